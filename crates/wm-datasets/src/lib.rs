@@ -16,7 +16,7 @@ mod array_files;
 mod cameras;
 mod error;
 mod feather;
-pub mod layouts;
+mod layouts;
 pub mod logs;
 mod picture_files;
 mod pose;
@@ -27,8 +27,8 @@ pub mod testing;
 mod utc;
 
 pub use error::SetError;
-pub use layouts::{BlockWriter, FileSink, LAYOUTS, LayerNeeds, Layout, find_layout};
-pub use logs::{DrivingLog, LOG_FORMATS, LogCaptureOptions, LogCaptureSummary, LogOptions};
+pub use layouts::{BlockWriter, ClipStream, FileSink, LAYOUTS, LayerNeeds, Layout, find_layout};
+pub use logs::{DrivingLog, LogCaptureOptions, LogCaptureSummary, LogOptions};
 pub use pose::RigidPose;
 pub use set::{
     BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, PictureReading,

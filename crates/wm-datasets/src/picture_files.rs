@@ -4,7 +4,7 @@ use crate::{CameraInfo, SensorInfo, SetError};
 use wm_media::PictureSize;
 use wm_media::jpeg::{self, SamplingFactor};
 
-/// Quality of JPEG files, 1-100: what cameras of cars are stored with in public data sets is 80 to 95.
+/// Quality of JPEG files, 1-100; public data sets store pictures of vehicles at 80 to 95.
 const JPEG_QUALITY: u8 = 92;
 
 /// Encodes `rgb [H, W, 3]` as a PNG.

@@ -21,7 +21,7 @@ impl RigidPose {
         Self { rotation: DQuat::from_mat3(&axes).normalize(), translation }
     }
 
-    /// The same motion as a 4x4 matrix.
+    /// Returns the motion as a 4x4 matrix.
     #[must_use]
     pub fn matrix(&self) -> DMat4 {
         DMat4::from_rotation_translation(self.rotation, self.translation)

@@ -9,7 +9,7 @@ use wm_scene::LensModel;
 /// A data set: its sensors and what all of its clips share.
 #[derive(Clone, Debug)]
 pub struct SetInfo {
-    /// Its name: letters, digits, `-` and `_`.
+    /// The name: letters, digits, `-` and `_`.
     pub name: String,
     /// A description in one line.
     pub about: String,
@@ -26,7 +26,7 @@ pub struct SetInfo {
 /// A sensor of the rig.
 #[derive(Clone, Debug)]
 pub struct SensorInfo {
-    /// Its name: letters, digits, `-` and `_`.
+    /// The name: letters, digits, `-` and `_`.
     pub name: String,
     /// `rig_from_sensor`, in the sensor's own axes.
     pub rig_from_sensor: RigidPose,
@@ -45,7 +45,7 @@ pub enum SensorInfoKind {
     Lidar {
         /// The name of its model.
         model: String,
-        /// Its rows; the highest is 0.
+        /// The rows; the highest is 0.
         rings: u16,
     },
     /// A radar.
@@ -72,13 +72,13 @@ pub struct CameraInfo {
 /// A clip: one drive through one scene in one weather.
 #[derive(Clone, Debug)]
 pub struct ClipInfo {
-    /// Its number in the plan.
+    /// The number in the plan.
     pub number: u64,
-    /// Its name, unique in the set: letters, digits, `-` and `_`.
+    /// The name, unique in the set: letters, digits, `-` and `_`.
     pub name: String,
     /// `train`, `val` or another name of a part of the set.
     pub split: String,
-    /// Its first instant, nanoseconds since 1970 (UTC). Clips do not overlap.
+    /// The first instant, nanoseconds since 1970 (UTC). Clips do not overlap.
     pub start: i64,
     /// Seconds from the first frame to the end of the last.
     pub seconds: f64,
@@ -91,7 +91,7 @@ pub struct ClipInfo {
 /// The place of a clip.
 #[derive(Clone, Debug)]
 pub struct PlaceInfo {
-    /// Its name: letters, digits, `-` and `_`.
+    /// The name: letters, digits, `-` and `_`.
     pub name: String,
     /// Latitude and longitude, degrees, of the world's origin, and its height, m; `None` where they
     /// are not known.
@@ -160,7 +160,7 @@ impl Condition {
 pub struct ReadingInfo {
     /// Index into [`SetInfo::sensors`].
     pub sensor: usize,
-    /// Its number among those of the sensor in the clip, from 0.
+    /// Index among the readings of the sensor in the clip, from 0.
     pub index: u32,
     /// The frame of the clip that it belongs to.
     pub frame: u32,
@@ -192,9 +192,9 @@ impl ReadingInfo {
 /// A reading: the data of one sensor at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorReading<'a> {
-    /// Its place in the clip: time and pose.
+    /// The place in the clip: time and pose.
     pub info: ReadingInfo,
-    /// Its data.
+    /// The data.
     pub data: ReadingData<'a>,
 }
 
@@ -215,7 +215,7 @@ pub enum ReadingData<'a> {
 pub struct PictureReading<'a> {
     /// `[H, W, 3]`, sRGB.
     pub rgb: &'a [u8],
-    /// The same view without weather, `[H, W, 3]`, sRGB; given if the layout needs it.
+    /// The view without weather, `[H, W, 3]`, sRGB; given if the layout needs it.
     pub clean: Option<&'a [u8]>,
     /// `[H, W]`, m along the view axis, of the surface that the flow follows; 0 in the sky; given
     /// if the layout needs it.
@@ -281,7 +281,7 @@ pub struct DatasetDetection {
     pub position: [f32; 3],
     /// Radial velocity, m/s, below 0 of what comes nearer.
     pub velocity: f32,
-    /// The same without that of the sensor itself.
+    /// Radial velocity over the ground, m/s: the motion of the sensor is taken out.
     pub ground_velocity: f32,
     /// dB over 1 m^2.
     pub rcs: f32,
@@ -291,7 +291,7 @@ pub struct DatasetDetection {
     pub is_rain: bool,
 }
 
-/// A part of a clip whose files are made in one go.
+/// A part of a clip whose files are written together.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockInfo<'a> {
     /// The set.

@@ -2,7 +2,7 @@
 //! weather.
 
 use crate::cameras::picture;
-use crate::layouts::{BlockWriter, FileSink};
+use crate::layouts::{BlockWriter, ClipStream, FileSink};
 use crate::{BlockInfo, ClipInfo, ClipRecord, ReadingInfo, SensorReading, SetError, SetInfo, picture_files};
 use std::collections::BTreeMap;
 
@@ -39,7 +39,7 @@ type TakeScene<'a> = &'a mut dyn FnMut(&str, &[ClipRecord]) -> Result<(), SetErr
 /// are kept until the last.
 pub(crate) fn for_each_scene(
     set: &SetInfo,
-    clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
+    clips: ClipStream<'_>,
     take: TakeScene<'_>,
 ) -> Result<(), SetError> {
     let mut stills: BTreeMap<String, Vec<ClipRecord>> = BTreeMap::new();
@@ -58,7 +58,7 @@ pub(crate) fn for_each_scene(
 /// Writes the pictures of all cameras of a block as JPEG, into `images/` of their scenes.
 pub(crate) struct ScenePhotos<'a> {
     /// The block.
-    pub block: BlockInfo<'a>,
+    pub(crate) block: BlockInfo<'a>,
 }
 
 impl BlockWriter for ScenePhotos<'_> {

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Width and height of its pictures, px.
-pub const SIZE: (u32, u32) = (64, 40);
+const SIZE: (u32, u32) = (64, 40);
 /// Frames of a clip.
 pub const FRAMES: u32 = 20;
 /// Frames of a block.
@@ -92,7 +92,7 @@ pub fn set() -> SetInfo {
     }
 }
 
-/// Its clips: rain by day and snow by night.
+/// The clips: rain by day and snow by night.
 #[must_use]
 pub fn clips() -> [ClipInfo; 2] {
     [("rain", Condition::Rain, false), ("snow", Condition::Snow, true)].map(|(name, condition, is_night)| {
@@ -135,7 +135,7 @@ pub fn readings(set: &SetInfo) -> Vec<ReadingInfo> {
 }
 
 /// A point of the world that all lidars hit and pictures show as a red spot, m.
-pub const SPOT: DVec3 = DVec3::new(30.0, 2.0, 1.0);
+pub(crate) const SPOT: DVec3 = DVec3::new(30.0, 2.0, 1.0);
 
 /// Writes the set in a layout, eight frames a block.
 ///
@@ -145,11 +145,15 @@ pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), SetErr
     write_in_blocks(layout, BLOCK, files)
 }
 
-/// Writes the set in a layout, so many frames a block.
+/// Writes the set in a layout, `frames` frames a block.
 ///
 /// # Errors
 /// Those of the layout.
-pub fn write_in_blocks(layout: &dyn Layout, frames: u32, files: &mut dyn FileSink) -> Result<(), SetError> {
+pub(crate) fn write_in_blocks(
+    layout: &dyn Layout,
+    frames: u32,
+    files: &mut dyn FileSink,
+) -> Result<(), SetError> {
     let set = set();
     layout.check(&set)?;
     let clips = clips();
@@ -170,7 +174,7 @@ pub fn write_in_blocks(layout: &dyn Layout, frames: u32, files: &mut dyn FileSin
 
 /// The set as numbers for scripts that read its files with other programs: sensors with
 /// `rig_from_sensor` as 4x4 rows and intrinsics (the first pixel's centre is at 0.5, 0.5), clips,
-/// readings with `timestamp` (ns) and `world_from_sensor`, and [`SPOT`] with its pixel in the
+/// readings with `timestamp` (ns) and `world_from_sensor`, and the spot with its pixel in the
 /// pictures that show it and its position in the sensors' axes.
 #[must_use]
 pub fn truth(set: &SetInfo) -> Value {

@@ -15,7 +15,7 @@ pub(crate) struct UtcTime {
 }
 
 impl UtcTime {
-    /// The instant that is so many nanoseconds after 1970 began.
+    /// Converts nanoseconds since 1970.
     pub(crate) fn new(nanoseconds: i64) -> Self {
         // Years begin in March here, so that the day of leap years is their last; 719,468 days
         // before 1970 is the first of March of year 0, and 400 years have 146,097 days.

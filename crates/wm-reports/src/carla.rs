@@ -34,7 +34,7 @@ macro_rules! carla {
 
         impl CarlaParameters {
             /// The names of the parameters, in the order in which CARLA takes them.
-            pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),+];
+            pub(crate) const NAMES: &'static [&'static str] = &[$(stringify!($name)),+];
 
             /// The least and greatest value of each.
             const RANGES: &'static [[f64; 2]] = &[$([$least, $most]),+];
@@ -108,7 +108,7 @@ const PRESETS: &[(&str, [f64; 10])] = &[
 const SCATTERING: [f64; 4] = [1.0, 0.03, 0.0331, 0.0];
 
 /// The names of CARLA's presets.
-pub fn preset_names() -> impl Iterator<Item = &'static str> {
+pub(crate) fn preset_names() -> impl Iterator<Item = &'static str> {
     PRESETS.iter().map(|(name, _)| *name)
 }
 
@@ -203,7 +203,7 @@ impl CarlaParameters {
         ReportError::Value { file: FILE.into(), key: key.into(), problem: problem.into() }
     }
 
-    /// Returns true if a name is that of a parameter, or so near to one that it may be meant.
+    /// Returns true if a name is a parameter, or near enough to be a misspelt one.
     pub(crate) fn is_named(name: &str) -> bool {
         let name = name.replace('_', "").to_ascii_lowercase();
         let known: Vec<String> = Self::NAMES.iter().map(|known| known.replace('_', "")).collect();

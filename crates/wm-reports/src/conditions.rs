@@ -8,14 +8,27 @@ use crate::draft::{Basis, Draft, rounded};
 use crate::optics::{extinction, snow_rate, visibility};
 use wm_weather::optics::sigma_of_mor;
 
+/// Rates of light, moderate, heavy and violent rain, showers and drizzle, mm/h, and of hail, mm/h of
+/// water.
+pub(crate) const RAIN: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
+pub(crate) const SHOWERS: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
+pub(crate) const DRIZZLE: [f64; 4] = [0.1, 0.3, 0.8, 1.0];
+pub(crate) const HAIL: [f64; 4] = [5.0, 20.0, 60.0, 100.0];
+/// Ranges of snow, mm/h of water, and a usual rate of each.
+pub(crate) const SNOW: [([f64; 2], f64); 4] =
+    [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0), ([4.0, 10.0], 6.0)];
+/// Flashes a minute of thunderstorms, by their strength, and their distance, m.
+pub(crate) const FLASHES_PER_MINUTE: [f64; 4] = [4.0, 6.0, 10.0, 15.0];
+pub(crate) const STORM_DISTANCE_M: f64 = 3000.0;
+
 /// A value and its origin.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Known {
-    pub value: f64,
-    pub basis: Basis,
+pub(crate) struct Datum {
+    pub(crate) value: f64,
+    pub(crate) basis: Basis,
 }
 
-impl Known {
+impl Datum {
     pub(crate) fn told(value: f64, text: impl Into<String>) -> Self {
         Self { value, basis: Basis::told(text) }
     }
@@ -37,7 +50,7 @@ pub(crate) enum Carrier {
 }
 
 impl Carrier {
-    pub(crate) fn effect(self) -> &'static str {
+    fn effect(self) -> &'static str {
         match self {
             Self::Droplets => "fog",
             Self::Haze => "haze",
@@ -46,33 +59,33 @@ impl Carrier {
     }
 }
 
-/// Falling snow: a rate that is told, or one of a range that the visibility chooses.
+/// Falling snow: a stated rate, or one of a range that the visibility chooses.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum SnowRate {
-    Told(Known),
+    Told(Datum),
     ByVisibility { range: [f64; 2], usual: f64, text: String },
 }
 
 /// Wind.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct WindTold {
-    pub speed: Option<Known>,
+pub(crate) struct ReportedWind {
+    pub(crate) speed: Option<Datum>,
     /// Direction it comes from, degrees from north.
-    pub from: Option<Known>,
+    pub(crate) from: Option<Datum>,
     /// Standard deviation of the speed as a share of it.
-    pub gusts: Option<Known>,
+    pub(crate) gusts: Option<Datum>,
 }
 
 /// The sun.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) enum Sun {
-    /// That of the photos, or clouds.
+    /// The sun of the photos, or clouds.
     #[default]
     Auto,
     /// Elevation and azimuth, degrees.
     At { elevation: f64, azimuth: Option<f64>, turbidity: Option<f64>, basis: Basis },
     /// By mean solar time, h, latitude, degrees, and day of the year.
-    Hour { hour: Known, latitude: f64, day: Option<u32> },
+    Hour { hour: Datum, latitude: f64, day: Option<u32> },
     /// Night.
     Night(Basis),
 }
@@ -81,49 +94,49 @@ pub(crate) enum Sun {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Conditions {
     /// mm/h of water.
-    pub rain: Option<Known>,
-    pub snow: Option<SnowRate>,
-    pub hail: Option<Known>,
+    pub(crate) rain: Option<Datum>,
+    pub(crate) snow: Option<SnowRate>,
+    pub(crate) hail: Option<Datum>,
     /// Factor on the size of stones.
-    pub hail_size: Option<Known>,
-    /// m.
-    pub visibility: Option<Known>,
-    pub carrier: Option<(Carrier, Basis)>,
-    /// Fog below 2 m, under air of the visibility that is told.
-    pub shallow_fog: Option<Basis>,
-    pub wind: WindTold,
+    pub(crate) hail_size: Option<Datum>,
+    /// Visibility, m.
+    pub(crate) visibility: Option<Datum>,
+    pub(crate) carrier: Option<(Carrier, Basis)>,
+    /// Fog below 2 m, under air of the stated visibility.
+    pub(crate) shallow_fog: Option<Basis>,
+    pub(crate) wind: ReportedWind,
     /// Cloud cover, 0-1.
-    pub clouds: Option<Known>,
+    pub(crate) clouds: Option<Datum>,
     /// Flashes a minute, and their distance, m.
-    pub lightning: Option<(Known, f64)>,
-    /// Degrees Celsius.
-    pub temperature: Option<Known>,
-    /// 0-1.
-    pub humidity: Option<Known>,
+    pub(crate) lightning: Option<(Datum, f64)>,
+    /// Temperature, degrees Celsius.
+    pub(crate) temperature: Option<Datum>,
+    /// Relative humidity, 0-1.
+    pub(crate) humidity: Option<Datum>,
     /// Lying snow, m.
-    pub snow_depth: Option<Known>,
+    pub(crate) snow_depth: Option<Datum>,
     /// Minutes of rain before, its rate, mm/h, and minutes since it stopped.
-    pub rained: Option<([f64; 3], Basis)>,
+    pub(crate) rained: Option<([f64; 3], Basis)>,
     /// Wetness of the ground and share of full puddles, 0-1.
-    pub wetness: Option<Known>,
-    pub puddles: Option<Known>,
+    pub(crate) wetness: Option<Datum>,
+    pub(crate) puddles: Option<Datum>,
     /// Depth of lying dust, m.
-    pub dust_depth: Option<Known>,
-    pub sun: Sun,
+    dust_depth: Option<Datum>,
+    pub(crate) sun: Sun,
 }
 
 /// Height of shallow fog, m, and its visibility at the ground, m.
-const SHALLOW: [f64; 2] = [2.0, 150.0];
-/// Visibility of each carrier where none is told, m.
-const USUAL: [(Carrier, f64); 5] = [
+const SHALLOW_FOG: [f64; 2] = [2.0, 150.0];
+/// Usual visibility in each carrier, m.
+const USUAL_VISIBILITIES_M: [(Carrier, f64); 5] = [
     (Carrier::Droplets, 300.0),
     (Carrier::Haze, 4000.0),
     (Carrier::Smoke, 1500.0),
     (Carrier::Dust, 1500.0),
     (Carrier::Ash, 2000.0),
 ];
-/// Air that nobody sees, m.
-const CLEAR: f64 = 100_000.0;
+/// Visibility of clear air, m.
+const CLEAR_VISIBILITY_M: f64 = 100_000.0;
 
 impl Conditions {
     /// Writes everything into a weather file.
@@ -155,14 +168,14 @@ impl Conditions {
     }
 
     /// The rate of snow that falls.
-    fn snow_rate(&self) -> Option<Known> {
+    fn snow_rate(&self) -> Option<Datum> {
         match self.snow.as_ref()? {
             SnowRate::Told(known) => Some(known.clone()),
             SnowRate::ByVisibility { range, usual, text } => {
                 let is_foggy = matches!(self.carrier, Some((Carrier::Droplets, Basis::Told(_))));
                 let [least, most] = range;
                 let Some(seen) = &self.visibility else {
-                    return Some(Known::guess(
+                    return Some(Datum::guess(
                         *usual,
                         format!("{text}: {least} to {most} mm/h, and no visibility is told"),
                     ));
@@ -174,18 +187,18 @@ impl Conditions {
                     let why = format!(
                         "{text}: {least} to {most} mm/h; at most half of the visibility is taken for snow, as there is fog"
                     );
-                    return Some(Known::guess(rate, why));
+                    return Some(Datum::guess(rate, why));
                 }
                 let rate = snow_rate(sigma, *range);
                 let why =
                     format!("{text} at a visibility of {} m: {least} to {most} mm/h", seen.value.round());
                 let is_told = matches!(seen.basis, Basis::Told(_));
-                Some(if is_told { Known::told(rate, why) } else { Known::guess(rate, why) })
+                Some(if is_told { Datum::told(rate, why) } else { Datum::guess(rate, why) })
             }
         }
     }
 
-    /// Returns true if the sun is told to be down.
+    /// Returns true if the report says that the sun is down.
     fn is_dark(&self) -> bool {
         match &self.sun {
             Sun::Night(_) => true,
@@ -269,7 +282,7 @@ impl Conditions {
 
     fn write_air(&self, draft: &mut Draft, snow: f64) {
         if let Some(basis) = &self.shallow_fog {
-            let [height, mor] = SHALLOW;
+            let [height, mor] = SHALLOW_FOG;
             draft.number("fog.mor", mor, Basis::guess(format!("at the ground; {}", basis.text())));
             draft.number("fog.scale_height", height, Basis::told(format!("{}: fog below 2 m", basis.text())));
         }
@@ -279,8 +292,10 @@ impl Conditions {
         let (carrier, why) = self.carrier_or_guess(falls);
         let Some(seen) = &self.visibility else {
             if let Some((carrier, basis)) = &self.carrier {
-                let usual =
-                    USUAL.iter().find(|(known, _)| known == carrier).map_or(1000.0, |(_, usual)| *usual);
+                let usual = USUAL_VISIBILITIES_M
+                    .iter()
+                    .find(|(known, _)| known == carrier)
+                    .map_or(1000.0, |(_, usual)| *usual);
                 let key = format!("{}.mor", carrier.effect());
                 draft.number(&key, usual, Basis::guess(format!("{}, without a visibility", basis.text())));
                 tint(draft, *carrier);
@@ -290,7 +305,7 @@ impl Conditions {
         let sigma = sigma_of_mor(seen.value) - falls;
         let mor = if sigma > 0.0 { visibility(sigma) } else { f64::INFINITY };
         // Beyond this, what falls explains the visibility but for the digits of the report.
-        if mor > CLEAR {
+        if mor > CLEAR_VISIBILITY_M {
             let alone = visibility(falls);
             // By the digits of a report.
             if alone < 0.97 * seen.value {

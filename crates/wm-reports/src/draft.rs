@@ -8,9 +8,9 @@ use wm_weather::{EFFECTS, Easing, Effect, Weather};
 /// The origin of a value.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Basis {
-    /// The report says so; the words in which it does.
+    /// From the report; the words that say so.
     Told(String),
-    /// Nothing says so; why it was chosen.
+    /// Not in the report; the reason for the choice.
     Guess(String),
 }
 
@@ -66,7 +66,7 @@ impl Draft {
         self.note(ReportNoteKind::Ignored, text);
     }
 
-    /// Notes quantities of which the weather file says nothing.
+    /// Notes quantities that the weather file does not set.
     pub(crate) fn missing(&mut self, names: &[&str]) {
         if !names.is_empty() {
             self.note(ReportNoteKind::Missing, names.join(", "));
@@ -208,7 +208,7 @@ fn plain(text: &str) -> String {
     line.trim().into()
 }
 
-/// `value` with so many digits that count.
+/// Formats `value` with a number of significant digits.
 pub(crate) fn rounded(value: f64, digits: i32) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return value;

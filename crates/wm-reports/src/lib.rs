@@ -33,25 +33,25 @@
 //! To add a kind of report, write one module that ends in a weather file and add it to
 //! [`ReportKind`] and [`recognise()`].
 
-pub mod carla;
+mod carla;
 mod conditions;
 mod draft;
 mod error;
 mod find;
-pub mod hourly;
+mod hourly;
 pub mod metar;
 mod optics;
-pub mod present_weather;
+mod present_weather;
 mod recognise;
 mod report;
-pub mod words;
+mod words;
 
 pub use carla::CarlaParameters;
 pub use error::ReportError;
 pub use find::{FoundWeather, find_weather, looks_like_path};
 pub use hourly::{WeatherRow, WeatherTable};
 pub use metar::Metar;
-pub use present_weather::{PRESENT_WEATHER, PresentWeather};
+pub use present_weather::{PRESENT_WEATHER, PresentAir, PresentWeather};
 pub use recognise::{ReportKind, recognise};
 pub use report::{DecodedReport, ReportNote, ReportNoteKind, ReportOptions, WeatherReport};
 pub use words::WordsReport;

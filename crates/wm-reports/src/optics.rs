@@ -16,11 +16,11 @@ fn precipitation(effect: &str) -> Option<&'static PrecipitationKind> {
     Effect::named(effect)?.precipitation
 }
 
-/// The rate of snow, mm/h of water between `least` and `most`, whose extinction is `sigma`, 1/m.
-pub(crate) fn snow_rate(sigma: f64, [least, most]: [f64; 2]) -> f64 {
-    let Some(kind) = precipitation("snowfall") else { return least };
+/// The rate of snow within `range`, mm/h of water, whose extinction is `sigma`, 1/m.
+pub(crate) fn snow_rate(sigma: f64, range: [f64; 2]) -> f64 {
+    let [mut low, mut high] = range;
+    let Some(kind) = precipitation("snowfall") else { return low };
     let classes = kind.classes();
-    let (mut low, mut high) = (least, most);
     // Extinction rises with the rate; 40 halvings are more than the digits that are written.
     for _ in 0..40 {
         let middle = 0.5 * (low + high);

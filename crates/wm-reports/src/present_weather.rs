@@ -4,7 +4,7 @@
 //! A code says what falls and how hard, in words; each row here has a rate, mm/h, and a visibility,
 //! m, that such weather has. `ww 63`, `wmo 75` and `weather_code 61` are reports of their own.
 
-use crate::conditions::{Carrier, Conditions, Known, SnowRate};
+use crate::conditions::{Carrier, Conditions, Datum, SnowRate};
 use crate::draft::{Basis, Draft};
 use crate::error::{ReportError, quoted};
 use crate::report::{DecodedReport, WeatherReport};
@@ -12,7 +12,7 @@ use crate::report::{DecodedReport, WeatherReport};
 /// The particles in the air of a code of present weather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PresentAir {
-    /// Nothing, or what falls alone.
+    /// Clear but for precipitation.
     Clear,
     /// Droplets.
     Fog,
@@ -31,7 +31,7 @@ pub enum PresentAir {
 pub struct PresentWeather {
     /// The code, 0-99.
     pub code: u8,
-    /// Its meaning.
+    /// The meaning.
     pub meaning: &'static str,
     /// Rain, mm/h.
     pub rain: f64,
@@ -264,12 +264,12 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
 fn conditions(row: &'static PresentWeather) -> Conditions {
     let mut now = Conditions::default();
     let why = || format!("ww {:02}, {}", row.code, row.meaning);
-    let rate = |rate: f64| (rate > 0.0).then(|| Known::guess(rate, format!("{}: a usual rate", why())));
+    let rate = |rate: f64| (rate > 0.0).then(|| Datum::guess(rate, format!("{}: a usual rate", why())));
     now.rain = rate(row.rain);
     now.snow = rate(row.snow).map(SnowRate::Told);
     now.hail = rate(row.hail);
     if (77..=79).contains(&row.code) || matches!(row.code, 87 | 88) {
-        now.hail_size = now.hail.is_some().then(|| Known::guess(0.5, "small stones"));
+        now.hail_size = now.hail.is_some().then(|| Datum::guess(0.5, "small stones"));
     }
     let carrier = match row.air {
         PresentAir::Clear => None,
@@ -284,19 +284,19 @@ fn conditions(row: &'static PresentWeather) -> Conditions {
     };
     if let Some(carrier) = carrier {
         now.carrier = Some((carrier, Basis::told(why())));
-        now.visibility = Some(Known::guess(row.mor, format!("{}: usual", why())));
+        now.visibility = Some(Datum::guess(row.mor, format!("{}: usual", why())));
     }
     if row.lightning > 0.0 {
-        now.lightning = Some((Known::guess(row.lightning, format!("{}: flashes a minute", why())), 3000.0));
+        now.lightning = Some((Datum::guess(row.lightning, format!("{}: flashes a minute", why())), 3000.0));
     }
     if row.wind > 0.0 {
-        now.wind.speed = Some(Known::guess(row.wind, format!("{}: the least that does so", why())));
+        now.wind.speed = Some(Datum::guess(row.wind, format!("{}: the least that does so", why())));
     }
     if row.is_freezing {
-        now.temperature = Some(Known::guess(-2.0, why()));
+        now.temperature = Some(Datum::guess(-2.0, why()));
     }
     if let Some(cover) = COVERS.get(usize::from(row.code)) {
-        now.clouds = Some(Known::guess(
+        now.clouds = Some(Datum::guess(
             *cover,
             "clear, mainly clear, partly cloudy or overcast, as weather services use 0 to 3",
         ));

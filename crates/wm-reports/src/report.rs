@@ -13,14 +13,14 @@ use std::path::Path;
 use wm_weather::Weather;
 
 /// Most bytes of a report that is no table.
-const LONGEST: usize = 10_000;
+const MAX_REPORT_BYTES: usize = 10_000;
 
 /// The kind of a remark about a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReportNoteKind {
     /// A value that the report does not have.
     Guess,
-    /// A quantity that was not measured, and of which the weather file says nothing.
+    /// A quantity that was not measured and that the weather file does not set.
     Missing,
     /// A part of the report that a weather file cannot hold.
     Ignored,
@@ -31,7 +31,7 @@ pub enum ReportNoteKind {
 /// A remark about a report: a value that was guessed, a part that was ignored, and why.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReportNote {
-    /// Its kind.
+    /// The kind.
     pub kind: ReportNoteKind,
     /// One line.
     pub text: String,
@@ -109,7 +109,7 @@ impl ReportOptions {
 /// A weather report as a weather.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeatherReport {
-    /// Its name, which is that of the weather: letters, digits, `-` and `_`, at most 48 characters.
+    /// The name, which is that of the weather: letters, digits, `-` and `_`, at most 48 characters.
     pub name: String,
     /// The fields that it states.
     pub decoded: DecodedReport,
@@ -158,7 +158,7 @@ impl WeatherReport {
         }
         let kind = recognise(text);
         let is_table = matches!(kind, ReportKind::HourlyJson | ReportKind::HourlyCsv);
-        if !is_table && line.len() > LONGEST {
+        if !is_table && line.len() > MAX_REPORT_BYTES {
             let problem = format!(
                 "is {} bytes long and no table of hours: a report of one line is expected, or columns with a `time`",
                 line.len()

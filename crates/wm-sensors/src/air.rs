@@ -5,32 +5,32 @@
 //! interferes: a bin's power varies as a Gamma variate of four degrees about its mean. Bins begin
 //! at a random distance for each pulse, since the waveform has none.
 
-use crate::echo::{Echo, EchoClass, FAINTEST};
+use crate::echo::{Echo, EchoClass, MIN_ECHO_POWER};
 use crate::model::LidarModel;
 use wm_scene::random::RandomStream;
 use wm_weather::InfraredAir;
 
 /// Degrees of freedom of the speckle.
-const SPECKLE: u64 = 4;
-/// Most that the speckle is taken to amplify when faint bins are left out: one in 10^4 is above.
-const BRIGHTEST: f64 = 4.0;
+const SPECKLE_DEGREES: u64 = 4;
+/// Largest speckle gain that is considered when faint bins are skipped: one in 10^4 exceeds it.
+const MAX_SPECKLE: f64 = 4.0;
 /// Numbers a pulse: four a bin.
-const NUMBERS: u64 = 1 << 16;
+const NUMBERS_PER_PULSE: u64 = 1 << 16;
 
-/// The way of a pulse through the air.
+/// The path of a pulse through the air.
 pub(crate) struct AirPath<'a> {
     /// World axes, scene units.
-    pub origin: [f64; 3],
+    pub(crate) origin: [f64; 3],
     /// Unit direction, world axes.
-    pub direction: [f64; 3],
-    pub metres_per_unit: f64,
+    pub(crate) direction: [f64; 3],
+    pub(crate) metres_per_unit: f64,
     /// Ranges at which its rays end, m.
-    pub ends: &'a [f64],
+    pub(crate) ends: &'a [f64],
 }
 
 impl AirPath<'_> {
     /// The share of the rays that go beyond a range, m.
-    pub fn share_beyond(&self, range: f64) -> f64 {
+    pub(crate) fn share_beyond(&self, range: f64) -> f64 {
         self.ends.iter().filter(|end| **end > range).count() as f64 / self.ends.len() as f64
     }
 }
@@ -38,8 +38,10 @@ impl AirPath<'_> {
 /// Adds the echoes of the air along a pulse.
 pub(crate) fn add_echoes(
     path: &AirPath<'_>,
-    (air, model): (&InfraredAir, &LidarModel),
-    (random, pulse): (&RandomStream, u64),
+    air: &InfraredAir,
+    model: &LidarModel,
+    random: &RandomStream,
+    pulse: u64,
     echoes: &mut Vec<Echo>,
 ) {
     if air.is_dark() {
@@ -53,9 +55,9 @@ pub(crate) fn add_echoes(
     let farthest = path.ends.iter().copied().fold(0.0, f64::max).min(model.range[1]);
     // The air thins steadily upwards, so that one end of the way is the densest.
     let densest = bin * air.reflectance_at(at(0.0)).max(air.reflectance_at(at(farthest)));
-    let first = pulse * NUMBERS;
+    let first = pulse * NUMBERS_PER_PULSE;
     let phase = random.uniform(first);
-    for index in 0..(NUMBERS / SPECKLE - 1) {
+    for index in 0..(NUMBERS_PER_PULSE / SPECKLE_DEGREES - 1) {
         let range = bin * (index as f64 + phase);
         if range >= farthest {
             break;
@@ -66,16 +68,16 @@ pub(crate) fn add_echoes(
         }
         let kept = air.transmittance(path.origin, path.direction, range / path.metres_per_unit);
         let received = kept * kept / (range * range);
-        if BRIGHTEST * densest * received < FAINTEST * model.least_power() {
+        if MAX_SPECKLE * densest * received < MIN_ECHO_POWER * model.least_power() {
             break;
         }
         let power = path.share_beyond(range) * bin * air.reflectance_at(at(range)) * overlap * received;
-        if BRIGHTEST * power < FAINTEST * model.least_power() {
+        if MAX_SPECKLE * power < MIN_ECHO_POWER * model.least_power() {
             continue;
         }
-        let number = first + SPECKLE * (index + 1);
-        let product: f64 = (0..SPECKLE).map(|k| 1.0 - random.uniform(number + k)).product();
-        let speckle = -product.max(f64::MIN_POSITIVE).ln() / SPECKLE as f64;
+        let number = first + SPECKLE_DEGREES * (index + 1);
+        let product: f64 = (0..SPECKLE_DEGREES).map(|k| 1.0 - random.uniform(number + k)).product();
+        let speckle = -product.max(f64::MIN_POSITIVE).ln() / SPECKLE_DEGREES as f64;
         echoes.push(Echo { range, power: power * speckle, class: EchoClass::Air, label: 0 });
     }
 }

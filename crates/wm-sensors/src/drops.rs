@@ -5,7 +5,7 @@
 //! Sweeps are cut into short times; in each the particles are gathered once in the directions of
 //! its beams, and fly evenly.
 
-use crate::echo::{Echo, EchoClass, FAINTEST};
+use crate::echo::{Echo, EchoClass, MIN_ECHO_POWER};
 use crate::model::LidarModel;
 use crate::pattern::Beam;
 use crate::pose::SensorPose;
@@ -13,63 +13,63 @@ use crate::sweep::LidarScene;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use wm_render::hooks::ParticleView;
-use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 use wm_weather::InfraredAir;
 use wm_weather::particles::{NearParticle, ParticleShape};
 
 /// Reflectances of drops and flakes where water does not absorb, and where it does. Drops:
 /// geometric optics. Flakes: from memory.
-const DROP: [f64; 2] = [0.023, 0.005];
-const FLAKE: [f64; 2] = [0.6, 0.15];
-/// Longest time in which particles are gathered once, s.
-const SLICE: f64 = 2e-3;
+const DROP_REFLECTANCE: [f64; 2] = [0.023, 0.005];
+const FLAKE_REFLECTANCE: [f64; 2] = [0.6, 0.15];
+/// Longest time for which particles are gathered once, s.
+const MAX_SLICE_S: f64 = 2e-3;
 /// Shortest and longest reach of the search, m.
-const REACH: [f64; 2] = [0.3, 60.0];
+const REACH_RANGE_M: [f64; 2] = [0.3, 60.0];
 /// Cells across a face of the cube of directions.
-const CELLS: usize = 90;
-/// Power of an echo from which on it is asked for, of the least that is detected without noise:
-/// below it one in 10^3 is detected.
-const FAINT: f64 = 0.4;
+const MAX_FACE_CELLS: usize = 90;
+/// Least power of an echo that is searched for, as a share of the least power that is detected
+/// without noise: below it one in 10^3 is detected.
+const MIN_SIGNAL: f64 = 0.4;
 
 /// A pulse: its beam, its pose and its direction in the world.
 #[derive(Clone, Copy)]
 pub(crate) struct Pulse {
-    pub beam: Beam,
-    pub pose: SensorPose,
-    pub direction: DVec3,
+    pub(crate) beam: Beam,
+    pub(crate) pose: SensorPose,
+    pub(crate) direction: DVec3,
 }
 
 /// The reflectance of a particle.
 fn reflectance(shape: ParticleShape, model: &LidarModel) -> f64 {
     let of = match shape {
-        ParticleShape::Ball => DROP,
-        ParticleShape::Flake => FLAKE,
+        ParticleShape::Ball => DROP_REFLECTANCE,
+        ParticleShape::Flake => FLAKE_REFLECTANCE,
     };
     of[usize::from(model.is_absorbed())]
 }
 
 /// The range up to which a particle of a diameter, m, may be detected in clear air, m.
 fn reach(shape: ParticleShape, diameter: f64, model: &LidarModel) -> f64 {
-    let signal = reflectance(shape, model) / (FAINT * model.least_power());
+    let signal = reflectance(shape, model) / (MIN_SIGNAL * model.least_power());
     let across = diameter / (1e-3 * model.divergence);
     // Beyond `across` the beam is wider than the particle.
     let far = (signal * across * across).powf(0.25);
     let found = if far > across { far } else { signal.sqrt() };
-    found.clamp(REACH[0], REACH[1].min(model.range[1]))
+    found.clamp(REACH_RANGE_M[0], REACH_RANGE_M[1].min(model.range[1]))
 }
 
 /// The echoes of particles, with the number of their pulse, in the order of pulses.
 pub(crate) fn echoes(
     pulses: &[Pulse],
-    (scene, model, air): (&LidarScene<'_>, &LidarModel, &InfraredAir),
-    path: SimdPath,
+    scene: &LidarScene<'_>,
+    model: &LidarModel,
+    air: &InfraredAir,
     duration: f64,
 ) -> Vec<(u32, Echo)> {
     if scene.weather.falling().is_empty() {
         return Vec::new();
     }
-    let count = (duration / SLICE).ceil().max(1.0) as usize;
+    let count = (duration / MAX_SLICE_S).ceil().max(1.0) as usize;
     let mut slices = vec![Vec::new(); count];
     for (index, pulse) in pulses.iter().enumerate() {
         let slice = ((pulse.beam.time / duration * count as f64) as usize).min(count - 1);
@@ -84,8 +84,8 @@ pub(crate) fn echoes(
         }
         let mut found = Vec::new();
         for (face, own) in faces.iter().enumerate().filter(|(_, own)| !own.is_empty()) {
-            let of = FaceSlice { pulses, own, face: face_axes(face), middle, length };
-            of.echoes((scene, model, air), path, &mut found);
+            let face = face_axes(face);
+            FaceSlice { scene, model, air, pulses, own, face, middle, length }.add_echoes(&mut found);
         }
         found
     };
@@ -116,6 +116,9 @@ fn face_axes(face: usize) -> DMat3 {
 
 /// Pulses of a short time that go through one face.
 struct FaceSlice<'a> {
+    scene: &'a LidarScene<'a>,
+    model: &'a LidarModel,
+    air: &'a InfraredAir,
     pulses: &'a [Pulse],
     own: &'a [u32],
     face: DMat3,
@@ -131,12 +134,9 @@ impl FaceSlice<'_> {
         [seen.x / seen.z, seen.y / seen.z]
     }
 
-    fn echoes(
-        &self,
-        (scene, model, air): (&LidarScene<'_>, &LidarModel, &InfraredAir),
-        path: SimdPath,
-        found: &mut Vec<(u32, Echo)>,
-    ) {
+    /// Appends the echoes of the particles that fly through the face, with their pulses.
+    fn add_echoes(&self, found: &mut Vec<(u32, Echo)>) {
+        let (scene, model) = (self.scene, self.model);
         let metres = scene.site.metres_per_unit;
         let places: Vec<[f64; 2]> =
             self.own.iter().map(|index| self.on_face(self.pulses[*index as usize].direction)).collect();
@@ -151,13 +151,13 @@ impl FaceSlice<'_> {
         let off = self.own.iter().map(|index| origin(index).distance(center)).fold(0.0, f64::max) * metres;
         // Room for beams that are cones, and start beside the middle: of particles a hand's breadth
         // away.
-        let room = theta + off / REACH[0];
+        let room = theta + off / REACH_RANGE_M[0];
         let view = view(&self.face, center, low.map(|v| v - room), high.map(|v| v + room));
         let near = |shape: ParticleShape, diameter: f64| reach(shape, diameter, model) + off;
         let (shelter, after, duration) = (scene.shelter, self.middle, self.length);
-        let particles = scene.weather.near_particles(path, &view, shelter, after, duration, &near);
+        let particles = scene.weather.near_particles(scene.path, &view, shelter, after, duration, &near);
         // A grid over the pulses' places, as lists one after the other.
-        let cells = ((self.own.len() as f64).sqrt() as usize).clamp(1, CELLS);
+        let cells = ((self.own.len() as f64).sqrt() as usize).clamp(1, MAX_FACE_CELLS);
         let scale = [0, 1].map(|k| cells as f64 / (high[k] - low[k]).max(1e-9));
         let cell = |value: f64, k: usize| (((value - low[k]) * scale[k]).max(0.0) as usize).min(cells - 1);
         let mut lists = vec![Vec::new(); cells * cells];
@@ -183,59 +183,52 @@ impl FaceSlice<'_> {
                     for index in &lists[row * cells + column] {
                         let pulse = &self.pulses[*index as usize];
                         let from = (pulse.pose.origin - center) * metres;
-                        let time = pulse.beam.time - self.middle;
-                        if let Some(echo) =
-                            meet(particle, (from, pulse.direction, time), (model, air, scene, pulse))
-                        {
-                            found.push((*index, echo));
-                        }
+                        found.extend(self.meet(particle, pulse, from).map(|echo| (*index, echo)));
                     }
                 }
             }
         }
     }
-}
 
-/// The echo of a particle in a beam from `from` (m, from the middle of the view) at a time from the
-/// middle of the slice, s.
-fn meet(
-    particle: &NearParticle,
-    (from, direction, time): (DVec3, DVec3, f64),
-    (model, air, scene, pulse): (&LidarModel, &InfraredAir, &LidarScene<'_>, &Pulse),
-) -> Option<Echo> {
-    let at = DVec3::from_array(particle.offset) + DVec3::from_array(particle.velocity) * time - from;
-    let along = at.dot(direction);
-    if along <= 0.0 {
-        return None;
+    /// The echo of a particle in the beam of a pulse that starts at `from`, m from the middle of the
+    /// view.
+    fn meet(&self, particle: &NearParticle, pulse: &Pulse, from: DVec3) -> Option<Echo> {
+        let (model, direction) = (self.model, pulse.direction);
+        let time = pulse.beam.time - self.middle;
+        let at = DVec3::from_array(particle.offset) + DVec3::from_array(particle.velocity) * time - from;
+        let along = at.dot(direction);
+        if along <= 0.0 {
+            return None;
+        }
+        let beam = 1e-3 * model.divergence * along;
+        let across = (at - direction * along).length();
+        if across > 0.5 * beam.max(particle.diameter) {
+            return None;
+        }
+        let range = at.length();
+        let share = (particle.diameter / beam).powi(2).min(1.0);
+        let units = range / self.scene.site.metres_per_unit;
+        let kept = self.air.transmittance(pulse.pose.origin.to_array(), direction.to_array(), units);
+        let received = kept * kept * model.overlap_at(range) / (range * range);
+        let power = reflectance(particle.shape, model) * share * received;
+        let class = match particle.shape {
+            ParticleShape::Ball => EchoClass::Drop,
+            ParticleShape::Flake => EchoClass::Flake,
+        };
+        (power >= MIN_ECHO_POWER * model.least_power()).then_some(Echo { range, power, class, label: 0 })
     }
-    let beam = 1e-3 * model.divergence * along;
-    let across = (at - direction * along).length();
-    if across > 0.5 * beam.max(particle.diameter) {
-        return None;
-    }
-    let range = at.length();
-    let share = (particle.diameter / beam).powi(2).min(1.0);
-    let units = range / scene.site.metres_per_unit;
-    let kept = air.transmittance(pulse.pose.origin.to_array(), direction.to_array(), units);
-    let received = kept * kept * model.overlap_at(range) / (range * range);
-    let power = reflectance(particle.shape, model) * share * received;
-    let class = match particle.shape {
-        ParticleShape::Ball => EchoClass::Drop,
-        ParticleShape::Flake => EchoClass::Flake,
-    };
-    (power >= FAINTEST * model.least_power()).then_some(Echo { range, power, class, label: 0 })
 }
 
 /// A view through a rectangle of a face.
 fn view(face: &DMat3, center: DVec3, low: [f64; 2], high: [f64; 2]) -> ParticleView {
-    const WIDTH: f64 = 1000.0;
+    const FOCAL_PX: f64 = 1000.0;
     // One pixel a length of 1 would round the sides to whole pixels: a thousand are fine enough.
-    let size = [0, 1].map(|k| ((high[k] - low[k]) * WIDTH).ceil().max(1.0));
+    let size = [0, 1].map(|k| ((high[k] - low[k]) * FOCAL_PX).ceil().max(1.0));
     let camera = Camera {
-        fx: WIDTH,
-        fy: WIDTH,
-        cx: -low[0] * WIDTH,
-        cy: -low[1] * WIDTH,
+        fx: FOCAL_PX,
+        fy: FOCAL_PX,
+        cx: -low[0] * FOCAL_PX,
+        cy: -low[1] * FOCAL_PX,
         width: size[0] as u32,
         height: size[1] as u32,
         ..camera_at(face, center)

@@ -91,35 +91,36 @@ pub enum ReturnRank {
 
 /// Light that comes back at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Echo {
+pub(crate) struct Echo {
     /// Distance from the sensor, m.
-    pub range: f64,
+    pub(crate) range: f64,
     /// Power, 1/m^2: `share rho cos(theta) T^2 xi / range^2`.
-    pub power: f64,
-    /// Its source.
-    pub class: EchoClass,
+    pub(crate) power: f64,
+    /// The source.
+    pub(crate) class: EchoClass,
     /// The label of the surface, 0 for none.
-    pub label: u16,
+    pub(crate) label: u16,
 }
 
 /// An echo that was detected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DetectedEcho {
-    pub echo: Echo,
+    pub(crate) echo: Echo,
     /// Range with noise, m.
-    pub measured: f64,
-    pub rank: ReturnRank,
+    pub(crate) measured: f64,
+    pub(crate) rank: ReturnRank,
 }
 
-/// Standard deviation of the receiver's noise, of the least power that is detected.
-const NOISE: f64 = 0.2;
-/// Power below which no noise makes an echo of it, of the least power: 4.5 standard deviations.
-pub(crate) const FAINTEST: f64 = 0.1;
+/// Standard deviation of the receiver's noise, as a share of the least power that is detected.
+const RECEIVER_NOISE: f64 = 0.2;
+/// Power below which noise never makes an echo, as a share of the least power: 4.5 standard
+/// deviations.
+pub(crate) const MIN_ECHO_POWER: f64 = 0.1;
 /// Range noise of an echo of a power of 1/2 of the least one, m (Goodin et al. 2019; Kilic et al.
 /// 2021).
-const RANGE_NOISE: f64 = 0.09;
-/// Echoes of a pulse that have random numbers of their own.
-const NUMBERS: u64 = 64;
+const RANGE_NOISE_M: f64 = 0.09;
+/// Echoes per pulse with random numbers of their own.
+const ECHOES_PER_PULSE: u64 = 64;
 
 /// Adds up echoes that lie within `bin` m of the first of them: power adds, ranges are the mean by
 /// power, and the class is that of the strongest class, with the label of the strongest echo of it.
@@ -158,7 +159,8 @@ pub(crate) fn merge(echoes: &mut [Echo], bin: f64, merged: &mut Vec<Echo>) {
 pub(crate) fn detect(
     merged: &[Echo],
     model: &LidarModel,
-    (random, pulse): (&RandomStream, u64),
+    random: &RandomStream,
+    pulse: u64,
     detected: &mut Vec<DetectedEcho>,
 ) {
     detected.clear();
@@ -166,14 +168,15 @@ pub(crate) fn detect(
     let [nearest, farthest] = model.range;
     for (index, echo) in merged.iter().enumerate() {
         let signal = echo.power / least;
-        if signal < FAINTEST || !(nearest..=farthest).contains(&echo.range) {
+        if signal < MIN_ECHO_POWER || !(nearest..=farthest).contains(&echo.range) {
             continue;
         }
-        let [threshold, range, _] = random.normal3(pulse * NUMBERS + (index as u64).min(NUMBERS - 1));
-        if signal + NOISE * threshold <= 1.0 {
+        let [threshold, range, _] =
+            random.normal3(pulse * ECHOES_PER_PULSE + (index as u64).min(ECHOES_PER_PULSE - 1));
+        if signal + RECEIVER_NOISE * threshold <= 1.0 {
             continue;
         }
-        let spread = model.range_noise.max(RANGE_NOISE / (2.0 * signal).sqrt());
+        let spread = model.range_noise.max(RANGE_NOISE_M / (2.0 * signal).sqrt());
         let measured = (echo.range + spread * range).clamp(nearest, farthest);
         detected.push(DetectedEcho { echo: *echo, measured, rank: ReturnRank::Other });
     }
@@ -256,7 +259,7 @@ mod tests {
         for (signal, share) in [(1.0, 0.5), (1.2, 0.841), (0.8, 0.159)] {
             let merged = [echo(30.0, signal * model.least_power(), EchoClass::Surface)];
             let seen = |pulse: &u64| {
-                detect(&merged, &model, (&random, *pulse), &mut detected);
+                detect(&merged, &model, &random, *pulse, &mut detected);
                 !detected.is_empty()
             };
             let count = (0..20_000).filter(seen).count() as f64;

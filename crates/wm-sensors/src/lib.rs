@@ -58,24 +58,24 @@
 
 mod air;
 mod drops;
-pub mod echo;
+mod echo;
 mod error;
-pub mod formats;
+mod formats;
 mod model;
 pub mod pattern;
 mod pose;
 mod presets;
 pub mod radar;
 mod sensor_text;
-pub mod surface;
+mod surface;
 mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use echo::{Echo, EchoClass, ReturnMode, ReturnRank};
+pub use echo::{EchoClass, ReturnMode, ReturnRank};
 pub use error::SensorError;
 pub use formats::PointFormat;
-pub use model::{LidarModel, TARGET};
+pub use model::LidarModel;
 pub use pattern::{Beam, BeamPattern};
 pub use pose::{EvenMotion, SensorMotion, SensorPose};
 pub use presets::{PRESETS, about};

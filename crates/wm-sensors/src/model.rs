@@ -7,16 +7,16 @@ use crate::sensor_text::{SensorKind, SensorText};
 use serde::Deserialize;
 
 /// Longest file that is read, bytes: tables of beams are long.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_FILE_BYTES: u64 = 64 << 20;
 /// Speed of light, m/s.
-const LIGHT: f64 = 299_792_458.0;
-/// Reflectance of the target that data sheets give a range of.
-pub const TARGET: f64 = 0.1;
+const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
+/// Reflectance of the target for which data sheets state the range.
+const TARGET_REFLECTANCE: f64 = 0.1;
 
 /// A kind of lidar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LidarModel {
-    /// Its name.
+    /// The name.
     pub name: String,
     /// Wavelength, nm.
     pub wavelength: f64,
@@ -30,8 +30,8 @@ pub struct LidarModel {
     pub reference_range: f64,
     /// Least standard deviation of ranges, m.
     pub range_noise: f64,
-    /// Ranges at which the receiver begins to see the beam and sees all of it, m; see
-    /// [`LidarModel::overlap_at`].
+    /// Ranges at which the receiver begins to see the beam and sees all of it, m; the share between
+    /// grows with the square of the range.
     pub overlap: [f64; 2],
     /// The beams.
     pub pattern: BeamPattern,
@@ -66,12 +66,12 @@ fn usual_noise() -> f64 {
 
 /// Width of a receiver's lens, mm, whose field is as wide as the beam. Guessed: data sheets say
 /// neither.
-const LENS: f64 = 35.0;
+const LENS_WIDTH_MM: f64 = 35.0;
 /// Farthest range at which a receiver is believed to see all of its beam where nothing is said, m.
-const FARTHEST_OVERLAP: f64 = 20.0;
+const MAX_OVERLAP_RANGE_M: f64 = 20.0;
 
 /// Lidars.
-const KIND: SensorKind = SensorKind { name: "lidar", presets: PRESETS, most_bytes: MOST_BYTES };
+const KIND: SensorKind = SensorKind { name: "lidar", presets: PRESETS, most_bytes: MAX_FILE_BYTES };
 
 impl LidarModel {
     /// The model of a preset's name, or of the TOML file of that path.
@@ -126,7 +126,7 @@ impl LidarModel {
         if let Some(problem) = pattern.fault() {
             return Err(wrong(problem));
         }
-        let usual = [0.0, (LENS / file.divergence).min(FARTHEST_OVERLAP)];
+        let usual = [0.0, (LENS_WIDTH_MM / file.divergence).min(MAX_OVERLAP_RANGE_M)];
         let model = Self {
             name: file.name.unwrap_or_else(|| text.name.clone()),
             wavelength: file.wavelength,
@@ -173,13 +173,13 @@ impl LidarModel {
     /// Distance within which two echoes are one, m: half of the pulse's length.
     #[must_use]
     pub fn bin(&self) -> f64 {
-        0.5 * LIGHT * 1e-9 * self.pulse
+        0.5 * SPEED_OF_LIGHT_M_S * 1e-9 * self.pulse
     }
 
     /// Power of the weakest echo that is detected without noise, as `reflectance / range^2`, 1/m^2.
     #[must_use]
-    pub fn least_power(&self) -> f64 {
-        TARGET / (self.reference_range * self.reference_range)
+    pub(crate) fn least_power(&self) -> f64 {
+        TARGET_REFLECTANCE / (self.reference_range * self.reference_range)
     }
 
     /// Share of the beam that the receiver sees at a range, m: it grows with the square of the
@@ -190,7 +190,7 @@ impl LidarModel {
     /// detector has the share by area. So what fills the beam sends the same power from all ranges
     /// below that of full overlap: the "near-distance effect" of laser scanners.
     #[must_use]
-    pub fn overlap_at(&self, range: f64) -> f64 {
+    pub(crate) fn overlap_at(&self, range: f64) -> f64 {
         let [begin, end] = self.overlap;
         if range >= end {
             return 1.0;
@@ -200,7 +200,7 @@ impl LidarModel {
 
     /// Returns true if water absorbs its light within millimetres.
     #[must_use]
-    pub fn is_absorbed(&self) -> bool {
+    pub(crate) fn is_absorbed(&self) -> bool {
         self.wavelength > 1380.0
     }
 }

@@ -33,27 +33,27 @@ pub enum BeamPattern {
 #[serde(deny_unknown_fields)]
 pub struct RowPattern {
     /// Sweeps a second, Hz.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Elevations of the rows, degrees, in the order of firing.
     #[serde(default)]
-    pub elevations: Vec<f64>,
+    pub(crate) elevations: Vec<f64>,
     /// Instead: the lowest and the highest elevation of evenly spaced rows, degrees.
     #[serde(default)]
-    pub between: Option<[f64; 2]>,
+    pub(crate) between: Option<[f64; 2]>,
     /// The number of evenly spaced rows.
     #[serde(default)]
-    pub count: Option<usize>,
-    /// Azimuth of each row from that of the head, degrees; empty for none.
+    pub(crate) count: Option<usize>,
+    /// Azimuth offset of each row from the head, degrees; empty for none.
     #[serde(default)]
-    pub azimuth_offsets: Vec<f64>,
+    pub(crate) azimuth_offsets: Vec<f64>,
     /// Firings of all rows in a sweep.
-    pub columns: u32,
-    /// Time of each row after that of its column, microseconds; empty for all at once.
+    pub(crate) columns: u32,
+    /// Firing delay of each row after its column, microseconds; empty for all at once.
     #[serde(default)]
-    pub firing_offsets: Vec<f64>,
+    pub(crate) firing_offsets: Vec<f64>,
     /// Azimuths at which a sweep begins and ends, degrees.
     #[serde(default = "full_turn")]
-    pub azimuths: [f64; 2],
+    pub(crate) azimuths: [f64; 2],
 }
 
 /// Seen from above it turns as a clock does, from the back over the front.
@@ -66,27 +66,27 @@ fn full_turn() -> [f64; 2] {
 #[serde(deny_unknown_fields)]
 pub struct TablePattern {
     /// Sweeps a second, Hz.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Time after the start of the sweep (s), azimuth and elevation (degrees) of each beam.
-    pub beams: Vec<[f64; 3]>,
+    pub(crate) beams: Vec<[f64; 3]>,
 }
 
 /// The sum of two vectors that rotate, as angles about the forward axis.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct RisleyPattern {
-    /// Sweeps a second, Hz: the curve is cut into so many.
-    pub rate: f64,
+    /// Sweeps a second, Hz, into which the curve is cut.
+    pub(crate) rate: f64,
     /// Beams a sweep.
-    pub points: u32,
+    pub(crate) points: u32,
     /// Deflection by each prism, degrees.
-    pub deflections: [f64; 2],
+    pub(crate) deflections: [f64; 2],
     /// Speed of each prism, turns a minute; below 0 the other way round.
-    pub speeds: [f64; 2],
+    pub(crate) speeds: [f64; 2],
 }
 
 /// Most beams of a sweep.
-const MOST_BEAMS: usize = 20_000_000;
+const MAX_BEAMS: usize = 20_000_000;
 
 impl BeamPattern {
     /// Sweeps a second, Hz.
@@ -163,8 +163,8 @@ impl RowPattern {
         if rows == 0 || self.columns == 0 {
             return Some("there are no beams: give elevations, and columns above 0".into());
         }
-        if rows * self.columns as usize > MOST_BEAMS {
-            return Some(format!("{rows} rows of {} columns are more than {MOST_BEAMS} beams", self.columns));
+        if rows * self.columns as usize > MAX_BEAMS {
+            return Some(format!("{rows} rows of {} columns are more than {MAX_BEAMS} beams", self.columns));
         }
         if let Some(bad) = beyond(&elevations, 90.0) {
             return Some(format!("an elevation is {bad}: it must be from -90 to 90 degrees"));
@@ -213,8 +213,8 @@ impl TablePattern {
         if self.beams.is_empty() {
             return Some("beams is empty: give [time, azimuth, elevation] of each".into());
         }
-        if self.beams.len() > MOST_BEAMS {
-            return Some(format!("beams has more than {MOST_BEAMS} entries"));
+        if self.beams.len() > MAX_BEAMS {
+            return Some(format!("beams has more than {MAX_BEAMS} entries"));
         }
         let period = 1.0 / self.rate;
         self.beams.iter().enumerate().find_map(|(index, [time, azimuth, elevation])| {
@@ -243,8 +243,8 @@ impl TablePattern {
 
 impl RisleyPattern {
     fn fault(&self) -> Option<String> {
-        if self.points == 0 || self.points as usize > MOST_BEAMS {
-            return Some(format!("points is {}: it must be from 1 to {MOST_BEAMS}", self.points));
+        if self.points == 0 || self.points as usize > MAX_BEAMS {
+            return Some(format!("points is {}: it must be from 1 to {MAX_BEAMS}", self.points));
         }
         if let Some(bad) = beyond(&self.deflections, 40.0) {
             return Some(format!("deflections has {bad}: it must be from -40 to 40 degrees"));

@@ -5,9 +5,9 @@ use glam::{DMat3, DVec3};
 /// The place and the attitude of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorPose {
-    /// Its origin, world axes, scene units.
+    /// The origin, world axes, scene units.
     pub origin: DVec3,
-    /// Its axes in the world: columns are x forward, y left and z up, length 1.
+    /// The axes in the world: columns are x forward, y left and z up, length 1.
     pub world_from_sensor: DMat3,
 }
 
@@ -24,13 +24,13 @@ impl SensorPose {
 
     /// A direction of the sensor in world axes.
     #[must_use]
-    pub fn to_world(&self, direction: DVec3) -> DVec3 {
+    pub(crate) fn to_world(self, direction: DVec3) -> DVec3 {
         self.world_from_sensor * direction
     }
 
     /// A direction of the world in the sensor's axes.
     #[must_use]
-    pub fn to_sensor(&self, direction: DVec3) -> DVec3 {
+    pub(crate) fn to_sensor(self, direction: DVec3) -> DVec3 {
         self.world_from_sensor.transpose() * direction
     }
 }

@@ -9,11 +9,11 @@ use wm_scene::nearest;
 /// A kind of sensor.
 pub(crate) struct SensorKind {
     /// The word for it in errors.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// Names and texts of its presets.
-    pub presets: &'static [(&'static str, &'static str)],
+    pub(crate) presets: &'static [(&'static str, &'static str)],
     /// Longest file that is read, bytes.
-    pub most_bytes: u64,
+    pub(crate) most_bytes: u64,
 }
 
 /// A sensor in TOML.
@@ -21,14 +21,14 @@ pub(crate) struct SensorText<'a> {
     /// TOML.
     text: Cow<'a, str>,
     /// The name of the sensor where the text has none.
-    pub name: String,
+    pub(crate) name: String,
     /// The name in errors: the file, if it came from one.
     place: String,
 }
 
 impl SensorKind {
     /// The preset of a name; `otherwise` says in the error what else may be given.
-    pub fn preset(&self, name: &str, otherwise: &str) -> Result<SensorText<'static>, SensorError> {
+    pub(crate) fn preset(&self, name: &str, otherwise: &str) -> Result<SensorText<'static>, SensorError> {
         let is_same = |known: &str| known.eq_ignore_ascii_case(name.trim());
         if let Some((known, text)) = self.presets.iter().find(|(known, _)| is_same(known)) {
             return Ok(SensorText::new(text, known));
@@ -43,7 +43,7 @@ impl SensorKind {
     }
 
     /// The preset of a name, or the TOML file of that path.
-    pub fn find(&self, name: &str) -> Result<SensorText<'static>, SensorError> {
+    pub(crate) fn find(&self, name: &str) -> Result<SensorText<'static>, SensorError> {
         let preset = self.preset(name, ", or a .toml file");
         let path = Path::new(name);
         if preset.is_ok() || (path.extension().is_none() && !path.exists()) {
@@ -64,13 +64,13 @@ impl SensorKind {
 }
 
 impl<'a> SensorText<'a> {
-    /// A text whose errors have the sensor's name.
-    pub fn new(text: &'a str, name: &str) -> Self {
+    /// Wraps a text; errors name the sensor.
+    pub(crate) fn new(text: &'a str, name: &str) -> Self {
         Self { text: text.into(), name: name.into(), place: name.into() }
     }
 
     /// The value of the text.
-    pub fn parse<T: DeserializeOwned>(&self) -> Result<T, SensorError> {
+    pub(crate) fn parse<T: DeserializeOwned>(&self) -> Result<T, SensorError> {
         toml::from_str(&self.text).map_err(|error| {
             let line = error
                 .span()
@@ -82,7 +82,7 @@ impl<'a> SensorText<'a> {
     }
 
     /// The error of a text that is TOML and makes no sensor.
-    pub fn fault(&self, problem: String) -> SensorError {
+    pub(crate) fn fault(&self, problem: String) -> SensorError {
         SensorError::Model { name: self.place.clone(), location: String::new(), problem }
     }
 }

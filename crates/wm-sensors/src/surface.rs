@@ -13,10 +13,10 @@ use wm_weather::water::{WATER_INDEX, fresnel};
 use wm_weather::wetness::optics::{BACK, pores_factor};
 
 /// Reflectance of black, and what white adds.
-const BY_COLOR: [f64; 2] = [0.05, 0.8];
+const REFLECTANCE_FIT: [f64; 2] = [0.05, 0.8];
 /// Reflectance of lying snow where water does not absorb, and where it does (from memory of spectra
 /// of old and of fresh snow).
-const SNOW: [f64; 2] = [0.85, 0.15];
+const SNOW_REFLECTANCE: [f64; 2] = [0.85, 0.15];
 
 /// Water and snow on a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,7 +27,7 @@ pub struct SurfaceState {
     pub pores: f64,
     /// Share under a film of water, 0-1.
     pub film: f64,
-    /// Its label, 0 for none.
+    /// The label, 0 for none.
     pub label: u16,
 }
 
@@ -63,21 +63,21 @@ impl SurfaceStates for DrySurfaces {
 
 /// The reflectance of a dry surface of a display-referred colour.
 #[must_use]
-pub fn dry_reflectance(rgb: [f64; 3]) -> f64 {
+fn dry_reflectance(rgb: [f64; 3]) -> f64 {
     let light = luminance(rgb.map(|v| srgb_decode(v.clamp(0.0, 1.0))));
-    BY_COLOR[0] + BY_COLOR[1] * light
+    REFLECTANCE_FIT[0] + REFLECTANCE_FIT[1] * light
 }
 
 /// The reflectance of lying snow.
 #[must_use]
-pub fn snow_reflectance(is_absorbed: bool) -> f64 {
-    SNOW[usize::from(is_absorbed)]
+pub(crate) fn snow_reflectance(is_absorbed: bool) -> f64 {
+    SNOW_REFLECTANCE[usize::from(is_absorbed)]
 }
 
 /// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`;
 /// `dry` is that without water.
 #[must_use]
-pub fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
+pub(crate) fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
     let through = 1.0 - mirrored(cosine);
     let index = f64::from(WATER_INDEX);
     let film = through * through / (index * index * (1.0 - BACK * dry));
@@ -85,9 +85,9 @@ pub fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
     dry * (rest + state.pores * pores_factor(dry) + state.film * film)
 }
 
-/// The share that a film of water mirrors.
+/// The Fresnel reflectance of a film of water.
 #[must_use]
-pub fn mirrored(cosine: f64) -> f64 {
+pub(crate) fn mirrored(cosine: f64) -> f64 {
     f64::from(fresnel(cosine as f32))
 }
 

@@ -10,7 +10,7 @@
 
 use crate::air::{self, AirPath};
 use crate::drops::{self, Pulse};
-use crate::echo::{self, DetectedEcho, Echo, EchoClass, FAINTEST, ReturnMode, ReturnRank};
+use crate::echo::{self, DetectedEcho, Echo, EchoClass, MIN_ECHO_POWER, ReturnMode, ReturnRank};
 use crate::model::LidarModel;
 use crate::pose::{SensorMotion, SensorPose};
 use crate::surface::{self, SurfaceState, SurfaceStates};
@@ -26,9 +26,9 @@ use wm_weather::{InfraredAir, PreparedWeather, Site};
 /// A place in weather, for sensors.
 #[derive(Clone, Copy)]
 pub struct LidarScene<'a> {
-    /// Its splats, with their reflectances as values; see [`crate::reflecting_splats`].
+    /// The splats, with their reflectances as values; see [`crate::reflecting_splats`].
     pub splats: &'a dyn RayTracer,
-    /// Those above the ground, which wet ground mirrors; `None` for no ghosts.
+    /// The splats above the ground, which wet ground mirrors; `None` for no ghosts.
     pub mirrored: Option<&'a dyn RayTracer>,
     /// The weather at the start of the sweep.
     pub weather: &'a PreparedWeather,
@@ -62,7 +62,7 @@ impl SubRays {
         }
     }
 
-    /// Those of this number; `None` if there are none.
+    /// Finds the sub-rays of a count; `None` if no pattern has it.
     #[must_use]
     pub fn of_count(count: usize) -> Option<Self> {
         [Self::One, Self::Seven].into_iter().find(|rays| rays.count() == count)
@@ -72,12 +72,12 @@ impl SubRays {
 /// The axes of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PointFrame {
-    /// Those of the sensor at the start of the sweep: its motion is taken out.
+    /// Sensor axes at the start of the sweep: motion is compensated.
     #[default]
     Compensated,
-    /// Those of the sensor at the time of each pulse, as it measures.
+    /// Sensor axes at the time of each pulse, as measured.
     Raw,
-    /// Those of the scene, in metres.
+    /// Scene axes, in metres.
     World,
 }
 
@@ -97,9 +97,9 @@ impl PointFrame {
 /// Options of a sweep.
 #[derive(Clone, Copy, Debug)]
 pub struct SweepOptions {
-    /// Time of its start, s; the weather must be that of this time.
+    /// Start of the sweep, s; the weather must be prepared for this time.
     pub time: f64,
-    /// Its number, which random numbers and patterns that do not repeat depend on.
+    /// The number, which random numbers and patterns that do not repeat depend on.
     pub index: u32,
     /// The seed of noise.
     pub seed: u64,
@@ -111,7 +111,8 @@ pub struct SweepOptions {
     pub returns: ReturnMode,
     /// The axes of the points.
     pub frame: PointFrame,
-    /// Extinction over backscatter of fog, haze and smog, sr; `None` for that of each.
+    /// Lidar ratio (extinction over backscatter) of fog, haze and smog, sr; `None` for the usual
+    /// ratio of each.
     pub lidar_ratio: Option<f64>,
 }
 
@@ -149,7 +150,7 @@ pub struct LidarPoint {
     pub column: u32,
     /// The place among the returns of its pulse.
     pub rank: ReturnRank,
-    /// Its source.
+    /// The source.
     pub class: EchoClass,
     /// The label of the surface, 0 for none.
     pub label: u16,
@@ -187,17 +188,17 @@ impl LidarSweep {
     }
 }
 
-/// Distance of the six outer rays from the middle, of the radius at 1/e^2: 6/7 of its square is
+/// Distance of the six outer rays from the middle in beam radii at 1/e^2: 6/7 of its square is
 /// 1/2.
-const HEXAGON: f64 = 0.763_762_615_825_973_3;
+const OUTER_RAY_RADIUS: f64 = 0.763_762_615_825_973_3;
 /// Rays that are traced at once.
-const MOST_RAYS: usize = 1 << 20;
-/// Cosine between up and the normal of what mirrors: level ground.
-const LEVEL: f64 = 0.9;
-/// Distance from a mirror from which on what it shows is something else, m.
-const LIFT: f64 = 0.02;
-/// Pulses that one thread makes points of at a time.
-const CHUNK: usize = 1024;
+const MAX_RAYS_AT_ONCE: usize = 1 << 20;
+/// Least cosine between up and the normal of a mirror: level ground.
+const MIN_LEVEL_COSINE: f64 = 0.9;
+/// Least distance of a mirrored surface from its mirror, m.
+const MIRROR_CLEARANCE_M: f64 = 0.02;
+/// Pulses that a thread turns into points at a time.
+const CHUNK_PULSES: usize = 1024;
 
 /// Makes one sweep, on the threads of the current pool.
 #[must_use]
@@ -215,7 +216,7 @@ pub fn sweep(
     let random = RandomStream::new(options.seed, purpose, options.index);
     let speckle = RandomStream::new(options.seed, purpose ^ 0xc0, options.index);
     let mut points = Vec::new();
-    for (block, beams) in beams.chunks(MOST_RAYS / options.sub_rays.count()).enumerate() {
+    for (block, beams) in beams.chunks(MAX_RAYS_AT_ONCE / options.sub_rays.count()).enumerate() {
         let pulses: Vec<Pulse> = beams
             .par_iter()
             .map(|beam| {
@@ -228,43 +229,45 @@ pub fn sweep(
             .collect();
         let tracer = Tracer { scene, model, air: &air, pulses: &pulses, count: options.sub_rays.count() };
         let (ends, mut echoes) = tracer.surfaces();
-        echoes.extend(drops::echoes(&pulses, (scene, model, &air), scene.path, period));
+        echoes.extend(drops::echoes(&pulses, scene, model, &air, period));
         echoes.sort_by_key(|(pulse, _)| *pulse);
-        let first = (block * (MOST_RAYS / options.sub_rays.count())) as u64;
-        let of_chunk = |(chunk, own): (usize, &[Pulse])| {
-            let mut made = Vec::new();
-            let (mut all, mut merged, mut detected) = (Vec::new(), Vec::new(), Vec::new());
-            let begin = chunk * CHUNK;
-            let mut at = echoes.partition_point(|(pulse, _)| (*pulse as usize) < begin);
-            for (index, pulse) in own.iter().enumerate() {
-                let local = begin + index;
-                let number = first + local as u64;
-                let path = AirPath {
-                    origin: pulse.pose.origin.to_array(),
-                    direction: pulse.direction.to_array(),
-                    metres_per_unit: scene.site.metres_per_unit,
-                    ends: &ends[local * tracer.count..(local + 1) * tracer.count],
-                };
-                all.clear();
-                while let Some((_, echo)) = echoes.get(at).filter(|(pulse, _)| *pulse as usize == local) {
-                    let is_particle = matches!(echo.class, EchoClass::Drop | EchoClass::Flake);
-                    // What falls behind a surface is not seen.
-                    let share = if is_particle { path.share_beyond(echo.range) } else { 1.0 };
-                    if share > 0.0 {
-                        all.push(Echo { power: share * echo.power, ..*echo });
+        let first = (block * (MAX_RAYS_AT_ONCE / options.sub_rays.count())) as u64;
+        let of_chunk =
+            |(chunk, own): (usize, &[Pulse])| {
+                let mut made = Vec::new();
+                let (mut all, mut merged, mut detected) = (Vec::new(), Vec::new(), Vec::new());
+                let begin = chunk * CHUNK_PULSES;
+                let mut at = echoes.partition_point(|(pulse, _)| (*pulse as usize) < begin);
+                for (index, pulse) in own.iter().enumerate() {
+                    let local = begin + index;
+                    let number = first + local as u64;
+                    let path = AirPath {
+                        origin: pulse.pose.origin.to_array(),
+                        direction: pulse.direction.to_array(),
+                        metres_per_unit: scene.site.metres_per_unit,
+                        ends: &ends[local * tracer.count..(local + 1) * tracer.count],
+                    };
+                    all.clear();
+                    while let Some((_, echo)) = echoes.get(at).filter(|(pulse, _)| *pulse as usize == local) {
+                        let is_particle = matches!(echo.class, EchoClass::Drop | EchoClass::Flake);
+                        // What falls behind a surface is not seen.
+                        let share = if is_particle { path.share_beyond(echo.range) } else { 1.0 };
+                        if share > 0.0 {
+                            all.push(Echo { power: share * echo.power, ..*echo });
+                        }
+                        at += 1;
                     }
-                    at += 1;
+                    air::add_echoes(&path, &air, model, &speckle, number, &mut all);
+                    echo::merge(&mut all, model.bin(), &mut merged);
+                    echo::detect(&merged, model, &random, number, &mut detected);
+                    echo::choose(options.returns, &mut detected);
+                    made.extend(detected.iter().map(|one| {
+                        point(one, model, pulse, &start, scene.site.metres_per_unit, options.frame)
+                    }));
                 }
-                air::add_echoes(&path, (&air, model), (&speckle, number), &mut all);
-                echo::merge(&mut all, model.bin(), &mut merged);
-                echo::detect(&merged, model, (&random, number), &mut detected);
-                echo::choose(options.returns, &mut detected);
-                let place = (pulse, &start, scene.site.metres_per_unit);
-                made.extend(detected.iter().map(|one| point(one, model, place, options.frame)));
-            }
-            made
-        };
-        let made: Vec<Vec<LidarPoint>> = pulses.par_chunks(CHUNK).enumerate().map(of_chunk).collect();
+                made
+            };
+        let made: Vec<Vec<LidarPoint>> = pulses.par_chunks(CHUNK_PULSES).enumerate().map(of_chunk).collect();
         points.extend(made.into_iter().flatten());
     }
     LidarSweep {
@@ -287,7 +290,9 @@ pub fn sweep(
 fn point(
     detected: &DetectedEcho,
     model: &LidarModel,
-    (pulse, start, metres): (&Pulse, &SensorPose, f64),
+    pulse: &Pulse,
+    start: &SensorPose,
+    metres: f64,
     frame: PointFrame,
 ) -> LidarPoint {
     let range = detected.measured;
@@ -336,7 +341,7 @@ struct MirroredRay {
 }
 
 /// A surface that a ray meets.
-struct Met {
+struct SurfaceReturn {
     /// m.
     range: f64,
     /// Cosine between the ray and the normal, averaged over what it meets.
@@ -371,7 +376,7 @@ impl Tracer<'_> {
             };
             // What is mirrored is blurred anyway: the middle of the pulse stands for all of it.
             let is_middle = ray.is_multiple_of(self.count);
-            let is_mirror = is_middle && met.state.film > 0.0 && met.normal.dot(up) > LEVEL;
+            let is_mirror = is_middle && met.state.film > 0.0 && met.normal.dot(up) > MIN_LEVEL_COSINE;
             let mirror = is_mirror.then(|| {
                 let mirrored = surface::mirrored(-direction.dot(up));
                 let share = met.state.film * mirrored * mirrored;
@@ -381,7 +386,7 @@ impl Tracer<'_> {
                 // trace.
                 let way = direction - up * (2.0 * direction.dot(up));
                 let at = origin + direction * units - way * units;
-                (bound > FAINTEST * self.model.least_power()).then_some((ray, at, way))
+                (bound > MIN_ECHO_POWER * self.model.least_power()).then_some((ray, at, way))
             });
             Some((pulse, echo, mirror.flatten()))
         };
@@ -409,7 +414,7 @@ impl Tracer<'_> {
         let (origin, direction) = ray_of(rays, ray);
         let after = f64::from(hits.distance[ray]) - mirror.before;
         // Below the mirror there is nothing to see.
-        if after < LIFT / self.metres() {
+        if after < MIRROR_CLEARANCE_M / self.metres() {
             return None;
         }
         let from = origin + direction * mirror.before;
@@ -425,9 +430,9 @@ impl Tracer<'_> {
         self.scene.site.metres_per_unit
     }
 
-    /// The rays of all pulses, those of one side by side.
+    /// The rays of all pulses, pulse by pulse.
     fn rays(&self) -> Rays {
-        let radius = HEXAGON * 0.5e-3 * self.model.divergence;
+        let radius = OUTER_RAY_RADIUS * 0.5e-3 * self.model.divergence;
         let of_pulse = |pulse: &Pulse| {
             let (across, high) = pulse.direction.any_orthonormal_pair();
             let ray = |index: usize| {
@@ -447,7 +452,7 @@ impl Tracer<'_> {
     }
 
     /// The surface that a ray meets, if it does.
-    fn met(&self, rays: &Rays, hits: &RayHits, ray: usize) -> Option<Met> {
+    fn met(&self, rays: &Rays, hits: &RayHits, ray: usize) -> Option<SurfaceReturn> {
         let distance = f64::from(hits.distance[ray]);
         if !distance.is_finite() {
             return None;
@@ -465,7 +470,7 @@ impl Tracer<'_> {
         let range = distance * self.metres();
         // Not of length 1 where splats turn to all sides: then it is the mean of their cosines.
         let cosine = (-normal.dot(direction)).clamp(0.0, 1.0);
-        Some(Met { range, cosine, normal: normal.normalize_or(DVec3::ZERO), dry, state })
+        Some(SurfaceReturn { range, cosine, normal: normal.normalize_or(DVec3::ZERO), dry, state })
     }
 }
 

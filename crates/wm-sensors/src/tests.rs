@@ -48,9 +48,9 @@ fn plate(axis: usize, at: f32, reflectance: f64) -> Splats {
     plate
 }
 
-struct AllWet;
+struct WetSurfaces;
 
-impl SurfaceStates for AllWet {
+impl SurfaceStates for WetSurfaces {
     fn state(&self, _: u32) -> SurfaceState {
         SurfaceState { film: 1.0, ..SurfaceState::default() }
     }
@@ -270,7 +270,7 @@ fn wet_ground_vanishes_far_away_and_mirrors_walls() {
         (ground.map(|point| point.position[0]).fold(0.0, f32::max), made)
     };
     let (dry, clear) = reach(&DrySurfaces);
-    let (wet, ghosts) = reach(&AllWet);
+    let (wet, ghosts) = reach(&WetSurfaces);
     println!("ground is seen up to {dry:.1} m dry, {wet:.1} m wet");
     assert!(wet < 0.75 * dry && clear.count(EchoClass::Ghost) == 0, "{dry} {wet}");
     let ghosts: Vec<&LidarPoint> = ghosts.points.iter().filter(|p| p.class == EchoClass::Ghost).collect();
@@ -316,7 +316,7 @@ fn any_number_of_threads_gives_the_same_points() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let options = SweepOptions { seed, sub_rays: SubRays::Seven, ..ALL };
         let set = [("fog.mor", 100.0), ("rain.rate", 20.0), ("snowfall.rate", 0.5)];
-        pool.install(|| swept_on(&lidar, &scene, &set, &options, &AllWet))
+        pool.install(|| swept_on(&lidar, &scene, &set, &options, &WetSurfaces))
     };
     let one = made(1, 5);
     for class in EchoClass::ALL {

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-/// -ln of the contrast that is left at the MOR: 5 %, as meteorology has it.
-const LN_CONTRAST: f64 = 2.995_732_273_553_991;
+/// Optical depth of the MOR: -ln of 5 % of contrast, as meteorology defines it.
+const MOR_OPTICAL_DEPTH: f64 = 2.995_732_273_553_991;
 /// Height of the haze's upper end, m: above it the air is clear, so the zenith stays visible.
 const LID: f64 = 300.0;
 
@@ -11,9 +11,9 @@ const LID: f64 = 300.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Air {
     /// Meteorological optical range, m.
-    pub mor: f64,
+    pub(crate) mor: f64,
     /// Linear radiance that endless haze has.
-    pub airlight: DVec3,
+    pub(crate) airlight: DVec3,
 }
 
 impl Air {
@@ -22,7 +22,7 @@ impl Air {
 
     /// The share of light that is left after `distance`, m.
     pub(crate) fn transmittance(&self, distance: f64) -> f64 {
-        (-LN_CONTRAST * distance / self.mor).exp()
+        (-MOR_OPTICAL_DEPTH * distance / self.mor).exp()
     }
 
     /// Radiance of a surface at `distance`, m, or of the sky, as it arrives at `eye` along

@@ -4,15 +4,15 @@ use super::shape::{Crossing, Shape};
 use glam::{DVec3, Vec3A};
 
 /// Most primitives of a leaf that is not worth splitting.
-const LEAF: usize = 3;
+const MAX_LEAF_PRIMITIVES: usize = 3;
 /// Bins that a split is looked for in.
-const BINS: usize = 12;
+const SPLIT_BINS: usize = 12;
 /// Deepest tree that the traversal's stack holds; the build falls back to halves before.
-const DEPTH: usize = 60;
+const MAX_DEPTH: usize = 60;
 
 /// A part of the tree.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct Node {
     /// The pair of an inner node; a leaf's first primitive.
     first: u32,
     /// Primitives of a leaf; 0 for an inner node.
@@ -30,13 +30,13 @@ struct Extent {
 #[derive(Clone, Copy, Debug)]
 struct Pair {
     extents: [Extent; 2],
-    parts: [Part; 2],
+    parts: [Node; 2],
 }
 
 /// The tree. Primitives are known by their place in the order that [`Bvh::build`] gives.
 #[derive(Clone, Debug)]
 pub(super) struct Bvh {
-    root: Option<(Extent, Part)>,
+    root: Option<(Extent, Node)>,
     pairs: Vec<Pair>,
 }
 
@@ -65,7 +65,7 @@ impl Bvh {
         (tree, items.into_iter().map(|item| item.index).collect())
     }
 
-    fn grow(&mut self, items: &mut [Item], first: usize, count: usize, depth: usize) -> (Extent, Part) {
+    fn grow(&mut self, items: &mut [Item], first: usize, count: usize, depth: usize) -> (Extent, Node) {
         let slice = &mut items[first..first + count];
         let (low, high) = slice.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), item| {
             (low.min(item.low), high.max(item.high))
@@ -73,15 +73,15 @@ impl Bvh {
         // Boxes are a little larger than what they hold: f32 slabs then never lose a crossing.
         let pad = low.abs().max(high.abs()) * 1e-6 + 1e-4;
         let extent = Extent { lower: (low - pad).as_vec3a(), upper: (high + pad).as_vec3a() };
-        if count <= LEAF {
-            return (extent, Part { first: first as u32, count: count as u32 });
+        if count <= MAX_LEAF_PRIMITIVES {
+            return (extent, Node { first: first as u32, count: count as u32 });
         }
-        let middle = if depth < DEPTH - 24 { split(slice) } else { None };
+        let middle = if depth < MAX_DEPTH - 24 { split(slice) } else { None };
         let middle = middle.unwrap_or_else(|| {
             slice.sort_by(|a, b| (a.low.y + a.high.y).total_cmp(&(b.low.y + b.high.y)));
             count / 2
         });
-        let part = Part { first: self.pairs.len() as u32, count: 0 };
+        let part = Node { first: self.pairs.len() as u32, count: 0 };
         self.pairs.push(Pair { extents: [extent; 2], parts: [part; 2] });
         let below = self.grow(items, first, middle, depth + 1);
         let above = self.grow(items, first + middle, count - middle, depth + 1);
@@ -99,7 +99,7 @@ impl Bvh {
         let inverse = Vec3A::from_array(inverse);
         let Some((extent, mut part)) = self.root else { return };
         let Some(mut near) = enter(&extent, from, inverse, high as f32) else { return };
-        let mut stack = [(Part { first: 0, count: 0 }, 0f32); DEPTH + 4];
+        let mut stack = [(Node { first: 0, count: 0 }, 0f32); MAX_DEPTH + 4];
         let mut top = 0;
         loop {
             if near <= high as f32 {
@@ -147,7 +147,8 @@ impl Bvh {
     pub(super) fn nearest<'a>(
         &self,
         shape: impl Fn(usize) -> &'a Shape,
-        (origin, direction): (DVec3, DVec3),
+        origin: DVec3,
+        direction: DVec3,
         low: f64,
         high: f64,
     ) -> Option<(usize, Crossing)> {
@@ -168,7 +169,8 @@ impl Bvh {
     pub(super) fn any<'a>(
         &self,
         shape: impl Fn(usize) -> &'a Shape,
-        (origin, direction): (DVec3, DVec3),
+        origin: DVec3,
+        direction: DVec3,
         low: f64,
         high: f64,
     ) -> bool {
@@ -203,19 +205,19 @@ fn split(items: &mut [Item]) -> Option<usize> {
         if extent[axis] < 1e-9 {
             continue;
         }
-        let mut bins = [(0usize, DVec3::INFINITY, DVec3::NEG_INFINITY); BINS];
+        let mut bins = [(0usize, DVec3::INFINITY, DVec3::NEG_INFINITY); SPLIT_BINS];
         for item in items.iter() {
             let bin = &mut bins[bin_of(center(item)[axis], low[axis], extent[axis])];
             *bin = (bin.0 + 1, bin.1.min(item.low), bin.2.max(item.high));
         }
-        let mut right = [(0usize, 0.0); BINS];
+        let mut right = [(0usize, 0.0); SPLIT_BINS];
         let mut sum = (0, DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for at in (1..BINS).rev() {
+        for at in (1..SPLIT_BINS).rev() {
             sum = (sum.0 + bins[at].0, sum.1.min(bins[at].1), sum.2.max(bins[at].2));
             right[at] = (sum.0, half_area(sum.1, sum.2));
         }
         let mut sum = (0, DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for at in 0..BINS - 1 {
+        for at in 0..SPLIT_BINS - 1 {
             sum = (sum.0 + bins[at].0, sum.1.min(bins[at].1), sum.2.max(bins[at].2));
             let cost = sum.0 as f64 * half_area(sum.1, sum.2) + right[at + 1].0 as f64 * right[at + 1].1;
             if sum.0 > 0 && right[at + 1].0 > 0 && cost < best.0 {
@@ -238,7 +240,7 @@ fn split(items: &mut [Item]) -> Option<usize> {
 }
 
 fn bin_of(value: f64, low: f64, extent: f64) -> usize {
-    (((value - low) / extent * BINS as f64) as usize).min(BINS - 1)
+    (((value - low) / extent * SPLIT_BINS as f64) as usize).min(SPLIT_BINS - 1)
 }
 
 fn half_area(low: DVec3, high: DVec3) -> f64 {
@@ -277,9 +279,9 @@ mod tests {
             let (origin, direction) = (dice.direction() * 25.0, dice.direction());
             let all = shapes.iter().filter_map(|s| s.crossing(origin, direction, 0.0, 100.0)).map(|c| c.t);
             let nearest = all.min_by(f64::total_cmp);
-            let found = tree.nearest(|place| &shapes[place], (origin, direction), 0.0, 100.0);
+            let found = tree.nearest(|place| &shapes[place], origin, direction, 0.0, 100.0);
             assert_eq!(found.map(|(_, crossing)| crossing.t), nearest);
-            assert_eq!(tree.any(|place| &shapes[place], (origin, direction), 0.0, 100.0), nearest.is_some());
+            assert_eq!(tree.any(|place| &shapes[place], origin, direction, 0.0, 100.0), nearest.is_some());
         }
     }
 
@@ -287,6 +289,6 @@ mod tests {
     fn an_empty_tree_is_met_nowhere() {
         let (tree, order) = Bvh::build(std::iter::empty());
         assert!(order.is_empty());
-        assert!(!tree.any(|_| unreachable!(), (DVec3::ZERO, DVec3::X), 0.0, 1.0));
+        assert!(!tree.any(|_| unreachable!(), DVec3::ZERO, DVec3::X, 0.0, 1.0));
     }
 }

@@ -1,7 +1,7 @@
 //! One cell of the sampling as a Gaussian: its extent, its colour.
 
 use super::hash::{bits, unit};
-use super::light::{Budget, Turn};
+use super::light::{Budget, RayRotation};
 use super::sampling::{Cell, Patch, SplatSampling};
 use super::shape::{Outline, Shape, Spot, around};
 use super::{display_of, sky};
@@ -11,22 +11,22 @@ use wm_scene::splats::Splat;
 use wm_scene::{Group, quat, splats};
 
 /// Standard deviation of a splat, cells.
-const SPREAD: f64 = 0.66;
-/// The sharpening: the share by which a cell's colour is pushed away from that around it.
-const SHARPEN: f64 = 0.55;
+const SPLAT_SIGMA_CELLS: f64 = 0.66;
+/// Sharpening: the share by which a cell's colour is pushed away from its surroundings.
+const SHARPENING_SHARE: f64 = 0.55;
 /// Radius of the sky, m.
-const SKY_RADIUS: f64 = 1000.0;
+const SKY_RADIUS_M: f64 = 1000.0;
 /// The sky's lower edge, as the sine of its angle: 6 degrees below the horizon.
-const SKY_EDGE: f64 = -0.1045;
-/// Points that see more than this of the inside of things are dropped.
-const BURIED: f64 = 0.75;
+const SKY_EDGE_SINE: f64 = -0.1045;
+/// Largest share of rays to the inside of things with which a point is kept.
+const MAX_BURIED_SHARE: f64 = 0.75;
 
-/// A cell's middle: where it is, its size in surface coordinates and its keys.
-struct At {
+/// The centre of a cell with its size in surface coordinates and its keys.
+struct CellCenter {
     spot: Spot,
     center: DVec2,
     step: DVec2,
-    turn: Turn,
+    turn: RayRotation,
     key: u64,
 }
 
@@ -59,8 +59,8 @@ impl SplatSampling<'_> {
         if spot.normal.dot(direction) > 0.0 && !self.place.material(patch.which as usize).is_sheet() {
             direction = -spot.normal;
         }
-        let turn = Turn::of_cell(column, row, u64::from(patch.which));
-        let cell = At { spot, center, step, turn, key };
+        let turn = RayRotation::of_cell(column, row, u64::from(patch.which));
+        let cell = CellCenter { spot, center, step, turn, key };
         let radiance = self.radiance(patch, &cell, direction)?;
         let inner = matches!(patch.kind, Cell::Rod | Cell::Ball);
         let mean = if inner { spot.point - spot.normal * sigmas[0] } else { spot.point };
@@ -85,17 +85,17 @@ impl SplatSampling<'_> {
 
     /// Mean radiance over a cell, sharpened against its surroundings by what the Gaussian will
     /// blur; `None` if it is buried in something.
-    fn radiance(&self, patch: &Patch, cell: &At, direction: DVec3) -> Option<DVec3> {
+    fn radiance(&self, patch: &Patch, cell: &CellCenter, direction: DVec3) -> Option<DVec3> {
         let (which, scene) = (patch.which as usize, self.place);
         let shape = &scene.primitives[which].shape;
-        let At { spot, center, step, turn, .. } = *cell;
+        let CellCenter { spot, center, step, turn, .. } = *cell;
         if patch.kind != Cell::Disc {
             let light = scene.incident(which, &spot, direction, turn, Budget { sun: 2, sky: 7 });
             let skin = scene.skin(which, &spot, center, 0.02);
             return Some(scene.reflect(which, &spot, direction, &light, &skin));
         }
         let mut light = scene.incident(which, &spot, direction, turn, Budget { sun: 1, sky: 18 });
-        if light.buried > BURIED {
+        if light.buried > MAX_BURIED_SHARE {
             return None;
         }
         let width = (spot.along_a.length() * step.x).min(spot.along_b.length() * step.y) * 0.45;
@@ -123,27 +123,27 @@ impl SplatSampling<'_> {
         if found < 4.0 {
             return Some(inner);
         }
-        Some((inner + (inner - ring / found) * SHARPEN).max(inner * 0.4))
+        Some((inner + (inner - ring / found) * SHARPENING_SHARE).max(inner * 0.4))
     }
 
     /// Splat `index` of the sky: a spiral over the sphere from the lower edge up.
     pub(super) fn sky_splat(&self, index: usize) -> Splat {
         let count = self.sky as f64;
-        let z = SKY_EDGE + (1.0 - SKY_EDGE) * (index as f64 + 0.5) / count;
+        let z = SKY_EDGE_SINE + (1.0 - SKY_EDGE_SINE) * (index as f64 + 0.5) / count;
         let r = (1.0 - z * z).sqrt();
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let (sin, cos) = (golden * index as f64).rem_euclid(TAU).sin_cos();
         let direction = DVec3::new(r * cos, r * sin, z);
-        let spacing = (TAU * (1.0 - SKY_EDGE) / count).sqrt();
+        let spacing = (TAU * (1.0 - SKY_EDGE_SINE) / count).sqrt();
         let (x, y) = around(direction);
         let mut radiance = DVec3::ZERO;
         for (dx, dy) in [(-0.3, -0.15), (0.15, -0.3), (0.3, 0.15), (-0.15, 0.3)] {
             radiance += self.place.sky_in((direction + (x * dx + y * dy) * spacing).normalize()) * 0.25;
         }
         // Wide enough that the gaps between neighbours stay below one step of 8 bits.
-        let sigma = (0.95 * spacing * SKY_RADIUS).ln() as f32;
+        let sigma = (0.95 * spacing * SKY_RADIUS_M).ln() as f32;
         Splat {
-            mean: (direction * SKY_RADIUS).as_vec3().to_array(),
+            mean: (direction * SKY_RADIUS_M).as_vec3().to_array(),
             quat: quat::from_z_to((-direction).to_array()).map(|v| v as f32),
             log_scale: [sigma, sigma, sigma - 10f32.ln()],
             logit_opacity: splats::logit(0.98) as f32,
@@ -160,7 +160,7 @@ fn disc(spot: &Spot, step: DVec2, patch: &Patch, room: (f64, f64)) -> (DMat3, [f
     let (lu, lv) = (spot.along_a.length(), spot.along_b.dot(y).abs());
     // A lone cell has no neighbours to reach to.
     let sigma = |count: u32, length: f64, step: f64, room: f64| {
-        let wide = [0.40, 0.54, SPREAD][count.min(3) as usize - 1] * step;
+        let wide = [0.40, 0.54, SPLAT_SIGMA_CELLS][count.min(3) as usize - 1] * step;
         let most = room / f64::from(patch.reserve).max(1e-3);
         length * wide.min(most.max(0.25 * step))
     };

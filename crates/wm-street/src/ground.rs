@@ -1,4 +1,4 @@
-//! What covers the ground where it changes along lines that no surface follows: paths through
+//! Cover of the ground where it changes along lines that no surface follows: paths through
 //! lawns, worn verges, leaf litter under trees.
 //!
 //! The ground itself is a mesh. Its paint is a function of the position, so paths have edges finer
@@ -9,36 +9,36 @@ use crate::paint::{Material, Paint, PaintId, rgb};
 use glam::DVec2;
 
 /// Width of the cells in which the pieces of paths are looked up, m.
-const CELL: f64 = 2.0;
-/// Most that noise moves an edge, m.
-const RAGGED: f64 = 0.12;
+const CELL_SIZE_M: f64 = 2.0;
+/// Largest shift of an edge by noise, m.
+const MAX_EDGE_SHIFT_M: f64 = 0.12;
 
 /// A band along a line.
 #[derive(Clone, Debug)]
 pub(crate) struct Strip {
     /// The points of its middle line.
-    pub line: Vec<DVec2>,
+    pub(crate) line: Vec<DVec2>,
     /// Half its width, m.
-    pub half: f64,
-    pub paint: PaintId,
+    pub(crate) half: f64,
+    pub(crate) paint: PaintId,
     /// Width of worn ground beside it, m.
-    pub verge: f64,
+    pub(crate) verge: f64,
 }
 
 /// An ellipse along the axes with a ragged edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bed {
-    pub center: DVec2,
-    pub radii: DVec2,
-    pub paint: PaintId,
-    /// Most that its edge is off the ellipse, as a share of the radii.
-    pub ragged: f64,
+    pub(crate) center: DVec2,
+    pub(crate) radii: DVec2,
+    pub(crate) paint: PaintId,
+    /// Largest deviation of the edge from the ellipse, as a share of the radii.
+    pub(crate) ragged: f64,
 }
 
 /// The cover of a mesh of ground.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GroundCover {
-    /// The paint of the surfaces that are covered, a lawn, and that of its worn parts.
+    /// Paints of the lawn that is covered and of its worn parts.
     lawn: Option<(PaintId, PaintId)>,
     strips: Vec<Strip>,
     beds: Vec<Bed>,
@@ -54,20 +54,24 @@ impl GroundCover {
     /// The cover of surfaces of paint `lawn` between two corners; of several strips the first
     /// counts, and beds only where there is no strip.
     pub(crate) fn new(
-        (low, high): (DVec2, DVec2),
+        low: DVec2,
+        high: DVec2,
         lawn: (PaintId, PaintId),
         strips: Vec<Strip>,
         beds: Vec<Bed>,
         mown: (DVec2, f64),
     ) -> Self {
-        let size = ((high - low) / CELL).ceil();
+        let size = ((high - low) / CELL_SIZE_M).ceil();
         let (columns, rows) = (size.x as usize, size.y as usize);
         let mut cells = vec![Vec::new(); columns * rows];
         for (index, cell) in cells.iter_mut().enumerate() {
-            let middle =
-                low + DVec2::new((index % columns) as f64 + 0.5, (index / columns) as f64 + 0.5) * CELL;
+            let middle = low
+                + DVec2::new((index % columns) as f64 + 0.5, (index / columns) as f64 + 0.5) * CELL_SIZE_M;
             for (which, strip) in strips.iter().enumerate() {
-                let reach = strip.half + strip.verge + RAGGED + CELL * std::f64::consts::FRAC_1_SQRT_2;
+                let reach = strip.half
+                    + strip.verge
+                    + MAX_EDGE_SHIFT_M
+                    + CELL_SIZE_M * std::f64::consts::FRAC_1_SQRT_2;
                 for (at, piece) in strip.line.windows(2).enumerate() {
                     if distance(middle, piece[0], piece[1]) < reach {
                         cell.push((which as u16, at as u16));
@@ -93,7 +97,8 @@ impl GroundCover {
             let strip = &self.strips[usize::from(which)];
             let at = usize::from(at);
             // Asphalt is cut straight; gravel spreads.
-            let stray = if paint(strip.paint).material == Material::Asphalt { 0.02 } else { RAGGED };
+            let stray =
+                if paint(strip.paint).material == Material::Asphalt { 0.02 } else { MAX_EDGE_SHIFT_M };
             let off = distance(p, strip.line[at], strip.line[at + 1]) - strip.half + stray * ragged;
             if off < nearest {
                 nearest = off;
@@ -139,7 +144,7 @@ impl GroundCover {
     }
 
     fn cell(&self, p: DVec2) -> &[(u16, u16)] {
-        let at = ((p - self.low) / CELL).floor();
+        let at = ((p - self.low) / CELL_SIZE_M).floor();
         if self.columns == 0 || at.x < 0.0 || at.y < 0.0 || at.x as usize >= self.columns {
             return &[];
         }

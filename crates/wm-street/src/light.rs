@@ -17,38 +17,38 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Half the sun's apparent width, radians.
-const SUN_RADIUS: f64 = 0.014;
+const SUN_RADIUS_RAD: f64 = 0.014;
 /// The distance from their surface at which rays start, m.
-const OFF: f64 = 1.5e-3;
+const RAY_OFFSET_M: f64 = 1.5e-3;
 /// Irradiance of leaves and small things, which have no cells in the map.
-const NO_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
-/// Surfaces nearer than this, m, cover a point as if it were inside.
-const COVERED: f64 = 0.018;
-/// Primitives of less area, m^2, have no cells: little light comes off them.
-const SMALL: f64 = 0.25;
+const IRRADIANCE_WITHOUT_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
+/// Distance below which a surface covers a point as if it were inside, m.
+const COVERED_DISTANCE_M: f64 = 0.018;
+/// Least area of a primitive with cells, m^2: little light comes off smaller ones.
+const MIN_CELL_AREA_M2: f64 = 0.25;
 /// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
-const FIRST_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
+const SUNNY_IRRADIANCE_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
 
 /// Both under an overcast sky: half of its level irradiance.
-const OVERCAST_GUESS: DVec3 = DVec3::new(2.11, 2.16, 2.25);
+const OVERCAST_IRRADIANCE_GUESS: DVec3 = DVec3::new(2.11, 2.16, 2.25);
 
 /// The number of rays of a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    pub sun: u32,
-    pub sky: u32,
+    pub(crate) sun: u32,
+    pub(crate) sky: u32,
 }
 
-/// The turn and shift of a point's set of rays against that of its neighbours, both 0-1.
+/// Rotation and shift of a point's set of rays against its neighbours', both 0-1.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Turn {
-    pub angle: f64,
-    pub shift: f64,
+pub(super) struct RayRotation {
+    angle: f64,
+    shift: f64,
 }
 
-impl Turn {
-    /// By a hash of the position: neighbours differ at random.
-    pub(super) fn at(point: DVec3) -> Self {
+impl RayRotation {
+    /// Hashes the position: neighbours differ at random.
+    fn at(point: DVec3) -> Self {
         let key = key_of(point);
         Self { angle: unit(key, 3), shift: unit(key, 4) }
     }
@@ -92,7 +92,7 @@ impl LightMap {
         for (which, primitive) in scene.primitives.iter().enumerate() {
             let first = cells.len() as u32;
             let foliage = scene.paints[usize::from(primitive.paint)].material.is_foliage();
-            if foliage || primitive.shape.area() < SMALL {
+            if foliage || primitive.shape.area() < MIN_CELL_AREA_M2 {
                 grids.push((first, 0, 0));
                 continue;
             }
@@ -126,15 +126,15 @@ fn grid_of(shape: &Shape) -> (u16, u16) {
 impl Place {
     fn first_guess(&self) -> DVec3 {
         match self.lighting {
-            Lighting::Sunny => FIRST_GUESS,
-            Lighting::Overcast => OVERCAST_GUESS,
+            Lighting::Sunny => SUNNY_IRRADIANCE_GUESS,
+            Lighting::Overcast => OVERCAST_IRRADIANCE_GUESS,
         }
     }
 
     fn off_the_map(&self) -> DVec3 {
         match self.lighting {
-            Lighting::Sunny => NO_CELLS,
-            Lighting::Overcast => OVERCAST_GUESS,
+            Lighting::Sunny => IRRADIANCE_WITHOUT_CELLS,
+            Lighting::Overcast => OVERCAST_IRRADIANCE_GUESS,
         }
     }
 
@@ -144,7 +144,7 @@ impl Place {
         let mut sky = DVec3::ZERO;
         for (x, y) in [(0.25, 0.3), (0.7, 0.2), (0.35, 0.75), (0.8, 0.7)] {
             let Some(spot) = shape.spot(corner.x + x * size.x, corner.y + y * size.y) else { continue };
-            let turn = Turn::at(spot.point);
+            let turn = RayRotation::at(spot.point);
             found += 1.0;
             let cosine = spot.normal.dot(sky::sun()).max(0.0);
             if cosine > 0.0 {
@@ -159,13 +159,13 @@ impl Place {
     }
 
     /// The share of the sun's disc that is seen from `point`, by `rays` rays.
-    fn sun_share(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> f64 {
+    fn sun_share(&self, point: DVec3, normal: DVec3, turn: RayRotation, rays: u32) -> f64 {
         let toward = sky::sun();
         let (x, y) = around(toward);
-        let origin = point + normal * (OFF * normal.dot(toward).signum());
+        let origin = point + normal * (RAY_OFFSET_M * normal.dot(toward).signum());
         let mut seen = 0.0;
         for ray in 0..rays {
-            let radius = SUN_RADIUS * ((f64::from(ray) + turn.shift) / f64::from(rays)).sqrt();
+            let radius = SUN_RADIUS_RAD * ((f64::from(ray) + turn.shift) / f64::from(rays)).sqrt();
             let (sin, cos) = (TAU * (turn.angle + 0.618_034 * f64::from(ray))).sin_cos();
             let direction = (toward + (x * cos + y * sin) * radius).normalize();
             if !self.blocked(origin, direction, f64::INFINITY) {
@@ -177,14 +177,14 @@ impl Place {
 
     /// Returns 1 if one ray to a random point of the sun's disc is free, else 0.
     pub(super) fn sun_at(&self, point: DVec3, normal: DVec3) -> f64 {
-        self.sun_share(point, normal, Turn::at(point), 1)
+        self.sun_share(point, normal, RayRotation::at(point), 1)
     }
 
     /// Light from all sides but the sun, gathered by `rays` rays over the side of `normal`.
-    pub(super) fn gather(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> Gathered {
+    fn gather(&self, point: DVec3, normal: DVec3, turn: RayRotation, rays: u32) -> GatheredLight {
         let (x, y) = around(normal);
-        let origin = point + normal * OFF;
-        let mut gathered = Gathered { irradiance: DVec3::ZERO, buried: 0.0 };
+        let origin = point + normal * RAY_OFFSET_M;
+        let mut gathered = GatheredLight { irradiance: DVec3::ZERO, buried: 0.0 };
         let share = 1.0 / f64::from(rays);
         for ray in 0..rays {
             let square = (f64::from(ray) + turn.shift) * share;
@@ -208,7 +208,7 @@ impl Place {
         let primitive = &self.primitives[which];
         let paint = &self.paints[usize::from(primitive.paint)];
         let outward = primitive.shape.spot_anywhere(crossing.a, crossing.b).normal;
-        let inside = outward.dot(direction) > 0.0 || crossing.t < COVERED;
+        let inside = outward.dot(direction) > 0.0 || crossing.t < COVERED_DISTANCE_M;
         if inside && !paint.material.is_sheet() {
             return None;
         }
@@ -226,12 +226,13 @@ impl Place {
         &self,
         which: usize,
         spot: &Spot,
-        (unit_at, direction): (DVec2, DVec3),
+        unit_at: DVec2,
+        direction: DVec3,
         width: f64,
         budget: Budget,
     ) -> DVec3 {
         let (light, skin) = (
-            self.incident(which, spot, direction, Turn::at(spot.point), budget),
+            self.incident(which, spot, direction, RayRotation::at(spot.point), budget),
             self.skin(which, spot, unit_at, width),
         );
         self.reflect(which, spot, direction, &light, &skin)
@@ -243,7 +244,7 @@ impl Place {
         which: usize,
         spot: &Spot,
         direction: DVec3,
-        turn: Turn,
+        turn: RayRotation,
         budget: Budget,
     ) -> Incident {
         let material = self.material(which);
@@ -311,36 +312,36 @@ impl Place {
         }
         let cosine = -direction.dot(mirror);
         let share = least + (1.0 - least) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
-        let seen = match self.nearest(spot.point + facing * OFF, mirrored, f64::INFINITY) {
+        let seen = match self.nearest(spot.point + facing * RAY_OFFSET_M, mirrored, f64::INFINITY) {
             None => self.sky_in(mirrored),
-            Some(_) => self.bounce(spot.point + facing * OFF, mirrored).unwrap_or(DVec3::ZERO),
+            Some(_) => self.bounce(spot.point + facing * RAY_OFFSET_M, mirrored).unwrap_or(DVec3::ZERO),
         };
         matt * (1.0 - share) + seen * share
     }
 }
 
 /// The light that [`Place::gather`] found.
-pub(super) struct Gathered {
+pub(super) struct GatheredLight {
     /// Irradiance without the sun.
-    pub irradiance: DVec3,
+    irradiance: DVec3,
     /// The share of rays that met the inside of something: a buried point has a large one.
-    pub buried: f64,
+    buried: f64,
 }
 
 /// The light at a spot.
 pub(super) struct Incident {
     /// The normal on the side that is seen.
-    pub facing: DVec3,
+    pub(crate) facing: DVec3,
     /// The share of the sun that is seen.
-    pub sun: f64,
+    pub(crate) sun: f64,
     /// Irradiance from all else.
-    pub sky: DVec3,
-    /// The share of rays that are buried, as [`Gathered::buried`].
-    pub buried: f64,
+    sky: DVec3,
+    /// The share of rays that are buried, as [`GatheredLight::buried`].
+    pub(crate) buried: f64,
 }
 
 /// Unit vectors across and up a surface of the given normal; x and y on level ground.
-pub(super) fn tangents(normal: DVec3) -> (DVec3, DVec3) {
+fn tangents(normal: DVec3) -> (DVec3, DVec3) {
     if normal.z.abs() > 0.98 {
         return (DVec3::X, DVec3::Y);
     }

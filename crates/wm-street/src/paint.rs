@@ -60,43 +60,13 @@ pub enum Material {
 }
 
 impl Material {
-    /// Every material.
-    pub const ALL: [Self; 26] = [
-        Self::Asphalt,
-        Self::Cobbles,
-        Self::Paving,
-        Self::Stone,
-        Self::Grass,
-        Self::Soil,
-        Self::Gravel,
-        Self::Grit,
-        Self::Field,
-        Self::Wood,
-        Self::Plaster,
-        Self::Brick,
-        Self::Boards,
-        Self::Timber,
-        Self::Tiles,
-        Self::Slates,
-        Self::Glass,
-        Self::Metal,
-        Self::Cloth,
-        Self::Bark,
-        Self::Birch,
-        Self::Leaf,
-        Self::Blade,
-        Self::Petal,
-        Self::Water,
-        Self::Meadow,
-    ];
-
     /// Thin growth that light shines through and that is seen from both sides.
     #[must_use]
     pub fn is_foliage(self) -> bool {
         matches!(self, Self::Leaf | Self::Blade | Self::Petal | Self::Wood)
     }
 
-    /// What a surface of it is where nothing says otherwise.
+    /// The label of a surface of this material where nothing says otherwise.
     pub(super) fn label(self) -> Label {
         match self {
             Self::Grass | Self::Meadow | Self::Soil | Self::Field => Label::Lawn,
@@ -161,7 +131,7 @@ impl Label {
     pub const ALL: [Self; 7] =
         [Self::Lawn, Self::Path, Self::Water, Self::Plant, Self::Building, Self::Object, Self::Mover];
 
-    /// Its name in files.
+    /// The name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -185,20 +155,20 @@ impl Label {
 /// A material with its colours.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Paint {
-    pub material: Material,
+    pub(crate) material: Material,
     /// Main colour, linear albedo.
-    pub color: DVec3,
+    pub(crate) color: DVec3,
     /// The other colour: mortar, stripes, flowers, yellowed leaves; linear albedo.
-    pub accent: DVec3,
+    pub(crate) accent: DVec3,
     /// Key of the pattern.
-    pub seed: u32,
+    pub(crate) seed: u32,
 }
 
 /// The place of a paint in the list.
 pub(super) type PaintId = u16;
 
 /// Linear value of an sRGB-encoded one, 0-1.
-pub(super) fn linear_of(encoded: f64) -> f64 {
+fn linear_of(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::air::Air;
 use crate::light::Budget;
-use crate::place::{CAST, SHARED};
+use crate::place::{CAST_BUDGET, SHARED_BUDGET};
 use crate::shape::Crossing;
 use crate::{Label, Material, Place, display_of};
 use glam::DVec3;
@@ -20,9 +20,9 @@ pub struct PhotoPixel {
     pub depth: f64,
     /// Normal of that surface, world axes, towards the camera; 0 in the sky.
     pub normal: DVec3,
-    /// Its material; none in the sky.
+    /// The material; none in the sky.
     pub material: Option<Material>,
-    /// Its label; none in the sky.
+    /// The label; none in the sky.
     pub label: Option<Label>,
     /// True if the ray through the pixel's centre ends in the sky.
     pub is_sky: bool,
@@ -32,21 +32,21 @@ pub struct PhotoPixel {
 
 /// The way in which pixels are cast.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Casting {
+pub(crate) struct RaySettings {
     /// A pixel is the mean of this squared rays.
-    pub samples: u32,
+    pub(crate) samples: u32,
     /// Rays for the light of each.
-    pub budget: Budget,
+    pub(crate) budget: Budget,
     /// Rays for the light of a pixel that has one ray alone.
-    pub plain: Budget,
+    pub(crate) plain: Budget,
     /// The haze that they pass through.
-    pub air: Option<Air>,
+    pub(crate) air: Option<Air>,
 }
 
-impl Casting {
+impl RaySettings {
     /// The usual one of `samples`.
-    pub(crate) fn of(samples: u32) -> Self {
-        let budget = if samples > 1 { SHARED } else { CAST };
+    fn of(samples: u32) -> Self {
+        let budget = if samples > 1 { SHARED_BUDGET } else { CAST_BUDGET };
         Self { samples: samples.max(1), budget, plain: budget, air: None }
     }
 
@@ -56,9 +56,9 @@ impl Casting {
     }
 }
 
-/// What the ray through a pixel's middle meets.
+/// The hit of the ray through a pixel's middle.
 #[derive(Clone, Copy)]
-struct Middle {
+struct CenterHit {
     which: usize,
     crossing: Crossing,
     point: DVec3,
@@ -67,7 +67,7 @@ struct Middle {
     label: Label,
 }
 
-impl Middle {
+impl CenterHit {
     /// Returns true if two pixels show one plain surface: nothing between them needs a closer look.
     fn continues(&self, other: &Self) -> bool {
         let off = (other.point - self.point).dot(self.normal).abs();
@@ -82,10 +82,10 @@ impl Place {
     /// The pixel in column `x` and row `y`, averaged over `samples` x `samples` rays (1 and above).
     #[must_use]
     pub fn photo(&self, camera: &Camera, x: u32, y: u32, samples: u32) -> PhotoPixel {
-        let casting = Casting::of(samples);
-        let middle = self.middle(camera, (x, y));
-        let (radiance, moving) = self.averaged(camera, (x, y), &casting);
-        told(camera, (x, y), middle.as_ref(), radiance, moving)
+        let casting = RaySettings::of(samples);
+        let middle = self.middle(camera, x, y);
+        let (radiance, moving) = self.averaged(camera, x, y, &casting);
+        told(camera, x, y, middle.as_ref(), radiance, moving)
     }
 
     /// Row `y` of a picture, left to right; see [`Self::photo`].
@@ -96,12 +96,13 @@ impl Place {
 
     /// A whole picture, row by row, on all threads: pixels that show one plain surface, or only
     /// sky, have one ray with more light, all others are averaged.
-    pub(crate) fn picture(&self, camera: &Camera, casting: &Casting) -> Vec<PhotoPixel> {
+    pub(crate) fn picture(&self, camera: &Camera, casting: &RaySettings) -> Vec<PhotoPixel> {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let pixels = (0..width * height).into_par_iter();
-        let at = |index: usize| ((index % width) as u32, (index / width) as u32);
-        let middles: Vec<Option<Middle>> =
-            pixels.clone().map(|index| self.middle(camera, at(index))).collect();
+        let middles: Vec<Option<CenterHit>> = pixels
+            .clone()
+            .map(|index| self.middle(camera, (index % width) as u32, (index / width) as u32))
+            .collect();
         let is_plain = |index: usize| {
             let (x, y) = (index % width, index / width);
             let beside = [
@@ -117,39 +118,40 @@ impl Place {
             })
         };
         let pixel = |index: usize| {
+            let (x, y) = ((index % width) as u32, (index / width) as u32);
             let middle = middles[index].as_ref();
             let (radiance, moving) = if casting.samples == 1 || is_plain(index) {
-                self.plain(camera, at(index), middle, casting)
+                self.plain(camera, x, y, middle, casting)
             } else {
-                self.averaged(camera, at(index), casting)
+                self.averaged(camera, x, y, casting)
             };
-            told(camera, at(index), middle, radiance, moving)
+            told(camera, x, y, middle, radiance, moving)
         };
         pixels.map(pixel).collect()
     }
 
-    fn middle(&self, camera: &Camera, (x, y): (u32, u32)) -> Option<Middle> {
+    fn middle(&self, camera: &Camera, x: u32, y: u32) -> Option<CenterHit> {
         let (eye, direction) = (camera.center(), camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let (which, crossing) = self.nearest(eye, direction, f64::INFINITY)?;
         let outward = self.primitives[which].shape.spot_anywhere(crossing.a, crossing.b).normal;
         let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
         let point = eye + direction * crossing.t;
         let (material, label) = self.matter(which, point);
-        Some(Middle { which, crossing, point, normal, material, label })
+        Some(CenterHit { which, crossing, point, normal, material, label })
     }
 
     /// Radiance of a pixel by the ray through its middle alone, and its share of movers.
     fn plain(
         &self,
         camera: &Camera,
-        (x, y): (u32, u32),
-        middle: Option<&Middle>,
-        casting: &Casting,
+        x: u32,
+        y: u32,
+        middle: Option<&CenterHit>,
+        casting: &RaySettings,
     ) -> (DVec3, f64) {
         let (eye, direction) = (camera.center(), camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
-        let lit = |middle: &Middle| {
-            let ray = (eye, direction);
-            self.hit(middle.which, &middle.crossing, ray, casting.plain, camera.widest_pixel())
+        let lit = |middle: &CenterHit| {
+            self.hit(middle.which, &middle.crossing, eye, direction, casting.plain, camera.widest_pixel())
         };
         let radiance = middle.map_or_else(|| self.sky(direction), |middle| lit(middle).radiance);
         let moving = middle.is_some_and(|middle| middle.label == Label::Mover);
@@ -158,7 +160,7 @@ impl Place {
     }
 
     /// Mean radiance of a pixel over all samples, and its share of movers.
-    fn averaged(&self, camera: &Camera, (x, y): (u32, u32), casting: &Casting) -> (DVec3, f64) {
+    fn averaged(&self, camera: &Camera, x: u32, y: u32, casting: &RaySettings) -> (DVec3, f64) {
         let eye = camera.center();
         let (left, top) = (f64::from(x), f64::from(y));
         let size = 1.0 / f64::from(casting.samples);
@@ -180,8 +182,9 @@ impl Place {
 /// A pixel with what is known of its middle.
 fn told(
     camera: &Camera,
-    (x, y): (u32, u32),
-    middle: Option<&Middle>,
+    x: u32,
+    y: u32,
+    middle: Option<&CenterHit>,
     radiance: DVec3,
     moving: f64,
 ) -> PhotoPixel {

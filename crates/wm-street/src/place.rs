@@ -13,25 +13,25 @@ use glam::{DVec2, DVec3};
 use wm_scene::{Lamp, LitWindow, Metadata};
 
 /// Rays that [`Place::cast`] spends on the light of a point.
-pub(crate) const CAST: Budget = Budget { sun: 2, sky: 12 };
-/// The same where several rays make a pixel: they share the work, and the mean is as smooth.
-pub(crate) const SHARED: Budget = Budget { sun: 1, sky: 3 };
-/// Footprint of a cast ray per metre of its length: a pixel of a picture about 1000 px high.
-const FOOTPRINT: f64 = 0.0012;
+pub(crate) const CAST_BUDGET: Budget = Budget { sun: 2, sky: 12 };
+/// Rays on the light of a point where several rays make a pixel: the mean is as smooth.
+pub(crate) const SHARED_BUDGET: Budget = Budget { sun: 1, sky: 3 };
+/// Footprint of a cast ray per metre of length: a pixel of a picture about 1000 px high.
+const RAY_FOOTPRINT: f64 = 0.0012;
 
 /// A place with everything in it.
 #[derive(Clone, Debug)]
 pub struct Place {
-    pub(crate) name: &'static str,
+    name: &'static str,
     pub(crate) seed: u64,
-    /// What stands still in the order of `tree`, then what moves in the order of `movers`.
+    /// Static primitives in the order of `tree`, then moving ones in the order of `movers`.
     pub(crate) primitives: Vec<Primitive>,
     pub(crate) paints: Vec<Paint>,
     tree: Bvh,
     /// The number of primitives that stand still.
     fixed: usize,
     movers: Bvh,
-    pub(crate) cover: GroundCover,
+    cover: GroundCover,
     lamps: Vec<Lamp>,
     windows: Vec<LitWindow>,
     pub(crate) lighting: Lighting,
@@ -95,7 +95,7 @@ impl Place {
         place
     }
 
-    /// The same place in other light.
+    /// Returns the place in other light.
     #[must_use]
     pub fn in_light(self, lighting: Lighting) -> Self {
         let mut place = Self { lighting, light: LightMap::default(), ..self };
@@ -115,7 +115,7 @@ impl Place {
         Self { paints: builder.paints, movers, ..place }
     }
 
-    /// Its name: `street` or `park`.
+    /// The name: `street` or `park`.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name
@@ -139,7 +139,7 @@ impl Place {
     /// `direction` need not have length 1; `t` is in metres all the same.
     #[must_use]
     pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<LitHit> {
-        self.cast_with(origin, direction, CAST)
+        self.cast_with(origin, direction, CAST_BUDGET)
     }
 
     /// The first surface along a ray without its light: what depth and normals need, and quicker.
@@ -159,10 +159,10 @@ impl Place {
     /// `None` beyond the fields that surround the place.
     #[must_use]
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
-        /// More surfaces than lie above each other anywhere.
-        const MOST: usize = 1000;
+        /// Most surfaces above each other: more than anywhere.
+        const MAX_LAYERS: usize = 1000;
         let mut from = DVec3::new(x, y, 300.0);
-        for _ in 0..MOST {
+        for _ in 0..MAX_LAYERS {
             let hit = self.first(from, -DVec3::Z)?;
             let point = from - DVec3::Z * hit.t;
             if hit.label.is_ground() || hit.label == Label::Water {
@@ -214,7 +214,7 @@ impl Place {
         self.lighting.radiance(direction, self.seed as u32)
     }
 
-    /// The material of a primitive; of covered ground that of the lawn.
+    /// The material of a primitive; covered ground has the material of its lawn.
     pub(crate) fn material(&self, which: usize) -> Material {
         self.paints[usize::from(self.primitives[which].paint)].material
     }
@@ -238,25 +238,29 @@ impl Place {
 
     /// The nearest crossing before `high`, movers among them, and its primitive.
     pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3, high: f64) -> Option<(usize, Crossing)> {
-        let ray = (origin, direction);
-        let fixed = self.tree.nearest(|which| &self.primitives[which].shape, ray, 1e-9, high);
+        let fixed = self.tree.nearest(|which| &self.primitives[which].shape, origin, direction, 1e-9, high);
         let high = fixed.map_or(high, |(_, crossing)| crossing.t);
         let shape = |which: usize| &self.primitives[self.fixed + which].shape;
-        let moving = self.movers.nearest(shape, ray, 1e-9, high);
+        let moving = self.movers.nearest(shape, origin, direction, 1e-9, high);
         moving.map(|(which, crossing)| (self.fixed + which, crossing)).or(fixed)
     }
 
     /// Returns true if anything stands in the way before `high`.
     pub(crate) fn blocked(&self, origin: DVec3, direction: DVec3, high: f64) -> bool {
-        let ray = (origin, direction);
-        self.tree.any(|which| &self.primitives[which].shape, ray, 1e-9, high)
-            || self.movers.any(|which| &self.primitives[self.fixed + which].shape, ray, 1e-9, high)
+        self.tree.any(|which| &self.primitives[which].shape, origin, direction, 1e-9, high)
+            || self.movers.any(
+                |which| &self.primitives[self.fixed + which].shape,
+                origin,
+                direction,
+                1e-9,
+                high,
+            )
     }
 
     pub(crate) fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<LitHit> {
         let direction = direction.try_normalize()?;
         let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
-        Some(self.hit(which, &crossing, (origin, direction), budget, FOOTPRINT))
+        Some(self.hit(which, &crossing, origin, direction, budget, RAY_FOOTPRINT))
     }
 
     /// The reflectance of the nearest surface along a ray, linear RGB, 0-1; `None` of the sky.
@@ -266,7 +270,7 @@ impl Place {
         let unit = DVec2::new(crossing.a, crossing.b);
         let point = origin + direction * crossing.t;
         let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
-        Some(self.skin(which, &spot, unit, (FOOTPRINT * crossing.t).max(1e-3)).albedo.to_array())
+        Some(self.skin(which, &spot, unit, (RAY_FOOTPRINT * crossing.t).max(1e-3)).albedo.to_array())
     }
 
     /// The light of a crossing; `footprint` is the width of the ray per metre of its length.
@@ -274,7 +278,8 @@ impl Place {
         &self,
         which: usize,
         crossing: &Crossing,
-        (origin, direction): (DVec3, DVec3),
+        origin: DVec3,
+        direction: DVec3,
         budget: Budget,
         footprint: f64,
     ) -> LitHit {
@@ -284,7 +289,7 @@ impl Place {
         let normal = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
         let slant = normal.dot(direction).abs().max(0.1);
         let width = (footprint * crossing.t / slant.sqrt()).max(1e-3);
-        let radiance = self.shade(which, &spot, (unit, direction), width, budget).to_array();
+        let radiance = self.shade(which, &spot, unit, direction, width, budget).to_array();
         let (material, label) = self.matter(which, point);
         LitHit { t: crossing.t, point, normal, material, label, radiance }
     }

@@ -19,25 +19,25 @@ use wm_scene::splats::Splat;
 use wm_scene::{Scene, Splats};
 
 /// Size of a cell per metre of distance, at detail 1.
-const ANGLE: f64 = 0.0068;
+const CELL_ANGLE_RAD: f64 = 0.0068;
 /// The finest cell at detail 1, m.
-const FINEST: f64 = 0.03;
+const MIN_CELL_SIZE_M: f64 = 0.03;
 /// Splats that a thread makes at a time: enough to be worth the hand-over, few enough to stop soon.
-const CHUNK: usize = 2048;
+const CHUNK_SPLATS: usize = 2048;
 /// Splats of the sky at detail 1.
-const SKY: f64 = 16_000.0;
+const SKY_SPLATS: f64 = 16_000.0;
 
-/// Those for whom splats are made: people on a line along y.
+/// Viewers for whom splats are made: people on a line along y.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Audience {
-    pub x: f64,
+    pub(crate) x: f64,
     /// The ends of their line, m.
-    pub y: (f64, f64),
+    pub(crate) y: (f64, f64),
     /// Height of their eyes, m.
-    pub z: f64,
+    pub(crate) z: f64,
     /// The way that they look: a point is seen from this much before it, as a share of its distance
     /// from the line. At 0 they look around; above 0 nobody looks back beyond the line's beginning.
-    pub lead: f64,
+    pub(crate) lead: f64,
 }
 
 impl Audience {
@@ -52,18 +52,18 @@ impl Audience {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
     /// The primitive.
-    pub which: u32,
-    pub kind: Cell,
+    pub(crate) which: u32,
+    pub(crate) kind: Cell,
     /// Lowest surface coordinates.
-    pub low: [f32; 2],
+    pub(crate) low: [f32; 2],
     /// Extent in surface coordinates.
-    pub size: [f32; 2],
-    pub nu: u32,
-    pub nv: u32,
+    pub(crate) size: [f32; 2],
+    pub(crate) nu: u32,
+    pub(crate) nv: u32,
     /// Index of its first cell.
-    pub first: usize,
+    pub(crate) first: usize,
     /// A Gaussian's distance from the primitive's edges is at least this many standard deviations.
-    pub reserve: f32,
+    pub(crate) reserve: f32,
 }
 
 /// The form of the Gaussian of a cell.
@@ -100,7 +100,7 @@ impl Place {
         for which in 0..self.primitives.len() {
             sampling.cover(which, [0.0; 2], [1.0; 2], detail);
         }
-        sampling.sky = (SKY * detail.min(1.5).powi(2)).ceil() as usize;
+        sampling.sky = (SKY_SPLATS * detail.min(1.5).powi(2)).ceil() as usize;
         sampling
     }
 }
@@ -147,10 +147,10 @@ impl SplatSampling<'_> {
     /// returns false to stop; then the result is `None`.
     #[must_use]
     pub fn scene(&self, progress: &(dyn Fn(usize) -> bool + Sync)) -> Option<Scene> {
-        let chunks = (0..self.len().div_ceil(CHUNK)).into_par_iter();
+        let chunks = (0..self.len().div_ceil(CHUNK_SPLATS)).into_par_iter();
         let parts: Option<Vec<Vec<(Splat, u16)>>> = chunks
             .map(|chunk| {
-                let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(self.len());
+                let range = chunk * CHUNK_SPLATS..((chunk + 1) * CHUNK_SPLATS).min(self.len());
                 let count = range.len();
                 let labelled = |index| self.splat(index).map(|splat| (splat, self.label(index, &splat)));
                 let part = range.filter_map(labelled).collect();
@@ -284,7 +284,7 @@ impl Gap {
         let eye = audience.viewer(spot.point);
         let away = spot.point - eye;
         let distance = away.length().max(2.5);
-        let mut size = ANGLE * distance;
+        let mut size = CELL_ANGLE_RAD * distance;
         let ends = [audience.y.0, audience.y.1].map(|y| DVec3::new(audience.x, y, audience.z));
         let away_from_all = flat && ends.iter().all(|end| spot.normal.dot(*end - spot.point) < 0.0);
         if away_from_all {
@@ -301,7 +301,7 @@ impl Gap {
             0.42
         };
         Self {
-            size: size.max(FINEST) / detail,
+            size: size.max(MIN_CELL_SIZE_M) / detail,
             distance,
             direction: away / away.length().max(1e-9),
             least,

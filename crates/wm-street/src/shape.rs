@@ -54,18 +54,18 @@ pub(super) enum Shape {
 /// The crossing of a ray with a shape: `a`, `b` are the surface coordinates, both 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
-    pub t: f64,
-    pub a: f64,
-    pub b: f64,
+    pub(crate) t: f64,
+    pub(crate) a: f64,
+    pub(crate) b: f64,
 }
 
 /// A point of a surface with its outward normal and its tangents by `a` and `b`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
-    pub point: DVec3,
-    pub normal: DVec3,
-    pub along_a: DVec3,
-    pub along_b: DVec3,
+    pub(crate) point: DVec3,
+    pub(crate) normal: DVec3,
+    pub(crate) along_a: DVec3,
+    pub(crate) along_b: DVec3,
 }
 
 impl Shape {

@@ -13,13 +13,13 @@ pub(super) fn sun() -> DVec3 {
 
 /// The time at which the sun stands there for places near 52 degrees north, 5 degrees east: 30 May
 /// 2024, 8:56 UTC, seconds since 1970.
-pub(super) const TIME: i64 = 1_717_059_360;
+pub(super) const SUN_TIME_S: i64 = 1_717_059_360;
 
 /// Irradiance of a surface that faces the sun.
-const SUN: DVec3 = DVec3::new(4.30, 3.95, 3.30);
+const SUN_IRRADIANCE: DVec3 = DVec3::new(4.30, 3.95, 3.30);
 /// Zenith radiance of the overcast sky: level ground is 0.3 EV darker than in the sun, as a camera
 /// that follows the light would have it.
-const ZENITH: DVec3 = DVec3::new(1.73, 1.77, 1.84);
+const OVERCAST_ZENITH_RADIANCE: DVec3 = DVec3::new(1.73, 1.77, 1.84);
 
 /// The light of a built-in place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,7 +36,7 @@ impl Lighting {
     /// Irradiance of a surface that faces the sun.
     pub(super) fn sun(self) -> DVec3 {
         match self {
-            Self::Sunny => SUN,
+            Self::Sunny => SUN_IRRADIANCE,
             Self::Overcast => DVec3::ZERO,
         }
     }
@@ -59,7 +59,7 @@ impl Lighting {
 }
 
 fn overcast(direction: DVec3) -> DVec3 {
-    ZENITH * ((1.0 + 2.0 * direction.z.max(0.0)) / 3.0)
+    OVERCAST_ZENITH_RADIANCE * ((1.0 + 2.0 * direction.z.max(0.0)) / 3.0)
 }
 
 /// Sky radiance without clouds.
@@ -79,7 +79,7 @@ fn smooth(direction: DVec3) -> DVec3 {
     clear(direction).lerp(DVec3::new(0.98, 0.98, 0.97), 0.38)
 }
 
-/// Sky radiance with clouds, `seed` shaping them. Below the horizon it stays that of the horizon.
+/// Sky radiance with clouds, `seed` shaping them. Below the horizon it is constant.
 fn radiance(direction: DVec3, seed: u32) -> DVec3 {
     let clear = clear(direction);
     if direction.z <= 0.0 {

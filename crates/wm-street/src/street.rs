@@ -13,7 +13,7 @@ use wm_scene::capture::Gps;
 pub struct Street;
 
 /// Keyframes of the walk: share of the time, eye, target.
-const WALK: [(f64, DVec3, DVec3); 5] = [
+const WALK_KEYFRAMES: [(f64, DVec3, DVec3); 5] = [
     (0.0, DVec3::new(0.7, 0.0, 1.60), DVec3::new(-0.6, 40.0, 2.6)),
     (0.3, DVec3::new(0.9, 10.5, 1.60), DVec3::new(-1.5, 46.0, 2.8)),
     (0.55, DVec3::new(0.5, 19.5, 1.60), DVec3::new(0.6, 50.0, 2.9)),
@@ -40,7 +40,7 @@ impl Street {
         Sights {
             views: Self::views(),
             dolly: |_, time| Self::dolly(time),
-            path: WALK.iter().map(|key| key.1.truncate()).collect(),
+            path: WALK_KEYFRAMES.iter().map(|key| key.1.truncate()).collect(),
             road: (DVec2::new(1.35, -6.0), DVec2::new(1.35, 60.0)),
             middle: DVec3::new(0.0, 28.0, 2.0),
             orbit: 42.0,
@@ -53,19 +53,13 @@ impl Street {
     /// Views that look good, the best first.
     #[must_use]
     pub fn views() -> Vec<Viewpoint> {
-        let view = |name, eye: [f64; 3], target: [f64; 3], fov_y| Viewpoint {
-            name,
-            eye: DVec3::from_array(eye),
-            target: DVec3::from_array(target),
-            fov_y,
-        };
         vec![
-            view("street", [0.9, -1.5, 1.7], [-1.4, 40.0, 3.4], 50.0),
-            view("porch", [-1.4, 36.5, 1.6], [-9.8, 48.6, 2.3], 48.0),
-            view("corner", [2.2, 12.0, 1.7], [-6.0, 27.0, 3.2], 52.0),
-            view("lime", [1.8, 29.0, 1.6], [-6.5, 43.0, 3.4], 55.0),
-            view("shade", [-2.4, 20.0, 1.7], [5.4, 38.0, 2.9], 52.0),
-            view("high", [0.4, -4.0, 5.8], [-1.6, 45.0, 1.6], 50.0),
+            Viewpoint::new("street", [0.9, -1.5, 1.7], [-1.4, 40.0, 3.4], 50.0),
+            Viewpoint::new("porch", [-1.4, 36.5, 1.6], [-9.8, 48.6, 2.3], 48.0),
+            Viewpoint::new("corner", [2.2, 12.0, 1.7], [-6.0, 27.0, 3.2], 52.0),
+            Viewpoint::new("lime", [1.8, 29.0, 1.6], [-6.5, 43.0, 3.4], 55.0),
+            Viewpoint::new("shade", [-2.4, 20.0, 1.7], [5.4, 38.0, 2.9], 52.0),
+            Viewpoint::new("high", [0.4, -4.0, 5.8], [-1.6, 45.0, 1.6], 50.0),
         ]
     }
 
@@ -76,14 +70,17 @@ impl Street {
     #[must_use]
     pub fn dolly(time: f64) -> Viewpoint {
         let time = time.clamp(0.0, 1.0);
-        let last = WALK.len() - 2;
-        let at = (0..=last).rev().find(|i| WALK[*i].0 <= time).unwrap_or(0);
-        let (from, to) = (WALK[at], WALK[at + 1]);
+        let last = WALK_KEYFRAMES.len() - 2;
+        let at = (0..=last).rev().find(|i| WALK_KEYFRAMES[*i].0 <= time).unwrap_or(0);
+        let (from, to) = (WALK_KEYFRAMES[at], WALK_KEYFRAMES[at + 1]);
         let span = to.0 - from.0;
         let t = (time - from.0) / span;
-        // Cubic Hermite; slopes are those of the neighbours' chord.
+        // Cubic Hermite; the slope at a key is that of the chord between its neighbours.
         let slope = |i: usize, pick: fn(&(f64, DVec3, DVec3)) -> DVec3| {
-            let (a, b) = (&WALK[i.saturating_sub(1)], &WALK[(i + 1).min(WALK.len() - 1)]);
+            let (a, b) = (
+                &WALK_KEYFRAMES[i.saturating_sub(1)],
+                &WALK_KEYFRAMES[(i + 1).min(WALK_KEYFRAMES.len() - 1)],
+            );
             (pick(b) - pick(a)) / (b.0 - a.0) * span
         };
         let curve = |pick: fn(&(f64, DVec3, DVec3)) -> DVec3| {
@@ -123,16 +120,17 @@ mod tests {
             let turn = |view: &Viewpoint| (view.target - view.eye).normalize();
             assert!(turn(&pair[0]).angle_between(turn(&pair[1])).to_degrees() / second < 12.0);
         }
-        assert_eq!(views[0].eye, WALK[0].1);
-        assert!(views[steps as usize].target.distance(WALK[4].2) < 1e-9);
+        assert_eq!(views[0].eye, WALK_KEYFRAMES[0].1);
+        assert!(views[steps as usize].target.distance(WALK_KEYFRAMES[4].2) < 1e-9);
     }
 
     #[test]
     fn views_make_cameras_and_have_names_of_their_own() {
-        let views = Street::views();
-        for (index, view) in views.iter().enumerate() {
-            assert!(view.camera((300, 200)).is_ok());
-            assert!(views[index + 1..].iter().all(|other| other.name != view.name));
+        for views in [Street::views(), crate::Park::views()] {
+            for (index, view) in views.iter().enumerate() {
+                assert!(view.camera((300, 200)).is_ok());
+                assert!(views[index + 1..].iter().all(|other| other.name != view.name));
+            }
         }
     }
 }

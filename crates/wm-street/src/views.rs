@@ -19,6 +19,10 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
+    pub(crate) const fn new(name: &'static str, eye: [f64; 3], target: [f64; 3], fov_y: f64) -> Self {
+        Self { name, eye: DVec3::from_array(eye), target: DVec3::from_array(target), fov_y }
+    }
+
     /// The camera of this view for a picture of `size` (width, height), px.
     ///
     /// # Errors
@@ -31,21 +35,21 @@ impl Viewpoint {
 /// Where a place is looked at from.
 #[derive(Clone, Debug)]
 pub(crate) struct Sights {
-    pub views: Vec<Viewpoint>,
+    pub(crate) views: Vec<Viewpoint>,
     /// A walk at eye level by the share of its time, 0-1.
-    pub dolly: fn(&Place, f64) -> Viewpoint,
+    pub(crate) dolly: fn(&Place, f64) -> Viewpoint,
     /// The path that somebody with a camera walks.
-    pub path: Vec<DVec2>,
+    pub(crate) path: Vec<DVec2>,
     /// The lane that a car drives along, in a straight line.
-    pub road: (DVec2, DVec2),
-    /// What flights look at.
-    pub middle: DVec3,
+    pub(crate) road: (DVec2, DVec2),
+    /// Target of flights.
+    pub(crate) middle: DVec3,
     /// Radius of a flight around that, m.
-    pub orbit: f64,
-    /// Those for whom splats are made.
-    pub audience: Audience,
+    pub(crate) orbit: f64,
+    /// Viewers for whom splats are made.
+    pub(crate) audience: Audience,
     /// Splats lower than this, m, are inside of the ground.
-    pub lowest: f64,
+    pub(crate) lowest: f64,
     /// The place on Earth of its origin.
-    pub home: Gps,
+    pub(crate) home: Gps,
 }

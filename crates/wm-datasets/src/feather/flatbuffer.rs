@@ -4,7 +4,7 @@
 //! says where its fields lie; fields that are tables, lists and texts are offsets ahead. Source:
 //! flatbuffers.dev/internals.
 
-use super::{FeatherFault, MOST_COLUMNS, fault};
+use super::{FeatherFault, MAX_COLUMNS, fault};
 
 /// A field of a table that is written; a table has them in the order of their slots.
 pub(super) enum FlatField {
@@ -185,7 +185,7 @@ impl<'a> FlatTable<'a> {
         let (first, count) = self.structs(slot, 4)?;
         let bytes = self.bytes;
         let places: Result<Vec<usize>, FeatherFault> =
-            (0..count.min(MOST_COLUMNS + 1)).map(|index| followed(bytes, first + 4 * index)).collect();
+            (0..count.min(MAX_COLUMNS + 1)).map(|index| followed(bytes, first + 4 * index)).collect();
         Ok(places?.into_iter().map(move |at| Self { bytes, at }))
     }
 

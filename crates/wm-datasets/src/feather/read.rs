@@ -5,16 +5,16 @@
 //! promises. Types: integers of 8 to 64 bits, floats of 16 to 64 bits, booleans, UTF-8.
 
 use super::flatbuffer::{FlatTable, le_u32, le_u64};
-use super::{ColumnType, FeatherFault, MAGIC, MOST_COLUMNS, fault};
+use super::{ColumnType, FeatherFault, MAGIC, MAX_COLUMNS, fault};
 use half::f16;
 use lz4_flex::frame::FrameDecoder;
 use std::io::Read;
 
 /// Most rows of a table, and record batches.
-const MOST_ROWS: u64 = 50_000_000;
-const MOST_BATCHES: usize = 100_000;
+const MAX_ROWS: u64 = 50_000_000;
+const MAX_BATCHES: usize = 100_000;
 /// Most bytes of a column of texts in one batch.
-const MOST_TEXT: u64 = 1 << 30;
+const MAX_TEXT_BYTES: u64 = 1 << 30;
 
 /// The values of a column.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,7 +36,7 @@ pub(crate) struct FeatherTable {
 impl FeatherTable {
     /// Reads the columns of these names; others are stepped over. Those that the file does not have
     /// are not in the table.
-    pub fn read(bytes: &[u8], names: &[&str]) -> Result<Self, FeatherFault> {
+    pub(crate) fn read(bytes: &[u8], names: &[&str]) -> Result<Self, FeatherFault> {
         let end = bytes.len();
         if bytes.get(..6) != Some(MAGIC) || end < 24 || bytes.get(end - 6..) != Some(MAGIC) {
             return fault(0, "no Feather file of version 2, or cut off: it must begin and end with ARROW1");
@@ -64,7 +64,7 @@ impl FeatherTable {
             }
         }
         let (blocks, count) = footer.structs(3, 24)?;
-        if count > MOST_BATCHES {
+        if count > MAX_BATCHES {
             return fault(blocks, format!("{count} record batches are too many"));
         }
         let mut rows = 0;
@@ -76,20 +76,21 @@ impl FeatherTable {
             else {
                 return fault(at, "a record batch outside of the file");
             };
-            rows += table.append(bytes, &fields, (place as usize, body))?;
-            if rows > MOST_ROWS {
-                return fault(at, format!("more than {MOST_ROWS} rows"));
+            rows += table.append(bytes, &fields, place as usize, body)?;
+            if rows > MAX_ROWS {
+                return fault(at, format!("more than {MAX_ROWS} rows"));
             }
         }
         Ok(table)
     }
 
-    /// Appends a record batch, whose message and body begin at the places; returns its rows.
+    /// Appends the record batch whose message is at `place` and body at `body`; returns its rows.
     fn append(
         &mut self,
         bytes: &[u8],
         fields: &[(String, ColumnType)],
-        (place, body): (usize, usize),
+        place: usize,
+        body: usize,
     ) -> Result<u64, FeatherFault> {
         // Since Arrow 0.15 the length is behind a mark.
         let start = if le_u32(bytes, place)? == u32::MAX { place + 8 } else { place + 4 };
@@ -103,8 +104,8 @@ impl FeatherTable {
         }
         let Some(batch) = message.table(2)? else { return fault(place, "a record batch without a header") };
         let rows = batch.number::<8>(0)?.map_or(0, u64::from_le_bytes);
-        if rows > MOST_ROWS {
-            return fault(place, format!("a record batch of {rows} rows; {MOST_ROWS} are read at most"));
+        if rows > MAX_ROWS {
+            return fault(place, format!("a record batch of {rows} rows; {MAX_ROWS} are read at most"));
         }
         let (nodes, node_count) = batch.structs(1, 16)?;
         let (buffers, buffer_count) = batch.structs(2, 16)?;
@@ -167,7 +168,7 @@ impl FeatherTable {
     }
 
     /// Takes a column of floats; integers become floats.
-    pub fn floats(&mut self, name: &str) -> Result<Vec<f64>, String> {
+    pub(crate) fn floats(&mut self, name: &str) -> Result<Vec<f64>, String> {
         match self.take(name)? {
             ColumnValues::Floats(values) => Ok(values),
             ColumnValues::Ints(values) => Ok(values.into_iter().map(|v| v as f64).collect()),
@@ -176,7 +177,7 @@ impl FeatherTable {
     }
 
     /// Takes a column of integers.
-    pub fn ints(&mut self, name: &str) -> Result<Vec<i64>, String> {
+    pub(crate) fn ints(&mut self, name: &str) -> Result<Vec<i64>, String> {
         match self.take(name)? {
             ColumnValues::Ints(values) => Ok(values),
             _ => Err(format!("the column {name:?} does not hold whole numbers")),
@@ -184,7 +185,7 @@ impl FeatherTable {
     }
 
     /// Takes a column of texts.
-    pub fn texts(&mut self, name: &str) -> Result<Vec<String>, String> {
+    pub(crate) fn texts(&mut self, name: &str) -> Result<Vec<String>, String> {
         match self.take(name)? {
             ColumnValues::Texts(values) => Ok(values),
             _ => Err(format!("the column {name:?} does not hold texts")),
@@ -241,7 +242,7 @@ impl ColumnValues {
             }
             (Self::Texts(values), ColumnType::Text) => {
                 let offsets = fixed(1, 4, rows + 1)?;
-                let data = buffer(2, MOST_TEXT)?;
+                let data = buffer(2, MAX_TEXT_BYTES)?;
                 for pair in offsets.as_chunks::<4>().0[..=rows].windows(2) {
                     let [start, end] = [pair[0], pair[1]].map(|v| u32::from_le_bytes(v) as usize);
                     let text = data.get(start..end).and_then(|text| std::str::from_utf8(text).ok());
@@ -323,8 +324,8 @@ fn fields(schema: &FlatTable<'_>) -> Result<Vec<(String, ColumnType)>, FeatherFa
             }
         };
         fields.push((name, of));
-        if fields.len() > MOST_COLUMNS {
-            return fault(schema.at, format!("more than {MOST_COLUMNS} columns"));
+        if fields.len() > MAX_COLUMNS {
+            return fault(schema.at, format!("more than {MAX_COLUMNS} columns"));
         }
     }
     Ok(fields)

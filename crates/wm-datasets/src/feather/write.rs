@@ -22,7 +22,7 @@ pub(crate) struct FeatherColumn {
     rows: usize,
     /// The values; of texts their bytes.
     values: Vec<u8>,
-    /// Of texts: the place of the first byte of each, and the end of the last.
+    /// Byte offsets of texts: the first byte of each, and the end of the last.
     offsets: Vec<u8>,
 }
 
@@ -31,7 +31,7 @@ pub(crate) trait FeatherValue {
     /// The type of its column.
     const TYPE: ColumnType;
 
-    /// Appends it to a column, whose rows so far are `rows`.
+    /// Appends the value to a column that has `rows` rows.
     fn append(self, rows: usize, column: &mut FeatherColumn);
 }
 
@@ -92,7 +92,7 @@ impl FeatherColumn {
         column
     }
 
-    /// Its buffers. That of the bits of validity is empty, since no value is missing.
+    /// The buffers. The validity bitmap is empty, since no value is missing.
     fn buffers(&self) -> Vec<&[u8]> {
         match self.kind {
             ColumnType::Text => vec![&[], &self.offsets, &self.values],
@@ -100,7 +100,7 @@ impl FeatherColumn {
         }
     }
 
-    /// Its entry in the schema. Values may be missing as far as readers know, as in files that
+    /// The entry in the schema. Values may be missing as far as readers know, as in files that
     /// pandas writes.
     fn field(&self) -> Vec<FlatField> {
         let (number, kind) = match self.kind {

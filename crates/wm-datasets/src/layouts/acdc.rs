@@ -16,7 +16,7 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, layer, picture};
-use crate::{BlockInfo, SetError, SensorReading, SetInfo, picture_files};
+use crate::{BlockInfo, SensorReading, SetError, SetInfo, picture_files};
 
 const NAME: &str = "acdc";
 

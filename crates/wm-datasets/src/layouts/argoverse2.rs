@@ -23,10 +23,10 @@
 //!
 //! Source: the public API (github.com/argoverse/av2-api, MIT) and a real log.
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
 use crate::feather::{FeatherColumn, feather};
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, DatasetPoint, SensorReading, ReadingData, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetPoint, ReadingData, SensorReading, SetError, SetInfo};
 use crate::{SensorInfo, SensorInfoKind, picture_files};
 use glam::{DVec3, Vec3};
 use half::f16;
@@ -35,7 +35,7 @@ use std::path::PathBuf;
 const NAME: &str = "argoverse2";
 
 /// The ring cameras and the way they look, degrees from x forward towards y left.
-const RING: [(&str, f64); 7] = [
+const RING_CAMERAS_DEG: [(&str, f64); 7] = [
     ("ring_front_center", 0.0),
     ("ring_front_left", 45.0),
     ("ring_side_left", 99.0),
@@ -45,8 +45,8 @@ const RING: [(&str, f64); 7] = [
     ("ring_front_right", -45.0),
 ];
 
-/// Degrees by which a camera may look another way than the ring camera that it gets its name from.
-const RING_TOLERANCE: f64 = 25.0;
+/// Largest angle between a camera and the ring camera that names it, degrees.
+const RING_TOLERANCE_DEG: f64 = 25.0;
 
 /// The names of the two lidars.
 const LIDARS: [&str; 2] = ["up_lidar", "down_lidar"];
@@ -68,11 +68,17 @@ impl Layout for Argoverse2 {
         let lidars: Vec<_> = lidars(set).collect();
         if lidars.len() > 1 {
             let names = lidars.iter().map(|(sensor, _)| sensor.name.as_str()).collect::<Vec<_>>().join(", ");
-            return Err(refuse(NAME, format!("it holds one lidar and the rig has {names}; keep one of them")));
+            return Err(refuse(
+                NAME,
+                format!("it holds one lidar and the rig has {names}; keep one of them"),
+            ));
         }
         if let Some((sensor, rings)) = lidars.iter().find(|(_, rings)| *rings > 256) {
             let name = &sensor.name;
-            return Err(refuse(NAME, format!("lidar \"{name}\" has {rings} rings; choose a model with at most 256")));
+            return Err(refuse(
+                NAME,
+                format!("lidar \"{name}\" has {rings} rings; choose a model with at most 256"),
+            ));
         }
         if lidars.is_empty() && cameras(set).next().is_none() {
             return Err(refuse(NAME, "the rig has neither a camera nor a lidar; add one"));
@@ -80,13 +86,22 @@ impl Layout for Argoverse2 {
         for (_, sensor, camera) in cameras(set) {
             let name = &sensor.name;
             let Some([_, _, p1, p2, _]) = distortion(camera) else {
-                return Err(refuse(NAME, format!("camera \"{name}\" is no pinhole with distortion; change its lens")));
+                return Err(refuse(
+                    NAME,
+                    format!("camera \"{name}\" is no pinhole with distortion; change its lens"),
+                ));
             };
             if p1 != 0.0 || p2 != 0.0 {
-                return Err(refuse(NAME, format!("it has no place for p1 and p2 of camera \"{name}\"; set them to 0")));
+                return Err(refuse(
+                    NAME,
+                    format!("it has no place for p1 and p2 of camera \"{name}\"; set them to 0"),
+                ));
             }
             if camera.size.0.max(camera.size.1) > u32::from(u16::MAX) {
-                return Err(refuse(NAME, format!("camera \"{name}\" has a side of more than 65535 px; make it smaller")));
+                return Err(refuse(
+                    NAME,
+                    format!("camera \"{name}\" has a side of more than 65535 px; make it smaller"),
+                ));
             }
         }
         Ok(())
@@ -96,12 +111,7 @@ impl Layout for Argoverse2 {
         Box::new(LogBlock { block, names: camera_names(block.set) })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let (poses, intrinsics) = (calibration(set), intrinsics(set));
         for record in clips {
             let ClipRecord { clip, readings } = record?;
@@ -144,7 +154,10 @@ fn camera_names(set: &SetInfo) -> Vec<String> {
             let ahead = sensor.rig_from_sensor.rotation * DVec3::Z;
             let yaw = ahead.y.atan2(ahead.x).to_degrees();
             let near = |(_, other): &&(&str, f64)| (yaw - other + 540.0).rem_euclid(360.0) - 180.0;
-            let place = RING.iter().find(|ring| near(ring).abs() <= RING_TOLERANCE).map(|(name, _)| *name);
+            let place = RING_CAMERAS_DEG
+                .iter()
+                .find(|ring| near(ring).abs() <= RING_TOLERANCE_DEG)
+                .map(|(name, _)| *name);
             (index, sensor, place)
         })
         .collect();
@@ -259,18 +272,16 @@ fn annotations() -> Vec<FeatherColumn> {
 
 /// Writes a table.
 fn write(files: &mut dyn FileSink, path: String, columns: &[FeatherColumn]) -> Result<(), SetError> {
-    let bytes = feather(columns).map_err(|error| SetError::Write {
-        path: PathBuf::from(&path),
-        problem: error.to_string(),
-    })?;
+    let bytes = feather(columns)
+        .map_err(|error| SetError::Write { path: PathBuf::from(&path), problem: error.to_string() })?;
     files.write(&path, &bytes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{self, MemorySink, SPOT};
     use crate::feather::FeatherTable;
+    use crate::testing::{self, MemorySink, SPOT};
     use glam::DQuat;
 
     const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
@@ -308,7 +319,10 @@ mod tests {
         let (names, rig_from_sensor) = (sensors.texts("sensor_name").unwrap(), poses(&mut sensors));
         let k = ["fx_px", "fy_px", "cx_px", "cy_px"];
         let intrinsics = rows(&mut table(&files, &format!("{log}/calibration/intrinsics.feather"), &k), k);
-        assert_eq!(names, ["ring_front_center", "ring_front_left", "ring_front_right", "up_lidar", "down_lidar"]);
+        assert_eq!(
+            names,
+            ["ring_front_center", "ring_front_left", "ring_front_right", "up_lidar", "down_lidar"]
+        );
         let mut seen = 0;
         for info in testing::readings(&set) {
             let row = info.frame as usize;
@@ -326,7 +340,9 @@ mod tests {
                     seen += 1;
                 }
                 let name = &names[info.sensor];
-                assert!(files.0[&format!("{log}/sensors/cameras/{name}/{stamp}.jpg")].starts_with(&[0xff, 0xd8]));
+                assert!(
+                    files.0[&format!("{log}/sensors/cameras/{name}/{stamp}.jpg")].starts_with(&[0xff, 0xd8])
+                );
             } else if matches!(set.sensors[info.sensor].kind, SensorInfoKind::Lidar { .. }) {
                 let axes = ["x", "y", "z"];
                 let path = format!("{log}/sensors/lidar/{stamp}.feather");

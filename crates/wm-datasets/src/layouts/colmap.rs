@@ -13,7 +13,7 @@
 //!
 //! Source: colmap.github.io, "Output format".
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{cameras, check_cameras, distortion, refuse, wxyz_and_translation};
 use crate::stills::{ScenePhotos, for_each_scene, photo};
 use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
@@ -54,12 +54,7 @@ impl Layout for Colmap {
         Box::new(ScenePhotos { block })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let cameras = camera_table(set);
         for_each_scene(set, clips, &mut |folder, records| {
             let folder = format!("{folder}/sparse/0");
@@ -100,10 +95,13 @@ fn camera_table(set: &SetInfo) -> String {
 }
 
 fn image_table(set: &SetInfo, records: &[ClipRecord]) -> String {
-    let mut out = "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as X, Y, POINT3D_ID\n".to_owned();
+    let mut out =
+        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as X, Y, POINT3D_ID\n"
+            .to_owned();
     let is_camera: Vec<bool> =
         (0..set.sensors.len()).map(|sensor| cameras(set).any(|(index, _, _)| index == sensor)).collect();
-    let readings = records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
+    let readings =
+        records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
     for (place, (clip, info)) in readings.filter(|(_, info)| is_camera[info.sensor]).enumerate() {
         let pose = wxyz_and_translation(&info.world_from_sensor(set).inverse());
         out.push_str(&(place + 1).to_string());

@@ -22,7 +22,7 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture, refuse};
-use crate::{BlockInfo, CameraInfo, SetError, SensorReading, RigidPose, SetInfo, picture_files};
+use crate::{BlockInfo, CameraInfo, RigidPose, SensorReading, SetError, SetInfo, picture_files};
 use glam::{DMat3, DVec3, EulerRot};
 use serde_json::{Value, json};
 
@@ -154,7 +154,9 @@ mod tests {
         testing::write(&LAYOUT, &mut files).unwrap();
         let (set, mut seen) = (testing::set(), 0);
         for info in testing::readings(&set) {
-            let Some((_, sensor, camera)) = cameras(&set).find(|(index, _, _)| *index == info.sensor) else { continue };
+            let Some((_, sensor, camera)) = cameras(&set).find(|(index, _, _)| *index == info.sensor) else {
+                continue;
+            };
             let (city, index) = (format!("bend-{}", sensor.name), info.index);
             let id = format!("train/{city}/{city}_000000_{index:06}");
             for path in [
@@ -166,7 +168,8 @@ mod tests {
             let file: Value = serde_json::from_slice(&files.0[&format!("camera/{id}_camera.json")]).unwrap();
             let at = |part: &str, name: &str| file[part][name].as_f64().unwrap();
             let [yaw, pitch, roll] = ["yaw", "pitch", "roll"].map(|name| at("extrinsic", name));
-            let turn = DMat3::from_rotation_z(yaw) * DMat3::from_rotation_y(pitch) * DMat3::from_rotation_x(roll);
+            let turn =
+                DMat3::from_rotation_z(yaw) * DMat3::from_rotation_y(pitch) * DMat3::from_rotation_x(roll);
             let place = DVec3::from_array(["x", "y", "z"].map(|name| at("extrinsic", name)));
             let local = turn.transpose() * (info.world_from_rig.inverse().point(SPOT) - place);
             let x = at("intrinsic", "fx") * -local.y / local.x + at("intrinsic", "u0") + 0.5;

@@ -10,8 +10,8 @@
 //! Source: KITTI's development kit for objects (`readme.txt`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
-use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, SensorReading, SetInfo};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
+use crate::{BlockInfo, ClipInfo, ClipRecord, SensorReading, SetError, SetInfo};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -42,15 +42,14 @@ impl Layout for KittiObject {
                 KittiFile::Labels => None,
             }
         };
-        Box::new(ObjectFiles { calibration: KittiRig::new(block.set).object_file(), files: KittiFiles::new(block, path), block })
+        Box::new(ObjectFiles {
+            calibration: KittiRig::new(block.set).object_file(),
+            files: KittiFiles::new(block, path),
+            block,
+        })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         // Readers open these three even if no frame is in them.
         let mut lists: BTreeMap<String, String> =
             ["train", "val", "test"].into_iter().map(|split| (split.into(), String::new())).collect();
@@ -107,7 +106,9 @@ impl<P: Fn(KittiFile, u32) -> Option<String> + Send> BlockWriter for ObjectFiles
     fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         self.files.write(reading, files)?;
         let (info, clip) = (&reading.info, self.block.clip);
-        if info.is_key && KittiRig::new(self.block.set).slots().next().map(|(sensor, _)| sensor) == Some(info.sensor) {
+        if info.is_key
+            && KittiRig::new(self.block.set).slots().next().map(|(sensor, _)| sensor) == Some(info.sensor)
+        {
             let number = first_number(self.block.set, clip) + u64::from(info.frame);
             let folder = folder(clip);
             files.write(&format!("{folder}/calib/{number:06}.txt"), self.calibration.as_bytes())?;

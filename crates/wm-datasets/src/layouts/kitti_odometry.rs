@@ -10,8 +10,8 @@
 //! (`tests/peers/kitti.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
-use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipRecord, SetError, SetInfo};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
+use crate::{BlockInfo, SetError, SetInfo};
 
 pub(super) const LAYOUT: KittiOdometry = KittiOdometry;
 
@@ -40,12 +40,7 @@ impl Layout for KittiOdometry {
         Box::new(KittiFiles::new(block, path))
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let rig = KittiRig::new(set);
         kitti::sequence_tables(&rig, clips, files, |record, trajectory, files| {
             let path = format!("poses/{}.txt", kitti::sequence_name(&record.clip));

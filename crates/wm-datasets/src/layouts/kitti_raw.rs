@@ -12,9 +12,9 @@
 //! (`tests/peers/kitti.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig, KittiTrajectory};
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::utc::UtcTime;
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, SetInfo};
+use crate::{BlockInfo, ClipInfo, SetError, SetInfo};
 use std::collections::BTreeSet;
 
 pub(super) const LAYOUT: KittiRaw = KittiRaw;
@@ -44,19 +44,15 @@ impl Layout for KittiRaw {
         Box::new(KittiFiles::new(block, path))
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let rig = KittiRig::new(set);
         let mut days = BTreeSet::new();
         for record in clips {
             let record = record?;
             let (clip, drive) = (&record.clip, drive_folder(&record.clip));
             if days.insert(UtcTime::new(clip.start).date('_')) {
-                let (day, calibrated) = (UtcTime::new(clip.start).date('_'), UtcTime::new(clip.start).to_string());
+                let (day, calibrated) =
+                    (UtcTime::new(clip.start).date('_'), UtcTime::new(clip.start).to_string());
                 for (name, text) in [
                     ("cam_to_cam", rig.cam_to_cam_file(&calibrated)),
                     ("velo_to_cam", rig.velo_to_cam_file(&calibrated)),

@@ -30,6 +30,9 @@ layouts! {
     foggy_cityscapes,
 }
 
+/// The records of all clips, in the order of their numbers.
+pub type ClipStream<'a> = &'a mut dyn Iterator<Item = Result<ClipRecord, SetError>>;
+
 /// A layout of a data set.
 pub trait Layout: Sync {
     /// The name in plans and of its folder.
@@ -57,15 +60,14 @@ pub trait Layout: Sync {
     /// Begins the files of a block. They depend on the block alone.
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a>;
 
-    /// Writes the tables over all clips, which come in the order of their numbers. A layout of
-    /// pictures alone has none.
+    /// Writes the tables over all clips. A layout of pictures alone has none.
     ///
     /// # Errors
     /// Those of `clips` and `files`.
     fn tables(
         &self,
         _set: &SetInfo,
-        _clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
+        _clips: ClipStream<'_>,
         _files: &mut dyn FileSink,
     ) -> Result<(), SetError> {
         Ok(())

@@ -13,7 +13,7 @@
 //!
 //! Source: docs.nerf.studio, "Data conventions".
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{cameras, check_cameras, distortion, refuse};
 use crate::stills::{ScenePhotos, for_each_scene, photo};
 use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
@@ -46,10 +46,14 @@ impl Layout for Nerfstudio {
         for (_, sensor, camera) in cameras(set) {
             let name = &sensor.name;
             let Some((model, _)) = lens(camera) else {
-                return Err(refuse(NAME, format!("camera \"{name}\" is equirectangular; give it another lens")));
+                return Err(refuse(
+                    NAME,
+                    format!("camera \"{name}\" is equirectangular; give it another lens"),
+                ));
             };
             if *first.get_or_insert(model) != model {
-                let problem = format!("all cameras must be fisheyes or none; change the lens of camera \"{name}\"");
+                let problem =
+                    format!("all cameras must be fisheyes or none; change the lens of camera \"{name}\"");
                 return Err(refuse(NAME, problem));
             }
         }
@@ -60,12 +64,7 @@ impl Layout for Nerfstudio {
         Box::new(ScenePhotos { block })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         for_each_scene(set, clips, &mut |folder, records| {
             let path = format!("{folder}/transforms.json");
             let mut bytes = serde_json::to_vec_pretty(&transforms(set, records))
@@ -91,7 +90,8 @@ fn transforms(set: &SetInfo, records: &[ClipRecord]) -> Value {
     let by_sensor: Vec<Option<&CameraInfo>> = (0..set.sensors.len())
         .map(|sensor| cameras(set).find(|(index, _, _)| *index == sensor).map(|(_, _, camera)| camera))
         .collect();
-    let readings = records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
+    let readings =
+        records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
     let frames = readings.filter_map(|(clip, info)| {
         let camera = by_sensor[info.sensor]?;
         // OpenGL's axes: y and z the other way.

@@ -13,8 +13,8 @@
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::surface_classes::semantic_kitti_classes;
-use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipRecord, SetError, DatasetPoint, PointSource, SetInfo};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
+use crate::{BlockInfo, DatasetPoint, PointSource, SetError, SetInfo};
 
 pub(super) const LAYOUT: SemanticKitti = SemanticKitti {
     name: "semantic-kitti",
@@ -62,12 +62,7 @@ impl Layout for SemanticKitti {
         Box::new(KittiFiles::new(block, path).with_labels(class))
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let rig = KittiRig::new(set);
         kitti::sequence_tables(&rig, clips, files, |record, trajectory, files| {
             let path = format!("{}/poses.txt", kitti::sequence_folder(&record.clip));

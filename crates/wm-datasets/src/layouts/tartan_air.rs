@@ -19,23 +19,25 @@
 //!
 //! Source: github.com/castacks/tartanair_tools, data_type.md.
 
-use super::{BlockWriter, FileSink, LayerNeeds, Layout};
+use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture};
-use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, SetError, SensorReading, RigidPose, SensorInfo, SetInfo};
+use crate::{
+    BlockInfo, CameraInfo, ClipInfo, ClipRecord, RigidPose, SensorInfo, SensorReading, SetError, SetInfo,
+};
 use crate::{array_files, picture_files};
 use glam::{DMat3, DVec3};
 use std::fmt::Write;
 
 const NAME: &str = "tartanair";
 /// The value of pixels that leave the picture, in masks of flow.
-const OUTSIDE: u8 = 100;
+const OUTSIDE_FLOW: u8 = 100;
 
 /// The depth of what is farther than all else, m.
-const SKY: f32 = 10_000.0;
+const SKY_DEPTH_M: f32 = 10_000.0;
 
 /// Radians by which partners may differ in orientation, and m by which they may be off the line to
 /// the right.
-const TOLERANCE: f64 = 1e-3;
+const STEREO_TOLERANCE: f64 = 1e-3;
 
 pub(super) const LAYOUT: TartanAir = TartanAir;
 
@@ -63,12 +65,7 @@ impl Layout for TartanAir {
         Box::new(Pictures { block, eyes: eyes(block.set) })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         for record in clips {
             let ClipRecord { clip, readings } = record?;
             let folder = folder(&clip);
@@ -108,9 +105,9 @@ fn eyes(set: &SetInfo) -> Vec<(usize, &'static str)> {
         let turn = sensor.rig_from_sensor.rotation.angle_between(other.rig_from_sensor.rotation);
         let shift = to_right(sensor, other);
         *other_camera == camera
-            && turn < TOLERANCE
-            && shift.x > TOLERANCE
-            && shift.y.hypot(shift.z) < TOLERANCE
+            && turn < STEREO_TOLERANCE
+            && shift.x > STEREO_TOLERANCE
+            && shift.y.hypot(shift.z) < STEREO_TOLERANCE
     });
     let right = partner.map(|(right, _, _)| (right, "right"));
     [(left, "left")].into_iter().chain(right).collect()
@@ -145,7 +142,7 @@ impl BlockWriter for Pictures<'_> {
         let png = picture_files::png(sensor, camera, picture.rgb)?;
         files.write(&format!("{folder}/image_{side}/{index:06}_{side}.png"), &png)?;
         let depth = layer(sensor, camera, picture.depth, 1, "depth")?;
-        let depth = depth.iter().map(|depth| if *depth > 0.0 { *depth } else { SKY });
+        let depth = depth.iter().map(|depth| if *depth > 0.0 { *depth } else { SKY_DEPTH_M });
         let bytes = array_files::floats(depth, &[height, width]);
         files.write(&format!("{folder}/depth_{side}/{index:06}_{side}_depth.npy"), &bytes)?;
         let is_last = info.time + 1.0 / sensor.rate > clip.seconds - 1e-6;
@@ -158,7 +155,7 @@ impl BlockWriter for Pictures<'_> {
             let state = |pixel: usize| states.get(pixel).copied().unwrap_or(0);
             let masked = |(pixel, pair): (usize, &[f32; 2])| match state(pixel) {
                 _ if !is_known(pair) => 1,
-                2 => OUTSIDE,
+                2 => OUTSIDE_FLOW,
                 state => u8::from(state > 0),
             };
             let mask: Vec<u8> = pairs.iter().enumerate().map(masked).collect();

@@ -11,8 +11,8 @@ use super::files::{all_numbers, fault, files_in, name_of, pose_of_rows, read_jso
 use super::records::{Records, choose_folder};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, empty_log,
-    is_asked, moved, size_of_first,
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
+    empty_log, is_asked, moved, size_of_first,
 };
 use crate::RigidPose;
 use glam::{DMat3, DQuat, DVec3};
@@ -24,27 +24,26 @@ use wm_scene::FormatError;
 use wm_scene::capture::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].
-pub(super) const FORMAT: LogFormat = LogFormat {
-    name: "drivestudio",
-    about: "a scene that drivestudio's preprocessing wrote: Waymo, nuScenes, KITTI, PandaSet, nuPlan, Argoverse; or a folder of scenes",
-    read,
-};
+pub(super) const FORMAT: LogFormat = LogFormat { name: "drivestudio", read };
 
-const PHOTOS: &[&str] = &["jpg", "jpeg", "png"];
+const PHOTO_EXTENSIONS: &[&str] = &["jpg", "jpeg", "png"];
 /// Time between two frames, ns.
-const FRAME: i64 = 100_000_000;
+const FRAME_NS: i64 = 100_000_000;
 /// Largest frame number.
-const MOST_FRAMES: u64 = 1_000_000;
+const MAX_FRAMES: u64 = 1_000_000;
 /// Most boxes.
-const MOST_BOXES: usize = 2_000_000;
+const MAX_BOXES: usize = 2_000_000;
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
-    let is_scene = |folder: &Path| ["images", "extrinsics", "intrinsics"].iter().all(|name| folder.join(name).is_dir());
+    let is_scene =
+        |folder: &Path| ["images", "extrinsics", "intrinsics"].iter().all(|name| folder.join(name).is_dir());
     let lacks = |scene: &Path| {
-        let is_empty = files_in(&scene.join("images"), PHOTOS).is_ok_and(|files| files.is_empty());
+        let is_empty = files_in(&scene.join("images"), PHOTO_EXTENSIONS).is_ok_and(|files| files.is_empty());
         is_empty.then(|| "no pictures".to_owned())
     };
-    let Some((path, note)) = choose_folder(path, "scenes", options, is_scene, lacks)? else { return Ok(None) };
+    let Some((path, note)) = choose_folder(path, "scenes", options, is_scene, lacks)? else {
+        return Ok(None);
+    };
     let path = path.as_path();
     let mut records = Records::new(options.skip_bad);
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
@@ -57,7 +56,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
 
     let mut by_camera = BTreeMap::<String, Vec<(String, PathBuf)>>::new();
-    for (stem, file) in files_in(&path.join("images"), PHOTOS)? {
+    for (stem, file) in files_in(&path.join("images"), PHOTO_EXTENSIONS)? {
         if let Some((_, camera)) = frame_and_camera(&stem) {
             by_camera.entry(camera.to_owned()).or_default().push((stem, file));
         }
@@ -78,7 +77,9 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
                 records.lost("pictures have no pose", 1);
                 continue;
             };
-            let mask = |folder: PathBuf| Some(folder.join(format!("{frame:03}_{name}.png"))).filter(|file| file.is_file());
+            let mask = |folder: PathBuf| {
+                Some(folder.join(format!("{frame:03}_{name}.png"))).filter(|file| file.is_file())
+            };
             log.pictures.push(LogPicture {
                 camera: log.cameras.len(),
                 file: file.clone(),
@@ -103,13 +104,13 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 }
 
 fn time_of(frame: u64) -> i64 {
-    frame.min(MOST_FRAMES) as i64 * FRAME
+    frame.min(MAX_FRAMES) as i64 * FRAME_NS
 }
 
 /// `012_3`: frame 12 of camera 3.
 fn frame_and_camera(stem: &str) -> Option<(u64, &str)> {
     let (frame, camera) = stem.split_once('_')?;
-    let frame = frame.parse().ok().filter(|frame| *frame <= MOST_FRAMES)?;
+    let frame = frame.parse().ok().filter(|frame| *frame <= MAX_FRAMES)?;
     Some((frame, camera))
 }
 
@@ -122,7 +123,7 @@ fn poses(folder: &Path, records: &mut Records) -> Result<BTreeMap<u64, RigidPose
     let mut poses = Vec::new();
     if folder.is_dir() {
         for (stem, file) in files_in(folder, &["txt"])? {
-            if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MOST_FRAMES) {
+            if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MAX_FRAMES) {
                 poses.extend(records.sound("poses", pose(&file))?.map(|pose| (frame, pose)));
             }
         }
@@ -143,7 +144,11 @@ struct Extrinsics {
 }
 
 impl Extrinsics {
-    fn read(folder: &Path, rigs: &BTreeMap<u64, RigidPose>, records: &mut Records) -> Result<Self, FormatError> {
+    fn read(
+        folder: &Path,
+        rigs: &BTreeMap<u64, RigidPose>,
+        records: &mut Records,
+    ) -> Result<Self, FormatError> {
         let (mut fixed, mut by_frame) = (BTreeMap::new(), BTreeMap::new());
         for (stem, file) in files_in(folder, &["txt"])? {
             match frame_and_camera(&stem) {
@@ -156,7 +161,10 @@ impl Extrinsics {
         }
         let is_by_frame = !by_frame.is_empty();
         if !is_by_frame && (fixed.is_empty() || rigs.is_empty()) {
-            return Err(fault(folder, "there are no camera poses: C.txt and ego_pose/FRAME.txt, or FRAME_C.txt, are needed"));
+            return Err(fault(
+                folder,
+                "there are no camera poses: C.txt and ego_pose/FRAME.txt, or FRAME_C.txt, are needed",
+            ));
         }
         // A camera's up is its z in one convention and its -y in the other, and near the vehicle's
         // up in both.
@@ -187,11 +195,17 @@ impl Extrinsics {
 fn camera(path: &Path, name: &str, size: (u32, u32)) -> Result<LogCamera, FormatError> {
     let numbers = all_numbers(path)?;
     let [fx, fy, cx, cy, lens @ ..] = numbers.as_slice() else {
-        return Err(fault(path, format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len())));
+        return Err(fault(
+            path,
+            format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len()),
+        ));
     };
     let mut coefficients = [0.0; 5];
     if lens.len() > coefficients.len() {
-        return Err(fault(path, format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len())));
+        return Err(fault(
+            path,
+            format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len()),
+        ));
     }
     coefficients[..lens.len()].copy_from_slice(lens);
     let distortion = Distortion::of(coefficients);
@@ -212,11 +226,18 @@ fn sweeps(
         return Ok(());
     }
     let files = files_in(&folder, &["bin"])?;
-    let lengths: Vec<u64> = files.iter().map(|(_, file)| fs::metadata(file).map_or(0, |about| about.len())).collect();
+    let lengths: Vec<u64> =
+        files.iter().map(|(_, file)| fs::metadata(file).map_or(0, |about| about.len())).collect();
     let fitting = |columns: u64| lengths.iter().filter(|length| length.is_multiple_of(4 * columns)).count();
-    let columns = candidates.iter().copied().reduce(|best, next| if fitting(next) > fitting(best) { next } else { best });
+    let columns = candidates
+        .iter()
+        .copied()
+        .reduce(|best, next| if fitting(next) > fitting(best) { next } else { best });
     let Some(columns) = columns.filter(|columns| 2 * fitting(*columns) >= files.len()) else {
-        return Err(fault(&folder, format!("its files hold no whole number of points of {candidates:?} floats; make them again")));
+        return Err(fault(
+            &folder,
+            format!("its files hold no whole number of points of {candidates:?} floats; make them again"),
+        ));
     };
     let (position, intensity, white) = match columns {
         14 => (3, Some(11), 1.0),
@@ -225,7 +246,8 @@ fn sweeps(
     };
     let layout = SweepRecords::Floats { columns: columns as usize, position, intensity, white };
     for (stem, file) in files {
-        let Some((frame, pose)) = stem.parse().ok().and_then(|frame: u64| Some((frame, *poses.get(&frame)?))) else {
+        let Some((frame, pose)) = stem.parse().ok().and_then(|frame: u64| Some((frame, *poses.get(&frame)?)))
+        else {
             records.lost("sweeps have no pose", 1);
             continue;
         };
@@ -267,7 +289,9 @@ fn tracks(path: &Path, origin: DVec3, records: &mut Records) -> Result<Vec<LogTr
         let of = instance.frame_annotations;
         let mut boxes = Vec::with_capacity(of.frame_idx.len());
         for ((frame, matrix), size) in of.frame_idx.iter().zip(&of.obj_to_world).zip(&of.box_size) {
-            let wrong = |what: String| fault(path, format!("instance {}, frame {frame}: {what}", super::files::excerpt(&id)));
+            let wrong = |what: String| {
+                fault(path, format!("instance {}, frame {frame}: {what}", super::files::excerpt(&id)))
+            };
             let pose = if size.iter().all(|side| (0.0..1000.0).contains(side)) {
                 pose_of_rows(matrix.as_flattened()).map_err(wrong)
             } else {
@@ -278,8 +302,8 @@ fn tracks(path: &Path, origin: DVec3, records: &mut Records) -> Result<Vec<LogTr
             boxes.push(LogBox { timestamp, world_from_box: moved(world_from_box, origin), size });
         }
         count += boxes.len();
-        if count > MOST_BOXES {
-            return Err(fault(path, format!("there are more than {MOST_BOXES} boxes in it")));
+        if count > MAX_BOXES {
+            return Err(fault(path, format!("there are more than {MAX_BOXES} boxes in it")));
         }
         tracks.push(LogTrack::new(id, instance.class_name, boxes));
     }

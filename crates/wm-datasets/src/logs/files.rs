@@ -12,23 +12,23 @@ use wm_scene::{FormatError, Location, Problem, files};
 use crate::RigidPose;
 
 /// Longest text file, bytes: 100 hours of poses.
-const MOST_TEXT: u64 = 64 << 20;
+const MAX_TEXT_BYTES: u64 = 64 << 20;
 /// Longest sweep or picture, bytes.
-pub const MOST_BINARY: u64 = 512 << 20;
+pub(super) const MAX_BINARY_BYTES: u64 = 512 << 20;
 /// Longest table in JSON, bytes; it is read record by record.
-const MOST_TABLE: u64 = 16 << 30;
+const MAX_TABLE_BYTES: u64 = 16 << 30;
 /// Most files of a folder that are listed.
-const MOST_FILES: usize = 1_000_000;
+const MAX_FILES: usize = 1_000_000;
 /// Farthest that anything may be from the origin of a map, m: once around the world.
-const FARTHEST: f64 = 5e7;
+const MAX_DISTANCE_M: f64 = 5e7;
 
 /// A fault of a file as a whole.
-pub fn fault(path: &Path, what: impl Into<String>) -> FormatError {
+pub(super) fn fault(path: &Path, what: impl Into<String>) -> FormatError {
     FormatError::whole(path, Problem::Value(one_line(&what.into())))
 }
 
 /// A fault in a line of a file, from 1.
-pub fn fault_in_line(path: &Path, line: usize, what: impl Into<String>) -> FormatError {
+pub(super) fn fault_in_line(path: &Path, line: usize, what: impl Into<String>) -> FormatError {
     FormatError::at(path, Location::Line(line as u64), Problem::Value(one_line(&what.into())))
 }
 
@@ -38,18 +38,18 @@ fn one_line(text: &str) -> String {
 }
 
 /// A part of a text for a message.
-pub fn excerpt(text: &str) -> String {
+pub(super) fn excerpt(text: &str) -> String {
     let cut: String = text.chars().take(32).collect();
     let more = if cut.len() < text.len() { "..." } else { "" };
     format!("{}{more}", cut.escape_debug())
 }
 
 /// Names for a message: at most a dozen.
-pub fn shown(names: impl Iterator<Item = String>) -> String {
-    const MOST: usize = 12;
-    let mut names: Vec<String> = names.take(MOST + 1).collect();
-    if names.len() > MOST {
-        names[MOST] = "...".into();
+pub(super) fn shown(names: impl Iterator<Item = String>) -> String {
+    const MAX_NAMES: usize = 12;
+    let mut names: Vec<String> = names.take(MAX_NAMES + 1).collect();
+    if names.len() > MAX_NAMES {
+        names[MAX_NAMES] = "...".into();
     }
     names.join(", ")
 }
@@ -58,7 +58,7 @@ pub fn shown(names: impl Iterator<Item = String>) -> String {
 ///
 /// # Errors
 /// It is missing, cannot be read, or is longer.
-pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
+pub(super) fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
     let reading = |e| FormatError::reading(path, e);
     let file = File::open(path).map_err(reading)?;
     let length = file.metadata().map_err(reading)?.len();
@@ -75,8 +75,8 @@ pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
 ///
 /// # Errors
 /// As [`read_bytes`], and if it is no UTF-8.
-pub fn read_text(path: &Path) -> Result<String, FormatError> {
-    let bytes = read_bytes(path, MOST_TEXT)?;
+pub(super) fn read_text(path: &Path) -> Result<String, FormatError> {
+    let bytes = read_bytes(path, MAX_TEXT_BYTES)?;
     files::text_of(bytes).map_err(|error| FormatError::reading(path, error))
 }
 
@@ -85,7 +85,7 @@ pub fn read_text(path: &Path) -> Result<String, FormatError> {
 ///
 /// # Errors
 /// As [`read_text`]; each record has its own.
-pub fn line_records<T>(
+pub(super) fn line_records<T>(
     path: &Path,
     mut read: impl FnMut(usize, &str) -> Result<T, FormatError>,
 ) -> Result<Vec<Option<Result<T, FormatError>>>, FormatError> {
@@ -101,7 +101,7 @@ pub fn line_records<T>(
 ///
 /// # Errors
 /// A word is no finite number.
-pub fn numbers(path: &Path, line: usize, text: &str) -> Result<Vec<f64>, FormatError> {
+pub(super) fn numbers(path: &Path, line: usize, text: &str) -> Result<Vec<f64>, FormatError> {
     let number = |word: &str| match word.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
         _ => Err(fault_in_line(path, line, format!("\"{}\" is not a finite number", excerpt(word)))),
@@ -113,7 +113,7 @@ pub fn numbers(path: &Path, line: usize, text: &str) -> Result<Vec<f64>, FormatE
 ///
 /// # Errors
 /// As [`read_text`] and [`numbers`].
-pub fn all_numbers(path: &Path) -> Result<Vec<f64>, FormatError> {
+pub(super) fn all_numbers(path: &Path) -> Result<Vec<f64>, FormatError> {
     let text = read_text(path)?;
     let mut all = Vec::new();
     for (index, line) in text.lines().enumerate() {
@@ -126,7 +126,7 @@ pub fn all_numbers(path: &Path) -> Result<Vec<f64>, FormatError> {
 ///
 /// # Errors
 /// The fault, in words.
-pub fn pose_of_rows(numbers: &[f64]) -> Result<RigidPose, String> {
+pub(super) fn pose_of_rows(numbers: &[f64]) -> Result<RigidPose, String> {
     let [a, b, c, x, d, e, f, y, g, h, i, z, rest @ ..] = numbers else {
         return Err(format!("a pose has 12 or 16 numbers, not {}", numbers.len()));
     };
@@ -141,7 +141,7 @@ pub fn pose_of_rows(numbers: &[f64]) -> Result<RigidPose, String> {
 ///
 /// # Errors
 /// The fault, in words.
-pub fn pose_of(axes: &DMat3, translation: DVec3) -> Result<RigidPose, String> {
+pub(super) fn pose_of(axes: &DMat3, translation: DVec3) -> Result<RigidPose, String> {
     let axes = rotation_of(axes).map_err(|e| format!("the matrix is not a rotation: {e}"))?;
     Ok(RigidPose::new(axes, checked(translation)?))
 }
@@ -150,7 +150,8 @@ pub fn pose_of(axes: &DMat3, translation: DVec3) -> Result<RigidPose, String> {
 ///
 /// # Errors
 /// The fault, in words.
-pub fn pose_of_quaternion([w, x, y, z]: [f64; 4], translation: DVec3) -> Result<RigidPose, String> {
+pub(super) fn pose_of_quaternion(wxyz: [f64; 4], translation: DVec3) -> Result<RigidPose, String> {
+    let [w, x, y, z] = wxyz;
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let length = rotation.length();
     // Written so that NaN is refused.
@@ -163,11 +164,11 @@ pub fn pose_of_quaternion([w, x, y, z]: [f64; 4], translation: DVec3) -> Result<
 
 /// A position that can be one.
 fn checked(position: DVec3) -> Result<DVec3, String> {
-    let is_near = position.abs().max_element() < FARTHEST;
+    let is_near = position.abs().max_element() < MAX_DISTANCE_M;
     if is_near && position.is_finite() {
         Ok(position)
     } else {
-        Err(format!("the position {position} is not within {FARTHEST:e} m"))
+        Err(format!("the position {position} is not within {MAX_DISTANCE_M:e} m"))
     }
 }
 
@@ -176,7 +177,7 @@ fn checked(position: DVec3) -> Result<DVec3, String> {
 ///
 /// # Errors
 /// The folder is missing, cannot be read, or has too many files.
-pub fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String, PathBuf)>, FormatError> {
+pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String, PathBuf)>, FormatError> {
     let reading = |e| FormatError::reading(folder, e);
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(reading)? {
@@ -189,8 +190,8 @@ pub fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String, PathB
         if let (true, Some(stem)) = (has_extension, stem) {
             files.push((stem, path));
         }
-        if files.len() > MOST_FILES {
-            return Err(fault(folder, format!("it has more than {MOST_FILES} files")));
+        if files.len() > MAX_FILES {
+            return Err(fault(folder, format!("it has more than {MAX_FILES} files")));
         }
     }
     files.sort_by(|(a, _), (b, _)| {
@@ -201,15 +202,15 @@ pub fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String, PathB
 }
 
 /// The folders in a folder, sorted by name; none if it cannot be read.
-pub fn folders_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten().take(MOST_FILES);
+pub(super) fn folders_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().take(MAX_FILES);
     let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
     folders.sort();
     folders
 }
 
 /// The name of a file or folder.
-pub fn name_of(path: &Path) -> String {
+pub(super) fn name_of(path: &Path) -> String {
     path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
@@ -218,7 +219,7 @@ pub fn name_of(path: &Path) -> String {
 /// # Errors
 /// As [`read_bytes`], and with line and column if it is no list of such records, or `take` refuses
 /// one.
-pub fn read_table<T: DeserializeOwned>(
+pub(super) fn read_table<T: DeserializeOwned>(
     path: &Path,
     mut take: impl FnMut(T) -> Result<(), String>,
 ) -> Result<(), FormatError> {
@@ -259,7 +260,7 @@ pub fn read_table<T: DeserializeOwned>(
 ///
 /// # Errors
 /// As [`read_table`].
-pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FormatError> {
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FormatError> {
     serde_json::from_reader(open_table(path)?).map_err(|error| json_fault(path, &error))
 }
 
@@ -267,8 +268,8 @@ fn open_table(path: &Path) -> Result<BufReader<File>, FormatError> {
     let reading = |e| FormatError::reading(path, e);
     let file = File::open(path).map_err(reading)?;
     let length = file.metadata().map_err(reading)?.len();
-    if length > MOST_TABLE {
-        return Err(fault(path, format!("{length} bytes are too many: {MOST_TABLE} are read at most")));
+    if length > MAX_TABLE_BYTES {
+        return Err(fault(path, format!("{length} bytes are too many: {MAX_TABLE_BYTES} are read at most")));
     }
     files::skip_byte_order_mark(BufReader::with_capacity(1 << 18, file)).map_err(reading)
 }

@@ -8,26 +8,21 @@
 
 use super::files::{fault_in_line, files_in, folders_in, line_records, numbers, pose_of_rows};
 use super::kitti::KittiCalibration;
-use super::records::{Candidate, Chosen, Records, choose, whole_name};
-use super::sweep::{SweepMotion, SweepRecords};
+use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
 use super::{
-    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log, is_asked,
-    size_of_first,
+    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log,
+    is_asked, size_of_first,
 };
 use crate::RigidPose;
 use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
 
 /// The entry of [`super::LOG_FORMATS`].
-pub(super) const FORMAT: LogFormat = LogFormat {
-    name: "KITTI odometry",
-    about: "a sequence of KITTI odometry or SemanticKITTI, sequences/SS, with its poses in poses/SS.txt; or a folder of sequences",
-    read,
-};
+pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI odometry", read };
 
 const CAMERAS: [&str; 4] = ["image_0", "image_1", "image_2", "image_3"];
 /// Time between two frames where no times are stated, ns.
-const FRAME: i64 = 100_000_000;
+const FRAME_NS: i64 = 100_000_000;
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
     let Some((path, note)) = find(path, options)? else { return Ok(None) };
@@ -41,20 +36,30 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let mut log = empty_log(path, name);
     log.warnings.extend(note);
     let lines = line_records(&poses, |line, text| {
-        let pose = pose_of_rows(&numbers(&poses, line, text)?).map_err(|what| fault_in_line(&poses, line, what))?;
+        let pose =
+            pose_of_rows(&numbers(&poses, line, text)?).map_err(|what| fault_in_line(&poses, line, what))?;
         Ok(rig_from_camera.then(&pose).then(&camera_from_rig))
     })?;
     let empty = lines.iter().filter(|line| line.is_none()).count();
     records.lost("lines of the poses are empty, whose frames are missing", empty);
     let mut found = Vec::with_capacity(lines.len());
     for (index, line) in lines.into_iter().enumerate() {
-        found.extend(line.map(|pose| records.sound("poses", pose)).transpose()?.flatten().map(|pose| (index, pose)));
+        found.extend(
+            line.map(|pose| records.sound("poses", pose)).transpose()?.flatten().map(|pose| (index, pose)),
+        );
     }
-    let times = times(&path.join("times.txt"), found.last().map_or(0, |(index, _)| index + 1), &mut log, &mut records)?;
+    let times = times(
+        &path.join("times.txt"),
+        found.last().map_or(0, |(index, _)| index + 1),
+        &mut log,
+        &mut records,
+    )?;
     let timed = |(index, pose): (usize, RigidPose)| Some((index, (*times.get(index)?)?, pose));
     let timed = found.into_iter().filter_map(timed).collect();
     let mut frames = vec![None; times.len()];
-    for (index, time, pose) in records.without_jumps(&poses, timed, |(_, time, pose)| (*time, pose.translation))? {
+    for (index, time, pose) in
+        records.without_jumps(&poses, timed, |(_, time, pose)| (*time, pose.translation))?
+    {
         frames[index] = Some((time, pose));
     }
     let at = |stem: &str| *frames.get(stem.parse::<usize>().ok()?)?;
@@ -77,8 +82,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
                 continue;
             };
             let world_from_camera = world_from_rig.then(&rig_from_camera);
-            let camera = log.cameras.len();
-            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks: LogPictureMasks::default() });
+            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
+            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
         }
         log.cameras.push(camera);
     }
@@ -93,10 +98,11 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
             };
             let labels = Some(folder.join(format!("{stem}.label"))).filter(|labels| labels.is_file());
             unlabelled += usize::from(labels.is_none());
-            log.sweeps.push(LogSweep { labels, ..sweep(file, timestamp, world_from_rig) });
+            log.sweeps.push(LogSweep { labels, ..LogSweep::kitti(file, timestamp, world_from_rig) });
         }
         if folder.is_dir() && unlabelled > 0 {
-            log.warnings.push(format!("{unlabelled} sweeps have no labels: what moves stays in their points"));
+            log.warnings
+                .push(format!("{unlabelled} sweeps have no labels: what moves stays in their points"));
         }
     }
     log.warnings.extend(records.warnings());
@@ -105,13 +111,14 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 
 /// The sequence in a folder: itself, or one of those in it or in its `sequences`. `None` if there
 /// is none.
-fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
     let has_camera = |folder: &Path| CAMERAS.iter().any(|camera| folder.join(camera).is_dir());
     let is_sequence = |folder: &Path| folder.join("calib.txt").is_file() && has_camera(folder);
     let sequences: Vec<PathBuf> = if is_sequence(path) {
         vec![path.to_owned()]
     } else {
-        let below = [path.to_owned(), path.join("sequences")].into_iter().flat_map(|folder| folders_in(&folder));
+        let below =
+            [path.to_owned(), path.join("sequences")].into_iter().flat_map(|folder| folders_in(&folder));
         // Sequences whose pictures or calibration are not there are passed over, where others are.
         below.filter(|folder| folder.join("calib.txt").is_file() || has_camera(folder)).collect()
     };
@@ -121,13 +128,18 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, Fo
     let mut candidates = Vec::with_capacity(sequences.len());
     for sequence in sequences {
         let (name, poses) = named(&sequence)?;
-        let has_photos = |camera: &&str| files_in(&sequence.join(camera), &["png", "jpg"]).is_ok_and(|files| !files.is_empty());
-        let lacks = match (CAMERAS.iter().any(has_photos), sequence.join("calib.txt").is_file(), poses.is_file()) {
-            (false, ..) => Some("no pictures".into()),
-            (_, false, _) => Some("no calib.txt".into()),
-            (_, _, false) => Some(format!("no poses: poses/{name}.txt beside the sequences, or poses.txt in it, is needed")),
-            _ => None,
+        let has_photos = |camera: &&str| {
+            files_in(&sequence.join(camera), &["png", "jpg"]).is_ok_and(|files| !files.is_empty())
         };
+        let lacks =
+            match (CAMERAS.iter().any(has_photos), sequence.join("calib.txt").is_file(), poses.is_file()) {
+                (false, ..) => Some("no pictures".into()),
+                (_, false, _) => Some("no calib.txt".into()),
+                (_, _, false) => Some(format!(
+                    "no poses: poses/{name}.txt beside the sequences, or poses.txt in it, is needed"
+                )),
+                _ => None,
+            };
         candidates.push(Candidate { name, value: sequence, lacks });
     }
     choose(path, "sequences", candidates, options.scene.as_deref()).map(Some)
@@ -143,17 +155,6 @@ fn named(sequence: &Path) -> Result<(String, PathBuf), FormatError> {
     Ok((name, poses))
 }
 
-fn sweep(file: PathBuf, timestamp: i64, world_from_lidar: RigidPose) -> LogSweep {
-    LogSweep {
-        file,
-        timestamp,
-        center: world_from_lidar.translation,
-        labels: None,
-        records: SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 },
-        motion: SweepMotion::Still(world_from_lidar),
-    }
-}
-
 /// The times of the frames, ns; `None` where a line is empty.
 fn times(
     path: &Path,
@@ -163,12 +164,14 @@ fn times(
 ) -> Result<Vec<Option<i64>>, FormatError> {
     if !path.is_file() {
         log.warnings.push("there is no times.txt: ten frames a second are assumed".into());
-        return Ok((0..frames as i64).map(|index| Some(index * FRAME)).collect());
+        return Ok((0..frames as i64).map(|index| Some(index * FRAME_NS)).collect());
     }
     let lines = line_records(path, |line, text| match numbers(path, line, text)?[..] {
         [seconds] if seconds.abs() < 4e9 => Ok((seconds * 1e9).round() as i64),
         _ => Err(fault_in_line(path, line, "a line must be one time, seconds")),
     })?;
-    let time = |line: Option<Result<i64, FormatError>>| Ok(line.map(|time| records.sound("times", time)).transpose()?.flatten());
+    let time = |line: Option<Result<i64, FormatError>>| {
+        Ok(line.map(|time| records.sound("times", time)).transpose()?.flatten())
+    };
     lines.into_iter().map(time).collect()
 }

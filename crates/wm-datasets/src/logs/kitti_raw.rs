@@ -10,12 +10,12 @@
 use super::files::{fault, fault_in_line, files_in, folders_in, line_records, name_of, numbers, read_text};
 use super::kitti::KittiCalibration;
 use super::kitti_tracklets::read_tracklets;
-use super::records::{Candidate, Chosen, Records, choose, whole_name};
-use super::sweep::{SweepMotion, SweepRecords};
+use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
+use super::sweep::SweepMotion;
 use super::track::EgoTrack;
 use super::{
-    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log, is_asked, moved,
-    size_of_first,
+    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log,
+    is_asked, moved, size_of_first,
 };
 use crate::RigidPose;
 use glam::{DQuat, DVec3};
@@ -24,17 +24,13 @@ use std::sync::Arc;
 use wm_scene::FormatError;
 
 /// The entry of [`super::LOG_FORMATS`].
-pub(super) const FORMAT: LogFormat = LogFormat {
-    name: "KITTI raw",
-    about: "a drive of the KITTI raw data, DATE/DATE_drive_NNNN_sync, with the calibration in DATE; or DATE, or a folder of such",
-    read,
-};
+pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI raw", read };
 
 const CAMERAS: [&str; 4] = ["image_00", "image_01", "image_02", "image_03"];
 /// The equatorial radius, m, as the devkit has it.
-const RADIUS: f64 = 6_378_137.0;
+const EARTH_RADIUS_M: f64 = 6_378_137.0;
 /// Time between two frames where no times are stated, ns.
-const FRAME: i64 = 100_000_000;
+const FRAME_NS: i64 = 100_000_000;
 
 /// Times by the number of the record, ns; `None` where it is missing.
 type Times = Vec<Option<i64>>;
@@ -46,7 +42,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let whole = std::path::absolute(&drive).map_err(|e| FormatError::reading(&drive, e))?;
     let day = whole.parent().unwrap_or(&whole).to_owned();
     let read = |name: &str| KittiCalibration::read(&day.join(name));
-    let (imu, velo, cams) = (read("calib_imu_to_velo.txt")?, read("calib_velo_to_cam.txt")?, read("calib_cam_to_cam.txt")?);
+    let (imu, velo, cams) =
+        (read("calib_imu_to_velo.txt")?, read("calib_velo_to_cam.txt")?, read("calib_cam_to_cam.txt")?);
     let lidar_from_rig = imu.pose("R", Some("T"))?;
     let rig_from_lidar = lidar_from_rig.inverse();
     let cam0_from_lidar = velo.pose("R", Some("T"))?;
@@ -73,13 +70,14 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let own = times_of(&drive, &format!("{name}/timestamps.txt"), &mut records)?;
         for (stem, file) in files {
             let time = time_at(&stem, &own, &times);
-            let Some((timestamp, world_from_rig)) = time.and_then(|time| Some((time, track.at(time)?))) else {
+            let Some((timestamp, world_from_rig)) = time.and_then(|time| Some((time, track.at(time)?)))
+            else {
                 records.lost(format!("pictures of {name} have no time or no pose in oxts"), 1);
                 continue;
             };
             let world_from_camera = world_from_rig.then(&rig_from_camera);
-            let camera = log.cameras.len();
-            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks: LogPictureMasks::default() });
+            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
+            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
         }
         log.cameras.push(camera);
     }
@@ -95,8 +93,9 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 
 /// The drive in a folder: itself, one of a day's, or one of the days in it. `None` if there is
 /// none.
-fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
-    let is_drive = |folder: &Path| folder.join("oxts").is_dir() && CAMERAS.iter().any(|c| folder.join(c).is_dir());
+fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
+    let is_drive =
+        |folder: &Path| folder.join("oxts").is_dir() && CAMERAS.iter().any(|c| folder.join(c).is_dir());
     let is_day = |folder: &Path| folder.join("calib_cam_to_cam.txt").is_file();
     let drives = if is_drive(path) {
         vec![path.to_owned()]
@@ -109,7 +108,9 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, Fo
         return Ok(None);
     }
     let candidate = |drive: PathBuf| {
-        let has = |folder: PathBuf, extensions: &[&str]| files_in(&folder, extensions).is_ok_and(|files| !files.is_empty());
+        let has = |folder: PathBuf, extensions: &[&str]| {
+            files_in(&folder, extensions).is_ok_and(|files| !files.is_empty())
+        };
         let has_photos = CAMERAS.iter().any(|camera| has(drive.join(camera).join("data"), &["png", "jpg"]));
         let lacks = match (has(drive.join("oxts/data"), &["txt"]), has_photos) {
             (false, _) => Some("no poses in oxts/data".into()),
@@ -150,16 +151,25 @@ impl Oxts {
             return Err(fault_in_line(path, 1, format!("{} numbers, at least 6 are needed", values.len())));
         };
         if latitude.abs() > 89.0 || longitude.abs() > 360.0 || altitude.abs() > 1e5 || yaw.abs() > 1e3 {
-            return Err(fault_in_line(path, 1, format!("{latitude}, {longitude}, {altitude} is no place on the Earth")));
+            return Err(fault_in_line(
+                path,
+                1,
+                format!("{latitude}, {longitude}, {altitude} is no place on the Earth"),
+            ));
         }
-        let rotation = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+        let rotation =
+            DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
         Ok(Self { latitude, longitude, altitude, rotation: rotation.normalize() })
     }
 
     /// East, north and up by the Mercator projection of a scale, m.
     fn position(&self, scale: f64) -> DVec3 {
         let north = (0.25 * std::f64::consts::PI + 0.5 * self.latitude.to_radians()).tan().ln();
-        DVec3::new(scale * RADIUS * self.longitude.to_radians(), scale * RADIUS * north, self.altitude)
+        DVec3::new(
+            scale * EARTH_RADIUS_M * self.longitude.to_radians(),
+            scale * EARTH_RADIUS_M * north,
+            self.altitude,
+        )
     }
 
     fn scale(&self) -> f64 {
@@ -168,15 +178,19 @@ impl Oxts {
 }
 
 /// The poses of the vehicle, and the times of the frames by number.
-fn poses(drive: &Path, log: &mut DrivingLog, records: &mut Records) -> Result<(EgoTrack, Times), FormatError> {
+fn poses(
+    drive: &Path,
+    log: &mut DrivingLog,
+    records: &mut Records,
+) -> Result<(EgoTrack, Times), FormatError> {
     let folder = drive.join("oxts/data");
     let mut times = times_of(drive, "oxts/timestamps.txt", records)?;
     let files = files_in(&folder, &["txt"])?;
     if times.is_empty() {
         log.warnings.push("oxts has no timestamps.txt: ten frames a second are assumed".into());
         let last = files.iter().filter_map(|(stem, _)| stem.parse::<usize>().ok()).max().unwrap_or(0);
-        // As many as there are files, whatever their names say.
-        times = (0..=last.min(10 * files.len())).map(|index| Some(index as i64 * FRAME)).collect();
+        // One per file, whatever the names say.
+        times = (0..=last.min(10 * files.len())).map(|index| Some(index as i64 * FRAME_NS)).collect();
     }
     let mut found = Vec::with_capacity(files.len());
     for (stem, file) in &files {
@@ -235,8 +249,7 @@ fn sweeps(
             Some(span) => SweepMotion::Turning { track: Arc::clone(track), rig_from_lidar, span },
             None => SweepMotion::Still(world_from_lidar),
         };
-        let records = SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 };
-        sweeps.push(LogSweep { file, labels: None, timestamp, center: world_from_lidar.translation, records, motion });
+        sweeps.push(LogSweep { motion, ..LogSweep::kitti(file, timestamp, world_from_lidar) });
     }
     Ok(sweeps)
 }
@@ -284,7 +297,10 @@ fn nanoseconds(text: &str) -> Option<i64> {
         && (0..24).contains(&hours)
         && (0..60).contains(&minutes)
         && (0..=60).contains(&whole);
-    is_time.then(|| ((days(year, month, day) * 24 + hours) * 60 + minutes) * 60 + whole)?.checked_mul(1_000_000_000)?.checked_add(part)
+    is_time
+        .then(|| ((days(year, month, day) * 24 + hours) * 60 + minutes) * 60 + whole)?
+        .checked_mul(1_000_000_000)?
+        .checked_add(part)
 }
 
 /// Days from 1970-01-01, Gregorian: years are counted from March, so that leap days come last.
@@ -303,7 +319,14 @@ mod tests {
         assert_eq!(nanoseconds("2011-09-26 13:02:25.594360375"), Some(1_317_042_145_594_360_375));
         assert_eq!(nanoseconds("1970-01-01 00:00:00"), Some(0));
         assert_eq!(nanoseconds("2024-02-29 00:00:00.5"), Some(1_709_164_800_500_000_000));
-        for bad in ["", "2011-09-26", "2011-13-26 13:02:25", "2011-09-26 13:02", "2011-09-26 13:02:25.x", "99999999999-1-1 1:1:1"] {
+        for bad in [
+            "",
+            "2011-09-26",
+            "2011-13-26 13:02:25",
+            "2011-09-26 13:02",
+            "2011-09-26 13:02:25.x",
+            "99999999999-1-1 1:1:1",
+        ] {
             assert_eq!(nanoseconds(bad), None, "{bad}");
         }
     }

@@ -12,8 +12,8 @@ use std::path::Path;
 use wm_scene::FormatError;
 
 /// Deepest nesting, and most tracks and boxes.
-const DEEPEST: usize = 16;
-const MOST: usize = 1_000_000;
+const MAX_NESTING: usize = 16;
+const MAX_BOXES: usize = 1_000_000;
 
 /// A track while it is read.
 #[derive(Default)]
@@ -76,7 +76,7 @@ pub(super) fn read_tracklets(
             }
             open.push(name);
             count += 1;
-            if open.len() > DEEPEST || count > 32 * MOST || tracks.len() > MOST {
+            if open.len() > MAX_NESTING || count > 32 * MAX_BOXES || tracks.len() > MAX_BOXES {
                 return Err(fault("it is nested too deeply, or too long".into()));
             }
         }

@@ -29,20 +29,20 @@ use wm_scene::{Camera, FormatError};
 
 pub use capture::{LogCaptureOptions, LogCaptureStep, LogCaptureSummary};
 pub use sweep::{LogPoint, LogSweep};
-pub use track::{EgoTrack, LogBox, LogTrack};
+pub use track::{LogBox, LogTrack};
 
 macro_rules! logs {
     ($($name:ident),+ $(,)?) => {
         $(mod $name;)+
 
         /// Every format of driving logs, in the order in which they are tried.
-        pub const LOG_FORMATS: &[LogFormat] = &[$($name::FORMAT),+];
+        const LOG_FORMATS: &[LogFormat] = &[$($name::FORMAT),+];
     };
 }
 
 /// Focal lengths and principal points that lenses have, px.
-const FOCAL: [f64; 2] = [1.0, 1e7];
-const CENTER: [f64; 2] = [-1e6, 1e6];
+const FOCAL_RANGE_PX: [f64; 2] = [1.0, 1e7];
+const CENTER_RANGE_PX: [f64; 2] = [-1e6, 1e6];
 
 logs! { kitti_raw, kitti_odometry, nuscenes, argoverse, drivestudio }
 
@@ -50,11 +50,9 @@ mod kitti;
 mod kitti_tracklets;
 
 /// A format of driving logs.
-pub struct LogFormat {
-    /// Its name in messages.
-    pub name: &'static str,
-    /// A description in one line.
-    pub about: &'static str,
+pub(crate) struct LogFormat {
+    /// The name in messages.
+    name: &'static str,
     /// The log in a folder; `None` if it is not of this format.
     read: fn(&Path, &LogOptions) -> Result<Option<DrivingLog>, FormatError>,
 }
@@ -68,7 +66,7 @@ pub struct LogOptions {
     /// The cameras, by the names that the log gives them; empty for those that take colour pictures
     /// of the scene.
     pub cameras: Vec<String>,
-    /// Every so many pictures of each camera are taken; 0 for as few as
+    /// Step between pictures of each camera that are taken; 0 for as few as
     /// [`LogOptions::most_pictures`] asks for.
     pub stride: usize,
     /// Seconds of the log that are read, from its start; all of it if nothing is said.
@@ -100,7 +98,7 @@ pub struct DrivingLog {
     pub source: PathBuf,
     /// The name of its format.
     pub format: &'static str,
-    /// Its name: a drive, a sequence or a scene.
+    /// The name: a drive, a sequence or a scene.
     pub name: String,
     /// The cameras.
     pub cameras: Vec<LogCamera>,
@@ -125,7 +123,7 @@ pub struct DrivingLog {
 /// A camera of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogCamera {
-    /// Its name.
+    /// The name.
     pub name: String,
     /// Picture width and height, px.
     pub size: (u32, u32),
@@ -210,9 +208,9 @@ impl DrivingLog {
             return Err(files::fault(&self.source, "there are no pictures with a pose in it"));
         }
         // Sweeps from half a second before the first picture to half a second after the last.
-        const AROUND: i64 = 500_000_000;
+        const TIME_WINDOW_NS: i64 = 500_000_000;
         let (first, last) = self.span();
-        let (first, last) = (first.saturating_sub(AROUND), last.saturating_add(AROUND));
+        let (first, last) = (first.saturating_sub(TIME_WINDOW_NS), last.saturating_add(TIME_WINDOW_NS));
         self.sweeps.retain(|sweep| (first..=last).contains(&sweep.timestamp));
         self.sweeps.sort_by_key(|sweep| sweep.timestamp);
         self.tracks.sort_by(|a, b| a.id.cmp(&b.id));
@@ -230,13 +228,13 @@ impl DrivingLog {
             // Written so that NaN is refused.
             let is_within =
                 |[low, high]: [f64; 2], values: [f64; 2]| values.iter().all(|v| (low..=high).contains(v));
-            if !is_within(FOCAL, camera.focal) {
+            if !is_within(FOCAL_RANGE_PX, camera.focal) {
                 let [fx, fy] = camera.focal;
                 return Err(fault(format!(
                     "focal lengths of {fx:e} and {fy:e} px; its calibration is damaged"
                 )));
             }
-            if !is_within(CENTER, camera.center) {
+            if !is_within(CENTER_RANGE_PX, camera.center) {
                 let [cx, cy] = camera.center;
                 return Err(fault(format!(
                     "a principal point at {cx:e}, {cy:e} px; its calibration is damaged"
@@ -250,7 +248,7 @@ impl DrivingLog {
         Ok(self)
     }
 
-    /// Keeps every so many pictures of each camera.
+    /// Thins the pictures of each camera out.
     fn thin(&mut self, options: &LogOptions) {
         let all = self.pictures.len();
         let stride = match options.stride {
@@ -281,7 +279,7 @@ impl DrivingLog {
 
     /// Boxes of what moves at some time of the log, at a time, ns.
     #[must_use]
-    pub fn movers_at(&self, time: i64) -> Vec<LogBox> {
+    fn movers_at(&self, time: i64) -> Vec<LogBox> {
         self.tracks.iter().filter(|track| track.is_mover).filter_map(|track| track.at(time)).collect()
     }
 }
@@ -342,12 +340,13 @@ fn moved(pose: RigidPose, origin: DVec3) -> RigidPose {
     RigidPose { translation: pose.translation - origin, ..pose }
 }
 
-/// A place that is so many metres east and north of another, degrees.
-fn displaced([latitude, longitude]: [f64; 2], east: f64, north: f64) -> [f64; 2] {
+/// Returns the latitude and longitude, degrees, of the point `east` and `north` m of a location.
+fn displaced(location: [f64; 2], east: f64, north: f64) -> [f64; 2] {
+    let [latitude, longitude] = location;
     // WGS 84's equatorial radius; over a city the difference to the ellipsoid is below 0.5 % of the
     // way.
-    const RADIUS: f64 = 6_378_137.0;
-    let shift = dvec3(east, north, 0.0) / RADIUS;
+    const EARTH_RADIUS_M: f64 = 6_378_137.0;
+    let shift = dvec3(east, north, 0.0) / EARTH_RADIUS_M;
     let longitude = longitude + (shift.x / latitude.to_radians().cos().max(1e-6)).to_degrees();
     [latitude + shift.y.to_degrees(), longitude]
 }

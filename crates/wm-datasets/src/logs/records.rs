@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use wm_scene::{FormatError, Problem};
 
 /// Length, m, and speed, m/s, within which a vehicle goes from one of its poses to the next.
-const STEP: f64 = 100.0;
-const FASTEST: f64 = 100.0;
+const MAX_STEP_M: f64 = 100.0;
+const MAX_SPEED_M_S: f64 = 100.0;
 
 /// Counts of what was left out.
 pub(super) struct Records {
@@ -102,7 +102,7 @@ impl Records {
 fn reachable(places: &[(i64, DVec3)]) -> Vec<bool> {
     let is_step = |a: usize, b: usize| {
         let ((from, start), (to, end)) = (places[a], places[b]);
-        start.distance(end) <= STEP + FASTEST * 1e-9 * from.abs_diff(to) as f64
+        start.distance(end) <= MAX_STEP_M + MAX_SPEED_M_S * 1e-9 * from.abs_diff(to) as f64
     };
     let (mut longest, mut start) = (0..0, 0);
     for index in 0..places.len() {
@@ -130,14 +130,14 @@ fn reachable(places: &[(i64, DVec3)]) -> Vec<bool> {
 
 /// A log among several in one folder.
 pub(super) struct Candidate<T> {
-    pub(super) name: String,
-    pub(super) value: T,
+    pub(crate) name: String,
+    pub(crate) value: T,
     /// The files that are missing for it to be read, in words.
-    pub(super) lacks: Option<String>,
+    pub(crate) lacks: Option<String>,
 }
 
 /// A log in a folder, and what was passed over, in words.
-pub(super) type Chosen<T> = (T, Option<String>);
+pub(super) type ChosenLog<T> = (T, Option<String>);
 
 /// The log in a folder that is one, or in one of the folders in it. `lacks` says what a log lacks
 /// to be read. `None` if there is none.
@@ -150,7 +150,7 @@ pub(super) fn choose_folder(
     options: &LogOptions,
     is_log: impl Fn(&Path) -> bool,
     lacks: impl Fn(&Path) -> Option<String>,
-) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
     let folders = if is_log(source) {
         vec![source.to_owned()]
     } else {
@@ -188,7 +188,7 @@ pub(super) fn choose<T>(
     plural: &str,
     candidates: Vec<Candidate<T>>,
     asked: Option<&str>,
-) -> Result<Chosen<T>, FormatError> {
+) -> Result<ChosenLog<T>, FormatError> {
     let count = candidates.len();
     let names = |whole: bool| {
         shown(candidates.iter().filter(|own| !whole || own.lacks.is_none()).map(|own| own.name.clone()))

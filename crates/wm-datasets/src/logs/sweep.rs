@@ -1,7 +1,7 @@
 //! Sweeps of lidars.
 
 use super::argoverse::read_points;
-use super::files::{MOST_BINARY, fault, read_bytes};
+use super::files::{MAX_BINARY_BYTES, fault, read_bytes};
 use super::track::EgoTrack;
 use crate::RigidPose;
 use glam::DVec3;
@@ -11,11 +11,11 @@ use std::sync::Arc;
 use wm_scene::FormatError;
 
 /// Farthest that a point may be from its lidar, m.
-const FARTHEST: f64 = 1000.0;
+const MAX_RANGE_M: f64 = 1000.0;
 
 /// The classes of SemanticKITTI that move: car, bicyclist, person, motorcyclist, on rails, bus,
 /// truck, other vehicle.
-const MOVING: std::ops::RangeInclusive<u16> = 252..=259;
+const MOVING_CLASSES: std::ops::RangeInclusive<u16> = 252..=259;
 
 /// A sweep of a lidar, in a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,11 +85,23 @@ pub(super) enum SweepMotion {
 /// The points of a sweep, and the number of those that cannot be used: not finite, or farther than
 /// a kilometre from the lidar.
 pub(super) struct SweepPoints {
-    pub(super) points: Vec<LogPoint>,
-    pub(super) unusable: usize,
+    pub(crate) points: Vec<LogPoint>,
+    pub(crate) unusable: usize,
 }
 
 impl LogSweep {
+    /// A sweep of KITTI, x y z and intensity of each point as floats, whose lidar stands still.
+    pub(super) fn kitti(file: PathBuf, timestamp: i64, world_from_lidar: RigidPose) -> Self {
+        Self {
+            file,
+            timestamp,
+            center: world_from_lidar.translation,
+            labels: None,
+            records: SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 },
+            motion: SweepMotion::Still(world_from_lidar),
+        }
+    }
+
     /// Reads the points. Those that are not finite, at the lidar itself or farther than a kilometre
     /// from it are left out.
     ///
@@ -117,12 +129,12 @@ impl LogSweep {
             };
             let range = position.distance(self.center);
             // Written so that NaN is not near.
-            let is_near = range < FARTHEST;
+            let is_near = range < MAX_RANGE_M;
             unusable += usize::from(!is_near);
             // What did not come back is at the lidar itself in some logs.
             if is_near && own.length_squared() > 1e-4 {
                 let intensity = if intensity.is_finite() { intensity.max(0.0) } else { 0.0 };
-                let moves = labels.as_ref().is_some_and(|labels| MOVING.contains(&labels[index]));
+                let moves = labels.as_ref().is_some_and(|labels| MOVING_CLASSES.contains(&labels[index]));
                 points.push(LogPoint { position, range, intensity, timestamp, moves });
             }
         }
@@ -131,7 +143,7 @@ impl LogSweep {
 
     /// Positions in the file's axes, and intensities.
     fn raw(&self) -> Result<Vec<([f32; 3], f32)>, FormatError> {
-        let bytes = read_bytes(&self.file, MOST_BINARY)?;
+        let bytes = read_bytes(&self.file, MAX_BINARY_BYTES)?;
         match self.records {
             SweepRecords::Floats { columns, position, intensity, white } => {
                 let size = 4 * columns;
@@ -159,7 +171,7 @@ impl LogSweep {
 
 /// The classes of as many points, the lower half of each label.
 fn read_labels(file: &Path, points: usize) -> Result<Vec<u16>, FormatError> {
-    let bytes = read_bytes(file, MOST_BINARY)?;
+    let bytes = read_bytes(file, MAX_BINARY_BYTES)?;
     let (labels, rest) = bytes.as_chunks::<4>();
     if labels.len() != points || !rest.is_empty() {
         let length = bytes.len();

@@ -5,19 +5,19 @@ use glam::DVec3;
 
 /// Longest time beyond the first and last pose of a vehicle for which it is believed to go on
 /// evenly, ns.
-const BEYOND: u64 = 150_000_000;
+const MAX_POSE_EXTRAPOLATION_NS: u64 = 150_000_000;
 /// Longest time between two boxes of a track between which it is interpolated, ns.
-const GAP: u64 = 1_050_000_000;
+const MAX_BOX_GAP_NS: u64 = 1_050_000_000;
 /// Longest time beyond the first and last box of a track, ns.
-const BOX_BEYOND: u64 = 260_000_000;
+const MAX_BOX_EXTRAPOLATION_NS: u64 = 260_000_000;
 /// Time over which the speed of a box is measured, at least, ns: boxes of single sweeps jitter.
-const BASELINE: u64 = 450_000_000;
-/// Speed from which a box moves, m/s.
-const MOVES: f64 = 0.5;
+const MIN_SPEED_BASELINE_NS: u64 = 450_000_000;
+/// Least speed of a moving box, m/s.
+const MIN_MOVING_SPEED_M_S: f64 = 0.5;
 
 /// The poses of a vehicle: `world_from_rig` over time.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct EgoTrack {
+pub(crate) struct EgoTrack {
     /// Nanoseconds and poses, in the order of time, each time once.
     poses: Vec<(i64, RigidPose)>,
 }
@@ -29,12 +29,6 @@ impl EgoTrack {
         poses.sort_by_key(|(time, _)| *time);
         poses.dedup_by_key(|(time, _)| *time);
         Self { poses }
-    }
-
-    /// The poses, in the order of time.
-    #[must_use]
-    pub fn poses(&self) -> &[(i64, RigidPose)] {
-        &self.poses
     }
 
     /// The pose at a time, ns: between two poses straight ahead and turning evenly, and so up to
@@ -52,7 +46,7 @@ impl EgoTrack {
         };
         let [(t0, a), (t1, b)] = [self.poses[first], self.poses[second]];
         let [start, end] = [self.poses[0].0, self.poses[self.poses.len() - 1].0];
-        if time.clamp(start, end).abs_diff(time) > BEYOND {
+        if time.clamp(start, end).abs_diff(time) > MAX_POSE_EXTRAPOLATION_NS {
             return None;
         }
         if time == t1 {
@@ -70,13 +64,13 @@ impl EgoTrack {
 /// Something around the vehicle that has a box at several times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogTrack {
-    /// Its name in the log.
+    /// The name in the log.
     pub id: String,
-    /// Its category, as the log has it.
+    /// The category, as the log has it.
     pub category: String,
     /// True if it moves at any time of the log, or is of a kind that does: people, animals, riders.
     pub is_mover: bool,
-    /// Its boxes, in the order of time.
+    /// The boxes, in the order of time.
     pub boxes: Vec<LogBox>,
 }
 
@@ -116,7 +110,7 @@ impl LogTrack {
 impl LogBox {
     /// Returns true if a point is in the box, its sides longer by a share.
     #[must_use]
-    pub fn has(&self, point: DVec3, more: f64) -> bool {
+    pub(crate) fn has(&self, point: DVec3, more: f64) -> bool {
         let own = self.world_from_box.inverse().point(point).abs();
         own.cmple(0.5 * (1.0 + more) * self.size).all()
     }
@@ -124,7 +118,7 @@ impl LogBox {
     /// The corners of the box, world axes, its sides longer by a share. Bits of the index: beyond
     /// the middle along x, y, z.
     #[must_use]
-    pub fn corners(&self, more: f64) -> [DVec3; 8] {
+    pub(crate) fn corners(&self, more: f64) -> [DVec3; 8] {
         let half = 0.5 * (1.0 + more) * self.size;
         std::array::from_fn(|index| {
             let side = |axis: usize| if index >> axis & 1 == 1 { 1.0 } else { -1.0 };
@@ -135,7 +129,7 @@ impl LogBox {
 
 /// Returns true for kinds that move even when they stand.
 fn is_living(category: &str) -> bool {
-    const KINDS: [&str; 12] = [
+    const MOVER_CATEGORIES: [&str; 12] = [
         "human",
         "pedestrian",
         "person",
@@ -150,37 +144,39 @@ fn is_living(category: &str) -> bool {
         "signaler",
     ];
     let category = category.to_ascii_lowercase();
-    KINDS.iter().any(|kind| category.contains(kind))
+    MOVER_CATEGORIES.iter().any(|kind| category.contains(kind))
 }
 
 fn has_moved(boxes: &[LogBox]) -> bool {
     let mut later = 0;
     boxes.iter().any(|first| {
         while boxes.get(later).is_some_and(|box_| {
-            first.timestamp.abs_diff(box_.timestamp) < BASELINE || box_.timestamp < first.timestamp
+            first.timestamp.abs_diff(box_.timestamp) < MIN_SPEED_BASELINE_NS
+                || box_.timestamp < first.timestamp
         }) {
             later += 1;
         }
         boxes.get(later).is_some_and(|second| {
             let seconds = second.timestamp.abs_diff(first.timestamp) as f64 * 1e-9;
             let way = second.world_from_box.translation.distance(first.world_from_box.translation);
-            way > MOVES * seconds
+            way > MIN_MOVING_SPEED_M_S * seconds
         })
     })
 }
 
-/// The pose at a time, of entries in the order of time; `None` more than [`BOX_BEYOND`] beyond the
-/// ends, or between two that are farther apart than [`GAP`].
+/// The pose at a time, of entries in the order of time; `None` more than
+/// [`MAX_BOX_EXTRAPOLATION_NS`] beyond the ends, or between two that are farther apart than
+/// [`MAX_BOX_GAP_NS`].
 fn interpolate<T>(entries: &[T], time: i64, of: impl Fn(&T) -> (i64, RigidPose)) -> Option<RigidPose> {
     let after = entries.partition_point(|entry| of(entry).0 <= time);
     let held = |entry: &T| {
         let (at, pose) = of(entry);
-        (at.abs_diff(time) <= BOX_BEYOND).then_some(pose)
+        (at.abs_diff(time) <= MAX_BOX_EXTRAPOLATION_NS).then_some(pose)
     };
     let Some(second) = entries.get(after) else { return entries.last().and_then(held) };
     let Some(first) = after.checked_sub(1).map(|before| &entries[before]) else { return held(second) };
     let ((t0, a), (t1, b)) = (of(first), of(second));
-    if t0.abs_diff(t1) > GAP {
+    if t0.abs_diff(t1) > MAX_BOX_GAP_NS {
         return held(first).or_else(|| held(second));
     }
     Some(between(a, b, time.abs_diff(t0) as f64 / t1.abs_diff(t0) as f64))

@@ -89,7 +89,7 @@ pub(super) fn other_service<'a>(names: impl Iterator<Item = &'a str> + Clone) ->
 /// A column that is understood.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Column {
-    pub field: Field,
+    pub(crate) field: Field,
     scale: fn(f64) -> f64,
     range: [f64; 2],
 }

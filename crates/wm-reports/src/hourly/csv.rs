@@ -7,7 +7,7 @@ use crate::report::{ReportOptions, WeatherReport};
 use std::path::Path;
 
 /// Most columns of a table.
-const MOST_COLUMNS: usize = 500;
+const MAX_COLUMNS: usize = 500;
 
 /// The columns of Meteostat's files of whole stations, which have no line of names.
 const METEOSTAT: [&str; 13] =
@@ -32,50 +32,7 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
     let mut lines: Vec<Line<'_>> = lines.filter(|(_, line)| !line.starts_with('#')).collect();
     drop_empty(&mut lines);
     let separator = separator(lines.first().map_or("", |(_, line)| line));
-    let (mut place, mut utc_offset) = (None, 0);
-    // Open-Meteo's first block: where it is.
-    if lines.first().is_some_and(|(_, line)| line.starts_with("latitude") || line.starts_with("location_id"))
-    {
-        let end = lines.iter().position(|(_, line)| line.trim().is_empty()).unwrap_or(lines.len());
-        if end != 2 {
-            let line = lines.get(2).map_or(1, |(line, _)| *line);
-            return Err(fault(
-                line,
-                "has more than one place: a line of names and one of values are expected, then an empty line"
-                    .into(),
-            ));
-        }
-        let names = cells(lines[0].1, separator);
-        let values = cells(lines[1].1, separator);
-        let value = |name: &str| -> Result<Option<f64>, ReportError> {
-            let Some(index) = names.iter().position(|known| known == name) else { return Ok(None) };
-            let text = values.get(index).map_or("", |value| value.trim());
-            let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
-            number
-                .map(Some)
-                .ok_or_else(|| fault(lines[1].0, format!("{name} is {}: a number is expected", quoted(text))))
-        };
-        place =
-            value("latitude")?.zip(value("longitude")?).map(|(latitude, longitude)| [latitude, longitude]);
-        if let Some([latitude, longitude]) = place
-            && !(latitude.abs() <= 90.0 && longitude.abs() <= 360.0)
-        {
-            return Err(fault(
-                lines[1].0,
-                format!("the place is {latitude}, {longitude}: degrees are expected"),
-            ));
-        }
-        let offset = value("utc_offset_seconds")?.unwrap_or(0.0);
-        if offset.abs() > 100_000.0 {
-            return Err(fault(
-                lines[1].0,
-                format!("utc_offset_seconds is {offset}: at most a day is expected"),
-            ));
-        }
-        utc_offset = offset as i64;
-        lines.drain(..end);
-        drop_empty(&mut lines);
-    }
+    let (place, utc_offset) = read_place(&mut lines, separator, &fault)?;
     let Some(((_, header), mut body)) = lines.split_first() else {
         return Err(whole("has no table: a line of names and a line an hour are expected".into()));
     };
@@ -86,8 +43,8 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         columns = METEOSTAT.iter().take(columns.len()).map(|name| ((*name).into(), String::new())).collect();
         body = &lines;
     }
-    if columns.len() > MOST_COLUMNS {
-        return Err(whole(format!("has {} columns: at most {MOST_COLUMNS} are read", columns.len())));
+    if columns.len() > MAX_COLUMNS {
+        return Err(whole(format!("has {} columns: at most {MAX_COLUMNS} are read", columns.len())));
     }
     // A table ends at an empty line; one of days may follow.
     let body: Vec<Line<'_>> = body.iter().copied().take_while(|(_, line)| !line.trim().is_empty()).collect();
@@ -113,6 +70,52 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         whole: &whole,
     }
     .read()
+}
+
+/// Reads and drops the first block of Open-Meteo, which says where the place is: latitude and
+/// longitude, degrees, and the offset of its time from UTC, s. Other tables have none.
+fn read_place(
+    lines: &mut Vec<Line<'_>>,
+    separator: char,
+    fault: &dyn Fn(usize, String) -> ReportError,
+) -> Result<(Option<[f64; 2]>, i64), ReportError> {
+    if !lines.first().is_some_and(|(_, line)| line.starts_with("latitude") || line.starts_with("location_id"))
+    {
+        return Ok((None, 0));
+    }
+    let end = lines.iter().position(|(_, line)| line.trim().is_empty()).unwrap_or(lines.len());
+    if end != 2 {
+        let line = lines.get(2).map_or(1, |(line, _)| *line);
+        return Err(fault(
+            line,
+            "has more than one place: a line of names and one of values are expected, then an empty line"
+                .into(),
+        ));
+    }
+    let names = cells(lines[0].1, separator);
+    let values = cells(lines[1].1, separator);
+    let value = |name: &str| -> Result<Option<f64>, ReportError> {
+        let Some(index) = names.iter().position(|known| known == name) else { return Ok(None) };
+        let text = values.get(index).map_or("", |value| value.trim());
+        let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+        number
+            .map(Some)
+            .ok_or_else(|| fault(lines[1].0, format!("{name} is {}: a number is expected", quoted(text))))
+    };
+    let place =
+        value("latitude")?.zip(value("longitude")?).map(|(latitude, longitude)| [latitude, longitude]);
+    if let Some([latitude, longitude]) = place
+        && !(latitude.abs() <= 90.0 && longitude.abs() <= 360.0)
+    {
+        return Err(fault(lines[1].0, format!("the place is {latitude}, {longitude}: degrees are expected")));
+    }
+    let offset = value("utc_offset_seconds")?.unwrap_or(0.0);
+    if offset.abs() > 100_000.0 {
+        return Err(fault(lines[1].0, format!("utc_offset_seconds is {offset}: at most a day is expected")));
+    }
+    lines.drain(..end);
+    drop_empty(lines);
+    Ok((place, offset as i64))
 }
 
 /// Drops empty lines at the beginning.

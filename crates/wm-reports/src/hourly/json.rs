@@ -3,7 +3,7 @@
 
 use super::WeatherTable;
 use super::csv::stem;
-use super::raw::{Cell, KNOWN, RawTable, UNKNOWN};
+use super::raw::{Cell, KNOWN_SERVICES_ADVICE, RawTable, UNKNOWN_TABLE_PROBLEM};
 use crate::error::ReportError;
 use crate::report::{ReportOptions, WeatherReport};
 use serde_json::{Map, Value};
@@ -104,7 +104,7 @@ fn unknown(json: &Value) -> String {
         true => format!(" (it has a list{name} of objects of {keys})"),
         false => format!(" (it has {keys})"),
     };
-    format!("{UNKNOWN}{found}; {KNOWN}")
+    format!("{UNKNOWN_TABLE_PROBLEM}{found}; {KNOWN_SERVICES_ADVICE}")
 }
 
 /// Names and units of the columns, and their lists.

@@ -8,17 +8,17 @@ use crate::present_weather::PresentWeather;
 use crate::report::{ReportNote, ReportNoteKind};
 
 /// mm of water in a metre of fresh snow, as Open-Meteo counts: 7 cm are 10 mm.
-const WATER: f64 = 1000.0 / 7.0;
+const WATER_MM_PER_SNOW_M: f64 = 1000.0 / 7.0;
 /// The problem of a table with none of the names that are read, and the remedy.
-pub(super) const UNKNOWN: &str = "is no table of a known service";
-pub(super) const KNOWN: &str = "known are Open-Meteo (JSON with an object `hourly` of lists, or CSV) and Meteostat (CSV): write others as \
+pub(super) const UNKNOWN_TABLE_PROBLEM: &str = "is no table of a known service";
+pub(super) const KNOWN_SERVICES_ADVICE: &str = "known are Open-Meteo (JSON with an object `hourly` of lists, or CSV) and Meteostat (CSV): write others as \
                                 CSV with a column `time` and columns such as temperature_2m, rain, wind_speed_10m";
-/// Fewest rows that repeat others which are noted.
-const REPEATED: usize = 3;
+/// Least number of repeated rows that is noted.
+const MIN_REPEATED_ROWS: usize = 3;
 /// Visibilities without a unit that are all below this are hardly metres.
-const MIN_VISIBILITY: f64 = 100.0;
+const MIN_VISIBILITY_M: f64 = 100.0;
 /// Most hours of a table: a year of `light.hour`.
-const MOST_HOURS: f64 = 8700.0;
+const MAX_HOURS: f64 = 8700.0;
 
 /// The content of a cell.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,22 +43,22 @@ impl Cell {
 
 /// A table as it is in a file.
 pub(super) struct RawTable<'a> {
-    pub place: Option<[f64; 2]>,
-    pub utc_offset: i64,
+    pub(crate) place: Option<[f64; 2]>,
+    pub(crate) utc_offset: i64,
     /// Names and units; an empty unit for none.
-    pub columns: Vec<(String, String)>,
-    pub rows: Vec<Vec<Cell>>,
+    pub(crate) columns: Vec<(String, String)>,
+    pub(crate) rows: Vec<Vec<Cell>>,
     /// An error in a row and column of the table.
-    pub fault: &'a dyn Fn(usize, &str, String) -> ReportError,
+    pub(crate) fault: &'a dyn Fn(usize, &str, String) -> ReportError,
     /// An error of the whole.
-    pub whole: &'a dyn Fn(String) -> ReportError,
+    pub(crate) whole: &'a dyn Fn(String) -> ReportError,
 }
 
 impl RawTable<'_> {
     pub(super) fn read(&self) -> Result<WeatherTable, ReportError> {
         if let Some(service) = other_service(self.columns.iter().map(|(name, _)| name.as_str())) {
             return Err((self.whole)(format!(
-                "{UNKNOWN}: it has the columns of {service}, which are not read; {KNOWN}, with units, such as visibility (km)"
+                "{UNKNOWN_TABLE_PROBLEM}: it has the columns of {service}, which are not read; {KNOWN_SERVICES_ADVICE}, with units, such as visibility (km)"
             )));
         }
         let has_snow_depth = self.columns.iter().any(|(name, _)| name == "snwd" || name == "cldc");
@@ -87,12 +87,16 @@ impl RawTable<'_> {
                 (!near.is_empty()).then(|| format!("; {} is none{near}", quoted(name)))
             });
             let near = near.unwrap_or_default();
-            return Err((self.whole)(format!("{UNKNOWN} (it has no column `time`{near}); {KNOWN}")));
+            return Err((self.whole)(format!(
+                "{UNKNOWN_TABLE_PROBLEM} (it has no column `time`{near}); {KNOWN_SERVICES_ADVICE}"
+            )));
         }
         if columns.iter().flatten().all(|column| is_time(column.field)) {
             let mut near = unused.iter().map(|name| meant(name, names()));
             let near = near.find(|near| !near.is_empty()).unwrap_or_default();
-            return Err((self.whole)(format!("{UNKNOWN} (it has no column of weather{near}); {KNOWN}")));
+            return Err((self.whole)(format!(
+                "{UNKNOWN_TABLE_PROBLEM} (it has no column of weather{near}); {KNOWN_SERVICES_ADVICE}"
+            )));
         }
         if self.rows.is_empty() {
             return Err((self.whole)("has no rows: at least one hour is expected".into()));
@@ -150,7 +154,7 @@ impl RawTable<'_> {
             _ => None,
         });
         let largest = numbers.fold(f64::NEG_INFINITY, f64::max);
-        if !unit.is_empty() || !(0.0..MIN_VISIBILITY).contains(&largest) {
+        if !unit.is_empty() || !(0.0..MIN_VISIBILITY_M).contains(&largest) {
             return Ok(());
         }
         Err((self.whole)(format!(
@@ -174,9 +178,9 @@ impl RawTable<'_> {
         if !(1.0 / 60.0..=24.0).contains(&hours) {
             return Err((self.whole)(format!("has rows {hours} hours apart: a minute to a day is expected")));
         }
-        if hours * rows.len() as f64 > MOST_HOURS {
+        if hours * rows.len() as f64 > MAX_HOURS {
             return Err((self.whole)(format!(
-                "has {} rows: at most {MOST_HOURS} hours are read, cut it",
+                "has {} rows: at most {MAX_HOURS} hours are read, cut it",
                 rows.len()
             )));
         }
@@ -231,7 +235,7 @@ impl RawTable<'_> {
                 Field::Rain => rain = Some(value),
                 Field::Showers => showers = Some(value),
                 Field::Precipitation => all = Some(value),
-                Field::Snowfall => snowfall = Some(WATER * value),
+                Field::Snowfall => snowfall = Some(WATER_MM_PER_SNOW_M * value),
                 Field::SnowDepth => row.snow_depth = Some(value),
                 Field::Visibility => row.visibility = Some(value),
                 Field::WindSpeed => row.wind_speed = Some(value),
@@ -279,8 +283,8 @@ impl RawTable<'_> {
 /// Quantities that no row has, or some do not have, and rows at the end that only repeat others, of
 /// which `empty` have nothing.
 fn not_measured(rows: &[WeatherRow], empty: usize, has_amounts: bool) -> Vec<String> {
-    type Told = fn(&WeatherRow) -> Option<f64>;
-    const QUANTITIES: [(&str, Told); 7] = [
+    type ReadQuantity = fn(&WeatherRow) -> Option<f64>;
+    const QUANTITIES: [(&str, ReadQuantity); 7] = [
         ("temperature", |row| row.temperature),
         ("humidity", |row| row.humidity),
         ("wind", |row| row.wind_speed),
@@ -317,7 +321,7 @@ fn not_measured(rows: &[WeatherRow], empty: usize, has_amounts: bool) -> Vec<Str
     }
     let same = |pair: &&[WeatherRow]| WeatherRow { time: pair[0].time, ..pair[1].clone() } == pair[0];
     let repeated = told.windows(2).rev().take_while(same).count();
-    if repeated >= REPEATED && QUANTITIES.len() > missing.len() + 1 {
+    if repeated >= MIN_REPEATED_ROWS && QUANTITIES.len() > missing.len() + 1 {
         let of = told.len();
         notes.push(format!(
             "perhaps the last {repeated} of {of} rows: they repeat the row before in all values"

@@ -1,7 +1,7 @@
 //! Times of tables.
 
 /// Days from 1970-01-01 to a day of the Gregorian calendar.
-pub(super) fn days(year: i64, month: i64, day: i64) -> i64 {
+fn days(year: i64, month: i64, day: i64) -> i64 {
     // Years begin in March, so that a leap day is their last.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     365 * year + year.div_euclid(4) - year.div_euclid(100)
@@ -12,7 +12,7 @@ pub(super) fn days(year: i64, month: i64, day: i64) -> i64 {
 }
 
 /// Year, month and day of a number of days since 1970-01-01.
-pub(super) fn date(days_since: i64) -> [i64; 3] {
+fn date(days_since: i64) -> [i64; 3] {
     // A guess that is at most a year off.
     let mut year = 1970 + days_since.div_euclid(366);
     while days(year + 1, 1, 1) <= days_since {

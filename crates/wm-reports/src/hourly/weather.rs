@@ -11,13 +11,13 @@ use std::f64::consts::TAU;
 use wm_weather::Easing;
 use wm_weather::optics::sigma_of_mor;
 
-/// Air that nobody sees, and the air of hours whose code says nothing of it, m.
-const CLEAR: f64 = 100_000.0;
-const PLAIN: f64 = 20_000.0;
-/// Wind below which gusts say nothing, m/s.
-const BREATH: f64 = 1.0;
+/// Visibility of clear air, and of hours whose code does not tell it, m.
+const CLEAR_VISIBILITY_M: f64 = 100_000.0;
+const USUAL_VISIBILITY_M: f64 = 20_000.0;
+/// Least wind for which gusts are read, m/s.
+const MIN_GUSTY_WIND_M_S: f64 = 1.0;
 /// Net radiation by night, W/m^2.
-const NIGHT: f64 = -30.0;
+const NIGHT_RADIATION_W_M2: f64 = -30.0;
 
 pub(super) fn weather(
     table: &WeatherTable,
@@ -163,7 +163,8 @@ impl Film<'_> {
             self.draft.track("wind.direction", &directions, Easing::Linear, Basis::told(why));
         }
         let share = |row: &WeatherRow| {
-            let (gust, speed) = row.wind_gust.zip(row.wind_speed.filter(|speed| *speed > BREATH))?;
+            let (gust, speed) =
+                row.wind_gust.zip(row.wind_speed.filter(|speed| *speed > MIN_GUSTY_WIND_M_S))?;
             Some(((gust / speed - 1.0) / 3.0).clamp(0.0, 1.0))
         };
         // One strength, as gusts that change would move the air by jumps.
@@ -184,11 +185,11 @@ impl Film<'_> {
                 let [rain, snow] = rates(row);
                 let falls = extinction("rain", rain) + extinction("snowfall", snow);
                 let sigma = sigma_of_mor(row.visibility?.max(10.0)) - falls;
-                Some(if sigma > 0.0 { visibility(sigma).min(CLEAR) } else { CLEAR })
+                Some(if sigma > 0.0 { visibility(sigma).min(CLEAR_VISIBILITY_M) } else { CLEAR_VISIBILITY_M })
             };
             (self.at_rows(air), Basis::told("visibility, less what falls"))
         } else if table.rows.iter().any(|row| code_air(row).is_some()) {
-            let air = |row: &WeatherRow| Some(code_air(row).unwrap_or(PLAIN));
+            let air = |row: &WeatherRow| Some(code_air(row).unwrap_or(USUAL_VISIBILITY_M));
             (self.at_rows(air), Basis::guess("fog by the code of the hour; the table has no visibility"))
         } else {
             self.draft.ignored("air: the table has no visibility, so that nothing but what falls is in it");
@@ -196,7 +197,7 @@ impl Film<'_> {
         };
         let is_foggy = values.iter().any(|(_, mor)| *mor < 1000.0);
         let key = if is_foggy { "fog.mor" } else { "haze.mor" };
-        if values.iter().any(|(_, mor)| *mor < CLEAR) {
+        if values.iter().any(|(_, mor)| *mor < CLEAR_VISIBILITY_M) {
             self.draft.track(key, &values, Easing::Linear, basis);
         }
     }
@@ -283,7 +284,8 @@ impl Film<'_> {
 
 /// Net radiation on the ground by day and by night, W/m^2, as the effect `wetness` has it: 0.65 of
 /// Haurwitz' clear sky, less by clouds (Kasten and Czeplak 1980).
-fn radiation([latitude, longitude]: [f64; 2], row: &WeatherRow) -> f64 {
+fn radiation(location: [f64; 2], row: &WeatherRow) -> f64 {
+    let [latitude, longitude] = location;
     let solar = row.time as f64 + 240.0 * longitude;
     let day = time::day_of_year((solar / 86_400.0).floor() as i64) as f64;
     // Declination within a degree (Cooper 1969); the sun is highest at noon.
@@ -292,8 +294,8 @@ fn radiation([latitude, longitude]: [f64; 2], row: &WeatherRow) -> f64 {
     let latitude = latitude.to_radians();
     let sin = latitude.sin() * declination.sin() + latitude.cos() * declination.cos() * turn.cos();
     if sin <= 0.0 {
-        return NIGHT;
+        return NIGHT_RADIATION_W_M2;
     }
     let clouds = row.cloud_cover.unwrap_or(0.5);
-    (0.65 * 1098.0 * sin * (-0.057 / sin).exp() * (1.0 - 0.75 * clouds.powf(3.4))).max(NIGHT)
+    (0.65 * 1098.0 * sin * (-0.057 / sin).exp() * (1.0 - 0.75 * clouds.powf(3.4))).max(NIGHT_RADIATION_W_M2)
 }

@@ -6,26 +6,26 @@ use super::{
 };
 
 /// Metres in a statute mile and a foot, m/s in a knot, hPa in an inch of mercury.
-const MILE: f64 = 1609.344;
-const FOOT: f64 = 0.3048;
-const KNOT: f64 = 0.514_444;
-const INCH: f64 = 33.863_886;
-const SIDES: [&str; 8] = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
+const METRES_PER_MILE: f64 = 1609.344;
+const METRES_PER_FOOT: f64 = 0.3048;
+const M_S_PER_KNOT: f64 = 0.514_444;
+const HPA_PER_INCH: f64 = 33.863_886;
+const COMPASS_SIDES: [&str; 8] = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
 /// Visibility told as 0: less than the least step of either scale, m.
-const LEAST_SEEN: f64 = 50.0;
+const MIN_VISIBILITY_M: f64 = 50.0;
 
-/// Returns true if a text is so many digits.
+/// Returns true if a text has exactly `count` characters, all digits.
 pub(super) fn is_digits(text: &str, count: usize) -> bool {
     text.len() == count && text.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// Returns true for strokes in the place of a value that was not measured, as many as there may be.
+/// Returns true for one or more strokes in place of a value that was not measured.
 pub(super) fn is_strokes(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|b| b == b'/')
 }
 
 pub(super) fn wind(text: &str) -> Option<MetarWind> {
-    let units = [("KT", KNOT), ("KTS", KNOT), ("MPS", 1.0), ("KMH", 1.0 / 3.6)];
+    let units = [("KT", M_S_PER_KNOT), ("KTS", M_S_PER_KNOT), ("MPS", 1.0), ("KMH", 1.0 / 3.6)];
     let (text, unit) = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)))?;
     if is_strokes(&text.replace('G', "/")) {
         return Some(MetarWind { from: None, speed: None, gust: None, is_variable: false, between: None });
@@ -84,9 +84,13 @@ pub(super) fn miles(text: &str, whole: f64) -> Option<MetarVisibility> {
         None => digits(number)?,
     };
     if miles == 0.0 {
-        return Some(MetarVisibility { metres: LEAST_SEEN, bound: VisibilityBound::Less, direction: None });
+        return Some(MetarVisibility {
+            metres: MIN_VISIBILITY_M,
+            bound: VisibilityBound::Less,
+            direction: None,
+        });
     }
-    Some(MetarVisibility { metres: miles * MILE, bound, direction: None })
+    Some(MetarVisibility { metres: miles * METRES_PER_MILE, bound, direction: None })
 }
 
 /// A visibility in metres: `0800`, `9999`, `1200NE`, `2000NDV`, `M0400`, `4000M`, `5KM`.
@@ -103,13 +107,13 @@ pub(super) fn metres(text: &str) -> Option<MetarVisibility> {
     let (digits, side) = text.split_at_checked(4)?;
     // Automatic stations say that they have no direction; others write the unit.
     let has_none = matches!(side, "" | "NDV" | "ND" | "M" | "/" | "//");
-    if !is_digits(digits, 4) || !(has_none || SIDES.contains(&side)) {
+    if !is_digits(digits, 4) || !(has_none || COMPASS_SIDES.contains(&side)) {
         return None;
     }
     let direction = (!has_none).then(|| side.to_owned());
     let (metres, bound) = match digits {
         "9999" => (10_000.0, VisibilityBound::OrMore),
-        "0000" => (LEAST_SEEN, VisibilityBound::Less),
+        "0000" => (MIN_VISIBILITY_M, VisibilityBound::Less),
         _ => (digits.parse().ok()?, bound),
     };
     Some(MetarVisibility { metres, bound, direction })
@@ -138,7 +142,7 @@ pub(super) fn runway_range(text: &str) -> Option<(String, Option<Option<[f64; 2]
     if range.is_empty() {
         return Some((runway, Some(None)));
     }
-    let (range, unit) = range.strip_suffix("FT").map_or((range, 1.0), |range| (range, FOOT));
+    let (range, unit) = range.strip_suffix("FT").map_or((range, 1.0), |range| (range, METRES_PER_FOOT));
     let distance = |text: &str| -> Option<f64> {
         let digits = text.trim_start_matches(['P', 'M']);
         let good = digits.len() == 4 && digits.bytes().all(|b| b.is_ascii_digit());
@@ -192,7 +196,7 @@ pub(super) fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
             None => (None, rest),
             Some(("///", rest)) => (None, rest),
             Some((digits, rest)) if digits.bytes().all(|b| b.is_ascii_digit()) => {
-                (digits.parse::<f64>().ok().map(|hundreds| 100.0 * FOOT * hundreds), rest)
+                (digits.parse::<f64>().ok().map(|hundreds| 100.0 * METRES_PER_FOOT * hundreds), rest)
             }
             // A kind without a height.
             Some(_) => (None, rest),
@@ -221,7 +225,7 @@ pub(super) fn pressure(text: &str) -> Option<Option<f64>> {
         return Some(None);
     }
     let number = is_digits(digits, 4).then(|| digits.parse::<f64>().ok())??;
-    Some(Some(if text.starts_with('A') { number / 100.0 * INCH } else { number }))
+    Some(Some(if text.starts_with('A') { number / 100.0 * HPA_PER_INCH } else { number }))
 }
 
 /// Temperature and dew point, degrees Celsius; none for what was not measured.

@@ -223,7 +223,7 @@ struct Reader {
 }
 
 impl Reader {
-    /// Notes a group, and so many after it.
+    /// Notes a group and the `taken` groups after it as ignored.
     fn ignore(
         &mut self,
         group: Group<'_>,
@@ -325,7 +325,7 @@ impl Reader {
 
     fn take_value(&mut self, group: Group<'_>, others: &[Group<'_>]) -> Result<usize, ReportError> {
         match self.value(group, others) {
-            // Where the pressure or the temperature has been told all is told that must be.
+            // After the pressure or the temperature the report has all that it must have.
             Err(_) if self.is_past || self.metar.temperature.is_some() => {
                 Ok(self.ignore_words(group, others))
             }
@@ -391,7 +391,7 @@ impl Reader {
             }
             self.metar.clouds.push(cloud);
         } else if text.starts_with("CB") || text.starts_with("TCU") {
-            // Where the clouds stand that were told, in words.
+            // Positions of the clouds, in words.
             return Ok(match self.metar.temperature {
                 Some(_) => self.ignore_words(group, others),
                 None => self.ignore(group, others, 0, "no share of clouds"),

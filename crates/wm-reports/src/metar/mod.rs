@@ -56,7 +56,7 @@ pub struct MetarWind {
 /// The meaning of a visibility at the end of a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VisibilityBound {
-    /// As it is told.
+    /// The stated value itself.
     Exact,
     /// As far or farther: `9999`, `P6SM`.
     OrMore,
@@ -265,7 +265,7 @@ impl CloudCover {
 /// A layer of clouds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CloudGroup {
-    /// Its cover.
+    /// The cover.
     pub cover: CloudCover,
     /// Height of its base over the aerodrome, or vertical visibility, m.
     pub height: Option<f64>,
@@ -287,11 +287,11 @@ pub struct IgnoredGroup {
 /// A decoded METAR or SPECI, in SI units and degrees Celsius.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metar {
-    /// Its kind.
+    /// The kind.
     pub kind: MetarKind,
     /// ICAO code of the station, four letters or digits.
     pub station: String,
-    /// Its time.
+    /// The time.
     pub time: Option<MetarTime>,
     /// Made without a person (`AUTO`).
     pub is_automatic: bool,

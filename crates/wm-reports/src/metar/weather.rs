@@ -17,30 +17,24 @@ use super::{
     CloudCover, Metar, MetarKind, MetarVisibility, VisibilityBound, WeatherDescriptor as Descriptor,
     WeatherGroup, WeatherIntensity, WeatherPhenomenon as Phenomenon,
 };
-use crate::conditions::{Carrier, Conditions, Known, SnowRate, Sun};
+use crate::conditions::{
+    Carrier, Conditions, DRIZZLE, Datum, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M,
+    SnowRate, Sun,
+};
 use crate::draft::{Basis, Draft};
 use crate::error::ReportError;
 use crate::optics::humidity;
 use crate::report::{DecodedReport, ReportOptions, WeatherReport};
 
-/// Rates, mm/h, of light, moderate and heavy weather.
-const RAIN: [f64; 3] = [1.0, 5.0, 20.0];
-const SHOWERS: [f64; 3] = [2.0, 8.0, 30.0];
-const DRIZZLE: [f64; 3] = [0.1, 0.3, 0.8];
-/// Ranges of snow, mm/h of water, and a usual rate of each.
-const SNOW: [([f64; 2], f64); 3] = [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0)];
+/// Rates of light, moderate and heavy weather, mm/h.
 const SNOW_GRAINS: [f64; 3] = [0.05, 0.1, 0.2];
 const ICE_CRYSTALS: f64 = 0.02;
-const HAIL: [f64; 3] = [5.0, 20.0, 60.0];
 const SMALL_HAIL: [f64; 3] = [2.0, 8.0, 20.0];
 const PELLETS: [f64; 3] = [0.5, 2.0, 5.0];
 /// Wind that lifts snow, m/s.
-const LIFTS_SNOW: f64 = 8.0;
-/// Flashes a minute of light, moderate and heavy thunderstorms, and their distance, m; in the
-/// vicinity both differ.
-const FLASHES: [f64; 3] = [4.0, 6.0, 10.0];
-const STORM: f64 = 3000.0;
-const STORM_NEARBY: [f64; 2] = [3.0, 12_000.0];
+const SNOW_DRIFT_WIND_M_S: f64 = 8.0;
+/// Flashes a minute of a thunderstorm in the vicinity, and their distance, m.
+const NEARBY_STORM: [f64; 2] = [3.0, 12_000.0];
 
 pub(super) fn weather(
     text: &str,
@@ -92,19 +86,19 @@ impl Mapping {
     fn wind(&mut self, metar: &Metar) {
         let Some(wind) = &metar.wind else { return };
         let Some(speed) = wind.speed else { return };
-        self.now.wind.speed = Some(Known::told(speed, "mean of the report, m/s"));
+        self.now.wind.speed = Some(Datum::told(speed, "mean of the report, m/s"));
         self.now.wind.from = match (wind.from, wind.between) {
-            (Some(from), Some([a, b])) => Some(Known::told(
+            (Some(from), Some([a, b])) => Some(Datum::told(
                 from,
                 format!("mean direction, from {from} degrees (varies from {a} to {b})"),
             )),
-            (Some(from), None) => Some(Known::told(from, format!("from {from} degrees"))),
+            (Some(from), None) => Some(Datum::told(from, format!("from {from} degrees"))),
             (None, _) => None,
         };
         if let Some(gust) = wind.gust {
             let share = if speed > 0.0 { (gust / speed - 1.0) / 3.0 } else { 1.0 };
             let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
-            self.now.wind.gusts = Some(Known::told(share.clamp(0.0, 1.0), why));
+            self.now.wind.gusts = Some(Datum::told(share.clamp(0.0, 1.0), why));
         }
     }
 
@@ -125,22 +119,22 @@ impl Mapping {
         self.now.clouds = match most {
             Some((share, code)) if metar.clouds.iter().any(|layer| layer.cover != CloudCover::Clear) => {
                 let part = if share < 1.0 { "the middle of its eighths" } else { "all of the sky" };
-                Some(Known::told(share, format!("{code}: {part}")))
+                Some(Datum::told(share, format!("{code}: {part}")))
             }
             Some((share, code)) => {
-                Some(Known::told(share, format!("{code}: no clouds, or none that matter")))
+                Some(Datum::told(share, format!("{code}: no clouds, or none that matter")))
             }
-            None if metar.is_cavok => Some(Known::guess(0.0, "CAVOK: no clouds that matter")),
+            None if metar.is_cavok => Some(Datum::guess(0.0, "CAVOK: no clouds that matter")),
             None => None,
         };
     }
 
     fn temperature(&mut self, metar: &Metar) {
         if let Some(temperature) = metar.temperature {
-            self.now.temperature = Some(Known::told(temperature, "degrees of the report"));
+            self.now.temperature = Some(Datum::told(temperature, "degrees of the report"));
             if let Some(dew_point) = metar.dew_point {
                 let why = format!("by the dew point of {dew_point} degrees");
-                self.now.humidity = Some(Known::told(humidity(temperature, dew_point), why));
+                self.now.humidity = Some(Datum::told(humidity(temperature, dew_point), why));
             }
         }
     }
@@ -154,9 +148,9 @@ impl Mapping {
         };
         if group.is_nearby {
             if group.is(Descriptor::Thunderstorm) {
-                let [rate, distance] = STORM_NEARBY;
+                let [rate, distance] = NEARBY_STORM;
                 self.now.lightning =
-                    Some((Known::guess(rate, format!("{code}: flashes a minute")), distance));
+                    Some((Datum::guess(rate, format!("{code}: flashes a minute")), distance));
             } else {
                 self.ignored.push(format!("{code}: it is not at the station"));
             }
@@ -164,7 +158,7 @@ impl Mapping {
         }
         if group.is(Descriptor::Thunderstorm) {
             let why = format!("{code}: flashes a minute");
-            self.now.lightning = Some((Known::guess(FLASHES[strength], why), STORM));
+            self.now.lightning = Some((Datum::guess(FLASHES_PER_MINUTE[strength], why), STORM_DISTANCE_M));
         }
         let is_shower = group.is(Descriptor::Showers) || group.is(Descriptor::Thunderstorm);
         let is_mixed =
@@ -174,7 +168,7 @@ impl Mapping {
             self.ignored.push(format!("{code}: ice that grows on surfaces is not drawn"));
             if self.now.temperature.is_none() {
                 self.now.temperature =
-                    Some(Known::guess(-2.0, format!("{code}, and no temperature is told")));
+                    Some(Datum::guess(-2.0, format!("{code}, and no temperature is told")));
             }
         }
         for phenomenon in &group.phenomena {
@@ -206,9 +200,9 @@ impl Mapping {
                 if group.is(Descriptor::Blowing) {
                     self.ignored
                         .push(format!("{code}: snow is drawn as falling, not as lifted from the ground"));
-                    if self.now.wind.speed.as_ref().is_none_or(|speed| speed.value < LIFTS_SNOW) {
+                    if self.now.wind.speed.as_ref().is_none_or(|speed| speed.value < SNOW_DRIFT_WIND_M_S) {
                         let why = format!("{code}: the least that lifts snow");
-                        self.now.wind.speed = Some(Known::guess(LIFTS_SNOW, why));
+                        self.now.wind.speed = Some(Datum::guess(SNOW_DRIFT_WIND_M_S, why));
                     }
                     // Of blowing snow alone all rates may be.
                     if self.now.snow.is_none() {
@@ -267,19 +261,19 @@ impl Mapping {
         let known = self.now.rain.take();
         let (before, words) =
             known.map_or((0.0, String::new()), |known| (known.value, format!("{}; ", known.basis.text())));
-        self.now.rain = Some(Known::told(before + rate, format!("{words}{text}")));
+        self.now.rain = Some(Datum::told(before + rate, format!("{words}{text}")));
     }
 
     fn snow(&mut self, rate: f64, text: String) {
         if self.now.snow.is_none() {
-            self.now.snow = Some(SnowRate::Told(Known::told(rate, text)));
+            self.now.snow = Some(SnowRate::Told(Datum::told(rate, text)));
         }
     }
 
     fn hail(&mut self, rate: f64, size: Option<f64>, text: String) {
         if self.now.hail.is_none() {
-            self.now.hail = Some(Known::guess(rate, text.clone()));
-            self.now.hail_size = size.map(|size| Known::guess(size, text));
+            self.now.hail = Some(Datum::guess(rate, text.clone()));
+            self.now.hail_size = size.map(|size| Datum::guess(size, text));
         }
     }
 
@@ -319,14 +313,14 @@ impl Mapping {
         let hour = (universal + longitude / 15.0).rem_euclid(24.0);
         let why =
             format!("mean solar time at longitude {longitude} of {:02}:{:02} UTC", time.hour, time.minute);
-        self.now.sun = Sun::Hour { hour: Known::told(hour, why), latitude, day: options.day };
+        self.now.sun = Sun::Hour { hour: Datum::told(hour, why), latitude, day: options.day };
     }
 }
 
-fn told(seen: &MetarVisibility) -> Known {
+fn told(seen: &MetarVisibility) -> Datum {
     match seen.bound {
-        VisibilityBound::Exact => Known::told(seen.metres, "of the report"),
-        VisibilityBound::OrMore => Known::guess(seen.metres, "the report says so far or farther"),
-        VisibilityBound::Less => Known::guess(seen.metres, "the report says less far"),
+        VisibilityBound::Exact => Datum::told(seen.metres, "of the report"),
+        VisibilityBound::OrMore => Datum::guess(seen.metres, "the report says so far or farther"),
+        VisibilityBound::Less => Datum::guess(seen.metres, "the report says less far"),
     }
 }

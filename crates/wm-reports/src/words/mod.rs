@@ -8,7 +8,10 @@ mod tokens;
 mod units;
 mod vocabulary;
 
-use crate::conditions::{Carrier, Conditions, Known, SnowRate, Sun};
+use crate::conditions::{
+    Carrier, Conditions, DRIZZLE, Datum, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M,
+    SnowRate, Sun,
+};
 use crate::draft::{Basis, Draft};
 use crate::error::{ReportError, meant};
 use crate::report::{DecodedReport, WeatherReport};
@@ -16,12 +19,12 @@ use tokens::{Token, clauses, fault};
 use units::{Quantity, unit};
 use vocabulary::{CALM_WORDS, Daytime, Falling, Meaning, WORDS, compass, meaning};
 
-/// Weather in words, in SI units and degrees Celsius. `None` is not told.
+/// Weather in words, in SI units and degrees Celsius. `None` is not stated.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WordsReport {
     /// Rain, mm/h.
     pub rain: Option<f64>,
-    /// True if snow falls; its rate follows from the visibility if one is told.
+    /// True if snow falls; its rate follows from the visibility if one is stated.
     pub snows: bool,
     /// Hail, mm/h of water.
     pub hail: Option<f64>,
@@ -39,14 +42,6 @@ pub struct WordsReport {
     pub snow_depth: Option<f64>,
 }
 
-/// Rates of rain, showers and drizzle, mm/h, when light, moderate, heavy and violent.
-const RAIN: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
-const SHOWERS: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
-const DRIZZLE: [f64; 4] = [0.1, 0.3, 0.8, 1.0];
-const HAIL: [f64; 4] = [5.0, 20.0, 60.0, 100.0];
-/// Ranges of snow, mm/h of water, and a usual rate of each.
-const SNOW: [([f64; 2], f64); 4] =
-    [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0), ([4.0, 10.0], 6.0)];
 /// Visibilities, m.
 const FOG: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
 const MIST: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
@@ -55,9 +50,6 @@ const SMOKE: [f64; 4] = [4000.0, 1500.0, 800.0, 400.0];
 const DUST: [f64; 4] = [3000.0, 800.0, 250.0, 100.0];
 /// Winds, m/s.
 const WIND: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
-/// Flashes a minute, and their distance, m.
-const FLASHES: [f64; 4] = [4.0, 6.0, 10.0, 15.0];
-const STORM: f64 = 3000.0;
 
 pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
     let clauses = clauses(text);
@@ -73,7 +65,7 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let mut draft = Draft::new(&line, &now.summary(), vec![format!("In words: {line}")]);
     now.write(&mut draft);
-    let value = |known: &Option<Known>| known.as_ref().map(|known| known.value);
+    let value = |known: &Option<Datum>| known.as_ref().map(|known| known.value);
     let report = WordsReport {
         rain: value(&now.rain),
         snows: now.snow.is_some(),
@@ -92,8 +84,8 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
 struct Reader {
     now: Conditions,
     gust: Option<f64>,
-    /// The visibility that a word such as fog has, where none is told.
-    usual_visibility: Option<Known>,
+    /// Usual visibility of a word such as fog, where none is stated.
+    usual_visibility: Option<Datum>,
 }
 
 /// The subjects of a clause, found before its numbers are read.
@@ -159,7 +151,7 @@ impl Reader {
             let Some(word) = meaning(&token.text) else {
                 if let Some((from, words)) = direction(&clause[index - 1..]) {
                     index += words.len() - 1;
-                    let known = Known::told(from, format!("from {}", words.join(" ")));
+                    let known = Datum::told(from, format!("from {}", words.join(" ")));
                     set(&mut self.now.wind.from, known, token)?;
                     continue;
                 }
@@ -187,21 +179,7 @@ impl Reader {
                 }
                 Meaning::Share(value) => (share, share_of) = (Some(value), Some(token)),
                 Meaning::No => {
-                    match next.and_then(|next| meaning(&next.text)) {
-                        Some(Meaning::Wind(_)) => {
-                            set(&mut self.now.wind.speed, Known::told(0.0, "no wind"), token)?;
-                        }
-                        Some(Meaning::Cloud(_)) => {
-                            self.now.clouds = Some(Known::told(0.0, "no clouds"));
-                        }
-                        Some(Meaning::Falls(_) | Meaning::Air(..) | Meaning::Thunder | Meaning::Gusts) => {}
-                        _ => {
-                            return Err(fault(
-                                token,
-                                "says that there is none of what: rain, wind, fog and the like are expected after it",
-                            ));
-                        }
-                    }
+                    self.none_of(next.and_then(|next| meaning(&next.text)), token)?;
                     index += 1;
                 }
                 Meaning::Falls(what) => {
@@ -214,64 +192,29 @@ impl Reader {
                 }
                 Meaning::Thunder => {
                     strength = None;
-                    let level = taken.unwrap_or(1);
-                    let flashes = Known::guess(FLASHES[level], format!("{}: flashes a minute", token.text));
-                    self.now.lightning = Some((flashes, STORM));
-                    if token.text == "thunderstorm" && self.now.rain.is_none() {
-                        self.now.rain = Some(Known::guess(SHOWERS[level], "thunderstorm: a shower of rain"));
-                    }
+                    self.thunder(taken.unwrap_or(1), &token.text);
                 }
                 Meaning::Cloud(usual) => {
                     strength = None;
-                    if self.now.clouds.is_none() || usual > 0.0 || share.is_some() {
-                        // Mostly clear is hardly cloudy.
-                        let of_words =
-                            share.take().map(|share| if usual > 0.0 { share } else { 1.0 - share });
-                        let cover = of_words.unwrap_or(usual);
-                        self.now.clouds = Some(Known::told(cover, format!("\"{}\"", token.text)));
-                    }
-                    if token.text == "sunny" && self.now.sun == Sun::Auto {
-                        self.now.sun = sun(Daytime::Day, &token.text);
-                    }
+                    self.cloud(usual, &mut share, &token.text);
                 }
                 Meaning::Wind(usual) => {
                     strength = None;
-                    let has_speed = clause.iter().any(|token| token.number.is_some());
-                    let is_plain = token.text.starts_with("wind") && token.text != "windy";
-                    if !has_speed && self.now.wind.speed.is_none() {
-                        let speed = taken
-                            .filter(|_| is_plain || token.text.starts_with("breez"))
-                            .map_or(usual, |level| WIND[level]);
-                        let basis = if CALM_WORDS.contains(&&token.text[..]) {
-                            Basis::told(token.text.clone())
-                        } else {
-                            Basis::guess(format!("\"{}\", m/s", token.text))
-                        };
-                        self.now.wind.speed = Some(Known { value: speed, basis });
+                    if !clause.iter().any(|token| token.number.is_some()) {
+                        self.wind(usual, taken, &token.text);
                     }
                 }
                 Meaning::Gusts => {
                     strength = None;
                     is_gust = true;
-                    if self.now.wind.gusts.is_none() {
-                        self.now.wind.gusts = Some(Known::guess(0.35, format!("\"{}\"", token.text)));
-                    }
+                    guess_once(&mut self.now.wind.gusts, 0.35, format!("\"{}\"", token.text));
                 }
                 Meaning::From | Meaning::To => {
                     index += self.direction(word == Meaning::To, &clause[index..])?;
                 }
                 Meaning::Force => {}
                 Meaning::Time(time) => {
-                    if self.now.sun != Sun::Auto && token.text != "hour" && time != Daytime::Day {
-                        let is_day =
-                            matches!(&self.now.sun, Sun::At { basis, .. } if basis.text().contains("sunny"));
-                        if !is_day {
-                            return Err(fault(token, "is a second time of day: one is expected"));
-                        }
-                    }
-                    if !(time == Daytime::Day && self.now.sun != Sun::Auto) {
-                        self.now.sun = sun(time, &token.text);
-                    }
+                    self.time(time, token)?;
                     // Golden and blue hour.
                     if next.is_some_and(|next| next.text == "hour") {
                         index += 1;
@@ -279,12 +222,11 @@ impl Reader {
                 }
                 Meaning::Wet => {
                     strength = None;
-                    let (wet, puddles) =
-                        if token.text.starts_with("puddle") { (0.6, Some(0.6)) } else { (0.6, None) };
-                    self.now.wetness = Some(Known::guess(wet, format!("\"{}\"", token.text)));
-                    if let Some(puddles) = puddles {
-                        self.now.puddles = Some(Known::guess(puddles, format!("\"{}\"", token.text)));
+                    let wet = Datum::guess(0.6, format!("\"{}\"", token.text));
+                    if token.text.starts_with("puddle") {
+                        self.now.puddles = Some(wet.clone());
                     }
+                    self.now.wetness = Some(wet);
                 }
                 Meaning::Warmth(degrees) => {
                     strength = None;
@@ -294,10 +236,7 @@ impl Reader {
                     } else {
                         0.0
                     };
-                    let degrees = degrees + more;
-                    if self.now.temperature.is_none() {
-                        self.now.temperature = Some(Known::guess(degrees, format!("\"{}\"", token.text)));
-                    }
+                    guess_once(&mut self.now.temperature, degrees + more, format!("\"{}\"", token.text));
                 }
             }
         }
@@ -310,8 +249,69 @@ impl Reader {
         if let (Some(_), Some(token)) = (share, share_of) {
             return Err(fault(token, "says how much and not of what: cloudy or clear is expected after it"));
         }
-        if is_freezing && self.now.temperature.is_none() {
-            self.now.temperature = Some(Known::guess(-2.0, "\"freezing\""));
+        if is_freezing {
+            guess_once(&mut self.now.temperature, -2.0, "\"freezing\"");
+        }
+        Ok(())
+    }
+
+    /// Reads what `no`, the token, is said of.
+    fn none_of(&mut self, word: Option<Meaning>, token: &Token) -> Result<(), ReportError> {
+        match word {
+            Some(Meaning::Wind(_)) => set(&mut self.now.wind.speed, Datum::told(0.0, "no wind"), token)?,
+            Some(Meaning::Cloud(_)) => self.now.clouds = Some(Datum::told(0.0, "no clouds")),
+            Some(Meaning::Falls(_) | Meaning::Air(..) | Meaning::Thunder | Meaning::Gusts) => {}
+            _ => {
+                return Err(fault(
+                    token,
+                    "says that there is none of what: rain, wind, fog and the like are expected after it",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn thunder(&mut self, level: usize, word: &str) {
+        let flashes = Datum::guess(FLASHES_PER_MINUTE[level], format!("{word}: flashes a minute"));
+        self.now.lightning = Some((flashes, STORM_DISTANCE_M));
+        if word == "thunderstorm" {
+            guess_once(&mut self.now.rain, SHOWERS[level], "thunderstorm: a shower of rain");
+        }
+    }
+
+    /// Sets the cover of clouds to the share that was said before the word, or to the usual one.
+    fn cloud(&mut self, usual: f64, share: &mut Option<f64>, word: &str) {
+        if self.now.clouds.is_none() || usual > 0.0 || share.is_some() {
+            // Mostly clear is hardly cloudy.
+            let of_words = share.take().map(|share| if usual > 0.0 { share } else { 1.0 - share });
+            self.now.clouds = Some(Datum::told(of_words.unwrap_or(usual), format!("\"{word}\"")));
+        }
+        if word == "sunny" && self.now.sun == Sun::Auto {
+            self.now.sun = sun(Daytime::Day, word);
+        }
+    }
+
+    /// Sets the speed of a wind without a number, unless it is known.
+    fn wind(&mut self, usual: f64, strength: Option<usize>, word: &str) {
+        let has_levels = word.starts_with("wind") && word != "windy" || word.starts_with("breez");
+        let value = strength.filter(|_| has_levels).map_or(usual, |level| WIND[level]);
+        let basis = if CALM_WORDS.contains(&word) {
+            Basis::told(word)
+        } else {
+            Basis::guess(format!("\"{word}\", m/s"))
+        };
+        self.now.wind.speed.get_or_insert(Datum { value, basis });
+    }
+
+    fn time(&mut self, time: Daytime, token: &Token) -> Result<(), ReportError> {
+        if self.now.sun != Sun::Auto && token.text != "hour" && time != Daytime::Day {
+            let is_day = matches!(&self.now.sun, Sun::At { basis, .. } if basis.text().contains("sunny"));
+            if !is_day {
+                return Err(fault(token, "is a second time of day: one is expected"));
+            }
+        }
+        if !(time == Daytime::Day && self.now.sun != Sun::Auto) {
+            self.now.sun = sun(time, &token.text);
         }
         Ok(())
     }
@@ -339,30 +339,22 @@ impl Reader {
                 now.snow = Some(SnowRate::ByVisibility { range, usual, text: why.clone() });
             }
         };
-        let rate = |rate: f64| Some(Known::guess(rate, format!("{why}, mm/h")));
+        let rate = |rate: f64| Some(Datum::guess(rate, format!("{why}, mm/h")));
         match what {
             Falling::Snow if subject.lies => {
-                if now.snow_depth.is_none() {
-                    now.snow_depth = Some(Known::guess(0.1, format!("\"{word}\" that lies")));
-                }
+                guess_once(&mut now.snow_depth, 0.1, format!("\"{word}\" that lies"));
             }
             Falling::Snow if !has_rate => snow(level),
             Falling::Flurries => snow(strength.unwrap_or(0)),
             Falling::Blizzard => {
                 snow(strength.unwrap_or(2));
-                if now.wind.speed.is_none() {
-                    now.wind.speed = Some(Known::guess(14.0, format!("\"{word}\"")));
-                }
-                if self.usual_visibility.is_none() {
-                    self.usual_visibility = Some(Known::guess(200.0, format!("\"{word}\"")));
-                }
+                guess_once(&mut now.wind.speed, 14.0, format!("\"{word}\""));
+                guess_once(&mut self.usual_visibility, 200.0, format!("\"{word}\""));
             }
             Falling::Sleet => {
                 snow(level.min(1).saturating_sub(usize::from(strength.is_none())));
                 now.rain = rate(0.5 * RAIN[level]);
-                if now.temperature.is_none() {
-                    now.temperature = Some(Known::guess(1.0, format!("\"{word}\"")));
-                }
+                guess_once(&mut now.temperature, 1.0, format!("\"{word}\""));
             }
             Falling::Rain if !has_rate => now.rain = rate(RAIN[level]),
             Falling::Showers if subject.snow => {}
@@ -392,10 +384,10 @@ impl Reader {
                 Some(level) => format!("\"{} {word}\"", ["light", "moderate", "dense", "very dense"][level]),
                 None => format!("\"{word}\""),
             };
-            self.usual_visibility = Some(Known::guess(usual[strength.unwrap_or(1)], why));
+            self.usual_visibility = Some(Datum::guess(usual[strength.unwrap_or(1)], why));
         }
-        if word.ends_with("storm") && self.now.wind.speed.is_none() {
-            self.now.wind.speed = Some(Known::guess(16.0, format!("\"{word}\"")));
+        if word.ends_with("storm") {
+            guess_once(&mut self.now.wind.speed, 16.0, format!("\"{word}\""));
         }
     }
 
@@ -416,13 +408,13 @@ impl Reader {
             }
             set(
                 &mut self.now.wind.from,
-                Known::told(turned(degrees), format!("{word} {degrees} degrees")),
+                Datum::told(turned(degrees), format!("{word} {degrees} degrees")),
                 token,
             )?;
             return Ok(skipped + 2);
         }
         let Some((degrees, words)) = direction(&rest[skipped..]) else { return Ok(skipped) };
-        let known = Known::told(turned(degrees), format!("{word} {}", words.join(" ")));
+        let known = Datum::told(turned(degrees), format!("{word} {}", words.join(" ")));
         set(&mut self.now.wind.from, known, token)?;
         Ok(skipped + words.len())
     }
@@ -476,27 +468,27 @@ impl Reader {
                 if is_gust {
                     self.gust = Some(si);
                 } else {
-                    let is_usual = matches!(&now.wind.speed, Some(Known { basis: Basis::Guess(_), .. }));
+                    let is_usual = matches!(&now.wind.speed, Some(Datum { basis: Basis::Guess(_), .. }));
                     if is_usual {
                         now.wind.speed = None;
                     }
-                    set(&mut now.wind.speed, Known::told(si, text), token)?;
+                    set(&mut now.wind.speed, Datum::told(si, text), token)?;
                 }
             }
             Quantity::Length if subject.sees || (subject.air && !subject.lies) => {
                 within([1.0, 1e6], "visibility in m")?;
-                set(&mut now.visibility, Known::told(si, text), token)?;
+                set(&mut now.visibility, Datum::told(si, text), token)?;
             }
             Quantity::Length if subject.snow => {
                 within([0.0, 50.0], "depth of snow in m")?;
-                now.snow_depth = Some(Known::told(si, text));
+                now.snow_depth = Some(Datum::told(si, text));
             }
             Quantity::Length => {
                 return Err(fault(token, "is a length of what: write visibility, fog or snow beside it"));
             }
             Quantity::Rate => {
                 within([0.0, 2000.0], "rate in mm/h")?;
-                let known = Known::told(si, text);
+                let known = Datum::told(si, text);
                 if subject.snow {
                     now.snow = Some(SnowRate::Told(known));
                 } else if subject.hail {
@@ -509,17 +501,17 @@ impl Reader {
             }
             Quantity::Temperature => {
                 within([-90.0, 60.0], "temperature of the air in degrees Celsius")?;
-                if matches!(&now.temperature, Some(Known { basis: Basis::Guess(_), .. })) {
+                if matches!(&now.temperature, Some(Datum { basis: Basis::Guess(_), .. })) {
                     now.temperature = None;
                 }
-                set(&mut now.temperature, Known::told(si, text), token)?;
+                set(&mut now.temperature, Datum::told(si, text), token)?;
             }
             Quantity::Percent => {
                 within([0.0, 1.0], "share, of which there are 100 %")?;
                 if subject.humidity {
-                    now.humidity = Some(Known::told(si, text));
+                    now.humidity = Some(Datum::told(si, text));
                 } else if subject.clouds {
-                    now.clouds = Some(Known::told(si, text));
+                    now.clouds = Some(Datum::told(si, text));
                 } else {
                     return Err(fault(token, "is a share of what: write humidity or clouds beside it"));
                 }
@@ -532,10 +524,10 @@ impl Reader {
         if let (Some(gust), Some(speed)) = (self.gust, &self.now.wind.speed) {
             let share = if speed.value > 0.0 { (gust / speed.value - 1.0) / 3.0 } else { 1.0 };
             let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
-            self.now.wind.gusts = Some(Known::told(share.clamp(0.0, 1.0), why));
+            self.now.wind.gusts = Some(Datum::told(share.clamp(0.0, 1.0), why));
         } else if let Some(gust) = self.gust {
             self.now.wind.speed =
-                Some(Known::guess(gust / 1.6, format!("gusts of {gust:.1} m/s and no mean")));
+                Some(Datum::guess(gust / 1.6, format!("gusts of {gust:.1} m/s and no mean")));
         }
         if self.now.visibility.is_none() {
             self.now.visibility = self.usual_visibility.take();
@@ -555,13 +547,18 @@ fn direction(tokens: &[Token]) -> Option<(f64, Vec<&str>)> {
     Some((compass(&first.text)?, vec![&first.raw]))
 }
 
-/// Sets what may be told once; a guess gives way.
-fn set(place: &mut Option<Known>, known: Known, token: &Token) -> Result<(), ReportError> {
-    if matches!(place, Some(Known { basis: Basis::Told(_), .. })) {
+/// Sets what may be stated once; a guess gives way.
+fn set(place: &mut Option<Datum>, known: Datum, token: &Token) -> Result<(), ReportError> {
+    if matches!(place, Some(Datum { basis: Basis::Told(_), .. })) {
         return Err(fault(token, "is told a second time: one value is expected"));
     }
     *place = Some(known);
     Ok(())
+}
+
+/// Sets what is not known yet to a guess.
+fn guess_once(place: &mut Option<Datum>, value: f64, text: impl Into<String>) {
+    place.get_or_insert_with(|| Datum::guess(value, text));
 }
 
 fn sun(time: Daytime, word: &str) -> Sun {

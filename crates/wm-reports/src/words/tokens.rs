@@ -6,11 +6,11 @@ use crate::error::{ReportError, quoted};
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Token {
     /// In small letters.
-    pub text: String,
+    pub(crate) text: String,
     /// As it is written.
-    pub raw: String,
-    pub number: Option<f64>,
-    pub at: usize,
+    pub(crate) raw: String,
+    pub(crate) number: Option<f64>,
+    at: usize,
 }
 
 pub(super) fn fault(token: &Token, problem: impl std::fmt::Display) -> ReportError {

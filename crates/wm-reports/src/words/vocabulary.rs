@@ -57,7 +57,7 @@ impl Daytime {
 /// The meaning of a word.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Meaning {
-    /// Nothing.
+    /// A word without a meaning of its own.
     Filler,
     /// Strength: light, moderate, heavy, violent.
     Strength(usize),
@@ -66,7 +66,7 @@ pub(super) enum Meaning {
     /// Particles in the air, and their visibilities, m, by strength.
     Air(Carrier, &'static [f64; 4]),
     Freezing,
-    /// Of fog: shallow; of snow: on the ground.
+    /// Shallow, for fog; on the ground, for snow.
     Ground,
     /// It lies.
     Lies,
@@ -208,12 +208,12 @@ pub(super) fn meaning(word: &str) -> Option<Meaning> {
 /// Directions in letters, clockwise from north in steps of 22.5 degrees.
 pub(super) const COMPASS: [&str; 16] =
     ["n", "nne", "ne", "ene", "e", "ese", "se", "sse", "s", "ssw", "sw", "wsw", "w", "wnw", "nw", "nnw"];
-const NAMED: [&str; 8] =
+const DIRECTION_NAMES: [&str; 8] =
     ["north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"];
 
 /// A direction, degrees clockwise from north: `nw`, `northwest`, `northwesterly`.
 pub(super) fn compass(word: &str) -> Option<f64> {
     let short = COMPASS.iter().position(|known| *known == word).map(|index| 22.5 * index as f64);
     let stem = word.strip_suffix("erly").or_else(|| word.strip_suffix("ern")).unwrap_or(word);
-    short.or_else(|| NAMED.iter().position(|known| *known == stem).map(|index| 45.0 * index as f64))
+    short.or_else(|| DIRECTION_NAMES.iter().position(|known| *known == stem).map(|index| 45.0 * index as f64))
 }

@@ -8,10 +8,10 @@ use std::path::Path;
 use wm_scene::files::write_atomically;
 
 /// Metres of a step of a coordinate.
-const SCALE: f64 = 0.001;
+const STEP_M: f64 = 0.001;
 /// Bytes of the header and of a point.
-const HEADER: u16 = 227;
-const RECORD: u16 = 34;
+const HEADER_BYTES: u16 = 227;
+const RECORD_BYTES: u16 = 34;
 
 pub(super) fn save(sweep: &LidarSweep, path: &Path) -> Result<(), SensorError> {
     let fault = |problem: String| SensorError::Points { path: path.into(), problem };
@@ -55,29 +55,29 @@ fn header(count: u32, offset: &[f64; 3], low: &[f64; 3], high: &[f64; 3]) -> Vec
     out.extend(text("weather-magician"));
     // Day and year of making: none, so that equal points are equal bytes.
     out.extend([0u8; 4]);
-    out.extend(HEADER.to_le_bytes());
-    out.extend(u32::from(HEADER).to_le_bytes());
+    out.extend(HEADER_BYTES.to_le_bytes());
+    out.extend(u32::from(HEADER_BYTES).to_le_bytes());
     out.extend(0u32.to_le_bytes());
     out.push(3);
-    out.extend(RECORD.to_le_bytes());
+    out.extend(RECORD_BYTES.to_le_bytes());
     out.extend(count.to_le_bytes());
     // Points by return: each point is said to be the first of one.
     out.extend(count.to_le_bytes());
     out.extend([0u8; 16]);
-    for value in [SCALE; 3].iter().chain(offset) {
+    for value in [STEP_M; 3].iter().chain(offset) {
         out.extend(value.to_le_bytes());
     }
     for k in 0..3 {
         out.extend(high[k].to_le_bytes());
         out.extend(low[k].to_le_bytes());
     }
-    debug_assert_eq!(out.len(), usize::from(HEADER));
+    debug_assert_eq!(out.len(), usize::from(HEADER_BYTES));
     out
 }
 
 fn record(point: &LidarPoint, offset: &[f64; 3], start: f64, out: &mut Vec<u8>) {
     for (value, offset) in point.position.iter().zip(offset) {
-        let steps = ((f64::from(*value) - offset) / SCALE).round() as i32;
+        let steps = ((f64::from(*value) - offset) / STEP_M).round() as i32;
         out.extend(steps.to_le_bytes());
     }
     let intensity = (257.0 * point.intensity).round() as u16;

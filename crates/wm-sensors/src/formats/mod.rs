@@ -37,7 +37,7 @@ pub enum PointFormat {
 /// The names that points are written to.
 const FORMATS: &str = "points are written to names that end in .ply, .pcd, .npy, .las or .bin";
 /// Points that are written at once.
-const PART: usize = 4096;
+const PART_POINTS: usize = 4096;
 
 impl PointFormat {
     /// The format of a name's extension.
@@ -45,15 +45,8 @@ impl PointFormat {
     /// # Errors
     /// [`SensorError::Extension`] if it has another.
     pub fn of(path: &Path) -> Result<Self, SensorError> {
-        let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
-        match extension.as_deref() {
-            Some("ply") => Ok(Self::Ply),
-            Some("pcd") => Ok(Self::Pcd),
-            Some("npy") => Ok(Self::Npy),
-            Some("las") => Ok(Self::Las),
-            Some("bin") => Ok(Self::Bin),
-            _ => Err(SensorError::Extension { path: path.into(), formats: FORMATS }),
-        }
+        let all = [Self::Ply, Self::Pcd, Self::Npy, Self::Las, Self::Bin];
+        format_of(path, &all, Self::extension, FORMATS)
     }
 
     /// The extension of its files.
@@ -69,8 +62,20 @@ impl PointFormat {
     }
 }
 
+/// Finds the format whose extension a path has, in either case.
+pub(crate) fn format_of<T: Copy>(
+    path: &Path,
+    all: &[T],
+    extension: fn(T) -> &'static str,
+    formats: &'static str,
+) -> Result<T, SensorError> {
+    let own = path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let found = all.iter().copied().find(|format| extension(*format) == own);
+    found.ok_or_else(|| SensorError::Extension { path: path.into(), formats })
+}
+
 impl LidarSweep {
-    /// Writes the points in the format of the name's extension, see [`crate::formats`].
+    /// Writes the points in the format of the name's extension, see [`PointFormat`].
     ///
     /// # Errors
     /// [`SensorError`] if the format is unknown, the points do not fit it, or the file cannot be
@@ -86,19 +91,8 @@ impl LidarSweep {
             PointFormat::Npy => {
                 let row = |point: &LidarPoint| {
                     let LidarPoint { position: [x, y, z], intensity, range, time, .. } = *point;
-                    let whole = [f32::from(point.ring), point.column as f32];
-                    [
-                        x,
-                        y,
-                        z,
-                        intensity,
-                        range,
-                        time,
-                        whole[0],
-                        whole[1],
-                        f32::from(point.rank as u8),
-                        f32::from(point.class as u8),
-                    ]
+                    let (rank, class) = (f32::from(point.rank as u8), f32::from(point.class as u8));
+                    [x, y, z, intensity, range, time, point.ring.into(), point.column as f32, rank, class]
                 };
                 let values: Vec<f32> = self.points.iter().flat_map(row).collect();
                 Ok(npy::write(path, &values, &[self.points.len(), 10])?)
@@ -129,7 +123,7 @@ fn write_parts(
     record: impl Fn(&LidarPoint, &mut Vec<u8>),
 ) -> Result<(), Problem> {
     let mut bytes = Vec::new();
-    for part in points.chunks(PART) {
+    for part in points.chunks(PART_POINTS) {
         bytes.clear();
         part.iter().for_each(|point| record(point, &mut bytes));
         out.write_all(&bytes)?;

@@ -13,47 +13,51 @@ use std::f64::consts::{LN_2, TAU};
 use wm_scene::random::RandomStream;
 
 /// Width of the response at half power, cells, and its reach.
-const RESPONSE: f64 = 1.44;
-const REACH: f64 = 2.0;
-/// Cells of azimuth to each side whose rays come into one.
-pub(super) const SIDE: usize = 2;
-/// Cells to each side, of range and of velocity, that are averaged, and those next to the middle
+const RESPONSE_WIDTH_CELLS: f64 = 1.44;
+const RESPONSE_REACH_CELLS: f64 = 2.0;
+/// Azimuth cells to each side whose rays add to one.
+pub(super) const SIDE_CELLS: usize = 2;
+/// Cells to each side in range and velocity that are averaged, and guard cells next to the middle
 /// that are not.
-const TRAINING: [usize; 2] = [8, 16];
-const GUARD: [usize; 2] = [2, 3];
-/// Power below which a cell is not looked at, of the threshold in noise.
-const FAINT: f64 = 0.25;
+const TRAINING_CELLS: [usize; 2] = [8, 16];
+const GUARD_CELLS: [usize; 2] = [2, 3];
+/// Least power of a candidate cell, as a share of the detection threshold in noise.
+const MIN_THRESHOLD_SHARE: f64 = 0.25;
 
 /// A piece of a surface that sends power back. Places are in cells, whole numbers in their middles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scatterer {
     /// Range, azimuth and velocity.
-    pub at: [f64; 3],
+    pub(crate) at: [f64; 3],
     /// Radians.
-    pub elevation: f64,
-    /// Over that of the noise.
-    pub power: f64,
+    pub(crate) elevation: f64,
+    /// Power over the noise.
+    pub(crate) power: f64,
 }
 
 /// Rain in the cells of one azimuth, over the noise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RainClutter {
     /// Power of all velocities, for each cell of range; empty without rain.
-    pub powers: Vec<f64>,
-    /// Its share in each cell of velocity.
-    pub shares: Vec<f64>,
+    pub(crate) powers: Vec<f64>,
+    /// The share in each cell of velocity.
+    pub(crate) shares: Vec<f64>,
 }
 
 impl RainClutter {
     /// The power in a cell of range and velocity.
-    pub fn at(&self, range: usize, velocity: usize) -> f64 {
+    pub(super) fn at(&self, range: usize, velocity: usize) -> f64 {
         self.powers.get(range).map_or(0.0, |power| power * self.shares[velocity])
     }
 }
 
 /// Share of the power of a scatterer in a cell that is `off` cells away.
 fn response(off: f64) -> f64 {
-    if off.abs() > REACH { 0.0 } else { (-4.0 * LN_2 * (off / RESPONSE).powi(2)).exp() }
+    if off.abs() > RESPONSE_REACH_CELLS {
+        0.0
+    } else {
+        (-4.0 * LN_2 * (off / RESPONSE_WIDTH_CELLS).powi(2)).exp()
+    }
 }
 
 /// The distance from `b` to `a` on a circle of `count` cells.
@@ -83,7 +87,7 @@ pub(super) fn powers<'a>(
         if across <= 0.0 {
             continue;
         }
-        let reach = REACH as i64;
+        let reach = RESPONSE_REACH_CELLS as i64;
         let [range, velocity] = [one.at[0].round(), one.at[2].round()];
         for row in (range as i64 - reach)..=(range as i64 + reach) {
             if !(0..ranges as i64).contains(&row) {
@@ -117,37 +121,38 @@ pub(super) fn powers<'a>(
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DetectedCell {
     /// Range, azimuth and velocity.
-    pub cell: [usize; 3],
-    /// The same between cells.
-    pub at: [f64; 3],
-    /// Power between cells, over that of the noise.
-    pub power: f64,
+    pub(crate) cell: [usize; 3],
+    /// Interpolated position between cells.
+    pub(crate) at: [f64; 3],
+    /// Interpolated power over the noise.
+    pub(crate) power: f64,
     /// Mean power of the cells around it.
-    pub mean: f64,
+    pub(crate) mean: f64,
 }
 
 /// The powers of all cells.
 pub(super) struct PowerCube<'a> {
     model: &'a RadarModel,
-    /// Those of each azimuth, `[ranges, velocities]`.
+    /// Power by azimuth, `[ranges, velocities]` each.
     rows: &'a [Vec<f32>],
     /// Cells in range, azimuth and velocity.
     count: [usize; 3],
 }
 
 impl<'a> PowerCube<'a> {
-    pub fn new(model: &'a RadarModel, rows: &'a [Vec<f32>]) -> Self {
+    pub(super) fn new(model: &'a RadarModel, rows: &'a [Vec<f32>]) -> Self {
         Self { model, rows, count: model.cells() }
     }
 
-    fn power(&self, [range, azimuth, velocity]: [usize; 3]) -> f32 {
+    fn power(&self, cell: [usize; 3]) -> f32 {
+        let [range, azimuth, velocity] = cell;
         self.rows[azimuth][range * self.count[2] + velocity]
     }
 
     /// The detections of one azimuth, in the order of ranges and velocities.
-    pub fn detections(&self, azimuth: usize) -> Vec<DetectedCell> {
+    pub(super) fn detections(&self, azimuth: usize) -> Vec<DetectedCell> {
         let velocities = self.count[2];
-        let least = (FAINT * self.model.threshold()) as f32;
+        let least = (MIN_THRESHOLD_SHARE * self.model.threshold()) as f32;
         let first = (self.model.range[0] / self.model.range_cell).ceil() as usize * velocities;
         let mut found = Vec::new();
         for (index, power) in self.rows[azimuth].iter().enumerate().skip(first) {
@@ -198,16 +203,19 @@ impl<'a> PowerCube<'a> {
     }
 
     /// The mean power of the cells around one, of the same azimuth, and their number.
-    fn around(&self, [range, azimuth, velocity]: [usize; 3]) -> (f64, usize) {
+    fn around(&self, cell: [usize; 3]) -> (f64, usize) {
+        let [range, azimuth, velocity] = cell;
         let [ranges, _, velocities] = self.count;
         let nearest = (self.model.range[0] / self.model.range_cell).ceil() as usize;
-        let side = TRAINING[1].min((velocities - 1) / 2) as i64;
+        let side = TRAINING_CELLS[1].min((velocities - 1) / 2) as i64;
         let (mut sum, mut count) = (0.0, 0usize);
-        for row in range.saturating_sub(TRAINING[0]).max(nearest)..=(range + TRAINING[0]).min(ranges - 1) {
-            let is_near = row.abs_diff(range) <= GUARD[0];
+        for row in
+            range.saturating_sub(TRAINING_CELLS[0]).max(nearest)..=(range + TRAINING_CELLS[0]).min(ranges - 1)
+        {
+            let is_near = row.abs_diff(range) <= GUARD_CELLS[0];
             let powers = &self.rows[azimuth][row * velocities..(row + 1) * velocities];
             for step in -side..=side {
-                if is_near && step.unsigned_abs() as usize <= GUARD[1] {
+                if is_near && step.unsigned_abs() as usize <= GUARD_CELLS[1] {
                     continue;
                 }
                 let column = (velocity as i64 + step).rem_euclid(velocities as i64) as usize;

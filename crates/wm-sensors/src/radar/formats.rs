@@ -10,6 +10,7 @@
 
 use super::sweep::{RadarDetection, RadarSweep};
 use crate::error::SensorError;
+use crate::formats::format_of;
 use std::path::Path;
 use wm_scene::files::write_atomically;
 use wm_scene::npy;
@@ -43,13 +44,7 @@ impl RadarFormat {
     /// # Errors
     /// [`SensorError::Extension`] if it has another.
     pub fn of(path: &Path) -> Result<Self, SensorError> {
-        let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
-        match extension.as_deref() {
-            Some("ply") => Ok(Self::Ply),
-            Some("pcd") => Ok(Self::Pcd),
-            Some("npy") => Ok(Self::Npy),
-            _ => Err(SensorError::Extension { path: path.into(), formats: FORMATS }),
-        }
+        format_of(path, &[Self::Ply, Self::Pcd, Self::Npy], Self::extension, FORMATS)
     }
 
     /// The extension of its files.
@@ -64,7 +59,7 @@ impl RadarFormat {
 }
 
 impl RadarSweep {
-    /// Writes the detections in the format of the name's extension, see [`super::formats`].
+    /// Writes the detections in the format of the name's extension, see [`RadarFormat`].
     ///
     /// # Errors
     /// [`SensorError`] if the format is unknown or the file cannot be written.

@@ -50,7 +50,7 @@
 //! interference, saturation, spray and a wet cover of the antenna are left out.
 
 mod cells;
-pub mod formats;
+mod formats;
 mod model;
 mod rain;
 mod surface;
@@ -60,7 +60,5 @@ mod tests;
 
 pub use crate::presets::RADAR_PRESETS;
 pub use formats::RadarFormat;
-pub use model::{REFERENCE_TARGET, RadarModel};
-pub use rain::{rain_attenuation, rain_coefficients, rain_reflectivity};
-pub use surface::surface_backscatter;
+pub use model::RadarModel;
 pub use sweep::{RadarClass, RadarDetection, RadarOptions, RadarScene, RadarSweep, radar_sweep};

@@ -1,31 +1,31 @@
 //! A radar: its cells, its beam and its range.
 
-use super::rain::BAND;
+use super::rain::BAND_GHZ;
 use crate::error::SensorError;
 use crate::presets::RADAR_PRESETS;
 use crate::sensor_text::{SensorKind, SensorText};
 use serde::Deserialize;
 
 /// Longest file that is read, bytes.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_FILE_BYTES: u64 = 1 << 20;
 /// Most cells of a sweep: their powers are 256 MiB.
-const MOST_CELLS: f64 = (1u64 << 26) as f64;
+const MAX_CELLS: f64 = (1u64 << 26) as f64;
 /// Most rays of a sweep.
-const MOST_RAYS: f64 = 4e6;
-/// RCS of the target that the range is given of, m^2: about that of a car.
-pub const REFERENCE_TARGET: f64 = 10.0;
-/// Rays are at most so far apart, radians, and at least so many go through the width of a cell.
-const STEP: f64 = 0.2 * std::f64::consts::PI / 180.0;
-const ACROSS: f64 = 4.0;
+const MAX_RAYS: f64 = 4e6;
+/// RCS of the target for which the range is stated, m^2: about a car.
+pub(crate) const REFERENCE_RCS_M2: f64 = 10.0;
+/// Largest distance between rays, radians, and least number of rays across a cell.
+const MAX_RAY_STEP_RAD: f64 = 0.2 * std::f64::consts::PI / 180.0;
+const MIN_RAYS_PER_CELL: f64 = 4.0;
 
 /// Radars.
-const KIND: SensorKind = SensorKind { name: "radar", presets: RADAR_PRESETS, most_bytes: MOST_BYTES };
+const KIND: SensorKind = SensorKind { name: "radar", presets: RADAR_PRESETS, most_bytes: MAX_FILE_BYTES };
 
 /// A kind of radar: an array of antennas whose beams are made by computing, with chirps that give
 /// range and velocity at once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadarModel {
-    /// Its name.
+    /// The name.
     pub name: String,
     /// GHz.
     pub frequency: f64,
@@ -140,75 +140,78 @@ impl RadarModel {
 
     /// Azimuth of the middle of a cell, radians; `cell` may lie between two.
     #[must_use]
-    pub fn azimuth_of(&self, cell: f64) -> f64 {
+    pub(crate) fn azimuth_of(&self, cell: f64) -> f64 {
         self.azimuth[0] + (cell + 0.5) * self.azimuth_cell
     }
 
     /// Range of the middle of a cell, m.
     #[must_use]
-    pub fn range_of(&self, cell: f64) -> f64 {
+    pub(crate) fn range_of(&self, cell: f64) -> f64 {
         (cell + 0.5) * self.range_cell
     }
 
     /// Velocity of the middle of a cell, m/s.
     #[must_use]
-    pub fn velocity_of(&self, cell: f64) -> f64 {
+    pub(crate) fn velocity_of(&self, cell: f64) -> f64 {
         (cell - 0.5 * self.cells()[2] as f64) * self.velocity_step()
     }
 
     /// The width of its cells of velocity, m/s: they fill twice the greatest speed.
     #[must_use]
-    pub fn velocity_step(&self) -> f64 {
+    pub(crate) fn velocity_step(&self) -> f64 {
         2.0 * self.velocity / self.cells()[2] as f64
     }
 
     /// A velocity as it is measured, m/s: from minus the greatest to just below it.
     #[must_use]
-    pub fn folded(&self, velocity: f64) -> f64 {
+    pub(crate) fn folded(&self, velocity: f64) -> f64 {
         (velocity + self.velocity).rem_euclid(2.0 * self.velocity) - self.velocity
     }
 
     /// Power that detection asks for in noise, of that of the noise: `-ln` of the share of false
     /// alarms.
     #[must_use]
-    pub fn threshold(&self) -> f64 {
+    pub(crate) fn threshold(&self) -> f64 {
         -self.false_alarms.ln()
     }
 
     /// Power over that of the noise of a target of an RCS (m^2) at a range (m) in clear air, in the
     /// middle of the beam: by the radar equation it falls with the fourth power.
     #[must_use]
-    pub fn power(&self, rcs: f64, range: f64) -> f64 {
-        self.threshold() * rcs / REFERENCE_TARGET * (self.reference_range / range).powi(4)
+    pub(crate) fn power(&self, rcs: f64, range: f64) -> f64 {
+        self.threshold() * rcs / REFERENCE_RCS_M2 * (self.reference_range / range).powi(4)
     }
 
     /// Gain of the beam at an elevation (radians), there and back, 0-1: Gaussian.
     #[must_use]
-    pub fn gain(&self, elevation: f64) -> f64 {
+    pub(crate) fn gain(&self, elevation: f64) -> f64 {
         let off = elevation / self.elevation_beam;
         (-8.0 * std::f64::consts::LN_2 * off * off).exp()
     }
 
     /// Rays in a cell of azimuth, across and in elevation.
     pub(crate) fn rays(&self) -> [usize; 2] {
-        let count = |width: f64, least: f64| (width / STEP).ceil().max(least) as usize;
+        let count = |width: f64, least: f64| (width / MAX_RAY_STEP_RAD).ceil().max(least) as usize;
         // Down to a two-way gain of 1/256, at a whole beam from the middle.
-        [count(self.azimuth_cell, ACROSS), count(2.0 * self.elevation_beam, 2.0 * ACROSS)]
+        [
+            count(self.azimuth_cell, MIN_RAYS_PER_CELL),
+            count(2.0 * self.elevation_beam, 2.0 * MIN_RAYS_PER_CELL),
+        ]
     }
 
     /// The fault of having too much of something.
     fn excess(&self) -> Option<String> {
         let [ranges, azimuths, velocities] = self.cells();
         let cells = ranges as f64 * azimuths as f64 * velocities as f64;
-        if cells > MOST_CELLS {
+        if cells > MAX_CELLS {
             return Some(format!(
-                "{ranges} x {azimuths} x {velocities} cells of range, azimuth and velocity are more than {MOST_CELLS}: make cells larger"
+                "{ranges} x {azimuths} x {velocities} cells of range, azimuth and velocity are more than {MAX_CELLS}: make cells larger"
             ));
         }
         let [across, high] = self.rays();
         let rays = azimuths as f64 * across as f64 * high as f64;
-        (rays > MOST_RAYS)
-            .then(|| format!("its field of view takes {rays} rays, more than {MOST_RAYS}: make it smaller"))
+        (rays > MAX_RAYS)
+            .then(|| format!("its field of view takes {rays} rays, more than {MAX_RAYS}: make it smaller"))
     }
 }
 
@@ -216,7 +219,7 @@ impl RadarFile {
     /// The first fault of its numbers.
     fn fault(&self) -> Option<String> {
         let checks = [
-            ("frequency", self.frequency, BAND, "GHz"),
+            ("frequency", self.frequency, BAND_GHZ, "GHz"),
             ("range[0]", self.range[0], [0.0, 1e4], "m"),
             ("range[1]", self.range[1], [0.1, 1e4], "m"),
             ("range_cell", self.range_cell, [0.01, 100.0], "m"),

@@ -11,22 +11,22 @@
 //!   with `m = 0.2`, so that a wall that faces the radar is 11 dB brighter than one that does not.
 
 /// Cosine between up and the normal of level ground.
-const LEVEL: f64 = 0.9;
+const MIN_LEVEL_COSINE: f64 = 0.9;
 /// The rough part of level ground, and of all else.
-const ROUGH: [f64; 2] = [0.02, 0.3];
+const ROUGH_BACKSCATTER: [f64; 2] = [0.02, 0.3];
 /// Reflectance of facets, and their slopes.
-const FACETS: f64 = 0.15;
-const SLOPE: f64 = 0.2;
+const FACET_REFLECTANCE: f64 = 0.15;
+const FACET_SLOPE: f64 = 0.2;
 
 /// RCS for each area that a surface shows, by the cosine of the angle of incidence, 0-1, and the
 /// cosine between its normal and up.
 #[must_use]
-pub fn surface_backscatter(cosine: f64, upward: f64) -> f64 {
-    let rough = ROUGH[usize::from(upward.abs() < LEVEL)];
+pub(crate) fn surface_backscatter(cosine: f64, upward: f64) -> f64 {
+    let rough = ROUGH_BACKSCATTER[usize::from(upward.abs() < MIN_LEVEL_COSINE)];
     // At 82 degrees the facets' part is nothing.
     let cosine = cosine.clamp(0.14, 1.0);
-    let tangent = (1.0 / (cosine * cosine) - 1.0) / (SLOPE * SLOPE);
-    rough + FACETS * (-tangent).exp() / (SLOPE * SLOPE * cosine.powi(5))
+    let tangent = (1.0 / (cosine * cosine) - 1.0) / (FACET_SLOPE * FACET_SLOPE);
+    rough + FACET_REFLECTANCE * (-tangent).exp() / (FACET_SLOPE * FACET_SLOPE * cosine.powi(5))
 }
 
 #[cfg(test)]

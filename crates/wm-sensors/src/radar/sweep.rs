@@ -2,7 +2,7 @@
 //!
 //! Rays fill the field of view and the beam, at random places of a grid, at most 0.2 degrees apart
 //! and four or more in the width of a cell. Each that meets a surface is a [`Scatterer`] of the RCS
-//! `gamma r^2 dOmega` ([`super::surface_backscatter`]), with the power of the radar equation less
+//! `gamma r^2 dOmega` ([`super::surface::surface_backscatter`]), with the power of the radar equation less
 //! the attenuation of the rain, there and back. A surface at a flat angle is spread over the range
 //! that the ray's width covers of it. The whole sweep is measured at its start; the sensor's motion
 //! is in the velocities alone.
@@ -10,8 +10,8 @@
 //! Every random number is a function of (seed, sensor, sweep, cell or ray), so that any sweep can
 //! be made alone, on any number of threads.
 
-use super::cells::{self, PowerCube, RainClutter, SIDE, Scatterer};
-use super::model::{REFERENCE_TARGET, RadarModel};
+use super::cells::{self, PowerCube, RainClutter, SIDE_CELLS, Scatterer};
+use super::model::{REFERENCE_RCS_M2, RadarModel};
 use super::rain::{rain_attenuation, rain_reflectivity};
 use super::surface::surface_backscatter;
 use crate::pose::{SensorMotion, SensorPose};
@@ -28,7 +28,7 @@ use wm_weather::{PreparedWeather, Site};
 /// A place in weather, for radars.
 #[derive(Clone, Copy)]
 pub struct RadarScene<'a> {
-    /// Its splats.
+    /// The splats.
     pub splats: &'a dyn RayTracer,
     /// The weather at the start of the sweep.
     pub weather: &'a PreparedWeather,
@@ -43,9 +43,9 @@ pub struct RadarScene<'a> {
 /// Options of a radar's sweep.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RadarOptions {
-    /// Time of its start, s; the weather must be that of this time.
+    /// Start of the sweep, s; the weather must be prepared for this time.
     pub time: f64,
-    /// Its number, which random numbers depend on.
+    /// The number, which random numbers depend on.
     pub index: u32,
     /// The seed of noise, speckle and rays.
     pub seed: u64,
@@ -96,7 +96,7 @@ pub struct RadarDetection {
     pub elevation: f32,
     /// Radial velocity, m/s, below 0 of what comes nearer; folded into the radar's span.
     pub velocity: f32,
-    /// Radial velocity over the ground, m/s: without that of the sensor itself.
+    /// Radial velocity over the ground, m/s: the motion of the sensor is taken out.
     pub ground_velocity: f32,
     /// Radar cross section by the power, dB over 1 m^2; what rain takes on the way is missing in
     /// it.
@@ -140,16 +140,16 @@ impl RadarSweep {
     }
 }
 
-/// Time over which the sensor's velocity is taken, s.
-const MOMENT: f64 = 0.01;
-/// Random numbers from here on place rays; those before it are of cells.
-const PLACES: u64 = 1 << 40;
-/// Most cells of range that one ray's surface is spread over.
-const MOST_PARTS: usize = 16;
+/// Time step of the finite difference for the velocity of the sensor, s.
+const VELOCITY_WINDOW_S: f64 = 0.01;
+/// First random number that places rays; earlier ones are for the noise of cells.
+const RAY_NUMBERS_START: u64 = 1 << 40;
+/// Most range cells over which the surface of one ray is spread.
+const MAX_RANGE_PARTS: usize = 16;
 /// Standard deviation of the velocities of rain in a cell by turbulence, m/s (guessed).
-const TURBULENCE: f64 = 1.0;
+const TURBULENCE_M_S: f64 = 1.0;
 /// Standard deviation of the response in velocity, cells.
-const BLUR: f64 = 0.6;
+const VELOCITY_BLUR_CELLS: f64 = 0.6;
 
 /// Makes one sweep of a radar, on the threads of the current pool.
 #[must_use]
@@ -160,14 +160,14 @@ pub fn radar_sweep(
     options: &RadarOptions,
 ) -> RadarSweep {
     let pose = motion.pose(options.time);
-    let moved = motion.pose(options.time + MOMENT).origin - pose.origin;
-    let velocity = moved * (scene.site.metres_per_unit / MOMENT);
+    let moved = motion.pose(options.time + VELOCITY_WINDOW_S).origin - pose.origin;
+    let velocity = moved * (scene.site.metres_per_unit / VELOCITY_WINDOW_S);
     let random = RandomStream::new(options.seed, 0xc0 | u64::from(options.sensor & 0x3f), options.index);
     let view = FanView { model, scene, pose, velocity };
     let sectors = view.sectors(&random);
     let azimuths = sectors.len();
     let near = |azimuth: usize| {
-        let around = azimuth.saturating_sub(SIDE)..(azimuth + SIDE + 1).min(azimuths);
+        let around = azimuth.saturating_sub(SIDE_CELLS)..(azimuth + SIDE_CELLS + 1).min(azimuths);
         sectors[around].iter().flat_map(|sector| sector.scatterers.iter())
     };
     let rows: Vec<Vec<f32>> = (0..azimuths)
@@ -178,9 +178,9 @@ pub fn radar_sweep(
     let of_azimuth = |azimuth: usize| -> Vec<RadarDetection> {
         let found = cube.detections(azimuth);
         let detection = |found: &cells::DetectedCell| {
-            let surfaces = cells::surfaces_in(model, found.cell, near(azimuth));
+            let (surfaces, elevation) = cells::surfaces_in(model, found.cell, near(azimuth));
             let rain = sectors[azimuth].clutter.at(found.cell[0], found.cell[2]);
-            view.detection(found, surfaces, rain, options.frame)
+            view.detection(found, surfaces, elevation, rain, options.frame)
         };
         found.iter().map(detection).collect()
     };
@@ -201,17 +201,17 @@ pub fn radar_sweep(
 
 /// The surfaces and the rain of one cell of azimuth.
 pub(super) struct Sector {
-    pub scatterers: Vec<Scatterer>,
-    pub clutter: RainClutter,
+    pub(crate) scatterers: Vec<Scatterer>,
+    pub(crate) clutter: RainClutter,
 }
 
 /// A radar at a place in weather.
 pub(super) struct FanView<'a> {
-    pub model: &'a RadarModel,
-    pub scene: &'a RadarScene<'a>,
-    pub pose: SensorPose,
+    pub(crate) model: &'a RadarModel,
+    pub(crate) scene: &'a RadarScene<'a>,
+    pub(crate) pose: SensorPose,
     /// m/s, world axes.
-    pub velocity: DVec3,
+    pub(crate) velocity: DVec3,
 }
 
 /// A ray of the fan, in the sensor's axes.
@@ -234,7 +234,7 @@ fn direction(azimuth: f64, elevation: f64) -> DVec3 {
 
 impl FanView<'_> {
     /// The sectors of all cells of azimuth.
-    pub fn sectors(&self, random: &RandomStream) -> Vec<Sector> {
+    pub(super) fn sectors(&self, random: &RandomStream) -> Vec<Sector> {
         let [across, high] = self.model.rays();
         let azimuths = self.model.cells()[1];
         let of_sector = |azimuth: usize| {
@@ -269,7 +269,7 @@ impl FanView<'_> {
     /// Ray `number` of the fan, at a random place of its own part of the grid.
     fn ray(&self, number: u64, random: &RandomStream) -> FanRay {
         let [across, high] = self.model.rays().map(|count| count as u64);
-        let place = |k: u64| random.uniform(PLACES + 2 * number + k);
+        let place = |k: u64| random.uniform(RAY_NUMBERS_START + 2 * number + k);
         let (column, row) = (number / high, number % high);
         let azimuth =
             self.model.azimuth[0] + self.model.azimuth_cell * (column as f64 + place(0)) / across as f64;
@@ -301,7 +301,7 @@ impl FanView<'_> {
         // What the width of the ray covers of the range.
         let slope = (1.0 - cosine * cosine).sqrt() / cosine.max(0.01);
         let parts = ray.end * widths[0].max(widths[1]) * slope / model.range_cell;
-        let parts = parts.min(MOST_PARTS as f64);
+        let parts = parts.min(MAX_RANGE_PARTS as f64);
         let count = (parts.ceil() as usize).max(1);
         let radial = model.folded(-self.velocity.dot(ray.direction));
         for part in 0..count {
@@ -362,9 +362,9 @@ impl FanView<'_> {
             fan.iter().map(|ray| ray.gain * of(relative.dot(ray.direction))).sum::<f64>() / all
         };
         let radial = mean(&|v| v);
-        let spread = mean(&|v| (v - radial) * (v - radial)) + TURBULENCE * TURBULENCE;
+        let spread = mean(&|v| (v - radial) * (v - radial)) + TURBULENCE_M_S * TURBULENCE_M_S;
         let step = model.velocity_step();
-        let spread = spread + BLUR * BLUR * step * step;
+        let spread = spread + VELOCITY_BLUR_CELLS * VELOCITY_BLUR_CELLS * step * step;
         let share = |cell: usize| {
             let off = model.folded(model.velocity_of(cell as f64) - radial);
             (-0.5 * off * off / spread).exp()
@@ -380,7 +380,8 @@ impl FanView<'_> {
     fn detection(
         &self,
         found: &cells::DetectedCell,
-        (surfaces, elevation): (f64, f64),
+        surfaces: f64,
+        elevation: f64,
         rain: f64,
         frame: PointFrame,
     ) -> RadarDetection {
@@ -403,7 +404,7 @@ impl FanView<'_> {
             PointFrame::World => self.pose.origin * self.scene.site.metres_per_unit + world * range,
             PointFrame::Raw | PointFrame::Compensated => way * range,
         };
-        let rcs = (found.power - 1.0).max(1e-3) * REFERENCE_TARGET / model.power(REFERENCE_TARGET, range);
+        let rcs = (found.power - 1.0).max(1e-3) * REFERENCE_RCS_M2 / model.power(REFERENCE_RCS_M2, range);
         RadarDetection {
             position: position.as_vec3().to_array(),
             range: range as f32,

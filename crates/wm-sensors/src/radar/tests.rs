@@ -1,6 +1,8 @@
 //! Sweeps against numbers that were computed otherwise.
 
 use super::cells::{RainClutter, powers};
+use super::rain::rain_attenuation;
+use super::surface::surface_backscatter;
 use super::sweep::FanView;
 use super::*;
 use crate::{EvenMotion, PointFrame, SensorPose};

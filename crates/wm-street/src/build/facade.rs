@@ -7,20 +7,20 @@ use glam::DVec3;
 use wm_scene::LitWindow;
 
 /// The depth of panes and doors behind the wall's face, m.
-const REVEAL: f64 = 0.13;
+const REVEAL_DEPTH_M: f64 = 0.13;
 /// Share of the windows that are lit by night.
-const LIT: f64 = 0.3;
+const LIT_WINDOW_SHARE: f64 = 0.3;
 
 /// Paints of a facade.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Finish {
-    pub wall: PaintId,
-    pub plinth: PaintId,
-    pub stone: PaintId,
-    pub frame: PaintId,
-    pub glass: PaintId,
-    pub door: PaintId,
-    pub metal: PaintId,
+    pub(crate) wall: PaintId,
+    pub(crate) plinth: PaintId,
+    pub(crate) stone: PaintId,
+    pub(crate) frame: PaintId,
+    pub(crate) glass: PaintId,
+    pub(crate) door: PaintId,
+    pub(crate) metal: PaintId,
 }
 
 /// The filling of an opening.
@@ -39,11 +39,11 @@ pub(super) enum Filling {
 /// A rectangular hole in a wall; `x`, `z` of its lower left corner in the wall's frame, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Opening {
-    pub x: f64,
-    pub z: f64,
-    pub width: f64,
-    pub height: f64,
-    pub filling: Filling,
+    pub(crate) x: f64,
+    pub(crate) z: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
+    pub(crate) filling: Filling,
 }
 
 /// The wall from the frame's origin to the right and up, with its openings filled.
@@ -91,22 +91,29 @@ pub(super) fn wall(b: &mut Builder, frame: &Frame, size: (f64, f64), openings: &
 /// The sides of a hole, down to where its filling sits.
 fn reveal(b: &mut Builder, frame: &Frame, opening: &Opening, finish: &Finish) {
     let (x, z, w, h) = (opening.x, opening.z, opening.width, opening.height);
-    let (right, back, up) = (frame.along(w, 0.0, 0.0), frame.along(0.0, REVEAL + 0.03, 0.0), DVec3::Z * h);
+    let (right, back, up) =
+        (frame.along(w, 0.0, 0.0), frame.along(0.0, REVEAL_DEPTH_M + 0.03, 0.0), DVec3::Z * h);
     b.quad(frame.at(x, 0.0, z), back, up, finish.wall);
-    b.quad(frame.at(x + w, REVEAL + 0.03, z), -back, up, finish.wall);
+    b.quad(frame.at(x + w, REVEAL_DEPTH_M + 0.03, z), -back, up, finish.wall);
     b.quad(frame.at(x, 0.0, z), right, back, finish.stone);
-    b.quad(frame.at(x, REVEAL + 0.03, z + h), right, -back, finish.wall);
+    b.quad(frame.at(x, REVEAL_DEPTH_M + 0.03, z + h), right, -back, finish.wall);
 }
 
 /// A bar of a frame in the plane of the filling.
 fn bar(b: &mut Builder, at: &Frame, low: (f64, f64), high: (f64, f64), proud: f64, paint: PaintId) {
-    b.block(at, [low.0, REVEAL - proud, low.1], [high.0, REVEAL, high.1], paint, faces::FIXED);
+    b.block(
+        at,
+        [low.0, REVEAL_DEPTH_M - proud, low.1],
+        [high.0, REVEAL_DEPTH_M, high.1],
+        paint,
+        faces::FIXED,
+    );
 }
 
 /// Frame, bars, panes and sill; `at` is the lower left corner of the hole.
 pub(super) fn window(b: &mut Builder, at: &Frame, size: (f64, f64), filling: Filling, finish: &Finish) {
     let (w, h) = size;
-    b.quad(at.at(0.0, REVEAL, 0.0), at.along(w, 0.0, 0.0), DVec3::Z * h, finish.glass);
+    b.quad(at.at(0.0, REVEAL_DEPTH_M, 0.0), at.along(w, 0.0, 0.0), DVec3::Z * h, finish.glass);
     let paint = finish.frame;
     let edge = 0.06;
     bar(b, at, (0.0, 0.0), (edge, h), 0.05, paint);
@@ -127,19 +134,19 @@ pub(super) fn window(b: &mut Builder, at: &Frame, size: (f64, f64), filling: Fil
         bar(b, at, (0.5 * w + 0.045, light - 0.03), (w - edge, light + 0.03), 0.045, paint);
     }
     b.block(at, [-0.06, -0.07, -0.06], [w + 0.06, 0.0, 0.0], finish.stone, faces::FIXED);
-    light(b, at, size, edge);
+    light(b, at, w, h, edge);
 }
 
 /// Lights the room behind some windows by night.
-fn light(b: &mut Builder, at: &Frame, (w, h): (f64, f64), edge: f64) {
+fn light(b: &mut Builder, at: &Frame, w: f64, h: f64, edge: f64) {
     let key = key_of(at.origin);
-    if unit(key, 0) > LIT {
+    if unit(key, 0) > LIT_WINDOW_SHARE {
         return;
     }
     let (luminance, kelvin) =
         (LitWindow::default_luminance() * (0.4 + 1.2 * unit(key, 1)), 2_400.0 + 900.0 * unit(key, 2));
     b.windows.push(LitWindow {
-        corner: at.at(edge, REVEAL - 0.005, edge).to_array(),
+        corner: at.at(edge, REVEAL_DEPTH_M - 0.005, edge).to_array(),
         across: at.along(w - 2.0 * edge, 0.0, 0.0).to_array(),
         upwards: [0.0, 0.0, h - 2.0 * edge],
         luminance,
@@ -157,12 +164,17 @@ fn door(b: &mut Builder, at: &Frame, size: (f64, f64), finish: &Finish) {
     bar(b, at, (edge, leaf), (w - edge, leaf + 0.06), 0.07, finish.frame);
     bar(b, at, (edge, h - 0.06), (w - edge, h), 0.07, finish.frame);
     b.quad(
-        at.at(edge, REVEAL, leaf),
+        at.at(edge, REVEAL_DEPTH_M, leaf),
         at.along(w - 2.0 * edge, 0.0, 0.0),
         DVec3::Z * (h - leaf),
         finish.glass,
     );
-    b.quad(at.at(edge, REVEAL, 0.0), at.along(w - 2.0 * edge, 0.0, 0.0), DVec3::Z * leaf, finish.door);
+    b.quad(
+        at.at(edge, REVEAL_DEPTH_M, 0.0),
+        at.along(w - 2.0 * edge, 0.0, 0.0),
+        DVec3::Z * leaf,
+        finish.door,
+    );
     let inner = w - 2.0 * edge;
     for (z0, z1) in [(0.18, 0.80), (0.95, 1.88)] {
         for side in [0.0, 1.0] {
@@ -170,14 +182,14 @@ fn door(b: &mut Builder, at: &Frame, size: (f64, f64), finish: &Finish) {
             bar(b, at, (x0, z0), (x0 + 0.36 * inner, z1), 0.022, finish.door);
         }
     }
-    b.ball(at.at(w - edge - 0.08, REVEAL - 0.05, 1.02), DVec3::splat(0.03), finish.metal);
+    b.ball(at.at(w - edge - 0.08, REVEAL_DEPTH_M - 0.05, 1.02), DVec3::splat(0.03), finish.metal);
 }
 
 /// A shop's large pane with a panelled foot and a sign board above.
 fn shop(b: &mut Builder, at: &Frame, size: (f64, f64), finish: &Finish) {
     let (w, h) = size;
     let foot = 0.55;
-    b.quad(at.at(0.0, REVEAL, foot), at.along(w, 0.0, 0.0), DVec3::Z * (h - foot), finish.glass);
+    b.quad(at.at(0.0, REVEAL_DEPTH_M, foot), at.along(w, 0.0, 0.0), DVec3::Z * (h - foot), finish.glass);
     bar(b, at, (0.0, 0.0), (w, foot), 0.05, finish.door);
     for part in 0..3 {
         let x = w * (0.03 + 0.32 * f64::from(part));

@@ -11,14 +11,14 @@ use crate::shape::{Outline, Shape};
 use glam::{DVec2, DVec3};
 
 /// Height of the fields, m.
-pub(super) const FIELD: f64 = 0.03;
+pub(super) const FIELD_HEIGHT_M: f64 = 0.03;
 
 /// A row of far trees: its ends, their number and mean height, m.
 pub(super) type TreeRow = (DVec2, DVec2, u32, f64);
 
 /// Builds all of it around a place that covers the rectangle from `low` to `high`; `near` are the
 /// rows of trees at its borders.
-pub(super) fn build(b: &mut Builder, p: &Palette, (low, high): (DVec2, DVec2), near: &[TreeRow]) {
+pub(super) fn build(b: &mut Builder, p: &Palette, low: DVec2, high: DVec2, near: &[TreeRow]) {
     let field = b.paint(Material::Field, 0x7F8A55, 0x979E66);
     let wood = b.paint(Material::Wood, 0x4E5E46, 0x6E7A58);
     let far_leaf = b.paint(Material::Wood, 0x506338, 0x78844C);
@@ -32,11 +32,16 @@ pub(super) fn build(b: &mut Builder, p: &Palette, (low, high): (DVec2, DVec2), n
         (-700.0, low.x, low.y, high.y),
         (high.x, 700.0, low.y, high.y),
     ] {
-        b.quad(DVec3::new(x0, y0, FIELD), DVec3::X * (x1 - x0), DVec3::Y * (y1 - y0), field);
+        b.quad(DVec3::new(x0, y0, FIELD_HEIGHT_M), DVec3::X * (x1 - x0), DVec3::Y * (y1 - y0), field);
     }
     // The road goes on to the village.
     for (from, to) in [(high.y, 325.0), (-300.0, low.y)] {
-        b.quad(DVec3::new(-2.75, from, FIELD + 0.02), DVec3::X * 5.5, DVec3::Y * (to - from), p.asphalt);
+        b.quad(
+            DVec3::new(-2.75, from, FIELD_HEIGHT_M + 0.02),
+            DVec3::X * 5.5,
+            DVec3::Y * (to - from),
+            p.asphalt,
+        );
     }
     b.labelled(Label::Building, |b| {
         church(b, p, &finishes[0]);
@@ -49,7 +54,7 @@ pub(super) fn build(b: &mut Builder, p: &Palette, (low, high): (DVec2, DVec2), n
 fn church(b: &mut Builder, p: &Palette, finish: &Finish) {
     let stone = b.paint(Material::Stone, 0xBDB39E, 0x8C877C);
     let dark = b.paint(Material::Metal, 0x2A2C2E, 0x2A2C2E);
-    let at = Frame::facing(DVec3::new(-7.5, 300.0, FIELD), DVec3::Y);
+    let at = Frame::facing(DVec3::new(-7.5, 300.0, FIELD_HEIGHT_M), DVec3::Y);
     let (half, high) = (3.6, 24.0);
     b.block(&at, [-half, -half, 0.0], [half, half, high], stone, faces::STANDING);
     for z in [8.0, 16.0, 23.4] {
@@ -132,7 +137,7 @@ fn village(b: &mut Builder, p: &Palette, finishes: &[Finish; 3]) {
             finish: finishes[(index * 7 / 3) % 3],
         };
         let turn = dice.range(-22.0, 22.0);
-        let at = Frame::facing(DVec3::new(x, y, FIELD), DVec3::Y).turned(0.0, 0.0, 0.0, turn);
+        let at = Frame::facing(DVec3::new(x, y, FIELD_HEIGHT_M), DVec3::Y).turned(0.0, 0.0, 0.0, turn);
         house.build(b, &at);
     }
 }
@@ -153,13 +158,13 @@ fn hedgerows(b: &mut Builder, near: &[TreeRow], leaf: PaintId) {
             let at = from.lerp(to, (f64::from(index) + 0.6 * dice.unit()) / f64::from(count));
             let off = DVec2::new(dice.bell(), dice.bell()) * 2.0;
             let high = height * dice.range(0.7, 1.3);
-            far_tree(b, (at + off).extend(FIELD), (high, fine), leaf, &mut dice);
+            far_tree(b, (at + off).extend(FIELD_HEIGHT_M), high, fine, leaf, &mut dice);
         }
     }
 }
 
-/// A crown of `height`, its leaves `fine` times smaller than those of the farthest.
-fn far_tree(b: &mut Builder, foot: DVec3, (height, fine): (f64, f64), leaf: PaintId, dice: &mut Dice) {
+/// A crown of `height` m with leaves `fine` times smaller than on the farthest trees.
+fn far_tree(b: &mut Builder, foot: DVec3, height: f64, fine: f64, leaf: PaintId, dice: &mut Dice) {
     let radius = height * dice.range(0.34, 0.45);
     let size = (height * 0.17).max(0.8) / fine;
     let middle = foot + DVec3::Z * (0.55 * height);
@@ -194,7 +199,7 @@ fn hills(b: &mut Builder, wood: PaintId) {
         let lumps = 0.62
             + 0.55 * noise2(DVec2::new(sin * 3.4 + 9.0, cos * 3.4), 8)
             + 0.16 * noise2(DVec2::new(sin * 13.0, cos * 13.0 + f64::from(j)), 9);
-        DVec3::new(out * sin, 60.0 + out * cos, FIELD - 0.02 + 78.0 * rise * lumps.max(0.12) * ahead)
+        DVec3::new(out * sin, 60.0 + out * cos, FIELD_HEIGHT_M - 0.02 + 78.0 * rise * lumps.max(0.12) * ahead)
     };
     for j in 0..rows {
         for i in 0..around {

@@ -1,5 +1,6 @@
 //! Fences, low walls, pillars, railings.
 
+use super::palette::Palette;
 use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 use glam::DVec3;
@@ -48,22 +49,16 @@ fn post_with_cap(b: &mut Builder, at: &Frame, high: f64, paint: PaintId) {
 }
 
 /// A low wall with a coping along x from 0 to `length`.
-pub(super) fn low_wall(
-    b: &mut Builder,
-    frame: &Frame,
-    length: f64,
-    high: f64,
-    (body, coping): (PaintId, PaintId),
-) {
+pub(super) fn low_wall(b: &mut Builder, frame: &Frame, length: f64, high: f64, body: PaintId, p: &Palette) {
     b.block(frame, [0.0, 0.0, 0.0], [length, 0.24, high], body, faces::STANDING & !faces::TOP);
-    b.block(frame, [-0.03, -0.035, high], [length + 0.03, 0.275, high + 0.07], coping, faces::ALL);
+    b.block(frame, [-0.03, -0.035, high], [length + 0.03, 0.275, high + 0.07], p.stone, faces::ALL);
 }
 
 /// Square pillars with caps at both ends of a gap.
-pub(super) fn pillar(b: &mut Builder, frame: &Frame, high: f64, (body, cap): (PaintId, PaintId)) {
+pub(super) fn pillar(b: &mut Builder, frame: &Frame, high: f64, body: PaintId, p: &Palette) {
     b.block(frame, [-0.19, -0.07, 0.0], [0.19, 0.31, high], body, faces::STANDING & !faces::TOP);
-    b.block(frame, [-0.24, -0.12, high], [0.24, 0.36, high + 0.08], cap, faces::ALL);
-    b.ball(frame.at(0.0, 0.12, high + 0.20), DVec3::splat(0.14), cap);
+    b.block(frame, [-0.24, -0.12, high], [0.24, 0.36, high + 0.08], p.stone, faces::ALL);
+    b.ball(frame.at(0.0, 0.12, high + 0.20), DVec3::splat(0.14), p.stone);
 }
 
 /// Iron railings along x from 0 to `length`.

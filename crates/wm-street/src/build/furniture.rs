@@ -7,7 +7,7 @@ use glam::DVec3;
 use wm_scene::Lamp;
 
 /// Luminous flux (lm) and width of the beam (degrees) of a lantern.
-const LANTERN: (f64, f64) = (3_500.0, 140.0);
+const LANTERN_FLUX_AND_BEAM: (f64, f64) = (3_500.0, 140.0);
 
 /// A lamp with a lantern on a short arm; it faces along the frame's `back`.
 pub(super) fn lamp(b: &mut Builder, frame: &Frame, p: &Palette) {
@@ -32,34 +32,34 @@ pub(super) fn lamp(b: &mut Builder, frame: &Frame, p: &Palette) {
     b.disc(head.at(0.0, 0.0, -0.34), -DVec3::Z, 0.11, p.lantern);
     b.lamps.push(Lamp {
         aim: Some([0.0, 0.0, -1.0]),
-        beam: LANTERN.1,
-        lumens: LANTERN.0,
+        beam: LANTERN_FLUX_AND_BEAM.1,
+        lumens: LANTERN_FLUX_AND_BEAM.0,
         radius: 0.14,
         ..Lamp::new(head.at(0.0, 0.0, -0.28).to_array())
     });
 }
 
 /// A bench, seen from its front at y = 0.
-pub(super) fn bench(b: &mut Builder, frame: &Frame, (wood, iron): (PaintId, PaintId)) {
+pub(super) fn bench(b: &mut Builder, frame: &Frame, p: &Palette) {
     let long = 1.7;
     for slat in 0..4 {
         let y = 0.03 + 0.115 * f64::from(slat);
-        b.block(frame, [0.0, y, 0.43], [long, y + 0.095, 0.465], wood, faces::ALL);
+        b.block(frame, [0.0, y, 0.43], [long, y + 0.095, 0.465], p.oak, faces::ALL);
     }
     for slat in 0..3 {
         let (z, y) = (0.56 + 0.125 * f64::from(slat), 0.50 + 0.035 * f64::from(slat));
         let (u, v) = (frame.along(long, 0.0, 0.0), frame.along(0.0, 0.028, 0.10));
-        b.quad(frame.at(0.0, y, z), u, v, wood);
-        b.quad(frame.at(long, y + 0.03, z), -u, v, wood);
-        b.quad(frame.at(0.0, y, z) + v, u, frame.along(0.0, 0.03, 0.0), wood);
+        b.quad(frame.at(0.0, y, z), u, v, p.oak);
+        b.quad(frame.at(long, y + 0.03, z), -u, v, p.oak);
+        b.quad(frame.at(0.0, y, z) + v, u, frame.along(0.0, 0.03, 0.0), p.oak);
     }
     for x in [0.12, long - 0.17] {
-        b.block(frame, [x, 0.06, 0.0], [x + 0.05, 0.11, 0.43], iron, faces::STANDING);
-        b.block(frame, [x, 0.44, 0.0], [x + 0.05, 0.49, 0.50], iron, faces::STANDING);
-        b.block(frame, [x, 0.06, 0.39], [x + 0.05, 0.49, 0.43], iron, faces::ALL);
-        b.stump(frame.at(x + 0.025, 0.47, 0.48), frame.at(x + 0.025, 0.60, 0.95), [0.024, 0.02], iron);
-        b.block(frame, [x - 0.01, 0.02, 0.63], [x + 0.06, 0.50, 0.66], wood, faces::ALL);
-        b.block(frame, [x + 0.01, 0.05, 0.46], [x + 0.04, 0.09, 0.63], iron, faces::STANDING);
+        b.block(frame, [x, 0.06, 0.0], [x + 0.05, 0.11, 0.43], p.iron, faces::STANDING);
+        b.block(frame, [x, 0.44, 0.0], [x + 0.05, 0.49, 0.50], p.iron, faces::STANDING);
+        b.block(frame, [x, 0.06, 0.39], [x + 0.05, 0.49, 0.43], p.iron, faces::ALL);
+        b.stump(frame.at(x + 0.025, 0.47, 0.48), frame.at(x + 0.025, 0.60, 0.95), [0.024, 0.02], p.iron);
+        b.block(frame, [x - 0.01, 0.02, 0.63], [x + 0.06, 0.50, 0.66], p.oak, faces::ALL);
+        b.block(frame, [x + 0.01, 0.05, 0.46], [x + 0.04, 0.09, 0.63], p.iron, faces::STANDING);
     }
 }
 
@@ -119,7 +119,9 @@ pub(super) fn hanging_sign(
     frame: &Frame,
     x: f64,
     z: f64,
-    (board, rim, iron): (PaintId, PaintId, PaintId),
+    board: PaintId,
+    rim: PaintId,
+    iron: PaintId,
 ) {
     let at = frame.moved(x, 0.0, z);
     b.block(&at, [-0.02, -1.0, 0.0], [0.02, 0.0, 0.04], iron, faces::FIXED);

@@ -2,7 +2,7 @@
 
 use super::houses::PORCH;
 use super::palette::Palette;
-use super::street::{EDGE, PLOT, left, right};
+use super::street::{PAVEMENT_EDGE_M, PLOT_HEIGHT_M, left, right};
 use super::tree::tree;
 use super::{Builder, Frame, faces, fences as f, growth as g, species};
 use crate::paint::PaintId;
@@ -10,62 +10,76 @@ use glam::{DVec2, DVec3};
 
 /// Gardens, from the near to the far ones.
 pub(super) fn build(b: &mut Builder, p: &Palette) {
-    let growth = (p.core, p.hedge);
     // A walled yard between the first two houses on the left.
     let at = left(10.2);
-    f::low_wall(b, &at.moved(0.0, 0.1, 0.0), 3.9, 1.75, (p.brick, p.stone));
+    f::low_wall(b, &at.moved(0.0, 0.1, 0.0), 3.9, 1.75, p.brick, p);
     g::climber(b, &at.moved(2.2, 0.1, 0.0), 0.0, (1.5, 2.0), p.ivy, 50);
     // The cottage's front garden.
     let at = left(14.2);
-    f::low_wall(b, &at.moved(0.0, 0.06, 0.0), 3.1, 0.55, (p.plinth, p.stone));
-    f::low_wall(b, &at.moved(4.5, 0.06, 0.0), 5.5, 0.55, (p.plinth, p.stone));
+    f::low_wall(b, &at.moved(0.0, 0.06, 0.0), 3.1, 0.55, p.plinth, p);
+    f::low_wall(b, &at.moved(4.5, 0.06, 0.0), 5.5, 0.55, p.plinth, p);
     for x in [3.1, 4.5] {
-        f::pillar(b, &at.moved(x, 0.0, 0.0), 0.95, (p.plinth, p.stone));
+        f::pillar(b, &at.moved(x, 0.0, 0.0), 0.95, p.plinth, p);
     }
-    path(b, &at, (3.2, 4.4), (0.0, 2.6), p.slabs);
-    g::flowers(b, &at.moved(0.2, 0.5, 0.05), [2.8, 1.2, 0.40], 900, (p.hedge, p.flowers), 51);
-    g::flowers(b, &at.moved(4.9, 0.5, 0.05), [4.8, 0.9, 0.35], 1300, (p.hedge, p.flowers), 52);
+    path(b, &at, 3.2, 4.4, 0.0, 2.6, p.slabs);
+    g::flowers(b, &at.moved(0.2, 0.5, 0.05), [2.8, 1.2, 0.40], 900, p, 51);
+    g::flowers(b, &at.moved(4.9, 0.5, 0.05), [4.8, 0.9, 0.35], 1300, p, 52);
     g::climber(b, &at.moved(8.9, 2.6, 0.0), 0.0, (1.0, 3.2), p.ivy, 53);
     // Hedge and lawn before the porch house, a picket fence along the pavement.
     let at = left(46.0);
     f::pickets(b, &at.moved(-9.4, 0.12, 0.0), 19.6, Some((12.3, 13.6)), p.white);
-    path(b, &at, (2.95, 4.15), (0.0, 6.2 - PORCH.depth - 0.6), p.slabs);
-    g::flowers(b, &at.moved(0.5, 3.35, 0.02), [2.0, 0.5, 0.45], 420, (p.hedge, p.flowers), 54);
-    g::flowers(b, &at.moved(4.6, 3.35, 0.02), [2.0, 0.5, 0.45], 420, (p.hedge, p.flowers), 55);
+    path(b, &at, 2.95, 4.15, 0.0, 6.2 - PORCH.depth - 0.6, p.slabs);
+    g::flowers(b, &at.moved(0.5, 3.35, 0.02), [2.0, 0.5, 0.45], 420, p, 54);
+    g::flowers(b, &at.moved(4.6, 3.35, 0.02), [2.0, 0.5, 0.45], 420, p, 55);
     let side = Frame::facing(at.at(10.0, 6.3, 0.0), at.right);
-    g::hedge(b, &side, [6.0, 0.7, 1.25], 0.115, growth, 56);
+    g::hedge(b, &side, [6.0, 0.7, 1.25], 0.115, p, 56);
     // Right: a hedge in the sunny gap, railings before the white house.
     let at = right(37.6);
-    g::hedge(b, &at.moved(0.2, 0.15, 0.0), [8.4, 0.75, 1.45], 0.115, growth, 57);
+    g::hedge(b, &at.moved(0.2, 0.15, 0.0), [8.4, 0.75, 1.45], 0.115, p, 57);
     let at = right(50.0);
-    f::low_wall(b, &at.moved(0.0, 0.05, 0.0), 6.2, 0.35, (p.brick, p.stone));
+    f::low_wall(b, &at.moved(0.0, 0.05, 0.0), 6.2, 0.35, p.brick, p);
     f::railings(b, &at.moved(0.0, 0.17, 0.0), 6.2, 0.42, 1.05, p.iron);
-    f::low_wall(b, &at.moved(7.6, 0.05, 0.0), 3.4, 0.35, (p.brick, p.stone));
+    f::low_wall(b, &at.moved(7.6, 0.05, 0.0), 3.4, 0.35, p.brick, p);
     f::railings(b, &at.moved(7.6, 0.17, 0.0), 3.4, 0.42, 1.05, p.iron);
-    path(b, &at, (6.3, 7.5), (0.0, 2.4), p.gravel);
-    g::flowers(b, &at.moved(0.3, 0.5, 0.02), [5.6, 1.1, 0.45], 1000, (p.hedge, p.flowers), 58);
+    path(b, &at, 6.3, 7.5, 0.0, 2.4, p.gravel);
+    g::flowers(b, &at.moved(0.3, 0.5, 0.02), [5.6, 1.1, 0.45], 1000, p, 58);
     // Gaps farther on: walls and hedges, coarser.
-    g::hedge(b, &left(57.2).moved(0.0, 0.1, 0.0), [3.6, 0.6, 1.5], 0.14, growth, 59);
-    f::low_wall(b, &left(83.6).moved(0.0, 0.1, 0.0), 3.3, 1.6, (p.plinth, p.stone));
-    g::hedge(b, &right(71.4).moved(0.0, 0.2, 0.0), [7.8, 0.7, 1.5], 0.14, growth, 60);
-    f::low_wall(b, &right(18.9).moved(0.0, 0.1, 0.0), 3.1, 1.9, (p.brown_brick, p.stone));
+    g::hedge(b, &left(57.2).moved(0.0, 0.1, 0.0), [3.6, 0.6, 1.5], 0.14, p, 59);
+    f::low_wall(b, &left(83.6).moved(0.0, 0.1, 0.0), 3.3, 1.6, p.plinth, p);
+    g::hedge(b, &right(71.4).moved(0.0, 0.2, 0.0), [7.8, 0.7, 1.5], 0.14, p, 60);
+    f::low_wall(b, &right(18.9).moved(0.0, 0.1, 0.0), 3.1, 1.9, p.brown_brick, p);
     for (index, (from, to)) in [
-        (DVec3::new(-EDGE - 0.02, 37.0, PLOT), DVec3::new(-EDGE - 0.02, 46.0, PLOT)),
-        (DVec3::new(-EDGE - 0.02, 49.0, PLOT), DVec3::new(-EDGE - 0.02, 56.0, PLOT)),
-        (DVec3::new(EDGE + 0.05, 29.2, PLOT), DVec3::new(EDGE + 0.05, 37.2, PLOT)),
-        (DVec3::new(-EDGE + 0.0, 14.4, PLOT), DVec3::new(-EDGE + 0.0, 24.0, PLOT)),
-        (DVec3::new(-EDGE - 2.5, 38.0, PLOT), DVec3::new(-EDGE - 2.0, 56.0, PLOT)),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 37.0, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 46.0, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 49.0, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 56.0, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(PAVEMENT_EDGE_M + 0.05, 29.2, PLOT_HEIGHT_M),
+            DVec3::new(PAVEMENT_EDGE_M + 0.05, 37.2, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M + 0.0, 14.4, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M + 0.0, 24.0, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M - 2.5, 38.0, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M - 2.0, 56.0, PLOT_HEIGHT_M),
+        ),
     ]
     .into_iter()
     .enumerate()
     {
         let wide = if index == 4 { 0.9 } else { 0.07 };
-        g::tufts(b, (from, to), wide, (26.0, 0.13), p.blade, 70 + index as u64);
+        g::tufts(b, from, to, wide, 26.0, 0.13, p.blade, 70 + index as u64);
     }
 }
 
 /// A path through a front garden, a little above the lawn.
-fn path(b: &mut Builder, at: &Frame, (x0, x1): (f64, f64), (y0, y1): (f64, f64), paint: PaintId) {
+fn path(b: &mut Builder, at: &Frame, x0: f64, x1: f64, y0: f64, y1: f64, paint: PaintId) {
     b.block(at, [x0, y0, -0.05], [x1, y1, 0.02], paint, faces::TOP | faces::LEFT | faces::RIGHT);
 }
 
@@ -95,15 +109,15 @@ pub(super) fn trees(b: &mut Builder, p: &Palette) {
     .into_iter()
     .enumerate()
     {
-        tree(b, DVec3::new(x, y, PLOT - 0.03), &kind, 200 + seed as u64);
+        tree(b, DVec3::new(x, y, PLOT_HEIGHT_M - 0.03), &kind, 200 + seed as u64);
     }
     let on = |b: &mut Builder, (y0, y1): (f64, f64), (x0, x1): (f64, f64), z: f64, count: u32, seed: u64| {
-        g::fallen(b, (DVec2::new(x0, y0), DVec2::new(x1, y1)), |_| z, count, p.fallen, seed);
+        g::fallen(b, DVec2::new(x0, y0), DVec2::new(x1, y1), |_| z, count, p.fallen, seed);
     };
     on(b, (36.0, 46.0), (-3.0, -2.2), 0.0, 260, 301);
-    on(b, (35.0, 46.0), (-5.2, -3.2), PLOT, 260, 302);
+    on(b, (35.0, 46.0), (-5.2, -3.2), PLOT_HEIGHT_M, 260, 302);
     on(b, (28.0, 38.0), (2.1, 3.0), 0.0, 260, 303);
-    on(b, (28.0, 38.0), (3.2, 5.2), PLOT, 260, 304);
+    on(b, (28.0, 38.0), (3.2, 5.2), PLOT_HEIGHT_M, 260, 304);
     on(b, (8.0, 16.0), (-5.2, -2.3), 0.0, 120, 305);
-    on(b, (36.5, 45.0), (-11.5, -6.0), PLOT, 380, 306);
+    on(b, (36.5, 45.0), (-11.5, -6.0), PLOT_HEIGHT_M, 380, 306);
 }

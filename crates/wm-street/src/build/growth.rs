@@ -1,5 +1,6 @@
 //! Low growth: hedges, climbers, tufts of grass, flowers, fallen leaves.
 
+use super::palette::Palette;
 use super::tree::card;
 use super::{Builder, Frame, faces};
 use crate::hash::{Dice, noise3};
@@ -8,18 +9,11 @@ use crate::shape::{Outline, Shape};
 use glam::{DVec2, DVec3};
 
 /// A clipped hedge: a dark core under a skin of leaves. `size` is length, depth, height, m.
-pub(super) fn hedge(
-    b: &mut Builder,
-    frame: &Frame,
-    size: [f64; 3],
-    leaf: f64,
-    (core, foliage): (PaintId, PaintId),
-    seed: u64,
-) {
+pub(super) fn hedge(b: &mut Builder, frame: &Frame, size: [f64; 3], leaf: f64, p: &Palette, seed: u64) {
     let [w, d, h] = size;
     let mut dice = Dice::new(b.seed, seed);
     let inset = 0.07;
-    b.block(frame, [inset, inset, 0.0], [w - inset, d - inset, h - inset], core, faces::STANDING);
+    b.block(frame, [inset, inset, 0.0], [w - inset, d - inset, h - inset], p.core, faces::STANDING);
     let area = 2.0 * (w + d) * h + w * d;
     let count = (area * 1.15 / (leaf * leaf * 0.62 * 0.667)) as usize;
     for _ in 0..count {
@@ -47,7 +41,7 @@ pub(super) fn hedge(
         let way = (out * 0.6 + dice.direction() + DVec3::Z * 0.2).normalize_or(DVec3::Z);
         // Corners are rounded by the shears.
         let corner = 0.04 * f64::from(u8::from(z > h - 0.1)) + 0.01;
-        card(b, at + out * (lump - corner), way, leaf * dice.range(0.7, 1.2), 0.62, foliage, &mut dice);
+        card(b, at + out * (lump - corner), way, leaf * dice.range(0.7, 1.2), 0.62, p.hedge, &mut dice);
     }
 }
 
@@ -77,11 +71,14 @@ pub(super) fn climber(
 }
 
 /// Tufts of grass from `from` to `to`, `density` a metre, blades of about `height`.
+#[allow(clippy::too_many_arguments, reason = "numbers of one strip of grass, from one call")]
 pub(super) fn tufts(
     b: &mut Builder,
-    (from, to): (DVec3, DVec3),
+    from: DVec3,
+    to: DVec3,
     spread: f64,
-    (density, height): (f64, f64),
+    density: f64,
+    height: f64,
     paint: PaintId,
     seed: u64,
 ) {
@@ -93,18 +90,12 @@ pub(super) fn tufts(
         if noise3(at * 0.9, 41) < -0.25 {
             continue;
         }
-        tuft(b, at, (5, height), paint, &mut dice);
+        tuft(b, at, 5, height, paint, &mut dice);
     }
 }
 
 /// A tuft of `blades` grass blades of about `height`.
-pub(super) fn tuft(
-    b: &mut Builder,
-    at: DVec3,
-    (blades, height): (u32, f64),
-    paint: PaintId,
-    dice: &mut Dice,
-) {
+pub(super) fn tuft(b: &mut Builder, at: DVec3, blades: u32, height: f64, paint: PaintId, dice: &mut Dice) {
     for _ in 0..blades {
         let lean = DVec3::new(dice.bell(), dice.bell(), 0.0) * 0.35;
         let up = (DVec3::Z + lean) * (height * dice.range(0.5, 1.3));
@@ -116,14 +107,7 @@ pub(super) fn tuft(
 }
 
 /// Leaves and blossoms over a box: flower beds, window boxes, tubs.
-pub(super) fn flowers(
-    b: &mut Builder,
-    frame: &Frame,
-    size: [f64; 3],
-    count: u32,
-    (foliage, petals): (PaintId, PaintId),
-    seed: u64,
-) {
+pub(super) fn flowers(b: &mut Builder, frame: &Frame, size: [f64; 3], count: u32, p: &Palette, seed: u64) {
     let mut dice = Dice::new(b.seed, seed);
     for index in 0..count {
         let x = dice.unit();
@@ -133,18 +117,19 @@ pub(super) fn flowers(
             for petal in 0..3 {
                 let (sin, cos) = (2.1 * f64::from(petal) + x * 9.0).sin_cos();
                 let tip = (DVec3::new(cos, sin, 0.5) + dice.direction() * 0.3).normalize();
-                card(b, at + DVec3::Z * 0.03, tip, 0.055, 0.9, petals, &mut dice);
+                card(b, at + DVec3::Z * 0.03, tip, 0.055, 0.9, p.flowers, &mut dice);
             }
         } else {
-            card(b, at, way, dice.range(0.06, 0.10), 0.55, foliage, &mut dice);
+            card(b, at, way, dice.range(0.06, 0.10), 0.55, p.hedge, &mut dice);
         }
     }
 }
 
-/// Leaves that lie on the ground of a rectangle, whose height is `ground`.
+/// Leaves that lie in a rectangle on ground of the height `ground`, m.
 pub(super) fn fallen(
     b: &mut Builder,
-    (low, high): (DVec2, DVec2),
+    low: DVec2,
+    high: DVec2,
     ground: impl Fn(DVec2) -> f64,
     count: u32,
     paint: PaintId,

@@ -29,32 +29,32 @@ pub(super) enum Dress {
 /// A house. In its frame the front runs along x from 0 to `width` at y = 0.
 #[derive(Clone, Debug)]
 pub(super) struct House {
-    pub width: f64,
-    pub depth: f64,
-    pub storeys: u32,
+    pub(crate) width: f64,
+    pub(crate) depth: f64,
+    pub(crate) storeys: u32,
     /// Height of a storey, m.
-    pub storey: f64,
-    pub pitch: f64,
-    pub ridge: Ridge,
-    pub columns: u32,
+    pub(crate) storey: f64,
+    pub(crate) pitch: f64,
+    pub(crate) ridge: Ridge,
+    pub(crate) columns: u32,
     /// Column of the door; a shop front takes all other columns of the ground floor where `shop`.
-    pub door: u32,
-    pub shop: bool,
-    pub window: Filling,
-    pub dress: Dress,
-    pub dormers: u32,
-    pub chimneys: Vec<f64>,
-    pub roof: PaintId,
-    pub chimney: PaintId,
-    pub finish: Finish,
+    pub(crate) door: u32,
+    pub(crate) shop: bool,
+    pub(crate) window: Filling,
+    pub(crate) dress: Dress,
+    pub(crate) dormers: u32,
+    pub(crate) chimneys: Vec<f64>,
+    pub(crate) roof: PaintId,
+    pub(crate) chimney: PaintId,
+    pub(crate) finish: Finish,
 }
 
 /// Height of the ground floor above the ground, m.
-const FLOOR: f64 = 0.30;
+const GROUND_FLOOR_HEIGHT_M: f64 = 0.30;
 
 impl House {
-    pub(super) fn eaves(&self) -> f64 {
-        FLOOR + f64::from(self.storeys) * self.storey + 0.25
+    fn eaves(&self) -> f64 {
+        GROUND_FLOOR_HEIGHT_M + f64::from(self.storeys) * self.storey + 0.25
     }
 
     /// Builds it; gives the openings of its front, for what is to be hung beside them.
@@ -128,7 +128,7 @@ impl House {
     }
 
     fn opening(&self, x: f64, floor: u32, width: f64) -> Opening {
-        let z = FLOOR + f64::from(floor) * self.storey + 0.85;
+        let z = GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey + 0.85;
         Opening { x, z, width, height: self.storey - 1.35, filling: self.window }
     }
 
@@ -145,7 +145,7 @@ impl House {
                     let height = self.storey - 0.45;
                     openings.push(Opening {
                         x: middle - 0.55,
-                        z: FLOOR,
+                        z: GROUND_FLOOR_HEIGHT_M,
                         width: 1.1,
                         height,
                         filling: Filling::Door,
@@ -157,7 +157,7 @@ impl House {
             let (from, to) = if self.door == 0 { (pitch, self.width) } else { (0.0, self.width - pitch) };
             openings.push(Opening {
                 x: from + 0.45,
-                z: FLOOR - 0.1,
+                z: GROUND_FLOOR_HEIGHT_M - 0.1,
                 width: to - from - 0.9,
                 height: self.storey - 0.7,
                 filling: Filling::Shop,
@@ -168,7 +168,7 @@ impl House {
 
     /// A stone foot around the house, with gaps for doors.
     fn plinth(&self, b: &mut Builder, frame: &Frame, front: &[Opening]) {
-        let (w, d, z) = (self.width, self.depth, FLOOR + 0.12);
+        let (w, d, z) = (self.width, self.depth, GROUND_FLOOR_HEIGHT_M + 0.12);
         let mut at = 0.0;
         let doors = front.iter().filter(|o| o.z < z).map(|o| (o.x, o.x + o.width));
         let mut spans: Vec<(f64, f64)> = doors.chain([(w, w)]).collect();
@@ -207,7 +207,7 @@ impl House {
             b.block(
                 frame,
                 [door.x, -0.06, 0.16],
-                [door.x + door.width, 0.14, FLOOR],
+                [door.x + door.width, 0.14, GROUND_FLOOR_HEIGHT_M],
                 self.finish.stone,
                 faces::STANDING,
             );
@@ -231,7 +231,7 @@ impl House {
             Dress::Plain => {}
             Dress::Bands => {
                 for floor in 1..self.storeys {
-                    let z = FLOOR + f64::from(floor) * self.storey;
+                    let z = GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey;
                     b.block(
                         frame,
                         [0.0, -0.045, z - 0.09],
@@ -275,7 +275,7 @@ impl House {
         let mut beam = |low: (f64, f64), high: (f64, f64)| {
             b.block(frame, [low.0, -0.035, low.1], [high.0, 0.0, high.1], paint, faces::FIXED);
         };
-        let foot = FLOOR + 0.12;
+        let foot = GROUND_FLOOR_HEIGHT_M + 0.12;
         let free = |x: f64, z: f64| {
             !front.iter().any(|o| x > o.x - 0.10 && x < o.x + o.width + 0.10 && z > o.z && z < o.z + o.height)
         };
@@ -283,7 +283,7 @@ impl House {
             let z = if floor == self.storeys {
                 top - wide
             } else {
-                foot.max(FLOOR + f64::from(floor) * self.storey)
+                foot.max(GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey)
             };
             if floor > 0 {
                 beam((0.0, z), (w, z + wide));
@@ -291,11 +291,12 @@ impl House {
         }
         let pitch = w / f64::from(self.columns);
         for floor in 0..self.storeys {
-            let z0 = if floor == 0 { foot } else { FLOOR + f64::from(floor) * self.storey + wide };
+            let z0 =
+                if floor == 0 { foot } else { GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey + wide };
             let z1 = if floor + 1 == self.storeys {
                 top - wide
             } else {
-                FLOOR + f64::from(floor + 1) * self.storey
+                GROUND_FLOOR_HEIGHT_M + f64::from(floor + 1) * self.storey
             };
             for post in 0..=self.columns {
                 let x = (pitch * f64::from(post) - 0.5 * wide).clamp(0.0, w - wide);
@@ -311,7 +312,8 @@ impl House {
         }
         // Braces in the free corners of each storey, as slanted boards.
         for floor in 0..self.storeys {
-            let z0 = if floor == 0 { foot } else { FLOOR + f64::from(floor) * self.storey + wide };
+            let z0 =
+                if floor == 0 { foot } else { GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey + wide };
             let z1 = z0 + 1.15;
             for (x0, x1) in [(0.16, 0.78), (w - 0.16, w - 0.78)] {
                 if free(x1, z0 + 0.4) {

@@ -6,22 +6,44 @@ use super::palette::Palette;
 use super::porch::Porch;
 use super::street::{left, right};
 use super::{Builder, Frame, furniture, props};
-use crate::paint::Material;
+use crate::paint::{Material, PaintId};
 use glam::DVec3;
 
+/// Paints of the walls, doors and cloths of the houses.
+struct HousePaints {
+    white: PaintId,
+    ochre: PaintId,
+    rose: PaintId,
+    blue: PaintId,
+    sage: PaintId,
+    red_door: PaintId,
+    green: PaintId,
+    navy: PaintId,
+    beam: PaintId,
+    awning: PaintId,
+}
+
+impl HousePaints {
+    fn new(b: &mut Builder) -> Self {
+        use Material as M;
+        Self {
+            white: b.paint(M::Plaster, 0xEAE4D6, 0xCFC8B8),
+            ochre: b.paint(M::Plaster, 0xD8BE93, 0xB89860),
+            rose: b.paint(M::Plaster, 0xD0BAAC, 0xB48872),
+            blue: b.paint(M::Plaster, 0xB9C0C2, 0x8A969C),
+            sage: b.paint(M::Boards, 0xD2CFC2, 0x98A28C),
+            red_door: b.paint(M::Timber, 0x7E2A27, 0x7E2A27),
+            green: b.paint(M::Timber, 0x2F5646, 0x2F5646),
+            navy: b.paint(M::Timber, 0x2C4562, 0x2C4562),
+            beam: b.paint(M::Timber, 0x4A3526, 0x4A3526),
+            awning: b.paint(M::Cloth, 0xE9E2D0, 0xB3473A),
+        }
+    }
+}
+
+/// Builds the houses from behind the camera to the far end, first on the left.
 pub(super) fn build(b: &mut Builder, p: &Palette) {
-    use Material as M;
-    let white = b.paint(M::Plaster, 0xEAE4D6, 0xCFC8B8);
-    let ochre = b.paint(M::Plaster, 0xD8BE93, 0xB89860);
-    let rose = b.paint(M::Plaster, 0xD0BAAC, 0xB48872);
-    let blue = b.paint(M::Plaster, 0xB9C0C2, 0x8A969C);
-    let sage = b.paint(M::Boards, 0xD2CFC2, 0x98A28C);
-    let red_door = b.paint(M::Timber, 0x7E2A27, 0x7E2A27);
-    let green = b.paint(M::Timber, 0x2F5646, 0x2F5646);
-    let navy = b.paint(M::Timber, 0x2C4562, 0x2C4562);
-    let oak = p.oak;
-    let beam = b.paint(M::Timber, 0x4A3526, 0x4A3526);
-    let awning = b.paint(M::Cloth, 0xE9E2D0, 0xB3473A);
+    let paints = HousePaints::new(b);
     let base = House {
         width: 10.0,
         depth: 8.6,
@@ -38,11 +60,19 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
         chimneys: vec![1.2],
         roof: p.clay,
         chimney: p.brick,
-        finish: p.finish(white, green),
+        finish: p.finish(paints.white, paints.green),
     };
-    let back = |frame: Frame, setback: f64| frame.moved(0.0, setback, 0.0);
+    build_left(b, p, &paints, &base);
+    build_right(b, p, &paints, &base);
+}
 
-    // Left, from behind the camera to the far end.
+/// Moves a frame away from the street by a setback, m.
+fn back(frame: Frame, setback: f64) -> Frame {
+    frame.moved(0.0, setback, 0.0)
+}
+
+fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) {
+    let &HousePaints { white, ochre, rose, blue, sage, red_door, green, navy, beam, .. } = paints;
     House {
         width: 11.0,
         chimneys: vec![9.6],
@@ -51,17 +81,10 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
         ..base.clone()
     }
     .build(b, &back(left(-29.0), 0.15));
-    House {
-        width: 10.0,
-        ridge: Ridge::Across,
-        columns: 3,
-        finish: p.finish(ochre, red_door),
-        ..base.clone()
-    }
-    .build(b, &back(left(-14.0), 0.15));
+    House { ridge: Ridge::Across, columns: 3, finish: p.finish(ochre, red_door), ..base.clone() }
+        .build(b, &back(left(-14.0), 0.15));
     House {
         width: 11.0,
-        columns: 4,
         door: 2,
         window: Filling::Sash,
         dress: Dress::Bands,
@@ -72,12 +95,9 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     }
     .build(b, &back(left(-1.0), 0.15));
     let cottage = House {
-        width: 10.0,
         storeys: 1,
         storey: 2.8,
         pitch: 48.0,
-        columns: 4,
-        door: 1,
         dormers: 2,
         dress: Dress::Shutters(navy),
         finish: p.finish(ochre, navy),
@@ -87,7 +107,6 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     let timbered = House {
         width: 8.6,
         depth: 10.0,
-        storeys: 2,
         storey: 2.6,
         pitch: 50.0,
         ridge: Ridge::Across,
@@ -96,7 +115,7 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
         dress: Dress::Beams(beam),
         roof: p.brown_tiles,
         chimneys: vec![6.5],
-        finish: p.finish(white, oak),
+        finish: p.finish(white, p.oak),
         ..base.clone()
     };
     let at = back(left(27.2), 0.2);
@@ -108,11 +127,7 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     let porch_house = House {
         width: 10.4,
         depth: 8.4,
-        storeys: 2,
-        storey: 2.75,
         pitch: 42.0,
-        columns: 4,
-        door: 1,
         window: Filling::Sash,
         roof: p.slate,
         chimneys: vec![9.0],
@@ -127,7 +142,6 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
         ridge: Ridge::Across,
         columns: 3,
         door: 0,
-        roof: p.clay,
         dress: Dress::Shutters(green),
         finish: p.finish(rose, green),
         ..base.clone()
@@ -145,10 +159,13 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
         .build(b, &back(left(87.0), 1.0));
     House { width: 10.5, ridge: Ridge::Across, roof: p.slate, finish: p.finish(blue, navy), ..base.clone() }
         .build(b, &back(left(100.0), 0.2));
-    House { width: 12.0, columns: 5, roof: p.clay, finish: p.finish(p.brick, green), ..base.clone() }
+    House { width: 12.0, columns: 5, finish: p.finish(p.brick, green), ..base.clone() }
         .build(b, &back(left(115.0), 0.2));
+}
 
-    // Right; `right(y)` begins at the larger y.
+/// Builds the right side; `right(y)` begins at the larger y.
+fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) {
+    let &HousePaints { white, ochre, rose, blue, sage, red_door, green, navy, awning, .. } = paints;
     House { width: 11.0, finish: p.finish(white, navy), ..base.clone() }.build(b, &back(right(-13.0), 0.15));
     House {
         width: 10.5,
@@ -161,9 +178,7 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     }
     .build(b, &back(right(2.0), 0.15));
     let shop = House {
-        width: 10.0,
         storey: 3.0,
-        columns: 4,
         door: 0,
         shop: true,
         roof: p.slate,
@@ -183,72 +198,46 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
             b.stump(at.at(x, -1.34, z - 0.55), at.at(x, 0.0, z - 0.15), [0.014, 0.014], p.iron);
         }
     }
-    let sign = b.paint(M::Metal, 0x2F5646, 0x2F5646);
-    let gold = b.paint(M::Metal, 0xC9A24A, 0xC9A24A);
-    furniture::hanging_sign(b, &at, 9.7, 4.0, (sign, gold, p.iron));
+    let sign = b.paint(Material::Metal, 0x2F5646, 0x2F5646);
+    let gold = b.paint(Material::Metal, 0xC9A24A, 0xC9A24A);
+    furniture::hanging_sign(b, &at, 9.7, 4.0, sign, gold, p.iron);
     House {
         width: 9.4,
         depth: 10.0,
         ridge: Ridge::Across,
         pitch: 47.0,
         columns: 3,
-        door: 1,
         window: Filling::Sash,
-        roof: p.clay,
         dress: Dress::Bands,
-        finish: p.finish(p.brown_brick, oak),
+        finish: p.finish(p.brown_brick, p.oak),
         ..base.clone()
     }
     .build(b, &back(right(28.6), 0.15));
     House {
         width: 11.0,
-        columns: 4,
         door: 2,
-        roof: p.clay,
         dress: Dress::Shutters(green),
         chimneys: vec![1.0, 10.0],
         finish: p.finish(white, green),
         ..base.clone()
     }
     .build(b, &back(right(50.0), 2.4));
-    House {
-        width: 10.0,
-        roof: p.slate,
-        window: Filling::Sash,
-        finish: p.finish(p.brick, navy),
-        ..base.clone()
-    }
-    .build(b, &back(right(63.5), 0.2));
+    House { roof: p.slate, window: Filling::Sash, finish: p.finish(p.brick, navy), ..base.clone() }
+        .build(b, &back(right(63.5), 0.2));
     House {
         width: 9.0,
         ridge: Ridge::Across,
         columns: 3,
         roof: p.brown_tiles,
-        finish: p.finish(ochre, oak),
+        finish: p.finish(ochre, p.oak),
         ..base.clone()
     }
     .build(b, &back(right(80.5), 0.2));
-    House { width: 11.0, roof: p.clay, finish: p.finish(sage, red_door), ..base.clone() }
-        .build(b, &back(right(94.5), 0.2));
-    House {
-        width: 10.0,
-        ridge: Ridge::Across,
-        columns: 3,
-        roof: p.slate,
-        finish: p.finish(rose, navy),
-        ..base.clone()
-    }
-    .build(b, &back(right(108.5), 0.2));
-    House {
-        width: 12.0,
-        storeys: 1,
-        dormers: 3,
-        columns: 5,
-        roof: p.clay,
-        finish: p.finish(white, green),
-        ..base
-    }
-    .build(b, &back(right(125.0), 0.8));
+    House { width: 11.0, finish: p.finish(sage, red_door), ..base.clone() }.build(b, &back(right(94.5), 0.2));
+    House { ridge: Ridge::Across, columns: 3, roof: p.slate, finish: p.finish(rose, navy), ..base.clone() }
+        .build(b, &back(right(108.5), 0.2));
+    House { width: 12.0, storeys: 1, dormers: 3, columns: 5, finish: p.finish(white, green), ..base.clone() }
+        .build(b, &back(right(125.0), 0.8));
 }
 
 /// The frame of the house with the porch.

@@ -36,45 +36,45 @@ use wm_scene::{Lamp, LitWindow};
 /// One surface of the place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Primitive {
-    pub shape: Shape,
-    pub paint: PaintId,
+    pub(crate) shape: Shape,
+    pub(crate) paint: PaintId,
     /// For what differs between primitives of one paint.
-    pub key: u64,
+    pub(crate) key: u64,
     /// The kind of thing that it is part of.
-    pub label: Label,
+    pub(crate) label: Label,
 }
 
 /// Axes to build in: x to the right and y away as seen from in front, z up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
-    pub origin: DVec3,
-    pub right: DVec3,
-    pub back: DVec3,
+    origin: DVec3,
+    right: DVec3,
+    back: DVec3,
 }
 
 impl Frame {
     /// The frame at `origin` of somebody who looks along `back` (level, length 1).
-    pub(crate) fn facing(origin: DVec3, back: DVec3) -> Self {
+    fn facing(origin: DVec3, back: DVec3) -> Self {
         Self { origin, right: back.cross(DVec3::Z), back }
     }
 
     /// World position of a local point.
-    pub(crate) fn at(&self, x: f64, y: f64, z: f64) -> DVec3 {
+    fn at(&self, x: f64, y: f64, z: f64) -> DVec3 {
         self.origin + self.along(x, y, z)
     }
 
     /// World vector of a local one.
-    pub(crate) fn along(&self, x: f64, y: f64, z: f64) -> DVec3 {
+    fn along(&self, x: f64, y: f64, z: f64) -> DVec3 {
         self.right * x + self.back * y + DVec3::Z * z
     }
 
-    /// The same axes at a local point.
-    pub(crate) fn moved(&self, x: f64, y: f64, z: f64) -> Self {
+    /// Returns the frame moved to a local point, m.
+    fn moved(&self, x: f64, y: f64, z: f64) -> Self {
         Self { origin: self.at(x, y, z), ..*self }
     }
 
     /// At a local point, turned left (seen from above) by `degrees`.
-    pub(crate) fn turned(&self, x: f64, y: f64, z: f64, degrees: f64) -> Self {
+    fn turned(&self, x: f64, y: f64, z: f64, degrees: f64) -> Self {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let back = self.back * cos - self.right * sin;
         Self::facing(self.at(x, y, z), back)
@@ -99,15 +99,16 @@ mod faces {
 /// Collects primitives and paints.
 #[derive(Debug)]
 pub(crate) struct Builder {
-    pub primitives: Vec<Primitive>,
-    pub paints: Vec<Paint>,
-    pub seed: u64,
-    /// What covers the ground where that changes along lines that no surface follows.
-    pub cover: GroundCover,
+    pub(crate) primitives: Vec<Primitive>,
+    pub(crate) paints: Vec<Paint>,
+    pub(crate) seed: u64,
+    /// Cover of the ground where it changes along lines that no surface follows.
+    pub(crate) cover: GroundCover,
     /// Lamps, and panes that are lit by night.
-    pub lamps: Vec<Lamp>,
-    pub windows: Vec<LitWindow>,
-    /// The label of what is built now, plants aside; `None` for that of each material.
+    pub(crate) lamps: Vec<Lamp>,
+    pub(crate) windows: Vec<LitWindow>,
+    /// Label of the primitives that are being added, plants aside; `None` for the label of each
+    /// material.
     label: Option<Label>,
 }
 
@@ -132,14 +133,14 @@ impl Builder {
     }
 
     /// A paint of two sRGB colours.
-    pub(crate) fn paint(&mut self, material: Material, color: u32, accent: u32) -> PaintId {
+    fn paint(&mut self, material: Material, color: u32, accent: u32) -> PaintId {
         let id = self.paints.len();
         let seed = hash::bits(self.seed, 1000 + id as u64) as u32;
         self.paints.push(Paint { material, color: rgb(color), accent: rgb(accent), seed });
         id as PaintId
     }
 
-    pub(crate) fn add(&mut self, shape: Shape, paint: PaintId) {
+    fn add(&mut self, shape: Shape, paint: PaintId) {
         let key = hash::bits(self.seed ^ 0x5EED, self.primitives.len() as u64);
         let usual = self.paints[usize::from(paint)].material.label();
         let label = self.label.filter(|_| usual != Label::Plant).unwrap_or(usual);
@@ -147,38 +148,38 @@ impl Builder {
     }
 
     /// A parallelogram; its outside is where `u x v` points.
-    pub(crate) fn quad(&mut self, corner: DVec3, u: DVec3, v: DVec3, paint: PaintId) {
+    fn quad(&mut self, corner: DVec3, u: DVec3, v: DVec3, paint: PaintId) {
         self.add(Shape::Flat { corner, u, v, outline: Outline::Parallelogram }, paint);
     }
 
-    pub(crate) fn triangle(&mut self, corner: DVec3, u: DVec3, v: DVec3, paint: PaintId) {
+    fn triangle(&mut self, corner: DVec3, u: DVec3, v: DVec3, paint: PaintId) {
         self.add(Shape::Flat { corner, u, v, outline: Outline::Triangle }, paint);
     }
 
     /// A disc about `center`; `normal` is its outside.
-    pub(crate) fn disc(&mut self, center: DVec3, normal: DVec3, radius: f64, paint: PaintId) {
+    fn disc(&mut self, center: DVec3, normal: DVec3, radius: f64, paint: PaintId) {
         let (x, y) = crate::shape::around(normal);
         let (u, v) = (x * (2.0 * radius), y * (2.0 * radius));
         self.add(Shape::Flat { corner: center - (u + v) * 0.5, u, v, outline: Outline::Ellipse }, paint);
     }
 
-    pub(crate) fn stump(&mut self, from: DVec3, to: DVec3, radii: [f64; 2], paint: PaintId) {
+    fn stump(&mut self, from: DVec3, to: DVec3, radii: [f64; 2], paint: PaintId) {
         self.add(Shape::Stump { from, to, radii }, paint);
     }
 
     /// An upright post with a cap on top.
-    pub(crate) fn post(&mut self, foot: DVec3, height: f64, radii: [f64; 2], paint: PaintId) {
+    fn post(&mut self, foot: DVec3, height: f64, radii: [f64; 2], paint: PaintId) {
         let top = foot + DVec3::Z * height;
         self.stump(foot, top, radii, paint);
         self.disc(top, DVec3::Z, radii[1], paint);
     }
 
-    pub(crate) fn ball(&mut self, center: DVec3, radii: DVec3, paint: PaintId) {
+    fn ball(&mut self, center: DVec3, radii: DVec3, paint: PaintId) {
         self.add(Shape::Ellipsoid { center, radii }, paint);
     }
 
     /// A block between two corners of `frame`, with the chosen faces.
-    pub(crate) fn block(&mut self, frame: &Frame, low: [f64; 3], high: [f64; 3], paint: PaintId, which: u8) {
+    fn block(&mut self, frame: &Frame, low: [f64; 3], high: [f64; 3], paint: PaintId, which: u8) {
         let [x, y, z] = low;
         let (w, d, h) = (high[0] - x, high[1] - y, high[2] - z);
         let (right, back, up) = (frame.along(w, 0.0, 0.0), frame.along(0.0, d, 0.0), DVec3::Z * h);

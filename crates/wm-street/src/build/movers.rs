@@ -1,4 +1,4 @@
-//! What passes by: cars, vans, people. Each is built where it is at one time.
+//! Traffic: cars, vans and people, each built where it is at one time.
 
 use super::{Builder, Frame, faces};
 use crate::hash::Dice;
@@ -6,13 +6,13 @@ use crate::paint::{Material, PaintId};
 use glam::{DVec2, DVec3};
 
 /// Distance between cars that come the other way, m.
-const ONCOMING: f64 = 19.0;
+const ONCOMING_SPACING_M: f64 = 19.0;
 /// Speed of the traffic, m/s.
-const SPEED: f64 = 8.0;
+const TRAFFIC_SPEED_M_S: f64 = 8.0;
 /// Speed of people, m/s.
-const STROLL: f64 = 1.3;
+const WALKING_SPEED_M_S: f64 = 1.3;
 /// Distance between people on a pavement, m.
-const PEOPLE: f64 = 9.0;
+const PEOPLE_SPACING_M: f64 = 9.0;
 
 /// The traffic around a car at `at` on a road along y, `time` seconds after the first photo: a van
 /// ahead, cars the other way, people on both sides and one who crosses.
@@ -24,22 +24,22 @@ pub(crate) fn traffic(b: &mut Builder, at: DVec2, time: f64, ground: &dyn Fn(DVe
     // The van falls back and pulls away.
     let gap = 10.5 + 4.5 * (0.9 * time + seed as f64).sin();
     van(b, &on(at.x, at.y + gap, 1.0), &paints);
-    let passed = (at.y + SPEED * time) / ONCOMING;
+    let passed = (at.y + TRAFFIC_SPEED_M_S * time) / ONCOMING_SPACING_M;
     for index in passed.floor() as i64 - 1..passed.floor() as i64 + 5 {
         let mut dice = Dice::new(seed, 60_000 + index.unsigned_abs() * 2 + u64::from(index < 0));
-        let y = index as f64 * ONCOMING - SPEED * time + dice.range(-3.0, 3.0);
+        let y = index as f64 * ONCOMING_SPACING_M - TRAFFIC_SPEED_M_S * time + dice.range(-3.0, 3.0);
         if y > at.y + 1.0 && y < at.y + 70.0 {
             car(b, &on(-at.x, y, -1.0), &paints, dice.unit());
         }
     }
     for (side, x) in [(0u64, 4.0), (1, -4.1)] {
         let ahead = if side == 0 { 1.0 } else { -1.0 };
-        let offset = ahead * STROLL * time;
-        let first = ((at.y - offset) / PEOPLE).floor() as i64;
+        let offset = ahead * WALKING_SPEED_M_S * time;
+        let first = ((at.y - offset) / PEOPLE_SPACING_M).floor() as i64;
         for index in first..first + 5 {
             let mut dice =
                 Dice::new(seed, 70_000 + index.unsigned_abs() * 4 + u64::from(index < 0) * 2 + side);
-            let y = index as f64 * PEOPLE + offset + dice.range(-3.0, 3.0);
+            let y = index as f64 * PEOPLE_SPACING_M + offset + dice.range(-3.0, 3.0);
             if y > at.y + 1.5 {
                 person(b, &on(x + dice.range(-0.5, 0.5), y, ahead), &paints, time + dice.unit(), &mut dice);
             }
@@ -85,7 +85,7 @@ impl Paints {
 }
 
 /// Two wheels on an axle across the frame at `(y, radius)`.
-fn wheels(b: &mut Builder, at: &Frame, half: f64, (y, radius): (f64, f64), p: &Paints) {
+fn wheels(b: &mut Builder, at: &Frame, half: f64, y: f64, radius: f64, p: &Paints) {
     for side in [-1.0, 1.0] {
         let (inner, outer) = (at.at(side * (half - 0.2), y, radius), at.at(side * half, y, radius));
         b.stump(inner, outer, [radius, radius], p.tyre);
@@ -128,7 +128,7 @@ fn car(b: &mut Builder, at: &Frame, p: &Paints, pick: f64) {
         b.ball(corner(side * 0.66, -length + 0.01, 0.66), DVec3::new(0.13, 0.06, 0.08), p.red);
     }
     for y in [-1.3, 1.3] {
-        wheels(b, at, half, (y, 0.32), p);
+        wheels(b, at, half, y, 0.32, p);
     }
 }
 
@@ -151,7 +151,7 @@ fn van(b: &mut Builder, at: &Frame, p: &Paints) {
     }
     b.block(at, [-0.26, -2.63, 0.62], [0.26, -2.6, 0.74], p.light, faces::ALL);
     for y in [-1.6, 1.7] {
-        wheels(b, at, half, (y, 0.36), p);
+        wheels(b, at, half, y, 0.36, p);
     }
 }
 

@@ -6,7 +6,9 @@
 //! it.
 
 use super::palette::Palette;
-use super::terrain::{self, HALF, HILL, LAWN, POND, WATER, height};
+use super::terrain::{
+    self, HILL_TOP, LAWN_CIRCLE, POND_ELLIPSE, TERRAIN_HALF_WIDTH_M, WATER_LEVEL_M, height,
+};
 use super::tree::{Kind, tree};
 use super::{Builder, Frame, faces, far, fences, furniture as f, growth as g, pavilion, props, species};
 use crate::ground::{Bed, GroundCover, Strip, along, smooth_line};
@@ -15,11 +17,11 @@ use crate::paint::{Label, Material, PaintId};
 use glam::{DVec2, DVec3};
 
 /// Half the width of the road, m.
-const ROAD: f64 = 2.75;
+const ROAD_HALF_WIDTH_M: f64 = 2.75;
 /// Half the width of the paths, m.
-const PATH: f64 = 1.1;
+const PATH_HALF_WIDTH_M: f64 = 1.1;
 /// The path around the pond and the lawn, from the road and back to it.
-const EAST: [[f64; 2]; 15] = [
+const EAST_PATH: [[f64; 2]; 15] = [
     [2.0, -36.0],
     [12.0, -41.0],
     [28.0, -47.0],
@@ -37,7 +39,7 @@ const EAST: [[f64; 2]; 15] = [
     [2.0, -19.0],
 ];
 /// The path around the hill.
-const WEST: [[f64; 2]; 9] = [
+const WEST_PATH: [[f64; 2]; 9] = [
     [-2.0, -24.0],
     [-13.0, -20.0],
     [-30.0, -11.0],
@@ -49,9 +51,9 @@ const WEST: [[f64; 2]; 9] = [
     [-2.0, 33.0],
 ];
 /// From the path around the hill to its top.
-const CLIMB: [[f64; 2]; 5] = [[-30.0, -11.0], [-20.0, 3.0], [-22.0, 14.0], [-28.0, 22.0], [-31.5, 19.5]];
+const HILL_PATH: [[f64; 2]; 5] = [[-30.0, -11.0], [-20.0, 3.0], [-22.0, 14.0], [-28.0, 22.0], [-31.5, 19.5]];
 /// The middle of the wood and its radii, m.
-const WOOD: (DVec2, DVec2) = (DVec2::new(-38.0, -42.0), DVec2::new(20.0, 15.0));
+const WOOD_ELLIPSE: (DVec2, DVec2) = (DVec2::new(-38.0, -42.0), DVec2::new(20.0, 15.0));
 
 fn line(points: &[[f64; 2]]) -> Vec<DVec2> {
     let points: Vec<DVec2> = points.iter().copied().map(DVec2::from_array).collect();
@@ -60,7 +62,7 @@ fn line(points: &[[f64; 2]]) -> Vec<DVec2> {
 
 /// The path that a walk through the park follows.
 pub(crate) fn walk() -> Vec<DVec2> {
-    line(&EAST[7..])
+    line(&EAST_PATH[7..])
 }
 
 fn on_ground(p: DVec2) -> DVec3 {
@@ -78,21 +80,27 @@ pub(crate) fn build(b: &mut Builder) {
     let water = b.paint(Material::Water, 0x2E3B2C, 0x2E3B2C);
     terrain::build(b, lawn, water);
     let strip = |line, half, paint, verge| Strip { line, half, paint, verge };
-    let corner = DVec2::splat(HALF);
+    let corner = DVec2::splat(TERRAIN_HALF_WIDTH_M);
     b.cover = GroundCover::new(
-        (-corner, corner),
+        -corner,
+        corner,
         (lawn, worn),
         vec![
-            strip(vec![DVec2::new(0.0, -HALF), DVec2::new(0.0, HALF)], ROAD, p.asphalt, 0.25),
-            strip(line(&EAST), PATH, gravel, 0.45),
-            strip(line(&WEST), PATH, gravel, 0.45),
-            strip(line(&CLIMB), 0.7, worn, 0.5),
+            strip(
+                vec![DVec2::new(0.0, -TERRAIN_HALF_WIDTH_M), DVec2::new(0.0, TERRAIN_HALF_WIDTH_M)],
+                ROAD_HALF_WIDTH_M,
+                p.asphalt,
+                0.25,
+            ),
+            strip(line(&EAST_PATH), PATH_HALF_WIDTH_M, gravel, 0.45),
+            strip(line(&WEST_PATH), PATH_HALF_WIDTH_M, gravel, 0.45),
+            strip(line(&HILL_PATH), 0.7, worn, 0.5),
         ],
         vec![
-            Bed { center: WOOD.0, radii: WOOD.1, paint: litter, ragged: 0.16 },
-            Bed { center: POND.0, radii: POND.1 * 1.06, paint: mud, ragged: 0.07 },
+            Bed { center: WOOD_ELLIPSE.0, radii: WOOD_ELLIPSE.1, paint: litter, ragged: 0.16 },
+            Bed { center: POND_ELLIPSE.0, radii: POND_ELLIPSE.1 * 1.06, paint: mud, ragged: 0.07 },
         ],
-        (LAWN.0, LAWN.1 + 4.0),
+        (LAWN_CIRCLE.0, LAWN_CIRCLE.1 + 4.0),
     );
     kerbs(b, &p);
     b.labelled(Label::Building, |b| buildings(b, &p));
@@ -107,15 +115,15 @@ pub(crate) fn build(b: &mut Builder) {
         (DVec2::new(-72.0, -80.0), DVec2::new(-9.0, -82.0), 9, 10.0),
         (DVec2::new(9.0, -83.0), DVec2::new(72.0, -79.0), 9, 8.0),
     ];
-    far::build(b, &p, (-corner, corner), &rows);
+    far::build(b, &p, -corner, corner, &rows);
 }
 
 /// Kerbstones along the road, open where paths join it.
 fn kerbs(b: &mut Builder, p: &Palette) {
     for (side, gaps) in [(1.0, [-36.0, -19.0]), (-1.0, [-24.0, 33.0])] {
-        let mut from = -HALF + 14.0;
-        for to in gaps.map(|gap| gap - 1.6).into_iter().chain([HALF - 14.0]) {
-            let at = Frame::facing(DVec3::new(side * (ROAD + 0.02), from, -0.1), DVec3::Y);
+        let mut from = -TERRAIN_HALF_WIDTH_M + 14.0;
+        for to in gaps.map(|gap| gap - 1.6).into_iter().chain([TERRAIN_HALF_WIDTH_M - 14.0]) {
+            let at = Frame::facing(DVec3::new(side * (ROAD_HALF_WIDTH_M + 0.02), from, -0.1), DVec3::Y);
             let (x0, x1) = if side > 0.0 { (0.0, 0.12) } else { (-0.12, 0.0) };
             b.labelled(Label::Path, |b| {
                 b.block(&at, [x0, 0.0, 0.0], [x1, to - from, 0.16], p.stone, faces::STANDING);
@@ -131,14 +139,8 @@ fn buildings(b: &mut Builder, p: &Palette) {
     let boards = b.paint(Material::Boards, 0x7F8A78, 0x5F665A);
     pavilion::shed(b, &at(-17.5, -47.0).turned(0.0, 0.0, 0.0, 70.0), boards, p);
     // A low wall along the mown lawn, a longer one by the road.
-    fences::low_wall(b, &at(19.0, -9.0 - 4.5), 16.0, 0.5, (p.plinth, p.stone));
-    fences::low_wall(
-        b,
-        &Frame::facing(DVec3::new(-5.6, -8.0, -0.1), -DVec3::X),
-        14.0,
-        0.75,
-        (p.brick, p.stone),
-    );
+    fences::low_wall(b, &at(19.0, -9.0 - 4.5), 16.0, 0.5, p.plinth, p);
+    fences::low_wall(b, &Frame::facing(DVec3::new(-5.6, -8.0, -0.1), -DVec3::X), 14.0, 0.75, p.brick, p);
 }
 
 /// A frame beside a path at a share of its length, to its left (`side` -1) or right, that looks at
@@ -150,12 +152,12 @@ fn beside(path: &[DVec2], share: f64, side: f64, off: f64) -> Frame {
 }
 
 fn furniture(b: &mut Builder, p: &Palette) {
-    let (east, west) = (line(&EAST), line(&WEST));
+    let (east, west) = (line(&EAST_PATH), line(&WEST_PATH));
     for (share, side) in [(0.09, -1.0), (0.30, -1.0), (0.45, -1.0), (0.60, -1.0), (0.78, -1.0), (0.90, 1.0)] {
-        f::bench(b, &beside(&east, share, side, 1.6).moved(-0.85, 0.0, 0.0), (p.oak, p.iron));
+        f::bench(b, &beside(&east, share, side, 1.6).moved(-0.85, 0.0, 0.0), p);
     }
     for (share, side) in [(0.15, 1.0), (0.42, 1.0), (0.70, 1.0)] {
-        f::bench(b, &beside(&west, share, side, 1.6).moved(-0.85, 0.0, 0.0), (p.oak, p.iron));
+        f::bench(b, &beside(&west, share, side, 1.6).moved(-0.85, 0.0, 0.0), p);
     }
     for share in [0.04, 0.18, 0.37, 0.53, 0.68, 0.84, 0.97] {
         f::lamp(b, &beside(&east, share, 1.0, 1.7), p);
@@ -167,7 +169,7 @@ fn furniture(b: &mut Builder, p: &Palette) {
         f::bin(b, beside(&east, share, -1.0, 2.6).origin, p);
     }
     // The seat on the hill.
-    f::bench(b, &Frame::facing(on_ground(HILL + DVec2::new(-0.8, 1.2)), DVec3::NEG_X), (p.oak, p.iron));
+    f::bench(b, &Frame::facing(on_ground(HILL_TOP + DVec2::new(-0.8, 1.2)), DVec3::NEG_X), p);
     let red = b.paint(Material::Timber, 0x8A2F2A, 0x8A2F2A);
     let blue = b.paint(Material::Timber, 0x2B4C77, 0x2B4C77);
     let stand = Frame::facing(on_ground(DVec2::new(15.2, -7.6)), DVec3::new(0.4, 0.92, 0.0).normalize());
@@ -208,7 +210,7 @@ fn trees(b: &mut Builder, p: &Palette) {
     let oak = Kind { foliage: oak_leaf, ..species::oak(p) };
     let beech = Kind { foliage: copper, height: 11.5, radius: 4.6, ..oak };
     let (spruce, willow) = (species::spruce(p, needles), species::willow(p));
-    // Seen from a few metres away at least: fewer and larger leaves than those of the street.
+    // Seen from a few metres away at least: fewer and larger leaves than in the street.
     let coarse = |kind: Kind| Kind { leaves: kind.leaves / 2, leaf: kind.leaf * 1.4, ..kind };
     let (birch, rowan, avenue) = (coarse(birch), coarse(rowan), Kind { clusters: 100, ..coarse(linden) });
     let mut seed = 1000;
@@ -272,8 +274,8 @@ fn trees(b: &mut Builder, p: &Palette) {
     });
     let mut stands: Vec<DVec2> = Vec::new();
     for _ in 0..400 {
-        let at = WOOD.0 + WOOD.1 * DVec2::new(dice.range(-1.0, 1.0), dice.range(-1.0, 1.0));
-        let reach = ((at - WOOD.0) / WOOD.1).length();
+        let at = WOOD_ELLIPSE.0 + WOOD_ELLIPSE.1 * DVec2::new(dice.range(-1.0, 1.0), dice.range(-1.0, 1.0));
+        let reach = ((at - WOOD_ELLIPSE.0) / WOOD_ELLIPSE.1).length();
         let is_free = stands.iter().all(|other| other.distance(at) > 5.2)
             && at.distance(DVec2::new(-17.0, -46.0)) > 5.0;
         if reach < 0.92 && is_free && stands.len() < 18 {
@@ -312,51 +314,45 @@ fn low_growth(b: &mut Builder, p: &Palette) {
     // Reeds stand in the water and at its edge, in stretches.
     for _ in 0..2600 {
         let (sin, cos) = dice.range(0.0, std::f64::consts::TAU).sin_cos();
-        let at = POND.0 + POND.1 * DVec2::new(cos, sin) * dice.range(0.88, 1.1);
+        let at = POND_ELLIPSE.0 + POND_ELLIPSE.1 * DVec2::new(cos, sin) * dice.range(0.88, 1.1);
         let ground = height(at);
-        if noise2(at / 5.0, 84) < 0.12 || !(WATER - 0.45..WATER + 0.12).contains(&ground) {
+        if noise2(at / 5.0, 84) < 0.12 || !(WATER_LEVEL_M - 0.45..WATER_LEVEL_M + 0.12).contains(&ground) {
             continue;
         }
-        g::tuft(b, at.extend(ground), (4, 1.15), reed, &mut dice);
+        g::tuft(b, at.extend(ground), 4, 1.15, reed, &mut dice);
     }
     // Long grass where no mower comes: by paths, trees and walls.
-    for path in [line(&EAST), line(&WEST)] {
+    for path in [line(&EAST_PATH), line(&WEST_PATH)] {
         for _ in 0..2400 {
             let (point, ahead) = along(&path, dice.unit());
             let side = if dice.unit() < 0.5 { -1.0 } else { 1.0 };
-            let at = point + ahead.perp() * side * (PATH + 0.12 + 0.5 * dice.unit() * dice.unit());
-            if noise2(at / 3.0, 85) > -0.1 && at.x.abs() > ROAD + 0.3 {
-                g::tuft(b, on_ground(at), (4, 0.12), p.blade, &mut dice);
+            let at =
+                point + ahead.perp() * side * (PATH_HALF_WIDTH_M + 0.12 + 0.5 * dice.unit() * dice.unit());
+            if noise2(at / 3.0, 85) > -0.1 && at.x.abs() > ROAD_HALF_WIDTH_M + 0.3 {
+                g::tuft(b, on_ground(at), 4, 0.12, p.blade, &mut dice);
             }
         }
     }
     for _ in 0..2600 {
-        let at = HILL + DVec2::new(dice.bell(), dice.bell()) * DVec2::new(10.0, 8.0);
+        let at = HILL_TOP + DVec2::new(dice.bell(), dice.bell()) * DVec2::new(10.0, 8.0);
         if noise2(at / 4.0, 86) > 0.15 {
-            g::tuft(b, on_ground(at), (5, 0.24), p.blade, &mut dice);
+            g::tuft(b, on_ground(at), 5, 0.24, p.blade, &mut dice);
         }
     }
     for (index, share) in [0.02, 0.5, 0.965].into_iter().enumerate() {
-        let bed = beside(&line(&EAST), share, 1.0, 1.9);
+        let bed = beside(&line(&EAST_PATH), share, 1.0, 1.9);
         b.block(&bed, [-2.0, 0.0, -0.3], [2.0, 1.2, 0.06], p.soil, faces::STANDING);
-        g::flowers(
-            b,
-            &bed.moved(-2.0, 0.0, 0.05),
-            [4.0, 1.2, 0.45],
-            700,
-            (p.hedge, p.flowers),
-            830 + index as u64,
-        );
+        g::flowers(b, &bed.moved(-2.0, 0.0, 0.05), [4.0, 1.2, 0.45], 700, p, 830 + index as u64);
     }
     for (low, high, count, seed) in [
-        (WOOD.0 - WOOD.1, WOOD.0 + WOOD.1, 4200, 840),
+        (WOOD_ELLIPSE.0 - WOOD_ELLIPSE.1, WOOD_ELLIPSE.0 + WOOD_ELLIPSE.1, 4200, 840),
         (DVec2::new(33.0, -41.0), DVec2::new(47.0, -27.0), 500, 841),
         (DVec2::new(8.0, -34.0), DVec2::new(20.0, -20.0), 500, 842),
         (DVec2::new(-28.0, -34.0), DVec2::new(-14.0, -20.0), 500, 843),
         (DVec2::new(-6.5, -60.0), DVec2::new(-2.4, 60.0), 500, 844),
         (DVec2::new(2.4, -60.0), DVec2::new(6.5, 60.0), 500, 845),
     ] {
-        g::fallen(b, (low, high), height, count, p.fallen, seed);
+        g::fallen(b, low, high, height, count, p.fallen, seed);
     }
 }
 
@@ -366,13 +362,13 @@ mod tests {
 
     #[test]
     fn the_lawn_is_level_and_the_hill_is_not() {
-        let (lawn, radius) = LAWN;
+        let (lawn, radius) = LAWN_CIRCLE;
         for step in 0..60 {
             let (sin, cos) = f64::from(step).sin_cos();
             assert!(height(lawn + DVec2::new(cos, sin) * radius * 0.98).abs() < 1e-9);
         }
-        assert!((4.0..7.0).contains(&height(HILL)), "{}", height(HILL));
-        assert!(height(POND.0) < WATER - 0.5);
-        assert!((height(DVec2::new(HALF, 20.0)) - far::FIELD).abs() < 1e-9);
+        assert!((4.0..7.0).contains(&height(HILL_TOP)), "{}", height(HILL_TOP));
+        assert!(height(POND_ELLIPSE.0) < WATER_LEVEL_M - 0.5);
+        assert!((height(DVec2::new(TERRAIN_HALF_WIDTH_M, 20.0)) - far::FIELD_HEIGHT_M).abs() < 1e-9);
     }
 }

@@ -8,15 +8,15 @@ use glam::DVec3;
 /// The part of the porch that its roof shelters, in its frame: from and to along x, depth, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Porch {
-    pub from: f64,
-    pub to: f64,
-    pub depth: f64,
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    pub(crate) depth: f64,
     /// Height of its floor, m.
-    pub floor: f64,
+    pub(crate) floor: f64,
 }
 
 impl Porch {
-    /// A lean-to on posts before a wall whose frame this is.
+    /// Builds a lean-to on posts before the wall of a frame.
     pub(super) fn build(&self, b: &mut Builder, frame: &Frame, roof: PaintId, p: &Palette) {
         let (x0, x1, d, floor) = (self.from, self.to, self.depth, self.floor);
         b.block(
@@ -52,7 +52,7 @@ impl Porch {
             b.block(frame, [x, -d + 0.2, low + 0.02], [x + 0.14, 0.0, low + 0.16], p.white, faces::ALL);
         }
         self.railing(b, frame, &posts, p);
-        self.lean_to(b, frame, (low + 0.17, high), roof, p);
+        self.lean_to(b, frame, low + 0.17, high, roof, p);
         // Steps between the two middle posts.
         let steps = [(0.30, floor - 0.16), (0.60, floor - 0.31)];
         for (reach, top) in steps {
@@ -72,19 +72,18 @@ impl Porch {
 
     fn railing(&self, b: &mut Builder, frame: &Frame, posts: &[f64; 4], p: &Palette) {
         let (y, z) = (-self.depth + 0.12, self.floor);
+        let sides = faces::LEFT | faces::RIGHT | faces::FRONT | faces::BACK;
+        let baluster = |b: &mut Builder, x: f64, y: f64| {
+            let (low, high) = ([x - 0.016, y - 0.016, z + 0.16], [x + 0.016, y + 0.016, z + 0.84]);
+            b.block(frame, low, high, p.white, sides);
+        };
         for (from, to) in [(posts[0] + 0.07, posts[1] - 0.07), (posts[2] + 0.07, posts[3] - 0.07)] {
             b.block(frame, [from, y - 0.04, z + 0.84], [to, y + 0.04, z + 0.90], p.white, faces::ALL);
             b.block(frame, [from, y - 0.025, z + 0.12], [to, y + 0.025, z + 0.16], p.white, faces::ALL);
             let count = ((to - from) / 0.13) as usize;
             for index in 0..count {
                 let x = from + (to - from) * (index as f64 + 0.5) / count as f64;
-                b.block(
-                    frame,
-                    [x - 0.016, y - 0.016, z + 0.16],
-                    [x + 0.016, y + 0.016, z + 0.84],
-                    p.white,
-                    15,
-                );
+                baluster(b, x, y);
             }
         }
         for x in [self.from + 0.10, self.to - 0.10] {
@@ -93,18 +92,12 @@ impl Porch {
             let count = ((-y - 0.07) / 0.13) as usize;
             for index in 0..count {
                 let at = y + 0.07 + (-y - 0.07) * (index as f64 + 0.5) / count as f64;
-                b.block(
-                    frame,
-                    [x - 0.016, at - 0.016, z + 0.16],
-                    [x + 0.016, at + 0.016, z + 0.84],
-                    p.white,
-                    15,
-                );
+                baluster(b, x, at);
             }
         }
     }
 
-    fn lean_to(&self, b: &mut Builder, frame: &Frame, (low, high): (f64, f64), roof: PaintId, p: &Palette) {
+    fn lean_to(&self, b: &mut Builder, frame: &Frame, low: f64, high: f64, roof: PaintId, p: &Palette) {
         let (over, d) = (0.32, self.depth);
         let slope = (high - low) / d;
         let (x0, x1) = (self.from - 0.25, self.to + 0.25);

@@ -30,7 +30,7 @@ pub(super) fn drain(b: &mut Builder, frame: &Frame, p: &Palette) {
 }
 
 /// Two crates on one another, the upper one tilted and full of fruit.
-pub(super) fn crates(b: &mut Builder, frame: &Frame, (wood, fruit): (PaintId, PaintId), seed: u64) {
+pub(super) fn crates(b: &mut Builder, frame: &Frame, wood: PaintId, fruit: PaintId, seed: u64) {
     let mut dice = Dice::new(b.seed, seed);
     let slatted = |b: &mut Builder, at: &Frame| {
         let (w, d) = (0.58, 0.40);
@@ -58,16 +58,16 @@ pub(super) fn crates(b: &mut Builder, frame: &Frame, (wood, fruit): (PaintId, Pa
 }
 
 /// A sandwich board: two leaning panels in frames.
-pub(super) fn board(b: &mut Builder, frame: &Frame, (wood, slate): (PaintId, PaintId)) {
+pub(super) fn board(b: &mut Builder, frame: &Frame, p: &Palette) {
     let (w, h, lean) = (0.60, 1.02, 0.24);
     for half in
         [*frame, Frame { origin: frame.at(w, 2.0 * lean, 0.0), right: -frame.right, back: -frame.back }]
     {
         let (u, v) = (half.along(w, 0.0, 0.0), half.along(0.0, lean, h));
         let out = u.cross(v).normalize() * 0.012;
-        b.quad(half.at(0.0, 0.0, 0.0), u, v, wood);
-        b.quad(half.at(w, 0.0, 0.0) - out, -u, v, wood);
-        b.quad(half.at(0.0, 0.0, 0.0) + out + u * 0.09 + v * 0.14, u * 0.82, v * 0.78, slate);
+        b.quad(half.at(0.0, 0.0, 0.0), u, v, p.oak);
+        b.quad(half.at(w, 0.0, 0.0) - out, -u, v, p.oak);
+        b.quad(half.at(0.0, 0.0, 0.0) + out + u * 0.09 + v * 0.14, u * 0.82, v * 0.78, p.iron);
     }
 }
 
@@ -143,7 +143,7 @@ pub(super) fn window_box(b: &mut Builder, frame: &Frame, opening: &Opening, p: &
     let (x0, x1, z) = (opening.x + 0.04, opening.x + opening.width - 0.04, opening.z - 0.02);
     b.block(frame, [x0, -0.26, z - 0.02], [x1, -0.08, z + 0.14], p.oak, faces::ALL);
     let bed = frame.moved(x0, -0.30, z + 0.06);
-    growth::flowers(b, &bed, [x1 - x0, 0.24, 0.26], 210, (p.hedge, p.flowers), seed);
+    growth::flowers(b, &bed, [x1 - x0, 0.24, 0.26], 210, p, seed);
 }
 
 /// A round sign on a post: blue with a red rim and bar. It faces the frame's front.

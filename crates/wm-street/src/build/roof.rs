@@ -9,26 +9,26 @@ use glam::DVec3;
 /// over y from 0 to `span`; walls end at `eaves`, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Roof {
-    pub length: f64,
-    pub span: f64,
-    pub eaves: f64,
+    pub(crate) length: f64,
+    pub(crate) span: f64,
+    pub(crate) eaves: f64,
     /// Degrees.
-    pub pitch: f64,
+    pub(crate) pitch: f64,
     /// The overhang beyond the walls below the slopes, m.
-    pub overhang: f64,
+    pub(crate) overhang: f64,
     /// The overhang beyond the gables, m.
-    pub verge: f64,
-    pub paint: PaintId,
+    pub(crate) verge: f64,
+    pub(crate) paint: PaintId,
     /// Boards along its edges.
-    pub trim: PaintId,
+    pub(crate) trim: PaintId,
 }
 
 /// Thickness of a roof, m.
-const THICK: f64 = 0.13;
+const ROOF_THICKNESS_M: f64 = 0.13;
 
 impl Roof {
     /// Height of the ridge above the frame's origin, m.
-    pub(super) fn ridge(&self) -> f64 {
+    fn ridge(&self) -> f64 {
         self.eaves + 0.5 * self.span * self.slope()
     }
 
@@ -41,7 +41,7 @@ impl Roof {
         let across = self.length + 2.0 * self.verge;
         let run = 0.5 * self.span + self.overhang;
         let rise = run * self.slope();
-        let lift = THICK / self.pitch.to_radians().cos();
+        let lift = ROOF_THICKNESS_M / self.pitch.to_radians().cos();
         // The second slope is the first seen from behind.
         for half in [
             *frame,

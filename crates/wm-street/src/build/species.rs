@@ -130,7 +130,7 @@ pub(super) fn bush(p: &Palette) -> Kind {
     }
 }
 
-/// The same tree for a place that nobody comes near to: fewer and larger leaves.
+/// Reduces a tree for a place that nobody comes near to: fewer and larger leaves.
 pub(super) fn far(kind: Kind) -> Kind {
     Kind { clusters: kind.clusters / 2, leaves: 28, leaf: kind.leaf * 2.1, ..kind }
 }

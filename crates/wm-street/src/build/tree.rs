@@ -13,40 +13,40 @@ use glam::DVec3;
 /// The kind of tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kind {
-    pub height: f64,
+    pub(crate) height: f64,
     /// The height of the crown's lower end above the foot, m.
-    pub base: f64,
+    pub(crate) base: f64,
     /// Largest radius of the crown, m.
-    pub radius: f64,
+    pub(crate) radius: f64,
     /// The share of the crown's height at which it is widest, 0-1.
-    pub widest: f64,
+    pub(crate) widest: f64,
     /// Radius of the trunk at breast height, m.
-    pub trunk: f64,
-    pub clusters: u32,
+    pub(crate) trunk: f64,
+    pub(crate) clusters: u32,
     /// Leaves of a cluster.
-    pub leaves: u32,
+    pub(crate) leaves: u32,
     /// Length of a leaf, m.
-    pub leaf: f64,
+    pub(crate) leaf: f64,
     /// The droop of twigs and leaves, 0-1.
-    pub droop: f64,
-    pub bark: PaintId,
-    pub foliage: PaintId,
+    pub(crate) droop: f64,
+    pub(crate) bark: PaintId,
+    pub(crate) foliage: PaintId,
     /// Berries or blossoms, if any.
-    pub fruit: Option<PaintId>,
+    pub(crate) fruit: Option<PaintId>,
 }
 
 struct Joint {
     at: DVec3,
     parent: usize,
-    /// Radius to the power of [`PIPE`], summed from the tips.
+    /// Radius to the power of [`BRANCH_EXPONENT`], summed from the tips.
     load: f64,
     trunk: bool,
 }
 
 /// Branch radii add up by this power.
-const PIPE: f64 = 2.3;
+const BRANCH_EXPONENT: f64 = 2.3;
 /// Radius of a twig, m.
-const TWIG: f64 = 0.006;
+const TWIG_RADIUS_M: f64 = 0.006;
 
 /// Grows a tree of `kind` on `foot`.
 pub(super) fn tree(b: &mut Builder, foot: DVec3, kind: &Kind, seed: u64) {
@@ -61,7 +61,7 @@ pub(super) fn tree(b: &mut Builder, foot: DVec3, kind: &Kind, seed: u64) {
         bough(&mut joints, centers[index], kind, &mut dice);
     }
     for index in (1..joints.len()).rev() {
-        joints[index].load = joints[index].load.max(TWIG.powf(PIPE));
+        joints[index].load = joints[index].load.max(TWIG_RADIUS_M.powf(BRANCH_EXPONENT));
         let (load, parent) = (joints[index].load, joints[index].parent);
         joints[parent].load += load;
     }
@@ -137,9 +137,9 @@ fn bough(joints: &mut Vec<Joint>, center: DVec3, kind: &Kind, dice: &mut Dice) {
 
 fn wood(b: &mut Builder, joints: &[Joint], kind: &Kind, foot: DVec3) {
     // The trunk's own thickness sets the scale.
-    let scale = kind.trunk / joints[1].load.powf(1.0 / PIPE);
+    let scale = kind.trunk / joints[1].load.powf(1.0 / BRANCH_EXPONENT);
     let radius = |joint: &Joint| {
-        let pipe = joint.load.powf(1.0 / PIPE) * scale.min(1.8);
+        let pipe = joint.load.powf(1.0 / BRANCH_EXPONENT) * scale.min(1.8);
         let height = joint.at.z - foot.z;
         if joint.trunk {
             let taper = kind.trunk * (1.0 - 0.75 * height / kind.height);
@@ -151,7 +151,7 @@ fn wood(b: &mut Builder, joints: &[Joint], kind: &Kind, foot: DVec3) {
     };
     for joint in &joints[1..] {
         let parent = &joints[joint.parent];
-        let end = radius(joint).max(TWIG);
+        let end = radius(joint).max(TWIG_RADIUS_M);
         let start =
             if parent.trunk && !joint.trunk { end * 1.15 } else { radius(parent).min(end * 1.6).max(end) };
         b.stump(parent.at, joint.at, [start, end], kind.bark);
@@ -171,7 +171,7 @@ fn cluster(b: &mut Builder, center: DVec3, foot: DVec3, kind: &Kind, dice: &mut 
         })
         .collect();
     for end in &ends {
-        b.stump(center, *end, [TWIG, 0.5 * TWIG], kind.bark);
+        b.stump(center, *end, [TWIG_RADIUS_M, 0.5 * TWIG_RADIUS_M], kind.bark);
     }
     for leaf in 0..kind.leaves {
         let end = ends[leaf as usize % twigs];

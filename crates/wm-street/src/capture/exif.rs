@@ -7,23 +7,23 @@ use wm_scene::capture::Gps;
 use wm_scene::random::RandomStream;
 
 /// Diagonal of a full frame, mm.
-const FULL_FRAME: f64 = 43.266_615;
+const FULL_FRAME_DIAGONAL_MM: f64 = 43.266_615;
 /// Purpose of the random numbers of lies.
-const LIES: u64 = 47;
+const EXIF_FAULT_LANE: u64 = 47;
 
 /// The facts that EXIF states.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ExifFacts {
-    pub maker: &'static str,
-    pub model: &'static str,
+    pub(crate) maker: &'static str,
+    pub(crate) model: &'static str,
     /// Seconds since 1970, UTC.
-    pub time: i64,
+    pub(crate) time: i64,
     /// Focal length of a full frame of the same angle of view, mm.
-    pub focal: f64,
-    pub gps: Option<Gps>,
+    pub(crate) focal: f64,
+    pub(crate) gps: Option<Gps>,
 }
 
-/// What photo `index` states, lies included.
+/// Returns the facts that photo `index` states, lies included.
 pub(super) fn facts(
     place: &Place,
     settings: &CaptureSettings,
@@ -40,8 +40,8 @@ pub(super) fn facts(
             CaptureKind::Walk => "made-up phone",
             CaptureKind::Drive => "made-up car camera",
         },
-        time: sky::TIME + shot.time.round() as i64,
-        focal: FULL_FRAME * camera.fx / diagonal,
+        time: sky::SUN_TIME_S + shot.time.round() as i64,
+        focal: FULL_FRAME_DIAGONAL_MM * camera.fx / diagonal,
         gps: Some(gps),
     };
     let lies = &settings.flaws.exif;
@@ -58,7 +58,7 @@ pub(super) fn facts(
         .filter(|lie| matches!(lie, ExifFault::Continent | ExifFault::Zero | ExifFault::Nonsense))
         .collect();
     if !places.is_empty() {
-        let random = RandomStream::new(settings.seed, LIES, 0);
+        let random = RandomStream::new(settings.seed, EXIF_FAULT_LANE, 0);
         facts.gps = Some(match places[index % places.len()] {
             ExifFault::Zero => Gps { latitude: 0.0, longitude: 0.0, altitude: Some(0.0) },
             ExifFault::Nonsense => Gps {

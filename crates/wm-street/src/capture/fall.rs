@@ -6,21 +6,21 @@ use wm_scene::Camera;
 use wm_scene::random::RandomStream;
 
 /// Exposure, s.
-const EXPOSURE: f64 = 0.004;
-/// Nothing nearer than this to the lens is drawn, m: it would be a blur over everything.
-const NEAREST: f64 = 0.25;
-/// Less coverage of a pixel than this is not drawn.
-const FAINTEST: f64 = 0.02;
+const EXPOSURE_S: f64 = 0.004;
+/// Particles nearer to the lens are not drawn, m: they would be a blur over everything.
+const MIN_DISTANCE_M: f64 = 0.25;
+/// Smallest coverage of a pixel that is drawn.
+const MIN_PIXEL_COVERAGE: f64 = 0.02;
 
-/// What falls.
+/// A kind of precipitation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fall {
     Rain,
     Snow,
 }
 
-/// What falls at a rate: sizes above `least` as an exponential distribution.
-struct Law {
+/// Precipitation at a rate: sizes above `least` in an exponential distribution.
+struct SizeDistribution {
     /// Pieces in a cubic metre that are larger than `least`.
     number: f64,
     /// Diameters, mm.
@@ -30,16 +30,16 @@ struct Law {
 }
 
 impl Fall {
-    fn law(self, rate: f64) -> Law {
+    fn law(self, rate: f64) -> SizeDistribution {
         match self {
             // Marshall and Palmer 1948; drops below 0.8 mm are too fine for a photo.
             Self::Rain => {
                 let (least, slope) = (0.8, 4.1 * rate.powf(-0.21));
-                Law { number: 8000.0 / slope * (-slope * least).exp(), least, slope }
+                SizeDistribution { number: 8000.0 / slope * (-slope * least).exp(), least, slope }
             }
             // Flakes of 2 mm and above, 0.05 g/cm^3 at 2 mm: numbers that carry the rate at 1.1
             // m/s.
-            Self::Snow => Law { number: 220.0 * rate.powf(0.8), least: 2.0, slope: 0.55 },
+            Self::Snow => SizeDistribution { number: 220.0 * rate.powf(0.8), least: 2.0, slope: 0.55 },
         }
     }
 
@@ -65,11 +65,12 @@ impl Fall {
         let law = self.law(rate);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
         // As far as pieces of twice the least size cover enough of a pixel.
-        let farthest = 2.0e-3 * law.least * camera.fx / FAINTEST.sqrt();
+        let farthest = 2.0e-3 * law.least * camera.fx / MIN_PIXEL_COVERAGE.sqrt();
         let farthest = farthest.clamp(2.0, 14.0);
         // The view's pyramid, a fifth wider: pieces fall into the picture.
-        const WIDER: f64 = 1.2;
-        let volume = WIDER * WIDER * (width / camera.fx) * (height / camera.fy) * farthest.powi(3) / 3.0;
+        const VIEW_MARGIN: f64 = 1.2;
+        let volume =
+            VIEW_MARGIN * VIEW_MARGIN * (width / camera.fx) * (height / camera.fy) * farthest.powi(3) / 3.0;
         let count = (law.number * volume).min(2e6) as u64;
         let inverse = camera.viewmat.inverse();
         // A light wind, the same for all photos.
@@ -78,18 +79,18 @@ impl Fall {
         for index in 0..count {
             let number = |which: u64| random.uniform(5 * index + which);
             let z = farthest * number(0).cbrt();
-            if z < NEAREST {
+            if z < MIN_DISTANCE_M {
                 continue;
             }
-            let (x, y) = ((number(1) - 0.5) * WIDER * width, (number(2) - 0.5) * WIDER * height);
+            let (x, y) = ((number(1) - 0.5) * VIEW_MARGIN * width, (number(2) - 0.5) * VIEW_MARGIN * height);
             let from = DVec3::new(x / camera.fx * z, y / camera.fy * z, z);
             let diameter = (law.least - (1.0 - number(3)).ln() / law.slope).min(3.0 * law.least + 3.0);
             let gust = if self == Self::Snow { 0.6 * (number(4) - 0.5) } else { 0.0 };
             let speed = wind * (1.0 + gust) - DVec3::Z * self.speed(diameter);
-            let world = inverse.transform_point3(from) + speed * EXPOSURE;
+            let world = inverse.transform_point3(from) + speed * EXPOSURE_S;
             let to = camera.viewmat.transform_point3(world);
-            if to.z > 0.5 * NEAREST {
-                streak(&mut cover, camera, depth, (from, to), 1e-3 * diameter);
+            if to.z > 0.5 * MIN_DISTANCE_M {
+                streak(&mut cover, camera, depth, from, to, 1e-3 * diameter);
             }
         }
         // Drops show the sky behind them upside down; flakes are white in the light from all
@@ -106,7 +107,7 @@ impl Fall {
 
 /// Adds the time that a ball of `diameter` m covers each pixel on its way, as a share of the
 /// exposure.
-fn streak(cover: &mut [f64], camera: &Camera, depth: &[f64], (from, to): (DVec3, DVec3), diameter: f64) {
+fn streak(cover: &mut [f64], camera: &Camera, depth: &[f64], from: DVec3, to: DVec3, diameter: f64) {
     let project = |p: DVec3| (camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy);
     let ((x0, y0), (x1, y1)) = (project(from), project(to));
     let wide = diameter * camera.fx / from.z;

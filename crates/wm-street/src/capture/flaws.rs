@@ -1,4 +1,4 @@
-//! What is wrong with the photos of a capture, and how light becomes a picture.
+//! Flaws of the photos of a capture, and how light becomes a picture.
 
 use crate::display_of;
 use glam::{DVec2, DVec3};
@@ -6,16 +6,16 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_scene::random::RandomStream;
 
-/// What is wrong with the photos of a capture; the default is nothing. All of it combines.
+/// Flaws of the photos of a capture; none by default. They combine.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CaptureFlaws {
     /// Most motion blur of a photo, px; each draws its own.
     pub blur: f64,
-    /// Most by which the exposure of a photo is off, EV; each draws its own.
+    /// Largest error of the exposure of a photo, EV; each draws its own.
     pub exposure_jitter: f64,
-    /// From light to the values of the file.
+    /// Tone curve from light to the values of the file.
     pub tone: ToneCurve,
-    /// What EXIF lies about.
+    /// Lies of EXIF.
     pub exif: Vec<ExifFault>,
     /// Rain in front of the camera, mm/h.
     pub rain: Option<f64>,
@@ -40,7 +40,7 @@ pub enum ToneCurve {
 }
 
 impl ToneCurve {
-    /// Its name in files and options.
+    /// The name in files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -81,8 +81,8 @@ pub enum ExifFault {
 }
 
 /// Purposes of random numbers.
-const EXPOSURE: u64 = 45;
-const MOTION: u64 = 46;
+const EXPOSURE_LANE: u64 = 45;
+const MOTION_LANE: u64 = 46;
 
 impl CaptureFlaws {
     /// Checks the numbers.
@@ -110,20 +110,20 @@ impl CaptureFlaws {
 
     /// Exposure of photo `index`, EV.
     pub(super) fn exposure(&self, seed: u64, index: usize) -> f64 {
-        let random = RandomStream::new(seed, EXPOSURE, 0);
+        let random = RandomStream::new(seed, EXPOSURE_LANE, 0);
         self.exposure_jitter * (2.0 * random.uniform(index as u64) - 1.0)
     }
 
     /// Motion of photo `index` while it is exposed, px.
     pub(super) fn motion(&self, seed: u64, index: usize) -> DVec2 {
-        let random = RandomStream::new(seed, MOTION, index as u32);
+        let random = RandomStream::new(seed, MOTION_LANE, index as u32);
         let length = self.blur * (0.25 + 0.75 * random.uniform(0));
         DVec2::from_angle(TAU * random.uniform(1)) * length
     }
 }
 
 /// A picture that moved by `motion` px while it was exposed: the mean along that line.
-pub(super) fn moved(light: &[DVec3], (width, height): (usize, usize), motion: DVec2) -> Vec<DVec3> {
+pub(super) fn moved(light: &[DVec3], width: usize, height: usize, motion: DVec2) -> Vec<DVec3> {
     let length = motion.length();
     if length < 0.05 {
         return light.to_vec();

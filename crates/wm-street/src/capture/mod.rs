@@ -33,7 +33,7 @@ use crate::air::Air;
 use crate::build::movers;
 use crate::dataset::{GroundTruth, files};
 use crate::light::Budget;
-use crate::photo::Casting;
+use crate::photo::RaySettings;
 use crate::{Label, Place};
 use fall::Fall;
 use glam::{DMat3, DQuat, DVec3};
@@ -64,7 +64,7 @@ pub enum CaptureKind {
 }
 
 impl CaptureKind {
-    /// Its name in files and options.
+    /// The name in files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -113,7 +113,7 @@ pub struct CaptureSettings {
     pub truth: GroundTruth,
     /// The seed of all noise, and of the model's axes.
     pub seed: u64,
-    /// What is wrong with the photos.
+    /// Flaws of the photos.
     pub flaws: CaptureFlaws,
 }
 
@@ -139,27 +139,27 @@ impl CaptureSettings {
 pub const TRUTH: &str = "truth.json";
 const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast, as a real capture leaves them: the model's axes and\n\
     unit are arbitrary. truth.json says what they are; truth/, where it is, holds exact maps of each photo.\n";
-/// Rays for the light of a pixel that has one ray, and of each of several: the noise that they
-/// leave is that of a sensor.
-const LIGHT: Budget = Budget { sun: 1, sky: 3 };
-const SHARE: Budget = Budget { sun: 1, sky: 1 };
+/// Rays for the light of a pixel with a single ray, and of each ray of several: the noise that
+/// remains is about that of a sensor.
+const SINGLE_RAY_BUDGET: Budget = Budget { sun: 1, sky: 3 };
+const SAMPLE_BUDGET: Budget = Budget { sun: 1, sky: 1 };
 
 /// Purposes of random numbers.
-const AXES: u64 = 41;
-const GPS: u64 = 42;
-const FALL: u64 = 43;
+const AXES_LANE: u64 = 41;
+const GPS_LANE: u64 = 42;
+const FALL_LANE: u64 = 43;
 
 /// A photo that was taken: its facts for `truth.json`.
-pub(crate) struct Taken {
-    pub name: String,
-    pub shot: Shot,
+pub(crate) struct TakenPhoto {
+    name: String,
+    shot: Shot,
     /// Exposure against the others, EV.
-    pub exposure: f64,
+    exposure: f64,
     /// Motion of the picture while it was exposed, px.
-    pub blur: glam::DVec2,
-    pub gps: Gps,
+    blur: glam::DVec2,
+    gps: Gps,
     /// Share of the pixels that show movers.
-    pub moving: f64,
+    moving: f64,
 }
 
 /// Writes a capture to a folder, which is created if needed, and returns it as it is read from
@@ -203,7 +203,7 @@ pub fn write(
     for position in &mut points.positions {
         *position = model_from_world.point(DVec3::from_array(*position)).to_array();
     }
-    let view = |photo: &Taken| CaptureView {
+    let view = |photo: &TakenPhoto| CaptureView {
         name: photo.name.clone(),
         camera: model_from_world.camera(&photo.shot.camera),
         distortion: Distortion::None,
@@ -233,7 +233,7 @@ fn maps(settings: &CaptureSettings) -> impl Iterator<Item = &'static str> {
 
 /// The model's axes: any rotation, a unit of 0.2 to 20 m, an origin somewhere.
 fn axes(seed: u64) -> Similarity {
-    let random = RandomStream::new(seed, AXES, 0);
+    let random = RandomStream::new(seed, AXES_LANE, 0);
     let ([x, y, z], [w, ..]) = (random.normal3(0), random.normal3(1));
     let shift = DVec3::from_array(random.normal3(2)) * 10.0;
     let scale = (0.05f64).powf(random.uniform(40)) * 5.0;
@@ -254,7 +254,7 @@ fn take(
     settings: &CaptureSettings,
     index: usize,
     shot: Shot,
-) -> Result<(Taken, Vec<bool>), FormatError> {
+) -> Result<(TakenPhoto, Vec<bool>), FormatError> {
     let camera = shot.camera;
     let scene = match settings.kind {
         CaptureKind::Drive => {
@@ -265,26 +265,37 @@ fn take(
         _ => Cow::Borrowed(place),
     };
     let air = air(place, settings);
-    let casting = Casting { samples: settings.samples.max(1), budget: SHARE, plain: LIGHT, air };
+    let casting = RaySettings {
+        samples: settings.samples.max(1),
+        budget: SAMPLE_BUDGET,
+        plain: SINGLE_RAY_BUDGET,
+        air,
+    };
     let pixels = scene.picture(&camera, &casting);
     let mut light: Vec<DVec3> = pixels.iter().map(|pixel| DVec3::from_array(pixel.radiance)).collect();
     for (fall, rate) in [(Fall::Rain, settings.flaws.rain), (Fall::Snow, settings.flaws.snow)] {
         if let Some(rate) = rate {
-            let random = RandomStream::new(settings.seed, FALL + fall as u64, index as u32);
+            let random = RandomStream::new(settings.seed, FALL_LANE + fall as u64, index as u32);
             let depth: Vec<f64> = pixels.iter().map(|pixel| pixel.depth).collect();
             fall.draw(&mut light, &camera, &depth, rate, place.horizon(), random);
         }
     }
     let size = (camera.width as usize, camera.height as usize);
     let blur = shot.shake + settings.flaws.motion(settings.seed, index);
-    let light = flaws::moved(&light, size, blur);
+    let light = flaws::moved(&light, size.0, size.1, blur);
     let exposure = settings.flaws.exposure(settings.seed, index);
     let rgb = flaws::developed(&light, exposure, settings.flaws.tone);
 
     let name = format!("{index:05}.png");
     let gps = position(place, settings, index, &camera);
     let facts = exif::facts(place, settings, index, &shot, gps);
-    files::write_png(&folder.join("images").join(&name), settings.size, &rgb, Some(&facts.to_bytes()))?;
+    files::write_png(
+        &folder.join("images").join(&name),
+        settings.size.0,
+        settings.size.1,
+        &rgb,
+        Some(&facts.to_bytes()),
+    )?;
     if settings.truth == GroundTruth::Write {
         let folder = folder.join("truth");
         files::write_maps(&folder, &format!("{index:05}"), &camera, &pixels)?;
@@ -295,17 +306,17 @@ fn take(
             files::write_map(&folder, "movers", &format!("{index:05}"), &camera, shares)?;
         }
         let clean = match settings.kind {
-            CaptureKind::Drive => place.picture(&camera, &Casting { air: None, ..casting }),
-            _ if casting.air.is_some() => place.picture(&camera, &Casting { air: None, ..casting }),
+            CaptureKind::Drive => place.picture(&camera, &RaySettings { air: None, ..casting }),
+            _ if casting.air.is_some() => place.picture(&camera, &RaySettings { air: None, ..casting }),
             _ => pixels.clone(),
         };
         let light: Vec<DVec3> = clean.iter().map(|pixel| DVec3::from_array(pixel.radiance)).collect();
         let rgb = flaws::developed(&light, 0.0, ToneCurve::Standard);
-        files::write_png(&folder.join("clean").join(&name), settings.size, &rgb, None)?;
+        files::write_png(&folder.join("clean").join(&name), settings.size.0, settings.size.1, &rgb, None)?;
     }
     let moving = pixels.iter().map(|pixel| pixel.moving).sum::<f64>() / pixels.len() as f64;
     let mask = pixels.iter().map(|pixel| pixel.moving > 0.0).collect();
-    Ok((Taken { name, shot, exposure, blur, gps, moving }, mask))
+    Ok((TakenPhoto { name, shot, exposure, blur, gps, moving }, mask))
 }
 
 /// The number of a label in files.
@@ -316,7 +327,7 @@ fn number(label: Label) -> f32 {
 /// The position that a receiver measures.
 fn position(place: &Place, settings: &CaptureSettings, index: usize, camera: &Camera) -> Gps {
     let (level, high) = settings.kind.gps_noise();
-    let random = RandomStream::new(settings.seed, GPS, 0);
+    let random = RandomStream::new(settings.seed, GPS_LANE, 0);
     let [x, y, z] = random.normal3(index as u64 + 1);
     let [offset, ..] = random.normal3(0);
     let noise = DVec3::new(x * level, y * level, offset * high + 0.15 * z * high);

@@ -3,7 +3,7 @@
 
 use super::{CaptureSettings, air};
 use crate::dataset::sees;
-use crate::place::SHARED;
+use crate::place::SHARED_BUDGET;
 use crate::{Material, Place, display_of};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -12,19 +12,19 @@ use wm_scene::capture::{Observation, SparsePoints};
 use wm_scene::random::{RandomStream, uniform};
 
 /// Standard deviation of a sighting along each axis, px.
-const NOISE: f64 = 0.5;
+const SIGHTING_NOISE_PX: f64 = 0.5;
 /// The share of points that are mismatches.
-const MISMATCHES: f64 = 0.02;
+const MISMATCH_SHARE: f64 = 0.02;
 /// The share of the photos that show a point in which it is found.
-const FOUND: f64 = 0.75;
+const DETECTION_SHARE: f64 = 0.75;
 /// The largest angle between two rays under which a point still looks alike, and the largest ratio
 /// of distances.
-const ALIKE: (f64, f64) = (0.7, 2.5);
-/// The least angle between two rays of a point, radians, and the largest mean error of one, px:
-/// those of others are dropped.
-const KEPT: (f64, f64) = (0.02, 3.0);
+const MATCH_LIMITS: (f64, f64) = (0.7, 2.5);
+/// Smallest angle between two rays of a point, radians, and its largest mean error, px; other
+/// points are dropped.
+const TRIANGULATION_LIMITS: (f64, f64) = (0.02, 3.0);
 /// Batches of candidates, each as many as points are asked for.
-const BATCHES: u64 = 16;
+const MAX_BATCHES: u64 = 16;
 
 /// A sighting: view and position, px.
 type Sighting = (usize, DVec2);
@@ -47,14 +47,12 @@ pub(super) fn points(
     let seed = settings.seed ^ 0x51_0000;
     let most = u64::from(settings.points);
     let mut found: Vec<Candidate> = Vec::new();
-    for batch in 0..BATCHES {
+    for batch in 0..MAX_BATCHES {
         if found.len() as u64 >= most {
             break;
         }
         let indices = (batch * most..(batch + 1) * most).into_par_iter();
-        found.par_extend(
-            indices.filter_map(|index| candidate(place, cameras, masks, settings, (seed, index))),
-        );
+        found.par_extend(indices.filter_map(|index| candidate(place, cameras, masks, settings, seed, index)));
     }
     found.truncate(most as usize);
     let mut points = SparsePoints::default();
@@ -89,7 +87,8 @@ fn candidate(
     cameras: &[Camera],
     masks: &[Vec<bool>],
     settings: &CaptureSettings,
-    (seed, index): (u64, u64),
+    seed: u64,
+    index: u64,
 ) -> Option<Candidate> {
     let random = |lane: u64| uniform(seed, 8 * index + lane);
     let first = (random(0) * cameras.len() as f64) as usize % cameras.len();
@@ -104,26 +103,26 @@ fn candidate(
     let point = eye + direction * surface.t;
     // Few candidates come through: only those are worth light.
     let colored = |candidate: Candidate| {
-        let hit = place.cast_with(eye, direction, SHARED);
+        let hit = place.cast_with(eye, direction, SHARED_BUDGET);
         let color = hit.map_or([0; 3], |hit| display_of(hit.radiance).map(|v| (255.0 * v).round() as u8));
         Candidate { color, ..candidate }
     };
     let noise = RandomStream::new(seed ^ index, 1u64, 0);
     let noisy = |view: usize, at: DVec2| {
         let [x, y, _] = noise.normal3(view as u64);
-        at + DVec2::new(x, y) * NOISE
+        at + DVec2::new(x, y) * SIGHTING_NOISE_PX
     };
-    if random(4) < MISMATCHES {
-        return mismatch(cameras, (first, at, surface.t), (seed, index), &noisy).map(colored);
+    if random(4) < MISMATCH_SHARE {
+        return mismatch(cameras, first, at, surface.t, seed, index, &noisy).map(colored);
     }
     let mut seen = vec![(first, noisy(first, at))];
     for (view, other) in cameras.iter().enumerate() {
-        if view == first || noise.uniform(1000 + view as u64) > FOUND {
+        if view == first || noise.uniform(1000 + view as u64) > DETECTION_SHARE {
             continue;
         }
         let ray = point - other.center();
         let (angle, ratio) = (ray.angle_between(direction), ray.length() / surface.t);
-        if angle > ALIKE.0 || ratio > ALIKE.1 || ratio < 1.0 / ALIKE.1 {
+        if angle > MATCH_LIMITS.0 || ratio > MATCH_LIMITS.1 || ratio < 1.0 / MATCH_LIMITS.1 {
             continue;
         }
         if let Some(xy) = sees(place, other, point, 0.02 + 0.002 * ray.length()) {
@@ -139,8 +138,11 @@ fn candidate(
 /// A sighting in one photo that was matched with another thing on the same line of a second photo.
 fn mismatch(
     cameras: &[Camera],
-    (first, at, distance): (usize, DVec2, f64),
-    (seed, index): (u64, u64),
+    first: usize,
+    at: DVec2,
+    distance: f64,
+    seed: u64,
+    index: u64,
     noisy: &dyn Fn(usize, DVec2) -> DVec2,
 ) -> Option<Candidate> {
     let random = |lane: u64| uniform(seed, 8 * index + lane);
@@ -161,7 +163,7 @@ fn triangulated(cameras: &[Camera], seen: Vec<Sighting>) -> Option<Candidate> {
     let rays: Vec<(DVec3, DVec3)> =
         seen.iter().map(|(view, at)| (cameras[*view].center(), cameras[*view].ray(at.x, at.y))).collect();
     let widest = rays.iter().map(|(_, ray)| ray.angle_between(rays[0].1)).fold(0.0, f64::max);
-    if widest < KEPT.0 {
+    if widest < TRIANGULATION_LIMITS.0 {
         return None;
     }
     let mut point = solved(rays.iter().map(|ray| (*ray, 1.0)))?;
@@ -174,7 +176,7 @@ fn triangulated(cameras: &[Camera], seen: Vec<Sighting>) -> Option<Candidate> {
         let (x, y, _) = cameras[*view].project(point)?;
         error += at.distance(DVec2::new(x, y)) / seen.len() as f64;
     }
-    (error < KEPT.1).then_some(Candidate { point, color: [0; 3], seen, error })
+    (error < TRIANGULATION_LIMITS.1).then_some(Candidate { point, color: [0; 3], seen, error })
 }
 
 /// The least squares solution of the distances from rays, with weights.

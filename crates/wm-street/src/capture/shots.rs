@@ -11,32 +11,32 @@ use wm_scene::{Camera, CameraError};
 /// A photo to be taken.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shot {
-    pub camera: Camera,
+    pub(crate) camera: Camera,
     /// Seconds after the first photo.
-    pub time: f64,
+    pub(crate) time: f64,
     /// Motion of the picture while it is exposed by the hand that holds it, px.
-    pub shake: DVec2,
+    pub(crate) shake: DVec2,
 }
 
 /// Vertical field of view of a drone's camera, degrees: 24 mm on full frame.
-const DRONE_FOV: f64 = 53.0;
+const DRONE_FOV_DEG: f64 = 53.0;
 /// Height of the survey, m.
-const ALTITUDE: f64 = 50.0;
+const SURVEY_HEIGHT_M: f64 = 50.0;
 /// The share of a photo that the next one shows too, along and across the lines of flight.
-const OVERLAP: f64 = 0.75;
+const OVERLAP_SHARE: f64 = 0.75;
 /// Distance between photos of a walk and a drive, m.
-const STEP: (f64, f64) = (1.5, 2.0);
+const PHOTO_SPACING_M: (f64, f64) = (1.5, 2.0);
 /// Speed of the drone, the walker and the car, m/s.
-const SPEED: (f64, f64, f64) = (6.0, 1.2, 8.0);
+const SPEEDS_M_S: (f64, f64, f64) = (6.0, 1.2, 8.0);
 /// Purpose of the random numbers.
-const HANDS: u64 = 40;
+const HAND_SHAKE_LANE: u64 = 40;
 
 /// The shots of a capture, in their order; with `few`, those that are kept.
 pub(super) fn shots(place: &Place, settings: &CaptureSettings) -> Result<Vec<Shot>, CameraError> {
     let count = settings.count.max(1);
     let shot = |index: u32| {
         let noise = |which: u32| {
-            DVec3::from_array(RandomStream::new(settings.seed, HANDS, which).normal3(index.into()))
+            DVec3::from_array(RandomStream::new(settings.seed, HAND_SHAKE_LANE, which).normal3(index.into()))
         };
         let shot = match settings.kind {
             CaptureKind::Nadir => nadir(place, settings, index, count, noise(0), noise(1)),
@@ -84,8 +84,8 @@ fn above(place: &Place, at: DVec2, height: f64) -> DVec3 {
 
 fn nadir(place: &Place, settings: &CaptureSettings, index: u32, count: u32, one: DVec3, two: DVec3) -> Shot {
     let (width, height) = settings.size;
-    let seen = 2.0 * ALTITUDE * (0.5 * DRONE_FOV.to_radians()).tan();
-    let along = seen * (1.0 - OVERLAP);
+    let seen = 2.0 * SURVEY_HEIGHT_M * (0.5 * DRONE_FOV_DEG.to_radians()).tan();
+    let along = seen * (1.0 - OVERLAP_SHARE);
     let across = along * f64::from(width) / f64::from(height.max(1));
     // Lines along north, there and back, about as long as they are wide together.
     let lines = (f64::from(count) * along / across).sqrt().round().max(1.0) as u32;
@@ -98,12 +98,12 @@ fn nadir(place: &Place, settings: &CaptureSettings, index: u32, count: u32, one:
             (f64::from(line) - 0.5 * f64::from(lines - 1)) * across,
             (f64::from(step) - 0.5 * f64::from(long - 1)) * along,
         );
-    let eye = (at + one.truncate() * 0.8).extend(ALTITUDE + 0.6 * one.z);
+    let eye = (at + one.truncate() * 0.8).extend(SURVEY_HEIGHT_M + 0.6 * one.z);
     let heading = if is_back { 180.0 } else { 0.0 };
     let attitude =
         Attitude { heading: heading + 2.5 * two.x, pitch: -90.0 + 2.0 * two.y.abs(), roll: 1.5 * two.z };
-    let camera = attitude.camera(settings.size, DRONE_FOV, eye);
-    Shot { camera, time: f64::from(index) * along / SPEED.0, shake: DVec2::ZERO }
+    let camera = attitude.camera(settings.size, DRONE_FOV_DEG, eye);
+    Shot { camera, time: f64::from(index) * along / SPEEDS_M_S.0, shake: DVec2::ZERO }
 }
 
 fn oblique(
@@ -126,8 +126,8 @@ fn oblique(
         pitch: -down + 1.5 * two.y,
         roll: 1.0 * two.z,
     };
-    let camera = attitude.camera(settings.size, DRONE_FOV, eye);
-    let time = f64::from(index) * TAU * radius / f64::from(count) / SPEED.0;
+    let camera = attitude.camera(settings.size, DRONE_FOV_DEG, eye);
+    let time = f64::from(index) * TAU * radius / f64::from(count) / SPEEDS_M_S.0;
     Shot { camera, time, shake: DVec2::ZERO }
 }
 
@@ -143,7 +143,7 @@ fn walk(place: &Place, settings: &CaptureSettings, index: u32, count: u32, noise
     let [one, two, three] = noise;
     let path = &place.sights.path;
     let whole = length(path);
-    let step = STEP.0.min(whole / f64::from(count.max(2) - 1));
+    let step = PHOTO_SPACING_M.0.min(whole / f64::from(count.max(2) - 1));
     let (at, ahead) = along(path, f64::from(index) * step / whole);
     let at = at + ahead.perp() * (0.25 * one.x);
     let eye = above(place, at, 1.6 + 0.04 * one.y);
@@ -157,18 +157,18 @@ fn walk(place: &Place, settings: &CaptureSettings, index: u32, count: u32, noise
     // Fractions of a pixel of a picture 600 px wide, and some pixels now and then.
     let strong = if index % 8 == 5 { 4.0 } else { 0.6 };
     let shake = three.truncate() * strong * f64::from(settings.size.0) / 600.0 * 0.7;
-    Shot { camera, time: f64::from(index) * step / SPEED.1, shake: shake.clamp_length_max(8.0) }
+    Shot { camera, time: f64::from(index) * step / SPEEDS_M_S.1, shake: shake.clamp_length_max(8.0) }
 }
 
 fn drive(place: &Place, settings: &CaptureSettings, index: u32, count: u32, one: DVec3, two: DVec3) -> Shot {
     let (from, to) = place.sights.road;
     let whole = from.distance(to);
-    let step = STEP.1.min(whole / f64::from(count.max(2) - 1));
+    let step = PHOTO_SPACING_M.1.min(whole / f64::from(count.max(2) - 1));
     let ahead = (to - from) / whole;
     let at = from + ahead * (f64::from(index) * step) + ahead.perp() * (0.06 * one.x);
     let eye = above(place, at, 1.45 + 0.02 * one.y);
     let attitude =
         Attitude { heading: heading_of(ahead) + 0.8 * two.x, pitch: -1.5 + 0.6 * two.y, roll: 0.5 * two.z };
     let camera = attitude.camera(settings.size, 50.0, eye);
-    Shot { camera, time: f64::from(index) * step / SPEED.2, shake: DVec2::ZERO }
+    Shot { camera, time: f64::from(index) * step / SPEEDS_M_S.2, shake: DVec2::ZERO }
 }

@@ -138,7 +138,7 @@ fn a_flight_over_the_park_knows_its_sun() {
     let home = park().sights.home;
     let [latitude, longitude] = metadata.location.unwrap();
     assert!((latitude - home.latitude).abs() < 0.002 && (longitude - home.longitude).abs() < 0.003);
-    let late = metadata.captured.unwrap() - sky::TIME as f64;
+    let late = metadata.captured.unwrap() - sky::SUN_TIME_S as f64;
     assert!((0.0..120.0).contains(&late), "{late}");
     let sun = survey.sun.unwrap();
     let off = sun.direction.angle_between(vector(&truth["sun"]["direction"])).to_degrees();
@@ -182,7 +182,7 @@ fn times_of_exif_come_back() {
         let whole = [&head[..], &length, b"eXIf", &block, b"CRC_\0\0\0\x09IDAT"].concat();
         header::parse(&mut std::io::Cursor::new(whole)).unwrap().taken
     };
-    for time in [sky::TIME, 951_782_399, 951_782_400, 4_102_444_799] {
+    for time in [sky::SUN_TIME_S, 951_782_399, 951_782_400, 4_102_444_799] {
         assert_eq!(read(bytes(time, None)), Some(time as f64));
         assert_eq!(read(bytes(time, Some(park().sights.home))), Some(time as f64));
     }
@@ -209,10 +209,10 @@ fn lies_of_exif_are_told() {
 #[test]
 fn haze_takes_contrast_by_the_distance() {
     let camera = park().views()[1].camera((48, 32)).unwrap();
-    let clear = Casting { samples: 1, budget: LIGHT, plain: LIGHT, air: None };
+    let clear = RaySettings { samples: 1, budget: SINGLE_RAY_BUDGET, plain: SINGLE_RAY_BUDGET, air: None };
     for mor in [60.0, 300.0] {
         let air = Air { mor, airlight: park().horizon() };
-        let hazy = Casting { air: Some(air), ..clear };
+        let hazy = RaySettings { air: Some(air), ..clear };
         let [before, after] = [clear, hazy].map(|casting| park().picture(&camera, &casting));
         for (x, y) in [(4u32, 30u32), (20, 20), (24, 16), (40, 25), (30, 12), (10, 2)] {
             let index = (y * 48 + x) as usize;
@@ -311,7 +311,7 @@ fn blur_keeps_light_and_reaches_as_far_as_it_says() {
     let (width, height) = (31, 21);
     let mut light = vec![DVec3::ZERO; width * height];
     light[10 * width + 15] = DVec3::ONE;
-    let after = flaws::moved(&light, (width, height), DVec2::new(8.0, 0.0));
+    let after = flaws::moved(&light, width, height, DVec2::new(8.0, 0.0));
     assert!((after.iter().map(|light| light.x).sum::<f64>() - 1.0).abs() < 1e-9);
     assert!(
         after[10 * width + 12].x > 0.05 && after[10 * width + 20].x == 0.0 && after[9 * width + 15].x == 0.0
@@ -322,7 +322,7 @@ fn blur_keeps_light_and_reaches_as_far_as_it_says() {
 /// (low-precision formulas of the Astronomical Almanac).
 #[test]
 fn the_sun_stands_there_at_that_time() {
-    let days = sky::TIME as f64 / 86_400.0 + 2_440_587.5 - 2_451_545.0;
+    let days = sky::SUN_TIME_S as f64 / 86_400.0 + 2_440_587.5 - 2_451_545.0;
     for home in [street().sights.home, park().sights.home] {
         let anomaly = (357.528 + 0.985_600_3 * days).to_radians();
         let longitude =

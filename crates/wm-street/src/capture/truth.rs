@@ -1,6 +1,6 @@
 //! `truth.json`: what a pipeline must find out about a capture.
 
-use super::{CaptureKind, CaptureSettings, TRUTH, Taken, air, exif::calendar};
+use super::{CaptureKind, CaptureSettings, TRUTH, TakenPhoto, air, exif::calendar};
 use crate::air::Air;
 use crate::dataset::GroundTruth;
 use crate::{Label, Place, exposed, sky};
@@ -17,14 +17,14 @@ pub(super) fn write(
     folder: &Path,
     settings: &CaptureSettings,
     model_from_world: &Similarity,
-    taken: &[Taken],
+    taken: &[TakenPhoto],
 ) -> Result<(), FormatError> {
     let text = serde_json::to_string_pretty(&truth(place, settings, model_from_world, taken));
     let text = text.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
     write_atomically(&folder.join(TRUTH), |out| Ok(out.write_all(text.as_bytes())?))
 }
 
-fn truth(place: &Place, settings: &CaptureSettings, model: &Similarity, taken: &[Taken]) -> Value {
+fn truth(place: &Place, settings: &CaptureSettings, model: &Similarity, taken: &[TakenPhoto]) -> Value {
     let flaws = &settings.flaws;
     let up = model.rotation * DVec3::Z;
     let labels: serde_json::Map<String, Value> = std::iter::once(("sky".to_owned(), json!(0)))
@@ -85,9 +85,9 @@ fn maps(settings: &CaptureSettings) -> Value {
     })
 }
 
-fn facts(place: &Place, photo: &Taken) -> Value {
+fn facts(place: &Place, photo: &TakenPhoto) -> Value {
     let eye = photo.shot.camera.center();
-    let [year, month, day, hour, minute, second] = calendar(sky::TIME + photo.shot.time.round() as i64);
+    let [year, month, day, hour, minute, second] = calendar(sky::SUN_TIME_S + photo.shot.time.round() as i64);
     let forward = photo.shot.camera.forward();
     json!({
         "name": photo.name,

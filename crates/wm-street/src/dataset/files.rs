@@ -7,7 +7,8 @@ use wm_scene::{Camera, FormatError, files::write_atomically, npy};
 /// Writes a picture of `(width, height)` px, sRGB bytes, with a block of EXIF.
 pub(crate) fn write_png(
     path: &Path,
-    (width, height): (u32, u32),
+    width: u32,
+    height: u32,
     rgb: &[u8],
     exif: Option<&[u8]>,
 ) -> Result<(), FormatError> {

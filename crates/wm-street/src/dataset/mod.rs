@@ -102,9 +102,9 @@ const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast; p
 
 /// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right,
 /// degrees.
-const LANES: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.9, 0.5, 10.0), (0.9, -0.3, -10.0)];
-/// Of surfaces that lie this much farther than a point, m, the point is in front.
-const SLACK: f64 = 0.02;
+const WALK_LANES: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.9, 0.5, 10.0), (0.9, -0.3, -10.0)];
+/// Depth tolerance of the visibility test, m: a surface nearer to a point does not hide it.
+const VISIBILITY_TOLERANCE_M: f64 = 0.02;
 
 /// The cameras of a route, in their order.
 ///
@@ -115,7 +115,7 @@ pub fn cameras(place: &Place, options: &DatasetOptions) -> Result<Vec<Camera>, C
     let camera = |index: u32| match options.route {
         CameraRoute::Walk => {
             let mut view = place.dolly(f64::from(index) / f64::from((count - 1).max(1)));
-            let (right, above, turn) = LANES[index as usize % LANES.len()];
+            let (right, above, turn) = WALK_LANES[index as usize % WALK_LANES.len()];
             let ahead = view.target - view.eye;
             view.eye += ahead.cross(DVec3::Z).normalize() * right + DVec3::Z * above;
             // Towards the middle of the way from both sides, so that much is seen from all lanes.
@@ -167,7 +167,7 @@ pub fn write(
         let stem = format!("{index:05}");
         let name = format!("{stem}.png");
         let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
-        files::write_png(&images.join(&name), options.size, &rgb, None)?;
+        files::write_png(&images.join(&name), options.size.0, options.size.1, &rgb, None)?;
         if options.truth == GroundTruth::Write {
             files::write_maps(&folder.join("truth"), &stem, camera, &pixels)?;
         }
@@ -212,7 +212,9 @@ fn points(place: &Place, cameras: &[Camera], most: usize) -> (SparsePoints, Vec<
         let seen: Vec<(usize, [f32; 2])> = cameras
             .iter()
             .enumerate()
-            .filter_map(|(index, camera)| Some((index, sees(place, camera, hit.point, SLACK)?)))
+            .filter_map(|(index, camera)| {
+                Some((index, sees(place, camera, hit.point, VISIBILITY_TOLERANCE_M)?))
+            })
             .collect();
         let color = display_of(hit.radiance).map(to_byte);
         (seen.len() >= 2).then_some((hit.point, color, seen))

@@ -33,7 +33,7 @@ pub(super) use trajectory::{KittiTrajectory, times};
 use crate::{SensorInfoKind, SetError, SetInfo};
 
 /// The numbers of the folders of cameras in the order of the rig.
-pub(super) const SLOTS: [usize; 4] = [2, 3, 1, 0];
+const SLOTS: [usize; 4] = [2, 3, 1, 0];
 
 /// Sensors that a layout cannot do without.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Sequences of the odometry benchmark and of SemanticKITTI.
 
 use super::{KittiRig, KittiTrajectory};
-use crate::{ClipInfo, ClipRecord, FileSink, SetError};
+use crate::{ClipInfo, ClipRecord, ClipStream, FileSink, SetError};
 use std::collections::BTreeMap;
 
 /// The name of a sequence: two digits, or more from the hundredth.
@@ -18,7 +18,7 @@ pub(in super::super) fn sequence_folder(clip: &ClipInfo) -> String {
 /// `splits.json`.
 pub(in super::super) fn sequence_tables(
     rig: &KittiRig<'_>,
-    clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
+    clips: ClipStream<'_>,
     files: &mut dyn FileSink,
     poses: impl Fn(&ClipRecord, &KittiTrajectory, &mut dyn FileSink) -> Result<(), SetError>,
 ) -> Result<(), SetError> {

@@ -3,6 +3,9 @@
 //! Four bytes say how the rest is encoded; alignment counts from behind them. A string is its
 //! length with the final zero, its bytes and a zero; a sequence its length and its elements; an
 //! array its elements alone.
+//!
+//! Encoded here in 50 lines: for `cdr` or `cdr-encoding`, 2 and 4 new crates, the four messages
+//! would be as many lines of structs for serde.
 
 use crate::{CameraInfo, RigidPose};
 use wm_scene::LensModel;
@@ -11,8 +14,8 @@ use wm_scene::LensModel;
 /// those it is made of.
 pub(super) struct MessageType {
     /// `package/msg/Type`.
-    pub name: &'static str,
-    /// Its definition, and those of the types in it by name.
+    pub(crate) name: &'static str,
+    /// Definitions by name: its own first, then the nested types.
     definitions: &'static [(&'static str, &'static str)],
 }
 
@@ -43,10 +46,7 @@ pub(super) const TRANSFORMS: MessageType = MessageType {
             "geometry_msgs/TransformStamped",
             "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
         ),
-        (
-            "geometry_msgs/Transform",
-            "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
-        ),
+        ("geometry_msgs/Transform", "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"),
         ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"),
         ("geometry_msgs/Quaternion", "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"),
         HEADER,
@@ -124,7 +124,7 @@ impl FieldKind {
 struct Message(Vec<u8>);
 
 /// Bytes before the first that alignment counts.
-const START: usize = 4;
+const HEADER_BYTES: usize = 4;
 
 impl Message {
     fn new() -> Self {
@@ -132,7 +132,7 @@ impl Message {
     }
 
     fn align(&mut self, size: usize) {
-        let length = START + (self.0.len() - START).next_multiple_of(size);
+        let length = HEADER_BYTES + (self.0.len() - HEADER_BYTES).next_multiple_of(size);
         self.0.resize(length, 0);
     }
 

@@ -13,7 +13,7 @@ struct FileCount {
     messages: usize,
 }
 
-/// The metadata of a bag, version 5, from what it must hold. Times are those of readings.
+/// Writes the metadata of a bag, version 5, from the plan alone. Times are those of readings.
 pub(super) fn of(set: &SetInfo, record: &ClipRecord) -> String {
     let ClipRecord { clip, readings } = record;
     let topics = topics(set);

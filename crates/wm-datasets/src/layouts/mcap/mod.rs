@@ -31,9 +31,9 @@ mod cdr;
 mod file;
 mod metadata;
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{picture, refuse};
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetDetection, SetError, DatasetPoint, SensorReading, ReadingData};
+use crate::{BlockInfo, ClipInfo, DatasetDetection, DatasetPoint, ReadingData, SensorReading, SetError};
 use crate::{ReadingInfo, RigidPose, SensorInfoKind, SetInfo, picture_files};
 use cdr::{Field, FieldKind, MessageType};
 use file::McapFile;
@@ -87,22 +87,32 @@ impl Layout for RosBags {
         }
         for (index, sensor) in set.sensors.iter().enumerate() {
             let (name, frame) = (&sensor.name, frame(set, index));
-            if !frame.starts_with(|c: char| c.is_ascii_alphabetic()) || frame.contains("__") || frame.ends_with('_') {
+            if !frame.starts_with(|c: char| c.is_ascii_alphabetic())
+                || frame.contains("__")
+                || frame.ends_with('_')
+            {
                 let problem = format!(
                     "sensor \"{name}\" cannot be part of a topic; begin its name with a letter, without __ or an end in _"
                 );
                 return Err(refuse(NAME, problem));
             }
             if FRAMES.contains(&frame.as_str()) {
-                return Err(refuse(NAME, format!("\"{name}\" is a frame of its own in ROS; rename the sensor")));
+                return Err(refuse(
+                    NAME,
+                    format!("\"{name}\" is a frame of its own in ROS; rename the sensor"),
+                ));
             }
             if (0..index).any(|other| self::frame(set, other) == frame) {
-                return Err(refuse(NAME, format!("two sensors are \"{frame}\" in ROS; rename sensor \"{name}\"")));
+                return Err(refuse(
+                    NAME,
+                    format!("two sensors are \"{frame}\" in ROS; rename sensor \"{name}\""),
+                ));
             }
             if let SensorInfoKind::Camera(camera) = &sensor.kind
                 && matches!(camera.lens, Some(LensModel::Equirectangular))
             {
-                let problem = format!("CameraInfo has no equirectangular lens; change that of camera \"{name}\"");
+                let problem =
+                    format!("CameraInfo has no equirectangular lens; change that of camera \"{name}\"");
                 return Err(refuse(NAME, problem));
             }
         }
@@ -113,12 +123,7 @@ impl Layout for RosBags {
         Box::new(BagFile { block, file: None })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         for record in clips {
             let record = record?;
             if !record.readings.is_empty() {
@@ -147,13 +152,13 @@ fn frame(set: &SetInfo, sensor: usize) -> String {
 
 /// A topic of a bag.
 struct Topic {
-    /// Its name.
+    /// The name.
     name: String,
-    /// Its messages.
+    /// The messages.
     kind: MessageType,
     /// True if players must keep its last message for those who come late.
     is_kept: bool,
-    /// The sensor whose readings it has.
+    /// The sensor of its readings.
     sensor: Option<usize>,
 }
 
@@ -174,9 +179,10 @@ const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability:
 const TF_STATIC: usize = 0;
 const TF: usize = 1;
 
-/// All topics; those of a sensor are next to each other.
+/// All topics, grouped by sensor.
 fn topics(set: &SetInfo) -> Vec<Topic> {
-    let tf = |name: &str, is_kept: bool| Topic { name: name.into(), kind: cdr::TRANSFORMS, is_kept, sensor: None };
+    let tf =
+        |name: &str, is_kept: bool| Topic { name: name.into(), kind: cdr::TRANSFORMS, is_kept, sensor: None };
     let mut topics = vec![tf("/tf_static", true), tf("/tf", false)];
     for (sensor, info) in set.sensors.iter().enumerate() {
         let frame = frame(set, sensor);
@@ -263,7 +269,12 @@ impl OpenFile {
             let known = schemas.iter().find(|(known, _)| *known == name).map(|(_, schema)| *schema);
             let schema = known.unwrap_or_else(|| file.add_schema(name, "ros2msg", &topic.kind.schema()));
             schemas.push((name, schema));
-            channels.push(file.add_channel(schema, &topic.name, "cdr", ("offered_qos_profiles", topic.quality())));
+            channels.push(file.add_channel(
+                schema,
+                &topic.name,
+                "cdr",
+                ("offered_qos_profiles", topic.quality()),
+            ));
             if let Some(sensor) = topic.sensor {
                 first_topic[sensor] = first_topic[sensor].min(place);
             }

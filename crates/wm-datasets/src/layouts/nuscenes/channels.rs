@@ -10,7 +10,8 @@ use glam::DVec3;
 /// expects. All others have their own names.
 pub(super) fn channels(set: &SetInfo) -> Vec<String> {
     let seen: Vec<Option<&'static str>> = set.sensors.iter().map(direction).collect();
-    let first_lidar = set.sensors.iter().position(|sensor| matches!(sensor.kind, SensorInfoKind::Lidar { .. }));
+    let first_lidar =
+        set.sensors.iter().position(|sensor| matches!(sensor.kind, SensorInfoKind::Lidar { .. }));
     let by_direction = |index: usize| match seen[index] {
         Some("LIDAR_TOP") => (first_lidar == Some(index)).then_some("LIDAR_TOP"),
         Some(name) => (seen.iter().filter(|other| **other == Some(name)).count() == 1).then_some(name),
@@ -21,7 +22,8 @@ pub(super) fn channels(set: &SetInfo) -> Vec<String> {
         .collect();
     // A sensor whose own name is another's direction: that one goes by its own name too.
     while let Some(index) = (0..names.len()).find(|index| {
-        names.iter().filter(|name| **name == names[*index]).count() > 1 && names[*index] != own_name(&set.sensors[*index])
+        names.iter().filter(|name| **name == names[*index]).count() > 1
+            && names[*index] != own_name(&set.sensors[*index])
     }) {
         names[index] = own_name(&set.sensors[index]);
     }

@@ -4,7 +4,8 @@ use super::{channels, classes_path, is_key, reading_path, reading_token};
 use crate::layouts::surface_classes::lidarseg_classes;
 use crate::picture_files;
 use crate::{
-    BlockInfo, BlockWriter, DatasetDetection, SetError, DatasetPoint, FileSink, SensorReading, ReadingData, SensorInfoKind,
+    BlockInfo, BlockWriter, DatasetDetection, DatasetPoint, FileSink, ReadingData, SensorInfoKind,
+    SensorReading, SetError,
 };
 use std::fmt::Write;
 

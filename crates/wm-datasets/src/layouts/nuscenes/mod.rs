@@ -37,8 +37,8 @@ mod tables;
 #[cfg(test)]
 mod tests;
 
-use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, ReadingInfo, SensorInfoKind, SetInfo};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
+use crate::{BlockInfo, ClipInfo, ReadingInfo, SensorInfoKind, SetError, SetInfo};
 use channels::channels;
 use sha2::{Digest, Sha256};
 
@@ -83,7 +83,10 @@ impl Layout for NuScenes {
         let mut names = channels(set);
         names.sort();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return refuse(format!("two sensors would be channel {}: rename one, capitals do not count", pair[0]));
+            return refuse(format!(
+                "two sensors would be channel {}: rename one, capitals do not count",
+                pair[0]
+            ));
         }
         Ok(())
     }
@@ -92,12 +95,7 @@ impl Layout for NuScenes {
         Box::new(files::NuScenesFiles::new(block))
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         tables::write(set, clips, files)
     }
 }

@@ -4,8 +4,8 @@ use super::{channels, classes_path, is_key, microseconds, reading_path, reading_
 use crate::layouts::surface_classes::LIDARSEG_NAMES;
 use crate::utc::UtcTime;
 use crate::{
-    CameraInfo, ClipInfo, ClipRecord, SetError, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetInfo,
-    WeatherInfo,
+    CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetError,
+    SetInfo, WeatherInfo,
 };
 use glam::DQuat;
 use serde_json::{Value, json};
@@ -34,11 +34,7 @@ impl Table {
 }
 
 /// Writes all tables, the map's picture and the splits.
-pub(super) fn write(
-    set: &SetInfo,
-    clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-    files: &mut dyn FileSink,
-) -> Result<(), SetError> {
+pub(super) fn write(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
     let channels = channels(set);
     let mut clip_tables = ClipTables::new(set, &channels);
     let mut splits: BTreeMap<String, Vec<String>> = BTreeMap::new();

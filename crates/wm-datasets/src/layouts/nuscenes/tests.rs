@@ -40,8 +40,20 @@ fn pose(row: &Value) -> RigidPose {
 fn tables_link_and_files_are_there() {
     let files = written(8);
     let tables: Vec<(&str, Rows)> = [
-        "category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log",
-        "scene", "sample", "sample_data", "sample_annotation", "map", "lidarseg",
+        "category",
+        "attribute",
+        "visibility",
+        "instance",
+        "sensor",
+        "calibrated_sensor",
+        "ego_pose",
+        "log",
+        "scene",
+        "sample",
+        "sample_data",
+        "sample_annotation",
+        "map",
+        "lidarseg",
     ]
     .map(|name| (name, rows(&files, name)))
     .into();
@@ -113,9 +125,9 @@ fn points_are_seen_where_pictures_show_them() {
         assert_eq!((bytes.len(), value(3), value(4), value(9)), (60 * 20, 40.0, 15.0, 14.0));
         let world = world_from_sensor(lidar).point(DVec3::new(value(0), value(1), value(2)));
         assert!(world.distance(SPOT) < 1e-5, "{world}");
-        for camera in readings.iter().filter(|row| {
-            row["timestamp"] == lidar["timestamp"] && row["fileformat"] == "jpg"
-        }) {
+        for camera in
+            readings.iter().filter(|row| row["timestamp"] == lidar["timestamp"] && row["fileformat"] == "jpg")
+        {
             let k: Vec<Vec<f64>> =
                 calibration(camera)["camera_intrinsic"].as_array().unwrap().iter().map(vector).collect();
             let k = DMat3::from_cols_array_2d(&[0, 1, 2].map(|row| [0, 1, 2].map(|column| k[column][row])));
@@ -153,7 +165,9 @@ fn classes_and_radars_are_as_the_devkit_reads_them() {
     // The reader wants a record and takes one of NaN for none.
     let none = files::radar(&[]);
     let data = none.len() - 44;
-    assert!(none[..data].ends_with(b"POINTS 1\nDATA binary\n") && none[data..data + 4] == f32::NAN.to_le_bytes());
+    assert!(
+        none[..data].ends_with(b"POINTS 1\nDATA binary\n") && none[data..data + 4] == f32::NAN.to_le_bytes()
+    );
 }
 
 #[test]
@@ -177,7 +191,10 @@ fn descriptions_say_the_weather() {
 #[test]
 fn channels_are_named_by_direction_where_one_sensor_looks_there() {
     let mut set = testing::set();
-    assert_eq!(channels(&set), ["CAM_FRONT", "CAM_FRONT_LEFT", "CAM_FRONT_RIGHT", "LIDAR_TOP", "RADAR_FRONT"]);
+    assert_eq!(
+        channels(&set),
+        ["CAM_FRONT", "CAM_FRONT_LEFT", "CAM_FRONT_RIGHT", "LIDAR_TOP", "RADAR_FRONT"]
+    );
     for (index, name) in [(0, "tele-1"), (3, "roof"), (4, "radar_b")] {
         let mut other = set.sensors[index].clone();
         other.name = name.into();

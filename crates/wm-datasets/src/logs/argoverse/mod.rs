@@ -6,13 +6,13 @@
 //! makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes
 //! are in the vehicle's axes at their time.
 
-use super::files::{MOST_BINARY, fault, files_in, folders_in, name_of, pose_of_quaternion, read_bytes};
-use super::records::{Chosen, Records, choose_folder};
+use super::files::{MAX_BINARY_BYTES, fault, files_in, folders_in, name_of, pose_of_quaternion, read_bytes};
+use super::records::{ChosenLog, Records, choose_folder};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
 use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, displaced,
-    empty_log, moved,
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
+    displaced, empty_log, moved,
 };
 use crate::RigidPose;
 use crate::feather::FeatherTable;
@@ -23,11 +23,10 @@ use wm_scene::capture::Distortion;
 use wm_scene::{FormatError, Location, Problem};
 
 /// The entry of [`super::LOG_FORMATS`].
-pub(super) const FORMAT: LogFormat =
-    LogFormat { name: "Argoverse 2", about: "a log of the Argoverse 2 sensor data, with city_SE3_egovehicle.feather; or a folder of logs", read };
+pub(super) const FORMAT: LogFormat = LogFormat { name: "Argoverse 2", read };
 
 /// Latitude and longitude of the origins of the cities' axes, degrees.
-const CITIES: [(&str, [f64; 2]); 6] = [
+const CITY_ORIGINS_DEG: [(&str, [f64; 2]); 6] = [
     ("ATX", [30.27464237939507, -97.7404457407424]),
     ("DTW", [42.29993066912924, -83.17555750783717]),
     ("MIA", [25.77452579915163, -80.19656914449405]),
@@ -37,10 +36,10 @@ const CITIES: [(&str, [f64; 2]); 6] = [
 ];
 /// Nanoseconds since 1970 before which no log was recorded: their times are those of the GPS or of
 /// a test.
-const EARLIEST: i64 = 1_000_000_000_000_000_000;
-const POSES: &str = "city_SE3_egovehicle.feather";
-const INTRINSICS: &str = "calibration/intrinsics.feather";
-const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
+const EARLIEST_TIME_NS: i64 = 1_000_000_000_000_000_000;
+const POSES_FILE: &str = "city_SE3_egovehicle.feather";
+const INTRINSICS_FILE: &str = "calibration/intrinsics.feather";
+const POSE_COLUMNS: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
     let Some((path, note)) = find(path, options)? else { return Ok(None) };
@@ -49,17 +48,25 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
     let mut log = empty_log(path, name_of(&whole));
     log.warnings.extend(note);
-    let track = ego_track(&path.join(POSES), &mut log, &mut records)?;
+    let track = ego_track(&path.join(POSES_FILE), &mut log, &mut records)?;
     cameras(path, options, &track, &mut log, &mut records)?;
     let sweeps = path.join("sensors/lidar");
     if sweeps.is_dir() {
         for (stem, file) in files_in(&sweeps, &["feather"])? {
-            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else {
+            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?)))
+            else {
                 records.lost("sweeps have no pose", 1);
                 continue;
             };
             let (layout, motion) = (SweepRecords::Feather, SweepMotion::Still(pose));
-            log.sweeps.push(LogSweep { file, labels: None, timestamp, center: pose.translation, records: layout, motion });
+            log.sweeps.push(LogSweep {
+                file,
+                labels: None,
+                timestamp,
+                center: pose.translation,
+                records: layout,
+                motion,
+            });
         }
     }
     log.tracks = tracks(&path.join("annotations.feather"), &track, &mut records)?;
@@ -69,23 +76,24 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     Ok(Some(log))
 }
 
-fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
     let lacks = |log: &Path| {
-        let has_photos = |folder: PathBuf| files_in(&folder, &["jpg", "png"]).is_ok_and(|files| !files.is_empty());
-        if !log.join(INTRINSICS).is_file() {
-            Some(format!("no {INTRINSICS}"))
+        let has_photos =
+            |folder: PathBuf| files_in(&folder, &["jpg", "png"]).is_ok_and(|files| !files.is_empty());
+        if !log.join(INTRINSICS_FILE).is_file() {
+            Some(format!("no {INTRINSICS_FILE}"))
         } else if !folders_in(&log.join("sensors/cameras")).into_iter().any(has_photos) {
             Some("no pictures".into())
         } else {
             None
         }
     };
-    choose_folder(path, "logs", options, |folder| folder.join(POSES).is_file(), lacks)
+    choose_folder(path, "logs", options, |folder| folder.join(POSES_FILE).is_file(), lacks)
 }
 
 /// Reads columns of a file.
 fn table(path: &Path, names: &[&str]) -> Result<FeatherTable, FormatError> {
-    table_of(path, &read_bytes(path, MOST_BINARY)?, names)
+    table_of(path, &read_bytes(path, MAX_BINARY_BYTES)?, names)
 }
 
 fn table_of(path: &Path, bytes: &[u8], names: &[&str]) -> Result<FeatherTable, FormatError> {
@@ -101,8 +109,8 @@ fn poses_of(
     table: &mut FeatherTable,
     records: &mut Records,
 ) -> Result<Vec<Option<RigidPose>>, FormatError> {
-    let mut columns = Vec::with_capacity(POSE.len());
-    for name in POSE {
+    let mut columns = Vec::with_capacity(POSE_COLUMNS.len());
+    for name in POSE_COLUMNS {
         columns.push(table.floats(name).map_err(|what| fault(path, what))?);
     }
     let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
@@ -115,12 +123,14 @@ fn poses_of(
 }
 
 fn ego_track(path: &Path, log: &mut DrivingLog, records: &mut Records) -> Result<EgoTrack, FormatError> {
-    let mut table = table(path, &[&["timestamp_ns"], &POSE[..]].concat())?;
+    let mut table = table(path, &[&["timestamp_ns"], &POSE_COLUMNS[..]].concat())?;
     let times = table.ints("timestamp_ns").map_err(|what| fault(path, what))?;
     let poses = poses_of(path, &mut table, records)?;
-    log.captured = times.get(times.len() / 2).filter(|time| **time > EARLIEST).map(|time| *time as f64 * 1e-9);
+    log.captured =
+        times.get(times.len() / 2).filter(|time| **time > EARLIEST_TIME_NS).map(|time| *time as f64 * 1e-9);
     let poses = times.into_iter().zip(poses).filter_map(|(time, pose)| Some((time, pose?))).collect();
-    let mut poses = records.without_jumps(path, poses, |(time, pose): &(i64, RigidPose)| (*time, pose.translation))?;
+    let mut poses =
+        records.without_jumps(path, poses, |(time, pose): &(i64, RigidPose)| (*time, pose.translation))?;
     let Some((_, first)) = poses.first() else { return Err(fault(path, "there are no poses in it")) };
     log.origin = first.translation;
     for (_, pose) in &mut poses {
@@ -137,14 +147,14 @@ fn cameras(
     records: &mut Records,
 ) -> Result<(), FormatError> {
     let file = path.join("calibration/egovehicle_SE3_sensor.feather");
-    let mut table_ = table(&file, &[&["sensor_name"], &POSE[..]].concat())?;
+    let mut table_ = table(&file, &[&["sensor_name"], &POSE_COLUMNS[..]].concat())?;
     let names = table_.texts("sensor_name").map_err(|what| fault(&file, what))?;
     // The calibration is refused where it is damaged.
     let poses = poses_of(&file, &mut table_, &mut Records::new(false))?;
     let poses: BTreeMap<String, RigidPose> =
         names.into_iter().zip(poses).filter_map(|(name, pose)| Some((name, pose?))).collect();
 
-    let file = path.join(INTRINSICS);
+    let file = path.join(INTRINSICS_FILE);
     let columns = ["fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px"];
     let mut table_ = table(&file, &[&["sensor_name"], &columns[..]].concat())?;
     let names = table_.texts("sensor_name").map_err(|what| fault(&file, what))?;
@@ -157,19 +167,27 @@ fn cameras(
     super::check_cameras(path, options, &known)?;
     for (row, name) in names.iter().enumerate() {
         // The stereo pair shows grey pictures of what the ring shows in colour.
-        let is_wanted = if options.cameras.is_empty() { name.starts_with("ring_") } else { options.cameras.contains(name) };
+        let is_wanted = if options.cameras.is_empty() {
+            name.starts_with("ring_")
+        } else {
+            options.cameras.contains(name)
+        };
         // Names are of others: none may lead out of the log.
         let own = folder.join(name);
         if !is_wanted || name.contains(['/', '\\']) || !own.is_dir() {
             continue;
         }
         let Some(rig_from_camera) = poses.get(name) else {
-            return Err(fault(&file, format!("camera {name:?} has no pose in egovehicle_SE3_sensor.feather")));
+            return Err(fault(
+                &file,
+                format!("camera {name:?} has no pose in egovehicle_SE3_sensor.feather"),
+            ));
         };
         let at = |column: usize| values[column].get(row).copied().unwrap_or(f64::NAN);
         let side = |value: f64| if (1.0..=32_768.0).contains(&value) { value as u32 } else { 0 };
         for (stem, file) in files_in(&own, &["jpg", "png"])? {
-            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else {
+            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?)))
+            else {
                 records.lost(format!("pictures of {name} have no pose"), 1);
                 continue;
             };
@@ -203,7 +221,7 @@ fn tracks(path: &Path, ego: &EgoTrack, records: &mut Records) -> Result<Vec<LogT
         return Ok(Vec::new());
     }
     let others = ["timestamp_ns", "track_uuid", "category", "length_m", "width_m", "height_m"];
-    let mut table = table(path, &[&others[..], &POSE[..]].concat())?;
+    let mut table = table(path, &[&others[..], &POSE_COLUMNS[..]].concat())?;
     let told = |what: String| fault(path, what);
     let times = table.ints("timestamp_ns").map_err(told)?;
     let (ids, kinds) = (table.texts("track_uuid").map_err(told)?, table.texts("category").map_err(told)?);
@@ -232,7 +250,8 @@ fn tracks(path: &Path, ego: &EgoTrack, records: &mut Records) -> Result<Vec<LogT
 /// Latitude and longitude of the origin, by the city in the name of the map.
 fn place(path: &Path, origin: DVec3) -> Option<[f64; 2]> {
     let maps = files_in(&path.join("map"), &["json"]).ok()?;
-    let city = |name: &str| CITIES.iter().find(|(city, _)| name.contains(&format!("____{city}_city_")));
+    let city =
+        |name: &str| CITY_ORIGINS_DEG.iter().find(|(city, _)| name.contains(&format!("____{city}_city_")));
     let (_, place) = maps.iter().find_map(|(name, _)| city(name))?;
     Some(displaced(*place, origin.x, origin.y))
 }

@@ -10,15 +10,15 @@ use wm_scene::Camera;
 
 /// Half the width of the window, and its height upwards, radians: 64 beams are 0.4 degrees apart,
 /// 32 are 1.3.
-const BESIDE: f64 = 0.006;
-const ABOVE: f64 = 0.014;
-/// A point is hidden by others that are nearer than this share of its distance, less this much, m.
-const SHARE: f64 = 0.9;
-const STEP: f64 = 0.3;
+const WINDOW_HALF_WIDTH_RAD: f64 = 0.006;
+const WINDOW_HEIGHT_RAD: f64 = 0.014;
+/// A point is hidden by others nearer than this share of its distance less this margin, m.
+const OCCLUSION_RATIO: f64 = 0.9;
+const OCCLUSION_MARGIN_M: f64 = 0.3;
 /// Nearest view z of a point, m.
-const NEAREST: f64 = 0.5;
+const MIN_DEPTH_M: f64 = 0.5;
 /// Longest side of a map, px.
-const LONGEST: f64 = 8192.0;
+const MAX_SIDE_PX: f64 = 8192.0;
 
 /// The points of a lidar in a camera's picture.
 pub(super) struct LidarView {
@@ -31,10 +31,11 @@ pub(super) struct LidarView {
     window: (i64, i64),
 }
 
-/// The size of a depth map of a camera: the picture's shape, at most so many pixels.
+/// The size of a depth map of a camera: the picture's shape, at most `most` pixels.
 pub(super) fn map_size(camera: &Camera, most: u32) -> (u32, u32) {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let scale = (f64::from(most.max(1)) / (width * height)).sqrt().min(1.0).min(LONGEST / width.max(height));
+    let scale =
+        (f64::from(most.max(1)) / (width * height)).sqrt().min(1.0).min(MAX_SIDE_PX / width.max(height));
     let side = |side: f64| (side * scale).round().max(1.0) as u32;
     (side(width), side(height))
 }
@@ -49,11 +50,13 @@ impl LidarView {
             points: Vec::new(),
             window: (0, 0),
         };
-        view.window =
-            ((BESIDE * camera.fx).ceil().min(64.0) as i64, (ABOVE * camera.fy).ceil().min(64.0) as i64);
+        view.window = (
+            (WINDOW_HALF_WIDTH_RAD * camera.fx).ceil().min(64.0) as i64,
+            (WINDOW_HEIGHT_RAD * camera.fy).ceil().min(64.0) as i64,
+        );
         for point in points {
             let Some((x, y, z)) = camera.project(point.position) else { continue };
-            if z < NEAREST || !view.has(x, y) {
+            if z < MIN_DEPTH_M || !view.has(x, y) {
                 continue;
             }
             let nearest = &mut view.nearest[y as usize * camera.width as usize + x as usize];
@@ -75,7 +78,7 @@ impl LidarView {
 
     /// Returns true if a nearer point hides one at these px and this z, m.
     pub(super) fn hides(&self, x: f64, y: f64, z: f64) -> bool {
-        let limit = (SHARE * z - STEP) as f32;
+        let limit = (OCCLUSION_RATIO * z - OCCLUSION_MARGIN_M) as f32;
         let (column, row) = (x as i64, y as i64);
         let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));
         let rows = (row - self.window.1).max(0)..row.min(height);

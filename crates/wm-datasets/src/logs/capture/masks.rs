@@ -12,9 +12,9 @@ use wm_scene::capture::Distortion;
 use wm_scene::{Camera, FormatError};
 
 /// The plane at which boxes are cut, m before the camera.
-const NEAR: f64 = 0.1;
+const NEAR_PLANE_M: f64 = 0.1;
 /// Parts of an edge of a hull across a photo.
-const PARTS: f64 = 24.0;
+const EDGE_PARTS: f64 = 24.0;
 
 /// A camera's lens, prepared for masks.
 #[derive(Clone)]
@@ -61,7 +61,7 @@ impl MaskLens {
             let outline = self.outline(photo, &corners);
             if outline.len() >= 3 {
                 let pixels = photo.width as usize * photo.height as usize;
-                fill(mask.get_or_insert_with(|| vec![255; pixels]), (photo.width, photo.height), &outline);
+                fill(mask.get_or_insert_with(|| vec![255; pixels]), photo.width, photo.height, &outline);
             }
         }
         mask.filter(|mask| mask.contains(&0))
@@ -78,26 +78,26 @@ impl MaskLens {
             }
         };
         for (index, corner) in corners.iter().enumerate() {
-            if corner.z >= NEAR {
+            if corner.z >= NEAR_PLANE_M {
                 push(*corner);
             }
             for axis in [1, 2, 4] {
                 let other = corners[index ^ axis];
                 // Each edge once, from the corner before the plane.
-                if corner.z >= NEAR && other.z < NEAR {
-                    push(corner.lerp(other, (corner.z - NEAR) / (corner.z - other.z)));
+                if corner.z >= NEAR_PLANE_M && other.z < NEAR_PLANE_M {
+                    push(corner.lerp(other, (corner.z - NEAR_PLANE_M) / (corner.z - other.z)));
                 }
             }
         }
         let hull = clipped(hull(points), self.low, self.high);
-        let step = ((self.high - self.low).max_element() / PARTS).max(1e-6);
+        let step = ((self.high - self.low).max_element() / EDGE_PARTS).max(1e-6);
         let mut outline = Vec::new();
         for (index, from) in hull.iter().enumerate() {
             let to = hull[(index + 1) % hull.len()];
             let parts = if self.distortion == Distortion::None {
                 1.0
             } else {
-                (from.distance(to) / step).ceil().clamp(1.0, 2.0 * PARTS)
+                (from.distance(to) / step).ceil().clamp(1.0, 2.0 * EDGE_PARTS)
             };
             for part in 0..parts as u32 {
                 let p = from.lerp(to, f64::from(part) / parts);
@@ -157,8 +157,8 @@ fn clipped(mut polygon: Vec<DVec2>, low: DVec2, high: DVec2) -> Vec<DVec2> {
     polygon
 }
 
-/// Makes the pixels 0 whose middles lie in a polygon.
-fn fill(mask: &mut [u8], (width, height): (u32, u32), polygon: &[DVec2]) {
+/// Zeroes the pixels whose centres lie in a polygon.
+fn fill(mask: &mut [u8], width: u32, height: u32, polygon: &[DVec2]) {
     let bound = |of: fn(f64, f64) -> f64| polygon.iter().map(|p| p.y).reduce(of).unwrap_or(0.0);
     let first = (bound(f64::min) - 0.5).ceil().clamp(0.0, f64::from(height)) as usize;
     let last = (bound(f64::max) - 0.5).floor().clamp(-1.0, f64::from(height) - 1.0) as i64;
@@ -247,7 +247,7 @@ mod tests {
             let (from, along) = (b.point(DVec3::ZERO), b.rotation * DVec3::new(x, y, 1.0));
             let (one, two) = ((-0.5 * own.size - from) / along, (0.5 * own.size - from) / along);
             let (start, end) = (one.min(two).max_element(), one.max(two).min_element());
-            let is_met = start <= end && end > NEAR;
+            let is_met = start <= end && end > NEAR_PLANE_M;
             covered += usize::from(is_met);
             wrong += usize::from(is_met != (*value == 0));
         }

@@ -31,16 +31,6 @@ use wm_scene::{FormatError, Metadata, Problem};
 /// Options of making a capture of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogCaptureOptions {
-    /// The side of the voxels of which each keeps one point, m.
-    pub voxel: f64,
-    /// The share by which boxes of movers are enlarged.
-    pub more: f64,
-    /// Points nearer to the lidar are of the vehicle itself, m.
-    pub nearest: f64,
-    /// Points farther from the lidar are left out of the points, m; depth has all.
-    pub farthest: f64,
-    /// Most points; above that every so many are kept.
-    pub most_points: usize,
     /// Most pixels of a depth map.
     pub depth_pixels: u32,
     /// True to go on without sweeps, labels and masks that are damaged; they are refused otherwise.
@@ -49,15 +39,7 @@ pub struct LogCaptureOptions {
 
 impl Default for LogCaptureOptions {
     fn default() -> Self {
-        Self {
-            voxel: 0.07,
-            more: 0.15,
-            nearest: 2.5,
-            farthest: 100.0,
-            most_points: 3_000_000,
-            depth_pixels: 300_000,
-            skip_bad: false,
-        }
+        Self { depth_pixels: 300_000, skip_bad: false }
     }
 }
 
@@ -68,14 +50,14 @@ pub enum LogCaptureStep {
     Sweeps {
         /// So many are done.
         done: usize,
-        /// Of so many.
+        /// The number of all.
         total: usize,
     },
     /// Pictures are looked at.
     Pictures {
         /// So many are done.
         done: usize,
-        /// Of so many.
+        /// The number of all.
         total: usize,
     },
 }
@@ -83,7 +65,7 @@ pub enum LogCaptureStep {
 /// The capture that was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LogCaptureSummary {
-    /// Its folder.
+    /// The folder.
     pub folder: PathBuf,
     /// The log.
     pub source: PathBuf,
@@ -135,14 +117,24 @@ impl LogCaptureSummary {
     }
 }
 
+/// Side of a voxel, which keeps one point, m.
+const VOXEL_SIZE_M: f64 = 0.07;
+/// Share by which boxes of movers are enlarged.
+const BOX_MARGIN_SHARE: f64 = 0.15;
+/// Points nearer to the lidar are of the vehicle itself, m.
+const MIN_POINT_RANGE_M: f64 = 2.5;
+/// Points farther from the lidar are left out of the points, m; depth has all.
+const MAX_POINT_RANGE_M: f64 = 100.0;
+/// Most points; more are thinned out evenly.
+const MAX_POINTS: usize = 3_000_000;
 const TRANSFORMS: &str = "transforms.json";
 const DEPTH: &str = "depth";
 const SKY: &str = "sky";
 const MASKS: &str = "masks";
 /// Longest time between a picture and the sweep that gives its depth, ns.
-const NEAR: u64 = 200_000_000;
-/// Farthest at which a picture colours points, m.
-const COLOURS: f64 = 80.0;
+const MAX_SWEEP_GAP_NS: u64 = 200_000_000;
+/// Largest distance at which a picture colours points, m.
+const MAX_COLOUR_DISTANCE_M: f64 = 80.0;
 
 impl DrivingLog {
     /// Writes the log as a capture into a folder, which is made. `None` if `progress` said to stop.
@@ -167,19 +159,19 @@ impl DrivingLog {
             return Err(FormatError::whole(&transforms, Problem::Write(e.into())).into());
         }
         let mut warnings = self.warnings.clone();
-        let mut cloud = VoxelCloud::new(options.voxel);
+        let mut cloud = VoxelCloud::new(VOXEL_SIZE_M);
         let (mut intensities, mut count) = (0.0, 0u64);
         let mut records = Records::new(options.skip_bad);
         let mut sweeps = Vec::with_capacity(self.sweeps.len());
         for (done, sweep) in self.sweeps.iter().enumerate() {
-            let clean = records.sound("sweeps", CleanSweep::read(self, sweep, options))?;
+            let clean = records.sound("sweeps", CleanSweep::read(self, sweep))?;
             // A download that failed leaves files without a byte.
             let is_empty = clean.as_ref().is_some_and(|clean| clean.is_empty);
             records.lost("sweeps have no points", usize::from(is_empty));
             sweeps.extend((clean.is_some() && !is_empty).then_some(sweep));
             let clean = clean.unwrap_or_default();
             records.lost("points of sweeps are not finite or over a kilometre away", clean.unusable);
-            cloud.add(&clean, options.farthest);
+            cloud.add(&clean, MAX_POINT_RANGE_M);
             intensities += clean.points.iter().map(|point| f64::from(point.intensity)).sum::<f64>();
             count += clean.points.len() as u64;
             if progress(LogCaptureStep::Sweeps { done: done + 1, total: self.sweeps.len() }).is_break() {
@@ -189,10 +181,10 @@ impl DrivingLog {
         if cloud.is_full() {
             warnings.push(format!(
                 "the sweeps cover more than {} voxels; later ones add no points",
-                points::MOST
+                points::MAX_VOXELS
             ));
         }
-        let mut points = cloud.points(options.most_points);
+        let mut points = cloud.points(MAX_POINTS);
         let mut frames = Frames {
             log: self,
             folder,
@@ -330,7 +322,7 @@ impl Frames<'_> {
         self.lenses.resize(self.log.cameras.len(), None);
         let lens = self.lenses[picture.camera].get_or_insert_with(|| masks::MaskLens::new(camera));
         let boxes = self.log.movers_at(picture.timestamp);
-        let mut mask = lens.mask(&photo, &boxes, self.options.more);
+        let mut mask = lens.mask(&photo, &boxes, BOX_MARGIN_SHARE);
         if let Some(file) = &picture.masks.movers {
             let added = masks::add_file(&mut mask, file, camera.size);
             self.records.sound("masks", added)?;
@@ -341,7 +333,7 @@ impl Frames<'_> {
                 camera.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
             let path = format!("{MASKS}/{camera}_{index:06}.png");
             make(&self.folder.join(MASKS))?;
-            write::grey(&self.folder.join(&path), mask, camera_size(&photo))?;
+            write::grey(&self.folder.join(&path), mask, photo.width, photo.height)?;
             mask_path = Some(path);
             self.masks += 1;
         }
@@ -370,12 +362,19 @@ impl Frames<'_> {
                     if let Some(sky) = self.records.sound("masks", sky)? {
                         let path = map_path(&self.folder.join(SKY), &name, "png");
                         make(path.parent().unwrap_or(self.folder))?;
-                        write::grey(&path, &sky, size)?;
+                        write::grey(&path, &sky, size.0, size.1)?;
                         self.sky_masks += 1;
                     }
                 }
                 if let Some(rgb) = rgb {
-                    points.paint(&photo, camera.distortion, &view, rgb, mask.as_deref(), COLOURS);
+                    points.paint(
+                        &photo,
+                        camera.distortion,
+                        &view,
+                        rgb,
+                        mask.as_deref(),
+                        MAX_COLOUR_DISTANCE_M,
+                    );
                 }
             }
         }
@@ -386,7 +385,7 @@ impl Frames<'_> {
     fn clean(&mut self, index: usize) -> Result<&CleanSweep, FormatError> {
         let sweep = match self.sweep.take() {
             Some((own, sweep)) if own == index => sweep,
-            _ => CleanSweep::read(self.log, self.sweeps[index], self.options)?,
+            _ => CleanSweep::read(self.log, self.sweeps[index])?,
         };
         Ok(&self.sweep.insert((index, sweep)).1)
     }
@@ -396,12 +395,9 @@ impl Frames<'_> {
         let after = self.sweeps.partition_point(|sweep| sweep.timestamp < time);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
         let away = |index: &usize| self.sweeps.get(*index).map(|sweep| sweep.timestamp.abs_diff(time));
-        near.filter(|index| away(index).is_some_and(|away| away <= NEAR)).min_by_key(|index| away(index))
+        near.filter(|index| away(index).is_some_and(|away| away <= MAX_SWEEP_GAP_NS))
+            .min_by_key(|index| away(index))
     }
-}
-
-fn camera_size(camera: &wm_scene::Camera) -> (u32, u32) {
-    (camera.width, camera.height)
 }
 
 /// The name of a photo in the capture: its whole path.

@@ -1,6 +1,6 @@
 //! Pictures of logs as arrays of bytes.
 
-use crate::logs::files::{MOST_BINARY, fault, read_bytes};
+use crate::logs::files::{MAX_BINARY_BYTES, fault, read_bytes};
 use std::io::Cursor;
 use std::path::Path;
 use wm_scene::FormatError;
@@ -10,8 +10,8 @@ use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
 /// Longest side of a picture, px, and most pixels.
-const LONGEST: usize = 32_768;
-const MOST_PIXELS: u64 = 1 << 27;
+const MAX_SIDE_PX: usize = 32_768;
+const MAX_PIXELS: u64 = 1 << 27;
 
 /// A photo.
 pub(super) struct Rgb {
@@ -24,7 +24,7 @@ pub(super) struct Rgb {
 impl Rgb {
     /// Reads a JPEG or PNG that must have this size, px.
     pub(super) fn read(path: &Path, size: (u32, u32)) -> Result<Self, FormatError> {
-        let bytes = read_bytes(path, MOST_BINARY)?;
+        let bytes = read_bytes(path, MAX_BINARY_BYTES)?;
         let decoded = if bytes.starts_with(b"\x89PNG") { png(&bytes) } else { jpeg(&bytes) };
         let (width, height, channels, bytes) = decoded.map_err(|what| fault(path, what))?;
         if (width, height) != size {
@@ -56,7 +56,7 @@ impl Rgb {
 
 /// A picture of one channel, the first of its colours: width, height and bytes.
 pub(super) fn read_grey(path: &Path) -> Result<(u32, u32, Vec<u8>), FormatError> {
-    let bytes = read_bytes(path, MOST_BINARY)?;
+    let bytes = read_bytes(path, MAX_BINARY_BYTES)?;
     let (width, height, channels, bytes) = png(&bytes).map_err(|what| fault(path, what))?;
     Ok((width, height, bytes.chunks_exact(channels).map(|pixel| pixel[0]).collect()))
 }
@@ -66,8 +66,8 @@ type Decoded = Result<(u32, u32, usize, Vec<u8>), String>;
 
 fn jpeg(bytes: &[u8]) -> Decoded {
     let options = DecoderOptions::default()
-        .set_max_width(LONGEST)
-        .set_max_height(LONGEST)
+        .set_max_width(MAX_SIDE_PX)
+        .set_max_height(MAX_SIDE_PX)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(|e| format!("no JPEG that can be read: {e:?}"))?;
@@ -91,8 +91,8 @@ fn png(bytes: &[u8]) -> Decoded {
 }
 
 fn check(width: u64, height: u64) -> Result<(), String> {
-    match (1..=MOST_PIXELS).contains(&(width * height)) {
+    match (1..=MAX_PIXELS).contains(&(width * height)) {
         true => Ok(()),
-        false => Err(format!("{width}x{height} px; at most {MOST_PIXELS} pixels are read")),
+        false => Err(format!("{width}x{height} px; at most {MAX_PIXELS} pixels are read")),
     }
 }

@@ -1,8 +1,8 @@
 //! Points of all sweeps: without movers, one a voxel, coloured by photos.
 
-use super::LogCaptureOptions;
 use super::depth::LidarView;
 use super::photo::Rgb;
+use super::{BOX_MARGIN_SHARE, MIN_POINT_RANGE_M};
 use crate::logs::sweep::SweepPoints;
 use crate::logs::{DrivingLog, LogPoint, LogSweep};
 use glam::DVec3;
@@ -11,28 +11,24 @@ use wm_scene::capture::Distortion;
 use wm_scene::{Camera, FormatError};
 
 /// Most voxels.
-pub(super) const MOST: usize = 20_000_000;
+pub(super) const MAX_VOXELS: usize = 20_000_000;
 /// The side of the cells in which points are sorted, m.
-const CELL: f64 = 20.0;
+const SORTING_CELL_M: f64 = 20.0;
 /// Colour of what no photo shows.
-const GREY: [u8; 3] = [128; 3];
+const UNSEEN_COLOR: [u8; 3] = [128; 3];
 
 /// A sweep without the vehicle itself and without movers.
 #[derive(Default)]
 pub(super) struct CleanSweep {
-    pub points: Vec<LogPoint>,
+    pub(crate) points: Vec<LogPoint>,
     /// Points that are not finite, or too far away.
-    pub unusable: usize,
+    pub(crate) unusable: usize,
     /// True if the file has no points at all.
-    pub is_empty: bool,
+    pub(crate) is_empty: bool,
 }
 
 impl CleanSweep {
-    pub(super) fn read(
-        log: &DrivingLog,
-        sweep: &LogSweep,
-        options: &LogCaptureOptions,
-    ) -> Result<Self, FormatError> {
+    pub(super) fn read(log: &DrivingLog, sweep: &LogSweep) -> Result<Self, FormatError> {
         let SweepPoints { mut points, unusable } = sweep.read()?;
         let is_empty = points.is_empty() && unusable == 0;
         let boxes = log.movers_at(sweep.timestamp);
@@ -40,14 +36,15 @@ impl CleanSweep {
         let reach: Vec<(DVec3, f64)> = boxes
             .iter()
             .map(|own| {
-                (own.world_from_box.translation, (0.5 * (1.0 + options.more) * own.size.length()).powi(2))
+                (own.world_from_box.translation, (0.5 * (1.0 + BOX_MARGIN_SHARE) * own.size.length()).powi(2))
             })
             .collect();
         points.retain(|point| {
             let is_in = |(own, (middle, reach)): (&crate::logs::LogBox, &(DVec3, f64))| {
-                point.position.distance_squared(*middle) <= *reach && own.has(point.position, options.more)
+                point.position.distance_squared(*middle) <= *reach
+                    && own.has(point.position, BOX_MARGIN_SHARE)
             };
-            !point.moves && point.range >= options.nearest && !boxes.iter().zip(&reach).any(is_in)
+            !point.moves && point.range >= MIN_POINT_RANGE_M && !boxes.iter().zip(&reach).any(is_in)
         });
         Ok(Self { points, unusable, is_empty })
     }
@@ -96,10 +93,10 @@ impl VoxelCloud {
     }
 
     pub(super) fn is_full(&self) -> bool {
-        self.sums.len() >= MOST
+        self.sums.len() >= MAX_VOXELS
     }
 
-    /// The points, at most so many, evenly left out, in the order in which they were first seen.
+    /// At most `most` points, thinned out evenly, in the order in which they were first seen.
     pub(super) fn points(self, most: usize) -> ColoredPoints {
         let all = self.sums.len();
         let kept = |index: usize| {
@@ -126,8 +123,8 @@ fn middle(key: [i32; 3]) -> DVec3 {
 
 /// Points with colours, each of the nearest camera that sees it.
 pub(super) struct ColoredPoints {
-    pub positions: Vec<DVec3>,
-    pub colors: Vec<[u8; 3]>,
+    pub(crate) positions: Vec<DVec3>,
+    pub(crate) colors: Vec<[u8; 3]>,
     /// Distance of that camera, m; infinite where none has seen it.
     distances: Vec<f32>,
     /// Points by cell.
@@ -135,14 +132,14 @@ pub(super) struct ColoredPoints {
 }
 
 impl ColoredPoints {
-    pub(super) fn new(positions: Vec<DVec3>) -> Self {
+    fn new(positions: Vec<DVec3>) -> Self {
         let mut cells = BTreeMap::<[i64; 3], Vec<u32>>::new();
         for (index, position) in positions.iter().enumerate() {
-            let key = (*position / CELL).floor().to_array().map(|v| v as i64);
+            let key = (*position / SORTING_CELL_M).floor().to_array().map(|v| v as i64);
             cells.entry(key).or_default().push(index as u32);
         }
         let count = positions.len();
-        Self { positions, colors: vec![GREY; count], distances: vec![f32::INFINITY; count], cells }
+        Self { positions, colors: vec![UNSEEN_COLOR; count], distances: vec![f32::INFINITY; count], cells }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -161,9 +158,9 @@ impl ColoredPoints {
     ) {
         let center = photo.center();
         // Half the diagonal of a cell.
-        let half = 0.5 * CELL * 3f64.sqrt();
+        let half = 0.5 * SORTING_CELL_M * 3f64.sqrt();
         for (key, members) in &self.cells {
-            let middle = (DVec3::from(key.map(|v| v as f64)) + 0.5) * CELL;
+            let middle = (DVec3::from(key.map(|v| v as f64)) + 0.5) * SORTING_CELL_M;
             let z = photo.viewmat.transform_point3(middle).z;
             if middle.distance(center) > farthest + half || z < -half {
                 continue;

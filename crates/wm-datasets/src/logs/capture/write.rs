@@ -119,7 +119,7 @@ pub(super) fn points(path: &Path, points: &ColoredPoints) -> Result<(), FormatEr
 }
 
 /// Writes a grey PNG `[H, W]`.
-pub(super) fn grey(path: &Path, bytes: &[u8], (width, height): (u32, u32)) -> Result<(), FormatError> {
+pub(super) fn grey(path: &Path, bytes: &[u8], width: u32, height: u32) -> Result<(), FormatError> {
     write_atomically(path, |out| {
         let mut encoder = png::Encoder::new(out, width, height);
         encoder.set_color(png::ColorType::Grayscale);

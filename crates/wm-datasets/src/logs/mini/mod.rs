@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 use wm_media::jpeg::{SamplingFactor, encode};
 
 /// Width and height of the photos, px.
-pub const SIZE: (u32, u32) = (80, 60);
+pub(crate) const SIZE: (u32, u32) = (80, 60);
 /// Frames, a tenth of a second apart.
-pub const FRAMES: usize = 6;
+pub(crate) const FRAMES: usize = 6;
 /// The time of the first frame, ns.
 const START: i64 = 1_317_042_145_000_000_000;
 /// The world's place in the log's coordinates, m.
@@ -111,14 +111,19 @@ fn at(frame: usize) -> i64 {
     START + frame as i64 * 100_000_000
 }
 
-/// The picture that a camera has of the landmarks.
-fn seen(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
-    let k = DMat4::from_cols_array_2d(&[
+/// The projection of a camera with a shift in its last column.
+fn projection(shift: DVec3) -> DMat4 {
+    DMat4::from_cols_array_2d(&[
         [FOCAL, 0.0, 0.0, 0.0],
         [0.0, FOCAL, 0.0, 0.0],
         [CENTER[0], CENTER[1], 1.0, 0.0],
-        [0.0, 0.0, 0.0, 1.0],
-    ]);
+        [shift.x, shift.y, shift.z, 1.0],
+    ])
+}
+
+/// The picture that a camera has of the landmarks.
+fn seen(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
+    let k = projection(DVec3::ZERO);
     landmarks.iter().map(|point| pixel(*camera_from_world * point.extend(1.0), &k)).collect()
 }
 
@@ -130,7 +135,7 @@ fn pixel(camera: DVec4, projection: &DMat4) -> Option<(f64, f64)> {
 
 /// A photo whose colours are its pixels' places.
 #[must_use]
-pub fn color_at(x: u32, y: u32) -> [u8; 3] {
+pub(crate) fn color_at(x: u32, y: u32) -> [u8; 3] {
     [(3 * x) as u8, (4 * y) as u8, 90]
 }
 
@@ -191,12 +196,8 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&day.join("calib_velo_to_cam.txt"), rt(&cam0_from_lidar))?;
     let r_rect: Vec<f64> = (0..3).flat_map(|row| rectification.row(row).truncate().to_array()).collect();
     let projection = |camera: usize| {
-        DMat4::from_cols_array_2d(&[
-            [FOCAL, 0.0, 0.0, 0.0],
-            [0.0, FOCAL, 0.0, 0.0],
-            [CENTER[0], CENTER[1], 1.0, 0.0],
-            [-FOCAL * 0.27 * camera as f64, 0.2 * camera as f64, 0.003 * camera as f64, 1.0],
-        ])
+        let number = camera as f64;
+        projection(dvec3(-FOCAL * 0.27 * number, 0.2 * number, 0.003 * number))
     };
     let mut calibration = format!(
         "calib_time: 09-Jan-2012 13:57:47\ncorner_dist: 9.950000e-02\nR_rect_00: {}\n",
@@ -284,14 +285,7 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
 fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
     let sequence = folder.join("sequences/07");
     let cam0_from_lidar = rig_from_camera(0.0).inverse() * rig_from_lidar();
-    let projection = |camera: usize| {
-        DMat4::from_cols_array_2d(&[
-            [FOCAL, 0.0, 0.0, 0.0],
-            [0.0, FOCAL, 0.0, 0.0],
-            [CENTER[0], CENTER[1], 1.0, 0.0],
-            [-FOCAL * 0.27 * camera as f64, 0.0, 0.0, 1.0],
-        ])
-    };
+    let projection = |camera: usize| projection(dvec3(-FOCAL * 0.27 * camera as f64, 0.0, 0.0));
     let mut calibration = String::new();
     for camera in 0..4 {
         calibration += &format!("P{camera}: {}\n", words(&rows(&projection(camera), 3)));

@@ -5,153 +5,44 @@
 //! Poses are of the record's own time; sweeps are, as the devkit has them, in the axes of that
 //! time. Times are microseconds.
 
+mod tables;
+
 use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
 use super::records::{Candidate, Records, choose};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, displaced,
-    empty_log, is_asked, moved,
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
+    displaced, empty_log, is_asked, moved,
 };
 use crate::RigidPose;
 use glam::DVec3;
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
+use tables::{
+    AnnotationRecord, CalibratedRecord, DataRecord, FileRecord, InstanceRecord, MapLogRecord, NamedRecord,
+    PoseRecord, SampleRecord, SceneRecord, SensorRecord,
+};
 use wm_scene::FormatError;
-use wm_scene::file_index::{FileIndex, FileKind, FilePlace, FoundFile};
 use wm_scene::capture::Distortion;
+use wm_scene::file_index::{FileIndex, FileKind, FilePlace, FoundFile};
 
 /// The entry of [`super::LOG_FORMATS`].
-pub(super) const FORMAT: LogFormat = LogFormat {
-    name: "nuScenes",
-    about: "the root of nuScenes or of a set in its layout, with samples, sweeps and v1.0-VERSION; one scene of it",
-    read,
-};
+pub(super) const FORMAT: LogFormat = LogFormat { name: "nuScenes", read };
 
 /// Pictures and sweeps.
-const FILES: FileKind = FileKind { extensions: &["jpg", "jpeg", "png", "bin", "pcd"], endings: &[], skipped: &[] };
+const SENSOR_FILES: FileKind =
+    FileKind { extensions: &["jpg", "jpeg", "png", "bin", "pcd"], endings: &[], skipped: &[] };
 /// Share of the pictures of key frames from which on a scene's files are there.
-const WHOLE: f64 = 0.9;
+const MIN_PRESENT_SHARE: f64 = 0.9;
 /// Most records of one scene in a table.
-const MOST: usize = 500_000;
+const MAX_SCENE_RECORDS: usize = 500_000;
 /// Latitude and longitude of the origins of the maps, degrees.
-const MAPS: [(&str, [f64; 2]); 4] = [
+const MAP_ORIGINS_DEG: [(&str, [f64; 2]); 4] = [
     ("boston-seaport", [42.336849169438615, -71.05785369873047]),
     ("singapore-onenorth", [1.2882100868743724, 103.78475189208984]),
     ("singapore-hollandvillage", [1.2993652317780957, 103.78217697143555]),
     ("singapore-queenstown", [1.2782562240223188, 103.76741409301758]),
 ];
-
-#[derive(Deserialize)]
-struct SceneRecord {
-    token: String,
-    name: String,
-    log_token: String,
-}
-
-#[derive(Deserialize)]
-struct MapLogRecord {
-    token: String,
-    location: String,
-}
-
-#[derive(Deserialize)]
-struct SampleRecord {
-    token: String,
-    scene_token: String,
-    #[serde(deserialize_with = "microseconds")]
-    timestamp: i64,
-}
-
-#[derive(Deserialize)]
-struct DataRecord {
-    sample_token: String,
-    ego_pose_token: String,
-    calibrated_sensor_token: String,
-    #[serde(deserialize_with = "microseconds")]
-    timestamp: i64,
-    height: Option<f64>,
-    width: Option<f64>,
-    filename: String,
-}
-
-/// The part of a record that says whether a scene's files are there.
-#[derive(Deserialize)]
-struct FileRecord {
-    sample_token: String,
-    calibrated_sensor_token: String,
-    #[serde(default = "always")]
-    is_key_frame: bool,
-    filename: String,
-}
-
-fn always() -> bool {
-    true
-}
-
-/// Microseconds, which Lyft's sets have as floating-point numbers.
-fn microseconds<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i64, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged)]
-    enum Time {
-        Whole(i64),
-        Part(f64),
-    }
-    let told = |what| D::Error::custom(format!("{what} is no time in microseconds"));
-    match Time::deserialize(deserializer).map_err(|_| told("a timestamp".to_owned()))? {
-        Time::Whole(time) => Ok(time),
-        Time::Part(time) if time.abs() < 9e18 => Ok(time.round() as i64),
-        Time::Part(time) => Err(told(time.to_string())),
-    }
-}
-
-#[derive(Deserialize)]
-struct PoseRecord {
-    token: String,
-    translation: [f64; 3],
-    rotation: [f64; 4],
-}
-
-#[derive(Deserialize)]
-struct CalibratedRecord {
-    token: String,
-    sensor_token: String,
-    translation: [f64; 3],
-    rotation: [f64; 4],
-    camera_intrinsic: Vec<Vec<f64>>,
-}
-
-#[derive(Deserialize)]
-struct SensorRecord {
-    token: String,
-    channel: String,
-    modality: String,
-}
-
-#[derive(Deserialize)]
-struct NamedRecord {
-    token: String,
-    name: String,
-}
-
-#[derive(Deserialize)]
-struct InstanceRecord {
-    token: String,
-    category_token: String,
-}
-
-#[derive(Deserialize)]
-struct AnnotationRecord {
-    sample_token: String,
-    instance_token: String,
-    #[serde(default)]
-    attribute_tokens: Vec<String>,
-    translation: [f64; 3],
-    /// Width, length, height.
-    size: [f64; 3],
-    rotation: [f64; 4],
-}
 
 /// A sensor with its pose in the rig.
 struct Calibrated {
@@ -162,7 +53,8 @@ struct Calibrated {
 }
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
-    let is_version = |folder: &PathBuf| folder.join("scene.json").is_file() && folder.join("sample_data.json").is_file();
+    let is_version =
+        |folder: &PathBuf| folder.join("scene.json").is_file() && folder.join("sample_data.json").is_file();
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
     let (versions, root) = if is_version(&whole) {
         let root = whole.parent().unwrap_or(&whole).to_owned();
@@ -173,7 +65,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     if versions.is_empty() {
         return Ok(None);
     }
-    let files = FileIndex::new(&root, FILES);
+    let files = FileIndex::new(&root, SENSOR_FILES);
     let (version, scene, notes) = scene(&versions, &files, options)?;
     let mut records = Records::new(options.skip_bad);
     let mut log = empty_log(path, scene.name.clone());
@@ -185,10 +77,13 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let sensors = calibrated(&version)?;
     let data = data(&version, &samples, &sensors, options)?;
     let poses = ego_poses(&version, &data, &mut records)?;
-    let first = data.iter().filter(|record| poses.contains_key(&record.ego_pose_token)).min_by_key(|record| record.timestamp);
+    let first = data
+        .iter()
+        .filter(|record| poses.contains_key(&record.ego_pose_token))
+        .min_by_key(|record| record.timestamp);
     let first = first.and_then(|record| poses.get(&record.ego_pose_token));
     log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
-    if let Some((_, place)) = MAPS.iter().find(|(name, _)| Some(*name) == map.as_deref()) {
+    if let Some((_, place)) = MAP_ORIGINS_DEG.iter().find(|(name, _)| Some(*name) == map.as_deref()) {
         log.location = Some(displaced(*place, log.origin.x, log.origin.y));
         log.is_north_known = true;
     }
@@ -226,8 +121,10 @@ fn scene(
         } else {
             vec![None; scenes.len()]
         };
-        let candidate = |(scene, lacks): (SceneRecord, Option<String>)| {
-            Candidate { name: scene.name.clone(), value: scene, lacks }
+        let candidate = |(scene, lacks): (SceneRecord, Option<String>)| Candidate {
+            name: scene.name.clone(),
+            value: scene,
+            lacks,
         };
         let candidates = scenes.into_iter().zip(lacks).map(candidate).collect();
         match choose(&version.join("scene.json"), "scenes", candidates, asked.as_deref()) {
@@ -235,7 +132,9 @@ fn scene(
                 notes.extend(note);
                 if versions.len() > 1 {
                     let own = name_of(version);
-                    notes.push(format!("of the versions {known}, {own} is read; give the folder of another to read that"));
+                    notes.push(format!(
+                        "of the versions {known}, {own} is read; give the folder of another to read that"
+                    ));
                 }
                 return Ok((version.clone(), scene, notes));
             }
@@ -252,7 +151,7 @@ fn scenes(version: &Path) -> Result<Vec<SceneRecord>, FormatError> {
     let mut scenes = Vec::new();
     read_table::<SceneRecord>(&version.join("scene.json"), |record| {
         scenes.push(record);
-        if scenes.len() > MOST { Err("there are too many scenes".into()) } else { Ok(()) }
+        if scenes.len() > MAX_SCENE_RECORDS { Err("there are too many scenes".into()) } else { Ok(()) }
     })?;
     scenes.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(scenes)
@@ -267,7 +166,8 @@ fn missing(
     scenes: &[SceneRecord],
     options: &LogOptions,
 ) -> Result<Vec<Option<String>>, FormatError> {
-    let index: BTreeMap<&str, usize> = scenes.iter().enumerate().map(|(index, scene)| (scene.token.as_str(), index)).collect();
+    let index: BTreeMap<&str, usize> =
+        scenes.iter().enumerate().map(|(index, scene)| (scene.token.as_str(), index)).collect();
     let mut samples = BTreeMap::new();
     read_table::<SampleRecord>(&version.join("sample.json"), |record| {
         if let Some(scene) = index.get(record.scene_token.as_str()) {
@@ -293,12 +193,12 @@ fn missing(
     for names in &names {
         let there = names.iter().filter(|name| matches!(files.find(name), Ok(Some(_)))).count();
         counts.push((there, names.len()));
-        if options.scene.is_none() && share((there, names.len())) >= WHOLE {
+        if options.scene.is_none() && share((there, names.len())) >= MIN_PRESENT_SHARE {
             break;
         }
     }
     let most = counts.iter().copied().map(share).fold(0.0, f64::max);
-    let enough = most.clamp(f64::MIN_POSITIVE, WHOLE);
+    let enough = most.clamp(f64::MIN_POSITIVE, MIN_PRESENT_SHARE);
     let lacks = |index: usize| {
         let (there, all) = *counts.get(index)?;
         (share((there, all)) < enough).then(|| format!("{there} of {all} pictures of key frames are there"))
@@ -329,7 +229,7 @@ fn samples(version: &Path, scene: &SceneRecord) -> Result<BTreeMap<String, i64>,
         if record.scene_token == scene.token {
             samples.insert(record.token, record.timestamp);
         }
-        if samples.len() > MOST { Err("the scene has too many samples".into()) } else { Ok(()) }
+        if samples.len() > MAX_SCENE_RECORDS { Err("the scene has too many samples".into()) } else { Ok(()) }
     })?;
     if samples.is_empty() {
         return Err(fault(&path, format!("scene {:?} has no samples", scene.name)));
@@ -342,7 +242,7 @@ fn calibrated(version: &Path) -> Result<BTreeMap<String, Calibrated>, FormatErro
     let mut channels = BTreeMap::new();
     read_table::<SensorRecord>(&version.join("sensor.json"), |record| {
         channels.insert(record.token, (record.channel, record.modality));
-        if channels.len() > MOST { Err("there are too many sensors".into()) } else { Ok(()) }
+        if channels.len() > MAX_SCENE_RECORDS { Err("there are too many sensors".into()) } else { Ok(()) }
     })?;
     let path = version.join("calibrated_sensor.json");
     let mut sensors = BTreeMap::new();
@@ -352,10 +252,15 @@ fn calibrated(version: &Path) -> Result<BTreeMap<String, Calibrated>, FormatErro
         if is_camera || modality == "lidar" {
             let pose = pose_of_quaternion(record.rotation, record.translation.into());
             let rig_from_sensor = pose.map_err(|what| format!("sensor {}: {what}", record.token))?;
-            let own = Calibrated { channel: channel.clone(), is_camera, rig_from_sensor, intrinsic: record.camera_intrinsic };
+            let own = Calibrated {
+                channel: channel.clone(),
+                is_camera,
+                rig_from_sensor,
+                intrinsic: record.camera_intrinsic,
+            };
             sensors.insert(record.token, own);
         }
-        if sensors.len() > MOST { Err("there are too many sensors".into()) } else { Ok(()) }
+        if sensors.len() > MAX_SCENE_RECORDS { Err("there are too many sensors".into()) } else { Ok(()) }
     })?;
     Ok(sensors)
 }
@@ -376,7 +281,11 @@ fn data(
         {
             data.push(record);
         }
-        if data.len() > MOST { Err("the scene has too many pictures and sweeps".into()) } else { Ok(()) }
+        if data.len() > MAX_SCENE_RECORDS {
+            Err("the scene has too many pictures and sweeps".into())
+        } else {
+            Ok(())
+        }
     })?;
     check_channels(version, sensors, options)?;
     Ok(data)
@@ -435,9 +344,15 @@ fn assemble(
             continue;
         };
         // Names are of others: none may lead out of the data set.
-        if Path::new(&record.filename).components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+        if Path::new(&record.filename)
+            .components()
+            .any(|part| !matches!(part, Component::Normal(_) | Component::CurDir))
+        {
             let name = super::files::excerpt(&record.filename);
-            return Err(fault(&version.join("sample_data.json"), format!("the file name \"{name}\" leaves the data set")));
+            return Err(fault(
+                &version.join("sample_data.json"),
+                format!("the file name \"{name}\" leaves the data set"),
+            ));
         }
         let found = files.find(&record.filename).map_err(|e| fault(files.folder(), e.to_string()));
         let Some(found) = records.sound("names of files", found)? else { continue };
@@ -453,8 +368,9 @@ fn assemble(
             let camera = match cameras.get(&record.calibrated_sensor_token) {
                 Some(camera) => *camera,
                 None => {
-                    let camera = camera(sensor, &record)
-                        .map_err(|what| fault(&version.join("calibrated_sensor.json"), format!("{}: {what}", sensor.channel)))?;
+                    let camera = camera(sensor, &record).map_err(|what| {
+                        fault(&version.join("calibrated_sensor.json"), format!("{}: {what}", sensor.channel))
+                    })?;
                     log.cameras.push(camera);
                     cameras.insert(record.calibrated_sensor_token.clone(), log.cameras.len() - 1);
                     log.cameras.len() - 1
@@ -474,12 +390,19 @@ fn assemble(
         }
     }
     if elsewhere > 0 {
-        log.warnings.push(format!("{elsewhere} files are not at their paths; they were found by their names"));
+        log.warnings
+            .push(format!("{elsewhere} files are not at their paths; they were found by their names"));
     }
     match missing {
         Some(first) if log.pictures.is_empty() => {
-            let what = format!("no such file; of scene {} none of the pictures is there, of {all} pictures and sweeps", log.name);
-            Err(fault(&first, format!("{what}; unpack that part of the data set, or name another with --log-scene")))
+            let what = format!(
+                "no such file; of scene {} none of the pictures is there, of {all} pictures and sweeps",
+                log.name
+            );
+            Err(fault(
+                &first,
+                format!("{what}; unpack that part of the data set, or name another with --log-scene"),
+            ))
         }
         _ => Ok(()),
     }
@@ -518,7 +441,11 @@ fn tracks(
         if path.is_file() {
             read_table::<NamedRecord>(&path, |record| {
                 names.insert(record.token, record.name);
-                if names.len() > MOST { Err("there are too many records".into()) } else { Ok(()) }
+                if names.len() > MAX_SCENE_RECORDS {
+                    Err("there are too many records".into())
+                } else {
+                    Ok(())
+                }
             })?;
         }
         Ok(names)
@@ -530,12 +457,12 @@ fn tracks(
     }
     /// Boxes, and whether attributes say that it moves or that it is parked.
     #[derive(Default)]
-    struct Found {
+    struct FoundTrack {
         boxes: Vec<LogBox>,
         moves: bool,
         stands: bool,
     }
-    let mut found = BTreeMap::<String, Found>::new();
+    let mut found = BTreeMap::<String, FoundTrack>::new();
     let mut count = 0;
     read_table::<AnnotationRecord>(&path, |record| {
         let Some(time) = samples.get(&record.sample_token) else { return Ok(()) };
@@ -555,11 +482,12 @@ fn tracks(
         let entry = found.entry(record.instance_token).or_default();
         entry.boxes.push(own);
         for attribute in record.attribute_tokens.iter().filter_map(|token| attributes.get(token)) {
-            entry.moves |= matches!(attribute.as_str(), "vehicle.moving" | "cycle.with_rider" | "pedestrian.moving");
+            entry.moves |=
+                matches!(attribute.as_str(), "vehicle.moving" | "cycle.with_rider" | "pedestrian.moving");
             entry.stands |= matches!(attribute.as_str(), "vehicle.parked" | "cycle.without_rider");
         }
         count += 1;
-        if count > MOST { Err("the scene has too many boxes".into()) } else { Ok(()) }
+        if count > MAX_SCENE_RECORDS { Err("the scene has too many boxes".into()) } else { Ok(()) }
     })?;
     let mut kinds = BTreeMap::new();
     let instances = version.join("instance.json");
@@ -571,7 +499,7 @@ fn tracks(
             Ok(())
         })?;
     }
-    let track = |(id, found): (String, Found)| {
+    let track = |(id, found): (String, FoundTrack)| {
         let category = kinds.get(&id).and_then(|kind| categories.get(kind)).cloned().unwrap_or_default();
         let mut track = LogTrack::new(id, category, found.boxes);
         // Boxes of what is parked jitter; attributes know better.
