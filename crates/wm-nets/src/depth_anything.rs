@@ -18,7 +18,6 @@ mod tensors;
 #[cfg(test)]
 mod tests;
 
-use crate::ops;
 use crate::weights::{Licence, Weights, WeightsError, WeightsFault};
 use network::Network;
 use std::path::PathBuf;
@@ -27,7 +26,7 @@ use thiserror::Error;
 
 /// A photo's longer side may be this many times the shorter one. Attention's work grows with its
 /// square.
-pub const LONGEST: usize = 4;
+pub(crate) const LONGEST: usize = 4;
 
 /// The family of the weights. Their tensors do not tell it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -99,7 +98,6 @@ pub struct DepthAnything {
     network: Network,
     /// Side of the photos that it learnt from, px.
     side: usize,
-    version: Version,
     size: Option<ModelSize>,
 }
 
@@ -127,13 +125,7 @@ impl DepthAnything {
             }
         }
         let network = Reader { weights: &mut weights, architecture }.network(version)?;
-        Ok(Self { network, side: photo::PATCH * architecture.grid, version, size: architecture.size() })
-    }
-
-    /// The version that was said.
-    #[must_use]
-    pub const fn version(&self) -> Version {
-        self.version
+        Ok(Self { network, side: photo::PATCH * architecture.grid, size: architecture.size() })
     }
 
     /// Returns the published size that the network has, if any.
@@ -154,52 +146,23 @@ impl DepthAnything {
         }
     }
 
-    /// Returns the address of the weights, as safetensors.
-    #[must_use]
-    pub const fn url(size: ModelSize, version: Version) -> &'static str {
-        match (version, size) {
-            (Version::V1, ModelSize::Small) => {
-                "https://huggingface.co/LiheYoung/depth-anything-small-hf/resolve/main/model.safetensors"
-            }
-            (Version::V1, ModelSize::Base) => {
-                "https://huggingface.co/LiheYoung/depth-anything-base-hf/resolve/main/model.safetensors"
-            }
-            (Version::V1, ModelSize::Large) => {
-                "https://huggingface.co/LiheYoung/depth-anything-large-hf/resolve/main/model.safetensors"
-            }
-            (Version::V2, ModelSize::Small) => {
-                "https://huggingface.co/depth-anything/Depth-Anything-V2-Small-hf/resolve/main/model.safetensors"
-            }
-            (Version::V2, ModelSize::Base) => {
-                "https://huggingface.co/depth-anything/Depth-Anything-V2-Base-hf/resolve/main/model.safetensors"
-            }
-            (Version::V2, ModelSize::Large) => {
-                "https://huggingface.co/depth-anything/Depth-Anything-V2-Large-hf/resolve/main/model.safetensors"
-            }
-        }
-    }
-
-    /// A file name for those weights, different for each.
-    #[must_use]
-    pub const fn file_name(size: ModelSize, version: Version) -> &'static str {
-        match (version, size) {
-            (Version::V1, ModelSize::Small) => "depth-anything-v1-small.safetensors",
-            (Version::V1, ModelSize::Base) => "depth-anything-v1-base.safetensors",
-            (Version::V1, ModelSize::Large) => "depth-anything-v1-large.safetensors",
-            (Version::V2, ModelSize::Small) => "depth-anything-v2-small.safetensors",
-            (Version::V2, ModelSize::Base) => "depth-anything-v2-base.safetensors",
-            (Version::V2, ModelSize::Large) => "depth-anything-v2-large.safetensors",
-        }
-    }
-
     /// Returns the source of these weights for [`fetch`](crate::weights::fetch::fetch). Their
     /// checksum is not known here.
     #[cfg(feature = "fetch")]
     #[must_use]
     pub fn source(size: ModelSize, version: Version) -> crate::weights::fetch::DownloadSource {
+        let (word, title) = match size {
+            ModelSize::Small => ("small", "Small"),
+            ModelSize::Base => ("base", "Base"),
+            ModelSize::Large => ("large", "Large"),
+        };
+        let (repository, number) = match version {
+            Version::V1 => (format!("LiheYoung/depth-anything-{word}-hf"), 1),
+            Version::V2 => (format!("depth-anything/Depth-Anything-V2-{title}-hf"), 2),
+        };
         crate::weights::fetch::DownloadSource {
-            url: Self::url(size, version).into(),
-            file_name: Self::file_name(size, version).into(),
+            url: format!("https://huggingface.co/{repository}/resolve/main/model.safetensors"),
+            file_name: format!("depth-anything-v{number}-{word}.safetensors"),
             checksum: None,
         }
     }
@@ -211,7 +174,7 @@ impl DepthAnything {
     /// # Errors
     /// [`DisparityError`] if a side is below 14 px or the longer one over [`LONGEST`] times the
     /// other.
-    pub fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
+    pub(crate) fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
         photo::size(width, height, self.side)
     }
 
@@ -226,23 +189,6 @@ impl DepthAnything {
     /// # Panics
     /// If the photo is not whole rows of `width`.
     pub fn predict(&self, rgb: &[f32], width: usize) -> Result<Disparity, DisparityError> {
-        self.image(rgb, width).map(Disparity::from)
-    }
-
-    /// [`Self::predict`], resized to the photo as the reference does: by cubic convolution, which
-    /// overshoots at edges, so that values may be a little below 0.
-    ///
-    /// # Errors
-    /// As [`Self::predict`].
-    ///
-    /// # Panics
-    /// As [`Self::predict`].
-    pub fn predict_at_photo_size(&self, rgb: &[f32], width: usize) -> Result<Disparity, DisparityError> {
-        let image = self.image(rgb, width)?;
-        Ok(image.bicubic(width, rgb.len() / (3 * width)).into())
-    }
-
-    fn image(&self, rgb: &[f32], width: usize) -> Result<ops::Image, DisparityError> {
         let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
         assert_eq!(rgb.len(), 3 * width * height, "whole rows of pixels");
         let to = self.network_size(width, height)?;
@@ -250,12 +196,6 @@ impl DepthAnything {
         if !image.values.iter().all(|value| value.is_finite()) {
             return Err(DisparityError::NotFinite);
         }
-        Ok(image)
-    }
-}
-
-impl From<ops::Image> for Disparity {
-    fn from(image: ops::Image) -> Self {
-        Self { values: image.values, width: image.width, height: image.height }
+        Ok(Disparity { values: image.values, width: image.width, height: image.height })
     }
 }

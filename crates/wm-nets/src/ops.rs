@@ -15,20 +15,20 @@ const ROWS: usize = 16;
 
 /// Features of an image, row by row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Image {
+pub(crate) struct Image {
     /// `[height, width, channels]`
-    pub values: Vec<f32>,
+    pub(crate) values: Vec<f32>,
     /// px.
-    pub width: usize,
+    pub(crate) width: usize,
     /// px.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Numbers a pixel.
-    pub channels: usize,
+    pub(crate) channels: usize,
 }
 
 /// A matrix with a bias.
 #[derive(Debug)]
-pub struct Linear {
+pub(crate) struct Linear {
     /// `[to, from]`
     weight: Tensor,
     /// `[to]`
@@ -37,7 +37,7 @@ pub struct Linear {
 
 /// The function that follows a product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Then {
+pub(crate) enum Then {
     Nothing,
     Relu,
     /// `x / 2 (1 + erf(x / sqrt 2))`
@@ -47,7 +47,7 @@ pub enum Then {
 }
 
 /// A tensor's numbers, which are f32 on the CPU in all of this crate.
-pub fn numbers(tensor: &Tensor) -> Vec<f32> {
+pub(crate) fn numbers(tensor: &Tensor) -> Vec<f32> {
     tensor.flatten_all().and_then(|flat| flat.to_vec1()).expect("numbers that are f32")
 }
 
@@ -74,12 +74,12 @@ fn product(lhs: &Tensor, rhs: &Tensor, f: impl Fn(usize, &mut [f32]) + Sync) -> 
 
 impl Linear {
     /// `weight` `[to, from]` row by row, `bias` `[to]`.
-    pub fn new(weight: Vec<f32>, bias: Option<Vec<f32>>, from: usize) -> Self {
+    pub(crate) fn new(weight: Vec<f32>, bias: Option<Vec<f32>>, from: usize) -> Self {
         Self { weight: matrix(weight, from), bias }
     }
 
     /// `[rows, from]` to `[rows, to]`.
-    pub fn apply(&self, x: Vec<f32>, then: Then) -> Vec<f32> {
+    pub(crate) fn apply(&self, x: Vec<f32>, then: Then) -> Vec<f32> {
         let x = matrix(x, self.weight.dims()[1]);
         let transposed = self.weight.t().expect("two dimensions");
         product(&x, &transposed, |_, row| {
@@ -101,7 +101,7 @@ impl Linear {
     }
 
     /// Applies the layer to every pixel of an image: a convolution of 1x1 px.
-    pub fn over(&self, image: Image) -> Image {
+    pub(crate) fn over(&self, image: Image) -> Image {
         let values = self.apply(image.values, Then::Nothing);
         Image { values, channels: self.to(), ..image }
     }
@@ -122,7 +122,7 @@ fn quick_gelu(x: f32) -> f32 {
 
 /// A convolution of 3x3 px with one pixel of zeros around the image.
 #[derive(Debug)]
-pub struct Convolution {
+pub(crate) struct Convolution {
     /// From the nine neighbours, row by row, of a pixel.
     linear: Linear,
     stride: usize,
@@ -130,7 +130,7 @@ pub struct Convolution {
 
 impl Convolution {
     /// `weight` `[to, from, 3, 3]`.
-    pub fn new(weight: &[f32], bias: Option<Vec<f32>>, from: usize, stride: usize) -> Self {
+    pub(crate) fn new(weight: &[f32], bias: Option<Vec<f32>>, from: usize, stride: usize) -> Self {
         let mut sorted = Vec::with_capacity(weight.len());
         for filter in weight.chunks_exact(9 * from) {
             for place in 0..9 {
@@ -141,7 +141,7 @@ impl Convolution {
     }
 
     /// The image, smaller by the stride, rounded up.
-    pub fn apply(&self, image: &Image, then: Then) -> Image {
+    pub(crate) fn apply(&self, image: &Image, then: Then) -> Image {
         let (width, height) = (image.width.div_ceil(self.stride), image.height.div_ceil(self.stride));
         let (pixels, one) = (width * height, 9 * image.channels);
         let at_a_time = (NEIGHBOURS / one).max(1);
@@ -164,7 +164,7 @@ impl Convolution {
 
 /// A transposed convolution whose stride is its side: each pixel becomes a square of them.
 #[derive(Debug)]
-pub struct Enlarge {
+pub(crate) struct Enlarge {
     /// To the pixels of the square, row by row.
     linear: Linear,
     side: usize,
@@ -172,7 +172,7 @@ pub struct Enlarge {
 
 impl Enlarge {
     /// `weight` `[channels, channels, side, side]`, the first those that come in.
-    pub fn new(weight: &[f32], bias: &[f32], side: usize) -> Self {
+    pub(crate) fn new(weight: &[f32], bias: &[f32], side: usize) -> Self {
         let channels = bias.len();
         let square = side * side;
         let mut sorted = Vec::with_capacity(weight.len());
@@ -185,7 +185,7 @@ impl Enlarge {
     }
 
     /// The image, larger by the side.
-    pub fn apply(&self, image: Image) -> Image {
+    pub(crate) fn apply(&self, image: Image) -> Image {
         let Image { width, height, channels, .. } = image;
         let squares = self.linear.apply(image.values, Then::Nothing);
         // A row of a square.
@@ -218,20 +218,20 @@ impl Image {
     }
 
     /// The values with what is below 0 set to 0.
-    pub fn relu(&self) -> Self {
+    pub(crate) fn relu(&self) -> Self {
         let values = self.values.par_iter().with_min_len(1 << 14).map(|value| relu(*value)).collect();
         Self { values, ..*self }
     }
 
     /// Adds another image of the same size.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         assert_eq!(self.values.len(), other.values.len(), "images of one size");
         let pairs = self.values.par_iter_mut().with_min_len(1 << 14).zip(&other.values);
         pairs.for_each(|(value, other)| *value += other);
     }
 
     /// Linearly between pixels, corners on corners.
-    pub fn bilinear(&self, width: usize, height: usize) -> Self {
+    pub(crate) fn bilinear(&self, width: usize, height: usize) -> Self {
         let columns = taps(width, |x| linear_taps(x, self.width, width));
         let rows = taps(height, |y| linear_taps(y, self.height, height));
         self.resized(&columns, &rows)
@@ -239,7 +239,7 @@ impl Image {
 
     /// By cubic convolution with a = -0.75 between pixels, edges on edges, no filter where it
     /// becomes smaller; so it may leave the range of the values.
-    pub fn bicubic(&self, width: usize, height: usize) -> Self {
+    pub(crate) fn bicubic(&self, width: usize, height: usize) -> Self {
         let columns = taps(width, |x| cubic_taps(x, self.width, width));
         let rows = taps(height, |y| cubic_taps(y, self.height, height));
         self.resized(&columns, &rows)
@@ -299,16 +299,16 @@ fn cubic_taps(at: usize, from: usize, to: usize) -> [Tap; 4] {
 
 /// Scale and shift of a layer norm, each `[channels]`.
 #[derive(Debug)]
-pub struct Norm {
-    pub scale: Vec<f32>,
-    pub shift: Vec<f32>,
+pub(crate) struct Norm {
+    pub(crate) scale: Vec<f32>,
+    pub(crate) shift: Vec<f32>,
     /// Keeps rows that are all alike from dividing by 0.
-    pub epsilon: f64,
+    pub(crate) epsilon: f64,
 }
 
 impl Norm {
     /// `[rows, channels]`, each row with mean 0 and variance 1 before scale and shift.
-    pub fn apply(&self, x: &[f32]) -> Vec<f32> {
+    pub(crate) fn apply(&self, x: &[f32]) -> Vec<f32> {
         let channels = self.scale.len();
         let mut values = x.to_vec();
         values.par_chunks_mut(channels * ROWS).for_each(|rows| {
@@ -327,7 +327,7 @@ impl Norm {
 }
 
 /// Adds `[rows, channels]`, each channel scaled.
-pub fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
+pub(crate) fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
     let channels = scale.len();
     x.par_chunks_mut(channels * ROWS).zip(other.par_chunks(channels * ROWS)).for_each(|(x, other)| {
         for (x, other) in x.chunks_exact_mut(channels).zip(other.chunks_exact(channels)) {
@@ -338,7 +338,7 @@ pub fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
 
 /// `softmax(q k^T / sqrt d) v` of each head, `[rows, channels]`. `qkv` is `[rows, 3 channels]`:
 /// queries, keys, values, in each the heads side by side.
-pub fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
+pub(crate) fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
     /// Queries at a time, which bounds the memory.
     const QUERIES: usize = 256;
     let (rows, depth) = (qkv.len() / (3 * channels), channels / heads);

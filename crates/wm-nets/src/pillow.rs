@@ -15,7 +15,7 @@ struct Weights {
 }
 
 /// `[H, W, 3]` at another size (width, height).
-pub fn resized(mut levels: Vec<u8>, (width, height): (usize, usize), to: (usize, usize)) -> Vec<u8> {
+pub(crate) fn resized(mut levels: Vec<u8>, (width, height): (usize, usize), to: (usize, usize)) -> Vec<u8> {
     if to.0 != width {
         let all = weights(width, to.0);
         let mut rows = vec![0; 3 * to.0 * height];

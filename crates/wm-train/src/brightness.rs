@@ -22,14 +22,14 @@ const ROUNDS: usize = 200;
 
 /// The brightness of photos beside each other.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PhotoGains {
+pub(crate) struct PhotoGains {
     /// Gain of each photo for red, green and blue, display-referred; its mean over the photos is 1.
-    pub gains: Vec<[f32; 3]>,
+    pub(crate) gains: Vec<[f32; 3]>,
     /// Root mean square of their logarithms.
-    pub spread: f64,
+    pub(crate) spread: f64,
     /// Median of the absolute differences of points' logarithms from their own over the photos,
     /// with equal gains and with these.
-    pub differences: [f64; 2],
+    pub(crate) differences: [f64; 2],
 }
 
 /// Least spread of exposures that are worth learning, and the largest share of the differences that
@@ -40,7 +40,7 @@ const LEFT: f64 = 0.7;
 impl PhotoGains {
     /// Returns true if photos differ so much that each should have an exposure of its own.
     #[must_use]
-    pub fn differ(&self) -> bool {
+    pub(crate) fn differ(&self) -> bool {
         self.spread > SPREAD && self.differences[1] < LEFT * self.differences[0]
     }
 }
@@ -55,7 +55,7 @@ struct Shown {
 /// Returns the gains of the photos `places`; `None` if they share too few points. Photos that share
 /// few, and damaged ones, have a gain of 1.
 #[must_use]
-pub fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Option<PhotoGains> {
+pub(crate) fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Option<PhotoGains> {
     let seen = seen_points(capture, photos, places);
     let shown: Vec<Vec<Shown>> = places
         .par_iter()

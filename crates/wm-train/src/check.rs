@@ -18,7 +18,7 @@ pub(crate) const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
 
 /// A value of a configuration and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ConfigValue {
+pub(crate) struct ConfigValue {
     name: &'static str,
     value: f64,
     range: RangeInclusive<f64>,
@@ -27,7 +27,7 @@ pub struct ConfigValue {
 impl ConfigValue {
     /// Returns `value` under its name in the configuration file, such as `densify.every`.
     #[must_use]
-    pub fn new(name: &'static str, value: impl Into<f64>, range: RangeInclusive<f64>) -> Self {
+    pub(crate) fn new(name: &'static str, value: impl Into<f64>, range: RangeInclusive<f64>) -> Self {
         Self { name, value: value.into(), range }
     }
 }
@@ -47,7 +47,7 @@ impl TrainConfig {
     ///
     /// # Errors
     /// [`ConfigError`] names the first value that makes no training, and what it may be.
-    pub fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
         let (loss, rates) = (&self.loss, &self.rates);
         let geometry = &loss.geometry;
         let values = [

@@ -57,9 +57,9 @@ pub struct CheckpointHead {
     /// The configuration.
     pub config: TrainConfig,
     /// The photos that teach, in their order.
-    pub photos: Vec<Taught>,
+    pub(crate) photos: Vec<Taught>,
     /// The SIMD path, on which the bytes depend.
-    pub simd: String,
+    pub(crate) simd: String,
     step: u32,
     splats: usize,
     groups: Vec<(u8, usize)>,
@@ -68,17 +68,17 @@ pub struct CheckpointHead {
 
 /// A photo that teaches, as the training sees it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Taught {
+pub(crate) struct Taught {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Its width and height in use, px.
-    pub size: (u32, u32),
+    pub(crate) size: (u32, u32),
 }
 
 impl CheckpointHead {
     /// For the state of a training.
     #[must_use]
-    pub fn new(config: &TrainConfig, photos: Vec<Taught>, simd: String, state: &TrainState) -> Self {
+    pub(crate) fn new(config: &TrainConfig, photos: Vec<Taught>, simd: String, state: &TrainState) -> Self {
         let mut groups: Vec<(u8, usize)> = Vec::new();
         for group in &state.population.splats.groups {
             match groups.last_mut() {

@@ -1,6 +1,10 @@
 //! The configuration of a training: everything that its result depends on, beside the photos.
 
+pub use crate::check::ConfigError;
 pub use crate::densify::Densify;
+pub use crate::densify::adaptive::AdaptiveConfig;
+pub use crate::densify::fixed::FixedConfig;
+pub use crate::densify::mcmc::McmcConfig;
 use serde::{Deserialize, Serialize};
 use wm_scene::Rasterization;
 
@@ -170,20 +174,20 @@ impl GeometryConfig {
 
     /// The first step at which depth changes more than means.
     #[must_use]
-    pub fn depth_from(&self, steps: u32) -> u32 {
+    pub(crate) fn depth_from(&self, steps: u32) -> u32 {
         (self.depth_from * f64::from(steps)) as u32
     }
 
     /// Returns the share of the weights of depth that counts at a step: 1 at the first,
     /// [`Self::depth_last`] at the last.
     #[must_use]
-    pub fn depth_share(&self, step: u32, steps: u32) -> f64 {
+    pub(crate) fn depth_share(&self, step: u32, steps: u32) -> f64 {
         self.depth_last.powf(f64::from(step) / f64::from(steps.max(1)))
     }
 
     /// The first step at which normals count.
     #[must_use]
-    pub fn normal_from(&self, steps: u32) -> u32 {
+    pub(crate) fn normal_from(&self, steps: u32) -> u32 {
         (self.normal_from * f64::from(steps)) as u32
     }
 }
@@ -260,7 +264,7 @@ impl TrainConfig {
             haze: HazeMode::Auto,
             loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
-            densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
+            densify: Densify::Mcmc(McmcConfig::for_steps(steps, max_splats)),
             start_opacity: 0.1,
             start_scale: 1.0,
             start_fill: 0.5,
@@ -326,7 +330,7 @@ impl Preset {
     /// The number of steps for so many photos: at most 100 a photo, but those of [`Preset::Quick`]
     /// in any case.
     #[must_use]
-    pub fn steps_for(self, photos: usize) -> u32 {
+    pub(crate) fn steps_for(self, photos: usize) -> u32 {
         let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_A_PHOTO);
         self.steps().min(most.max(Self::Quick.steps()))
     }
@@ -334,7 +338,7 @@ impl Preset {
     /// Most splats for photos of which so many pixels confirm what two others show; see
     /// [`crate::overlap`].
     #[must_use]
-    pub fn max_splats_for(self, confirmed: u64) -> usize {
+    pub(crate) fn max_splats_for(self, confirmed: u64) -> usize {
         let told_apart = usize::try_from(confirmed / PIXELS_A_SPLAT).unwrap_or(usize::MAX);
         self.max_splats().min(told_apart.max(1000))
     }

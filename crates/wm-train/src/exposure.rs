@@ -11,23 +11,23 @@ use wm_render::simd::SimdPath;
 use wm_render::training::{Exposure, NO_EXPOSURE};
 
 /// Numbers of one change: the rows of M, each with its b behind it.
-pub const NUMBERS: usize = NO_EXPOSURE.len();
+pub(crate) const NUMBERS: usize = NO_EXPOSURE.len();
 
 /// The changes of all photos.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Exposures {
+pub(crate) struct Exposures {
     /// `[P]`.
-    pub changes: Vec<Exposure>,
+    pub(crate) changes: Vec<Exposure>,
     /// The optimiser's moments: means of gradients and of their squares.
-    pub moments: Vec<[[f32; NUMBERS]; 2]>,
+    pub(crate) moments: Vec<[[f32; NUMBERS]; 2]>,
     /// The number of steps that each photo has learnt.
-    pub steps: Vec<u32>,
+    pub(crate) steps: Vec<u32>,
 }
 
 impl Exposures {
     /// No change for `photos`.
     #[must_use]
-    pub fn new(photos: usize) -> Self {
+    pub(crate) fn new(photos: usize) -> Self {
         Self {
             changes: vec![NO_EXPOSURE; photos],
             moments: vec![[[0.0; NUMBERS]; 2]; photos],
@@ -38,7 +38,7 @@ impl Exposures {
     /// Changes that multiply red, green and blue of each photo; the mean of `gains` over the photos
     /// should be 1.
     #[must_use]
-    pub fn with_gains(gains: &[[f32; 3]]) -> Self {
+    pub(crate) fn with_gains(gains: &[[f32; 3]]) -> Self {
         let mut exposures = Self::new(gains.len());
         for (change, gain) in exposures.changes.iter_mut().zip(gains) {
             (0..3).for_each(|c| change[5 * c] = gain[c]);
@@ -48,12 +48,12 @@ impl Exposures {
 
     /// The change of photo `photo`.
     #[must_use]
-    pub fn of(&self, photo: usize) -> Exposure {
+    pub(crate) fn of(&self, photo: usize) -> Exposure {
         self.changes.get(photo).copied().unwrap_or(NO_EXPOSURE)
     }
 
     /// Colours as photo `photo` would have them, `[H, W, 3]`.
-    pub fn apply(&self, path: SimdPath, photo: usize, rgb: &[f32], out: &mut [f32]) {
+    pub(crate) fn apply(&self, path: SimdPath, photo: usize, rgb: &[f32], out: &mut [f32]) {
         let m = &self.changes[photo];
         let mix = Mix::new(|row, column| m[4 * row + column], |row| m[4 * row + 3]);
         out.par_chunks_mut(CHUNK).zip(rgb.par_chunks(CHUNK)).for_each(|(out, rgb)| {
@@ -63,7 +63,14 @@ impl Exposures {
 
     /// From the derivative by the changed colours to that by the rendered ones, in place, and one
     /// step of Adam for the photo.
-    pub fn learn(&mut self, path: SimdPath, photo: usize, rgb: &[f32], gradient: &mut [f32], rate: f64) {
+    pub(crate) fn learn(
+        &mut self,
+        path: SimdPath,
+        photo: usize,
+        rgb: &[f32],
+        gradient: &mut [f32],
+        rate: f64,
+    ) {
         let m = &self.changes[photo];
         let back = Mix::new(|row, column| m[4 * column + row], |_| 0.0);
         let parts: Vec<[f64; NUMBERS]> = gradient
@@ -81,7 +88,7 @@ impl Exposures {
     }
 
     /// One step of Adam for the photo along the derivative by its change.
-    pub fn step(&mut self, photo: usize, gradient: &[f64; NUMBERS], rate: f64) {
+    pub(crate) fn step(&mut self, photo: usize, gradient: &[f64; NUMBERS], rate: f64) {
         self.steps[photo] += 1;
         let corrections = [0.9f64, 0.999].map(|beta| 1.0 - beta.powi(self.steps[photo].min(100_000) as i32));
         let [first, second] = &mut self.moments[photo];

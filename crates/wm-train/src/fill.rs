@@ -17,18 +17,18 @@ use wm_scene::capture::SparsePoints;
 const PHOTOS_A_SURFACE: f64 = 3.0;
 
 /// A photo with the depth of its pixels.
-pub struct FillView<'a> {
+pub(crate) struct FillView<'a> {
     /// The camera, of any size.
-    pub camera: &'a Camera,
+    pub(crate) camera: &'a Camera,
     /// The depth, and its size.
-    pub prior: &'a Prior,
+    pub(crate) prior: &'a Prior,
     /// The colours, of any size.
-    pub photo: &'a Photo,
+    pub(crate) photo: &'a Photo,
 }
 
 /// Adds to `points` until there are `most`, evenly over the photos; returns the number of points
 /// that were added. Colours are without `haze`, if the photos show any.
-pub fn fill(
+pub(crate) fn fill(
     points: &mut SparsePoints,
     views: &[FillView<'_>],
     most: usize,

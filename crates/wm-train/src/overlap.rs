@@ -19,7 +19,7 @@ const LEAST: f64 = 0.25;
 /// one as the share of these pixels that it has: a street seen from its far end is not seen again.
 /// What stands between is not known here.
 #[must_use]
-pub fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
+pub(crate) fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
     let every = points.len().div_ceil(POINTS).max(1);
     let (mut sum, mut count) = (0.0, 0);
     for position in points.positions.iter().step_by(every) {
@@ -44,7 +44,7 @@ pub fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
 /// show a surface, n - 2 do. `overlap` is this n, if it is known. A quarter, at least: next to
 /// nothing would be learnt with no splats.
 #[must_use]
-pub fn confirmed_share(overlap: Option<f64>) -> f64 {
+pub(crate) fn confirmed_share(overlap: Option<f64>) -> f64 {
     overlap.map_or(LEAST, |photos| (1.0 - TELL / photos).max(LEAST))
 }
 

@@ -35,7 +35,7 @@ const BLACK: u8 = 5;
 const TOO_MANY: f64 = 0.35;
 
 /// Largest share of the photos that is left out of a training.
-pub const MOST: f64 = 0.25;
+pub(crate) const MOST: f64 = 0.25;
 
 /// The treatment of poor photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -102,7 +102,7 @@ struct Shown {
 /// Returns the poor photos among `places` (indices in `photos`) with their defects, in that order.
 /// Damaged photos are not judged.
 #[must_use]
-pub fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<(usize, PhotoDefect)> {
+pub(crate) fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<(usize, PhotoDefect)> {
     let seen = seen_points(capture, photos, places);
     let of = |(place, seen): (&usize, Vec<u32>)| {
         let get = |side: u32| photos.get(*place, photos.level_within(*place, side)).ok();

@@ -24,7 +24,7 @@ use wm_scene::FormatError;
 use wm_scene::files::write_atomically;
 
 /// Most frames that are chosen.
-pub const MOST_FRAMES: usize = 250;
+pub(crate) const MOST_FRAMES: usize = 250;
 /// Frames that a video should give: where it moves little, frames are taken after shorter ways.
 const ENOUGH_FRAMES: usize = 40;
 /// Fewest frames of a capture.
@@ -132,7 +132,7 @@ pub struct VideoProgress {
 
 /// Returns true if the path is a file with the extension of a video.
 #[must_use]
-pub fn is_video(path: &Path) -> bool {
+pub(crate) fn is_video(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     path.is_file() && EXTENSIONS.iter().any(|known| known.eq_ignore_ascii_case(extension))
 }
@@ -143,7 +143,7 @@ pub fn is_video(path: &Path) -> bool {
 ///
 /// # Errors
 /// [`VideoError`] in one line.
-pub fn write_frames(
+pub(crate) fn write_frames(
     video: &Path,
     folder: &Path,
     progress: &mut dyn FnMut(VideoProgress),

@@ -7,54 +7,54 @@ use crate::transformer::{Block, Embedding};
 
 /// All weights.
 #[derive(Debug)]
-pub struct Network {
-    pub backbone: Backbone,
-    pub head: Head,
+pub(crate) struct Network {
+    pub(crate) backbone: Backbone,
+    pub(crate) head: Head,
 }
 
 /// The vision transformer.
 #[derive(Debug)]
-pub struct Backbone {
-    pub embedding: Embedding,
-    pub blocks: Vec<Block>,
-    pub norm: Norm,
-    pub heads: usize,
+pub(crate) struct Backbone {
+    pub(crate) embedding: Embedding,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) norm: Norm,
+    pub(crate) heads: usize,
     /// After how many blocks the head takes the features.
-    pub taps: [usize; 4],
+    pub(crate) taps: [usize; 4],
 }
 
 /// The head that makes disparity of features.
 #[derive(Debug)]
-pub struct Head {
+pub(crate) struct Head {
     /// 1x1 px, of each tap.
-    pub project: [Linear; 4],
+    pub(crate) project: [Linear; 4],
     /// Taps to 4, 2, 1 and 1/2 px a patch.
-    pub enlarge: [Enlarge; 2],
-    pub shrink: Convolution,
-    pub reduce: [Convolution; 4],
+    pub(crate) enlarge: [Enlarge; 2],
+    pub(crate) shrink: Convolution,
+    pub(crate) reduce: [Convolution; 4],
     /// From the smallest image to the largest.
-    pub fusions: [Fusion; 4],
-    pub last: [Convolution; 2],
+    pub(crate) fusions: [Fusion; 4],
+    pub(crate) last: [Convolution; 2],
     /// To one number a pixel.
-    pub depth: Linear,
+    pub(crate) depth: Linear,
 }
 
 /// Adds a tap's image to what comes from the smaller ones.
 #[derive(Debug)]
-pub struct Fusion {
+pub(crate) struct Fusion {
     /// For the image that is added; the smallest has none.
-    pub added: Option<ResidualUnit>,
-    pub sum: ResidualUnit,
-    pub project: Linear,
+    pub(crate) added: Option<ResidualUnit>,
+    pub(crate) sum: ResidualUnit,
+    pub(crate) project: Linear,
 }
 
 /// Two convolutions that are added to what they are made from.
 #[derive(Debug)]
-pub struct ResidualUnit(pub [Convolution; 2]);
+pub(crate) struct ResidualUnit(pub [Convolution; 2]);
 
 impl Network {
     /// Disparity of a normalised photo of whole patches, one channel at its size.
-    pub fn disparity(&self, photo: &Image) -> Image {
+    pub(crate) fn disparity(&self, photo: &Image) -> Image {
         let (columns, rows) = (photo.width / PATCH, photo.height / PATCH);
         self.head.disparity(self.backbone.features(photo, columns, rows))
     }

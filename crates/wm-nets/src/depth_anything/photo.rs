@@ -11,7 +11,7 @@ use crate::pillow::resized;
 use rayon::prelude::*;
 
 /// Pixels of a patch's side.
-pub const PATCH: usize = 14;
+pub(crate) const PATCH: usize = 14;
 /// Mean and deviation of ImageNet, red, green, blue.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
@@ -23,7 +23,7 @@ const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 /// # Errors
 /// [`DisparityError`] if the photo is below a patch, or so long that the network would see it out
 /// of proportion or need more memory than [`LONGEST`](super::LONGEST) allows.
-pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
+pub(crate) fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
     if width.min(height) < PATCH {
         return Err(DisparityError::Small { width, height });
     }
@@ -38,7 +38,7 @@ pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), 
 
 /// A photo, `[H, W, 3]`, 0-1, display-referred, at another size and normalised. What is not in 0-1
 /// is clamped, NaN is 0.
-pub fn normalized(rgb: &[f32], (width, height): (usize, usize), to: (usize, usize)) -> Image {
+pub(crate) fn normalized(rgb: &[f32], (width, height): (usize, usize), to: (usize, usize)) -> Image {
     let levels: Vec<u8> = rgb.par_iter().map(|value| (255.0 * value).round() as u8).collect();
     let levels = resized(levels, (width, height), to);
     let tables: [[f32; 256]; 3] = std::array::from_fn(|lane| {

@@ -13,7 +13,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 /// The advice where a file is of another network.
-pub const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
+pub(crate) const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
                           or LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the \
                           same networks";
 
@@ -22,20 +22,20 @@ const EPSILON: f64 = 1e-6;
 
 /// Numbers of channels and blocks.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Architecture {
-    pub naming: Naming,
+pub(crate) struct Architecture {
+    pub(crate) naming: Naming,
     /// Channels of a patch.
-    pub channels: usize,
-    pub blocks: usize,
-    pub heads: usize,
+    pub(crate) channels: usize,
+    pub(crate) blocks: usize,
+    pub(crate) heads: usize,
     /// Patches along a side of the photos that it learnt from.
-    pub grid: usize,
+    pub(crate) grid: usize,
     /// Channels of the four taps.
-    pub neck: [usize; 4],
+    pub(crate) neck: [usize; 4],
     /// Channels where they are put together.
-    pub fusion: usize,
+    pub(crate) fusion: usize,
     /// Channels before depth.
-    pub last: usize,
+    pub(crate) last: usize,
 }
 
 impl Architecture {
@@ -48,7 +48,7 @@ impl Architecture {
     ///
     /// # Errors
     /// [`WeightsError`] if it is no Depth Anything, or does not say how many heads it has.
-    pub fn of(weights: &Weights, config: &Config) -> Result<Self, WeightsError> {
+    pub(crate) fn of(weights: &Weights, config: &Config) -> Result<Self, WeightsError> {
         let naming = [Naming::Transformers, Naming::Original]
             .into_iter()
             .find(|naming| weights.shape(&naming.patches("weight")).is_some())
@@ -90,7 +90,7 @@ impl Architecture {
     }
 
     /// Returns the published size that these are.
-    pub fn size(&self) -> Option<ModelSize> {
+    pub(crate) fn size(&self) -> Option<ModelSize> {
         match (self.channels, self.blocks) {
             (384, 12) => Some(ModelSize::Small),
             (768, 12) => Some(ModelSize::Base),
@@ -102,7 +102,7 @@ impl Architecture {
     /// After which blocks the head takes the features: for V1 the last four, for V2 as the
     /// backbone's `out_indices` are in the published `config.json` (and `intermediate_layer_idx` of
     /// the original `dpt.py`, from 0).
-    pub fn taps(&self, version: Version) -> [usize; 4] {
+    pub(crate) fn taps(&self, version: Version) -> [usize; 4] {
         let last = self.blocks;
         match (version, last) {
             (Version::V1, _) => [last - 3, last - 2, last - 1, last],
@@ -114,7 +114,7 @@ impl Architecture {
 
 /// The facts in `config.json` beside a file that tensors do not tell.
 #[derive(Debug, Default)]
-pub struct Config {
+pub(crate) struct Config {
     heads: Option<usize>,
     taps: Option<Vec<usize>>,
     metric: bool,
@@ -122,7 +122,7 @@ pub struct Config {
 
 impl Config {
     /// Reads it from beside a file; one that is not there, or of something else, says nothing.
-    pub fn beside(file: &Path) -> Self {
+    pub(crate) fn beside(file: &Path) -> Self {
         Self::read(&file.with_file_name("config.json")).unwrap_or_default()
     }
 
@@ -144,7 +144,7 @@ impl Config {
 
     /// Returns the reason in the file's name or its `config.json` against the use of a file, if
     /// there is one.
-    pub fn contradiction(
+    pub(crate) fn contradiction(
         &self,
         file: &Path,
         architecture: &Architecture,
@@ -171,7 +171,7 @@ impl Config {
 
 /// The naming scheme of the tensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Naming {
+pub(crate) enum Naming {
     /// Hugging Face's transformers.
     Transformers,
     /// The authors' own code.
@@ -238,9 +238,9 @@ impl Naming {
 }
 
 /// Reads one tensor after the other.
-pub struct Reader<'a> {
-    pub weights: &'a mut Weights,
-    pub architecture: &'a Architecture,
+pub(crate) struct Reader<'a> {
+    pub(crate) weights: &'a mut Weights,
+    pub(crate) architecture: &'a Architecture,
 }
 
 type Read<T> = Result<T, WeightsError>;
@@ -250,7 +250,7 @@ impl Reader<'_> {
     ///
     /// # Errors
     /// [`WeightsError`] if a tensor is missing, of another shape or not finite.
-    pub fn network(&mut self, version: Version) -> Read<Network> {
+    pub(crate) fn network(&mut self, version: Version) -> Read<Network> {
         Ok(Network { backbone: self.backbone(version)?, head: self.head()? })
     }
 

@@ -11,14 +11,13 @@ mod pth;
 mod safetensors;
 #[cfg(test)]
 mod tests;
-mod zip;
 
 pub use licence::Licence;
 
 use candle_core::{DType, Device, Tensor};
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -136,7 +135,7 @@ struct Weighed {
 
 /// Tensors by name.
 #[derive(Debug)]
-pub struct Weights {
+pub(crate) struct Weights {
     files: Vec<Weighed>,
     advice: &'static str,
 }
@@ -148,7 +147,7 @@ impl Weights {
     ///
     /// # Errors
     /// [`WeightsError`] with the file that cannot be read, is of another format or damaged.
-    pub fn open(files: &[PathBuf], advice: &'static str) -> Result<Self, WeightsError> {
+    pub(crate) fn open(files: &[PathBuf], advice: &'static str) -> Result<Self, WeightsError> {
         let open =
             |path: &PathBuf| open(path).map_err(|fault| WeightsError { files: vec![path.clone()], fault });
         Ok(Self { files: files.iter().map(open).collect::<Result<_, _>>()?, advice })
@@ -156,7 +155,7 @@ impl Weights {
 
     /// The shape of a tensor, if a file has it: that which [`Weights::tensor`] would take.
     #[must_use]
-    pub fn shape(&self, name: &str) -> Option<&[usize]> {
+    pub(crate) fn shape(&self, name: &str) -> Option<&[usize]> {
         self.files.iter().find_map(|file| file.entries.get(name)).map(|entry| &entry.shape[..])
     }
 
@@ -171,7 +170,7 @@ impl Weights {
     /// # Errors
     /// [`WeightsError`] if no file has it, or it has another shape, is no float, or holds NaN or
     /// infinity.
-    pub fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Tensor, WeightsError> {
+    pub(crate) fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Tensor, WeightsError> {
         let Some(weighed) = self.files.iter_mut().find(|file| file.entries.contains_key(name)) else {
             return Err(WeightsError {
                 files: self.files.iter().map(|file| file.path.clone()).collect(),
@@ -208,6 +207,17 @@ fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, Weigh
     }
 }
 
+/// Reads a part of a file; the caller has compared `size` with the file's or with a limit.
+fn read(file: &mut File, start: u64, size: u64) -> Result<Vec<u8>, WeightsFault> {
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(start))?;
+    file.take(size).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 != size {
+        return Err(WeightsFault::Damaged("it ends early".into()));
+    }
+    Ok(bytes)
+}
+
 fn load(
     file: &mut File,
     entry: &Entry,
@@ -220,7 +230,7 @@ fn load(
         return Err(WeightsFault::Shape { name: name.into(), found, shape: shape.into(), advice });
     }
     let dtype = entry.kind.clone().map_err(|kind| WeightsFault::Kind { name: name.into(), kind })?;
-    let bytes = zip::read(file, entry.offset, entry.bytes)?;
+    let bytes = read(file, entry.offset, entry.bytes)?;
     let tensor = Tensor::from_raw_buffer(&bytes, dtype, shape, &Device::Cpu)
         .and_then(|tensor| tensor.to_dtype(DType::F32))
         .expect("as many bytes as the shape takes");

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
 /// The tensors of a file of `length` bytes.
-pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
+pub(crate) fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
     let damaged = |what: &dyn std::fmt::Display| WeightsFault::Damaged(what.to_string());
     let mut claimed = [0; 8];
     file.seek(SeekFrom::Start(0))?;

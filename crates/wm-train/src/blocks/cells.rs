@@ -19,24 +19,24 @@ const SEEN_BY: u32 = 3;
 /// Points that a photo which joins for their sake must add, at least, and the share of its own.
 const WORTH: (usize, f64) = (10, 0.02);
 /// Fewest photos of a block.
-pub const FEWEST: usize = 3;
+pub(crate) const FEWEST: usize = 3;
 
 /// Axes of the ground: two along it, and up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroundAxes {
+pub(crate) struct GroundAxes {
     /// The first axis along the ground, world axes, length 1: the direction in which the photos
     /// reach farthest.
-    pub x: [f64; 3],
+    pub(crate) x: [f64; 3],
     /// The second axis along the ground, world axes, length 1.
-    pub y: [f64; 3],
+    pub(crate) y: [f64; 3],
 }
 
 impl GroundAxes {
     /// Returns the axes of a ground with this up, the first along the direction in which `points`
     /// reach farthest.
     #[must_use]
-    pub fn of(up: DVec3, points: &[DVec3]) -> Self {
+    pub(crate) fn of(up: DVec3, points: &[DVec3]) -> Self {
         let (mut x, mut y) = up.any_orthonormal_pair();
         let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
@@ -53,7 +53,7 @@ impl GroundAxes {
 
     /// Returns the place of a point on the ground.
     #[must_use]
-    pub fn place(&self, point: DVec3) -> DVec2 {
+    pub(crate) fn place(&self, point: DVec3) -> DVec2 {
         DVec2::new(point.dot(DVec3::from_array(self.x)), point.dot(DVec3::from_array(self.y)))
     }
 }
@@ -66,17 +66,17 @@ fn largest(axis: DVec3) -> usize {
 /// A rectangle of the ground along its axes; `None` where it has no border.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroundCell {
+pub(crate) struct GroundCell {
     /// Least coordinates; they belong to it.
-    pub low: [Option<f64>; 2],
+    pub(crate) low: [Option<f64>; 2],
     /// Greatest coordinates; they belong to the next cell.
-    pub high: [Option<f64>; 2],
+    pub(crate) high: [Option<f64>; 2],
 }
 
 impl GroundCell {
     /// Returns true if a place lies in the cell.
     #[must_use]
-    pub fn holds(&self, place: DVec2) -> bool {
+    pub(crate) fn holds(&self, place: DVec2) -> bool {
         let place = place.to_array();
         (0..2).all(|axis| {
             self.low[axis].is_none_or(|low| place[axis] >= low)
@@ -102,7 +102,7 @@ impl GroundCell {
 
 /// Cuts the ground into `count` cells with about equal numbers of `places`, each with its reach.
 #[must_use]
-pub fn cells(places: &[DVec2], count: usize) -> Vec<(GroundCell, GroundCell)> {
+pub(crate) fn cells(places: &[DVec2], count: usize) -> Vec<(GroundCell, GroundCell)> {
     let mut cells = Vec::with_capacity(count);
     let all = (0..places.len()).collect();
     cut(places, all, GroundCell::default(), count, &mut cells);
@@ -135,18 +135,18 @@ fn cut(places: &[DVec2], mut own: Vec<usize>, cell: GroundCell, count: usize, ce
 
 /// A photo on the ground.
 #[derive(Clone, Debug)]
-pub struct PlacedPhoto<'a> {
+pub(crate) struct PlacedPhoto<'a> {
     /// The place of what it shows.
-    pub place: DVec2,
+    pub(crate) place: DVec2,
     /// The points that it shows, as indices.
-    pub seen: &'a [u32],
+    pub(crate) seen: &'a [u32],
 }
 
 /// Returns the photos, as indices, that join a block: those of whose points its reach holds enough,
 /// and others as long as they show points of its core that too few of those show. `in_core` and
 /// `in_reach` say of each point whether it is there.
 #[must_use]
-pub fn joining(
+pub(crate) fn joining(
     photos: &[PlacedPhoto<'_>],
     core: &GroundCell,
     in_core: &[bool],

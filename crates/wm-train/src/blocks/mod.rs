@@ -23,9 +23,9 @@ mod shard;
 #[cfg(test)]
 mod tests;
 
-pub use cells::{GroundAxes, GroundCell};
 pub use error::BlockError;
-pub use plan::{BlockCount, BlockOptions, BlockPlan, BlockRegion, PlannedGains, PlannedHaze, TrainBlock};
+use plan::PlannedHaze;
+pub use plan::{BlockCount, BlockOptions, BlockPlan, BlockRegion, TrainBlock};
 pub use shard::TrainedBlock;
 
 use crate::brightness::PhotoGains;

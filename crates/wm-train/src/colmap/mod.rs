@@ -79,7 +79,7 @@ pub enum ColmapDevice {
 }
 
 /// Most photos of which each is compared with each.
-pub const MOST_EXHAUSTIVE: usize = 300;
+pub(crate) const MOST_EXHAUSTIVE: usize = 300;
 
 /// The result of a run of COLMAP.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -61,7 +61,7 @@ pub(super) struct Lines {
 
 impl Lines {
     /// The lines that end in `bytes`.
-    pub fn take(&mut self, bytes: &[u8]) -> impl Iterator<Item = String> {
+    pub(crate) fn take(&mut self, bytes: &[u8]) -> impl Iterator<Item = String> {
         let mut lines = Vec::new();
         for byte in bytes {
             if *byte == b'\n' || *byte == b'\r' {
@@ -79,7 +79,7 @@ impl Lines {
     }
 
     /// The last line that speaks of an error, shortened.
-    pub fn last_error(&self) -> Option<String> {
+    pub(crate) fn last_error(&self) -> Option<String> {
         let line = self.last_error.as_ref()?;
         Some(line.chars().filter(|c| !c.is_control()).take(200).collect())
     }

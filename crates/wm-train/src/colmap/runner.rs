@@ -13,7 +13,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// A run in its folder.
 pub(super) struct Runner<'a> {
     program: PathBuf,
-    pub folder: PathBuf,
+    pub(crate) folder: PathBuf,
     photos: usize,
     progress: &'a mut dyn FnMut(ColmapProgress),
     is_stopped: &'a dyn Fn() -> bool,
@@ -22,7 +22,7 @@ pub(super) struct Runner<'a> {
 impl<'a> Runner<'a> {
     /// Opens the folder of a run for photos, of which `title` is a line that tells them from
     /// others. Keeps what an earlier run for the same photos found.
-    pub fn new(
+    pub(crate) fn new(
         program: PathBuf,
         folder: PathBuf,
         title: &str,
@@ -50,7 +50,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a command to its end; all it says goes to the log, from where progress is read.
-    pub fn run(&mut self, step: ColmapStep, mut command: Command) -> Result<(), ColmapError> {
+    pub(crate) fn run(&mut self, step: ColmapStep, mut command: Command) -> Result<(), ColmapError> {
         let log = self.folder.join(LOG);
         let fault = |e| file_error(&log, e);
         let mut out = OpenOptions::new().append(true).open(&log).map_err(fault)?;

@@ -23,7 +23,7 @@ impl CameraTool {
     /// Returns the program that the environment variable `COLMAP` names, else the first COLMAP on
     /// `PATH`, else the first Python on `PATH` that can import pycolmap.
     #[must_use]
-    pub fn find() -> Option<Self> {
+    pub(crate) fn find() -> Option<Self> {
         if let Some(given) = std::env::var_os("COLMAP").filter(|given| !given.is_empty()) {
             return Some(Self::Colmap(given.into()));
         }
@@ -60,15 +60,15 @@ fn has_pycolmap(python: &Path) -> bool {
 /// The files and folders of a run.
 pub(super) struct RunPaths {
     /// The photos.
-    pub photos: PathBuf,
+    pub(crate) photos: PathBuf,
     /// Features and matches.
-    pub database: PathBuf,
+    pub(crate) database: PathBuf,
     /// What the mapper makes.
-    pub models: PathBuf,
+    pub(crate) models: PathBuf,
     /// The undistorted capture.
-    pub dataset: PathBuf,
+    pub(crate) dataset: PathBuf,
     /// The script for pycolmap.
-    pub script: PathBuf,
+    pub(crate) script: PathBuf,
 }
 
 /// Makes the commands of the four steps.
@@ -82,7 +82,7 @@ pub(super) struct StepCommands {
 
 impl StepCommands {
     /// Checks that the program starts.
-    pub fn new(tool: CameraTool, paths: RunPaths, device: ColmapDevice) -> Result<Self, ColmapError> {
+    pub(crate) fn new(tool: CameraTool, paths: RunPaths, device: ColmapDevice) -> Result<Self, ColmapError> {
         let gpu_options = match &tool {
             CameraTool::Colmap(program) => gpu_options(program)?,
             CameraTool::Pycolmap(_) => Default::default(),
@@ -95,7 +95,7 @@ impl StepCommands {
     }
 
     /// Finds features.
-    pub fn extract(&self, has_one_camera: bool) -> Command {
+    pub(crate) fn extract(&self, has_one_camera: bool) -> Command {
         let RunPaths { photos, database, .. } = &self.paths;
         match &self.tool {
             CameraTool::Colmap(_) => {
@@ -116,7 +116,7 @@ impl StepCommands {
     }
 
     /// Matches the features of pairs of photos.
-    pub fn compare(&self, is_exhaustive: bool) -> Command {
+    pub(crate) fn compare(&self, is_exhaustive: bool) -> Command {
         let database = &self.paths.database;
         let pairs = if is_exhaustive { "exhaustive" } else { "sequential" };
         match &self.tool {
@@ -130,7 +130,7 @@ impl StepCommands {
     }
 
     /// Finds cameras.
-    pub fn map(&self) -> Command {
+    pub(crate) fn map(&self) -> Command {
         let RunPaths { photos, database, models, .. } = &self.paths;
         match &self.tool {
             CameraTool::Colmap(_) => {
@@ -146,7 +146,7 @@ impl StepCommands {
     }
 
     /// Makes photos without distortion.
-    pub fn undistort(&self, model: &Path) -> Command {
+    pub(crate) fn undistort(&self, model: &Path) -> Command {
         let RunPaths { photos, dataset, .. } = &self.paths;
         match &self.tool {
             CameraTool::Colmap(_) => {

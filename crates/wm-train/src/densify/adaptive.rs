@@ -8,7 +8,7 @@
 //!
 //! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 
-use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
+use super::{DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
 use crate::check::{COUNT, ConfigValue, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -65,7 +65,7 @@ impl AdaptiveConfig {
         }
     }
 
-    fn densify(&self, step: u32, population: &mut Population, extent: f64, random: Random) -> Densified {
+    fn densify(&self, step: u32, population: &mut Population, extent: f64, random: Random) {
         let count = population.len();
         let pulls = &population.pulls;
         let pull = |i: usize| f64::from(pulls.sums[i]) / f64::from(pulls.counts[i]).max(1.0);
@@ -103,11 +103,9 @@ impl AdaptiveConfig {
         }
         gone.resize(population.len(), false);
         let kept: Vec<usize> = (0..population.len()).filter(|i| !gone[*i]).collect();
-        let went = population.len() - kept.len();
         population.select(&kept);
         population.sort();
         population.pulls = Pulls::new(population.len());
-        Densified { born: wanted.len(), moved: 0, gone: went }
     }
 }
 
@@ -139,11 +137,10 @@ impl DensifyStrategy for AdaptiveConfig {
         step < self.until && (changes || step.is_multiple_of(self.reset_every))
     }
 
-    fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
+    fn apply(&self, time: &DensifyTime, population: &mut Population) {
         let DensifyTime { step, extent, random, .. } = *time;
-        let mut done = Densified::default();
         if step < self.until && step >= self.from && step.is_multiple_of(self.every) {
-            done = self.densify(step, population, extent, random);
+            self.densify(step, population, extent, random);
         }
         if step < self.until && step.is_multiple_of(self.reset_every) {
             let most = logit(2.0 * self.faint) as f32;
@@ -152,7 +149,6 @@ impl DensifyStrategy for AdaptiveConfig {
             }
             population.forget_opacities();
         }
-        done
     }
 }
 
@@ -190,9 +186,10 @@ mod tests {
         let before = population.clone();
         let random = Random::new(0, Purpose::Sample, 600);
         let at = |step| DensifyTime { step, photos: 1, extent: 10.0, random };
-        assert_eq!(config.apply(&at(550), &mut population), Densified::default());
-        let done = config.apply(&at(600), &mut population);
-        assert_eq!(done, Densified { born: 2, moved: 0, gone: 1 });
+        config.apply(&at(550), &mut population);
+        assert!(population == before);
+        // Two are born, one goes.
+        config.apply(&at(600), &mut population);
         assert_eq!(population.len(), 101);
         let halves =
             population.splats.log_scales.iter().filter(|s| (s[0] - (1.0 - 0.47)).abs() < 1e-3).count();
@@ -200,7 +197,8 @@ mod tests {
         assert_eq!((halves, clones), (2, 2));
         config.max_splats = 100;
         let mut full = before;
-        assert_eq!(config.apply(&at(600), &mut full).born, 0);
+        config.apply(&at(600), &mut full);
+        assert_eq!(full.len(), 99);
         config.apply(&at(3000), &mut full);
         assert!((0..full.len()).all(|i| full.splats.opacity(i) < 0.0101));
     }

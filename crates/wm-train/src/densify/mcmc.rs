@@ -15,7 +15,7 @@
 //! scene's extent, since one that fills gaps all over a photo stands in the way of every other
 //! view; the sky's splats take no part.
 
-use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls};
+use super::{DensifyStrategy, DensifyTime, Population, Pulls};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -112,10 +112,10 @@ impl DensifyStrategy for McmcConfig {
         step >= self.from && step < self.until && step.is_multiple_of(self.every)
     }
 
-    fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
+    fn apply(&self, time: &DensifyTime, population: &mut Population) {
         let DensifyTime { step, photos, extent, random } = *time;
         if !self.is_due(step) {
-            return Densified::default();
+            return;
         }
         let count = population.len();
         let lost_after = LOST_AFTER.saturating_mul(u32::try_from(photos).unwrap_or(u32::MAX));
@@ -130,19 +130,17 @@ impl DensifyStrategy for McmcConfig {
         for (dead, host) in dead.iter().zip(&hosts) {
             population.take_place(*dead, *host);
         }
-        let moved = hosts.len();
         // The sky's splats neither have children nor take room of the others.
         let count = population.splats.groups.iter().filter(|group| **group != Group::Sky).count();
         let grown = (count as f64 * (1.0 + self.growth)) as usize;
         let born = grown.max(count + 1).min(self.max_splats).saturating_sub(count);
-        let still_dead = if moved > 0 { &[][..] } else { &dead[..] };
+        let still_dead = if hosts.is_empty() { &dead[..] } else { &[][..] };
         let hosts = sample(population, still_dead, born, random, dead.len() as u64);
         population.settle(&hosts, self.dead);
         population.copy(&hosts);
         population.bound(extent);
         population.sort();
         population.pulls = Pulls::new(population.len());
-        Densified { born: hosts.len(), moved, gone: 0 }
     }
 }
 
@@ -312,13 +310,14 @@ mod tests {
         population.splats.logit_opacities[..40].fill(-9.0);
         population.seen.fill(595);
         let config = McmcConfig { max_splats: 410, ..McmcConfig::for_steps(30_000, 410) };
-        let done = config.apply(&at(600), &mut population);
-        assert_eq!(done, Densified { born: 10, moved: 40, gone: 0 });
+        config.apply(&at(600), &mut population);
         assert_eq!(population.len(), 410);
         assert!((0..410).all(|i| population.splats.opacity(i) > 0.01));
-        assert_eq!(config.apply(&at(601), &mut population), Densified::default());
-        let done = config.apply(&at(700), &mut population);
-        assert_eq!(done.born, 0);
+        let before = population.clone();
+        config.apply(&at(601), &mut population);
+        assert!(population == before);
+        config.apply(&at(700), &mut population);
+        assert_eq!(population.len(), 410);
     }
 
     #[test]
@@ -373,8 +372,7 @@ mod tests {
             population.splats.groups.iter().filter(|group| **group == Group::Sky).count()
         };
         let config = McmcConfig::for_steps(30_000, 80);
-        let done = config.apply(&at(600), &mut population);
-        assert_eq!(done, Densified { born: 1, moved: 1, gone: 0 });
+        config.apply(&at(600), &mut population);
         assert!(population.splats.means.iter().flatten().all(|v| v.abs() < 1e5));
         assert_eq!((population.len(), skies(&population)), (61, 30));
     }
@@ -384,7 +382,7 @@ mod tests {
         let mut population = Population::new(random_splats(20, 0, 4));
         population.splats.logit_opacities.fill(-9.0);
         let before = population.splats.clone();
-        let done = McmcConfig::for_steps(30_000, 80).apply(&at(600), &mut population);
-        assert_eq!((done, population.splats), (Densified::default(), before));
+        McmcConfig::for_steps(30_000, 80).apply(&at(600), &mut population);
+        assert_eq!(population.splats, before);
     }
 }

@@ -48,7 +48,7 @@ const SAME: f64 = 0.03;
 
 /// The ground beyond what photos show through the haze.
 #[derive(Clone, Debug)]
-pub struct FarGround<'a> {
+pub(crate) struct FarGround<'a> {
     cameras: &'a [Camera],
     /// The middle of the cameras.
     center: DVec3,
@@ -65,7 +65,12 @@ impl<'a> FarGround<'a> {
     /// Returns the ground under `cameras`, of which `points` tell the height; `None` if the cameras
     /// are not above it.
     #[must_use]
-    pub fn new(cameras: &'a [Camera], points: &SparsePoints, up: DVec3, haze: &PhotoHaze) -> Option<Self> {
+    pub(crate) fn new(
+        cameras: &'a [Camera],
+        points: &SparsePoints,
+        up: DVec3,
+        haze: &PhotoHaze,
+    ) -> Option<Self> {
         let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
         let mut heights: Vec<f64> = points.positions.iter().map(|p| up.dot(DVec3::from_array(*p))).collect();
         heights.retain(|height| height.is_finite());
@@ -80,7 +85,7 @@ impl<'a> FarGround<'a> {
 
     /// The sine of the height below which no photo shows endless haze.
     #[must_use]
-    pub fn lowest(&self) -> f64 {
+    pub(crate) fn lowest(&self) -> f64 {
         let highest = self.cameras.iter().map(|camera| self.up.dot(camera.center() - self.center));
         let highest = self.height + highest.fold(0.0, f64::max);
         (-highest / self.hidden - ROOM).max(-1.0)
@@ -88,7 +93,7 @@ impl<'a> FarGround<'a> {
 
     /// Adds it to a finished scene of `extent` units, in the mean colour of the ground that the
     /// cameras show, or of all that they show where they show none.
-    pub fn add(&self, splats: &mut Splats, extent: f64, haze: &PhotoHaze) {
+    pub(crate) fn add(&self, splats: &mut Splats, extent: f64, haze: &PhotoHaze) {
         let of = |counts: &dyn Fn(DVec3) -> bool| mean_color(splats, self.cameras, &haze.air(), counts);
         let level = self.up.dot(self.center) - self.height;
         let is_level = |at: DVec3| (self.up.dot(at) - level).abs() < LEVEL * self.height;
@@ -127,7 +132,7 @@ impl<'a> FarGround<'a> {
 /// Returns a photo's prior with no claim of what stands where the photo shows the light of endless
 /// haze and the depth is not known.
 #[must_use]
-pub fn without_hidden(prior: &Prior, photo: &Photo, haze: &PhotoHaze) -> Prior {
+pub(crate) fn without_hidden(prior: &Prior, photo: &Photo, haze: &PhotoHaze) -> Prior {
     let mut prior = prior.clone();
     let light = haze.airlight.map(|light| 255.0 * srgb_encode(light));
     let (width, height) = (prior.width as usize, prior.height as usize);

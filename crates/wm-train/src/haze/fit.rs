@@ -26,24 +26,24 @@ const STEPS: usize = 40;
 
 /// A fit, with lengths in units of its own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct HazeFit {
+pub(crate) struct HazeFit {
     /// Extinction a unit of length.
-    pub beta: f64,
+    pub(crate) beta: f64,
     /// Light that the air adds a unit of length.
-    pub added: [f64; 3],
+    pub(crate) added: [f64; 3],
     /// Light of endless haze, if it is known: then `added` is this times `beta`.
-    pub airlight: Option<[f64; 3]>,
+    pub(crate) airlight: Option<[f64; 3]>,
     /// Logarithms of the photos' gains.
-    pub gains: Vec<f64>,
+    pub(crate) gains: Vec<f64>,
     /// Standard deviation of residuals, display-referred.
-    pub sigma: f64,
+    pub(crate) sigma: f64,
     /// Cauchy's cost, a mean over sightings.
-    pub cost: f64,
+    pub(crate) cost: f64,
 }
 
 /// The numbers that a fit may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Free {
+pub(crate) enum Free {
     /// The gains, for air of the extinction and the light that it has.
     Gains,
     /// The light and the gains, for air of the extinction that it has.
@@ -54,13 +54,13 @@ pub enum Free {
 
 impl HazeFit {
     /// Clear air and even gains.
-    pub fn clear(photos: usize) -> Self {
+    pub(crate) fn clear(photos: usize) -> Self {
         let (beta, added, airlight, gains) = (0.0, [0.0; 3], None, vec![0.0; photos]);
         Self { beta, added, airlight, gains, sigma: 0.05, cost: f64::INFINITY }
     }
 
     /// Returns the fit to `tracks`, whose distances are divided by `unit`, from this one on.
-    pub fn fitted(mut self, tracks: &[&PointTrack], unit: f64, free: Free) -> Self {
+    pub(crate) fn fitted(mut self, tracks: &[&PointTrack], unit: f64, free: Free) -> Self {
         let mut damping = 1e-3;
         let mut sums = Sums::of(&self, tracks, unit);
         for _ in 0..STEPS {
@@ -92,7 +92,7 @@ impl HazeFit {
     }
 
     /// Returns the standard deviation of residuals that photos of even exposure would have.
-    pub fn sigma_of_even(&self, tracks: &[&PointTrack], unit: f64) -> f64 {
+    pub(crate) fn sigma_of_even(&self, tracks: &[&PointTrack], unit: f64) -> f64 {
         Sums::of(&Self { gains: vec![0.0; self.gains.len()], ..self.clone() }, tracks, unit).sigma
     }
 

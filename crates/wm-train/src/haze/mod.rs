@@ -14,8 +14,8 @@ mod sightings;
 #[cfg(test)]
 mod tests;
 
-pub use far_ground::{FarGround, without_hidden};
-pub use settle::settle;
+pub(crate) use far_ground::{FarGround, without_hidden};
+pub(crate) use settle::settle;
 
 use crate::brightness::PhotoGains;
 use crate::photos::Photos;
@@ -55,17 +55,17 @@ const CELLS: f64 = 6.0;
 
 /// Even, grey haze.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PhotoHaze {
+pub(crate) struct PhotoHaze {
     /// Extinction a scene unit.
-    pub extinction: f64,
+    pub(crate) extinction: f64,
     /// Its standard deviation; `None` if it was given.
-    pub error: Option<f64>,
+    pub(crate) error: Option<f64>,
     /// Extinction a scene unit with which such air looks as photos show the haze: cameras compress
     /// what is bright, endless haze above all, so thinner haze of their light must be denser to
     /// look as bright as theirs.
-    pub shown: f64,
+    pub(crate) shown: f64,
     /// Light of endless haze as photos show it, linear RGB, 1 = display white.
-    pub airlight: [f64; 3],
+    pub(crate) airlight: [f64; 3],
 }
 
 impl PhotoHaze {
@@ -76,7 +76,7 @@ impl PhotoHaze {
     /// photos show it. Without it the light is fitted too, which tells less of the extinction:
     /// thick haze of little light dims as thin haze of much light does.
     #[must_use]
-    pub fn measured(
+    pub(crate) fn measured(
         capture: &Capture,
         photos: &Photos,
         places: &[usize],
@@ -90,7 +90,7 @@ impl PhotoHaze {
     /// Haze of this extinction a scene unit, with the light of `horizon`, or that fits the photos
     /// `places` best, and their gains; `None` if they share too few points.
     #[must_use]
-    pub fn given(
+    pub(crate) fn given(
         capture: &Capture,
         photos: &Photos,
         places: &[usize],
@@ -104,14 +104,14 @@ impl PhotoHaze {
 
     /// The haze that a scene's metadata states.
     #[must_use]
-    pub fn of(metadata: &Metadata) -> Option<Self> {
+    pub(crate) fn of(metadata: &Metadata) -> Option<Self> {
         let (extinction, airlight) = (metadata.haze_extinction?, metadata.haze_airlight?);
         let shown = metadata.haze_shown_extinction.unwrap_or(extinction);
         Some(Self { extinction, error: metadata.haze_extinction_error, shown, airlight })
     }
 
     /// Writes it into a scene's metadata.
-    pub fn note(&self, metadata: &mut Metadata) {
+    pub(crate) fn note(&self, metadata: &mut Metadata) {
         metadata.haze_extinction = Some(self.extinction);
         metadata.haze_extinction_error = self.error;
         metadata.haze_shown_extinction = Some(self.shown);
@@ -120,26 +120,26 @@ impl PhotoHaze {
 
     /// The extinction of a meteorological optical range, both in the same unit of length.
     #[must_use]
-    pub fn extinction_of(mor: f64) -> f64 {
+    pub(crate) fn extinction_of(mor: f64) -> f64 {
         MOR_DEPTH / mor
     }
 
     /// Returns it as renders take it.
     #[must_use]
-    pub fn air(&self) -> EvenAir {
+    pub(crate) fn air(&self) -> EvenAir {
         EvenAir { extinction: self.shown as f32, airlight: self.airlight.map(|v| v as f32) }
     }
 
     /// The share of light that is left after `distance`, scene units, as photos show it.
     #[must_use]
-    pub fn transmittance(&self, distance: f64) -> f64 {
+    pub(crate) fn transmittance(&self, distance: f64) -> f64 {
         (-self.shown * distance).exp()
     }
 
     /// Returns the colour (sRGB) of a surface that a photo shows as `rgb` through a length of haze
     /// that lets the share `transmittance` of its light through, as far as it can be told.
     #[must_use]
-    pub fn clear_color(&self, rgb: [u8; 3], transmittance: f64) -> [u8; 3] {
+    pub(crate) fn clear_color(&self, rgb: [u8; 3], transmittance: f64) -> [u8; 3] {
         // Of less the noise would be drawn.
         let kept = transmittance.max(LEAST_KEPT);
         std::array::from_fn(|c| {
@@ -151,7 +151,7 @@ impl PhotoHaze {
 
     /// Takes the haze out of the colours of the points of `capture`, which are means over the
     /// photos that show them.
-    pub fn clear_points(&self, capture: &Capture, points: &mut SparsePoints) {
+    pub(crate) fn clear_points(&self, capture: &Capture, points: &mut SparsePoints) {
         let mut kept = vec![(0.0f64, 0u32); points.len()];
         for (view, observed) in capture.views.iter().zip(&capture.observations) {
             let center = view.camera.center();

@@ -19,7 +19,7 @@ const KNOWN: f64 = 0.3;
 
 /// Draws the colours of splats that all of `cameras` see through much air towards the mean of the
 /// others.
-pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
+pub(crate) fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
     let shown = transmittances(splats, cameras, air);
     let Some(mean) = mean_of_known(splats, &shown, &|_| true) else { return };
     let stride = splats.sh_stride();
@@ -38,7 +38,7 @@ pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
 
 /// Returns the mean colour (display-referred) of the splats at places that count of which `cameras`
 /// show the colour; `None` if there are none.
-pub fn mean_color(
+pub(crate) fn mean_color(
     splats: &Splats,
     cameras: &[Camera],
     air: &EvenAir,
@@ -85,7 +85,7 @@ fn transmittances(splats: &Splats, cameras: &[Camera], air: &EvenAir) -> Vec<f64
 
 /// Returns the distance of a place from the nearest of those cameras that count; infinity if none
 /// does.
-pub fn nearest(cameras: &[Camera], at: DVec3, counts: impl Fn(&Camera) -> bool) -> f64 {
+pub(crate) fn nearest(cameras: &[Camera], at: DVec3, counts: impl Fn(&Camera) -> bool) -> f64 {
     let distances = cameras.iter().filter(|camera| counts(camera)).map(|camera| camera.center().distance(at));
     distances.fold(f64::INFINITY, f64::min)
 }

@@ -13,22 +13,22 @@ use wm_scene::color::srgb_decode;
 
 /// A point as a photo shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sighting {
+pub(crate) struct Sighting {
     /// Index of the photo among those in use.
-    pub photo: u32,
+    pub(crate) photo: u32,
     /// Length of the ray, scene units.
-    pub distance: f32,
+    pub(crate) distance: f32,
     /// Mean colour of its surroundings, linear light.
-    pub light: [f32; 3],
+    pub(crate) light: [f32; 3],
 }
 
 /// All sightings of one point.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PointTrack {
+pub(crate) struct PointTrack {
     /// Index of the point.
-    pub point: u32,
+    pub(crate) point: u32,
     /// By photo.
-    pub sightings: Vec<Sighting>,
+    pub(crate) sightings: Vec<Sighting>,
 }
 
 /// Half the side of the window in the photo in which it is smallest, px: larger ones show surfaces
@@ -49,7 +49,7 @@ static LIGHT: LazyLock<[f32; 256]> =
 /// Returns the tracks of the points that at least two of the photos `places` show, by the
 /// observations of the capture.
 #[must_use]
-pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
+pub(crate) fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
     let levels: Vec<u8> = places.iter().map(|place| photos.level_within(*place, SIDE)).collect();
     let seen: Vec<Vec<(u32, Placed)>> = places
         .par_iter()

@@ -7,7 +7,7 @@ use wm_render::training::{Belief, Believed};
 
 /// `prior` as a device takes it; `pixels` are [`beliefs`].
 #[must_use]
-pub fn believed<'a>(
+pub(crate) fn believed<'a>(
     truth: &TrainPhoto<'_>,
     prior: &Prior,
     pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
@@ -18,7 +18,7 @@ pub fn believed<'a>(
 
 /// Of each pixel of the photo, `[H, W]`.
 #[must_use]
-pub fn beliefs(truth: &TrainPhoto<'_>) -> Vec<Belief> {
+pub(crate) fn beliefs(truth: &TrainPhoto<'_>) -> Vec<Belief> {
     let (width, height) = truth.size();
     let mut beliefs = vec![Belief::NONE; width as usize * height as usize];
     let Some(prior) = truth.prior else { return beliefs };

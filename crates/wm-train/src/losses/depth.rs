@@ -15,7 +15,7 @@ use wm_render::training::{COVERED, Comparison, EXACT, Term};
 
 /// The term `depth`.
 #[derive(Clone, Debug)]
-pub struct DepthTerm {
+pub(crate) struct DepthTerm {
     weight: f64,
     from: u32,
     steps: u32,
@@ -25,7 +25,7 @@ pub struct DepthTerm {
 impl DepthTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = config.loss.geometry;
         Self {
             weight: geometry.depth,

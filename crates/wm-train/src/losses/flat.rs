@@ -13,14 +13,14 @@ use wm_render::training::SplatTerms;
 
 /// The term `flat`.
 #[derive(Clone, Debug)]
-pub struct FlatTerm {
+pub(crate) struct FlatTerm {
     weight: f64,
 }
 
 impl FlatTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         Self { weight: config.loss.geometry.flat }
     }
 }

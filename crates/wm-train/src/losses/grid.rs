@@ -4,11 +4,11 @@ use crate::priors::Prior;
 
 /// Pairs of pixels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grid {
+pub(crate) struct Grid {
     /// Columns and rows.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Rows.
-    pub height: usize,
+    pub(crate) height: usize,
     columns: Vec<(u32, u32)>,
     rows: Vec<(u32, u32)>,
 }
@@ -16,7 +16,7 @@ pub struct Grid {
 impl Grid {
     /// For frames of `size` and a prior of the same view.
     #[must_use]
-    pub fn new(size: (u32, u32), prior: &Prior) -> Self {
+    pub(crate) fn new(size: (u32, u32), prior: &Prior) -> Self {
         let pairs = |frame: u32, prior: u32| -> Vec<(u32, u32)> {
             let count = frame.min(prior);
             let at = |i: u32, of: u32| {
@@ -32,20 +32,20 @@ impl Grid {
 
     /// Number of pairs.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.width * self.height
     }
 
     /// The indices of a pair in one-channel arrays of the frame and of the prior.
     #[inline(always)]
     #[must_use]
-    pub fn at(&self, column: usize, row: usize) -> (usize, usize) {
+    pub(crate) fn at(&self, column: usize, row: usize) -> (usize, usize) {
         let ((x, u), (y, v)) = (self.columns[column], self.rows[row]);
         ((y + x) as usize, (v + u) as usize)
     }
 
     /// All pairs, row by row.
-    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
         (0..self.height).flat_map(move |row| (0..self.width).map(move |column| self.at(column, row)))
     }
 }

@@ -7,9 +7,9 @@ use wm_render::training::{Comparison, Term};
 
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]
-pub struct L1Term {
+pub(crate) struct L1Term {
     /// Its weight at all steps.
-    pub weight: f64,
+    pub(crate) weight: f64,
 }
 
 impl LossTerm for L1Term {

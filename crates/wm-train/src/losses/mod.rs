@@ -15,15 +15,15 @@ mod smooth;
 mod ssim;
 mod surface;
 
-pub use beliefs::{beliefs, believed};
-pub use depth::DepthTerm;
-pub use flat::FlatTerm;
-pub use l1::L1Term;
-pub use normal::NormalTerm;
-pub use patches::{PatchDepthTerm, PatchPass};
-pub use smooth::SmoothTerm;
-pub use ssim::SsimTerm;
-pub use surface::SurfaceTerm;
+pub(crate) use beliefs::{beliefs, believed};
+pub(crate) use depth::DepthTerm;
+pub(crate) use flat::FlatTerm;
+pub(crate) use l1::L1Term;
+pub(crate) use normal::NormalTerm;
+pub(crate) use patches::{PatchDepthTerm, PatchPass};
+pub(crate) use smooth::SmoothTerm;
+pub(crate) use ssim::SsimTerm;
+pub(crate) use surface::SurfaceTerm;
 
 use crate::config::TrainConfig;
 use crate::priors::Prior;
@@ -35,7 +35,7 @@ use wm_scene::Camera;
 
 /// The terms of a configuration.
 #[must_use]
-pub fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
+pub(crate) fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
     vec![
         Box::new(L1Term { weight: config.loss.l1 }),
         Box::new(SsimTerm::new(config.loss.ssim, path)),
@@ -65,48 +65,48 @@ pub struct TrainPhoto<'a> {
 impl TrainPhoto<'_> {
     /// Columns and rows.
     #[must_use]
-    pub fn size(&self) -> (u32, u32) {
+    pub(crate) fn size(&self) -> (u32, u32) {
         (self.camera.width, self.camera.height)
     }
 }
 
 /// The input of a loss term.
 #[derive(Clone, Copy, Debug)]
-pub struct LossInput<'a> {
+pub(crate) struct LossInput<'a> {
     /// The render; its colours have the photo's exposure.
-    pub frame: &'a Frame,
+    pub(crate) frame: &'a Frame,
     /// The photo and its prior.
-    pub truth: &'a TrainPhoto<'a>,
+    pub(crate) truth: &'a TrainPhoto<'a>,
     /// The step of the training, from 0.
-    pub step: u32,
+    pub(crate) step: u32,
     /// For loops over pixels.
-    pub path: SimdPath,
+    pub(crate) path: SimdPath,
 }
 
 /// Derivatives of the loss by the pixels of a frame; empty where nothing was rendered, or a device
 /// has them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LossGradients {
+pub(crate) struct LossGradients {
     /// `[H, W, 3]`.
-    pub rgb: Vec<f32>,
+    pub(crate) rgb: Vec<f32>,
     /// `[H, W]`.
-    pub alpha: Vec<f32>,
+    pub(crate) alpha: Vec<f32>,
     /// `[H, W]`.
-    pub depth: Vec<f32>,
+    pub(crate) depth: Vec<f32>,
     /// `[H, W, 3]`.
-    pub normal: Vec<f32>,
+    pub(crate) normal: Vec<f32>,
 }
 
 impl LossGradients {
     /// None.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         for array in [&mut self.rgb, &mut self.alpha, &mut self.depth, &mut self.normal] {
             array.clear();
         }
     }
 
     /// Zeros for every picture of `frame`.
-    pub fn clear(&mut self, frame: &Frame) {
+    pub(crate) fn clear(&mut self, frame: &Frame) {
         let arrays = [
             (&mut self.rgb, frame.rgb.len()),
             (&mut self.alpha, frame.alpha.len()),
@@ -121,29 +121,29 @@ impl LossGradients {
 
     /// Returns the derivatives in the form that the renderer takes.
     #[must_use]
-    pub fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
+    pub(crate) fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
         Upstream { rgb: &self.rgb, alpha: &self.alpha, depth: &self.depth, normal: &self.normal, depth_alpha }
     }
 }
 
 /// A render for one term alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OwnRender {
+pub(crate) struct OwnRender {
     /// The pictures that are rendered.
-    pub channels: Channels,
+    pub(crate) channels: Channels,
     /// The opacities that are used.
-    pub opacity: Opacity,
+    pub(crate) opacity: Opacity,
     /// The splats that are drawn.
-    pub drawn: DrawnSplats,
+    pub(crate) drawn: DrawnSplats,
     /// The parameters that learn from it.
-    pub learn: Learn,
+    pub(crate) learn: Learn,
     /// The choice of whether coverage learns from depth.
-    pub depth_alpha: DepthAlpha,
+    pub(crate) depth_alpha: DepthAlpha,
 }
 
 /// The place where a term can be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reads {
+pub(crate) enum Reads {
     /// Only where the pictures are in the computer's memory.
     Frame,
     /// Also on the device that holds the pictures.
@@ -153,7 +153,7 @@ pub enum Reads {
 }
 
 /// A term of the loss.
-pub trait LossTerm: Send {
+pub(crate) trait LossTerm: Send {
     /// Returns the name of the term in reports.
     fn name(&self) -> &'static str;
 

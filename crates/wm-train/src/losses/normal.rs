@@ -13,7 +13,7 @@ use wm_render::training::{COVERED, Comparison, Term};
 
 /// The term `normal`.
 #[derive(Clone, Debug)]
-pub struct NormalTerm {
+pub(crate) struct NormalTerm {
     weight: f64,
     from: u32,
 }
@@ -21,7 +21,7 @@ pub struct NormalTerm {
 impl NormalTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.normal, from: geometry.normal_from(config.steps) }
     }

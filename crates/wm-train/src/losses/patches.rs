@@ -26,7 +26,7 @@ const AT_HEIGHT: f64 = 378.0;
 
 /// The parameters that a patch term changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PatchPass {
+pub(crate) enum PatchPass {
     /// Means.
     Hard,
     /// Opacities.
@@ -35,7 +35,7 @@ pub enum PatchPass {
 
 /// The terms `depth-hard` and `depth-soft`.
 #[derive(Clone, Debug)]
-pub struct PatchDepthTerm {
+pub(crate) struct PatchDepthTerm {
     pass: PatchPass,
     weight: f64,
     local: f64,
@@ -62,7 +62,7 @@ struct Work {
 impl PatchDepthTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig, pass: PatchPass) -> Self {
+    pub(crate) fn new(config: &TrainConfig, pass: PatchPass) -> Self {
         let geometry = config.loss.geometry;
         let (weight, from) = match pass {
             PatchPass::Hard => (geometry.depth_hard, 0),

@@ -10,7 +10,7 @@ use wm_render::training::{COVERED, Comparison, EDGE, Term};
 
 /// The term `smooth`.
 #[derive(Clone, Debug)]
-pub struct SmoothTerm {
+pub(crate) struct SmoothTerm {
     weight: f64,
     from: u32,
 }
@@ -18,7 +18,7 @@ pub struct SmoothTerm {
 impl SmoothTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.smooth, from: geometry.depth_from(config.steps) }
     }

@@ -7,16 +7,16 @@ use wm_render::training::{Comparison, Term};
 
 /// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
 #[derive(Clone, Debug)]
-pub struct SsimTerm {
+pub(crate) struct SsimTerm {
     /// Its weight at all steps.
-    pub weight: f64,
+    pub(crate) weight: f64,
     ssim: Ssim,
 }
 
 impl SsimTerm {
     /// With a weight, on a SIMD path.
     #[must_use]
-    pub fn new(weight: f64, path: SimdPath) -> Self {
+    pub(crate) fn new(weight: f64, path: SimdPath) -> Self {
         Self { weight, ssim: Ssim::new(path) }
     }
 }

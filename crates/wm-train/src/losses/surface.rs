@@ -16,7 +16,7 @@ use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// The term `surface`.
 #[derive(Clone, Debug)]
-pub struct SurfaceTerm {
+pub(crate) struct SurfaceTerm {
     weight: f64,
     every: u32,
 }
@@ -24,7 +24,7 @@ pub struct SurfaceTerm {
 impl SurfaceTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.surface, every: geometry.every.max(1) }
     }
@@ -72,7 +72,7 @@ impl LossTerm for SurfaceTerm {
 }
 
 /// Gives each pixel of the photo that counts, and S in it.
-pub fn shares(truth: &TrainPhoto<'_>, prior: &Prior, mut give: impl FnMut(usize, f32)) {
+pub(crate) fn shares(truth: &TrainPhoto<'_>, prior: &Prior, mut give: impl FnMut(usize, f32)) {
     let (width, height) = (truth.camera.width as usize, truth.camera.height as usize);
     let colors = cell_colors(truth, prior);
     let mut mattes = vec![Matte::Unasked; prior.sky.len()];

@@ -68,7 +68,4 @@ pub enum MapFault {
         /// Of those that are known, percent.
         share: f64,
     },
-    /// Depth of unknown scale where metres are needed.
-    #[error("depth of no known scale cannot be compared; give the metres a step")]
-    NoScale,
 }

@@ -7,7 +7,7 @@
 //! | `.exr` | 16 or 32-bit floats | see [`read_map`] |
 //! | `.npy` | little-endian f32 | `[H, W]`, `[H, W, C]` with 1 to 4 |
 //!
-//! A file becomes a [`Map`] of the numbers in it; what they mean is said beside it: [`DepthKind`],
+//! A file becomes a [`Map`] of the numbers in it; what they mean is said beside it: [`DepthForm`],
 //! [`NormalAxes`], [`Map::to_mask`]. Which file belongs to a photo is told by its name
 //! ([`MapFolder`]). Pixels are those of the photo without its lens: where a camera has distortion,
 //! the maps are of the pinhole picture, or made so
@@ -26,9 +26,9 @@ mod tests;
 mod tiff;
 mod unit;
 
-pub use depth::{DepthForm, DepthKind, DepthMapScale};
+pub use depth::DepthForm;
 pub use error::{MapError, MapFault};
-pub use find::{EXTENSIONS, MapFolder};
+pub use find::MapFolder;
 pub use normal::NormalAxes;
 pub use resample::Filter;
 pub use unit::DepthUnit;
@@ -42,7 +42,7 @@ use std::{
 use wm_scene::camera::MAX_SIDE;
 
 /// Most numbers of a map: 1 GiB of them, such as three channels of 89 million pixels.
-pub const MAX_VALUES: u64 = 1 << 28;
+pub(crate) const MAX_VALUES: u64 = 1 << 28;
 /// Longest file that is read, bytes.
 const MAX_FILE: u64 = 1 << 31;
 /// Most bytes that one byte of a compressed file can stand for: deflate reaches 1032, LZW of 12
@@ -95,7 +95,7 @@ impl Map {
 
     /// Number of pixels.
     #[must_use]
-    pub fn pixels(&self) -> usize {
+    pub(crate) fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
     }
 
@@ -115,7 +115,7 @@ impl Map {
     ///
     /// # Errors
     /// [`MapFault::Aspect`] if the aspect ratios differ by more than 1 %.
-    pub fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
+    pub(crate) fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
         let across = f64::from(self.width) * f64::from(photo_height);
         let down = f64::from(self.height) * f64::from(photo_width);
         if (across / down - 1.0).abs() <= ASPECT && (down / across - 1.0).abs() <= ASPECT {
@@ -125,21 +125,11 @@ impl Map {
         Err(MapFault::Aspect { width, height, photo_width, photo_height })
     }
 
-    /// The values as shares of what the file can hold, `[H, W, C]`: counts over the highest count,
-    /// floats as they are.
-    #[must_use]
-    pub fn shares(&self) -> Vec<f32> {
-        match self.stored {
-            Stored::Floats => self.values.clone(),
-            Stored::Counts(full) => self.values.iter().map(|v| v / full).collect(),
-        }
-    }
-
     /// The map as a mask, `[H, W]`, 0-1; what is not finite is 0.
     ///
     /// Of coloured pictures red says it. Counts that are all 0 and 1 are taken as such.
     #[must_use]
-    pub fn to_mask(&self) -> Vec<f32> {
+    pub(crate) fn to_mask(&self) -> Vec<f32> {
         let is_tiny = self.values.iter().all(|v| *v <= 1.0);
         let full = match self.stored {
             Stored::Counts(full) if !is_tiny => full,

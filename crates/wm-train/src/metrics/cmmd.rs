@@ -116,14 +116,6 @@ impl Embeddings {
         embeddings.map_err(|fault| EmbeddingError::Fault { path: path.display().to_string(), fault })
     }
 
-    /// Writes them as a NumPy array, whole or not at all.
-    ///
-    /// # Errors
-    /// [`FormatError`] if the file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), FormatError> {
-        npy::write(path, &self.values, &[self.count(), self.width])
-    }
-
     /// The number of images.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -134,15 +126,6 @@ impl Embeddings {
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
-    }
-
-    /// The numbers of a picture.
-    ///
-    /// # Panics
-    /// If there is no such picture.
-    #[must_use]
-    pub fn row(&self, index: usize) -> &[f32] {
-        &self.values[index * self.width..(index + 1) * self.width]
     }
 
     /// Rows as threads take them, with the number of the block.
@@ -290,7 +273,7 @@ mod tests {
             let mut sum = 0.0;
             for i in 0..x.count() {
                 for j in 0..y.count() {
-                    let (a, b) = (x.row(i), y.row(j));
+                    let (a, b) = (&x.values[i * x.width..][..x.width], &y.values[j * y.width..][..y.width]);
                     sum += (-(dot(a, a) + dot(b, b) - 2.0 * dot(a, b)) / 200.0).exp();
                 }
             }
@@ -380,7 +363,7 @@ mod tests {
         npy::write(&path, &[], &[0, 4]).unwrap();
         assert!(Embeddings::read(&path).unwrap_err().to_string().contains("there is no embedding in it"));
         let kept = made_up(3, 5, 7, 0.2);
-        kept.write(&path).unwrap();
+        npy::write(&path, &kept.values, &[3, 5]).unwrap();
         assert_eq!(Embeddings::read(&path).unwrap(), kept);
     }
 }

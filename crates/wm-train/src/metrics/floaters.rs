@@ -13,7 +13,7 @@ use wm_render::reference;
 use wm_scene::{Camera, Group, Rasterization, Splats};
 
 /// Splats fainter than this are not looked at: opacity.
-pub const FAINTEST: f64 = 0.1;
+pub(crate) const FAINTEST: f64 = 0.1;
 
 /// The numbers of floaters; see [`Floaters`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ impl FloaterShare {
 }
 
 /// Adds up views.
-pub struct Floaters<'a> {
+pub(crate) struct Floaters<'a> {
     splats: &'a Splats,
     rasterization: Rasterization,
     /// Of each splat.
@@ -60,7 +60,7 @@ enum Seen {
 impl<'a> Floaters<'a> {
     /// Begins with no view.
     #[must_use]
-    pub fn new(splats: &'a Splats, rasterization: Rasterization) -> Self {
+    pub(crate) fn new(splats: &'a Splats, rasterization: Rasterization) -> Self {
         Self { splats, rasterization, seen: vec![Seen::Nowhere; splats.len()], weights: [0.0; 2] }
     }
 
@@ -69,7 +69,7 @@ impl<'a> Floaters<'a> {
     ///
     /// # Panics
     /// If `truth` is not of the camera's size.
-    pub fn add(&mut self, camera: &Camera, truth: &[f32]) {
+    pub(crate) fn add(&mut self, camera: &Camera, truth: &[f32]) {
         let (width, height) = (camera.width as usize, camera.height as usize);
         assert_eq!(truth.len(), width * height, "a truth of the camera's size");
         let splats = self.splats;
@@ -107,7 +107,7 @@ impl<'a> Floaters<'a> {
 
     /// Returns the numbers; `None` if no splat is in any view.
     #[must_use]
-    pub fn share(&self) -> Option<FloaterShare> {
+    pub(crate) fn share(&self) -> Option<FloaterShare> {
         let count = |least: Seen| self.seen.iter().filter(|seen| **seen >= least).count();
         let splats = count(Seen::Sound);
         let weighted = self.weights[0] / self.weights[1].max(f64::MIN_POSITIVE);

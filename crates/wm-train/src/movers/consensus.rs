@@ -33,7 +33,7 @@ const SURELY_AGREES: [f32; 2] = [0.01, 0.03];
 
 /// The verdict on a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PixelVerdict {
+pub(crate) enum PixelVerdict {
     /// Too few others see the surface.
     Unknown,
     /// The others show about what the photo shows, which a mover of the same colour would too.
@@ -88,7 +88,7 @@ struct Opinion {
 }
 
 /// Judges the pixels of photos.
-pub struct Judge<'a> {
+pub(crate) struct Judge<'a> {
     views: &'a [MoverView],
     others: Vec<Vec<Other>>,
     /// Of each photo, see [`gathered`].
@@ -97,7 +97,7 @@ pub struct Judge<'a> {
 
 impl<'a> Judge<'a> {
     /// Chooses for each photo those that it is compared with.
-    pub fn new(views: &'a [MoverView]) -> Self {
+    pub(crate) fn new(views: &'a [MoverView]) -> Self {
         let others: Vec<Vec<Other>> =
             (0..views.len()).into_par_iter().map(|index| choose(views, index)).collect();
         let cells =
@@ -107,7 +107,7 @@ impl<'a> Judge<'a> {
 
     /// The verdicts on the pixels of a photo, `[H, W]`; pixels in `masks`, of all photos, say
     /// nothing about others. Empty masks hold none.
-    pub fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<PixelVerdict> {
+    pub(crate) fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<PixelVerdict> {
         let view = &self.views[index];
         let (width, height) = view.size();
         let columns = width.div_ceil(CELL);

@@ -14,14 +14,14 @@
 //! - [`shape`]: masks from verdicts.
 //! - [`sheet`]: the picture of the masks.
 
-pub mod consensus;
-pub mod shape;
-pub mod sheet;
+pub(crate) mod consensus;
+pub(crate) mod shape;
+pub(crate) mod sheet;
 #[cfg(test)]
 mod tests;
-pub mod view;
+pub(crate) mod view;
 
-pub use view::MoverView;
+pub(crate) use view::MoverView;
 
 use consensus::{Judge, PixelVerdict};
 use rayon::prelude::*;
@@ -49,25 +49,25 @@ const MOST: f64 = 0.4;
 
 /// The pixels of a photo that show movers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct MoverMask {
+pub(crate) struct MoverMask {
     /// Width, px; the mask is over the whole photo, which may be larger.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Height, px.
-    pub height: u32,
+    pub(crate) height: u32,
     /// True where there are movers, `[H, W]`; empty if there are none.
-    pub moves: Vec<bool>,
+    pub(crate) moves: Vec<bool>,
 }
 
 impl MoverMask {
     /// Returns true if no pixel shows a mover.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         !self.moves.contains(&true)
     }
 
     /// The indices of the pixels of a photo of this size that show movers.
     #[must_use]
-    pub fn pixels(&self, width: u32, height: u32) -> Vec<usize> {
+    pub(crate) fn pixels(&self, width: u32, height: u32) -> Vec<usize> {
         if self.is_empty() {
             return Vec::new();
         }
@@ -105,7 +105,7 @@ pub enum MoverOutcome {
 
 /// Returns how often the sides of photos are halved for the search.
 #[must_use]
-pub fn level(cameras: &[Camera]) -> u8 {
+pub(crate) fn level(cameras: &[Camera]) -> u8 {
     let is_enough = |level: &u8| {
         let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= PIXELS;
         let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min().unwrap_or(0);
@@ -118,7 +118,7 @@ pub fn level(cameras: &[Camera]) -> u8 {
 ///
 /// The result does not depend on the number of threads.
 #[must_use]
-pub fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
+pub(crate) fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
     if views.len() < FEWEST {
         return (MoverOutcome::TooFewJudged(0.0), Vec::new());
     }

@@ -30,7 +30,7 @@ const RIM: usize = 1;
 
 /// The mask of a photo, `[H, W]`; empty if no mover is in it.
 #[must_use]
-pub fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
+pub(crate) fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     let (width, height) = view.size();
     let weak = one_way(verdicts, width);
     let strong = |pixel: usize| matches!(verdicts[pixel], PixelVerdict::Differs(off) if off.abs() >= STRONG);
@@ -132,7 +132,7 @@ fn dilated(of: &[bool], width: usize, radius: usize) -> Vec<bool> {
 
 /// The share of the pixels that are set in the square of `radius` about each.
 #[must_use]
-pub fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
+pub(crate) fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
     let height = of.len() / width;
     let side = |at: usize, count: usize| (at + radius + 1).min(count) - at.saturating_sub(radius);
     let area = |pixel: usize| side(pixel % width, width) * side(pixel / width, height);

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 /// The name of the picture in the run folder.
 pub const FILE: &str = "movers.png";
 /// Most photos in the picture.
-pub const MOST: usize = 24;
+pub(crate) const MOST: usize = 24;
 /// Photos side by side, and the width of each, px.
 const COLUMNS: usize = 4;
 const WIDTH: usize = 320;
@@ -19,7 +19,7 @@ const WEIGHT: u32 = 3;
 ///
 /// # Errors
 /// Those of `out`.
-pub fn write(photos: &[(&Photo, &MoverMask)], out: &mut dyn Write) -> io::Result<()> {
+pub(crate) fn write(photos: &[(&Photo, &MoverMask)], out: &mut dyn Write) -> io::Result<()> {
     let Some((first, _)) = photos.first() else { return Ok(()) };
     let height = (WIDTH * first.height as usize / first.width as usize).max(1);
     let (columns, rows) = (photos.len().min(COLUMNS), photos.len().div_ceil(COLUMNS));

@@ -5,7 +5,7 @@ use super::shape::shares;
 use wm_scene::Camera;
 
 /// Scales: photos that see a place from afar are compared at theirs.
-pub const SCALES: usize = 4;
+pub(crate) const SCALES: usize = 4;
 /// Radius of the square in which a pixel's partners in other photos are counted, px.
 const BESIDE: usize = 4;
 /// Radius of that in which there must be none for a mover to reach a pixel by its colour alone.
@@ -22,33 +22,33 @@ const BAND: usize = 3;
 
 /// One scale of a photo.
 #[derive(Clone, Debug, Default)]
-pub struct Scale {
+pub(crate) struct Scale {
     /// Width, px.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Height, px.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Mean colour of each pixel.
-    pub mean: Vec<[f32; 3]>,
+    pub(crate) mean: Vec<[f32; 3]>,
     /// Least and largest colours of the pixel and those beside it: the choice that an error of a
     /// pixel leaves.
-    pub range: Vec<[[f32; 3]; 2]>,
+    pub(crate) range: Vec<[[f32; 3]; 2]>,
 }
 
 /// A photo as the search sees it.
 #[derive(Clone, Debug)]
-pub struct MoverView {
+pub(crate) struct MoverView {
     /// The camera at this size.
-    pub camera: Camera,
+    pub(crate) camera: Camera,
     /// Inverse view z of the scene, 1 / scene unit; 0 in the sky, NaN outside of what is known.
-    pub disparity: Vec<f32>,
+    pub(crate) disparity: Vec<f32>,
     /// Share of the pixels beside each that stereo found in other photos and that have its colour.
-    pub matched: Vec<f32>,
+    pub(crate) matched: Vec<f32>,
     /// The same farther around.
-    pub around: Vec<f32>,
+    pub(crate) around: Vec<f32>,
     /// Share of all pixels that stereo found.
-    pub known: f32,
+    pub(crate) known: f32,
     /// From fine to coarse, each half as wide.
-    pub scales: Vec<Scale>,
+    pub(crate) scales: Vec<Scale>,
 }
 
 impl MoverView {
@@ -58,7 +58,7 @@ impl MoverView {
     /// # Panics
     /// If the arrays have not the size of the camera.
     #[must_use]
-    pub fn new(camera: Camera, colors: &[[f32; 3]], stereo: &[f32]) -> Self {
+    pub(crate) fn new(camera: Camera, colors: &[[f32; 3]], stereo: &[f32]) -> Self {
         let (width, height) = (camera.width as usize, camera.height as usize);
         assert!(
             colors.len() == width * height && stereo.len() == colors.len(),
@@ -86,7 +86,7 @@ impl MoverView {
 
     /// Columns and rows.
     #[must_use]
-    pub fn size(&self) -> (usize, usize) {
+    pub(crate) fn size(&self) -> (usize, usize) {
         (self.scales[0].width, self.scales[0].height)
     }
 }
@@ -127,7 +127,7 @@ impl Scale {
 
     /// The pixel in which a point of the finest scale lies.
     #[inline]
-    pub fn pixel(&self, (x, y): (f32, f32), scale: usize) -> usize {
+    pub(crate) fn pixel(&self, (x, y): (f32, f32), scale: usize) -> usize {
         let by = 1.0 / (1u32 << scale) as f32;
         let (x, y) = ((x * by) as usize, (y * by) as usize);
         y.min(self.height - 1) * self.width + x.min(self.width - 1)

@@ -274,7 +274,7 @@ impl Photos {
     ///
     /// # Panics
     /// If there is no such photo, or a side is 0.
-    pub fn without_lens(
+    pub(crate) fn without_lens(
         &self,
         index: usize,
         map: &Map,
@@ -291,7 +291,7 @@ impl Photos {
 
     /// The highest level at which no photo has a side shorter than `shortest` px; 0 at least.
     #[must_use]
-    pub fn last_level(&self, shortest: u32) -> u8 {
+    pub(crate) fn last_level(&self, shortest: u32) -> u8 {
         let sides = self.shared.entries.iter().map(|e| e.lens.ideal.width.min(e.lens.ideal.height));
         let least = sides.min().unwrap_or(1);
         (0..16).take_while(|level| least >> level >= shortest.max(1)).last().unwrap_or(0)
@@ -303,7 +303,7 @@ impl Photos {
     /// # Panics
     /// If there is no such photo.
     #[must_use]
-    pub fn level_within(&self, index: usize, longest: u32) -> u8 {
+    pub(crate) fn level_within(&self, index: usize, longest: u32) -> u8 {
         let camera = self.camera(index, 0);
         let side = camera.width.max(camera.height);
         (0..8).find(|level| side >> level <= longest).unwrap_or(8).min(self.last_level(16))
@@ -325,7 +325,7 @@ impl Photos {
 
     /// Has photo `index` decoded in the background, so that [`Self::get`] need not wait for it
     /// later.
-    pub fn prefetch(&self, index: usize, level: u8) {
+    pub(crate) fn prefetch(&self, index: usize, level: u8) {
         let key = (index, level);
         if self.loaders.is_empty() || index >= self.len() || self.shared.cache.is_under_way(key) {
             return;
@@ -347,21 +347,15 @@ impl Photos {
     /// Returns the position of each view of the capture, `[V]`, as its photo says; see
     /// [`wm_scene::capture::gps::fit`].
     #[must_use]
-    pub fn gps(&self) -> &[Option<Gps>] {
+    pub(crate) fn gps(&self) -> &[Option<Gps>] {
         &self.gps
     }
 
     /// Returns the time of each view of the capture, `[V]`, seconds since 1970, UTC, where its
     /// photo says it with a time zone.
     #[must_use]
-    pub fn taken(&self) -> &[Option<f64>] {
+    pub(crate) fn taken(&self) -> &[Option<f64>] {
         &self.taken
-    }
-
-    /// Bytes of decoded photos that are kept now.
-    #[must_use]
-    pub fn cached_bytes(&self) -> usize {
-        self.shared.cache.bytes()
     }
 }
 

@@ -261,7 +261,7 @@ fn the_cache_stays_within_its_bytes() {
         for index in 0..12 {
             photos.prefetch((index + 1) % 12, 0);
             assert_eq!(photos.get(index, 0).unwrap().rgb.len(), 3600, "{round}");
-            assert!(photos.cached_bytes() <= 4 * 3600);
+            assert!(photos.shared.cache.bytes() <= 4 * 3600);
         }
     }
     // What is asked for in the background comes without being asked for again.
@@ -284,6 +284,6 @@ fn real_photos_are_opened() {
             let photo = photos.get(index, 0).unwrap();
             assert_eq!((photo.width, photo.height), size);
         }
-        assert_eq!(photos.cached_bytes(), count * (size.0 * size.1 * 3) as usize);
+        assert_eq!(photos.shared.cache.bytes(), count * (size.0 * size.1 * 3) as usize);
     }
 }

@@ -3,10 +3,7 @@
 use super::SkyClass;
 use super::fit::Freedom;
 use super::given::{Given, GivenDepth, SkyBy};
-use crate::maps::{
-    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes,
-    read_map,
-};
+use crate::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
 use crate::photos::Photos;
 use std::path::PathBuf;
 use wm_scene::Camera;
@@ -130,8 +127,7 @@ impl DepthFiles {
             return Ok(GivenDepth { values, freedom, sky_by: SkyBy::Least });
         }
         let step = if self.form == DepthForm::Disparity { 1.0 / step } else { step };
-        let kind = DepthKind { form: self.form, scale: DepthMapScale::UnitsPerStep(step) };
-        let mut values = kind.to_view_z(map, camera)?;
+        let mut values = self.form.to_view_z(step, map, camera)?;
         // Unknown is 0 there.
         values.iter_mut().for_each(|z| *z = if *z > 0.0 { 1.0 / *z } else { f32::NAN });
         Ok(GivenDepth { values, freedom, sky_by: SkyBy::Zero })

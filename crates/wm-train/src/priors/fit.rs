@@ -7,7 +7,7 @@ use crate::random::{Purpose, Random};
 use thiserror::Error;
 
 /// Fewest points of a fit.
-pub const FEWEST: usize = 20;
+pub(crate) const FEWEST: usize = 20;
 /// Pairs that are tried.
 const TRIES: u64 = 300;
 /// A point follows the line that is off by at most this share of the median inverse depth or of its
@@ -42,7 +42,7 @@ pub struct Fit {
     /// Median of the absolute differences from the points' inverse depth, as a share of its median.
     pub residual: f64,
     /// The same in 1 / scene unit.
-    pub sigma: f64,
+    pub(crate) sigma: f64,
     /// Points that were there.
     pub points: usize,
     /// Share of them that follow.

@@ -18,7 +18,7 @@ use wm_scene::{Camera, FormatError, Problem, npy};
 /// The file that says what the folder holds.
 pub const INDEX: &str = "priors.json";
 /// The file that takes its place until the work is done.
-pub const UNFINISHED: &str = "unfinished.json";
+pub(crate) const UNFINISHED: &str = "unfinished.json";
 const VERSION: u32 = 1;
 /// Memory for priors that are in use, bytes.
 const KEPT: usize = 256 << 20;
@@ -83,17 +83,17 @@ impl Index {
 #[serde(deny_unknown_fields)]
 pub struct Entry {
     /// Width of its maps, px.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Their height, px.
-    pub height: u32,
+    pub(crate) height: u32,
     /// True if there is inverse depth.
-    pub disparity: bool,
+    pub(crate) disparity: bool,
     /// True if there are normals.
-    pub normal: bool,
+    pub(crate) normal: bool,
     /// True if there is a sky map.
-    pub sky: bool,
+    pub(crate) sky: bool,
     /// The error of inverse depth, 1 / scene unit.
-    pub sigma: f32,
+    pub(crate) sigma: f32,
     /// Share of the pixels whose depth is known, without the sky.
     pub known: f32,
     /// Share of the pixels that are the sky.
@@ -208,7 +208,7 @@ impl Priors {
     }
 
     /// Leaves out the pixels of photos, by their names, that show movers.
-    pub fn forget(&mut self, movers: BTreeMap<String, MoverMask>) {
+    pub(crate) fn forget(&mut self, movers: BTreeMap<String, MoverMask>) {
         self.movers = movers;
         self.cache = Cache::new(KEPT);
     }
@@ -221,13 +221,13 @@ impl Priors {
 
     /// The folder.
     #[must_use]
-    pub fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// Returns true if any photo shows the sky.
     #[must_use]
-    pub fn has_sky(&self) -> bool {
+    pub(crate) fn has_sky(&self) -> bool {
         self.index.photos.values().any(|entry| entry.sky && entry.sky_share > 0.0)
     }
 

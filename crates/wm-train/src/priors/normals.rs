@@ -15,7 +15,7 @@ const KNOWN: f64 = 0.4;
 /// `2 radius + 1` px; 0 where too little is known and in the sky. `camera` has the size of the
 /// picture.
 #[must_use]
-pub fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]> {
+pub(crate) fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let world_from_camera = camera.rotation().transpose();
     let wanted = KNOWN * ((2 * radius + 1) * (2 * radius + 1)) as f64;

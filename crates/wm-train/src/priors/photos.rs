@@ -38,7 +38,7 @@ pub enum PhotoPriorsError {
 ///
 /// # Errors
 /// [`PhotoPriorsError`] if a photo is damaged or a file cannot be written.
-pub fn write(
+pub(crate) fn write(
     capture: &Capture,
     photos: &Photos,
     places: &[usize],

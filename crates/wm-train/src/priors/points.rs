@@ -9,7 +9,7 @@ use wm_scene::capture::Capture;
 
 /// Returns true if the capture says which photo shows which point.
 #[must_use]
-pub fn has_tracks(capture: &Capture) -> bool {
+pub(crate) fn has_tracks(capture: &Capture) -> bool {
     capture.observations.iter().any(|seen| !seen.is_empty())
 }
 

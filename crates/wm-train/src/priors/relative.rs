@@ -24,15 +24,15 @@ pub struct Relative {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenPoint {
     /// The image point, as shares of the photo's width and height.
-    pub at: [f64; 2],
+    pub(crate) at: [f64; 2],
     /// View z, scene units.
-    pub z: f64,
+    pub(crate) z: f64,
 }
 
 impl SeenPoint {
     /// Returns the image point in an image of this size, px.
     #[must_use]
-    pub fn pixel(&self, width: usize, height: usize) -> [f32; 2] {
+    pub(crate) fn pixel(&self, width: usize, height: usize) -> [f32; 2] {
         [(self.at[0] * width as f64) as f32, (self.at[1] * height as f64) as f32]
     }
 }
@@ -53,7 +53,7 @@ const OFF: f64 = 0.02;
 ///
 /// # Errors
 /// [`FitError`] if it cannot be fitted.
-pub fn prior(
+pub(crate) fn prior(
     relative: Relative,
     camera: &Camera,
     points: &[SeenPoint],

@@ -15,16 +15,16 @@ use wm_scene::{Group, Splats};
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainPart {
     /// Names of the photos to learn from.
-    pub photos: Vec<String>,
+    pub(crate) photos: Vec<String>,
     /// Names of the photos to measure on.
-    pub held_out: Vec<String>,
+    pub(crate) held_out: Vec<String>,
     /// The brightness of `photos` beside all others of the data set, one gain each; `None` if the
     /// points do not tell it.
-    pub gains: Option<PhotoGains>,
+    pub(crate) gains: Option<PhotoGains>,
     /// The haze of all photos, and the gains of `photos` in it.
-    pub haze: Option<(PhotoHaze, PhotoGains)>,
+    pub(crate) haze: Option<(PhotoHaze, PhotoGains)>,
     /// Splats of the sky, which do not learn; none without a sky.
-    pub sky: Splats,
+    pub(crate) sky: Splats,
 }
 
 impl TrainPart {

@@ -39,8 +39,8 @@ const WORSE: f64 = 0.1;
 
 /// A back end and the messages of why its GPU was given up.
 pub(super) struct Backend {
-    pub renderer: Box<dyn Differentiable>,
-    pub failures: Receiver<String>,
+    pub(crate) renderer: Box<dyn Differentiable>,
+    pub(crate) failures: Receiver<String>,
 }
 
 /// A training that is ready to run or under way; [`Session::prepare`](super::Session::prepare)
@@ -105,15 +105,15 @@ impl PhotoPixels {
 
 /// The parts of a training.
 pub(super) struct Parts {
-    pub config: TrainConfig,
-    pub dataset: PathBuf,
-    pub data: TrainData,
-    pub priors: Option<Priors>,
-    pub movers: Vec<MoverMask>,
-    pub folder: RunFolder,
-    pub options: SessionOptions,
-    pub metric: Option<Box<dyn PerceptualMetric>>,
-    pub backend: Backend,
+    pub(crate) config: TrainConfig,
+    pub(crate) dataset: PathBuf,
+    pub(crate) data: TrainData,
+    pub(crate) priors: Option<Priors>,
+    pub(crate) movers: Vec<MoverMask>,
+    pub(crate) folder: RunFolder,
+    pub(crate) options: SessionOptions,
+    pub(crate) metric: Option<Box<dyn PerceptualMetric>>,
+    pub(crate) backend: Backend,
 }
 
 impl Training {
@@ -201,7 +201,7 @@ impl Training {
     ///
     /// # Errors
     /// [`SessionError`] as for [`Self::run`].
-    pub fn run_to_end(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
+    pub(crate) fn run_to_end(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
         let started = Instant::now();
         self.saved = started;
         let steps = self.trainer.config().steps;
@@ -252,12 +252,6 @@ impl Training {
         Ok(())
     }
 
-    /// Returns the trainer: its configuration, its splats and their number.
-    #[must_use]
-    pub fn trainer(&self) -> &Trainer {
-        &self.trainer
-    }
-
     /// Returns true after the last step.
     #[must_use]
     pub fn is_done(&self) -> bool {
@@ -306,7 +300,7 @@ impl Training {
     ///
     /// # Errors
     /// [`SessionError`] if the device fails.
-    pub fn splats(&mut self) -> Result<Splats, SessionError> {
+    pub(crate) fn splats(&mut self) -> Result<Splats, SessionError> {
         Ok(self.trainer.state()?.population.drawn())
     }
 
@@ -500,12 +494,6 @@ impl Training {
             held_out,
         });
         Ok(())
-    }
-
-    /// Returns the folder that the session keeps its files in.
-    #[must_use]
-    pub fn folder(&self) -> &Path {
-        self.folder.path()
     }
 }
 

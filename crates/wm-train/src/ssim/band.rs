@@ -51,7 +51,13 @@ impl Band {
 
     /// Sums of similarity of the rows from `first` on.
     #[inline(always)]
-    pub fn forward<S: Lanes>(&mut self, simd: S, pictures: Pictures<'_>, first: usize, sums: &mut [f64]) {
+    pub(crate) fn forward<S: Lanes>(
+        &mut self,
+        simd: S,
+        pictures: Pictures<'_>,
+        first: usize,
+        sums: &mut [f64],
+    ) {
         self.prepare(pictures.wide);
         for (index, sums) in sums.chunks_mut(TOGETHER).enumerate() {
             let from = first + index * TOGETHER;
@@ -63,7 +69,7 @@ impl Band {
 
     /// The same, and `scale` times the derivative added to `gradient`, the same rows.
     #[inline(always)]
-    pub fn both<S: Lanes>(
+    pub(crate) fn both<S: Lanes>(
         &mut self,
         simd: S,
         pictures: Pictures<'_>,

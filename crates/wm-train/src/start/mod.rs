@@ -6,7 +6,7 @@
 
 mod sky;
 
-pub use sky::{SkyPhotos, add_sky};
+pub(crate) use sky::{SkyPhotos, add_sky};
 
 use crate::random::{Purpose, Random};
 use glam::DVec3;
@@ -26,22 +26,22 @@ const LARGEST: f64 = 0.2;
 
 /// Options for starting splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StartConfig {
+pub(crate) struct StartConfig {
     /// Opacity, 0-1.
-    pub opacity: f64,
+    pub(crate) opacity: f64,
     /// Standard deviation in distances to neighbours.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// Most splats.
-    pub most: usize,
+    pub(crate) most: usize,
     /// Degree of their spherical harmonics.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
     /// For which of many points stay, and for points that there are not.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 /// The size of a scene, scene units: 1.1 times the largest distance of a camera from their mean.
 #[must_use]
-pub fn extent(cameras: &[Camera]) -> f64 {
+pub(crate) fn extent(cameras: &[Camera]) -> f64 {
     let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
     let mean = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
     let farthest = centers.iter().map(|center| center.distance(mean)).fold(0.0, f64::max);
@@ -51,7 +51,7 @@ pub fn extent(cameras: &[Camera]) -> f64 {
 
 /// Splats at the points; equal points once.
 #[must_use]
-pub fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> Splats {
+pub(crate) fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> Splats {
     let mut kept: Vec<([f32; 3], [u8; 3])> = points
         .positions
         .iter()
@@ -86,7 +86,7 @@ pub fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> 
 
 /// Grey splats along random rays of the cameras, from a tenth of the extent to ten times it.
 #[must_use]
-pub fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
+pub(crate) fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
     let random = Random::new(config.seed, Purpose::Start, 0);
     let mut points = SparsePoints::default();
     for i in 0..BLIND.min(config.most) as u64 {

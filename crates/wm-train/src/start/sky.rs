@@ -41,19 +41,19 @@ const COARSE_HALF: f64 = 1e-3;
 const SOURCES: usize = 1000;
 
 /// The photos from which the sky is made.
-pub struct SkyPhotos<'a> {
+pub(crate) struct SkyPhotos<'a> {
     /// Cameras.
-    pub cameras: &'a [Camera],
+    pub(crate) cameras: &'a [Camera],
     /// The class and colour (sRGB) of a picture point, given as shares of width and height, in
     /// photo `index`.
-    pub look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
+    pub(crate) look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
     /// By what photo `index` is brighter in red, green and blue than the scene, display-referred.
-    pub gain: &'a (dyn Fn(usize) -> [f32; 3] + Sync),
+    pub(crate) gain: &'a (dyn Fn(usize) -> [f32; 3] + Sync),
     /// The direction against gravity, world axes, length 1.
-    pub up: DVec3,
+    pub(crate) up: DVec3,
     /// The sine of the height down to which photos show endless haze, which looks like sky; `None`
     /// without haze.
-    pub lowest: Option<f64>,
+    pub(crate) lowest: Option<f64>,
 }
 
 /// The colour of a direction, 0-1, and its weight, 0 where no photo shows it.
@@ -70,7 +70,7 @@ struct Shown {
 /// splats have the mean of what is seen around them, and farther off that of their height, so that
 /// no camera looks into nothing. `count` splats cover the half sphere about up (and a little below
 /// the horizon); nothing is added where photos show next to no sky.
-pub fn add_sky(
+pub(crate) fn add_sky(
     splats: &mut Splats,
     photos: &SkyPhotos<'_>,
     points: &SparsePoints,

@@ -60,9 +60,23 @@ pub struct TrainState {
     /// Steps that are done.
     pub step: u32,
     /// The splats and what is known of them.
-    pub population: Population,
+    pub(crate) population: Population,
     /// The photos' own exposures; none where they are shared.
-    pub exposures: Exposures,
+    pub(crate) exposures: Exposures,
+}
+
+impl TrainState {
+    /// Returns the state before the first step; `exposed` photos have exposures of their own.
+    #[must_use]
+    pub fn new(splats: Splats, exposed: usize) -> Self {
+        Self { step: 0, population: Population::new(splats), exposures: Exposures::new(exposed) }
+    }
+
+    /// Returns the splats.
+    #[must_use]
+    pub fn splats(&self) -> &Splats {
+        &self.population.splats
+    }
 }
 
 impl Trainer {
@@ -76,11 +90,8 @@ impl Trainer {
         extent: f64,
         photos: usize,
     ) -> Self {
-        let exposures = match config.exposure {
-            ExposureMode::Shared | ExposureMode::Auto => Exposures::default(),
-            ExposureMode::Photo => Exposures::new(photos),
-        };
-        let state = TrainState { step: 0, population: Population::new(splats), exposures };
+        let exposed = if config.exposure == ExposureMode::Photo { photos } else { 0 };
+        let state = TrainState::new(splats, exposed);
         Self::resumed(config, renderer, state, extent, photos)
     }
 
@@ -101,36 +112,31 @@ impl Trainer {
 
     /// Returns true if photos have exposures of their own.
     #[must_use]
-    pub fn has_exposures(&self) -> bool {
+    pub(crate) fn has_exposures(&self) -> bool {
         !self.state.exposures.changes.is_empty()
     }
 
     /// Begins with these exposures of the photos, which go on learning. Without this photos have
     /// exposures of their own only under [`ExposureMode::Photo`].
-    pub fn set_exposures(&mut self, exposures: Exposures) {
+    pub(crate) fn set_exposures(&mut self, exposures: Exposures) {
         self.state.exposures = exposures;
     }
 
     /// Sets the haze through which photos show the scene: splats learn the colours that they have
     /// without it.
-    pub fn set_air(&mut self, air: Option<EvenAir>) {
+    pub(crate) fn set_air(&mut self, air: Option<EvenAir>) {
         self.air = air;
-    }
-
-    /// Adds a term to those that the configuration names.
-    pub fn add_term(&mut self, term: Box<dyn LossTerm>) {
-        self.terms.push(term);
     }
 
     /// The configuration.
     #[must_use]
-    pub fn config(&self) -> &TrainConfig {
+    pub(crate) fn config(&self) -> &TrainConfig {
         &self.config
     }
 
     /// Steps that are done.
     #[must_use]
-    pub fn steps_done(&self) -> u32 {
+    pub(crate) fn steps_done(&self) -> u32 {
         self.state.step
     }
 
@@ -174,20 +180,20 @@ impl Trainer {
 
     /// The state as it is known here, after the steps before a device went ahead: what is left
     /// where it fails.
-    pub fn known_state(&mut self) -> &TrainState {
+    pub(crate) fn known_state(&mut self) -> &TrainState {
         self.state.step = self.known;
         &self.state
     }
 
     /// The SIMD path in use.
     #[must_use]
-    pub fn path(&self) -> SimdPath {
+    pub(crate) fn path(&self) -> SimdPath {
         self.learner.renderer().path()
     }
 
     /// Returns the back end in words.
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         self.learner.renderer().describe()
     }
 
@@ -211,7 +217,7 @@ impl Trainer {
     /// The place in the list of photos of the one that step `step` (from 0) sees: each once an
     /// epoch, in an order of its own.
     #[must_use]
-    pub fn photo_at(&mut self, step: u32) -> usize {
+    pub(crate) fn photo_at(&mut self, step: u32) -> usize {
         let count = self.photos as u32;
         let epoch = step / count;
         let order = &mut self.orders[(epoch % 2) as usize];
@@ -224,7 +230,7 @@ impl Trainer {
 
     /// Returns how often the sides of photos are halved for step `step`.
     #[must_use]
-    pub fn level_at(&self, step: u32, last_level: u8) -> u8 {
+    pub(crate) fn level_at(&self, step: u32, last_level: u8) -> u8 {
         schedule::level(&self.config, step, last_level)
     }
 
@@ -254,7 +260,7 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Self::render`].
-    pub fn render_as_photo(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+    pub(crate) fn render_as_photo(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
         self.render_through(self.air, camera, frame)
     }
 

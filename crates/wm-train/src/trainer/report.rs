@@ -1,7 +1,5 @@
 //! Reports of steps: losses, splats, times.
 
-use crate::densify::Densified;
-
 /// The report of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
@@ -9,8 +7,6 @@ pub struct StepReport {
     pub loss: f64,
     /// Each term's name and value before weighting.
     pub terms: Vec<(&'static str, f64)>,
-    /// Splats that came, moved and went.
-    pub densified: Densified,
     /// Splats in view.
     pub visible: usize,
     /// Steps that were lost with a device: the training goes on without it after those that are

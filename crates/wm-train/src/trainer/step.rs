@@ -114,8 +114,7 @@ impl Trainer {
         if strategy.is_due(step + 1) {
             let random = random(Purpose::Sample);
             let time = DensifyTime { step: step + 1, photos: self.photos, extent: self.extent, random };
-            report.densified =
-                self.learner.change(population, |population| strategy.apply(&time, population))?;
+            self.learner.change(population, |population| strategy.apply(&time, population))?;
         }
         let noise = random(Purpose::Noise);
         if let Some(size) = strategy.noise(rates.means, self.extent, noise) {

@@ -20,21 +20,21 @@ const PIECE: usize = 30;
 const JUMP: f32 = 0.05;
 
 /// A photo that was compared with, its planes, and the way back.
-pub struct Other<'a> {
+pub(crate) struct Other<'a> {
     /// The way there.
-    pub there: &'a StereoSource<'a>,
+    pub(crate) there: &'a StereoSource<'a>,
     /// Its planes.
-    pub planes: &'a PlaneMap,
+    pub(crate) planes: &'a PlaneMap,
     /// The way back into the first photo.
-    pub back: PhotoWarp,
+    pub(crate) back: PhotoWarp,
     /// Third row of the rotation and translation there: view z of a point is
     /// `z (row . ray) + shift`.
-    pub depth: ([f32; 3], f32),
+    pub(crate) depth: ([f32; 3], f32),
 }
 
 /// Inverse depth of each pixel, `[H, W]`, NaN where too few others agree.
 #[must_use]
-pub fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[Other<'_>]) -> Vec<f32> {
+pub(crate) fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[Other<'_>]) -> Vec<f32> {
     let (width, height) = (reference.picture.width, reference.picture.height);
     let wanted = AGREE.min(others.len());
     let mut inverse = vec![f32::NAN; width * height];
@@ -71,7 +71,7 @@ impl Other<'_> {
 }
 
 /// Makes pieces of fewer than `least` pixels unknown.
-pub fn remove_small(inverse: &mut [f32], width: usize, least: usize) {
+pub(crate) fn remove_small(inverse: &mut [f32], width: usize, least: usize) {
     let is_known = inverse.iter().map(|inverse| !inverse.is_nan()).collect();
     let joins = |pixel: usize, near: usize| (inverse[near] / inverse[pixel] - 1.0).abs() < JUMP;
     for piece in pieces(is_known, width, joins) {

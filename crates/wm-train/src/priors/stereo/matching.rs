@@ -14,25 +14,25 @@ const ALIKE: f32 = 0.1;
 /// Standard deviation of brightness below which a window tells nothing: one step of 8 bits.
 const FLAT: f32 = 1.0 / 255.0;
 /// Cost of what cannot be compared, of 0 (equal) to 2 (opposite).
-pub const WORST: f32 = 2.0;
+pub(crate) const WORST: f32 = 2.0;
 /// Cost where there is nothing to tell: that of chance.
 const UNTOLD: f32 = 1.0;
 
 /// Brightness of a photo, `[H, W]`, 0-1.
 #[derive(Clone, Debug)]
-pub struct StereoImage {
+pub(crate) struct StereoImage {
     /// Width, px.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Height, px.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Row by row.
-    pub values: Vec<f32>,
+    pub(crate) values: Vec<f32>,
 }
 
 impl StereoImage {
     /// From sRGB, `[H, W, 3]`.
     #[must_use]
-    pub fn of(rgb: &[u8], width: usize) -> Self {
+    pub(crate) fn of(rgb: &[u8], width: usize) -> Self {
         let luma = |rgb: &[u8]| {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(f32::from);
             (0.299 * r + 0.587 * g + 0.114 * b) / 255.0
@@ -67,25 +67,25 @@ const ROUNDING: f32 = 0.01;
 
 /// A photo to compare with, and how points of the first photo fall into it.
 #[derive(Clone, Debug)]
-pub struct StereoSource<'a> {
+pub(crate) struct StereoSource<'a> {
     /// The image.
-    pub picture: &'a StereoImage,
+    pub(crate) picture: &'a StereoImage,
     /// The way from image points of the first photo to its own.
-    pub warp: PhotoWarp,
+    pub(crate) warp: PhotoWarp,
 }
 
 /// A plane as inverse depth over the picture: `1 / z = plane . (x, y, 1)`, px.
-pub type Plane = [f32; 3];
+pub(crate) type Plane = [f32; 3];
 
 /// The inverse depth of a plane at picture point (x, y).
 #[inline(always)]
 #[must_use]
-pub fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
+pub(crate) fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
     plane[0] * x + plane[1] * y + plane[2]
 }
 
 /// The surroundings of one pixel.
-pub struct Window {
+pub(crate) struct Window {
     x: f32,
     y: f32,
     /// Brightness without its mean.
@@ -98,7 +98,7 @@ pub struct Window {
 impl Window {
     /// About the pixel in `column` and `row`; the border is continued.
     #[must_use]
-    pub fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
+    pub(crate) fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
         let (mut values, mut weights) = ([0.0; SAMPLES], [0.0; SAMPLES]);
         let middle = picture.values[row * picture.width + column];
         let inside =
@@ -126,7 +126,7 @@ impl Window {
     /// 1 minus the weighted normalised correlation with what `source` shows of `plane`.
     #[inline]
     #[must_use]
-    pub fn cost(&self, source: &StereoSource<'_>, plane: &Plane) -> f32 {
+    pub(crate) fn cost(&self, source: &StereoSource<'_>, plane: &Plane) -> f32 {
         if self.contrast == 0.0 {
             return UNTOLD;
         }

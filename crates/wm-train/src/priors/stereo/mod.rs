@@ -27,15 +27,15 @@ use wm_scene::capture::Capture;
 
 /// Options of stereo.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StereoOptions {
+pub(crate) struct StereoOptions {
     /// Most pixels of a photo; sides are halved until it has no more.
-    pub pixels: u32,
+    pub(crate) pixels: u32,
     /// Other photos that each is compared with.
-    pub sources: usize,
+    pub(crate) sources: usize,
     /// Rounds at half the size and at the whole.
-    pub rounds: (u32, u32),
+    pub(crate) rounds: (u32, u32),
     /// The seed of its random numbers.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl Default for StereoOptions {
@@ -46,15 +46,15 @@ impl Default for StereoOptions {
 
 /// The depth and normals of one photo.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct StereoMap {
+pub(crate) struct StereoMap {
     /// Width, px.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Height, px.
-    pub height: u32,
+    pub(crate) height: u32,
     /// Inverse view z, 1 / scene unit, `[H, W]`, NaN where it is not known.
-    pub disparity: Vec<f32>,
+    pub(crate) disparity: Vec<f32>,
     /// World axes, towards the camera, `[H, W, 3]`, 0 where it is not known.
-    pub normal: Vec<[f32; 3]>,
+    pub(crate) normal: Vec<[f32; 3]>,
 }
 
 /// Angles between two photos' rays to a point that are too small and too large to compare well,
@@ -77,7 +77,7 @@ const AROUND: isize = 12;
 /// Returns how often the sides of photos are halved: until the largest has no more pixels than the
 /// options allow, or the smallest would have sides too short.
 #[must_use]
-pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
+pub(crate) fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, 0)).collect();
     let is_enough = |level: &u8| {
         let fits = |c: &Camera| (c.width >> level) * (c.height >> level) <= options.pixels;
@@ -93,7 +93,7 @@ pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
 ///
 /// # Errors
 /// [`PhotoError`] if a photo is damaged.
-pub fn estimate(
+pub(crate) fn estimate(
     capture: &Capture,
     photos: &Photos,
     places: &[usize],

@@ -10,13 +10,13 @@ const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 
 const BEST: usize = 2;
 /// Sources that are asked once planes are about right, and most of all.
 const FEW: usize = 3;
-pub const MOST_SOURCES: usize = 16;
+pub(crate) const MOST_SOURCES: usize = 16;
 /// Least cosine between a plane's normal and the ray: 80 degrees.
 const GRAZING: f32 = 0.17;
 
 /// The sources with which a plane is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
+pub(crate) enum Ask {
     /// All: nothing is right yet.
     All,
     /// Those in which the plane so far is found best.
@@ -25,26 +25,26 @@ pub enum Ask {
 
 /// The camera and range of one photo.
 #[derive(Clone, Debug)]
-pub struct Reference<'a> {
+pub(crate) struct Reference<'a> {
     /// The image.
-    pub picture: &'a StereoImage,
+    pub(crate) picture: &'a StereoImage,
     /// Focal lengths and principal point, px.
-    pub intrinsics: [f32; 4],
+    pub(crate) intrinsics: [f32; 4],
     /// The photos to compare with.
-    pub sources: Vec<StereoSource<'a>>,
+    pub(crate) sources: Vec<StereoSource<'a>>,
     /// Largest inverse depth.
-    pub nearest: f32,
+    pub(crate) nearest: f32,
     /// Seed of its random numbers.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 /// The planes of one photo, `[H, W]`, and how badly they match.
 #[derive(Clone, Debug, Default)]
-pub struct PlaneMap {
+pub(crate) struct PlaneMap {
     /// PlaneMap as inverse depth over the image.
-    pub planes: Vec<Plane>,
+    pub(crate) planes: Vec<Plane>,
     /// 0 to 2.
-    pub costs: Vec<f32>,
+    pub(crate) costs: Vec<f32>,
 }
 
 impl Reference<'_> {
@@ -57,7 +57,7 @@ impl Reference<'_> {
     /// The plane through the point of inverse depth `inverse` behind (x, y) with the normal
     /// `normal`, camera axes.
     #[must_use]
-    pub fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
+    pub(crate) fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
         let ray = self.ray(x, y);
         let facing = dot(normal, ray);
         let length = dot(ray, ray).sqrt();
@@ -72,7 +72,7 @@ impl Reference<'_> {
 
     /// The normal of a plane, camera axes, towards the camera, of length 1.
     #[must_use]
-    pub fn normal(&self, plane: &Plane) -> [f32; 3] {
+    pub(crate) fn normal(&self, plane: &Plane) -> [f32; 3] {
         let [fx, fy, cx, cy] = self.intrinsics;
         let q = [plane[0] * fx, plane[1] * fy, plane[2] + plane[0] * cx + plane[1] * cy];
         let length = dot(q, q).sqrt().max(1e-20);
@@ -137,7 +137,7 @@ impl Reference<'_> {
 
     /// PlaneMap to begin with: `inverse` where it is known (above 0) and elsewhere anything.
     #[must_use]
-    pub fn begin(&self, inverse: &[f32]) -> PlaneMap {
+    pub(crate) fn begin(&self, inverse: &[f32]) -> PlaneMap {
         let mut found = PlaneMap::default();
         for row in 0..self.picture.height {
             for column in 0..self.picture.width {
@@ -158,7 +158,7 @@ impl Reference<'_> {
     }
 
     /// Costs of the planes as they are.
-    pub fn judge(&self, found: &mut PlaneMap) {
+    pub(crate) fn judge(&self, found: &mut PlaneMap) {
         let width = self.picture.width;
         found.costs.clear();
         let all: Vec<usize> = (0..self.sources.len()).collect();
@@ -170,7 +170,7 @@ impl Reference<'_> {
 
     /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far
     /// planes are varied, 1 for anything.
-    pub fn round(&self, found: &mut PlaneMap, round: u32, reach: f32, ask: Ask) {
+    pub(crate) fn round(&self, found: &mut PlaneMap, round: u32, reach: f32, ask: Ask) {
         let (width, height) = (self.picture.width, self.picture.height);
         let mut order = Vec::new();
         for color in 0..2 {
@@ -232,7 +232,7 @@ impl Reference<'_> {
 
 /// The planes of a picture of half the size, for the whole one.
 #[must_use]
-pub fn doubled(
+pub(crate) fn doubled(
     planes: &[Plane],
     (half_width, half_height): (usize, usize),
     (width, height): (usize, usize),
