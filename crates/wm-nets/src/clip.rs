@@ -27,7 +27,7 @@ const MEAN: [f32; 3] = [0.481_454_66, 0.457_827_5, 0.408_210_73];
 const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
 /// Channels of an attention head in all of OpenAI's networks.
 const HEAD: usize = 64;
-/// Of the norms.
+/// The epsilon of the layer norms.
 const EPSILON: f64 = 1e-5;
 /// Most blocks, channels and pixels of a side that are taken; the largest published ones have 24,
 /// 1024 and 336.
@@ -245,7 +245,7 @@ fn square(rgb: &[u8], width: usize, side: usize) -> Vec<u8> {
     let length = width.min(height);
     let (left, top) = ((width - length) / 2, (height - length) / 2);
     let row = |y: usize| &rgb[3 * (y * width + left)..3 * (y * width + left + length)];
-    pillow::resized((top..top + length).flat_map(row).copied().collect(), (length, length), (side, side))
+    pillow::resized((top..top + length).flat_map(row).copied().collect(), length, length, (side, side))
 }
 
 fn normalized(levels: &[u8], side: usize) -> Image {

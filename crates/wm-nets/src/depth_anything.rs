@@ -192,7 +192,7 @@ impl DepthAnything {
         let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
         assert_eq!(rgb.len(), 3 * width * height, "whole rows of pixels");
         let to = self.network_size(width, height)?;
-        let image = self.network.disparity(&photo::normalized(rgb, (width, height), to));
+        let image = self.network.disparity(&photo::normalized(rgb, width, height, to));
         if !image.values.iter().all(|value| value.is_finite()) {
             return Err(DisparityError::NotFinite);
         }

@@ -20,7 +20,7 @@ use std::path::PathBuf;
 
 /// One of the network's convolutions with its head.
 struct Layer {
-    /// Its place in torchvision's `features`.
+    /// The index of the convolution in torchvision's `features`.
     place: usize,
     /// Channels that come in and go out.
     channels: (usize, usize),

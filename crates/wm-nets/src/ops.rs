@@ -152,8 +152,7 @@ impl Convolution {
             neighbours.par_chunks_mut(one * ROWS).enumerate().for_each(|(block, chunk)| {
                 for (index, nine) in chunk.chunks_exact_mut(one).enumerate() {
                     let pixel = start + block * ROWS + index;
-                    let at = (pixel % width * self.stride, pixel / width * self.stride);
-                    image.neighbours(at, nine);
+                    image.neighbours(pixel % width * self.stride, pixel / width * self.stride, nine);
                 }
             });
             values.extend(self.linear.apply(neighbours, then));
@@ -204,7 +203,7 @@ impl Enlarge {
 
 impl Image {
     /// The channels of the 3x3 px around a pixel, into `nine`, which is all 0.
-    fn neighbours(&self, (x, y): (usize, usize), nine: &mut [f32]) {
+    fn neighbours(&self, x: usize, y: usize, nine: &mut [f32]) {
         let run = 3 * self.channels;
         let (left, right) = (x.saturating_sub(1), (x + 2).min(self.width));
         // Where the first of them is missing, at the image's left edge.

@@ -14,8 +14,8 @@ struct Weights {
     weights: Vec<i32>,
 }
 
-/// `[H, W, 3]` at another size (width, height).
-pub(crate) fn resized(mut levels: Vec<u8>, (width, height): (usize, usize), to: (usize, usize)) -> Vec<u8> {
+/// Resizes a picture, `[H, W, 3]`, to another width and height.
+pub(crate) fn resized(mut levels: Vec<u8>, width: usize, height: usize, to: (usize, usize)) -> Vec<u8> {
     if to.0 != width {
         let all = weights(width, to.0);
         let mut rows = vec![0; 3 * to.0 * height];

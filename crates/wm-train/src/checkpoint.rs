@@ -69,9 +69,9 @@ pub struct CheckpointHead {
 /// A photo that teaches, as the training sees it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Taught {
-    /// Its name.
+    /// The name of the photo.
     pub(crate) name: String,
-    /// Its width and height in use, px.
+    /// The width and height in use, px.
     pub(crate) size: (u32, u32),
 }
 

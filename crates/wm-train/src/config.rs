@@ -113,9 +113,9 @@ pub enum HazeMode {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LossConfig {
-    /// Of the mean absolute difference.
+    /// The weight of the mean absolute difference.
     pub l1: f64,
-    /// Of 1 minus structural similarity.
+    /// The weight of 1 minus structural similarity.
     pub ssim: f64,
     /// Depth, normals and sky, where something is believed of them.
     pub geometry: GeometryConfig,
@@ -125,13 +125,13 @@ pub struct LossConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GeometryConfig {
-    /// Of depth in the scene's units; see [`crate::losses::DepthTerm`].
+    /// The weight of depth in the scene's units; see `losses::DepthTerm`.
     pub depth: f64,
-    /// Of the relative depth of patches, moving means; see [`crate::losses::PatchDepthTerm`].
+    /// The weight of the relative depth of patches, by moving means; see `losses::PatchDepthTerm`.
     pub depth_hard: f64,
-    /// Of the same, changing opacities.
+    /// The weight of the relative depth of patches, by changing opacities.
     pub depth_soft: f64,
-    /// Of the patches' own deviation beside the photo's, in both.
+    /// The share of the patches' own deviation beside the photo's, in both.
     pub depth_local: f64,
     /// Differences of normalised depth up to this are none.
     pub depth_margin: f64,
@@ -142,15 +142,15 @@ pub struct GeometryConfig {
     /// Steps between two that have renders of their own for `depth_hard`, `depth_soft` and
     /// `surface`.
     pub every: u32,
-    /// Of coverage in front of the sky; see [`crate::losses::SurfaceTerm`].
+    /// The weight of coverage in front of the sky; see `losses::SurfaceTerm`.
     pub surface: f64,
-    /// Of normals; see [`crate::losses::NormalTerm`].
+    /// The weight of normals; see `losses::NormalTerm`.
     pub normal: f64,
     /// Share of the steps after which normals count: 6,000 of 30,000 in the paper.
     pub normal_from: f64,
-    /// Of flatness; see [`crate::losses::FlatTerm`].
+    /// The weight of flatness; see `losses::FlatTerm`.
     pub flat: f64,
-    /// Of smooth depth where the photo is smooth; see [`crate::losses::SmoothTerm`].
+    /// The weight of smooth depth where the photo is smooth; see `losses::SmoothTerm`.
     pub smooth: f64,
 }
 

@@ -116,7 +116,7 @@ pub struct Dataset {
     pub places: Vec<usize>,
 }
 
-/// What the positions of photos and the poses of cameras tell of up, and the fit of the positions.
+/// Finds up from the positions of photos and the poses of cameras, and how the positions fit.
 /// `given` is up if it is known already.
 #[must_use]
 pub fn orientation(

@@ -191,7 +191,7 @@ mod tests {
     use super::*;
     use wm_scene::random::uniform;
 
-    /// Of two photos one is brighter and bluer than the scene, and the other darker by as much.
+    /// One of two photos is brighter and bluer than the scene, and the other darker by as much.
     #[test]
     fn a_change_of_colour_is_learnt() {
         let rgb: Vec<f32> = (0..3000).map(|i| uniform(1, i) as f32).collect();

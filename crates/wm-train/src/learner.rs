@@ -18,8 +18,8 @@ use wm_scene::{Camera, Splats};
 /// A back end, and what it knows of the population.
 pub(crate) struct Learner {
     renderer: Box<dyn Differentiable>,
-    /// Of a population in the computer's memory, the step's and those of terms with a render of
-    /// their own.
+    /// The gradients of a population in the computer's memory: the step's, and those of terms with
+    /// a render of their own.
     gradients: Gradients,
     own: Gradients,
     device: Device,

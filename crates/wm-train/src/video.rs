@@ -42,6 +42,8 @@ const SCALE: usize = GREY.0 / SMALL.0;
 const REACH: i32 = 12;
 /// Blocks of a thumbnail along each side.
 const BLOCKS: usize = 3;
+/// Width and height of a block, px of the small frame.
+const BLOCK_SIZE: (usize, usize) = (SMALL.0 / BLOCKS, SMALL.1 / BLOCKS);
 /// Ways between two frames that are tried, as fractions of the width: the first that gives enough
 /// frames counts.
 const WAYS: [f64; 5] = [0.08, 0.06, 0.04, 0.03, 0.02];
@@ -76,7 +78,7 @@ pub enum VideoError {
     NotVideo {
         /// The file.
         path: PathBuf,
-        /// What ffmpeg said last.
+        /// The last line of ffmpeg.
         said: String,
     },
     /// It does not move, or ends at once.
@@ -126,7 +128,7 @@ const INSTALL: &str = if cfg!(target_os = "macos") {
 pub struct VideoProgress {
     /// Frames that were looked at.
     pub done: usize,
-    /// Of about how many, once that is known.
+    /// The approximate number of items in all, once that is known.
     pub total: Option<usize>,
 }
 
@@ -362,7 +364,7 @@ impl Candidate {
     /// of its blocks, as a fraction of the width. A block that fits nowhere, or best at the end of
     /// the search, counts with the longest shift.
     fn way(&self, other: &Self) -> f64 {
-        let (width, height) = (SMALL.0 / BLOCKS, SMALL.1 / BLOCKS);
+        let (width, height) = BLOCK_SIZE;
         let lengths: Vec<f64> = (0..BLOCKS * BLOCKS)
             .into_par_iter()
             .map(|block| {
@@ -370,9 +372,7 @@ impl Candidate {
                 let mut best = (u64::MAX, 0);
                 for dy in -REACH..=REACH {
                     for dx in -REACH..=REACH {
-                        let Some(sum) = self.difference(other, (x, y), (width, height), (dx, dy)) else {
-                            continue;
-                        };
+                        let Some(sum) = self.difference(other, x, y, dx, dy) else { continue };
                         best = best.min((sum, dx * dx + dy * dy));
                     }
                 }
@@ -382,15 +382,10 @@ impl Candidate {
         lengths.iter().sum::<f64>() / lengths.len() as f64 / SMALL.0 as f64
     }
 
-    /// Returns the difference of a block and the place in another frame to which a shift leads: a
-    /// mean, times 256, over the pixels that are in both; `None` if those are too few.
-    fn difference(
-        &self,
-        other: &Self,
-        (x, y): (usize, usize),
-        (width, height): (usize, usize),
-        (dx, dy): (i32, i32),
-    ) -> Option<u64> {
+    /// Returns the mean difference, times 256, of the block at (x, y) and another frame's at
+    /// (x + dx, y + dy), over the pixels that are in both frames; `None` if those are too few.
+    fn difference(&self, other: &Self, x: usize, y: usize, dx: i32, dy: i32) -> Option<u64> {
+        let (width, height) = BLOCK_SIZE;
         let inside = |from: usize, size: usize, shift: i32, side: usize| {
             let begin = (from as i32).max(-shift);
             let end = ((from + size) as i32).min(side as i32 - shift);

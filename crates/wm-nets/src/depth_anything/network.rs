@@ -61,7 +61,7 @@ impl Network {
 }
 
 impl Backbone {
-    /// Of each tap the features of the patches.
+    /// Returns the features of the patches after each tapped block.
     fn features(&self, photo: &Image, columns: usize, rows: usize) -> [Image; 4] {
         let mut x = self.embedding.apply(photo);
         let channels = self.embedding.class.len();

@@ -38,9 +38,9 @@ pub(crate) fn size(width: usize, height: usize, side: usize) -> Result<(usize, u
 
 /// A photo, `[H, W, 3]`, 0-1, display-referred, at another size and normalised. What is not in 0-1
 /// is clamped, NaN is 0.
-pub(crate) fn normalized(rgb: &[f32], (width, height): (usize, usize), to: (usize, usize)) -> Image {
+pub(crate) fn normalized(rgb: &[f32], width: usize, height: usize, to: (usize, usize)) -> Image {
     let levels: Vec<u8> = rgb.par_iter().map(|value| (255.0 * value).round() as u8).collect();
-    let levels = resized(levels, (width, height), to);
+    let levels = resized(levels, width, height, to);
     let tables: [[f32; 256]; 3] = std::array::from_fn(|lane| {
         std::array::from_fn(|level| ((level as f64 * (1.0 / 255.0)) as f32 - MEAN[lane]) / DEVIATION[lane])
     });

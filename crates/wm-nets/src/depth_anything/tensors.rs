@@ -17,7 +17,7 @@ pub(crate) const ADVICE: &str = "give model.safetensors of depth-anything/Depth-
                           or LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the \
                           same networks";
 
-/// Of the norms of DINOv2.
+/// The epsilon of DINOv2's layer norms.
 const EPSILON: f64 = 1e-6;
 
 /// Numbers of channels and blocks.
@@ -186,7 +186,8 @@ impl Naming {
         }
     }
 
-    /// Of a block, by transformers' name or the original one, which are alike but for some.
+    /// Returns the name of a tensor of a block from transformers' name; the authors' code uses
+    /// other names for some.
     fn block(self, index: usize, what: &str) -> String {
         match self {
             Self::Transformers => format!("backbone.encoder.layer.{index}.{what}"),

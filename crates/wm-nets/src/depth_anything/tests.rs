@@ -47,7 +47,7 @@ fn photos_are_resized_and_normalised_as_by_the_reference() {
         let height = rgb.len() / 3 / width;
         let to = photo::size(width, height, SIDE).unwrap();
         assert_eq!(shape, [3, to.1, to.0], "{name}");
-        let image = photo::normalized(&rgb, (width, height), to);
+        let image = photo::normalized(&rgb, width, height, to);
         let planes: Vec<f32> =
             (0..3).flat_map(|lane| image.values.iter().skip(lane).step_by(3).copied()).collect();
         let (largest, _) = gap(&planes, &expected);

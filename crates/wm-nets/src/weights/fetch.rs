@@ -39,7 +39,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub struct DownloadSource {
     /// The address, `https://` or `http://`.
     pub url: String,
-    /// Its name in the folder.
+    /// The name of the file in the folder.
     pub file_name: String,
     /// The expected checksum, if it is known.
     pub checksum: Option<Checksum>,
@@ -116,9 +116,9 @@ pub enum FetchFault {
     /// It is another file.
     #[error("has SHA-256 {found}, not {expected}; nothing is kept; check the expected one, {INSTEAD}")]
     Checksum {
-        /// Of what arrived.
+        /// The checksum of what arrived.
         found: Checksum,
-        /// Of what was wanted.
+        /// The checksum that was expected.
         expected: Checksum,
     },
     /// A file of this name was there and is another one.
@@ -126,9 +126,9 @@ pub enum FetchFault {
     Other {
         /// The file.
         path: PathBuf,
-        /// Of the file.
+        /// The checksum of the file.
         found: Checksum,
-        /// Of what was wanted.
+        /// The checksum that was expected.
         expected: Checksum,
     },
     /// It is something else, say a page that asks to log in.

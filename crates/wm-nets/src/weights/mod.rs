@@ -65,9 +65,9 @@ pub enum WeightsFault {
     /// A tensor is not there.
     #[error("no tensor {name} of shape {shape:?}; {advice}")]
     Missing {
-        /// Its name.
+        /// The name of the tensor.
         name: String,
-        /// Its shape.
+        /// The shape that is needed.
         shape: Vec<usize>,
         /// The files that would have it.
         advice: &'static str,
@@ -75,7 +75,7 @@ pub enum WeightsFault {
     /// A tensor has another shape.
     #[error("tensor {name} has shape {found:?}, not {shape:?}; {advice}")]
     Shape {
-        /// Its name.
+        /// The name of the tensor.
         name: String,
         /// The shape that it has.
         found: Vec<usize>,
@@ -87,7 +87,7 @@ pub enum WeightsFault {
     /// A tensor's numbers are of a kind that no network here has.
     #[error("tensor {name} is stored as {kind}; convert it to contiguous 32 bit floats")]
     Kind {
-        /// Its name.
+        /// The name of the tensor.
         name: String,
         /// The number type in the file.
         kind: String,
@@ -108,12 +108,12 @@ pub enum WeightsFault {
 /// A tensor in a file.
 #[derive(Debug)]
 struct Entry {
-    /// Its numbers' type, or what they are where that is not read.
+    /// The type of the numbers, or the name of a type that is not read.
     kind: Result<DType, String>,
     shape: Vec<usize>,
-    /// Its first byte from the start of the file. Its last one is within the file.
+    /// The offset of the first byte in the file. The range is within the file.
     offset: u64,
-    /// Its length, bytes: that which its shape takes.
+    /// The length, bytes: that of the shape.
     bytes: u64,
 }
 

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 
 /// Share of a cell's size that its reach extends beyond its borders.
 const MARGIN: f64 = 0.2;
-/// Share of the points of a photo that lie in the reach of a block that it joins, at least.
+/// The least share of a photo's points in the reach of a block that the photo joins.
 const COVERED: f64 = 0.25;
-/// The same of a photo that lies in the cell.
+/// The same share for a photo that was taken in the cell.
 const COVERED_INSIDE: f64 = 0.05;
 /// Photos that show a point of a cell among those that join, where there are so many.
 const SEEN_BY: u32 = 3;

@@ -50,7 +50,7 @@ pub enum BlockError {
         path: PathBuf,
         /// The option and its value in the plan.
         was: String,
-        /// Its value now.
+        /// The value now.
         is: String,
     },
     /// There are more blocks than photos for them.

@@ -146,7 +146,7 @@ impl PlannedGains {
 pub(crate) struct PlannedHaze {
     /// Extinction a scene unit.
     pub(crate) extinction: f64,
-    /// Its standard deviation; `None` if it was given.
+    /// The standard deviation of the extinction; `None` if the extinction was given.
     pub(crate) error: Option<f64>,
     /// Extinction a scene unit as photos show it.
     pub(crate) shown: f64,

@@ -1,5 +1,4 @@
-//! What photos share, from the database of a run: the names of its photos and the points that each
-//! two share.
+//! The points that each two photos share, with the names of the photos, from the database of a run.
 //!
 //! It is an SQLite file (<https://sqlite.org/fileformat2.html>), of which two tables are read:
 //! `images`, and `two_view_geometries` with a row for each pair of photos. Only their pages are

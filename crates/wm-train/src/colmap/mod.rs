@@ -97,7 +97,7 @@ pub struct Reconstruction {
 /// A photo whose camera was not found. Displays what it shares with others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnregisteredPhoto {
-    /// Its name.
+    /// The name of the photo.
     pub photo: String,
     /// The photos that share the most points with it, and the number of points; the best first.
     pub neighbours: Vec<(String, u32)>,
@@ -164,9 +164,9 @@ pub enum ColmapError {
     SmallPhoto {
         /// The photo.
         photo: PathBuf,
-        /// Its width, px.
+        /// The width, px.
         width: u32,
-        /// Its height, px.
+        /// The height, px.
         height: u32,
     },
     /// The folder has too few photos.
@@ -206,7 +206,7 @@ pub enum ColmapError {
         step: ColmapStep,
         /// The exit status of the command.
         status: ExitStatus,
-        /// Its last error, after `: `, if it named one.
+        /// The last error of the program, after `: `, if it named one.
         said: String,
         /// The log with the rest of its output.
         log: PathBuf,
@@ -217,7 +217,7 @@ pub enum ColmapError {
          overlap ({shared}its log is {})", log.display()
     )]
     NothingRegistered {
-        /// What photos share, followed by `; `, if it is known.
+        /// The points that the photos share, followed by `; `, if they are known.
         shared: String,
         /// The log.
         log: PathBuf,

@@ -13,7 +13,7 @@ pub struct ColmapProgress {
     pub step: ColmapStep,
     /// Photos (or blocks of them) that are done.
     pub done: usize,
-    /// Of how many, once that is known.
+    /// The number of items in all, once that is known.
     pub total: Option<usize>,
 }
 

@@ -16,7 +16,7 @@ pub enum CameraTool {
 
 /// The script that runs a step with pycolmap.
 pub(super) const SCRIPT: &str = include_str!("find_cameras.py");
-/// Its name in the folder of a run.
+/// The name of the script in the folder of a run.
 pub(super) const SCRIPT_NAME: &str = "find_cameras.py";
 
 impl CameraTool {
@@ -63,7 +63,7 @@ pub(super) struct RunPaths {
     pub(crate) photos: PathBuf,
     /// Features and matches.
     pub(crate) database: PathBuf,
-    /// What the mapper makes.
+    /// The folder of the models that the mapper makes.
     pub(crate) models: PathBuf,
     /// The undistorted capture.
     pub(crate) dataset: PathBuf,

@@ -224,7 +224,7 @@ impl Population {
         Learnt { splats: &self.splats, moments: &self.moments, pulls: &self.pulls, seen: &self.seen }
     }
 
-    /// The same, to be written.
+    /// Borrows all of it for a device, mutably.
     pub(crate) fn learnt_mut(&mut self) -> LearntMut<'_> {
         let Self { splats, moments, pulls, seen, .. } = self;
         LearntMut { splats, moments, pulls, seen }

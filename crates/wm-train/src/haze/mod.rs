@@ -58,7 +58,7 @@ const CELLS: f64 = 6.0;
 pub(crate) struct PhotoHaze {
     /// Extinction a scene unit.
     pub(crate) extinction: f64,
-    /// Its standard deviation; `None` if it was given.
+    /// The standard deviation of the extinction; `None` if the extinction was given.
     pub(crate) error: Option<f64>,
     /// Extinction a scene unit with which such air looks as photos show the haze: cameras compress
     /// what is bright, endless haze above all, so thinner haze of their light must be denser to

@@ -84,7 +84,9 @@ pub(crate) fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Ve
             let sighting = |(point, placed): &(u32, Placed)| {
                 let (scale, count) = least[*point as usize];
                 let half = SMALLEST * placed.scale / scale;
-                let light = (count > 1 && half < LARGEST).then(|| sums.mean(placed.at, half)).flatten()?;
+                let light = (count > 1 && half < LARGEST)
+                    .then(|| sums.mean(placed.at[0], placed.at[1], half))
+                    .flatten()?;
                 Some((*point, Sighting { photo: index as u32, distance: placed.distance as f32, light }))
             };
             seen.iter().filter_map(sighting).collect()
@@ -138,7 +140,7 @@ impl Sums {
 
     /// The mean over the window about a point; `None` if it is not inside, is masked, crushed or
     /// clipped.
-    fn mean(&self, [x, y]: [f64; 2], half: f64) -> Option<[f32; 3]> {
+    fn mean(&self, x: f64, y: f64, half: f64) -> Option<[f32; 3]> {
         let (left, right) = ((x - half).round(), (x + half).round());
         let (top, bottom) = ((y - half).round(), (y + half).round());
         let is_inside =

@@ -16,7 +16,7 @@ pub(crate) fn believed<'a>(
     Believed { sigma: prior.sigma, grid: (grid.width as u32, grid.height as u32), pixels }
 }
 
-/// Of each pixel of the photo, `[H, W]`.
+/// Returns the weight of each pixel of the photo, `[H, W]`.
 #[must_use]
 pub(crate) fn beliefs(truth: &TrainPhoto<'_>) -> Vec<Belief> {
     let (width, height) = truth.size();

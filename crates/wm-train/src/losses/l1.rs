@@ -8,7 +8,7 @@ use wm_render::training::{Comparison, Term};
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]
 pub(crate) struct L1Term {
-    /// Its weight at all steps.
+    /// The weight at all steps.
     pub(crate) weight: f64,
 }
 

@@ -8,7 +8,7 @@ use wm_render::training::{Comparison, Term};
 /// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
 #[derive(Clone, Debug)]
 pub(crate) struct SsimTerm {
-    /// Its weight at all steps.
+    /// The weight at all steps.
     pub(crate) weight: f64,
     ssim: Ssim,
 }

@@ -117,7 +117,7 @@ const APART: f32 = 0.12;
 const OFF_LINE: f32 = 0.5;
 
 impl Matte {
-    /// Of the neighbours of `cell`; `colors` as [`cell_colors`] has them.
+    /// Sums over the neighbours of `cell`; `colors` are those of [`cell_colors`].
     fn beside(prior: &Prior, colors: &[[f32; 3]], cell: usize) -> Self {
         let (width, height) = (prior.width as usize, prior.height as usize);
         let (u, v) = (cell % width, cell / width);

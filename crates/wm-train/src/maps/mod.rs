@@ -48,7 +48,7 @@ const MAX_FILE: u64 = 1 << 31;
 /// Most bytes that one byte of a compressed file can stand for: deflate reaches 1032, LZW of 12
 /// bits 1365.
 const MAX_RATIO: u64 = 2000;
-/// Of maps so small the ratio says nothing: bytes.
+/// The size up to which maps are not checked against [`MAX_RATIO`], bytes.
 const SMALL: u64 = 1 << 20;
 /// Largest difference of the aspect ratios of a map and its photo.
 const ASPECT: f64 = 0.01;
@@ -229,12 +229,7 @@ fn read_file(path: &Path) -> Result<Vec<u8>, MapFault> {
 
 /// Refuses a size before anything is allocated for it: `sample` bytes for each number, out of a
 /// file of `length` bytes.
-fn check_size(
-    (width, height): (u64, u64),
-    channels: u64,
-    sample: u64,
-    length: usize,
-) -> Result<(), MapFault> {
+fn check_size(width: u64, height: u64, channels: u64, sample: u64, length: usize) -> Result<(), MapFault> {
     let values = width.saturating_mul(height).saturating_mul(channels);
     let size = || format!("{width}x{height} px with {channels} channels");
     if width == 0 || height == 0 || channels == 0 {

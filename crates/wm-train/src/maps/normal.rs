@@ -11,10 +11,10 @@ const SHORTEST: f64 = 0.05;
 /// The axes of normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalAxes {
-    /// Those of the scene.
+    /// The axes of the scene.
     #[default]
     World,
-    /// Those of the camera: x right, y down, z forward (OpenCV).
+    /// The axes of the camera: x right, y down, z forward (OpenCV).
     Camera,
     /// x right, y up, z towards the viewer (OpenGL), as pictures of normals mostly are.
     OpenGl,

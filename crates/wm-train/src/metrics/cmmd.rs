@@ -168,7 +168,7 @@ impl Collection {
         Self { spread: own_gap(&embeddings), embeddings }
     }
 
-    /// Its embeddings.
+    /// Returns the embeddings.
     #[must_use]
     pub fn embeddings(&self) -> &Embeddings {
         &self.embeddings

@@ -20,7 +20,7 @@ pub(crate) const FAINTEST: f64 = 0.1;
 pub struct FloaterShare {
     /// Splats that any view has in it, where its truth is known.
     pub splats: usize,
-    /// Those of them that are in front of a surface in any view.
+    /// Splats that are in front of a surface in any view.
     pub floaters: usize,
     /// The share of the splats in view that is in front, each weighted by opacity times its area in
     /// the image and without those behind the surface, over all views, 0-1.
@@ -39,7 +39,7 @@ impl FloaterShare {
 pub(crate) struct Floaters<'a> {
     splats: &'a Splats,
     rasterization: Rasterization,
-    /// Of each splat.
+    /// Where each splat was seen, `[N]`.
     seen: Vec<Seen>,
     /// Weight in front, and of all that is not behind.
     weights: [f64; 2],
@@ -82,7 +82,7 @@ impl<'a> Floaters<'a> {
             if !(x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64) {
                 return None;
             }
-            let nearest = nearest(truth, (width, height), (x as usize, y as usize))?;
+            let nearest = nearest(truth, width, height, x as usize, y as usize)?;
             // A Gaussian's integral, at most the whole picture.
             let [xx, xy, yy] = seen.cov2d;
             let area = std::f64::consts::TAU * (xx * yy - xy * xy).max(0.0).sqrt();
@@ -116,7 +116,7 @@ impl<'a> Floaters<'a> {
 }
 
 /// The nearest surface about a pixel; `None` if the pixel's own is not known.
-fn nearest(truth: &[f32], (width, height): (usize, usize), (x, y): (usize, usize)) -> Option<f64> {
+fn nearest(truth: &[f32], width: usize, height: usize, x: usize, y: usize) -> Option<f64> {
     let is_known = |depth: f32| depth > 0.0;
     if !is_known(truth[y * width + x]) {
         return None;

@@ -91,7 +91,7 @@ struct Opinion {
 pub(crate) struct Judge<'a> {
     views: &'a [MoverView],
     others: Vec<Vec<Other>>,
-    /// Of each photo, see [`gathered`].
+    /// The inverse depths in the cells of each photo; see [`gathered`].
     cells: Vec<Vec<[f32; 2]>>,
 }
 
@@ -127,7 +127,7 @@ impl<'a> Judge<'a> {
     fn pixel(&self, index: usize, at: (usize, usize), depths: [f32; 3], masks: &[Vec<bool>]) -> PixelVerdict {
         let mut best = Opinion::default();
         for disparity in depths.into_iter().filter(|disparity| !disparity.is_nan()) {
-            let opinion = self.opinion(index, at, disparity, masks);
+            let opinion = self.opinion(index, at.0, at.1, disparity, masks);
             if opinion.seen > best.seen && opinion.through <= THROUGH * opinion.seen {
                 best = opinion;
             }
@@ -145,7 +145,8 @@ impl<'a> Judge<'a> {
     fn opinion(
         &self,
         index: usize,
-        (column, row): (usize, usize),
+        column: usize,
+        row: usize,
         disparity: f32,
         masks: &[Vec<bool>],
     ) -> Opinion {
@@ -171,9 +172,9 @@ impl<'a> Judge<'a> {
             }
             let halvings = (scale.abs().round() as usize).min(SCALES - 1);
             let (mine, other_scale) = if scale < 0.0 { (halvings, 0) } else { (0, halvings) };
-            let color = view.scales[mine].mean[view.scales[mine].pixel((x, y), mine)];
+            let color = view.scales[mine].mean[view.scales[mine].pixel(x, y, mine)];
             let scale = &there.scales[other_scale];
-            let place = scale.pixel((u, v), other_scale);
+            let place = scale.pixel(u, v, other_scale);
             let [low, high] = scale.range[place];
             let off = |c: usize| (low[c] - color[c]).max(color[c] - high[c]).max(0.0);
             offs[opinion.seen] = off(0).max(off(1)).max(off(2));

@@ -43,7 +43,7 @@ pub(crate) struct MoverView {
     pub(crate) disparity: Vec<f32>,
     /// Share of the pixels beside each that stereo found in other photos and that have its colour.
     pub(crate) matched: Vec<f32>,
-    /// The same farther around.
+    /// The share in the wider window.
     pub(crate) around: Vec<f32>,
     /// Share of all pixels that stereo found.
     pub(crate) known: f32,
@@ -127,7 +127,7 @@ impl Scale {
 
     /// The pixel in which a point of the finest scale lies.
     #[inline]
-    pub(crate) fn pixel(&self, (x, y): (f32, f32), scale: usize) -> usize {
+    pub(crate) fn pixel(&self, x: f32, y: f32, scale: usize) -> usize {
         let by = 1.0 / (1u32 << scale) as f32;
         let (x, y) = ((x * by) as usize, (y * by) as usize);
         y.min(self.height - 1) * self.width + x.min(self.width - 1)

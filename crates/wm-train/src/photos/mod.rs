@@ -64,9 +64,9 @@ pub enum PhotoSize {
 }
 
 impl PhotoSize {
-    /// The size that a photo of this size is given: at least 1 px a side, never larger.
+    /// Returns the size to which a photo is reduced, px: at least 1 px a side, never larger.
     #[must_use]
-    pub fn of(self, (width, height): (u32, u32)) -> (u32, u32) {
+    pub fn reduced(self, width: u32, height: u32) -> (u32, u32) {
         let longest = f64::from(width.max(height));
         let scale = match self {
             Self::Full => 1.0,
@@ -199,7 +199,7 @@ impl Photos {
         if is_decoded {
             let bad: Vec<(usize, PhotoError)> = (0..shared.entries.len())
                 .into_par_iter()
-                .filter_map(|index| Some((index, shared.get((index, 0)).err()?)))
+                .filter_map(|index| Some((index, shared.get(index, 0).err()?)))
                 .collect();
             if !bad.is_empty() {
                 // Photos are known by their place: the cache starts anew where places change.
@@ -320,7 +320,7 @@ impl Photos {
     pub fn get(&self, index: usize, level: u8) -> Result<Arc<Photo>, PhotoError> {
         let camera = self.camera(index, level);
         assert!(camera.width > 0 && camera.height > 0, "photo {index} has no level {level}");
-        self.shared.get((index, level))
+        self.shared.get(index, level)
     }
 
     /// Has photo `index` decoded in the background, so that [`Self::get`] need not wait for it
@@ -376,7 +376,7 @@ impl Shared {
         Self { entries, cache, waiting: Mutex::default(), woken: Condvar::new() }
     }
 
-    fn get(&self, (index, level): Key) -> Result<Arc<Photo>, PhotoError> {
+    fn get(&self, index: usize, level: u8) -> Result<Arc<Photo>, PhotoError> {
         let entry = &self.entries[index];
         self.cache.get((index, level), || {
             if level == 0 {
@@ -393,7 +393,7 @@ impl Shared {
     fn serve(&self) {
         loop {
             let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-            let key = loop {
+            let (index, level) = loop {
                 if waiting.is_over {
                     return;
                 }
@@ -404,7 +404,7 @@ impl Shared {
             };
             drop(waiting);
             // Whoever asks for the photo meets the error himself.
-            let _ = self.get(key);
+            let _ = self.get(index, level);
         }
     }
 }
@@ -438,7 +438,7 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
         let fault = PhotoFault::Size { width, height, camera_width: camera.0, camera_height: camera.1 };
         return Err(PhotoError { path: file, fault });
     };
-    let size = options.size.of(upright);
+    let size = options.size.reduced(upright.0, upright.1);
     let photo = view.camera.resized(size.0, size.1);
     // Of some lenses hardly a pixel is left.
     let least = LEAST_SIDE.min(photo.width).min(photo.height);

@@ -119,7 +119,7 @@ fn reduced_photos_scale_their_cameras() {
         assert_eq!((photo.width, photo.height), expected);
         assert_eq!(photo.camera.fx, 120.0 * f64::from(expected.0) / 160.0);
     }
-    assert_eq!(PhotoSize::Divided(2.0).of((1200, 887)), (600, 444));
+    assert_eq!(PhotoSize::Divided(2.0).reduced(1200, 887), (600, 444));
 }
 
 #[test]

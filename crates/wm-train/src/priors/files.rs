@@ -141,13 +141,13 @@ fn size_of(map: &Map, camera: &Camera, most: u32, is_bent: bool) -> (u32, u32) {
     if pixels == map.pixels() && !is_bent {
         return (map.width, map.height);
     }
-    shrunk((camera.width, camera.height), pixels)
+    size_within(camera.width, camera.height, pixels)
 }
 
-/// A size of the same shape with at most `most` pixels, or a few more where sides are rounded; 1 px
-/// a side at least.
+/// Returns a size of the same aspect ratio with at most `most` pixels, or a few more where sides are
+/// rounded; at least 1 px a side.
 #[must_use]
-pub fn shrunk((width, height): (u32, u32), most: usize) -> (u32, u32) {
+pub fn size_within(width: u32, height: u32, most: usize) -> (u32, u32) {
     let scale = (most as f64 / (f64::from(width) * f64::from(height))).sqrt().min(1.0);
     let side = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
     (side(width), side(height))

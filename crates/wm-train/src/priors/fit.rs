@@ -41,7 +41,7 @@ pub struct Fit {
     pub shift: f64,
     /// Median of the absolute differences from the points' inverse depth, as a share of its median.
     pub residual: f64,
-    /// The same in 1 / scene unit.
+    /// The median difference, 1 / scene unit.
     pub(crate) sigma: f64,
     /// Points that were there.
     pub points: usize,
@@ -113,8 +113,8 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
 }
 
 /// Returns the distance of a pair from `1 / z = line.0 d + line.1`, 1 / scene unit.
-fn off(line: (f64, f64), [d, w]: [f64; 2]) -> f64 {
-    (line.0 * d + line.1 - w).abs()
+fn off(line: (f64, f64), pair: [f64; 2]) -> f64 {
+    (line.0 * pair[0] + line.1 - pair[1]).abs()
 }
 
 /// Returns true if a pair follows the line; `middle` is the median inverse depth.

@@ -19,7 +19,7 @@ const ASKEW: f64 = 45.0;
 /// The way in which depth tells the sky, where no map does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SkyBy {
-    /// Its least values are the sky's, as networks have it.
+    /// The least values are the sky's, as in networks' output.
     Least,
     /// 0 is: infinitely far. The photo's colours, where nothing is 0.
     Zero,
@@ -54,7 +54,7 @@ pub struct Given {
 /// A reason why a photo has no prior.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NoPrior {
-    /// Its depth does not fit the points.
+    /// The depth does not fit the points.
     #[error(transparent)]
     Fit(#[from] FitError),
     /// Normals and depth contradict each other.
@@ -88,7 +88,7 @@ impl Given {
                 let (width, height) = (width as usize, height as usize);
                 let sky = self.sky.unwrap_or_else(|| {
                     let below = below_horizon(&photo.camera, width, height, up);
-                    depth.sky(&resized(photo, (self.width, self.height)), width, points, &below)
+                    depth.sky(&resized(photo, self.width, self.height), width, points, &below)
                 });
                 let relative = Relative { width, height, values: depth.values, freedom: depth.freedom, sky };
                 relative::prior(relative, &photo.camera, points, seed)?
@@ -144,7 +144,7 @@ fn between(first: &[[f32; 3]], second: &[[f32; 3]]) -> Option<f64> {
 }
 
 /// The colours of a photo in the size of a map, `[H, W, 3]`, sRGB.
-fn resized(photo: &Photo, (width, height): (u32, u32)) -> Vec<u8> {
+fn resized(photo: &Photo, width: u32, height: u32) -> Vec<u8> {
     if (photo.width, photo.height) == (width, height) {
         return photo.rgb.clone();
     }

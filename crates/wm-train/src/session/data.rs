@@ -34,7 +34,7 @@ pub(super) struct TrainData {
     pub(crate) held_out: Vec<usize>,
     /// Up, and how well it is known; `None` if nothing tells it.
     pub(crate) up: Option<CaptureUp>,
-    /// What the positions of the photos tell.
+    /// The fit of the positions of the photos.
     pub(crate) gps: Option<GpsFit>,
     /// True if other trainings learn other parts of the data set.
     is_part: bool,

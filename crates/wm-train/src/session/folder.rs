@@ -51,11 +51,11 @@ pub(super) enum RunFolder {
 /// The beginning of a training in a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Start {
-    /// Its first step.
+    /// The first step.
     Anew,
-    /// Its first step, since it was ended before its first checkpoint.
+    /// The first step again, since the training was ended before its first checkpoint.
     Again,
-    /// Its checkpoint.
+    /// The checkpoint.
     Checkpoint,
 }
 

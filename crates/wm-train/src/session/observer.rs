@@ -213,7 +213,7 @@ pub enum TrainNotice {
     FewerSteps {
         /// The steps that it takes.
         steps: u32,
-        /// Those of the preset.
+        /// The steps of the preset.
         of: u32,
         /// Training photos.
         photos: usize,
@@ -227,7 +227,7 @@ pub enum TrainNotice {
     },
     /// The photos were taken in haze, and the scene will be without it.
     Haze {
-        /// Its meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says
+        /// The meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says
         /// it.
         range: String,
     },

@@ -54,7 +54,7 @@ pub struct Training {
     dataset: PathBuf,
     data: TrainData,
     priors: Option<Priors>,
-    /// Of each training photo the pixels that show movers; empty if there are none.
+    /// The pixels of each training photo that show movers; empty if there are none.
     movers: Vec<MoverMask>,
     folder: RunFolder,
     options: SessionOptions,
@@ -92,7 +92,7 @@ impl PhotoPixels {
         TrainPhoto { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
     }
 
-    /// The same without the pixels that show movers.
+    /// Returns the photo without the pixels that show movers.
     fn truth_without<'b>(&'b mut self, photo: &'b Photo, movers: Option<&MoverMask>) -> TrainPhoto<'b> {
         self.truth(photo);
         if let Some(movers) = movers.filter(|movers| !movers.is_empty()) {

@@ -67,7 +67,8 @@ impl Band {
         }
     }
 
-    /// The same, and `scale` times the derivative added to `gradient`, the same rows.
+    /// Computes the sum over rows, and adds `scale` times its derivative to the same rows of
+    /// `gradient`.
     #[inline(always)]
     pub(crate) fn both<S: Lanes>(
         &mut self,

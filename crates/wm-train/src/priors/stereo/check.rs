@@ -23,7 +23,7 @@ const JUMP: f32 = 0.05;
 pub(crate) struct Other<'a> {
     /// The way there.
     pub(crate) there: &'a StereoSource<'a>,
-    /// Its planes.
+    /// The planes of the other photo.
     pub(crate) planes: &'a PlaneMap,
     /// The way back into the first photo.
     pub(crate) back: PhotoWarp,

@@ -21,7 +21,7 @@ use glam::DVec3;
 use matching::{StereoImage, StereoSource};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use sweep::{Ask, MOST_SOURCES, PlaneMap, Reference, doubled};
+use sweep::{Ask, MOST_SOURCES, PlaneMap, Reference, Round, doubled};
 use wm_scene::Camera;
 use wm_scene::capture::Capture;
 
@@ -132,18 +132,19 @@ pub(crate) fn estimate(
                 let mut planes = coarse.begin(&start(&halves[index]));
                 for round in 0..options.rounds.0 {
                     let ask = if round < 2 { Ask::All } else { Ask::Best };
-                    coarse.round(&mut planes, round + 1, 0.7f32.powi(round as i32), ask);
+                    let reach = 0.7f32.powi(round as i32);
+                    coarse.run(Round { number: round + 1, reach, ask }, &mut planes);
                 }
                 let fine =
                     reference_of(capture, index, &whole, &cameras, &sources, &seen, options.seed ^ 0xf19e)?;
-                let size = |p: &StereoImage| (p.width, p.height);
                 let mut planes = PlaneMap {
-                    planes: doubled(&planes.planes, size(&half[index]), size(&whole[index])),
+                    planes: doubled(&planes.planes, &half[index], &whole[index]),
                     costs: Vec::new(),
                 };
                 fine.judge(&mut planes);
                 for round in 0..options.rounds.1 {
-                    fine.round(&mut planes, round + 1, 0.25 * 0.5f32.powi(round as i32), Ask::Best);
+                    let reach = 0.25 * 0.5f32.powi(round as i32);
+                    fine.run(Round { number: round + 1, reach, ask: Ask::Best }, &mut planes);
                 }
                 Some(planes)
             });

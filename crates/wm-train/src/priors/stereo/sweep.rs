@@ -1,5 +1,5 @@
-//! PlaneMap for all pixels of one photo: good ones spread to their neighbours and are varied
-//! (PatchMatch).
+//! PatchMatch: planes for all pixels of one photo, of which good ones spread to their neighbours and
+//! are varied.
 
 use super::matching::{Plane, StereoImage, StereoSource, WORST, Window, inverse_depth};
 use wm_scene::random::uniform;
@@ -19,8 +19,19 @@ const GRAZING: f32 = 0.17;
 pub(crate) enum Ask {
     /// All: nothing is right yet.
     All,
-    /// Those in which the plane so far is found best.
+    /// The sources in which the plane so far matches best.
     Best,
+}
+
+/// The parameters of one round over all pixels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Round {
+    /// The number of the round, from 1: it selects the random numbers.
+    pub(crate) number: u32,
+    /// The range within which planes are varied, 0-1; 1 also tries any plane.
+    pub(crate) reach: f32,
+    /// The sources with which planes are compared.
+    pub(crate) ask: Ask,
 }
 
 /// The camera and range of one photo.
@@ -41,7 +52,7 @@ pub(crate) struct Reference<'a> {
 /// The planes of one photo, `[H, W]`, and how badly they match.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PlaneMap {
-    /// PlaneMap as inverse depth over the image.
+    /// The planes, as inverse depth over the image.
     pub(crate) planes: Vec<Plane>,
     /// 0 to 2.
     pub(crate) costs: Vec<f32>,
@@ -135,7 +146,7 @@ impl Reference<'_> {
         unit(normal)
     }
 
-    /// PlaneMap to begin with: `inverse` where it is known (above 0) and elsewhere anything.
+    /// Returns the planes to begin with: `inverse` where it is known (above 0) and elsewhere anything.
     #[must_use]
     pub(crate) fn begin(&self, inverse: &[f32]) -> PlaneMap {
         let mut found = PlaneMap::default();
@@ -168,27 +179,22 @@ impl Reference<'_> {
         }
     }
 
-    /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far
-    /// planes are varied, 1 for anything.
-    pub(crate) fn round(&self, found: &mut PlaneMap, round: u32, reach: f32, ask: Ask) {
+    /// Improves the planes of all pixels once: first those of one colour of the chessboard, then
+    /// those of the other.
+    pub(crate) fn run(&self, round: Round, found: &mut PlaneMap) {
         let (width, height) = (self.picture.width, self.picture.height);
         let mut order = Vec::new();
         for color in 0..2 {
             for row in 0..height {
                 for column in ((row + color) % 2..width).step_by(2) {
-                    self.improve(found, (column, row), (round, reach, ask), &mut order);
+                    self.improve(found, column, row, round, &mut order);
                 }
             }
         }
     }
 
-    fn improve(
-        &self,
-        found: &mut PlaneMap,
-        (column, row): (usize, usize),
-        (round, reach, ask): (u32, f32, Ask),
-        order: &mut Vec<usize>,
-    ) {
+    fn improve(&self, found: &mut PlaneMap, column: usize, row: usize, round: Round, order: &mut Vec<usize>) {
+        let Round { number, reach, ask } = round;
         let (width, height) = (self.picture.width, self.picture.height);
         let pixel = row * width + column;
         let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
@@ -209,7 +215,7 @@ impl Reference<'_> {
                 }
             }
         }
-        let mut random = self.random(round, pixel);
+        let mut random = self.random(number, pixel);
         let (inverse, normal) = (inverse_depth(&best, x, y), self.normal(&best));
         let turn: [f32; 3] = std::array::from_fn(|_| reach * (random() - 0.5));
         let turned = unit([0, 1, 2].map(|k| normal[k] + turn[k]));
@@ -230,17 +236,14 @@ impl Reference<'_> {
     }
 }
 
-/// The planes of a picture of half the size, for the whole one.
+/// Returns the planes of the picture `half`, of half the size, for the picture `whole`.
 #[must_use]
-pub(crate) fn doubled(
-    planes: &[Plane],
-    (half_width, half_height): (usize, usize),
-    (width, height): (usize, usize),
-) -> Vec<Plane> {
+pub(crate) fn doubled(planes: &[Plane], half: &StereoImage, whole: &StereoImage) -> Vec<Plane> {
+    let (width, height) = (whole.width, whole.height);
     let at = |pixel: usize| {
         let (column, row) =
-            ((pixel % width / 2).min(half_width - 1), (pixel / width / 2).min(half_height - 1));
-        let [a, b, c] = planes[row * half_width + column];
+            ((pixel % width / 2).min(half.width - 1), (pixel / width / 2).min(half.height - 1));
+        let [a, b, c] = planes[row * half.width + column];
         [0.5 * a, 0.5 * b, c]
     };
     (0..width * height).map(at).collect()
