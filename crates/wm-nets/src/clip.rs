@@ -14,7 +14,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::ops::{Image, Linear, Norm, Then, numbers};
+use crate::ops::{Activation, Image, Linear, Norm, numbers};
 use crate::pillow;
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Licence, Weights, WeightsError};
@@ -26,14 +26,14 @@ use thiserror::Error;
 const MEAN: [f32; 3] = [0.481_454_66, 0.457_827_5, 0.408_210_73];
 const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
 /// Channels of an attention head in all of OpenAI's networks.
-const HEAD: usize = 64;
+const HEAD_CHANNELS: usize = 64;
 /// The epsilon of the layer norms.
 const EPSILON: f64 = 1e-5;
 /// Most blocks, channels and pixels of a side that are taken; the largest published ones have 24,
 /// 1024 and 336.
-const MOST_BLOCKS: usize = 64;
-const MOST_CHANNELS: usize = 1 << 13;
-const LONGEST_SIDE: usize = 1 << 11;
+const MAX_BLOCKS: usize = 64;
+const MAX_CHANNELS: usize = 1 << 13;
+const MAX_SIDE_PX: usize = 1 << 11;
 /// The advice where a file is of another network.
 const ADVICE: &str = "give the weights of openai/clip-vit-large-patch14-336 on Hugging Face, pytorch_model.bin or \
                       converted to safetensors";
@@ -85,12 +85,12 @@ impl Architecture {
         let grid = (positions - 1).isqrt();
         let is_there = |block: &usize| weights.shape(&of_block(*block, "layer_norm1.weight")).is_some();
         // One that is missing between others is named when it is read.
-        let blocks = (0..MOST_BLOCKS).rev().find(is_there).map_or(0, |last| last + 1);
-        let is_known = channels % HEAD == 0
-            && (HEAD..=MOST_CHANNELS).contains(&channels)
+        let blocks = (0..MAX_BLOCKS).rev().find(is_there).map_or(0, |last| last + 1);
+        let is_known = channels % HEAD_CHANNELS == 0
+            && (HEAD_CHANNELS..=MAX_CHANNELS).contains(&channels)
             && patch == *other
-            && (1..=LONGEST_SIDE).contains(&patch)
-            && (1..=LONGEST_SIDE / patch).contains(&grid)
+            && (1..=MAX_SIDE_PX).contains(&patch)
+            && (1..=MAX_SIDE_PX / patch).contains(&grid)
             && positions == 1 + grid * grid
             && blocks > 0;
         if !is_known {
@@ -151,7 +151,7 @@ impl Clip {
             channels,
             wide,
             epsilon: EPSILON,
-            activation: Then::QuickGelu,
+            activation: Activation::QuickGelu,
         };
         let block = |index| Block::read(&kind, &mut |what, shape| tensor(&of_block(index, what), shape));
         let blocks = (0..blocks).map(block).collect::<Result<_, _>>()?;
@@ -206,9 +206,9 @@ impl Clip {
         let levels = square(rgb, width, patch * grid);
         let mut x = self.before.apply(&self.embedding.apply(&normalized(&levels, patch * grid)));
         for block in &self.blocks {
-            block.apply(&mut x, channels / HEAD);
+            block.apply(&mut x, channels / HEAD_CHANNELS);
         }
-        let mut embedding = self.project.apply(self.after.apply(&x[..channels]), Then::Nothing);
+        let mut embedding = self.project.apply(self.after.apply(&x[..channels]), Activation::Nothing);
         let length = embedding.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
         embedding.iter_mut().for_each(|value| *value = (f64::from(*value) / length) as f32);
         if embedding.iter().all(|value| value.is_finite()) { Ok(embedding) } else { Err(NotFinite) }

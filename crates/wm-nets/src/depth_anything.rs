@@ -26,7 +26,7 @@ use thiserror::Error;
 
 /// A photo's longer side may be this many times the shorter one. Attention's work grows with its
 /// square.
-pub(crate) const LONGEST: usize = 4;
+pub(crate) const MAX_ASPECT_RATIO: usize = 4;
 
 /// The family of the weights. Their tensors do not tell it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -77,7 +77,7 @@ pub enum DisparityError {
     },
     /// A strip.
     #[error(
-        "a photo of {width}x{height} px is too long; the depth network takes sides of up to {LONGEST}:1, so cut it up"
+        "a photo of {width}x{height} px is too long; the depth network takes sides of up to {MAX_ASPECT_RATIO}:1, so cut it up"
     )]
     Long {
         /// px.
@@ -172,7 +172,7 @@ impl DepthAnything {
     /// shorter one of a larger photo, the longer one of a smaller.
     ///
     /// # Errors
-    /// [`DisparityError`] if a side is below 14 px or the longer one over [`LONGEST`] times the
+    /// [`DisparityError`] if a side is below 14 px or the longer one over [`MAX_ASPECT_RATIO`] times the
     /// other.
     pub(crate) fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
         photo::size(width, height, self.side)

@@ -9,9 +9,9 @@ use candle_core::{Device, Storage, Tensor};
 use rayon::prelude::*;
 
 /// Numbers of neighbours that are laid out at a time for a convolution: 8 MiB.
-const NEIGHBOURS: usize = 1 << 21;
+const MAX_NEIGHBOUR_VALUES: usize = 1 << 21;
 /// Rows that a thread takes at a time.
-const ROWS: usize = 16;
+const BLOCK_ROWS: usize = 16;
 
 /// Features of an image, row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,7 @@ pub(crate) struct Linear {
 
 /// The function that follows a product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Then {
+pub(crate) enum Activation {
     Nothing,
     Relu,
     /// `x / 2 (1 + erf(x / sqrt 2))`
@@ -64,9 +64,9 @@ fn product(lhs: &Tensor, rhs: &Tensor, f: impl Fn(usize, &mut [f32]) + Sync) -> 
     let (storage, _) = product.storage_and_layout();
     let Storage::Cpu(storage) = &*storage else { unreachable!("all is on the CPU") };
     let mut values = storage.as_slice::<f32>().expect("numbers that are f32").to_vec();
-    values.par_chunks_mut(ROWS * columns).enumerate().for_each(|(block, rows)| {
+    values.par_chunks_mut(BLOCK_ROWS * columns).enumerate().for_each(|(block, rows)| {
         for (index, row) in rows.chunks_exact_mut(columns).enumerate() {
-            f(block * ROWS + index, row);
+            f(block * BLOCK_ROWS + index, row);
         }
     });
     values
@@ -79,7 +79,7 @@ impl Linear {
     }
 
     /// `[rows, from]` to `[rows, to]`.
-    pub(crate) fn apply(&self, x: Vec<f32>, then: Then) -> Vec<f32> {
+    pub(crate) fn apply(&self, x: Vec<f32>, then: Activation) -> Vec<f32> {
         let x = matrix(x, self.weight.dims()[1]);
         let transposed = self.weight.t().expect("two dimensions");
         product(&x, &transposed, |_, row| {
@@ -87,10 +87,10 @@ impl Linear {
                 row.iter_mut().zip(bias).for_each(|(value, bias)| *value += bias);
             }
             match then {
-                Then::Nothing => {}
-                Then::Relu => row.iter_mut().for_each(|value| *value = relu(*value)),
-                Then::Gelu => row.iter_mut().for_each(|value| *value = gelu(*value)),
-                Then::QuickGelu => row.iter_mut().for_each(|value| *value = quick_gelu(*value)),
+                Activation::Nothing => {}
+                Activation::Relu => row.iter_mut().for_each(|value| *value = relu(*value)),
+                Activation::Gelu => row.iter_mut().for_each(|value| *value = gelu(*value)),
+                Activation::QuickGelu => row.iter_mut().for_each(|value| *value = quick_gelu(*value)),
             }
         })
     }
@@ -102,7 +102,7 @@ impl Linear {
 
     /// Applies the layer to every pixel of an image: a convolution of 1x1 px.
     pub(crate) fn over(&self, image: Image) -> Image {
-        let values = self.apply(image.values, Then::Nothing);
+        let values = self.apply(image.values, Activation::Nothing);
         Image { values, channels: self.to(), ..image }
     }
 }
@@ -141,17 +141,17 @@ impl Convolution {
     }
 
     /// The image, smaller by the stride, rounded up.
-    pub(crate) fn apply(&self, image: &Image, then: Then) -> Image {
+    pub(crate) fn apply(&self, image: &Image, then: Activation) -> Image {
         let (width, height) = (image.width.div_ceil(self.stride), image.height.div_ceil(self.stride));
         let (pixels, one) = (width * height, 9 * image.channels);
-        let at_a_time = (NEIGHBOURS / one).max(1);
+        let at_a_time = (MAX_NEIGHBOUR_VALUES / one).max(1);
         let mut values = Vec::with_capacity(pixels * self.linear.to());
         for start in (0..pixels).step_by(at_a_time) {
             let count = at_a_time.min(pixels - start);
             let mut neighbours = vec![0.0; count * one];
-            neighbours.par_chunks_mut(one * ROWS).enumerate().for_each(|(block, chunk)| {
+            neighbours.par_chunks_mut(one * BLOCK_ROWS).enumerate().for_each(|(block, chunk)| {
                 for (index, nine) in chunk.chunks_exact_mut(one).enumerate() {
-                    let pixel = start + block * ROWS + index;
+                    let pixel = start + block * BLOCK_ROWS + index;
                     image.neighbours(pixel % width * self.stride, pixel / width * self.stride, nine);
                 }
             });
@@ -186,7 +186,7 @@ impl Enlarge {
     /// The image, larger by the side.
     pub(crate) fn apply(&self, image: Image) -> Image {
         let Image { width, height, channels, .. } = image;
-        let squares = self.linear.apply(image.values, Then::Nothing);
+        let squares = self.linear.apply(image.values, Activation::Nothing);
         // A row of a square.
         let run = self.side * channels;
         let mut values = vec![0.0; squares.len()];
@@ -310,7 +310,7 @@ impl Norm {
     pub(crate) fn apply(&self, x: &[f32]) -> Vec<f32> {
         let channels = self.scale.len();
         let mut values = x.to_vec();
-        values.par_chunks_mut(channels * ROWS).for_each(|rows| {
+        values.par_chunks_mut(channels * BLOCK_ROWS).for_each(|rows| {
             for row in rows.chunks_exact_mut(channels) {
                 let mean = row.iter().map(|v| f64::from(*v)).sum::<f64>() / channels as f64;
                 let squares = row.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>();
@@ -328,18 +328,20 @@ impl Norm {
 /// Adds `[rows, channels]`, each channel scaled.
 pub(crate) fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
     let channels = scale.len();
-    x.par_chunks_mut(channels * ROWS).zip(other.par_chunks(channels * ROWS)).for_each(|(x, other)| {
-        for (x, other) in x.chunks_exact_mut(channels).zip(other.chunks_exact(channels)) {
-            x.iter_mut().zip(other.iter().zip(scale)).for_each(|(x, (other, scale))| *x += other * scale);
-        }
-    });
+    x.par_chunks_mut(channels * BLOCK_ROWS).zip(other.par_chunks(channels * BLOCK_ROWS)).for_each(
+        |(x, other)| {
+            for (x, other) in x.chunks_exact_mut(channels).zip(other.chunks_exact(channels)) {
+                x.iter_mut().zip(other.iter().zip(scale)).for_each(|(x, (other, scale))| *x += other * scale);
+            }
+        },
+    );
 }
 
 /// `softmax(q k^T / sqrt d) v` of each head, `[rows, channels]`. `qkv` is `[rows, 3 channels]`:
 /// queries, keys, values, in each the heads side by side.
 pub(crate) fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
     /// Queries at a time, which bounds the memory.
-    const QUERIES: usize = 256;
+    const BLOCK_QUERIES: usize = 256;
     let (rows, depth) = (qkv.len() / (3 * channels), channels / heads);
     let scale = 1.0 / (depth as f32).sqrt();
     let qkv = matrix(qkv, 3 * channels);
@@ -348,8 +350,9 @@ pub(crate) fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32
     for head in 0..heads {
         let [queries, keys, values] = [0, 1, 2].map(|which| part(which * channels + head * depth));
         let keys = keys.t().expect("two dimensions");
-        for start in (0..rows).step_by(QUERIES) {
-            let some = queries.narrow(0, start, QUERIES.min(rows - start)).expect("rows that are there");
+        for start in (0..rows).step_by(BLOCK_QUERIES) {
+            let some =
+                queries.narrow(0, start, BLOCK_QUERIES.min(rows - start)).expect("rows that are there");
             let likeness = product(&some, &keys, |_, row| {
                 let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
                 row.iter_mut().for_each(|value| *value = ((*value - largest) * scale).exp());

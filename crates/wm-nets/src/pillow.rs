@@ -5,10 +5,10 @@
 use rayon::prelude::*;
 
 /// Bits behind the point of the weights.
-const BITS: u32 = 22;
+const WEIGHT_BITS: u32 = 22;
 
 /// The part of a row or column that makes one value: from `first` on, each with a weight times
-/// 2^[`BITS`].
+/// 2^[`WEIGHT_BITS`].
 struct Weights {
     first: usize,
     weights: Vec<i32>,
@@ -47,7 +47,7 @@ pub(crate) fn resized(mut levels: Vec<u8>, width: usize, height: usize, to: (usi
 }
 
 fn rounded(sum: i32) -> u8 {
-    ((sum + (1 << (BITS - 1))) >> BITS).clamp(0, 255) as u8
+    ((sum + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS).clamp(0, 255) as u8
 }
 
 /// The weights of each value of a row or column that goes from `from` to `to` of them.
@@ -62,7 +62,7 @@ fn weights(from: usize, to: usize) -> Vec<Weights> {
         let end = ((center + reach + 0.5) as usize).min(from);
         let exact: Vec<f64> = (first..end).map(|place| cubic((place as f64 - center + 0.5) / wide)).collect();
         let sum: f64 = exact.iter().sum();
-        let fixed = |weight: &f64| (weight / sum * f64::from(1 << BITS)).round() as i32;
+        let fixed = |weight: &f64| (weight / sum * f64::from(1 << WEIGHT_BITS)).round() as i32;
         Weights { first, weights: exact.iter().map(fixed).collect() }
     };
     (0..to).map(of).collect()

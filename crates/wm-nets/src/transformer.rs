@@ -1,7 +1,7 @@
 //! Vision transformers: patches of a picture with a class before them, and blocks that each network
 //! has its own number of.
 
-use crate::ops::{Image, Linear, Norm, Then, add_scaled, attention};
+use crate::ops::{Activation, Image, Linear, Norm, add_scaled, attention};
 use crate::weights::WeightsError;
 
 /// Reads a tensor by its name and shape.
@@ -48,7 +48,7 @@ impl Embedding {
             }
         }
         let patches = Image {
-            values: self.patches.apply(pixels, Then::Nothing),
+            values: self.patches.apply(pixels, Activation::Nothing),
             width: columns,
             height: rows,
             channels: self.class.len(),
@@ -70,7 +70,7 @@ pub(crate) struct Block {
     project: Linear,
     widen: Linear,
     /// The function after it.
-    activation: Then,
+    activation: Activation,
     narrow: Linear,
     scales: [Vec<f32>; 2],
 }
@@ -91,7 +91,7 @@ pub(crate) struct BlockKind<'a> {
     /// Channels in the perceptron.
     pub(crate) wide: usize,
     pub(crate) epsilon: f64,
-    pub(crate) activation: Then,
+    pub(crate) activation: Activation,
 }
 
 impl Block {
@@ -129,11 +129,11 @@ impl Block {
     /// Applies it to `[rows, channels]`.
     pub(crate) fn apply(&self, x: &mut [f32], heads: usize) {
         let channels = self.scales[0].len();
-        let attended = self.attend.apply(self.norms[0].apply(x), Then::Nothing);
-        let attended = self.project.apply(attention(attended, channels, heads), Then::Nothing);
+        let attended = self.attend.apply(self.norms[0].apply(x), Activation::Nothing);
+        let attended = self.project.apply(attention(attended, channels, heads), Activation::Nothing);
         add_scaled(x, &self.scales[0], &attended);
         let wide = self.widen.apply(self.norms[1].apply(x), self.activation);
-        add_scaled(x, &self.scales[1], &self.narrow.apply(wide, Then::Nothing));
+        add_scaled(x, &self.scales[1], &self.narrow.apply(wide, Activation::Nothing));
     }
 }
 

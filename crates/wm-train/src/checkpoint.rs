@@ -57,7 +57,7 @@ pub struct CheckpointHead {
     /// The configuration.
     pub config: TrainConfig,
     /// The photos that teach, in their order.
-    pub(crate) photos: Vec<Taught>,
+    pub(crate) photos: Vec<TrainedPhoto>,
     /// The SIMD path, on which the bytes depend.
     pub(crate) simd: String,
     step: u32,
@@ -68,7 +68,7 @@ pub struct CheckpointHead {
 
 /// A photo that teaches, as the training sees it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Taught {
+pub(crate) struct TrainedPhoto {
     /// The name of the photo.
     pub(crate) name: String,
     /// The width and height in use, px.
@@ -78,7 +78,12 @@ pub(crate) struct Taught {
 impl CheckpointHead {
     /// For the state of a training.
     #[must_use]
-    pub(crate) fn new(config: &TrainConfig, photos: Vec<Taught>, simd: String, state: &TrainState) -> Self {
+    pub(crate) fn new(
+        config: &TrainConfig,
+        photos: Vec<TrainedPhoto>,
+        simd: String,
+        state: &TrainState,
+    ) -> Self {
         let mut groups: Vec<(u8, usize)> = Vec::new();
         for group in &state.population.splats.groups {
             match groups.last_mut() {
@@ -295,7 +300,7 @@ mod tests {
         exposures.steps[2] = 77;
         let state = TrainState { step: 1234, population, exposures };
         let config = TrainConfig::preset(Preset::Quick);
-        let photos = vec![Taught { name: "a.jpg".into(), size: (60, 40) }];
+        let photos = vec![TrainedPhoto { name: "a.jpg".into(), size: (60, 40) }];
         (CheckpointHead::new(&config, photos, "portable".into(), &state), state)
     }
 

@@ -310,10 +310,10 @@ impl RateConfig {
 
 /// Pixels that confirm what two other photos show, for each splat, at least: more splats than that
 /// learn single photos by heart.
-const PIXELS_A_SPLAT: u64 = 15;
+const PIXELS_PER_SPLAT: u64 = 15;
 /// Most steps for each photo: published trainings take 30,000 steps with 100 to 300 photos, and
 /// more learn few photos by heart.
-const STEPS_A_PHOTO: u32 = 100;
+const STEPS_PER_PHOTO: u32 = 100;
 
 impl Preset {
     /// The number of steps where there are enough photos.
@@ -331,7 +331,7 @@ impl Preset {
     /// in any case.
     #[must_use]
     pub(crate) fn steps_for(self, photos: usize) -> u32 {
-        let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_A_PHOTO);
+        let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_PER_PHOTO);
         self.steps().min(most.max(Self::Quick.steps()))
     }
 
@@ -339,7 +339,7 @@ impl Preset {
     /// [`crate::overlap`].
     #[must_use]
     pub(crate) fn max_splats_for(self, confirmed: u64) -> usize {
-        let told_apart = usize::try_from(confirmed / PIXELS_A_SPLAT).unwrap_or(usize::MAX);
+        let told_apart = usize::try_from(confirmed / PIXELS_PER_SPLAT).unwrap_or(usize::MAX);
         self.max_splats().min(told_apart.max(1000))
     }
 

@@ -14,7 +14,7 @@ use wm_scene::Camera;
 use wm_scene::capture::SparsePoints;
 
 /// Pixels of known depth for one point that is new, about: the photos that see a surface.
-const PHOTOS_A_SURFACE: f64 = 3.0;
+const PHOTOS_PER_SURFACE: f64 = 3.0;
 
 /// A photo with the depth of its pixels.
 pub(crate) struct FillView<'a> {
@@ -40,7 +40,7 @@ pub(crate) fn fill(
     if room == 0 || known == 0 {
         return 0;
     }
-    let step = ((known as f64 / (PHOTOS_A_SURFACE * room as f64)).sqrt() as usize).max(1);
+    let step = ((known as f64 / (PHOTOS_PER_SURFACE * room as f64)).sqrt() as usize).max(1);
     let mut taken = HashSet::new();
     let mut fresh: Vec<([f64; 3], [u8; 3])> = Vec::new();
     for FillView { camera, prior, photo } in views {

@@ -2,7 +2,7 @@
 //! together (DPT).
 
 use super::photo::PATCH;
-use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then};
+use crate::ops::{Activation, Convolution, Enlarge, Image, Linear, Norm};
 use crate::transformer::{Block, Embedding};
 
 /// All weights.
@@ -87,10 +87,10 @@ impl Head {
             self.enlarge[0].apply(a.over(first)),
             self.enlarge[1].apply(b.over(second)),
             c.over(third),
-            self.shrink.apply(&d.over(fourth), Then::Nothing),
+            self.shrink.apply(&d.over(fourth), Activation::Nothing),
         ];
         let levels: [Image; 4] =
-            std::array::from_fn(|index| self.reduce[index].apply(&images[index], Then::Nothing));
+            std::array::from_fn(|index| self.reduce[index].apply(&images[index], Activation::Nothing));
         let mut fused = None;
         for (index, fusion) in (0..4).rev().zip(&self.fusions) {
             // As large as the next one, the last twice as large as it is.
@@ -101,8 +101,8 @@ impl Head {
             let image = fusion.apply(fused.take(), &levels[index]);
             fused = Some(image.bilinear(width, height));
         }
-        let image = self.last[0].apply(&fused.expect("four levels"), Then::Nothing);
-        let image = self.last[1].apply(&image.bilinear(width, height), Then::Relu);
+        let image = self.last[0].apply(&fused.expect("four levels"), Activation::Nothing);
+        let image = self.last[1].apply(&image.bilinear(width, height), Activation::Relu);
         self.depth.over(image).relu()
     }
 }
@@ -125,8 +125,8 @@ impl Fusion {
 
 impl ResidualUnit {
     fn apply(&self, image: &Image) -> Image {
-        let inner = self.0[0].apply(&image.relu(), Then::Relu);
-        let mut sum = self.0[1].apply(&inner, Then::Nothing);
+        let inner = self.0[0].apply(&image.relu(), Activation::Relu);
+        let mut sum = self.0[1].apply(&inner, Activation::Nothing);
         sum.add(image);
         sum
     }

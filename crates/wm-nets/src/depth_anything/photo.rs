@@ -22,12 +22,12 @@ const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 ///
 /// # Errors
 /// [`DisparityError`] if the photo is below a patch, or so long that the network would see it out
-/// of proportion or need more memory than [`LONGEST`](super::LONGEST) allows.
+/// of proportion or need more memory than [`MAX_ASPECT_RATIO`](super::MAX_ASPECT_RATIO) allows.
 pub(crate) fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
     if width.min(height) < PATCH {
         return Err(DisparityError::Small { width, height });
     }
-    if width.max(height) > super::LONGEST * width.min(height) {
+    if width.max(height) > super::MAX_ASPECT_RATIO * width.min(height) {
         return Err(DisparityError::Long { width, height });
     }
     let scales = [width, height].map(|length| side as f64 / length as f64);

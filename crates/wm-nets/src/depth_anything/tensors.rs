@@ -4,7 +4,7 @@
 use super::network::{Backbone, Fusion, Head, Network, ResidualUnit};
 use super::photo::PATCH;
 use super::{ModelSize, Version};
-use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then, numbers};
+use crate::ops::{Activation, Convolution, Enlarge, Image, Linear, Norm, numbers};
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Weights, WeightsError};
 use serde_json::Value;
@@ -40,9 +40,9 @@ pub(crate) struct Architecture {
 
 impl Architecture {
     /// Channels of an attention head in all published networks.
-    const HEAD: usize = 64;
+    const HEAD_CHANNELS: usize = 64;
     /// Largest grid that is taken; the published ones are 37.
-    const LARGEST_GRID: usize = 128;
+    const MAX_GRID: usize = 128;
 
     /// Finds out from tensors' shapes and, where it lies beside them, `config.json`.
     ///
@@ -67,17 +67,17 @@ impl Architecture {
         let blocks = (0..64).rev().find(is_there).map_or(0, |last| last + 1);
         let heads = match config.heads {
             Some(heads) if heads > 0 && channels % heads == 0 => heads,
-            None if channels % Self::HEAD == 0 => channels / Self::HEAD,
+            None if channels % Self::HEAD_CHANNELS == 0 => channels / Self::HEAD_CHANNELS,
             _ => {
                 return Err(weights.refuse(format!(
                     "a network of {channels} channels, of which the published ones have {0} a head and others say \
                      in a config.json beside how many heads they have",
-                    Self::HEAD
+                    Self::HEAD_CHANNELS
                 )));
             }
         };
         let grid = (of("backbone.embeddings.position_embeddings", 1)? - 1).isqrt();
-        if blocks < 4 || !(1..=Self::LARGEST_GRID).contains(&grid) {
+        if blocks < 4 || !(1..=Self::MAX_GRID).contains(&grid) {
             let found = format!("a network of {blocks} blocks and {grid}x{grid} positions");
             return Err(weights.refuse(format!("{found}, where Depth Anything has 12 or 24 and 37x37")));
         }
@@ -316,7 +316,7 @@ impl Reader<'_> {
             // In all of DINOv2's networks.
             wide: 4 * channels,
             epsilon: EPSILON,
-            activation: Then::Gelu,
+            activation: Activation::Gelu,
         };
         Block::read(&kind, &mut |what, shape| self.exact(&naming.block(index, what), shape))
     }

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Longest header that is read, bytes. Those of large language models have a tenth of it.
-const MAX_HEADER: u64 = 1 << 24;
+const MAX_HEADER_BYTES: u64 = 1 << 24;
 
 /// Weights that cannot be used.
 #[derive(Debug, Error)]
@@ -127,7 +127,7 @@ impl Entry {
 
 /// One file that is open.
 #[derive(Debug)]
-struct Weighed {
+struct WeightsFile {
     path: PathBuf,
     file: File,
     entries: HashMap<String, Entry>,
@@ -136,7 +136,7 @@ struct Weighed {
 /// Tensors by name.
 #[derive(Debug)]
 pub(crate) struct Weights {
-    files: Vec<Weighed>,
+    files: Vec<WeightsFile>,
     advice: &'static str,
 }
 
@@ -183,13 +183,13 @@ impl Weights {
     }
 }
 
-fn open(path: &Path) -> Result<Weighed, WeightsFault> {
+fn open(path: &Path) -> Result<WeightsFile, WeightsFault> {
     let mut file = File::open(path)?;
     if !file.metadata()?.is_file() {
         return Err(io::Error::other("it is no file").into());
     }
     let entries = entries(&mut file, path)?;
-    Ok(Weighed { path: path.into(), file, entries })
+    Ok(WeightsFile { path: path.into(), file, entries })
 }
 
 /// The tensors of a file, which is at its start.

@@ -5,7 +5,7 @@
 //! nothing that it names is ever called. Values are kept once and meant by their number, so that
 //! the memory is bounded by the pickle's length, whatever refers to what.
 
-use super::{Entry, MAX_HEADER, WeightsFault, read};
+use super::{Entry, MAX_HEADER_BYTES, WeightsFault, read};
 use candle_core::DType;
 use std::collections::HashMap;
 use std::fs::File;
@@ -57,7 +57,7 @@ pub(crate) fn entries(file: &mut File, length: u64) -> Result<HashMap<String, En
     {
         return Err(WeightsFault::NoTensors("its numbers have the highest byte first"));
     }
-    if part.size > MAX_HEADER {
+    if part.size > MAX_HEADER_BYTES {
         return Err(WeightsFault::NoTensors("its data.pkl holds more than tensors by name"));
     }
     let pickle = read(file, part.start, part.size)?;
@@ -86,7 +86,7 @@ fn damaged(error: impl std::fmt::Display) -> WeightsFault {
 }
 
 /// A tensor as the pickle tells of it.
-struct Stored {
+struct StoredTensor {
     kind: Result<DType, String>,
     /// Name of the entry with its numbers.
     storage: String,
@@ -153,7 +153,7 @@ impl<'a> Bytes<'a> {
 
 impl Machine {
     /// Runs a pickle; gives the tensors of the dictionary that it builds.
-    fn run(mut self, pickle: &[u8]) -> Result<Vec<(String, Stored)>, WeightsFault> {
+    fn run(mut self, pickle: &[u8]) -> Result<Vec<(String, StoredTensor)>, WeightsFault> {
         let mut bytes = Bytes(pickle);
         let top = loop {
             let code = bytes.take(1).ok_or_else(|| damaged(BROKEN))?[0];
@@ -296,7 +296,7 @@ impl Machine {
     }
 
     /// A tensor, or a parameter, which has one; `None` of anything else.
-    fn tensor(&self, id: Id) -> Option<Stored> {
+    fn tensor(&self, id: Id) -> Option<StoredTensor> {
         let Value::Call { mut callable, mut args } = self.values[id] else { return None };
         if self.is_named(callable, "torch._utils", "_rebuild_parameter") {
             let Value::Call { callable: c, args: a } = self.values[*self.tuple(args)?.first()?] else {
@@ -324,7 +324,7 @@ impl Machine {
             "DoubleStorage" => Ok(DType::F64),
             other => Err(other.to_owned()),
         };
-        Some(Stored { kind, storage: storage.clone(), offset: self.whole(offset)?, shape })
+        Some(StoredTensor { kind, storage: storage.clone(), offset: self.whole(offset)?, shape })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Headers of safetensors: 8 bytes of length, JSON, then the numbers without gaps.
 
-use super::{Entry, MAX_HEADER, WeightsFault};
+use super::{Entry, MAX_HEADER_BYTES, WeightsFault};
 use candle_core::DType;
 use safetensors::tensor::{Dtype, Metadata};
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ pub(crate) fn entries(file: &mut File, length: u64) -> Result<HashMap<String, En
     file.seek(SeekFrom::Start(0))?;
     file.read_exact(&mut claimed)?;
     let header = u64::from_le_bytes(claimed);
-    if header > length.saturating_sub(8) || header > MAX_HEADER {
+    if header > length.saturating_sub(8) || header > MAX_HEADER_BYTES {
         return Err(damaged(&format_args!("a header of {header} bytes in a file of {length}")));
     }
     let mut json = Vec::new();

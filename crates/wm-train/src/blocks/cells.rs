@@ -9,17 +9,17 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// Share of a cell's size that its reach extends beyond its borders.
-const MARGIN: f64 = 0.2;
+const REACH_MARGIN: f64 = 0.2;
 /// The least share of a photo's points in the reach of a block that the photo joins.
-const COVERED: f64 = 0.25;
+const MIN_COVERED_SHARE: f64 = 0.25;
 /// The same share for a photo that was taken in the cell.
-const COVERED_INSIDE: f64 = 0.05;
+const MIN_COVERED_SHARE_INSIDE: f64 = 0.05;
 /// Photos that show a point of a cell among those that join, where there are so many.
-const SEEN_BY: u32 = 3;
+const PHOTOS_PER_POINT: u32 = 3;
 /// Points that a photo which joins for their sake must add, at least, and the share of its own.
-const WORTH: (usize, f64) = (10, 0.02);
+const MIN_ADDED_POINTS: (usize, f64) = (10, 0.02);
 /// Fewest photos of a block.
-pub(crate) const FEWEST: usize = 3;
+pub(crate) const MIN_PHOTOS: usize = 3;
 
 /// Axes of the ground: two along it, and up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,7 +92,7 @@ impl GroundCell {
             let along = || places.iter().map(|place| place.to_array()[axis]);
             let low = self.low[axis].unwrap_or_else(|| along().fold(f64::INFINITY, f64::min));
             let high = self.high[axis].unwrap_or_else(|| along().fold(f64::NEG_INFINITY, f64::max));
-            let margin = MARGIN * (high - low).max(0.0);
+            let margin = REACH_MARGIN * (high - low).max(0.0);
             grown.low[axis] = self.low[axis].map(|low| low - margin);
             grown.high[axis] = self.high[axis].map(|high| high + margin);
         }
@@ -159,7 +159,7 @@ pub(crate) fn joining(
             (count(photo, in_reach) as f64 / photo.seen.len() as f64, core.holds(photo.place));
         match photo.seen.is_empty() {
             true => is_inside,
-            false => share >= if is_inside { COVERED_INSIDE } else { COVERED },
+            false => share >= if is_inside { MIN_COVERED_SHARE_INSIDE } else { MIN_COVERED_SHARE },
         }
     };
     let (mut joined, mut others): (Vec<usize>, Vec<usize>) =
@@ -173,9 +173,9 @@ pub(crate) fn joining(
     others.sort_by_key(|photo| (usize::MAX - count(&photos[*photo], in_core), *photo));
     let rest = others.into_iter().filter(|photo| {
         let seen = photos[*photo].seen;
-        let is_short = |point: &&u32| in_core[**point as usize] && shown[**point as usize] < SEEN_BY;
+        let is_short = |point: &&u32| in_core[**point as usize] && shown[**point as usize] < PHOTOS_PER_POINT;
         let adds = seen.iter().filter(is_short).count();
-        let is_worth = adds >= WORTH.0 && adds as f64 >= WORTH.1 * seen.len() as f64;
+        let is_worth = adds >= MIN_ADDED_POINTS.0 && adds as f64 >= MIN_ADDED_POINTS.1 * seen.len() as f64;
         if is_worth {
             show(&mut shown, *photo);
             joined.push(*photo);
@@ -183,7 +183,7 @@ pub(crate) fn joining(
         !is_worth
     });
     let rest: Vec<usize> = rest.collect();
-    let missing = FEWEST.saturating_sub(joined.len());
+    let missing = MIN_PHOTOS.saturating_sub(joined.len());
     joined.extend(rest.into_iter().take(missing));
     joined.sort_unstable();
     joined
@@ -218,7 +218,7 @@ mod tests {
         let [(core, reach), _] = cells(&places, 2)[..] else { panic!() };
         let border = core.high[0].unwrap();
         assert!(core.low == [None; 2] && core.high[1].is_none());
-        assert!((reach.high[0].unwrap() - border - MARGIN * border).abs() < 1e-9);
+        assert!((reach.high[0].unwrap() - border - REACH_MARGIN * border).abs() < 1e-9);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The plan of a training in blocks: cells, their photos and configurations, and what all trainings
 //! share.
 
-use super::cells::{self, FEWEST, GroundAxes, GroundCell, PlacedPhoto};
-use super::{BlockError, SKY};
+use super::cells::{self, GroundAxes, GroundCell, MIN_PHOTOS, PlacedPhoto};
+use super::{BlockError, SKY_FILE};
 use crate::brightness::PhotoGains;
 use crate::checkpoint::{FNV_START, hash};
 use crate::config::TrainConfig;
@@ -23,7 +23,7 @@ use wm_scene::formats::write_scene;
 const VERSION: u32 = 1;
 /// Photos of a block where their number is not given, about: the preset `best` takes 75 steps for
 /// each of 400.
-const PHOTOS: usize = 400;
+const PHOTOS_PER_BLOCK: usize = 400;
 
 /// The number of blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -177,8 +177,8 @@ impl BlockPlan {
         if plan.blocks.is_empty() {
             return Err(damaged("it has no blocks".into()));
         }
-        if let Some(block) = plan.blocks.iter().position(|block| block.cameras.len() < FEWEST) {
-            return Err(damaged(format!("block {block} has fewer than {FEWEST} cameras")));
+        if let Some(block) = plan.blocks.iter().position(|block| block.cameras.len() < MIN_PHOTOS) {
+            return Err(damaged(format!("block {block} has fewer than {MIN_PHOTOS} cameras")));
         }
         for block in &plan.blocks {
             block.config.check().map_err(|error| damaged(error.to_string()))?;
@@ -267,12 +267,12 @@ pub(super) fn make(
 ) -> Result<BlockPlan, BlockError> {
     let (taught, held_out) = whole.places();
     let count = match blocks.count {
-        BlockCount::Auto => taught.len().div_ceil(PHOTOS).max(1),
+        BlockCount::Auto => taught.len().div_ceil(PHOTOS_PER_BLOCK).max(1),
         BlockCount::Number(count) => count.get() as usize,
     };
-    if count > taught.len() / FEWEST {
-        let (photos, most) = (taught.len(), taught.len() / FEWEST);
-        return Err(BlockError::TooMany { wanted: count, photos, fewest: FEWEST, most });
+    if count > taught.len() / MIN_PHOTOS {
+        let (photos, most) = (taught.len(), taught.len() / MIN_PHOTOS);
+        return Err(BlockError::TooMany { wanted: count, photos, fewest: MIN_PHOTOS, most });
     }
     let points: Vec<DVec3> =
         whole.capture().points.positions.iter().map(|point| DVec3::from_array(*point)).collect();
@@ -339,7 +339,7 @@ pub(super) fn make(
     let splats = whole.sky(&config, haze.as_ref())?;
     let sky = splats.len();
     if sky > 0 {
-        write_scene(&folder.join(SKY), &Scene { splats, ..Scene::default() })?;
+        write_scene(&folder.join(SKY_FILE), &Scene { splats, ..Scene::default() })?;
     }
     Ok(BlockPlan {
         version: VERSION,

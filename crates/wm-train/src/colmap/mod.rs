@@ -59,7 +59,7 @@ pub struct ColmapOptions {
 /// The pairs of photos that are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Matching {
-    /// Each with each up to [`MOST_EXHAUSTIVE`] photos, else each with those that follow it.
+    /// Each with each up to [`MAX_EXHAUSTIVE_PHOTOS`] photos, else each with those that follow it.
     #[default]
     Auto,
     /// Each with each: the most reliable, and its time grows with the square of their number.
@@ -79,7 +79,7 @@ pub enum ColmapDevice {
 }
 
 /// Most photos of which each is compared with each.
-pub(crate) const MOST_EXHAUSTIVE: usize = 300;
+pub(crate) const MAX_EXHAUSTIVE_PHOTOS: usize = 300;
 
 /// The result of a run of COLMAP.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -108,7 +108,7 @@ impl fmt::Display for UnregisteredPhoto {
         let Self { photo, neighbours } = self;
         let shares: Vec<String> = neighbours
             .iter()
-            .take(NEIGHBOURS)
+            .take(NAMED_NEIGHBOURS)
             .map(|(name, points)| format!("{points} points with {name}"))
             .collect();
         match shares.is_empty() {
@@ -119,10 +119,10 @@ impl fmt::Display for UnregisteredPhoto {
 }
 
 /// Neighbours of a photo that are named in messages.
-const NEIGHBOURS: usize = 2;
+const NAMED_NEIGHBOURS: usize = 2;
 
 /// Shortest side of a photo in which features are looked for, px.
-const SHORTEST: u32 = 16;
+const MIN_SIDE_PX: u32 = 16;
 
 /// One of the four commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -236,9 +236,9 @@ pub enum ColmapError {
 const INSTALL: &str = "pip install pycolmap";
 
 /// The file that says what was run.
-const LOG: &str = "colmap.log";
+const LOG_FILE: &str = "colmap.log";
 /// The file that says that a run is complete.
-const DONE: &str = "done";
+const DONE_FILE: &str = "done";
 
 /// Makes a capture of the photos in a folder and those below it; everything goes to the folder
 /// `run`.
@@ -268,7 +268,7 @@ pub fn reconstruct(
         script: folder.join(SCRIPT_NAME),
     };
     let (database, models, dataset) = (paths.database.clone(), paths.models.clone(), paths.dataset.clone());
-    if fs::read_to_string(folder.join(DONE)).is_ok_and(|done| done == title)
+    if fs::read_to_string(folder.join(DONE_FILE)).is_ok_and(|done| done == title)
         && let Ok(made) = result(files.len(), &dataset, &database)
     {
         return Ok(made);
@@ -287,7 +287,7 @@ pub fn reconstruct(
     let is_exhaustive = match options.matching {
         Matching::Exhaustive => true,
         Matching::Sequential => false,
-        Matching::Auto => files.len() <= MOST_EXHAUSTIVE,
+        Matching::Auto => files.len() <= MAX_EXHAUSTIVE_PHOTOS,
     };
     runner.run(ColmapStep::Matches, commands.compare(is_exhaustive))?;
     make_folder(&models)?;
@@ -296,12 +296,12 @@ pub fn reconstruct(
         Err(ColmapError::Failed { said, .. }) if said.contains("failed to create sparse model") => {}
         done => done?,
     }
-    let log = runner.folder.join(LOG);
+    let log = runner.folder.join(LOG_FILE);
     let model = largest_model(&models).ok_or_else(|| nothing_registered(&database, log))?;
     make_folder(&dataset)?;
     runner.run(ColmapStep::Undistortion, commands.undistort(&model))?;
     let made = result(files.len(), &dataset, &database)?;
-    write_atomically(&runner.folder.join(DONE), |out| Ok(out.write_all(title.as_bytes())?))?;
+    write_atomically(&runner.folder.join(DONE_FILE), |out| Ok(out.write_all(title.as_bytes())?))?;
     Ok(made)
 }
 
@@ -364,7 +364,7 @@ fn sizes_of(files: &[PathBuf]) -> Result<Vec<Option<(u32, u32)>>, ColmapError> {
     let sizes: Vec<Option<(u32, u32)>> = files.par_iter().map(size).collect();
     for (photo, size) in files.iter().zip(&sizes) {
         if let Some((width, height)) = *size
-            && width.min(height) < SHORTEST
+            && width.min(height) < MIN_SIDE_PX
         {
             return Err(ColmapError::SmallPhoto { photo: photo.clone(), width, height });
         }

@@ -16,9 +16,9 @@ use wm_scene::quat;
 use wm_scene::splats::logit;
 
 /// Parts that a split splat falls into.
-const PARTS: u64 = 2;
+const SPLIT_PARTS: u64 = 2;
 /// The factor by which they are smaller.
-const SHRINK: f64 = 1.6;
+const SPLIT_SCALE_DIVISOR: f64 = 1.6;
 
 /// Constants of adaptive control; lengths in units of the scene's extent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -88,13 +88,13 @@ impl AdaptiveConfig {
         population.copy(&wanted);
         for (k, (index, small)) in wanted.iter().zip(is_small).enumerate() {
             if !small {
-                for part in 0..PARTS {
+                for part in 0..SPLIT_PARTS {
                     let place = if part == 0 { count + k } else { *index };
-                    population.draw_part(*index, place, random.normal3(PARTS * k as u64 + part));
+                    population.draw_part(*index, place, random.normal3(SPLIT_PARTS * k as u64 + part));
                 }
                 for place in [*index, count + k] {
                     for value in &mut population.splats.log_scales[place] {
-                        *value -= SHRINK.ln() as f32;
+                        *value -= SPLIT_SCALE_DIVISOR.ln() as f32;
                     }
                     population.forget(place);
                 }

@@ -24,19 +24,19 @@ use wm_scene::Group;
 use wm_scene::splats::logit;
 
 /// Most splats that come to one place at once.
-const MOST_AT_ONE: usize = 51;
+const MAX_SPLATS_PER_PLACE: usize = 51;
 /// Splats above this opacity have no noise: the gate is below 1e-4 there.
-const NOISY: f64 = 0.1;
+const MAX_NOISY_OPACITY: f64 = 0.1;
 /// Extent of a scene, scene units, in which [`McmcConfig::noise`] and [`McmcConfig::scale`] are
 /// those of the publication: its scenes were of about this one.
-const USUAL_EXTENT: f64 = 5.0;
+const PUBLISHED_EXTENT: f64 = 5.0;
 /// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's
 /// first can be nearly two apart.
-const LOST_AFTER: u32 = 2;
+const UNSEEN_EPOCHS: u32 = 2;
 
 /// Largest standard deviation, in distances from the middle of the place, or in extents where that
 /// is more.
-const WIDEST: f64 = 0.1;
+const MAX_SCALE: f64 = 0.1;
 
 /// Constants of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -99,13 +99,13 @@ impl DensifyStrategy for McmcConfig {
     }
 
     fn terms(&self, extent: f64) -> SplatTerms {
-        let scale = self.scale * USUAL_EXTENT / extent;
+        let scale = self.scale * PUBLISHED_EXTENT / extent;
         SplatTerms { opacity: self.opacity, scale, ..SplatTerms::default() }
     }
 
     fn noise(&self, rate: f64, extent: f64, random: Random) -> Option<Noise> {
-        let size = self.noise * rate * (USUAL_EXTENT / extent).powi(2);
-        Some(Noise { seed: random.seed(), size, most: NOISY })
+        let size = self.noise * rate * (PUBLISHED_EXTENT / extent).powi(2);
+        Some(Noise { seed: random.seed(), size, most: MAX_NOISY_OPACITY })
     }
 
     fn is_due(&self, step: u32) -> bool {
@@ -118,7 +118,7 @@ impl DensifyStrategy for McmcConfig {
             return;
         }
         let count = population.len();
-        let lost_after = LOST_AFTER.saturating_mul(u32::try_from(photos).unwrap_or(u32::MAX));
+        let lost_after = UNSEEN_EPOCHS.saturating_mul(u32::try_from(photos).unwrap_or(u32::MAX));
         let is_dead = |population: &Population, i: usize| {
             population.splats.groups[i] != Group::Sky
                 && (population.splats.opacity(i) <= self.dead
@@ -176,7 +176,7 @@ impl Population {
         let mut sorted = hosts.to_vec();
         sorted.sort_unstable();
         for group in sorted.chunk_by(|a, b| a == b) {
-            let (host, many) = (group[0], (group.len() + 1).min(MOST_AT_ONE));
+            let (host, many) = (group[0], (group.len() + 1).min(MAX_SPLATS_PER_PLACE));
             let opacity = self.splats.opacity(host);
             let (each, factor) = shared(opacity, many);
             self.splats.logit_opacities[host] = logit(each.clamp(dead, 1.0 - 1e-7)) as f32;
@@ -202,7 +202,7 @@ impl Population {
         });
         for i in own {
             let far = (0..3).map(|k| (f64::from(splats.means[i][k]) - middle[k]).powi(2)).sum::<f64>().sqrt();
-            let widest = (WIDEST * far.max(extent)).ln() as f32;
+            let widest = (MAX_SCALE * far.max(extent)).ln() as f32;
             splats.log_scales[i].iter_mut().for_each(|scale| *scale = scale.min(widest));
         }
     }
@@ -268,8 +268,8 @@ mod tests {
         population.splats.groups[sky] = Group::Sky;
         population.bound(5.0);
         let widest = |index: usize| population.splats.scales(index)[2];
-        assert!(widest(near) <= WIDEST * 5.0 * 1.0001, "{}", widest(near));
-        assert!((widest(far) / (WIDEST * 300.0) - 1.0).abs() < 0.05, "{}", widest(far));
+        assert!(widest(near) <= MAX_SCALE * 5.0 * 1.0001, "{}", widest(near));
+        assert!((widest(far) / (MAX_SCALE * 300.0) - 1.0).abs() < 0.05, "{}", widest(far));
         assert!(widest(sky) > 2000.0);
         assert!((population.splats.scales(near)[1] - (-2f64).exp()).abs() < 1e-6);
     }

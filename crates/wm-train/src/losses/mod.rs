@@ -1,8 +1,8 @@
 //! The loss: terms, one per file, that compare renders with photos and priors.
 //!
-//! The trainer names no term. It renders what the terms read, adds up what they say, and goes one
-//! step. A term may ask for a render of its own, with other opacities and only some parameters
-//! learning.
+//! The trainer knows no single term: it renders the images that the terms read, adds up their
+//! gradients and takes a step. A term may ask for a render of its own, with other opacities and with
+//! gradients for some parameters only.
 
 mod beliefs;
 mod depth;
@@ -52,18 +52,18 @@ pub(crate) fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTer
 /// The photo that a frame is compared with.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainPhoto<'a> {
-    /// `[H, W, 3]`, 0-1, display-referred.
+    /// The colours `[H, W, 3]`, 0-1, display-referred.
     pub rgb: &'a [f32],
-    /// `[H, W]`, 1 where the photo counts and 0 where it does not; `None` where all of it does.
+    /// The mask `[H, W]`, 1 where the photo counts and 0 elsewhere; `None` if all of it counts.
     pub mask: Option<&'a [f32]>,
-    /// From where.
+    /// The camera of the photo.
     pub camera: &'a Camera,
-    /// The prior of its depth, normals and sky; `None` if there is none.
+    /// The prior of depth, normals and sky; `None` if there is none.
     pub prior: Option<&'a Prior>,
 }
 
 impl TrainPhoto<'_> {
-    /// Columns and rows.
+    /// Returns width and height, px.
     #[must_use]
     pub(crate) fn size(&self) -> (u32, u32) {
         (self.camera.width, self.camera.height)
@@ -79,12 +79,12 @@ pub(crate) struct LossInput<'a> {
     pub(crate) truth: &'a TrainPhoto<'a>,
     /// The step of the training, from 0.
     pub(crate) step: u32,
-    /// For loops over pixels.
+    /// The SIMD path of loops over pixels.
     pub(crate) path: SimdPath,
 }
 
-/// Derivatives of the loss by the pixels of a frame; empty where nothing was rendered, or a device
-/// has them.
+/// Gradients of the loss by the pixels of a frame; empty if nothing was rendered, or if they are on a
+/// device.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct LossGradients {
     /// `[H, W, 3]`.
@@ -98,14 +98,14 @@ pub(crate) struct LossGradients {
 }
 
 impl LossGradients {
-    /// None.
+    /// Empties all arrays.
     pub(crate) fn forget(&mut self) {
         for array in [&mut self.rgb, &mut self.alpha, &mut self.depth, &mut self.normal] {
             array.clear();
         }
     }
 
-    /// Zeros for every picture of `frame`.
+    /// Sets all arrays to zeros of the sizes of `frame`.
     pub(crate) fn clear(&mut self, frame: &Frame) {
         let arrays = [
             (&mut self.rgb, frame.rgb.len()),
@@ -126,7 +126,7 @@ impl LossGradients {
     }
 }
 
-/// A render for one term alone.
+/// A render for a single term.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct OwnRender {
     /// The pictures that are rendered.
@@ -137,7 +137,7 @@ pub(crate) struct OwnRender {
     pub(crate) drawn: DrawnSplats,
     /// The parameters that learn from it.
     pub(crate) learn: Learn,
-    /// The choice of whether coverage learns from depth.
+    /// Whether gradients of depth reach coverage.
     pub(crate) depth_alpha: DepthAlpha,
 }
 

@@ -5,7 +5,7 @@ use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
 use wm_render::training::{Comparison, Term};
 
-/// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
+/// `1 - SSIM`; see [`crate::ssim`]. Both images are black where the photo is masked.
 #[derive(Clone, Debug)]
 pub(crate) struct SsimTerm {
     /// The weight at all steps.
@@ -14,7 +14,7 @@ pub(crate) struct SsimTerm {
 }
 
 impl SsimTerm {
-    /// With a weight, on a SIMD path.
+    /// Returns the term with a weight, on a SIMD path.
     #[must_use]
     pub(crate) fn new(weight: f64, path: SimdPath) -> Self {
         Self { weight, ssim: Ssim::new(path) }

@@ -44,14 +44,14 @@ use wm_scene::camera::MAX_SIDE;
 /// Most numbers of a map: 1 GiB of them, such as three channels of 89 million pixels.
 pub(crate) const MAX_VALUES: u64 = 1 << 28;
 /// Longest file that is read, bytes.
-const MAX_FILE: u64 = 1 << 31;
+const MAX_FILE_BYTES: u64 = 1 << 31;
 /// Most bytes that one byte of a compressed file can stand for: deflate reaches 1032, LZW of 12
 /// bits 1365.
-const MAX_RATIO: u64 = 2000;
-/// The size up to which maps are not checked against [`MAX_RATIO`], bytes.
-const SMALL: u64 = 1 << 20;
+const MAX_COMPRESSION_RATIO: u64 = 2000;
+/// The size up to which maps are not checked against [`MAX_COMPRESSION_RATIO`], bytes.
+const UNCHECKED_BYTES: u64 = 1 << 20;
 /// Largest difference of the aspect ratios of a map and its photo.
-const ASPECT: f64 = 0.01;
+const ASPECT_TOLERANCE: f64 = 0.01;
 
 /// The number type of a map in its file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -118,7 +118,8 @@ impl Map {
     pub(crate) fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
         let across = f64::from(self.width) * f64::from(photo_height);
         let down = f64::from(self.height) * f64::from(photo_width);
-        if (across / down - 1.0).abs() <= ASPECT && (down / across - 1.0).abs() <= ASPECT {
+        if (across / down - 1.0).abs() <= ASPECT_TOLERANCE && (down / across - 1.0).abs() <= ASPECT_TOLERANCE
+        {
             return Ok(());
         }
         let (width, height) = (self.width, self.height);
@@ -219,11 +220,11 @@ fn read_file(path: &Path) -> Result<Vec<u8>, MapFault> {
     if !about.is_file() {
         return Err(MapFault::Unreadable("it is no regular file".into()));
     }
-    if about.len() > MAX_FILE {
+    if about.len() > MAX_FILE_BYTES {
         return Err(MapFault::Large(format!("{} bytes", about.len())));
     }
     let mut bytes = Vec::new();
-    File::open(path).and_then(|file| file.take(MAX_FILE).read_to_end(&mut bytes)).map_err(cannot)?;
+    File::open(path).and_then(|file| file.take(MAX_FILE_BYTES).read_to_end(&mut bytes)).map_err(cannot)?;
     Ok(bytes)
 }
 
@@ -239,7 +240,7 @@ fn check_size(width: u64, height: u64, channels: u64, sample: u64, length: usize
         return Err(MapFault::Large(size()));
     }
     let bytes = values * sample;
-    if bytes > SMALL && bytes > MAX_RATIO * length as u64 {
+    if bytes > UNCHECKED_BYTES && bytes > MAX_COMPRESSION_RATIO * length as u64 {
         return Err(MapFault::Damaged(format!("{length} bytes cannot hold {}", size())));
     }
     Ok(())

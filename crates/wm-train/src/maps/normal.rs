@@ -6,7 +6,7 @@ use std::str::FromStr;
 use wm_scene::Camera;
 
 /// Vectors shorter than this are no normals: those of 8 bits are off by up to 0.007.
-const SHORTEST: f64 = 0.05;
+const MIN_NORMAL_LENGTH: f64 = 0.05;
 
 /// The axes of normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,7 +56,8 @@ impl NormalAxes {
                 Self::Camera => world_from_camera * local,
                 Self::OpenGl => world_from_camera * DVec3::new(local.x, -local.y, -local.z),
             };
-            let normal = if world.length() > SHORTEST { world.normalize_or_zero() } else { DVec3::ZERO };
+            let normal =
+                if world.length() > MIN_NORMAL_LENGTH { world.normalize_or_zero() } else { DVec3::ZERO };
             out.extend(normal.as_vec3().to_array());
         }
         Ok(out)

@@ -21,9 +21,9 @@ const SIGMA: f64 = 10.0;
 const SCALE: f64 = 1000.0;
 /// Rows that a thread takes at a time, and rows that they are compared with while those are in the
 /// cache.
-const ROWS: usize = 32;
+const BLOCK_ROWS: usize = 32;
 /// The largest deviation of an embedding's length from 1: half precision leaves 1e-3.
-const SLACK: f64 = 5e-3;
+const LENGTH_TOLERANCE: f64 = 5e-3;
 
 /// Embeddings of images, one per row.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,7 +96,7 @@ impl Embeddings {
                 return Err(EmbeddingFault::NotFinite { row });
             }
             let length = embedding.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
-            if (length - 1.0).abs() > SLACK {
+            if (length - 1.0).abs() > LENGTH_TOLERANCE {
                 return Err(EmbeddingFault::Length { row, length });
             }
         }
@@ -130,7 +130,7 @@ impl Embeddings {
 
     /// Rows as threads take them, with the number of the block.
     fn blocks(&self) -> impl IndexedParallelIterator<Item = (usize, &[f32])> {
-        self.values.par_chunks(ROWS * self.width).enumerate()
+        self.values.par_chunks(BLOCK_ROWS * self.width).enumerate()
     }
 
     /// Adds those of other pictures.
@@ -196,9 +196,9 @@ impl Collection {
 
 /// The mean of `1 - k` over all pairs of two collections.
 fn mean_gap(x: &Embeddings, y: &Embeddings) -> f64 {
-    let sums = x
-        .blocks()
-        .map(|(_, rows)| y.values.chunks(ROWS * y.width).map(|others| gaps(rows, others, x.width)).sum());
+    let sums = x.blocks().map(|(_, rows)| {
+        y.values.chunks(BLOCK_ROWS * y.width).map(|others| gaps(rows, others, x.width)).sum()
+    });
     total(sums) / (x.count() as f64 * y.count() as f64)
 }
 
@@ -206,7 +206,7 @@ fn mean_gap(x: &Embeddings, y: &Embeddings) -> f64 {
 /// count twice.
 fn own_gap(x: &Embeddings) -> f64 {
     let sums = x.blocks().map(|(index, rows)| {
-        let later = x.values.chunks(ROWS * x.width).skip(index + 1);
+        let later = x.values.chunks(BLOCK_ROWS * x.width).skip(index + 1);
         gaps(rows, rows, x.width) + 2.0 * later.map(|others| gaps(rows, others, x.width)).sum::<f64>()
     });
     total(sums) / (x.count() as f64).powi(2)

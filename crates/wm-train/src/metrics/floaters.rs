@@ -13,7 +13,7 @@ use wm_render::reference;
 use wm_scene::{Camera, Group, Rasterization, Splats};
 
 /// Splats fainter than this are not looked at: opacity.
-pub(crate) const FAINTEST: f64 = 0.1;
+pub(crate) const MIN_OPACITY: f64 = 0.1;
 
 /// The numbers of floaters; see [`Floaters`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,14 +40,14 @@ pub(crate) struct Floaters<'a> {
     splats: &'a Splats,
     rasterization: Rasterization,
     /// Where each splat was seen, `[N]`.
-    seen: Vec<Seen>,
+    seen: Vec<SplatPlace>,
     /// Weight in front, and of all that is not behind.
     weights: [f64; 2],
 }
 
 /// The position of a splat relative to true surfaces, in the views so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-enum Seen {
+enum SplatPlace {
     /// In no view.
     #[default]
     Nowhere,
@@ -61,7 +61,7 @@ impl<'a> Floaters<'a> {
     /// Begins with no view.
     #[must_use]
     pub(crate) fn new(splats: &'a Splats, rasterization: Rasterization) -> Self {
-        Self { splats, rasterization, seen: vec![Seen::Nowhere; splats.len()], weights: [0.0; 2] }
+        Self { splats, rasterization, seen: vec![SplatPlace::Nowhere; splats.len()], weights: [0.0; 2] }
     }
 
     /// Adds a view; `truth` is its true depth, `[H, W]`, view z in scene units: 0 where it is not
@@ -73,8 +73,8 @@ impl<'a> Floaters<'a> {
         let (width, height) = (camera.width as usize, camera.height as usize);
         assert_eq!(truth.len(), width * height, "a truth of the camera's size");
         let splats = self.splats;
-        let look = |index: usize| -> Option<(Seen, [f64; 2])> {
-            if splats.groups[index] == Group::Sky || splats.opacity(index) <= FAINTEST {
+        let look = |index: usize| -> Option<(SplatPlace, [f64; 2])> {
+            if splats.groups[index] == Group::Sky || splats.opacity(index) <= MIN_OPACITY {
                 return None;
             }
             let seen = reference::project(splats, index, camera, self.rasterization, 1.0)?;
@@ -89,10 +89,10 @@ impl<'a> Floaters<'a> {
             let weight = seen.opacity * area.min((width * height) as f64);
             let slack = f64::from(SLACK);
             if seen.depth < nearest * (1.0 - slack) {
-                Some((Seen::InFront, [weight, weight]))
+                Some((SplatPlace::InFront, [weight, weight]))
             } else {
                 let is_behind = seen.depth > nearest * (1.0 + slack);
-                Some((Seen::Sound, [0.0, if is_behind { 0.0 } else { weight }]))
+                Some((SplatPlace::Sound, [0.0, if is_behind { 0.0 } else { weight }]))
             }
         };
         let looked: Vec<_> = (0..splats.len()).into_par_iter().map(look).collect();
@@ -108,10 +108,10 @@ impl<'a> Floaters<'a> {
     /// Returns the numbers; `None` if no splat is in any view.
     #[must_use]
     pub(crate) fn share(&self) -> Option<FloaterShare> {
-        let count = |least: Seen| self.seen.iter().filter(|seen| **seen >= least).count();
-        let splats = count(Seen::Sound);
+        let count = |least: SplatPlace| self.seen.iter().filter(|seen| **seen >= least).count();
+        let splats = count(SplatPlace::Sound);
         let weighted = self.weights[0] / self.weights[1].max(f64::MIN_POSITIVE);
-        (splats > 0).then(|| FloaterShare { splats, floaters: count(Seen::InFront), weighted })
+        (splats > 0).then(|| FloaterShare { splats, floaters: count(SplatPlace::InFront), weighted })
     }
 }
 
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn at_silhouettes_the_nearer_side_counts() {
         let truth = [f32::INFINITY, 4.0, 9.0, 0.0];
-        let at = |x| nearest(&truth, (4, 1), (x, 0));
+        let at = |x| nearest(&truth, 4, 1, x, 0);
         assert_eq!([at(0), at(1), at(2), at(3)], [Some(4.0), Some(4.0), Some(4.0), None]);
     }
 }

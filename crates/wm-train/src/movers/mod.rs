@@ -28,24 +28,24 @@ use rayon::prelude::*;
 use wm_scene::Camera;
 
 /// Most pixels of a photo in the search; sides are halved until it has no more.
-const PIXELS: u32 = 100_000;
+const MAX_PIXELS: u32 = 100_000;
 /// Shortest side of a photo that is still halved, px.
-const SHORTEST: u32 = 128;
+const MIN_HALVED_SIDE_PX: u32 = 128;
 /// Fewest photos of which each can be compared with others.
-const FEWEST: usize = 5;
+const MIN_PHOTOS: usize = 5;
 /// Rounds; from the second on, movers that were found say nothing about other photos.
 const ROUNDS: usize = 3;
 /// Share of the pixels of the median photo that stereo must know, or what is between is too
 /// doubtful.
-const LEAST_MEDIAN: f32 = 0.12;
+const MIN_MEDIAN_KNOWN: f32 = 0.12;
 /// Share of the median photo's pixels that stereo must know of a photo, or its depth is too
 /// doubtful to judge by.
-const LEAST_KNOWN: f32 = 0.4;
+const MIN_KNOWN_RATIO: f32 = 0.4;
 /// Least share of the pixels about which photos agree, for masks to be believed.
-const LEAST_JUDGED: f64 = 0.25;
+const MIN_JUDGED_SHARE: f64 = 0.25;
 /// Shares of the pixels up to which masks are as likely errors, and from which they cannot be true.
-const LEAST: f64 = 0.0075;
-const MOST: f64 = 0.4;
+const MIN_MOVING_SHARE: f64 = 0.0075;
+const MAX_MOVING_SHARE: f64 = 0.4;
 
 /// The pixels of a photo that show movers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -107,9 +107,9 @@ pub enum MoverOutcome {
 #[must_use]
 pub(crate) fn level(cameras: &[Camera]) -> u8 {
     let is_enough = |level: &u8| {
-        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= PIXELS;
+        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= MAX_PIXELS;
         let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min().unwrap_or(0);
-        cameras.iter().all(fits) || shortest < SHORTEST
+        cameras.iter().all(fits) || shortest < MIN_HALVED_SIDE_PX
     };
     (0..8).find(is_enough).unwrap_or(0)
 }
@@ -119,16 +119,16 @@ pub(crate) fn level(cameras: &[Camera]) -> u8 {
 /// The result does not depend on the number of threads.
 #[must_use]
 pub(crate) fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
-    if views.len() < FEWEST {
+    if views.len() < MIN_PHOTOS {
         return (MoverOutcome::TooFewJudged(0.0), Vec::new());
     }
     let mut known: Vec<f32> = views.iter().map(|view| view.known).collect();
     known.sort_by(f32::total_cmp);
     let median = known[known.len() / 2];
-    if median < LEAST_MEDIAN {
+    if median < MIN_MEDIAN_KNOWN {
         return (MoverOutcome::TooFewJudged(f64::from(median)), Vec::new());
     }
-    let least = LEAST_KNOWN * median;
+    let least = MIN_KNOWN_RATIO * median;
     let pixels: usize = views.iter().map(|view| view.matched.len()).sum();
     let share = |count: usize| count as f64 / pixels.max(1) as f64;
     let judge = Judge::new(views);
@@ -154,9 +154,9 @@ pub(crate) fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
     let masks: Vec<MoverMask> = views.iter().zip(masks).map(mask).collect();
     let moving = share(masks.iter().flat_map(|mask| &mask.moves).filter(|moves| **moves).count());
     let outcome = match () {
-        () if judged < LEAST_JUDGED => MoverOutcome::TooFewJudged(judged),
-        () if moving > MOST => MoverOutcome::TooMany(moving),
-        () if moving <= LEAST => MoverOutcome::None,
+        () if judged < MIN_JUDGED_SHARE => MoverOutcome::TooFewJudged(judged),
+        () if moving > MAX_MOVING_SHARE => MoverOutcome::TooMany(moving),
+        () if moving <= MIN_MOVING_SHARE => MoverOutcome::None,
         () => {
             let photos = masks.iter().filter(|mask| !mask.is_empty()).count();
             return (MoverOutcome::Found { photos, share: moving }, masks);

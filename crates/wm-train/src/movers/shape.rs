@@ -5,42 +5,42 @@ use super::view::MoverView;
 use crate::pieces::{beside, pieces};
 
 /// Difference of colour that is no error.
-const STRONG: f32 = 0.12;
+const STRONG_DIFFERENCE: f32 = 0.12;
 /// Least pixels of a mover that differ, as a share of the photo, and of those the share that
 /// differs strongly.
-const LEAST_AREA: f64 = 0.003;
-const LEAST_STRONG: f64 = 0.2;
+const MIN_AREA_SHARE: f64 = 0.003;
+const MIN_STRONG_SHARE: f64 = 0.2;
 /// Radius of the square about a pixel in which differences have one direction, px, and the share of
 /// them that has.
-const ONE_WAY: (usize, f32) = (2, 0.8);
+const SAME_SIGN_WINDOW: (usize, f32) = (2, 0.8);
 /// Pixels in the square about one that must be set with it, before and after it grows.
-const SUPPORT: [usize; 2] = [5, 4];
+const MIN_SET_NEIGHBOURS: [usize; 2] = [5, 4];
 /// Radius of the gaps that are closed, px.
-const CLOSE: usize = 2;
+const CLOSED_GAP_PX: usize = 2;
 /// Largest differences of colour along which a mover grows: to the next pixel, and to that where it
 /// began.
-const STEP: f32 = 0.04;
-const FAR: f32 = 0.12;
+const MAX_STEP_DIFFERENCE: f32 = 0.04;
+const MAX_SEED_DIFFERENCE: f32 = 0.12;
 /// Share of the pixels around one that stereo may know where a mover grows.
-const AROUND: f32 = 0.01;
+const MAX_KNOWN_SHARE: f32 = 0.01;
 /// Largest hole that is filled, as a share of the movers.
-const HOLE: f64 = 0.5;
+const MAX_HOLE_SHARE: f64 = 0.5;
 /// Width of the rim that is added, px.
-const RIM: usize = 1;
+const RIM_PX: usize = 1;
 
 /// The mask of a photo, `[H, W]`; empty if no mover is in it.
 #[must_use]
 pub(crate) fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     let (width, height) = view.size();
     let weak = one_way(verdicts, width);
-    let strong = |pixel: usize| matches!(verdicts[pixel], PixelVerdict::Differs(off) if off.abs() >= STRONG);
+    let strong = |pixel: usize| matches!(verdicts[pixel], PixelVerdict::Differs(off) if off.abs() >= STRONG_DIFFERENCE);
     // Gaps close before pieces are counted, or texture would tear a mover into crumbs.
-    let mut moves = closed(&supported(&weak, width, SUPPORT[0]), width);
-    let least = LEAST_AREA * (width * height) as f64;
+    let mut moves = closed(&supported(&weak, width, MIN_SET_NEIGHBOURS[0]), width);
+    let least = MIN_AREA_SHARE * (width * height) as f64;
     for piece in pieces(moves.clone(), width, |_, _| true) {
         let differs = piece.iter().filter(|pixel| weak[**pixel]).count() as f64;
         let much = piece.iter().filter(|pixel| strong(**pixel)).count() as f64;
-        if differs < least || much < LEAST_STRONG * differs {
+        if differs < least || much < MIN_STRONG_SHARE * differs {
             piece.iter().for_each(|pixel| moves[*pixel] = false);
         }
     }
@@ -48,15 +48,15 @@ pub(crate) fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
         return Vec::new();
     }
     grow(&mut moves, verdicts, view);
-    let mut moves = closed(&supported(&moves, width, SUPPORT[1]), width);
+    let mut moves = closed(&supported(&moves, width, MIN_SET_NEIGHBOURS[1]), width);
     fill_holes(&mut moves, width);
-    dilated(&moves, width, RIM)
+    dilated(&moves, width, RIM_PX)
 }
 
 /// The pixels that differ, and about which most do in one direction: misplaced texture is brighter
 /// here and darker there.
 fn one_way(verdicts: &[PixelVerdict], width: usize) -> Vec<bool> {
-    let (radius, least) = ONE_WAY;
+    let (radius, least) = SAME_SIGN_WINDOW;
     let height = verdicts.len() / width;
     let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);
     let off = |pixel: usize| match verdicts[pixel] {
@@ -91,9 +91,13 @@ fn grow(moves: &mut [bool], verdicts: &[PixelVerdict], view: &MoverView) {
         let (pixel, start) = queue[next];
         next += 1;
         for other in beside(pixel, width, moves.len()) {
-            let is_free =
-                !moves[other] && verdicts[other] != PixelVerdict::Still && view.around[other] <= AROUND;
-            if is_free && apart(pixel, other) <= STEP && apart(start, other) <= FAR {
+            let is_free = !moves[other]
+                && verdicts[other] != PixelVerdict::Still
+                && view.around[other] <= MAX_KNOWN_SHARE;
+            if is_free
+                && apart(pixel, other) <= MAX_STEP_DIFFERENCE
+                && apart(start, other) <= MAX_SEED_DIFFERENCE
+            {
                 moves[other] = true;
                 queue.push((other, start));
             }
@@ -103,7 +107,7 @@ fn grow(moves: &mut [bool], verdicts: &[PixelVerdict], view: &MoverView) {
 
 /// Fills what movers surround, if it is small beside them.
 fn fill_holes(moves: &mut [bool], width: usize) {
-    let most = HOLE * moves.iter().filter(|moves| **moves).count() as f64;
+    let most = MAX_HOLE_SHARE * moves.iter().filter(|moves| **moves).count() as f64;
     let rest: Vec<bool> = moves.iter().map(|moves| !moves).collect();
     for hole in pieces(rest.clone(), width, |_, _| true) {
         let is_on_border = |pixel: &usize| beside(*pixel, width, rest.len()).count() < 4;
@@ -122,8 +126,8 @@ fn supported(of: &[bool], width: usize, support: usize) -> Vec<bool> {
 /// Sets what lies between pixels that are set. Outside of the photo counts as set: its border cuts
 /// movers off.
 fn closed(of: &[bool], width: usize) -> Vec<bool> {
-    let unset: Vec<bool> = dilated(of, width, CLOSE).into_iter().map(|set| !set).collect();
-    dilated(&unset, width, CLOSE).into_iter().map(|unset| !unset).collect()
+    let unset: Vec<bool> = dilated(of, width, CLOSED_GAP_PX).into_iter().map(|set| !set).collect();
+    dilated(&unset, width, CLOSED_GAP_PX).into_iter().map(|unset| !unset).collect()
 }
 
 fn dilated(of: &[bool], width: usize, radius: usize) -> Vec<bool> {

@@ -7,18 +7,18 @@ use wm_scene::Camera;
 /// Scales: photos that see a place from afar are compared at theirs.
 pub(crate) const SCALES: usize = 4;
 /// Radius of the square in which a pixel's partners in other photos are counted, px.
-const BESIDE: usize = 4;
+const NEAR_RADIUS_PX: usize = 4;
 /// Radius of that in which there must be none for a mover to reach a pixel by its colour alone.
-const AROUND: usize = 6;
+const FAR_RADIUS_PX: usize = 6;
 /// Largest difference of the colours of one surface: the background beside a leg says nothing about
 /// the leg.
-const SAME: f32 = 0.2;
+const SAME_SURFACE_DIFFERENCE: f32 = 0.2;
 /// Share of the pixels about one that stereo must know for its own depth to be believed: strays do
 /// not count.
-const DENSE: f32 = 0.04;
+const MIN_KNOWN_SHARE: f32 = 0.04;
 
 /// Half the width of the rows and columns in which a gap has to have known depth on both sides, px.
-const BAND: usize = 3;
+const HALF_BAND_PX: usize = 3;
 
 /// One scale of a photo.
 #[derive(Clone, Debug, Default)]
@@ -71,10 +71,10 @@ impl MoverView {
         }
         let matches: Vec<bool> = stereo.iter().map(|disparity| *disparity > 0.0).collect();
         let alike = |radius: usize| shares_alike(&matches, &scales[0].mean, width, radius);
-        let (mut matched, mut around) = (alike(BESIDE), alike(AROUND));
-        let dense = shares(&matches, width, BESIDE);
+        let (mut matched, mut around) = (alike(NEAR_RADIUS_PX), alike(FAR_RADIUS_PX));
+        let dense = shares(&matches, width, NEAR_RADIUS_PX);
         let known = matches.iter().filter(|known| **known).count() as f32 / matches.len() as f32;
-        let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < DENSE;
+        let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < MIN_KNOWN_SHARE;
         let believed = stereo.iter().zip(&dense).map(|pair| if is_stray(pair) { f32::NAN } else { *pair.0 });
         let disparity = filled(&believed.collect::<Vec<f32>>(), width);
         // Clouds and the glow of the sky differ between photos, and nothing is behind them.
@@ -163,8 +163,9 @@ fn shares_alike(of: &[bool], colors: &[[f32; 3]], width: usize, radius: usize) -
         let (columns, rows) = (near(pixel % width, width), near(pixel / width, height));
         let area = columns.len() * rows.len();
         let own = colors[pixel];
-        let is_alike =
-            |other: &usize| of[*other] && (0..3).all(|c| (colors[*other][c] - own[c]).abs() <= SAME);
+        let is_alike = |other: &usize| {
+            of[*other] && (0..3).all(|c| (colors[*other][c] - own[c]).abs() <= SAME_SURFACE_DIFFERENCE)
+        };
         let in_row = |y: usize| (y * width + columns.start..y * width + columns.end).filter(is_alike).count();
         rows.map(in_row).sum::<usize>() as f32 / area as f32
     };
@@ -215,7 +216,8 @@ fn enclosed(known: &[f32], width: usize) -> Vec<bool> {
         columns[x] = (columns[x].0.min(y), columns[x].1.max(y));
     }
     let widened = |ends: &[(usize, usize)]| -> Vec<(usize, usize)> {
-        let band = |at: usize| &ends[at.saturating_sub(BAND)..(at + BAND + 1).min(ends.len())];
+        let band =
+            |at: usize| &ends[at.saturating_sub(HALF_BAND_PX)..(at + HALF_BAND_PX + 1).min(ends.len())];
         let both = |a: (usize, usize), b: &(usize, usize)| (a.0.min(b.0), a.1.max(b.1));
         (0..ends.len()).map(|at| band(at).iter().fold((usize::MAX, 0), both)).collect()
     };

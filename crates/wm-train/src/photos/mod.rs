@@ -410,7 +410,7 @@ impl Shared {
 }
 
 /// Least side of a photo, px: of less the shape cannot be told, and nothing is learnt.
-const LEAST_SIDE: u32 = 8;
+const MIN_SIDE_PX: u32 = 8;
 
 /// Reads the header of a photo and checks that it fits its camera.
 fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, PhotoHeader), PhotoError> {
@@ -426,8 +426,11 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     let PhotoHeader { kind, width, height, orientation, .. } = header;
     let camera = (view.camera.width, view.camera.height);
     let stored = (width, height);
-    if width.min(height) < LEAST_SIDE {
-        return Err(PhotoError { path: file, fault: PhotoFault::Small { width, height, least: LEAST_SIDE } });
+    if width.min(height) < MIN_SIDE_PX {
+        return Err(PhotoError {
+            path: file,
+            fault: PhotoFault::Small { width, height, least: MIN_SIDE_PX },
+        });
     }
     let turned = if orientation.swaps_sides() { (height, width) } else { stored };
     let (upright, orientation) = if is_scaled(stored, camera) {
@@ -441,7 +444,7 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     let size = options.size.reduced(upright.0, upright.1);
     let photo = view.camera.resized(size.0, size.1);
     // Of some lenses hardly a pixel is left.
-    let least = LEAST_SIDE.min(photo.width).min(photo.height);
+    let least = MIN_SIDE_PX.min(photo.width).min(photo.height);
     let ideal = view.distortion.undistorted(&photo).filter(|ideal| ideal.width.min(ideal.height) >= least);
     let Some(ideal) = ideal else {
         return Err(PhotoError { path: file, fault: PhotoFault::Lens });

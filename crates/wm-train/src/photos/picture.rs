@@ -1,7 +1,7 @@
 //! A photo from its file to the picture that training compares with.
 
 use super::{
-    LEAST_SIDE,
+    MIN_SIDE_PX,
     cache::Weigh,
     decode::{Decoded, decode},
     error::{PhotoError, PhotoFault},
@@ -217,7 +217,7 @@ impl Entry {
 
 /// Returns true if `size` is `camera` made smaller or larger as a whole, to whole pixels.
 pub(super) fn is_scaled(size: (u32, u32), camera: (u32, u32)) -> bool {
-    if size != camera && size.0.min(size.1) < LEAST_SIDE {
+    if size != camera && size.0.min(size.1) < MIN_SIDE_PX {
         return false;
     }
     // Each side may be off by one pixel: tools round, cut off or round up.

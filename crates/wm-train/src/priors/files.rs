@@ -11,8 +11,8 @@ use wm_scene::Camera;
 /// The start of `source` in the index.
 pub const SOURCE: &str = "files";
 /// Shares of white from which, and up to which, a mask says sky and place.
-const WHITE: f32 = 0.75;
-const BLACK: f32 = 0.25;
+const MIN_SKY_WHITE: f32 = 0.75;
+const MAX_PLACE_WHITE: f32 = 0.25;
 
 /// Over which picture maps are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -100,8 +100,8 @@ impl FileMaps {
         if let Some(map) = sky {
             let (_, map) = fitted(map, Filter::Area)?;
             let class = |white: f32| match white {
-                WHITE.. => SkyClass::Sky,
-                ..=BLACK => SkyClass::Place,
+                MIN_SKY_WHITE.. => SkyClass::Sky,
+                ..=MAX_PLACE_WHITE => SkyClass::Place,
                 _ => SkyClass::Unknown,
             };
             given.sky = Some(map.to_mask().into_iter().map(class).collect());

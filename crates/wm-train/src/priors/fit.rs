@@ -7,18 +7,18 @@ use crate::random::{Purpose, Random};
 use thiserror::Error;
 
 /// Fewest points of a fit.
-pub(crate) const FEWEST: usize = 20;
+pub(crate) const MIN_POINTS: usize = 20;
 /// Pairs that are tried.
-const TRIES: u64 = 300;
+const MAX_TRIES: u64 = 300;
 /// A point follows the line that is off by at most this share of the median inverse depth or of its
 /// own.
-const NEAR: f64 = 0.1;
+const INLIER_TOLERANCE: f64 = 0.1;
 /// Least share of points that follow, and largest residual, of a fit that is believed.
-const FOLLOW: f64 = 0.5;
-const RESIDUAL: f64 = 0.15;
+const MIN_FOLLOWING_SHARE: f64 = 0.5;
+const MAX_RESIDUAL: f64 = 0.15;
 /// The largest share of the spread about one depth that a fit with a shift may leave: noise leaves
 /// all of it.
-const LEFT: f64 = 0.8;
+const MAX_SPREAD_RATIO: f64 = 0.8;
 
 /// The unknowns of a fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +53,7 @@ pub struct Fit {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum FitError {
     /// Too few points are seen.
-    #[error("{0} points fall on known depth, {FEWEST} are needed")]
+    #[error("{0} points fall on known depth, {MIN_POINTS} are needed")]
     Few(usize),
     /// The values are all the same.
     #[error("its depth is the same everywhere, so there is nothing to fit")]
@@ -83,7 +83,7 @@ pub enum FitError {
 pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitError> {
     let pairs: Vec<[f64; 2]> =
         pairs.iter().copied().filter(|[d, w]| d.is_finite() && w.is_finite() && *w > 0.0).collect();
-    if pairs.len() < FEWEST {
+    if pairs.len() < MIN_POINTS {
         return Err(FitError::Few(pairs.len()));
     }
     let mut inverse: Vec<f64> = pairs.iter().map(|[_, w]| *w).collect();
@@ -96,13 +96,13 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
     let follow =
         pairs.iter().filter(|pair| follows(line, **pair, middle)).count() as f64 / pairs.len() as f64;
     let residual = sigma / middle;
-    if follow < FOLLOW || residual > RESIDUAL {
+    if follow < MIN_FOLLOWING_SHARE || residual > MAX_RESIDUAL {
         return Err(FitError::Poor { follow, residual, points: pairs.len() });
     }
     if freedom == Freedom::ScaleShift {
         let mut spread: Vec<f64> = inverse.iter().map(|w| (w - middle).abs()).collect();
         spread.sort_by(f64::total_cmp);
-        if sigma > LEFT * spread[spread.len() / 2] {
+        if sigma > MAX_SPREAD_RATIO * spread[spread.len() / 2] {
             return Err(FitError::Blind(pairs.len()));
         }
     }
@@ -120,7 +120,7 @@ fn off(line: (f64, f64), pair: [f64; 2]) -> f64 {
 /// Returns true if a pair follows the line; `middle` is the median inverse depth.
 fn follows(line: (f64, f64), pair: [f64; 2], middle: f64) -> bool {
     // Absolute noise of inverse depth beside the relative one: far points count as far as they can.
-    off(line, pair) < NEAR * (0.3 * middle + 0.7 * pair[1])
+    off(line, pair) < INLIER_TOLERANCE * (0.3 * middle + 0.7 * pair[1])
 }
 
 /// Scale and shift that most pairs follow.
@@ -131,7 +131,7 @@ fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<
     let follows = |line, pair| follows(line, pair, middle);
     let random = Random::new(seed, Purpose::Start, 1);
     let mut best: Option<(usize, (f64, f64))> = None;
-    for k in 0..TRIES {
+    for k in 0..MAX_TRIES {
         let [a, b] = [0, 1].map(|i| pairs[random.below(2 * k + i, pairs.len())]);
         let line = match freedom {
             Freedom::ScaleShift => {
@@ -151,7 +151,7 @@ fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<
     let (_, mut line) = best.ok_or(FitError::Flat)?;
     for _ in 0..10 {
         let mut sums = [0.0; 5];
-        let tolerance = 0.3 * NEAR * middle;
+        let tolerance = 0.3 * INLIER_TOLERANCE * middle;
         for pair in pairs.iter().filter(|pair| follows(line, **pair)) {
             let weight = (tolerance / off(line, *pair).max(1e-300)).min(1.0);
             let [d, w] = *pair;

@@ -21,11 +21,11 @@ pub const INDEX: &str = "priors.json";
 pub(crate) const UNFINISHED: &str = "unfinished.json";
 const VERSION: u32 = 1;
 /// Memory for priors that are in use, bytes.
-const KEPT: usize = 256 << 20;
+const CACHE_BYTES: usize = 256 << 20;
 /// Longest index, bytes: 10,000 photos take 3 MB.
-const MOST_INDEX: u64 = 256 << 20;
+const MAX_INDEX_BYTES: u64 = 256 << 20;
 /// The largest relative difference between the aspect ratios of a map and its photo.
-const SHAPE: f64 = 0.02;
+const ASPECT_TOLERANCE: f64 = 0.02;
 
 /// The index of a folder of priors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -176,7 +176,7 @@ fn read_index(path: &Path) -> Result<Option<Index>, PriorsError> {
         Err(e) => return Err(read(e)),
     };
     let fault = |reason: String| PriorsError::Index { path: path.into(), reason };
-    if length > MOST_INDEX {
+    if length > MAX_INDEX_BYTES {
         return Err(fault(format!("{length} bytes are too many")));
     }
     let text = fs::read_to_string(path).map_err(read)?;
@@ -202,7 +202,7 @@ impl Priors {
     pub fn open(folder: &Path) -> Result<Option<Self>, PriorsError> {
         let index = read_index(&folder.join(INDEX))?;
         Ok(index.map(|index| {
-            let (cache, movers) = (Cache::new(KEPT), BTreeMap::new());
+            let (cache, movers) = (Cache::new(CACHE_BYTES), BTreeMap::new());
             Self { folder: folder.into(), index, cache, movers }
         }))
     }
@@ -210,7 +210,7 @@ impl Priors {
     /// Leaves out the pixels of photos, by their names, that show movers.
     pub(crate) fn forget(&mut self, movers: BTreeMap<String, MoverMask>) {
         self.movers = movers;
-        self.cache = Cache::new(KEPT);
+        self.cache = Cache::new(CACHE_BYTES);
     }
 
     /// Returns the index.
@@ -239,7 +239,7 @@ impl Priors {
         let Some(entry) = self.index.photos.get(name) else { return Ok(None) };
         let (width, height) = (f64::from(entry.width), f64::from(entry.height));
         let shape = width * f64::from(camera.height) / (height * f64::from(camera.width));
-        let is_alike = (shape - 1.0).abs() < SHAPE;
+        let is_alike = (shape - 1.0).abs() < ASPECT_TOLERANCE;
         if !is_alike {
             let reason = format!(
                 "maps of {name} are {width}x{height} px and the photo is {}x{}: not the same shape",

@@ -7,9 +7,9 @@
 use wm_scene::Camera;
 
 /// Neighbours whose distances differ by more are of another surface.
-const JUMP: f32 = 0.05;
+const SURFACE_TOLERANCE: f32 = 0.05;
 /// Share of a window that must be known.
-const KNOWN: f64 = 0.4;
+const MIN_KNOWN_SHARE: f64 = 0.4;
 
 /// Normals, `[H, W, 3]`, world axes, towards the camera, of inverse depth `[H, W]`, from windows of
 /// `2 radius + 1` px; 0 where too little is known and in the sky. `camera` has the size of the
@@ -18,7 +18,7 @@ const KNOWN: f64 = 0.4;
 pub(crate) fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let world_from_camera = camera.rotation().transpose();
-    let wanted = KNOWN * ((2 * radius + 1) * (2 * radius + 1)) as f64;
+    let wanted = MIN_KNOWN_SHARE * ((2 * radius + 1) * (2 * radius + 1)) as f64;
     let at = |pixel: usize| {
         let (column, row) = (pixel % width, pixel / width);
         let middle = inverse[pixel];
@@ -30,7 +30,7 @@ pub(crate) fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f
             for x in column.saturating_sub(radius)..(column + radius + 1).min(width) {
                 let value = inverse[y * width + x];
                 // Written so that NaN is left out.
-                let is_near = (value / middle - 1.0).abs() <= JUMP;
+                let is_near = (value / middle - 1.0).abs() <= SURFACE_TOLERANCE;
                 if !is_near {
                     continue;
                 }

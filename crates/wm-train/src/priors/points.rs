@@ -32,18 +32,18 @@ pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<
 }
 
 /// Columns of the picture in which points hide others.
-const COLUMNS: f64 = 96.0;
+const HIDING_COLUMNS: f64 = 96.0;
 /// Radius within which a point hides others, in distances between neighbouring points.
-const HIDES: f64 = 0.35;
+const HIDING_RADIUS: f64 = 0.35;
 /// A point is hidden if it is farther than what is before it by this share, and by twice the
 /// distance between neighbours.
-const BEHIND: f64 = 0.1;
+const HIDDEN_TOLERANCE: f64 = 0.1;
 
 /// The points in the picture that no others stand before, where each stands for a small piece of a
 /// surface.
 fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
-    let scale = COLUMNS / f64::from(camera.width.max(1));
-    let columns = COLUMNS as usize;
+    let scale = HIDING_COLUMNS / f64::from(camera.width.max(1));
+    let columns = HIDING_COLUMNS as usize;
     let rows = ((f64::from(camera.height) * scale).ceil() as usize).max(1);
     let placed: Vec<(u32, [f64; 3])> = (0..capture.points.len() as u32)
         .filter_map(|index| {
@@ -53,7 +53,7 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
         .collect();
     let mut nearest = vec![f64::INFINITY; columns * rows];
     for (_, [x, y, z]) in &placed {
-        let radius = HIDES * spacing * camera.fx * scale / z;
+        let radius = HIDING_RADIUS * spacing * camera.fx * scale / z;
         let range = |at: f64, most: usize| {
             let end = ((at + radius).floor() as usize).min(most - 1);
             (at - radius).max(0.0).floor() as usize..=end
@@ -67,7 +67,7 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
     }
     let is_seen = |(index, [x, y, z]): &(u32, [f64; 3])| {
         let cell = (*y as usize).min(rows - 1) * columns + (*x as usize).min(columns - 1);
-        (*z <= nearest[cell] * (1.0 + BEHIND) + 2.0 * spacing).then_some(*index)
+        (*z <= nearest[cell] * (1.0 + HIDDEN_TOLERANCE) + 2.0 * spacing).then_some(*index)
     };
     placed.iter().filter_map(is_seen).collect()
 }

@@ -38,15 +38,15 @@ impl SeenPoint {
 }
 
 /// A far point is this many times as far as the 99.5th percentile of points (`d_max` of the paper).
-const FAR: f64 = 1.5;
+const FAR_RATIO: f64 = 1.5;
 /// And this many times as far as their median, at least.
-const FAR_MEDIAN: f64 = 10.0;
+const FAR_MEDIAN_RATIO: f64 = 10.0;
 /// Half the side of the window of normals, as a share of the picture's height, and px at least.
-const WINDOW: f64 = 0.012;
-const FEWEST_PIXELS: usize = 2;
+const NORMAL_WINDOW: f64 = 0.012;
+const MIN_WINDOW_PX: usize = 2;
 
 /// The error of depth of a known scale where there are no points, as a share.
-const OFF: f64 = 0.02;
+const DEPTH_ERROR: f64 = 0.02;
 
 /// Fits `relative` to `points` and finds normals. `camera` is the photo's at any size. Without a
 /// fit where the scale is known and too few points are there to check it.
@@ -76,10 +76,10 @@ pub(crate) fn prior(
     };
     let disparity: Vec<f32> = relative.values.iter().map(fitted).collect();
     let camera = camera.resized(width as u32, height as u32);
-    let radius = ((WINDOW * height as f64).round() as usize).max(FEWEST_PIXELS);
+    let radius = ((NORMAL_WINDOW * height as f64).round() as usize).max(MIN_WINDOW_PX);
     let normal = normals(&disparity, &camera, radius);
     let (width, height) = (width as u32, height as u32);
-    let sigma = found.map_or_else(|| OFF * median(&disparity), |found| found.sigma) as f32;
+    let sigma = found.map_or_else(|| DEPTH_ERROR * median(&disparity), |found| found.sigma) as f32;
     let mut prior = Prior { width, height, disparity, sigma, normal, sky: relative.sky };
     prior.clear_sky();
     for (disparity, class) in prior.disparity.iter_mut().zip(&prior.sky) {
@@ -111,7 +111,8 @@ pub fn pairs(relative: &Relative, points: &[SeenPoint]) -> Vec<[f64; 2]> {
 fn farthest(points: &[SeenPoint]) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|point| point.z).collect();
     distances.sort_by(f64::total_cmp);
-    (FAR * distances[(distances.len() - 1) * 995 / 1000]).max(FAR_MEDIAN * distances[distances.len() / 2])
+    (FAR_RATIO * distances[(distances.len() - 1) * 995 / 1000])
+        .max(FAR_MEDIAN_RATIO * distances[distances.len() / 2])
 }
 
 /// The median of what is above 0; 0 of nothing.

@@ -14,17 +14,17 @@ use wm_scene::Camera;
 use wm_scene::capture::CaptureUp;
 
 /// Largest step of brightness from one pixel of the sky to the next, 0-1.
-const SMOOTH: f32 = 0.035;
+const MAX_SKY_STEP: f32 = 0.035;
 /// Share of the range of inverse depth below which it is that of the sky.
-const FAR: f32 = 0.02;
+const FAR_SHARE: f32 = 0.02;
 /// Half the width of the border between sky and place that cannot be told, px.
-const BORDER: usize = 1;
+const HALF_BORDER_PX: usize = 1;
 /// Smallest share of a photo that is taken for a sky.
-const LEAST: f64 = 0.003;
+const MIN_SKY_SHARE: f64 = 0.003;
 /// The reach of depth over edges, px: the half window of stereo, and its spread.
-const OVER: usize = 6;
+const DEPTH_REACH_PX: usize = 6;
 /// About a point of the reconstruction there is no sky, px.
-const AROUND: usize = 2;
+const POINT_RADIUS_PX: usize = 2;
 
 /// The input of the classification.
 #[derive(Clone, Copy, Debug)]
@@ -60,8 +60,8 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
         if x < width && y < height {
             is_point[y * width + x] = true;
         }
-        for row in y.saturating_sub(AROUND)..(y + AROUND + 1).min(height) {
-            for column in x.saturating_sub(AROUND)..(x + AROUND + 1).min(width) {
+        for row in y.saturating_sub(POINT_RADIUS_PX)..(y + POINT_RADIUS_PX + 1).min(height) {
+            for column in x.saturating_sub(POINT_RADIUS_PX)..(x + POINT_RADIUS_PX + 1).min(width) {
                 barrier[row * width + column] = true;
             }
         }
@@ -69,7 +69,7 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
     let looks: Vec<bool> = match input.far {
         Some(far) => {
             let (least, most) = range(far);
-            let below = least + FAR * (most - least);
+            let below = least + FAR_SHARE * (most - least);
             far.iter().map(|far| *far <= below).collect()
         }
         None => input.rgb.chunks_exact(3).map(is_skyish).collect(),
@@ -82,17 +82,17 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
         looks.iter().zip(barrier).map(|(looks, barrier)| *looks && !barrier).collect()
     };
     let could_be = both(&looks, &barrier);
-    let smooth = |a: usize, b: usize| (luma[a] - luma[b]).abs() < SMOOTH;
+    let smooth = |a: usize, b: usize| (luma[a] - luma[b]).abs() < MAX_SKY_STEP;
     let top = (0..width.min(pixels)).filter(|i| could_be[*i]).collect();
     let mut reached = vec![false; pixels];
     flood(width, &could_be, smooth, top, usize::MAX, &mut reached);
     if input.far.is_none() {
         let edge = (0..pixels).filter(|i| reached[*i]).collect();
-        flood(width, &both(&looks, &is_point), smooth, edge, OVER, &mut reached);
+        flood(width, &both(&looks, &is_point), smooth, edge, DEPTH_REACH_PX, &mut reached);
     }
     fill_holes(width, &could_be, &mut reached);
     let count = reached.iter().filter(|v| **v).count();
-    let is_sky = count as f64 >= LEAST * pixels as f64;
+    let is_sky = count as f64 >= MIN_SKY_SHARE * pixels as f64;
     let mut classes: Vec<SkyClass> = (0..pixels)
         .map(|i| match (is_sky && reached[i], could_be[i]) {
             (true, _) => SkyClass::Sky,
@@ -211,9 +211,9 @@ fn blur_border(width: usize, classes: &mut [SkyClass]) {
     let height = before.len() / width.max(1);
     for (pixel, class) in classes.iter_mut().enumerate() {
         let (column, row) = (pixel % width, pixel / width);
-        let rows = row.saturating_sub(BORDER)..(row + BORDER + 1).min(height);
+        let rows = row.saturating_sub(HALF_BORDER_PX)..(row + HALF_BORDER_PX + 1).min(height);
         let other = |row: usize| {
-            let columns = column.saturating_sub(BORDER)..(column + BORDER + 1).min(width);
+            let columns = column.saturating_sub(HALF_BORDER_PX)..(column + HALF_BORDER_PX + 1).min(width);
             before[row * width + columns.start..row * width + columns.end]
                 .iter()
                 .any(|near| near != &before[pixel])

@@ -6,7 +6,7 @@ use super::error::SessionError;
 use super::folder::{COLMAP, FRAMES, RunFolder};
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
 use crate::brightness::{PhotoGains, photo_gains};
-use crate::checkpoint::Taught;
+use crate::checkpoint::TrainedPhoto;
 use crate::colmap::{self, ColmapOptions, Matching};
 use crate::config::ExposureMode;
 use crate::dataset::{Dataset, DatasetReadOptions, misplaced, orientation};
@@ -24,7 +24,7 @@ use wm_scene::files::write_atomically;
 use wm_scene::{Camera, FormatError, Problem, SceneView, Severity};
 
 /// The picture of the poor photos in the run folder.
-const POOR: &str = "poor-photos.png";
+const POOR_PHOTOS_FILE: &str = "poor-photos.png";
 
 /// A data set that is open, and which photos it trains on.
 pub(super) struct TrainData {
@@ -94,7 +94,7 @@ impl TrainData {
             PoorPhotoMode::Keep => Vec::new(),
         };
         if !poor.is_empty() {
-            let most = (poor_photos::MOST * places.len() as f64) as usize;
+            let most = (poor_photos::MAX_LEFT_OUT_SHARE * places.len() as f64) as usize;
             let are_left_out = poor.len() <= most && places.len() - poor.len() >= 3;
             let name = |place: usize| capture.views[photos.view(place)].name.clone();
             let found = poor.iter().map(|(place, defect)| (name(*place), *defect)).collect();
@@ -176,7 +176,7 @@ impl TrainData {
         let photos: Vec<Arc<Photo>> = self
             .poor
             .iter()
-            .take(sheet::MOST)
+            .take(sheet::MAX_PHOTOS)
             .filter_map(|(place, _)| self.set.photos.get(*place, 0).ok())
             .collect();
         if photos.is_empty() {
@@ -184,7 +184,7 @@ impl TrainData {
         }
         let whole = MoverMask::default();
         let drawn: Vec<(&Photo, &MoverMask)> = photos.iter().map(|photo| (&**photo, &whole)).collect();
-        write_atomically(&folder.path().join(POOR), |out| Ok(sheet::write(&drawn, out)?))?;
+        write_atomically(&folder.path().join(POOR_PHOTOS_FILE), |out| Ok(sheet::write(&drawn, out)?))?;
         Ok(())
     }
 
@@ -197,10 +197,10 @@ impl TrainData {
     }
 
     /// Returns what a checkpoint says of the training photos.
-    pub(crate) fn taught(&self) -> Vec<Taught> {
+    pub(crate) fn taught(&self) -> Vec<TrainedPhoto> {
         let taught = |place: &usize| {
             let camera = self.set.photos.camera(*place, 0);
-            Taught { name: self.set.name(*place).to_owned(), size: (camera.width, camera.height) }
+            TrainedPhoto { name: self.set.name(*place).to_owned(), size: (camera.width, camera.height) }
         };
         self.set.places.iter().map(taught).collect()
     }
@@ -228,7 +228,8 @@ fn open_capture(
     let registered = if video::is_video(dataset) {
         let frames = frames(dataset, folder, observer)?;
         // Frames that follow each other overlap; others rarely do.
-        let matching = if frames.1 > MOST_WITH_ALL { Matching::Sequential } else { Matching::Exhaustive };
+        let matching =
+            if frames.1 > MAX_EXHAUSTIVE_FRAMES { Matching::Sequential } else { Matching::Exhaustive };
         register(&frames.0, matching, folder, observer)?
     } else {
         match wanted.capture(dataset) {
@@ -245,7 +246,7 @@ fn open_capture(
 }
 
 /// Most frames of a video of which each is compared with each.
-const MOST_WITH_ALL: usize = 60;
+const MAX_EXHAUSTIVE_FRAMES: usize = 60;
 
 /// Takes photos out of a video; returns their folder and their number.
 fn frames(

@@ -149,12 +149,12 @@ pub enum TrainWarning {
 }
 
 /// Most photos that are named in a warning.
-const NAMED: usize = 5;
+const MAX_NAMED_PHOTOS: usize = 5;
 
 /// Lists the first few, and says how many more there are.
 fn list(photos: impl ExactSizeIterator<Item = String>) -> String {
-    let more = photos.len().saturating_sub(NAMED);
-    let named = photos.take(NAMED).collect::<Vec<_>>().join(", ");
+    let more = photos.len().saturating_sub(MAX_NAMED_PHOTOS);
+    let named = photos.take(MAX_NAMED_PHOTOS).collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{named}, and {more} more") } else { named }
 }
 

@@ -18,12 +18,12 @@ use wm_scene::sh::C0;
 use wm_scene::{Group, Rasterization, Splats};
 
 /// Least share of a splat's weight that lies in the sky.
-const IN_SKY: f64 = 0.65;
+const MIN_SKY_SHARE: f64 = 0.65;
 /// Least weight in the sky, px over all photos: of less the colour is chance.
-const LEAST: f64 = 0.5;
+const MIN_SKY_WEIGHT_PX: f64 = 0.5;
 /// Largest distance of a splat's colour from that of the photos where it is drawn in the sky, a
 /// channel, 0-1: wires and twigs that priors take for the sky are further.
-const SAME: f64 = 0.2;
+const COLOR_TOLERANCE: f64 = 0.2;
 
 /// The weights of one splat over the photos, px.
 #[derive(Clone, Copy, Default)]
@@ -52,11 +52,11 @@ pub(super) fn label_painted_sky(
         let own = &splats.sh[index * stride..][..3];
         let is_close = |c: usize| {
             let shown = drawn.color[c] / drawn.sky;
-            (f64::from(own[c]) * C0 + 0.5 - shown).abs() < SAME
+            (f64::from(own[c]) * C0 + 0.5 - shown).abs() < COLOR_TOLERANCE
         };
         if splats.groups[index] == Group::Scene
-            && drawn.sky > LEAST
-            && drawn.sky > IN_SKY * (drawn.sky + drawn.place)
+            && drawn.sky > MIN_SKY_WEIGHT_PX
+            && drawn.sky > MIN_SKY_SHARE * (drawn.sky + drawn.place)
             && (0..3).all(is_close)
         {
             splats.groups[index] = Group::Sky;

@@ -28,14 +28,14 @@ use wm_render::{Differentiable, Frame, RenderError};
 use wm_scene::{Camera, Scene, Splats};
 
 /// Photos that are decoded ahead of their step.
-const AHEAD: u32 = 4;
+const PREFETCHED_STEPS: u32 = 4;
 /// Shortest side of a photo in coarse steps, px.
-const SHORTEST: u32 = 100;
+const MIN_COARSE_SIDE_PX: u32 = 100;
 /// Summaries and milestones in a training.
 const SUMMARIES: u32 = 200;
 const MILESTONES: u32 = 10;
 /// Loss of PSNR of held-out photos that is worth a warning, dB.
-const WORSE: f64 = 0.1;
+const WORSE_PSNR_DB: f64 = 0.1;
 
 /// A back end and the messages of why its GPU was given up.
 pub(super) struct Backend {
@@ -153,7 +153,7 @@ impl Training {
         };
         trainer.set_air(haze.map(|haze| haze.air()));
         let (step, steps) = (trainer.steps_done(), trainer.config().steps);
-        let last_level = data.set.photos.last_level(SHORTEST);
+        let last_level = data.set.photos.last_level(MIN_COARSE_SIDE_PX);
         let photo = data.set.name(data.shown());
         let start = TrainStart { step, steps, photo, extent };
         observer.on_start(&start).map_err(SessionError::Observer)?;
@@ -308,7 +308,7 @@ impl Training {
     fn train(&mut self, observer: &mut dyn TrainObserver) -> Result<f64, SessionError> {
         let step = self.trainer.steps_done();
         let last = self.trainer.config().steps.saturating_sub(1);
-        for ahead in step + 1..=(step + AHEAD).min(last) {
+        for ahead in step + 1..=(step + PREFETCHED_STEPS).min(last) {
             let place = self.data.set.places[self.trainer.photo_at(ahead)];
             self.data.set.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
         }
@@ -513,7 +513,7 @@ fn write_checkpoint(path: &Path, trainer: &mut Trainer, data: &TrainData) -> Res
 
 /// Returns true if earlier scores are clearly better than those at the end.
 fn was_better(before: &HeldOutScore, now: &HeldOutScore) -> bool {
-    before.psnr > now.psnr + WORSE && before.ssim > now.ssim
+    before.psnr > now.psnr + WORSE_PSNR_DB && before.ssim > now.ssim
 }
 
 /// Returns the colours times `gain` as a screen shows them: 0 to 1.

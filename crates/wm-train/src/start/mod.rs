@@ -20,9 +20,9 @@ use wm_scene::{Camera, Group, Splats};
 /// Neighbours that say how large a splat is.
 const NEIGHBOURS: usize = 3;
 /// Splats to begin with where there are no points.
-const BLIND: usize = 20_000;
+const BLIND_SPLATS: usize = 20_000;
 /// The largest size of a splat, in units of the extent: a stray point is no wall.
-const LARGEST: f64 = 0.2;
+const MAX_SCALE_EXTENTS: f64 = 0.2;
 
 /// Options for starting splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,7 +71,7 @@ pub(crate) fn from_points(points: &SparsePoints, extent: f64, config: &StartConf
     let distances = neighbour_distances(&positions, 0.01 * extent);
     let mut splats = Splats::with_capacity(kept.len(), config.sh_degree);
     for ((mean, color), distance) in kept.into_iter().zip(distances) {
-        let size = (distance * config.scale).clamp(1e-7, LARGEST * extent);
+        let size = (distance * config.scale).clamp(1e-7, MAX_SCALE_EXTENTS * extent);
         splats.push(&Splat {
             mean,
             quat: [1.0, 0.0, 0.0, 0.0],
@@ -89,7 +89,7 @@ pub(crate) fn from_points(points: &SparsePoints, extent: f64, config: &StartConf
 pub(crate) fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
     let random = Random::new(config.seed, Purpose::Start, 0);
     let mut points = SparsePoints::default();
-    for i in 0..BLIND.min(config.most) as u64 {
+    for i in 0..BLIND_SPLATS.min(config.most) as u64 {
         let u = |k: u64| random.uniform(4 * i + k);
         let camera = &cameras[random.below(4 * i + 3, cameras.len())];
         let ray = camera.ray(u(0) * f64::from(camera.width), u(1) * f64::from(camera.height));

@@ -27,7 +27,7 @@ use wm_render::{
 use wm_scene::{Camera, Splats};
 
 /// Steps after which what a device has learnt is read back, to go on with should it be lost.
-const KNOWN_EVERY: u32 = 500;
+const READ_BACK_STEPS: u32 = 500;
 
 /// A training under way.
 pub struct Trainer {

@@ -21,7 +21,7 @@ use glam::DVec3;
 use matching::{StereoImage, StereoSource};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use sweep::{Ask, MOST_SOURCES, PlaneMap, Reference, Round, doubled};
+use sweep::{MAX_SOURCES, PlaneMap, Reference, Round, SourceChoice, doubled};
 use wm_scene::Camera;
 use wm_scene::capture::Capture;
 
@@ -59,20 +59,20 @@ pub(crate) struct StereoMap {
 
 /// Angles between two photos' rays to a point that are too small and too large to compare well,
 /// degrees.
-const NARROW: f64 = 4.0;
-const WIDE: f64 = 35.0;
+const NARROW_ANGLE_DEG: f64 = 4.0;
+const WIDE_ANGLE_DEG: f64 = 35.0;
 /// A photo without any point in view, or without others, is left out.
-const FEWEST_POINTS: usize = 8;
+const MIN_POINTS: usize = 8;
 /// The nearest surface is at least this share of the near points' distance.
-const NEARER: f64 = 0.2;
+const MIN_DISTANCE_RATIO: f64 = 0.2;
 /// Shortest side of a photo that is still halved, px.
-const SHORTEST: u32 = 64;
+const MIN_HALVED_SIDE_PX: u32 = 64;
 /// Shortest side of a photo that can be compared, px.
-const SMALLEST: u32 = 16;
+const MIN_SIDE_PX: u32 = 16;
 /// Half the side of the window of normals, px.
-const WINDOW: usize = 3;
+const HALF_NORMAL_WINDOW_PX: usize = 3;
 /// Within how many pixels a point of the reconstruction starts planes.
-const AROUND: isize = 12;
+const START_RADIUS_PX: isize = 12;
 
 /// Returns how often the sides of photos are halved: until the largest has no more pixels than the
 /// options allow, or the smallest would have sides too short.
@@ -82,7 +82,7 @@ pub(crate) fn level(photos: &Photos, places: &[usize], options: &StereoOptions) 
     let is_enough = |level: &u8| {
         let fits = |c: &Camera| (c.width >> level) * (c.height >> level) <= options.pixels;
         let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min();
-        cameras.iter().all(fits) || shortest.is_some_and(|side| side < SHORTEST)
+        cameras.iter().all(fits) || shortest.is_some_and(|side| side < MIN_HALVED_SIDE_PX)
     };
     (0..8).find(is_enough).unwrap_or(0)
 }
@@ -101,10 +101,9 @@ pub(crate) fn estimate(
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Option<Vec<Option<StereoMap>>>, PhotoError> {
     let level = level(photos, places, options);
-    if places
-        .iter()
-        .any(|place| photos.camera(*place, 0).width.min(photos.camera(*place, 0).height) >> level < SMALLEST)
-    {
+    if places.iter().any(|place| {
+        photos.camera(*place, 0).width.min(photos.camera(*place, 0).height) >> level < MIN_SIDE_PX
+    }) {
         return Ok(Some(vec![None; places.len()]));
     }
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level)).collect();
@@ -131,7 +130,7 @@ pub(crate) fn estimate(
                 let coarse = reference_of(capture, index, &half, &halves, &sources, &seen, options.seed)?;
                 let mut planes = coarse.begin(&start(&halves[index]));
                 for round in 0..options.rounds.0 {
-                    let ask = if round < 2 { Ask::All } else { Ask::Best };
+                    let ask = if round < 2 { SourceChoice::All } else { SourceChoice::Best };
                     let reach = 0.7f32.powi(round as i32);
                     coarse.run(Round { number: round + 1, reach, ask }, &mut planes);
                 }
@@ -144,7 +143,7 @@ pub(crate) fn estimate(
                 fine.judge(&mut planes);
                 for round in 0..options.rounds.1 {
                     let reach = 0.25 * 0.5f32.powi(round as i32);
-                    fine.run(Round { number: round + 1, reach, ask: Ask::Best }, &mut planes);
+                    fine.run(Round { number: round + 1, reach, ask: SourceChoice::Best }, &mut planes);
                 }
                 Some(planes)
             });
@@ -156,19 +155,19 @@ pub(crate) fn estimate(
     let compare = |index: usize| -> Option<Option<StereoMap>> {
         let map = swept[index].as_ref().and_then(|planes| {
             let reference = reference_of(capture, index, &whole, &cameras, &sources, &seen, 0)?;
-            let others: Vec<check::Other<'_>> = (sources[index].iter().zip(&reference.sources))
+            let others: Vec<check::OtherPhoto<'_>> = (sources[index].iter().zip(&reference.sources))
                 .filter_map(|(other, there)| {
                     let planes = swept[*other].as_ref()?;
                     let back = PhotoWarp::new(&cameras[*other], &cameras[index]);
                     let depth = depth_row(&cameras[index], &cameras[*other]);
-                    Some(check::Other { there, planes, back, depth })
+                    Some(check::OtherPhoto { there, planes, back, depth })
                 })
                 .collect();
             if others.is_empty() {
                 return None;
             }
             let disparity = check::agreed(&reference, planes, &others);
-            let normal = normals(&disparity, &cameras[index], WINDOW);
+            let normal = normals(&disparity, &cameras[index], HALF_NORMAL_WINDOW_PX);
             let (width, height) = (cameras[index].width, cameras[index].height);
             Some(StereoMap { width, height, disparity, normal })
         });
@@ -205,7 +204,7 @@ fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most
 /// between their rays.
 fn angle_score(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let angle = (point - a).normalize_or_zero().angle_between((point - b).normalize_or_zero()).to_degrees();
-    let score = (angle / NARROW).min(1.0) * (1.0 - angle / WIDE).clamp(0.0, 1.0);
+    let score = (angle / NARROW_ANGLE_DEG).min(1.0) * (1.0 - angle / WIDE_ANGLE_DEG).clamp(0.0, 1.0);
     if score.is_finite() { score * score } else { 0.0 }
 }
 
@@ -213,18 +212,18 @@ fn angle_score(point: DVec3, a: DVec3, b: DVec3) -> f64 {
 fn best(scores: &[f64], most: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..scores.len()).filter(|other| scores[*other] > 0.0).collect();
     order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
-    order.truncate(most.min(MOST_SOURCES));
+    order.truncate(most.min(MAX_SOURCES));
     order
 }
 
 /// Points of a photo by which its neighbours are chosen, at most.
-const PROBES: usize = 200;
+const MAX_PROBES: usize = 200;
 /// Ratios of a point's distances from two photos beyond which they show it too differently to
 /// compare.
-const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+const DISTANCE_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 /// Distances at which places are tried where no points are known, in distances between neighbouring
 /// cameras.
-const TRIED: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
+const TRIED_DISTANCES: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 
 /// For each photo the others whose cameras see the same places under angles that tell distances,
 /// and from like distances. The places are the points that the photo may show, or places along its
@@ -233,8 +232,8 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
     let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
     let of = |photo: usize| {
         let camera = &cameras[photo];
-        let probes: Vec<DVec3> = if seen[photo].len() >= FEWEST_POINTS {
-            let step = seen[photo].len() / PROBES + 1;
+        let probes: Vec<DVec3> = if seen[photo].len() >= MIN_POINTS {
+            let step = seen[photo].len() / MAX_PROBES + 1;
             let at = |point: &u32| DVec3::from_array(capture.points.positions[*point as usize]);
             seen[photo].iter().step_by(step).map(at).collect()
         } else {
@@ -243,8 +242,10 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
             let rays = shares.iter().flat_map(|y| shares.iter().map(move |x| (*x, *y)));
             let rays =
                 rays.map(|(x, y)| camera.ray(x * f64::from(camera.width), y * f64::from(camera.height)));
-            rays.flat_map(|ray| TRIED.map(|far| centers[photo] + ray.normalize_or_zero() * far * unit))
-                .collect()
+            rays.flat_map(|ray| {
+                TRIED_DISTANCES.map(|far| centers[photo] + ray.normalize_or_zero() * far * unit)
+            })
+            .collect()
         };
         let mut scores = vec![0.0f64; cameras.len()];
         for (other, score) in scores.iter_mut().enumerate().filter(|(other, _)| *other != photo) {
@@ -253,7 +254,9 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
                 there.project(**at).is_some_and(|(x, y, z)| {
                     let (width, height) = (f64::from(there.width), f64::from(there.height));
                     let own = camera.viewmat.transform_point3(**at).z;
-                    (0.0..width).contains(&x) && (0.0..height).contains(&y) && SCALES.contains(&(z / own))
+                    (0.0..width).contains(&x)
+                        && (0.0..height).contains(&y)
+                        && DISTANCE_RATIOS.contains(&(z / own))
                 })
             };
             *score =
@@ -291,8 +294,8 @@ fn start_map(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f32> {
         let at = DVec3::from_array(capture.points.positions[*point as usize]);
         let Some((x, y, z)) = camera.project(at) else { continue };
         let (column, row) = (x as isize, y as isize);
-        for dy in -AROUND..=AROUND {
-            for dx in -AROUND..=AROUND {
+        for dy in -START_RADIUS_PX..=START_RADIUS_PX {
+            for dx in -START_RADIUS_PX..=START_RADIUS_PX {
                 let (column, row, square) = (column + dx, row + dy, dx * dx + dy * dy);
                 if column >= 0 && row >= 0 && column < width && row < height {
                     let pixel = (row * width + column) as usize;
@@ -317,14 +320,14 @@ fn reference_of<'a>(
 ) -> Option<Reference<'a>> {
     let camera = &cameras[index];
     let distances = distances(capture, camera, &seen[index]);
-    let near = if distances.len() >= FEWEST_POINTS {
+    let near = if distances.len() >= MIN_POINTS {
         distances[distances.len() / 50]
     } else if has_tracks(capture) {
         return None;
     } else {
         // Nothing but the distance between cameras says how near things are.
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
-        TRIED[0] * baseline(&centers, index)
+        TRIED_DISTANCES[0] * baseline(&centers, index)
     };
     Some(Reference {
         picture: &pictures[index],
@@ -336,7 +339,7 @@ fn reference_of<'a>(
                 warp: PhotoWarp::new(camera, &cameras[*other]),
             })
             .collect(),
-        nearest: (1.0 / (NEARER * near)) as f32,
+        nearest: (1.0 / (MIN_DISTANCE_RATIO * near)) as f32,
         seed: seed ^ (index as u64) << 32,
     })
 }

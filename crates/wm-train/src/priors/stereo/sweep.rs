@@ -1,22 +1,22 @@
 //! PatchMatch: planes for all pixels of one photo, of which good ones spread to their neighbours and
 //! are varied.
 
-use super::matching::{Plane, StereoImage, StereoSource, WORST, Window, inverse_depth};
+use super::matching::{MAX_COST, Plane, StereoImage, StereoSource, Window, inverse_depth};
 use wm_scene::random::uniform;
 
 /// Neighbours that a pixel tries the planes of: of the other colour of a chessboard.
 const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];
 /// Sources of which the cost is the mean: the best, since the others may not see the place.
-const BEST: usize = 2;
+const AVERAGED_SOURCES: usize = 2;
 /// Sources that are asked once planes are about right, and most of all.
-const FEW: usize = 3;
-pub(crate) const MOST_SOURCES: usize = 16;
+const ASKED_SOURCES: usize = 3;
+pub(crate) const MAX_SOURCES: usize = 16;
 /// Least cosine between a plane's normal and the ray: 80 degrees.
-const GRAZING: f32 = 0.17;
+const MIN_COSINE: f32 = 0.17;
 
 /// The sources with which a plane is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Ask {
+pub(crate) enum SourceChoice {
     /// All: nothing is right yet.
     All,
     /// The sources in which the plane so far matches best.
@@ -31,7 +31,7 @@ pub(crate) struct Round {
     /// The range within which planes are varied, 0-1; 1 also tries any plane.
     pub(crate) reach: f32,
     /// The sources with which planes are compared.
-    pub(crate) ask: Ask,
+    pub(crate) ask: SourceChoice,
 }
 
 /// The camera and range of one photo.
@@ -72,7 +72,7 @@ impl Reference<'_> {
         let ray = self.ray(x, y);
         let facing = dot(normal, ray);
         let length = dot(ray, ray).sqrt();
-        if facing.abs() < GRAZING * length || !(inverse > 0.0 && inverse <= self.nearest) {
+        if facing.abs() < MIN_COSINE * length || !(inverse > 0.0 && inverse <= self.nearest) {
             return None;
         }
         let [fx, fy, cx, cy] = self.intrinsics;
@@ -96,11 +96,11 @@ impl Reference<'_> {
         let inverse = inverse_depth(plane, x, y);
         let ray = self.ray(x, y);
         let facing = -dot(self.normal(plane), ray);
-        inverse > 0.0 && inverse <= self.nearest && facing > GRAZING * dot(ray, ray).sqrt()
+        inverse > 0.0 && inverse <= self.nearest && facing > MIN_COSINE * dot(ray, ray).sqrt()
     }
 
     fn cost(&self, window: &Window, plane: &Plane, asked: &[usize]) -> f32 {
-        let mut best = [WORST; BEST];
+        let mut best = [MAX_COST; AVERAGED_SOURCES];
         for source in asked {
             let mut cost = window.cost(&self.sources[*source], plane);
             for place in &mut best {
@@ -109,23 +109,29 @@ impl Reference<'_> {
                 }
             }
         }
-        let count = asked.len().clamp(1, BEST);
+        let count = asked.len().clamp(1, AVERAGED_SOURCES);
         best[..count].iter().sum::<f32>() / count as f32
     }
 
     /// The sources that a pixel asks in a round: those that `plane` fits best, or all.
-    fn asked<'b>(&self, window: &Window, plane: &Plane, ask: Ask, order: &'b mut Vec<usize>) -> &'b [usize] {
+    fn asked<'b>(
+        &self,
+        window: &Window,
+        plane: &Plane,
+        ask: SourceChoice,
+        order: &'b mut Vec<usize>,
+    ) -> &'b [usize] {
         order.clear();
         order.extend(0..self.sources.len());
-        if ask == Ask::All || order.len() <= FEW {
+        if ask == SourceChoice::All || order.len() <= ASKED_SOURCES {
             return order;
         }
-        let mut costs = [WORST; MOST_SOURCES];
+        let mut costs = [MAX_COST; MAX_SOURCES];
         for (cost, source) in costs.iter_mut().zip(&self.sources) {
             *cost = window.cost(source, plane);
         }
         order.sort_by(|a, b| costs[*a].total_cmp(&costs[*b]));
-        &order[..FEW]
+        &order[..ASKED_SOURCES]
     }
 
     /// Random numbers of a pixel in a round.
