@@ -2,7 +2,7 @@
 //! unleashing the power of large-scale unlabeled data") and V2 (Yang et al. 2024, "Depth Anything
 //! V2").
 //!
-//! A photo is resized to whole patches of 14x14 px ([`DepthAnything::network_size`]). A DINOv2
+//! A photo is resized to whole patches of 14x14 px (`DepthAnything::network_size`). A DINOv2
 //! transformer makes features of the patches, of which four layers go to a DPT head that puts them
 //! together at 4, 2, 1 and 1/2 px a patch, the smallest first. V1 and V2 have the same tensors and
 //! take other layers, which is why the [`Version`] has to be given. What comes out is disparity

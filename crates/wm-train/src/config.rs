@@ -66,7 +66,7 @@ pub enum BackgroundKind {
 pub enum Resolution {
     /// Photos have their full size from the start.
     Full,
-    /// A quarter, then half, then as they are; see [`crate::schedule::level`].
+    /// A quarter, then half, then as they are; see `schedule::level`.
     Coarse,
 }
 
@@ -88,7 +88,7 @@ pub enum ExposureMode {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MoverMode {
-    /// Pixels that show movers are found and left out; see [`crate::movers`].
+    /// Pixels that show movers are found and left out; see the module `movers`.
     #[default]
     Auto,
     /// All pixels count.
@@ -99,7 +99,7 @@ pub enum MoverMode {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HazeMode {
-    /// It is looked for, measured and taken out; see [`crate::haze`].
+    /// It is looked for, measured and taken out; see the module `haze`.
     #[default]
     Auto,
     /// It is a part of the scene.
@@ -336,7 +336,7 @@ impl Preset {
     }
 
     /// Most splats for photos of which so many pixels confirm what two others show; see
-    /// [`crate::overlap`].
+    /// the module `overlap`.
     #[must_use]
     pub(crate) fn max_splats_for(self, confirmed: u64) -> usize {
         let told_apart = usize::try_from(confirmed / PIXELS_PER_SPLAT).unwrap_or(usize::MAX);

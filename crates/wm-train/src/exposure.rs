@@ -1,19 +1,19 @@
 //! Photos that are brighter, darker or of another white than the scene.
 //!
-//! Each photo has an affine change of colour, `rgb' = M rgb + b`, that begins as none at all and
-//! learns with the scene. It is applied to what is rendered before that is compared; the scene is
-//! without it. The mean of all changes stays none, or scene and photos could grow brighter and
-//! darker against each other: what a photo learns, all of them give back in equal parts.
+//! Each photo has an affine colour transform, `rgb' = M rgb + b`, that starts as the identity and
+//! is trained with the scene. It is applied to the render before the comparison; the scene does
+//! not contain it. The mean over all photos is held at the identity, or scene and photos could
+//! drift in brightness: the change of one photo is subtracted from all in equal parts.
 
 use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
 use wm_render::training::{Exposure, NO_EXPOSURE};
 
-/// Numbers of one change: the rows of M, each with its b behind it.
+/// Number of values of one transform: the rows of M, each followed by its b.
 pub(crate) const NUMBERS: usize = NO_EXPOSURE.len();
 
-/// The changes of all photos.
+/// The colour transforms of all photos.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Exposures {
     /// `[P]`.
@@ -25,7 +25,7 @@ pub(crate) struct Exposures {
 }
 
 impl Exposures {
-    /// No change for `photos`.
+    /// Returns identity transforms for `photos` photos.
     #[must_use]
     pub(crate) fn new(photos: usize) -> Self {
         Self {
@@ -35,7 +35,7 @@ impl Exposures {
         }
     }
 
-    /// Changes that multiply red, green and blue of each photo; the mean of `gains` over the photos
+    /// Returns transforms that multiply red, green and blue by gains, whose mean over the photos
     /// should be 1.
     #[must_use]
     pub(crate) fn with_gains(gains: &[[f32; 3]]) -> Self {
@@ -46,13 +46,13 @@ impl Exposures {
         exposures
     }
 
-    /// The change of photo `photo`.
+    /// Returns the transform of photo `photo`.
     #[must_use]
     pub(crate) fn of(&self, photo: usize) -> Exposure {
         self.changes.get(photo).copied().unwrap_or(NO_EXPOSURE)
     }
 
-    /// Colours as photo `photo` would have them, `[H, W, 3]`.
+    /// Applies the transform of photo `photo` to colours, `[H, W, 3]`.
     pub(crate) fn apply(&self, path: SimdPath, photo: usize, rgb: &[f32], out: &mut [f32]) {
         let m = &self.changes[photo];
         let mix = Mix::new(|row, column| m[4 * row + column], |row| m[4 * row + 3]);
@@ -61,8 +61,8 @@ impl Exposures {
         });
     }
 
-    /// From the derivative by the changed colours to that by the rendered ones, in place, and one
-    /// step of Adam for the photo.
+    /// Converts the gradient by transformed colours to that by rendered ones, in place, and takes
+    /// one Adam step for the photo.
     pub(crate) fn learn(
         &mut self,
         path: SimdPath,
@@ -87,7 +87,7 @@ impl Exposures {
         self.step(photo, &total, rate);
     }
 
-    /// One step of Adam for the photo along the derivative by its change.
+    /// Takes one Adam step for the photo, along the gradient by its transform.
     pub(crate) fn step(&mut self, photo: usize, gradient: &[f64; NUMBERS], rate: f64) {
         self.steps[photo] += 1;
         let corrections = [0.9f64, 0.999].map(|beta| 1.0 - beta.powi(self.steps[photo].min(100_000) as i32));
@@ -104,11 +104,11 @@ impl Exposures {
     }
 }
 
-/// Values of one task.
+/// Values per task.
 const CHUNK: usize = 256 * BLOCK;
-/// Values that are worked on together: 16 pixels, whole vectors of all paths.
+/// Values per block: 16 pixels, a multiple of the vector width of every SIMD path.
 const BLOCK: usize = 48;
-/// A channel is mixed with those up to two values away from it.
+/// Offsets at which values are mixed: up to two values to each side.
 const SHIFTS: usize = 5;
 
 /// A change of colour for interleaved values: by how much each value's neighbours come into it, 0
@@ -157,7 +157,8 @@ impl Mix {
         }
     }
 
-    /// Applies it to a gradient in place; gives the derivatives by the numbers of the change.
+    /// Applies the transpose to a gradient in place; returns the derivatives by the values of the
+    /// transform.
     #[inline(always)]
     fn pull(&self, rgb: &[f32], gradient: &mut [f32]) -> [f64; NUMBERS] {
         let mut products = [[0.0f32; BLOCK]; SHIFTS];

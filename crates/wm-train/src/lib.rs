@@ -27,8 +27,9 @@
 //!     loss: vec![("depth".into(), 0.1)],
 //!     ..TrainPlan::default()
 //! };
-//! let config = plan.config(24, 24 * 1600 * 1200)?; // 24 photos, nearly all of their pixels shown by several
-//! assert_eq!(config.densify.strategy().max_splats(), Some(100_000));
+//! // For 24 photos with 46 million pixels that several photos show.
+//! let config = plan.config(24, 24 * 1600 * 1200)?;
+//! assert_eq!(config.steps, 500);
 //! assert_eq!(config.loss.geometry.depth, 0.1);
 //! # Ok::<(), wm_train::plan::PlanError>(())
 //! ```
@@ -36,16 +37,14 @@
 //! Modules, from photos to scores:
 //! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]:
 //!   cameras of plain photos; [`video`]: photos out of a video.
-//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these
+//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: the same, fitted to the scene
 //!   before a training.
-//! - [`haze`]: haze in which photos were taken, measured and taken out.
-//! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`]
-//!   and [`exposure`].
-//! - [`movers`]: what is in one photo and not in the others; [`overlap`]: how many photos show a
-//!   surface.
+//! - [`config`], [`plan`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`blocks`]: trainings of the parts of a large place, and their join.
-//! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`evaluation`], [`metrics`]: scores against photos and ground truth.
+//!
+//! Private modules hold the steps: `start` (the first splats), `trainer`, `losses`, `densify`,
+//! `schedule` and `exposure`; `haze` and `movers` find what is in the photos and not in the scene.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 

@@ -48,7 +48,7 @@ use wm_scene::files::write_atomically;
 /// Options of COLMAP.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ColmapOptions {
-    /// The program; `None` looks for it, see [`CameraTool::find`].
+    /// The program; `None` looks for it, see `CameraTool::find`.
     pub tool: Option<CameraTool>,
     /// The pairs of photos that are compared.
     pub matching: Matching,
@@ -59,7 +59,7 @@ pub struct ColmapOptions {
 /// The pairs of photos that are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Matching {
-    /// Each with each up to [`MAX_EXHAUSTIVE_PHOTOS`] photos, else each with those that follow it.
+    /// Each with each up to 300 photos, else each with those that follow it.
     #[default]
     Auto,
     /// Each with each: the most reliable, and its time grows with the square of their number.

@@ -15,9 +15,9 @@ use serde::{Deserialize, Serialize};
 use wm_scene::quat;
 use wm_scene::splats::logit;
 
-/// Parts that a split splat falls into.
+/// Parts into which a splat is split.
 const SPLIT_PARTS: u64 = 2;
-/// The factor by which they are smaller.
+/// Divisor of the scales of the parts.
 const SPLIT_SCALE_DIVISOR: f64 = 1.6;
 
 /// Constants of adaptive control; lengths in units of the scene's extent.
@@ -26,17 +26,17 @@ const SPLIT_SCALE_DIVISOR: f64 = 1.6;
 pub struct AdaptiveConfig {
     /// First step that changes splats.
     pub from: u32,
-    /// First step that does not any more.
+    /// First step without changes again.
     pub until: u32,
     /// Steps between changes.
     pub every: u32,
-    /// Mean screen-space gradient above which there is too little, in units of half a picture.
+    /// Mean screen-space gradient above which splats are added, in units of half an image.
     pub pull: f64,
-    /// Largest standard deviation of what is cloned and not split.
+    /// Largest standard deviation of splats that are cloned and not split.
     pub small: f64,
-    /// Opacity below which a splat goes.
+    /// Opacity below which a splat is removed.
     pub faint: f64,
-    /// Steps between resets of opacities; from the first on, what is huge goes.
+    /// Steps between resets of opacities; after the first one huge splats are removed.
     pub reset_every: u32,
     /// Radius above which a splat is huge, px.
     pub huge_radius: f64,
@@ -84,7 +84,7 @@ impl AdaptiveConfig {
             let huge = f64::from(pulls.radii[i]) > self.huge_radius || largest(i) > self.huge * extent;
             *gone = population.splats.opacity(i) < self.faint || (may_be_huge && huge);
         }
-        // A clone is a copy; of a split splat both parts are made anew from it.
+        // A clone is a copy; both parts of a split splat are sampled from it.
         population.copy(&wanted);
         for (k, (index, small)) in wanted.iter().zip(is_small).enumerate() {
             if !small {
@@ -153,7 +153,7 @@ impl DensifyStrategy for AdaptiveConfig {
 }
 
 impl Population {
-    /// Puts the centre of splat `place` where splat `from` says, `normal` standard deviations off.
+    /// Samples the centre of splat `place` from splat `from`, at `normal` standard deviations.
     fn draw_part(&mut self, from: usize, place: usize, normal: [f64; 3]) {
         let splats = &mut self.splats;
         let matrix = quat::to_matrix(splats.quats[from].map(f64::from));

@@ -23,19 +23,19 @@ use wm_render::training::{Noise, SplatTerms};
 use wm_scene::Group;
 use wm_scene::splats::logit;
 
-/// Most splats that come to one place at once.
+/// Most splats that share one place after a step.
 const MAX_SPLATS_PER_PLACE: usize = 51;
-/// Splats above this opacity have no noise: the gate is below 1e-4 there.
+/// Opacity above which splats have no noise: the gate is below 1e-4 there.
 const MAX_NOISY_OPACITY: f64 = 0.1;
-/// Extent of a scene, scene units, in which [`McmcConfig::noise`] and [`McmcConfig::scale`] are
-/// those of the publication: its scenes were of about this one.
+/// Extent of a scene, scene units, for which [`McmcConfig::noise`] and [`McmcConfig::scale`] are
+/// the published values: about that of the published scenes.
 const PUBLISHED_EXTENT: f64 = 5.0;
-/// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's
-/// first can be nearly two apart.
+/// Epochs after which splats that no photo has in view are dead; two views of one photo can be
+/// nearly two epochs apart.
 const UNSEEN_EPOCHS: u32 = 2;
 
-/// Largest standard deviation, in distances from the middle of the place, or in extents where that
-/// is more.
+/// Largest standard deviation, as a fraction of the distance from the centre of the scene or of
+/// its extent, whichever is larger.
 const MAX_SCALE: f64 = 0.1;
 
 /// Constants of the chain.
@@ -44,13 +44,13 @@ const MAX_SCALE: f64 = 0.1;
 pub struct McmcConfig {
     /// First step that changes splats.
     pub from: u32,
-    /// First step that does not any more.
+    /// First step without changes again.
     pub until: u32,
     /// Steps between changes.
     pub every: u32,
     /// Most splats, those of the sky left aside.
     pub max_splats: usize,
-    /// Share of the splats that is born each time.
+    /// Growth of the number of splats at each change.
     pub growth: f64,
     /// Opacity at or below which a splat is dead.
     pub dead: f64,
@@ -130,7 +130,7 @@ impl DensifyStrategy for McmcConfig {
         for (dead, host) in dead.iter().zip(&hosts) {
             population.take_place(*dead, *host);
         }
-        // The sky's splats neither have children nor take room of the others.
+        // Splats of the sky are not copied and do not count for the budget.
         let count = population.splats.groups.iter().filter(|group| **group != Group::Sky).count();
         let grown = (count as f64 * (1.0 + self.growth)) as usize;
         let born = grown.max(count + 1).min(self.max_splats).saturating_sub(count);
@@ -144,8 +144,8 @@ impl DensifyStrategy for McmcConfig {
     }
 }
 
-/// `wanted` live splats, each as likely as it is opaque, none of `dead` (ascending) nor of the sky.
-/// None where nothing lives.
+/// Samples `wanted` live splats with probability proportional to opacity, except those in `dead`
+/// (ascending) and the sky's; empty if there are none.
 fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random, first: u64) -> Vec<usize> {
     let mut total = 0.0;
     let mut next = 0;
@@ -171,7 +171,8 @@ fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random
 }
 
 impl Population {
-    /// Makes each of `hosts` (repeated as often as something comes to it) one of many in its place.
+    /// Shares the opacity and scale of each of `hosts` among the splats at its place; a host is
+    /// listed once for each splat that joins it.
     fn settle(&mut self, hosts: &[usize], dead: f64) {
         let mut sorted = hosts.to_vec();
         sorted.sort_unstable();
@@ -187,7 +188,7 @@ impl Population {
         }
     }
 
-    /// Narrows splats that are wider than their place lets them be.
+    /// Clamps the scales of splats to the largest one at their place.
     fn bound(&mut self, extent: f64) {
         let splats = &mut self.splats;
         let own: Vec<usize> = (0..splats.len()).filter(|i| splats.groups[*i] != Group::Sky).collect();
@@ -207,7 +208,7 @@ impl Population {
         }
     }
 
-    /// Makes splat `index` a copy of `host`, about which nothing is known.
+    /// Makes splat `index` a copy of `host`, with empty moments.
     fn take_place(&mut self, index: usize, host: usize) {
         let splats = &mut self.splats;
         splats.means[index] = splats.means[host];
@@ -221,12 +222,12 @@ impl Population {
     }
 }
 
-/// Opacity and factor on the scales of each of `many` splats that stand for one of `opacity`.
+/// Returns opacity and scale factor of each of `many` splats that replace one of `opacity`.
 fn shared(opacity: f64, many: usize) -> (f64, f64) {
     let each = 1.0 - (1.0 - opacity).powf(1.0 / many as f64);
     let mut sum = 0.0;
     for i in 0..many {
-        // C(i, k) from the one before.
+        // Binomial coefficients by recurrence.
         let mut binomial = 1.0;
         for k in 0..=i {
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -234,7 +235,7 @@ fn shared(opacity: f64, many: usize) -> (f64, f64) {
             binomial *= (i - k) as f64 / (k + 1) as f64;
         }
     }
-    // Alternating sums of large numbers: beyond what is sensible nothing is changed.
+    // Alternating sums of large numbers lose precision: implausible factors are ignored.
     let factor = opacity / sum;
     (each, if factor.is_finite() && factor > 0.0 { factor.clamp(0.1, 1.0) } else { 1.0 })
 }

@@ -177,7 +177,7 @@ struct Origins {
 }
 
 impl Population {
-    /// A population that begins.
+    /// Returns a new population, sorted for locality.
     #[must_use]
     pub(crate) fn new(splats: Splats) -> Self {
         let mut population = Self::unsorted(splats);
@@ -185,14 +185,14 @@ impl Population {
         population
     }
 
-    /// One whose splats stay in their order.
+    /// Returns a new population whose splats keep their order.
     #[must_use]
     pub(crate) fn unsorted(splats: Splats) -> Self {
         let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
         Self { splats, moments, pulls, seen, origins: None }
     }
 
-    /// One whose moments and coefficients above degree 0 stay on a device.
+    /// Returns a population whose moments and coefficients above degree 0 stay on a device.
     #[must_use]
     pub(crate) fn of_shapes(shapes: Shapes) -> Self {
         let Shapes { splats, pulls, seen } = shapes;
@@ -212,13 +212,13 @@ impl Population {
         Changed { splats, pulls, seen, origins: rows, forgets_opacities: *forgets_opacities }
     }
 
-    /// Number of splats.
+    /// Returns the number of splats.
     #[must_use]
     pub(crate) fn len(&self) -> usize {
         self.splats.len()
     }
 
-    /// All of it, for a device.
+    /// Borrows all of it for a device.
     #[must_use]
     pub(crate) fn learnt(&self) -> Learnt<'_> {
         Learnt { splats: &self.splats, moments: &self.moments, pulls: &self.pulls, seen: &self.seen }
@@ -230,14 +230,15 @@ impl Population {
         LearntMut { splats, moments, pulls, seen }
     }
 
-    /// Marks the splats that step `step` had in view.
+    /// Marks the splats that were in view at step `step`.
     pub(crate) fn see(&mut self, visible: &[u32], step: u32) {
         for index in visible {
             self.seen[*index as usize] = step;
         }
     }
 
-    /// The splats that any picture can show: the others are below the least alpha that is drawn.
+    /// Returns the splats that any render can show: the others are below the least alpha that is
+    /// drawn.
     #[must_use]
     pub(crate) fn drawn(&self) -> Splats {
         let splats = &self.splats;
@@ -259,7 +260,7 @@ impl Population {
         self.seen = indices.iter().map(|i| self.seen[*i]).collect();
     }
 
-    /// Adds copies of the splats `indices`, about which nothing is known yet.
+    /// Adds copies of the splats `indices`, with empty moments.
     pub(crate) fn copy(&mut self, indices: &[usize]) {
         let copies = self.splats.select(indices);
         let seen: Vec<u32> = indices.iter().map(|i| self.seen[*i]).collect();
@@ -279,7 +280,7 @@ impl Population {
         }
     }
 
-    /// Forgets what was learnt about one splat.
+    /// Resets the moments of one splat.
     pub(crate) fn forget(&mut self, index: usize) {
         match &mut self.origins {
             None => self.moments.clear_row(index, self.splats.sh_degree),
@@ -287,7 +288,7 @@ impl Population {
         }
     }
 
-    /// Forgets what was learnt about opacities.
+    /// Resets the moments of all opacities.
     pub(crate) fn forget_opacities(&mut self) {
         match &mut self.origins {
             None => {
@@ -298,7 +299,7 @@ impl Population {
         }
     }
 
-    /// Makes the colours of splat `index` those of `from`.
+    /// Copies the colours of splat `from` to splat `index`.
     fn copy_colors(&mut self, index: usize, from: usize) {
         let stride = self.splats.sh_stride();
         self.splats.sh.copy_within(from * stride..(from + 1) * stride, index * stride);
@@ -307,7 +308,7 @@ impl Population {
         }
     }
 
-    /// Brings neighbours together: the renderer culls runs of splats.
+    /// Sorts splats for spatial locality: the renderer culls runs of splats.
     pub(crate) fn sort(&mut self) {
         let order: Vec<usize> = morton_order(&self.splats.means).into_iter().map(|i| i as usize).collect();
         self.select(&order);

@@ -79,7 +79,7 @@ pub struct ViewScores {
     pub psnr: f64,
     /// Structural similarity to the photo, 1 for equal images.
     pub ssim: f64,
-    /// Mean gradient of the render over that of the photo; see [`sharpness`].
+    /// Mean gradient of the render over that of the photo.
     pub sharpness: Option<f64>,
     /// Errors of expected depth.
     pub expected_depth: Option<DepthErrors>,

@@ -8,7 +8,7 @@
 //! | `.npy` | little-endian f32 | `[H, W]`, `[H, W, C]` with 1 to 4 |
 //!
 //! A file becomes a [`Map`] of the numbers in it; what they mean is said beside it: [`DepthForm`],
-//! [`NormalAxes`], [`Map::to_mask`]. Which file belongs to a photo is told by its name
+//! [`NormalAxes`], `Map::to_mask`. Which file belongs to a photo is told by its name
 //! ([`MapFolder`]). Pixels are those of the photo without its lens: where a camera has distortion,
 //! the maps are of the pinhole picture, or made so
 //! ([`Photos::without_lens`](crate::photos::Photos::without_lens)).

@@ -15,7 +15,7 @@ use wm_scene::{Camera, Group, Rasterization, Splats};
 /// Splats fainter than this are not looked at: opacity.
 pub(crate) const MIN_OPACITY: f64 = 0.1;
 
-/// The numbers of floaters; see [`Floaters`].
+/// The numbers of floaters; see `Floaters`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloaterShare {
     /// Splats that any view has in it, where its truth is known.

@@ -1,4 +1,4 @@
-//! The verdict on each pixel of a photo: others that see the same surface show its colour, or
+//! Judges each pixel of a photo: other photos that see the same surface show its colour, or
 //! another.
 
 use super::view::{MoverView, SCALES};
@@ -8,13 +8,13 @@ use wm_scene::Camera;
 
 /// Most other photos that each is compared with.
 const MAX_COMPARED_PHOTOS: usize = 12;
-/// Fewest that must see the surface.
+/// Fewest other photos that must see the surface.
 const MIN_SEEING_PHOTOS: usize = 2;
-/// For each that sees the surface, most that see through it.
+/// Largest ratio of photos that see through the surface to those that see it.
 const MAX_THROUGH_RATIO: usize = 2;
 /// Largest relative difference of the inverse depths of one surface: filled depth is no better.
 const DEPTH_TOLERANCE: f32 = 0.08;
-/// Parallax that depth may be wrong by, px of the search.
+/// Tolerated parallax error of depth, px of the search.
 const PARALLAX_TOLERANCE_PX: f32 = 1.0;
 /// Largest difference of the scales at which photos are compared, halvings.
 const MAX_SCALE_HALVINGS: f32 = 2.3;
@@ -28,7 +28,7 @@ const MIN_MATCHED_SHARE: f32 = 0.04;
 const SPREAD_WEIGHT: f32 = 0.7;
 /// Difference of colour beyond texture and spread up to which a pixel agrees.
 const MAX_AGREEING_DIFFERENCE: f32 = 0.06;
-/// Difference and spread up to which it surely does.
+/// Difference and spread up to which a pixel certainly agrees.
 const MAX_STILL_DIFFERENCES: [f32; 2] = [0.01, 0.03];
 
 /// The verdict on a pixel.
@@ -40,7 +40,7 @@ pub(crate) enum PixelVerdict {
     Agrees,
     /// The others show what the photo shows.
     Still,
-    /// They show something else: the photo is brighter by so much, or darker where it is below 0.
+    /// The others show something else: the photo is brighter by this much, or darker if negative.
     Differs(f32),
 }
 
@@ -49,7 +49,7 @@ struct ComparedPhoto {
     index: usize,
     there: PhotoWarp,
     back: PhotoWarp,
-    /// Logarithm (base 2) of the ratio of the focal lengths, theirs to the photo's.
+    /// Base-2 logarithm of the ratio of the other focal length to the photo's.
     focal: f32,
     /// A change of inverse depth that is a parallax of one pixel.
     pixel: f32,
@@ -67,7 +67,7 @@ impl ComparedPhoto {
         }
     }
 
-    /// Halvings by which a surface is larger in the other photo.
+    /// Returns by how many doublings a surface is larger in the other photo.
     #[inline]
     fn scale(&self, disparity: f32, theirs: f32) -> f32 {
         if disparity > 0.0 { (theirs / disparity).log2() + self.focal } else { self.focal }
@@ -77,13 +77,13 @@ impl ComparedPhoto {
 /// The evidence of other photos about a pixel at one depth.
 #[derive(Clone, Copy, Debug, Default)]
 struct Opinion {
-    /// The number of those that see the surface, and that see through it.
+    /// The number of photos that see the surface, and that see through it.
     seen: usize,
     through: usize,
     /// Median difference beyond texture, and spread of the others.
     off: f32,
     spread: f32,
-    /// The sum of the differences, below 0 where the photo is darker.
+    /// The sum of the signed differences; negative where the photo is darker.
     signed: f32,
 }
 
@@ -96,7 +96,7 @@ pub(crate) struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    /// Chooses for each photo those that it is compared with.
+    /// Chooses the photos with which each is compared.
     pub(crate) fn new(views: &'a [MoverView]) -> Self {
         let others: Vec<Vec<ComparedPhoto>> =
             (0..views.len()).into_par_iter().map(|index| choose(views, index)).collect();
@@ -105,8 +105,8 @@ impl<'a> Judge<'a> {
         Self { views, others, cells }
     }
 
-    /// The verdicts on the pixels of a photo, `[H, W]`; pixels in `masks`, of all photos, say
-    /// nothing about others. Empty masks hold none.
+    /// Returns the verdicts on the pixels of a photo, `[H, W]`. Pixels in `masks` (one per photo,
+    /// or empty) are no evidence about other photos.
     pub(crate) fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<PixelVerdict> {
         let view = &self.views[index];
         let (width, height) = view.size();
@@ -122,8 +122,8 @@ impl<'a> Judge<'a> {
         (0..width * height).map(verdict).collect()
     }
 
-    /// The verdict on a pixel at that of some inverse depths, NaN for none, at which most others
-    /// see a surface.
+    /// Returns the verdict on a pixel, at the one of `depths` (inverse, NaN for none) at which
+    /// most others see a surface.
     fn pixel(&self, index: usize, at: (usize, usize), depths: [f32; 3], masks: &[Vec<bool>]) -> PixelVerdict {
         let mut best = Opinion::default();
         for disparity in depths.into_iter().filter(|disparity| !disparity.is_nan()) {
@@ -141,7 +141,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// The others' opinion of a pixel at an inverse depth.
+    /// Collects the evidence of the other photos about a pixel at an inverse depth.
     fn opinion(
         &self,
         index: usize,
@@ -191,15 +191,15 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// The point if it is inside a photo.
+/// Returns the point if it is inside a photo.
 #[inline]
 fn inside(view: &MoverView, point: Option<(f32, f32, f32)>) -> Option<(f32, f32, f32)> {
     let (width, height) = view.size();
     point.filter(|(u, v, _)| *u >= 1.0 && *v >= 1.0 && *u < width as f32 - 1.0 && *v < height as f32 - 1.0)
 }
 
-/// Inverse depths in each cell of a photo as others see it: the two on which most agree, NaN where
-/// there are none.
+/// Returns two inverse depths for each cell of a photo, those on which most other photos agree;
+/// NaN where there are none.
 fn gathered(views: &[MoverView], view: &MoverView, others: &[ComparedPhoto]) -> Vec<[f32; 2]> {
     let (width, height) = view.size();
     let columns = width.div_ceil(CELL_PX);
@@ -224,7 +224,7 @@ fn gathered(views: &[MoverView], view: &MoverView, others: &[ComparedPhoto]) -> 
     cells
 }
 
-/// The two inverse depths on which most of the others agree, of entries with ascending inverse
+/// Returns the two inverse depths on which most of the others agree; entries are sorted by inverse
 /// depth.
 fn clusters(cell: &[(u32, f32, u32)]) -> [f32; 2] {
     let mut best: [(u32, f32); 2] = [(0, f32::NAN); 2];
@@ -254,7 +254,7 @@ fn median(values: &mut [f32]) -> f32 {
     values[values.len() / 2]
 }
 
-/// The median deviation of a channel from its median, of that where it is largest.
+/// Returns the median absolute deviation of the channel in which it is largest.
 fn spread(colors: &[[f32; 3]]) -> f32 {
     let mut values = [0.0f32; MAX_COMPARED_PHOTOS];
     let values = &mut values[..colors.len()];
@@ -267,7 +267,7 @@ fn spread(colors: &[[f32; 3]]) -> f32 {
     of(0).max(of(1)).max(of(2))
 }
 
-/// The photos that see most of what a photo sees, at a scale that can be compared.
+/// Returns the photos that share most of the view of a photo, at a comparable scale.
 fn choose(views: &[MoverView], index: usize) -> Vec<ComparedPhoto> {
     const GRID: usize = 16;
     let view = &views[index];
@@ -280,7 +280,7 @@ fn choose(views: &[MoverView], index: usize) -> Vec<ComparedPhoto> {
             let (x, y) = (middle(cell % GRID, width), middle(cell / GRID, height));
             let disparity = view.disparity[y * width + x];
             let point = other.there.point(x as f32 + 0.5, y as f32 + 0.5, disparity);
-            // NaN is nowhere.
+            // Comparisons with NaN are false.
             inside(&views[to], point)
                 .is_some_and(|(_, _, theirs)| other.scale(disparity, theirs).abs() <= MAX_SCALE_HALVINGS)
         };

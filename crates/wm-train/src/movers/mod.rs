@@ -1,12 +1,12 @@
 //! Movers: people, cars and other things that were somewhere else when the next photo was taken.
 //!
-//! No network knows them here, and no residual of a training that is half done. They are found
-//! before a training, by disagreement. Stereo knows the depth of what stands still: what moves
-//! finds no partner in other photos. Its depth, filled in over the gaps, is therefore the scene
-//! behind the movers. By it each pixel of a photo is carried over into the others, and where
-//! several of these see the same surface and agree on its colour, but the photo does not, the photo
-//! shows something else. A pixel near which stereo found partners of its colour stands still. What
-//! differs here in one direction and beside it in the other is texture that is out of place.
+//! Movers are found before a training, without a network, by disagreement between photos. Stereo
+//! finds the depth of static surfaces only: movers have no match in other photos. Stereo depth,
+//! interpolated over the gaps, is therefore that of the scene behind the movers. With it each
+//! pixel of a photo is projected into the others. Where several of these see the same surface and
+//! agree on its colour, but the photo does not, the photo shows a mover. A pixel is static if
+//! stereo found matches of its colour nearby. Differences that change sign within a few pixels are
+//! misregistered texture.
 //!
 //! - [`view`]: photos at the size of the search, with the filled depth and what misregistration may
 //!   do to colours.
@@ -31,19 +31,19 @@ use wm_scene::Camera;
 const MAX_PIXELS: u32 = 100_000;
 /// Shortest side of a photo that is still halved, px.
 const MIN_HALVED_SIDE_PX: u32 = 128;
-/// Fewest photos of which each can be compared with others.
+/// Fewest photos for a search.
 const MIN_PHOTOS: usize = 5;
-/// Rounds; from the second on, movers that were found say nothing about other photos.
+/// Rounds; from the second on, movers that were found are no evidence about other photos.
 const ROUNDS: usize = 3;
-/// Share of the pixels of the median photo that stereo must know, or what is between is too
-/// doubtful.
+/// Least share of known stereo depth in the median photo: interpolation over larger gaps is
+/// unreliable.
 const MIN_MEDIAN_KNOWN: f32 = 0.12;
-/// Share of the median photo's pixels that stereo must know of a photo, or its depth is too
-/// doubtful to judge by.
+/// Least ratio of a photo's known stereo depth to that of the median photo, for the photo to be
+/// judged.
 const MIN_KNOWN_RATIO: f32 = 0.4;
-/// Least share of the pixels about which photos agree, for masks to be believed.
+/// Least share of pixels with a verdict, for masks to be used.
 const MIN_JUDGED_SHARE: f64 = 0.25;
-/// Shares of the pixels up to which masks are as likely errors, and from which they cannot be true.
+/// Range of the share of moving pixels: below it masks are likely errors, above it they are wrong.
 const MIN_MOVING_SHARE: f64 = 0.0075;
 const MAX_MOVING_SHARE: f64 = 0.4;
 
@@ -65,7 +65,7 @@ impl MoverMask {
         !self.moves.contains(&true)
     }
 
-    /// The indices of the pixels of a photo of this size that show movers.
+    /// Returns the indices of the pixels that show movers, in a photo of this size.
     #[must_use]
     pub(crate) fn pixels(&self, width: u32, height: u32) -> Vec<usize> {
         if self.is_empty() {
@@ -99,7 +99,7 @@ pub enum MoverOutcome {
     None,
     /// Too few pixels are seen by several photos: this share.
     TooFewJudged(f64),
-    /// More was found than can be true: this share.
+    /// An implausibly large share was found: this one.
     TooMany(f64),
 }
 

@@ -4,37 +4,35 @@ use super::consensus::PixelVerdict;
 use super::view::MoverView;
 use crate::pieces::{beside, pieces};
 
-/// Difference of colour that is no error.
+/// Difference of colour that is certainly no error.
 const STRONG_DIFFERENCE: f32 = 0.12;
-/// Least pixels of a mover that differ, as a share of the photo, and of those the share that
-/// differs strongly.
+/// Least share of a photo's pixels in a mover, and the least share of these that differ strongly.
 const MIN_AREA_SHARE: f64 = 0.003;
 const MIN_STRONG_SHARE: f64 = 0.2;
-/// Radius of the square about a pixel in which differences have one direction, px, and the share of
-/// them that has.
+/// Radius of the window in which differences must have one sign, px, and the least share that has
+/// it.
 const SAME_SIGN_WINDOW: (usize, f32) = (2, 0.8);
-/// Pixels in the square about one that must be set with it, before and after it grows.
+/// Fewest set pixels in the 3x3 window of a set pixel, before and after growing.
 const MIN_SET_NEIGHBOURS: [usize; 2] = [5, 4];
-/// Radius of the gaps that are closed, px.
+/// Radius of the closing of gaps, px.
 const CLOSED_GAP_PX: usize = 2;
-/// Largest differences of colour along which a mover grows: to the next pixel, and to that where it
-/// began.
+/// Largest differences of colour over which a mover grows: to the next pixel, and to the seed.
 const MAX_STEP_DIFFERENCE: f32 = 0.04;
 const MAX_SEED_DIFFERENCE: f32 = 0.12;
-/// Share of the pixels around one that stereo may know where a mover grows.
+/// Largest share of known stereo depth around a pixel into which a mover grows.
 const MAX_KNOWN_SHARE: f32 = 0.01;
 /// Largest hole that is filled, as a share of the movers.
 const MAX_HOLE_SHARE: f64 = 0.5;
 /// Width of the rim that is added, px.
 const RIM_PX: usize = 1;
 
-/// The mask of a photo, `[H, W]`; empty if no mover is in it.
+/// Returns the mask of a photo, `[H, W]`; empty if no mover is in it.
 #[must_use]
 pub(crate) fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     let (width, height) = view.size();
     let weak = one_way(verdicts, width);
     let strong = |pixel: usize| matches!(verdicts[pixel], PixelVerdict::Differs(off) if off.abs() >= STRONG_DIFFERENCE);
-    // Gaps close before pieces are counted, or texture would tear a mover into crumbs.
+    // Gaps are closed before pieces are measured: texture would split a mover into small pieces.
     let mut moves = closed(&supported(&weak, width, MIN_SET_NEIGHBOURS[0]), width);
     let least = MIN_AREA_SHARE * (width * height) as f64;
     for piece in pieces(moves.clone(), width, |_, _| true) {
@@ -53,8 +51,8 @@ pub(crate) fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     dilated(&moves, width, RIM_PX)
 }
 
-/// The pixels that differ, and about which most do in one direction: misplaced texture is brighter
-/// here and darker there.
+/// Returns the differing pixels around which most differences have one sign: misregistered texture
+/// has both signs.
 fn one_way(verdicts: &[PixelVerdict], width: usize) -> Vec<bool> {
     let (radius, least) = SAME_SIGN_WINDOW;
     let height = verdicts.len() / width;
@@ -76,8 +74,8 @@ fn one_way(verdicts: &[PixelVerdict], width: usize) -> Vec<bool> {
     (0..verdicts.len()).map(differs).collect()
 }
 
-/// Grows movers over pixels of their colour about which nothing is known: others rarely see the
-/// ground below a car.
+/// Grows movers over pixels of their colour without a verdict: other photos rarely see the ground
+/// below a car.
 fn grow(moves: &mut [bool], verdicts: &[PixelVerdict], view: &MoverView) {
     let (width, colors) = (view.size().0, &view.scales[0].mean);
     let apart = |a: usize, b: usize| {
@@ -105,7 +103,7 @@ fn grow(moves: &mut [bool], verdicts: &[PixelVerdict], view: &MoverView) {
     }
 }
 
-/// Fills what movers surround, if it is small beside them.
+/// Fills holes in movers that are small beside them.
 fn fill_holes(moves: &mut [bool], width: usize) {
     let most = MAX_HOLE_SHARE * moves.iter().filter(|moves| **moves).count() as f64;
     let rest: Vec<bool> = moves.iter().map(|moves| !moves).collect();
@@ -117,13 +115,13 @@ fn fill_holes(moves: &mut [bool], width: usize) {
     }
 }
 
-/// The pixels that are set with enough of those about them.
+/// Returns the set pixels that have enough set neighbours.
 fn supported(of: &[bool], width: usize, support: usize) -> Vec<bool> {
     let counts = counts(of, width, 1);
     of.iter().zip(counts).map(|(set, count)| *set && count >= support).collect()
 }
 
-/// Sets what lies between pixels that are set. Outside of the photo counts as set: its border cuts
+/// Closes gaps between set pixels. Pixels outside of the photo count as set, since its border cuts
 /// movers off.
 fn closed(of: &[bool], width: usize) -> Vec<bool> {
     let unset: Vec<bool> = dilated(of, width, CLOSED_GAP_PX).into_iter().map(|set| !set).collect();
@@ -134,7 +132,7 @@ fn dilated(of: &[bool], width: usize, radius: usize) -> Vec<bool> {
     counts(of, width, radius).into_iter().map(|count| count > 0).collect()
 }
 
-/// The share of the pixels that are set in the square of `radius` about each.
+/// Returns the share of set pixels in the window of `radius` about each pixel.
 #[must_use]
 pub(crate) fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
     let height = of.len() / width;
@@ -147,8 +145,8 @@ pub(crate) fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
         .collect()
 }
 
-/// The number of pixels that are set in the square of `radius` about each; outside of the photo
-/// none are.
+/// Returns the number of set pixels in the window of `radius` about each pixel; none are set
+/// outside of the photo.
 fn counts(of: &[bool], width: usize, radius: usize) -> Vec<usize> {
     let height = of.len() / width;
     let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);

@@ -1,23 +1,23 @@
-//! Photos at the size of the search: the scene's depth, and colours at several scales, each with
-//! the range of those beside it.
+//! Photos at the size of the search: the scene's depth, and colours at several scales with the
+//! range of their neighbours.
 
 use super::shape::shares;
 use wm_scene::Camera;
 
-/// Scales: photos that see a place from afar are compared at theirs.
+/// Number of scales: photos are compared at the scale of the more distant one.
 pub(crate) const SCALES: usize = 4;
-/// Radius of the square in which a pixel's partners in other photos are counted, px.
+/// Radius of the window in which matches of stereo are counted, px.
 const NEAR_RADIUS_PX: usize = 4;
-/// Radius of that in which there must be none for a mover to reach a pixel by its colour alone.
+/// Radius of the wider window, px, which must be without matches for a mover to grow over a pixel.
 const FAR_RADIUS_PX: usize = 6;
-/// Largest difference of the colours of one surface: the background beside a leg says nothing about
-/// the leg.
+/// Largest difference of colours of one surface: matches of the background beside a leg do not
+/// count for the leg.
 const SAME_SURFACE_DIFFERENCE: f32 = 0.2;
-/// Share of the pixels about one that stereo must know for its own depth to be believed: strays do
-/// not count.
+/// Least share of known stereo depth around a pixel for its own depth to count: outliers are
+/// isolated.
 const MIN_KNOWN_SHARE: f32 = 0.04;
 
-/// Half the width of the rows and columns in which a gap has to have known depth on both sides, px.
+/// Half the width of the bands in which a gap must have known depth on both sides, px.
 const HALF_BAND_PX: usize = 3;
 
 /// One scale of a photo.
@@ -29,23 +29,23 @@ pub(crate) struct Scale {
     pub(crate) height: usize,
     /// Mean colour of each pixel.
     pub(crate) mean: Vec<[f32; 3]>,
-    /// Least and largest colours of the pixel and those beside it: the choice that an error of a
-    /// pixel leaves.
+    /// Least and largest colours in the 3x3 window of each pixel: the range within an error of one
+    /// pixel.
     pub(crate) range: Vec<[[f32; 3]; 2]>,
 }
 
-/// A photo as the search sees it.
+/// A photo at the size of the search.
 #[derive(Clone, Debug)]
 pub(crate) struct MoverView {
     /// The camera at this size.
     pub(crate) camera: Camera,
     /// Inverse view z of the scene, 1 / scene unit; 0 in the sky, NaN outside of what is known.
     pub(crate) disparity: Vec<f32>,
-    /// Share of the pixels beside each that stereo found in other photos and that have its colour.
+    /// Share of the pixels near each one that stereo matched and that have its colour.
     pub(crate) matched: Vec<f32>,
     /// The share in the wider window.
     pub(crate) around: Vec<f32>,
-    /// Share of all pixels that stereo found.
+    /// Share of all pixels that stereo matched.
     pub(crate) known: f32,
     /// From fine to coarse, each half as wide.
     pub(crate) scales: Vec<Scale>,
@@ -84,7 +84,7 @@ impl MoverView {
         Self { camera, disparity, matched, around, known, scales }
     }
 
-    /// Columns and rows.
+    /// Returns width and height, px.
     #[must_use]
     pub(crate) fn size(&self) -> (usize, usize) {
         (self.scales[0].width, self.scales[0].height)
@@ -111,7 +111,7 @@ impl Scale {
         Self { width, height, mean, range }
     }
 
-    /// Means of two by two pixels; what is left over is cut off, but never everything.
+    /// Returns the means of 2x2 blocks; an odd last row or column is cut off.
     fn halved(&self) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
         let mean = |pixel: usize| {
@@ -125,7 +125,7 @@ impl Scale {
         Self::new(width, height, mean)
     }
 
-    /// The pixel in which a point of the finest scale lies.
+    /// Returns the index of the pixel that contains a point of the finest scale.
     #[inline]
     pub(crate) fn pixel(&self, x: f32, y: f32, scale: usize) -> usize {
         let by = 1.0 / (1u32 << scale) as f32;
@@ -134,7 +134,7 @@ impl Scale {
     }
 }
 
-/// Weighted means of three by three pixels: noise of a sensor is no difference.
+/// Smooths with a 3x3 binomial filter, so that sensor noise makes no difference.
 fn smoothed(colors: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
     let height = colors.len() / width;
     let mean = |before: [f32; 3], here: [f32; 3], after: [f32; 3]| {
@@ -155,7 +155,8 @@ fn smoothed(colors: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
     (0..colors.len()).map(down).collect()
 }
 
-/// The share of the pixels in the square of `radius` about each that are set and have its colour.
+/// Returns the share of pixels in the window of `radius` about each pixel that are set and have
+/// its colour.
 fn shares_alike(of: &[bool], colors: &[[f32; 3]], width: usize, radius: usize) -> Vec<f32> {
     let height = of.len() / width;
     let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);
@@ -172,16 +173,15 @@ fn shares_alike(of: &[bool], colors: &[[f32; 3]], width: usize, radius: usize) -
     (0..of.len()).map(share).collect()
 }
 
-/// One scale of inverse depths that are being filled: each with its weight, 0 or 1 where it is not
-/// known or known.
+/// One scale of inverse depths during interpolation; the weight of each is 1 if known, else 0.
 struct Layer {
     width: usize,
     height: usize,
     cells: Vec<(f32, f32)>,
 }
 
-/// Fills what is not known (NaN) from what is known around it, near before far. The inverse depth
-/// of a plane is linear in the picture, so that walls and roads stay nearly flat.
+/// Interpolates unknown values (NaN) from known ones around them, near ones first. The inverse
+/// depth of a plane is linear over the image, so walls and roads stay nearly flat.
 fn filled(known: &[f32], width: usize) -> Vec<f32> {
     let cell = |disparity: &f32| if disparity.is_nan() { (0.0, 0.0) } else { (*disparity, 1.0) };
     let cells: Vec<(f32, f32)> = known.iter().map(cell).collect();
@@ -203,11 +203,11 @@ fn filled(known: &[f32], width: usize) -> Vec<f32> {
     layers[0].cells.iter().zip(is_between).map(value).collect()
 }
 
-/// The pixels that have known depth to the left and to the right, and above and below: beyond its
-/// border the scene may go on in any way.
+/// Returns the pixels with known depth to the left and right, and above and below: depth is
+/// interpolated, not extrapolated.
 fn enclosed(known: &[f32], width: usize) -> Vec<bool> {
     let height = known.len() / width;
-    // The first and the last that is known in each row, and in each column.
+    // The first and last known pixel of each row and column.
     let mut rows = vec![(usize::MAX, 0); height];
     let mut columns = vec![(usize::MAX, 0); width];
     for pixel in (0..known.len()).filter(|pixel| !known[*pixel].is_nan()) {

@@ -2,7 +2,7 @@
 //!
 //! [`Photos::open`] looks only at the headers of the files, all threads at once, so that thousands
 //! are open in seconds. A photo is decoded when it is asked for, or before, on threads of its own,
-//! by [`Photos::prefetch`]; turned upright; made smaller by area averages ([`PhotoSize`]); freed of
+//! by `Photos::prefetch`; turned upright; made smaller by area averages ([`PhotoSize`]); freed of
 //! its lens; and kept as bytes in a cache that never exceeds [`PhotoOptions::cache_bytes`] but for
 //! the photo that is in use.
 //!
@@ -124,7 +124,7 @@ pub struct PhotoOptions {
     pub masks: Masks,
     /// The extent to which they are checked.
     pub check: Check,
-    /// Threads that decode what [`Photos::prefetch`] asks for; 0 for none.
+    /// Threads that decode what `Photos::prefetch` asks for; 0 for none.
     pub loaders: usize,
 }
 

@@ -1,23 +1,22 @@
 //! Scale and shift of relative inverse depth, so that it fits the points of the reconstruction.
 //!
-//! `1 / z = scale d + shift`. Robust: of many pairs of points the line that most points follow
-//! (RANSAC), then least squares over those, weighted by how far off each is (Huber), a few times.
+//! `1 / z = scale d + shift`. The fit is robust: RANSAC over pairs of points, then a few rounds of
+//! least squares over the inliers with Huber weights.
 
 use crate::random::{Purpose, Random};
 use thiserror::Error;
 
 /// Fewest points of a fit.
 pub(crate) const MIN_POINTS: usize = 20;
-/// Pairs that are tried.
+/// Number of random pairs.
 const MAX_TRIES: u64 = 300;
-/// A point follows the line that is off by at most this share of the median inverse depth or of its
-/// own.
+/// Largest relative difference of an inlier, of a mix of the median inverse depth and its own.
 const INLIER_TOLERANCE: f64 = 0.1;
-/// Least share of points that follow, and largest residual, of a fit that is believed.
+/// Least share of inliers, and largest relative residual, of a valid fit.
 const MIN_FOLLOWING_SHARE: f64 = 0.5;
 const MAX_RESIDUAL: f64 = 0.15;
-/// The largest share of the spread about one depth that a fit with a shift may leave: noise leaves
-/// all of it.
+/// Largest ratio of the residual of a fit with a shift to the spread of depths: for unrelated
+/// values it is 1.
 const MAX_SPREAD_RATIO: f64 = 0.8;
 
 /// The unknowns of a fit.
@@ -43,9 +42,9 @@ pub struct Fit {
     pub residual: f64,
     /// The median difference, 1 / scene unit.
     pub(crate) sigma: f64,
-    /// Points that were there.
+    /// The number of points.
     pub points: usize,
-    /// Share of them that follow.
+    /// The share of inliers.
     pub follow: f64,
 }
 
@@ -117,13 +116,13 @@ fn off(line: (f64, f64), pair: [f64; 2]) -> f64 {
     (line.0 * pair[0] + line.1 - pair[1]).abs()
 }
 
-/// Returns true if a pair follows the line; `middle` is the median inverse depth.
+/// Returns true if a pair is an inlier; `middle` is the median inverse depth.
 fn follows(line: (f64, f64), pair: [f64; 2], middle: f64) -> bool {
-    // Absolute noise of inverse depth beside the relative one: far points count as far as they can.
+    // Noise has an absolute part, so far points have a wider tolerance.
     off(line, pair) < INLIER_TOLERANCE * (0.3 * middle + 0.7 * pair[1])
 }
 
-/// Scale and shift that most pairs follow.
+/// Returns the scale and shift with the most inliers.
 fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<(f64, f64), FitError> {
     if let Freedom::Known(scale) = freedom {
         return Ok((scale, 0.0));

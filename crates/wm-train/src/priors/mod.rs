@@ -1,7 +1,7 @@
 //! Priors: depth, normals and sky of photos that are known or estimated before training, one source
 //! per file.
 //!
-//! - [`photos`]: from the photos themselves, by [`stereo`].
+//! - [`photos`]: from the photos themselves, by multi-view stereo.
 //! - [`files`]: from maps in files.
 //! - [`given`]: what a source says of a photo, made a prior; [`relative`]: its depth, fitted to the
 //!   points.

@@ -31,15 +31,15 @@ pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<
     places.par_iter().map(of).collect()
 }
 
-/// Columns of the picture in which points hide others.
+/// Columns of the grid in which points hide others.
 const HIDING_COLUMNS: f64 = 96.0;
 /// Radius within which a point hides others, in distances between neighbouring points.
 const HIDING_RADIUS: f64 = 0.35;
-/// A point is hidden if it is farther than what is before it by this share, and by twice the
-/// distance between neighbours.
+/// Relative distance beyond another point from which a point is hidden; twice the distance between
+/// neighbours is added.
 const HIDDEN_TOLERANCE: f64 = 0.1;
 
-/// The points in the picture that no others stand before, where each stands for a small piece of a
+/// Returns the points in the image that no others hide; each point stands for a small piece of a
 /// surface.
 fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
     let scale = HIDING_COLUMNS / f64::from(camera.width.max(1));
@@ -72,8 +72,8 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
     placed.iter().filter_map(is_seen).collect()
 }
 
-/// The median distance of points from their nearest neighbours, of a sample of them; 0 of fewer
-/// than two.
+/// Returns the median distance of sampled points from their nearest neighbours; 0 for fewer than
+/// two points.
 fn spacing(positions: &[[f64; 3]]) -> f64 {
     /// Points whose neighbours are looked for, and among which.
     const SAMPLE: usize = 200;

@@ -1,5 +1,5 @@
-//! A whole data set, of which trainings learn parts: what they share is found before them, and what
-//! the place is after them.
+//! A whole data set whose parts are trained separately: computes what the trainings share before
+//! them, and finishes the scene after them.
 
 use super::data::{TrainData, confirmed_pixels};
 use super::error::SessionError;

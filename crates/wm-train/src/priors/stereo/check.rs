@@ -5,34 +5,33 @@ use super::sweep::{PlaneMap, Reference};
 use crate::photo_warp::PhotoWarp;
 use crate::pieces::pieces;
 
-/// Cost above which nothing is believed: a correlation of 0.5.
+/// Largest cost of a plane that is checked.
 const MAX_AGREED_COST: f32 = 0.7;
-/// The largest distance at which a point may come back after a visit to another photo, px.
+/// Largest distance from its start of a point that was projected to another photo and back, px.
 const MAX_RETURN_PX: f32 = 1.5;
 /// The largest relative difference between the distances in two photos.
 const DEPTH_TOLERANCE: f32 = 0.02;
-/// Photos that must agree, where there are so many.
+/// Fewest photos that must agree, if there are so many.
 const MIN_AGREEING_PHOTOS: usize = 2;
-/// Fewest pixels of a piece that is believed, and the share of the picture's: strays agree by
-/// chance.
+/// Fewest pixels of a connected piece: outliers agree by chance.
 const MIN_PIECE_PX: usize = 30;
-/// Neighbouring pixels whose distances differ by less are of one piece.
+/// Largest relative difference of depth between neighbouring pixels of one piece.
 const PIECE_TOLERANCE: f32 = 0.05;
 
-/// A photo that was compared with, its planes, and the way back.
+/// A source photo, its planes, and the warp back.
 pub(crate) struct OtherPhoto<'a> {
-    /// The way there.
+    /// The warp into the other photo.
     pub(crate) there: &'a StereoSource<'a>,
     /// The planes of the other photo.
     pub(crate) planes: &'a PlaneMap,
-    /// The way back into the first photo.
+    /// The warp back into the first photo.
     pub(crate) back: PhotoWarp,
     /// Third row of the rotation and translation there: view z of a point is
     /// `z (row . ray) + shift`.
     pub(crate) depth: ([f32; 3], f32),
 }
 
-/// Inverse depth of each pixel, `[H, W]`, NaN where too few others agree.
+/// Returns the inverse depth of each pixel, `[H, W]`; NaN where too few others agree.
 #[must_use]
 pub(crate) fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[OtherPhoto<'_>]) -> Vec<f32> {
     let (width, height) = (reference.picture.width, reference.picture.height);
@@ -58,7 +57,7 @@ impl OtherPhoto<'_> {
             return false;
         }
         let theirs = inverse_depth(&self.planes.planes[v as usize * picture.width + u as usize], u, v);
-        // Both photos' distance of the same point along the other's axis.
+        // The view z of the same point in the other photo, by both photos.
         let [fx, fy, cx, cy] = reference.intrinsics;
         let ray = [(x - cx) / fx, (y - cy) / fy, 1.0];
         let (row, shift) = self.depth;

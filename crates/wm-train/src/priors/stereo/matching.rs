@@ -1,5 +1,4 @@
-//! Costs of planes: how well a plane through a pixel's surroundings explains what other photos show
-//! there.
+//! Matching costs: how well a plane through the window of a pixel matches the other photos.
 
 use crate::photo_warp::PhotoWarp;
 
@@ -7,15 +6,15 @@ use crate::photo_warp::PhotoWarp;
 const OFFSETS: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
 /// Samples of a window.
 const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
-/// Standard deviation of the weights in space, px, and in brightness (0-1): what differs in
-/// brightness is likely another surface.
+/// Standard deviations of the weights in space, px, and in brightness (0-1): pixels of another
+/// brightness are likely of another surface.
 const SPACE_DEVIATION_PX: f32 = 4.0;
 const BRIGHTNESS_DEVIATION: f32 = 0.1;
-/// Standard deviation of brightness below which a window tells nothing: one step of 8 bits.
+/// Standard deviation of brightness below which a window is flat: one step of 8 bits.
 const MIN_CONTRAST: f32 = 1.0 / 255.0;
-/// Cost of what cannot be compared, of 0 (equal) to 2 (opposite).
+/// Cost where images cannot be compared; costs range from 0 (equal) to 2 (opposite).
 pub(crate) const MAX_COST: f32 = 2.0;
-/// Cost where there is nothing to tell: that of chance.
+/// Cost of a flat window: that of uncorrelated images.
 const FLAT_COST: f32 = 1.0;
 
 /// Brightness of a photo, `[H, W]`, 0-1.
@@ -25,12 +24,12 @@ pub(crate) struct StereoImage {
     pub(crate) width: usize,
     /// Height, px.
     pub(crate) height: usize,
-    /// Row by row.
+    /// The values, row by row.
     pub(crate) values: Vec<f32>,
 }
 
 impl StereoImage {
-    /// From sRGB, `[H, W, 3]`.
+    /// Returns the brightness of an sRGB image, `[H, W, 3]`.
     #[must_use]
     pub(crate) fn of(rgb: &[u8], width: usize) -> Self {
         let luma = |rgb: &[u8]| {
@@ -44,11 +43,11 @@ impl StereoImage {
     /// Returns true if an image point, px, has four pixels around it.
     #[inline(always)]
     fn holds(&self, x: f32, y: f32) -> bool {
-        // Written so that NaN is outside.
+        // This form of the comparison excludes NaN.
         x >= 0.5 && y >= 0.5 && x < self.width as f32 - 0.5 && y < self.height as f32 - 0.5
     }
 
-    /// Between the four pixels around a picture point, px, that it holds.
+    /// Interpolates bilinearly at an image point, px, inside the image.
     #[inline(always)]
     fn sample(&self, x: f32, y: f32) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
@@ -62,7 +61,7 @@ impl StereoImage {
     }
 }
 
-/// Most that picture points are rounded, px: some steps of f32 at 16,000 px.
+/// Largest rounding error of image points, px: some steps of f32 at 16,000 px.
 const MAX_ROUNDING_PX: f32 = 0.01;
 
 /// A photo to compare with, and how points of the first photo fall into it.
@@ -70,33 +69,33 @@ const MAX_ROUNDING_PX: f32 = 0.01;
 pub(crate) struct StereoSource<'a> {
     /// The image.
     pub(crate) picture: &'a StereoImage,
-    /// The way from image points of the first photo to its own.
+    /// The warp from image points of the first photo to this one.
     pub(crate) warp: PhotoWarp,
 }
 
 /// A plane as inverse depth over the picture: `1 / z = plane . (x, y, 1)`, px.
 pub(crate) type Plane = [f32; 3];
 
-/// The inverse depth of a plane at picture point (x, y).
+/// Returns the inverse depth of a plane at the image point (x, y).
 #[inline(always)]
 #[must_use]
 pub(crate) fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
     plane[0] * x + plane[1] * y + plane[2]
 }
 
-/// The surroundings of one pixel.
+/// The window around a pixel.
 pub(crate) struct Window {
     x: f32,
     y: f32,
-    /// Brightness without its mean.
+    /// Brightness minus its weighted mean.
     off: [f32; SAMPLES],
     weights: [f32; SAMPLES],
-    /// One over the standard deviation; 0 where the window is flat.
+    /// Reciprocal of the standard deviation; 0 where the window is flat.
     contrast: f32,
 }
 
 impl Window {
-    /// About the pixel in `column` and `row`; the border is continued.
+    /// Returns the window around the pixel in `column` and `row`; the border is replicated.
     #[must_use]
     pub(crate) fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
         let (mut values, mut weights) = ([0.0; SAMPLES], [0.0; SAMPLES]);
@@ -123,7 +122,7 @@ impl Window {
         Self { x: column as f32 + 0.5, y: row as f32 + 0.5, off, weights, contrast }
     }
 
-    /// 1 minus the weighted normalised correlation with what `source` shows of `plane`.
+    /// Returns 1 minus the weighted normalised correlation with `source`, warped by `plane`.
     #[inline]
     #[must_use]
     pub(crate) fn cost(&self, source: &StereoSource<'_>, plane: &Plane) -> f32 {
@@ -141,7 +140,8 @@ impl Window {
         let (x, y, by_z) = (at[0] / at[2], at[1] / at[2], 1.0 / at[2]);
         let across = [(h[0][0] - x * h[2][0]) * by_z, (h[1][0] - y * h[2][0]) * by_z];
         let down = [(h[0][1] - x * h[2][1]) * by_z, (h[1][1] - y * h[2][1]) * by_z];
-        // All of the window is inside if its corners are; they are added up in another order below.
+        // The window is inside if its corners are, up to rounding, since samples are computed in
+        // another order below.
         let reach =
             [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()) + MAX_ROUNDING_PX);
         let picture = source.picture;

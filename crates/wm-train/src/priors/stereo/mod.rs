@@ -1,13 +1,12 @@
-//! Depth and normals from the photos themselves: what several photos show of one place, where their
-//! cameras are known. No network and no weights.
+//! Depth and normals by multi-view stereo from photos with known cameras, without a network.
 //!
-//! Each pixel has a plane, kept as inverse depth over the picture, `1 / z = a x + b y + c`, so that
-//! it is a homography into every other photo. PlaneMap begin at the points of the reconstruction or
-//! anywhere, spread to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo: Bleyer
-//! et al. 2011; over a chessboard: Galliani et al. 2015). How well one fits is the normalised
-//! correlation of the window around the pixel, weighted by nearness in space and brightness, with
-//! what the two best other photos show. Half the size comes first. What is kept is where other
-//! photos' planes lead back to the same pixel.
+//! Each pixel has a plane, stored as inverse depth over the image, `1 / z = a x + b y + c`, which
+//! induces a homography into every other photo. Planes start at the points of the reconstruction
+//! or at random, spread to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo:
+//! Bleyer et al. 2011; over a chessboard: Galliani et al. 2015). The cost of a plane is the
+//! normalised correlation of the window around the pixel, weighted by distance and brightness,
+//! with the two best other photos. Half the size comes first. Pixels are kept where the planes of
+//! other photos lead back to the same pixel.
 
 mod check;
 mod matching;
@@ -57,13 +56,12 @@ pub(crate) struct StereoMap {
     pub(crate) normal: Vec<[f32; 3]>,
 }
 
-/// Angles between two photos' rays to a point that are too small and too large to compare well,
-/// degrees.
+/// Triangulation angles below and above which photos are hard to compare, degrees.
 const NARROW_ANGLE_DEG: f64 = 4.0;
 const WIDE_ANGLE_DEG: f64 = 35.0;
-/// A photo without any point in view, or without others, is left out.
+/// Fewest points in view of a photo.
 const MIN_POINTS: usize = 8;
-/// The nearest surface is at least this share of the near points' distance.
+/// Least ratio of the distance of the nearest surface to that of the near points.
 const MIN_DISTANCE_RATIO: f64 = 0.2;
 /// Shortest side of a photo that is still halved, px.
 const MIN_HALVED_SIDE_PX: u32 = 64;
@@ -71,7 +69,7 @@ const MIN_HALVED_SIDE_PX: u32 = 64;
 const MIN_SIDE_PX: u32 = 16;
 /// Half the side of the window of normals, px.
 const HALF_NORMAL_WINDOW_PX: usize = 3;
-/// Within how many pixels a point of the reconstruction starts planes.
+/// Radius within which a point of the reconstruction initialises planes, px.
 const START_RADIUS_PX: isize = 12;
 
 /// Returns how often the sides of photos are halved: until the largest has no more pixels than the
@@ -87,9 +85,9 @@ pub(crate) fn level(photos: &Photos, places: &[usize], options: &StereoOptions) 
     (0..8).find(is_enough).unwrap_or(0)
 }
 
-/// Maps of the photos `places` (places in `photos`), `None` for those that cannot be compared with
-/// others. `progress` is told the number of passes that are done, of two a photo, and says whether
-/// to go on.
+/// Computes the maps of the photos `places` (indices in `photos`); `None` for those that cannot be
+/// compared with others. `progress` receives the number of passes that are done, of two per photo,
+/// and returns false to stop.
 ///
 /// # Errors
 /// [`PhotoError`] if a photo is damaged.
@@ -176,7 +174,7 @@ pub(crate) fn estimate(
     Ok((0..places.len()).into_par_iter().map(compare).collect())
 }
 
-/// For each photo the others that show most of its points under angles that tell distances.
+/// Chooses for each photo the others that show most of its points under good triangulation angles.
 fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most: usize) -> Vec<Vec<usize>> {
     let mut photos_of = vec![Vec::new(); capture.points.len()];
     for (photo, points) in seen.iter().enumerate() {
@@ -200,15 +198,15 @@ fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most
     (0..cameras.len()).into_par_iter().map(of).collect()
 }
 
-/// Grade of the photos from `a` and `b` for the distance of a point, 0-1: best at middle angles
-/// between their rays.
+/// Returns the score of photos at `a` and `b` for triangulating a point, 0-1: best at medium
+/// angles.
 fn angle_score(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let angle = (point - a).normalize_or_zero().angle_between((point - b).normalize_or_zero()).to_degrees();
     let score = (angle / NARROW_ANGLE_DEG).min(1.0) * (1.0 - angle / WIDE_ANGLE_DEG).clamp(0.0, 1.0);
     if score.is_finite() { score * score } else { 0.0 }
 }
 
-/// The photos with the highest scores above 0.
+/// Returns the photos with the highest scores above 0.
 fn best(scores: &[f64], most: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..scores.len()).filter(|other| scores[*other] > 0.0).collect();
     order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
@@ -216,12 +214,11 @@ fn best(scores: &[f64], most: usize) -> Vec<usize> {
     order
 }
 
-/// Points of a photo by which its neighbours are chosen, at most.
+/// Most points by which the sources of a photo are chosen.
 const MAX_PROBES: usize = 200;
-/// Ratios of a point's distances from two photos beyond which they show it too differently to
-/// compare.
+/// Range of the ratio of a point's distances from two photos at which they can be compared.
 const DISTANCE_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-/// Distances at which places are tried where no points are known, in distances between neighbouring
+/// Distances of the tested places if no points are known, in distances between neighbouring
 /// cameras.
 const TRIED_DISTANCES: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 
@@ -267,14 +264,14 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
     (0..cameras.len()).into_par_iter().map(of).collect()
 }
 
-/// The distance from a camera to the nearest one elsewhere; 1 if there is none.
+/// Returns the distance from a camera to the nearest one at another position; 1 if there is none.
 fn baseline(centers: &[DVec3], photo: usize) -> f64 {
     let distances = centers.iter().map(|center| center.distance(centers[photo])).filter(|d| *d > 0.0);
     let nearest = distances.fold(f64::INFINITY, f64::min);
     if nearest.is_finite() { nearest } else { 1.0 }
 }
 
-/// View z of points, ascending.
+/// Returns the view z of points, ascending.
 fn distances(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f64> {
     let z = |point: &u32| {
         let at = DVec3::from_array(capture.points.positions[*point as usize]);
@@ -285,7 +282,7 @@ fn distances(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f64> {
     distances
 }
 
-/// Inverse depth around the points that a photo shows, `[H, W]`, 0 elsewhere.
+/// Returns inverse depth around the points that a photo shows, `[H, W]`, 0 elsewhere.
 fn start_map(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f32> {
     let (width, height) = (camera.width as isize, camera.height as isize);
     let mut map = vec![0.0; (width * height) as usize];
@@ -325,7 +322,7 @@ fn reference_of<'a>(
     } else if has_tracks(capture) {
         return None;
     } else {
-        // Nothing but the distance between cameras says how near things are.
+        // Without points, only the distance between cameras bounds the depth.
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
         TRIED_DISTANCES[0] * baseline(&centers, index)
     };

@@ -4,11 +4,12 @@
 use super::matching::{MAX_COST, Plane, StereoImage, StereoSource, Window, inverse_depth};
 use wm_scene::random::uniform;
 
-/// Neighbours that a pixel tries the planes of: of the other colour of a chessboard.
+/// Offsets of the neighbours whose planes a pixel tries: those of the other colour of a
+/// chessboard.
 const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];
-/// Sources of which the cost is the mean: the best, since the others may not see the place.
+/// Number of best sources over which the cost is averaged: the others may not see the place.
 const AVERAGED_SOURCES: usize = 2;
-/// Sources that are asked once planes are about right, and most of all.
+/// Number of sources that are compared once planes are nearly right, and the most sources of all.
 const ASKED_SOURCES: usize = 3;
 pub(crate) const MAX_SOURCES: usize = 16;
 /// Least cosine between a plane's normal and the ray: 80 degrees.
@@ -17,7 +18,7 @@ const MIN_COSINE: f32 = 0.17;
 /// The sources with which a plane is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SourceChoice {
-    /// All: nothing is right yet.
+    /// All sources.
     All,
     /// The sources in which the plane so far matches best.
     Best,
@@ -49,24 +50,24 @@ pub(crate) struct Reference<'a> {
     pub(crate) seed: u64,
 }
 
-/// The planes of one photo, `[H, W]`, and how badly they match.
+/// The planes of one photo, `[H, W]`, and their costs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PlaneMap {
     /// The planes, as inverse depth over the image.
     pub(crate) planes: Vec<Plane>,
-    /// 0 to 2.
+    /// The matching costs, 0-2.
     pub(crate) costs: Vec<f32>,
 }
 
 impl Reference<'_> {
-    /// The ray through picture point (x, y), z = 1.
+    /// Returns the ray through the image point (x, y), z = 1.
     fn ray(&self, x: f32, y: f32) -> [f32; 3] {
         let [fx, fy, cx, cy] = self.intrinsics;
         [(x - cx) / fx, (y - cy) / fy, 1.0]
     }
 
-    /// The plane through the point of inverse depth `inverse` behind (x, y) with the normal
-    /// `normal`, camera axes.
+    /// Returns the plane with the normal `normal` (camera axes) through the point of inverse depth
+    /// `inverse` at (x, y); `None` if it is out of range or seen edge-on.
     #[must_use]
     pub(crate) fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
         let ray = self.ray(x, y);
@@ -81,7 +82,7 @@ impl Reference<'_> {
         Some([a, b, q[2] - a * cx - b * cy])
     }
 
-    /// The normal of a plane, camera axes, towards the camera, of length 1.
+    /// Returns the normal of a plane, camera axes, towards the camera, of length 1.
     #[must_use]
     pub(crate) fn normal(&self, plane: &Plane) -> [f32; 3] {
         let [fx, fy, cx, cy] = self.intrinsics;
@@ -91,7 +92,7 @@ impl Reference<'_> {
         q.map(|v| -v / length)
     }
 
-    /// Returns true if a plane is in range and not seen from its edge at (x, y).
+    /// Returns true if a plane is in range and not seen edge-on at (x, y).
     fn allows(&self, plane: &Plane, x: f32, y: f32) -> bool {
         let inverse = inverse_depth(plane, x, y);
         let ray = self.ray(x, y);
@@ -113,7 +114,8 @@ impl Reference<'_> {
         best[..count].iter().sum::<f32>() / count as f32
     }
 
-    /// The sources that a pixel asks in a round: those that `plane` fits best, or all.
+    /// Returns the sources with which a pixel is compared in a round: those that `plane` matches
+    /// best, or all.
     fn asked<'b>(
         &self,
         window: &Window,
@@ -134,7 +136,7 @@ impl Reference<'_> {
         &order[..ASKED_SOURCES]
     }
 
-    /// Random numbers of a pixel in a round.
+    /// Returns the random numbers of a pixel in a round.
     fn random(&self, round: u32, pixel: usize) -> impl FnMut() -> f32 {
         let (mut drawn, seed) = (0u64, self.seed ^ u64::from(round) << 48);
         move || {
@@ -143,7 +145,7 @@ impl Reference<'_> {
         }
     }
 
-    /// A normal within about 60 degrees of the ray back.
+    /// Returns a random normal within about 60 degrees of the direction to the camera.
     fn any_normal(&self, x: f32, y: f32, random: &mut impl FnMut() -> f32) -> [f32; 3] {
         let ray = self.ray(x, y);
         let length = dot(ray, ray).sqrt();
@@ -152,7 +154,7 @@ impl Reference<'_> {
         unit(normal)
     }
 
-    /// Returns the planes to begin with: `inverse` where it is known (above 0) and elsewhere anything.
+    /// Returns the initial planes: at `inverse` where it is known (above 0), elsewhere random.
     #[must_use]
     pub(crate) fn begin(&self, inverse: &[f32]) -> PlaneMap {
         let mut found = PlaneMap::default();
@@ -174,7 +176,7 @@ impl Reference<'_> {
         found
     }
 
-    /// Costs of the planes as they are.
+    /// Computes the costs of all planes.
     pub(crate) fn judge(&self, found: &mut PlaneMap) {
         let width = self.picture.width;
         found.costs.clear();
@@ -213,7 +215,7 @@ impl Reference<'_> {
                 continue;
             }
             let plane = found.planes[row * width + column];
-            // Unchanged ones were tried before.
+            // A plane equal to the best one was compared before.
             if plane != best && self.allows(&plane, x, y) {
                 let cost = self.cost(&window, &plane, asked);
                 if cost < least {
