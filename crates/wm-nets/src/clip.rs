@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Mean and deviation of the pictures that CLIP learnt from, red, green, blue.
+/// Mean and standard deviation of CLIP's training images, red, green, blue.
 const MEAN: [f32; 3] = [0.481_454_66, 0.457_827_5, 0.408_210_73];
 const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
 /// Channels of an attention head in all of OpenAI's networks.
@@ -63,7 +63,7 @@ impl Architecture {
     /// ViT-L/14 at 336 px.
     const PUBLISHED: Self = Self { channels: 1024, wide: 4096, blocks: 24, patch: 14, grid: 24, width: 768 };
 
-    /// Finds out from tensors' shapes.
+    /// Derives the architecture from the shapes of tensors.
     fn of(weights: &Weights) -> Result<Self, WeightsError> {
         let filters = weights.shape("vision_model.embeddings.patch_embedding.weight");
         let Some([channels, 3, patch, other]) = filters else {
@@ -84,7 +84,7 @@ impl Architecture {
         let positions = length("vision_model.embeddings.position_embedding.weight")?;
         let grid = (positions - 1).isqrt();
         let is_there = |block: &usize| weights.shape(&of_block(*block, "layer_norm1.weight")).is_some();
-        // One that is missing between others is named when it is read.
+        // A missing tensor between others is reported when it is read.
         let blocks = (0..MAX_BLOCKS).rev().find(is_there).map_or(0, |last| last + 1);
         let is_known = channels % HEAD_CHANNELS == 0
             && (HEAD_CHANNELS..=MAX_CHANNELS).contains(&channels)
@@ -104,7 +104,7 @@ impl Architecture {
     }
 }
 
-/// The name of a tensor of a block.
+/// Returns the name of a tensor of a block.
 fn of_block(index: usize, what: &str) -> String {
     format!("vision_model.encoder.layers.{index}.{what}")
 }
@@ -174,25 +174,26 @@ impl Clip {
         })
     }
 
-    /// Numbers of an embedding: 768 of the published network.
+    /// Returns the length of an embedding: 768 for the published network.
     #[must_use]
     pub const fn width(&self) -> usize {
         self.architecture.width
     }
 
-    /// Returns true if it has the sizes of ViT-L/14 at 336 px, which CMMD is defined by.
+    /// Returns true if the network has the sizes of ViT-L/14 at 336 px, by which CMMD is defined.
     #[must_use]
     pub fn is_published(&self) -> bool {
         self.architecture == Architecture::PUBLISHED
     }
 
-    /// A number that tells its weights from others.
+    /// Returns a number that identifies the weights.
     #[must_use]
     pub const fn identity(&self) -> u64 {
         self.identity
     }
 
-    /// Returns the embedding of an image, `[H, W, 3]`, display-referred, 8 bit: a vector of length 1.
+    /// Returns the embedding of an image, `[H, W, 3]`, display-referred, 8 bit: a vector of length
+    /// 1.
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
@@ -214,14 +215,14 @@ impl Clip {
         if embedding.iter().all(|value| value.is_finite()) { Ok(embedding) } else { Err(NotFinite) }
     }
 
-    /// Under what the published weights may be used: LICENSE of <https://github.com/openai/CLIP>.
-    /// Its model card asks not to deploy them.
+    /// Returns the licence of the published weights: LICENSE of <https://github.com/openai/CLIP>.
+    /// The model card asks not to deploy them.
     #[must_use]
     pub const fn licence() -> Licence {
         Licence::Mit
     }
 
-    /// Bytes of the published file, about: the text's part is in it too.
+    /// Approximate size of the published file, bytes, with the text encoder.
     pub const BYTES: u64 = 1_712_000_000;
 
     /// Returns the source of the published weights for [`fetch`](crate::weights::fetch::fetch).
@@ -238,7 +239,7 @@ impl Clip {
     }
 }
 
-/// The square in the middle of a picture, `[side, side, 3]`.
+/// Returns the square in the middle of a picture, resized, `[side, side, 3]`.
 fn square(rgb: &[u8], width: usize, side: usize) -> Vec<u8> {
     let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
     assert!(height > 0 && rgb.len() == 3 * width * height, "whole rows of pixels");

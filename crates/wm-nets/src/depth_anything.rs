@@ -24,8 +24,7 @@ use std::path::PathBuf;
 use tensors::{ADVICE, Architecture, Config, Reader};
 use thiserror::Error;
 
-/// A photo's longer side may be this many times the shorter one. Attention's work grows with its
-/// square.
+/// Largest aspect ratio of a photo: the cost of attention grows with its square.
 pub(crate) const MAX_ASPECT_RATIO: usize = 4;
 
 /// The family of the weights. Their tensors do not tell it.
@@ -64,7 +63,7 @@ pub struct Disparity {
 /// A reason why a photo has no disparity.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum DisparityError {
-    /// Less than a patch.
+    /// The photo is smaller than a patch.
     #[error(
         "a photo of {width}x{height} px is too small; the depth network takes {0}x{0} px and more",
         photo::PATCH
@@ -75,7 +74,7 @@ pub enum DisparityError {
         /// px.
         height: usize,
     },
-    /// A strip.
+    /// The photo is too long.
     #[error(
         "a photo of {width}x{height} px is too long; the depth network takes sides of up to {MAX_ASPECT_RATIO}:1, so cut it up"
     )]
@@ -96,7 +95,7 @@ pub enum DisparityError {
 #[derive(Debug)]
 pub struct DepthAnything {
     network: Network,
-    /// Side of the photos that it learnt from, px.
+    /// Side of the training photos, px.
     side: usize,
     size: Option<ModelSize>,
 }
@@ -134,10 +133,10 @@ impl DepthAnything {
         self.size
     }
 
-    /// Under what the published weights may be used. It stands for V2 in the README of
-    /// <https://github.com/DepthAnything/Depth-Anything-V2> (LICENSE: "Small model is under the Apache-2.0
-    /// license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for both on the
-    /// models' pages at Hugging Face, for V1 `license: apache-2.0`.
+    /// Returns the licence of the published weights. For V2 it is stated in the README of
+    /// <https://github.com/DepthAnything/Depth-Anything-V2> (LICENSE: "Small model is under the
+    /// Apache-2.0 license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for
+    /// both on the models' pages at Hugging Face, for V1 `license: apache-2.0`.
     #[must_use]
     pub const fn licence(size: ModelSize, version: Version) -> Licence {
         match (version, size) {
@@ -167,9 +166,9 @@ impl DepthAnything {
         }
     }
 
-    /// Width and height of [`Self::predict`]'s output for a photo, px: multiples of 14. The side
-    /// that has to change less becomes 518 (that of the photos which the network learnt from): the
-    /// shorter one of a larger photo, the longer one of a smaller.
+    /// Returns width and height of the output of [`Self::predict`], px: multiples of 14. The side
+    /// that changes less becomes 518, that of the training photos: the shorter side of a larger
+    /// photo, the longer side of a smaller one.
     ///
     /// # Errors
     /// [`DisparityError`] if a side is below 14 px or the longer one over [`MAX_ASPECT_RATIO`] times the
@@ -178,8 +177,9 @@ impl DepthAnything {
         photo::size(width, height, self.side)
     }
 
-    /// The disparity of a photo, `[H, W, 3]`, display-referred, 0-1 (others are clamped; it is
-    /// rounded to 8 bit as the reference does), at the network's size. Not below 0.
+    /// Returns the disparity of a photo at the network's size, 0 or above. The photo is `[H, W,
+    /// 3]`, display-referred, 0-1 (other values are clamped; values are rounded to 8 bit as in the
+    /// reference).
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///

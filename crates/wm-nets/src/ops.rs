@@ -8,9 +8,9 @@
 use candle_core::{Device, Storage, Tensor};
 use rayon::prelude::*;
 
-/// Numbers of neighbours that are laid out at a time for a convolution: 8 MiB.
+/// Most values of neighbours that are laid out at a time for a convolution: 8 MiB.
 const MAX_NEIGHBOUR_VALUES: usize = 1 << 21;
-/// Rows that a thread takes at a time.
+/// Rows per task.
 const BLOCK_ROWS: usize = 16;
 
 /// Features of an image, row by row.
@@ -46,12 +46,12 @@ pub(crate) enum Activation {
     QuickGelu,
 }
 
-/// A tensor's numbers, which are f32 on the CPU in all of this crate.
+/// Returns a tensor's numbers, which are f32 on the CPU in all of this crate.
 pub(crate) fn numbers(tensor: &Tensor) -> Vec<f32> {
     tensor.flatten_all().and_then(|flat| flat.to_vec1()).expect("numbers that are f32")
 }
 
-/// A tensor over numbers, without a copy.
+/// Returns a tensor over numbers, without a copy.
 fn matrix(values: Vec<f32>, columns: usize) -> Tensor {
     let rows = values.len() / columns;
     Tensor::from_vec(values, (rows, columns), &Device::Cpu).expect("whole rows")
@@ -95,7 +95,7 @@ impl Linear {
         })
     }
 
-    /// Numbers that come out.
+    /// Returns the number of output channels.
     fn to(&self) -> usize {
         self.weight.dims()[0]
     }
@@ -140,7 +140,7 @@ impl Convolution {
         Self { linear: Linear::new(sorted, bias, 9 * from), stride }
     }
 
-    /// The image, smaller by the stride, rounded up.
+    /// Applies the layer; the image shrinks by the stride, rounded up.
     pub(crate) fn apply(&self, image: &Image, then: Activation) -> Image {
         let (width, height) = (image.width.div_ceil(self.stride), image.height.div_ceil(self.stride));
         let (pixels, one) = (width * height, 9 * image.channels);
@@ -183,7 +183,7 @@ impl Enlarge {
         Self { linear: Linear::new(sorted, Some(bias.repeat(square)), channels), side }
     }
 
-    /// The image, larger by the side.
+    /// Applies the layer; the image grows by the side.
     pub(crate) fn apply(&self, image: Image) -> Image {
         let Image { width, height, channels, .. } = image;
         let squares = self.linear.apply(image.values, Activation::Nothing);
@@ -202,11 +202,11 @@ impl Enlarge {
 }
 
 impl Image {
-    /// The channels of the 3x3 px around a pixel, into `nine`, which is all 0.
+    /// Copies the channels of the 3x3 px around a pixel into `nine`, which is all 0.
     fn neighbours(&self, x: usize, y: usize, nine: &mut [f32]) {
         let run = 3 * self.channels;
         let (left, right) = (x.saturating_sub(1), (x + 2).min(self.width));
-        // Where the first of them is missing, at the image's left edge.
+        // At the left edge the first column is missing.
         let skip = (left + 1 - x) * self.channels;
         for (row, three) in nine.chunks_exact_mut(run).enumerate() {
             let Some(y) = (y + row).checked_sub(1).filter(|y| *y < self.height) else { continue };
@@ -216,7 +216,7 @@ impl Image {
         }
     }
 
-    /// The values with what is below 0 set to 0.
+    /// Returns the image with negative values set to 0.
     pub(crate) fn relu(&self) -> Self {
         let values = self.values.par_iter().with_min_len(1 << 14).map(|value| relu(*value)).collect();
         Self { values, ..*self }
@@ -229,15 +229,15 @@ impl Image {
         pairs.for_each(|(value, other)| *value += other);
     }
 
-    /// Linearly between pixels, corners on corners.
+    /// Resizes bilinearly, with aligned corner pixels.
     pub(crate) fn bilinear(&self, width: usize, height: usize) -> Self {
         let columns = taps(width, |x| linear_taps(x, self.width, width));
         let rows = taps(height, |y| linear_taps(y, self.height, height));
         self.resized(&columns, &rows)
     }
 
-    /// By cubic convolution with a = -0.75 between pixels, edges on edges, no filter where it
-    /// becomes smaller; so it may leave the range of the values.
+    /// Resizes by cubic convolution with a = -0.75 and aligned edges, without a filter for
+    /// reduction; the result may leave the range of the values.
     pub(crate) fn bicubic(&self, width: usize, height: usize) -> Self {
         let columns = taps(width, |x| cubic_taps(x, self.width, width));
         let rows = taps(height, |y| cubic_taps(y, self.height, height));
@@ -264,7 +264,7 @@ impl Image {
     }
 }
 
-/// A value that a resized image takes from another, and how much of it.
+/// The index and weight of a sample of a resized image.
 #[derive(Clone, Copy)]
 struct Tap {
     index: usize,
@@ -301,7 +301,7 @@ fn cubic_taps(at: usize, from: usize, to: usize) -> [Tap; 4] {
 pub(crate) struct Norm {
     pub(crate) scale: Vec<f32>,
     pub(crate) shift: Vec<f32>,
-    /// Keeps rows that are all alike from dividing by 0.
+    /// Added to the variance, so that constant rows do not divide by 0.
     pub(crate) epsilon: f64,
 }
 

@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-/// Bits behind the point of the weights.
+/// Fractional bits of the weights.
 const WEIGHT_BITS: u32 = 22;
 
 /// The part of a row or column that makes one value: from `first` on, each with a weight times
@@ -50,7 +50,8 @@ fn rounded(sum: i32) -> u8 {
     ((sum + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS).clamp(0, 255) as u8
 }
 
-/// The weights of each value of a row or column that goes from `from` to `to` of them.
+/// Returns the weights of each value of a row or column that is resized from `from` to `to`
+/// values.
 fn weights(from: usize, to: usize) -> Vec<Weights> {
     let scale = from as f64 / to as f64;
     let wide = scale.max(1.0);
@@ -68,7 +69,7 @@ fn weights(from: usize, to: usize) -> Vec<Weights> {
     (0..to).map(of).collect()
 }
 
-/// The kernel of cubic convolution with a = -0.5.
+/// Returns the kernel of cubic convolution with a = -0.5.
 fn cubic(x: f64) -> f64 {
     const A: f64 = -0.5;
     match x.abs() {

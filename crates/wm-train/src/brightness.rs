@@ -27,8 +27,8 @@ pub(crate) struct PhotoGains {
     pub(crate) gains: Vec<[f32; 3]>,
     /// Root mean square of their logarithms.
     pub(crate) spread: f64,
-    /// Median absolute deviation of the logarithms of points' colours between photos, with equal gains
-    /// and with these.
+    /// Median absolute deviation of the logarithms of points' colours between photos, with equal
+    /// gains and with these.
     pub(crate) differences: [f64; 2],
 }
 
@@ -65,7 +65,8 @@ pub(crate) fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) 
     solve(&shown, capture.points.len())
 }
 
-/// Returns the colours of the well-exposed points among `seen` in a photo; none for a damaged photo.
+/// Returns the colours of the well-exposed points among `seen` in a photo; none for a damaged
+/// photo.
 fn shown_points(capture: &Capture, photos: &Photos, place: usize, seen: &[u32]) -> Vec<PointColor> {
     // Damaged photos are reported by the training when it reads them.
     let Ok(photo) = photos.get(place, photos.level_within(place, MAX_SIDE_PX)) else { return Vec::new() };

@@ -7,11 +7,11 @@ use wm_scene::sh;
 
 /// Most steps.
 const MAX_STEPS: u32 = 1_000_000;
-/// Most splats of the far shell: more than that are smaller than pixels.
+/// Most splats of the sky: more of them would be smaller than pixels.
 const MAX_SKY_SPLATS: f64 = 1e6;
-/// Largest weight and step length; above that nothing stays finite.
+/// Largest weight and step length: larger ones overflow.
 const MAX_WEIGHT: f64 = 1e9;
-/// Shares that are neither none nor all: the logits of both ends are infinite.
+/// Range of shares without 0 and 1, whose logits are infinite.
 pub(crate) const SHARE: RangeInclusive<f64> = 1e-6..=1.0 - 1e-6;
 pub(crate) const WEIGHT: RangeInclusive<f64> = 0.0..=MAX_WEIGHT;
 pub(crate) const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;

@@ -1,9 +1,9 @@
 //! The splats of a training and the device that holds them: the computer's memory, or a GPU on
 //! which they stay.
 //!
-//! On a device the population here falls behind, and is brought up to date ([`Learner::sync`]) when
-//! something asks for it: checkpoints, the end. Splats that come and go do not: what decides about
-//! them is read, the rest is moved there.
+//! With a device, the population in memory falls behind and is read back ([`Learner::sync`]) when
+//! it is needed: for checkpoints and at the end. Densification does not read everything back: the
+//! values that decide are read, and the rest is rearranged on the device.
 
 use crate::densify::{self, Population, ScreenGradients};
 use crate::random::Random;
@@ -15,57 +15,56 @@ use wm_render::{
 };
 use wm_scene::{Camera, Splats};
 
-/// A back end, and what it knows of the population.
+/// A back end, and the state of its copy of the population.
 pub(crate) struct Learner {
     renderer: Box<dyn Differentiable>,
-    /// The gradients of a population in the computer's memory: the step's, and those of terms with
-    /// a render of their own.
+    /// The gradients of a population in memory: the step's, and those of terms with a render of
+    /// their own.
     gradients: Gradients,
     own: Gradients,
     device: Device,
-    /// Splats on the device, where it is ahead.
+    /// The number of splats on the device, if it is ahead.
     count: Option<usize>,
 }
 
-/// The contents of the device, relative to the population here.
+/// The contents of the device, relative to the population in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Device {
-    /// Something else than the population.
+    /// Not the population.
     Other,
     /// The population.
     Same,
-    /// The population and what was learnt since.
+    /// A newer population.
     Ahead,
 }
 
 impl Learner {
-    /// On a back end.
+    /// Returns a learner on a back end.
     pub(crate) fn new(renderer: Box<dyn Differentiable>) -> Self {
         let (gradients, own) = (Gradients::default(), Gradients::default());
         Self { renderer, gradients, own, device: Device::Other, count: None }
     }
 
-    /// The back end.
+    /// Returns the back end.
     pub(crate) fn renderer(&self) -> &dyn Differentiable {
         &*self.renderer
     }
 
-    /// Goes on with another device after `error`, if there is one: with the population as it was
-    /// last known here.
+    /// Switches to another device after `error`, if there is one, with the population in memory.
     pub(crate) fn give_up(&mut self, error: RenderError) -> Result<(), RenderError> {
         (self.device, self.count) = (Device::Other, None);
         self.renderer.give_up(error)
     }
 
-    /// Times by the device's clock.
+    /// Returns times by the clock of the device.
     pub(crate) fn clock(&mut self) -> Option<StepClock> {
         self.renderer.resident()?.clock()
     }
 
-    /// Brings the population up to date; whether it was behind.
+    /// Reads the population back; returns true if it was behind.
     pub(crate) fn sync(&mut self, population: &mut Population) -> Result<bool, RenderError> {
         let (Device::Ahead, Some(device)) = (self.device, self.renderer.resident()) else { return Ok(false) };
-        // Beside what is known, which is all there is where the device fails on the way.
+        // Read into a copy: the old population must stay whole if the device fails halfway.
         let mut now = Population::unsorted(Splats::zeroed(device.count(), population.splats.sh_degree));
         device.read(now.learnt_mut())?;
         *population = now;
@@ -73,13 +72,13 @@ impl Learner {
         Ok(true)
     }
 
-    /// Number of splats.
+    /// Returns the number of splats.
     pub(crate) fn count(&self, population: &Population) -> usize {
         self.count.unwrap_or(population.len())
     }
 
-    /// Lets splats come and go. On a device `change` sees their shapes, and what it does with these
-    /// is done there with the rest.
+    /// Adds, moves and removes splats. With a device, `change` sees the shapes only, and the
+    /// device then rearranges the rest accordingly.
     pub(crate) fn change(
         &mut self,
         population: &mut Population,
@@ -96,7 +95,7 @@ impl Learner {
         Ok(())
     }
 
-    /// Renders what was learnt so far.
+    /// Renders the splats.
     pub(crate) fn forward(
         &mut self,
         population: &Population,
@@ -116,7 +115,7 @@ impl Learner {
         self.renderer.resident().is_some()
     }
 
-    /// Renders what was learnt so far and compares it where it is, on a device.
+    /// Renders the splats and computes the loss on the device.
     pub(crate) fn compare(
         &mut self,
         population: &Population,
@@ -129,7 +128,7 @@ impl Learner {
         Ok((stats.visible as usize, compared))
     }
 
-    /// Derives the last frame for the step.
+    /// Computes the gradients of the last frame for the step.
     pub(crate) fn backward(
         &mut self,
         population: &Population,
@@ -144,7 +143,8 @@ impl Learner {
         }
     }
 
-    /// Derives the last frame, another of the same view, and adds it to the step.
+    /// Computes the gradients of the last frame, another render of the same view, and adds them to
+    /// the step's.
     pub(crate) fn add_backward(
         &mut self,
         population: &Population,
@@ -161,7 +161,7 @@ impl Learner {
         }
     }
 
-    /// Takes the step.
+    /// Takes the optimiser step.
     pub(crate) fn optimize(
         &mut self,
         population: &mut Population,
@@ -201,7 +201,7 @@ impl Learner {
     }
 }
 
-/// The device, if there is one, with the population on it.
+/// Returns the device, if there is one, with the population loaded.
 fn resident<'a>(
     renderer: &'a mut dyn Differentiable,
     state: &mut Device,

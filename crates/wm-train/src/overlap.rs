@@ -5,19 +5,19 @@ use glam::DVec3;
 use wm_scene::Camera;
 use wm_scene::capture::SparsePoints;
 
-/// Points of the reconstruction that are asked, about.
+/// Approximate number of sampled points of the reconstruction.
 const MAX_POINTS: usize = 4000;
-/// Photos that tell the place and the colour of a surface; those beyond confirm them.
+/// Photos that determine the place and the colour of a surface; further ones confirm them.
 const SHOWING_PHOTOS: f64 = 2.0;
-/// Share of the pixels that counts as confirmed where less is, or where there are no points to ask.
+/// Least confirmed share of the pixels, also used if there are no points.
 const MIN_CONFIRMED_SHARE: f64 = 0.25;
 
 /// Returns how many photos show a surface, in the mean over the points of the reconstruction that
 /// are in view of any; `None` if none is.
 ///
-/// The photo that shows a point at the most pixels a unit of its surface counts as 1, and another
-/// one as the share of these pixels that it has: a street seen from its far end is not seen again.
-/// What stands between is not known here.
+/// The photo that shows a point at the highest resolution counts as 1, and another one as its
+/// resolution relative to that: a street seen from its far end is not seen again. Occlusion is not
+/// considered.
 #[must_use]
 pub(crate) fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
     let every = points.len().div_ceil(MAX_POINTS).max(1);

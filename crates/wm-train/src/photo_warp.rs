@@ -1,4 +1,4 @@
-//! The way from the pixels of one photo to those of another.
+//! Warps of pixels between two photos.
 
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;

@@ -1,8 +1,8 @@
 //! Files of weights: tensors by name, out of one file or several.
 //!
-//! A file is believed in nothing. What its header says is compared with its length, and a tensor
-//! with the shape that the network needs, before anything is allocated for it; of a large file only
-//! those tensors are read that are asked for.
+//! Headers are not trusted: their claims are compared with the file's length, and the shape of a
+//! tensor with that of the network, before memory is allocated. Only the requested tensors of a
+//! large file are read.
 
 #[cfg(feature = "fetch")]
 pub mod fetch;
@@ -41,13 +41,13 @@ fn names(files: &[PathBuf]) -> String {
 /// A fault of weights.
 #[derive(Debug, Error)]
 pub enum WeightsFault {
-    /// The system does not give it.
+    /// The system cannot read it.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] io::Error),
-    /// It has no byte.
+    /// It is empty.
     #[error("the file is empty; copy it again")]
     Empty,
-    /// It is something else.
+    /// It has another format.
     #[error("neither a safetensors file nor one of PyTorch (.pth); give weights in one of these formats")]
     Unknown,
     /// PyTorch wrote it before version 1.6, or since then by wish.
@@ -153,19 +153,20 @@ impl Weights {
         Ok(Self { files: files.iter().map(open).collect::<Result<_, _>>()?, advice })
     }
 
-    /// The shape of a tensor, if a file has it: that which [`Weights::tensor`] would take.
+    /// Returns the shape of a tensor in the first file that has it.
     #[must_use]
     pub(crate) fn shape(&self, name: &str) -> Option<&[usize]> {
         self.files.iter().find_map(|file| file.entries.get(name)).map(|entry| &entry.shape[..])
     }
 
-    /// An error about all files together: tensors whose shapes are of another network.
+    /// Returns an error about all files: the shapes of their tensors are of another network.
     pub(crate) fn refuse(&self, what: String) -> WeightsError {
         let files = self.files.iter().map(|file| file.path.clone()).collect();
         WeightsError { files, fault: WeightsFault::Network { what, advice: self.advice } }
     }
 
-    /// A tensor as f32, from the first file that has it. Half and double precision are converted.
+    /// Reads a tensor as f32, from the first file that has it. Half and double precision are
+    /// converted.
     ///
     /// # Errors
     /// [`WeightsError`] if no file has it, or it has another shape, is no float, or holds NaN or
@@ -192,7 +193,7 @@ fn open(path: &Path) -> Result<WeightsFile, WeightsFault> {
     Ok(WeightsFile { path: path.into(), file, entries })
 }
 
-/// The tensors of a file, which is at its start.
+/// Returns the tensors of a file, which is at its start.
 fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, WeightsFault> {
     let length = file.metadata()?.len();
     let mut first = Vec::new();

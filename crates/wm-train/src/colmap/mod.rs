@@ -22,7 +22,7 @@ mod tool;
 
 pub use progress::ColmapProgress;
 pub(crate) use runner::Running;
-pub use tool::CameraTool;
+use tool::CameraTool;
 pub(crate) use tool::on_path;
 
 use crate::photos::photos_in;
@@ -47,18 +47,16 @@ use wm_scene::files::write_atomically;
 
 /// Options of COLMAP.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ColmapOptions {
+pub(crate) struct ColmapOptions {
     /// The program; `None` looks for it, see `CameraTool::find`.
-    pub tool: Option<CameraTool>,
+    pub(crate) tool: Option<CameraTool>,
     /// The pairs of photos that are compared.
-    pub matching: Matching,
-    /// The device that finds and compares features.
-    pub device: ColmapDevice,
+    pub(crate) matching: Matching,
 }
 
 /// The pairs of photos that are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Matching {
+pub(crate) enum Matching {
     /// Each with each up to 300 photos, else each with those that follow it.
     #[default]
     Auto,
@@ -68,30 +66,20 @@ pub enum Matching {
     Sequential,
 }
 
-/// The device on which COLMAP finds and compares features.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ColmapDevice {
-    /// On the CPU, which works without a display and with every build of COLMAP.
-    #[default]
-    Cpu,
-    /// On the GPU. pycolmap stays on the CPU.
-    Gpu,
-}
-
 /// Most photos of which each is compared with each.
 pub(crate) const MAX_EXHAUSTIVE_PHOTOS: usize = 300;
 
 /// The result of a run of COLMAP.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Reconstruction {
+pub(crate) struct Reconstruction {
     /// The data set: undistorted photos and their model.
-    pub dataset: PathBuf,
+    pub(crate) dataset: PathBuf,
     /// Photos that were given.
-    pub photos: usize,
+    pub(crate) photos: usize,
     /// Photos whose camera was found.
-    pub registered: usize,
+    pub(crate) registered: usize,
     /// The other photos.
-    pub unregistered: Vec<UnregisteredPhoto>,
+    pub(crate) unregistered: Vec<UnregisteredPhoto>,
 }
 
 /// A photo whose camera was not found. Displays what it shares with others.
@@ -247,7 +235,7 @@ const DONE_FILE: &str = "done";
 ///
 /// # Errors
 /// [`ColmapError`] in one line.
-pub fn reconstruct(
+pub(crate) fn reconstruct(
     photos: &Path,
     run: &Path,
     options: &ColmapOptions,
@@ -278,7 +266,7 @@ pub fn reconstruct(
     let is_script = matches!(tool, CameraTool::Pycolmap(_));
     let script = paths.script.clone();
     // Also whether the program starts at all, before anything is written.
-    let commands = StepCommands::new(tool, paths, options.device)?;
+    let commands = StepCommands::new(tool, paths)?;
     let mut runner = Runner::new(program, folder, &title, files.len(), progress, is_stopped)?;
     if is_script {
         fs::write(&script, SCRIPT).map_err(|e| file_error(&script, e))?;

@@ -1,13 +1,13 @@
 //! The program that finds cameras, and its commands.
 
-use super::{ColmapDevice, ColmapError};
+use super::ColmapError;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// The program that finds cameras.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum CameraTool {
+pub(crate) enum CameraTool {
     /// COLMAP: its program.
     Colmap(PathBuf),
     /// pycolmap, on the CPU: the Python that has it.
@@ -75,23 +75,18 @@ pub(super) struct RunPaths {
 pub(super) struct StepCommands {
     tool: CameraTool,
     paths: RunPaths,
-    use_gpu: &'static str,
     /// COLMAP's options that say whether the GPU is used, of features and of matches.
     gpu_options: [String; 2],
 }
 
 impl StepCommands {
     /// Checks that the program starts.
-    pub(crate) fn new(tool: CameraTool, paths: RunPaths, device: ColmapDevice) -> Result<Self, ColmapError> {
+    pub(crate) fn new(tool: CameraTool, paths: RunPaths) -> Result<Self, ColmapError> {
         let gpu_options = match &tool {
             CameraTool::Colmap(program) => gpu_options(program)?,
             CameraTool::Pycolmap(_) => Default::default(),
         };
-        let use_gpu = match device {
-            ColmapDevice::Cpu => "0",
-            ColmapDevice::Gpu => "1",
-        };
-        Ok(Self { tool, paths, use_gpu, gpu_options })
+        Ok(Self { tool, paths, gpu_options })
     }
 
     /// Finds features.
@@ -105,7 +100,8 @@ impl StepCommands {
                 // certain, but is only allowed for photos of one size.
                 let single = if has_one_camera { "1" } else { "0" };
                 command.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", single]);
-                command.args([&self.gpu_options[0], self.use_gpu]);
+                // The CPU works without a display and with every build of COLMAP.
+                command.args([&self.gpu_options[0], "0"]);
                 command
             }
             CameraTool::Pycolmap(_) => {
@@ -122,7 +118,7 @@ impl StepCommands {
         match &self.tool {
             CameraTool::Colmap(_) => {
                 let mut command = self.colmap(&format!("{pairs}_matcher"));
-                command.arg("--database_path").arg(database).args([&self.gpu_options[1], self.use_gpu]);
+                command.arg("--database_path").arg(database).args([&self.gpu_options[1], "0"]);
                 command
             }
             CameraTool::Pycolmap(_) => self.script("match", &[database.as_ref(), pairs.as_ref()]),

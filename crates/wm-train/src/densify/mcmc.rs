@@ -54,7 +54,8 @@ pub struct McmcConfig {
     pub growth: f64,
     /// Opacity at or below which a splat is dead.
     pub dead: f64,
-    /// Noise in units of the step length of means and of the splat's variance, in scenes of extent 5.
+    /// Noise in units of the step length of means and of the splat's variance, in scenes of extent
+    /// 5.
     pub noise: f64,
     /// Weight of the mean opacity in the loss.
     pub opacity: f64,

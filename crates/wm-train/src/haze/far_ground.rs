@@ -30,9 +30,11 @@ const LEVEL_TOLERANCE: f64 = 0.1;
 const GROUND_RANK: f64 = 0.15;
 /// Ratio of the radii of two rings.
 const RING_RATIO: f64 = 1.15;
-/// Radius of the last ring in heights of the cameras over the ground: 0.25 degrees below the horizon.
+/// Radius of the last ring in heights of the cameras over the ground: 0.25 degrees below the
+/// horizon.
 const LAST_RING_RADIUS: f64 = 250.0;
-/// Standard deviation of splats in distances to their neighbours, and their opacity: leaves no gaps.
+/// Standard deviation of splats in distances to their neighbours, and their opacity: leaves no
+/// gaps.
 const SPLAT_SCALE: f64 = 0.7;
 const SPLAT_OPACITY: f64 = 0.98;
 /// Thickness of splats in heights of the cameras over the ground.
@@ -41,7 +43,8 @@ const SPLAT_THICKNESS: f64 = 0.03;
 const MAX_RADIUS_EXTENTS: f64 = 16.0;
 /// Overlap of sky and ground at the edge where the ground begins, sine of the elevation.
 const EDGE_MARGIN: f64 = 0.05;
-/// Largest difference of a pixel from the airlight at which it shows nothing else, display-referred.
+/// Largest difference of a pixel from the airlight at which it shows nothing else,
+/// display-referred.
 const AIRLIGHT_TOLERANCE: f64 = 0.03;
 
 /// The ground beyond what photos show through the haze.
@@ -90,8 +93,8 @@ impl<'a> FarGround<'a> {
         (-highest / self.hidden - EDGE_MARGIN).max(-1.0)
     }
 
-    /// Adds the ground to a finished scene of `extent` units, in the mean colour of the ground that the
-    /// cameras show, or of everything they show if they show no ground.
+    /// Adds the ground to a finished scene of `extent` units, in the mean colour of the ground that
+    /// the cameras show, or of everything they show if they show no ground.
     pub(crate) fn add(&self, splats: &mut Splats, extent: f64, haze: &PhotoHaze) {
         let of = |counts: &dyn Fn(DVec3) -> bool| mean_color(splats, self.cameras, &haze.air(), counts);
         let level = self.up.dot(self.center) - self.height;

@@ -144,7 +144,8 @@ impl NormalEquations {
         for track in tracks {
             rows.clear();
             rows.extend(track.sightings.iter().map(|sighting| SightingRow::of(fit, sighting, unit)));
-            // Twice: with equal weights, then with the robust weights that follow from the residuals.
+            // Twice: with equal weights, then with the robust weights that follow from the
+            // residuals.
             let mut colors = [0.0; 3];
             for _ in 0..2 {
                 for c in 0..3 {
@@ -235,7 +236,8 @@ impl NormalEquations {
         }
     }
 
-    /// Solves for the step by Cholesky factorisation; `None` if the matrix is not positive definite.
+    /// Solves for the step by Cholesky factorisation; `None` if the matrix is not positive
+    /// definite.
     fn step(&self, fit: &HazeFit, free: FreeParameters, damping: f64) -> Option<Vec<f64>> {
         let count = SHARED_PARAMETERS + fit.gains.len();
         let first = match free {
@@ -323,7 +325,8 @@ impl SightingRow {
         }
     }
 
-    /// Returns the derivatives of the displayed light in a channel by extinction, added light and gain.
+    /// Returns the derivatives of the displayed light in a channel by extinction, added light and
+    /// gain.
     fn by(&self, fit: &HazeFit, colors: &[f64; 3], c: usize) -> [f64; 3] {
         let added = self.gain * fit.added[c];
         let by_beta = added * self.path_by_beta - self.kept * self.distance * colors[c];

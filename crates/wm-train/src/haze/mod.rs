@@ -87,8 +87,8 @@ impl PhotoHaze {
         Some((evidence.haze, evidence.gains))
     }
 
-    /// Returns haze of a given extinction (1 / scene unit) and the gains of the photos `places`. The
-    /// airlight is that of `horizon`, or is fitted. `None` if the photos share too few points.
+    /// Returns haze of a given extinction (1 / scene unit) and the gains of the photos `places`.
+    /// The airlight is that of `horizon`, or is fitted. `None` if the photos share too few points.
     #[must_use]
     pub(crate) fn given(
         capture: &Capture,
@@ -169,12 +169,13 @@ impl PhotoHaze {
     }
 }
 
-/// Largest ratio of residuals with haze to those without: other changes of colour with distance leave
-/// more.
+/// Largest ratio of residuals with haze to those without: other changes of colour with distance
+/// leave more.
 const MAX_RESIDUAL_RATIO: f64 = 0.85;
 /// Least number of standard deviations by which the extinction is above 0.
 const MIN_DEVIATIONS: f64 = 4.0;
-/// Least optical depth at the farthest points: thinner haze is hardly visible and not worth an error.
+/// Least optical depth at the farthest points: thinner haze is hardly visible and not worth an
+/// error.
 const MIN_OPTICAL_DEPTH: f64 = 0.15;
 /// Least ratio of the airlight to the median light of the photos: haze does not darken everything.
 const MIN_AIRLIGHT_RATIO: f64 = 0.5;
@@ -185,7 +186,8 @@ const MAX_AIRLIGHT: f64 = 2.0;
 /// cameras' compression of bright light.
 const MAX_SHOWN_RATIO: f64 = 2.0;
 
-/// Range of the ratio of the horizon's light to the fitted airlight; outside it the horizon is not sky.
+/// Range of the ratio of the horizon's light to the fitted airlight; outside it the horizon is not
+/// sky.
 const HORIZON_RATIO: Range<f64> = 0.7..1.15;
 
 /// Values of the haze that are known before tracks are looked at.
@@ -225,8 +227,8 @@ impl Evidence {
             && MAX_SHOWN_RATIO * shown > extinction
     }
 
-    /// Fits haze to the points that the photos `places` share; `None` if they are too few. Known values
-    /// are kept.
+    /// Fits haze to the points that the photos `places` share; `None` if they are too few. Known
+    /// values are kept.
     fn of_photos(capture: &Capture, photos: &Photos, places: &[usize], known: KnownHaze) -> Option<Self> {
         let step = places.len().div_ceil(MAX_PHOTOS).max(1);
         let some: Vec<usize> = places.iter().copied().step_by(step).collect();

@@ -11,8 +11,8 @@ use wm_render::EvenAir;
 use wm_scene::sh::C0;
 use wm_scene::{Camera, Group, Splats};
 
-/// Ratio of the noise of photos to the spread of clear colours: the transmittance at which a splat's
-/// own colour and the mean weigh the same.
+/// Ratio of the noise of photos to the spread of clear colours: the transmittance at which a
+/// splat's own colour and the mean weigh the same.
 const NOISE_TO_SPREAD: f64 = 0.2;
 /// Least transmittance at which the colour of a splat is known.
 const MIN_KNOWN_TRANSMITTANCE: f64 = 0.3;
@@ -36,8 +36,8 @@ pub(crate) fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
     }
 }
 
-/// Returns the mean colour (display-referred) of the splats that `cameras` show well and whose place
-/// counts; `None` if there are none.
+/// Returns the mean colour (display-referred) of the splats that `cameras` show well and whose
+/// place counts; `None` if there are none.
 pub(crate) fn mean_color(
     splats: &Splats,
     cameras: &[Camera],

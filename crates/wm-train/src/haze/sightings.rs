@@ -66,7 +66,8 @@ pub(crate) fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Ve
             observed.iter().filter_map(|seen| placed(seen.point)).collect()
         })
         .collect();
-    // Pixels per unit of length in the photo that shows the point smallest, and the number of photos.
+    // Pixels per unit of length in the photo that shows the point smallest, and the number of
+    // photos.
     let mut least = vec![(f64::INFINITY, 0u32); capture.points.len()];
     for (point, placed) in seen.iter().flatten() {
         let (scale, count) = &mut least[*point as usize];
@@ -138,8 +139,8 @@ impl LightSums {
         Self { width, height, sums }
     }
 
-    /// Returns the mean over the window about a point; `None` if the window is not inside the photo, is
-    /// masked, crushed or clipped.
+    /// Returns the mean over the window about a point; `None` if the window is not inside the
+    /// photo, is masked, crushed or clipped.
     fn mean(&self, x: f64, y: f64, half: f64) -> Option<[f32; 3]> {
         let (left, right) = ((x - half).round(), (x + half).round());
         let (top, bottom) = ((y - half).round(), (y + half).round());

@@ -1,9 +1,9 @@
 //! Flatness of splats, so that their shortest axis is distinct and stays the same axis.
 //!
-//! A normal, the shortest axis, jumps when two axes are of nearly equal length. The term acts on the
-//! ratio of the shortest scale to the middle one, `mean min(1, s_1 / s_2 - r)`, where it is above a
-//! ratio r that is flat enough: the shortest axis shrinks and the middle one grows. Another axis can
-//! become the shortest only against this loss.
+//! A normal, the shortest axis, jumps when two axes are of nearly equal length. The term acts on
+//! the ratio of the shortest scale to the middle one, `mean min(1, s_1 / s_2 - r)`, where it is
+//! above a ratio r that is flat enough: the shortest axis shrinks and the middle one grows. Another
+//! axis can become the shortest only against this loss.
 
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;

@@ -1,8 +1,8 @@
 //! The loss: terms, one per file, that compare renders with photos and priors.
 //!
 //! The trainer knows no single term: it renders the images that the terms read, adds up their
-//! gradients and takes a step. A term may ask for a render of its own, with other opacities and with
-//! gradients for some parameters only.
+//! gradients and takes a step. A term may ask for a render of its own, with other opacities and
+//! with gradients for some parameters only.
 
 mod beliefs;
 mod depth;
@@ -83,8 +83,8 @@ pub(crate) struct LossInput<'a> {
     pub(crate) path: SimdPath,
 }
 
-/// Gradients of the loss by the pixels of a frame; empty if nothing was rendered, or if they are on a
-/// device.
+/// Gradients of the loss by the pixels of a frame; empty if nothing was rendered, or if they are on
+/// a device.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct LossGradients {
     /// `[H, W, 3]`.

@@ -2,8 +2,8 @@
 //!
 //! The mean of `|N - M|^2` (`eq:normal l2_loss`) with the rendered normal N, shortest axes blended
 //! and brought to length 1, and the prior's M, over pixels where M is known and at least half is
-//! covered. It begins late, after depth has formed surfaces: in a cloud of splats it would make them
-//! transparent instead of rotating them.
+//! covered. It begins late, after depth has formed surfaces: in a cloud of splats it would make
+//! them transparent instead of rotating them.
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};

@@ -3,9 +3,9 @@
 //! Rendered inverse depth and that of the prior are compared over patches of random size after
 //! normalisation, `(x - m_P) / (s + 0.01 s_I)`: m_P is the mean of the patch, and s the standard
 //! deviation over the whole photo (global) or the patch (local). The deviation over the photo is a
-//! constant of the derivative. Differences below the margin count as 0. So neither scale nor shift of
-//! the prior matters, nor their drift over the photo. Inverse depth is used since the prior is linear
-//! in it, and the sky is 0.
+//! constant of the derivative. Differences below the margin count as 0. So neither scale nor shift
+//! of the prior matters, nor their drift over the photo. Inverse depth is used since the prior is
+//! linear in it, and the sky is 0.
 //!
 //! The hard pass gives every splat the same high opacity and moves means alone; the soft one
 //! changes opacities alone. Each is a render of its own, in which alpha is a constant of the
@@ -188,7 +188,8 @@ fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     (mean, (values.map(|v| (v - mean).powi(2)).sum::<f64>() / count.max(1.0)).sqrt())
 }
 
-/// Returns the loss, global and local, and writes its derivative by `x`; 0 if nothing can be compared.
+/// Returns the loss, global and local, and writes its derivative by `x`; 0 if nothing can be
+/// compared.
 fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, slope: &mut Vec<f64>) -> f64 {
     slope.clear();
     slope.resize(x.len(), 0.0);

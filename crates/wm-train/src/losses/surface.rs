@@ -111,8 +111,8 @@ enum Matte {
 
 /// The distance up to which neighbours of a cell count, cells of the prior: the width of a border.
 const BORDER_CELLS: usize = 2;
-/// Least distance of the colours of sky and place, and the largest distance of a pixel's colour from
-/// the line between them, as a fraction of that distance.
+/// Least distance of the colours of sky and place, and the largest distance of a pixel's colour
+/// from the line between them, as a fraction of that distance.
 const MIN_COLOR_DISTANCE: f32 = 0.12;
 const MAX_LINE_DISTANCE: f32 = 0.5;
 
@@ -147,8 +147,8 @@ impl Matte {
         }
     }
 
-    /// Returns the place's share of a colour, 0-1; `None` if the colour is neither of the two nor between
-    /// them, such as that of a wire in front of the sky that is finer than the prior.
+    /// Returns the place's share of a colour, 0-1; `None` if the colour is neither of the two nor
+    /// between them, such as that of a wire in front of the sky that is finer than the prior.
     fn share(&self, rgb: [f32; 3]) -> Option<f32> {
         let (sky, way) = match *self {
             Self::Sky(sky) => (sky, None),

@@ -88,16 +88,6 @@ pub enum BadPhotos {
     Skip,
 }
 
-/// The use of masks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Masks {
-    /// They do, where there are any.
-    #[default]
-    Use,
-    /// They are not looked at.
-    Ignore,
-}
-
 /// The extent to which photos are checked when they are opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Check {
@@ -120,8 +110,6 @@ pub struct PhotoOptions {
     pub cache_bytes: usize,
     /// The treatment of photos that cannot be used.
     pub bad: BadPhotos,
-    /// The use of masks.
-    pub masks: Masks,
     /// The extent to which they are checked.
     pub check: Check,
     /// Threads that decode what `Photos::prefetch` asks for; 0 for none.
@@ -134,7 +122,6 @@ impl Default for PhotoOptions {
             size: PhotoSize::Full,
             cache_bytes: 1 << 30,
             bad: BadPhotos::Refuse,
-            masks: Masks::Use,
             check: Check::Headers,
             loaders: 2,
         }
@@ -449,10 +436,6 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     let Some(ideal) = ideal else {
         return Err(PhotoError { path: file, fault: PhotoFault::Lens });
     };
-    let mask = match options.masks {
-        Masks::Use => view.mask.clone(),
-        Masks::Ignore => None,
-    };
     let lens = Lens { photo, distortion: view.distortion, ideal };
-    Ok((Entry { view: index, file, mask, kind, stored, orientation, lens }, header))
+    Ok((Entry { view: index, file, mask: view.mask.clone(), kind, stored, orientation, lens }, header))
 }

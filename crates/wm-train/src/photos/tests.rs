@@ -178,8 +178,6 @@ fn masks_are_read_beside_the_photos() {
     assert_eq!(photos.get(1, 0).unwrap().mask, None);
     let reduced = photos.get(0, 2).unwrap();
     assert_eq!(reduced.mask.as_ref().unwrap()[4..6], [0, 255]);
-    let without = open(&folder, &PhotoOptions { masks: Masks::Ignore, ..PhotoOptions::default() }).unwrap();
-    assert_eq!(without.get(0, 0).unwrap().mask, None);
     // Of 0 and 1, larger than the photo, and of a name without the photo's extension.
     let large: Vec<u8> = (0..80 * 60).map(|i| u8::from(i % 80 < 40)).collect();
     write_png(&folder.path().join("masks/b.png"), 80, 60, png::ColorType::Grayscale, large);

@@ -144,8 +144,8 @@ fn size_of(map: &Map, camera: &Camera, most: u32, is_bent: bool) -> (u32, u32) {
     size_within(camera.width, camera.height, pixels)
 }
 
-/// Returns a size of the same aspect ratio with at most `most` pixels, or a few more where sides are
-/// rounded; at least 1 px a side.
+/// Returns a size of the same aspect ratio with at most `most` pixels, or a few more where sides
+/// are rounded; at least 1 px a side.
 #[must_use]
 pub fn size_within(width: u32, height: u32, most: usize) -> (u32, u32) {
     let scale = (most as f64 / (f64::from(width) * f64::from(height))).sqrt().min(1.0);

@@ -1,5 +1,5 @@
-//! Makes the scene of a training: splats of the sky at the start, and at the end what cameras tell
-//! of the place.
+//! Prepares the first splats and the sky of a training, and finishes its scene: labels, up, ground
+//! and scale.
 
 use super::SessionOptions;
 use super::data::TrainData;
@@ -25,18 +25,17 @@ use wm_scene::color::srgb_decode;
 use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Camera, Metadata, Scene, Splats};
 
-/// The ground under a walk and the scene's up belong together if their cosine is above this: 15
-/// degrees, so that steep streets pass.
+/// Least cosine between the normal of the ground under a walk and up: 15 degrees, so that steep
+/// streets pass.
 const MIN_GROUND_COSINE: f64 = 0.966;
-/// Weight of that ground's normal against up as the splats tell it: it is within a quarter of a
-/// degree where the ground is level and off by its slope elsewhere; splats of a drive may be off by
-/// 6 degrees, all to one side.
+/// Weight of that normal against up from the splats. The normal is within 0.25 degrees on level
+/// ground and off by the slope elsewhere; splats of a drive can be off by 6 degrees to one side.
 const GROUND_WEIGHT: f64 = 0.7;
-/// Error of up by GPS below which it is not asked of the splats, degrees.
+/// Error of up from GPS, degrees, below which the splats are not used for it.
 const MAX_GPS_ERROR_DEG: f64 = 3.0;
-/// Extent of the photos' GPS in units of its residual from which the scale is sure: some 5 %.
+/// Least extent of the GPS positions in units of their residual for a reliable scale: about 5 %.
 const MIN_GPS_EXTENT: f64 = 20.0;
-/// The number of photos of whose priors the first splats are made, about.
+/// Approximate largest number of photos whose priors are used for the first splats.
 const MAX_PRIOR_PHOTOS: usize = 200;
 
 /// Returns the splats that a training starts with.
@@ -107,7 +106,7 @@ pub(super) fn sky(
     Ok(splats)
 }
 
-/// Returns the sine of the height down to which haze is seen as sky.
+/// Returns the sine of the elevation down to which haze looks like sky.
 fn lowest_sky(data: &TrainData, haze: Option<&PhotoHaze>) -> Option<f64> {
     far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest())
 }
@@ -127,12 +126,11 @@ pub(super) struct PriorView {
     pub(super) camera: Camera,
     pub(super) prior: Arc<Prior>,
     pub(super) photo: Arc<Photo>,
-    /// By what it is brighter in red, green and blue than the scene, display-referred.
+    /// The gain in red, green and blue relative to the scene, display-referred.
     pub(super) gain: [f32; 3],
 }
 
-/// Returns the photos that have priors; of thousands some hundred, which show all of the place that
-/// can be seen.
+/// Returns the photos that have priors; an even choice of them if there are very many.
 fn prior_views(
     data: &TrainData,
     priors: &Priors,
@@ -219,13 +217,13 @@ pub(super) fn haze(
 
 /// Sines of elevations at which the sky is as bright as endless haze: up to 8 degrees.
 const LOW_SKY_SINES: Range<f64> = 0.0..0.14;
-/// Pixels of low sky that tell its colour, at least.
+/// Fewest pixels of low sky for its colour.
 const MIN_LOW_SKY_PIXELS: usize = 200;
-/// Display-referred skies from here on are clipped.
+/// Display-referred value from which the sky is clipped.
 const CLIPPED_VALUE: f64 = 0.97;
 
-/// Rank of the sky's colour among them: what priors take for sky is far trees and houses too, which
-/// are darker.
+/// Rank of the sky's colour among these pixels: some belong to distant trees and houses, which are
+/// darker.
 const SKY_COLOR_RANK: f64 = 0.8;
 
 /// Returns the colour of the sky just above the horizon, linear RGB, where photos show it and are
@@ -321,9 +319,10 @@ pub(super) fn finish(
         && let Ok(ground) = &ground
         && ground.up.dot(survey.up.value) > MIN_GROUND_COSINE
     {
-        // Seen in many photos: better than what training left of a street.
+        // The ground is measured from points in many photos, which is better than from trained
+        // splats.
         known.ground = Some(ground.under.dot(survey.up.value));
-        // The cameras' height over it is as right as up is.
+        // The height of the cameras over the ground is as accurate as up.
         known.ground_confidence = Some(survey.up.confidence.max(Confidence::Likely));
         known.camera_height = Some(ground.height);
     }
@@ -351,18 +350,18 @@ pub(super) fn finish(
     Ok(scene)
 }
 
-/// The facts that were given, with up by GPS where that is sure.
+/// Returns the given facts, with up from GPS where that is reliable.
 fn with_up(given: &Metadata, data: &TrainData) -> Metadata {
     let measured = data.up.filter(|up| given.up.is_none() && is_measured(up));
     Metadata { up: given.up.or(measured.map(|up| up.up)), ..given.clone() }
 }
 
-/// Returns true if GPS tells up well enough that splats need not be asked.
+/// Returns true if up from GPS is accurate enough without the splats.
 fn is_measured(up: &CaptureUp) -> bool {
     matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MAX_GPS_ERROR_DEG
 }
 
-/// Writes down what tells up.
+/// Writes the evidence of up into the metadata.
 fn note_up(known: &mut Metadata, options: &SessionOptions, data: &TrainData) {
     if let Some(up) = data.up.filter(|up| options.facts.up.is_none() && is_measured(up)) {
         known.up_source = Some(up.evidence.to_string());
@@ -370,15 +369,15 @@ fn note_up(known: &mut Metadata, options: &SessionOptions, data: &TrainData) {
     }
 }
 
-/// A scale and where it is from.
+/// A scale and its source.
 struct FoundScale {
     metres_per_unit: f64,
     source: String,
     confidence: Confidence,
 }
 
-/// Returns metres per scene unit and where they are from: the height of the cameras if that is
-/// given, else where photos say that they were taken, else the height at which people hold cameras.
+/// Returns metres per scene unit and their source: the given height of the cameras, else the GPS
+/// positions of the photos, else the height at which people hold cameras.
 fn scale(
     data: &TrainData,
     camera_height: Option<f64>,
@@ -398,7 +397,8 @@ fn scale(
         Some(FoundScale { metres_per_unit: gps.metres_per_unit, source, confidence })
     };
     let given = camera_height.and_then(|metres| by_height(metres, Confidence::Sure));
-    // People are tall and small, and a drone may fly as level as a person walks.
+    // This is approximate: people differ in height, and a drone may fly as level as a person
+    // walks.
     given.or_else(by_gps).or_else(|| match camera_height {
         Some(_) => None,
         None => by_height(HELD_AT, Confidence::Likely),

@@ -12,7 +12,8 @@ use wm_render::training::{C1, C2, RADIUS, WINDOW};
 pub(super) struct Band {
     /// Rows windowed down the columns, margins zero, `[ROWS_AT_ONCE, 4, P]`.
     columns: Vec<f32>,
-    /// dS/dmx, dS/dexx, dS/dexy of the last rows, `[KEPT_ROWS, 3, wide]`; row `r` lies at `r % KEPT_ROWS`.
+    /// dS/dmx, dS/dexx, dS/dexy of the last rows, `[KEPT_ROWS, 3, wide]`; row `r` lies at `r %
+    /// KEPT_ROWS`.
     slopes: Vec<f32>,
     /// Stands for rows beyond the picture.
     zeros: Vec<f32>,
@@ -27,8 +28,8 @@ fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..whole).step_by(lanes).map(|at| (at, 0)).chain(last)
 }
 
-/// The rows that the windows of [`ROWS_AT_ONCE`] rows from `first` on read; zeros for those beyond the
-/// picture.
+/// The rows that the windows of [`ROWS_AT_ONCE`] rows from `first` on read; zeros for those beyond
+/// the picture.
 #[inline(always)]
 fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) -> [&'a [f32]; WINDOW_ROWS] {
     let wide = zeros.len();
@@ -100,7 +101,8 @@ impl Band {
         }
     }
 
-    /// Slopes of the [`ROWS_AT_ONCE`] rows from `first` on, as far as there are any, and their sums of
+    /// Slopes of the [`ROWS_AT_ONCE`] rows from `first` on, as far as there are any, and their sums
+    /// of
     /// `S`.
     #[inline(always)]
     fn slopes<S: Lanes>(

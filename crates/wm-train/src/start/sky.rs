@@ -1,8 +1,8 @@
 //! The sky: splats on a far half sphere, in the colours that photos show there.
 //!
-//! Models have no points in the sky. Without it the sky is painted on whatever drifts there, near
-//! and far, and fog would take it for what it is painted on. These splats do not learn, since they
-//! would learn what stands before them while that is still transparent.
+//! Reconstructions have no points in the sky. Without these splats the sky is painted on floaters
+//! near and far, which fog would hide like near objects. They are not trained, since they would
+//! take the colours of objects in front while those are still transparent.
 
 use crate::priors::SkyClass;
 use glam::DVec3;
@@ -12,15 +12,16 @@ use wm_scene::capture::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
-/// Radius of the sky in extents, at least.
+/// Least radius of the sky, in extents of the scene.
 const SKY_RADIUS_EXTENTS: f64 = 20.0;
-/// Sine of the height at which it begins: 5 degrees below the horizon, since up is known to some
-/// degrees.
+/// Sine of the elevation at which the sky begins: 5 degrees below the horizon, since up is known
+/// to a few degrees.
 const LOWEST_SINE: f64 = -0.09;
-/// Standard deviation of its splats in distances to their neighbours, and their opacity: no gaps.
+/// Standard deviation of splats in distances to their neighbours, and their opacity: leaves no
+/// gaps.
 const SPLAT_SCALE: f64 = 0.7;
 const SPLAT_OPACITY: f64 = 0.9;
-/// Share of the half sphere that photos show, at least: less is a gap in a crown, or no sky.
+/// Least share of the half sphere that photos show: less is a gap in a crown, or no sky.
 const MIN_SHOWN_SHARE: f64 = 0.004;
 
 /// Colours between these, 0-1, are more and more likely clipped.
@@ -30,14 +31,15 @@ const CLIPPED_WEIGHT: f32 = 0.05;
 /// Share of a photo's width and height over which its weight falls off to its border, so that no
 /// border shows.
 const BORDER_SHARE: f64 = 0.25;
-/// Standard deviations over which colours are smoothed: in distances to neighbours, and of what no
-/// photo shows, radians.
+/// Standard deviations of the smoothing of colours: in distances to neighbours, and in radians for
+/// directions that no photo shows.
 const FINE_DEVIATION: f64 = 1.2;
 const COARSE_DEVIATION: f64 = 0.3;
-/// Shares of the full weight of the surroundings at which half of a colour comes from a wider mean.
+/// Fractions of the full weight of the neighbourhood at which half of a colour comes from the
+/// wider mean.
 const FINE_HALF_WEIGHT: f64 = 0.05;
 const COARSE_HALF_WEIGHT: f64 = 1e-3;
-/// Directions that the wide means are of, at most about.
+/// Approximate largest number of directions in the wide means.
 const MAX_SOURCES: usize = 1000;
 
 /// The photos from which the sky is made.
@@ -47,12 +49,12 @@ pub(crate) struct SkyPhotos<'a> {
     /// The class and colour (sRGB) of a picture point, given as shares of width and height, in
     /// photo `index`.
     pub(crate) look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
-    /// By what photo `index` is brighter in red, green and blue than the scene, display-referred.
+    /// The gain of photo `index` in red, green and blue relative to the scene, display-referred.
     pub(crate) gain: &'a (dyn Fn(usize) -> [f32; 3] + Sync),
     /// The direction against gravity, world axes, length 1.
     pub(crate) up: DVec3,
-    /// The sine of the height down to which photos show endless haze, which looks like sky; `None`
-    /// without haze.
+    /// The sine of the elevation down to which photos show endless haze, which looks like sky;
+    /// `None` without haze.
     pub(crate) lowest: Option<f64>,
 }
 
@@ -66,10 +68,10 @@ struct ShownColors {
 /// Adds splats on a far half sphere about the scene, in group [`Group::Sky`], and returns their
 /// number.
 ///
-/// Splats have the colour of the photos that show the sky there, in the scene's exposure. Other
-/// splats have the mean of what is seen around them, and farther off that of their height, so that
-/// no camera looks into nothing. `count` splats cover the half sphere about up (and a little below
-/// the horizon); nothing is added where photos show next to no sky.
+/// Splats have the mean colour of the photos that show the sky there, in the scene's exposure.
+/// Directions that no photo shows have the mean of their neighbourhood, and farther away that of
+/// their elevation, so that there are no gaps. `count` splats cover the half sphere around up (and
+/// a little below the horizon); nothing is added if photos show next to no sky.
 pub(crate) fn add_sky(
     splats: &mut Splats,
     photos: &SkyPhotos<'_>,
@@ -87,7 +89,7 @@ pub(crate) fn add_sky(
         .filter(|d| d.is_finite())
         .collect();
     distances.sort_by(f64::total_cmp);
-    // Stray points are no reason for a larger sky.
+    // Outliers among the points do not enlarge the sky.
     let farthest = distances.get(distances.len() * 99 / 100).copied().unwrap_or(0.0);
     let radius = (SKY_RADIUS_EXTENTS * extent).max(3.0 * farthest);
     // Neighbours on a Fibonacci sphere are about this far apart, radians.
@@ -122,7 +124,8 @@ pub(crate) fn add_sky(
     directions.len()
 }
 
-/// The mean colour of a far point over the photos that show the sky there, in the scene's exposure.
+/// Returns the mean colour of a direction over the photos that show the sky there, in the scene's
+/// exposure.
 fn shown(photos: &SkyPhotos<'_>, point: DVec3) -> ShownColors {
     let (mut sum, mut weights) = ([0.0f32; 3], 0.0f32);
     for (index, camera) in photos.cameras.iter().enumerate() {
@@ -139,8 +142,8 @@ fn shown(photos: &SkyPhotos<'_>, point: DVec3) -> ShownColors {
         let most = clipped.iter().fold(0.0, |a: f32, b| a.max(*b));
         let weight = border as f32 * (1.0 + most * (CLIPPED_WEIGHT - 1.0));
         for c in 0..3 {
-            // A clipped colour tells how bright the sky is at least: it is white in the scene's
-            // exposure too.
+            // A clipped colour is a lower bound of brightness: it stays white in the scene's
+            // exposure.
             let own = color[c] / gain[c];
             sum[c] += weight * (own + clipped[c] * (own.max(1.0) - own)).min(1.0);
         }
@@ -153,8 +156,8 @@ fn shown(photos: &SkyPhotos<'_>, point: DVec3) -> ShownColors {
     }
 }
 
-/// Colours of all directions, which lie in the order of one axis: means over neighbours, wider
-/// where these show little.
+/// Smooths the colours of all directions, which are sorted along one axis: means over neighbours,
+/// wider ones where few are shown.
 fn smoothed(directions: &[DVec3], shown: &[ShownColors], spacing: f64, up: DVec3) -> Vec<[f32; 3]> {
     let by_height = ByHeight::new(directions.iter().zip(shown).map(|(d, shown)| (d.dot(up), *shown)));
     let step = directions.len().div_ceil(MAX_SOURCES);
@@ -171,7 +174,7 @@ fn smoothed(directions: &[DVec3], shown: &[ShownColors], spacing: f64, up: DVec3
         let at = directions[i];
         let mut color = by_height.at(at.dot(up)).map(f64::from);
         let mut refine = |(finer, weights): ([f64; 3], f64), width: f64, apart: f64, half: f64| {
-            // Of a sphere full of sources.
+            // The weight of a fully sampled sphere.
             let full = TAU * width * width / (apart * apart);
             let share = weights / (weights + half * full);
             (0..3).for_each(|c| color[c] += share * (finer[c] - color[c]));
@@ -192,7 +195,7 @@ fn smoothed(directions: &[DVec3], shown: &[ShownColors], spacing: f64, up: DVec3
     (0..directions.len()).into_par_iter().map(own).collect()
 }
 
-/// Mean colours of rings of the sky.
+/// Mean colours of the sky by elevation.
 struct ByHeight(Vec<Option<[f32; 3]>>);
 
 impl ByHeight {
@@ -215,7 +218,7 @@ impl ByHeight {
         Self(sums.into_iter().map(mean).collect())
     }
 
-    /// The colour of the nearest ring that was seen.
+    /// Returns the colour of the nearest ring that any photo shows.
     fn at(&self, height: f64) -> [f32; 3] {
         let ring = Self::ring(height);
         let seen = (0..Self::RINGS).filter(|i| self.0[*i].is_some());

@@ -1,5 +1,5 @@
-//! PatchMatch: planes for all pixels of one photo, of which good ones spread to their neighbours and
-//! are varied.
+//! PatchMatch: planes for all pixels of one photo, of which good ones spread to their neighbours
+//! and are varied.
 
 use super::matching::{MAX_COST, Plane, StereoImage, StereoSource, Window, inverse_depth};
 use wm_scene::random::uniform;
