@@ -2,8 +2,8 @@
 //!
 //! A photo that is brighter than others shows the same points brighter. In logarithms,
 //! `l_pi = a_i + g_p` with the colour of point i as photo p shows it, the point's own and the
-//! photo's gain. Gains (medians over points) and points' colours (means over photos) are computed in
-//! alternation, so that highlights and occluders do not count; the mean of the gains is 0.
+//! photo's gain. Gains (medians over points) and points' colours (means over photos) are computed
+//! in alternation, so that highlights and occluders do not count; the mean of the gains is 0.
 
 use crate::photos::Photos;
 use crate::priors::points::{inside, seen_points};

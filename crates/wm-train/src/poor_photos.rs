@@ -17,21 +17,21 @@ use wm_scene::capture::Capture;
 const MAX_SIDES_PX: [u32; 2] = [800, 200];
 /// Half the side of the patch about a point, px.
 const HALF_PATCH_PX: usize = 3;
-/// Least detail that other photos must show about a point: in smooth places nobody sees blur.
+/// Least detail that other photos must show around a point: blur is invisible on smooth surfaces.
 const MIN_DETAIL: f64 = 0.02;
-/// Largest ratio of distances, in focal lengths, at which photos are compared: what is near has
+/// Largest ratio of distances, in focal lengths, at which photos are compared: near objects have
 /// wider edges.
 const MAX_DISTANCE_RATIO: f64 = 1.35;
 /// Fewest points by which a photo is judged.
 const MIN_POINTS: usize = 30;
-/// Detail of a blurred photo relative to the others', at most; and by how many deviations of the
-/// photos it is at least less.
+/// Largest detail of a blurred photo relative to the others', and the least number of deviations
+/// below the other photos.
 const MAX_BLURRED_DETAIL: f64 = 0.5;
 const MIN_DEVIATIONS: f64 = 4.0;
-/// A channel of all white or all black pixels is beyond these.
+/// Levels above and below which all channels of white and black pixels are.
 const WHITE_LEVEL: u8 = 250;
 const BLACK_LEVEL: u8 = 5;
-/// Share of such pixels in a poor photo above the median of the photos.
+/// Largest excess of the share of such pixels over the median of the photos.
 const MAX_CLIPPED_SHARE: f64 = 0.35;
 
 /// Largest share of the photos that is left out of a training.
@@ -89,7 +89,7 @@ impl std::fmt::Display for PhotoDefect {
     }
 }
 
-/// A point as a photo shows it.
+/// The detail of a point in a photo.
 #[derive(Clone, Copy, Debug)]
 struct PointDetail {
     point: u32,
@@ -181,7 +181,7 @@ fn shown_points(capture: &Capture, photo: &Photo, seen: &[u32]) -> Vec<PointDeta
             }
         }
         let patch = ((2 * HALF_PATCH_PX + 1) * (2 * HALF_PATCH_PX + 1)) as f64;
-        // Half a step of 8 bits is no detail.
+        // Detail below half a step of 8 bits is quantisation.
         let detail = ((squares / patch).sqrt().max(0.5) / (sum / patch).max(1.0)).ln();
         Some(PointDetail { point: *point, distance: (z / photo.camera.fx).ln(), detail })
     };

@@ -25,14 +25,14 @@ use wm_scene::files::write_atomically;
 
 /// Most frames that are chosen.
 pub(crate) const MAX_FRAMES: usize = 250;
-/// Frames that a video should give: where it moves little, frames are taken after shorter ways.
+/// Wanted number of frames: if the camera moves little, frames are taken after shorter shifts.
 const WANTED_FRAMES: usize = 40;
 /// Fewest frames of a capture.
 const MIN_FRAMES: usize = 3;
-/// Most frames that are looked at, and the most a second.
+/// Most frames that are examined, and the highest rate, 1/s.
 const MAX_CANDIDATES: f64 = 3000.0;
 const MAX_RATE_HZ: f64 = 10.0;
-/// Size of the frames that are looked at, px.
+/// Size of the examined frames, px.
 const GREY_SIZE_PX: (usize, usize) = (576, 324);
 /// Size of a thumbnail, px, in which shifts are measured.
 const THUMBNAIL_SIZE_PX: (usize, usize) = (96, 54);
@@ -44,10 +44,10 @@ const MAX_SHIFT_PX: i32 = 12;
 const BLOCKS: usize = 3;
 /// Width and height of a block, px of the small frame.
 const BLOCK_SIZE: (usize, usize) = (THUMBNAIL_SIZE_PX.0 / BLOCKS, THUMBNAIL_SIZE_PX.1 / BLOCKS);
-/// Ways between two frames that are tried, as fractions of the width: the first that gives enough
-/// frames counts.
+/// Tried shifts between two frames, as fractions of the width: the first that gives enough frames
+/// is used.
 const FRAME_SHIFTS: [f64; 5] = [0.08, 0.06, 0.04, 0.03, 0.02];
-/// Start of the window of a frame, as a fraction of the way.
+/// Start of the window of a frame, as a fraction of the shift.
 const WINDOW_START: f64 = 0.6;
 /// Least mean difference of two frames, 0-255.
 const MIN_DIFFERENCE: f64 = 1.5;

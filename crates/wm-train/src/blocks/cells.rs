@@ -8,15 +8,16 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Share of a cell's size that its reach extends beyond its borders.
+/// Extension of the reach of a block beyond its cell, as a fraction of the cell's size.
 const REACH_MARGIN: f64 = 0.2;
 /// The least share of a photo's points in the reach of a block that the photo joins.
 const MIN_COVERED_SHARE: f64 = 0.25;
-/// The same share for a photo that was taken in the cell.
+/// The least such share for a photo that was taken in the cell.
 const MIN_COVERED_SHARE_INSIDE: f64 = 0.05;
-/// Photos that show a point of a cell among those that join, where there are so many.
+/// Photos of a block that should show each point of its cell, if there are so many.
 const PHOTOS_PER_POINT: u32 = 3;
-/// Points that a photo which joins for their sake must add, at least, and the share of its own.
+/// Fewest points that an additional photo must contribute, and the least fraction of its own
+/// points.
 const MIN_ADDED_POINTS: (usize, f64) = (10, 0.02);
 /// Fewest photos of a block.
 pub(crate) const MIN_PHOTOS: usize = 3;
@@ -46,7 +47,7 @@ impl GroundAxes {
         }
         let (sin, cos) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
         (x, y) = (x * cos + y * sin, y * cos - x * sin);
-        // Of the two ways of an axis the one along the world's.
+        // The sign of the axis is chosen along the world's axis.
         let forward = |axis: DVec3| axis * axis.to_array()[largest(axis)].signum();
         Self { x: forward(x).to_array(), y: forward(y).to_array() }
     }
@@ -136,9 +137,9 @@ fn cut(places: &[DVec2], mut own: Vec<usize>, cell: GroundCell, count: usize, ce
 /// A photo on the ground.
 #[derive(Clone, Debug)]
 pub(crate) struct PlacedPhoto<'a> {
-    /// The place of what it shows.
+    /// The median place of the points that the photo shows.
     pub(crate) place: DVec2,
-    /// The points that it shows, as indices.
+    /// Indices of the points that the photo shows.
     pub(crate) seen: &'a [u32],
 }
 
@@ -164,7 +165,7 @@ pub(crate) fn joining(
     };
     let (mut joined, mut others): (Vec<usize>, Vec<usize>) =
         (0..photos.len()).partition(|index| joins(&photos[*index]));
-    // All that can be seen of the core is learnt from somewhere.
+    // Every visible point of the core must be in some photo of the block.
     let mut shown = vec![0u32; in_core.len()];
     let show = |shown: &mut Vec<u32>, photo: usize| {
         photos[photo].seen.iter().for_each(|point| shown[*point as usize] += 1);

@@ -1,11 +1,11 @@
 //! Depth against a prior that was fitted to the scene's units.
 //!
 //! `mean rho(ln(D d))` with the expected depth D and the prior's inverse depth d: relative, so that
-//! near and far count alike and a surface through which a little of the far sky shines weighs as
-//! it does in fog. `rho` is `sqrt(x^2 + tau^2) - tau`, linear beyond `tau`, so that outliers of the
-//! prior have bounded gradients. `tau` is the error of the prior: the residual of its fit over d, and
-//! 1 % at least. The derivative is exact, so transparency does not lower it. Pixels of the sky, and
-//! those covered by less than half, do not count.
+//! near and far count alike and a surface through which a little of the far sky shines weighs as it
+//! does in fog. `rho` is `sqrt(x^2 + tau^2) - tau`, linear beyond `tau`, so that outliers of the
+//! prior have bounded gradients. `tau` is the error of the prior: the residual of its fit over d,
+//! and 1 % at least. The derivative is exact, so transparency does not lower it. Pixels of the sky,
+//! and those covered by less than half, do not count.
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};

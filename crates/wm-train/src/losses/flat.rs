@@ -7,8 +7,7 @@
 
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
-use wm_render::training::Comparison;
-use wm_render::training::SplatTerms;
+use wm_render::training::{Comparison, SplatTerms};
 
 /// The term `flat`.
 #[derive(Clone, Debug)]

@@ -28,8 +28,7 @@ pub(crate) use surface::SurfaceTerm;
 use crate::config::TrainConfig;
 use crate::priors::Prior;
 use wm_render::simd::SimdPath;
-use wm_render::training::SplatTerms;
-use wm_render::training::{Comparison, Term};
+use wm_render::training::{Comparison, SplatTerms, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Frame, Learn, Opacity, Upstream};
 use wm_scene::Camera;
 
@@ -137,7 +136,7 @@ pub(crate) struct OwnRender {
     pub(crate) drawn: DrawnSplats,
     /// The parameters that learn from it.
     pub(crate) learn: Learn,
-    /// Whether gradients of depth reach coverage.
+    /// The choice of whether gradients of depth reach coverage.
     pub(crate) depth_alpha: DepthAlpha,
 }
 

@@ -3,10 +3,10 @@
 //! `mean max(|A - S| - 0.05, 0)` with the coverage A by all splats but the sky's, from a render of
 //! its own, and S, 1 where the prior has the place and 0 where it has the sky. Only opacities learn
 //! from it: shapes would be blown up over gaps that no splat covers yet. On the border between sky
-//! and place, which the prior leaves unknown and which is finer in the photo, S is the position of the
-//! photo's colour between those of the sky and the place beside it; other unknown pixels do not count.
-//! Without this term the sky is painted on splats in front of it, which fog lights up, and shines
-//! through walls.
+//! and place, which the prior leaves unknown and which is finer in the photo, S is the position of
+//! the photo's colour between those of the sky and the place beside it; other unknown pixels do not
+//! count. Without this term the sky is painted on splats in front of it, which fog lights up, and
+//! shines through walls.
 
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
