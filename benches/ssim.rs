@@ -4,7 +4,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use wm_render::simd::SimdPath;
 use wm_scene::random::uniform;
-use wm_train::ssim::Ssim;
+use wm_train::metrics::Ssim;
 
 fn ssim(c: &mut Criterion) {
     let (width, height) = (600, 444);

@@ -95,7 +95,7 @@ pub fn run(args: &LabelArgs) -> Result<()> {
         if interrupt::asked() {
             bail!(Interrupted("nothing was written".into()));
         }
-        let (width, height) = PhotoSize::Longest(LONGEST).of((camera.width, camera.height));
+        let (width, height) = PhotoSize::Longest(LONGEST).reduced(camera.width, camera.height);
         let camera = camera.resized(width, height);
         votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?;
         bar.inc(1);

@@ -14,7 +14,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::ops::{Image, Linear, Norm, Then, numbers};
+use crate::ops::{Activation, Image, Linear, Norm, numbers};
 use crate::pillow;
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Licence, Weights, WeightsError};
@@ -22,18 +22,18 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Mean and deviation of the pictures that CLIP learnt from, red, green, blue.
+/// Mean and standard deviation of CLIP's training images, red, green, blue.
 const MEAN: [f32; 3] = [0.481_454_66, 0.457_827_5, 0.408_210_73];
 const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
 /// Channels of an attention head in all of OpenAI's networks.
-const HEAD: usize = 64;
-/// Of the norms.
+const HEAD_CHANNELS: usize = 64;
+/// The epsilon of the layer norms.
 const EPSILON: f64 = 1e-5;
 /// Most blocks, channels and pixels of a side that are taken; the largest published ones have 24,
 /// 1024 and 336.
-const MOST_BLOCKS: usize = 64;
-const MOST_CHANNELS: usize = 1 << 13;
-const LONGEST_SIDE: usize = 1 << 11;
+const MAX_BLOCKS: usize = 64;
+const MAX_CHANNELS: usize = 1 << 13;
+const MAX_SIDE_PX: usize = 1 << 11;
 /// The advice where a file is of another network.
 const ADVICE: &str = "give the weights of openai/clip-vit-large-patch14-336 on Hugging Face, pytorch_model.bin or \
                       converted to safetensors";
@@ -63,7 +63,7 @@ impl Architecture {
     /// ViT-L/14 at 336 px.
     const PUBLISHED: Self = Self { channels: 1024, wide: 4096, blocks: 24, patch: 14, grid: 24, width: 768 };
 
-    /// Finds out from tensors' shapes.
+    /// Derives the architecture from the shapes of tensors.
     fn of(weights: &Weights) -> Result<Self, WeightsError> {
         let filters = weights.shape("vision_model.embeddings.patch_embedding.weight");
         let Some([channels, 3, patch, other]) = filters else {
@@ -84,13 +84,13 @@ impl Architecture {
         let positions = length("vision_model.embeddings.position_embedding.weight")?;
         let grid = (positions - 1).isqrt();
         let is_there = |block: &usize| weights.shape(&of_block(*block, "layer_norm1.weight")).is_some();
-        // One that is missing between others is named when it is read.
-        let blocks = (0..MOST_BLOCKS).rev().find(is_there).map_or(0, |last| last + 1);
-        let is_known = channels % HEAD == 0
-            && (HEAD..=MOST_CHANNELS).contains(&channels)
+        // A missing tensor between others is reported when it is read.
+        let blocks = (0..MAX_BLOCKS).rev().find(is_there).map_or(0, |last| last + 1);
+        let is_known = channels % HEAD_CHANNELS == 0
+            && (HEAD_CHANNELS..=MAX_CHANNELS).contains(&channels)
             && patch == *other
-            && (1..=LONGEST_SIDE).contains(&patch)
-            && (1..=LONGEST_SIDE / patch).contains(&grid)
+            && (1..=MAX_SIDE_PX).contains(&patch)
+            && (1..=MAX_SIDE_PX / patch).contains(&grid)
             && positions == 1 + grid * grid
             && blocks > 0;
         if !is_known {
@@ -104,7 +104,7 @@ impl Architecture {
     }
 }
 
-/// The name of a tensor of a block.
+/// Returns the name of a tensor of a block.
 fn of_block(index: usize, what: &str) -> String {
     format!("vision_model.encoder.layers.{index}.{what}")
 }
@@ -151,7 +151,7 @@ impl Clip {
             channels,
             wide,
             epsilon: EPSILON,
-            activation: Then::QuickGelu,
+            activation: Activation::QuickGelu,
         };
         let block = |index| Block::read(&kind, &mut |what, shape| tensor(&of_block(index, what), shape));
         let blocks = (0..blocks).map(block).collect::<Result<_, _>>()?;
@@ -174,25 +174,26 @@ impl Clip {
         })
     }
 
-    /// Numbers of an embedding: 768 of the published network.
+    /// Returns the length of an embedding: 768 for the published network.
     #[must_use]
     pub const fn width(&self) -> usize {
         self.architecture.width
     }
 
-    /// Returns true if it has the sizes of ViT-L/14 at 336 px, which CMMD is defined by.
+    /// Returns true if the network has the sizes of ViT-L/14 at 336 px, by which CMMD is defined.
     #[must_use]
     pub fn is_published(&self) -> bool {
         self.architecture == Architecture::PUBLISHED
     }
 
-    /// A number that tells its weights from others.
+    /// Returns a number that identifies the weights.
     #[must_use]
     pub const fn identity(&self) -> u64 {
         self.identity
     }
 
-    /// Returns the embedding of an image, `[H, W, 3]`, display-referred, 8 bit: a vector of length 1.
+    /// Returns the embedding of an image, `[H, W, 3]`, display-referred, 8 bit: a vector of length
+    /// 1.
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
@@ -206,22 +207,22 @@ impl Clip {
         let levels = square(rgb, width, patch * grid);
         let mut x = self.before.apply(&self.embedding.apply(&normalized(&levels, patch * grid)));
         for block in &self.blocks {
-            block.apply(&mut x, channels / HEAD);
+            block.apply(&mut x, channels / HEAD_CHANNELS);
         }
-        let mut embedding = self.project.apply(self.after.apply(&x[..channels]), Then::Nothing);
+        let mut embedding = self.project.apply(self.after.apply(&x[..channels]), Activation::Nothing);
         let length = embedding.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
         embedding.iter_mut().for_each(|value| *value = (f64::from(*value) / length) as f32);
         if embedding.iter().all(|value| value.is_finite()) { Ok(embedding) } else { Err(NotFinite) }
     }
 
-    /// Under what the published weights may be used: LICENSE of <https://github.com/openai/CLIP>.
-    /// Its model card asks not to deploy them.
+    /// Returns the licence of the published weights: LICENSE of <https://github.com/openai/CLIP>.
+    /// The model card asks not to deploy them.
     #[must_use]
     pub const fn licence() -> Licence {
         Licence::Mit
     }
 
-    /// Bytes of the published file, about: the text's part is in it too.
+    /// Approximate size of the published file, bytes, with the text encoder.
     pub const BYTES: u64 = 1_712_000_000;
 
     /// Returns the source of the published weights for [`fetch`](crate::weights::fetch::fetch).
@@ -238,14 +239,14 @@ impl Clip {
     }
 }
 
-/// The square in the middle of a picture, `[side, side, 3]`.
+/// Returns the square in the middle of a picture, resized, `[side, side, 3]`.
 fn square(rgb: &[u8], width: usize, side: usize) -> Vec<u8> {
     let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
     assert!(height > 0 && rgb.len() == 3 * width * height, "whole rows of pixels");
     let length = width.min(height);
     let (left, top) = ((width - length) / 2, (height - length) / 2);
     let row = |y: usize| &rgb[3 * (y * width + left)..3 * (y * width + left + length)];
-    pillow::resized((top..top + length).flat_map(row).copied().collect(), (length, length), (side, side))
+    pillow::resized((top..top + length).flat_map(row).copied().collect(), length, length, (side, side))
 }
 
 fn normalized(levels: &[u8], side: usize) -> Image {

@@ -2,7 +2,7 @@
 //! unleashing the power of large-scale unlabeled data") and V2 (Yang et al. 2024, "Depth Anything
 //! V2").
 //!
-//! A photo is resized to whole patches of 14x14 px ([`DepthAnything::network_size`]). A DINOv2
+//! A photo is resized to whole patches of 14x14 px (`DepthAnything::network_size`). A DINOv2
 //! transformer makes features of the patches, of which four layers go to a DPT head that puts them
 //! together at 4, 2, 1 and 1/2 px a patch, the smallest first. V1 and V2 have the same tensors and
 //! take other layers, which is why the [`Version`] has to be given. What comes out is disparity
@@ -18,16 +18,14 @@ mod tensors;
 #[cfg(test)]
 mod tests;
 
-use crate::ops;
 use crate::weights::{Licence, Weights, WeightsError, WeightsFault};
 use network::Network;
 use std::path::PathBuf;
 use tensors::{ADVICE, Architecture, Config, Reader};
 use thiserror::Error;
 
-/// A photo's longer side may be this many times the shorter one. Attention's work grows with its
-/// square.
-pub const LONGEST: usize = 4;
+/// Largest aspect ratio of a photo: the cost of attention grows with its square.
+pub(crate) const MAX_ASPECT_RATIO: usize = 4;
 
 /// The family of the weights. Their tensors do not tell it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -65,7 +63,7 @@ pub struct Disparity {
 /// A reason why a photo has no disparity.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum DisparityError {
-    /// Less than a patch.
+    /// The photo is smaller than a patch.
     #[error(
         "a photo of {width}x{height} px is too small; the depth network takes {0}x{0} px and more",
         photo::PATCH
@@ -76,9 +74,9 @@ pub enum DisparityError {
         /// px.
         height: usize,
     },
-    /// A strip.
+    /// The photo is too long.
     #[error(
-        "a photo of {width}x{height} px is too long; the depth network takes sides of up to {LONGEST}:1, so cut it up"
+        "a photo of {width}x{height} px is too long; the depth network takes sides of up to {MAX_ASPECT_RATIO}:1, so cut it up"
     )]
     Long {
         /// px.
@@ -97,9 +95,8 @@ pub enum DisparityError {
 #[derive(Debug)]
 pub struct DepthAnything {
     network: Network,
-    /// Side of the photos that it learnt from, px.
+    /// Side of the training photos, px.
     side: usize,
-    version: Version,
     size: Option<ModelSize>,
 }
 
@@ -127,13 +124,7 @@ impl DepthAnything {
             }
         }
         let network = Reader { weights: &mut weights, architecture }.network(version)?;
-        Ok(Self { network, side: photo::PATCH * architecture.grid, version, size: architecture.size() })
-    }
-
-    /// The version that was said.
-    #[must_use]
-    pub const fn version(&self) -> Version {
-        self.version
+        Ok(Self { network, side: photo::PATCH * architecture.grid, size: architecture.size() })
     }
 
     /// Returns the published size that the network has, if any.
@@ -142,10 +133,10 @@ impl DepthAnything {
         self.size
     }
 
-    /// Under what the published weights may be used. It stands for V2 in the README of
-    /// <https://github.com/DepthAnything/Depth-Anything-V2> (LICENSE: "Small model is under the Apache-2.0
-    /// license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for both on the
-    /// models' pages at Hugging Face, for V1 `license: apache-2.0`.
+    /// Returns the licence of the published weights. For V2 it is stated in the README of
+    /// <https://github.com/DepthAnything/Depth-Anything-V2> (LICENSE: "Small model is under the
+    /// Apache-2.0 license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for
+    /// both on the models' pages at Hugging Face, for V1 `license: apache-2.0`.
     #[must_use]
     pub const fn licence(size: ModelSize, version: Version) -> Licence {
         match (version, size) {
@@ -154,69 +145,41 @@ impl DepthAnything {
         }
     }
 
-    /// Returns the address of the weights, as safetensors.
-    #[must_use]
-    pub const fn url(size: ModelSize, version: Version) -> &'static str {
-        match (version, size) {
-            (Version::V1, ModelSize::Small) => {
-                "https://huggingface.co/LiheYoung/depth-anything-small-hf/resolve/main/model.safetensors"
-            }
-            (Version::V1, ModelSize::Base) => {
-                "https://huggingface.co/LiheYoung/depth-anything-base-hf/resolve/main/model.safetensors"
-            }
-            (Version::V1, ModelSize::Large) => {
-                "https://huggingface.co/LiheYoung/depth-anything-large-hf/resolve/main/model.safetensors"
-            }
-            (Version::V2, ModelSize::Small) => {
-                "https://huggingface.co/depth-anything/Depth-Anything-V2-Small-hf/resolve/main/model.safetensors"
-            }
-            (Version::V2, ModelSize::Base) => {
-                "https://huggingface.co/depth-anything/Depth-Anything-V2-Base-hf/resolve/main/model.safetensors"
-            }
-            (Version::V2, ModelSize::Large) => {
-                "https://huggingface.co/depth-anything/Depth-Anything-V2-Large-hf/resolve/main/model.safetensors"
-            }
-        }
-    }
-
-    /// A file name for those weights, different for each.
-    #[must_use]
-    pub const fn file_name(size: ModelSize, version: Version) -> &'static str {
-        match (version, size) {
-            (Version::V1, ModelSize::Small) => "depth-anything-v1-small.safetensors",
-            (Version::V1, ModelSize::Base) => "depth-anything-v1-base.safetensors",
-            (Version::V1, ModelSize::Large) => "depth-anything-v1-large.safetensors",
-            (Version::V2, ModelSize::Small) => "depth-anything-v2-small.safetensors",
-            (Version::V2, ModelSize::Base) => "depth-anything-v2-base.safetensors",
-            (Version::V2, ModelSize::Large) => "depth-anything-v2-large.safetensors",
-        }
-    }
-
     /// Returns the source of these weights for [`fetch`](crate::weights::fetch::fetch). Their
     /// checksum is not known here.
     #[cfg(feature = "fetch")]
     #[must_use]
     pub fn source(size: ModelSize, version: Version) -> crate::weights::fetch::DownloadSource {
+        let (word, title) = match size {
+            ModelSize::Small => ("small", "Small"),
+            ModelSize::Base => ("base", "Base"),
+            ModelSize::Large => ("large", "Large"),
+        };
+        let (repository, number) = match version {
+            Version::V1 => (format!("LiheYoung/depth-anything-{word}-hf"), 1),
+            Version::V2 => (format!("depth-anything/Depth-Anything-V2-{title}-hf"), 2),
+        };
         crate::weights::fetch::DownloadSource {
-            url: Self::url(size, version).into(),
-            file_name: Self::file_name(size, version).into(),
+            url: format!("https://huggingface.co/{repository}/resolve/main/model.safetensors"),
+            file_name: format!("depth-anything-v{number}-{word}.safetensors"),
             checksum: None,
         }
     }
 
-    /// Width and height of [`Self::predict`]'s output for a photo, px: multiples of 14. The side
-    /// that has to change less becomes 518 (that of the photos which the network learnt from): the
-    /// shorter one of a larger photo, the longer one of a smaller.
+    /// Returns width and height of the output of [`Self::predict`], px: multiples of 14. The side
+    /// that changes less becomes 518, that of the training photos: the shorter side of a larger
+    /// photo, the longer side of a smaller one.
     ///
     /// # Errors
-    /// [`DisparityError`] if a side is below 14 px or the longer one over [`LONGEST`] times the
-    /// other.
-    pub fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
+    /// [`DisparityError`] if a side is below 14 px or the longer one over [`MAX_ASPECT_RATIO`] times
+    /// the other.
+    pub(crate) fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
         photo::size(width, height, self.side)
     }
 
-    /// The disparity of a photo, `[H, W, 3]`, display-referred, 0-1 (others are clamped; it is
-    /// rounded to 8 bit as the reference does), at the network's size. Not below 0.
+    /// Returns the disparity of a photo at the network's size, 0 or above. The photo is `[H, W,
+    /// 3]`, display-referred, 0-1 (other values are clamped; values are rounded to 8 bit as in the
+    /// reference).
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
@@ -226,36 +189,13 @@ impl DepthAnything {
     /// # Panics
     /// If the photo is not whole rows of `width`.
     pub fn predict(&self, rgb: &[f32], width: usize) -> Result<Disparity, DisparityError> {
-        self.image(rgb, width).map(Disparity::from)
-    }
-
-    /// [`Self::predict`], resized to the photo as the reference does: by cubic convolution, which
-    /// overshoots at edges, so that values may be a little below 0.
-    ///
-    /// # Errors
-    /// As [`Self::predict`].
-    ///
-    /// # Panics
-    /// As [`Self::predict`].
-    pub fn predict_at_photo_size(&self, rgb: &[f32], width: usize) -> Result<Disparity, DisparityError> {
-        let image = self.image(rgb, width)?;
-        Ok(image.bicubic(width, rgb.len() / (3 * width)).into())
-    }
-
-    fn image(&self, rgb: &[f32], width: usize) -> Result<ops::Image, DisparityError> {
         let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
         assert_eq!(rgb.len(), 3 * width * height, "whole rows of pixels");
         let to = self.network_size(width, height)?;
-        let image = self.network.disparity(&photo::normalized(rgb, (width, height), to));
+        let image = self.network.disparity(&photo::normalized(rgb, width, height, to));
         if !image.values.iter().all(|value| value.is_finite()) {
             return Err(DisparityError::NotFinite);
         }
-        Ok(image)
-    }
-}
-
-impl From<ops::Image> for Disparity {
-    fn from(image: ops::Image) -> Self {
-        Self { values: image.values, width: image.width, height: image.height }
+        Ok(Disparity { values: image.values, width: image.width, height: image.height })
     }
 }

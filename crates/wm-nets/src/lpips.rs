@@ -20,7 +20,7 @@ use std::path::PathBuf;
 
 /// One of the network's convolutions with its head.
 struct Layer {
-    /// Its place in torchvision's `features`.
+    /// The index of the convolution in torchvision's `features`.
     place: usize,
     /// Channels that come in and go out.
     channels: (usize, usize),
@@ -51,7 +51,7 @@ const POOL: (usize, usize) = (3, 2);
 /// Shift and scale of the published network's images, red, green, blue.
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
-/// Keeps the length of features that are all 0 from dividing by 0.
+/// Added to the length of features, so that it is never 0.
 const EPSILON: f64 = 1e-10;
 /// The advice where a tensor is missing or of another shape.
 const ADVICE: &str =
@@ -103,7 +103,7 @@ struct Features {
 }
 
 impl Lpips {
-    /// Fewest pixels on a side: less leaves nothing to the second maximum.
+    /// Shortest side of a picture, px: less leaves nothing to the second maximum.
     pub const SMALLEST: usize = 31;
 
     /// Reads published weights, safetensors or PyTorch's, from one file or several: `features.N.*`
@@ -125,9 +125,9 @@ impl Lpips {
         Ok(Self { convolutions })
     }
 
-    /// The distance of two pictures, `[H, W, 3]`, display-referred, 0-1 (others are clamped). With
-    /// a mask, `[H, W]`, 0-1, pixels that do not count are taken from `y` in both pictures: there
-    /// they are alike, but the mean is still over the whole picture.
+    /// Returns the distance of two pictures, `[H, W, 3]`, display-referred, 0-1 (other values are
+    /// clamped). With a mask, `[H, W]`, 0-1, masked pixels are taken from `y` in both pictures;
+    /// the mean is still over the whole picture.
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
@@ -153,7 +153,7 @@ impl Lpips {
         layers.map(|(convolution, (x, y))| mean_difference(x, y, &convolution.head)).sum()
     }
 
-    /// The features of each layer.
+    /// Returns the features of each layer.
     fn features(&self, rgb: &[f32], width: usize, height: usize) -> candle_core::Result<Vec<Features>> {
         let mut planes = Vec::with_capacity(rgb.len());
         for lane in 0..3 {
@@ -176,7 +176,7 @@ impl Lpips {
 }
 
 impl Features {
-    /// One over the length at each pixel.
+    /// Returns the reciprocal of the length at each pixel.
     fn inverse_lengths(&self) -> Vec<f64> {
         let mut squares = vec![0.0; self.pixels];
         for plane in self.values.chunks_exact(self.pixels) {
@@ -188,7 +188,7 @@ impl Features {
     }
 }
 
-/// The mean over pixels of the weighted squares.
+/// Returns the mean over pixels of the weighted squares.
 fn mean_difference(x: &Features, y: &Features, head: &[f32]) -> f64 {
     let (of_x, of_y) = (x.inverse_lengths(), y.inverse_lengths());
     let planes = x.values.chunks_exact(x.pixels).zip(y.values.chunks_exact(y.pixels));

@@ -8,27 +8,27 @@
 use candle_core::{Device, Storage, Tensor};
 use rayon::prelude::*;
 
-/// Numbers of neighbours that are laid out at a time for a convolution: 8 MiB.
-const NEIGHBOURS: usize = 1 << 21;
-/// Rows that a thread takes at a time.
-const ROWS: usize = 16;
+/// Most values of neighbours that are laid out at a time for a convolution: 8 MiB.
+const MAX_NEIGHBOUR_VALUES: usize = 1 << 21;
+/// Rows per task.
+const BLOCK_ROWS: usize = 16;
 
 /// Features of an image, row by row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Image {
+pub(crate) struct Image {
     /// `[height, width, channels]`
-    pub values: Vec<f32>,
+    pub(crate) values: Vec<f32>,
     /// px.
-    pub width: usize,
+    pub(crate) width: usize,
     /// px.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Numbers a pixel.
-    pub channels: usize,
+    pub(crate) channels: usize,
 }
 
 /// A matrix with a bias.
 #[derive(Debug)]
-pub struct Linear {
+pub(crate) struct Linear {
     /// `[to, from]`
     weight: Tensor,
     /// `[to]`
@@ -37,7 +37,7 @@ pub struct Linear {
 
 /// The function that follows a product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Then {
+pub(crate) enum Activation {
     Nothing,
     Relu,
     /// `x / 2 (1 + erf(x / sqrt 2))`
@@ -46,12 +46,12 @@ pub enum Then {
     QuickGelu,
 }
 
-/// A tensor's numbers, which are f32 on the CPU in all of this crate.
-pub fn numbers(tensor: &Tensor) -> Vec<f32> {
+/// Returns a tensor's numbers, which are f32 on the CPU in all of this crate.
+pub(crate) fn numbers(tensor: &Tensor) -> Vec<f32> {
     tensor.flatten_all().and_then(|flat| flat.to_vec1()).expect("numbers that are f32")
 }
 
-/// A tensor over numbers, without a copy.
+/// Returns a tensor over numbers, without a copy.
 fn matrix(values: Vec<f32>, columns: usize) -> Tensor {
     let rows = values.len() / columns;
     Tensor::from_vec(values, (rows, columns), &Device::Cpu).expect("whole rows")
@@ -64,9 +64,9 @@ fn product(lhs: &Tensor, rhs: &Tensor, f: impl Fn(usize, &mut [f32]) + Sync) -> 
     let (storage, _) = product.storage_and_layout();
     let Storage::Cpu(storage) = &*storage else { unreachable!("all is on the CPU") };
     let mut values = storage.as_slice::<f32>().expect("numbers that are f32").to_vec();
-    values.par_chunks_mut(ROWS * columns).enumerate().for_each(|(block, rows)| {
+    values.par_chunks_mut(BLOCK_ROWS * columns).enumerate().for_each(|(block, rows)| {
         for (index, row) in rows.chunks_exact_mut(columns).enumerate() {
-            f(block * ROWS + index, row);
+            f(block * BLOCK_ROWS + index, row);
         }
     });
     values
@@ -74,12 +74,12 @@ fn product(lhs: &Tensor, rhs: &Tensor, f: impl Fn(usize, &mut [f32]) + Sync) -> 
 
 impl Linear {
     /// `weight` `[to, from]` row by row, `bias` `[to]`.
-    pub fn new(weight: Vec<f32>, bias: Option<Vec<f32>>, from: usize) -> Self {
+    pub(crate) fn new(weight: Vec<f32>, bias: Option<Vec<f32>>, from: usize) -> Self {
         Self { weight: matrix(weight, from), bias }
     }
 
     /// `[rows, from]` to `[rows, to]`.
-    pub fn apply(&self, x: Vec<f32>, then: Then) -> Vec<f32> {
+    pub(crate) fn apply(&self, x: Vec<f32>, then: Activation) -> Vec<f32> {
         let x = matrix(x, self.weight.dims()[1]);
         let transposed = self.weight.t().expect("two dimensions");
         product(&x, &transposed, |_, row| {
@@ -87,22 +87,22 @@ impl Linear {
                 row.iter_mut().zip(bias).for_each(|(value, bias)| *value += bias);
             }
             match then {
-                Then::Nothing => {}
-                Then::Relu => row.iter_mut().for_each(|value| *value = relu(*value)),
-                Then::Gelu => row.iter_mut().for_each(|value| *value = gelu(*value)),
-                Then::QuickGelu => row.iter_mut().for_each(|value| *value = quick_gelu(*value)),
+                Activation::Nothing => {}
+                Activation::Relu => row.iter_mut().for_each(|value| *value = relu(*value)),
+                Activation::Gelu => row.iter_mut().for_each(|value| *value = gelu(*value)),
+                Activation::QuickGelu => row.iter_mut().for_each(|value| *value = quick_gelu(*value)),
             }
         })
     }
 
-    /// Numbers that come out.
+    /// Returns the number of output channels.
     fn to(&self) -> usize {
         self.weight.dims()[0]
     }
 
     /// Applies the layer to every pixel of an image: a convolution of 1x1 px.
-    pub fn over(&self, image: Image) -> Image {
-        let values = self.apply(image.values, Then::Nothing);
+    pub(crate) fn over(&self, image: Image) -> Image {
+        let values = self.apply(image.values, Activation::Nothing);
         Image { values, channels: self.to(), ..image }
     }
 }
@@ -122,7 +122,7 @@ fn quick_gelu(x: f32) -> f32 {
 
 /// A convolution of 3x3 px with one pixel of zeros around the image.
 #[derive(Debug)]
-pub struct Convolution {
+pub(crate) struct Convolution {
     /// From the nine neighbours, row by row, of a pixel.
     linear: Linear,
     stride: usize,
@@ -130,7 +130,7 @@ pub struct Convolution {
 
 impl Convolution {
     /// `weight` `[to, from, 3, 3]`.
-    pub fn new(weight: &[f32], bias: Option<Vec<f32>>, from: usize, stride: usize) -> Self {
+    pub(crate) fn new(weight: &[f32], bias: Option<Vec<f32>>, from: usize, stride: usize) -> Self {
         let mut sorted = Vec::with_capacity(weight.len());
         for filter in weight.chunks_exact(9 * from) {
             for place in 0..9 {
@@ -140,20 +140,19 @@ impl Convolution {
         Self { linear: Linear::new(sorted, bias, 9 * from), stride }
     }
 
-    /// The image, smaller by the stride, rounded up.
-    pub fn apply(&self, image: &Image, then: Then) -> Image {
+    /// Applies the layer; the image shrinks by the stride, rounded up.
+    pub(crate) fn apply(&self, image: &Image, then: Activation) -> Image {
         let (width, height) = (image.width.div_ceil(self.stride), image.height.div_ceil(self.stride));
         let (pixels, one) = (width * height, 9 * image.channels);
-        let at_a_time = (NEIGHBOURS / one).max(1);
+        let at_a_time = (MAX_NEIGHBOUR_VALUES / one).max(1);
         let mut values = Vec::with_capacity(pixels * self.linear.to());
         for start in (0..pixels).step_by(at_a_time) {
             let count = at_a_time.min(pixels - start);
             let mut neighbours = vec![0.0; count * one];
-            neighbours.par_chunks_mut(one * ROWS).enumerate().for_each(|(block, chunk)| {
+            neighbours.par_chunks_mut(one * BLOCK_ROWS).enumerate().for_each(|(block, chunk)| {
                 for (index, nine) in chunk.chunks_exact_mut(one).enumerate() {
-                    let pixel = start + block * ROWS + index;
-                    let at = (pixel % width * self.stride, pixel / width * self.stride);
-                    image.neighbours(at, nine);
+                    let pixel = start + block * BLOCK_ROWS + index;
+                    image.neighbours(pixel % width * self.stride, pixel / width * self.stride, nine);
                 }
             });
             values.extend(self.linear.apply(neighbours, then));
@@ -164,7 +163,7 @@ impl Convolution {
 
 /// A transposed convolution whose stride is its side: each pixel becomes a square of them.
 #[derive(Debug)]
-pub struct Enlarge {
+pub(crate) struct Enlarge {
     /// To the pixels of the square, row by row.
     linear: Linear,
     side: usize,
@@ -172,7 +171,7 @@ pub struct Enlarge {
 
 impl Enlarge {
     /// `weight` `[channels, channels, side, side]`, the first those that come in.
-    pub fn new(weight: &[f32], bias: &[f32], side: usize) -> Self {
+    pub(crate) fn new(weight: &[f32], bias: &[f32], side: usize) -> Self {
         let channels = bias.len();
         let square = side * side;
         let mut sorted = Vec::with_capacity(weight.len());
@@ -184,10 +183,10 @@ impl Enlarge {
         Self { linear: Linear::new(sorted, Some(bias.repeat(square)), channels), side }
     }
 
-    /// The image, larger by the side.
-    pub fn apply(&self, image: Image) -> Image {
+    /// Applies the layer; the image grows by the side.
+    pub(crate) fn apply(&self, image: Image) -> Image {
         let Image { width, height, channels, .. } = image;
-        let squares = self.linear.apply(image.values, Then::Nothing);
+        let squares = self.linear.apply(image.values, Activation::Nothing);
         // A row of a square.
         let run = self.side * channels;
         let mut values = vec![0.0; squares.len()];
@@ -203,11 +202,11 @@ impl Enlarge {
 }
 
 impl Image {
-    /// The channels of the 3x3 px around a pixel, into `nine`, which is all 0.
-    fn neighbours(&self, (x, y): (usize, usize), nine: &mut [f32]) {
+    /// Copies the channels of the 3x3 px around a pixel into `nine`, which is all 0.
+    fn neighbours(&self, x: usize, y: usize, nine: &mut [f32]) {
         let run = 3 * self.channels;
         let (left, right) = (x.saturating_sub(1), (x + 2).min(self.width));
-        // Where the first of them is missing, at the image's left edge.
+        // At the left edge the first column is missing.
         let skip = (left + 1 - x) * self.channels;
         for (row, three) in nine.chunks_exact_mut(run).enumerate() {
             let Some(y) = (y + row).checked_sub(1).filter(|y| *y < self.height) else { continue };
@@ -217,29 +216,29 @@ impl Image {
         }
     }
 
-    /// The values with what is below 0 set to 0.
-    pub fn relu(&self) -> Self {
+    /// Returns the image with negative values set to 0.
+    pub(crate) fn relu(&self) -> Self {
         let values = self.values.par_iter().with_min_len(1 << 14).map(|value| relu(*value)).collect();
         Self { values, ..*self }
     }
 
     /// Adds another image of the same size.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         assert_eq!(self.values.len(), other.values.len(), "images of one size");
         let pairs = self.values.par_iter_mut().with_min_len(1 << 14).zip(&other.values);
         pairs.for_each(|(value, other)| *value += other);
     }
 
-    /// Linearly between pixels, corners on corners.
-    pub fn bilinear(&self, width: usize, height: usize) -> Self {
+    /// Resizes bilinearly, with aligned corner pixels.
+    pub(crate) fn bilinear(&self, width: usize, height: usize) -> Self {
         let columns = taps(width, |x| linear_taps(x, self.width, width));
         let rows = taps(height, |y| linear_taps(y, self.height, height));
         self.resized(&columns, &rows)
     }
 
-    /// By cubic convolution with a = -0.75 between pixels, edges on edges, no filter where it
-    /// becomes smaller; so it may leave the range of the values.
-    pub fn bicubic(&self, width: usize, height: usize) -> Self {
+    /// Resizes by cubic convolution with a = -0.75 and aligned edges, without a filter for
+    /// reduction; the result may leave the range of the values.
+    pub(crate) fn bicubic(&self, width: usize, height: usize) -> Self {
         let columns = taps(width, |x| cubic_taps(x, self.width, width));
         let rows = taps(height, |y| cubic_taps(y, self.height, height));
         self.resized(&columns, &rows)
@@ -265,7 +264,7 @@ impl Image {
     }
 }
 
-/// A value that a resized image takes from another, and how much of it.
+/// The index and weight of a sample of a resized image.
 #[derive(Clone, Copy)]
 struct Tap {
     index: usize,
@@ -299,19 +298,19 @@ fn cubic_taps(at: usize, from: usize, to: usize) -> [Tap; 4] {
 
 /// Scale and shift of a layer norm, each `[channels]`.
 #[derive(Debug)]
-pub struct Norm {
-    pub scale: Vec<f32>,
-    pub shift: Vec<f32>,
-    /// Keeps rows that are all alike from dividing by 0.
-    pub epsilon: f64,
+pub(crate) struct Norm {
+    pub(crate) scale: Vec<f32>,
+    pub(crate) shift: Vec<f32>,
+    /// Added to the variance, so that constant rows do not divide by 0.
+    pub(crate) epsilon: f64,
 }
 
 impl Norm {
     /// `[rows, channels]`, each row with mean 0 and variance 1 before scale and shift.
-    pub fn apply(&self, x: &[f32]) -> Vec<f32> {
+    pub(crate) fn apply(&self, x: &[f32]) -> Vec<f32> {
         let channels = self.scale.len();
         let mut values = x.to_vec();
-        values.par_chunks_mut(channels * ROWS).for_each(|rows| {
+        values.par_chunks_mut(channels * BLOCK_ROWS).for_each(|rows| {
             for row in rows.chunks_exact_mut(channels) {
                 let mean = row.iter().map(|v| f64::from(*v)).sum::<f64>() / channels as f64;
                 let squares = row.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>();
@@ -327,20 +326,22 @@ impl Norm {
 }
 
 /// Adds `[rows, channels]`, each channel scaled.
-pub fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
+pub(crate) fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
     let channels = scale.len();
-    x.par_chunks_mut(channels * ROWS).zip(other.par_chunks(channels * ROWS)).for_each(|(x, other)| {
-        for (x, other) in x.chunks_exact_mut(channels).zip(other.chunks_exact(channels)) {
-            x.iter_mut().zip(other.iter().zip(scale)).for_each(|(x, (other, scale))| *x += other * scale);
-        }
-    });
+    x.par_chunks_mut(channels * BLOCK_ROWS).zip(other.par_chunks(channels * BLOCK_ROWS)).for_each(
+        |(x, other)| {
+            for (x, other) in x.chunks_exact_mut(channels).zip(other.chunks_exact(channels)) {
+                x.iter_mut().zip(other.iter().zip(scale)).for_each(|(x, (other, scale))| *x += other * scale);
+            }
+        },
+    );
 }
 
 /// `softmax(q k^T / sqrt d) v` of each head, `[rows, channels]`. `qkv` is `[rows, 3 channels]`:
 /// queries, keys, values, in each the heads side by side.
-pub fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
+pub(crate) fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
     /// Queries at a time, which bounds the memory.
-    const QUERIES: usize = 256;
+    const BLOCK_QUERIES: usize = 256;
     let (rows, depth) = (qkv.len() / (3 * channels), channels / heads);
     let scale = 1.0 / (depth as f32).sqrt();
     let qkv = matrix(qkv, 3 * channels);
@@ -349,8 +350,9 @@ pub fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
     for head in 0..heads {
         let [queries, keys, values] = [0, 1, 2].map(|which| part(which * channels + head * depth));
         let keys = keys.t().expect("two dimensions");
-        for start in (0..rows).step_by(QUERIES) {
-            let some = queries.narrow(0, start, QUERIES.min(rows - start)).expect("rows that are there");
+        for start in (0..rows).step_by(BLOCK_QUERIES) {
+            let some =
+                queries.narrow(0, start, BLOCK_QUERIES.min(rows - start)).expect("rows that are there");
             let likeness = product(&some, &keys, |_, row| {
                 let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
                 row.iter_mut().for_each(|value| *value = ((*value - largest) * scale).exp());

@@ -4,18 +4,18 @@
 
 use rayon::prelude::*;
 
-/// Bits behind the point of the weights.
-const BITS: u32 = 22;
+/// Fractional bits of the weights.
+const WEIGHT_BITS: u32 = 22;
 
 /// The part of a row or column that makes one value: from `first` on, each with a weight times
-/// 2^[`BITS`].
+/// 2^[`WEIGHT_BITS`].
 struct Weights {
     first: usize,
     weights: Vec<i32>,
 }
 
-/// `[H, W, 3]` at another size (width, height).
-pub fn resized(mut levels: Vec<u8>, (width, height): (usize, usize), to: (usize, usize)) -> Vec<u8> {
+/// Resizes a picture, `[H, W, 3]`, to another width and height.
+pub(crate) fn resized(mut levels: Vec<u8>, width: usize, height: usize, to: (usize, usize)) -> Vec<u8> {
     if to.0 != width {
         let all = weights(width, to.0);
         let mut rows = vec![0; 3 * to.0 * height];
@@ -47,10 +47,11 @@ pub fn resized(mut levels: Vec<u8>, (width, height): (usize, usize), to: (usize,
 }
 
 fn rounded(sum: i32) -> u8 {
-    ((sum + (1 << (BITS - 1))) >> BITS).clamp(0, 255) as u8
+    ((sum + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS).clamp(0, 255) as u8
 }
 
-/// The weights of each value of a row or column that goes from `from` to `to` of them.
+/// Returns the weights of each value of a row or column that is resized from `from` to `to`
+/// values.
 fn weights(from: usize, to: usize) -> Vec<Weights> {
     let scale = from as f64 / to as f64;
     let wide = scale.max(1.0);
@@ -62,13 +63,13 @@ fn weights(from: usize, to: usize) -> Vec<Weights> {
         let end = ((center + reach + 0.5) as usize).min(from);
         let exact: Vec<f64> = (first..end).map(|place| cubic((place as f64 - center + 0.5) / wide)).collect();
         let sum: f64 = exact.iter().sum();
-        let fixed = |weight: &f64| (weight / sum * f64::from(1 << BITS)).round() as i32;
+        let fixed = |weight: &f64| (weight / sum * f64::from(1 << WEIGHT_BITS)).round() as i32;
         Weights { first, weights: exact.iter().map(fixed).collect() }
     };
     (0..to).map(of).collect()
 }
 
-/// The kernel of cubic convolution with a = -0.5.
+/// Returns the kernel of cubic convolution with a = -0.5.
 fn cubic(x: f64) -> f64 {
     const A: f64 = -0.5;
     match x.abs() {

@@ -8,11 +8,11 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 /// A tensor: name, shape, numbers.
-pub type Named = (String, Vec<usize>, Vec<f32>);
+pub(crate) type Named = (String, Vec<usize>, Vec<f32>);
 
 /// Number `index` of a stream, uniform in -1..1 with 24 bits: Draws of both. Easily written again
 /// in another language, which a comparison with another implementation needs.
-pub fn noise(stream: u64, index: u64) -> f64 {
+pub(crate) fn noise(stream: u64, index: u64) -> f64 {
     let z = (stream << 32).wrapping_add(index).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -20,26 +20,26 @@ pub fn noise(stream: u64, index: u64) -> f64 {
 }
 
 /// A folder with files in it.
-pub struct Files(tempfile::TempDir);
+pub(crate) struct Files(tempfile::TempDir);
 
 impl Files {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
-    pub fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    pub(crate) fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.path().join(name);
         fs::write(&path, content).unwrap();
         path
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.0.path()
     }
 }
 
 /// A safetensors file of f32.
-pub fn safetensors(tensors: &[Named]) -> Vec<u8> {
+pub(crate) fn safetensors(tensors: &[Named]) -> Vec<u8> {
     let (mut entries, mut numbers) = (Vec::new(), Vec::new());
     for (name, shape, values) in tensors {
         let from = numbers.len();
@@ -53,13 +53,13 @@ pub fn safetensors(tensors: &[Named]) -> Vec<u8> {
 }
 
 /// A safetensors file with any header.
-pub fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {
+pub(crate) fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {
     [&(header.len() as u64).to_le_bytes(), header.as_bytes(), numbers].concat()
 }
 
 /// The bytes that `torch.save` writes of a dictionary of f32 tensors, in the order of its
 /// instructions.
-pub fn pth(tensors: &[Named]) -> Vec<u8> {
+pub(crate) fn pth(tensors: &[Named]) -> Vec<u8> {
     let mut pickle = b"\x80\x02}q\x00(".to_vec();
     let mut entries = Vec::new();
     for (index, (name, shape, values)) in tensors.iter().enumerate() {
@@ -85,7 +85,7 @@ pub fn pth(tensors: &[Named]) -> Vec<u8> {
 }
 
 /// An uncompressed zip archive; its checksums are 0.
-pub fn zip(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
+pub(crate) fn zip(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
     let (mut out, mut directory) = (Vec::new(), Vec::new());
     for (name, content) in entries {
         let (at, size) = ((out.len() as u32).to_le_bytes(), (content.len() as u32).to_le_bytes());
@@ -125,7 +125,7 @@ fn tuple(pickle: &mut Vec<u8>, sides: &[usize]) {
 }
 
 /// An array of f32 and its shape.
-pub fn npy(path: &Path) -> (Vec<usize>, Vec<f32>) {
+pub(crate) fn npy(path: &Path) -> (Vec<usize>, Vec<f32>) {
     let bytes = fs::read(path).unwrap();
     let end = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
     let header = String::from_utf8_lossy(&bytes[10..end]).into_owned();
@@ -136,7 +136,7 @@ pub fn npy(path: &Path) -> (Vec<usize>, Vec<f32>) {
 }
 
 /// The levels of an RGB PNG, and its width.
-pub fn picture(path: &Path) -> (Vec<u8>, usize) {
+pub(crate) fn picture(path: &Path) -> (Vec<u8>, usize) {
     let mut reader =
         png::Decoder::new(std::io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
     let mut levels = vec![0; reader.output_buffer_size().unwrap()];
@@ -146,7 +146,7 @@ pub fn picture(path: &Path) -> (Vec<u8>, usize) {
 }
 
 /// The tensors of a safetensors file, by name.
-pub fn tensors(path: &Path) -> Vec<Named> {
+pub(crate) fn tensors(path: &Path) -> Vec<Named> {
     let bytes = fs::read(path).unwrap();
     let mut weights = Weights::open(&[path.into()], "").unwrap();
     let all = SafeTensors::deserialize(&bytes).unwrap().tensors();
@@ -161,14 +161,14 @@ pub fn tensors(path: &Path) -> Vec<Named> {
 }
 
 /// The one line with which something is refused.
-pub fn said<T>(result: Result<T, WeightsError>) -> String {
+pub(crate) fn said<T>(result: Result<T, WeightsError>) -> String {
     let line = result.err().expect("refused").to_string();
     assert!(!line.contains('\n'), "{line}");
     line
 }
 
 /// The largest difference, and the range of what is expected.
-pub fn gap(found: &[f32], expected: &[f32]) -> (f32, f32) {
+pub(crate) fn gap(found: &[f32], expected: &[f32]) -> (f32, f32) {
     assert_eq!(found.len(), expected.len());
     let largest = found.iter().zip(expected).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
     let range = |f: fn(f32, f32) -> f32| expected.iter().copied().reduce(f).unwrap();

@@ -1,30 +1,30 @@
 //! Vision transformers: patches of a picture with a class before them, and blocks that each network
 //! has its own number of.
 
-use crate::ops::{Image, Linear, Norm, Then, add_scaled, attention};
+use crate::ops::{Activation, Image, Linear, Norm, add_scaled, attention};
 use crate::weights::WeightsError;
 
 /// Reads a tensor by its name and shape.
-pub type Tensors<'a> = dyn FnMut(&str, &[usize]) -> Result<Vec<f32>, WeightsError> + 'a;
+pub(crate) type Tensors<'a> = dyn FnMut(&str, &[usize]) -> Result<Vec<f32>, WeightsError> + 'a;
 
 /// The layers before the blocks.
 #[derive(Debug)]
-pub struct Embedding {
+pub(crate) struct Embedding {
     /// From a patch's pixels, row by row.
-    pub patches: Linear,
+    pub(crate) patches: Linear,
     /// Side of a patch, px.
-    pub side: usize,
+    pub(crate) side: usize,
     /// The class token before the patches, `[channels]`.
-    pub class: Vec<f32>,
+    pub(crate) class: Vec<f32>,
     /// The position embedding of the class token.
-    pub class_position: Vec<f32>,
+    pub(crate) class_position: Vec<f32>,
     /// The position embeddings of the patches of a square image.
-    pub positions: Image,
+    pub(crate) positions: Image,
 }
 
 impl Embedding {
     /// Filters `[channels, 3, side, side]` for pixels that have their channels together.
-    pub fn filters(weight: &[f32], side: usize) -> Vec<f32> {
+    pub(crate) fn filters(weight: &[f32], side: usize) -> Vec<f32> {
         let square = side * side;
         let mut sorted = Vec::with_capacity(weight.len());
         for filter in weight.chunks_exact(3 * square) {
@@ -35,7 +35,7 @@ impl Embedding {
 
     /// Returns the input of the first block for an image of whole patches: the class token, then
     /// the patches, row by row.
-    pub fn apply(&self, picture: &Image) -> Vec<f32> {
+    pub(crate) fn apply(&self, picture: &Image) -> Vec<f32> {
         let (columns, rows) = (picture.width / self.side, picture.height / self.side);
         let line = self.side * picture.channels;
         let mut pixels = Vec::with_capacity(picture.values.len());
@@ -48,7 +48,7 @@ impl Embedding {
             }
         }
         let patches = Image {
-            values: self.patches.apply(pixels, Then::Nothing),
+            values: self.patches.apply(pixels, Activation::Nothing),
             width: columns,
             height: rows,
             channels: self.class.len(),
@@ -63,35 +63,35 @@ impl Embedding {
 
 /// A block: attention, then a perceptron a patch, each added with a scale a channel.
 #[derive(Debug)]
-pub struct Block {
+pub(crate) struct Block {
     norms: [Norm; 2],
     /// Queries, keys, values.
     attend: Linear,
     project: Linear,
     widen: Linear,
     /// The function after it.
-    activation: Then,
+    activation: Activation,
     narrow: Linear,
     scales: [Vec<f32>; 2],
 }
 
 /// The differences between the blocks of networks.
-pub struct BlockKind<'a> {
+pub(crate) struct BlockKind<'a> {
     /// Names of the tensors, without what comes before them and `weight` or `bias`.
-    pub norms: [&'a str; 2],
+    pub(crate) norms: [&'a str; 2],
     /// One tensor for each of queries, keys and values, or one of all three.
-    pub attend: &'a [&'a str],
-    pub project: &'a str,
-    pub widen: &'a str,
-    pub narrow: &'a str,
+    pub(crate) attend: &'a [&'a str],
+    pub(crate) project: &'a str,
+    pub(crate) widen: &'a str,
+    pub(crate) narrow: &'a str,
     /// Full names; `None` where all is added as it is.
-    pub scales: Option<[&'a str; 2]>,
+    pub(crate) scales: Option<[&'a str; 2]>,
     /// Channels of a patch.
-    pub channels: usize,
+    pub(crate) channels: usize,
     /// Channels in the perceptron.
-    pub wide: usize,
-    pub epsilon: f64,
-    pub activation: Then,
+    pub(crate) wide: usize,
+    pub(crate) epsilon: f64,
+    pub(crate) activation: Activation,
 }
 
 impl Block {
@@ -99,7 +99,7 @@ impl Block {
     ///
     /// # Errors
     /// Those of `tensor`.
-    pub fn read(kind: &BlockKind<'_>, tensor: &mut Tensors<'_>) -> Result<Self, WeightsError> {
+    pub(crate) fn read(kind: &BlockKind<'_>, tensor: &mut Tensors<'_>) -> Result<Self, WeightsError> {
         let (channels, wide) = (kind.channels, kind.wide);
         let norms = [
             Norm::read(kind.norms[0], channels, kind.epsilon, tensor)?,
@@ -127,13 +127,13 @@ impl Block {
     }
 
     /// Applies it to `[rows, channels]`.
-    pub fn apply(&self, x: &mut [f32], heads: usize) {
+    pub(crate) fn apply(&self, x: &mut [f32], heads: usize) {
         let channels = self.scales[0].len();
-        let attended = self.attend.apply(self.norms[0].apply(x), Then::Nothing);
-        let attended = self.project.apply(attention(attended, channels, heads), Then::Nothing);
+        let attended = self.attend.apply(self.norms[0].apply(x), Activation::Nothing);
+        let attended = self.project.apply(attention(attended, channels, heads), Activation::Nothing);
         add_scaled(x, &self.scales[0], &attended);
         let wide = self.widen.apply(self.norms[1].apply(x), self.activation);
-        add_scaled(x, &self.scales[1], &self.narrow.apply(wide, Then::Nothing));
+        add_scaled(x, &self.scales[1], &self.narrow.apply(wide, Activation::Nothing));
     }
 }
 
@@ -142,7 +142,7 @@ impl Norm {
     ///
     /// # Errors
     /// Those of `tensor`.
-    pub fn read(
+    pub(crate) fn read(
         name: &str,
         channels: usize,
         epsilon: f64,

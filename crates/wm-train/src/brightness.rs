@@ -1,9 +1,9 @@
-//! Brightness of photos beside each other, by the points of the reconstruction that they share.
+//! Relative brightness of photos, by the points of the reconstruction that they share.
 //!
 //! A photo that is brighter than others shows the same points brighter. In logarithms,
 //! `l_pi = a_i + g_p` with the colour of point i as photo p shows it, the point's own and the
-//! photo's gain. Gains are medians over points and points' colours means over photos, in turns, so
-//! that highlights and what hides a point do not count; their mean is 0.
+//! photo's gain. Gains (medians over points) and points' colours (means over photos) are computed
+//! in alternation, so that highlights and occluders do not count; the mean of the gains is 0.
 
 use crate::photos::Photos;
 use crate::priors::points::{inside, seen_points};
@@ -11,43 +11,43 @@ use rayon::prelude::*;
 use wm_scene::capture::Capture;
 
 /// Longest side of the photos in which colours are read, px.
-const SIDE: u32 = 500;
-/// Colours between these are neither crushed nor clipped, 0-1.
-const DARKEST: f32 = 0.06;
-const BRIGHTEST: f32 = 0.94;
-/// Fewest points that a photo shares with others.
-const FEWEST: usize = 30;
-/// Rounds: a gain goes from photo to photo along a survey.
-const ROUNDS: usize = 200;
+const MAX_SIDE_PX: u32 = 500;
+/// Range of colours, 0-1, that are neither crushed nor clipped.
+const MIN_EXPOSED: f32 = 0.06;
+const MAX_EXPOSED: f32 = 0.94;
+/// Fewest points that a photo with a gain shares with others.
+const MIN_SHARED_POINTS: usize = 30;
+/// Most rounds: gains spread from photo to photo along a survey.
+const MAX_ROUNDS: usize = 200;
 
-/// The brightness of photos beside each other.
+/// The relative brightness of photos.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PhotoGains {
+pub(crate) struct PhotoGains {
     /// Gain of each photo for red, green and blue, display-referred; its mean over the photos is 1.
-    pub gains: Vec<[f32; 3]>,
+    pub(crate) gains: Vec<[f32; 3]>,
     /// Root mean square of their logarithms.
-    pub spread: f64,
-    /// Median of the absolute differences of points' logarithms from their own over the photos,
-    /// with equal gains and with these.
-    pub differences: [f64; 2],
+    pub(crate) spread: f64,
+    /// Median absolute deviation of the logarithms of points' colours between photos, with equal
+    /// gains and with these.
+    pub(crate) differences: [f64; 2],
 }
 
-/// Least spread of exposures that are worth learning, and the largest share of the differences that
-/// they may leave: changes of colour with direction leave all.
-const SPREAD: f64 = 0.03;
-const LEFT: f64 = 0.7;
+/// Least spread of exposures that are worth learning, and the largest ratio of the differences with
+/// gains to those without: view-dependent colours leave a ratio of 1.
+const MIN_SPREAD: f64 = 0.03;
+const MAX_RESIDUAL_RATIO: f64 = 0.7;
 
 impl PhotoGains {
     /// Returns true if photos differ so much that each should have an exposure of its own.
     #[must_use]
-    pub fn differ(&self) -> bool {
-        self.spread > SPREAD && self.differences[1] < LEFT * self.differences[0]
+    pub(crate) fn differ(&self) -> bool {
+        self.spread > MIN_SPREAD && self.differences[1] < MAX_RESIDUAL_RATIO * self.differences[0]
     }
 }
 
 /// A point as a photo shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Shown {
+struct PointColor {
     point: u32,
     log: [f32; 3],
 }
@@ -55,9 +55,9 @@ struct Shown {
 /// Returns the gains of the photos `places`; `None` if they share too few points. Photos that share
 /// few, and damaged ones, have a gain of 1.
 #[must_use]
-pub fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Option<PhotoGains> {
+pub(crate) fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Option<PhotoGains> {
     let seen = seen_points(capture, photos, places);
-    let shown: Vec<Vec<Shown>> = places
+    let shown: Vec<Vec<PointColor>> = places
         .par_iter()
         .zip(seen)
         .map(|(place, seen)| shown_points(capture, photos, *place, &seen))
@@ -65,11 +65,11 @@ pub fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Opti
     solve(&shown, capture.points.len())
 }
 
-/// Returns the colours of the points `seen` in a photo, of those that it exposes well; none of a
-/// damaged photo.
-fn shown_points(capture: &Capture, photos: &Photos, place: usize, seen: &[u32]) -> Vec<Shown> {
-    // The training names damaged photos when it meets them.
-    let Ok(photo) = photos.get(place, photos.level_within(place, SIDE)) else { return Vec::new() };
+/// Returns the colours of the well-exposed points among `seen` in a photo; none for a damaged
+/// photo.
+fn shown_points(capture: &Capture, photos: &Photos, place: usize, seen: &[u32]) -> Vec<PointColor> {
+    // Damaged photos are reported by the training when it reads them.
+    let Ok(photo) = photos.get(place, photos.level_within(place, MAX_SIDE_PX)) else { return Vec::new() };
     let (width, height) = (photo.width as usize, photo.height as usize);
     let color = |point: &u32| {
         let (x, y, _) = inside(capture, &photo.camera, *point)?;
@@ -85,20 +85,20 @@ fn shown_points(capture: &Capture, photos: &Photos, place: usize, seen: &[u32]) 
             }
         }
         let mean = sum.map(|v| v / (9.0 * 255.0));
-        let is_exposed = mean.iter().all(|v| (DARKEST..BRIGHTEST).contains(v));
-        is_exposed.then(|| Shown { point: *point, log: mean.map(f32::ln) })
+        let is_exposed = mean.iter().all(|v| (MIN_EXPOSED..MAX_EXPOSED).contains(v));
+        is_exposed.then(|| PointColor { point: *point, log: mean.map(f32::ln) })
     };
     seen.iter().filter_map(color).collect()
 }
 
-fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
+fn solve(shown: &[Vec<PointColor>], points: usize) -> Option<PhotoGains> {
     let mut counts = vec![0u32; points];
     shown.iter().flatten().for_each(|shown| counts[shown.point as usize] += 1);
-    let shared: Vec<Vec<Shown>> = shown
+    let shared: Vec<Vec<PointColor>> = shown
         .iter()
         .map(|shown| shown.iter().copied().filter(|shown| counts[shown.point as usize] > 1).collect())
         .collect();
-    if shared.iter().filter(|shown| shown.len() >= FEWEST).count() < 2 {
+    if shared.iter().filter(|shown| shown.len() >= MIN_SHARED_POINTS).count() < 2 {
         return None;
     }
     let mut logs = vec![[0.0f64; 3]; shared.len()];
@@ -106,7 +106,7 @@ fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
     let mean_colors = |logs: &[[f64; 3]], own: &mut [[f64; 3]]| {
         own.fill([0.0; 3]);
         for (shown, gain) in shared.iter().zip(logs) {
-            for Shown { point, log } in shown {
+            for PointColor { point, log } in shown {
                 let count = f64::from(counts[*point as usize]);
                 (0..3).for_each(|c| own[*point as usize][c] += (f64::from(log[c]) - gain[c]) / count);
             }
@@ -115,7 +115,7 @@ fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
     let left = |logs: &[[f64; 3]], own: &[[f64; 3]]| {
         let mut offs: Vec<f64> = Vec::new();
         for (shown, gain) in shared.iter().zip(logs) {
-            for Shown { point, log } in shown {
+            for PointColor { point, log } in shown {
                 offs.extend((0..3).map(|c| (f64::from(log[c]) - gain[c] - own[*point as usize][c]).abs()));
             }
         }
@@ -123,9 +123,11 @@ fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
     };
     mean_colors(&logs, &mut own);
     let before = left(&logs, &own);
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let mut most = 0.0f64;
-        for (shown, gain) in shared.iter().zip(&mut logs).filter(|(shown, _)| shown.len() >= FEWEST) {
+        for (shown, gain) in
+            shared.iter().zip(&mut logs).filter(|(shown, _)| shown.len() >= MIN_SHARED_POINTS)
+        {
             for c in 0..3 {
                 let mut offs: Vec<f64> =
                     shown.iter().map(|s| f64::from(s.log[c]) - own[s.point as usize][c]).collect();
@@ -154,7 +156,7 @@ fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
     Some(PhotoGains { gains, spread, differences: [before, after] })
 }
 
-/// The median, 0 of no values; sorts a part of them.
+/// Returns the median, 0 if there are no values; reorders them.
 pub(crate) fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
@@ -170,7 +172,7 @@ mod tests {
     fn gains_are_found_along_a_survey() {
         let (photos, points) = (12usize, 600usize);
         let gain = |photo: usize, c: usize| 0.2 * (photo as f64 * 1.7 + c as f64).sin();
-        let photo = |p: usize| -> Vec<Shown> {
+        let photo = |p: usize| -> Vec<PointColor> {
             (0..points)
                 .filter(|i| (i * photos / points).abs_diff(p) <= 1)
                 .map(|i| {
@@ -179,11 +181,11 @@ mod tests {
                     let log = [0, 1, 2].map(|c| {
                         (-1.0 + uniform(9, i as u64) + gain(p, c) + 0.05 * (u(c) - 0.5) + stray) as f32
                     });
-                    Shown { point: i as u32, log }
+                    PointColor { point: i as u32, log }
                 })
                 .collect()
         };
-        let shown: Vec<Vec<Shown>> = (0..photos).map(photo).collect();
+        let shown: Vec<Vec<PointColor>> = (0..photos).map(photo).collect();
         let found = solve(&shown, points).unwrap();
         assert!((found.spread - 0.14).abs() < 0.03, "{}", found.spread);
         assert!(found.differences[1] < 0.3 * found.differences[0], "{:?}", found.differences);
@@ -193,13 +195,13 @@ mod tests {
             assert!(off.abs() < 0.03, "{p}: {off}");
         }
         assert!(found.differ());
-        let even: Vec<Vec<Shown>> = shown
+        let even: Vec<Vec<PointColor>> = shown
             .iter()
             .enumerate()
             .map(|(p, shown)| {
                 shown
                     .iter()
-                    .map(|s| Shown { log: [0, 1, 2].map(|c| s.log[c] - gain(p, c) as f32), ..*s })
+                    .map(|s| PointColor { log: [0, 1, 2].map(|c| s.log[c] - gain(p, c) as f32), ..*s })
                     .collect()
             })
             .collect();

@@ -6,19 +6,19 @@ use thiserror::Error;
 use wm_scene::sh;
 
 /// Most steps.
-const MOST_STEPS: u32 = 1_000_000;
-/// Most splats of the far shell: more than that are smaller than pixels.
-const MOST_SKY: f64 = 1e6;
-/// Largest weight and step length; above that nothing stays finite.
-const LARGE: f64 = 1e9;
-/// Shares that are neither none nor all: the logits of both ends are infinite.
+const MAX_STEPS: u32 = 1_000_000;
+/// Most splats of the sky: more of them would be smaller than pixels.
+const MAX_SKY_SPLATS: f64 = 1e6;
+/// Largest weight and step length: larger ones overflow.
+const MAX_WEIGHT: f64 = 1e9;
+/// Range of shares without 0 and 1, whose logits are infinite.
 pub(crate) const SHARE: RangeInclusive<f64> = 1e-6..=1.0 - 1e-6;
-pub(crate) const WEIGHT: RangeInclusive<f64> = 0.0..=LARGE;
+pub(crate) const WEIGHT: RangeInclusive<f64> = 0.0..=MAX_WEIGHT;
 pub(crate) const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
 
 /// A value of a configuration and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ConfigValue {
+pub(crate) struct ConfigValue {
     name: &'static str,
     value: f64,
     range: RangeInclusive<f64>,
@@ -27,7 +27,7 @@ pub struct ConfigValue {
 impl ConfigValue {
     /// Returns `value` under its name in the configuration file, such as `densify.every`.
     #[must_use]
-    pub fn new(name: &'static str, value: impl Into<f64>, range: RangeInclusive<f64>) -> Self {
+    pub(crate) fn new(name: &'static str, value: impl Into<f64>, range: RangeInclusive<f64>) -> Self {
         Self { name, value: value.into(), range }
     }
 }
@@ -47,18 +47,18 @@ impl TrainConfig {
     ///
     /// # Errors
     /// [`ConfigError`] names the first value that makes no training, and what it may be.
-    pub fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
         let (loss, rates) = (&self.loss, &self.rates);
         let geometry = &loss.geometry;
         let values = [
-            ("steps", f64::from(self.steps), 1.0..=f64::from(MOST_STEPS)),
+            ("steps", f64::from(self.steps), 1.0..=f64::from(MAX_STEPS)),
             ("sh_degree", f64::from(self.sh_degree), 0.0..=f64::from(sh::MAX_DEGREE)),
             ("sh_every", f64::from(self.sh_every), COUNT),
             ("start_opacity", self.start_opacity, SHARE),
-            ("start_scale", self.start_scale, 1e-6..=LARGE),
+            ("start_scale", self.start_scale, 1e-6..=MAX_WEIGHT),
             ("start_fill", self.start_fill, 0.0..=1.0),
-            ("sky_splats", f64::from(self.sky_splats), 0.0..=MOST_SKY),
-            ("haze.mor", if let HazeMode::Mor(mor) = self.haze { mor } else { 1.0 }, 1e-6..=LARGE),
+            ("sky_splats", f64::from(self.sky_splats), 0.0..=MAX_SKY_SPLATS),
+            ("haze.mor", if let HazeMode::Mor(mor) = self.haze { mor } else { 1.0 }, 1e-6..=MAX_WEIGHT),
             ("loss.l1", loss.l1, WEIGHT),
             ("loss.ssim", loss.ssim, WEIGHT),
             ("loss.geometry.depth", geometry.depth, WEIGHT),
@@ -74,8 +74,8 @@ impl TrainConfig {
             ("loss.geometry.normal_from", geometry.normal_from, 0.0..=1.0),
             ("loss.geometry.flat", geometry.flat, WEIGHT),
             ("loss.geometry.smooth", geometry.smooth, WEIGHT),
-            ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=LARGE),
-            ("rates.means_last", rates.means_last, f64::MIN_POSITIVE..=LARGE),
+            ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=MAX_WEIGHT),
+            ("rates.means_last", rates.means_last, f64::MIN_POSITIVE..=MAX_WEIGHT),
             ("rates.quats", rates.quats, WEIGHT),
             ("rates.log_scales", rates.log_scales, WEIGHT),
             ("rates.logit_opacities", rates.logit_opacities, WEIGHT),

@@ -1,4 +1,4 @@
-//! A training on disk: everything that its next step depends on.
+//! A training on disk: everything on which its next step depends.
 //!
 //! `WMTRAIN3`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a
 //! fixed order and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit)
@@ -32,7 +32,7 @@ pub enum CheckpointError {
         /// The error of the system.
         source: io::Error,
     },
-    /// It is none, or another program's.
+    /// It is not a checkpoint of this version.
     #[error("{}: no checkpoint of this version; start anew with another --out", path.display())]
     Version {
         /// The file.
@@ -56,29 +56,34 @@ pub enum CheckpointError {
 pub struct CheckpointHead {
     /// The configuration.
     pub config: TrainConfig,
-    /// The photos that teach, in their order.
-    pub photos: Vec<Taught>,
+    /// The training photos, in their order.
+    pub(crate) photos: Vec<TrainedPhoto>,
     /// The SIMD path, on which the bytes depend.
-    pub simd: String,
+    pub(crate) simd: String,
     step: u32,
     splats: usize,
     groups: Vec<(u8, usize)>,
     exposures: usize,
 }
 
-/// A photo that teaches, as the training sees it.
+/// A training photo.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Taught {
-    /// Its name.
-    pub name: String,
-    /// Its width and height in use, px.
-    pub size: (u32, u32),
+pub(crate) struct TrainedPhoto {
+    /// The name of the photo.
+    pub(crate) name: String,
+    /// The width and height in use, px.
+    pub(crate) size: (u32, u32),
 }
 
 impl CheckpointHead {
-    /// For the state of a training.
+    /// Returns the head for the state of a training.
     #[must_use]
-    pub fn new(config: &TrainConfig, photos: Vec<Taught>, simd: String, state: &TrainState) -> Self {
+    pub(crate) fn new(
+        config: &TrainConfig,
+        photos: Vec<TrainedPhoto>,
+        simd: String,
+        state: &TrainState,
+    ) -> Self {
         let mut groups: Vec<(u8, usize)> = Vec::new();
         for group in &state.population.splats.groups {
             match groups.last_mut() {
@@ -97,14 +102,14 @@ impl CheckpointHead {
         }
     }
 
-    /// Steps that are done.
+    /// Returns the number of steps that are done.
     #[must_use]
     pub fn step(&self) -> u32 {
         self.step
     }
 }
 
-/// Writes a training.
+/// Writes a checkpoint.
 ///
 /// # Errors
 /// [`CheckpointError::Write`]; what was there before is there still.
@@ -133,7 +138,7 @@ pub fn write(path: &Path, head: &CheckpointHead, state: &TrainState) -> Result<(
     Ok(())
 }
 
-/// Reads a training.
+/// Reads a checkpoint.
 ///
 /// # Errors
 /// [`CheckpointError`] if it cannot be read, is of another version or damaged.
@@ -172,13 +177,14 @@ fn parse(bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Fault> {
     if hash(FNV_START, body) != u64::from_le_bytes(*sum) {
         return Err(Fault::Damaged("its checksum is wrong, or it is cut off".into()));
     }
-    // A head that cannot be read under a right checksum is another version's.
+    // If the checksum is right, an unreadable head is of another version.
     let head: CheckpointHead = serde_json::from_slice(text).map_err(|_| Fault::Version)?;
     let degree = head.config.sh_degree;
     if degree > sh::MAX_DEGREE {
         return Err(Fault::Version);
     }
-    // Bytes a splat: parameters and two moments each, three pulls, and when it was seen.
+    // Bytes per splat: parameters with two moments each, three sums of screen-space gradients, and
+    // the last step in view.
     let per_splat = 4 * (3 * (11 + 3 * sh::coefficients(degree)) + 4);
     let expected = head.splats.checked_mul(per_splat).zip(head.exposures.checked_mul(4 * (3 * NUMBERS + 1)));
     if expected.and_then(|(a, b)| a.checked_add(b)) != Some(rest.len()) {
@@ -260,7 +266,7 @@ pub(crate) fn hash(sum: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(sum, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
-/// Writes and sums up what was written.
+/// Writes and updates the checksum.
 struct Summed<'a> {
     inner: &'a mut dyn Write,
     sum: u64,
@@ -295,7 +301,7 @@ mod tests {
         exposures.steps[2] = 77;
         let state = TrainState { step: 1234, population, exposures };
         let config = TrainConfig::preset(Preset::Quick);
-        let photos = vec![Taught { name: "a.jpg".into(), size: (60, 40) }];
+        let photos = vec![TrainedPhoto { name: "a.jpg".into(), size: (60, 40) }];
         (CheckpointHead::new(&config, photos, "portable".into(), &state), state)
     }
 

@@ -1,6 +1,10 @@
 //! The configuration of a training: everything that its result depends on, beside the photos.
 
+pub use crate::check::ConfigError;
 pub use crate::densify::Densify;
+pub use crate::densify::adaptive::AdaptiveConfig;
+pub use crate::densify::fixed::FixedConfig;
+pub use crate::densify::mcmc::McmcConfig;
 use serde::{Deserialize, Serialize};
 use wm_scene::Rasterization;
 
@@ -62,7 +66,7 @@ pub enum BackgroundKind {
 pub enum Resolution {
     /// Photos have their full size from the start.
     Full,
-    /// A quarter, then half, then as they are; see [`crate::schedule::level`].
+    /// A quarter, then half, then as they are; see `schedule::level`.
     Coarse,
 }
 
@@ -84,7 +88,7 @@ pub enum ExposureMode {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MoverMode {
-    /// Pixels that show movers are found and left out; see [`crate::movers`].
+    /// Pixels that show movers are found and left out; see the module `movers`.
     #[default]
     Auto,
     /// All pixels count.
@@ -95,7 +99,7 @@ pub enum MoverMode {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HazeMode {
-    /// It is looked for, measured and taken out; see [`crate::haze`].
+    /// It is looked for, measured and taken out; see the module `haze`.
     #[default]
     Auto,
     /// It is a part of the scene.
@@ -109,9 +113,9 @@ pub enum HazeMode {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LossConfig {
-    /// Of the mean absolute difference.
+    /// The weight of the mean absolute difference.
     pub l1: f64,
-    /// Of 1 minus structural similarity.
+    /// The weight of 1 minus structural similarity.
     pub ssim: f64,
     /// Depth, normals and sky, where something is believed of them.
     pub geometry: GeometryConfig,
@@ -121,13 +125,13 @@ pub struct LossConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GeometryConfig {
-    /// Of depth in the scene's units; see [`crate::losses::DepthTerm`].
+    /// The weight of depth in the scene's units; see `losses::DepthTerm`.
     pub depth: f64,
-    /// Of the relative depth of patches, moving means; see [`crate::losses::PatchDepthTerm`].
+    /// The weight of the relative depth of patches, by moving means; see `losses::PatchDepthTerm`.
     pub depth_hard: f64,
-    /// Of the same, changing opacities.
+    /// The weight of the relative depth of patches, by changing opacities.
     pub depth_soft: f64,
-    /// Of the patches' own deviation beside the photo's, in both.
+    /// The share of the patches' own deviation beside the photo's, in both.
     pub depth_local: f64,
     /// Differences of normalised depth up to this are none.
     pub depth_margin: f64,
@@ -138,15 +142,15 @@ pub struct GeometryConfig {
     /// Steps between two that have renders of their own for `depth_hard`, `depth_soft` and
     /// `surface`.
     pub every: u32,
-    /// Of coverage in front of the sky; see [`crate::losses::SurfaceTerm`].
+    /// The weight of coverage in front of the sky; see `losses::SurfaceTerm`.
     pub surface: f64,
-    /// Of normals; see [`crate::losses::NormalTerm`].
+    /// The weight of normals; see `losses::NormalTerm`.
     pub normal: f64,
     /// Share of the steps after which normals count: 6,000 of 30,000 in the paper.
     pub normal_from: f64,
-    /// Of flatness; see [`crate::losses::FlatTerm`].
+    /// The weight of flatness; see `losses::FlatTerm`.
     pub flat: f64,
-    /// Of smooth depth where the photo is smooth; see [`crate::losses::SmoothTerm`].
+    /// The weight of smooth depth where the photo is smooth; see `losses::SmoothTerm`.
     pub smooth: f64,
 }
 
@@ -170,20 +174,20 @@ impl GeometryConfig {
 
     /// The first step at which depth changes more than means.
     #[must_use]
-    pub fn depth_from(&self, steps: u32) -> u32 {
+    pub(crate) fn depth_from(&self, steps: u32) -> u32 {
         (self.depth_from * f64::from(steps)) as u32
     }
 
     /// Returns the share of the weights of depth that counts at a step: 1 at the first,
     /// [`Self::depth_last`] at the last.
     #[must_use]
-    pub fn depth_share(&self, step: u32, steps: u32) -> f64 {
+    pub(crate) fn depth_share(&self, step: u32, steps: u32) -> f64 {
         self.depth_last.powf(f64::from(step) / f64::from(steps.max(1)))
     }
 
     /// The first step at which normals count.
     #[must_use]
-    pub fn normal_from(&self, steps: u32) -> u32 {
+    pub(crate) fn normal_from(&self, steps: u32) -> u32 {
         (self.normal_from * f64::from(steps)) as u32
     }
 }
@@ -260,7 +264,7 @@ impl TrainConfig {
             haze: HazeMode::Auto,
             loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
-            densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
+            densify: Densify::Mcmc(McmcConfig::for_steps(steps, max_splats)),
             start_opacity: 0.1,
             start_scale: 1.0,
             start_fill: 0.5,
@@ -306,10 +310,10 @@ impl RateConfig {
 
 /// Pixels that confirm what two other photos show, for each splat, at least: more splats than that
 /// learn single photos by heart.
-const PIXELS_A_SPLAT: u64 = 15;
+const PIXELS_PER_SPLAT: u64 = 15;
 /// Most steps for each photo: published trainings take 30,000 steps with 100 to 300 photos, and
 /// more learn few photos by heart.
-const STEPS_A_PHOTO: u32 = 100;
+const STEPS_PER_PHOTO: u32 = 100;
 
 impl Preset {
     /// The number of steps where there are enough photos.
@@ -326,16 +330,16 @@ impl Preset {
     /// The number of steps for so many photos: at most 100 a photo, but those of [`Preset::Quick`]
     /// in any case.
     #[must_use]
-    pub fn steps_for(self, photos: usize) -> u32 {
-        let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_A_PHOTO);
+    pub(crate) fn steps_for(self, photos: usize) -> u32 {
+        let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_PER_PHOTO);
         self.steps().min(most.max(Self::Quick.steps()))
     }
 
     /// Most splats for photos of which so many pixels confirm what two others show; see
-    /// [`crate::overlap`].
+    /// the module `overlap`.
     #[must_use]
-    pub fn max_splats_for(self, confirmed: u64) -> usize {
-        let told_apart = usize::try_from(confirmed / PIXELS_A_SPLAT).unwrap_or(usize::MAX);
+    pub(crate) fn max_splats_for(self, confirmed: u64) -> usize {
+        let told_apart = usize::try_from(confirmed / PIXELS_PER_SPLAT).unwrap_or(usize::MAX);
         self.max_splats().min(told_apart.max(1000))
     }
 

@@ -116,7 +116,7 @@ pub struct Dataset {
     pub places: Vec<usize>,
 }
 
-/// What the positions of photos and the poses of cameras tell of up, and the fit of the positions.
+/// Finds up from the positions of photos and the poses of cameras, and how the positions fit.
 /// `given` is up if it is known already.
 #[must_use]
 pub fn orientation(
@@ -145,7 +145,7 @@ pub fn site(capture: &Capture, photos: &Photos, up: DVec3) -> CaptureSite {
 /// Names of the photos whose stated place is far from where the others put their cameras, or is no
 /// place on Earth; [`orientation`] leaves them out.
 #[must_use]
-pub fn misplaced(capture: &Capture, photos: &Photos) -> Vec<String> {
+pub(crate) fn misplaced(capture: &Capture, photos: &Photos) -> Vec<String> {
     let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();
     let (_, outliers) = gps::fit_with_outliers(&centers, photos.gps());
     outliers.into_iter().map(|view| capture.views[view].file.display().to_string()).collect()

@@ -1,33 +1,33 @@
 //! Photos that are brighter, darker or of another white than the scene.
 //!
-//! Each photo has an affine change of colour, `rgb' = M rgb + b`, that begins as none at all and
-//! learns with the scene. It is applied to what is rendered before that is compared; the scene is
-//! without it. The mean of all changes stays none, or scene and photos could grow brighter and
-//! darker against each other: what a photo learns, all of them give back in equal parts.
+//! Each photo has an affine colour transform, `rgb' = M rgb + b`, that starts as the identity and
+//! is trained with the scene. It is applied to the render before the comparison; the scene does
+//! not contain it. The mean over all photos is held at the identity, or scene and photos could
+//! drift in brightness: the change of one photo is subtracted from all in equal parts.
 
 use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
 use wm_render::training::{Exposure, NO_EXPOSURE};
 
-/// Numbers of one change: the rows of M, each with its b behind it.
-pub const NUMBERS: usize = NO_EXPOSURE.len();
+/// Number of values of one transform: the rows of M, each followed by its b.
+pub(crate) const NUMBERS: usize = NO_EXPOSURE.len();
 
-/// The changes of all photos.
+/// The colour transforms of all photos.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Exposures {
+pub(crate) struct Exposures {
     /// `[P]`.
-    pub changes: Vec<Exposure>,
+    pub(crate) changes: Vec<Exposure>,
     /// The optimiser's moments: means of gradients and of their squares.
-    pub moments: Vec<[[f32; NUMBERS]; 2]>,
+    pub(crate) moments: Vec<[[f32; NUMBERS]; 2]>,
     /// The number of steps that each photo has learnt.
-    pub steps: Vec<u32>,
+    pub(crate) steps: Vec<u32>,
 }
 
 impl Exposures {
-    /// No change for `photos`.
+    /// Returns identity transforms for `photos` photos.
     #[must_use]
-    pub fn new(photos: usize) -> Self {
+    pub(crate) fn new(photos: usize) -> Self {
         Self {
             changes: vec![NO_EXPOSURE; photos],
             moments: vec![[[0.0; NUMBERS]; 2]; photos],
@@ -35,10 +35,10 @@ impl Exposures {
         }
     }
 
-    /// Changes that multiply red, green and blue of each photo; the mean of `gains` over the photos
+    /// Returns transforms that multiply red, green and blue by gains, whose mean over the photos
     /// should be 1.
     #[must_use]
-    pub fn with_gains(gains: &[[f32; 3]]) -> Self {
+    pub(crate) fn with_gains(gains: &[[f32; 3]]) -> Self {
         let mut exposures = Self::new(gains.len());
         for (change, gain) in exposures.changes.iter_mut().zip(gains) {
             (0..3).for_each(|c| change[5 * c] = gain[c]);
@@ -46,14 +46,14 @@ impl Exposures {
         exposures
     }
 
-    /// The change of photo `photo`.
+    /// Returns the transform of photo `photo`.
     #[must_use]
-    pub fn of(&self, photo: usize) -> Exposure {
+    pub(crate) fn of(&self, photo: usize) -> Exposure {
         self.changes.get(photo).copied().unwrap_or(NO_EXPOSURE)
     }
 
-    /// Colours as photo `photo` would have them, `[H, W, 3]`.
-    pub fn apply(&self, path: SimdPath, photo: usize, rgb: &[f32], out: &mut [f32]) {
+    /// Applies the transform of photo `photo` to colours, `[H, W, 3]`.
+    pub(crate) fn apply(&self, path: SimdPath, photo: usize, rgb: &[f32], out: &mut [f32]) {
         let m = &self.changes[photo];
         let mix = Mix::new(|row, column| m[4 * row + column], |row| m[4 * row + 3]);
         out.par_chunks_mut(CHUNK).zip(rgb.par_chunks(CHUNK)).for_each(|(out, rgb)| {
@@ -61,9 +61,16 @@ impl Exposures {
         });
     }
 
-    /// From the derivative by the changed colours to that by the rendered ones, in place, and one
-    /// step of Adam for the photo.
-    pub fn learn(&mut self, path: SimdPath, photo: usize, rgb: &[f32], gradient: &mut [f32], rate: f64) {
+    /// Converts the gradient by transformed colours to that by rendered ones, in place, and takes
+    /// one Adam step for the photo.
+    pub(crate) fn learn(
+        &mut self,
+        path: SimdPath,
+        photo: usize,
+        rgb: &[f32],
+        gradient: &mut [f32],
+        rate: f64,
+    ) {
         let m = &self.changes[photo];
         let back = Mix::new(|row, column| m[4 * column + row], |_| 0.0);
         let parts: Vec<[f64; NUMBERS]> = gradient
@@ -80,8 +87,8 @@ impl Exposures {
         self.step(photo, &total, rate);
     }
 
-    /// One step of Adam for the photo along the derivative by its change.
-    pub fn step(&mut self, photo: usize, gradient: &[f64; NUMBERS], rate: f64) {
+    /// Takes one Adam step for the photo, along the gradient by its transform.
+    pub(crate) fn step(&mut self, photo: usize, gradient: &[f64; NUMBERS], rate: f64) {
         self.steps[photo] += 1;
         let corrections = [0.9f64, 0.999].map(|beta| 1.0 - beta.powi(self.steps[photo].min(100_000) as i32));
         let [first, second] = &mut self.moments[photo];
@@ -97,11 +104,11 @@ impl Exposures {
     }
 }
 
-/// Values of one task.
+/// Values per task.
 const CHUNK: usize = 256 * BLOCK;
-/// Values that are worked on together: 16 pixels, whole vectors of all paths.
+/// Values per block: 16 pixels, a multiple of the vector width of every SIMD path.
 const BLOCK: usize = 48;
-/// A channel is mixed with those up to two values away from it.
+/// Offsets at which values are mixed: up to two values to each side.
 const SHIFTS: usize = 5;
 
 /// A change of colour for interleaved values: by how much each value's neighbours come into it, 0
@@ -150,7 +157,8 @@ impl Mix {
         }
     }
 
-    /// Applies it to a gradient in place; gives the derivatives by the numbers of the change.
+    /// Applies the transpose to a gradient in place; returns the derivatives by the values of the
+    /// transform.
     #[inline(always)]
     fn pull(&self, rgb: &[f32], gradient: &mut [f32]) -> [f64; NUMBERS] {
         let mut products = [[0.0f32; BLOCK]; SHIFTS];
@@ -184,7 +192,7 @@ mod tests {
     use super::*;
     use wm_scene::random::uniform;
 
-    /// Of two photos one is brighter and bluer than the scene, and the other darker by as much.
+    /// One of two photos is brighter and bluer than the scene, and the other darker by as much.
     #[test]
     fn a_change_of_colour_is_learnt() {
         let rgb: Vec<f32> = (0..3000).map(|i| uniform(1, i) as f32).collect();

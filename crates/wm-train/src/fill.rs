@@ -1,9 +1,9 @@
-//! Points where the reconstruction has none: on the surfaces of which priors know the depth.
+//! Additional points on surfaces whose depth priors know and where the reconstruction has none.
 //!
-//! Structure from motion finds points where there is texture. Lawns, gravel and walls have few, and
-//! there a training would begin with nothing and end with a few huge splats. Stereo knows the depth
-//! of many of their pixels. Each of them is a point, unless one is there already: a cell of space
-//! that is as large as the pixels' distance in the photo holds one.
+//! Structure from motion finds few points on lawns, gravel and walls, where a training would begin
+//! with nothing and end with a few huge splats. Stereo knows the depth of many of their pixels.
+//! Each of these becomes a point, unless its cell of space, whose size is the distance between
+//! pixels there, already holds one.
 
 use crate::haze::PhotoHaze;
 use crate::photos::Photo;
@@ -13,22 +13,23 @@ use std::collections::HashSet;
 use wm_scene::Camera;
 use wm_scene::capture::SparsePoints;
 
-/// Pixels of known depth for one point that is new, about: the photos that see a surface.
-const PHOTOS_A_SURFACE: f64 = 3.0;
+/// Approximate number of photos that show a surface: of as many pixels with known depth one is a
+/// new point.
+const PHOTOS_PER_SURFACE: f64 = 3.0;
 
 /// A photo with the depth of its pixels.
-pub struct FillView<'a> {
+pub(crate) struct FillView<'a> {
     /// The camera, of any size.
-    pub camera: &'a Camera,
-    /// The depth, and its size.
-    pub prior: &'a Prior,
+    pub(crate) camera: &'a Camera,
+    /// The depth map and its size.
+    pub(crate) prior: &'a Prior,
     /// The colours, of any size.
-    pub photo: &'a Photo,
+    pub(crate) photo: &'a Photo,
 }
 
-/// Adds to `points` until there are `most`, evenly over the photos; returns the number of points
-/// that were added. Colours are without `haze`, if the photos show any.
-pub fn fill(
+/// Adds to `points` until there are `most`, evenly over the photos; returns the number of added
+/// points. `haze` is removed from the colours.
+pub(crate) fn fill(
     points: &mut SparsePoints,
     views: &[FillView<'_>],
     most: usize,
@@ -40,7 +41,7 @@ pub fn fill(
     if room == 0 || known == 0 {
         return 0;
     }
-    let step = ((known as f64 / (PHOTOS_A_SURFACE * room as f64)).sqrt() as usize).max(1);
+    let step = ((known as f64 / (PHOTOS_PER_SURFACE * room as f64)).sqrt() as usize).max(1);
     let mut taken = HashSet::new();
     let mut fresh: Vec<([f64; 3], [u8; 3])> = Vec::new();
     for FillView { camera, prior, photo } in views {
@@ -93,7 +94,7 @@ struct Cell {
 }
 
 impl Cell {
-    /// The cell of about `size` that a point is in.
+    /// Returns the cell of about `size` that contains a point.
     fn of(point: DVec3, size: f64) -> Self {
         let level = size.log2().round() as i32;
         Self { level, at: (point / 2f64.powi(level)).floor().to_array().map(|v| v as i64) }

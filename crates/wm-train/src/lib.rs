@@ -27,8 +27,9 @@
 //!     loss: vec![("depth".into(), 0.1)],
 //!     ..TrainPlan::default()
 //! };
-//! let config = plan.config(24, 24 * 1600 * 1200)?; // 24 photos, nearly all of their pixels shown by several
-//! assert_eq!(config.densify.strategy().max_splats(), Some(100_000));
+//! // For 24 photos with 46 million pixels that several photos show.
+//! let config = plan.config(24, 24 * 1600 * 1200)?;
+//! assert_eq!(config.steps, 500);
 //! assert_eq!(config.loss.geometry.depth, 0.1);
 //! # Ok::<(), wm_train::plan::PlanError>(())
 //! ```
@@ -36,53 +37,52 @@
 //! Modules, from photos to scores:
 //! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]:
 //!   cameras of plain photos; [`video`]: photos out of a video.
-//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these
-//!   before a training.
-//! - [`haze`]: haze in which photos were taken, measured and taken out.
-//! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`]
-//!   and [`exposure`].
-//! - [`movers`]: what is in one photo and not in the others; [`overlap`]: how many photos show a
-//!   surface.
+//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: the same, fitted to the
+//!   scene before a training.
+//! - [`config`], [`plan`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`blocks`]: trainings of the parts of a large place, and their join.
-//! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`evaluation`], [`metrics`]: scores against photos and ground truth.
+//!
+//! Private modules hold the steps: `start` (the first splats), `trainer`, `losses`, `densify`,
+//! `schedule` and `exposure`; `haze` and `movers` find what is in the photos and not in the scene.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
 pub mod blocks;
-pub mod brightness;
-pub mod check;
+mod brightness;
+mod check;
 pub mod checkpoint;
 pub mod colmap;
 pub mod config;
 pub mod dataset;
-pub mod densify;
+mod densify;
 pub mod evaluation;
-pub mod exposure;
-pub mod fill;
-pub mod haze;
+mod exposure;
+mod fill;
+mod haze;
 mod learner;
-pub mod losses;
+mod losses;
 pub mod maps;
 pub mod metrics;
-pub mod movers;
-pub mod overlap;
+mod movers;
+mod overlap;
 mod photo_warp;
 pub mod photos;
 mod pieces;
 pub mod plan;
-pub mod poor_photos;
+mod poor_photos;
 pub mod priors;
-pub mod random;
-pub mod schedule;
+mod random;
+mod schedule;
 pub mod session;
-pub mod ssim;
-pub mod start;
-pub mod trainer;
+mod ssim;
+mod start;
+mod trainer;
 pub mod video;
 
 pub use config::{Preset, TrainConfig};
 pub use dataset::{Dataset, DatasetReadOptions, HeldOut};
+pub use losses::TrainPhoto;
 pub use plan::TrainPlan;
 pub use session::{Session, SessionError, SessionOptions, TrainObserver};
 pub use trainer::{StepReport, StepTimes, TrainState, Trainer};

@@ -5,22 +5,22 @@ use glam::DVec3;
 use wm_scene::Camera;
 use wm_scene::capture::SparsePoints;
 
-/// Points of the reconstruction that are asked, about.
-const POINTS: usize = 4000;
-/// Photos that tell the place and the colour of a surface; those beyond confirm them.
-const TELL: f64 = 2.0;
-/// Share of the pixels that counts as confirmed where less is, or where there are no points to ask.
-const LEAST: f64 = 0.25;
+/// Approximate number of sampled points of the reconstruction.
+const MAX_POINTS: usize = 4000;
+/// Photos that determine the place and the colour of a surface; further ones confirm them.
+const SHOWING_PHOTOS: f64 = 2.0;
+/// Least confirmed share of the pixels, also used if there are no points.
+const MIN_CONFIRMED_SHARE: f64 = 0.25;
 
 /// Returns how many photos show a surface, in the mean over the points of the reconstruction that
 /// are in view of any; `None` if none is.
 ///
-/// The photo that shows a point at the most pixels a unit of its surface counts as 1, and another
-/// one as the share of these pixels that it has: a street seen from its far end is not seen again.
-/// What stands between is not known here.
+/// The photo that shows a point at the highest resolution counts as 1, and another one as its
+/// resolution relative to that: a street seen from its far end is not seen again. Occlusion is not
+/// considered.
 #[must_use]
-pub fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
-    let every = points.len().div_ceil(POINTS).max(1);
+pub(crate) fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
+    let every = points.len().div_ceil(MAX_POINTS).max(1);
     let (mut sum, mut count) = (0.0, 0);
     for position in points.positions.iter().step_by(every) {
         let point = DVec3::from_array(*position);
@@ -44,8 +44,8 @@ pub fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
 /// show a surface, n - 2 do. `overlap` is this n, if it is known. A quarter, at least: next to
 /// nothing would be learnt with no splats.
 #[must_use]
-pub fn confirmed_share(overlap: Option<f64>) -> f64 {
-    overlap.map_or(LEAST, |photos| (1.0 - TELL / photos).max(LEAST))
+pub(crate) fn confirmed_share(overlap: Option<f64>) -> f64 {
+    overlap.map_or(MIN_CONFIRMED_SHARE, |photos| (1.0 - SHOWING_PHOTOS / photos).max(MIN_CONFIRMED_SHARE))
 }
 
 #[cfg(test)]
@@ -72,6 +72,6 @@ mod tests {
     #[test]
     fn what_two_photos_show_is_not_confirmed() {
         let shares = [Some(1.0), Some(2.5), Some(4.0), Some(8.0), None].map(confirmed_share);
-        assert_eq!(shares, [LEAST, LEAST, 0.5, 0.75, LEAST]);
+        assert_eq!(shares, [MIN_CONFIRMED_SHARE, MIN_CONFIRMED_SHARE, 0.5, 0.75, MIN_CONFIRMED_SHARE]);
     }
 }

@@ -1,4 +1,4 @@
-//! The way from the pixels of one photo to those of another.
+//! Warps of pixels between two photos.
 
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;
@@ -8,17 +8,17 @@ use wm_scene::Camera;
 /// The image, in homogeneous coordinates, of the point at inverse view z `d` behind image point (x,
 /// y) is `base (x, y, 1) + d lift`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PhotoWarp {
+pub(crate) struct PhotoWarp {
     /// The map of points at infinite distance.
-    pub base: [[f32; 3]; 3],
+    pub(crate) base: [[f32; 3]; 3],
     /// The vector that is added for each unit of inverse view z.
-    pub lift: [f32; 3],
+    pub(crate) lift: [f32; 3],
 }
 
 impl PhotoWarp {
     /// Makes the map from the pixels of `from` to those of `to`.
     #[must_use]
-    pub fn new(from: &Camera, to: &Camera) -> Self {
+    pub(crate) fn new(from: &Camera, to: &Camera) -> Self {
         let relative = to.viewmat * from.viewmat.inverse();
         let matrix =
             |c: &Camera| DMat3::from_cols(DVec3::X * c.fx, DVec3::Y * c.fy, DVec3::new(c.cx, c.cy, 1.0));
@@ -34,7 +34,7 @@ impl PhotoWarp {
     /// inverse view z `inverse` behind image point (x, y), px; `None` behind the other camera.
     #[inline(always)]
     #[must_use]
-    pub fn point(&self, x: f32, y: f32, inverse: f32) -> Option<(f32, f32, f32)> {
+    pub(crate) fn point(&self, x: f32, y: f32, inverse: f32) -> Option<(f32, f32, f32)> {
         let row =
             |r: usize| self.base[r][0] * x + self.base[r][1] * y + self.base[r][2] + self.lift[r] * inverse;
         let depth = row(2);

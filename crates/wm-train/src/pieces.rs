@@ -2,7 +2,7 @@
 
 /// Returns the indices of the pixels left, right, above and below one, of those inside a picture of
 /// so many pixels.
-pub fn beside(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn beside(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
     let x = pixel % width;
     let left = (x > 0).then(|| pixel - 1);
     let right = (x + 1 < width).then_some(pixel + 1);
@@ -12,7 +12,11 @@ pub fn beside(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item =
 
 /// Returns the connected pieces of the pixels in `left`, `[H, W]`, in the order of their first:
 /// neighbours that `joins` are of one piece.
-pub fn pieces(mut left: Vec<bool>, width: usize, joins: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
+pub(crate) fn pieces(
+    mut left: Vec<bool>,
+    width: usize,
+    joins: impl Fn(usize, usize) -> bool,
+) -> Vec<Vec<usize>> {
     let pixels = left.len();
     let mut pieces = Vec::new();
     for start in 0..pixels {

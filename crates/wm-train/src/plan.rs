@@ -13,8 +13,7 @@ use wm_scene::Rasterization;
 pub struct TrainPlan {
     /// The preset.
     pub preset: Preset,
-    /// The number of steps; `None` takes the preset's, or 100 a photo if that is less; see
-    /// [`Preset::steps_for`].
+    /// The number of steps; `None` takes the preset's, or 100 a photo if that is less.
     pub steps: Option<u32>,
     /// The largest number of splats; `None` takes the preset's, or one for every 15 pixels that
     /// confirm what two others show if that is less.
@@ -105,7 +104,7 @@ pub enum PlanError {
 
 impl TrainPlan {
     /// Returns the configuration for so many photos, of which `confirmed` pixels confirm what two
-    /// others show; see [`crate::overlap`].
+    /// others show.
     ///
     /// # Errors
     /// [`PlanError`] names what is unknown or out of range.

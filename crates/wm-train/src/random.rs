@@ -1,10 +1,10 @@
 //! The purposes for which a training draws random numbers; the generator is [`wm_scene::random`].
 
-pub use wm_scene::random::RandomStream as Random;
+pub(crate) use wm_scene::random::RandomStream as Random;
 
 /// The purpose of a training's random numbers. Each has a stream of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+pub(crate) enum Purpose {
     /// The order of the photos.
     Order = 1,
     /// The positions of the first splats.

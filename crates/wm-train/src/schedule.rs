@@ -3,9 +3,9 @@
 use crate::config::{RateConfig, Resolution, TrainConfig};
 use wm_render::training::Rates;
 
-/// Step lengths at a step, for a scene of `extent` units.
+/// Returns the step lengths at a step, for a scene of `extent` units.
 #[must_use]
-pub fn rates(config: &RateConfig, step: u32, steps: u32, extent: f64) -> Rates {
+pub(crate) fn rates(config: &RateConfig, step: u32, steps: u32, extent: f64) -> Rates {
     let at = f64::from(step) / f64::from(steps.max(1));
     let means = (config.means_first.ln() * (1.0 - at) + config.means_last.ln() * at).exp();
     Rates {
@@ -18,19 +18,19 @@ pub fn rates(config: &RateConfig, step: u32, steps: u32, extent: f64) -> Rates {
     }
 }
 
-/// Share of the step lengths of colours at a step of a training on photos in haze: a half at the
-/// first, a twentieth at the last, log-linear between.
+/// Returns the factor on the step lengths of colours for photos in haze: 0.5 at the first step,
+/// 0.05 at the last, log-linear between.
 ///
-/// Through haze colours pull less, and the optimiser's steps are as long as without: their noise
-/// would stay in what haze hides.
+/// Through haze the gradients of colours are small, but Adam's steps have the same length: colours
+/// that the haze hides would be noisy.
 #[must_use]
-pub fn colors_in_haze(step: u32, steps: u32) -> f64 {
+pub(crate) fn colors_in_haze(step: u32, steps: u32) -> f64 {
     0.5 * 0.1f64.powf(f64::from(step) / f64::from(steps.max(1)))
 }
 
-/// Degree of the spherical harmonics in use at a step.
+/// Returns the degree of the spherical harmonics in use at a step.
 #[must_use]
-pub fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
+pub(crate) fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
     let grown = step / config.sh_every.max(1);
     config.sh_degree.min(u8::try_from(grown).unwrap_or(u8::MAX))
 }
@@ -38,7 +38,7 @@ pub fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
 /// Returns how often the sides of photos are halved at a step: twice in the first tenth of the
 /// steps, once in the next two, but never below `last_level`.
 #[must_use]
-pub fn level(config: &TrainConfig, step: u32, last_level: u8) -> u8 {
+pub(crate) fn level(config: &TrainConfig, step: u32, last_level: u8) -> u8 {
     let at = f64::from(step) / f64::from(config.steps.max(1));
     let wanted = match config.resolution {
         Resolution::Full => 0,

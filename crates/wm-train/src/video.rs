@@ -24,38 +24,40 @@ use wm_scene::FormatError;
 use wm_scene::files::write_atomically;
 
 /// Most frames that are chosen.
-pub const MOST_FRAMES: usize = 250;
-/// Frames that a video should give: where it moves little, frames are taken after shorter ways.
-const ENOUGH_FRAMES: usize = 40;
+pub(crate) const MAX_FRAMES: usize = 250;
+/// Wanted number of frames: if the camera moves little, frames are taken after shorter shifts.
+const WANTED_FRAMES: usize = 40;
 /// Fewest frames of a capture.
-const FEWEST_FRAMES: usize = 3;
-/// Most frames that are looked at, and the most a second.
-const MOST_CANDIDATES: f64 = 3000.0;
-const MOST_RATE: f64 = 10.0;
-/// Size of the frames that are looked at, px.
-const GREY: (usize, usize) = (576, 324);
+const MIN_FRAMES: usize = 3;
+/// Most frames that are examined, and the highest rate, 1/s.
+const MAX_CANDIDATES: f64 = 3000.0;
+const MAX_RATE_HZ: f64 = 10.0;
+/// Size of the examined frames, px.
+const GREY_SIZE_PX: (usize, usize) = (576, 324);
 /// Size of a thumbnail, px, in which shifts are measured.
-const SMALL: (usize, usize) = (96, 54);
+const THUMBNAIL_SIZE_PX: (usize, usize) = (96, 54);
 /// Pixels of a grey frame along a side of a pixel of a thumbnail.
-const SCALE: usize = GREY.0 / SMALL.0;
+const THUMBNAIL_REDUCTION: usize = GREY_SIZE_PX.0 / THUMBNAIL_SIZE_PX.0;
 /// Longest shift that is measured, px of a thumbnail.
-const REACH: i32 = 12;
+const MAX_SHIFT_PX: i32 = 12;
 /// Blocks of a thumbnail along each side.
 const BLOCKS: usize = 3;
-/// Ways between two frames that are tried, as fractions of the width: the first that gives enough
-/// frames counts.
-const WAYS: [f64; 5] = [0.08, 0.06, 0.04, 0.03, 0.02];
-/// Start of the window of a frame, as a fraction of the way.
-const WINDOW: f64 = 0.6;
+/// Width and height of a block, px of the small frame.
+const BLOCK_SIZE: (usize, usize) = (THUMBNAIL_SIZE_PX.0 / BLOCKS, THUMBNAIL_SIZE_PX.1 / BLOCKS);
+/// Tried shifts between two frames, as fractions of the width: the first that gives enough frames
+/// is used.
+const FRAME_SHIFTS: [f64; 5] = [0.08, 0.06, 0.04, 0.03, 0.02];
+/// Start of the window of a frame, as a fraction of the shift.
+const WINDOW_START: f64 = 0.6;
 /// Least mean difference of two frames, 0-255.
-const LEAST_CHANGE: f64 = 1.5;
+const MIN_DIFFERENCE: f64 = 1.5;
 
 /// File name extensions of videos.
 const EXTENSIONS: [&str; 12] =
     ["mp4", "mov", "m4v", "mkv", "webm", "avi", "mts", "m2ts", "mpg", "mpeg", "3gp", "wmv"];
 
 /// The file that says that all frames are there.
-const DONE: &str = "frames.txt";
+const DONE_FILE: &str = "frames.txt";
 
 /// A reason why a video gives no photos.
 #[derive(Debug, Error)]
@@ -76,7 +78,7 @@ pub enum VideoError {
     NotVideo {
         /// The file.
         path: PathBuf,
-        /// What ffmpeg said last.
+        /// The last line of ffmpeg.
         said: String,
     },
     /// It does not move, or ends at once.
@@ -126,13 +128,13 @@ const INSTALL: &str = if cfg!(target_os = "macos") {
 pub struct VideoProgress {
     /// Frames that were looked at.
     pub done: usize,
-    /// Of about how many, once that is known.
+    /// The approximate number of items in all, once that is known.
     pub total: Option<usize>,
 }
 
 /// Returns true if the path is a file with the extension of a video.
 #[must_use]
-pub fn is_video(path: &Path) -> bool {
+pub(crate) fn is_video(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     path.is_file() && EXTENSIONS.iter().any(|known| known.eq_ignore_ascii_case(extension))
 }
@@ -143,7 +145,7 @@ pub fn is_video(path: &Path) -> bool {
 ///
 /// # Errors
 /// [`VideoError`] in one line.
-pub fn write_frames(
+pub(crate) fn write_frames(
     video: &Path,
     folder: &Path,
     progress: &mut dyn FnMut(VideoProgress),
@@ -153,7 +155,7 @@ pub fn write_frames(
     let changed = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let title =
         format!("{}, {} bytes, {}", video.display(), about.len(), changed.map_or(0, |t| t.as_nanos()));
-    let there = fs::read_to_string(folder.join(DONE)).unwrap_or_default();
+    let there = fs::read_to_string(folder.join(DONE_FILE)).unwrap_or_default();
     let mut lines = there.lines();
     if lines.next() == Some(title.as_str()) {
         return Ok(lines.count());
@@ -164,7 +166,7 @@ pub fn write_frames(
     let rate = ffmpeg.rate()?;
     let candidates = ffmpeg.candidates(&rate, progress)?;
     let chosen = choose(&candidates);
-    if chosen.len() < FEWEST_FRAMES {
+    if chosen.len() < MIN_FRAMES {
         return Err(VideoError::FewFrames { path: video.into(), frames: chosen.len() });
     }
     let fault = |reason| VideoError::Folder { path: folder.into(), reason };
@@ -178,7 +180,7 @@ pub fn write_frames(
     if written < chosen.len() {
         return Err(ffmpeg.no_video(&format!("{written} of {} frames came out", chosen.len())));
     }
-    write_atomically(&folder.join(DONE), |out| {
+    write_atomically(&folder.join(DONE_FILE), |out| {
         writeln!(out, "{title}")?;
         for frame in &chosen {
             writeln!(out, "{:.2} s", *frame as f64 / rate.frames_per_second)?;
@@ -252,7 +254,8 @@ impl Ffmpeg<'_> {
     ) -> Result<Vec<Candidate>, VideoError> {
         let mut command = self.command();
         command.args(["-v", "error", "-i"]).arg(self.video).args(["-map", "0:v:0", "-an", "-sn"]);
-        let filter = format!("{},scale={}:{},format=gray", Self::filter(rate), GREY.0, GREY.1);
+        let filter =
+            format!("{},scale={}:{},format=gray", Self::filter(rate), GREY_SIZE_PX.0, GREY_SIZE_PX.1);
         command.args(["-vf", &filter, "-f", "rawvideo", "-"]);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = Running(command.spawn().map_err(|error| self.run_error(error))?);
@@ -266,7 +269,7 @@ impl Ffmpeg<'_> {
         });
         let mut out = out.ok_or_else(|| self.run_error(ErrorKind::BrokenPipe.into()))?;
         let mut candidates = Vec::new();
-        let mut grey = vec![0; GREY.0 * GREY.1];
+        let mut grey = vec![0; GREY_SIZE_PX.0 * GREY_SIZE_PX.1];
         loop {
             match out.read_exact(&mut grey) {
                 Ok(()) => candidates.push(Candidate::of(&grey)),
@@ -314,8 +317,8 @@ fn stated_rate(said: &str) -> Rate {
     let seconds = seconds.filter(|seconds| seconds.is_finite() && *seconds > 0.0);
     let native = said.split(" fps").next().and_then(|before| before.rsplit([' ', ',']).next());
     let native = native.and_then(|rate| rate.parse().ok()).filter(|rate: &f64| *rate > 0.0);
-    let most = seconds.map_or(MOST_RATE / 2.0, |seconds| MOST_CANDIDATES / seconds);
-    let frames_per_second = most.min(MOST_RATE).min(native.unwrap_or(MOST_RATE));
+    let most = seconds.map_or(MAX_RATE_HZ / 2.0, |seconds| MAX_CANDIDATES / seconds);
+    let frames_per_second = most.min(MAX_RATE_HZ).min(native.unwrap_or(MAX_RATE_HZ));
     let total = seconds.map(|seconds| (seconds * frames_per_second).ceil() as usize);
     Rate { frames_per_second, total }
 }
@@ -332,8 +335,8 @@ struct Candidate {
 impl Candidate {
     /// Looks at a grey frame `[324, 576]`.
     fn of(grey: &[u8]) -> Self {
-        let width = GREY.0;
-        let rows: Vec<f64> = (1..GREY.1)
+        let width = GREY_SIZE_PX.0;
+        let rows: Vec<f64> = (1..GREY_SIZE_PX.1)
             .into_par_iter()
             .map(|y| {
                 let (row, above) = (&grey[y * width..][..width], &grey[(y - 1) * width..][..width]);
@@ -342,12 +345,17 @@ impl Candidate {
                 along + row.iter().zip(above).map(|(a, b)| square(*a, *b)).sum::<f64>()
             })
             .collect();
-        let small = (0..SMALL.0 * SMALL.1).map(|i| {
-            let (x, y) = (SCALE * (i % SMALL.0), SCALE * (i / SMALL.0));
-            let sum: u32 = (y..y + SCALE)
-                .map(|row| grey[row * width + x..][..SCALE].iter().map(|v| u32::from(*v)).sum::<u32>())
+        let small = (0..THUMBNAIL_SIZE_PX.0 * THUMBNAIL_SIZE_PX.1).map(|i| {
+            let (x, y) = (
+                THUMBNAIL_REDUCTION * (i % THUMBNAIL_SIZE_PX.0),
+                THUMBNAIL_REDUCTION * (i / THUMBNAIL_SIZE_PX.0),
+            );
+            let sum: u32 = (y..y + THUMBNAIL_REDUCTION)
+                .map(|row| {
+                    grey[row * width + x..][..THUMBNAIL_REDUCTION].iter().map(|v| u32::from(*v)).sum::<u32>()
+                })
                 .sum();
-            (sum / (SCALE * SCALE) as u32) as u8
+            (sum / (THUMBNAIL_REDUCTION * THUMBNAIL_REDUCTION) as u32) as u8
         });
         Self { sharpness: rows.iter().sum::<f64>() / grey.len() as f64, small: small.collect() }
     }
@@ -362,50 +370,43 @@ impl Candidate {
     /// of its blocks, as a fraction of the width. A block that fits nowhere, or best at the end of
     /// the search, counts with the longest shift.
     fn way(&self, other: &Self) -> f64 {
-        let (width, height) = (SMALL.0 / BLOCKS, SMALL.1 / BLOCKS);
+        let (width, height) = BLOCK_SIZE;
         let lengths: Vec<f64> = (0..BLOCKS * BLOCKS)
             .into_par_iter()
             .map(|block| {
                 let (x, y) = (width * (block % BLOCKS), height * (block / BLOCKS));
                 let mut best = (u64::MAX, 0);
-                for dy in -REACH..=REACH {
-                    for dx in -REACH..=REACH {
-                        let Some(sum) = self.difference(other, (x, y), (width, height), (dx, dy)) else {
-                            continue;
-                        };
+                for dy in -MAX_SHIFT_PX..=MAX_SHIFT_PX {
+                    for dx in -MAX_SHIFT_PX..=MAX_SHIFT_PX {
+                        let Some(sum) = self.difference(other, x, y, dx, dy) else { continue };
                         best = best.min((sum, dx * dx + dy * dy));
                     }
                 }
                 f64::from(best.1).sqrt()
             })
             .collect();
-        lengths.iter().sum::<f64>() / lengths.len() as f64 / SMALL.0 as f64
+        lengths.iter().sum::<f64>() / lengths.len() as f64 / THUMBNAIL_SIZE_PX.0 as f64
     }
 
-    /// Returns the difference of a block and the place in another frame to which a shift leads: a
-    /// mean, times 256, over the pixels that are in both; `None` if those are too few.
-    fn difference(
-        &self,
-        other: &Self,
-        (x, y): (usize, usize),
-        (width, height): (usize, usize),
-        (dx, dy): (i32, i32),
-    ) -> Option<u64> {
+    /// Returns the mean difference, times 256, of the block at (x, y) and another frame's at
+    /// (x + dx, y + dy), over the pixels that are in both frames; `None` if those are too few.
+    fn difference(&self, other: &Self, x: usize, y: usize, dx: i32, dy: i32) -> Option<u64> {
+        let (width, height) = BLOCK_SIZE;
         let inside = |from: usize, size: usize, shift: i32, side: usize| {
             let begin = (from as i32).max(-shift);
             let end = ((from + size) as i32).min(side as i32 - shift);
             (begin < end).then_some((begin as usize, end as usize))
         };
-        let (left, right) = inside(x, width, dx, SMALL.0)?;
-        let (top, bottom) = inside(y, height, dy, SMALL.1)?;
+        let (left, right) = inside(x, width, dx, THUMBNAIL_SIZE_PX.0)?;
+        let (top, bottom) = inside(y, height, dy, THUMBNAIL_SIZE_PX.1)?;
         let count = (right - left) * (bottom - top);
         if 2 * count < width * height {
             return None;
         }
         let sum: u64 = (top..bottom)
             .map(|row| {
-                let there = (row as i32 + dy) as usize * SMALL.0;
-                let a = &self.small[row * SMALL.0 + left..row * SMALL.0 + right];
+                let there = (row as i32 + dy) as usize * THUMBNAIL_SIZE_PX.0;
+                let a = &self.small[row * THUMBNAIL_SIZE_PX.0 + left..row * THUMBNAIL_SIZE_PX.0 + right];
                 let b = &other.small[there + (left as i32 + dx) as usize..][..right - left];
                 a.iter().zip(b).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>()
             })
@@ -417,15 +418,15 @@ impl Candidate {
 /// Chooses frames, by their numbers, ascending.
 fn choose(candidates: &[Candidate]) -> Vec<usize> {
     let mut chosen = Vec::new();
-    for way in WAYS {
+    for way in FRAME_SHIFTS {
         chosen = chosen_after(candidates, way);
-        if chosen.len() >= ENOUGH_FRAMES {
+        if chosen.len() >= WANTED_FRAMES {
             break;
         }
     }
-    if chosen.len() > MOST_FRAMES {
+    if chosen.len() > MAX_FRAMES {
         let all = chosen.len();
-        chosen = (0..MOST_FRAMES).map(|i| chosen[i * all / MOST_FRAMES]).collect();
+        chosen = (0..MAX_FRAMES).map(|i| chosen[i * all / MAX_FRAMES]).collect();
     }
     chosen
 }
@@ -438,14 +439,15 @@ fn chosen_after(candidates: &[Candidate], way: f64) -> Vec<usize> {
     };
     let mut chosen: Vec<usize> = Vec::new();
     // The first window: what lies within a part of the way from the start.
-    let begin = candidates.iter().take_while(|other| candidates[0].way(other) < (1.0 - WINDOW) * way).count();
+    let begin =
+        candidates.iter().take_while(|other| candidates[0].way(other) < (1.0 - WINDOW_START) * way).count();
     let Some(mut last) = sharpest(0, begin.max(1)) else { return chosen };
     chosen.push(last);
     let mut window = None;
     let mut next = last + 1;
     while next < candidates.len() {
         let moved = candidates[last].way(&candidates[next]);
-        if window.is_none() && moved >= WINDOW * way {
+        if window.is_none() && moved >= WINDOW_START * way {
             window = Some(next);
         }
         if let Some(from) = window
@@ -453,7 +455,7 @@ fn chosen_after(candidates: &[Candidate], way: f64) -> Vec<usize> {
             && let Some(best) = sharpest(from, next + 1)
         {
             window = None;
-            if candidates[best].change(&candidates[last]) >= LEAST_CHANGE {
+            if candidates[best].change(&candidates[last]) >= MIN_DIFFERENCE {
                 chosen.push(best);
                 last = best;
                 next = best;
@@ -479,11 +481,11 @@ mod tests {
                 + 8.0 * (0.9 * x).sin()
         };
         let pixel = |i: usize| {
-            let (x, y) = ((i % GREY.0) as f64 + place, (i / GREY.0) as f64);
+            let (x, y) = ((i % GREY_SIZE_PX.0) as f64 + place, (i / GREY_SIZE_PX.0) as f64);
             let sum: f64 = (0..=blur).map(|step| value(x + step as f64, y)).sum();
             (sum / (blur + 1) as f64).clamp(0.0, 255.0) as u8
         };
-        Candidate::of(&(0..GREY.0 * GREY.1).map(pixel).collect::<Vec<_>>())
+        Candidate::of(&(0..GREY_SIZE_PX.0 * GREY_SIZE_PX.1).map(pixel).collect::<Vec<_>>())
     }
 
     #[test]
@@ -492,7 +494,7 @@ mod tests {
         assert_eq!(start.way(&start), 0.0);
         for pixels in [6.0, 24.0, 48.0] {
             let way = start.way(&frame(pixels, 0));
-            assert!((way - pixels / GREY.0 as f64).abs() < 0.012, "{pixels}: {way}");
+            assert!((way - pixels / GREY_SIZE_PX.0 as f64).abs() < 0.012, "{pixels}: {way}");
         }
         assert!(frame(0.0, 0).sharpness > 1.2 * frame(0.0, 20).sharpness);
     }

@@ -10,12 +10,8 @@ use serde::Serialize;
 use std::time::Instant;
 use wm_render::{Device, Frame, StepClock};
 use wm_scene::{Camera, Splats};
-use wm_train::config::{Densify, RateConfig};
-use wm_train::densify::Population;
-use wm_train::densify::fixed::FixedConfig;
-use wm_train::exposure::Exposures;
-use wm_train::losses::TrainPhoto;
-use wm_train::{Preset, StepTimes, TrainConfig, TrainState, Trainer};
+use wm_train::config::{Densify, FixedConfig, RateConfig};
+use wm_train::{Preset, StepTimes, TrainConfig, TrainPhoto, TrainState, Trainer};
 
 /// Steps of one scene. Times are milliseconds, medians.
 #[derive(Serialize)]
@@ -99,11 +95,8 @@ fn standing(splats: &Splats, run: &RunArgs) -> Result<Trainer> {
         ..TrainConfig::preset(Preset::Quick)
     };
     // As after the steps in which the harmonics grow.
-    let state = TrainState {
-        step: u32::from(splats.sh_degree),
-        population: Population::new(splats.clone()),
-        exposures: Exposures::new(1),
-    };
+    let mut state = TrainState::new(splats.clone(), 1);
+    state.step = u32::from(splats.sh_degree);
     Ok(Trainer::resumed(config, run.differentiable()?, state, 1.0, 1))
 }
 

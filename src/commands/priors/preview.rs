@@ -79,7 +79,7 @@ fn both(
 }
 
 fn fitting(camera: &Camera, pixels: usize) -> PictureSize {
-    let (width, height) = wm_train::priors::files::shrunk((camera.width, camera.height), pixels);
+    let (width, height) = wm_train::priors::files::size_within(camera.width, camera.height, pixels);
     PictureSize::new(width, height)
 }
 

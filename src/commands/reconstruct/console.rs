@@ -12,10 +12,9 @@ use wm_media::{PictureSize, color::Dither, png};
 use wm_scene::Camera;
 use wm_train::StepTimes;
 use wm_train::colmap;
-use wm_train::movers::{MoverOutcome, sheet};
 use wm_train::session::{
-    HeldOutScores, ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage,
-    TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
+    HeldOutScores, ImageMoment, MOVERS_FILE, MoverOutcome, ObserverError, Preparation, StepProgress,
+    StepSummary, TrainImage, TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
 };
 use wm_train::video::VideoProgress;
 
@@ -72,7 +71,7 @@ impl TrainObserver for TrainingConsole<'_> {
             }
             TrainNotice::FewerSteps { .. } => eprintln!("{notice} (--steps sets another number)"),
             TrainNotice::Movers { outcome: MoverOutcome::Found { .. }, .. } => {
-                eprintln!("{notice}: {}", self.folder.join(sheet::FILE).display());
+                eprintln!("{notice}: {}", self.folder.join(MOVERS_FILE).display());
             }
             TrainNotice::Movers { outcome: MoverOutcome::None | MoverOutcome::TooFewJudged(_), .. } => {}
             TrainNotice::Haze { .. } => eprintln!("{notice} (--haze keep leaves it in)"),

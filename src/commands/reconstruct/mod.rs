@@ -28,8 +28,7 @@ use wm_scene::{Metadata, Rasterization};
 use wm_train::blocks::PLAN;
 use wm_train::config::{BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution};
 use wm_train::photos::PhotoSize;
-use wm_train::poor_photos::PoorPhotoMode;
-use wm_train::session::{PriorSource, Resume};
+use wm_train::session::{PoorPhotoMode, PriorSource, Resume};
 use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
 /// Options of `reconstruct`.

@@ -22,8 +22,8 @@ use wm_street::{
     Street,
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
 };
-use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
-use wm_train::{Preset, TrainConfig, config::Densify};
+use wm_train::config::{AdaptiveConfig, Densify, McmcConfig};
+use wm_train::{Preset, TrainConfig};
 
 /// Messages that may precede an error: warnings about the data set, and the step from which a run
 /// continues.

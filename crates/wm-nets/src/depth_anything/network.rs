@@ -2,66 +2,66 @@
 //! together (DPT).
 
 use super::photo::PATCH;
-use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then};
+use crate::ops::{Activation, Convolution, Enlarge, Image, Linear, Norm};
 use crate::transformer::{Block, Embedding};
 
 /// All weights.
 #[derive(Debug)]
-pub struct Network {
-    pub backbone: Backbone,
-    pub head: Head,
+pub(crate) struct Network {
+    pub(crate) backbone: Backbone,
+    pub(crate) head: Head,
 }
 
 /// The vision transformer.
 #[derive(Debug)]
-pub struct Backbone {
-    pub embedding: Embedding,
-    pub blocks: Vec<Block>,
-    pub norm: Norm,
-    pub heads: usize,
+pub(crate) struct Backbone {
+    pub(crate) embedding: Embedding,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) norm: Norm,
+    pub(crate) heads: usize,
     /// After how many blocks the head takes the features.
-    pub taps: [usize; 4],
+    pub(crate) taps: [usize; 4],
 }
 
 /// The head that makes disparity of features.
 #[derive(Debug)]
-pub struct Head {
+pub(crate) struct Head {
     /// 1x1 px, of each tap.
-    pub project: [Linear; 4],
+    pub(crate) project: [Linear; 4],
     /// Taps to 4, 2, 1 and 1/2 px a patch.
-    pub enlarge: [Enlarge; 2],
-    pub shrink: Convolution,
-    pub reduce: [Convolution; 4],
+    pub(crate) enlarge: [Enlarge; 2],
+    pub(crate) shrink: Convolution,
+    pub(crate) reduce: [Convolution; 4],
     /// From the smallest image to the largest.
-    pub fusions: [Fusion; 4],
-    pub last: [Convolution; 2],
+    pub(crate) fusions: [Fusion; 4],
+    pub(crate) last: [Convolution; 2],
     /// To one number a pixel.
-    pub depth: Linear,
+    pub(crate) depth: Linear,
 }
 
 /// Adds a tap's image to what comes from the smaller ones.
 #[derive(Debug)]
-pub struct Fusion {
+pub(crate) struct Fusion {
     /// For the image that is added; the smallest has none.
-    pub added: Option<ResidualUnit>,
-    pub sum: ResidualUnit,
-    pub project: Linear,
+    pub(crate) added: Option<ResidualUnit>,
+    pub(crate) sum: ResidualUnit,
+    pub(crate) project: Linear,
 }
 
 /// Two convolutions that are added to what they are made from.
 #[derive(Debug)]
-pub struct ResidualUnit(pub [Convolution; 2]);
+pub(crate) struct ResidualUnit(pub [Convolution; 2]);
 
 impl Network {
     /// Disparity of a normalised photo of whole patches, one channel at its size.
-    pub fn disparity(&self, photo: &Image) -> Image {
+    pub(crate) fn disparity(&self, photo: &Image) -> Image {
         let (columns, rows) = (photo.width / PATCH, photo.height / PATCH);
         self.head.disparity(self.backbone.features(photo, columns, rows))
     }
 }
 
 impl Backbone {
-    /// Of each tap the features of the patches.
+    /// Returns the features of the patches after each tapped block.
     fn features(&self, photo: &Image, columns: usize, rows: usize) -> [Image; 4] {
         let mut x = self.embedding.apply(photo);
         let channels = self.embedding.class.len();
@@ -87,10 +87,10 @@ impl Head {
             self.enlarge[0].apply(a.over(first)),
             self.enlarge[1].apply(b.over(second)),
             c.over(third),
-            self.shrink.apply(&d.over(fourth), Then::Nothing),
+            self.shrink.apply(&d.over(fourth), Activation::Nothing),
         ];
         let levels: [Image; 4] =
-            std::array::from_fn(|index| self.reduce[index].apply(&images[index], Then::Nothing));
+            std::array::from_fn(|index| self.reduce[index].apply(&images[index], Activation::Nothing));
         let mut fused = None;
         for (index, fusion) in (0..4).rev().zip(&self.fusions) {
             // As large as the next one, the last twice as large as it is.
@@ -101,8 +101,8 @@ impl Head {
             let image = fusion.apply(fused.take(), &levels[index]);
             fused = Some(image.bilinear(width, height));
         }
-        let image = self.last[0].apply(&fused.expect("four levels"), Then::Nothing);
-        let image = self.last[1].apply(&image.bilinear(width, height), Then::Relu);
+        let image = self.last[0].apply(&fused.expect("four levels"), Activation::Nothing);
+        let image = self.last[1].apply(&image.bilinear(width, height), Activation::Relu);
         self.depth.over(image).relu()
     }
 }
@@ -125,8 +125,8 @@ impl Fusion {
 
 impl ResidualUnit {
     fn apply(&self, image: &Image) -> Image {
-        let inner = self.0[0].apply(&image.relu(), Then::Relu);
-        let mut sum = self.0[1].apply(&inner, Then::Nothing);
+        let inner = self.0[0].apply(&image.relu(), Activation::Relu);
+        let mut sum = self.0[1].apply(&inner, Activation::Nothing);
         sum.add(image);
         sum
     }

@@ -11,7 +11,7 @@ use crate::pillow::resized;
 use rayon::prelude::*;
 
 /// Pixels of a patch's side.
-pub const PATCH: usize = 14;
+pub(crate) const PATCH: usize = 14;
 /// Mean and deviation of ImageNet, red, green, blue.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
@@ -22,12 +22,12 @@ const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 ///
 /// # Errors
 /// [`DisparityError`] if the photo is below a patch, or so long that the network would see it out
-/// of proportion or need more memory than [`LONGEST`](super::LONGEST) allows.
-pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
+/// of proportion or need more memory than [`MAX_ASPECT_RATIO`](super::MAX_ASPECT_RATIO) allows.
+pub(crate) fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
     if width.min(height) < PATCH {
         return Err(DisparityError::Small { width, height });
     }
-    if width.max(height) > super::LONGEST * width.min(height) {
+    if width.max(height) > super::MAX_ASPECT_RATIO * width.min(height) {
         return Err(DisparityError::Long { width, height });
     }
     let scales = [width, height].map(|length| side as f64 / length as f64);
@@ -38,9 +38,9 @@ pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), 
 
 /// A photo, `[H, W, 3]`, 0-1, display-referred, at another size and normalised. What is not in 0-1
 /// is clamped, NaN is 0.
-pub fn normalized(rgb: &[f32], (width, height): (usize, usize), to: (usize, usize)) -> Image {
+pub(crate) fn normalized(rgb: &[f32], width: usize, height: usize, to: (usize, usize)) -> Image {
     let levels: Vec<u8> = rgb.par_iter().map(|value| (255.0 * value).round() as u8).collect();
-    let levels = resized(levels, (width, height), to);
+    let levels = resized(levels, width, height, to);
     let tables: [[f32; 256]; 3] = std::array::from_fn(|lane| {
         std::array::from_fn(|level| ((level as f64 * (1.0 / 255.0)) as f32 - MEAN[lane]) / DEVIATION[lane])
     });

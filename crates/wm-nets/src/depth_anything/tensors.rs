@@ -4,7 +4,7 @@
 use super::network::{Backbone, Fusion, Head, Network, ResidualUnit};
 use super::photo::PATCH;
 use super::{ModelSize, Version};
-use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then, numbers};
+use crate::ops::{Activation, Convolution, Enlarge, Image, Linear, Norm, numbers};
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Weights, WeightsError};
 use serde_json::Value;
@@ -13,42 +13,42 @@ use std::io::Read as _;
 use std::path::Path;
 
 /// The advice where a file is of another network.
-pub const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
+pub(crate) const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
                           or LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the \
                           same networks";
 
-/// Of the norms of DINOv2.
+/// The epsilon of DINOv2's layer norms.
 const EPSILON: f64 = 1e-6;
 
 /// Numbers of channels and blocks.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Architecture {
-    pub naming: Naming,
+pub(crate) struct Architecture {
+    pub(crate) naming: Naming,
     /// Channels of a patch.
-    pub channels: usize,
-    pub blocks: usize,
-    pub heads: usize,
+    pub(crate) channels: usize,
+    pub(crate) blocks: usize,
+    pub(crate) heads: usize,
     /// Patches along a side of the photos that it learnt from.
-    pub grid: usize,
+    pub(crate) grid: usize,
     /// Channels of the four taps.
-    pub neck: [usize; 4],
+    pub(crate) neck: [usize; 4],
     /// Channels where they are put together.
-    pub fusion: usize,
+    pub(crate) fusion: usize,
     /// Channels before depth.
-    pub last: usize,
+    pub(crate) last: usize,
 }
 
 impl Architecture {
     /// Channels of an attention head in all published networks.
-    const HEAD: usize = 64;
+    const HEAD_CHANNELS: usize = 64;
     /// Largest grid that is taken; the published ones are 37.
-    const LARGEST_GRID: usize = 128;
+    const MAX_GRID: usize = 128;
 
     /// Finds out from tensors' shapes and, where it lies beside them, `config.json`.
     ///
     /// # Errors
     /// [`WeightsError`] if it is no Depth Anything, or does not say how many heads it has.
-    pub fn of(weights: &Weights, config: &Config) -> Result<Self, WeightsError> {
+    pub(crate) fn of(weights: &Weights, config: &Config) -> Result<Self, WeightsError> {
         let naming = [Naming::Transformers, Naming::Original]
             .into_iter()
             .find(|naming| weights.shape(&naming.patches("weight")).is_some())
@@ -67,17 +67,17 @@ impl Architecture {
         let blocks = (0..64).rev().find(is_there).map_or(0, |last| last + 1);
         let heads = match config.heads {
             Some(heads) if heads > 0 && channels % heads == 0 => heads,
-            None if channels % Self::HEAD == 0 => channels / Self::HEAD,
+            None if channels % Self::HEAD_CHANNELS == 0 => channels / Self::HEAD_CHANNELS,
             _ => {
                 return Err(weights.refuse(format!(
                     "a network of {channels} channels, of which the published ones have {0} a head and others say \
                      in a config.json beside how many heads they have",
-                    Self::HEAD
+                    Self::HEAD_CHANNELS
                 )));
             }
         };
         let grid = (of("backbone.embeddings.position_embeddings", 1)? - 1).isqrt();
-        if blocks < 4 || !(1..=Self::LARGEST_GRID).contains(&grid) {
+        if blocks < 4 || !(1..=Self::MAX_GRID).contains(&grid) {
             let found = format!("a network of {blocks} blocks and {grid}x{grid} positions");
             return Err(weights.refuse(format!("{found}, where Depth Anything has 12 or 24 and 37x37")));
         }
@@ -90,7 +90,7 @@ impl Architecture {
     }
 
     /// Returns the published size that these are.
-    pub fn size(&self) -> Option<ModelSize> {
+    pub(crate) fn size(&self) -> Option<ModelSize> {
         match (self.channels, self.blocks) {
             (384, 12) => Some(ModelSize::Small),
             (768, 12) => Some(ModelSize::Base),
@@ -102,7 +102,7 @@ impl Architecture {
     /// After which blocks the head takes the features: for V1 the last four, for V2 as the
     /// backbone's `out_indices` are in the published `config.json` (and `intermediate_layer_idx` of
     /// the original `dpt.py`, from 0).
-    pub fn taps(&self, version: Version) -> [usize; 4] {
+    pub(crate) fn taps(&self, version: Version) -> [usize; 4] {
         let last = self.blocks;
         match (version, last) {
             (Version::V1, _) => [last - 3, last - 2, last - 1, last],
@@ -114,7 +114,7 @@ impl Architecture {
 
 /// The facts in `config.json` beside a file that tensors do not tell.
 #[derive(Debug, Default)]
-pub struct Config {
+pub(crate) struct Config {
     heads: Option<usize>,
     taps: Option<Vec<usize>>,
     metric: bool,
@@ -122,7 +122,7 @@ pub struct Config {
 
 impl Config {
     /// Reads it from beside a file; one that is not there, or of something else, says nothing.
-    pub fn beside(file: &Path) -> Self {
+    pub(crate) fn beside(file: &Path) -> Self {
         Self::read(&file.with_file_name("config.json")).unwrap_or_default()
     }
 
@@ -144,7 +144,7 @@ impl Config {
 
     /// Returns the reason in the file's name or its `config.json` against the use of a file, if
     /// there is one.
-    pub fn contradiction(
+    pub(crate) fn contradiction(
         &self,
         file: &Path,
         architecture: &Architecture,
@@ -171,7 +171,7 @@ impl Config {
 
 /// The naming scheme of the tensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Naming {
+pub(crate) enum Naming {
     /// Hugging Face's transformers.
     Transformers,
     /// The authors' own code.
@@ -186,7 +186,8 @@ impl Naming {
         }
     }
 
-    /// Of a block, by transformers' name or the original one, which are alike but for some.
+    /// Returns the name of a tensor of a block from transformers' name; the authors' code uses
+    /// other names for some.
     fn block(self, index: usize, what: &str) -> String {
         match self {
             Self::Transformers => format!("backbone.encoder.layer.{index}.{what}"),
@@ -238,9 +239,9 @@ impl Naming {
 }
 
 /// Reads one tensor after the other.
-pub struct Reader<'a> {
-    pub weights: &'a mut Weights,
-    pub architecture: &'a Architecture,
+pub(crate) struct Reader<'a> {
+    pub(crate) weights: &'a mut Weights,
+    pub(crate) architecture: &'a Architecture,
 }
 
 type Read<T> = Result<T, WeightsError>;
@@ -250,7 +251,7 @@ impl Reader<'_> {
     ///
     /// # Errors
     /// [`WeightsError`] if a tensor is missing, of another shape or not finite.
-    pub fn network(&mut self, version: Version) -> Read<Network> {
+    pub(crate) fn network(&mut self, version: Version) -> Read<Network> {
         Ok(Network { backbone: self.backbone(version)?, head: self.head()? })
     }
 
@@ -315,7 +316,7 @@ impl Reader<'_> {
             // In all of DINOv2's networks.
             wide: 4 * channels,
             epsilon: EPSILON,
-            activation: Then::Gelu,
+            activation: Activation::Gelu,
         };
         Block::read(&kind, &mut |what, shape| self.exact(&naming.block(index, what), shape))
     }

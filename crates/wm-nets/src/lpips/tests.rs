@@ -30,7 +30,8 @@ static NETWORK: LazyLock<Lpips> = LazyLock::new(|| {
 
 /// Noise of 8x8 px blocks (stream s) and of values (s + 1), and a share of stream 200:
 /// 0.5 + 0.25 (block + value) + share.
-fn picture_with(share: f64, stream: u64, (width, height): (usize, usize)) -> Vec<f32> {
+fn picture_with(share: f64, stream: u64, size: (usize, usize)) -> Vec<f32> {
+    let (width, height) = size;
     let of = |i: usize| {
         let (lane, column, row) = (i % 3, i / 3 % width, i / 3 / width);
         let block = (row / 8 * width.div_ceil(8) + column / 8) * 3 + lane;

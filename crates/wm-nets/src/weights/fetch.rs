@@ -26,20 +26,20 @@ use ureq::http::header::{CONTENT_LENGTH, CONTENT_RANGE, ETAG, HeaderName, IF_RAN
 use ureq::tls::{RootCerts, TlsConfig};
 
 /// Longest file that is fetched, bytes: more than ten times the largest published one.
-const MAX: u64 = 1 << 34;
+const MAX_FILE_BYTES: u64 = 1 << 34;
 /// Longest `ETag` that is kept.
-const MAX_ETAG: u64 = 1 << 10;
+const MAX_ETAG_BYTES: u64 = 1 << 10;
 /// Bytes that are read at a time.
-const BLOCK: usize = 1 << 18;
+const BLOCK_BYTES: usize = 1 << 18;
 /// The longest silence of a server.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A published file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DownloadSource {
     /// The address, `https://` or `http://`.
     pub url: String,
-    /// Its name in the folder.
+    /// The name of the file in the folder.
     pub file_name: String,
     /// The expected checksum, if it is known.
     pub checksum: Option<Checksum>,
@@ -116,9 +116,9 @@ pub enum FetchFault {
     /// It is another file.
     #[error("has SHA-256 {found}, not {expected}; nothing is kept; check the expected one, {INSTEAD}")]
     Checksum {
-        /// Of what arrived.
+        /// The checksum of what arrived.
         found: Checksum,
-        /// Of what was wanted.
+        /// The checksum that was expected.
         expected: Checksum,
     },
     /// A file of this name was there and is another one.
@@ -126,9 +126,9 @@ pub enum FetchFault {
     Other {
         /// The file.
         path: PathBuf,
-        /// Of the file.
+        /// The checksum of the file.
         found: Checksum,
-        /// Of what was wanted.
+        /// The checksum that was expected.
         expected: Checksum,
     },
     /// It is something else, say a page that asks to log in.
@@ -295,7 +295,7 @@ impl Download<'_> {
         file.set_len(from).and_then(|()| file.seek(SeekFrom::Start(from))).map_err(disk())?;
         let mut done = from;
         let mut reader = response.body_mut().as_reader();
-        let mut block = vec![0; BLOCK];
+        let mut block = vec![0; BLOCK_BYTES];
         loop {
             progress(FetchProgress { done, total });
             let broke_off = |what: String| FetchFault::BrokeOff { done, what };
@@ -309,7 +309,7 @@ impl Download<'_> {
                 Err(error) => return Err(broke_off(error.to_string())),
             };
             done += count as u64;
-            if done > total.unwrap_or(MAX) {
+            if done > total.unwrap_or(MAX_FILE_BYTES) {
                 return Err(FetchFault::Odd("more than the file's length".into()));
             }
             file.write_all(&block[..count]).map_err(disk())?;
@@ -327,9 +327,9 @@ impl Download<'_> {
             .config()
             .http_status_as_error(false)
             .user_agent(concat!("weather-magician/", env!("CARGO_PKG_VERSION")))
-            .timeout_connect(Some(PATIENCE))
-            .timeout_recv_response(Some(PATIENCE))
-            .timeout_per_read(Some(PATIENCE))
+            .timeout_connect(Some(TIMEOUT))
+            .timeout_recv_response(Some(TIMEOUT))
+            .timeout_per_read(Some(TIMEOUT))
             .build();
         if let Some(etag) = &etag {
             request = request.header(RANGE, format!("bytes={kept}-")).header(IF_RANGE, etag);
@@ -346,8 +346,8 @@ impl Download<'_> {
             416 if etag.is_some() => return self.ask(agent, 0),
             _ => return Err(FetchFault::Refused(response.status().to_string())),
         };
-        if total.is_some_and(|total| total > MAX) {
-            return Err(FetchFault::Odd(format!("a file of more than {MAX} bytes")));
+        if total.is_some_and(|total| total > MAX_FILE_BYTES) {
+            return Err(FetchFault::Odd(format!("a file of more than {MAX_FILE_BYTES} bytes")));
         }
         if from == 0 {
             // A weak one does not say that the bytes are the same.
@@ -362,7 +362,7 @@ impl Download<'_> {
 
     fn kept_etag(&self) -> Option<String> {
         let mut etag = String::new();
-        File::open(&self.etag).ok()?.take(MAX_ETAG).read_to_string(&mut etag).ok()?;
+        File::open(&self.etag).ok()?.take(MAX_ETAG_BYTES).read_to_string(&mut etag).ok()?;
         // What can stand in a header.
         etag.bytes().all(|byte| (b' '..=b'~').contains(&byte)).then_some(etag).filter(|etag| !etag.is_empty())
     }
@@ -404,7 +404,7 @@ pub fn checksum_of(path: &Path) -> io::Result<Checksum> {
 /// The checksum of a whole file.
 fn checksum(file: &mut File) -> io::Result<Checksum> {
     file.seek(SeekFrom::Start(0))?;
-    let (mut hash, mut block) = (Sha256::new(), vec![0; BLOCK]);
+    let (mut hash, mut block) = (Sha256::new(), vec![0; BLOCK_BYTES]);
     loop {
         match file.read(&mut block)? {
             0 => return Ok(Checksum(hash.finalize().into())),

@@ -14,7 +14,7 @@ pub enum Licence {
 }
 
 impl Licence {
-    /// Its SPDX identifier.
+    /// Returns the SPDX identifier.
     #[must_use]
     pub const fn spdx(self) -> &'static str {
         match self {

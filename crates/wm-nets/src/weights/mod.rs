@@ -1,8 +1,8 @@
 //! Files of weights: tensors by name, out of one file or several.
 //!
-//! A file is believed in nothing. What its header says is compared with its length, and a tensor
-//! with the shape that the network needs, before anything is allocated for it; of a large file only
-//! those tensors are read that are asked for.
+//! Headers are not trusted: their claims are compared with the file's length, and the shape of a
+//! tensor with that of the network, before memory is allocated. Only the requested tensors of a
+//! large file are read.
 
 #[cfg(feature = "fetch")]
 pub mod fetch;
@@ -11,19 +11,18 @@ mod pth;
 mod safetensors;
 #[cfg(test)]
 mod tests;
-mod zip;
 
 pub use licence::Licence;
 
 use candle_core::{DType, Device, Tensor};
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Longest header that is read, bytes. Those of large language models have a tenth of it.
-const MAX_HEADER: u64 = 1 << 24;
+const MAX_HEADER_BYTES: u64 = 1 << 24;
 
 /// Weights that cannot be used.
 #[derive(Debug, Error)]
@@ -42,13 +41,13 @@ fn names(files: &[PathBuf]) -> String {
 /// A fault of weights.
 #[derive(Debug, Error)]
 pub enum WeightsFault {
-    /// The system does not give it.
+    /// The system cannot read it.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] io::Error),
-    /// It has no byte.
+    /// It is empty.
     #[error("the file is empty; copy it again")]
     Empty,
-    /// It is something else.
+    /// It has another format.
     #[error("neither a safetensors file nor one of PyTorch (.pth); give weights in one of these formats")]
     Unknown,
     /// PyTorch wrote it before version 1.6, or since then by wish.
@@ -66,9 +65,9 @@ pub enum WeightsFault {
     /// A tensor is not there.
     #[error("no tensor {name} of shape {shape:?}; {advice}")]
     Missing {
-        /// Its name.
+        /// The name of the tensor.
         name: String,
-        /// Its shape.
+        /// The shape that is needed.
         shape: Vec<usize>,
         /// The files that would have it.
         advice: &'static str,
@@ -76,7 +75,7 @@ pub enum WeightsFault {
     /// A tensor has another shape.
     #[error("tensor {name} has shape {found:?}, not {shape:?}; {advice}")]
     Shape {
-        /// Its name.
+        /// The name of the tensor.
         name: String,
         /// The shape that it has.
         found: Vec<usize>,
@@ -88,7 +87,7 @@ pub enum WeightsFault {
     /// A tensor's numbers are of a kind that no network here has.
     #[error("tensor {name} is stored as {kind}; convert it to contiguous 32 bit floats")]
     Kind {
-        /// Its name.
+        /// The name of the tensor.
         name: String,
         /// The number type in the file.
         kind: String,
@@ -109,12 +108,12 @@ pub enum WeightsFault {
 /// A tensor in a file.
 #[derive(Debug)]
 struct Entry {
-    /// Its numbers' type, or what they are where that is not read.
+    /// The type of the numbers, or the name of a type that is not read.
     kind: Result<DType, String>,
     shape: Vec<usize>,
-    /// Its first byte from the start of the file. Its last one is within the file.
+    /// The offset of the first byte in the file. The range is within the file.
     offset: u64,
-    /// Its length, bytes: that which its shape takes.
+    /// The length, bytes: that of the shape.
     bytes: u64,
 }
 
@@ -128,7 +127,7 @@ impl Entry {
 
 /// One file that is open.
 #[derive(Debug)]
-struct Weighed {
+struct WeightsFile {
     path: PathBuf,
     file: File,
     entries: HashMap<String, Entry>,
@@ -136,8 +135,8 @@ struct Weighed {
 
 /// Tensors by name.
 #[derive(Debug)]
-pub struct Weights {
-    files: Vec<Weighed>,
+pub(crate) struct Weights {
+    files: Vec<WeightsFile>,
     advice: &'static str,
 }
 
@@ -148,30 +147,31 @@ impl Weights {
     ///
     /// # Errors
     /// [`WeightsError`] with the file that cannot be read, is of another format or damaged.
-    pub fn open(files: &[PathBuf], advice: &'static str) -> Result<Self, WeightsError> {
+    pub(crate) fn open(files: &[PathBuf], advice: &'static str) -> Result<Self, WeightsError> {
         let open =
             |path: &PathBuf| open(path).map_err(|fault| WeightsError { files: vec![path.clone()], fault });
         Ok(Self { files: files.iter().map(open).collect::<Result<_, _>>()?, advice })
     }
 
-    /// The shape of a tensor, if a file has it: that which [`Weights::tensor`] would take.
+    /// Returns the shape of a tensor in the first file that has it.
     #[must_use]
-    pub fn shape(&self, name: &str) -> Option<&[usize]> {
+    pub(crate) fn shape(&self, name: &str) -> Option<&[usize]> {
         self.files.iter().find_map(|file| file.entries.get(name)).map(|entry| &entry.shape[..])
     }
 
-    /// An error about all files together: tensors whose shapes are of another network.
+    /// Returns an error about all files: the shapes of their tensors are of another network.
     pub(crate) fn refuse(&self, what: String) -> WeightsError {
         let files = self.files.iter().map(|file| file.path.clone()).collect();
         WeightsError { files, fault: WeightsFault::Network { what, advice: self.advice } }
     }
 
-    /// A tensor as f32, from the first file that has it. Half and double precision are converted.
+    /// Reads a tensor as f32, from the first file that has it. Half and double precision are
+    /// converted.
     ///
     /// # Errors
     /// [`WeightsError`] if no file has it, or it has another shape, is no float, or holds NaN or
     /// infinity.
-    pub fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Tensor, WeightsError> {
+    pub(crate) fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Tensor, WeightsError> {
         let Some(weighed) = self.files.iter_mut().find(|file| file.entries.contains_key(name)) else {
             return Err(WeightsError {
                 files: self.files.iter().map(|file| file.path.clone()).collect(),
@@ -184,16 +184,16 @@ impl Weights {
     }
 }
 
-fn open(path: &Path) -> Result<Weighed, WeightsFault> {
+fn open(path: &Path) -> Result<WeightsFile, WeightsFault> {
     let mut file = File::open(path)?;
     if !file.metadata()?.is_file() {
         return Err(io::Error::other("it is no file").into());
     }
     let entries = entries(&mut file, path)?;
-    Ok(Weighed { path: path.into(), file, entries })
+    Ok(WeightsFile { path: path.into(), file, entries })
 }
 
-/// The tensors of a file, which is at its start.
+/// Returns the tensors of a file, which is at its start.
 fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, WeightsFault> {
     let length = file.metadata()?.len();
     let mut first = Vec::new();
@@ -208,6 +208,17 @@ fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, Weigh
     }
 }
 
+/// Reads a part of a file; the caller has compared `size` with the file's or with a limit.
+fn read(file: &mut File, start: u64, size: u64) -> Result<Vec<u8>, WeightsFault> {
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(start))?;
+    file.take(size).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 != size {
+        return Err(WeightsFault::Damaged("it ends early".into()));
+    }
+    Ok(bytes)
+}
+
 fn load(
     file: &mut File,
     entry: &Entry,
@@ -220,7 +231,7 @@ fn load(
         return Err(WeightsFault::Shape { name: name.into(), found, shape: shape.into(), advice });
     }
     let dtype = entry.kind.clone().map_err(|kind| WeightsFault::Kind { name: name.into(), kind })?;
-    let bytes = zip::read(file, entry.offset, entry.bytes)?;
+    let bytes = read(file, entry.offset, entry.bytes)?;
     let tensor = Tensor::from_raw_buffer(&bytes, dtype, shape, &Device::Cpu)
         .and_then(|tensor| tensor.to_dtype(DType::F32))
         .expect("as many bytes as the shape takes");

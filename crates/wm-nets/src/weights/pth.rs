@@ -5,33 +5,67 @@
 //! nothing that it names is ever called. Values are kept once and meant by their number, so that
 //! the memory is bounded by the pickle's length, whatever refers to what.
 
-use super::{Entry, MAX_HEADER, WeightsFault, zip};
+use super::{Entry, MAX_HEADER_BYTES, WeightsFault, read};
 use candle_core::DType;
 use std::collections::HashMap;
 use std::fs::File;
+use zip::result::ZipError;
+use zip::{CompressionMethod, ZipArchive};
+
+/// The content of an entry of an archive, as a range within the file, bytes.
+struct ZipPart {
+    start: u64,
+    size: u64,
+}
+
+/// Finds the content of the entries of an archive of `length` bytes, by name.
+fn parts(file: &mut File, length: u64) -> Result<HashMap<String, ZipPart>, WeightsFault> {
+    let broken = |error: ZipError| match error {
+        ZipError::Io(error) => error.into(),
+        error => damaged(format_args!("a zip archive without its end, or with a broken directory ({error})")),
+    };
+    let mut archive = ZipArchive::new(file).map_err(broken)?;
+    let mut parts = HashMap::new();
+    for index in 0..archive.len() {
+        let entry = archive.by_index_raw(index).map_err(broken)?;
+        let (size, name) = (entry.size(), entry.name().map_err(broken)?.into_owned());
+        let is_stored = entry.compression() == CompressionMethod::Stored && entry.compressed_size() == size;
+        if entry.encrypted() || !is_stored {
+            return Err(WeightsFault::NoTensors(
+                "a zip archive that is compressed or locked, so none of PyTorch",
+            ));
+        }
+        let start = entry.data_start().unwrap_or(length);
+        if start.checked_add(size).is_none_or(|end| end > length) {
+            return Err(damaged("a zip archive's entry that is larger than the file"));
+        }
+        parts.insert(name, ZipPart { start, size });
+    }
+    Ok(parts)
+}
 
 /// The tensors of a file of `length` bytes.
-pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
-    let parts = zip::directory(file, length)?;
+pub(crate) fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
+    let parts = parts(file, length)?;
     let (table, part) = parts
         .iter()
         .find(|(name, _)| name.ends_with("/data.pkl"))
         .ok_or(WeightsFault::NoTensors("a zip archive without data.pkl, so none of PyTorch"))?;
     let folder = table.trim_end_matches("data.pkl");
     if let Some(order) = parts.get(&format!("{folder}byteorder"))
-        && (order.size > 16 || zip::read(file, order.start, order.size)? != b"little")
+        && (order.size > 16 || read(file, order.start, order.size)? != b"little")
     {
         return Err(WeightsFault::NoTensors("its numbers have the highest byte first"));
     }
-    if part.size > MAX_HEADER {
+    if part.size > MAX_HEADER_BYTES {
         return Err(WeightsFault::NoTensors("its data.pkl holds more than tensors by name"));
     }
-    let pickle = zip::read(file, part.start, part.size)?;
+    let pickle = read(file, part.start, part.size)?;
     let mut entries = HashMap::new();
     for (name, stored) in Machine::default().run(&pickle)? {
         let part = parts.get(&format!("{folder}data/{}", stored.storage));
         let size = stored.kind.as_ref().map_or(1, DType::size_in_bytes);
-        let place = |part: &zip::ZipPart| {
+        let place = |part: &ZipPart| {
             let from = stored.offset.checked_mul(size as u64)?;
             let bytes = Entry::bytes_of(&stored.shape, size)?;
             (from.checked_add(bytes)? <= part.size).then_some((part.start + from, bytes))
@@ -52,7 +86,7 @@ fn damaged(error: impl std::fmt::Display) -> WeightsFault {
 }
 
 /// A tensor as the pickle tells of it.
-struct Stored {
+struct StoredTensor {
     kind: Result<DType, String>,
     /// Name of the entry with its numbers.
     storage: String,
@@ -119,7 +153,7 @@ impl<'a> Bytes<'a> {
 
 impl Machine {
     /// Runs a pickle; gives the tensors of the dictionary that it builds.
-    fn run(mut self, pickle: &[u8]) -> Result<Vec<(String, Stored)>, WeightsFault> {
+    fn run(mut self, pickle: &[u8]) -> Result<Vec<(String, StoredTensor)>, WeightsFault> {
         let mut bytes = Bytes(pickle);
         let top = loop {
             let code = bytes.take(1).ok_or_else(|| damaged(BROKEN))?[0];
@@ -262,7 +296,7 @@ impl Machine {
     }
 
     /// A tensor, or a parameter, which has one; `None` of anything else.
-    fn tensor(&self, id: Id) -> Option<Stored> {
+    fn tensor(&self, id: Id) -> Option<StoredTensor> {
         let Value::Call { mut callable, mut args } = self.values[id] else { return None };
         if self.is_named(callable, "torch._utils", "_rebuild_parameter") {
             let Value::Call { callable: c, args: a } = self.values[*self.tuple(args)?.first()?] else {
@@ -290,7 +324,7 @@ impl Machine {
             "DoubleStorage" => Ok(DType::F64),
             other => Err(other.to_owned()),
         };
-        Some(Stored { kind, storage: storage.clone(), offset: self.whole(offset)?, shape })
+        Some(StoredTensor { kind, storage: storage.clone(), offset: self.whole(offset)?, shape })
     }
 }
 

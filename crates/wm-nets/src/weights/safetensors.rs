@@ -1,6 +1,6 @@
 //! Headers of safetensors: 8 bytes of length, JSON, then the numbers without gaps.
 
-use super::{Entry, MAX_HEADER, WeightsFault};
+use super::{Entry, MAX_HEADER_BYTES, WeightsFault};
 use candle_core::DType;
 use safetensors::tensor::{Dtype, Metadata};
 use std::collections::HashMap;
@@ -8,13 +8,13 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
 /// The tensors of a file of `length` bytes.
-pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
+pub(crate) fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
     let damaged = |what: &dyn std::fmt::Display| WeightsFault::Damaged(what.to_string());
     let mut claimed = [0; 8];
     file.seek(SeekFrom::Start(0))?;
     file.read_exact(&mut claimed)?;
     let header = u64::from_le_bytes(claimed);
-    if header > length.saturating_sub(8) || header > MAX_HEADER {
+    if header > length.saturating_sub(8) || header > MAX_HEADER_BYTES {
         return Err(damaged(&format_args!("a header of {header} bytes in a file of {length}")));
     }
     let mut json = Vec::new();

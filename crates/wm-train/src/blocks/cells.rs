@@ -8,35 +8,36 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Share of a cell's size that its reach extends beyond its borders.
-const MARGIN: f64 = 0.2;
-/// Share of the points of a photo that lie in the reach of a block that it joins, at least.
-const COVERED: f64 = 0.25;
-/// The same of a photo that lies in the cell.
-const COVERED_INSIDE: f64 = 0.05;
-/// Photos that show a point of a cell among those that join, where there are so many.
-const SEEN_BY: u32 = 3;
-/// Points that a photo which joins for their sake must add, at least, and the share of its own.
-const WORTH: (usize, f64) = (10, 0.02);
+/// Extension of the reach of a block beyond its cell, as a fraction of the cell's size.
+const REACH_MARGIN: f64 = 0.2;
+/// The least share of a photo's points in the reach of a block that the photo joins.
+const MIN_COVERED_SHARE: f64 = 0.25;
+/// The least such share for a photo that was taken in the cell.
+const MIN_COVERED_SHARE_INSIDE: f64 = 0.05;
+/// Photos of a block that should show each point of its cell, if there are so many.
+const PHOTOS_PER_POINT: u32 = 3;
+/// Fewest points that an additional photo must contribute, and the least fraction of its own
+/// points.
+const MIN_ADDED_POINTS: (usize, f64) = (10, 0.02);
 /// Fewest photos of a block.
-pub const FEWEST: usize = 3;
+pub(crate) const MIN_PHOTOS: usize = 3;
 
 /// Axes of the ground: two along it, and up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroundAxes {
+pub(crate) struct GroundAxes {
     /// The first axis along the ground, world axes, length 1: the direction in which the photos
     /// reach farthest.
-    pub x: [f64; 3],
+    pub(crate) x: [f64; 3],
     /// The second axis along the ground, world axes, length 1.
-    pub y: [f64; 3],
+    pub(crate) y: [f64; 3],
 }
 
 impl GroundAxes {
     /// Returns the axes of a ground with this up, the first along the direction in which `points`
     /// reach farthest.
     #[must_use]
-    pub fn of(up: DVec3, points: &[DVec3]) -> Self {
+    pub(crate) fn of(up: DVec3, points: &[DVec3]) -> Self {
         let (mut x, mut y) = up.any_orthonormal_pair();
         let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
@@ -46,14 +47,14 @@ impl GroundAxes {
         }
         let (sin, cos) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
         (x, y) = (x * cos + y * sin, y * cos - x * sin);
-        // Of the two ways of an axis the one along the world's.
+        // The sign of the axis is chosen along the world's axis.
         let forward = |axis: DVec3| axis * axis.to_array()[largest(axis)].signum();
         Self { x: forward(x).to_array(), y: forward(y).to_array() }
     }
 
     /// Returns the place of a point on the ground.
     #[must_use]
-    pub fn place(&self, point: DVec3) -> DVec2 {
+    pub(crate) fn place(&self, point: DVec3) -> DVec2 {
         DVec2::new(point.dot(DVec3::from_array(self.x)), point.dot(DVec3::from_array(self.y)))
     }
 }
@@ -66,17 +67,17 @@ fn largest(axis: DVec3) -> usize {
 /// A rectangle of the ground along its axes; `None` where it has no border.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroundCell {
+pub(crate) struct GroundCell {
     /// Least coordinates; they belong to it.
-    pub low: [Option<f64>; 2],
+    pub(crate) low: [Option<f64>; 2],
     /// Greatest coordinates; they belong to the next cell.
-    pub high: [Option<f64>; 2],
+    pub(crate) high: [Option<f64>; 2],
 }
 
 impl GroundCell {
     /// Returns true if a place lies in the cell.
     #[must_use]
-    pub fn holds(&self, place: DVec2) -> bool {
+    pub(crate) fn holds(&self, place: DVec2) -> bool {
         let place = place.to_array();
         (0..2).all(|axis| {
             self.low[axis].is_none_or(|low| place[axis] >= low)
@@ -92,7 +93,7 @@ impl GroundCell {
             let along = || places.iter().map(|place| place.to_array()[axis]);
             let low = self.low[axis].unwrap_or_else(|| along().fold(f64::INFINITY, f64::min));
             let high = self.high[axis].unwrap_or_else(|| along().fold(f64::NEG_INFINITY, f64::max));
-            let margin = MARGIN * (high - low).max(0.0);
+            let margin = REACH_MARGIN * (high - low).max(0.0);
             grown.low[axis] = self.low[axis].map(|low| low - margin);
             grown.high[axis] = self.high[axis].map(|high| high + margin);
         }
@@ -102,7 +103,7 @@ impl GroundCell {
 
 /// Cuts the ground into `count` cells with about equal numbers of `places`, each with its reach.
 #[must_use]
-pub fn cells(places: &[DVec2], count: usize) -> Vec<(GroundCell, GroundCell)> {
+pub(crate) fn cells(places: &[DVec2], count: usize) -> Vec<(GroundCell, GroundCell)> {
     let mut cells = Vec::with_capacity(count);
     let all = (0..places.len()).collect();
     cut(places, all, GroundCell::default(), count, &mut cells);
@@ -135,18 +136,18 @@ fn cut(places: &[DVec2], mut own: Vec<usize>, cell: GroundCell, count: usize, ce
 
 /// A photo on the ground.
 #[derive(Clone, Debug)]
-pub struct PlacedPhoto<'a> {
-    /// The place of what it shows.
-    pub place: DVec2,
-    /// The points that it shows, as indices.
-    pub seen: &'a [u32],
+pub(crate) struct PlacedPhoto<'a> {
+    /// The median place of the points that the photo shows.
+    pub(crate) place: DVec2,
+    /// Indices of the points that the photo shows.
+    pub(crate) seen: &'a [u32],
 }
 
 /// Returns the photos, as indices, that join a block: those of whose points its reach holds enough,
 /// and others as long as they show points of its core that too few of those show. `in_core` and
 /// `in_reach` say of each point whether it is there.
 #[must_use]
-pub fn joining(
+pub(crate) fn joining(
     photos: &[PlacedPhoto<'_>],
     core: &GroundCell,
     in_core: &[bool],
@@ -159,12 +160,12 @@ pub fn joining(
             (count(photo, in_reach) as f64 / photo.seen.len() as f64, core.holds(photo.place));
         match photo.seen.is_empty() {
             true => is_inside,
-            false => share >= if is_inside { COVERED_INSIDE } else { COVERED },
+            false => share >= if is_inside { MIN_COVERED_SHARE_INSIDE } else { MIN_COVERED_SHARE },
         }
     };
     let (mut joined, mut others): (Vec<usize>, Vec<usize>) =
         (0..photos.len()).partition(|index| joins(&photos[*index]));
-    // All that can be seen of the core is learnt from somewhere.
+    // Every visible point of the core must be in some photo of the block.
     let mut shown = vec![0u32; in_core.len()];
     let show = |shown: &mut Vec<u32>, photo: usize| {
         photos[photo].seen.iter().for_each(|point| shown[*point as usize] += 1);
@@ -173,9 +174,9 @@ pub fn joining(
     others.sort_by_key(|photo| (usize::MAX - count(&photos[*photo], in_core), *photo));
     let rest = others.into_iter().filter(|photo| {
         let seen = photos[*photo].seen;
-        let is_short = |point: &&u32| in_core[**point as usize] && shown[**point as usize] < SEEN_BY;
+        let is_short = |point: &&u32| in_core[**point as usize] && shown[**point as usize] < PHOTOS_PER_POINT;
         let adds = seen.iter().filter(is_short).count();
-        let is_worth = adds >= WORTH.0 && adds as f64 >= WORTH.1 * seen.len() as f64;
+        let is_worth = adds >= MIN_ADDED_POINTS.0 && adds as f64 >= MIN_ADDED_POINTS.1 * seen.len() as f64;
         if is_worth {
             show(&mut shown, *photo);
             joined.push(*photo);
@@ -183,7 +184,7 @@ pub fn joining(
         !is_worth
     });
     let rest: Vec<usize> = rest.collect();
-    let missing = FEWEST.saturating_sub(joined.len());
+    let missing = MIN_PHOTOS.saturating_sub(joined.len());
     joined.extend(rest.into_iter().take(missing));
     joined.sort_unstable();
     joined
@@ -218,7 +219,7 @@ mod tests {
         let [(core, reach), _] = cells(&places, 2)[..] else { panic!() };
         let border = core.high[0].unwrap();
         assert!(core.low == [None; 2] && core.high[1].is_none());
-        assert!((reach.high[0].unwrap() - border - MARGIN * border).abs() < 1e-9);
+        assert!((reach.high[0].unwrap() - border - REACH_MARGIN * border).abs() < 1e-9);
     }
 
     #[test]

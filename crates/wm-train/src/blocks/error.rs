@@ -50,7 +50,7 @@ pub enum BlockError {
         path: PathBuf,
         /// The option and its value in the plan.
         was: String,
-        /// Its value now.
+        /// The value now.
         is: String,
     },
     /// There are more blocks than photos for them.
@@ -113,13 +113,15 @@ impl From<SessionError> for BlockError {
 }
 
 /// Most blocks that are named.
-const NAMED: usize = 8;
+const MAX_NAMED_BLOCKS: usize = 8;
 
 fn named(blocks: &[usize]) -> String {
-    let first: Vec<String> = blocks.iter().take(NAMED).map(usize::to_string).collect();
+    let first: Vec<String> = blocks.iter().take(MAX_NAMED_BLOCKS).map(usize::to_string).collect();
     match blocks.len() {
         1 => format!("block {} is", first[0]),
-        count if count > NAMED => format!("blocks {} and {} more are", first.join(", "), count - NAMED),
+        count if count > MAX_NAMED_BLOCKS => {
+            format!("blocks {} and {} more are", first.join(", "), count - MAX_NAMED_BLOCKS)
+        }
         _ => format!("blocks {} are", first.join(", ")),
     }
 }

@@ -23,9 +23,9 @@ mod shard;
 #[cfg(test)]
 mod tests;
 
-pub use cells::{GroundAxes, GroundCell};
 pub use error::BlockError;
-pub use plan::{BlockCount, BlockOptions, BlockPlan, BlockRegion, PlannedGains, PlannedHaze, TrainBlock};
+use plan::PlannedHaze;
+pub use plan::{BlockCount, BlockOptions, BlockPlan, BlockRegion, TrainBlock};
 pub use shard::TrainedBlock;
 
 use crate::brightness::PhotoGains;
@@ -40,7 +40,7 @@ use wm_scene::{Group, Scene, Splats};
 /// The name of the plan in the run folder.
 pub const PLAN: &str = "blocks.json";
 /// The splats of the sky in the run folder, if there are any.
-const SKY: &str = "sky.ply";
+const SKY_FILE: &str = "sky.ply";
 
 /// A training in blocks: its plan, and what is done of it in its run folder.
 pub struct BlockTraining {
@@ -137,7 +137,7 @@ impl BlockTraining {
     fn sky(&self) -> Result<Splats, BlockError> {
         match self.plan.sky {
             0 => Ok(Splats::with_capacity(0, 0)),
-            count => read_splats(&self.folder.join(SKY), Group::Sky, count),
+            count => read_splats(&self.folder.join(SKY_FILE), Group::Sky, count),
         }
     }
 
@@ -155,7 +155,7 @@ impl BlockTraining {
 pub fn remove(folder: &Path) -> Result<(), BlockError> {
     // Without a plan the rest is nothing.
     remove_if_there(&folder.join(PLAN))?;
-    remove_if_there(&folder.join(SKY))?;
+    remove_if_there(&folder.join(SKY_FILE))?;
     remove_if_there(&folder.join(priors::FOLDER))?;
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries.filter(|entry| is_block(&entry.file_name().to_string_lossy())) {

@@ -1,8 +1,8 @@
 //! The plan of a training in blocks: cells, their photos and configurations, and what all trainings
 //! share.
 
-use super::cells::{self, FEWEST, GroundAxes, GroundCell, PlacedPhoto};
-use super::{BlockError, SKY};
+use super::cells::{self, GroundAxes, GroundCell, MIN_PHOTOS, PlacedPhoto};
+use super::{BlockError, SKY_FILE};
 use crate::brightness::PhotoGains;
 use crate::checkpoint::{FNV_START, hash};
 use crate::config::TrainConfig;
@@ -23,7 +23,7 @@ use wm_scene::formats::write_scene;
 const VERSION: u32 = 1;
 /// Photos of a block where their number is not given, about: the preset `best` takes 75 steps for
 /// each of 400.
-const PHOTOS: usize = 400;
+const PHOTOS_PER_BLOCK: usize = 400;
 
 /// The number of blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub struct BlockRegion {
 impl BlockRegion {
     /// Returns true if a point is inside.
     #[must_use]
-    pub fn holds(&self, point: DVec3) -> bool {
+    pub(crate) fn holds(&self, point: DVec3) -> bool {
         let point = point.to_array();
         (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&point[axis]))
     }
@@ -75,20 +75,20 @@ pub struct BlockPlan {
     /// Every how many photos one is held out, and the first of them.
     hold_out: (u32, u32),
     /// Axes of the cells.
-    pub ground: GroundAxes,
+    pub(crate) ground: GroundAxes,
     /// The point of the world that is zero in the capture as it is read, scene units.
     #[serde(default)]
-    pub origin: DVec3,
+    pub(crate) origin: DVec3,
     /// The box that is trained, in the world.
-    pub region: Option<BlockRegion>,
+    pub(crate) region: Option<BlockRegion>,
     /// The folder of the priors, relative to the run folder if it lies there.
-    pub priors: Option<PathBuf>,
+    pub(crate) priors: Option<PathBuf>,
     /// Splats of the shared sky, in `sky.ply`.
-    pub sky: usize,
+    pub(crate) sky: usize,
     /// The haze of all photos.
-    pub haze: Option<PlannedHaze>,
+    pub(crate) haze: Option<PlannedHaze>,
     /// The brightness of all photos beside each other.
-    pub gains: Option<PlannedGains>,
+    pub(crate) gains: Option<PlannedGains>,
     /// The blocks.
     pub blocks: Vec<TrainBlock>,
 }
@@ -98,31 +98,31 @@ pub struct BlockPlan {
 #[serde(deny_unknown_fields)]
 pub struct TrainBlock {
     /// The cell whose splats the scene has from this block.
-    pub core: GroundCell,
+    pub(crate) core: GroundCell,
     /// The cell with a fifth of its size around it: photos that show enough of it join.
-    pub reach: GroundCell,
+    pub(crate) reach: GroundCell,
     /// Points of the reconstruction in the core.
     pub points: usize,
     /// Pixels that confirm what two other photos show.
-    pub confirmed: u64,
+    pub(crate) confirmed: u64,
     /// The configuration of the training, with its seed.
-    pub config: TrainConfig,
+    pub(crate) config: TrainConfig,
     /// Names of the photos that it learns from.
     pub cameras: Vec<String>,
     /// Names of the photos that it is measured on.
-    pub held_out: Vec<String>,
+    pub(crate) held_out: Vec<String>,
 }
 
 /// The brightness of photos beside each other; see [`PhotoGains`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PlannedGains {
+pub(crate) struct PlannedGains {
     /// Root mean square of their logarithms.
-    pub spread: f64,
+    pub(crate) spread: f64,
     /// Differences of points' colours with equal gains and with these.
-    pub differences: [f64; 2],
+    pub(crate) differences: [f64; 2],
     /// Gains of red, green and blue by the names of photos.
-    pub gains: BTreeMap<String, [f32; 3]>,
+    pub(crate) gains: BTreeMap<String, [f32; 3]>,
 }
 
 impl PlannedGains {
@@ -133,7 +133,7 @@ impl PlannedGains {
 
     /// Returns those of some photos, in their order.
     #[must_use]
-    pub fn of(&self, photos: &[String]) -> PhotoGains {
+    pub(crate) fn of(&self, photos: &[String]) -> PhotoGains {
         let gain = |name: &String| self.gains.get(name).copied().unwrap_or([1.0; 3]);
         let gains = photos.iter().map(gain).collect();
         PhotoGains { gains, spread: self.spread, differences: self.differences }
@@ -143,23 +143,23 @@ impl PlannedGains {
 /// The haze of photos; see [`PhotoHaze`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PlannedHaze {
+pub(crate) struct PlannedHaze {
     /// Extinction a scene unit.
-    pub extinction: f64,
-    /// Its standard deviation; `None` if it was given.
-    pub error: Option<f64>,
+    pub(crate) extinction: f64,
+    /// The standard deviation of the extinction; `None` if the extinction was given.
+    pub(crate) error: Option<f64>,
     /// Extinction a scene unit as photos show it.
-    pub shown: f64,
+    pub(crate) shown: f64,
     /// Light of endless haze, linear RGB.
-    pub airlight: [f64; 3],
+    pub(crate) airlight: [f64; 3],
     /// The photos' gains in the haze.
-    pub gains: PlannedGains,
+    pub(crate) gains: PlannedGains,
 }
 
 impl PlannedHaze {
     /// Returns it as trainings take it.
     #[must_use]
-    pub fn haze(&self) -> PhotoHaze {
+    pub(crate) fn haze(&self) -> PhotoHaze {
         let Self { extinction, error, shown, airlight, .. } = *self;
         PhotoHaze { extinction, error, shown, airlight }
     }
@@ -177,8 +177,8 @@ impl BlockPlan {
         if plan.blocks.is_empty() {
             return Err(damaged("it has no blocks".into()));
         }
-        if let Some(block) = plan.blocks.iter().position(|block| block.cameras.len() < FEWEST) {
-            return Err(damaged(format!("block {block} has fewer than {FEWEST} cameras")));
+        if let Some(block) = plan.blocks.iter().position(|block| block.cameras.len() < MIN_PHOTOS) {
+            return Err(damaged(format!("block {block} has fewer than {MIN_PHOTOS} cameras")));
         }
         for block in &plan.blocks {
             block.config.check().map_err(|error| damaged(error.to_string()))?;
@@ -235,7 +235,7 @@ impl BlockPlan {
 
     /// Returns true if a point belongs to the core of a block.
     #[must_use]
-    pub fn is_core(&self, block: &TrainBlock, point: DVec3) -> bool {
+    pub(crate) fn is_core(&self, block: &TrainBlock, point: DVec3) -> bool {
         block.core.holds(self.ground.place(point))
             && self.region.is_none_or(|region| region.holds(point + self.origin))
     }
@@ -267,12 +267,12 @@ pub(super) fn make(
 ) -> Result<BlockPlan, BlockError> {
     let (taught, held_out) = whole.places();
     let count = match blocks.count {
-        BlockCount::Auto => taught.len().div_ceil(PHOTOS).max(1),
+        BlockCount::Auto => taught.len().div_ceil(PHOTOS_PER_BLOCK).max(1),
         BlockCount::Number(count) => count.get() as usize,
     };
-    if count > taught.len() / FEWEST {
-        let (photos, most) = (taught.len(), taught.len() / FEWEST);
-        return Err(BlockError::TooMany { wanted: count, photos, fewest: FEWEST, most });
+    if count > taught.len() / MIN_PHOTOS {
+        let (photos, most) = (taught.len(), taught.len() / MIN_PHOTOS);
+        return Err(BlockError::TooMany { wanted: count, photos, fewest: MIN_PHOTOS, most });
     }
     let points: Vec<DVec3> =
         whole.capture().points.positions.iter().map(|point| DVec3::from_array(*point)).collect();
@@ -339,7 +339,7 @@ pub(super) fn make(
     let splats = whole.sky(&config, haze.as_ref())?;
     let sky = splats.len();
     if sky > 0 {
-        write_scene(&folder.join(SKY), &Scene { splats, ..Scene::default() })?;
+        write_scene(&folder.join(SKY_FILE), &Scene { splats, ..Scene::default() })?;
     }
     Ok(BlockPlan {
         version: VERSION,

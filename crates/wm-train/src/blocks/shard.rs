@@ -17,9 +17,9 @@ use wm_scene::formats::write_scene;
 use wm_scene::{Group, Scene, Splats};
 
 /// The marker of a block that is trained, in its folder; it is written last.
-const MARKER: &str = "trained.json";
+const MARKER_FILE: &str = "trained.json";
 /// The splats of its core.
-const SPLATS: &str = "splats.ply";
+const SPLATS_FILE: &str = "splats.ply";
 
 /// A block that is trained.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,10 +44,10 @@ impl BlockTraining {
     #[must_use]
     pub fn trained(&self, block: usize) -> Option<TrainedBlock> {
         let folder = self.block_folder(block);
-        let marker: TrainedBlock = serde_json::from_slice(&fs::read(folder.join(MARKER)).ok()?).ok()?;
+        let marker: TrainedBlock = serde_json::from_slice(&fs::read(folder.join(MARKER_FILE)).ok()?).ok()?;
         let (bytes, checksum) = match marker.splats {
             0 => (0, text(FNV_START)),
-            _ => sum(&folder.join(SPLATS)).ok()?,
+            _ => sum(&folder.join(SPLATS_FILE)).ok()?,
         };
         let is_whole = marker.block == block
             && marker.plan == text(self.sum)
@@ -89,7 +89,7 @@ impl BlockTraining {
         let (bytes, checksum) = match core.is_empty() {
             true => (0, text(FNV_START)),
             false => {
-                let path = folder.join(SPLATS);
+                let path = folder.join(SPLATS_FILE);
                 let splats = splats.select(&core);
                 write_scene(&path, &Scene { splats, ..Scene::default() })?;
                 sum(&path).map_err(|reason| BlockError::Unread { path, reason })?
@@ -97,7 +97,7 @@ impl BlockTraining {
         };
         let (trained, splats, plan) = (own.len(), core.len(), text(self.sum));
         let marker = TrainedBlock { plan, block, trained, splats, bytes, checksum };
-        write_durably(&folder.join(MARKER), |out| {
+        write_durably(&folder.join(MARKER_FILE), |out| {
             let text = serde_json::to_string_pretty(&marker).map_err(io::Error::from)?;
             Ok(writeln!(out, "{text}")?)
         })?;
@@ -108,7 +108,7 @@ impl BlockTraining {
     pub(super) fn block_splats(&self, block: usize) -> Result<Splats, BlockError> {
         match self.trained(block).map_or(0, |trained| trained.splats) {
             0 => Ok(Splats::with_capacity(0, 0)),
-            count => read_splats(&self.block_folder(block).join(SPLATS), Group::Scene, count),
+            count => read_splats(&self.block_folder(block).join(SPLATS_FILE), Group::Scene, count),
         }
     }
 

@@ -1,5 +1,4 @@
-//! What photos share, from the database of a run: the names of its photos and the points that each
-//! two share.
+//! The points that each two photos share, with the names of the photos, from the database of a run.
 //!
 //! It is an SQLite file (<https://sqlite.org/fileformat2.html>), of which two tables are read:
 //! `images`, and `two_view_geometries` with a row for each pair of photos. Only their pages are
@@ -17,14 +16,14 @@ const PAIR_BASE: i64 = 2_147_483_647;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct SharedPoints {
     /// The photos by their numbers.
-    pub names: BTreeMap<i64, String>,
+    pub(crate) names: BTreeMap<i64, String>,
     /// Two photos, and the number of points that they share once wrong matches are left out.
-    pub pairs: Vec<(i64, i64, u32)>,
+    pub(crate) pairs: Vec<(i64, i64, u32)>,
 }
 
 impl SharedPoints {
     /// Reads a database; `None` if it cannot be read.
-    pub fn read(path: &Path) -> Option<Self> {
+    pub(crate) fn read(path: &Path) -> Option<Self> {
         let mut database = Database::open(path)?;
         let names = database.table("images")?.into_iter();
         let names = names.filter_map(|(id, row)| match row.into_iter().nth(1)? {
@@ -43,7 +42,7 @@ impl SharedPoints {
 
     /// Returns the photos that share the most points with the photo `name`, the best first, without
     /// those that share none.
-    pub fn of(&self, name: &str) -> Vec<(String, u32)> {
+    pub(crate) fn of(&self, name: &str) -> Vec<(String, u32)> {
         let Some((id, _)) = self.names.iter().find(|(_, found)| *found == name) else { return Vec::new() };
         let others = self.pairs.iter().filter_map(|(a, b, points)| match (a == id, b == id) {
             (true, _) => Some((b, *points)),
@@ -58,7 +57,7 @@ impl SharedPoints {
     }
 
     /// Returns the two photos that share the most points, and how many.
-    pub fn best(&self) -> Option<(&str, &str, u32)> {
+    pub(crate) fn best(&self) -> Option<(&str, &str, u32)> {
         let (a, b, points) = self.pairs.iter().max_by_key(|(_, _, points)| *points)?;
         Some((self.names.get(a)?, self.names.get(b)?, *points))
     }

@@ -22,7 +22,7 @@ mod tool;
 
 pub use progress::ColmapProgress;
 pub(crate) use runner::Running;
-pub use tool::CameraTool;
+use tool::CameraTool;
 pub(crate) use tool::on_path;
 
 use crate::photos::photos_in;
@@ -47,19 +47,17 @@ use wm_scene::files::write_atomically;
 
 /// Options of COLMAP.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ColmapOptions {
-    /// The program; `None` looks for it, see [`CameraTool::find`].
-    pub tool: Option<CameraTool>,
+pub(crate) struct ColmapOptions {
+    /// The program; `None` looks for it, see `CameraTool::find`.
+    pub(crate) tool: Option<CameraTool>,
     /// The pairs of photos that are compared.
-    pub matching: Matching,
-    /// The device that finds and compares features.
-    pub device: ColmapDevice,
+    pub(crate) matching: Matching,
 }
 
 /// The pairs of photos that are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Matching {
-    /// Each with each up to [`MOST_EXHAUSTIVE`] photos, else each with those that follow it.
+pub(crate) enum Matching {
+    /// Each with each up to 300 photos, else each with those that follow it.
     #[default]
     Auto,
     /// Each with each: the most reliable, and its time grows with the square of their number.
@@ -68,36 +66,26 @@ pub enum Matching {
     Sequential,
 }
 
-/// The device on which COLMAP finds and compares features.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ColmapDevice {
-    /// On the CPU, which works without a display and with every build of COLMAP.
-    #[default]
-    Cpu,
-    /// On the GPU. pycolmap stays on the CPU.
-    Gpu,
-}
-
 /// Most photos of which each is compared with each.
-pub const MOST_EXHAUSTIVE: usize = 300;
+pub(crate) const MAX_EXHAUSTIVE_PHOTOS: usize = 300;
 
 /// The result of a run of COLMAP.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Reconstruction {
+pub(crate) struct Reconstruction {
     /// The data set: undistorted photos and their model.
-    pub dataset: PathBuf,
+    pub(crate) dataset: PathBuf,
     /// Photos that were given.
-    pub photos: usize,
+    pub(crate) photos: usize,
     /// Photos whose camera was found.
-    pub registered: usize,
+    pub(crate) registered: usize,
     /// The other photos.
-    pub unregistered: Vec<UnregisteredPhoto>,
+    pub(crate) unregistered: Vec<UnregisteredPhoto>,
 }
 
 /// A photo whose camera was not found. Displays what it shares with others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnregisteredPhoto {
-    /// Its name.
+    /// The name of the photo.
     pub photo: String,
     /// The photos that share the most points with it, and the number of points; the best first.
     pub neighbours: Vec<(String, u32)>,
@@ -108,7 +96,7 @@ impl fmt::Display for UnregisteredPhoto {
         let Self { photo, neighbours } = self;
         let shares: Vec<String> = neighbours
             .iter()
-            .take(NEIGHBOURS)
+            .take(NAMED_NEIGHBOURS)
             .map(|(name, points)| format!("{points} points with {name}"))
             .collect();
         match shares.is_empty() {
@@ -119,10 +107,10 @@ impl fmt::Display for UnregisteredPhoto {
 }
 
 /// Neighbours of a photo that are named in messages.
-const NEIGHBOURS: usize = 2;
+const NAMED_NEIGHBOURS: usize = 2;
 
 /// Shortest side of a photo in which features are looked for, px.
-const SHORTEST: u32 = 16;
+const MIN_SIDE_PX: u32 = 16;
 
 /// One of the four commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,9 +152,9 @@ pub enum ColmapError {
     SmallPhoto {
         /// The photo.
         photo: PathBuf,
-        /// Its width, px.
+        /// The width, px.
         width: u32,
-        /// Its height, px.
+        /// The height, px.
         height: u32,
     },
     /// The folder has too few photos.
@@ -206,7 +194,7 @@ pub enum ColmapError {
         step: ColmapStep,
         /// The exit status of the command.
         status: ExitStatus,
-        /// Its last error, after `: `, if it named one.
+        /// The last error of the program, after `: `, if it named one.
         said: String,
         /// The log with the rest of its output.
         log: PathBuf,
@@ -217,7 +205,7 @@ pub enum ColmapError {
          overlap ({shared}its log is {})", log.display()
     )]
     NothingRegistered {
-        /// What photos share, followed by `; `, if it is known.
+        /// The points that the photos share, followed by `; `, if they are known.
         shared: String,
         /// The log.
         log: PathBuf,
@@ -236,9 +224,9 @@ pub enum ColmapError {
 const INSTALL: &str = "pip install pycolmap";
 
 /// The file that says what was run.
-const LOG: &str = "colmap.log";
+const LOG_FILE: &str = "colmap.log";
 /// The file that says that a run is complete.
-const DONE: &str = "done";
+const DONE_FILE: &str = "done";
 
 /// Makes a capture of the photos in a folder and those below it; everything goes to the folder
 /// `run`.
@@ -247,7 +235,7 @@ const DONE: &str = "done";
 ///
 /// # Errors
 /// [`ColmapError`] in one line.
-pub fn reconstruct(
+pub(crate) fn reconstruct(
     photos: &Path,
     run: &Path,
     options: &ColmapOptions,
@@ -268,7 +256,7 @@ pub fn reconstruct(
         script: folder.join(SCRIPT_NAME),
     };
     let (database, models, dataset) = (paths.database.clone(), paths.models.clone(), paths.dataset.clone());
-    if fs::read_to_string(folder.join(DONE)).is_ok_and(|done| done == title)
+    if fs::read_to_string(folder.join(DONE_FILE)).is_ok_and(|done| done == title)
         && let Ok(made) = result(files.len(), &dataset, &database)
     {
         return Ok(made);
@@ -278,7 +266,7 @@ pub fn reconstruct(
     let is_script = matches!(tool, CameraTool::Pycolmap(_));
     let script = paths.script.clone();
     // Also whether the program starts at all, before anything is written.
-    let commands = StepCommands::new(tool, paths, options.device)?;
+    let commands = StepCommands::new(tool, paths)?;
     let mut runner = Runner::new(program, folder, &title, files.len(), progress, is_stopped)?;
     if is_script {
         fs::write(&script, SCRIPT).map_err(|e| file_error(&script, e))?;
@@ -287,7 +275,7 @@ pub fn reconstruct(
     let is_exhaustive = match options.matching {
         Matching::Exhaustive => true,
         Matching::Sequential => false,
-        Matching::Auto => files.len() <= MOST_EXHAUSTIVE,
+        Matching::Auto => files.len() <= MAX_EXHAUSTIVE_PHOTOS,
     };
     runner.run(ColmapStep::Matches, commands.compare(is_exhaustive))?;
     make_folder(&models)?;
@@ -296,12 +284,12 @@ pub fn reconstruct(
         Err(ColmapError::Failed { said, .. }) if said.contains("failed to create sparse model") => {}
         done => done?,
     }
-    let log = runner.folder.join(LOG);
+    let log = runner.folder.join(LOG_FILE);
     let model = largest_model(&models).ok_or_else(|| nothing_registered(&database, log))?;
     make_folder(&dataset)?;
     runner.run(ColmapStep::Undistortion, commands.undistort(&model))?;
     let made = result(files.len(), &dataset, &database)?;
-    write_atomically(&runner.folder.join(DONE), |out| Ok(out.write_all(title.as_bytes())?))?;
+    write_atomically(&runner.folder.join(DONE_FILE), |out| Ok(out.write_all(title.as_bytes())?))?;
     Ok(made)
 }
 
@@ -364,7 +352,7 @@ fn sizes_of(files: &[PathBuf]) -> Result<Vec<Option<(u32, u32)>>, ColmapError> {
     let sizes: Vec<Option<(u32, u32)>> = files.par_iter().map(size).collect();
     for (photo, size) in files.iter().zip(&sizes) {
         if let Some((width, height)) = *size
-            && width.min(height) < SHORTEST
+            && width.min(height) < MIN_SIDE_PX
         {
             return Err(ColmapError::SmallPhoto { photo: photo.clone(), width, height });
         }

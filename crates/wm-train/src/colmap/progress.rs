@@ -13,7 +13,7 @@ pub struct ColmapProgress {
     pub step: ColmapStep,
     /// Photos (or blocks of them) that are done.
     pub done: usize,
-    /// Of how many, once that is known.
+    /// The number of items in all, once that is known.
     pub total: Option<usize>,
 }
 
@@ -61,7 +61,7 @@ pub(super) struct Lines {
 
 impl Lines {
     /// The lines that end in `bytes`.
-    pub fn take(&mut self, bytes: &[u8]) -> impl Iterator<Item = String> {
+    pub(crate) fn take(&mut self, bytes: &[u8]) -> impl Iterator<Item = String> {
         let mut lines = Vec::new();
         for byte in bytes {
             if *byte == b'\n' || *byte == b'\r' {
@@ -79,7 +79,7 @@ impl Lines {
     }
 
     /// The last line that speaks of an error, shortened.
-    pub fn last_error(&self) -> Option<String> {
+    pub(crate) fn last_error(&self) -> Option<String> {
         let line = self.last_error.as_ref()?;
         Some(line.chars().filter(|c| !c.is_control()).take(200).collect())
     }

@@ -1,6 +1,8 @@
 //! Commands that run one after the other in the folder of a run, with their log and their progress.
 
-use super::{ColmapError, ColmapProgress, ColmapStep, DONE, LOG, file_error, make_folder, progress, remove};
+use super::{
+    ColmapError, ColmapProgress, ColmapStep, DONE_FILE, LOG_FILE, file_error, make_folder, progress, remove,
+};
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
@@ -8,12 +10,12 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 /// The time between two looks at a running command.
-const PAUSE: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// A run in its folder.
 pub(super) struct Runner<'a> {
     program: PathBuf,
-    pub folder: PathBuf,
+    pub(crate) folder: PathBuf,
     photos: usize,
     progress: &'a mut dyn FnMut(ColmapProgress),
     is_stopped: &'a dyn Fn() -> bool,
@@ -22,7 +24,7 @@ pub(super) struct Runner<'a> {
 impl<'a> Runner<'a> {
     /// Opens the folder of a run for photos, of which `title` is a line that tells them from
     /// others. Keeps what an earlier run for the same photos found.
-    pub fn new(
+    pub(crate) fn new(
         program: PathBuf,
         folder: PathBuf,
         title: &str,
@@ -30,12 +32,12 @@ impl<'a> Runner<'a> {
         progress: &'a mut dyn FnMut(ColmapProgress),
         is_stopped: &'a dyn Fn() -> bool,
     ) -> Result<Self, ColmapError> {
-        let log = folder.join(LOG);
+        let log = folder.join(LOG_FILE);
         if log.is_file() {
             // What an earlier run made: all of it is of our own making. Features and matches of the
             // same photos are kept.
             let old = fs::read(&log).map_err(|e| file_error(&log, e))?;
-            for part in [DONE, "models", "dataset"] {
+            for part in [DONE_FILE, "models", "dataset"] {
                 remove(&folder.join(part))?;
             }
             if !old.starts_with(title.as_bytes()) {
@@ -50,8 +52,8 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a command to its end; all it says goes to the log, from where progress is read.
-    pub fn run(&mut self, step: ColmapStep, mut command: Command) -> Result<(), ColmapError> {
-        let log = self.folder.join(LOG);
+    pub(crate) fn run(&mut self, step: ColmapStep, mut command: Command) -> Result<(), ColmapError> {
+        let log = self.folder.join(LOG_FILE);
         let fault = |e| file_error(&log, e);
         let mut out = OpenOptions::new().append(true).open(&log).map_err(fault)?;
         writeln!(out, "\n$ {}", line_of(&command)).map_err(fault)?;
@@ -78,7 +80,7 @@ impl<'a> Runner<'a> {
                 drop(child);
                 return Err(ColmapError::Stopped { step, folder: self.folder.clone() });
             }
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(POLL_INTERVAL);
         };
         if status.success() {
             return Ok(());

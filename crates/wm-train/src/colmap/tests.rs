@@ -174,7 +174,7 @@ fn the_four_commands_make_a_capture() {
     let capture = capture::read(&made.dataset, &CaptureOptions::default()).unwrap();
     assert_eq!(capture.views.len(), 3);
     assert!(capture.photo(0).is_some());
-    let log = fs::read_to_string(run.join(LOG)).unwrap();
+    let log = fs::read_to_string(run.join(LOG_FILE)).unwrap();
     assert!(
         log.contains("\n$ ") && log.contains("Processed file [3/3]") && log.contains("Undistorting image")
     );
@@ -257,7 +257,7 @@ fn the_pycolmap_that_is_installed_is_understood() {
     let mut told = Vec::new();
     let run = place.folder.path().join("run");
     let error = reconstruct(&place.photos(), &run, &options, &mut |p| told.push(p), &|| false).unwrap_err();
-    let log = fs::read_to_string(run.join(LOG)).unwrap();
+    let log = fs::read_to_string(run.join(LOG_FILE)).unwrap();
     assert!(matches!(error, ColmapError::NothingRegistered { .. }), "{error}: {log}");
     let features = ColmapProgress { step: ColmapStep::Features, done: 3, total: Some(3) };
     assert!(told.contains(&features), "{told:?}: {log}");
@@ -266,14 +266,13 @@ fn the_pycolmap_that_is_installed_is_understood() {
 #[test]
 fn newer_versions_and_other_wishes() {
     let place = Place::new("FeatureExtraction");
-    let options =
-        ColmapOptions { matching: Matching::Sequential, device: ColmapDevice::Gpu, ..place.options() };
+    let options = ColmapOptions { matching: Matching::Sequential, ..place.options() };
     place.run(&options).unwrap();
     let calls = place.calls();
-    assert!(calls[0].ends_with("--FeatureExtraction.use_gpu 1"), "{}", calls[0]);
+    assert!(calls[0].ends_with("--FeatureExtraction.use_gpu 0"), "{}", calls[0]);
     assert_eq!(
         calls[1],
-        "sequential_matcher --database_path DIR/run/database.db --FeatureMatching.use_gpu 1"
+        "sequential_matcher --database_path DIR/run/database.db --FeatureMatching.use_gpu 0"
     );
 }
 
@@ -292,7 +291,7 @@ fn failures_say_what_and_where() {
     fs::remove_file(place.photos().join("EMPTY")).unwrap();
     // What an earlier run left behind is no hindrance, what is not its own is.
     place.run(&place.options()).unwrap();
-    for name in [LOG, DONE] {
+    for name in [LOG_FILE, DONE_FILE] {
         fs::remove_file(place.folder.path().join("run").join(name)).unwrap();
     }
     assert_eq!(place.say(), "DIR/run: it is there already and no run of COLMAP; choose another folder");

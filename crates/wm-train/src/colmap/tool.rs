@@ -1,13 +1,13 @@
 //! The program that finds cameras, and its commands.
 
-use super::{ColmapDevice, ColmapError};
+use super::ColmapError;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// The program that finds cameras.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum CameraTool {
+pub(crate) enum CameraTool {
     /// COLMAP: its program.
     Colmap(PathBuf),
     /// pycolmap, on the CPU: the Python that has it.
@@ -16,14 +16,14 @@ pub enum CameraTool {
 
 /// The script that runs a step with pycolmap.
 pub(super) const SCRIPT: &str = include_str!("find_cameras.py");
-/// Its name in the folder of a run.
+/// The name of the script in the folder of a run.
 pub(super) const SCRIPT_NAME: &str = "find_cameras.py";
 
 impl CameraTool {
     /// Returns the program that the environment variable `COLMAP` names, else the first COLMAP on
     /// `PATH`, else the first Python on `PATH` that can import pycolmap.
     #[must_use]
-    pub fn find() -> Option<Self> {
+    pub(crate) fn find() -> Option<Self> {
         if let Some(given) = std::env::var_os("COLMAP").filter(|given| !given.is_empty()) {
             return Some(Self::Colmap(given.into()));
         }
@@ -60,42 +60,37 @@ fn has_pycolmap(python: &Path) -> bool {
 /// The files and folders of a run.
 pub(super) struct RunPaths {
     /// The photos.
-    pub photos: PathBuf,
+    pub(crate) photos: PathBuf,
     /// Features and matches.
-    pub database: PathBuf,
-    /// What the mapper makes.
-    pub models: PathBuf,
+    pub(crate) database: PathBuf,
+    /// The folder of the models that the mapper makes.
+    pub(crate) models: PathBuf,
     /// The undistorted capture.
-    pub dataset: PathBuf,
+    pub(crate) dataset: PathBuf,
     /// The script for pycolmap.
-    pub script: PathBuf,
+    pub(crate) script: PathBuf,
 }
 
 /// Makes the commands of the four steps.
 pub(super) struct StepCommands {
     tool: CameraTool,
     paths: RunPaths,
-    use_gpu: &'static str,
     /// COLMAP's options that say whether the GPU is used, of features and of matches.
     gpu_options: [String; 2],
 }
 
 impl StepCommands {
     /// Checks that the program starts.
-    pub fn new(tool: CameraTool, paths: RunPaths, device: ColmapDevice) -> Result<Self, ColmapError> {
+    pub(crate) fn new(tool: CameraTool, paths: RunPaths) -> Result<Self, ColmapError> {
         let gpu_options = match &tool {
             CameraTool::Colmap(program) => gpu_options(program)?,
             CameraTool::Pycolmap(_) => Default::default(),
         };
-        let use_gpu = match device {
-            ColmapDevice::Cpu => "0",
-            ColmapDevice::Gpu => "1",
-        };
-        Ok(Self { tool, paths, use_gpu, gpu_options })
+        Ok(Self { tool, paths, gpu_options })
     }
 
     /// Finds features.
-    pub fn extract(&self, has_one_camera: bool) -> Command {
+    pub(crate) fn extract(&self, has_one_camera: bool) -> Command {
         let RunPaths { photos, database, .. } = &self.paths;
         match &self.tool {
             CameraTool::Colmap(_) => {
@@ -105,7 +100,8 @@ impl StepCommands {
                 // certain, but is only allowed for photos of one size.
                 let single = if has_one_camera { "1" } else { "0" };
                 command.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", single]);
-                command.args([&self.gpu_options[0], self.use_gpu]);
+                // The CPU works without a display and with every build of COLMAP.
+                command.args([&self.gpu_options[0], "0"]);
                 command
             }
             CameraTool::Pycolmap(_) => {
@@ -116,13 +112,13 @@ impl StepCommands {
     }
 
     /// Matches the features of pairs of photos.
-    pub fn compare(&self, is_exhaustive: bool) -> Command {
+    pub(crate) fn compare(&self, is_exhaustive: bool) -> Command {
         let database = &self.paths.database;
         let pairs = if is_exhaustive { "exhaustive" } else { "sequential" };
         match &self.tool {
             CameraTool::Colmap(_) => {
                 let mut command = self.colmap(&format!("{pairs}_matcher"));
-                command.arg("--database_path").arg(database).args([&self.gpu_options[1], self.use_gpu]);
+                command.arg("--database_path").arg(database).args([&self.gpu_options[1], "0"]);
                 command
             }
             CameraTool::Pycolmap(_) => self.script("match", &[database.as_ref(), pairs.as_ref()]),
@@ -130,7 +126,7 @@ impl StepCommands {
     }
 
     /// Finds cameras.
-    pub fn map(&self) -> Command {
+    pub(crate) fn map(&self) -> Command {
         let RunPaths { photos, database, models, .. } = &self.paths;
         match &self.tool {
             CameraTool::Colmap(_) => {
@@ -146,7 +142,7 @@ impl StepCommands {
     }
 
     /// Makes photos without distortion.
-    pub fn undistort(&self, model: &Path) -> Command {
+    pub(crate) fn undistort(&self, model: &Path) -> Command {
         let RunPaths { photos, dataset, .. } = &self.paths;
         match &self.tool {
             CameraTool::Colmap(_) => {

@@ -8,17 +8,17 @@
 //!
 //! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 
-use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
+use super::{DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
 use crate::check::{COUNT, ConfigValue, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
 use wm_scene::quat;
 use wm_scene::splats::logit;
 
-/// Parts that a split splat falls into.
-const PARTS: u64 = 2;
-/// The factor by which they are smaller.
-const SHRINK: f64 = 1.6;
+/// Parts into which a splat is split.
+const SPLIT_PARTS: u64 = 2;
+/// Divisor of the scales of the parts.
+const SPLIT_SCALE_DIVISOR: f64 = 1.6;
 
 /// Constants of adaptive control; lengths in units of the scene's extent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,17 +26,17 @@ const SHRINK: f64 = 1.6;
 pub struct AdaptiveConfig {
     /// First step that changes splats.
     pub from: u32,
-    /// First step that does not any more.
+    /// First step without changes again.
     pub until: u32,
     /// Steps between changes.
     pub every: u32,
-    /// Mean screen-space gradient above which there is too little, in units of half a picture.
+    /// Mean screen-space gradient above which splats are added, in units of half an image.
     pub pull: f64,
-    /// Largest standard deviation of what is cloned and not split.
+    /// Largest standard deviation of splats that are cloned and not split.
     pub small: f64,
-    /// Opacity below which a splat goes.
+    /// Opacity below which a splat is removed.
     pub faint: f64,
-    /// Steps between resets of opacities; from the first on, what is huge goes.
+    /// Steps between resets of opacities; after the first one huge splats are removed.
     pub reset_every: u32,
     /// Radius above which a splat is huge, px.
     pub huge_radius: f64,
@@ -65,7 +65,7 @@ impl AdaptiveConfig {
         }
     }
 
-    fn densify(&self, step: u32, population: &mut Population, extent: f64, random: Random) -> Densified {
+    fn densify(&self, step: u32, population: &mut Population, extent: f64, random: Random) {
         let count = population.len();
         let pulls = &population.pulls;
         let pull = |i: usize| f64::from(pulls.sums[i]) / f64::from(pulls.counts[i]).max(1.0);
@@ -84,17 +84,17 @@ impl AdaptiveConfig {
             let huge = f64::from(pulls.radii[i]) > self.huge_radius || largest(i) > self.huge * extent;
             *gone = population.splats.opacity(i) < self.faint || (may_be_huge && huge);
         }
-        // A clone is a copy; of a split splat both parts are made anew from it.
+        // A clone is a copy; both parts of a split splat are sampled from it.
         population.copy(&wanted);
         for (k, (index, small)) in wanted.iter().zip(is_small).enumerate() {
             if !small {
-                for part in 0..PARTS {
+                for part in 0..SPLIT_PARTS {
                     let place = if part == 0 { count + k } else { *index };
-                    population.draw_part(*index, place, random.normal3(PARTS * k as u64 + part));
+                    population.draw_part(*index, place, random.normal3(SPLIT_PARTS * k as u64 + part));
                 }
                 for place in [*index, count + k] {
                     for value in &mut population.splats.log_scales[place] {
-                        *value -= SHRINK.ln() as f32;
+                        *value -= SPLIT_SCALE_DIVISOR.ln() as f32;
                     }
                     population.forget(place);
                 }
@@ -103,11 +103,9 @@ impl AdaptiveConfig {
         }
         gone.resize(population.len(), false);
         let kept: Vec<usize> = (0..population.len()).filter(|i| !gone[*i]).collect();
-        let went = population.len() - kept.len();
         population.select(&kept);
         population.sort();
         population.pulls = Pulls::new(population.len());
-        Densified { born: wanted.len(), moved: 0, gone: went }
     }
 }
 
@@ -139,11 +137,10 @@ impl DensifyStrategy for AdaptiveConfig {
         step < self.until && (changes || step.is_multiple_of(self.reset_every))
     }
 
-    fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
+    fn apply(&self, time: &DensifyTime, population: &mut Population) {
         let DensifyTime { step, extent, random, .. } = *time;
-        let mut done = Densified::default();
         if step < self.until && step >= self.from && step.is_multiple_of(self.every) {
-            done = self.densify(step, population, extent, random);
+            self.densify(step, population, extent, random);
         }
         if step < self.until && step.is_multiple_of(self.reset_every) {
             let most = logit(2.0 * self.faint) as f32;
@@ -152,12 +149,11 @@ impl DensifyStrategy for AdaptiveConfig {
             }
             population.forget_opacities();
         }
-        done
     }
 }
 
 impl Population {
-    /// Puts the centre of splat `place` where splat `from` says, `normal` standard deviations off.
+    /// Samples the centre of splat `place` from splat `from`, at `normal` standard deviations.
     fn draw_part(&mut self, from: usize, place: usize, normal: [f64; 3]) {
         let splats = &mut self.splats;
         let matrix = quat::to_matrix(splats.quats[from].map(f64::from));
@@ -190,9 +186,10 @@ mod tests {
         let before = population.clone();
         let random = Random::new(0, Purpose::Sample, 600);
         let at = |step| DensifyTime { step, photos: 1, extent: 10.0, random };
-        assert_eq!(config.apply(&at(550), &mut population), Densified::default());
-        let done = config.apply(&at(600), &mut population);
-        assert_eq!(done, Densified { born: 2, moved: 0, gone: 1 });
+        config.apply(&at(550), &mut population);
+        assert!(population == before);
+        // Two are born, one goes.
+        config.apply(&at(600), &mut population);
         assert_eq!(population.len(), 101);
         let halves =
             population.splats.log_scales.iter().filter(|s| (s[0] - (1.0 - 0.47)).abs() < 1e-3).count();
@@ -200,7 +197,8 @@ mod tests {
         assert_eq!((halves, clones), (2, 2));
         config.max_splats = 100;
         let mut full = before;
-        assert_eq!(config.apply(&at(600), &mut full).born, 0);
+        config.apply(&at(600), &mut full);
+        assert_eq!(full.len(), 99);
         config.apply(&at(3000), &mut full);
         assert!((0..full.len()).all(|i| full.splats.opacity(i) < 0.0101));
     }

@@ -11,7 +11,7 @@ pub struct FixedConfig {}
 impl FixedConfig {
     /// Returns the strategy; the number of steps and the limit do not matter.
     #[must_use]
-    pub fn for_steps(_steps: u32, _max_splats: usize) -> Self {
+    pub(crate) fn for_steps(_steps: u32, _max_splats: usize) -> Self {
         Self {}
     }
 }

@@ -15,7 +15,7 @@
 //! scene's extent, since one that fills gaps all over a photo stands in the way of every other
 //! view; the sky's splats take no part.
 
-use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls};
+use super::{DensifyStrategy, DensifyTime, Population, Pulls};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -23,20 +23,20 @@ use wm_render::training::{Noise, SplatTerms};
 use wm_scene::Group;
 use wm_scene::splats::logit;
 
-/// Most splats that come to one place at once.
-const MOST_AT_ONE: usize = 51;
-/// Splats above this opacity have no noise: the gate is below 1e-4 there.
-const NOISY: f64 = 0.1;
-/// Extent of a scene, scene units, in which [`McmcConfig::noise`] and [`McmcConfig::scale`] are
-/// those of the publication: its scenes were of about this one.
-const USUAL_EXTENT: f64 = 5.0;
-/// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's
-/// first can be nearly two apart.
-const LOST_AFTER: u32 = 2;
+/// Most splats that share one place after a step.
+const MAX_SPLATS_PER_PLACE: usize = 51;
+/// Opacity above which splats have no noise: the gate is below 1e-4 there.
+const MAX_NOISY_OPACITY: f64 = 0.1;
+/// Extent of a scene, scene units, for which [`McmcConfig::noise`] and [`McmcConfig::scale`] are
+/// the published values: about that of the published scenes.
+const PUBLISHED_EXTENT: f64 = 5.0;
+/// Epochs after which splats that no photo has in view are dead; two views of one photo can be
+/// nearly two epochs apart.
+const UNSEEN_EPOCHS: u32 = 2;
 
-/// Largest standard deviation, in distances from the middle of the place, or in extents where that
-/// is more.
-const WIDEST: f64 = 0.1;
+/// Largest standard deviation, as a fraction of the distance from the centre of the scene or of
+/// its extent, whichever is larger.
+const MAX_SCALE: f64 = 0.1;
 
 /// Constants of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,17 +44,18 @@ const WIDEST: f64 = 0.1;
 pub struct McmcConfig {
     /// First step that changes splats.
     pub from: u32,
-    /// First step that does not any more.
+    /// First step without changes again.
     pub until: u32,
     /// Steps between changes.
     pub every: u32,
     /// Most splats, those of the sky left aside.
     pub max_splats: usize,
-    /// Share of the splats that is born each time.
+    /// Growth of the number of splats at each change.
     pub growth: f64,
     /// Opacity at or below which a splat is dead.
     pub dead: f64,
-    /// Noise in units of the step length of means and of the splat's variance, in scenes of extent 5.
+    /// Noise in units of the step length of means and of the splat's variance, in scenes of extent
+    /// 5.
     pub noise: f64,
     /// Weight of the mean opacity in the loss.
     pub opacity: f64,
@@ -99,26 +100,26 @@ impl DensifyStrategy for McmcConfig {
     }
 
     fn terms(&self, extent: f64) -> SplatTerms {
-        let scale = self.scale * USUAL_EXTENT / extent;
+        let scale = self.scale * PUBLISHED_EXTENT / extent;
         SplatTerms { opacity: self.opacity, scale, ..SplatTerms::default() }
     }
 
     fn noise(&self, rate: f64, extent: f64, random: Random) -> Option<Noise> {
-        let size = self.noise * rate * (USUAL_EXTENT / extent).powi(2);
-        Some(Noise { seed: random.seed(), size, most: NOISY })
+        let size = self.noise * rate * (PUBLISHED_EXTENT / extent).powi(2);
+        Some(Noise { seed: random.seed(), size, most: MAX_NOISY_OPACITY })
     }
 
     fn is_due(&self, step: u32) -> bool {
         step >= self.from && step < self.until && step.is_multiple_of(self.every)
     }
 
-    fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
+    fn apply(&self, time: &DensifyTime, population: &mut Population) {
         let DensifyTime { step, photos, extent, random } = *time;
         if !self.is_due(step) {
-            return Densified::default();
+            return;
         }
         let count = population.len();
-        let lost_after = LOST_AFTER.saturating_mul(u32::try_from(photos).unwrap_or(u32::MAX));
+        let lost_after = UNSEEN_EPOCHS.saturating_mul(u32::try_from(photos).unwrap_or(u32::MAX));
         let is_dead = |population: &Population, i: usize| {
             population.splats.groups[i] != Group::Sky
                 && (population.splats.opacity(i) <= self.dead
@@ -130,24 +131,22 @@ impl DensifyStrategy for McmcConfig {
         for (dead, host) in dead.iter().zip(&hosts) {
             population.take_place(*dead, *host);
         }
-        let moved = hosts.len();
-        // The sky's splats neither have children nor take room of the others.
+        // Splats of the sky are not copied and do not count for the budget.
         let count = population.splats.groups.iter().filter(|group| **group != Group::Sky).count();
         let grown = (count as f64 * (1.0 + self.growth)) as usize;
         let born = grown.max(count + 1).min(self.max_splats).saturating_sub(count);
-        let still_dead = if moved > 0 { &[][..] } else { &dead[..] };
+        let still_dead = if hosts.is_empty() { &dead[..] } else { &[][..] };
         let hosts = sample(population, still_dead, born, random, dead.len() as u64);
         population.settle(&hosts, self.dead);
         population.copy(&hosts);
         population.bound(extent);
         population.sort();
         population.pulls = Pulls::new(population.len());
-        Densified { born: hosts.len(), moved, gone: 0 }
     }
 }
 
-/// `wanted` live splats, each as likely as it is opaque, none of `dead` (ascending) nor of the sky.
-/// None where nothing lives.
+/// Samples `wanted` live splats with probability proportional to opacity, except those in `dead`
+/// (ascending) and the sky's; empty if there are none.
 fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random, first: u64) -> Vec<usize> {
     let mut total = 0.0;
     let mut next = 0;
@@ -173,12 +172,13 @@ fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random
 }
 
 impl Population {
-    /// Makes each of `hosts` (repeated as often as something comes to it) one of many in its place.
+    /// Shares the opacity and scale of each of `hosts` among the splats at its place; a host is
+    /// listed once for each splat that joins it.
     fn settle(&mut self, hosts: &[usize], dead: f64) {
         let mut sorted = hosts.to_vec();
         sorted.sort_unstable();
         for group in sorted.chunk_by(|a, b| a == b) {
-            let (host, many) = (group[0], (group.len() + 1).min(MOST_AT_ONE));
+            let (host, many) = (group[0], (group.len() + 1).min(MAX_SPLATS_PER_PLACE));
             let opacity = self.splats.opacity(host);
             let (each, factor) = shared(opacity, many);
             self.splats.logit_opacities[host] = logit(each.clamp(dead, 1.0 - 1e-7)) as f32;
@@ -189,7 +189,7 @@ impl Population {
         }
     }
 
-    /// Narrows splats that are wider than their place lets them be.
+    /// Clamps the scales of splats to the largest one at their place.
     fn bound(&mut self, extent: f64) {
         let splats = &mut self.splats;
         let own: Vec<usize> = (0..splats.len()).filter(|i| splats.groups[*i] != Group::Sky).collect();
@@ -204,12 +204,12 @@ impl Population {
         });
         for i in own {
             let far = (0..3).map(|k| (f64::from(splats.means[i][k]) - middle[k]).powi(2)).sum::<f64>().sqrt();
-            let widest = (WIDEST * far.max(extent)).ln() as f32;
+            let widest = (MAX_SCALE * far.max(extent)).ln() as f32;
             splats.log_scales[i].iter_mut().for_each(|scale| *scale = scale.min(widest));
         }
     }
 
-    /// Makes splat `index` a copy of `host`, about which nothing is known.
+    /// Makes splat `index` a copy of `host`, with empty moments.
     fn take_place(&mut self, index: usize, host: usize) {
         let splats = &mut self.splats;
         splats.means[index] = splats.means[host];
@@ -223,12 +223,12 @@ impl Population {
     }
 }
 
-/// Opacity and factor on the scales of each of `many` splats that stand for one of `opacity`.
+/// Returns opacity and scale factor of each of `many` splats that replace one of `opacity`.
 fn shared(opacity: f64, many: usize) -> (f64, f64) {
     let each = 1.0 - (1.0 - opacity).powf(1.0 / many as f64);
     let mut sum = 0.0;
     for i in 0..many {
-        // C(i, k) from the one before.
+        // Binomial coefficients by recurrence.
         let mut binomial = 1.0;
         for k in 0..=i {
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -236,7 +236,7 @@ fn shared(opacity: f64, many: usize) -> (f64, f64) {
             binomial *= (i - k) as f64 / (k + 1) as f64;
         }
     }
-    // Alternating sums of large numbers: beyond what is sensible nothing is changed.
+    // Alternating sums of large numbers lose precision: implausible factors are ignored.
     let factor = opacity / sum;
     (each, if factor.is_finite() && factor > 0.0 { factor.clamp(0.1, 1.0) } else { 1.0 })
 }
@@ -270,8 +270,8 @@ mod tests {
         population.splats.groups[sky] = Group::Sky;
         population.bound(5.0);
         let widest = |index: usize| population.splats.scales(index)[2];
-        assert!(widest(near) <= WIDEST * 5.0 * 1.0001, "{}", widest(near));
-        assert!((widest(far) / (WIDEST * 300.0) - 1.0).abs() < 0.05, "{}", widest(far));
+        assert!(widest(near) <= MAX_SCALE * 5.0 * 1.0001, "{}", widest(near));
+        assert!((widest(far) / (MAX_SCALE * 300.0) - 1.0).abs() < 0.05, "{}", widest(far));
         assert!(widest(sky) > 2000.0);
         assert!((population.splats.scales(near)[1] - (-2f64).exp()).abs() < 1e-6);
     }
@@ -312,13 +312,14 @@ mod tests {
         population.splats.logit_opacities[..40].fill(-9.0);
         population.seen.fill(595);
         let config = McmcConfig { max_splats: 410, ..McmcConfig::for_steps(30_000, 410) };
-        let done = config.apply(&at(600), &mut population);
-        assert_eq!(done, Densified { born: 10, moved: 40, gone: 0 });
+        config.apply(&at(600), &mut population);
         assert_eq!(population.len(), 410);
         assert!((0..410).all(|i| population.splats.opacity(i) > 0.01));
-        assert_eq!(config.apply(&at(601), &mut population), Densified::default());
-        let done = config.apply(&at(700), &mut population);
-        assert_eq!(done.born, 0);
+        let before = population.clone();
+        config.apply(&at(601), &mut population);
+        assert!(population == before);
+        config.apply(&at(700), &mut population);
+        assert_eq!(population.len(), 410);
     }
 
     #[test]
@@ -373,8 +374,7 @@ mod tests {
             population.splats.groups.iter().filter(|group| **group == Group::Sky).count()
         };
         let config = McmcConfig::for_steps(30_000, 80);
-        let done = config.apply(&at(600), &mut population);
-        assert_eq!(done, Densified { born: 1, moved: 1, gone: 0 });
+        config.apply(&at(600), &mut population);
         assert!(population.splats.means.iter().flatten().all(|v| v.abs() < 1e5));
         assert_eq!((population.len(), skies(&population)), (61, 30));
     }
@@ -384,7 +384,7 @@ mod tests {
         let mut population = Population::new(random_splats(20, 0, 4));
         population.splats.logit_opacities.fill(-9.0);
         let before = population.splats.clone();
-        let done = McmcConfig::for_steps(30_000, 80).apply(&at(600), &mut population);
-        assert_eq!((done, population.splats), (Densified::default(), before));
+        McmcConfig::for_steps(30_000, 80).apply(&at(600), &mut population);
+        assert_eq!(population.splats, before);
     }
 }

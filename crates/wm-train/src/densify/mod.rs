@@ -4,9 +4,9 @@
 //! one, write its file and one line in the list `strategies!` below; configuration files, checks,
 //! `--densify` and the trainer follow.
 
-pub mod adaptive;
-pub mod fixed;
-pub mod mcmc;
+pub(crate) mod adaptive;
+pub(crate) mod fixed;
+pub(crate) mod mcmc;
 
 use crate::check::ConfigValue;
 use crate::random::Random;
@@ -14,13 +14,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use wm_render::cpu::model::morton_order;
 use wm_render::training::MIN_ALPHA;
-pub use wm_render::training::Pulls;
+pub(crate) use wm_render::training::Pulls;
 use wm_render::training::{Changed, Learnt, LearntMut, Moments, Noise, Origin, Shapes, SplatTerms};
 use wm_scene::splats::{logit, sigmoid};
 use wm_scene::{Group, Splats, quat};
 
 /// A strategy that adds, moves and removes splats. Every method has a default that does nothing.
-pub trait DensifyStrategy {
+pub(crate) trait DensifyStrategy {
     /// Returns the largest number of splats, if there is a limit.
     fn max_splats(&self) -> Option<usize> {
         None
@@ -49,9 +49,7 @@ pub trait DensifyStrategy {
 
     /// Adds, moves and removes splats after a step; called only where [`Self::is_due`] returns
     /// true.
-    fn apply(&self, _time: &DensifyTime, _population: &mut Population) -> Densified {
-        Densified::default()
-    }
+    fn apply(&self, _time: &DensifyTime, _population: &mut Population) {}
 
     /// Returns the noise that is added to means after every step, if any. `rate` is the step length
     /// of means and `extent` the size of the scene, both in scene units.
@@ -62,21 +60,21 @@ pub trait DensifyStrategy {
 
 /// The point in a training at which a strategy is applied.
 #[derive(Clone, Copy, Debug)]
-pub struct DensifyTime {
+pub(crate) struct DensifyTime {
     /// The number of the step, from 1.
-    pub step: u32,
+    pub(crate) step: u32,
     /// The number of training photos.
-    pub photos: usize,
+    pub(crate) photos: usize,
     /// The size of the scene, scene units.
-    pub extent: f64,
+    pub(crate) extent: f64,
     /// Random numbers for this step.
-    pub random: Random,
+    pub(crate) random: Random,
 }
 
 /// The choice of whether screen-space gradients of splats are summed between two changes of the
 /// population.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ScreenGradients {
+pub(crate) enum ScreenGradients {
     /// They are summed.
     Sum,
     /// They are not.
@@ -100,7 +98,7 @@ macro_rules! strategies {
             /// Returns the strategy called `name` with its usual parameters for a training of
             /// `steps` steps and at most `max_splats` splats; `None` if there is no such strategy.
             #[must_use]
-            pub fn named(name: &str, steps: u32, max_splats: usize) -> Option<Self> {
+            pub(crate) fn named(name: &str, steps: u32, max_splats: usize) -> Option<Self> {
                 match name {
                     $($name => Some(Self::$variant(<$config>::for_steps(steps, max_splats))),)+
                     _ => None,
@@ -109,7 +107,7 @@ macro_rules! strategies {
 
             /// Returns the strategy.
             #[must_use]
-            pub fn strategy(&self) -> &dyn DensifyStrategy {
+            pub(crate) fn strategy(&self) -> &dyn DensifyStrategy {
                 match self {
                     $(Self::$variant(config) => config,)+
                 }
@@ -156,15 +154,15 @@ pub(crate) fn explore(population: &mut Population, noise: &Noise, random: Random
 
 /// The splats of a training and everything that is known of each.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Population {
+pub(crate) struct Population {
     /// The splats.
-    pub splats: Splats,
+    pub(crate) splats: Splats,
     /// The optimiser's moments; empty where these stay on a device.
-    pub moments: Moments,
+    pub(crate) moments: Moments,
     /// Screen-space gradients since splats were last added or removed.
-    pub pulls: Pulls,
+    pub(crate) pulls: Pulls,
     /// The last step that had each in view, or that made it, `[N]`.
-    pub seen: Vec<u32>,
+    pub(crate) seen: Vec<u32>,
     /// The origin of each splat, of a population whose moments and coefficients above degree 0 stay
     /// on a device.
     origins: Option<Origins>,
@@ -179,24 +177,24 @@ struct Origins {
 }
 
 impl Population {
-    /// A population that begins.
+    /// Returns a new population, sorted for locality.
     #[must_use]
-    pub fn new(splats: Splats) -> Self {
+    pub(crate) fn new(splats: Splats) -> Self {
         let mut population = Self::unsorted(splats);
         population.sort();
         population
     }
 
-    /// One whose splats stay in their order.
+    /// Returns a new population whose splats keep their order.
     #[must_use]
-    pub fn unsorted(splats: Splats) -> Self {
+    pub(crate) fn unsorted(splats: Splats) -> Self {
         let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
         Self { splats, moments, pulls, seen, origins: None }
     }
 
-    /// One whose moments and coefficients above degree 0 stay on a device.
+    /// Returns a population whose moments and coefficients above degree 0 stay on a device.
     #[must_use]
-    pub fn of_shapes(shapes: Shapes) -> Self {
+    pub(crate) fn of_shapes(shapes: Shapes) -> Self {
         let Shapes { splats, pulls, seen } = shapes;
         let rows = (0..splats.len() as u32).map(|row| Origin { row, forgotten: false }).collect();
         let origins = Some(Origins { rows, forgets_opacities: false });
@@ -208,46 +206,41 @@ impl Population {
     /// # Panics
     /// If it is not one of shapes.
     #[must_use]
-    pub fn changed(&self) -> Changed<'_> {
+    pub(crate) fn changed(&self) -> Changed<'_> {
         let Origins { rows, forgets_opacities } = self.origins.as_ref().expect("a population of shapes");
         let Self { splats, pulls, seen, .. } = self;
         Changed { splats, pulls, seen, origins: rows, forgets_opacities: *forgets_opacities }
     }
 
-    /// Number of splats.
+    /// Returns the number of splats.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.splats.len()
     }
 
-    /// Returns true if there are no splats.
+    /// Borrows all of it for a device.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.splats.is_empty()
-    }
-
-    /// All of it, for a device.
-    #[must_use]
-    pub fn learnt(&self) -> Learnt<'_> {
+    pub(crate) fn learnt(&self) -> Learnt<'_> {
         Learnt { splats: &self.splats, moments: &self.moments, pulls: &self.pulls, seen: &self.seen }
     }
 
-    /// The same, to be written.
-    pub fn learnt_mut(&mut self) -> LearntMut<'_> {
+    /// Borrows all of it for a device, mutably.
+    pub(crate) fn learnt_mut(&mut self) -> LearntMut<'_> {
         let Self { splats, moments, pulls, seen, .. } = self;
         LearntMut { splats, moments, pulls, seen }
     }
 
-    /// Marks the splats that step `step` had in view.
-    pub fn see(&mut self, visible: &[u32], step: u32) {
+    /// Marks the splats that were in view at step `step`.
+    pub(crate) fn see(&mut self, visible: &[u32], step: u32) {
         for index in visible {
             self.seen[*index as usize] = step;
         }
     }
 
-    /// The splats that any picture can show: the others are below the least alpha that is drawn.
+    /// Returns the splats that any render can show: the others are below the least alpha that is
+    /// drawn.
     #[must_use]
-    pub fn drawn(&self) -> Splats {
+    pub(crate) fn drawn(&self) -> Splats {
         let splats = &self.splats;
         let shown: Vec<usize> =
             (0..splats.len()).filter(|i| splats.opacity(*i) >= f64::from(MIN_ALPHA)).collect();
@@ -255,7 +248,7 @@ impl Population {
     }
 
     /// Keeps the splats `indices`, in that order.
-    pub fn select(&mut self, indices: &[usize]) {
+    pub(crate) fn select(&mut self, indices: &[usize]) {
         self.splats = self.splats.select(indices);
         match &mut self.origins {
             None => self.moments.select(indices, self.splats.sh_degree),
@@ -267,8 +260,8 @@ impl Population {
         self.seen = indices.iter().map(|i| self.seen[*i]).collect();
     }
 
-    /// Adds copies of the splats `indices`, about which nothing is known yet.
-    pub fn copy(&mut self, indices: &[usize]) {
+    /// Adds copies of the splats `indices`, with empty moments.
+    pub(crate) fn copy(&mut self, indices: &[usize]) {
         let copies = self.splats.select(indices);
         let seen: Vec<u32> = indices.iter().map(|i| self.seen[*i]).collect();
         self.seen.extend(seen);
@@ -287,16 +280,16 @@ impl Population {
         }
     }
 
-    /// Forgets what was learnt about one splat.
-    pub fn forget(&mut self, index: usize) {
+    /// Resets the moments of one splat.
+    pub(crate) fn forget(&mut self, index: usize) {
         match &mut self.origins {
             None => self.moments.clear_row(index, self.splats.sh_degree),
             Some(Origins { rows, .. }) => rows[index].forgotten = true,
         }
     }
 
-    /// Forgets what was learnt about opacities.
-    pub fn forget_opacities(&mut self) {
+    /// Resets the moments of all opacities.
+    pub(crate) fn forget_opacities(&mut self) {
         match &mut self.origins {
             None => {
                 let pair = &mut self.moments.logit_opacities;
@@ -306,7 +299,7 @@ impl Population {
         }
     }
 
-    /// Makes the colours of splat `index` those of `from`.
+    /// Copies the colours of splat `from` to splat `index`.
     fn copy_colors(&mut self, index: usize, from: usize) {
         let stride = self.splats.sh_stride();
         self.splats.sh.copy_within(from * stride..(from + 1) * stride, index * stride);
@@ -315,22 +308,11 @@ impl Population {
         }
     }
 
-    /// Brings neighbours together: the renderer culls runs of splats.
-    pub fn sort(&mut self) {
+    /// Sorts splats for spatial locality: the renderer culls runs of splats.
+    pub(crate) fn sort(&mut self) {
         let order: Vec<usize> = morton_order(&self.splats.means).into_iter().map(|i| i as usize).collect();
         self.select(&order);
     }
-}
-
-/// The changes that a strategy made at a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Densified {
-    /// Splats that came.
-    pub born: usize,
-    /// Splats that moved to another place.
-    pub moved: usize,
-    /// Splats that went.
-    pub gone: usize,
 }
 
 #[cfg(test)]

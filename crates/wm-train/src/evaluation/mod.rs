@@ -79,7 +79,7 @@ pub struct ViewScores {
     pub psnr: f64,
     /// Structural similarity to the photo, 1 for equal images.
     pub ssim: f64,
-    /// Mean gradient of the render over that of the photo; see [`sharpness`].
+    /// Mean gradient of the render over that of the photo.
     pub sharpness: Option<f64>,
     /// Errors of expected depth.
     pub expected_depth: Option<DepthErrors>,
@@ -100,7 +100,7 @@ pub struct PhotoScores {
     pub name: String,
     /// The width of the photo as it was compared, px.
     pub width: u32,
-    /// Its height, px.
+    /// The height of the photo as it was compared, px.
     pub height: u32,
     /// The scores.
     pub scores: ViewScores,
@@ -109,7 +109,7 @@ pub struct PhotoScores {
 /// The scores of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluation {
-    /// Those of each photo.
+    /// The scores of each photo.
     pub photos: Vec<PhotoScores>,
     /// Splats that hang in front of true surfaces, where there is true depth.
     pub floaters: Option<FloaterShare>,
@@ -120,7 +120,7 @@ pub struct Evaluation {
 pub struct EvaluatedPhoto<'a> {
     /// The index of the photo in [`Dataset::places`].
     pub index: usize,
-    /// Its name.
+    /// The name of the photo.
     pub name: &'a str,
     /// The photo.
     pub photo: &'a [f32],

@@ -1,10 +1,7 @@
 //! Ground-truth maps of a data set: where they are, and what their numbers mean.
 
 use crate::dataset::Dataset;
-use crate::maps::{
-    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes,
-    read_map,
-};
+use crate::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -203,7 +200,7 @@ impl TruthMaps {
 
     /// Returns true if there are no maps.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.depth.is_none() && self.normal.is_none() && self.sky.is_none()
     }
 
@@ -212,7 +209,12 @@ impl TruthMaps {
     ///
     /// # Errors
     /// [`TruthError`] if a map cannot be read, has another shape than the photo, or has no unit.
-    pub fn read(&self, photo: &str, camera: &Camera, mask: Option<&[f32]>) -> Result<TrueMaps, TruthError> {
+    pub(crate) fn read(
+        &self,
+        photo: &str,
+        camera: &Camera,
+        mask: Option<&[f32]>,
+    ) -> Result<TrueMaps, TruthError> {
         let fitted = |folder: &Option<MapFolder>| -> Result<Option<(PathBuf, Map)>, MapError> {
             let Some(folder) = folder else { return Ok(None) };
             let Some(path) = folder.find(photo)? else { return Ok(None) };
@@ -228,8 +230,7 @@ impl TruthMaps {
             maps.sky = Some(map.to_mask());
         }
         if let Some((path, map)) = fitted(depth)? {
-            let scale = DepthMapScale::UnitsPerStep(self.units_per_step(&path, &map)?);
-            let depth = DepthKind { form: self.form, scale }.to_view_z(&map, camera);
+            let depth = self.form.to_view_z(self.units_per_step(&path, &map)?, &map, camera);
             maps.depth = Some(depth.map_err(|fault| MapError { path, fault })?);
         }
         if let Some((path, map)) = fitted(normal)? {

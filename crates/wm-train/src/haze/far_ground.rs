@@ -19,43 +19,44 @@ use wm_scene::color::srgb_encode;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
-/// Transmittance of the haze from the nearest camera beyond which photos show hardly anything.
-const HIDDEN: f64 = 0.1;
-/// Transmittance at which the ground begins: under what photos show of it.
-const BEGINS: f64 = 0.2;
-/// Most distance from the level of the ground of splats that tell its colour, in heights of the
+/// Transmittance, from the nearest camera, below which photos show hardly anything.
+const HIDDEN_TRANSMITTANCE: f64 = 0.1;
+/// Transmittance at which the added ground begins, overlapping the ground that photos show.
+const FIRST_TRANSMITTANCE: f64 = 0.2;
+/// Largest height above or below the ground of splats that give its colour, in heights of the
 /// cameras.
-const LEVEL: f64 = 0.1;
-/// Rank of the ground's height among points: below are strays, above is what stands on it.
-const RANK: f64 = 0.15;
+const LEVEL_TOLERANCE: f64 = 0.1;
+/// Rank of the ground's height among the points: below are outliers, above are objects.
+const GROUND_RANK: f64 = 0.15;
 /// Ratio of the radii of two rings.
-const RATIO: f64 = 1.15;
-/// Radius of the last ring in heights of the cameras over the ground: a quarter of a degree below
-/// the horizon.
-const LAST: f64 = 250.0;
-/// Standard deviation of splats in distances to their neighbours, and their opacity: no gaps.
-const SCALE: f64 = 0.7;
-const OPACITY: f64 = 0.98;
-/// Their thickness in heights of the cameras over the ground.
-const THICKNESS: f64 = 0.03;
-/// Radius of the farthest ring, in extents of the scene: the sky begins at 20.
-const FARTHEST: f64 = 16.0;
-/// Room below the edge where the ground begins, sine: the sky has no gap there.
-const ROOM: f64 = 0.05;
-/// Difference from the light of endless haze up to which a pixel shows nothing else,
+const RING_RATIO: f64 = 1.15;
+/// Radius of the last ring in heights of the cameras over the ground: 0.25 degrees below the
+/// horizon.
+const LAST_RING_RADIUS: f64 = 250.0;
+/// Standard deviation of splats in distances to their neighbours, and their opacity: leaves no
+/// gaps.
+const SPLAT_SCALE: f64 = 0.7;
+const SPLAT_OPACITY: f64 = 0.98;
+/// Thickness of splats in heights of the cameras over the ground.
+const SPLAT_THICKNESS: f64 = 0.03;
+/// Radius of the farthest ring, in extents of the scene; the sky begins at 20.
+const MAX_RADIUS_EXTENTS: f64 = 16.0;
+/// Overlap of sky and ground at the edge where the ground begins, sine of the elevation.
+const EDGE_MARGIN: f64 = 0.05;
+/// Largest difference of a pixel from the airlight at which it shows nothing else,
 /// display-referred.
-const SAME: f64 = 0.03;
+const AIRLIGHT_TOLERANCE: f64 = 0.03;
 
 /// The ground beyond what photos show through the haze.
 #[derive(Clone, Debug)]
-pub struct FarGround<'a> {
+pub(crate) struct FarGround<'a> {
     cameras: &'a [Camera],
-    /// The middle of the cameras.
+    /// The mean position of the cameras.
     center: DVec3,
     up: DVec3,
-    /// Height of the middle of the cameras over the ground, scene units, above 0.
+    /// Height of `center` over the ground, scene units, above 0.
     height: f64,
-    /// Distance from the nearest camera at which it begins, scene units.
+    /// Distance from the nearest camera at which the added ground begins, scene units.
     begins: f64,
     /// Distance beyond which photos show hardly anything, scene units.
     hidden: f64,
@@ -65,69 +66,75 @@ impl<'a> FarGround<'a> {
     /// Returns the ground under `cameras`, of which `points` tell the height; `None` if the cameras
     /// are not above it.
     #[must_use]
-    pub fn new(cameras: &'a [Camera], points: &SparsePoints, up: DVec3, haze: &PhotoHaze) -> Option<Self> {
+    pub(crate) fn new(
+        cameras: &'a [Camera],
+        points: &SparsePoints,
+        up: DVec3,
+        haze: &PhotoHaze,
+    ) -> Option<Self> {
         let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
         let mut heights: Vec<f64> = points.positions.iter().map(|p| up.dot(DVec3::from_array(*p))).collect();
         heights.retain(|height| height.is_finite());
         if heights.is_empty() {
             return None;
         }
-        let rank = (RANK * heights.len() as f64) as usize;
+        let rank = (GROUND_RANK * heights.len() as f64) as usize;
         let height = up.dot(center) - *heights.select_nth_unstable_by(rank, f64::total_cmp).1;
-        let [begins, hidden] = [BEGINS, HIDDEN].map(|kept| -kept.ln() / haze.shown);
+        let [begins, hidden] =
+            [FIRST_TRANSMITTANCE, HIDDEN_TRANSMITTANCE].map(|kept| -kept.ln() / haze.shown);
         (height > 0.0).then_some(Self { cameras, center, up, height, begins, hidden })
     }
 
-    /// The sine of the height below which no photo shows endless haze.
+    /// Returns the sine of the elevation below which no photo shows endless haze.
     #[must_use]
-    pub fn lowest(&self) -> f64 {
+    pub(crate) fn lowest(&self) -> f64 {
         let highest = self.cameras.iter().map(|camera| self.up.dot(camera.center() - self.center));
         let highest = self.height + highest.fold(0.0, f64::max);
-        (-highest / self.hidden - ROOM).max(-1.0)
+        (-highest / self.hidden - EDGE_MARGIN).max(-1.0)
     }
 
-    /// Adds it to a finished scene of `extent` units, in the mean colour of the ground that the
-    /// cameras show, or of all that they show where they show none.
-    pub fn add(&self, splats: &mut Splats, extent: f64, haze: &PhotoHaze) {
+    /// Adds the ground to a finished scene of `extent` units, in the mean colour of the ground that
+    /// the cameras show, or of everything they show if they show no ground.
+    pub(crate) fn add(&self, splats: &mut Splats, extent: f64, haze: &PhotoHaze) {
         let of = |counts: &dyn Fn(DVec3) -> bool| mean_color(splats, self.cameras, &haze.air(), counts);
         let level = self.up.dot(self.center) - self.height;
-        let is_level = |at: DVec3| (self.up.dot(at) - level).abs() < LEVEL * self.height;
+        let is_level = |at: DVec3| (self.up.dot(at) - level).abs() < LEVEL_TOLERANCE * self.height;
         let Some(rgb) = of(&is_level).or_else(|| of(&|_| true)) else { return };
         let east = self.up.any_orthonormal_vector();
         let north = self.up.cross(east);
         let rotation = DQuat::from_rotation_arc(DVec3::Z, self.up);
-        let around = (TAU / RATIO.ln()) as usize;
-        let farthest = FARTHEST * extent;
+        let around = (TAU / RING_RATIO.ln()) as usize;
+        let farthest = MAX_RADIUS_EXTENTS * extent;
         let mut radius = self.begins.min(farthest);
-        while radius < LAST * self.height {
+        while radius < LAST_RING_RADIUS * self.height {
             for k in 0..around {
                 let (sin, cos) = (TAU * k as f64 / around as f64).sin_cos();
                 let offset = radius * (cos * east + sin * north) - self.height * self.up;
-                // What is too far is drawn nearer and is as much smaller: it looks the same.
+                // Beyond the farthest ring a splat is drawn nearer and smaller: it looks the same.
                 let nearer = (farthest / offset.length()).min(1.0);
                 let at = self.center + nearer * offset;
                 if nearest(self.cameras, at, |_| true) < self.begins.min(farthest - extent) {
                     continue;
                 }
-                let size = (nearer * SCALE * radius * RATIO.ln()).ln() as f32;
+                let size = (nearer * SPLAT_SCALE * radius * RING_RATIO.ln()).ln() as f32;
                 splats.push(&Splat {
                     mean: at.to_array().map(|v| v as f32),
                     quat: [rotation.w, rotation.x, rotation.y, rotation.z].map(|v| v as f32),
-                    log_scale: [size, size, (nearer * THICKNESS * self.height).ln() as f32],
-                    logit_opacity: logit(OPACITY) as f32,
+                    log_scale: [size, size, (nearer * SPLAT_THICKNESS * self.height).ln() as f32],
+                    logit_opacity: logit(SPLAT_OPACITY) as f32,
                     rgb,
                     group: Group::Scene,
                 });
             }
-            radius *= RATIO;
+            radius *= RING_RATIO;
         }
     }
 }
 
-/// Returns a photo's prior with no claim of what stands where the photo shows the light of endless
-/// haze and the depth is not known.
+/// Returns a photo's prior with class unknown where the photo shows the airlight and depth is not
+/// known.
 #[must_use]
-pub fn without_hidden(prior: &Prior, photo: &Photo, haze: &PhotoHaze) -> Prior {
+pub(crate) fn without_hidden(prior: &Prior, photo: &Photo, haze: &PhotoHaze) -> Prior {
     let mut prior = prior.clone();
     let light = haze.airlight.map(|light| 255.0 * srgb_encode(light));
     let (width, height) = (prior.width as usize, prior.height as usize);
@@ -138,7 +145,7 @@ pub fn without_hidden(prior: &Prior, photo: &Photo, haze: &PhotoHaze) -> Prior {
         }
         let pixel = at / width * rows / height * columns + at % width * columns / width;
         let rgb = &photo.rgb[3 * pixel..];
-        if (0..3).all(|c| (f64::from(rgb[c]) - light[c]).abs() < 255.0 * SAME) {
+        if (0..3).all(|c| (f64::from(rgb[c]) - light[c]).abs() < 255.0 * AIRLIGHT_TOLERANCE) {
             *class = SkyClass::Unknown;
         }
     }
@@ -178,14 +185,14 @@ mod tests {
         }
         let stride = splats.sh_stride();
         assert!((0..3).all(|c| (splats.sh[stride + c] - splats.sh[c]).abs() < 1e-5));
-        // Under the ground there is none.
+        // Cameras below the ground give none.
         let (under, points) = ([camera()], &mut points);
         points.positions.iter_mut().for_each(|at| at[2] = 20.0);
         assert!(FarGround::new(&under, points, DVec3::Z, &HAZE).is_none());
     }
 
     #[test]
-    fn of_pixels_in_endless_haze_nothing_is_claimed() {
+    fn pixels_in_endless_haze_are_unknown() {
         let light = (255.0 * srgb_encode(0.5)).round() as u8;
         let prior = Prior {
             width: 4,

@@ -4,75 +4,75 @@
 //! `y = e_p (J exp(-beta d) + B (1 - exp(-beta d)) / beta)`: Koschmieder's law with the light `B`
 //! that the air adds a unit of length and the gain `e_p` of the photo. It is linear in `J` and `B`,
 //! and stays one law for `beta` of 0 and below, so that clear air is nothing special to the fit.
-//! Gauss and Newton's steps are taken on `beta`, `B` and the gains, with each point's colour
+//! Gauss-Newton steps are taken on `beta`, `B` and the gains, with each point's colour
 //! eliminated; residuals are in display-referred units, in which noise is about even, and weighted
 //! by Cauchy's function.
 
 use super::sightings::{PointTrack, Sighting};
 
-/// Numbers before the gains: extinction and the light that the air adds in three channels.
-const HEAD: usize = 4;
-/// Brightest clear colour, linear light: white in the sun beside a sky that is exposed well.
-const BRIGHTEST: f64 = 1.5;
-/// Residuals, in standard deviations, that count for half: windows that show several distances have
-/// larger ones.
-const CAUCHY: f64 = 1.0;
-/// Standard deviation of logarithms of gains before anything is seen.
-const GAINS: f64 = 0.3;
-/// Least standard deviation of residuals, display-referred: that of bytes.
-const LEAST: f64 = 0.002;
-/// Most of Gauss and Newton's steps.
-const STEPS: usize = 40;
+/// Parameters before the gains: extinction, and the light that the air adds in three channels.
+const SHARED_PARAMETERS: usize = 4;
+/// Brightest clear colour, linear: sunlit white beside a well-exposed sky.
+const MAX_CLEAR_COLOR: f64 = 1.5;
+/// Residual, in standard deviations, at which the weight is one half: windows that show several
+/// distances have larger residuals.
+const CAUCHY_SCALE: f64 = 1.0;
+/// Prior standard deviation of the logarithms of gains.
+const GAIN_DEVIATION: f64 = 0.3;
+/// Least standard deviation of residuals, display-referred: that of 8-bit quantisation.
+const MIN_RESIDUAL: f64 = 0.002;
+/// Most Gauss-Newton steps.
+const MAX_STEPS: usize = 40;
 
-/// A fit, with lengths in units of its own.
+/// A fit; lengths are in a unit of its own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct HazeFit {
-    /// Extinction a unit of length.
-    pub beta: f64,
-    /// Light that the air adds a unit of length.
-    pub added: [f64; 3],
+pub(crate) struct HazeFit {
+    /// Extinction, 1 / unit of length.
+    pub(crate) beta: f64,
+    /// Light that the air adds per unit of length.
+    pub(crate) added: [f64; 3],
     /// Light of endless haze, if it is known: then `added` is this times `beta`.
-    pub airlight: Option<[f64; 3]>,
+    pub(crate) airlight: Option<[f64; 3]>,
     /// Logarithms of the photos' gains.
-    pub gains: Vec<f64>,
+    pub(crate) gains: Vec<f64>,
     /// Standard deviation of residuals, display-referred.
-    pub sigma: f64,
+    pub(crate) sigma: f64,
     /// Cauchy's cost, a mean over sightings.
-    pub cost: f64,
+    pub(crate) cost: f64,
 }
 
-/// The numbers that a fit may change.
+/// The parameters that a fit may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Free {
-    /// The gains, for air of the extinction and the light that it has.
+pub(crate) enum FreeParameters {
+    /// The gains; extinction and light stay.
     Gains,
-    /// The light and the gains, for air of the extinction that it has.
+    /// The light and the gains; the extinction stays.
     Light,
     /// All.
     All,
 }
 
 impl HazeFit {
-    /// Clear air and even gains.
-    pub fn clear(photos: usize) -> Self {
+    /// Returns clear air and equal gains.
+    pub(crate) fn clear(photos: usize) -> Self {
         let (beta, added, airlight, gains) = (0.0, [0.0; 3], None, vec![0.0; photos]);
         Self { beta, added, airlight, gains, sigma: 0.05, cost: f64::INFINITY }
     }
 
-    /// Returns the fit to `tracks`, whose distances are divided by `unit`, from this one on.
-    pub fn fitted(mut self, tracks: &[&PointTrack], unit: f64, free: Free) -> Self {
+    /// Fits to `tracks`, whose distances are divided by `unit`, starting from this fit.
+    pub(crate) fn fitted(mut self, tracks: &[&PointTrack], unit: f64, free: FreeParameters) -> Self {
         let mut damping = 1e-3;
-        let mut sums = Sums::of(&self, tracks, unit);
-        for _ in 0..STEPS {
-            // Costs are compared under one scale; another is taken with every step.
+        let mut sums = NormalEquations::of(&self, tracks, unit);
+        for _ in 0..MAX_STEPS {
+            // Costs are compared under one scale, which is estimated anew for every step.
             self.sigma = sums.sigma;
-            let before = Sums::of(&self, tracks, unit);
+            let before = NormalEquations::of(&self, tracks, unit);
             self.cost = before.cost;
             let mut next = None;
             while damping < 1e6 {
                 let Some(step) = before.step(&self, free, damping) else { break };
                 let moved = self.moved(&step);
-                let found = Sums::of(&moved, tracks, unit);
+                let found = NormalEquations::of(&moved, tracks, unit);
                 if found.cost <= before.cost {
                     damping = (damping * 0.3).max(1e-6);
                     next = Some((moved, found));
@@ -91,12 +91,12 @@ impl HazeFit {
         self
     }
 
-    /// Returns the standard deviation of residuals that photos of even exposure would have.
-    pub fn sigma_of_even(&self, tracks: &[&PointTrack], unit: f64) -> f64 {
-        Sums::of(&Self { gains: vec![0.0; self.gains.len()], ..self.clone() }, tracks, unit).sigma
+    /// Returns the standard deviation of residuals with equal gains.
+    pub(crate) fn sigma_of_even(&self, tracks: &[&PointTrack], unit: f64) -> f64 {
+        NormalEquations::of(&Self { gains: vec![0.0; self.gains.len()], ..self.clone() }, tracks, unit).sigma
     }
 
-    /// The fit after a step.
+    /// Returns the fit after a step.
     fn moved(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
         next.beta = (next.beta + step[0].clamp(-0.5, 0.5)).clamp(-2.0, 12.0);
@@ -104,7 +104,7 @@ impl HazeFit {
         if let Some(airlight) = next.airlight {
             next.added = airlight.map(|light| light * next.beta);
         }
-        let gains = next.gains.iter_mut().zip(&step[HEAD..]);
+        let gains = next.gains.iter_mut().zip(&step[SHARED_PARAMETERS..]);
         gains.for_each(|(gain, step)| *gain = (*gain + step.clamp(-0.3, 0.3)).clamp(-3.0, 3.0));
         next
     }
@@ -120,31 +120,32 @@ fn path(beta: f64, d: f64, t: f64) -> (f64, f64) {
     (u, (d * t - u) / beta)
 }
 
-/// Steepness of sRGB at a linear light: noise is about even in what is displayed.
+/// Returns the slope of the sRGB curve at a linear value: noise is about even in displayed values.
 fn slope(light: f64) -> f64 {
     1.055 / 2.4 * light.max(0.004).powf(1.0 / 2.4 - 1.0)
 }
 
 /// The normal equations of one step.
-struct Sums {
-    /// Row by row, `[HEAD + P, HEAD + P]`.
+struct NormalEquations {
+    /// Row by row, `[SHARED_PARAMETERS + P, SHARED_PARAMETERS + P]`.
     normal: Vec<f64>,
     right: Vec<f64>,
     cost: f64,
     sigma: f64,
 }
 
-impl Sums {
+impl NormalEquations {
     fn of(fit: &HazeFit, tracks: &[&PointTrack], unit: f64) -> Self {
-        let count = HEAD + fit.gains.len();
+        let count = SHARED_PARAMETERS + fit.gains.len();
         let mut sums =
             Self { normal: vec![0.0; count * count], right: vec![0.0; count], cost: 0.0, sigma: 0.0 };
         let (mut offs, mut sightings) = (Vec::new(), 0usize);
         let mut rows = Vec::new();
         for track in tracks {
             rows.clear();
-            rows.extend(track.sightings.iter().map(|sighting| Row::of(fit, sighting, unit)));
-            // Twice: with even weights, and with those that follow.
+            rows.extend(track.sightings.iter().map(|sighting| SightingRow::of(fit, sighting, unit)));
+            // Twice: with equal weights, then with the robust weights that follow from the
+            // residuals.
             let mut colors = [0.0; 3];
             for _ in 0..2 {
                 for c in 0..3 {
@@ -157,14 +158,14 @@ impl Sums {
                             * (row.light[c] - row.gain * fit.added[c] * row.path);
                         squares += row.weight * a * a;
                     }
-                    colors[c] = (by / squares).clamp(0.0, BRIGHTEST);
+                    colors[c] = (by / squares).clamp(0.0, MAX_CLEAR_COLOR);
                 }
                 for row in &mut rows {
                     row.compare(fit, &colors);
                     let off =
                         row.off.iter().map(|off| off * off).sum::<f64>() / (3.0 * fit.sigma * fit.sigma);
-                    row.weight = 1.0 / (1.0 + off / (CAUCHY * CAUCHY));
-                    row.cost = (off / (CAUCHY * CAUCHY)).ln_1p();
+                    row.weight = 1.0 / (1.0 + off / (CAUCHY_SCALE * CAUCHY_SCALE));
+                    row.cost = (off / (CAUCHY_SCALE * CAUCHY_SCALE)).ln_1p();
                 }
             }
             let freedom = (rows.len() as f64 / (rows.len() as f64 - 1.0)).sqrt();
@@ -179,38 +180,38 @@ impl Sums {
         let middle = offs.len() / 2;
         let median =
             if offs.is_empty() { 0.0 } else { *offs.select_nth_unstable_by(middle, f64::total_cmp).1 };
-        sums.sigma = (1.4826 * median).max(LEAST);
-        let prior = fit.sigma * fit.sigma / (GAINS * GAINS);
+        sums.sigma = (1.4826 * median).max(MIN_RESIDUAL);
+        let prior = fit.sigma * fit.sigma / (GAIN_DEVIATION * GAIN_DEVIATION);
         for (photo, gain) in fit.gains.iter().enumerate() {
-            sums.normal[(HEAD + photo) * (count + 1)] += prior;
-            sums.right[HEAD + photo] -= prior * gain;
+            sums.normal[(SHARED_PARAMETERS + photo) * (count + 1)] += prior;
+            sums.right[SHARED_PARAMETERS + photo] -= prior * gain;
         }
-        // A scene may be brighter and all photos darker: the gains' mean is 1.
-        let most = (HEAD..count).map(|i| sums.normal[i * (count + 1)]).fold(0.0, f64::max);
+        // Scene brightness and gains are ambiguous: the mean of the gains is held at 1.
+        let most = (SHARED_PARAMETERS..count).map(|i| sums.normal[i * (count + 1)]).fold(0.0, f64::max);
         let mean = fit.gains.iter().sum::<f64>();
-        for i in HEAD..count {
+        for i in SHARED_PARAMETERS..count {
             sums.right[i] -= most * mean;
-            (HEAD..count).for_each(|j| sums.normal[i * count + j] += most);
+            (SHARED_PARAMETERS..count).for_each(|j| sums.normal[i * count + j] += most);
         }
         sums
     }
 
-    /// Adds one point, with its colour eliminated.
-    fn add(&mut self, fit: &HazeFit, rows: &[Row], colors: &[f64; 3]) {
-        let count = HEAD + fit.gains.len();
+    /// Adds one point, whose colour is eliminated (Schur complement).
+    fn add(&mut self, fit: &HazeFit, rows: &[SightingRow], colors: &[f64; 3]) {
+        let count = SHARED_PARAMETERS + fit.gains.len();
         let mut places: Vec<usize> = vec![0, 0];
-        places.extend(rows.iter().map(|row| HEAD + row.photo));
-        // By extinction, light, and the gain of each photo: products with the colour's derivative.
+        places.extend(rows.iter().map(|row| SHARED_PARAMETERS + row.photo));
+        // Products of the derivatives by extinction, light and gains with that by the colour.
         let mut with_color = vec![0.0; places.len()];
         for c in 0..3 {
             places[1] = 1 + c;
-            let is_held = colors[c] <= 0.0 || colors[c] >= BRIGHTEST;
+            let is_held = colors[c] <= 0.0 || colors[c] >= MAX_CLEAR_COLOR;
             with_color.fill(0.0);
             let mut squares = 0.0;
             for (i, row) in rows.iter().enumerate() {
                 let by = row.by(fit, colors, c);
                 let w = row.weight;
-                let at = [0, 1 + c, HEAD + row.photo];
+                let at = [0, 1 + c, SHARED_PARAMETERS + row.photo];
                 for k in 0..3 {
                     self.right[at[k]] += w * by[k] * row.off[c];
                     for l in 0..3 {
@@ -226,7 +227,7 @@ impl Sums {
             if is_held || squares <= 0.0 {
                 continue;
             }
-            // The colour is that of least squares, so residuals have no part along its derivative.
+            // The colour is the least-squares one: residuals are orthogonal to its derivative.
             for (k, p) in with_color.iter().zip(&places) {
                 for (l, q) in with_color.iter().zip(&places) {
                     self.normal[p * count + q] -= k * l / squares;
@@ -235,13 +236,14 @@ impl Sums {
         }
     }
 
-    /// Solves for the step; `None` if nothing is determined.
-    fn step(&self, fit: &HazeFit, free: Free, damping: f64) -> Option<Vec<f64>> {
-        let count = HEAD + fit.gains.len();
+    /// Solves for the step by Cholesky factorisation; `None` if the matrix is not positive
+    /// definite.
+    fn step(&self, fit: &HazeFit, free: FreeParameters, damping: f64) -> Option<Vec<f64>> {
+        let count = SHARED_PARAMETERS + fit.gains.len();
         let first = match free {
-            Free::All => 0,
-            Free::Light => 1,
-            Free::Gains => HEAD,
+            FreeParameters::All => 0,
+            FreeParameters::Light => 1,
+            FreeParameters::Gains => SHARED_PARAMETERS,
         };
         let size = count - first;
         let mut lower = vec![0.0; size * size];
@@ -278,7 +280,7 @@ impl Sums {
 }
 
 /// A sighting under a fit.
-struct Row {
+struct SightingRow {
     photo: usize,
     light: [f64; 3],
     slope: [f64; 3],
@@ -293,7 +295,7 @@ struct Row {
     cost: f64,
 }
 
-impl Row {
+impl SightingRow {
     fn of(fit: &HazeFit, sighting: &Sighting, unit: f64) -> Self {
         let (photo, distance) = (sighting.photo as usize, f64::from(sighting.distance) / unit);
         let (gain, t) = (fit.gains[photo].exp(), (-fit.beta * distance).exp());
@@ -315,7 +317,7 @@ impl Row {
         }
     }
 
-    /// Finds the residuals for the colours of its point.
+    /// Computes the residuals for the colours of the point.
     fn compare(&mut self, fit: &HazeFit, colors: &[f64; 3]) {
         for c in 0..3 {
             let model = self.gain * fit.added[c] * self.path + self.kept * colors[c];
@@ -323,7 +325,8 @@ impl Row {
         }
     }
 
-    /// Derivatives of the displayed light in a channel by extinction, added light and gain.
+    /// Returns the derivatives of the displayed light in a channel by extinction, added light and
+    /// gain.
     fn by(&self, fit: &HazeFit, colors: &[f64; 3], c: usize) -> [f64; 3] {
         let added = self.gain * fit.added[c];
         let by_beta = added * self.path_by_beta - self.kept * self.distance * colors[c];

@@ -1,4 +1,4 @@
-//! Colours of splats of which the haze let photos show little.
+//! Colours of splats that the haze hides from the photos.
 //!
 //! If the air lets a hundredth of a surface's light through, its clear colour is the photos' noise
 //! times a hundred, and the steps of the optimiser, whose length does not depend on that of
@@ -11,15 +11,15 @@ use wm_render::EvenAir;
 use wm_scene::sh::C0;
 use wm_scene::{Camera, Group, Splats};
 
-/// Noise of photos and of what is learnt from them, over the spread of clear colours: at this
-/// transmittance they weigh the same.
-const NOISE: f64 = 0.2;
-/// Transmittance from which colours are known.
-const KNOWN: f64 = 0.3;
+/// Ratio of the noise of photos to the spread of clear colours: the transmittance at which a
+/// splat's own colour and the mean weigh the same.
+const NOISE_TO_SPREAD: f64 = 0.2;
+/// Least transmittance at which the colour of a splat is known.
+const MIN_KNOWN_TRANSMITTANCE: f64 = 0.3;
 
 /// Draws the colours of splats that all of `cameras` see through much air towards the mean of the
 /// others.
-pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
+pub(crate) fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
     let shown = transmittances(splats, cameras, air);
     let Some(mean) = mean_of_known(splats, &shown, &|_| true) else { return };
     let stride = splats.sh_stride();
@@ -27,7 +27,7 @@ pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
         if splats.groups[index] == Group::Sky {
             continue;
         }
-        let share = shown * shown / (shown * shown + NOISE * NOISE);
+        let share = shown * shown / (shown * shown + NOISE_TO_SPREAD * NOISE_TO_SPREAD);
         let own = &mut splats.sh[index * stride..(index + 1) * stride];
         for (k, value) in own.iter_mut().enumerate() {
             let rest = if k < 3 { mean[k] } else { 0.0 };
@@ -36,9 +36,9 @@ pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
     }
 }
 
-/// Returns the mean colour (display-referred) of the splats at places that count of which `cameras`
-/// show the colour; `None` if there are none.
-pub fn mean_color(
+/// Returns the mean colour (display-referred) of the splats that `cameras` show well and whose
+/// place counts; `None` if there are none.
+pub(crate) fn mean_color(
     splats: &Splats,
     cameras: &[Camera],
     air: &EvenAir,
@@ -53,9 +53,12 @@ fn mean_of_known(splats: &Splats, shown: &[f64], counts: &dyn Fn(DVec3) -> bool)
     let stride = splats.sh_stride();
     let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
     for (index, shown) in shown.iter().enumerate() {
-        if splats.groups[index] != Group::Sky && *shown > KNOWN && counts(place(splats, index)) {
+        if splats.groups[index] != Group::Sky
+            && *shown > MIN_KNOWN_TRANSMITTANCE
+            && counts(place(splats, index))
+        {
             let [x, y, z] = splats.log_scales[index].map(f64::from);
-            // The area that it covers, about.
+            // The approximate area of the splat.
             let weight = (x + y + z - x.min(y).min(z)).exp() * opacity(splats.logit_opacities[index]);
             let own = &splats.sh[index * stride..];
             (0..3).for_each(|c| sum[c] += weight * f64::from(own[c]));
@@ -65,8 +68,8 @@ fn mean_of_known(splats: &Splats, shown: &[f64], counts: &dyn Fn(DVec3) -> bool)
     (weights > 0.0).then(|| sum.map(|sum| sum / weights))
 }
 
-/// Returns the share of each splat's light that arrives at the nearest camera that has it in view;
-/// of one that none has in view, at the nearest of all.
+/// Returns the transmittance from each splat to the nearest camera that has it in view, or to the
+/// nearest camera if none has.
 fn transmittances(splats: &Splats, cameras: &[Camera], air: &EvenAir) -> Vec<f64> {
     let of = |index: usize| {
         let at = place(splats, index);
@@ -83,9 +86,8 @@ fn transmittances(splats: &Splats, cameras: &[Camera], air: &EvenAir) -> Vec<f64
     (0..splats.len()).into_par_iter().map(of).collect()
 }
 
-/// Returns the distance of a place from the nearest of those cameras that count; infinity if none
-/// does.
-pub fn nearest(cameras: &[Camera], at: DVec3, counts: impl Fn(&Camera) -> bool) -> f64 {
+/// Returns the distance of a place from the nearest camera that counts; infinity if none does.
+pub(crate) fn nearest(cameras: &[Camera], at: DVec3, counts: impl Fn(&Camera) -> bool) -> f64 {
     let distances = cameras.iter().filter(|camera| counts(camera)).map(|camera| camera.center().distance(at));
     distances.fold(f64::INFINITY, f64::min)
 }
@@ -133,7 +135,7 @@ mod tests {
         // The nearer, the more of a splat's own colour is left.
         for (index, distance) in [(0, 1.0f64), (1, 10.0)] {
             let kept = (-0.2 * distance).exp();
-            let share = (kept / (kept + NOISE * NOISE)) as f32;
+            let share = (kept / (kept + NOISE_TO_SPREAD * NOISE_TO_SPREAD)) as f32;
             let own = rows(&before, index);
             let wanted: Vec<f32> = (0..3).map(|c| mean[c] + share * (own[c] - mean[c])).collect();
             assert!(close(&rows(&splats, index)[..3], &wanted, 1e-3), "{index}");

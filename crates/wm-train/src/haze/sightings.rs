@@ -13,45 +13,45 @@ use wm_scene::color::srgb_decode;
 
 /// A point as a photo shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sighting {
+pub(crate) struct Sighting {
     /// Index of the photo among those in use.
-    pub photo: u32,
+    pub(crate) photo: u32,
     /// Length of the ray, scene units.
-    pub distance: f32,
-    /// Mean colour of its surroundings, linear light.
-    pub light: [f32; 3],
+    pub(crate) distance: f32,
+    /// Mean colour of the window about the point, linear.
+    pub(crate) light: [f32; 3],
 }
 
 /// All sightings of one point.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PointTrack {
+pub(crate) struct PointTrack {
     /// Index of the point.
-    pub point: u32,
-    /// By photo.
-    pub sightings: Vec<Sighting>,
+    pub(crate) point: u32,
+    /// The sightings, in the order of photos.
+    pub(crate) sightings: Vec<Sighting>,
 }
 
-/// Half the side of the window in the photo in which it is smallest, px: larger ones show surfaces
-/// at more distances.
-const SMALLEST: f64 = 1.0;
-/// Most of it, px: what is seen from so near is left out.
-const LARGEST: f64 = 16.0;
+/// Half the side of a point's window in the photo that shows it smallest, px: larger windows show
+/// surfaces at several distances.
+const MIN_HALF_WINDOW_PX: f64 = 1.0;
+/// Largest half side of a window, px: points seen from nearer are left out.
+const MAX_HALF_WINDOW_PX: f64 = 16.0;
 /// Longest side of the photos in which colours are read, px.
-const SIDE: u32 = 1600;
-/// Display-referred means outside of these are crushed or clipped, 0-1.
-const DARKEST: f32 = 0.012;
-const BRIGHTEST: f32 = 0.96;
+const MAX_SIDE_PX: u32 = 1600;
+/// Range of display-referred means, 0-1, that are neither crushed nor clipped.
+const MIN_EXPOSED: f32 = 0.012;
+const MAX_EXPOSED: f32 = 0.96;
 
-/// Linear light of each byte.
+/// The linear value of each byte.
 static LIGHT: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|byte| srgb_decode(byte as f64 / 255.0) as f32));
 
 /// Returns the tracks of the points that at least two of the photos `places` show, by the
 /// observations of the capture.
 #[must_use]
-pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
-    let levels: Vec<u8> = places.iter().map(|place| photos.level_within(*place, SIDE)).collect();
-    let seen: Vec<Vec<(u32, Placed)>> = places
+pub(crate) fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
+    let levels: Vec<u8> = places.iter().map(|place| photos.level_within(*place, MAX_SIDE_PX)).collect();
+    let seen: Vec<Vec<(u32, PlacedPoint)>> = places
         .par_iter()
         .zip(&levels)
         .map(|(place, level)| {
@@ -60,13 +60,14 @@ pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Point
                 let (x, y, z) = inside(capture, &camera, point)?;
                 let across = ((x - camera.cx) / camera.fx).hypot((y - camera.cy) / camera.fy);
                 let scale = (camera.fx * camera.fy).sqrt() / z;
-                Some((point, Placed { at: [x, y], scale, distance: z * across.hypot(1.0) }))
+                Some((point, PlacedPoint { at: [x, y], scale, distance: z * across.hypot(1.0) }))
             };
             let observed = &capture.observations[photos.view(*place)];
             observed.iter().filter_map(|seen| placed(seen.point)).collect()
         })
         .collect();
-    // Pixels of a unit of length in the photo that shows the point smallest.
+    // Pixels per unit of length in the photo that shows the point smallest, and the number of
+    // photos.
     let mut least = vec![(f64::INFINITY, 0u32); capture.points.len()];
     for (point, placed) in seen.iter().flatten() {
         let (scale, count) = &mut least[*point as usize];
@@ -78,13 +79,15 @@ pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Point
         .zip(&seen)
         .enumerate()
         .map(|(index, ((place, level), seen))| {
-            // The training names damaged photos when it meets them.
+            // Damaged photos are reported by the training when it reads them.
             let Ok(photo) = photos.get(*place, *level) else { return Vec::new() };
-            let sums = Sums::new(&photo);
-            let sighting = |(point, placed): &(u32, Placed)| {
+            let sums = LightSums::new(&photo);
+            let sighting = |(point, placed): &(u32, PlacedPoint)| {
                 let (scale, count) = least[*point as usize];
-                let half = SMALLEST * placed.scale / scale;
-                let light = (count > 1 && half < LARGEST).then(|| sums.mean(placed.at, half)).flatten()?;
+                let half = MIN_HALF_WINDOW_PX * placed.scale / scale;
+                let light = (count > 1 && half < MAX_HALF_WINDOW_PX)
+                    .then(|| sums.mean(placed.at[0], placed.at[1], half))
+                    .flatten()?;
                 Some((*point, Sighting { photo: index as u32, distance: placed.distance as f32, light }))
             };
             seen.iter().filter_map(sighting).collect()
@@ -99,23 +102,23 @@ pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Point
     tracks
 }
 
-/// The place of a point in a photo.
-struct Placed {
+/// A point projected into a photo.
+struct PlacedPoint {
     at: [f64; 2],
-    /// Pixels of a unit of length there.
+    /// Pixels per unit of length at the point.
     scale: f64,
     distance: f64,
 }
 
-/// Sums of linear light over all pixels above and to the left.
-struct Sums {
+/// A summed-area table of linear light.
+struct LightSums {
     width: usize,
     height: usize,
-    /// `[H + 1, W + 1]`: red, green, blue, and the number of pixels that count.
+    /// `[H + 1, W + 1]`: red, green, blue, and the number of unmasked pixels.
     sums: Vec<[f64; 4]>,
 }
 
-impl Sums {
+impl LightSums {
     fn new(photo: &Photo) -> Self {
         let (width, height) = (photo.width as usize, photo.height as usize);
         let mut sums = vec![[0.0; 4]; (width + 1) * (height + 1)];
@@ -136,9 +139,9 @@ impl Sums {
         Self { width, height, sums }
     }
 
-    /// The mean over the window about a point; `None` if it is not inside, is masked, crushed or
-    /// clipped.
-    fn mean(&self, [x, y]: [f64; 2], half: f64) -> Option<[f32; 3]> {
+    /// Returns the mean over the window about a point; `None` if the window is not inside the
+    /// photo, is masked, crushed or clipped.
+    fn mean(&self, x: f64, y: f64, half: f64) -> Option<[f32; 3]> {
         let (left, right) = ((x - half).round(), (x + half).round());
         let (top, bottom) = ((y - half).round(), (y + half).round());
         let is_inside =
@@ -154,7 +157,8 @@ impl Sums {
             return None;
         }
         let light = [0, 1, 2].map(|k| (sum[k] / sum[3]) as f32);
-        let (low, high) = (srgb_decode(f64::from(DARKEST)) as f32, srgb_decode(f64::from(BRIGHTEST)) as f32);
+        let (low, high) =
+            (srgb_decode(f64::from(MIN_EXPOSED)) as f32, srgb_decode(f64::from(MAX_EXPOSED)) as f32);
         light.iter().all(|v| (low..high).contains(v)).then_some(light)
     }
 }

@@ -62,7 +62,7 @@ impl Road {
 
     fn evidence(&self) -> Evidence {
         let (tracks, positions) = self.tracks();
-        Evidence::of(tracks, &positions, PHOTOS, Known::default()).unwrap()
+        Evidence::of(tracks, &positions, PHOTOS, KnownHaze::default()).unwrap()
     }
 }
 
@@ -85,7 +85,7 @@ fn haze_is_measured_beside_strays_and_exposures() {
 #[test]
 fn light_of_the_horizon_is_kept() {
     let (tracks, positions) = Road { extinction: 0.01, exposures: 0.1, strays: 0.05, seed: 9 }.tracks();
-    let known = Known { airlight: Some(AIRLIGHT), ..Known::default() };
+    let known = KnownHaze { airlight: Some(AIRLIGHT), ..KnownHaze::default() };
     let found = Evidence::of(tracks, &positions, PHOTOS, known).unwrap();
     let haze = found.haze;
     assert!(found.proves() && (0..3).all(|c| (haze.airlight[c] - AIRLIGHT[c]).abs() < 1e-9), "{found:?}");
@@ -99,7 +99,7 @@ fn the_error_covers_a_camera_that_compresses_bright_light() {
     for light in tracks.iter_mut().flat_map(|track| &mut track.sightings).flat_map(|seen| &mut seen.light) {
         *light = compressed(f64::from(*light)) as f32;
     }
-    let known = Known { airlight: Some(AIRLIGHT.map(compressed)), ..Known::default() };
+    let known = KnownHaze { airlight: Some(AIRLIGHT.map(compressed)), ..KnownHaze::default() };
     let haze = Evidence::of(tracks, &positions, PHOTOS, known).unwrap().haze;
     let error = haze.error.unwrap();
     assert!((haze.extinction - 0.02).abs() < 2.5 * error && error < 0.004, "{haze:?}");
@@ -126,7 +126,7 @@ fn a_measurement_is_the_same_for_any_number_of_threads() {
 #[test]
 fn known_haze_keeps_its_extinction_and_finds_its_light() {
     let (tracks, positions) = Road { extinction: 0.02, exposures: 0.1, strays: 0.05, seed: 7 }.tracks();
-    let haze = Evidence::of(tracks, &positions, PHOTOS, Known { extinction: Some(0.02), airlight: None })
+    let haze = Evidence::of(tracks, &positions, PHOTOS, KnownHaze { extinction: Some(0.02), airlight: None })
         .unwrap()
         .haze;
     assert!((haze.extinction - 0.02).abs() < 1e-12 && haze.error.is_none());
@@ -137,7 +137,7 @@ fn known_haze_keeps_its_extinction_and_finds_its_light() {
 fn few_points_tell_nothing() {
     let (mut tracks, positions) = Road { extinction: 0.02, exposures: 0.0, strays: 0.0, seed: 8 }.tracks();
     tracks.truncate(100);
-    assert_eq!(Evidence::of(tracks, &positions, PHOTOS, Known::default()), None);
+    assert_eq!(Evidence::of(tracks, &positions, PHOTOS, KnownHaze::default()), None);
 }
 
 #[test]

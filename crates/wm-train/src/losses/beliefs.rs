@@ -1,13 +1,13 @@
-//! Turns the prior of a photo into the arrays that a device compares pictures with.
+//! Converts the prior of a photo into the arrays that a device compares with.
 
 use super::grid::Grid;
 use super::{TrainPhoto, surface};
 use crate::priors::Prior;
 use wm_render::training::{Belief, Believed};
 
-/// `prior` as a device takes it; `pixels` are [`beliefs`].
+/// Returns `prior` in the form for a device; `pixels` are [`beliefs`].
 #[must_use]
-pub fn believed<'a>(
+pub(crate) fn believed<'a>(
     truth: &TrainPhoto<'_>,
     prior: &Prior,
     pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
@@ -16,14 +16,14 @@ pub fn believed<'a>(
     Believed { sigma: prior.sigma, grid: (grid.width as u32, grid.height as u32), pixels }
 }
 
-/// Of each pixel of the photo, `[H, W]`.
+/// Returns the weight of each pixel of the photo, `[H, W]`.
 #[must_use]
-pub fn beliefs(truth: &TrainPhoto<'_>) -> Vec<Belief> {
+pub(crate) fn beliefs(truth: &TrainPhoto<'_>) -> Vec<Belief> {
     let (width, height) = truth.size();
     let mut beliefs = vec![Belief::NONE; width as usize * height as usize];
     let Some(prior) = truth.prior else { return beliefs };
     for (at, theirs) in Grid::new(truth.size(), prior).pairs() {
-        // NaN is not known.
+        // Comparisons with NaN, not known, are false.
         if let Some(disparity) = prior.disparity.get(theirs).filter(|disparity| **disparity >= 0.0) {
             beliefs[at].disparity = *disparity;
         }

@@ -1,11 +1,11 @@
 //! Depth against a prior that was fitted to the scene's units.
 //!
 //! `mean rho(ln(D d))` with the expected depth D and the prior's inverse depth d: relative, so that
-//! near and far count alike and a surface through which a little of the far sky shines weighs as
-//! what it is for fog. `rho` is `sqrt(x^2 + tau^2) - tau`, linear from `tau` on: strays of the
-//! prior pull no harder than others. `tau` is how far off the prior is itself: the residual of its
-//! fit over d, and 1 % at least. The derivative is exact, so transparency does not lower it. Pixels
-//! of the sky, and those covered by less than half, do not count.
+//! near and far count alike and a surface through which a little of the far sky shines weighs as it
+//! does in fog. `rho` is `sqrt(x^2 + tau^2) - tau`, linear beyond `tau`, so that outliers of the
+//! prior have bounded gradients. `tau` is the error of the prior: the residual of its fit over d,
+//! and 1 % at least. The derivative is exact, so transparency does not lower it. Pixels of the sky,
+//! and those covered by less than half, do not count.
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
@@ -15,7 +15,7 @@ use wm_render::training::{COVERED, Comparison, EXACT, Term};
 
 /// The term `depth`.
 #[derive(Clone, Debug)]
-pub struct DepthTerm {
+pub(crate) struct DepthTerm {
     weight: f64,
     from: u32,
     steps: u32,
@@ -25,7 +25,7 @@ pub struct DepthTerm {
 impl DepthTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = config.loss.geometry;
         Self {
             weight: geometry.depth,
@@ -58,11 +58,11 @@ impl LossTerm for DepthTerm {
         let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
         let grid = Grid::new(input.truth.size(), prior);
         let mut sum = 0.0;
-        // Over all pixels, so that a photo of which little is known pulls little.
+        // The mean is over all pixels: a photo with little known depth has small gradients.
         let scale = (weight / grid.len() as f64) as f32;
         for (at, theirs) in grid.pairs() {
             let (disparity, depth) = (prior.disparity[theirs], frame.depth[at]);
-            // NaN counts as little as 0.
+            // Comparisons with NaN are false, as for 0.
             let counts = disparity > 0.0 && depth > 0.0 && frame.alpha[at] >= COVERED;
             if !counts {
                 continue;

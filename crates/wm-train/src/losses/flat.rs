@@ -1,26 +1,24 @@
-//! Flat splats, so that the shortest axis is one and stays it.
+//! Flatness of splats, so that their shortest axis is distinct and stays the same axis.
 //!
-//! A normal that is the shortest axis jumps when two axes are of nearly equal length. The pull is
-//! on the ratio of the shortest scale to the middle one: `mean min(1, s_1 / s_2 - r)`, above a
-//! ratio r that is flat enough, by which the shortest gets shorter and the middle one longer. So
-//! the axis that is shortest once is kept apart from the others: before another takes its place,
-//! loss has to push against this.
+//! A normal, the shortest axis, jumps when two axes are of nearly equal length. The term acts on
+//! the ratio of the shortest scale to the middle one, `mean min(1, s_1 / s_2 - r)`, where it is
+//! above a ratio r that is flat enough: the shortest axis shrinks and the middle one grows. Another
+//! axis can become the shortest only against this loss.
 
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
-use wm_render::training::Comparison;
-use wm_render::training::SplatTerms;
+use wm_render::training::{Comparison, SplatTerms};
 
 /// The term `flat`.
 #[derive(Clone, Debug)]
-pub struct FlatTerm {
+pub(crate) struct FlatTerm {
     weight: f64,
 }
 
 impl FlatTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         Self { weight: config.loss.geometry.flat }
     }
 }
@@ -31,7 +29,7 @@ impl LossTerm for FlatTerm {
     }
 
     fn weight(&self, _: u32, truth: &TrainPhoto<'_>) -> f64 {
-        // Without anything believed a training is a plain one.
+        // A training without priors has no geometry terms.
         if truth.prior.is_some() { self.weight } else { 0.0 }
     }
 

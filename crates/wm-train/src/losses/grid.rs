@@ -2,21 +2,21 @@
 
 use crate::priors::Prior;
 
-/// Pairs of pixels.
+/// Pairs of pixels of a frame and a prior.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grid {
-    /// Columns and rows.
-    pub width: usize,
+pub(crate) struct Grid {
+    /// Columns.
+    pub(crate) width: usize,
     /// Rows.
-    pub height: usize,
+    pub(crate) height: usize,
     columns: Vec<(u32, u32)>,
     rows: Vec<(u32, u32)>,
 }
 
 impl Grid {
-    /// For frames of `size` and a prior of the same view.
+    /// Returns the grid for a frame of `size` and a prior of the same view.
     #[must_use]
-    pub fn new(size: (u32, u32), prior: &Prior) -> Self {
+    pub(crate) fn new(size: (u32, u32), prior: &Prior) -> Self {
         let pairs = |frame: u32, prior: u32| -> Vec<(u32, u32)> {
             let count = frame.min(prior);
             let at = |i: u32, of: u32| {
@@ -25,27 +25,26 @@ impl Grid {
             (0..count).map(|i| (at(i, frame), at(i, prior))).collect()
         };
         let (columns, rows) = (pairs(size.0, prior.width), pairs(size.1, prior.height));
-        let columns: Vec<_> = columns;
         let rows = rows.into_iter().map(|(f, p)| (f * size.0, p * prior.width)).collect::<Vec<_>>();
         Self { width: columns.len(), height: rows.len(), columns, rows }
     }
 
-    /// Number of pairs.
+    /// Returns the number of pairs.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.width * self.height
     }
 
-    /// The indices of a pair in one-channel arrays of the frame and of the prior.
+    /// Returns the indices of a pair in one-channel arrays of the frame and of the prior.
     #[inline(always)]
     #[must_use]
-    pub fn at(&self, column: usize, row: usize) -> (usize, usize) {
+    pub(crate) fn at(&self, column: usize, row: usize) -> (usize, usize) {
         let ((x, u), (y, v)) = (self.columns[column], self.rows[row]);
         ((y + x) as usize, (v + u) as usize)
     }
 
-    /// All pairs, row by row.
-    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
+    /// Iterates over all pairs, row by row.
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
         (0..self.height).flat_map(move |row| (0..self.width).map(move |column| self.at(column, row)))
     }
 }
@@ -55,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_coarser_of_the_two_is_asked() {
+    fn the_grid_is_that_of_the_coarser_image() {
         let frame = (6, 4);
         let prior = Prior { width: 3, height: 2, ..Prior::default() };
         let grid = Grid::new(frame, &prior);

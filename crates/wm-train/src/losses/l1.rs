@@ -7,9 +7,9 @@ use wm_render::training::{Comparison, Term};
 
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]
-pub struct L1Term {
-    /// Its weight at all steps.
-    pub weight: f64,
+pub(crate) struct L1Term {
+    /// The weight at all steps.
+    pub(crate) weight: f64,
 }
 
 impl LossTerm for L1Term {
@@ -49,7 +49,7 @@ impl LossTerm for L1Term {
     }
 }
 
-/// One row's sum, and its derivative added. Plain loops that the compiler makes vectors of.
+/// Returns the sum of one row and adds its derivative. Plain loops, which the compiler vectorises.
 #[inline(always)]
 fn row_of(x: &[f32], y: &[f32], factor: impl Fn(usize) -> f32, scale: f32, gradient: &mut [f32]) -> f64 {
     const LANES: usize = 16;
@@ -71,7 +71,7 @@ fn row_of(x: &[f32], y: &[f32], factor: impl Fn(usize) -> f32, scale: f32, gradi
     sums.iter().map(|v| f64::from(*v)).sum::<f64>() + f64::from(rest)
 }
 
-/// The slope of the absolute value; where both are equal there is no way to go.
+/// Returns the derivative of the absolute value, 0 at 0.
 #[inline(always)]
 fn slope(off: f32) -> f32 {
     if off == 0.0 { 0.0 } else { 1f32.copysign(off) }

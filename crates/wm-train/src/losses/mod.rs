@@ -1,8 +1,8 @@
 //! The loss: terms, one per file, that compare renders with photos and priors.
 //!
-//! The trainer names no term. It renders what the terms read, adds up what they say, and goes one
-//! step. A term may ask for a render of its own, with other opacities and only some parameters
-//! learning.
+//! The trainer knows no single term: it renders the images that the terms read, adds up their
+//! gradients and takes a step. A term may ask for a render of its own, with other opacities and
+//! with gradients for some parameters only.
 
 mod beliefs;
 mod depth;
@@ -15,27 +15,26 @@ mod smooth;
 mod ssim;
 mod surface;
 
-pub use beliefs::{beliefs, believed};
-pub use depth::DepthTerm;
-pub use flat::FlatTerm;
-pub use l1::L1Term;
-pub use normal::NormalTerm;
-pub use patches::{PatchDepthTerm, PatchPass};
-pub use smooth::SmoothTerm;
-pub use ssim::SsimTerm;
-pub use surface::SurfaceTerm;
+pub(crate) use beliefs::{beliefs, believed};
+pub(crate) use depth::DepthTerm;
+pub(crate) use flat::FlatTerm;
+pub(crate) use l1::L1Term;
+pub(crate) use normal::NormalTerm;
+pub(crate) use patches::{PatchDepthTerm, PatchPass};
+pub(crate) use smooth::SmoothTerm;
+pub(crate) use ssim::SsimTerm;
+pub(crate) use surface::SurfaceTerm;
 
 use crate::config::TrainConfig;
 use crate::priors::Prior;
 use wm_render::simd::SimdPath;
-use wm_render::training::SplatTerms;
-use wm_render::training::{Comparison, Term};
+use wm_render::training::{Comparison, SplatTerms, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Frame, Learn, Opacity, Upstream};
 use wm_scene::Camera;
 
 /// The terms of a configuration.
 #[must_use]
-pub fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
+pub(crate) fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
     vec![
         Box::new(L1Term { weight: config.loss.l1 }),
         Box::new(SsimTerm::new(config.loss.ssim, path)),
@@ -52,61 +51,61 @@ pub fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
 /// The photo that a frame is compared with.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainPhoto<'a> {
-    /// `[H, W, 3]`, 0-1, display-referred.
+    /// The colours `[H, W, 3]`, 0-1, display-referred.
     pub rgb: &'a [f32],
-    /// `[H, W]`, 1 where the photo counts and 0 where it does not; `None` where all of it does.
+    /// The mask `[H, W]`, 1 where the photo counts and 0 elsewhere; `None` if all of it counts.
     pub mask: Option<&'a [f32]>,
-    /// From where.
+    /// The camera of the photo.
     pub camera: &'a Camera,
-    /// The prior of its depth, normals and sky; `None` if there is none.
+    /// The prior of depth, normals and sky; `None` if there is none.
     pub prior: Option<&'a Prior>,
 }
 
 impl TrainPhoto<'_> {
-    /// Columns and rows.
+    /// Returns width and height, px.
     #[must_use]
-    pub fn size(&self) -> (u32, u32) {
+    pub(crate) fn size(&self) -> (u32, u32) {
         (self.camera.width, self.camera.height)
     }
 }
 
 /// The input of a loss term.
 #[derive(Clone, Copy, Debug)]
-pub struct LossInput<'a> {
+pub(crate) struct LossInput<'a> {
     /// The render; its colours have the photo's exposure.
-    pub frame: &'a Frame,
+    pub(crate) frame: &'a Frame,
     /// The photo and its prior.
-    pub truth: &'a TrainPhoto<'a>,
+    pub(crate) truth: &'a TrainPhoto<'a>,
     /// The step of the training, from 0.
-    pub step: u32,
-    /// For loops over pixels.
-    pub path: SimdPath,
+    pub(crate) step: u32,
+    /// The SIMD path of loops over pixels.
+    pub(crate) path: SimdPath,
 }
 
-/// Derivatives of the loss by the pixels of a frame; empty where nothing was rendered, or a device
-/// has them.
+/// Gradients of the loss by the pixels of a frame; empty if nothing was rendered, or if they are on
+/// a device.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LossGradients {
+pub(crate) struct LossGradients {
     /// `[H, W, 3]`.
-    pub rgb: Vec<f32>,
+    pub(crate) rgb: Vec<f32>,
     /// `[H, W]`.
-    pub alpha: Vec<f32>,
+    pub(crate) alpha: Vec<f32>,
     /// `[H, W]`.
-    pub depth: Vec<f32>,
+    pub(crate) depth: Vec<f32>,
     /// `[H, W, 3]`.
-    pub normal: Vec<f32>,
+    pub(crate) normal: Vec<f32>,
 }
 
 impl LossGradients {
-    /// None.
-    pub fn forget(&mut self) {
+    /// Empties all arrays.
+    pub(crate) fn forget(&mut self) {
         for array in [&mut self.rgb, &mut self.alpha, &mut self.depth, &mut self.normal] {
             array.clear();
         }
     }
 
-    /// Zeros for every picture of `frame`.
-    pub fn clear(&mut self, frame: &Frame) {
+    /// Sets all arrays to zeros of the sizes of `frame`.
+    pub(crate) fn clear(&mut self, frame: &Frame) {
         let arrays = [
             (&mut self.rgb, frame.rgb.len()),
             (&mut self.alpha, frame.alpha.len()),
@@ -121,29 +120,29 @@ impl LossGradients {
 
     /// Returns the derivatives in the form that the renderer takes.
     #[must_use]
-    pub fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
+    pub(crate) fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
         Upstream { rgb: &self.rgb, alpha: &self.alpha, depth: &self.depth, normal: &self.normal, depth_alpha }
     }
 }
 
-/// A render for one term alone.
+/// A render for a single term.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OwnRender {
+pub(crate) struct OwnRender {
     /// The pictures that are rendered.
-    pub channels: Channels,
+    pub(crate) channels: Channels,
     /// The opacities that are used.
-    pub opacity: Opacity,
+    pub(crate) opacity: Opacity,
     /// The splats that are drawn.
-    pub drawn: DrawnSplats,
+    pub(crate) drawn: DrawnSplats,
     /// The parameters that learn from it.
-    pub learn: Learn,
-    /// The choice of whether coverage learns from depth.
-    pub depth_alpha: DepthAlpha,
+    pub(crate) learn: Learn,
+    /// The choice of whether gradients of depth reach coverage.
+    pub(crate) depth_alpha: DepthAlpha,
 }
 
 /// The place where a term can be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reads {
+pub(crate) enum Reads {
     /// Only where the pictures are in the computer's memory.
     Frame,
     /// Also on the device that holds the pictures.
@@ -153,7 +152,7 @@ pub enum Reads {
 }
 
 /// A term of the loss.
-pub trait LossTerm: Send {
+pub(crate) trait LossTerm: Send {
     /// Returns the name of the term in reports.
     fn name(&self) -> &'static str;
 

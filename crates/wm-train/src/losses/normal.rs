@@ -2,8 +2,8 @@
 //!
 //! The mean of `|N - M|^2` (`eq:normal l2_loss`) with the rendered normal N, shortest axes blended
 //! and brought to length 1, and the prior's M, over pixels where M is known and at least half is
-//! covered. It begins late, so that depth has made surfaces before: on clouds of splats it would
-//! rather make them transparent than turn them.
+//! covered. It begins late, after depth has formed surfaces: in a cloud of splats it would make
+//! them transparent instead of rotating them.
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
@@ -13,7 +13,7 @@ use wm_render::training::{COVERED, Comparison, Term};
 
 /// The term `normal`.
 #[derive(Clone, Debug)]
-pub struct NormalTerm {
+pub(crate) struct NormalTerm {
     weight: f64,
     from: u32,
 }
@@ -21,7 +21,7 @@ pub struct NormalTerm {
 impl NormalTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.normal, from: geometry.normal_from(config.steps) }
     }

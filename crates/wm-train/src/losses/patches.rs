@@ -1,15 +1,15 @@
 //! The relative depth of patches (Li et al. 2024, DNGaussian; `eq:hs depth loss`).
 //!
-//! Rendered and believed inverse depth, each without the mean of its patch, are compared over
-//! patches whose size is drawn anew each time: divided by their deviation over the whole photo
-//! (global) and over the patch (local), `(x - m_P) / (s + 0.01 s_I)` with `s` that of the photo or
-//! of the patch. That of the photo is taken for a constant. A difference below the margin counts as
-//! none. So neither scale nor shift of the prior matters, nor how both drift over the photo.
-//! Inverse depth instead of depth: the prior's is linear in it, and the sky is 0.
+//! Rendered inverse depth and that of the prior are compared over patches of random size after
+//! normalisation, `(x - m_P) / (s + 0.01 s_I)`: m_P is the mean of the patch, and s the standard
+//! deviation over the whole photo (global) or the patch (local). The deviation over the photo is a
+//! constant of the derivative. Differences below the margin count as 0. So neither scale nor shift
+//! of the prior matters, nor their drift over the photo. Inverse depth is used since the prior is
+//! linear in it, and the sky is 0.
 //!
 //! The hard pass gives every splat the same high opacity and moves means alone; the soft one
-//! changes opacities alone. Each is a render of its own, with alpha taken for a constant. Where
-//! less than half is covered nothing counts.
+//! changes opacities alone. Each is a render of its own, in which alpha is a constant of the
+//! derivative. Pixels covered by less than half do not count.
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
@@ -19,14 +19,14 @@ use wm_render::training::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// Opacity of all splats in the hard pass.
-const HARD: f32 = 0.95;
-/// Sides of patches, px of a photo 378 px high.
-const SIDES: [f64; 2] = [5.0, 17.0];
-const AT_HEIGHT: f64 = 378.0;
+const HARD_OPACITY: f32 = 0.95;
+/// Range of the sides of patches, px of a photo of the reference height.
+const PATCH_SIDES_PX: [f64; 2] = [5.0, 17.0];
+const REFERENCE_HEIGHT_PX: f64 = 378.0;
 
-/// The parameters that a patch term changes.
+/// The parameters to which a patch term has gradients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PatchPass {
+pub(crate) enum PatchPass {
     /// Means.
     Hard,
     /// Opacities.
@@ -35,7 +35,7 @@ pub enum PatchPass {
 
 /// The terms `depth-hard` and `depth-soft`.
 #[derive(Clone, Debug)]
-pub struct PatchDepthTerm {
+pub(crate) struct PatchDepthTerm {
     pass: PatchPass,
     weight: f64,
     local: f64,
@@ -48,12 +48,12 @@ pub struct PatchDepthTerm {
     work: Work,
 }
 
-/// Compared values, one each pair of pixels.
+/// The compared values, one per pair of pixels.
 #[derive(Clone, Debug, Default)]
 struct Work {
     /// Rendered inverse depth; NaN where it does not count.
     x: Vec<f64>,
-    /// The prior's.
+    /// Inverse depth of the prior.
     y: Vec<f64>,
     /// The derivative by `x`.
     slope: Vec<f64>,
@@ -62,7 +62,7 @@ struct Work {
 impl PatchDepthTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig, pass: PatchPass) -> Self {
+    pub(crate) fn new(config: &TrainConfig, pass: PatchPass) -> Self {
         let geometry = config.loss.geometry;
         let (weight, from) = match pass {
             PatchPass::Hard => (geometry.depth_hard, 0),
@@ -83,11 +83,12 @@ impl PatchDepthTerm {
         }
     }
 
-    /// The side of a step's patches, of a grid of so many rows.
+    /// Returns the side of the patches at a step, for a grid of `rows` rows.
     fn side(&self, step: u32, rows: usize) -> usize {
         let random = Random::new(self.seed, Purpose::Patch, step);
-        let scale = rows as f64 / AT_HEIGHT;
-        let side = SIDES[0] + random.uniform(self.pass as u64) * (SIDES[1] - SIDES[0]);
+        let scale = rows as f64 / REFERENCE_HEIGHT_PX;
+        let side =
+            PATCH_SIDES_PX[0] + random.uniform(self.pass as u64) * (PATCH_SIDES_PX[1] - PATCH_SIDES_PX[0]);
         (scale * side).round().max(3.0) as usize
     }
 }
@@ -113,7 +114,7 @@ impl LossTerm for PatchDepthTerm {
 
     fn own_render(&self) -> Option<OwnRender> {
         let (opacity, learn) = match self.pass {
-            PatchPass::Hard => (Opacity::Fixed(HARD), Learn::MEANS),
+            PatchPass::Hard => (Opacity::Fixed(HARD_OPACITY), Learn::MEANS),
             PatchPass::Soft => (Opacity::Stored, Learn::OPACITIES),
         };
         let (channels, drawn, depth_alpha) = (Channels::Depth, DrawnSplats::All, DepthAlpha::Detached);
@@ -164,7 +165,7 @@ struct Patches {
 }
 
 impl Patches {
-    /// The pixels of each patch that are not NaN.
+    /// Returns the pixels of each patch that are not NaN.
     fn of(self, x: &[f64]) -> Vec<Vec<usize>> {
         let mut patches = Vec::new();
         for top in (0..self.height).step_by(self.side) {
@@ -180,14 +181,15 @@ impl Patches {
     }
 }
 
-/// Mean and standard deviation.
+/// Returns mean and standard deviation.
 fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let (count, sum) = values.clone().fold((0.0f64, 0.0), |(n, s), v| (n + 1.0, s + v));
     let mean = sum / count.max(1.0);
     (mean, (values.map(|v| (v - mean).powi(2)).sum::<f64>() / count.max(1.0)).sqrt())
 }
 
-/// The loss, global and local; writes its derivative by `x`. 0 where nothing can be compared.
+/// Returns the loss, global and local, and writes its derivative by `x`; 0 if nothing can be
+/// compared.
 fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, slope: &mut Vec<f64>) -> f64 {
     slope.clear();
     slope.resize(x.len(), 0.0);
@@ -203,7 +205,7 @@ fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, s
         if share == 0.0 {
             continue;
         }
-        // Differences first: the mean is over those above the margin.
+        // Differences come first, since the mean is over those above the margin.
         let (mut sum, mut count) = (0.0, 0usize);
         let mut offs: Vec<(usize, Vec<f64>, f64, f64)> = Vec::new();
         for (index, pixels) in patches.iter().enumerate() {
@@ -229,7 +231,7 @@ fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, s
             let n = pixels.len() as f64;
             let by_value = |v: f64| share * 2.0 * v / count as f64;
             let mean = differences.iter().map(|v| by_value(*v)).sum::<f64>() / n;
-            // The patch's own deviation moves with its pixels.
+            // The deviation of the patch depends on its pixels.
             let own = over_x - FLOOR * all_x;
             let along = if is_local && own > 1e-12 * all_x {
                 let sum = pixels

@@ -1,7 +1,7 @@
 //! Smooth inverse depth where the photo is smooth (Godard et al. 2017).
 //!
 //! The mean over neighbouring pixels of `|r_i - r_j| / mean(r) exp(-|I_i - I_j| / 0.1)` with
-//! `r = 1 / D`. An option: it rounds what is there, and helps where nothing else says anything.
+//! `r = 1 / D`. Off by default: it rounds surfaces, and helps where no other term has evidence.
 
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
@@ -10,7 +10,7 @@ use wm_render::training::{COVERED, Comparison, EDGE, Term};
 
 /// The term `smooth`.
 #[derive(Clone, Debug)]
-pub struct SmoothTerm {
+pub(crate) struct SmoothTerm {
     weight: f64,
     from: u32,
 }
@@ -18,7 +18,7 @@ pub struct SmoothTerm {
 impl SmoothTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.smooth, from: geometry.depth_from(config.steps) }
     }
@@ -50,7 +50,7 @@ impl LossTerm for SmoothTerm {
         if mean <= 0.0 {
             return 0.0;
         }
-        // The mean is taken for a constant: it only makes the term free of the scene's unit.
+        // The mean is a constant of the derivative: it only makes the term independent of the unit.
         let scale = (weight / (mean * pixels as f64)) as f32;
         let width = frame.width as usize;
         let mut sum = 0.0;

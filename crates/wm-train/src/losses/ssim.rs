@@ -5,18 +5,18 @@ use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
 use wm_render::training::{Comparison, Term};
 
-/// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
+/// `1 - SSIM`; see [`crate::ssim`]. Both images are black where the photo is masked.
 #[derive(Clone, Debug)]
-pub struct SsimTerm {
-    /// Its weight at all steps.
-    pub weight: f64,
+pub(crate) struct SsimTerm {
+    /// The weight at all steps.
+    pub(crate) weight: f64,
     ssim: Ssim,
 }
 
 impl SsimTerm {
-    /// With a weight, on a SIMD path.
+    /// Returns the term with a weight, on a SIMD path.
     #[must_use]
-    pub fn new(weight: f64, path: SimdPath) -> Self {
+    pub(crate) fn new(weight: f64, path: SimdPath) -> Self {
         Self { weight, ssim: Ssim::new(path) }
     }
 }

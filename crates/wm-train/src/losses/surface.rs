@@ -1,12 +1,12 @@
-//! Coverage: what stands in front of the sky covers its pixels whole, and nothing covers the sky's.
+//! Coverage: surfaces cover their pixels completely, and nothing covers pixels of the sky.
 //!
 //! `mean max(|A - S| - 0.05, 0)` with the coverage A by all splats but the sky's, from a render of
-//! its own, and S, 1 where the prior has the place and 0 where it has the sky. Opacities learn from
-//! it and nothing else: shapes would be blown up over what no splat covers yet. On the border
-//! between them, which the prior leaves open and which is finer in the photo than in it, S is where
-//! the photo's colour lies on the way from the sky's to the place's beside it; other pixels that it
-//! does not know do not count. Without it the sky is painted on splats that drift before it, or
-//! stand out over roofs, which fog lights up, and shines through walls.
+//! its own, and S, 1 where the prior has the place and 0 where it has the sky. Only opacities learn
+//! from it: shapes would be blown up over gaps that no splat covers yet. On the border between sky
+//! and place, which the prior leaves unknown and which is finer in the photo, S is the position of
+//! the photo's colour between those of the sky and the place beside it; other unknown pixels do not
+//! count. Without this term the sky is painted on splats in front of it, which fog lights up, and
+//! shines through walls.
 
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
@@ -16,7 +16,7 @@ use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// The term `surface`.
 #[derive(Clone, Debug)]
-pub struct SurfaceTerm {
+pub(crate) struct SurfaceTerm {
     weight: f64,
     every: u32,
 }
@@ -24,7 +24,7 @@ pub struct SurfaceTerm {
 impl SurfaceTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig) -> Self {
+    pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.surface, every: geometry.every.max(1) }
     }
@@ -37,7 +37,7 @@ impl LossTerm for SurfaceTerm {
 
     fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
         let is_on = step.is_multiple_of(self.every) && truth.prior.is_some_and(|prior| !prior.sky.is_empty());
-        // What comes more rarely pulls as much in all.
+        // The weight makes up for the steps in between.
         if is_on { self.weight * f64::from(self.every) } else { 0.0 }
     }
 
@@ -71,8 +71,8 @@ impl LossTerm for SurfaceTerm {
     }
 }
 
-/// Gives each pixel of the photo that counts, and S in it.
-pub fn shares(truth: &TrainPhoto<'_>, prior: &Prior, mut give: impl FnMut(usize, f32)) {
+/// Calls `give` with each pixel of the photo that counts and its S.
+pub(crate) fn shares(truth: &TrainPhoto<'_>, prior: &Prior, mut give: impl FnMut(usize, f32)) {
     let (width, height) = (truth.camera.width as usize, truth.camera.height as usize);
     let colors = cell_colors(truth, prior);
     let mut mattes = vec![Matte::Unasked; prior.sky.len()];
@@ -97,33 +97,33 @@ pub fn shares(truth: &TrainPhoto<'_>, prior: &Prior, mut give: impl FnMut(usize,
     }
 }
 
-/// Sky and place beside a cell of the prior that is not the place.
+/// The colours of sky and place beside a cell of the prior that is not of the place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Matte {
     Unasked,
-    /// Not both are there, or they look the same.
+    /// One of them is missing, or they look the same.
     Neither,
     /// A cell of the sky, and its colour.
     Sky([f32; 3]),
-    /// The colour of the sky, and from there to that of the place.
+    /// The colour of the sky, and the difference of the place's colour from it.
     Between([f32; 3], [f32; 3]),
 }
 
 /// The distance up to which neighbours of a cell count, cells of the prior: the width of a border.
-const BESIDE: usize = 2;
-/// Least distance of the colours of sky and place, and how far off the line between them a pixel's
-/// may lie as a share of it.
-const APART: f32 = 0.12;
-const OFF_LINE: f32 = 0.5;
+const BORDER_CELLS: usize = 2;
+/// Least distance of the colours of sky and place, and the largest distance of a pixel's colour
+/// from the line between them, as a fraction of that distance.
+const MIN_COLOR_DISTANCE: f32 = 0.12;
+const MAX_LINE_DISTANCE: f32 = 0.5;
 
 impl Matte {
-    /// Of the neighbours of `cell`; `colors` as [`cell_colors`] has them.
+    /// Sums over the neighbours of `cell`; `colors` are those of [`cell_colors`].
     fn beside(prior: &Prior, colors: &[[f32; 3]], cell: usize) -> Self {
         let (width, height) = (prior.width as usize, prior.height as usize);
         let (u, v) = (cell % width, cell / width);
         let (mut sums, mut counts) = ([[0.0f32; 3]; 2], [0.0f32; 2]);
-        for v in v.saturating_sub(BESIDE)..(v + BESIDE + 1).min(height) {
-            for u in u.saturating_sub(BESIDE)..(u + BESIDE + 1).min(width) {
+        for v in v.saturating_sub(BORDER_CELLS)..(v + BORDER_CELLS + 1).min(height) {
+            for u in u.saturating_sub(BORDER_CELLS)..(u + BORDER_CELLS + 1).min(width) {
                 let side = match prior.sky[v * width + u] {
                     SkyClass::Sky => 0,
                     SkyClass::Place => 1,
@@ -139,12 +139,16 @@ impl Matte {
             return Self::Sky(sky);
         }
         let way = [0, 1, 2].map(|c| place[c] - sky[c]);
-        // NaN, where one of them is missing, is not apart.
-        if dot(way, way) > APART * APART { Self::Between(sky, way) } else { Self::Neither }
+        // If one of them is missing the distance is NaN, and the comparison false.
+        if dot(way, way) > MIN_COLOR_DISTANCE * MIN_COLOR_DISTANCE {
+            Self::Between(sky, way)
+        } else {
+            Self::Neither
+        }
     }
 
-    /// The place's share of a colour, 0-1; `None` if it is neither of the two nor between them,
-    /// such as a wire before the sky that is finer than the prior.
+    /// Returns the place's share of a colour, 0-1; `None` if the colour is neither of the two nor
+    /// between them, such as that of a wire in front of the sky that is finer than the prior.
     fn share(&self, rgb: [f32; 3]) -> Option<f32> {
         let (sky, way) = match *self {
             Self::Sky(sky) => (sky, None),
@@ -152,10 +156,13 @@ impl Matte {
             Self::Unasked | Self::Neither => return None,
         };
         let from = [0, 1, 2].map(|c| rgb[c] - sky[c]);
-        let Some(way) = way else { return (dot(from, from) < APART * APART).then_some(0.0) };
+        let Some(way) = way else {
+            return (dot(from, from) < MIN_COLOR_DISTANCE * MIN_COLOR_DISTANCE).then_some(0.0);
+        };
         let share = dot(from, way) / dot(way, way);
         let rest = [0, 1, 2].map(|c| from[c] - share * way[c]);
-        (dot(rest, rest) < OFF_LINE * OFF_LINE * dot(way, way)).then_some(share.clamp(0.0, 1.0))
+        (dot(rest, rest) < MAX_LINE_DISTANCE * MAX_LINE_DISTANCE * dot(way, way))
+            .then_some(share.clamp(0.0, 1.0))
     }
 }
 
@@ -163,7 +170,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The photo's colour in the middle of each cell of the prior, `[H, W]` of the prior.
+/// Returns the photo's colour at the centre of each cell of the prior, `[H, W]` of the prior.
 fn cell_colors(truth: &TrainPhoto<'_>, prior: &Prior) -> Vec<[f32; 3]> {
     let (width, height) = truth.size();
     let middle = |i: usize, cells: u32, pixels: u32| (2 * i + 1) * pixels as usize / (2 * cells as usize);

@@ -16,24 +16,6 @@ pub enum DepthForm {
     Disparity,
 }
 
-/// The scale of a depth map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum DepthMapScale {
-    /// So many scene units (of [`DepthForm::Disparity`], so many 1 / scene units), above 0.
-    UnitsPerStep(f64),
-    /// Nobody knows: values are right but for a factor and an offset of each map's own.
-    Relative,
-}
-
-/// The quantity and scale of a depth map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DepthKind {
-    /// The quantity.
-    pub form: DepthForm,
-    /// The scale.
-    pub scale: DepthMapScale,
-}
-
 impl FromStr for DepthForm {
     type Err = String;
 
@@ -49,33 +31,32 @@ impl FromStr for DepthForm {
     }
 }
 
-impl DepthKind {
+impl DepthForm {
     /// View z of each pixel's centre, scene units, `[H, W]` of the map; 0 where it is not known,
     /// infinite in the sky.
     ///
     /// Not known are values that are negative, NaN, or 0 but for disparity. `camera` may have
-    /// another size: it is resized.
+    /// another size: it is resized. `scale` is the scene units (for disparity, the 1 / scene units)
+    /// that a value of 1 stands for, above 0.
     ///
     /// # Errors
-    /// [`MapFault::NoScale`] for a relative one, [`MapFault::Channels`] if it has not one number a
-    /// pixel.
-    pub fn to_view_z(&self, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
-        let DepthMapScale::UnitsPerStep(scale) = self.scale else { return Err(MapFault::NoScale) };
+    /// [`MapFault::Channels`] if the map has not one channel.
+    pub(crate) fn to_view_z(self, scale: f64, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
         let mut values = map.grey()?;
         let camera = camera.resized(map.width, map.height);
         let width = map.width as usize;
         for (index, value) in values.iter_mut().enumerate() {
             let stored = f64::from(*value) * scale;
-            let z = match self.form {
-                DepthForm::Z => stored,
-                DepthForm::Ray => {
+            let z = match self {
+                Self::Z => stored,
+                Self::Ray => {
                     let (x, y) = ((index % width) as f64 + 0.5, (index / width) as f64 + 0.5);
                     let (u, v) = ((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
                     stored / (u * u + v * v + 1.0).sqrt()
                 }
-                DepthForm::Disparity if stored == f64::INFINITY => f64::NAN,
-                DepthForm::Disparity if stored == 0.0 => f64::INFINITY,
-                DepthForm::Disparity => 1.0 / stored,
+                Self::Disparity if stored == f64::INFINITY => f64::NAN,
+                Self::Disparity if stored == 0.0 => f64::INFINITY,
+                Self::Disparity => 1.0 / stored,
             };
             *value = if z > 0.0 { z as f32 } else { 0.0 };
         }
@@ -90,10 +71,6 @@ mod tests {
     use wm_scene::Camera;
 
     const HOLES: [f32; 4] = [f32::NAN, -1.0, f32::INFINITY, 0.0];
-
-    fn kind(form: DepthForm, scale: f64) -> DepthKind {
-        DepthKind { form, scale: DepthMapScale::UnitsPerStep(scale) }
-    }
 
     #[test]
     fn every_form_gives_the_same_surface() {
@@ -111,7 +88,7 @@ mod tests {
             (DepthForm::Ray, ray, 0.5),
             (DepthForm::Disparity, vec![20.0; 12], 0.01),
         ] {
-            let found = kind(form, scale).to_view_z(&Map::new(4, 3, 1, values), &camera).unwrap();
+            let found = form.to_view_z(scale, &Map::new(4, 3, 1, values), &camera).unwrap();
             assert!(found.iter().all(|z| (z - 5.0).abs() < 1e-5), "{form:?}: {found:?}");
         }
     }
@@ -120,12 +97,10 @@ mod tests {
     fn holes_are_unknown_and_the_sky_is_far() {
         let camera = Camera::looking((4, 1), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
         let map = Map::new(4, 1, 1, HOLES.into());
-        let found = |form| kind(form, 1.0).to_view_z(&map, &camera).unwrap();
+        let found = |form: DepthForm| form.to_view_z(1.0, &map, &camera).unwrap();
         for form in [DepthForm::Z, DepthForm::Ray] {
             assert_eq!(found(form), [0.0, 0.0, f32::INFINITY, 0.0]);
         }
         assert_eq!(found(DepthForm::Disparity), [0.0, 0.0, 0.0, f32::INFINITY]);
-        let relative = DepthKind { form: DepthForm::Z, scale: DepthMapScale::Relative };
-        assert_eq!(relative.to_view_z(&map, &camera), Err(MapFault::NoScale));
     }
 }

@@ -7,7 +7,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{}: {fault}", path.display())]
 pub struct MapError {
-    /// Its file, or the folder that it should be in.
+    /// The file, or the folder that it should be in.
     pub path: PathBuf,
     /// The fault.
     pub fault: MapFault,
@@ -19,7 +19,7 @@ pub enum MapFault {
     /// The system refuses it.
     #[error("cannot be read: {0}")]
     Unreadable(String),
-    /// Its first bytes are of no known format.
+    /// The first bytes are of no known format.
     #[error("no map: PNG, TIFF, EXR and NPY are read; convert it to one of them")]
     Unknown,
     /// It does not decode.
@@ -39,7 +39,7 @@ pub enum MapFault {
         /// The number that is needed.
         wanted: &'static str,
     },
-    /// Its shape is not that of its photo.
+    /// The aspect ratio is not that of the photo.
     #[error(
         "the map is {width}x{height} px, its photo {photo_width}x{photo_height}; make the map of the whole photo, of any \
          size but the same aspect ratio"
@@ -65,10 +65,7 @@ pub enum MapFault {
         "{share:.0} % of its normals look away from the camera; they are in other axes, or turned inwards"
     )]
     Away {
-        /// Of those that are known, percent.
+        /// The share of the known normals, percent.
         share: f64,
     },
-    /// Depth of unknown scale where metres are needed.
-    #[error("depth of no known scale cannot be compared; give the metres a step")]
-    NoScale,
 }

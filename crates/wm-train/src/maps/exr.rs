@@ -17,7 +17,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Map, MapFault> {
             _ => 4,
         });
         check_size(
-            (size.width() as u64, size.height() as u64),
+            size.width() as u64,
+            size.height() as u64,
             channels.len() as u64,
             sample.max().unwrap_or(4),
             bytes.len(),

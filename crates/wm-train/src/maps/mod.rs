@@ -7,8 +7,8 @@
 //! | `.exr` | 16 or 32-bit floats | see [`read_map`] |
 //! | `.npy` | little-endian f32 | `[H, W]`, `[H, W, C]` with 1 to 4 |
 //!
-//! A file becomes a [`Map`] of the numbers in it; what they mean is said beside it: [`DepthKind`],
-//! [`NormalAxes`], [`Map::to_mask`]. Which file belongs to a photo is told by its name
+//! A file becomes a [`Map`] of the numbers in it; what they mean is said beside it: [`DepthForm`],
+//! [`NormalAxes`], `Map::to_mask`. Which file belongs to a photo is told by its name
 //! ([`MapFolder`]). Pixels are those of the photo without its lens: where a camera has distortion,
 //! the maps are of the pinhole picture, or made so
 //! ([`Photos::without_lens`](crate::photos::Photos::without_lens)).
@@ -26,9 +26,9 @@ mod tests;
 mod tiff;
 mod unit;
 
-pub use depth::{DepthForm, DepthKind, DepthMapScale};
+pub use depth::DepthForm;
 pub use error::{MapError, MapFault};
-pub use find::{EXTENSIONS, MapFolder};
+pub use find::MapFolder;
 pub use normal::NormalAxes;
 pub use resample::Filter;
 pub use unit::DepthUnit;
@@ -42,16 +42,16 @@ use std::{
 use wm_scene::camera::MAX_SIDE;
 
 /// Most numbers of a map: 1 GiB of them, such as three channels of 89 million pixels.
-pub const MAX_VALUES: u64 = 1 << 28;
+pub(crate) const MAX_VALUES: u64 = 1 << 28;
 /// Longest file that is read, bytes.
-const MAX_FILE: u64 = 1 << 31;
+const MAX_FILE_BYTES: u64 = 1 << 31;
 /// Most bytes that one byte of a compressed file can stand for: deflate reaches 1032, LZW of 12
 /// bits 1365.
-const MAX_RATIO: u64 = 2000;
-/// Of maps so small the ratio says nothing: bytes.
-const SMALL: u64 = 1 << 20;
+const MAX_COMPRESSION_RATIO: u64 = 2000;
+/// The size up to which maps are not checked against [`MAX_COMPRESSION_RATIO`], bytes.
+const UNCHECKED_BYTES: u64 = 1 << 20;
 /// Largest difference of the aspect ratios of a map and its photo.
-const ASPECT: f64 = 0.01;
+const ASPECT_TOLERANCE: f64 = 0.01;
 
 /// The number type of a map in its file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -95,7 +95,7 @@ impl Map {
 
     /// Number of pixels.
     #[must_use]
-    pub fn pixels(&self) -> usize {
+    pub(crate) fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
     }
 
@@ -115,31 +115,22 @@ impl Map {
     ///
     /// # Errors
     /// [`MapFault::Aspect`] if the aspect ratios differ by more than 1 %.
-    pub fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
+    pub(crate) fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
         let across = f64::from(self.width) * f64::from(photo_height);
         let down = f64::from(self.height) * f64::from(photo_width);
-        if (across / down - 1.0).abs() <= ASPECT && (down / across - 1.0).abs() <= ASPECT {
+        if (across / down - 1.0).abs() <= ASPECT_TOLERANCE && (down / across - 1.0).abs() <= ASPECT_TOLERANCE
+        {
             return Ok(());
         }
         let (width, height) = (self.width, self.height);
         Err(MapFault::Aspect { width, height, photo_width, photo_height })
     }
 
-    /// The values as shares of what the file can hold, `[H, W, C]`: counts over the highest count,
-    /// floats as they are.
-    #[must_use]
-    pub fn shares(&self) -> Vec<f32> {
-        match self.stored {
-            Stored::Floats => self.values.clone(),
-            Stored::Counts(full) => self.values.iter().map(|v| v / full).collect(),
-        }
-    }
-
     /// The map as a mask, `[H, W]`, 0-1; what is not finite is 0.
     ///
     /// Of coloured pictures red says it. Counts that are all 0 and 1 are taken as such.
     #[must_use]
-    pub fn to_mask(&self) -> Vec<f32> {
+    pub(crate) fn to_mask(&self) -> Vec<f32> {
         let is_tiny = self.values.iter().all(|v| *v <= 1.0);
         let full = match self.stored {
             Stored::Counts(full) if !is_tiny => full,
@@ -229,22 +220,17 @@ fn read_file(path: &Path) -> Result<Vec<u8>, MapFault> {
     if !about.is_file() {
         return Err(MapFault::Unreadable("it is no regular file".into()));
     }
-    if about.len() > MAX_FILE {
+    if about.len() > MAX_FILE_BYTES {
         return Err(MapFault::Large(format!("{} bytes", about.len())));
     }
     let mut bytes = Vec::new();
-    File::open(path).and_then(|file| file.take(MAX_FILE).read_to_end(&mut bytes)).map_err(cannot)?;
+    File::open(path).and_then(|file| file.take(MAX_FILE_BYTES).read_to_end(&mut bytes)).map_err(cannot)?;
     Ok(bytes)
 }
 
 /// Refuses a size before anything is allocated for it: `sample` bytes for each number, out of a
 /// file of `length` bytes.
-fn check_size(
-    (width, height): (u64, u64),
-    channels: u64,
-    sample: u64,
-    length: usize,
-) -> Result<(), MapFault> {
+fn check_size(width: u64, height: u64, channels: u64, sample: u64, length: usize) -> Result<(), MapFault> {
     let values = width.saturating_mul(height).saturating_mul(channels);
     let size = || format!("{width}x{height} px with {channels} channels");
     if width == 0 || height == 0 || channels == 0 {
@@ -254,7 +240,7 @@ fn check_size(
         return Err(MapFault::Large(size()));
     }
     let bytes = values * sample;
-    if bytes > SMALL && bytes > MAX_RATIO * length as u64 {
+    if bytes > UNCHECKED_BYTES && bytes > MAX_COMPRESSION_RATIO * length as u64 {
         return Err(MapFault::Damaged(format!("{length} bytes cannot hold {}", size())));
     }
     Ok(())

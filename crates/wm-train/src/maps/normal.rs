@@ -6,15 +6,15 @@ use std::str::FromStr;
 use wm_scene::Camera;
 
 /// Vectors shorter than this are no normals: those of 8 bits are off by up to 0.007.
-const SHORTEST: f64 = 0.05;
+const MIN_NORMAL_LENGTH: f64 = 0.05;
 
 /// The axes of normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalAxes {
-    /// Those of the scene.
+    /// The axes of the scene.
     #[default]
     World,
-    /// Those of the camera: x right, y down, z forward (OpenCV).
+    /// The axes of the camera: x right, y down, z forward (OpenCV).
     Camera,
     /// x right, y up, z towards the viewer (OpenGL), as pictures of normals mostly are.
     OpenGl,
@@ -43,7 +43,7 @@ impl NormalAxes {
     ///
     /// # Errors
     /// [`MapFault::Channels`] if there are fewer than three.
-    pub fn to_world(self, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
+    pub(crate) fn to_world(self, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
         let world_from_camera = camera.rotation().transpose();
         let mut out = Vec::with_capacity(3 * map.pixels());
         for values in map.triples()? {
@@ -56,7 +56,8 @@ impl NormalAxes {
                 Self::Camera => world_from_camera * local,
                 Self::OpenGl => world_from_camera * DVec3::new(local.x, -local.y, -local.z),
             };
-            let normal = if world.length() > SHORTEST { world.normalize_or_zero() } else { DVec3::ZERO };
+            let normal =
+                if world.length() > MIN_NORMAL_LENGTH { world.normalize_or_zero() } else { DVec3::ZERO };
             out.extend(normal.as_vec3().to_array());
         }
         Ok(out)

@@ -16,7 +16,7 @@ pub(super) fn decode(path: &Path) -> Result<Map, MapFault> {
             )));
         }
     };
-    check_size((width as u64, height as u64), channels as u64, 4, 4 * values.len())?;
+    check_size(width as u64, height as u64, channels as u64, 4, 4 * values.len())?;
     Ok(Map::new(width as u32, height as u32, channels as u32, values))
 }
 

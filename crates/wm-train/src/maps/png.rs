@@ -22,7 +22,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Map, MapFault> {
     };
     let (sample, full) = if depth == BitDepth::Sixteen { (2, 65535.0) } else { (1, 255.0) };
     let (width, height) = reader.info().size();
-    check_size((width.into(), height.into()), channels.into(), sample, bytes.len())?;
+    check_size(width.into(), height.into(), channels.into(), sample, bytes.len())?;
     let size = reader.output_buffer_size().ok_or_else(|| MapFault::Large("its pixels".into()))?;
     let mut out = vec![0; size];
     let info = reader.next_frame(&mut out).map_err(|e| words(&e))?;

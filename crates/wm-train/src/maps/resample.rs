@@ -80,7 +80,8 @@ impl Mix {
     }
 }
 
-/// Along one side: for each new pixel the old ones that it is made of and their shares, all above 0.
+/// Along one side: for each new pixel the old ones that it is made of and their shares, all above
+/// 0.
 fn taps(from: u32, to: u32, filter: Filter) -> Vec<Vec<(usize, f64)>> {
     let scale = f64::from(from) / f64::from(to);
     let last = from as usize - 1;

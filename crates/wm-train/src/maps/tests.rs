@@ -16,7 +16,8 @@ fn floats(channels: usize) -> Vec<f32> {
     (0..37 * 21 * channels).map(|i| (i as f32 * 0.37).sin() * 9.0).collect()
 }
 
-fn png(color: ColorType, depth: BitDepth, (width, height): (u32, u32), bytes: &[u8]) -> Vec<u8> {
+fn png(color: ColorType, depth: BitDepth, size: (u32, u32), bytes: &[u8]) -> Vec<u8> {
+    let (width, height) = size;
     let mut out = Vec::new();
     let mut encoder = Encoder::new(&mut out, width, height);
     encoder.set_color(color);

@@ -15,10 +15,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Map, MapFault> {
     let (width, height) = decoder.dimensions().map_err(|e| words(&e))?;
     let color = decoder.colortype().map_err(|e| words(&e))?;
     let (channels, bits) = (u64::from(color.num_samples()), u64::from(color.bit_depth()));
-    check_size((width.into(), height.into()), channels, bits.div_ceil(8), bytes.len())?;
+    check_size(width.into(), height.into(), channels, bits.div_ceil(8), bytes.len())?;
     let (tile_width, tile_height) = decoder.chunk_dimensions();
     // Tiles reach over the border, but not over a second picture.
-    check_size((tile_width.into(), tile_height.into()), channels, bits.div_ceil(8), bytes.len())?;
+    check_size(tile_width.into(), tile_height.into(), channels, bits.div_ceil(8), bytes.len())?;
     let (values, stored): (Vec<f32>, Stored) = match decoder.read_image().map_err(|e| words(&e))? {
         DecodingResult::F32(values) => (values, Stored::Floats),
         DecodingResult::F16(values) => (values.into_iter().map(f32::from).collect(), Stored::Floats),

@@ -5,7 +5,7 @@ use glam::{DMat4, DVec4};
 
 /// Pulls towards no change, as a share of the pixels: a picture of one colour has many best
 /// changes.
-const PULL: f64 = 1e-6;
+const RIDGE_WEIGHT: f64 = 1e-6;
 
 /// `rgb`, `[H, W, 3]`, changed by the matrix and offset, one for all pixels, that bring it nearest
 /// to `photo` in least squares; with a mask, `[H, W]`, over the pixels that count. Not clamped.
@@ -13,7 +13,7 @@ const PULL: f64 = 1e-6;
 /// # Panics
 /// If the sizes differ.
 #[must_use]
-pub fn fit_exposure(rgb: &[f32], photo: &[f32], mask: Option<&[f32]>) -> Vec<f32> {
+pub(crate) fn fit_exposure(rgb: &[f32], photo: &[f32], mask: Option<&[f32]>) -> Vec<f32> {
     assert_eq!(rgb.len(), photo.len(), "two pictures of one size");
     let color = |p: &[f32]| DVec4::new(p[0].into(), p[1].into(), p[2].into(), 1.0);
     let (mut normal, mut right, mut total) = (DMat4::ZERO, [DVec4::ZERO; 3], 0.0);
@@ -27,7 +27,7 @@ pub fn fit_exposure(rgb: &[f32], photo: &[f32], mask: Option<&[f32]>) -> Vec<f32
         }
         total += weight;
     }
-    let pull = PULL * total.max(1.0);
+    let pull = RIDGE_WEIGHT * total.max(1.0);
     normal += DMat4::IDENTITY * pull;
     for (right, axis) in right.iter_mut().zip([DVec4::X, DVec4::Y, DVec4::Z]) {
         *right += axis * pull;

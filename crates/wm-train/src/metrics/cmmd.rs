@@ -21,9 +21,9 @@ const SIGMA: f64 = 10.0;
 const SCALE: f64 = 1000.0;
 /// Rows that a thread takes at a time, and rows that they are compared with while those are in the
 /// cache.
-const ROWS: usize = 32;
+const BLOCK_ROWS: usize = 32;
 /// The largest deviation of an embedding's length from 1: half precision leaves 1e-3.
-const SLACK: f64 = 5e-3;
+const LENGTH_TOLERANCE: f64 = 5e-3;
 
 /// Embeddings of images, one per row.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,7 +96,7 @@ impl Embeddings {
                 return Err(EmbeddingFault::NotFinite { row });
             }
             let length = embedding.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
-            if (length - 1.0).abs() > SLACK {
+            if (length - 1.0).abs() > LENGTH_TOLERANCE {
                 return Err(EmbeddingFault::Length { row, length });
             }
         }
@@ -116,14 +116,6 @@ impl Embeddings {
         embeddings.map_err(|fault| EmbeddingError::Fault { path: path.display().to_string(), fault })
     }
 
-    /// Writes them as a NumPy array, whole or not at all.
-    ///
-    /// # Errors
-    /// [`FormatError`] if the file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), FormatError> {
-        npy::write(path, &self.values, &[self.count(), self.width])
-    }
-
     /// The number of images.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -136,18 +128,9 @@ impl Embeddings {
         self.width
     }
 
-    /// The numbers of a picture.
-    ///
-    /// # Panics
-    /// If there is no such picture.
-    #[must_use]
-    pub fn row(&self, index: usize) -> &[f32] {
-        &self.values[index * self.width..(index + 1) * self.width]
-    }
-
     /// Rows as threads take them, with the number of the block.
     fn blocks(&self) -> impl IndexedParallelIterator<Item = (usize, &[f32])> {
-        self.values.par_chunks(ROWS * self.width).enumerate()
+        self.values.par_chunks(BLOCK_ROWS * self.width).enumerate()
     }
 
     /// Adds those of other pictures.
@@ -185,7 +168,7 @@ impl Collection {
         Self { spread: own_gap(&embeddings), embeddings }
     }
 
-    /// Its embeddings.
+    /// Returns the embeddings.
     #[must_use]
     pub fn embeddings(&self) -> &Embeddings {
         &self.embeddings
@@ -213,9 +196,9 @@ impl Collection {
 
 /// The mean of `1 - k` over all pairs of two collections.
 fn mean_gap(x: &Embeddings, y: &Embeddings) -> f64 {
-    let sums = x
-        .blocks()
-        .map(|(_, rows)| y.values.chunks(ROWS * y.width).map(|others| gaps(rows, others, x.width)).sum());
+    let sums = x.blocks().map(|(_, rows)| {
+        y.values.chunks(BLOCK_ROWS * y.width).map(|others| gaps(rows, others, x.width)).sum()
+    });
     total(sums) / (x.count() as f64 * y.count() as f64)
 }
 
@@ -223,7 +206,7 @@ fn mean_gap(x: &Embeddings, y: &Embeddings) -> f64 {
 /// count twice.
 fn own_gap(x: &Embeddings) -> f64 {
     let sums = x.blocks().map(|(index, rows)| {
-        let later = x.values.chunks(ROWS * x.width).skip(index + 1);
+        let later = x.values.chunks(BLOCK_ROWS * x.width).skip(index + 1);
         gaps(rows, rows, x.width) + 2.0 * later.map(|others| gaps(rows, others, x.width)).sum::<f64>()
     });
     total(sums) / (x.count() as f64).powi(2)
@@ -290,7 +273,7 @@ mod tests {
             let mut sum = 0.0;
             for i in 0..x.count() {
                 for j in 0..y.count() {
-                    let (a, b) = (x.row(i), y.row(j));
+                    let (a, b) = (&x.values[i * x.width..][..x.width], &y.values[j * y.width..][..y.width]);
                     sum += (-(dot(a, a) + dot(b, b) - 2.0 * dot(a, b)) / 200.0).exp();
                 }
             }
@@ -380,7 +363,7 @@ mod tests {
         npy::write(&path, &[], &[0, 4]).unwrap();
         assert!(Embeddings::read(&path).unwrap_err().to_string().contains("there is no embedding in it"));
         let kept = made_up(3, 5, 7, 0.2);
-        kept.write(&path).unwrap();
+        npy::write(&path, &kept.values, &[3, 5]).unwrap();
         assert_eq!(Embeddings::read(&path).unwrap(), kept);
     }
 }

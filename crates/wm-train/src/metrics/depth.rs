@@ -17,7 +17,7 @@ pub struct DepthErrors {
 }
 
 /// The ratio that depth within delta differs by (Eigen et al. 2014, section 4.1).
-pub const DELTA: f32 = 1.25;
+pub(crate) const DELTA: f32 = 1.25;
 
 /// Errors of `depth`, `[H, W]`, 0 where there is none, against `truth`, `[H, W]` in the same unit,
 /// where that is above 0 and finite. `None` where it is nowhere.
@@ -25,7 +25,7 @@ pub const DELTA: f32 = 1.25;
 /// # Panics
 /// If the sizes differ.
 #[must_use]
-pub fn depth_errors(depth: &[f32], truth: &[f32]) -> Option<DepthErrors> {
+pub(crate) fn depth_errors(depth: &[f32], truth: &[f32]) -> Option<DepthErrors> {
     assert_eq!(depth.len(), truth.len(), "two maps of one size");
     let known = depth.iter().zip(truth).filter(|(_, truth)| is_known(**truth));
     let (mut errors, mut sum, mut within, mut missing) = (Vec::new(), 0.0, 0usize, 0usize);

@@ -13,14 +13,14 @@ use wm_render::reference;
 use wm_scene::{Camera, Group, Rasterization, Splats};
 
 /// Splats fainter than this are not looked at: opacity.
-pub const FAINTEST: f64 = 0.1;
+pub(crate) const MIN_OPACITY: f64 = 0.1;
 
-/// The numbers of floaters; see [`Floaters`].
+/// The numbers of floaters; see `Floaters`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloaterShare {
     /// Splats that any view has in it, where its truth is known.
     pub splats: usize,
-    /// Those of them that are in front of a surface in any view.
+    /// Splats that are in front of a surface in any view.
     pub floaters: usize,
     /// The share of the splats in view that is in front, each weighted by opacity times its area in
     /// the image and without those behind the surface, over all views, 0-1.
@@ -36,18 +36,18 @@ impl FloaterShare {
 }
 
 /// Adds up views.
-pub struct Floaters<'a> {
+pub(crate) struct Floaters<'a> {
     splats: &'a Splats,
     rasterization: Rasterization,
-    /// Of each splat.
-    seen: Vec<Seen>,
+    /// Where each splat was seen, `[N]`.
+    seen: Vec<SplatPlace>,
     /// Weight in front, and of all that is not behind.
     weights: [f64; 2],
 }
 
 /// The position of a splat relative to true surfaces, in the views so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-enum Seen {
+enum SplatPlace {
     /// In no view.
     #[default]
     Nowhere,
@@ -60,8 +60,8 @@ enum Seen {
 impl<'a> Floaters<'a> {
     /// Begins with no view.
     #[must_use]
-    pub fn new(splats: &'a Splats, rasterization: Rasterization) -> Self {
-        Self { splats, rasterization, seen: vec![Seen::Nowhere; splats.len()], weights: [0.0; 2] }
+    pub(crate) fn new(splats: &'a Splats, rasterization: Rasterization) -> Self {
+        Self { splats, rasterization, seen: vec![SplatPlace::Nowhere; splats.len()], weights: [0.0; 2] }
     }
 
     /// Adds a view; `truth` is its true depth, `[H, W]`, view z in scene units: 0 where it is not
@@ -69,12 +69,12 @@ impl<'a> Floaters<'a> {
     ///
     /// # Panics
     /// If `truth` is not of the camera's size.
-    pub fn add(&mut self, camera: &Camera, truth: &[f32]) {
+    pub(crate) fn add(&mut self, camera: &Camera, truth: &[f32]) {
         let (width, height) = (camera.width as usize, camera.height as usize);
         assert_eq!(truth.len(), width * height, "a truth of the camera's size");
         let splats = self.splats;
-        let look = |index: usize| -> Option<(Seen, [f64; 2])> {
-            if splats.groups[index] == Group::Sky || splats.opacity(index) <= FAINTEST {
+        let look = |index: usize| -> Option<(SplatPlace, [f64; 2])> {
+            if splats.groups[index] == Group::Sky || splats.opacity(index) <= MIN_OPACITY {
                 return None;
             }
             let seen = reference::project(splats, index, camera, self.rasterization, 1.0)?;
@@ -82,17 +82,17 @@ impl<'a> Floaters<'a> {
             if !(x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64) {
                 return None;
             }
-            let nearest = nearest(truth, (width, height), (x as usize, y as usize))?;
+            let nearest = nearest(truth, width, height, x as usize, y as usize)?;
             // A Gaussian's integral, at most the whole picture.
             let [xx, xy, yy] = seen.cov2d;
             let area = std::f64::consts::TAU * (xx * yy - xy * xy).max(0.0).sqrt();
             let weight = seen.opacity * area.min((width * height) as f64);
             let slack = f64::from(SLACK);
             if seen.depth < nearest * (1.0 - slack) {
-                Some((Seen::InFront, [weight, weight]))
+                Some((SplatPlace::InFront, [weight, weight]))
             } else {
                 let is_behind = seen.depth > nearest * (1.0 + slack);
-                Some((Seen::Sound, [0.0, if is_behind { 0.0 } else { weight }]))
+                Some((SplatPlace::Sound, [0.0, if is_behind { 0.0 } else { weight }]))
             }
         };
         let looked: Vec<_> = (0..splats.len()).into_par_iter().map(look).collect();
@@ -107,16 +107,16 @@ impl<'a> Floaters<'a> {
 
     /// Returns the numbers; `None` if no splat is in any view.
     #[must_use]
-    pub fn share(&self) -> Option<FloaterShare> {
-        let count = |least: Seen| self.seen.iter().filter(|seen| **seen >= least).count();
-        let splats = count(Seen::Sound);
+    pub(crate) fn share(&self) -> Option<FloaterShare> {
+        let count = |least: SplatPlace| self.seen.iter().filter(|seen| **seen >= least).count();
+        let splats = count(SplatPlace::Sound);
         let weighted = self.weights[0] / self.weights[1].max(f64::MIN_POSITIVE);
-        (splats > 0).then(|| FloaterShare { splats, floaters: count(Seen::InFront), weighted })
+        (splats > 0).then(|| FloaterShare { splats, floaters: count(SplatPlace::InFront), weighted })
     }
 }
 
 /// The nearest surface about a pixel; `None` if the pixel's own is not known.
-fn nearest(truth: &[f32], (width, height): (usize, usize), (x, y): (usize, usize)) -> Option<f64> {
+fn nearest(truth: &[f32], width: usize, height: usize, x: usize, y: usize) -> Option<f64> {
     let is_known = |depth: f32| depth > 0.0;
     if !is_known(truth[y * width + x]) {
         return None;
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn at_silhouettes_the_nearer_side_counts() {
         let truth = [f32::INFINITY, 4.0, 9.0, 0.0];
-        let at = |x| nearest(&truth, (4, 1), (x, 0));
+        let at = |x| nearest(&truth, 4, 1, x, 0);
         assert_eq!([at(0), at(1), at(2), at(3)], [Some(4.0), Some(4.0), Some(4.0), None]);
     }
 }

@@ -3,7 +3,7 @@
 
 mod affine;
 mod cmmd;
-pub mod coverage;
+mod coverage;
 mod depth;
 mod floaters;
 mod normal;
@@ -11,11 +11,15 @@ mod psnr;
 mod sharpness;
 
 pub use crate::ssim::Ssim;
-pub use affine::fit_exposure;
+pub(crate) use affine::fit_exposure;
 pub use cmmd::{Cmmd, Collection, EmbeddingError, EmbeddingFault, Embeddings};
-pub use coverage::{SurfaceLost, sky_covered, surface_lost};
-pub use depth::{DELTA, DepthErrors, depth_errors};
-pub use floaters::{FAINTEST, FloaterShare, Floaters};
-pub use normal::{NormalErrors, angle, normal_errors};
+pub use coverage::{COVERED, SLACK, SurfaceLost};
+pub(crate) use coverage::{sky_covered, surface_lost};
+pub use depth::DepthErrors;
+pub(crate) use depth::depth_errors;
+pub use floaters::FloaterShare;
+pub(crate) use floaters::Floaters;
+pub(crate) use normal::normal_errors;
+pub use normal::{NormalErrors, angle};
 pub use psnr::psnr;
-pub use sharpness::sharpness;
+pub(crate) use sharpness::sharpness;

@@ -29,7 +29,7 @@ pub fn angle(a: &[f32], b: &[f32]) -> Option<f32> {
 /// # Panics
 /// If the sizes differ.
 #[must_use]
-pub fn normal_errors(normals: &[f32], truth: &[f32]) -> Option<NormalErrors> {
+pub(crate) fn normal_errors(normals: &[f32], truth: &[f32]) -> Option<NormalErrors> {
     assert_eq!(normals.len(), truth.len(), "two maps of one size");
     let (mut angles, mut missing) = (Vec::new(), 0usize);
     for (normal, truth) in normals.chunks_exact(3).zip(truth.chunks_exact(3)) {

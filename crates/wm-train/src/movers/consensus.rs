@@ -1,4 +1,4 @@
-//! The verdict on each pixel of a photo: others that see the same surface show its colour, or
+//! Judges each pixel of a photo: other photos that see the same surface show its colour, or
 //! another.
 
 use super::view::{MoverView, SCALES};
@@ -7,55 +7,55 @@ use rayon::prelude::*;
 use wm_scene::Camera;
 
 /// Most other photos that each is compared with.
-const MOST_OTHERS: usize = 12;
-/// Fewest that must see the surface.
-const FEWEST: usize = 2;
-/// For each that sees the surface, most that see through it.
-const THROUGH: usize = 2;
+const MAX_COMPARED_PHOTOS: usize = 12;
+/// Fewest other photos that must see the surface.
+const MIN_SEEING_PHOTOS: usize = 2;
+/// Largest ratio of photos that see through the surface to those that see it.
+const MAX_THROUGH_RATIO: usize = 2;
 /// Largest relative difference of the inverse depths of one surface: filled depth is no better.
-const DEPTH: f32 = 0.08;
-/// Parallax that depth may be wrong by, px of the search.
-const PARALLAX: f32 = 1.0;
+const DEPTH_TOLERANCE: f32 = 0.08;
+/// Tolerated parallax error of depth, px of the search.
+const PARALLAX_TOLERANCE_PX: f32 = 1.0;
 /// Largest difference of the scales at which photos are compared, halvings.
-const FARTHEST_SCALE: f32 = 2.3;
+const MAX_SCALE_HALVINGS: f32 = 2.3;
 /// Side of the cells in which depths of other photos are gathered, px.
-const CELL: usize = 2;
+const CELL_PX: usize = 2;
 /// Relative width of the depths of one surface in a cell.
-const CLUSTER: f32 = 0.06;
+const CLUSTER_TOLERANCE: f32 = 0.06;
 /// Share of the pixels about one that stereo must know for it to stand still.
-const MATCHED: f32 = 0.04;
+const MIN_MATCHED_SHARE: f32 = 0.04;
 /// The weight of the other photos' spread.
-const SPREAD: f32 = 0.7;
+const SPREAD_WEIGHT: f32 = 0.7;
 /// Difference of colour beyond texture and spread up to which a pixel agrees.
-const AGREES: f32 = 0.06;
-/// Difference and spread up to which it surely does.
-const SURELY_AGREES: [f32; 2] = [0.01, 0.03];
+const MAX_AGREEING_DIFFERENCE: f32 = 0.06;
+/// Difference and spread up to which a pixel certainly agrees.
+const MAX_STILL_DIFFERENCES: [f32; 2] = [0.01, 0.03];
 
 /// The verdict on a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PixelVerdict {
+pub(crate) enum PixelVerdict {
     /// Too few others see the surface.
     Unknown,
     /// The others show about what the photo shows, which a mover of the same colour would too.
     Agrees,
     /// The others show what the photo shows.
     Still,
-    /// They show something else: the photo is brighter by so much, or darker where it is below 0.
+    /// The others show something else: the photo is brighter by this much, or darker if negative.
     Differs(f32),
 }
 
 /// Another photo that a photo is compared with.
-struct Other {
+struct ComparedPhoto {
     index: usize,
     there: PhotoWarp,
     back: PhotoWarp,
-    /// Logarithm (base 2) of the ratio of the focal lengths, theirs to the photo's.
+    /// Base-2 logarithm of the ratio of the other focal length to the photo's.
     focal: f32,
     /// A change of inverse depth that is a parallax of one pixel.
     pixel: f32,
 }
 
-impl Other {
+impl ComparedPhoto {
     fn new(index: usize, own: &Camera, theirs: &Camera) -> Self {
         let baseline = own.center().distance(theirs.center()).max(1e-9);
         Self {
@@ -67,7 +67,7 @@ impl Other {
         }
     }
 
-    /// Halvings by which a surface is larger in the other photo.
+    /// Returns by how many doublings a surface is larger in the other photo.
     #[inline]
     fn scale(&self, disparity: f32, theirs: f32) -> f32 {
         if disparity > 0.0 { (theirs / disparity).log2() + self.focal } else { self.focal }
@@ -77,103 +77,104 @@ impl Other {
 /// The evidence of other photos about a pixel at one depth.
 #[derive(Clone, Copy, Debug, Default)]
 struct Opinion {
-    /// The number of those that see the surface, and that see through it.
+    /// The number of photos that see the surface, and that see through it.
     seen: usize,
     through: usize,
     /// Median difference beyond texture, and spread of the others.
     off: f32,
     spread: f32,
-    /// The sum of the differences, below 0 where the photo is darker.
+    /// The sum of the signed differences; negative where the photo is darker.
     signed: f32,
 }
 
 /// Judges the pixels of photos.
-pub struct Judge<'a> {
+pub(crate) struct Judge<'a> {
     views: &'a [MoverView],
-    others: Vec<Vec<Other>>,
-    /// Of each photo, see [`gathered`].
+    others: Vec<Vec<ComparedPhoto>>,
+    /// The inverse depths in the cells of each photo; see [`gathered`].
     cells: Vec<Vec<[f32; 2]>>,
 }
 
 impl<'a> Judge<'a> {
-    /// Chooses for each photo those that it is compared with.
-    pub fn new(views: &'a [MoverView]) -> Self {
-        let others: Vec<Vec<Other>> =
+    /// Chooses the photos with which each is compared.
+    pub(crate) fn new(views: &'a [MoverView]) -> Self {
+        let others: Vec<Vec<ComparedPhoto>> =
             (0..views.len()).into_par_iter().map(|index| choose(views, index)).collect();
         let cells =
             others.par_iter().zip(views).map(|(others, view)| gathered(views, view, others)).collect();
         Self { views, others, cells }
     }
 
-    /// The verdicts on the pixels of a photo, `[H, W]`; pixels in `masks`, of all photos, say
-    /// nothing about others. Empty masks hold none.
-    pub fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<PixelVerdict> {
+    /// Returns the verdicts on the pixels of a photo, `[H, W]`. Pixels in `masks` (one per photo,
+    /// or empty) are no evidence about other photos.
+    pub(crate) fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<PixelVerdict> {
         let view = &self.views[index];
         let (width, height) = view.size();
-        let columns = width.div_ceil(CELL);
+        let columns = width.div_ceil(CELL_PX);
         let verdict = |pixel: usize| {
-            if view.matched[pixel] > MATCHED {
+            if view.matched[pixel] > MIN_MATCHED_SHARE {
                 return PixelVerdict::Still;
             }
             let (x, y) = (pixel % width, pixel / width);
-            let [first, second] = self.cells[index][y / CELL * columns + x / CELL];
+            let [first, second] = self.cells[index][y / CELL_PX * columns + x / CELL_PX];
             self.pixel(index, (x, y), [view.disparity[pixel], first, second], masks)
         };
         (0..width * height).map(verdict).collect()
     }
 
-    /// The verdict on a pixel at that of some inverse depths, NaN for none, at which most others
-    /// see a surface.
+    /// Returns the verdict on a pixel, at the one of `depths` (inverse, NaN for none) at which
+    /// most others see a surface.
     fn pixel(&self, index: usize, at: (usize, usize), depths: [f32; 3], masks: &[Vec<bool>]) -> PixelVerdict {
         let mut best = Opinion::default();
         for disparity in depths.into_iter().filter(|disparity| !disparity.is_nan()) {
-            let opinion = self.opinion(index, at, disparity, masks);
-            if opinion.seen > best.seen && opinion.through <= THROUGH * opinion.seen {
+            let opinion = self.opinion(index, at.0, at.1, disparity, masks);
+            if opinion.seen > best.seen && opinion.through <= MAX_THROUGH_RATIO * opinion.seen {
                 best = opinion;
             }
         }
         let Opinion { seen, off, spread, signed, .. } = best;
-        match off - SPREAD * spread {
-            _ if seen < FEWEST => PixelVerdict::Unknown,
-            beyond if beyond > AGREES => PixelVerdict::Differs(beyond.copysign(signed)),
-            _ if off <= SURELY_AGREES[0] && spread <= SURELY_AGREES[1] => PixelVerdict::Still,
+        match off - SPREAD_WEIGHT * spread {
+            _ if seen < MIN_SEEING_PHOTOS => PixelVerdict::Unknown,
+            beyond if beyond > MAX_AGREEING_DIFFERENCE => PixelVerdict::Differs(beyond.copysign(signed)),
+            _ if off <= MAX_STILL_DIFFERENCES[0] && spread <= MAX_STILL_DIFFERENCES[1] => PixelVerdict::Still,
             _ => PixelVerdict::Agrees,
         }
     }
 
-    /// The others' opinion of a pixel at an inverse depth.
+    /// Collects the evidence of the other photos about a pixel at an inverse depth.
     fn opinion(
         &self,
         index: usize,
-        (column, row): (usize, usize),
+        column: usize,
+        row: usize,
         disparity: f32,
         masks: &[Vec<bool>],
     ) -> Opinion {
         let view = &self.views[index];
         let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
         let mut opinion = Opinion::default();
-        let mut offs = [0.0f32; MOST_OTHERS];
-        let mut colors = [[0.0f32; 3]; MOST_OTHERS];
+        let mut offs = [0.0f32; MAX_COMPARED_PHOTOS];
+        let mut colors = [[0.0f32; 3]; MAX_COMPARED_PHOTOS];
         for other in &self.others[index] {
             let there = &self.views[other.index];
             let Some((u, v, theirs)) = inside(there, other.there.point(x, y, disparity)) else { continue };
             let pixel = v as usize * there.size().0 + u as usize;
             let known = there.disparity[pixel];
-            let tolerance = (DEPTH * theirs.max(known)).max(PARALLAX * other.pixel);
+            let tolerance = (DEPTH_TOLERANCE * theirs.max(known)).max(PARALLAX_TOLERANCE_PX * other.pixel);
             if known < theirs - tolerance {
                 opinion.through += 1;
             }
             let is_seen = (known - theirs).abs() <= tolerance;
             let scale = other.scale(disparity, theirs);
             let says_nothing = masks[other.index].get(pixel) == Some(&true);
-            if !is_seen || says_nothing || scale.abs() > FARTHEST_SCALE {
+            if !is_seen || says_nothing || scale.abs() > MAX_SCALE_HALVINGS {
                 continue;
             }
             let halvings = (scale.abs().round() as usize).min(SCALES - 1);
             let (mine, other_scale) = if scale < 0.0 { (halvings, 0) } else { (0, halvings) };
-            let color = view.scales[mine].mean[view.scales[mine].pixel((x, y), mine)];
+            let color = view.scales[mine].mean[view.scales[mine].pixel(x, y, mine)];
             let scale = &there.scales[other_scale];
-            let place = scale.pixel((u, v), other_scale);
+            let place = scale.pixel(u, v, other_scale);
             let [low, high] = scale.range[place];
             let off = |c: usize| (low[c] - color[c]).max(color[c] - high[c]).max(0.0);
             offs[opinion.seen] = off(0).max(off(1)).max(off(2));
@@ -182,7 +183,7 @@ impl<'a> Judge<'a> {
             opinion.seen += 1;
         }
         let seen = opinion.seen;
-        if seen >= FEWEST {
+        if seen >= MIN_SEEING_PHOTOS {
             opinion.off = median(&mut offs[..seen]);
             opinion.spread = spread(&colors[..seen]);
         }
@@ -190,18 +191,18 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// The point if it is inside a photo.
+/// Returns the point if it is inside a photo.
 #[inline]
 fn inside(view: &MoverView, point: Option<(f32, f32, f32)>) -> Option<(f32, f32, f32)> {
     let (width, height) = view.size();
     point.filter(|(u, v, _)| *u >= 1.0 && *v >= 1.0 && *u < width as f32 - 1.0 && *v < height as f32 - 1.0)
 }
 
-/// Inverse depths in each cell of a photo as others see it: the two on which most agree, NaN where
-/// there are none.
-fn gathered(views: &[MoverView], view: &MoverView, others: &[Other]) -> Vec<[f32; 2]> {
+/// Returns two inverse depths for each cell of a photo, those on which most other photos agree;
+/// NaN where there are none.
+fn gathered(views: &[MoverView], view: &MoverView, others: &[ComparedPhoto]) -> Vec<[f32; 2]> {
     let (width, height) = view.size();
-    let columns = width.div_ceil(CELL);
+    let columns = width.div_ceil(CELL_PX);
     let mut found: Vec<(u32, f32, u32)> = Vec::new();
     for (number, other) in others.iter().enumerate() {
         let there = &views[other.index];
@@ -210,24 +211,24 @@ fn gathered(views: &[MoverView], view: &MoverView, others: &[Other]) -> Vec<[f32
             let (x, y) = ((pixel % wide) as f32 + 0.5, (pixel / wide) as f32 + 0.5);
             let Some((u, v, own)) = other.back.point(x, y, *disparity) else { continue };
             if u >= 0.0 && v >= 0.0 && u < width as f32 && v < height as f32 {
-                let cell = v as usize / CELL * columns + u as usize / CELL;
+                let cell = v as usize / CELL_PX * columns + u as usize / CELL_PX;
                 found.push((cell as u32, own, number as u32));
             }
         }
     }
     found.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-    let mut cells = vec![[f32::NAN; 2]; columns * height.div_ceil(CELL)];
+    let mut cells = vec![[f32::NAN; 2]; columns * height.div_ceil(CELL_PX)];
     for cell in found.chunk_by(|a, b| a.0 == b.0) {
         cells[cell[0].0 as usize] = clusters(cell);
     }
     cells
 }
 
-/// The two inverse depths on which most of the others agree, of entries with ascending inverse
+/// Returns the two inverse depths on which most of the others agree; entries are sorted by inverse
 /// depth.
 fn clusters(cell: &[(u32, f32, u32)]) -> [f32; 2] {
     let mut best: [(u32, f32); 2] = [(0, f32::NAN); 2];
-    let width = |disparity: f32| CLUSTER * disparity + 1e-9;
+    let width = |disparity: f32| CLUSTER_TOLERANCE * disparity + 1e-9;
     let mut last = 0;
     for first in 0..cell.len() {
         while last < cell.len() && cell[last].1 - cell[first].1 <= width(cell[first].1) {
@@ -253,9 +254,9 @@ fn median(values: &mut [f32]) -> f32 {
     values[values.len() / 2]
 }
 
-/// The median deviation of a channel from its median, of that where it is largest.
+/// Returns the median absolute deviation of the channel in which it is largest.
 fn spread(colors: &[[f32; 3]]) -> f32 {
-    let mut values = [0.0f32; MOST_OTHERS];
+    let mut values = [0.0f32; MAX_COMPARED_PHOTOS];
     let values = &mut values[..colors.len()];
     let mut of = |c: usize| {
         values.iter_mut().zip(colors).for_each(|(value, color)| *value = color[c]);
@@ -266,32 +267,32 @@ fn spread(colors: &[[f32; 3]]) -> f32 {
     of(0).max(of(1)).max(of(2))
 }
 
-/// The photos that see most of what a photo sees, at a scale that can be compared.
-fn choose(views: &[MoverView], index: usize) -> Vec<Other> {
+/// Returns the photos that share most of the view of a photo, at a comparable scale.
+fn choose(views: &[MoverView], index: usize) -> Vec<ComparedPhoto> {
     const GRID: usize = 16;
     let view = &views[index];
     let (width, height) = view.size();
     let middle = |cell: usize, pixels: usize| (2 * cell + 1) * pixels / (2 * GRID);
     let mut scored = Vec::new();
     for to in (0..views.len()).filter(|to| *to != index) {
-        let other = Other::new(to, &view.camera, &views[to].camera);
+        let other = ComparedPhoto::new(to, &view.camera, &views[to].camera);
         let is_seen = |cell: &usize| {
             let (x, y) = (middle(cell % GRID, width), middle(cell / GRID, height));
             let disparity = view.disparity[y * width + x];
             let point = other.there.point(x as f32 + 0.5, y as f32 + 0.5, disparity);
-            // NaN is nowhere.
+            // Comparisons with NaN are false.
             inside(&views[to], point)
-                .is_some_and(|(_, _, theirs)| other.scale(disparity, theirs).abs() <= FARTHEST_SCALE)
+                .is_some_and(|(_, _, theirs)| other.scale(disparity, theirs).abs() <= MAX_SCALE_HALVINGS)
         };
         let score = (0..GRID * GRID).filter(is_seen).count();
         if score > 0 {
             scored.push((score, other));
         }
     }
-    let nearest = |other: &Other| other.index.abs_diff(index);
+    let nearest = |other: &ComparedPhoto| other.index.abs_diff(index);
     scored.sort_by(|(a, one), (b, two)| {
         b.cmp(a).then(nearest(one).cmp(&nearest(two))).then(one.index.cmp(&two.index))
     });
-    scored.truncate(MOST_OTHERS);
+    scored.truncate(MAX_COMPARED_PHOTOS);
     scored.into_iter().map(|(_, other)| other).collect()
 }

@@ -1,12 +1,12 @@
 //! Movers: people, cars and other things that were somewhere else when the next photo was taken.
 //!
-//! No network knows them here, and no residual of a training that is half done. They are found
-//! before a training, by disagreement. Stereo knows the depth of what stands still: what moves
-//! finds no partner in other photos. Its depth, filled in over the gaps, is therefore the scene
-//! behind the movers. By it each pixel of a photo is carried over into the others, and where
-//! several of these see the same surface and agree on its colour, but the photo does not, the photo
-//! shows something else. A pixel near which stereo found partners of its colour stands still. What
-//! differs here in one direction and beside it in the other is texture that is out of place.
+//! Movers are found before a training, without a network, by disagreement between photos. Stereo
+//! finds the depth of static surfaces only: movers have no match in other photos. Stereo depth,
+//! interpolated over the gaps, is therefore that of the scene behind the movers. With it each
+//! pixel of a photo is projected into the others. Where several of these see the same surface and
+//! agree on its colour, but the photo does not, the photo shows a mover. A pixel is static if
+//! stereo found matches of its colour nearby. Differences that change sign within a few pixels are
+//! misregistered texture.
 //!
 //! - [`view`]: photos at the size of the search, with the filled depth and what misregistration may
 //!   do to colours.
@@ -14,60 +14,60 @@
 //! - [`shape`]: masks from verdicts.
 //! - [`sheet`]: the picture of the masks.
 
-pub mod consensus;
-pub mod shape;
-pub mod sheet;
+pub(crate) mod consensus;
+pub(crate) mod shape;
+pub(crate) mod sheet;
 #[cfg(test)]
 mod tests;
-pub mod view;
+pub(crate) mod view;
 
-pub use view::MoverView;
+pub(crate) use view::MoverView;
 
 use consensus::{Judge, PixelVerdict};
 use rayon::prelude::*;
 use wm_scene::Camera;
 
 /// Most pixels of a photo in the search; sides are halved until it has no more.
-const PIXELS: u32 = 100_000;
+const MAX_PIXELS: u32 = 100_000;
 /// Shortest side of a photo that is still halved, px.
-const SHORTEST: u32 = 128;
-/// Fewest photos of which each can be compared with others.
-const FEWEST: usize = 5;
-/// Rounds; from the second on, movers that were found say nothing about other photos.
+const MIN_HALVED_SIDE_PX: u32 = 128;
+/// Fewest photos for a search.
+const MIN_PHOTOS: usize = 5;
+/// Rounds; from the second on, movers that were found are no evidence about other photos.
 const ROUNDS: usize = 3;
-/// Share of the pixels of the median photo that stereo must know, or what is between is too
-/// doubtful.
-const LEAST_MEDIAN: f32 = 0.12;
-/// Share of the median photo's pixels that stereo must know of a photo, or its depth is too
-/// doubtful to judge by.
-const LEAST_KNOWN: f32 = 0.4;
-/// Least share of the pixels about which photos agree, for masks to be believed.
-const LEAST_JUDGED: f64 = 0.25;
-/// Shares of the pixels up to which masks are as likely errors, and from which they cannot be true.
-const LEAST: f64 = 0.0075;
-const MOST: f64 = 0.4;
+/// Least share of known stereo depth in the median photo: interpolation over larger gaps is
+/// unreliable.
+const MIN_MEDIAN_KNOWN: f32 = 0.12;
+/// Least ratio of a photo's known stereo depth to that of the median photo, for the photo to be
+/// judged.
+const MIN_KNOWN_RATIO: f32 = 0.4;
+/// Least share of pixels with a verdict, for masks to be used.
+const MIN_JUDGED_SHARE: f64 = 0.25;
+/// Range of the share of moving pixels: below it masks are likely errors, above it they are wrong.
+const MIN_MOVING_SHARE: f64 = 0.0075;
+const MAX_MOVING_SHARE: f64 = 0.4;
 
 /// The pixels of a photo that show movers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct MoverMask {
+pub(crate) struct MoverMask {
     /// Width, px; the mask is over the whole photo, which may be larger.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Height, px.
-    pub height: u32,
+    pub(crate) height: u32,
     /// True where there are movers, `[H, W]`; empty if there are none.
-    pub moves: Vec<bool>,
+    pub(crate) moves: Vec<bool>,
 }
 
 impl MoverMask {
     /// Returns true if no pixel shows a mover.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         !self.moves.contains(&true)
     }
 
-    /// The indices of the pixels of a photo of this size that show movers.
+    /// Returns the indices of the pixels that show movers, in a photo of this size.
     #[must_use]
-    pub fn pixels(&self, width: u32, height: u32) -> Vec<usize> {
+    pub(crate) fn pixels(&self, width: u32, height: u32) -> Vec<usize> {
         if self.is_empty() {
             return Vec::new();
         }
@@ -99,17 +99,17 @@ pub enum MoverOutcome {
     None,
     /// Too few pixels are seen by several photos: this share.
     TooFewJudged(f64),
-    /// More was found than can be true: this share.
+    /// An implausibly large share was found: this one.
     TooMany(f64),
 }
 
 /// Returns how often the sides of photos are halved for the search.
 #[must_use]
-pub fn level(cameras: &[Camera]) -> u8 {
+pub(crate) fn level(cameras: &[Camera]) -> u8 {
     let is_enough = |level: &u8| {
-        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= PIXELS;
+        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= MAX_PIXELS;
         let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min().unwrap_or(0);
-        cameras.iter().all(fits) || shortest < SHORTEST
+        cameras.iter().all(fits) || shortest < MIN_HALVED_SIDE_PX
     };
     (0..8).find(is_enough).unwrap_or(0)
 }
@@ -118,17 +118,17 @@ pub fn level(cameras: &[Camera]) -> u8 {
 ///
 /// The result does not depend on the number of threads.
 #[must_use]
-pub fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
-    if views.len() < FEWEST {
+pub(crate) fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
+    if views.len() < MIN_PHOTOS {
         return (MoverOutcome::TooFewJudged(0.0), Vec::new());
     }
     let mut known: Vec<f32> = views.iter().map(|view| view.known).collect();
     known.sort_by(f32::total_cmp);
     let median = known[known.len() / 2];
-    if median < LEAST_MEDIAN {
+    if median < MIN_MEDIAN_KNOWN {
         return (MoverOutcome::TooFewJudged(f64::from(median)), Vec::new());
     }
-    let least = LEAST_KNOWN * median;
+    let least = MIN_KNOWN_RATIO * median;
     let pixels: usize = views.iter().map(|view| view.matched.len()).sum();
     let share = |count: usize| count as f64 / pixels.max(1) as f64;
     let judge = Judge::new(views);
@@ -154,9 +154,9 @@ pub fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
     let masks: Vec<MoverMask> = views.iter().zip(masks).map(mask).collect();
     let moving = share(masks.iter().flat_map(|mask| &mask.moves).filter(|moves| **moves).count());
     let outcome = match () {
-        () if judged < LEAST_JUDGED => MoverOutcome::TooFewJudged(judged),
-        () if moving > MOST => MoverOutcome::TooMany(moving),
-        () if moving <= LEAST => MoverOutcome::None,
+        () if judged < MIN_JUDGED_SHARE => MoverOutcome::TooFewJudged(judged),
+        () if moving > MAX_MOVING_SHARE => MoverOutcome::TooMany(moving),
+        () if moving <= MIN_MOVING_SHARE => MoverOutcome::None,
         () => {
             let photos = masks.iter().filter(|mask| !mask.is_empty()).count();
             return (MoverOutcome::Found { photos, share: moving }, masks);

@@ -7,39 +7,41 @@ use std::io::{self, Write};
 /// The name of the picture in the run folder.
 pub const FILE: &str = "movers.png";
 /// Most photos in the picture.
-pub const MOST: usize = 24;
+pub(crate) const MAX_PHOTOS: usize = 24;
 /// Photos side by side, and the width of each, px.
 const COLUMNS: usize = 4;
-const WIDTH: usize = 320;
+const PHOTO_WIDTH_PX: usize = 320;
 /// The colour of movers, and its weight.
-const RED: [u32; 3] = [230, 20, 20];
-const WEIGHT: u32 = 3;
+const MOVER_COLOR: [u32; 3] = [230, 20, 20];
+const MOVER_WEIGHT: u32 = 3;
 
 /// Writes photos with their masks as a PNG; nothing if there are none.
 ///
 /// # Errors
 /// Those of `out`.
-pub fn write(photos: &[(&Photo, &MoverMask)], out: &mut dyn Write) -> io::Result<()> {
+pub(crate) fn write(photos: &[(&Photo, &MoverMask)], out: &mut dyn Write) -> io::Result<()> {
     let Some((first, _)) = photos.first() else { return Ok(()) };
-    let height = (WIDTH * first.height as usize / first.width as usize).max(1);
+    let height = (PHOTO_WIDTH_PX * first.height as usize / first.width as usize).max(1);
     let (columns, rows) = (photos.len().min(COLUMNS), photos.len().div_ceil(COLUMNS));
-    let mut rgb = vec![0u8; 3 * columns * WIDTH * rows * height];
+    let mut rgb = vec![0u8; 3 * columns * PHOTO_WIDTH_PX * rows * height];
     for (number, (photo, mask)) in photos.iter().enumerate() {
-        let corner = number / COLUMNS * height * columns * WIDTH + number % COLUMNS * WIDTH;
-        let place = |pixel: usize| 3 * (corner + pixel / WIDTH * columns * WIDTH + pixel % WIDTH);
-        for pixel in 0..WIDTH * height {
-            let x = pixel % WIDTH * photo.width as usize / WIDTH;
-            let y = pixel / WIDTH * photo.height as usize / height;
+        let corner = number / COLUMNS * height * columns * PHOTO_WIDTH_PX + number % COLUMNS * PHOTO_WIDTH_PX;
+        let place = |pixel: usize| {
+            3 * (corner + pixel / PHOTO_WIDTH_PX * columns * PHOTO_WIDTH_PX + pixel % PHOTO_WIDTH_PX)
+        };
+        for pixel in 0..PHOTO_WIDTH_PX * height {
+            let x = pixel % PHOTO_WIDTH_PX * photo.width as usize / PHOTO_WIDTH_PX;
+            let y = pixel / PHOTO_WIDTH_PX * photo.height as usize / height;
             let from = 3 * (y * photo.width as usize + x);
             rgb[place(pixel)..][..3].copy_from_slice(&photo.rgb[from..from + 3]);
         }
-        for pixel in mask.pixels(WIDTH as u32, height as u32) {
-            for (value, red) in rgb[place(pixel)..][..3].iter_mut().zip(RED) {
-                *value = ((u32::from(*value) + WEIGHT * red) / (1 + WEIGHT)) as u8;
+        for pixel in mask.pixels(PHOTO_WIDTH_PX as u32, height as u32) {
+            for (value, red) in rgb[place(pixel)..][..3].iter_mut().zip(MOVER_COLOR) {
+                *value = ((u32::from(*value) + MOVER_WEIGHT * red) / (1 + MOVER_WEIGHT)) as u8;
             }
         }
     }
-    let mut encoder = png::Encoder::new(out, (columns * WIDTH) as u32, (rows * height) as u32);
+    let mut encoder = png::Encoder::new(out, (columns * PHOTO_WIDTH_PX) as u32, (rows * height) as u32);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     let mut writer = encoder.write_header().map_err(io::Error::other)?;

@@ -1,54 +1,54 @@
-//! Photos at the size of the search: the scene's depth, and colours at several scales, each with
-//! the range of those beside it.
+//! Photos at the size of the search: the scene's depth, and colours at several scales with the
+//! range of their neighbours.
 
 use super::shape::shares;
 use wm_scene::Camera;
 
-/// Scales: photos that see a place from afar are compared at theirs.
-pub const SCALES: usize = 4;
-/// Radius of the square in which a pixel's partners in other photos are counted, px.
-const BESIDE: usize = 4;
-/// Radius of that in which there must be none for a mover to reach a pixel by its colour alone.
-const AROUND: usize = 6;
-/// Largest difference of the colours of one surface: the background beside a leg says nothing about
-/// the leg.
-const SAME: f32 = 0.2;
-/// Share of the pixels about one that stereo must know for its own depth to be believed: strays do
-/// not count.
-const DENSE: f32 = 0.04;
+/// Number of scales: photos are compared at the scale of the more distant one.
+pub(crate) const SCALES: usize = 4;
+/// Radius of the window in which matches of stereo are counted, px.
+const NEAR_RADIUS_PX: usize = 4;
+/// Radius of the wider window, px, which must be without matches for a mover to grow over a pixel.
+const FAR_RADIUS_PX: usize = 6;
+/// Largest difference of colours of one surface: matches of the background beside a leg do not
+/// count for the leg.
+const SAME_SURFACE_DIFFERENCE: f32 = 0.2;
+/// Least share of known stereo depth around a pixel for its own depth to count: outliers are
+/// isolated.
+const MIN_KNOWN_SHARE: f32 = 0.04;
 
-/// Half the width of the rows and columns in which a gap has to have known depth on both sides, px.
-const BAND: usize = 3;
+/// Half the width of the bands in which a gap must have known depth on both sides, px.
+const HALF_BAND_PX: usize = 3;
 
 /// One scale of a photo.
 #[derive(Clone, Debug, Default)]
-pub struct Scale {
+pub(crate) struct Scale {
     /// Width, px.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Height, px.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Mean colour of each pixel.
-    pub mean: Vec<[f32; 3]>,
-    /// Least and largest colours of the pixel and those beside it: the choice that an error of a
-    /// pixel leaves.
-    pub range: Vec<[[f32; 3]; 2]>,
+    pub(crate) mean: Vec<[f32; 3]>,
+    /// Least and largest colours in the 3x3 window of each pixel: the range within an error of one
+    /// pixel.
+    pub(crate) range: Vec<[[f32; 3]; 2]>,
 }
 
-/// A photo as the search sees it.
+/// A photo at the size of the search.
 #[derive(Clone, Debug)]
-pub struct MoverView {
+pub(crate) struct MoverView {
     /// The camera at this size.
-    pub camera: Camera,
+    pub(crate) camera: Camera,
     /// Inverse view z of the scene, 1 / scene unit; 0 in the sky, NaN outside of what is known.
-    pub disparity: Vec<f32>,
-    /// Share of the pixels beside each that stereo found in other photos and that have its colour.
-    pub matched: Vec<f32>,
-    /// The same farther around.
-    pub around: Vec<f32>,
-    /// Share of all pixels that stereo found.
-    pub known: f32,
+    pub(crate) disparity: Vec<f32>,
+    /// Share of the pixels near each one that stereo matched and that have its colour.
+    pub(crate) matched: Vec<f32>,
+    /// The share in the wider window.
+    pub(crate) around: Vec<f32>,
+    /// Share of all pixels that stereo matched.
+    pub(crate) known: f32,
     /// From fine to coarse, each half as wide.
-    pub scales: Vec<Scale>,
+    pub(crate) scales: Vec<Scale>,
 }
 
 impl MoverView {
@@ -58,7 +58,7 @@ impl MoverView {
     /// # Panics
     /// If the arrays have not the size of the camera.
     #[must_use]
-    pub fn new(camera: Camera, colors: &[[f32; 3]], stereo: &[f32]) -> Self {
+    pub(crate) fn new(camera: Camera, colors: &[[f32; 3]], stereo: &[f32]) -> Self {
         let (width, height) = (camera.width as usize, camera.height as usize);
         assert!(
             colors.len() == width * height && stereo.len() == colors.len(),
@@ -71,10 +71,10 @@ impl MoverView {
         }
         let matches: Vec<bool> = stereo.iter().map(|disparity| *disparity > 0.0).collect();
         let alike = |radius: usize| shares_alike(&matches, &scales[0].mean, width, radius);
-        let (mut matched, mut around) = (alike(BESIDE), alike(AROUND));
-        let dense = shares(&matches, width, BESIDE);
+        let (mut matched, mut around) = (alike(NEAR_RADIUS_PX), alike(FAR_RADIUS_PX));
+        let dense = shares(&matches, width, NEAR_RADIUS_PX);
         let known = matches.iter().filter(|known| **known).count() as f32 / matches.len() as f32;
-        let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < DENSE;
+        let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < MIN_KNOWN_SHARE;
         let believed = stereo.iter().zip(&dense).map(|pair| if is_stray(pair) { f32::NAN } else { *pair.0 });
         let disparity = filled(&believed.collect::<Vec<f32>>(), width);
         // Clouds and the glow of the sky differ between photos, and nothing is behind them.
@@ -84,9 +84,9 @@ impl MoverView {
         Self { camera, disparity, matched, around, known, scales }
     }
 
-    /// Columns and rows.
+    /// Returns width and height, px.
     #[must_use]
-    pub fn size(&self) -> (usize, usize) {
+    pub(crate) fn size(&self) -> (usize, usize) {
         (self.scales[0].width, self.scales[0].height)
     }
 }
@@ -111,7 +111,7 @@ impl Scale {
         Self { width, height, mean, range }
     }
 
-    /// Means of two by two pixels; what is left over is cut off, but never everything.
+    /// Returns the means of 2x2 blocks; an odd last row or column is cut off.
     fn halved(&self) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
         let mean = |pixel: usize| {
@@ -125,16 +125,16 @@ impl Scale {
         Self::new(width, height, mean)
     }
 
-    /// The pixel in which a point of the finest scale lies.
+    /// Returns the index of the pixel that contains a point of the finest scale.
     #[inline]
-    pub fn pixel(&self, (x, y): (f32, f32), scale: usize) -> usize {
+    pub(crate) fn pixel(&self, x: f32, y: f32, scale: usize) -> usize {
         let by = 1.0 / (1u32 << scale) as f32;
         let (x, y) = ((x * by) as usize, (y * by) as usize);
         y.min(self.height - 1) * self.width + x.min(self.width - 1)
     }
 }
 
-/// Weighted means of three by three pixels: noise of a sensor is no difference.
+/// Smooths with a 3x3 binomial filter, so that sensor noise makes no difference.
 fn smoothed(colors: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
     let height = colors.len() / width;
     let mean = |before: [f32; 3], here: [f32; 3], after: [f32; 3]| {
@@ -155,7 +155,8 @@ fn smoothed(colors: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
     (0..colors.len()).map(down).collect()
 }
 
-/// The share of the pixels in the square of `radius` about each that are set and have its colour.
+/// Returns the share of pixels in the window of `radius` about each pixel that are set and have
+/// its colour.
 fn shares_alike(of: &[bool], colors: &[[f32; 3]], width: usize, radius: usize) -> Vec<f32> {
     let height = of.len() / width;
     let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);
@@ -163,24 +164,24 @@ fn shares_alike(of: &[bool], colors: &[[f32; 3]], width: usize, radius: usize) -
         let (columns, rows) = (near(pixel % width, width), near(pixel / width, height));
         let area = columns.len() * rows.len();
         let own = colors[pixel];
-        let is_alike =
-            |other: &usize| of[*other] && (0..3).all(|c| (colors[*other][c] - own[c]).abs() <= SAME);
+        let is_alike = |other: &usize| {
+            of[*other] && (0..3).all(|c| (colors[*other][c] - own[c]).abs() <= SAME_SURFACE_DIFFERENCE)
+        };
         let in_row = |y: usize| (y * width + columns.start..y * width + columns.end).filter(is_alike).count();
         rows.map(in_row).sum::<usize>() as f32 / area as f32
     };
     (0..of.len()).map(share).collect()
 }
 
-/// One scale of inverse depths that are being filled: each with its weight, 0 or 1 where it is not
-/// known or known.
+/// One scale of inverse depths during interpolation; the weight of each is 1 if known, else 0.
 struct Layer {
     width: usize,
     height: usize,
     cells: Vec<(f32, f32)>,
 }
 
-/// Fills what is not known (NaN) from what is known around it, near before far. The inverse depth
-/// of a plane is linear in the picture, so that walls and roads stay nearly flat.
+/// Interpolates unknown values (NaN) from known ones around them, near ones first. The inverse
+/// depth of a plane is linear over the image, so walls and roads stay nearly flat.
 fn filled(known: &[f32], width: usize) -> Vec<f32> {
     let cell = |disparity: &f32| if disparity.is_nan() { (0.0, 0.0) } else { (*disparity, 1.0) };
     let cells: Vec<(f32, f32)> = known.iter().map(cell).collect();
@@ -202,11 +203,11 @@ fn filled(known: &[f32], width: usize) -> Vec<f32> {
     layers[0].cells.iter().zip(is_between).map(value).collect()
 }
 
-/// The pixels that have known depth to the left and to the right, and above and below: beyond its
-/// border the scene may go on in any way.
+/// Returns the pixels with known depth to the left and right, and above and below: depth is
+/// interpolated, not extrapolated.
 fn enclosed(known: &[f32], width: usize) -> Vec<bool> {
     let height = known.len() / width;
-    // The first and the last that is known in each row, and in each column.
+    // The first and last known pixel of each row and column.
     let mut rows = vec![(usize::MAX, 0); height];
     let mut columns = vec![(usize::MAX, 0); width];
     for pixel in (0..known.len()).filter(|pixel| !known[*pixel].is_nan()) {
@@ -215,7 +216,8 @@ fn enclosed(known: &[f32], width: usize) -> Vec<bool> {
         columns[x] = (columns[x].0.min(y), columns[x].1.max(y));
     }
     let widened = |ends: &[(usize, usize)]| -> Vec<(usize, usize)> {
-        let band = |at: usize| &ends[at.saturating_sub(BAND)..(at + BAND + 1).min(ends.len())];
+        let band =
+            |at: usize| &ends[at.saturating_sub(HALF_BAND_PX)..(at + HALF_BAND_PX + 1).min(ends.len())];
         let both = |a: (usize, usize), b: &(usize, usize)| (a.0.min(b.0), a.1.max(b.1));
         (0..ends.len()).map(|at| band(at).iter().fold((usize::MAX, 0), both)).collect()
     };

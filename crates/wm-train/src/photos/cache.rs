@@ -41,23 +41,24 @@ struct Claim<'a, K: Copy + Eq + Hash, T> {
 }
 
 impl<K: Copy + Eq + Hash, T: Weigh> Cache<K, T> {
-    pub fn new(budget: usize) -> Self {
+    pub(crate) fn new(budget: usize) -> Self {
         let state = State { slots: HashMap::new(), uses: BTreeMap::new(), clock: 0, bytes: 0 };
         Self { state: Mutex::new(state), changed: Condvar::new(), budget }
     }
 
     /// The thing of `key`, if it is there; it counts as used.
-    pub fn peek(&self, key: K) -> Option<Arc<T>> {
+    pub(crate) fn peek(&self, key: K) -> Option<Arc<T>> {
         self.lock().used(key)
     }
 
     /// Returns true if the value of `key` exists or is being made.
-    pub fn is_under_way(&self, key: K) -> bool {
+    pub(crate) fn is_under_way(&self, key: K) -> bool {
         self.lock().slots.contains_key(&key)
     }
 
-    /// Bytes of all that is kept.
-    pub fn bytes(&self) -> usize {
+    /// Returns the memory of all values that are kept, bytes.
+    #[cfg(test)]
+    pub(crate) fn bytes(&self) -> usize {
         self.lock().bytes
     }
 
@@ -65,7 +66,7 @@ impl<K: Copy + Eq + Hash, T: Weigh> Cache<K, T> {
     ///
     /// # Errors
     /// Those of `make`; nothing is kept then.
-    pub fn get<E>(&self, key: K, make: impl FnOnce() -> Result<T, E>) -> Result<Arc<T>, E> {
+    pub(crate) fn get<E>(&self, key: K, make: impl FnOnce() -> Result<T, E>) -> Result<Arc<T>, E> {
         let mut state = self.lock();
         loop {
             if let Some(thing) = state.used(key) {

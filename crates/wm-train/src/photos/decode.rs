@@ -16,12 +16,12 @@ pub(super) const MAX_PIXELS: u64 = 1 << 28;
 /// A picture as the file has it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Decoded {
-    pub width: u32,
-    pub height: u32,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
     /// `[H, W, 3]`.
-    pub rgb: Vec<u8>,
+    pub(crate) rgb: Vec<u8>,
     /// `[H, W]`, if any pixel is not opaque.
-    pub alpha: Option<Vec<u8>>,
+    pub(crate) alpha: Option<Vec<u8>>,
 }
 
 /// Decodes a photo.

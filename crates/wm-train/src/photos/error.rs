@@ -8,7 +8,7 @@ use wm_scene::FormatError;
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{}: {fault}", path.display())]
 pub struct PhotoError {
-    /// Its file, or where it should be.
+    /// The file, or where it should be.
     pub path: PathBuf,
     /// The fault.
     pub fault: PhotoFault,
@@ -23,7 +23,7 @@ pub enum PhotoFault {
     /// It cannot be read, or is no JPEG or PNG.
     #[error("{0}")]
     Unreadable(String),
-    /// Its size is not that of its camera, nor that size made smaller or larger as a whole.
+    /// The size is not that of the camera, nor that size scaled as a whole.
     #[error(
         "the photo is {width}x{height} px, its camera {camera_width}x{camera_height}; give the photos that the model was made from"
     )]

@@ -11,7 +11,7 @@ use wm_scene::FormatError;
 /// [`FormatError`] with the folder that cannot be read.
 pub fn photos_in(folder: &Path) -> Result<(Vec<PathBuf>, usize), FormatError> {
     /// Deeper folders are no photo collection, but may be a link to themselves.
-    const DEEPEST: usize = 16;
+    const MAX_DEPTH: usize = 16;
     let (mut found, mut others) = (Vec::new(), 0);
     let mut open = vec![(folder.to_path_buf(), 0)];
     while let Some((place, depth)) = open.pop() {
@@ -20,7 +20,7 @@ pub fn photos_in(folder: &Path) -> Result<(Vec<PathBuf>, usize), FormatError> {
             let path = entry.map_err(reading)?.path();
             let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
             if path.is_dir() {
-                if depth < DEEPEST {
+                if depth < MAX_DEPTH {
                     open.push((path, depth + 1));
                 }
             } else if matches!(extension.as_str(), "jpg" | "jpeg" | "png") {

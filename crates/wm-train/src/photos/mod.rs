@@ -2,7 +2,7 @@
 //!
 //! [`Photos::open`] looks only at the headers of the files, all threads at once, so that thousands
 //! are open in seconds. A photo is decoded when it is asked for, or before, on threads of its own,
-//! by [`Photos::prefetch`]; turned upright; made smaller by area averages ([`PhotoSize`]); freed of
+//! by `Photos::prefetch`; turned upright; made smaller by area averages ([`PhotoSize`]); freed of
 //! its lens; and kept as bytes in a cache that never exceeds [`PhotoOptions::cache_bytes`] but for
 //! the photo that is in use.
 //!
@@ -64,9 +64,9 @@ pub enum PhotoSize {
 }
 
 impl PhotoSize {
-    /// The size that a photo of this size is given: at least 1 px a side, never larger.
+    /// Returns the size to which a photo is reduced, px: at least 1 px a side, never larger.
     #[must_use]
-    pub fn of(self, (width, height): (u32, u32)) -> (u32, u32) {
+    pub fn reduced(self, width: u32, height: u32) -> (u32, u32) {
         let longest = f64::from(width.max(height));
         let scale = match self {
             Self::Full => 1.0,
@@ -86,16 +86,6 @@ pub enum BadPhotos {
     Refuse,
     /// Go on without them.
     Skip,
-}
-
-/// The use of masks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Masks {
-    /// They do, where there are any.
-    #[default]
-    Use,
-    /// They are not looked at.
-    Ignore,
 }
 
 /// The extent to which photos are checked when they are opened.
@@ -120,11 +110,9 @@ pub struct PhotoOptions {
     pub cache_bytes: usize,
     /// The treatment of photos that cannot be used.
     pub bad: BadPhotos,
-    /// The use of masks.
-    pub masks: Masks,
     /// The extent to which they are checked.
     pub check: Check,
-    /// Threads that decode what [`Photos::prefetch`] asks for; 0 for none.
+    /// Threads that decode what `Photos::prefetch` asks for; 0 for none.
     pub loaders: usize,
 }
 
@@ -134,7 +122,6 @@ impl Default for PhotoOptions {
             size: PhotoSize::Full,
             cache_bytes: 1 << 30,
             bad: BadPhotos::Refuse,
-            masks: Masks::Use,
             check: Check::Headers,
             loaders: 2,
         }
@@ -199,7 +186,7 @@ impl Photos {
         if is_decoded {
             let bad: Vec<(usize, PhotoError)> = (0..shared.entries.len())
                 .into_par_iter()
-                .filter_map(|index| Some((index, shared.get((index, 0)).err()?)))
+                .filter_map(|index| Some((index, shared.get(index, 0).err()?)))
                 .collect();
             if !bad.is_empty() {
                 // Photos are known by their place: the cache starts anew where places change.
@@ -274,7 +261,7 @@ impl Photos {
     ///
     /// # Panics
     /// If there is no such photo, or a side is 0.
-    pub fn without_lens(
+    pub(crate) fn without_lens(
         &self,
         index: usize,
         map: &Map,
@@ -291,7 +278,7 @@ impl Photos {
 
     /// The highest level at which no photo has a side shorter than `shortest` px; 0 at least.
     #[must_use]
-    pub fn last_level(&self, shortest: u32) -> u8 {
+    pub(crate) fn last_level(&self, shortest: u32) -> u8 {
         let sides = self.shared.entries.iter().map(|e| e.lens.ideal.width.min(e.lens.ideal.height));
         let least = sides.min().unwrap_or(1);
         (0..16).take_while(|level| least >> level >= shortest.max(1)).last().unwrap_or(0)
@@ -303,7 +290,7 @@ impl Photos {
     /// # Panics
     /// If there is no such photo.
     #[must_use]
-    pub fn level_within(&self, index: usize, longest: u32) -> u8 {
+    pub(crate) fn level_within(&self, index: usize, longest: u32) -> u8 {
         let camera = self.camera(index, 0);
         let side = camera.width.max(camera.height);
         (0..8).find(|level| side >> level <= longest).unwrap_or(8).min(self.last_level(16))
@@ -320,12 +307,12 @@ impl Photos {
     pub fn get(&self, index: usize, level: u8) -> Result<Arc<Photo>, PhotoError> {
         let camera = self.camera(index, level);
         assert!(camera.width > 0 && camera.height > 0, "photo {index} has no level {level}");
-        self.shared.get((index, level))
+        self.shared.get(index, level)
     }
 
     /// Has photo `index` decoded in the background, so that [`Self::get`] need not wait for it
     /// later.
-    pub fn prefetch(&self, index: usize, level: u8) {
+    pub(crate) fn prefetch(&self, index: usize, level: u8) {
         let key = (index, level);
         if self.loaders.is_empty() || index >= self.len() || self.shared.cache.is_under_way(key) {
             return;
@@ -347,21 +334,15 @@ impl Photos {
     /// Returns the position of each view of the capture, `[V]`, as its photo says; see
     /// [`wm_scene::capture::gps::fit`].
     #[must_use]
-    pub fn gps(&self) -> &[Option<Gps>] {
+    pub(crate) fn gps(&self) -> &[Option<Gps>] {
         &self.gps
     }
 
     /// Returns the time of each view of the capture, `[V]`, seconds since 1970, UTC, where its
     /// photo says it with a time zone.
     #[must_use]
-    pub fn taken(&self) -> &[Option<f64>] {
+    pub(crate) fn taken(&self) -> &[Option<f64>] {
         &self.taken
-    }
-
-    /// Bytes of decoded photos that are kept now.
-    #[must_use]
-    pub fn cached_bytes(&self) -> usize {
-        self.shared.cache.bytes()
     }
 }
 
@@ -382,7 +363,7 @@ impl Shared {
         Self { entries, cache, waiting: Mutex::default(), woken: Condvar::new() }
     }
 
-    fn get(&self, (index, level): Key) -> Result<Arc<Photo>, PhotoError> {
+    fn get(&self, index: usize, level: u8) -> Result<Arc<Photo>, PhotoError> {
         let entry = &self.entries[index];
         self.cache.get((index, level), || {
             if level == 0 {
@@ -399,7 +380,7 @@ impl Shared {
     fn serve(&self) {
         loop {
             let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-            let key = loop {
+            let (index, level) = loop {
                 if waiting.is_over {
                     return;
                 }
@@ -410,13 +391,13 @@ impl Shared {
             };
             drop(waiting);
             // Whoever asks for the photo meets the error himself.
-            let _ = self.get(key);
+            let _ = self.get(index, level);
         }
     }
 }
 
 /// Least side of a photo, px: of less the shape cannot be told, and nothing is learnt.
-const LEAST_SIDE: u32 = 8;
+const MIN_SIDE_PX: u32 = 8;
 
 /// Reads the header of a photo and checks that it fits its camera.
 fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, PhotoHeader), PhotoError> {
@@ -432,8 +413,11 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     let PhotoHeader { kind, width, height, orientation, .. } = header;
     let camera = (view.camera.width, view.camera.height);
     let stored = (width, height);
-    if width.min(height) < LEAST_SIDE {
-        return Err(PhotoError { path: file, fault: PhotoFault::Small { width, height, least: LEAST_SIDE } });
+    if width.min(height) < MIN_SIDE_PX {
+        return Err(PhotoError {
+            path: file,
+            fault: PhotoFault::Small { width, height, least: MIN_SIDE_PX },
+        });
     }
     let turned = if orientation.swaps_sides() { (height, width) } else { stored };
     let (upright, orientation) = if is_scaled(stored, camera) {
@@ -444,18 +428,14 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
         let fault = PhotoFault::Size { width, height, camera_width: camera.0, camera_height: camera.1 };
         return Err(PhotoError { path: file, fault });
     };
-    let size = options.size.of(upright);
+    let size = options.size.reduced(upright.0, upright.1);
     let photo = view.camera.resized(size.0, size.1);
     // Of some lenses hardly a pixel is left.
-    let least = LEAST_SIDE.min(photo.width).min(photo.height);
+    let least = MIN_SIDE_PX.min(photo.width).min(photo.height);
     let ideal = view.distortion.undistorted(&photo).filter(|ideal| ideal.width.min(ideal.height) >= least);
     let Some(ideal) = ideal else {
         return Err(PhotoError { path: file, fault: PhotoFault::Lens });
     };
-    let mask = match options.masks {
-        Masks::Use => view.mask.clone(),
-        Masks::Ignore => None,
-    };
     let lens = Lens { photo, distortion: view.distortion, ideal };
-    Ok((Entry { view: index, file, mask, kind, stored, orientation, lens }, header))
+    Ok((Entry { view: index, file, mask: view.mask.clone(), kind, stored, orientation, lens }, header))
 }

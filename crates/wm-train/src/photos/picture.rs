@@ -1,7 +1,7 @@
 //! A photo from its file to the picture that training compares with.
 
 use super::{
-    LEAST_SIDE,
+    MIN_SIDE_PX,
     cache::Weigh,
     decode::{Decoded, decode},
     error::{PhotoError, PhotoFault},
@@ -55,7 +55,7 @@ impl Photo {
 
     /// All colours, `[H, W, 3]`, 0-1, sRGB.
     #[must_use]
-    pub fn rgb_f32(&self) -> Vec<f32> {
+    pub(crate) fn rgb_f32(&self) -> Vec<f32> {
         self.rgb.iter().map(|v| f32::from(*v) / 255.0).collect()
     }
 
@@ -110,25 +110,25 @@ pub fn read_picture(
 #[derive(Clone, Debug)]
 pub(super) struct Lens {
     /// The camera of the photo at the size that it is resized to; it has the distortion.
-    pub photo: Camera,
-    pub distortion: Distortion,
+    pub(crate) photo: Camera,
+    pub(crate) distortion: Distortion,
     /// The pinhole camera.
-    pub ideal: Camera,
+    pub(crate) ideal: Camera,
 }
 
 /// All that is known of a photo before it is decoded.
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
     /// Index of its view in the capture.
-    pub view: usize,
-    pub file: PathBuf,
-    pub mask: Option<PathBuf>,
-    pub kind: PhotoKind,
+    pub(crate) view: usize,
+    pub(crate) file: PathBuf,
+    pub(crate) mask: Option<PathBuf>,
+    pub(crate) kind: PhotoKind,
     /// The size in the file, px.
-    pub stored: (u32, u32),
+    pub(crate) stored: (u32, u32),
     /// The orientation in the file.
-    pub orientation: Orientation,
-    pub lens: Lens,
+    pub(crate) orientation: Orientation,
+    pub(crate) lens: Lens,
 }
 
 impl Entry {
@@ -139,12 +139,12 @@ impl Entry {
     }
 
     /// Bytes of the photo once it is decoded, at most: with a mask.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         4 * self.lens.ideal.width as usize * self.lens.ideal.height as usize
     }
 
     /// Decodes the photo and its mask.
-    pub fn load(&self) -> Result<Photo, PhotoError> {
+    pub(crate) fn load(&self) -> Result<Photo, PhotoError> {
         let Decoded { rgb, alpha, .. } = self.decoded(&self.file, self.kind)?;
         let upright = self.upright();
         let rgb = self.finished::<3>(&rgb, upright);
@@ -217,7 +217,7 @@ impl Entry {
 
 /// Returns true if `size` is `camera` made smaller or larger as a whole, to whole pixels.
 pub(super) fn is_scaled(size: (u32, u32), camera: (u32, u32)) -> bool {
-    if size != camera && size.0.min(size.1) < LEAST_SIDE {
+    if size != camera && size.0.min(size.1) < MIN_SIDE_PX {
         return false;
     }
     // Each side may be off by one pixel: tools round, cut off or round up.

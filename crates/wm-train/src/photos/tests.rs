@@ -119,7 +119,7 @@ fn reduced_photos_scale_their_cameras() {
         assert_eq!((photo.width, photo.height), expected);
         assert_eq!(photo.camera.fx, 120.0 * f64::from(expected.0) / 160.0);
     }
-    assert_eq!(PhotoSize::Divided(2.0).of((1200, 887)), (600, 444));
+    assert_eq!(PhotoSize::Divided(2.0).reduced(1200, 887), (600, 444));
 }
 
 #[test]
@@ -178,8 +178,6 @@ fn masks_are_read_beside_the_photos() {
     assert_eq!(photos.get(1, 0).unwrap().mask, None);
     let reduced = photos.get(0, 2).unwrap();
     assert_eq!(reduced.mask.as_ref().unwrap()[4..6], [0, 255]);
-    let without = open(&folder, &PhotoOptions { masks: Masks::Ignore, ..PhotoOptions::default() }).unwrap();
-    assert_eq!(without.get(0, 0).unwrap().mask, None);
     // Of 0 and 1, larger than the photo, and of a name without the photo's extension.
     let large: Vec<u8> = (0..80 * 60).map(|i| u8::from(i % 80 < 40)).collect();
     write_png(&folder.path().join("masks/b.png"), 80, 60, png::ColorType::Grayscale, large);
@@ -261,7 +259,7 @@ fn the_cache_stays_within_its_bytes() {
         for index in 0..12 {
             photos.prefetch((index + 1) % 12, 0);
             assert_eq!(photos.get(index, 0).unwrap().rgb.len(), 3600, "{round}");
-            assert!(photos.cached_bytes() <= 4 * 3600);
+            assert!(photos.shared.cache.bytes() <= 4 * 3600);
         }
     }
     // What is asked for in the background comes without being asked for again.
@@ -284,6 +282,6 @@ fn real_photos_are_opened() {
             let photo = photos.get(index, 0).unwrap();
             assert_eq!((photo.width, photo.height), size);
         }
-        assert_eq!(photos.cached_bytes(), count * (size.0 * size.1 * 3) as usize);
+        assert_eq!(photos.shared.cache.bytes(), count * (size.0 * size.1 * 3) as usize);
     }
 }

@@ -103,7 +103,8 @@ pub(super) fn undistort_map(map: &Map, lens: &Lens, size: (u32, u32), filter: Fi
 
 /// Returns the value between four corners: upper left, upper right, lower left, lower right.
 #[inline(always)]
-fn bilinear([a, b, c, d]: [f32; 4], dx: f32, dy: f32) -> f32 {
+fn bilinear(corners: [f32; 4], dx: f32, dy: f32) -> f32 {
+    let [a, b, c, d] = corners;
     let (upper, lower) = (a + dx * (b - a), c + dx * (d - c));
     upper + dy * (lower - upper)
 }

@@ -3,10 +3,7 @@
 use super::SkyClass;
 use super::fit::Freedom;
 use super::given::{Given, GivenDepth, SkyBy};
-use crate::maps::{
-    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes,
-    read_map,
-};
+use crate::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
 use crate::photos::Photos;
 use std::path::PathBuf;
 use wm_scene::Camera;
@@ -14,8 +11,8 @@ use wm_scene::Camera;
 /// The start of `source` in the index.
 pub const SOURCE: &str = "files";
 /// Shares of white from which, and up to which, a mask says sky and place.
-const WHITE: f32 = 0.75;
-const BLACK: f32 = 0.25;
+const MIN_SKY_WHITE: f32 = 0.75;
+const MAX_PLACE_WHITE: f32 = 0.25;
 
 /// Over which picture maps are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,8 +100,8 @@ impl FileMaps {
         if let Some(map) = sky {
             let (_, map) = fitted(map, Filter::Area)?;
             let class = |white: f32| match white {
-                WHITE.. => SkyClass::Sky,
-                ..=BLACK => SkyClass::Place,
+                MIN_SKY_WHITE.. => SkyClass::Sky,
+                ..=MAX_PLACE_WHITE => SkyClass::Place,
                 _ => SkyClass::Unknown,
             };
             given.sky = Some(map.to_mask().into_iter().map(class).collect());
@@ -130,8 +127,7 @@ impl DepthFiles {
             return Ok(GivenDepth { values, freedom, sky_by: SkyBy::Least });
         }
         let step = if self.form == DepthForm::Disparity { 1.0 / step } else { step };
-        let kind = DepthKind { form: self.form, scale: DepthMapScale::UnitsPerStep(step) };
-        let mut values = kind.to_view_z(map, camera)?;
+        let mut values = self.form.to_view_z(step, map, camera)?;
         // Unknown is 0 there.
         values.iter_mut().for_each(|z| *z = if *z > 0.0 { 1.0 / *z } else { f32::NAN });
         Ok(GivenDepth { values, freedom, sky_by: SkyBy::Zero })
@@ -145,13 +141,13 @@ fn size_of(map: &Map, camera: &Camera, most: u32, is_bent: bool) -> (u32, u32) {
     if pixels == map.pixels() && !is_bent {
         return (map.width, map.height);
     }
-    shrunk((camera.width, camera.height), pixels)
+    size_within(camera.width, camera.height, pixels)
 }
 
-/// A size of the same shape with at most `most` pixels, or a few more where sides are rounded; 1 px
-/// a side at least.
+/// Returns a size of the same aspect ratio with at most `most` pixels, or a few more where sides
+/// are rounded; at least 1 px a side.
 #[must_use]
-pub fn shrunk((width, height): (u32, u32), most: usize) -> (u32, u32) {
+pub fn size_within(width: u32, height: u32, most: usize) -> (u32, u32) {
     let scale = (most as f64 / (f64::from(width) * f64::from(height))).sqrt().min(1.0);
     let side = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
     (side(width), side(height))

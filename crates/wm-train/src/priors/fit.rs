@@ -1,24 +1,23 @@
 //! Scale and shift of relative inverse depth, so that it fits the points of the reconstruction.
 //!
-//! `1 / z = scale d + shift`. Robust: of many pairs of points the line that most points follow
-//! (RANSAC), then least squares over those, weighted by how far off each is (Huber), a few times.
+//! `1 / z = scale d + shift`. The fit is robust: RANSAC over pairs of points, then a few rounds of
+//! least squares over the inliers with Huber weights.
 
 use crate::random::{Purpose, Random};
 use thiserror::Error;
 
 /// Fewest points of a fit.
-pub const FEWEST: usize = 20;
-/// Pairs that are tried.
-const TRIES: u64 = 300;
-/// A point follows the line that is off by at most this share of the median inverse depth or of its
-/// own.
-const NEAR: f64 = 0.1;
-/// Least share of points that follow, and largest residual, of a fit that is believed.
-const FOLLOW: f64 = 0.5;
-const RESIDUAL: f64 = 0.15;
-/// The largest share of the spread about one depth that a fit with a shift may leave: noise leaves
-/// all of it.
-const LEFT: f64 = 0.8;
+pub(crate) const MIN_POINTS: usize = 20;
+/// Number of random pairs.
+const MAX_TRIES: u64 = 300;
+/// Largest relative difference of an inlier, of a mix of the median inverse depth and its own.
+const INLIER_TOLERANCE: f64 = 0.1;
+/// Least share of inliers, and largest relative residual, of a valid fit.
+const MIN_FOLLOWING_SHARE: f64 = 0.5;
+const MAX_RESIDUAL: f64 = 0.15;
+/// Largest ratio of the residual of a fit with a shift to the spread of depths: for unrelated
+/// values it is 1.
+const MAX_SPREAD_RATIO: f64 = 0.8;
 
 /// The unknowns of a fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,11 +40,11 @@ pub struct Fit {
     pub shift: f64,
     /// Median of the absolute differences from the points' inverse depth, as a share of its median.
     pub residual: f64,
-    /// The same in 1 / scene unit.
-    pub sigma: f64,
-    /// Points that were there.
+    /// The median difference, 1 / scene unit.
+    pub(crate) sigma: f64,
+    /// The number of points.
     pub points: usize,
-    /// Share of them that follow.
+    /// The share of inliers.
     pub follow: f64,
 }
 
@@ -53,7 +52,7 @@ pub struct Fit {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum FitError {
     /// Too few points are seen.
-    #[error("{0} points fall on known depth, {FEWEST} are needed")]
+    #[error("{0} points fall on known depth, {MIN_POINTS} are needed")]
     Few(usize),
     /// The values are all the same.
     #[error("its depth is the same everywhere, so there is nothing to fit")]
@@ -83,7 +82,7 @@ pub enum FitError {
 pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitError> {
     let pairs: Vec<[f64; 2]> =
         pairs.iter().copied().filter(|[d, w]| d.is_finite() && w.is_finite() && *w > 0.0).collect();
-    if pairs.len() < FEWEST {
+    if pairs.len() < MIN_POINTS {
         return Err(FitError::Few(pairs.len()));
     }
     let mut inverse: Vec<f64> = pairs.iter().map(|[_, w]| *w).collect();
@@ -96,13 +95,13 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
     let follow =
         pairs.iter().filter(|pair| follows(line, **pair, middle)).count() as f64 / pairs.len() as f64;
     let residual = sigma / middle;
-    if follow < FOLLOW || residual > RESIDUAL {
+    if follow < MIN_FOLLOWING_SHARE || residual > MAX_RESIDUAL {
         return Err(FitError::Poor { follow, residual, points: pairs.len() });
     }
     if freedom == Freedom::ScaleShift {
         let mut spread: Vec<f64> = inverse.iter().map(|w| (w - middle).abs()).collect();
         spread.sort_by(f64::total_cmp);
-        if sigma > LEFT * spread[spread.len() / 2] {
+        if sigma > MAX_SPREAD_RATIO * spread[spread.len() / 2] {
             return Err(FitError::Blind(pairs.len()));
         }
     }
@@ -113,17 +112,17 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
 }
 
 /// Returns the distance of a pair from `1 / z = line.0 d + line.1`, 1 / scene unit.
-fn off(line: (f64, f64), [d, w]: [f64; 2]) -> f64 {
-    (line.0 * d + line.1 - w).abs()
+fn off(line: (f64, f64), pair: [f64; 2]) -> f64 {
+    (line.0 * pair[0] + line.1 - pair[1]).abs()
 }
 
-/// Returns true if a pair follows the line; `middle` is the median inverse depth.
+/// Returns true if a pair is an inlier; `middle` is the median inverse depth.
 fn follows(line: (f64, f64), pair: [f64; 2], middle: f64) -> bool {
-    // Absolute noise of inverse depth beside the relative one: far points count as far as they can.
-    off(line, pair) < NEAR * (0.3 * middle + 0.7 * pair[1])
+    // Noise has an absolute part, so far points have a wider tolerance.
+    off(line, pair) < INLIER_TOLERANCE * (0.3 * middle + 0.7 * pair[1])
 }
 
-/// Scale and shift that most pairs follow.
+/// Returns the scale and shift with the most inliers.
 fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<(f64, f64), FitError> {
     if let Freedom::Known(scale) = freedom {
         return Ok((scale, 0.0));
@@ -131,7 +130,7 @@ fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<
     let follows = |line, pair| follows(line, pair, middle);
     let random = Random::new(seed, Purpose::Start, 1);
     let mut best: Option<(usize, (f64, f64))> = None;
-    for k in 0..TRIES {
+    for k in 0..MAX_TRIES {
         let [a, b] = [0, 1].map(|i| pairs[random.below(2 * k + i, pairs.len())]);
         let line = match freedom {
             Freedom::ScaleShift => {
@@ -151,7 +150,7 @@ fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<
     let (_, mut line) = best.ok_or(FitError::Flat)?;
     for _ in 0..10 {
         let mut sums = [0.0; 5];
-        let tolerance = 0.3 * NEAR * middle;
+        let tolerance = 0.3 * INLIER_TOLERANCE * middle;
         for pair in pairs.iter().filter(|pair| follows(line, **pair)) {
             let weight = (tolerance / off(line, *pair).max(1e-300)).min(1.0);
             let [d, w] = *pair;

@@ -18,14 +18,14 @@ use wm_scene::{Camera, FormatError, Problem, npy};
 /// The file that says what the folder holds.
 pub const INDEX: &str = "priors.json";
 /// The file that takes its place until the work is done.
-pub const UNFINISHED: &str = "unfinished.json";
+pub(crate) const UNFINISHED: &str = "unfinished.json";
 const VERSION: u32 = 1;
 /// Memory for priors that are in use, bytes.
-const KEPT: usize = 256 << 20;
+const CACHE_BYTES: usize = 256 << 20;
 /// Longest index, bytes: 10,000 photos take 3 MB.
-const MOST_INDEX: u64 = 256 << 20;
+const MAX_INDEX_BYTES: u64 = 256 << 20;
 /// The largest relative difference between the aspect ratios of a map and its photo.
-const SHAPE: f64 = 0.02;
+const ASPECT_TOLERANCE: f64 = 0.02;
 
 /// The index of a folder of priors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -83,17 +83,17 @@ impl Index {
 #[serde(deny_unknown_fields)]
 pub struct Entry {
     /// Width of its maps, px.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Their height, px.
-    pub height: u32,
+    pub(crate) height: u32,
     /// True if there is inverse depth.
-    pub disparity: bool,
+    pub(crate) disparity: bool,
     /// True if there are normals.
-    pub normal: bool,
+    pub(crate) normal: bool,
     /// True if there is a sky map.
-    pub sky: bool,
+    pub(crate) sky: bool,
     /// The error of inverse depth, 1 / scene unit.
-    pub sigma: f32,
+    pub(crate) sigma: f32,
     /// Share of the pixels whose depth is known, without the sky.
     pub known: f32,
     /// Share of the pixels that are the sky.
@@ -176,7 +176,7 @@ fn read_index(path: &Path) -> Result<Option<Index>, PriorsError> {
         Err(e) => return Err(read(e)),
     };
     let fault = |reason: String| PriorsError::Index { path: path.into(), reason };
-    if length > MOST_INDEX {
+    if length > MAX_INDEX_BYTES {
         return Err(fault(format!("{length} bytes are too many")));
     }
     let text = fs::read_to_string(path).map_err(read)?;
@@ -202,15 +202,15 @@ impl Priors {
     pub fn open(folder: &Path) -> Result<Option<Self>, PriorsError> {
         let index = read_index(&folder.join(INDEX))?;
         Ok(index.map(|index| {
-            let (cache, movers) = (Cache::new(KEPT), BTreeMap::new());
+            let (cache, movers) = (Cache::new(CACHE_BYTES), BTreeMap::new());
             Self { folder: folder.into(), index, cache, movers }
         }))
     }
 
     /// Leaves out the pixels of photos, by their names, that show movers.
-    pub fn forget(&mut self, movers: BTreeMap<String, MoverMask>) {
+    pub(crate) fn forget(&mut self, movers: BTreeMap<String, MoverMask>) {
         self.movers = movers;
-        self.cache = Cache::new(KEPT);
+        self.cache = Cache::new(CACHE_BYTES);
     }
 
     /// Returns the index.
@@ -221,13 +221,13 @@ impl Priors {
 
     /// The folder.
     #[must_use]
-    pub fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// Returns true if any photo shows the sky.
     #[must_use]
-    pub fn has_sky(&self) -> bool {
+    pub(crate) fn has_sky(&self) -> bool {
         self.index.photos.values().any(|entry| entry.sky && entry.sky_share > 0.0)
     }
 
@@ -239,7 +239,7 @@ impl Priors {
         let Some(entry) = self.index.photos.get(name) else { return Ok(None) };
         let (width, height) = (f64::from(entry.width), f64::from(entry.height));
         let shape = width * f64::from(camera.height) / (height * f64::from(camera.width));
-        let is_alike = (shape - 1.0).abs() < SHAPE;
+        let is_alike = (shape - 1.0).abs() < ASPECT_TOLERANCE;
         if !is_alike {
             let reason = format!(
                 "maps of {name} are {width}x{height} px and the photo is {}x{}: not the same shape",

@@ -10,16 +10,16 @@ use thiserror::Error;
 use wm_scene::capture::CaptureUp;
 
 /// Holes in depth above which it does not tell the sky, as a share.
-const HOLES: f64 = 0.01;
+const MAX_HOLE_SHARE: f64 = 0.01;
 /// Share of a photo that may be the sky.
-const MOST_SKY: f64 = 0.99;
+const MAX_SKY_SHARE: f64 = 0.99;
 /// Most that given normals may be off those of the depth in the median, degrees.
-const ASKEW: f64 = 45.0;
+const MAX_NORMAL_ANGLE_DEG: f64 = 45.0;
 
 /// The way in which depth tells the sky, where no map does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SkyBy {
-    /// Its least values are the sky's, as networks have it.
+    /// The least values are the sky's, as in networks' output.
     Least,
     /// 0 is: infinitely far. The photo's colours, where nothing is 0.
     Zero,
@@ -54,7 +54,7 @@ pub struct Given {
 /// A reason why a photo has no prior.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NoPrior {
-    /// Its depth does not fit the points.
+    /// The depth does not fit the points.
     #[error(transparent)]
     Fit(#[from] FitError),
     /// Normals and depth contradict each other.
@@ -88,7 +88,7 @@ impl Given {
                 let (width, height) = (width as usize, height as usize);
                 let sky = self.sky.unwrap_or_else(|| {
                     let below = below_horizon(&photo.camera, width, height, up);
-                    depth.sky(&resized(photo, (self.width, self.height)), width, points, &below)
+                    depth.sky(&resized(photo, self.width, self.height), width, points, &below)
                 });
                 let relative = Relative { width, height, values: depth.values, freedom: depth.freedom, sky };
                 relative::prior(relative, &photo.camera, points, seed)?
@@ -96,14 +96,16 @@ impl Given {
             None => (Prior { width, height, sky: self.sky.unwrap_or_default(), ..Prior::default() }, None),
         };
         if let Some(normal) = self.normal {
-            if let Some(degrees) = between(&normal, &prior.normal).filter(|degrees| *degrees > ASKEW) {
+            if let Some(degrees) =
+                between(&normal, &prior.normal).filter(|degrees| *degrees > MAX_NORMAL_ANGLE_DEG)
+            {
                 return Err(NoPrior::Askew(degrees));
             }
             prior.normal = normal;
             prior.clear_sky();
         }
         let sky = prior.sky.iter().filter(|class| **class == SkyClass::Sky).count();
-        if sky as f64 > MOST_SKY * f64::from(width) * f64::from(height) {
+        if sky as f64 > MAX_SKY_SHARE * f64::from(width) * f64::from(height) {
             return Err(NoPrior::AllSky);
         }
         Ok((prior, fit))
@@ -116,7 +118,7 @@ impl GivenDepth {
         let height = self.values.len() / width;
         let points: Vec<[f32; 2]> = points.iter().map(|point| point.pixel(width, height)).collect();
         let holes = self.values.iter().filter(|v| v.is_nan()).count();
-        let is_whole = holes as f64 <= HOLES * self.values.len() as f64;
+        let is_whole = holes as f64 <= MAX_HOLE_SHARE * self.values.len() as f64;
         let input = SkyInput { rgb, width, far: None, has_depth: &[], below, points: &points };
         if self.sky_by == SkyBy::Least && is_whole {
             return classify(&SkyInput { far: Some(&self.values), ..input });
@@ -144,7 +146,7 @@ fn between(first: &[[f32; 3]], second: &[[f32; 3]]) -> Option<f64> {
 }
 
 /// The colours of a photo in the size of a map, `[H, W, 3]`, sRGB.
-fn resized(photo: &Photo, (width, height): (u32, u32)) -> Vec<u8> {
+fn resized(photo: &Photo, width: u32, height: u32) -> Vec<u8> {
     if (photo.width, photo.height) == (width, height) {
         return photo.rgb.clone();
     }

@@ -1,7 +1,7 @@
 //! Priors: depth, normals and sky of photos that are known or estimated before training, one source
 //! per file.
 //!
-//! - [`photos`]: from the photos themselves, by [`stereo`].
+//! - [`photos`]: from the photos themselves, by multi-view stereo.
 //! - [`files`]: from maps in files.
 //! - [`given`]: what a source says of a photo, made a prior; [`relative`]: its depth, fitted to the
 //!   points.
@@ -12,12 +12,12 @@ pub mod files;
 pub mod fit;
 pub mod folder;
 pub mod given;
-pub mod normals;
+pub(crate) mod normals;
 pub mod photos;
 pub mod points;
 pub mod relative;
 pub mod sky;
-pub mod stereo;
+pub(crate) mod stereo;
 
 pub use folder::{Priors, PriorsWriter};
 
@@ -62,12 +62,12 @@ pub enum SkyClass {
 impl Prior {
     /// Bytes that it takes.
     #[must_use]
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         4 * self.disparity.len() + 12 * self.normal.len() + self.sky.len()
     }
 
     /// Makes everything unknown in some pixels.
-    pub fn forget(&mut self, pixels: impl IntoIterator<Item = usize>) {
+    pub(crate) fn forget(&mut self, pixels: impl IntoIterator<Item = usize>) {
         for pixel in pixels {
             if let Some(disparity) = self.disparity.get_mut(pixel) {
                 *disparity = f32::NAN;
@@ -82,7 +82,7 @@ impl Prior {
     }
 
     /// Makes disparity 0 where the sky is, and normals unknown.
-    pub fn clear_sky(&mut self) {
+    pub(crate) fn clear_sky(&mut self) {
         for (pixel, class) in self.sky.iter().enumerate() {
             if *class == SkyClass::Sky {
                 if let Some(disparity) = self.disparity.get_mut(pixel) {

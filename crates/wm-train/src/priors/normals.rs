@@ -1,24 +1,24 @@
-//! Normals out of inverse depth (`N_pseudo` in the paper).
+//! Normals from inverse depth (`N_pseudo` in the paper).
 //!
-//! Of the plane `1 / z = a x + b y + c` that fits the pixels around best. Inverse depth is linear
-//! over a plane's picture, so this is exact on planes; over a window of some pixels noise of the
-//! depth is averaged.
+//! Each normal is that of the plane `1 / z = a x + b y + c` that fits the window around a pixel
+//! best. Inverse depth is linear over the image of a plane, so this is exact on planes, and the
+//! window averages noise.
 
 use wm_scene::Camera;
 
-/// Neighbours whose distances differ by more are of another surface.
-const JUMP: f32 = 0.05;
-/// Share of a window that must be known.
-const KNOWN: f64 = 0.4;
+/// Largest relative difference of the depths of neighbours on one surface.
+const SURFACE_TOLERANCE: f32 = 0.05;
+/// Least share of known pixels in a window.
+const MIN_KNOWN_SHARE: f64 = 0.4;
 
-/// Normals, `[H, W, 3]`, world axes, towards the camera, of inverse depth `[H, W]`, from windows of
-/// `2 radius + 1` px; 0 where too little is known and in the sky. `camera` has the size of the
-/// picture.
+/// Returns normals, `[H, W, 3]`, world axes, towards the camera, from inverse depth `[H, W]` in
+/// windows of `2 radius + 1` px; 0 where too little is known and in the sky. `camera` has the size
+/// of the image.
 #[must_use]
-pub fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]> {
+pub(crate) fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let world_from_camera = camera.rotation().transpose();
-    let wanted = KNOWN * ((2 * radius + 1) * (2 * radius + 1)) as f64;
+    let wanted = MIN_KNOWN_SHARE * ((2 * radius + 1) * (2 * radius + 1)) as f64;
     let at = |pixel: usize| {
         let (column, row) = (pixel % width, pixel / width);
         let middle = inverse[pixel];
@@ -29,8 +29,8 @@ pub fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]>
         for y in row.saturating_sub(radius)..(row + radius + 1).min(height) {
             for x in column.saturating_sub(radius)..(column + radius + 1).min(width) {
                 let value = inverse[y * width + x];
-                // Written so that NaN is left out.
-                let is_near = (value / middle - 1.0).abs() <= JUMP;
+                // This form of the comparison excludes NaN.
+                let is_near = (value / middle - 1.0).abs() <= SURFACE_TOLERANCE;
                 if !is_near {
                     continue;
                 }
@@ -53,7 +53,7 @@ pub fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]>
             return [0.0; 3];
         }
         let (a, b) = ((yy * xo - xy * yo) / determinant, (xx * yo - xy * xo) / determinant);
-        // The plane at the middle, not the middle itself, which has noise.
+        // Uses the plane's value at the centre, not the noisy value itself.
         let at_middle = f64::from(middle) + (so - a * sx - b * sy) / n;
         let (x, y) = (column as f64 + 0.5 - camera.cx, row as f64 + 0.5 - camera.cy);
         // q . ray is the inverse depth, above 0: q points away.

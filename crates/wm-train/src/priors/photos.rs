@@ -19,7 +19,7 @@ use wm_scene::capture::{Capture, CaptureUp};
 /// The value of `source` in the index.
 pub const SOURCE: &str = "photos";
 /// The error of depth from stereo, as a share: measured on photos of a known place (median 0.9 %).
-const OFF: f32 = 0.01;
+const DEPTH_ERROR: f32 = 0.01;
 
 /// A reason why no priors can be estimated.
 #[derive(Debug, Error)]
@@ -38,7 +38,7 @@ pub enum PhotoPriorsError {
 ///
 /// # Errors
 /// [`PhotoPriorsError`] if a photo is damaged or a file cannot be written.
-pub fn write(
+pub(crate) fn write(
     capture: &Capture,
     photos: &Photos,
     places: &[usize],
@@ -94,7 +94,7 @@ pub fn write(
         }
         let mut known: Vec<f32> = disparity.iter().copied().filter(|v| *v > 0.0).collect();
         known.sort_by(f32::total_cmp);
-        let sigma = OFF * known.get(known.len() / 2).copied().unwrap_or(0.0);
+        let sigma = DEPTH_ERROR * known.get(known.len() / 2).copied().unwrap_or(0.0);
         let mut prior = Prior { width, height, disparity, sigma, normal, sky };
         prior.clear_sky();
         let name = &capture.views[photos.view(*place)].name;
@@ -104,7 +104,7 @@ pub fn write(
 }
 
 /// The time between two calls of `progress` in [`write_folder`] while no pass ends.
-const POLL: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Estimates the priors of the photos `places` on the threads of `pool` and writes them as a folder
 /// of priors.
@@ -139,7 +139,7 @@ pub fn write_folder(
         });
         let mut done = 0;
         loop {
-            match passes.recv_timeout(POLL) {
+            match passes.recv_timeout(POLL_INTERVAL) {
                 Ok(passed) => done = done.max(passed),
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
                 Err(mpsc::RecvTimeoutError::Disconnected) => break,
@@ -161,7 +161,7 @@ pub fn write_folder(
 ///
 /// On photos of a known street with 600 points, 83 % of the points of the tracks agree by it, and
 /// 28 % of points anywhere.
-const SAME_COLOR: u8 = 16;
+const COLOR_TOLERANCE: u8 = 16;
 
 /// Returns true if a pixel at or beside the place `at` of a point, `(x, y)` px and view z, has
 /// about its colour.
@@ -170,7 +170,7 @@ fn shows(photo: &Photo, at: (f64, f64, f64), color: [u8; 3]) -> bool {
     let beside = |at: u32, side: u32| at.saturating_sub(1)..=(at + 1).min(side - 1);
     let is_same = |at: usize| {
         let pixel = &photo.rgb[3 * at..3 * at + 3];
-        pixel.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= SAME_COLOR)
+        pixel.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= COLOR_TOLERANCE)
     };
     beside(row, photo.height)
         .any(|row| beside(column, photo.width).any(|column| is_same((row * photo.width + column) as usize)))

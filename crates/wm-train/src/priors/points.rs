@@ -9,7 +9,7 @@ use wm_scene::capture::Capture;
 
 /// Returns true if the capture says which photo shows which point.
 #[must_use]
-pub fn has_tracks(capture: &Capture) -> bool {
+pub(crate) fn has_tracks(capture: &Capture) -> bool {
     capture.observations.iter().any(|seen| !seen.is_empty())
 }
 
@@ -31,19 +31,19 @@ pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<
     places.par_iter().map(of).collect()
 }
 
-/// Columns of the picture in which points hide others.
-const COLUMNS: f64 = 96.0;
+/// Columns of the grid in which points hide others.
+const HIDING_COLUMNS: f64 = 96.0;
 /// Radius within which a point hides others, in distances between neighbouring points.
-const HIDES: f64 = 0.35;
-/// A point is hidden if it is farther than what is before it by this share, and by twice the
-/// distance between neighbours.
-const BEHIND: f64 = 0.1;
+const HIDING_RADIUS: f64 = 0.35;
+/// Relative distance beyond another point from which a point is hidden; twice the distance between
+/// neighbours is added.
+const HIDDEN_TOLERANCE: f64 = 0.1;
 
-/// The points in the picture that no others stand before, where each stands for a small piece of a
+/// Returns the points in the image that no others hide; each point stands for a small piece of a
 /// surface.
 fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
-    let scale = COLUMNS / f64::from(camera.width.max(1));
-    let columns = COLUMNS as usize;
+    let scale = HIDING_COLUMNS / f64::from(camera.width.max(1));
+    let columns = HIDING_COLUMNS as usize;
     let rows = ((f64::from(camera.height) * scale).ceil() as usize).max(1);
     let placed: Vec<(u32, [f64; 3])> = (0..capture.points.len() as u32)
         .filter_map(|index| {
@@ -53,7 +53,7 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
         .collect();
     let mut nearest = vec![f64::INFINITY; columns * rows];
     for (_, [x, y, z]) in &placed {
-        let radius = HIDES * spacing * camera.fx * scale / z;
+        let radius = HIDING_RADIUS * spacing * camera.fx * scale / z;
         let range = |at: f64, most: usize| {
             let end = ((at + radius).floor() as usize).min(most - 1);
             (at - radius).max(0.0).floor() as usize..=end
@@ -67,13 +67,13 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
     }
     let is_seen = |(index, [x, y, z]): &(u32, [f64; 3])| {
         let cell = (*y as usize).min(rows - 1) * columns + (*x as usize).min(columns - 1);
-        (*z <= nearest[cell] * (1.0 + BEHIND) + 2.0 * spacing).then_some(*index)
+        (*z <= nearest[cell] * (1.0 + HIDDEN_TOLERANCE) + 2.0 * spacing).then_some(*index)
     };
     placed.iter().filter_map(is_seen).collect()
 }
 
-/// The median distance of points from their nearest neighbours, of a sample of them; 0 of fewer
-/// than two.
+/// Returns the median distance of sampled points from their nearest neighbours; 0 for fewer than
+/// two points.
 fn spacing(positions: &[[f64; 3]]) -> f64 {
     /// Points whose neighbours are looked for, and among which.
     const SAMPLE: usize = 200;

@@ -24,36 +24,36 @@ pub struct Relative {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenPoint {
     /// The image point, as shares of the photo's width and height.
-    pub at: [f64; 2],
+    pub(crate) at: [f64; 2],
     /// View z, scene units.
-    pub z: f64,
+    pub(crate) z: f64,
 }
 
 impl SeenPoint {
     /// Returns the image point in an image of this size, px.
     #[must_use]
-    pub fn pixel(&self, width: usize, height: usize) -> [f32; 2] {
+    pub(crate) fn pixel(&self, width: usize, height: usize) -> [f32; 2] {
         [(self.at[0] * width as f64) as f32, (self.at[1] * height as f64) as f32]
     }
 }
 
-/// A far point is this many times as far as the 99.5th percentile of points (`d_max` of the paper).
-const FAR: f64 = 1.5;
-/// And this many times as far as their median, at least.
-const FAR_MEDIAN: f64 = 10.0;
-/// Half the side of the window of normals, as a share of the picture's height, and px at least.
-const WINDOW: f64 = 0.012;
-const FEWEST_PIXELS: usize = 2;
+/// Largest depth in units of the 99.5th percentile of the points' depths (`d_max` of the paper).
+const FAR_RATIO: f64 = 1.5;
+/// Least value of the largest depth, in units of the median depth.
+const FAR_MEDIAN_RATIO: f64 = 10.0;
+/// Half the side of the window of normals, as a fraction of the image height, and its minimum, px.
+const NORMAL_WINDOW: f64 = 0.012;
+const MIN_WINDOW_PX: usize = 2;
 
-/// The error of depth of a known scale where there are no points, as a share.
-const OFF: f64 = 0.02;
+/// Relative error of depth of a known scale where there are no points.
+const DEPTH_ERROR: f64 = 0.02;
 
-/// Fits `relative` to `points` and finds normals. `camera` is the photo's at any size. Without a
-/// fit where the scale is known and too few points are there to check it.
+/// Fits `relative` to `points` and computes normals. `camera` is that of the photo at any size.
+/// The fit is `None` if the scale is known and there are too few points to check it.
 ///
 /// # Errors
 /// [`FitError`] if it cannot be fitted.
-pub fn prior(
+pub(crate) fn prior(
     relative: Relative,
     camera: &Camera,
     points: &[SeenPoint],
@@ -65,7 +65,7 @@ pub fn prior(
         (Err(FitError::Few(_)), Freedom::Known(scale)) => (None, scale, 0.0),
         (found, _) => found.map(|found| (Some(found), found.scale, found.shift))?,
     };
-    // Fits with a shift go below 0 where noise is; nothing but the sky is farther than that.
+    // Fits with a shift can be below 0; depth is limited for everything but the sky.
     let least = match relative.freedom {
         Freedom::ScaleShift => (1.0 / farthest(points)) as f32,
         Freedom::Scale | Freedom::Known(_) => 0.0,
@@ -76,14 +76,14 @@ pub fn prior(
     };
     let disparity: Vec<f32> = relative.values.iter().map(fitted).collect();
     let camera = camera.resized(width as u32, height as u32);
-    let radius = ((WINDOW * height as f64).round() as usize).max(FEWEST_PIXELS);
+    let radius = ((NORMAL_WINDOW * height as f64).round() as usize).max(MIN_WINDOW_PX);
     let normal = normals(&disparity, &camera, radius);
     let (width, height) = (width as u32, height as u32);
-    let sigma = found.map_or_else(|| OFF * median(&disparity), |found| found.sigma) as f32;
+    let sigma = found.map_or_else(|| DEPTH_ERROR * median(&disparity), |found| found.sigma) as f32;
     let mut prior = Prior { width, height, disparity, sigma, normal, sky: relative.sky };
     prior.clear_sky();
     for (disparity, class) in prior.disparity.iter_mut().zip(&prior.sky) {
-        // Nothing but the sky is infinitely far.
+        // Only the sky is infinitely far.
         if *class != SkyClass::Sky && *disparity <= 0.0 {
             *disparity = f32::NAN;
         }
@@ -91,8 +91,7 @@ pub fn prior(
     Ok((prior, found))
 }
 
-/// Relative values with the inverse depths of the points that are seen there, as [`fit`] takes
-/// them.
+/// Returns pairs of relative values and inverse depths of the points seen there, for [`fit`].
 ///
 /// # Panics
 /// If the map has no pixel.
@@ -111,10 +110,11 @@ pub fn pairs(relative: &Relative, points: &[SeenPoint]) -> Vec<[f64; 2]> {
 fn farthest(points: &[SeenPoint]) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|point| point.z).collect();
     distances.sort_by(f64::total_cmp);
-    (FAR * distances[(distances.len() - 1) * 995 / 1000]).max(FAR_MEDIAN * distances[distances.len() / 2])
+    (FAR_RATIO * distances[(distances.len() - 1) * 995 / 1000])
+        .max(FAR_MEDIAN_RATIO * distances[distances.len() / 2])
 }
 
-/// The median of what is above 0; 0 of nothing.
+/// Returns the median of the values above 0; 0 if there are none.
 fn median(values: &[f32]) -> f64 {
     let mut known: Vec<f32> = values.iter().copied().filter(|v| *v > 0.0).collect();
     known.sort_by(f32::total_cmp);

@@ -1,11 +1,11 @@
-//! Classifies the pixels of a photo: surely sky, surely not, or unknown.
+//! Classifies the pixels of a photo: sky, not sky, or unknown.
 //!
-//! From a photo alone: what is connected with the top border through smooth pixels of a sky's
-//! colours (blue, or pale and bright), has no depth and no point of the reconstruction. Depth from
-//! windows reaches over the edges of what is near, so the sky grows as far as that into what has
-//! its colours. Holes in it that could be clouds are filled. What has such colours and is not
-//! reached cannot be told: white walls, gaps in crowns. From inverse depth instead of colours where
-//! that is there for every pixel, as networks give it: below 2 % of its range.
+//! From a photo alone, the sky is the region that is connected with the top border through smooth
+//! pixels of sky colours (blue, or pale and bright) and has no depth and no point of the
+//! reconstruction. Depth from windows reaches over the edges of near objects, so the sky grows by
+//! as much into pixels of its colours. Holes that could be clouds are filled. Other pixels of such
+//! colours are unknown: white walls, gaps in crowns. Where every pixel has an inverse depth, as
+//! from networks, the sky is below 2 % of its range instead.
 
 use super::SkyClass;
 use glam::DVec3;
@@ -14,17 +14,18 @@ use wm_scene::Camera;
 use wm_scene::capture::CaptureUp;
 
 /// Largest step of brightness from one pixel of the sky to the next, 0-1.
-const SMOOTH: f32 = 0.035;
-/// Share of the range of inverse depth below which it is that of the sky.
-const FAR: f32 = 0.02;
-/// Half the width of the border between sky and place that cannot be told, px.
-const BORDER: usize = 1;
+const MAX_SKY_STEP: f32 = 0.035;
+/// Fraction of the range of inverse depth below which a pixel is sky.
+const FAR_SHARE: f32 = 0.02;
+/// Half the width of the unknown border between sky and place, px.
+const HALF_BORDER_PX: usize = 1;
 /// Smallest share of a photo that is taken for a sky.
-const LEAST: f64 = 0.003;
-/// The reach of depth over edges, px: the half window of stereo, and its spread.
-const OVER: usize = 6;
-/// About a point of the reconstruction there is no sky, px.
-const AROUND: usize = 2;
+const MIN_SKY_SHARE: f64 = 0.003;
+/// Distance by which stereo depth reaches over edges, px: half the window, and the spread of
+/// planes.
+const DEPTH_REACH_PX: usize = 6;
+/// Radius around a point of the reconstruction without sky, px.
+const POINT_RADIUS_PX: usize = 2;
 
 /// The input of the classification.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +46,7 @@ pub struct SkyInput<'a> {
     pub points: &'a [[f32; 2]],
 }
 
-/// The class of each pixel, `[H, W]`.
+/// Returns the class of each pixel, `[H, W]`.
 #[must_use]
 pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
     let width = input.width;
@@ -60,8 +61,8 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
         if x < width && y < height {
             is_point[y * width + x] = true;
         }
-        for row in y.saturating_sub(AROUND)..(y + AROUND + 1).min(height) {
-            for column in x.saturating_sub(AROUND)..(x + AROUND + 1).min(width) {
+        for row in y.saturating_sub(POINT_RADIUS_PX)..(y + POINT_RADIUS_PX + 1).min(height) {
+            for column in x.saturating_sub(POINT_RADIUS_PX)..(x + POINT_RADIUS_PX + 1).min(width) {
                 barrier[row * width + column] = true;
             }
         }
@@ -69,7 +70,7 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
     let looks: Vec<bool> = match input.far {
         Some(far) => {
             let (least, most) = range(far);
-            let below = least + FAR * (most - least);
+            let below = least + FAR_SHARE * (most - least);
             far.iter().map(|far| *far <= below).collect()
         }
         None => input.rgb.chunks_exact(3).map(is_skyish).collect(),
@@ -82,17 +83,17 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
         looks.iter().zip(barrier).map(|(looks, barrier)| *looks && !barrier).collect()
     };
     let could_be = both(&looks, &barrier);
-    let smooth = |a: usize, b: usize| (luma[a] - luma[b]).abs() < SMOOTH;
+    let smooth = |a: usize, b: usize| (luma[a] - luma[b]).abs() < MAX_SKY_STEP;
     let top = (0..width.min(pixels)).filter(|i| could_be[*i]).collect();
     let mut reached = vec![false; pixels];
     flood(width, &could_be, smooth, top, usize::MAX, &mut reached);
     if input.far.is_none() {
         let edge = (0..pixels).filter(|i| reached[*i]).collect();
-        flood(width, &both(&looks, &is_point), smooth, edge, OVER, &mut reached);
+        flood(width, &both(&looks, &is_point), smooth, edge, DEPTH_REACH_PX, &mut reached);
     }
     fill_holes(width, &could_be, &mut reached);
     let count = reached.iter().filter(|v| **v).count();
-    let is_sky = count as f64 >= LEAST * pixels as f64;
+    let is_sky = count as f64 >= MIN_SKY_SHARE * pixels as f64;
     let mut classes: Vec<SkyClass> = (0..pixels)
         .map(|i| match (is_sky && reached[i], could_be[i]) {
             (true, _) => SkyClass::Sky,
@@ -104,9 +105,8 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
     classes
 }
 
-/// The pixels of a picture of `width` by `height` px by `camera` that look too far below the
-/// horizon for a sky, `[H, W]`; empty if `up` is not known. The picture may have another size than
-/// the camera.
+/// Returns the pixels, `[H, W]`, that look too far below the horizon for sky; empty if `up` is not
+/// known. The image of `width` by `height` px may have another size than the camera.
 #[must_use]
 pub fn below_horizon(camera: &Camera, width: usize, height: usize, up: Option<&CaptureUp>) -> Vec<bool> {
     let Some(up) = up else { return Vec::new() };
@@ -127,7 +127,7 @@ fn luma_of(rgb: &[u8]) -> f32 {
     (0.299 * f32::from(rgb[0]) + 0.587 * f32::from(rgb[1]) + 0.114 * f32::from(rgb[2])) / 255.0
 }
 
-/// The colours of skies by day: blue, or pale and bright.
+/// Returns true for colours of daytime skies: blue, or pale and bright.
 fn is_skyish(rgb: &[u8]) -> bool {
     let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(|v| f32::from(v) / 255.0);
     let luma = luma_of(rgb);
@@ -136,7 +136,7 @@ fn is_skyish(rgb: &[u8]) -> bool {
     is_blue || is_pale
 }
 
-/// Least and largest finite value.
+/// Returns the least and the largest finite value.
 fn range(values: &[f32]) -> (f32, f32) {
     let finite = values.iter().copied().filter(|v| v.is_finite());
     finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
@@ -154,8 +154,8 @@ fn neighbours(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item =
     .flatten()
 }
 
-/// Adds to `reached` what is at most `most` `smooth` steps within `could_be` away from the pixels
-/// `from`.
+/// Flood-fills `reached` from the pixels `from` over at most `most` `smooth` steps within
+/// `could_be`.
 fn flood(
     width: usize,
     could_be: &[bool],
@@ -176,8 +176,7 @@ fn flood(
     }
 }
 
-/// Fills pieces of what was not reached that `could_be` the sky throughout and that only the sky
-/// and the upper border surround.
+/// Fills unreached pieces that `could_be` sky and are enclosed by the sky and the upper border.
 fn fill_holes(width: usize, could_be: &[bool], reached: &mut [bool]) {
     let mut is_done = reached.to_vec();
     let height = reached.len() / width;
@@ -211,9 +210,9 @@ fn blur_border(width: usize, classes: &mut [SkyClass]) {
     let height = before.len() / width.max(1);
     for (pixel, class) in classes.iter_mut().enumerate() {
         let (column, row) = (pixel % width, pixel / width);
-        let rows = row.saturating_sub(BORDER)..(row + BORDER + 1).min(height);
+        let rows = row.saturating_sub(HALF_BORDER_PX)..(row + HALF_BORDER_PX + 1).min(height);
         let other = |row: usize| {
-            let columns = column.saturating_sub(BORDER)..(column + BORDER + 1).min(width);
+            let columns = column.saturating_sub(HALF_BORDER_PX)..(column + HALF_BORDER_PX + 1).min(width);
             before[row * width + columns.start..row * width + columns.end]
                 .iter()
                 .any(|near| near != &before[pixel])

@@ -6,7 +6,7 @@ use super::error::SessionError;
 use super::folder::{COLMAP, FRAMES, RunFolder};
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
 use crate::brightness::{PhotoGains, photo_gains};
-use crate::checkpoint::Taught;
+use crate::checkpoint::TrainedPhoto;
 use crate::colmap::{self, ColmapOptions, Matching};
 use crate::config::ExposureMode;
 use crate::dataset::{Dataset, DatasetReadOptions, misplaced, orientation};
@@ -24,18 +24,18 @@ use wm_scene::files::write_atomically;
 use wm_scene::{Camera, FormatError, Problem, SceneView, Severity};
 
 /// The picture of the poor photos in the run folder.
-const POOR: &str = "poor-photos.png";
+const POOR_PHOTOS_FILE: &str = "poor-photos.png";
 
 /// A data set that is open, and which photos it trains on.
 pub(super) struct TrainData {
     /// The training photos.
-    pub set: Dataset,
+    pub(crate) set: Dataset,
     /// Indices in the photos of those that are held out.
-    pub held_out: Vec<usize>,
+    pub(crate) held_out: Vec<usize>,
     /// Up, and how well it is known; `None` if nothing tells it.
-    pub up: Option<CaptureUp>,
-    /// What the positions of the photos tell.
-    pub gps: Option<GpsFit>,
+    pub(crate) up: Option<CaptureUp>,
+    /// The fit of the positions of the photos.
+    pub(crate) gps: Option<GpsFit>,
     /// True if other trainings learn other parts of the data set.
     is_part: bool,
     /// Poor photos that were left out, with their defects.
@@ -46,7 +46,7 @@ pub(super) struct TrainData {
 
 impl TrainData {
     /// Opens the data set.
-    pub fn open(
+    pub(crate) fn open(
         dataset: &Path,
         options: &SessionOptions,
         folder: &RunFolder,
@@ -94,7 +94,7 @@ impl TrainData {
             PoorPhotoMode::Keep => Vec::new(),
         };
         if !poor.is_empty() {
-            let most = (poor_photos::MOST * places.len() as f64) as usize;
+            let most = (poor_photos::MAX_LEFT_OUT_SHARE * places.len() as f64) as usize;
             let are_left_out = poor.len() <= most && places.len() - poor.len() >= 3;
             let name = |place: usize| capture.views[photos.view(place)].name.clone();
             let found = poor.iter().map(|(place, defect)| (name(*place), *defect)).collect();
@@ -122,18 +122,18 @@ impl TrainData {
     }
 
     /// Returns the cameras of the training photos, in their order.
-    pub fn cameras(&self) -> Vec<Camera> {
+    pub(crate) fn cameras(&self) -> Vec<Camera> {
         self.set.places.iter().map(|place| self.set.photos.camera(*place, 0)).collect()
     }
 
     /// Returns the number of pixels of the training photos that confirm what two others show.
-    pub fn confirmed_pixels(&self) -> u64 {
+    pub(crate) fn confirmed_pixels(&self) -> u64 {
         confirmed_pixels(&self.set.capture.points, &self.cameras())
     }
 
     /// Returns the brightness of the training photos beside each other; `None` if they share too
     /// few points.
-    pub fn gains(&self) -> Option<&PhotoGains> {
+    pub(crate) fn gains(&self) -> Option<&PhotoGains> {
         let Dataset { capture, photos, places } = &self.set;
         self.gains.get_or_init(|| photo_gains(capture, photos, places)).as_ref()
     }
@@ -141,7 +141,7 @@ impl TrainData {
     /// Returns the gains that the photos' own exposures begin with; `None` where all photos begin
     /// with the same. `in_haze` are the gains of photos in haze, which changes brightness with
     /// distance.
-    pub fn first_exposures<'a>(
+    pub(crate) fn first_exposures<'a>(
         &'a self,
         mode: ExposureMode,
         in_haze: Option<&'a PhotoGains>,
@@ -157,7 +157,7 @@ impl TrainData {
 
     /// Returns by what each held-out photo is brighter in red, green and blue than the training
     /// photos are in the mean, by the points that they share; 1 where these are too few.
-    pub fn held_out_gains(&self) -> &[[f32; 3]] {
+    pub(crate) fn held_out_gains(&self) -> &[[f32; 3]] {
         let Dataset { capture, photos, places } = &self.set;
         self.held_out_gains.get_or_init(|| {
             let all = [&places[..], &self.held_out].concat();
@@ -172,11 +172,11 @@ impl TrainData {
     }
 
     /// Draws the poor photos that were left out into the run folder, if there are any.
-    pub fn write_poor(&self, folder: &RunFolder) -> Result<(), SessionError> {
+    pub(crate) fn write_poor(&self, folder: &RunFolder) -> Result<(), SessionError> {
         let photos: Vec<Arc<Photo>> = self
             .poor
             .iter()
-            .take(sheet::MOST)
+            .take(sheet::MAX_PHOTOS)
             .filter_map(|(place, _)| self.set.photos.get(*place, 0).ok())
             .collect();
         if photos.is_empty() {
@@ -184,12 +184,12 @@ impl TrainData {
         }
         let whole = MoverMask::default();
         let drawn: Vec<(&Photo, &MoverMask)> = photos.iter().map(|photo| (&**photo, &whole)).collect();
-        write_atomically(&folder.path().join(POOR), |out| Ok(sheet::write(&drawn, out)?))?;
+        write_atomically(&folder.path().join(POOR_PHOTOS_FILE), |out| Ok(sheet::write(&drawn, out)?))?;
         Ok(())
     }
 
     /// Returns every photo's camera with its name.
-    pub fn views(&self) -> Vec<SceneView> {
+    pub(crate) fn views(&self) -> Vec<SceneView> {
         let photos = &self.set.photos;
         let view =
             |place| SceneView { name: self.set.name(place).to_owned(), camera: photos.camera(place, 0) };
@@ -197,16 +197,16 @@ impl TrainData {
     }
 
     /// Returns what a checkpoint says of the training photos.
-    pub fn taught(&self) -> Vec<Taught> {
+    pub(crate) fn taught(&self) -> Vec<TrainedPhoto> {
         let taught = |place: &usize| {
             let camera = self.set.photos.camera(*place, 0);
-            Taught { name: self.set.name(*place).to_owned(), size: (camera.width, camera.height) }
+            TrainedPhoto { name: self.set.name(*place).to_owned(), size: (camera.width, camera.height) }
         };
         self.set.places.iter().map(taught).collect()
     }
 
     /// Returns the index of the photo whose view is offered as an image.
-    pub fn shown(&self) -> usize {
+    pub(crate) fn shown(&self) -> usize {
         self.held_out.first().or(self.set.places.first()).copied().unwrap_or(0)
     }
 }
@@ -228,7 +228,8 @@ fn open_capture(
     let registered = if video::is_video(dataset) {
         let frames = frames(dataset, folder, observer)?;
         // Frames that follow each other overlap; others rarely do.
-        let matching = if frames.1 > MOST_WITH_ALL { Matching::Sequential } else { Matching::Exhaustive };
+        let matching =
+            if frames.1 > MAX_EXHAUSTIVE_FRAMES { Matching::Sequential } else { Matching::Exhaustive };
         register(&frames.0, matching, folder, observer)?
     } else {
         match wanted.capture(dataset) {
@@ -245,7 +246,7 @@ fn open_capture(
 }
 
 /// Most frames of a video of which each is compared with each.
-const MOST_WITH_ALL: usize = 60;
+const MAX_EXHAUSTIVE_FRAMES: usize = 60;
 
 /// Takes photos out of a video; returns their folder and their number.
 fn frames(

@@ -59,9 +59,9 @@ pub enum SessionError {
     SmallPhoto {
         /// The name of the photo.
         photo: String,
-        /// Its width, px.
+        /// The width of the photo, px.
         width: u32,
-        /// Its height, px.
+        /// The height of the photo, px.
         height: u32,
         /// The shortest side that the metric takes, px.
         smallest: u32,

@@ -51,17 +51,17 @@ pub(super) enum RunFolder {
 /// The beginning of a training in a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Start {
-    /// Its first step.
+    /// The first step.
     Anew,
-    /// Its first step, since it was ended before its first checkpoint.
+    /// The first step again, since the training was ended before its first checkpoint.
     Again,
-    /// Its checkpoint.
+    /// The checkpoint.
     Checkpoint,
 }
 
 impl RunFolder {
     /// Looks at the folder; a training in it is only continued or replaced if `resume` says so.
-    pub fn open(path: Option<&Path>, resume: Resume) -> Result<Self, SessionError> {
+    pub(crate) fn open(path: Option<&Path>, resume: Resume) -> Result<Self, SessionError> {
         let Some(path) = path else {
             let folder = tempfile::tempdir();
             let folder =
@@ -92,7 +92,7 @@ impl RunFolder {
 
     /// Makes the folder, if it does not exist, locks it, and removes what is left of checkpoints
     /// that were not completed.
-    pub fn make(&mut self) -> Result<(), SessionError> {
+    pub(crate) fn make(&mut self) -> Result<(), SessionError> {
         let path = self.path().to_owned();
         let fault = |reason| SessionError::Folder { path: path.clone(), reason };
         fs::create_dir_all(&path).map_err(fault)?;
@@ -114,7 +114,7 @@ impl RunFolder {
         Ok(())
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         match self {
             Self::Kept { path, .. } => path,
             Self::Temporary(folder) => folder.path(),
@@ -122,22 +122,22 @@ impl RunFolder {
     }
 
     /// Returns true if the training continues from a checkpoint.
-    pub fn resumes(&self) -> bool {
+    pub(crate) fn resumes(&self) -> bool {
         matches!(self, Self::Kept { start: Start::Checkpoint, .. })
     }
 
     /// Returns true if the training was begun before, and ended before its first checkpoint.
-    pub fn starts_again(&self) -> bool {
+    pub(crate) fn starts_again(&self) -> bool {
         matches!(self, Self::Kept { start: Start::Again, .. })
     }
 
     /// Returns the place of the checkpoint; `None` in a temporary folder.
-    pub fn checkpoint(&self) -> Option<PathBuf> {
+    pub(crate) fn checkpoint(&self) -> Option<PathBuf> {
         matches!(self, Self::Kept { .. }).then(|| self.path().join(CHECKPOINT))
     }
 
     /// Reads the checkpoint to resume from.
-    pub fn resumed(&self) -> Result<Option<(CheckpointHead, TrainState)>, SessionError> {
+    pub(crate) fn resumed(&self) -> Result<Option<(CheckpointHead, TrainState)>, SessionError> {
         match self.checkpoint().filter(|_| self.resumes()) {
             Some(path) => Ok(Some(checkpoint::read(&path)?)),
             None => Ok(None),
@@ -145,7 +145,7 @@ impl RunFolder {
     }
 
     /// Writes the configuration.
-    pub fn write_config(&self, config: &TrainConfig) -> Result<(), SessionError> {
+    pub(crate) fn write_config(&self, config: &TrainConfig) -> Result<(), SessionError> {
         let Self::Kept { path, .. } = self else { return Ok(()) };
         write_atomically(&path.join(CONFIG), |out| {
             let text = serde_json::to_string_pretty(config).map_err(io::Error::from)?;
@@ -157,7 +157,7 @@ impl RunFolder {
     /// Opens the metrics: anew, or after the lines up to `step`. Of a finished training (`steps`)
     /// the last evaluation is left out, since it is made again. The old lines are there until the
     /// new file is.
-    pub fn metrics(&self, step: u32, steps: u32) -> Result<Metrics, SessionError> {
+    pub(crate) fn metrics(&self, step: u32, steps: u32) -> Result<Metrics, SessionError> {
         let Self::Kept { path, .. } = self else { return Ok(Metrics(None)) };
         let path = path.join("metrics.jsonl");
         let fault = |reason| SessionError::Metrics { path: path.clone(), reason };
@@ -197,7 +197,7 @@ fn is_begun(folder: &Path) -> bool {
 pub(super) struct Metrics(Option<(File, PathBuf)>);
 
 impl Metrics {
-    pub fn add(&mut self, value: &Value) -> Result<(), SessionError> {
+    pub(crate) fn add(&mut self, value: &Value) -> Result<(), SessionError> {
         let Some((file, path)) = &mut self.0 else { return Ok(()) };
         writeln!(file, "{value}").map_err(|reason| SessionError::Metrics { path: path.clone(), reason })
     }

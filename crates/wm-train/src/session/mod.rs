@@ -53,6 +53,9 @@ mod tests;
 mod training;
 mod whole;
 
+pub use crate::movers::MoverOutcome;
+pub use crate::movers::sheet::FILE as MOVERS_FILE;
+pub use crate::poor_photos::{PhotoDefect, PoorPhotoMode};
 pub use error::SessionError;
 pub use folder::{CHECKPOINT, ConfigFileError, Resume};
 pub use observer::{
@@ -67,7 +70,6 @@ pub(crate) use whole::{WholeSession, confirmed_of};
 use crate::config::{Preset, TrainConfig};
 use crate::dataset::{DatasetReadOptions, HeldOut};
 use crate::plan::{PlanError, TrainPlan};
-use crate::poor_photos::PoorPhotoMode;
 use data::TrainData;
 use folder::RunFolder;
 use std::path::PathBuf;

@@ -73,7 +73,7 @@ fn stereo(prior: &Prior, photo: &Photo) -> Vec<f32> {
 fn write_sheet(data: &TrainData, folder: &RunFolder, masks: &[MoverMask]) -> Result<(), SessionError> {
     let mut shown: Vec<(Arc<Photo>, &MoverMask)> = Vec::new();
     for (place, mask) in data.set.places.iter().zip(masks).filter(|(_, mask)| !mask.is_empty()) {
-        if let (true, Ok(photo)) = (shown.len() < sheet::MOST, data.set.photos.get(*place, 0)) {
+        if let (true, Ok(photo)) = (shown.len() < sheet::MAX_PHOTOS, data.set.photos.get(*place, 0)) {
             shown.push((photo, mask));
         }
     }

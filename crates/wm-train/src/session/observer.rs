@@ -149,12 +149,12 @@ pub enum TrainWarning {
 }
 
 /// Most photos that are named in a warning.
-const NAMED: usize = 5;
+const MAX_NAMED_PHOTOS: usize = 5;
 
 /// Lists the first few, and says how many more there are.
 fn list(photos: impl ExactSizeIterator<Item = String>) -> String {
-    let more = photos.len().saturating_sub(NAMED);
-    let named = photos.take(NAMED).collect::<Vec<_>>().join(", ");
+    let more = photos.len().saturating_sub(MAX_NAMED_PHOTOS);
+    let named = photos.take(MAX_NAMED_PHOTOS).collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{named}, and {more} more") } else { named }
 }
 
@@ -213,7 +213,7 @@ pub enum TrainNotice {
     FewerSteps {
         /// The steps that it takes.
         steps: u32,
-        /// Those of the preset.
+        /// The steps of the preset.
         of: u32,
         /// Training photos.
         photos: usize,
@@ -227,7 +227,7 @@ pub enum TrainNotice {
     },
     /// The photos were taken in haze, and the scene will be without it.
     Haze {
-        /// Its meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says
+        /// The meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says
         /// it.
         range: String,
     },

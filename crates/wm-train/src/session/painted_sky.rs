@@ -1,8 +1,8 @@
-//! Splats that training put before the sky and painted in its colours.
+//! Splats in front of the sky that training painted in its colours.
 //!
-//! They fill what the sky's own splats leave to be explained. In a scene they would stay blue under
-//! other weather, be lit up by fog and bear snow, so they are given to the group of the sky:
-//! pictures as captured stay the same.
+//! They fill gaps that the splats of the sky leave. They would stay blue under other weather, be
+//! lit by fog and bear snow, so they are labelled as sky; renders of the scene as captured do not
+//! change.
 //!
 //! For each splat its blending weights are added up over the pixels of all photos where priors have
 //! the sky, and where they have the place. The sums are derivatives of colours, so a backward pass
@@ -18,12 +18,12 @@ use wm_scene::sh::C0;
 use wm_scene::{Group, Rasterization, Splats};
 
 /// Least share of a splat's weight that lies in the sky.
-const IN_SKY: f64 = 0.65;
-/// Least weight in the sky, px over all photos: of less the colour is chance.
-const LEAST: f64 = 0.5;
+const MIN_SKY_SHARE: f64 = 0.65;
+/// Least weight in the sky, px over all photos: below it the colour is unreliable.
+const MIN_SKY_WEIGHT_PX: f64 = 0.5;
 /// Largest distance of a splat's colour from that of the photos where it is drawn in the sky, a
 /// channel, 0-1: wires and twigs that priors take for the sky are further.
-const SAME: f64 = 0.2;
+const COLOR_TOLERANCE: f64 = 0.2;
 
 /// The weights of one splat over the photos, px.
 #[derive(Clone, Copy, Default)]
@@ -52,11 +52,11 @@ pub(super) fn label_painted_sky(
         let own = &splats.sh[index * stride..][..3];
         let is_close = |c: usize| {
             let shown = drawn.color[c] / drawn.sky;
-            (f64::from(own[c]) * C0 + 0.5 - shown).abs() < SAME
+            (f64::from(own[c]) * C0 + 0.5 - shown).abs() < COLOR_TOLERANCE
         };
         if splats.groups[index] == Group::Scene
-            && drawn.sky > LEAST
-            && drawn.sky > IN_SKY * (drawn.sky + drawn.place)
+            && drawn.sky > MIN_SKY_WEIGHT_PX
+            && drawn.sky > MIN_SKY_SHARE * (drawn.sky + drawn.place)
             && (0..3).all(is_close)
         {
             splats.groups[index] = Group::Sky;
@@ -72,7 +72,7 @@ fn weights(
     rasterization: Rasterization,
     cpu: CpuConfig,
 ) -> Result<Vec<Drawn>, SessionError> {
-    // Grey, so that no colour is cut off at 0.
+    // Grey, so that no colour is clamped at 0.
     let grey = Splats { sh: vec![0.0; 3 * splats.len()], sh_degree: 0, ..splats.clone() };
     let mut renderer = CpuDifferentiable::new(cpu)?;
     let (mut frame, mut gradients) = (Frame::default(), Gradients::default());

@@ -10,21 +10,21 @@ use std::collections::{HashMap, HashSet};
 use wm_scene::capture::{Capture, Observation, SparsePoints};
 use wm_scene::{Group, Splats};
 
-/// A part of a data set, and what its training shares with those of the other parts: brightness,
-/// haze and sky, of which each part alone would come to numbers of its own.
+/// A part of a data set, and the values that its training shares with those of the other parts:
+/// brightness, haze and sky, which would differ if each part estimated its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainPart {
     /// Names of the photos to learn from.
-    pub photos: Vec<String>,
+    pub(crate) photos: Vec<String>,
     /// Names of the photos to measure on.
-    pub held_out: Vec<String>,
-    /// The brightness of `photos` beside all others of the data set, one gain each; `None` if the
-    /// points do not tell it.
-    pub gains: Option<PhotoGains>,
+    pub(crate) held_out: Vec<String>,
+    /// The gains of `photos` relative to all photos of the data set; `None` if the points do not
+    /// determine them.
+    pub(crate) gains: Option<PhotoGains>,
     /// The haze of all photos, and the gains of `photos` in it.
-    pub haze: Option<(PhotoHaze, PhotoGains)>,
+    pub(crate) haze: Option<(PhotoHaze, PhotoGains)>,
     /// Splats of the sky, which do not learn; none without a sky.
-    pub sky: Splats,
+    pub(crate) sky: Splats,
 }
 
 impl TrainPart {

@@ -12,7 +12,7 @@ use std::path::Path;
 use wm_scene::capture::folder_of;
 
 /// The largest number of photos whose priors are estimated unasked: two minutes on two cores.
-const MOST_UNASKED: usize = 300;
+const MAX_AUTO_PHOTOS: usize = 300;
 
 /// Opens or estimates the priors; `None` if the training is to have none.
 pub(super) fn open(
@@ -45,8 +45,8 @@ pub(super) fn open(
         return Ok(Some(priors));
     }
     let mut places = data.set.places.clone();
-    if places.len() > MOST_UNASKED && options.priors == PriorSource::Auto {
-        observer.on_warning(&TrainWarning::ManyPhotos { photos: places.len(), most: MOST_UNASKED });
+    if places.len() > MAX_AUTO_PHOTOS && options.priors == PriorSource::Auto {
+        observer.on_warning(&TrainWarning::ManyPhotos { photos: places.len(), most: MAX_AUTO_PHOTOS });
         return Ok(None);
     }
     let photos = &data.set.photos;

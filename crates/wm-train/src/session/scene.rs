@@ -1,5 +1,5 @@
-//! Makes the scene of a training: splats of the sky at the start, and at the end what cameras tell
-//! of the place.
+//! Prepares the first splats and the sky of a training, and finishes its scene: labels, up, ground
+//! and scale.
 
 use super::SessionOptions;
 use super::data::TrainData;
@@ -25,19 +25,18 @@ use wm_scene::color::srgb_decode;
 use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Camera, Metadata, Scene, Splats};
 
-/// The ground under a walk and the scene's up belong together if their cosine is above this: 15
-/// degrees, so that steep streets pass.
-const SAME_GROUND: f64 = 0.966;
-/// Weight of that ground's normal against up as the splats tell it: it is within a quarter of a
-/// degree where the ground is level and off by its slope elsewhere; splats of a drive may be off by
-/// 6 degrees, all to one side.
-const GROUND_SHARE: f64 = 0.7;
-/// Error of up by GPS below which it is not asked of the splats, degrees.
-const MEASURED: f64 = 3.0;
-/// Extent of the photos' GPS in units of its residual from which the scale is sure: some 5 %.
-const SURE_EXTENT: f64 = 20.0;
-/// The number of photos of whose priors the first splats are made, about.
-const PRIOR_PHOTOS: usize = 200;
+/// Least cosine between the normal of the ground under a walk and up: 15 degrees, so that steep
+/// streets pass.
+const MIN_GROUND_COSINE: f64 = 0.966;
+/// Weight of that normal against up from the splats. The normal is within 0.25 degrees on level
+/// ground and off by the slope elsewhere; splats of a drive can be off by 6 degrees to one side.
+const GROUND_WEIGHT: f64 = 0.7;
+/// Error of up from GPS, degrees, below which the splats are not used for it.
+const MAX_GPS_ERROR_DEG: f64 = 3.0;
+/// Least extent of the GPS positions in units of their residual for a reliable scale: about 5 %.
+const MIN_GPS_EXTENT: f64 = 20.0;
+/// Approximate largest number of photos whose priors are used for the first splats.
+const MAX_PRIOR_PHOTOS: usize = 200;
 
 /// Returns the splats that a training starts with.
 #[expect(clippy::too_many_arguments)] // All that a start depends on.
@@ -107,7 +106,7 @@ pub(super) fn sky(
     Ok(splats)
 }
 
-/// Returns the sine of the height down to which haze is seen as sky.
+/// Returns the sine of the elevation down to which haze looks like sky.
 fn lowest_sky(data: &TrainData, haze: Option<&PhotoHaze>) -> Option<f64> {
     far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest())
 }
@@ -127,12 +126,11 @@ pub(super) struct PriorView {
     pub(super) camera: Camera,
     pub(super) prior: Arc<Prior>,
     pub(super) photo: Arc<Photo>,
-    /// By what it is brighter in red, green and blue than the scene, display-referred.
+    /// The gain in red, green and blue relative to the scene, display-referred.
     pub(super) gain: [f32; 3],
 }
 
-/// Returns the photos that have priors; of thousands some hundred, which show all of the place that
-/// can be seen.
+/// Returns the photos that have priors; an even choice of them if there are very many.
 fn prior_views(
     data: &TrainData,
     priors: &Priors,
@@ -140,7 +138,7 @@ fn prior_views(
 ) -> Result<Vec<PriorView>, SessionError> {
     let mut views = Vec::new();
     let places = &data.set.places;
-    for (index, place) in places.iter().enumerate().step_by(places.len().div_ceil(PRIOR_PHOTOS)) {
+    for (index, place) in places.iter().enumerate().step_by(places.len().div_ceil(MAX_PRIOR_PHOTOS)) {
         let camera = data.set.photos.camera(*place, 0);
         let Some(prior) = priors.get(data.set.name(*place), &camera)? else { continue };
         let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
@@ -218,15 +216,15 @@ pub(super) fn haze(
 }
 
 /// Sines of elevations at which the sky is as bright as endless haze: up to 8 degrees.
-const LOW_SKY: Range<f64> = 0.0..0.14;
-/// Pixels of low sky that tell its colour, at least.
-const LOW_PIXELS: usize = 200;
-/// Display-referred skies from here on are clipped.
-const CLIPPED: f64 = 0.97;
+const LOW_SKY_SINES: Range<f64> = 0.0..0.14;
+/// Fewest pixels of low sky for its colour.
+const MIN_LOW_SKY_PIXELS: usize = 200;
+/// Display-referred value from which the sky is clipped.
+const CLIPPED_VALUE: f64 = 0.97;
 
-/// Rank of the sky's colour among them: what priors take for sky is far trees and houses too, which
-/// are darker.
-const SKY_RANK: f64 = 0.8;
+/// Rank of the sky's colour among these pixels: some belong to distant trees and houses, which are
+/// darker.
+const SKY_COLOR_RANK: f64 = 0.8;
 
 /// Returns the colour of the sky just above the horizon, linear RGB, where photos show it and are
 /// not clipped.
@@ -239,7 +237,7 @@ fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, Sessio
             let [x, y] = [(at % width) as f64 + 0.5, (at / width) as f64 + 0.5];
             let [x, y] = [x / width as f64, y / height as f64];
             let ray = camera.ray(x * f64::from(camera.width), y * f64::from(camera.height));
-            if LOW_SKY.contains(&ray.normalize().dot(up.up)) {
+            if LOW_SKY_SINES.contains(&ray.normalize().dot(up.up)) {
                 let (column, row) =
                     ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
                 let pixel = 3 * (row * photo.width as usize + column);
@@ -247,14 +245,14 @@ fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, Sessio
             }
         }
     }
-    if shown[0].len() < LOW_PIXELS {
+    if shown[0].len() < MIN_LOW_SKY_PIXELS {
         return Ok(None);
     }
     let sky = shown.map(|mut values| {
-        let rank = (SKY_RANK * values.len() as f64) as usize;
+        let rank = (SKY_COLOR_RANK * values.len() as f64) as usize;
         f64::from(*values.select_nth_unstable(rank).1) / 255.0
     });
-    Ok(sky.iter().all(|v| *v < CLIPPED).then(|| sky.map(srgb_decode)))
+    Ok(sky.iter().all(|v| *v < CLIPPED_VALUE).then(|| sky.map(srgb_decode)))
 }
 
 /// Returns the scene of trained splats: with the sky labelled, the photos' cameras, and in its
@@ -301,10 +299,10 @@ pub(super) fn finish(
     let mut survey = Survey::of(&scene, &facts);
     let ground = ground(&data.set.capture);
     if let (None, Ok(ground)) = (facts.up, &ground)
-        && ground.up.dot(survey.up.value) > SAME_GROUND
+        && ground.up.dot(survey.up.value) > MIN_GROUND_COSINE
     {
         let estimate = survey.up_estimate.take();
-        let up = GROUND_SHARE * ground.up + (1.0 - GROUND_SHARE) * survey.up.value;
+        let up = GROUND_WEIGHT * ground.up + (1.0 - GROUND_WEIGHT) * survey.up.value;
         scene.metadata.up = Some(up.normalize());
         scene.metadata.up_source = Some("the splats, and the ground along the path of the photos".into());
         scene.metadata.up_confidence = Some(survey.up.confidence).filter(|up| *up != Confidence::Sure);
@@ -319,11 +317,12 @@ pub(super) fn finish(
     site(&data.set.capture, &data.set.photos, survey.up.value).note(&mut known);
     if facts.ground.is_none()
         && let Ok(ground) = &ground
-        && ground.up.dot(survey.up.value) > SAME_GROUND
+        && ground.up.dot(survey.up.value) > MIN_GROUND_COSINE
     {
-        // Seen in many photos: better than what training left of a street.
+        // The ground is measured from points in many photos, which is better than from trained
+        // splats.
         known.ground = Some(ground.under.dot(survey.up.value));
-        // The cameras' height over it is as right as up is.
+        // The height of the cameras over the ground is as accurate as up.
         known.ground_confidence = Some(survey.up.confidence.max(Confidence::Likely));
         known.camera_height = Some(ground.height);
     }
@@ -351,18 +350,18 @@ pub(super) fn finish(
     Ok(scene)
 }
 
-/// The facts that were given, with up by GPS where that is sure.
+/// Returns the given facts, with up from GPS where that is reliable.
 fn with_up(given: &Metadata, data: &TrainData) -> Metadata {
     let measured = data.up.filter(|up| given.up.is_none() && is_measured(up));
     Metadata { up: given.up.or(measured.map(|up| up.up)), ..given.clone() }
 }
 
-/// Returns true if GPS tells up well enough that splats need not be asked.
+/// Returns true if up from GPS is accurate enough without the splats.
 fn is_measured(up: &CaptureUp) -> bool {
-    matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MEASURED
+    matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MAX_GPS_ERROR_DEG
 }
 
-/// Writes down what tells up.
+/// Writes the evidence of up into the metadata.
 fn note_up(known: &mut Metadata, options: &SessionOptions, data: &TrainData) {
     if let Some(up) = data.up.filter(|up| options.facts.up.is_none() && is_measured(up)) {
         known.up_source = Some(up.evidence.to_string());
@@ -370,15 +369,15 @@ fn note_up(known: &mut Metadata, options: &SessionOptions, data: &TrainData) {
     }
 }
 
-/// A scale and where it is from.
+/// A scale and its source.
 struct FoundScale {
     metres_per_unit: f64,
     source: String,
     confidence: Confidence,
 }
 
-/// Returns metres per scene unit and where they are from: the height of the cameras if that is
-/// given, else where photos say that they were taken, else the height at which people hold cameras.
+/// Returns metres per scene unit and their source: the given height of the cameras, else the GPS
+/// positions of the photos, else the height at which people hold cameras.
 fn scale(
     data: &TrainData,
     camera_height: Option<f64>,
@@ -393,12 +392,13 @@ fn scale(
     let by_gps = || {
         let gps = data.gps?;
         let source = format!("the GPS of {} photos, met within {:.1} m", gps.photos, gps.residual);
-        let is_sure = gps.extent > SURE_EXTENT * gps.residual.max(1.0);
+        let is_sure = gps.extent > MIN_GPS_EXTENT * gps.residual.max(1.0);
         let confidence = if is_sure { Confidence::Sure } else { Confidence::Likely };
         Some(FoundScale { metres_per_unit: gps.metres_per_unit, source, confidence })
     };
     let given = camera_height.and_then(|metres| by_height(metres, Confidence::Sure));
-    // People are tall and small, and a drone may fly as level as a person walks.
+    // This is approximate: people differ in height, and a drone may fly as level as a person
+    // walks.
     given.or_else(by_gps).or_else(|| match camera_height {
         Some(_) => None,
         None => by_height(CARRIED_HEIGHT_M, Confidence::Likely),

@@ -85,7 +85,7 @@ pub struct TrainReport {
 /// Sums over steps: all, and since the last summary.
 #[derive(Default)]
 pub(super) struct StepSums {
-    pub times: StepTimes,
+    pub(crate) times: StepTimes,
     since: StepTimes,
     steps: u32,
     loss: f64,
@@ -93,7 +93,7 @@ pub(super) struct StepSums {
 }
 
 impl StepSums {
-    pub fn add(&mut self, report: &StepReport) {
+    pub(crate) fn add(&mut self, report: &StepReport) {
         self.times.add(&report.times);
         self.since.add(&report.times);
         self.steps += 1;
@@ -107,7 +107,7 @@ impl StepSums {
     }
 
     /// Returns the means since the last call.
-    pub fn summary(&mut self, step: u32, splats: usize, held_out_psnr: Option<f64>) -> StepSummary {
+    pub(crate) fn summary(&mut self, step: u32, splats: usize, held_out_psnr: Option<f64>) -> StepSummary {
         let mean = |sum: f64| sum / f64::from(self.steps.max(1));
         let terms = self.terms.iter().map(|(name, sum)| (*name, mean(*sum))).collect();
         let (loss, step_seconds) = (mean(self.loss), mean(self.since.total()));

@@ -28,19 +28,19 @@ use wm_render::{Differentiable, Frame, RenderError};
 use wm_scene::{Camera, Scene, Splats};
 
 /// Photos that are decoded ahead of their step.
-const AHEAD: u32 = 4;
+const PREFETCHED_STEPS: u32 = 4;
 /// Shortest side of a photo in coarse steps, px.
-const SHORTEST: u32 = 100;
+const MIN_COARSE_SIDE_PX: u32 = 100;
 /// Summaries and milestones in a training.
 const SUMMARIES: u32 = 200;
 const MILESTONES: u32 = 10;
 /// Loss of PSNR of held-out photos that is worth a warning, dB.
-const WORSE: f64 = 0.1;
+const WORSE_PSNR_DB: f64 = 0.1;
 
 /// A back end and the messages of why its GPU was given up.
 pub(super) struct Backend {
-    pub renderer: Box<dyn Differentiable>,
-    pub failures: Receiver<String>,
+    pub(crate) renderer: Box<dyn Differentiable>,
+    pub(crate) failures: Receiver<String>,
 }
 
 /// A training that is ready to run or under way; [`Session::prepare`](super::Session::prepare)
@@ -54,7 +54,7 @@ pub struct Training {
     dataset: PathBuf,
     data: TrainData,
     priors: Option<Priors>,
-    /// Of each training photo the pixels that show movers; empty if there are none.
+    /// The pixels of each training photo that show movers; empty if there are none.
     movers: Vec<MoverMask>,
     folder: RunFolder,
     options: SessionOptions,
@@ -92,7 +92,7 @@ impl PhotoPixels {
         TrainPhoto { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
     }
 
-    /// The same without the pixels that show movers.
+    /// Returns the photo without the pixels that show movers.
     fn truth_without<'b>(&'b mut self, photo: &'b Photo, movers: Option<&MoverMask>) -> TrainPhoto<'b> {
         self.truth(photo);
         if let Some(movers) = movers.filter(|movers| !movers.is_empty()) {
@@ -105,15 +105,15 @@ impl PhotoPixels {
 
 /// The parts of a training.
 pub(super) struct Parts {
-    pub config: TrainConfig,
-    pub dataset: PathBuf,
-    pub data: TrainData,
-    pub priors: Option<Priors>,
-    pub movers: Vec<MoverMask>,
-    pub folder: RunFolder,
-    pub options: SessionOptions,
-    pub metric: Option<Box<dyn PerceptualMetric>>,
-    pub backend: Backend,
+    pub(crate) config: TrainConfig,
+    pub(crate) dataset: PathBuf,
+    pub(crate) data: TrainData,
+    pub(crate) priors: Option<Priors>,
+    pub(crate) movers: Vec<MoverMask>,
+    pub(crate) folder: RunFolder,
+    pub(crate) options: SessionOptions,
+    pub(crate) metric: Option<Box<dyn PerceptualMetric>>,
+    pub(crate) backend: Backend,
 }
 
 impl Training {
@@ -153,7 +153,7 @@ impl Training {
         };
         trainer.set_air(haze.map(|haze| haze.air()));
         let (step, steps) = (trainer.steps_done(), trainer.config().steps);
-        let last_level = data.set.photos.last_level(SHORTEST);
+        let last_level = data.set.photos.last_level(MIN_COARSE_SIDE_PX);
         let photo = data.set.name(data.shown());
         let start = TrainStart { step, steps, photo, extent };
         observer.on_start(&start).map_err(SessionError::Observer)?;
@@ -201,7 +201,7 @@ impl Training {
     ///
     /// # Errors
     /// [`SessionError`] as for [`Self::run`].
-    pub fn run_to_end(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
+    pub(crate) fn run_to_end(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
         let started = Instant::now();
         self.saved = started;
         let steps = self.trainer.config().steps;
@@ -252,12 +252,6 @@ impl Training {
         Ok(())
     }
 
-    /// Returns the trainer: its configuration, its splats and their number.
-    #[must_use]
-    pub fn trainer(&self) -> &Trainer {
-        &self.trainer
-    }
-
     /// Returns true after the last step.
     #[must_use]
     pub fn is_done(&self) -> bool {
@@ -306,7 +300,7 @@ impl Training {
     ///
     /// # Errors
     /// [`SessionError`] if the device fails.
-    pub fn splats(&mut self) -> Result<Splats, SessionError> {
+    pub(crate) fn splats(&mut self) -> Result<Splats, SessionError> {
         Ok(self.trainer.state()?.population.drawn())
     }
 
@@ -314,7 +308,7 @@ impl Training {
     fn train(&mut self, observer: &mut dyn TrainObserver) -> Result<f64, SessionError> {
         let step = self.trainer.steps_done();
         let last = self.trainer.config().steps.saturating_sub(1);
-        for ahead in step + 1..=(step + AHEAD).min(last) {
+        for ahead in step + 1..=(step + PREFETCHED_STEPS).min(last) {
             let place = self.data.set.places[self.trainer.photo_at(ahead)];
             self.data.set.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
         }
@@ -501,12 +495,6 @@ impl Training {
         });
         Ok(())
     }
-
-    /// Returns the folder that the session keeps its files in.
-    #[must_use]
-    pub fn folder(&self) -> &Path {
-        self.folder.path()
-    }
 }
 
 /// Writes a checkpoint; returns its steps.
@@ -525,7 +513,7 @@ fn write_checkpoint(path: &Path, trainer: &mut Trainer, data: &TrainData) -> Res
 
 /// Returns true if earlier scores are clearly better than those at the end.
 fn was_better(before: &HeldOutScore, now: &HeldOutScore) -> bool {
-    before.psnr > now.psnr + WORSE && before.ssim > now.ssim
+    before.psnr > now.psnr + WORSE_PSNR_DB && before.ssim > now.ssim
 }
 
 /// Returns the colours times `gain` as a screen shows them: 0 to 1.

@@ -1,5 +1,5 @@
-//! A whole data set, of which trainings learn parts: what they share is found before them, and what
-//! the place is after them.
+//! A whole data set whose parts are trained separately: computes what the trainings share before
+//! them, and finishes the scene after them.
 
 use super::data::{TrainData, confirmed_pixels};
 use super::error::SessionError;
@@ -28,7 +28,7 @@ pub(crate) struct WholeSession {
 impl WholeSession {
     /// Opens a data set with its photos and priors; what is made for it lies in the run folder, and
     /// is taken from there if it is there already.
-    pub fn open(
+    pub(crate) fn open(
         dataset: &Path,
         options: &SessionOptions,
         run_folder: &Path,
@@ -49,47 +49,47 @@ impl WholeSession {
     }
 
     /// Returns cameras and points.
-    pub fn capture(&self) -> &Capture {
+    pub(crate) fn capture(&self) -> &Capture {
         &self.data.set.capture
     }
 
     /// Returns up, if something tells it.
-    pub fn up(&self) -> Option<DVec3> {
+    pub(crate) fn up(&self) -> Option<DVec3> {
         self.data.up.map(|up| up.up)
     }
 
     /// Returns the indices of the photos to learn from, and of those that are held out.
-    pub fn places(&self) -> (&[usize], &[usize]) {
+    pub(crate) fn places(&self) -> (&[usize], &[usize]) {
         (&self.data.set.places, &self.data.held_out)
     }
 
     /// Returns the name of a photo.
-    pub fn name(&self, place: usize) -> &str {
+    pub(crate) fn name(&self, place: usize) -> &str {
         self.data.set.name(place)
     }
 
     /// Returns the camera of a photo in the size in use.
-    pub fn camera(&self, place: usize) -> Camera {
+    pub(crate) fn camera(&self, place: usize) -> Camera {
         self.data.set.photos.camera(place, 0)
     }
 
     /// Returns the points that each of the photos shows, as indices into the capture's.
-    pub fn seen_points(&self, places: &[usize]) -> Vec<Vec<u32>> {
+    pub(crate) fn seen_points(&self, places: &[usize]) -> Vec<Vec<u32>> {
         seen_points(&self.data.set.capture, &self.data.set.photos, places)
     }
 
     /// Returns the folder of the priors, if there are any.
-    pub fn priors(&self) -> Option<PathBuf> {
+    pub(crate) fn priors(&self) -> Option<PathBuf> {
         self.priors.as_ref().map(|priors| priors.folder().to_owned())
     }
 
     /// Returns the brightness of the training photos beside each other.
-    pub fn gains(&self) -> Option<&PhotoGains> {
+    pub(crate) fn gains(&self) -> Option<&PhotoGains> {
         self.data.gains()
     }
 
     /// Returns the haze of the training photos, and their gains.
-    pub fn haze(
+    pub(crate) fn haze(
         &self,
         mode: HazeMode,
         observer: &mut dyn TrainObserver,
@@ -98,7 +98,7 @@ impl WholeSession {
     }
 
     /// Returns the splats of the sky.
-    pub fn sky(
+    pub(crate) fn sky(
         &self,
         config: &TrainConfig,
         haze: Option<&(PhotoHaze, PhotoGains)>,
@@ -108,7 +108,7 @@ impl WholeSession {
     }
 
     /// Returns the scene of the splats that trainings of the parts made, as [`scene::finish`] does.
-    pub fn finish(
+    pub(crate) fn finish(
         &self,
         splats: Splats,
         config: &TrainConfig,

@@ -1,6 +1,8 @@
 //! The windows of a band of rows, and the derivative under them.
 
-use super::{CHANNELS, KEPT, MARGIN, Pictures, REACH, REACHED, TAPS, TOGETHER, WIDEST};
+use super::{
+    CHANNELS, KEPT_ROWS, MARGIN_VALUES, MAX_LANES, Pictures, REACH_VALUES, ROWS_AT_ONCE, TAPS, WINDOW_ROWS,
+};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
 use wm_render::training::{C1, C2, RADIUS, WINDOW};
@@ -8,9 +10,10 @@ use wm_render::training::{C1, C2, RADIUS, WINDOW};
 /// Working memory of a band.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Band {
-    /// Rows windowed down the columns, margins zero, `[TOGETHER, 4, P]`.
+    /// Rows windowed down the columns, margins zero, `[ROWS_AT_ONCE, 4, P]`.
     columns: Vec<f32>,
-    /// dS/dmx, dS/dexx, dS/dexy of the last rows, `[KEPT, 3, wide]`; row `r` lies at `r % KEPT`.
+    /// dS/dmx, dS/dexx, dS/dexy of the last rows, `[KEPT_ROWS, 3, wide]`; row `r` lies at `r %
+    /// KEPT_ROWS`.
     slopes: Vec<f32>,
     /// Stands for rows beyond the picture.
     zeros: Vec<f32>,
@@ -25,10 +28,10 @@ fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..whole).step_by(lanes).map(|at| (at, 0)).chain(last)
 }
 
-/// The rows that the windows of [`TOGETHER`] rows from `first` on read; zeros for those beyond the
-/// picture.
+/// The rows that the windows of [`ROWS_AT_ONCE`] rows from `first` on read; zeros for those beyond
+/// the picture.
 #[inline(always)]
-fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) -> [&'a [f32]; REACHED] {
+fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) -> [&'a [f32]; WINDOW_ROWS] {
     let wide = zeros.len();
     std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
         Some(at) if at < rows => &picture[at * wide..(at + 1) * wide],
@@ -38,12 +41,12 @@ fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) 
 
 impl Band {
     fn prepare(&mut self, wide: usize) {
-        let padded = wide + 2 * MARGIN;
+        let padded = wide + 2 * MARGIN_VALUES;
         // Margins are written once: the windows write between them.
         if self.zeros.len() != wide {
             *self = Self {
-                columns: vec![0.0; TOGETHER * 4 * padded],
-                slopes: vec![0.0; KEPT * 3 * wide],
+                columns: vec![0.0; ROWS_AT_ONCE * 4 * padded],
+                slopes: vec![0.0; KEPT_ROWS * 3 * wide],
                 zeros: vec![0.0; wide],
             };
         }
@@ -51,19 +54,26 @@ impl Band {
 
     /// Sums of similarity of the rows from `first` on.
     #[inline(always)]
-    pub fn forward<S: Lanes>(&mut self, simd: S, pictures: Pictures<'_>, first: usize, sums: &mut [f64]) {
+    pub(crate) fn forward<S: Lanes>(
+        &mut self,
+        simd: S,
+        pictures: Pictures<'_>,
+        first: usize,
+        sums: &mut [f64],
+    ) {
         self.prepare(pictures.wide);
-        for (index, sums) in sums.chunks_mut(TOGETHER).enumerate() {
-            let from = first + index * TOGETHER;
-            let mut all = [0.0; TOGETHER];
+        for (index, sums) in sums.chunks_mut(ROWS_AT_ONCE).enumerate() {
+            let from = first + index * ROWS_AT_ONCE;
+            let mut all = [0.0; ROWS_AT_ONCE];
             self.slopes(simd, pictures, from, &mut all);
             sums.copy_from_slice(&all[..sums.len()]);
         }
     }
 
-    /// The same, and `scale` times the derivative added to `gradient`, the same rows.
+    /// Computes the sum over rows, and adds `scale` times its derivative to the same rows of
+    /// `gradient`.
     #[inline(always)]
-    pub fn both<S: Lanes>(
+    pub(crate) fn both<S: Lanes>(
         &mut self,
         simd: S,
         pictures: Pictures<'_>,
@@ -75,23 +85,24 @@ impl Band {
         self.prepare(pictures.wide);
         let end = first + sums.len();
         let mut made = first.saturating_sub(RADIUS);
-        for (index, gradient) in gradient.chunks_mut(TOGETHER * pictures.line).enumerate() {
-            let from = first + index * TOGETHER;
-            while made < (from + TOGETHER + RADIUS).min(pictures.rows) {
-                let mut all = [0.0; TOGETHER];
+        for (index, gradient) in gradient.chunks_mut(ROWS_AT_ONCE * pictures.line).enumerate() {
+            let from = first + index * ROWS_AT_ONCE;
+            while made < (from + ROWS_AT_ONCE + RADIUS).min(pictures.rows) {
+                let mut all = [0.0; ROWS_AT_ONCE];
                 self.slopes(simd, pictures, made, &mut all);
                 for (row, sum) in (made..).zip(all) {
                     if (first..end).contains(&row) {
                         sums[row - first] = sum;
                     }
                 }
-                made += TOGETHER;
+                made += ROWS_AT_ONCE;
             }
             self.gradient(simd, pictures, from, scale, gradient);
         }
     }
 
-    /// Slopes of the [`TOGETHER`] rows from `first` on, as far as there are any, and their sums of
+    /// Slopes of the [`ROWS_AT_ONCE`] rows from `first` on, as far as there are any, and their sums
+    /// of
     /// `S`.
     #[inline(always)]
     fn slopes<S: Lanes>(
@@ -99,14 +110,14 @@ impl Band {
         simd: S,
         pictures: Pictures<'_>,
         first: usize,
-        sums: &mut [f64; TOGETHER],
+        sums: &mut [f64; ROWS_AT_ONCE],
     ) {
         let Pictures { x, y, counts, line, wide, rows } = pictures;
-        let padded = wide + 2 * MARGIN;
+        let padded = wide + 2 * MARGIN_VALUES;
         let (x, y) = (reached(x, first, rows, &self.zeros), reached(y, first, rows, &self.zeros));
         // The windowed means of x, y, x^2 + y^2 and x y: down the columns, then along the row.
         // Plain loops over memory that is there: closures are not inlined where vectors are.
-        let mut column = [[simd.set(0.0); 4]; REACHED];
+        let mut column = [[simd.set(0.0); 4]; WINDOW_ROWS];
         for (at, _) in groups(wide, S::N) {
             for (i, column) in column.iter_mut().enumerate() {
                 let (x, y) = (simd.load(&x[i][at..]), simd.load(&y[i][at..]));
@@ -114,13 +125,13 @@ impl Band {
             }
             let sums = down(simd, &column);
             for (k, sum) in sums.as_flattened().iter().enumerate() {
-                sum.store_slice(&mut self.columns[k * padded + MARGIN + at..][..S::N]);
+                sum.store_slice(&mut self.columns[k * padded + MARGIN_VALUES + at..][..S::N]);
             }
         }
         let (one, two) = (simd.set(1.0), simd.set(2.0));
         let columns = self.columns.chunks_exact(4 * padded);
         for ((row, columns), sum) in (first..rows).zip(columns).zip(sums) {
-            let slopes = &mut self.slopes[row % KEPT * 3 * wide..][..3 * wide];
+            let slopes = &mut self.slopes[row % KEPT_ROWS * 3 * wide..][..3 * wide];
             let (mean, rest) = slopes.split_at_mut(wide);
             let (square, product) = rest.split_at_mut(wide);
             let mut total = simd.set(0.0);
@@ -141,7 +152,7 @@ impl Band {
                 if seen == 0 && at + S::N <= line && counts.is_none() {
                     total += s;
                 } else {
-                    let mut values = [0.0; WIDEST];
+                    let mut values = [0.0; MAX_LANES];
                     s.store_slice(&mut values[..S::N]);
                     let inside = line.saturating_sub(at).min(S::N);
                     if let Some(counts) = counts {
@@ -153,7 +164,7 @@ impl Band {
                     *sum += values[seen.min(inside)..inside].iter().map(|v| f64::from(*v)).sum::<f64>();
                 }
             }
-            let mut values = [0.0; WIDEST];
+            let mut values = [0.0; MAX_LANES];
             total.store_slice(&mut values[..S::N]);
             *sum += values[..S::N].iter().map(|v| f64::from(*v)).sum::<f64>();
             // Beyond the picture nothing is compared.
@@ -163,7 +174,7 @@ impl Band {
         }
     }
 
-    /// Adds the derivative of the rows from `first` on, [`TOGETHER`] of them or as many as
+    /// Adds the derivative of the rows from `first` on, [`ROWS_AT_ONCE`] of them or as many as
     /// `gradient` has.
     #[inline(always)]
     fn gradient<S: Lanes>(
@@ -175,17 +186,17 @@ impl Band {
         gradient: &mut [f32],
     ) {
         let Pictures { x, y, line, wide, rows, .. } = pictures;
-        let padded = wide + 2 * MARGIN;
+        let padded = wide + 2 * MARGIN_VALUES;
         let slopes = &self.slopes;
         let nothing = [&self.zeros[..]; 3];
-        let reached: [[&[f32]; 3]; REACHED] =
+        let reached: [[&[f32]; 3]; WINDOW_ROWS] =
             std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
                 Some(at) if at < rows => {
-                    std::array::from_fn(|k| &slopes[(at % KEPT * 3 + k) * wide..][..wide])
+                    std::array::from_fn(|k| &slopes[(at % KEPT_ROWS * 3 + k) * wide..][..wide])
                 }
                 _ => nothing,
             });
-        let mut column = [[simd.set(0.0); 3]; REACHED];
+        let mut column = [[simd.set(0.0); 3]; WINDOW_ROWS];
         for (at, _) in groups(wide, S::N) {
             for (column, rows) in column.iter_mut().zip(&reached) {
                 for (value, row) in column.iter_mut().zip(rows) {
@@ -195,7 +206,7 @@ impl Band {
             let sums = down(simd, &column);
             for (row, sums) in sums.iter().enumerate() {
                 for (k, sum) in sums.iter().enumerate() {
-                    sum.store_slice(&mut self.columns[(4 * row + k) * padded + MARGIN + at..][..S::N]);
+                    sum.store_slice(&mut self.columns[(4 * row + k) * padded + MARGIN_VALUES + at..][..S::N]);
                 }
             }
         }
@@ -211,7 +222,7 @@ impl Band {
                     let gradient = &mut gradient[at..at + S::N];
                     (simd.load(gradient) + slope).store_slice(gradient);
                 } else {
-                    let mut added = [0.0; WIDEST];
+                    let mut added = [0.0; MAX_LANES];
                     slope.store_slice(&mut added[..S::N]);
                     for (gradient, added) in gradient[at..].iter_mut().zip(&added[..S::N]).skip(seen) {
                         *gradient += added;
@@ -224,8 +235,8 @@ impl Band {
 
 /// The windows down the rows of N quantities, for each of the rows together.
 #[inline(always)]
-fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; REACHED]) -> [[S::F; N]; TOGETHER] {
-    let mut sums = [[simd.set(0.0); N]; TOGETHER];
+fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; WINDOW_ROWS]) -> [[S::F; N]; ROWS_AT_ONCE] {
+    let mut sums = [[simd.set(0.0); N]; ROWS_AT_ONCE];
     for (row, sums) in sums.iter_mut().enumerate() {
         for (weight, values) in WINDOW.iter().zip(&column[row..row + TAPS]) {
             for (sum, value) in sums.iter_mut().zip(values) {
@@ -240,9 +251,9 @@ fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; REACHED]) -> [[S
 #[inline(always)]
 fn along<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: usize) -> [S::F; N] {
     let mut sums = [simd.set(0.0); N];
-    let from = MARGIN - REACH + at;
+    let from = MARGIN_VALUES - REACH_VALUES + at;
     for (k, sum) in sums.iter_mut().enumerate() {
-        let row = &columns[k * padded + from..][..2 * REACH + S::N];
+        let row = &columns[k * padded + from..][..2 * REACH_VALUES + S::N];
         for (tap, weight) in WINDOW.iter().enumerate() {
             *sum = simd.set(*weight).mul_add(simd.load(&row[CHANNELS * tap..]), *sum);
         }

@@ -29,19 +29,19 @@ const TAPS: usize = 2 * RADIUS + 1;
 /// Channels of a pixel.
 const CHANNELS: usize = 3;
 /// Values that the window reaches to each side of a row.
-const REACH: usize = CHANNELS * RADIUS;
+const REACH_VALUES: usize = CHANNELS * RADIUS;
 /// Zeros before and after a row: the reach, and whole vectors.
-const MARGIN: usize = 16;
+const MARGIN_VALUES: usize = 16;
 /// Widest vector.
-const WIDEST: usize = 16;
+const MAX_LANES: usize = 16;
 /// Rows that are windowed together: they share most of what they read.
-const TOGETHER: usize = 4;
+const ROWS_AT_ONCE: usize = 4;
 /// Rows of a band: the slopes of ten more are made for it.
-const BAND: usize = 64;
+const BAND_ROWS: usize = 64;
 /// Rows under the windows of rows together.
-const REACHED: usize = TOGETHER + 2 * RADIUS;
+const WINDOW_ROWS: usize = ROWS_AT_ONCE + 2 * RADIUS;
 /// Rows of slopes that are kept: those, and those made meanwhile.
-const KEPT: usize = REACHED + TOGETHER;
+const KEPT_ROWS: usize = WINDOW_ROWS + ROWS_AT_ONCE;
 
 /// Structural similarity with its working memory.
 #[derive(Clone, Debug)]
@@ -91,7 +91,7 @@ impl Ssim {
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
     #[must_use]
-    pub fn masked_value(&mut self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
+    pub(crate) fn masked_value(&mut self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
         assert_eq!(x.len(), CHANNELS * mask.len(), "a picture and its mask");
         let counted: f64 = mask.iter().map(|v| f64::from(*v)).sum();
         if counted == 0.0 {
@@ -130,18 +130,19 @@ impl Ssim {
         let line = width * CHANNELS;
         assert!(x.len() == y.len() && line > 0 && x.len().is_multiple_of(line), "two pictures of one size");
         let rows = x.len() / line;
-        let widened = (line < WIDEST).then(|| [x, y].map(|picture| widened(picture, line)));
+        let widened = (line < MAX_LANES).then(|| [x, y].map(|picture| widened(picture, line)));
         let pictures = match &widened {
             None => Pictures { x, y, counts, line, wide: line, rows },
-            Some([x, y]) => Pictures { x, y, counts, line, wide: WIDEST, rows },
+            Some([x, y]) => Pictures { x, y, counts, line, wide: MAX_LANES, rows },
         };
         let path = self.path;
         let mut sums = vec![0.0; rows];
         let (scale, gradient) = gradient.unwrap_or((0.0, &mut []));
-        let gradients = gradient.chunks_mut(BAND * line).map(Some).chain(std::iter::repeat_with(|| None));
+        let gradients =
+            gradient.chunks_mut(BAND_ROWS * line).map(Some).chain(std::iter::repeat_with(|| None));
         // Each thread takes the next band as soon as it is done with one, with memory that it
         // keeps.
-        let waiting = Mutex::new((0..).step_by(BAND).zip(sums.chunks_mut(BAND)).zip(gradients));
+        let waiting = Mutex::new((0..).step_by(BAND_ROWS).zip(sums.chunks_mut(BAND_ROWS)).zip(gradients));
         self.bands.resize_with(rayon::current_num_threads(), Band::default);
         self.bands.par_iter_mut().with_max_len(1).for_each(|band| {
             while let Some(((first, sums), gradient)) = next(&waiting) {
@@ -169,8 +170,8 @@ fn next<T>(waiting: &Mutex<impl Iterator<Item = T>>) -> Option<T> {
 
 /// Rows of `line` values with zeros behind, so that each holds a vector.
 fn widened(picture: &[f32], line: usize) -> Vec<f32> {
-    let mut wide = vec![0.0; picture.len() / line * WIDEST];
-    for (wide, row) in wide.chunks_exact_mut(WIDEST).zip(picture.chunks_exact(line)) {
+    let mut wide = vec![0.0; picture.len() / line * MAX_LANES];
+    for (wide, row) in wide.chunks_exact_mut(MAX_LANES).zip(picture.chunks_exact(line)) {
         wide[..line].copy_from_slice(row);
     }
     wide

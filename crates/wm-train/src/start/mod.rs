@@ -1,12 +1,12 @@
 //! The splats that a training starts with: at the points of the reconstruction, or anywhere in view
 //! where there are none.
 //!
-//! They are made as published (Kerbl et al. 2023): round, of the mean distance (root mean square)
-//! to the three nearest neighbours, of the point's colour.
+//! As published (Kerbl et al. 2023) they are round, with the root mean square distance to the
+//! three nearest neighbours as standard deviation and the colour of the point.
 
 mod sky;
 
-pub use sky::{SkyPhotos, add_sky};
+pub(crate) use sky::{SkyPhotos, add_sky};
 
 use crate::random::{Purpose, Random};
 use glam::DVec3;
@@ -17,41 +17,43 @@ use wm_scene::capture::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
-/// Neighbours that say how large a splat is.
+/// Nearest neighbours that determine the size of a splat.
 const NEIGHBOURS: usize = 3;
-/// Splats to begin with where there are no points.
-const BLIND: usize = 20_000;
-/// The largest size of a splat, in units of the extent: a stray point is no wall.
-const LARGEST: f64 = 0.2;
+/// Number of splats where there are no points.
+const BLIND_SPLATS: usize = 20_000;
+/// Largest standard deviation of a splat, as a fraction of the extent: an outlier must not become
+/// a wall.
+const MAX_SCALE_EXTENTS: f64 = 0.2;
 
-/// Options for starting splats.
+/// Options of the first splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StartConfig {
+pub(crate) struct StartConfig {
     /// Opacity, 0-1.
-    pub opacity: f64,
+    pub(crate) opacity: f64,
     /// Standard deviation in distances to neighbours.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// Most splats.
-    pub most: usize,
-    /// Degree of their spherical harmonics.
-    pub sh_degree: u8,
-    /// For which of many points stay, and for points that there are not.
-    pub seed: u64,
+    pub(crate) most: usize,
+    /// Degree of the spherical harmonics.
+    pub(crate) sh_degree: u8,
+    /// The seed for the choice among too many points, and for random points.
+    pub(crate) seed: u64,
 }
 
-/// The size of a scene, scene units: 1.1 times the largest distance of a camera from their mean.
+/// Returns the extent of a scene, scene units: 1.1 times the largest distance of a camera from the
+/// mean position.
 #[must_use]
-pub fn extent(cameras: &[Camera]) -> f64 {
+pub(crate) fn extent(cameras: &[Camera]) -> f64 {
     let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
     let mean = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
     let farthest = centers.iter().map(|center| center.distance(mean)).fold(0.0, f64::max);
-    // Cameras in one place still have a scene about them.
+    // Cameras at one position still see a scene around them.
     if farthest > 1e-6 { 1.1 * farthest } else { 1.0 }
 }
 
-/// Splats at the points; equal points once.
+/// Returns splats at the points, one for equal points.
 #[must_use]
-pub fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> Splats {
+pub(crate) fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> Splats {
     let mut kept: Vec<([f32; 3], [u8; 3])> = points
         .positions
         .iter()
@@ -71,7 +73,7 @@ pub fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> 
     let distances = neighbour_distances(&positions, 0.01 * extent);
     let mut splats = Splats::with_capacity(kept.len(), config.sh_degree);
     for ((mean, color), distance) in kept.into_iter().zip(distances) {
-        let size = (distance * config.scale).clamp(1e-7, LARGEST * extent);
+        let size = (distance * config.scale).clamp(1e-7, MAX_SCALE_EXTENTS * extent);
         splats.push(&Splat {
             mean,
             quat: [1.0, 0.0, 0.0, 0.0],
@@ -84,12 +86,13 @@ pub fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> 
     splats
 }
 
-/// Grey splats along random rays of the cameras, from a tenth of the extent to ten times it.
+/// Returns grey splats along random rays of the cameras, from a tenth of the extent to ten times
+/// it.
 #[must_use]
-pub fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
+pub(crate) fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
     let random = Random::new(config.seed, Purpose::Start, 0);
     let mut points = SparsePoints::default();
-    for i in 0..BLIND.min(config.most) as u64 {
+    for i in 0..BLIND_SPLATS.min(config.most) as u64 {
         let u = |k: u64| random.uniform(4 * i + k);
         let camera = &cameras[random.below(4 * i + 3, cameras.len())];
         let ray = camera.ray(u(0) * f64::from(camera.width), u(1) * f64::from(camera.height));
@@ -99,7 +102,8 @@ pub fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
     from_points(&points, extent, config)
 }
 
-/// Root mean square distance to the nearest neighbours; `alone` for a point without any.
+/// Returns the root mean square distance to the nearest neighbours; `alone` for a point without
+/// any.
 fn neighbour_distances(positions: &[[f32; 3]], alone: f64) -> Vec<f64> {
     let Some(tree) =
         (positions.len() > 1).then(|| ImmutableKdTree::<f32, 3>::new_from_slice(positions).ok()).flatten()

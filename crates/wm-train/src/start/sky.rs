@@ -1,8 +1,8 @@
 //! The sky: splats on a far half sphere, in the colours that photos show there.
 //!
-//! Models have no points in the sky. Without it the sky is painted on whatever drifts there, near
-//! and far, and fog would take it for what it is painted on. These splats do not learn, since they
-//! would learn what stands before them while that is still transparent.
+//! Reconstructions have no points in the sky. Without these splats the sky is painted on floaters
+//! near and far, which fog would hide like near objects. They are not trained, since they would
+//! take the colours of objects in front while those are still transparent.
 
 use crate::priors::SkyClass;
 use glam::DVec3;
@@ -12,53 +12,55 @@ use wm_scene::capture::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
-/// Radius of the sky in extents, at least.
-const RADIUS: f64 = 20.0;
-/// Sine of the height at which it begins: 5 degrees below the horizon, since up is known to some
-/// degrees.
-const BELOW: f64 = -0.09;
-/// Standard deviation of its splats in distances to their neighbours, and their opacity: no gaps.
-const SCALE: f64 = 0.7;
-const OPACITY: f64 = 0.9;
-/// Share of the half sphere that photos show, at least: less is a gap in a crown, or no sky.
-const LEAST_SEEN: f64 = 0.004;
+/// Least radius of the sky, in extents of the scene.
+const SKY_RADIUS_EXTENTS: f64 = 20.0;
+/// Sine of the elevation at which the sky begins: 5 degrees below the horizon, since up is known
+/// to a few degrees.
+const LOWEST_SINE: f64 = -0.09;
+/// Standard deviation of splats in distances to their neighbours, and their opacity: leaves no
+/// gaps.
+const SPLAT_SCALE: f64 = 0.7;
+const SPLAT_OPACITY: f64 = 0.9;
+/// Least share of the half sphere that photos show: less is a gap in a crown, or no sky.
+const MIN_SHOWN_SHARE: f64 = 0.004;
 
 /// Colours between these, 0-1, are more and more likely clipped.
-const CLIPPED: [f32; 2] = [0.95, 0.99];
+const CLIPPED_RANGE: [f32; 2] = [0.95, 0.99];
 /// Weight of a clipped colour beside one that is not.
 const CLIPPED_WEIGHT: f32 = 0.05;
 /// Share of a photo's width and height over which its weight falls off to its border, so that no
 /// border shows.
-const BORDER: f64 = 0.25;
-/// Standard deviations over which colours are smoothed: in distances to neighbours, and of what no
-/// photo shows, radians.
-const FINE: f64 = 1.2;
-const COARSE: f64 = 0.3;
-/// Shares of the full weight of the surroundings at which half of a colour comes from a wider mean.
-const FINE_HALF: f64 = 0.05;
-const COARSE_HALF: f64 = 1e-3;
-/// Directions that the wide means are of, at most about.
-const SOURCES: usize = 1000;
+const BORDER_SHARE: f64 = 0.25;
+/// Standard deviations of the smoothing of colours: in distances to neighbours, and in radians for
+/// directions that no photo shows.
+const FINE_DEVIATION: f64 = 1.2;
+const COARSE_DEVIATION: f64 = 0.3;
+/// Fractions of the full weight of the neighbourhood at which half of a colour comes from the
+/// wider mean.
+const FINE_HALF_WEIGHT: f64 = 0.05;
+const COARSE_HALF_WEIGHT: f64 = 1e-3;
+/// Approximate largest number of directions in the wide means.
+const MAX_SOURCES: usize = 1000;
 
 /// The photos from which the sky is made.
-pub struct SkyPhotos<'a> {
+pub(crate) struct SkyPhotos<'a> {
     /// Cameras.
-    pub cameras: &'a [Camera],
+    pub(crate) cameras: &'a [Camera],
     /// The class and colour (sRGB) of a picture point, given as shares of width and height, in
     /// photo `index`.
-    pub look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
-    /// By what photo `index` is brighter in red, green and blue than the scene, display-referred.
-    pub gain: &'a (dyn Fn(usize) -> [f32; 3] + Sync),
+    pub(crate) look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
+    /// The gain of photo `index` in red, green and blue relative to the scene, display-referred.
+    pub(crate) gain: &'a (dyn Fn(usize) -> [f32; 3] + Sync),
     /// The direction against gravity, world axes, length 1.
-    pub up: DVec3,
-    /// The sine of the height down to which photos show endless haze, which looks like sky; `None`
-    /// without haze.
-    pub lowest: Option<f64>,
+    pub(crate) up: DVec3,
+    /// The sine of the elevation down to which photos show endless haze, which looks like sky;
+    /// `None` without haze.
+    pub(crate) lowest: Option<f64>,
 }
 
 /// The colour of a direction, 0-1, and its weight, 0 where no photo shows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Shown {
+struct ShownColors {
     color: [f32; 3],
     weight: f32,
 }
@@ -66,11 +68,11 @@ struct Shown {
 /// Adds splats on a far half sphere about the scene, in group [`Group::Sky`], and returns their
 /// number.
 ///
-/// Splats have the colour of the photos that show the sky there, in the scene's exposure. Other
-/// splats have the mean of what is seen around them, and farther off that of their height, so that
-/// no camera looks into nothing. `count` splats cover the half sphere about up (and a little below
-/// the horizon); nothing is added where photos show next to no sky.
-pub fn add_sky(
+/// Splats have the mean colour of the photos that show the sky there, in the scene's exposure.
+/// Directions that no photo shows have the mean of their neighbourhood, and farther away that of
+/// their elevation, so that there are no gaps. `count` splats cover the half sphere around up (and
+/// a little below the horizon); nothing is added if photos show next to no sky.
+pub(crate) fn add_sky(
     splats: &mut Splats,
     photos: &SkyPhotos<'_>,
     points: &SparsePoints,
@@ -79,7 +81,7 @@ pub fn add_sky(
 ) -> usize {
     let cameras = photos.cameras;
     let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
-    let (up, below) = (photos.up, photos.lowest.map_or(BELOW, |lowest| lowest.min(BELOW)));
+    let (up, below) = (photos.up, photos.lowest.map_or(LOWEST_SINE, |lowest| lowest.min(LOWEST_SINE)));
     let mut distances: Vec<f64> = points
         .positions
         .iter()
@@ -87,9 +89,9 @@ pub fn add_sky(
         .filter(|d| d.is_finite())
         .collect();
     distances.sort_by(f64::total_cmp);
-    // Stray points are no reason for a larger sky.
+    // Outliers among the points do not enlarge the sky.
     let farthest = distances.get(distances.len() * 99 / 100).copied().unwrap_or(0.0);
-    let radius = (RADIUS * extent).max(3.0 * farthest);
+    let radius = (SKY_RADIUS_EXTENTS * extent).max(3.0 * farthest);
     // Neighbours on a Fibonacci sphere are about this far apart, radians.
     let whole = (2 * count).max(2);
     let spacing = (4.0 * PI / whole as f64).sqrt();
@@ -102,10 +104,10 @@ pub fn add_sky(
         })
         .filter(|direction| direction.dot(up) > below)
         .collect();
-    let shown: Vec<Shown> =
+    let shown: Vec<ShownColors> =
         directions.par_iter().map(|direction| shown(photos, center + radius * *direction)).collect();
     let seen = shown.iter().filter(|shown| shown.weight > 0.0).count();
-    if (seen as f64) < LEAST_SEEN * directions.len() as f64 {
+    if (seen as f64) < MIN_SHOWN_SHARE * directions.len() as f64 {
         return 0;
     }
     let colors = smoothed(&directions, &shown, spacing, up);
@@ -113,8 +115,8 @@ pub fn add_sky(
         splats.push(&Splat {
             mean: (center + radius * *direction).to_array().map(|v| v as f32),
             quat: [1.0, 0.0, 0.0, 0.0],
-            log_scale: [(SCALE * spacing * radius).ln() as f32; 3],
-            logit_opacity: logit(OPACITY) as f32,
+            log_scale: [(SPLAT_SCALE * spacing * radius).ln() as f32; 3],
+            logit_opacity: logit(SPLAT_OPACITY) as f32,
             rgb,
             group: Group::Sky,
         });
@@ -122,41 +124,43 @@ pub fn add_sky(
     directions.len()
 }
 
-/// The mean colour of a far point over the photos that show the sky there, in the scene's exposure.
-fn shown(photos: &SkyPhotos<'_>, point: DVec3) -> Shown {
+/// Returns the mean colour of a direction over the photos that show the sky there, in the scene's
+/// exposure.
+fn shown(photos: &SkyPhotos<'_>, point: DVec3) -> ShownColors {
     let (mut sum, mut weights) = ([0.0f32; 3], 0.0f32);
     for (index, camera) in photos.cameras.iter().enumerate() {
         let Some((x, y, _)) = camera.project(point) else { continue };
         let at = [x / f64::from(camera.width), y / f64::from(camera.height)];
-        let border = at.iter().fold(1.0, |least: f64, at| least.min(at.min(1.0 - at) / BORDER));
+        let border = at.iter().fold(1.0, |least: f64, at| least.min(at.min(1.0 - at) / BORDER_SHARE));
         if border <= 0.0 {
             continue;
         }
         let (SkyClass::Sky, color) = (photos.look)(index, at) else { continue };
         let (color, gain) = (color.map(|v| f32::from(v) / 255.0), (photos.gain)(index));
-        let clipped = color.map(|v| ((v - CLIPPED[0]) / (CLIPPED[1] - CLIPPED[0])).clamp(0.0, 1.0));
+        let clipped =
+            color.map(|v| ((v - CLIPPED_RANGE[0]) / (CLIPPED_RANGE[1] - CLIPPED_RANGE[0])).clamp(0.0, 1.0));
         let most = clipped.iter().fold(0.0, |a: f32, b| a.max(*b));
         let weight = border as f32 * (1.0 + most * (CLIPPED_WEIGHT - 1.0));
         for c in 0..3 {
-            // A clipped colour tells how bright the sky is at least: it is white in the scene's
-            // exposure too.
+            // A clipped colour is a lower bound of brightness: it stays white in the scene's
+            // exposure.
             let own = color[c] / gain[c];
             sum[c] += weight * (own + clipped[c] * (own.max(1.0) - own)).min(1.0);
         }
         weights += weight;
     }
     if weights > 0.0 {
-        Shown { color: sum.map(|v| v / weights), weight: weights.min(1.0) }
+        ShownColors { color: sum.map(|v| v / weights), weight: weights.min(1.0) }
     } else {
-        Shown::default()
+        ShownColors::default()
     }
 }
 
-/// Colours of all directions, which lie in the order of one axis: means over neighbours, wider
-/// where these show little.
-fn smoothed(directions: &[DVec3], shown: &[Shown], spacing: f64, up: DVec3) -> Vec<[f32; 3]> {
+/// Smooths the colours of all directions, which are sorted along one axis: means over neighbours,
+/// wider ones where few are shown.
+fn smoothed(directions: &[DVec3], shown: &[ShownColors], spacing: f64, up: DVec3) -> Vec<[f32; 3]> {
     let by_height = ByHeight::new(directions.iter().zip(shown).map(|(d, shown)| (d.dot(up), *shown)));
-    let step = directions.len().div_ceil(SOURCES);
+    let step = directions.len().div_ceil(MAX_SOURCES);
     let mean = |at: DVec3, sources: &mut dyn Iterator<Item = usize>, width: f64| {
         let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
         for i in sources.filter(|i| shown[*i].weight > 0.0) {
@@ -170,23 +174,28 @@ fn smoothed(directions: &[DVec3], shown: &[Shown], spacing: f64, up: DVec3) -> V
         let at = directions[i];
         let mut color = by_height.at(at.dot(up)).map(f64::from);
         let mut refine = |(finer, weights): ([f64; 3], f64), width: f64, apart: f64, half: f64| {
-            // Of a sphere full of sources.
+            // The weight of a fully sampled sphere.
             let full = TAU * width * width / (apart * apart);
             let share = weights / (weights + half * full);
             (0..3).for_each(|c| color[c] += share * (finer[c] - color[c]));
         };
         let apart = spacing * (step as f64).sqrt();
-        refine(mean(at, &mut (0..directions.len()).step_by(step), COARSE), COARSE, apart, COARSE_HALF);
-        let width = FINE * spacing;
+        refine(
+            mean(at, &mut (0..directions.len()).step_by(step), COARSE_DEVIATION),
+            COARSE_DEVIATION,
+            apart,
+            COARSE_HALF_WEIGHT,
+        );
+        let width = FINE_DEVIATION * spacing;
         let near = |height: f64| directions.partition_point(|d| d.z > height);
         let near = near(at.z + 3.0 * width)..near(at.z - 3.0 * width);
-        refine(mean(at, &mut near.into_iter(), width), width, spacing, FINE_HALF);
+        refine(mean(at, &mut near.into_iter(), width), width, spacing, FINE_HALF_WEIGHT);
         color.map(|v| v as f32)
     };
     (0..directions.len()).into_par_iter().map(own).collect()
 }
 
-/// Mean colours of rings of the sky.
+/// Mean colours of the sky by elevation.
 struct ByHeight(Vec<Option<[f32; 3]>>);
 
 impl ByHeight {
@@ -198,9 +207,9 @@ impl ByHeight {
         ((angle * Self::RINGS as f64) as usize).min(Self::RINGS - 1)
     }
 
-    fn new(seen: impl Iterator<Item = (f64, Shown)>) -> Self {
+    fn new(seen: impl Iterator<Item = (f64, ShownColors)>) -> Self {
         let mut sums = vec![([0.0f32; 3], 0.0f32); Self::RINGS];
-        for (height, Shown { color, weight }) in seen {
+        for (height, ShownColors { color, weight }) in seen {
             let (sum, weights) = &mut sums[Self::ring(height)];
             sum.iter_mut().zip(color).for_each(|(sum, v)| *sum += weight * v);
             *weights += weight;
@@ -209,7 +218,7 @@ impl ByHeight {
         Self(sums.into_iter().map(mean).collect())
     }
 
-    /// The colour of the nearest ring that was seen.
+    /// Returns the colour of the nearest ring that any photo shows.
     fn at(&self, height: f64) -> [f32; 3] {
         let ring = Self::ring(height);
         let seen = (0..Self::RINGS).filter(|i| self.0[*i].is_some());

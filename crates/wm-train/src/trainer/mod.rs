@@ -1,9 +1,9 @@
 //! The steps of a training: render, compare, derive, move.
 //!
-//! The trainer names no loss and knows no file. Its state after a number of steps is a pure
-//! function of configuration, photos and starting splats: random numbers are keyed by the step, no
-//! sum depends on threads. So a training that is broken off and gone on with ends in the same
-//! bytes.
+//! The trainer knows no single loss and no files. Its state after a number of steps is a pure
+//! function of configuration, photos and first splats: random numbers are keyed by the step, and
+//! no sum depends on the number of threads. So a training that is interrupted and resumed ends in
+//! the same bytes.
 
 mod report;
 mod step;
@@ -26,24 +26,25 @@ use wm_render::{
 };
 use wm_scene::{Camera, Splats};
 
-/// Steps after which what a device has learnt is read back, to go on with should it be lost.
-const KNOWN_EVERY: u32 = 500;
+/// Steps between reads of the splats from a device, from which the training continues if the
+/// device fails.
+const READ_BACK_STEPS: u32 = 500;
 
-/// A training under way.
+/// A training in progress.
 pub struct Trainer {
     config: TrainConfig,
     terms: Vec<Box<dyn LossTerm>>,
     learner: Learner,
     state: TrainState,
-    /// The steps that the state here knows, where a device is ahead.
+    /// The number of steps that `state` contains; a device may be ahead.
     known: u32,
     extent: f64,
-    /// Photos that teach.
+    /// The number of training photos.
     photos: usize,
     work: Work,
-    /// The haze that photos show and the scene is without.
+    /// The haze of the photos, which the scene does not contain.
     air: Option<EvenAir>,
-    /// The orders of the last two epochs that were asked for: steps ahead reach into the next.
+    /// The orders of the last two epochs in use: prefetched steps may belong to the next epoch.
     orders: [Order; 2],
 }
 
@@ -54,20 +55,34 @@ struct Order {
     places: Vec<usize>,
 }
 
-/// Everything that a step leaves to the next.
+/// The state of a training between two steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrainState {
     /// Steps that are done.
     pub step: u32,
     /// The splats and what is known of them.
-    pub population: Population,
-    /// The photos' own exposures; none where they are shared.
-    pub exposures: Exposures,
+    pub(crate) population: Population,
+    /// The exposures of the photos; empty if they are shared.
+    pub(crate) exposures: Exposures,
+}
+
+impl TrainState {
+    /// Returns the state before the first step; `exposed` photos have exposures of their own.
+    #[must_use]
+    pub fn new(splats: Splats, exposed: usize) -> Self {
+        Self { step: 0, population: Population::new(splats), exposures: Exposures::new(exposed) }
+    }
+
+    /// Returns the splats.
+    #[must_use]
+    pub fn splats(&self) -> &Splats {
+        &self.population.splats
+    }
 }
 
 impl Trainer {
-    /// Begins with `splats` in a scene of `extent` units that `photos` photos show, on the back end
-    /// `renderer`.
+    /// Returns a trainer that begins with `splats`, for a scene of `extent` units and `photos`
+    /// photos, on the back end `renderer`.
     #[must_use]
     pub fn new(
         config: TrainConfig,
@@ -76,15 +91,13 @@ impl Trainer {
         extent: f64,
         photos: usize,
     ) -> Self {
-        let exposures = match config.exposure {
-            ExposureMode::Shared | ExposureMode::Auto => Exposures::default(),
-            ExposureMode::Photo => Exposures::new(photos),
-        };
-        let state = TrainState { step: 0, population: Population::new(splats), exposures };
+        let exposed = if config.exposure == ExposureMode::Photo { photos } else { 0 };
+        let state = TrainState::new(splats, exposed);
         Self::resumed(config, renderer, state, extent, photos)
     }
 
-    /// Goes on from `state`; `extent` and `photos` as at the beginning.
+    /// Returns a trainer that continues from `state`; `extent` and `photos` are those of the
+    /// start.
     #[must_use]
     pub fn resumed(
         config: TrainConfig,
@@ -101,40 +114,34 @@ impl Trainer {
 
     /// Returns true if photos have exposures of their own.
     #[must_use]
-    pub fn has_exposures(&self) -> bool {
+    pub(crate) fn has_exposures(&self) -> bool {
         !self.state.exposures.changes.is_empty()
     }
 
-    /// Begins with these exposures of the photos, which go on learning. Without this photos have
-    /// exposures of their own only under [`ExposureMode::Photo`].
-    pub fn set_exposures(&mut self, exposures: Exposures) {
+    /// Sets the exposures of the photos, which are trained from then on. By default photos have
+    /// exposures of their own only with [`ExposureMode::Photo`].
+    pub(crate) fn set_exposures(&mut self, exposures: Exposures) {
         self.state.exposures = exposures;
     }
 
-    /// Sets the haze through which photos show the scene: splats learn the colours that they have
-    /// without it.
-    pub fn set_air(&mut self, air: Option<EvenAir>) {
+    /// Sets the haze of the photos: splats are rendered through it and learn their clear colours.
+    pub(crate) fn set_air(&mut self, air: Option<EvenAir>) {
         self.air = air;
     }
 
-    /// Adds a term to those that the configuration names.
-    pub fn add_term(&mut self, term: Box<dyn LossTerm>) {
-        self.terms.push(term);
-    }
-
-    /// The configuration.
+    /// Returns the configuration.
     #[must_use]
-    pub fn config(&self) -> &TrainConfig {
+    pub(crate) fn config(&self) -> &TrainConfig {
         &self.config
     }
 
     /// Steps that are done.
     #[must_use]
-    pub fn steps_done(&self) -> u32 {
+    pub(crate) fn steps_done(&self) -> u32 {
         self.state.step
     }
 
-    /// Number of splats.
+    /// Returns the number of splats.
     #[must_use]
     pub fn len(&self) -> usize {
         self.learner.count(&self.state.population)
@@ -146,8 +153,8 @@ impl Trainer {
         self.len() == 0
     }
 
-    /// The state after the steps so far. Where the device on which it is fails and there is another
-    /// to go on with, these are fewer steps than before.
+    /// Returns the state after the steps so far. If the device fails and another takes over, these
+    /// are fewer steps than before.
     ///
     /// # Errors
     /// [`RenderError`] if the device fails.
@@ -159,44 +166,44 @@ impl Trainer {
         Ok(&self.state)
     }
 
-    /// Goes on with another device after `error`, from what is known here; gives the number of
-    /// steps that are lost.
+    /// Continues on another device after `error`, from the state in memory; returns the number of
+    /// lost steps.
     fn go_back(&mut self, error: RenderError) -> Result<u32, RenderError> {
         if !error.is_of_gpu() {
             return Err(error);
         }
         self.learner.give_up(error)?;
-        // A step that failed after splats came and went is done.
+        // A step that failed after densification counts as done.
         let lost = self.state.step.saturating_sub(self.known);
         self.state.step = self.known;
         Ok(lost)
     }
 
-    /// The state as it is known here, after the steps before a device went ahead: what is left
-    /// where it fails.
-    pub fn known_state(&mut self) -> &TrainState {
+    /// Returns the state in memory, which may be behind that on the device: what is left if the
+    /// device fails.
+    pub(crate) fn known_state(&mut self) -> &TrainState {
         self.state.step = self.known;
         &self.state
     }
 
-    /// The SIMD path in use.
+    /// Returns the SIMD path in use.
     #[must_use]
-    pub fn path(&self) -> SimdPath {
+    pub(crate) fn path(&self) -> SimdPath {
         self.learner.renderer().path()
     }
 
     /// Returns the back end in words.
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         self.learner.renderer().describe()
     }
 
-    /// Times of steps by the clock of the device on which splats learn, if it has one.
+    /// Returns the times of the last step by the clock of the device, if it has one.
     pub fn clock(&mut self) -> Option<StepClock> {
         self.learner.clock()
     }
 
-    /// Threads in use.
+    /// Returns the number of threads in use.
     #[must_use]
     pub fn threads(&self) -> usize {
         self.learner.renderer().pool().current_num_threads()
@@ -208,10 +215,10 @@ impl Trainer {
         self.state.step >= self.config.steps
     }
 
-    /// The place in the list of photos of the one that step `step` (from 0) sees: each once an
-    /// epoch, in an order of its own.
+    /// Returns the index of the photo of step `step` (from 0): each photo occurs once per epoch,
+    /// in a random order.
     #[must_use]
-    pub fn photo_at(&mut self, step: u32) -> usize {
+    pub(crate) fn photo_at(&mut self, step: u32) -> usize {
         let count = self.photos as u32;
         let epoch = step / count;
         let order = &mut self.orders[(epoch % 2) as usize];
@@ -224,12 +231,12 @@ impl Trainer {
 
     /// Returns how often the sides of photos are halved for step `step`.
     #[must_use]
-    pub fn level_at(&self, step: u32, last_level: u8) -> u8 {
+    pub(crate) fn level_at(&self, step: u32, last_level: u8) -> u8 {
         schedule::level(&self.config, step, last_level)
     }
 
-    /// One step, on photo `photo` of `truth`. Where a device fails and there is another to go on
-    /// with, it is no step, and says what was lost.
+    /// Takes one step on `truth`, the photo with index `photo`. If the device fails and another
+    /// takes over, no step is taken, and the report states the lost steps.
     ///
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
@@ -241,8 +248,7 @@ impl Trainer {
         }
     }
 
-    /// Renders what has been learnt, over black, without any photo's exposure and without the
-    /// photos' haze.
+    /// Renders the splats over black, without the exposure and haze of any photo.
     ///
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
@@ -250,11 +256,11 @@ impl Trainer {
         self.render_through(None, camera, frame)
     }
 
-    /// As [`Self::render`], through the photos' haze: to be compared with them.
+    /// Renders as [`Self::render`], but through the haze of the photos, for comparison with them.
     ///
     /// # Errors
     /// As [`Self::render`].
-    pub fn render_as_photo(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+    pub(crate) fn render_as_photo(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
         self.render_through(self.air, camera, frame)
     }
 

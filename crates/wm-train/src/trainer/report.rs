@@ -1,7 +1,5 @@
 //! Reports of steps: losses, splats, times.
 
-use crate::densify::Densified;
-
 /// The report of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
@@ -9,37 +7,34 @@ pub struct StepReport {
     pub loss: f64,
     /// Each term's name and value before weighting.
     pub terms: Vec<(&'static str, f64)>,
-    /// Splats that came, moved and went.
-    pub densified: Densified,
     /// Splats in view.
     pub visible: usize,
-    /// Steps that were lost with a device: the training goes on without it after those that are
-    /// left.
+    /// Steps that were lost with a device.
     pub lost: u32,
     /// The times of its parts.
     pub times: StepTimes,
 }
 
-/// Wall time of the parts of a step, seconds. A GPU is told what to do and waited for where
-/// pictures are read: most of its time for a step is in the forward passes that follow.
+/// Wall time of the parts of a step, seconds. GPU work is asynchronous and waited for when images
+/// are read, so most of its time shows up in the next forward pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepTimes {
-    /// Rendering.
+    /// Forward passes.
     pub forward: f64,
-    /// Comparing.
+    /// Loss terms.
     pub loss: f64,
-    /// Deriving.
+    /// Backward passes.
     pub backward: f64,
-    /// Renders of single terms.
+    /// Renders of single loss terms.
     pub own: f64,
-    /// Moving.
+    /// Optimiser.
     pub optimizer: f64,
-    /// Splats that come and go.
+    /// Densification.
     pub densify: f64,
 }
 
 impl StepTimes {
-    /// The sum of it all.
+    /// Returns the sum of all parts.
     #[must_use]
     pub fn total(&self) -> f64 {
         self.forward + self.loss + self.backward + self.own + self.optimizer + self.densify

@@ -1,6 +1,6 @@
 //! One step: render, compare, derive, move, densify.
 
-use super::{KNOWN_EVERY, StepReport, Trainer};
+use super::{READ_BACK_STEPS, StepReport, Trainer};
 use crate::config::BackgroundKind;
 use crate::densify::DensifyTime;
 use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
@@ -21,7 +21,7 @@ pub(super) struct Work {
 }
 
 /// The result of a render.
-struct Seen {
+struct RenderResult {
     /// Splats in view.
     visible: usize,
     /// The result of the device's comparison, if it compared.
@@ -114,8 +114,7 @@ impl Trainer {
         if strategy.is_due(step + 1) {
             let random = random(Purpose::Sample);
             let time = DensifyTime { step: step + 1, photos: self.photos, extent: self.extent, random };
-            report.densified =
-                self.learner.change(population, |population| strategy.apply(&time, population))?;
+            self.learner.change(population, |population| strategy.apply(&time, population))?;
         }
         let noise = random(Purpose::Noise);
         if let Some(size) = strategy.noise(rates.means, self.extent, noise) {
@@ -123,7 +122,7 @@ impl Trainer {
         }
         report.times.densify = lap();
         self.state.step += 1;
-        if self.state.step - self.known >= KNOWN_EVERY {
+        if self.state.step - self.known >= READ_BACK_STEPS {
             self.learner.sync(population)?;
             self.known = self.state.step;
         }
@@ -139,7 +138,7 @@ impl Trainer {
         own: Option<OwnRender>,
         config: &ForwardConfig,
         report: &mut StepReport,
-    ) -> Result<Seen, RenderError> {
+    ) -> Result<RenderResult, RenderError> {
         let (started, step, path) = (Instant::now(), self.state.step, self.learner.renderer().path());
         // Only common renders have the photo's exposure.
         let exposed = own.is_none() && !self.state.exposures.changes.is_empty();
@@ -189,7 +188,7 @@ impl Trainer {
             report.loss += weight * value;
             report.terms.push((term.name(), value));
         }
-        Ok(Seen { visible, compared, forward })
+        Ok(RenderResult { visible, compared, forward })
     }
 
     /// Adds to the gradients what terms take from renders of their own; equal renders are made

@@ -118,7 +118,7 @@ fn pulled(weight: f64, own: Option<OwnRender>) -> (Splats, Splats, u32, StepRepo
     config.loss = LossConfig { l1: 0.0, ssim: 0.0, geometry: GeometryConfig::NONE };
     let mut trainer = trainer(config, perturbed());
     let calls = Arc::new(AtomicU32::new(0));
-    trainer.add_term(Box::new(Pull { weight, own, calls: Arc::clone(&calls) }));
+    trainer.terms.push(Box::new(Pull { weight, own, calls: Arc::clone(&calls) }));
     let (cameras, photos) = (cameras(), photos());
     let before = trainer.state().unwrap().population.splats.clone();
     let truth = TrainPhoto { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
@@ -164,7 +164,7 @@ fn a_term_with_a_render_of_its_own_leaves_the_pulls() {
     let pulls = [None, Some(OWN)].map(|own| {
         let mut trainer = trainer(config.clone(), perturbed());
         if own.is_some() {
-            trainer.add_term(Box::new(Pull { weight: 1.0, own, calls: Arc::default() }));
+            trainer.terms.push(Box::new(Pull { weight: 1.0, own, calls: Arc::default() }));
         }
         trainer.step(&truth, 0).unwrap();
         trainer.state().unwrap().population.pulls.clone()

@@ -7,10 +7,7 @@ use std::fmt::Write;
 use wm_media::ramps::{self, ColorRamp};
 use wm_render::Frame;
 use wm_train::evaluation::{EvaluatedPhoto, TrueMaps};
-use wm_train::metrics::{
-    angle,
-    coverage::{COVERED, SLACK},
-};
+use wm_train::metrics::{COVERED, SLACK, angle};
 
 /// Largest difference of colours on the colour ramp.
 const COLOR_RANGE: f64 = 0.2;

@@ -9,7 +9,7 @@ use anyhow::{Result, bail};
 use wm_nets::DepthAnything;
 use wm_nets::depth_anything::{DisparityError, ModelSize, Version};
 use wm_train::maps::{Filter, Map};
-use wm_train::priors::files::shrunk;
+use wm_train::priors::files::size_within;
 use wm_train::priors::fit::Freedom;
 use wm_train::priors::given::{Given, GivenDepth, SkyBy};
 
@@ -102,7 +102,7 @@ impl PriorEstimator for Network {
         let is_alike = map.check_shape(photo.width, photo.height).is_ok();
         let (width, height) = match is_alike && pixels == map.pixels() {
             true => (map.width, map.height),
-            false => shrunk((photo.width, photo.height), pixels),
+            false => size_within(photo.width, photo.height, pixels),
         };
         let values = map.resampled(width, height, Filter::Area).values;
         let depth = Some(GivenDepth { values, freedom: Freedom::ScaleShift, sky_by: SkyBy::Least });

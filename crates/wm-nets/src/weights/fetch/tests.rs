@@ -178,7 +178,7 @@ fn what_is_no_such_file_is_not_kept() {
 #[test]
 fn servers_that_refuse_or_are_not_there() {
     let files = Files::new();
-    let huge = format!("content-length: {}\r\n", MAX + 1);
+    let huge = format!("content-length: {}\r\n", MAX_FILE_BYTES + 1);
     let (address, _asked) = serve(vec![
         answer("404 Not Found", "content-length: 4\r\n", b"none"),
         answer("200 OK", &huge, b""),

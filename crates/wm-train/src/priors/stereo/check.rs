@@ -5,52 +5,51 @@ use super::sweep::{PlaneMap, Reference};
 use crate::photo_warp::PhotoWarp;
 use crate::pieces::pieces;
 
-/// Cost above which nothing is believed: a correlation of 0.5.
-const DEAREST: f32 = 0.7;
-/// The largest distance at which a point may come back after a visit to another photo, px.
-const BACK: f32 = 1.5;
+/// Largest cost of a plane that is checked.
+const MAX_AGREED_COST: f32 = 0.7;
+/// Largest distance from its start of a point that was projected to another photo and back, px.
+const MAX_RETURN_PX: f32 = 1.5;
 /// The largest relative difference between the distances in two photos.
-const DEPTH: f32 = 0.02;
-/// Photos that must agree, where there are so many.
-const AGREE: usize = 2;
-/// Fewest pixels of a piece that is believed, and the share of the picture's: strays agree by
-/// chance.
-const PIECE: usize = 30;
-/// Neighbouring pixels whose distances differ by less are of one piece.
-const JUMP: f32 = 0.05;
+const DEPTH_TOLERANCE: f32 = 0.02;
+/// Fewest photos that must agree, if there are so many.
+const MIN_AGREEING_PHOTOS: usize = 2;
+/// Fewest pixels of a connected piece: outliers agree by chance.
+const MIN_PIECE_PX: usize = 30;
+/// Largest relative difference of depth between neighbouring pixels of one piece.
+const PIECE_TOLERANCE: f32 = 0.05;
 
-/// A photo that was compared with, its planes, and the way back.
-pub struct Other<'a> {
-    /// The way there.
-    pub there: &'a StereoSource<'a>,
-    /// Its planes.
-    pub planes: &'a PlaneMap,
-    /// The way back into the first photo.
-    pub back: PhotoWarp,
+/// A source photo, its planes, and the warp back.
+pub(crate) struct OtherPhoto<'a> {
+    /// The warp into the other photo.
+    pub(crate) there: &'a StereoSource<'a>,
+    /// The planes of the other photo.
+    pub(crate) planes: &'a PlaneMap,
+    /// The warp back into the first photo.
+    pub(crate) back: PhotoWarp,
     /// Third row of the rotation and translation there: view z of a point is
     /// `z (row . ray) + shift`.
-    pub depth: ([f32; 3], f32),
+    pub(crate) depth: ([f32; 3], f32),
 }
 
-/// Inverse depth of each pixel, `[H, W]`, NaN where too few others agree.
+/// Returns the inverse depth of each pixel, `[H, W]`; NaN where too few others agree.
 #[must_use]
-pub fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[Other<'_>]) -> Vec<f32> {
+pub(crate) fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[OtherPhoto<'_>]) -> Vec<f32> {
     let (width, height) = (reference.picture.width, reference.picture.height);
-    let wanted = AGREE.min(others.len());
+    let wanted = MIN_AGREEING_PHOTOS.min(others.len());
     let mut inverse = vec![f32::NAN; width * height];
     for (pixel, out) in inverse.iter_mut().enumerate() {
         let (x, y) = ((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5);
         let at = inverse_depth(&found.planes[pixel], x, y);
-        let is_told = found.costs[pixel] < DEAREST && at > 0.0;
+        let is_told = found.costs[pixel] < MAX_AGREED_COST && at > 0.0;
         if is_told && others.iter().filter(|other| other.agrees(reference, x, y, at)).count() >= wanted {
             *out = at;
         }
     }
-    remove_small(&mut inverse, width, PIECE.max(width * height / 1500));
+    remove_small(&mut inverse, width, MIN_PIECE_PX.max(width * height / 1500));
     inverse
 }
 
-impl Other<'_> {
+impl OtherPhoto<'_> {
     fn agrees(&self, reference: &Reference<'_>, x: f32, y: f32, inverse: f32) -> bool {
         let Some((u, v, _)) = self.there.warp.point(x, y, inverse) else { return false };
         let picture = self.there.picture;
@@ -58,22 +57,22 @@ impl Other<'_> {
             return false;
         }
         let theirs = inverse_depth(&self.planes.planes[v as usize * picture.width + u as usize], u, v);
-        // Both photos' distance of the same point along the other's axis.
+        // The view z of the same point in the other photo, by both photos.
         let [fx, fy, cx, cy] = reference.intrinsics;
         let ray = [(x - cx) / fx, (y - cy) / fy, 1.0];
         let (row, shift) = self.depth;
         let z = (row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2]) / inverse + shift;
-        if !(theirs > 0.0 && (theirs * z - 1.0).abs() < DEPTH) {
+        if !(theirs > 0.0 && (theirs * z - 1.0).abs() < DEPTH_TOLERANCE) {
             return false;
         }
-        self.back.point(u, v, theirs).is_some_and(|(bx, by, _)| (bx - x).hypot(by - y) < BACK)
+        self.back.point(u, v, theirs).is_some_and(|(bx, by, _)| (bx - x).hypot(by - y) < MAX_RETURN_PX)
     }
 }
 
 /// Makes pieces of fewer than `least` pixels unknown.
-pub fn remove_small(inverse: &mut [f32], width: usize, least: usize) {
+pub(crate) fn remove_small(inverse: &mut [f32], width: usize, least: usize) {
     let is_known = inverse.iter().map(|inverse| !inverse.is_nan()).collect();
-    let joins = |pixel: usize, near: usize| (inverse[near] / inverse[pixel] - 1.0).abs() < JUMP;
+    let joins = |pixel: usize, near: usize| (inverse[near] / inverse[pixel] - 1.0).abs() < PIECE_TOLERANCE;
     for piece in pieces(is_known, width, joins) {
         if piece.len() < least {
             piece.iter().for_each(|pixel| inverse[*pixel] = f32::NAN);

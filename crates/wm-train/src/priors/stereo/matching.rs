@@ -1,5 +1,4 @@
-//! Costs of planes: how well a plane through a pixel's surroundings explains what other photos show
-//! there.
+//! Matching costs: how well a plane through the window of a pixel matches the other photos.
 
 use crate::photo_warp::PhotoWarp;
 
@@ -7,32 +6,32 @@ use crate::photo_warp::PhotoWarp;
 const OFFSETS: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
 /// Samples of a window.
 const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
-/// Standard deviation of the weights in space, px, and in brightness (0-1): what differs in
-/// brightness is likely another surface.
-const NEAR: f32 = 4.0;
-const ALIKE: f32 = 0.1;
-/// Standard deviation of brightness below which a window tells nothing: one step of 8 bits.
-const FLAT: f32 = 1.0 / 255.0;
-/// Cost of what cannot be compared, of 0 (equal) to 2 (opposite).
-pub const WORST: f32 = 2.0;
-/// Cost where there is nothing to tell: that of chance.
-const UNTOLD: f32 = 1.0;
+/// Standard deviations of the weights in space, px, and in brightness (0-1): pixels of another
+/// brightness are likely of another surface.
+const SPACE_DEVIATION_PX: f32 = 4.0;
+const BRIGHTNESS_DEVIATION: f32 = 0.1;
+/// Standard deviation of brightness below which a window is flat: one step of 8 bits.
+const MIN_CONTRAST: f32 = 1.0 / 255.0;
+/// Cost where images cannot be compared; costs range from 0 (equal) to 2 (opposite).
+pub(crate) const MAX_COST: f32 = 2.0;
+/// Cost of a flat window: that of uncorrelated images.
+const FLAT_COST: f32 = 1.0;
 
 /// Brightness of a photo, `[H, W]`, 0-1.
 #[derive(Clone, Debug)]
-pub struct StereoImage {
+pub(crate) struct StereoImage {
     /// Width, px.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Height, px.
-    pub height: usize,
-    /// Row by row.
-    pub values: Vec<f32>,
+    pub(crate) height: usize,
+    /// The values, row by row.
+    pub(crate) values: Vec<f32>,
 }
 
 impl StereoImage {
-    /// From sRGB, `[H, W, 3]`.
+    /// Returns the brightness of an sRGB image, `[H, W, 3]`.
     #[must_use]
-    pub fn of(rgb: &[u8], width: usize) -> Self {
+    pub(crate) fn of(rgb: &[u8], width: usize) -> Self {
         let luma = |rgb: &[u8]| {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(f32::from);
             (0.299 * r + 0.587 * g + 0.114 * b) / 255.0
@@ -44,11 +43,11 @@ impl StereoImage {
     /// Returns true if an image point, px, has four pixels around it.
     #[inline(always)]
     fn holds(&self, x: f32, y: f32) -> bool {
-        // Written so that NaN is outside.
+        // This form of the comparison excludes NaN.
         x >= 0.5 && y >= 0.5 && x < self.width as f32 - 0.5 && y < self.height as f32 - 0.5
     }
 
-    /// Between the four pixels around a picture point, px, that it holds.
+    /// Interpolates bilinearly at an image point, px, inside the image.
     #[inline(always)]
     fn sample(&self, x: f32, y: f32) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
@@ -62,43 +61,43 @@ impl StereoImage {
     }
 }
 
-/// Most that picture points are rounded, px: some steps of f32 at 16,000 px.
-const ROUNDING: f32 = 0.01;
+/// Largest rounding error of image points, px: some steps of f32 at 16,000 px.
+const MAX_ROUNDING_PX: f32 = 0.01;
 
 /// A photo to compare with, and how points of the first photo fall into it.
 #[derive(Clone, Debug)]
-pub struct StereoSource<'a> {
+pub(crate) struct StereoSource<'a> {
     /// The image.
-    pub picture: &'a StereoImage,
-    /// The way from image points of the first photo to its own.
-    pub warp: PhotoWarp,
+    pub(crate) picture: &'a StereoImage,
+    /// The warp from image points of the first photo to this one.
+    pub(crate) warp: PhotoWarp,
 }
 
 /// A plane as inverse depth over the picture: `1 / z = plane . (x, y, 1)`, px.
-pub type Plane = [f32; 3];
+pub(crate) type Plane = [f32; 3];
 
-/// The inverse depth of a plane at picture point (x, y).
+/// Returns the inverse depth of a plane at the image point (x, y).
 #[inline(always)]
 #[must_use]
-pub fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
+pub(crate) fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
     plane[0] * x + plane[1] * y + plane[2]
 }
 
-/// The surroundings of one pixel.
-pub struct Window {
+/// The window around a pixel.
+pub(crate) struct Window {
     x: f32,
     y: f32,
-    /// Brightness without its mean.
+    /// Brightness minus its weighted mean.
     off: [f32; SAMPLES],
     weights: [f32; SAMPLES],
-    /// One over the standard deviation; 0 where the window is flat.
+    /// Reciprocal of the standard deviation; 0 where the window is flat.
     contrast: f32,
 }
 
 impl Window {
-    /// About the pixel in `column` and `row`; the border is continued.
+    /// Returns the window around the pixel in `column` and `row`; the border is replicated.
     #[must_use]
-    pub fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
+    pub(crate) fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
         let (mut values, mut weights) = ([0.0; SAMPLES], [0.0; SAMPLES]);
         let middle = picture.values[row * picture.width + column];
         let inside =
@@ -108,8 +107,8 @@ impl Window {
             let y = inside(row, dy, picture.height);
             for (j, dx) in OFFSETS.into_iter().enumerate() {
                 let value = picture.values[y * picture.width + inside(column, dx, picture.width)];
-                let off = (value - middle) / ALIKE;
-                let far = (dx * dx + dy * dy) / (NEAR * NEAR);
+                let off = (value - middle) / BRIGHTNESS_DEVIATION;
+                let far = (dx * dx + dy * dy) / (SPACE_DEVIATION_PX * SPACE_DEVIATION_PX);
                 let weight = (-0.5 * (off * off + far)).exp();
                 (values[i * OFFSETS.len() + j], weights[i * OFFSETS.len() + j]) = (value, weight);
                 total += weight;
@@ -118,17 +117,17 @@ impl Window {
         weights.iter_mut().for_each(|weight| *weight /= total);
         let mean = values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f32>();
         let variance = values.iter().zip(&weights).map(|(v, w)| w * (v - mean) * (v - mean)).sum::<f32>();
-        let contrast = if variance > FLAT * FLAT { 1.0 / variance.sqrt() } else { 0.0 };
+        let contrast = if variance > MIN_CONTRAST * MIN_CONTRAST { 1.0 / variance.sqrt() } else { 0.0 };
         let off = values.map(|v| v - mean);
         Self { x: column as f32 + 0.5, y: row as f32 + 0.5, off, weights, contrast }
     }
 
-    /// 1 minus the weighted normalised correlation with what `source` shows of `plane`.
+    /// Returns 1 minus the weighted normalised correlation with `source`, warped by `plane`.
     #[inline]
     #[must_use]
-    pub fn cost(&self, source: &StereoSource<'_>, plane: &Plane) -> f32 {
+    pub(crate) fn cost(&self, source: &StereoSource<'_>, plane: &Plane) -> f32 {
         if self.contrast == 0.0 {
-            return UNTOLD;
+            return FLAT_COST;
         }
         // The plane's homography, and its derivative at the pixel: over a window it is nearly
         // affine.
@@ -136,16 +135,18 @@ impl Window {
             [0, 1, 2].map(|k| [0, 1, 2].map(|c| source.warp.base[k][c] + source.warp.lift[k] * plane[c]));
         let at: [f32; 3] = [0, 1, 2].map(|k| h[k][0] * self.x + h[k][1] * self.y + h[k][2]);
         if at[2] < 1e-6 {
-            return WORST;
+            return MAX_COST;
         }
         let (x, y, by_z) = (at[0] / at[2], at[1] / at[2], 1.0 / at[2]);
         let across = [(h[0][0] - x * h[2][0]) * by_z, (h[1][0] - y * h[2][0]) * by_z];
         let down = [(h[0][1] - x * h[2][1]) * by_z, (h[1][1] - y * h[2][1]) * by_z];
-        // All of the window is inside if its corners are; they are added up in another order below.
-        let reach = [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()) + ROUNDING);
+        // The window is inside if its corners are, up to rounding, since samples are computed in
+        // another order below.
+        let reach =
+            [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()) + MAX_ROUNDING_PX);
         let picture = source.picture;
         if !(picture.holds(x - reach[0], y - reach[1]) && picture.holds(x + reach[0], y + reach[1])) {
-            return WORST;
+            return MAX_COST;
         }
         let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
         for (i, dy) in OFFSETS.into_iter().enumerate() {
@@ -160,10 +161,10 @@ impl Window {
             }
         }
         let variance = square - sum * sum;
-        if variance < FLAT * FLAT {
-            return UNTOLD;
+        if variance < MIN_CONTRAST * MIN_CONTRAST {
+            return FLAT_COST;
         }
-        (1.0 - product * self.contrast / variance.sqrt()).clamp(0.0, WORST)
+        (1.0 - product * self.contrast / variance.sqrt()).clamp(0.0, MAX_COST)
     }
 }
 
@@ -191,11 +192,11 @@ mod tests {
             for ulps in 0..6 {
                 source.warp.base[1][2] = source.warp.base[1][2].next_down();
                 let cost = window.cost(&source, &[0.0, 0.0, 1.0]);
-                inside += u32::from(cost < WORST);
-                assert!((0.0..=WORST).contains(&cost), "{slope} {ulps}");
+                inside += u32::from(cost < MAX_COST);
+                assert!((0.0..=MAX_COST).contains(&cost), "{slope} {ulps}");
             }
             source.warp.base[1][2] -= 0.02;
-            assert!(window.cost(&source, &[0.0, 0.0, 1.0]) < WORST);
+            assert!(window.cost(&source, &[0.0, 0.0, 1.0]) < MAX_COST);
         }
         assert!(inside < 24_000);
     }

@@ -1,13 +1,12 @@
-//! Depth and normals from the photos themselves: what several photos show of one place, where their
-//! cameras are known. No network and no weights.
+//! Depth and normals by multi-view stereo from photos with known cameras, without a network.
 //!
-//! Each pixel has a plane, kept as inverse depth over the picture, `1 / z = a x + b y + c`, so that
-//! it is a homography into every other photo. PlaneMap begin at the points of the reconstruction or
-//! anywhere, spread to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo: Bleyer
-//! et al. 2011; over a chessboard: Galliani et al. 2015). How well one fits is the normalised
-//! correlation of the window around the pixel, weighted by nearness in space and brightness, with
-//! what the two best other photos show. Half the size comes first. What is kept is where other
-//! photos' planes lead back to the same pixel.
+//! Each pixel has a plane, stored as inverse depth over the image, `1 / z = a x + b y + c`, which
+//! induces a homography into every other photo. Planes start at the points of the reconstruction
+//! or at random, spread to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo:
+//! Bleyer et al. 2011; over a chessboard: Galliani et al. 2015). The cost of a plane is the
+//! normalised correlation of the window around the pixel, weighted by distance and brightness,
+//! with the two best other photos. Half the size comes first. Pixels are kept where the planes of
+//! other photos lead back to the same pixel.
 
 mod check;
 mod matching;
@@ -21,21 +20,21 @@ use glam::DVec3;
 use matching::{StereoImage, StereoSource};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use sweep::{Ask, MOST_SOURCES, PlaneMap, Reference, doubled};
+use sweep::{MAX_SOURCES, PlaneMap, Reference, Round, SourceChoice, doubled};
 use wm_scene::Camera;
 use wm_scene::capture::Capture;
 
 /// Options of stereo.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StereoOptions {
+pub(crate) struct StereoOptions {
     /// Most pixels of a photo; sides are halved until it has no more.
-    pub pixels: u32,
+    pub(crate) pixels: u32,
     /// Other photos that each is compared with.
-    pub sources: usize,
+    pub(crate) sources: usize,
     /// Rounds at half the size and at the whole.
-    pub rounds: (u32, u32),
+    pub(crate) rounds: (u32, u32),
     /// The seed of its random numbers.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl Default for StereoOptions {
@@ -46,54 +45,53 @@ impl Default for StereoOptions {
 
 /// The depth and normals of one photo.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct StereoMap {
+pub(crate) struct StereoMap {
     /// Width, px.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Height, px.
-    pub height: u32,
+    pub(crate) height: u32,
     /// Inverse view z, 1 / scene unit, `[H, W]`, NaN where it is not known.
-    pub disparity: Vec<f32>,
+    pub(crate) disparity: Vec<f32>,
     /// World axes, towards the camera, `[H, W, 3]`, 0 where it is not known.
-    pub normal: Vec<[f32; 3]>,
+    pub(crate) normal: Vec<[f32; 3]>,
 }
 
-/// Angles between two photos' rays to a point that are too small and too large to compare well,
-/// degrees.
-const NARROW: f64 = 4.0;
-const WIDE: f64 = 35.0;
-/// A photo without any point in view, or without others, is left out.
-const FEWEST_POINTS: usize = 8;
-/// The nearest surface is at least this share of the near points' distance.
-const NEARER: f64 = 0.2;
+/// Triangulation angles below and above which photos are hard to compare, degrees.
+const NARROW_ANGLE_DEG: f64 = 4.0;
+const WIDE_ANGLE_DEG: f64 = 35.0;
+/// Fewest points in view of a photo.
+const MIN_POINTS: usize = 8;
+/// Least ratio of the distance of the nearest surface to that of the near points.
+const MIN_DISTANCE_RATIO: f64 = 0.2;
 /// Shortest side of a photo that is still halved, px.
-const SHORTEST: u32 = 64;
+const MIN_HALVED_SIDE_PX: u32 = 64;
 /// Shortest side of a photo that can be compared, px.
-const SMALLEST: u32 = 16;
+const MIN_SIDE_PX: u32 = 16;
 /// Half the side of the window of normals, px.
-const WINDOW: usize = 3;
-/// Within how many pixels a point of the reconstruction starts planes.
-const AROUND: isize = 12;
+const HALF_NORMAL_WINDOW_PX: usize = 3;
+/// Radius within which a point of the reconstruction initialises planes, px.
+const START_RADIUS_PX: isize = 12;
 
 /// Returns how often the sides of photos are halved: until the largest has no more pixels than the
 /// options allow, or the smallest would have sides too short.
 #[must_use]
-pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
+pub(crate) fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, 0)).collect();
     let is_enough = |level: &u8| {
         let fits = |c: &Camera| (c.width >> level) * (c.height >> level) <= options.pixels;
         let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min();
-        cameras.iter().all(fits) || shortest.is_some_and(|side| side < SHORTEST)
+        cameras.iter().all(fits) || shortest.is_some_and(|side| side < MIN_HALVED_SIDE_PX)
     };
     (0..8).find(is_enough).unwrap_or(0)
 }
 
-/// Maps of the photos `places` (places in `photos`), `None` for those that cannot be compared with
-/// others. `progress` is told the number of passes that are done, of two a photo, and says whether
-/// to go on.
+/// Computes the maps of the photos `places` (indices in `photos`); `None` for those that cannot be
+/// compared with others. `progress` receives the number of passes that are done, of two per photo,
+/// and returns false to stop.
 ///
 /// # Errors
 /// [`PhotoError`] if a photo is damaged.
-pub fn estimate(
+pub(crate) fn estimate(
     capture: &Capture,
     photos: &Photos,
     places: &[usize],
@@ -101,10 +99,9 @@ pub fn estimate(
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Option<Vec<Option<StereoMap>>>, PhotoError> {
     let level = level(photos, places, options);
-    if places
-        .iter()
-        .any(|place| photos.camera(*place, 0).width.min(photos.camera(*place, 0).height) >> level < SMALLEST)
-    {
+    if places.iter().any(|place| {
+        photos.camera(*place, 0).width.min(photos.camera(*place, 0).height) >> level < MIN_SIDE_PX
+    }) {
         return Ok(Some(vec![None; places.len()]));
     }
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level)).collect();
@@ -131,19 +128,20 @@ pub fn estimate(
                 let coarse = reference_of(capture, index, &half, &halves, &sources, &seen, options.seed)?;
                 let mut planes = coarse.begin(&start(&halves[index]));
                 for round in 0..options.rounds.0 {
-                    let ask = if round < 2 { Ask::All } else { Ask::Best };
-                    coarse.round(&mut planes, round + 1, 0.7f32.powi(round as i32), ask);
+                    let ask = if round < 2 { SourceChoice::All } else { SourceChoice::Best };
+                    let reach = 0.7f32.powi(round as i32);
+                    coarse.run(Round { number: round + 1, reach, ask }, &mut planes);
                 }
                 let fine =
                     reference_of(capture, index, &whole, &cameras, &sources, &seen, options.seed ^ 0xf19e)?;
-                let size = |p: &StereoImage| (p.width, p.height);
                 let mut planes = PlaneMap {
-                    planes: doubled(&planes.planes, size(&half[index]), size(&whole[index])),
+                    planes: doubled(&planes.planes, &half[index], &whole[index]),
                     costs: Vec::new(),
                 };
                 fine.judge(&mut planes);
                 for round in 0..options.rounds.1 {
-                    fine.round(&mut planes, round + 1, 0.25 * 0.5f32.powi(round as i32), Ask::Best);
+                    let reach = 0.25 * 0.5f32.powi(round as i32);
+                    fine.run(Round { number: round + 1, reach, ask: SourceChoice::Best }, &mut planes);
                 }
                 Some(planes)
             });
@@ -155,19 +153,19 @@ pub fn estimate(
     let compare = |index: usize| -> Option<Option<StereoMap>> {
         let map = swept[index].as_ref().and_then(|planes| {
             let reference = reference_of(capture, index, &whole, &cameras, &sources, &seen, 0)?;
-            let others: Vec<check::Other<'_>> = (sources[index].iter().zip(&reference.sources))
+            let others: Vec<check::OtherPhoto<'_>> = (sources[index].iter().zip(&reference.sources))
                 .filter_map(|(other, there)| {
                     let planes = swept[*other].as_ref()?;
                     let back = PhotoWarp::new(&cameras[*other], &cameras[index]);
                     let depth = depth_row(&cameras[index], &cameras[*other]);
-                    Some(check::Other { there, planes, back, depth })
+                    Some(check::OtherPhoto { there, planes, back, depth })
                 })
                 .collect();
             if others.is_empty() {
                 return None;
             }
             let disparity = check::agreed(&reference, planes, &others);
-            let normal = normals(&disparity, &cameras[index], WINDOW);
+            let normal = normals(&disparity, &cameras[index], HALF_NORMAL_WINDOW_PX);
             let (width, height) = (cameras[index].width, cameras[index].height);
             Some(StereoMap { width, height, disparity, normal })
         });
@@ -176,7 +174,7 @@ pub fn estimate(
     Ok((0..places.len()).into_par_iter().map(compare).collect())
 }
 
-/// For each photo the others that show most of its points under angles that tell distances.
+/// Chooses for each photo the others that show most of its points under good triangulation angles.
 fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most: usize) -> Vec<Vec<usize>> {
     let mut photos_of = vec![Vec::new(); capture.points.len()];
     for (photo, points) in seen.iter().enumerate() {
@@ -200,30 +198,29 @@ fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most
     (0..cameras.len()).into_par_iter().map(of).collect()
 }
 
-/// Grade of the photos from `a` and `b` for the distance of a point, 0-1: best at middle angles
-/// between their rays.
+/// Returns the score of photos at `a` and `b` for triangulating a point, 0-1: best at medium
+/// angles.
 fn angle_score(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let angle = (point - a).normalize_or_zero().angle_between((point - b).normalize_or_zero()).to_degrees();
-    let score = (angle / NARROW).min(1.0) * (1.0 - angle / WIDE).clamp(0.0, 1.0);
+    let score = (angle / NARROW_ANGLE_DEG).min(1.0) * (1.0 - angle / WIDE_ANGLE_DEG).clamp(0.0, 1.0);
     if score.is_finite() { score * score } else { 0.0 }
 }
 
-/// The photos with the highest scores above 0.
+/// Returns the photos with the highest scores above 0.
 fn best(scores: &[f64], most: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..scores.len()).filter(|other| scores[*other] > 0.0).collect();
     order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
-    order.truncate(most.min(MOST_SOURCES));
+    order.truncate(most.min(MAX_SOURCES));
     order
 }
 
-/// Points of a photo by which its neighbours are chosen, at most.
-const PROBES: usize = 200;
-/// Ratios of a point's distances from two photos beyond which they show it too differently to
-/// compare.
-const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-/// Distances at which places are tried where no points are known, in distances between neighbouring
+/// Most points by which the sources of a photo are chosen.
+const MAX_PROBES: usize = 200;
+/// Range of the ratio of a point's distances from two photos at which they can be compared.
+const DISTANCE_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+/// Distances of the tested places if no points are known, in distances between neighbouring
 /// cameras.
-const TRIED: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
+const TRIED_DISTANCES: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 
 /// For each photo the others whose cameras see the same places under angles that tell distances,
 /// and from like distances. The places are the points that the photo may show, or places along its
@@ -232,8 +229,8 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
     let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
     let of = |photo: usize| {
         let camera = &cameras[photo];
-        let probes: Vec<DVec3> = if seen[photo].len() >= FEWEST_POINTS {
-            let step = seen[photo].len() / PROBES + 1;
+        let probes: Vec<DVec3> = if seen[photo].len() >= MIN_POINTS {
+            let step = seen[photo].len() / MAX_PROBES + 1;
             let at = |point: &u32| DVec3::from_array(capture.points.positions[*point as usize]);
             seen[photo].iter().step_by(step).map(at).collect()
         } else {
@@ -242,8 +239,10 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
             let rays = shares.iter().flat_map(|y| shares.iter().map(move |x| (*x, *y)));
             let rays =
                 rays.map(|(x, y)| camera.ray(x * f64::from(camera.width), y * f64::from(camera.height)));
-            rays.flat_map(|ray| TRIED.map(|far| centers[photo] + ray.normalize_or_zero() * far * unit))
-                .collect()
+            rays.flat_map(|ray| {
+                TRIED_DISTANCES.map(|far| centers[photo] + ray.normalize_or_zero() * far * unit)
+            })
+            .collect()
         };
         let mut scores = vec![0.0f64; cameras.len()];
         for (other, score) in scores.iter_mut().enumerate().filter(|(other, _)| *other != photo) {
@@ -252,7 +251,9 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
                 there.project(**at).is_some_and(|(x, y, z)| {
                     let (width, height) = (f64::from(there.width), f64::from(there.height));
                     let own = camera.viewmat.transform_point3(**at).z;
-                    (0.0..width).contains(&x) && (0.0..height).contains(&y) && SCALES.contains(&(z / own))
+                    (0.0..width).contains(&x)
+                        && (0.0..height).contains(&y)
+                        && DISTANCE_RATIOS.contains(&(z / own))
                 })
             };
             *score =
@@ -263,14 +264,14 @@ fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], mos
     (0..cameras.len()).into_par_iter().map(of).collect()
 }
 
-/// The distance from a camera to the nearest one elsewhere; 1 if there is none.
+/// Returns the distance from a camera to the nearest one at another position; 1 if there is none.
 fn baseline(centers: &[DVec3], photo: usize) -> f64 {
     let distances = centers.iter().map(|center| center.distance(centers[photo])).filter(|d| *d > 0.0);
     let nearest = distances.fold(f64::INFINITY, f64::min);
     if nearest.is_finite() { nearest } else { 1.0 }
 }
 
-/// View z of points, ascending.
+/// Returns the view z of points, ascending.
 fn distances(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f64> {
     let z = |point: &u32| {
         let at = DVec3::from_array(capture.points.positions[*point as usize]);
@@ -281,7 +282,7 @@ fn distances(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f64> {
     distances
 }
 
-/// Inverse depth around the points that a photo shows, `[H, W]`, 0 elsewhere.
+/// Returns inverse depth around the points that a photo shows, `[H, W]`, 0 elsewhere.
 fn start_map(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f32> {
     let (width, height) = (camera.width as isize, camera.height as isize);
     let mut map = vec![0.0; (width * height) as usize];
@@ -290,8 +291,8 @@ fn start_map(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f32> {
         let at = DVec3::from_array(capture.points.positions[*point as usize]);
         let Some((x, y, z)) = camera.project(at) else { continue };
         let (column, row) = (x as isize, y as isize);
-        for dy in -AROUND..=AROUND {
-            for dx in -AROUND..=AROUND {
+        for dy in -START_RADIUS_PX..=START_RADIUS_PX {
+            for dx in -START_RADIUS_PX..=START_RADIUS_PX {
                 let (column, row, square) = (column + dx, row + dy, dx * dx + dy * dy);
                 if column >= 0 && row >= 0 && column < width && row < height {
                     let pixel = (row * width + column) as usize;
@@ -316,14 +317,14 @@ fn reference_of<'a>(
 ) -> Option<Reference<'a>> {
     let camera = &cameras[index];
     let distances = distances(capture, camera, &seen[index]);
-    let near = if distances.len() >= FEWEST_POINTS {
+    let near = if distances.len() >= MIN_POINTS {
         distances[distances.len() / 50]
     } else if has_tracks(capture) {
         return None;
     } else {
-        // Nothing but the distance between cameras says how near things are.
+        // Without points, only the distance between cameras bounds the depth.
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
-        TRIED[0] * baseline(&centers, index)
+        TRIED_DISTANCES[0] * baseline(&centers, index)
     };
     Some(Reference {
         picture: &pictures[index],
@@ -335,7 +336,7 @@ fn reference_of<'a>(
                 warp: PhotoWarp::new(camera, &cameras[*other]),
             })
             .collect(),
-        nearest: (1.0 / (NEARER * near)) as f32,
+        nearest: (1.0 / (MIN_DISTANCE_RATIO * near)) as f32,
         seed: seed ^ (index as u64) << 32,
     })
 }

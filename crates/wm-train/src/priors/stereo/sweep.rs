@@ -1,67 +1,79 @@
-//! PlaneMap for all pixels of one photo: good ones spread to their neighbours and are varied
-//! (PatchMatch).
+//! PatchMatch: planes for all pixels of one photo, of which good ones spread to their neighbours
+//! and are varied.
 
-use super::matching::{Plane, StereoImage, StereoSource, WORST, Window, inverse_depth};
+use super::matching::{MAX_COST, Plane, StereoImage, StereoSource, Window, inverse_depth};
 use wm_scene::random::uniform;
 
-/// Neighbours that a pixel tries the planes of: of the other colour of a chessboard.
+/// Offsets of the neighbours whose planes a pixel tries: those of the other colour of a
+/// chessboard.
 const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];
-/// Sources of which the cost is the mean: the best, since the others may not see the place.
-const BEST: usize = 2;
-/// Sources that are asked once planes are about right, and most of all.
-const FEW: usize = 3;
-pub const MOST_SOURCES: usize = 16;
+/// Number of best sources over which the cost is averaged: the others may not see the place.
+const AVERAGED_SOURCES: usize = 2;
+/// Number of sources that are compared once planes are nearly right, and the most sources of all.
+const ASKED_SOURCES: usize = 3;
+pub(crate) const MAX_SOURCES: usize = 16;
 /// Least cosine between a plane's normal and the ray: 80 degrees.
-const GRAZING: f32 = 0.17;
+const MIN_COSINE: f32 = 0.17;
 
 /// The sources with which a plane is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
-    /// All: nothing is right yet.
+pub(crate) enum SourceChoice {
+    /// All sources.
     All,
-    /// Those in which the plane so far is found best.
+    /// The sources in which the plane so far matches best.
     Best,
+}
+
+/// The parameters of one round over all pixels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Round {
+    /// The number of the round, from 1: it selects the random numbers.
+    pub(crate) number: u32,
+    /// The range within which planes are varied, 0-1; 1 also tries any plane.
+    pub(crate) reach: f32,
+    /// The sources with which planes are compared.
+    pub(crate) ask: SourceChoice,
 }
 
 /// The camera and range of one photo.
 #[derive(Clone, Debug)]
-pub struct Reference<'a> {
+pub(crate) struct Reference<'a> {
     /// The image.
-    pub picture: &'a StereoImage,
+    pub(crate) picture: &'a StereoImage,
     /// Focal lengths and principal point, px.
-    pub intrinsics: [f32; 4],
+    pub(crate) intrinsics: [f32; 4],
     /// The photos to compare with.
-    pub sources: Vec<StereoSource<'a>>,
+    pub(crate) sources: Vec<StereoSource<'a>>,
     /// Largest inverse depth.
-    pub nearest: f32,
+    pub(crate) nearest: f32,
     /// Seed of its random numbers.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
-/// The planes of one photo, `[H, W]`, and how badly they match.
+/// The planes of one photo, `[H, W]`, and their costs.
 #[derive(Clone, Debug, Default)]
-pub struct PlaneMap {
-    /// PlaneMap as inverse depth over the image.
-    pub planes: Vec<Plane>,
-    /// 0 to 2.
-    pub costs: Vec<f32>,
+pub(crate) struct PlaneMap {
+    /// The planes, as inverse depth over the image.
+    pub(crate) planes: Vec<Plane>,
+    /// The matching costs, 0-2.
+    pub(crate) costs: Vec<f32>,
 }
 
 impl Reference<'_> {
-    /// The ray through picture point (x, y), z = 1.
+    /// Returns the ray through the image point (x, y), z = 1.
     fn ray(&self, x: f32, y: f32) -> [f32; 3] {
         let [fx, fy, cx, cy] = self.intrinsics;
         [(x - cx) / fx, (y - cy) / fy, 1.0]
     }
 
-    /// The plane through the point of inverse depth `inverse` behind (x, y) with the normal
-    /// `normal`, camera axes.
+    /// Returns the plane with the normal `normal` (camera axes) through the point of inverse depth
+    /// `inverse` at (x, y); `None` if it is out of range or seen edge-on.
     #[must_use]
-    pub fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
+    pub(crate) fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
         let ray = self.ray(x, y);
         let facing = dot(normal, ray);
         let length = dot(ray, ray).sqrt();
-        if facing.abs() < GRAZING * length || !(inverse > 0.0 && inverse <= self.nearest) {
+        if facing.abs() < MIN_COSINE * length || !(inverse > 0.0 && inverse <= self.nearest) {
             return None;
         }
         let [fx, fy, cx, cy] = self.intrinsics;
@@ -70,9 +82,9 @@ impl Reference<'_> {
         Some([a, b, q[2] - a * cx - b * cy])
     }
 
-    /// The normal of a plane, camera axes, towards the camera, of length 1.
+    /// Returns the normal of a plane, camera axes, towards the camera, of length 1.
     #[must_use]
-    pub fn normal(&self, plane: &Plane) -> [f32; 3] {
+    pub(crate) fn normal(&self, plane: &Plane) -> [f32; 3] {
         let [fx, fy, cx, cy] = self.intrinsics;
         let q = [plane[0] * fx, plane[1] * fy, plane[2] + plane[0] * cx + plane[1] * cy];
         let length = dot(q, q).sqrt().max(1e-20);
@@ -80,16 +92,16 @@ impl Reference<'_> {
         q.map(|v| -v / length)
     }
 
-    /// Returns true if a plane is in range and not seen from its edge at (x, y).
+    /// Returns true if a plane is in range and not seen edge-on at (x, y).
     fn allows(&self, plane: &Plane, x: f32, y: f32) -> bool {
         let inverse = inverse_depth(plane, x, y);
         let ray = self.ray(x, y);
         let facing = -dot(self.normal(plane), ray);
-        inverse > 0.0 && inverse <= self.nearest && facing > GRAZING * dot(ray, ray).sqrt()
+        inverse > 0.0 && inverse <= self.nearest && facing > MIN_COSINE * dot(ray, ray).sqrt()
     }
 
     fn cost(&self, window: &Window, plane: &Plane, asked: &[usize]) -> f32 {
-        let mut best = [WORST; BEST];
+        let mut best = [MAX_COST; AVERAGED_SOURCES];
         for source in asked {
             let mut cost = window.cost(&self.sources[*source], plane);
             for place in &mut best {
@@ -98,26 +110,33 @@ impl Reference<'_> {
                 }
             }
         }
-        let count = asked.len().clamp(1, BEST);
+        let count = asked.len().clamp(1, AVERAGED_SOURCES);
         best[..count].iter().sum::<f32>() / count as f32
     }
 
-    /// The sources that a pixel asks in a round: those that `plane` fits best, or all.
-    fn asked<'b>(&self, window: &Window, plane: &Plane, ask: Ask, order: &'b mut Vec<usize>) -> &'b [usize] {
+    /// Returns the sources with which a pixel is compared in a round: those that `plane` matches
+    /// best, or all.
+    fn asked<'b>(
+        &self,
+        window: &Window,
+        plane: &Plane,
+        ask: SourceChoice,
+        order: &'b mut Vec<usize>,
+    ) -> &'b [usize] {
         order.clear();
         order.extend(0..self.sources.len());
-        if ask == Ask::All || order.len() <= FEW {
+        if ask == SourceChoice::All || order.len() <= ASKED_SOURCES {
             return order;
         }
-        let mut costs = [WORST; MOST_SOURCES];
+        let mut costs = [MAX_COST; MAX_SOURCES];
         for (cost, source) in costs.iter_mut().zip(&self.sources) {
             *cost = window.cost(source, plane);
         }
         order.sort_by(|a, b| costs[*a].total_cmp(&costs[*b]));
-        &order[..FEW]
+        &order[..ASKED_SOURCES]
     }
 
-    /// Random numbers of a pixel in a round.
+    /// Returns the random numbers of a pixel in a round.
     fn random(&self, round: u32, pixel: usize) -> impl FnMut() -> f32 {
         let (mut drawn, seed) = (0u64, self.seed ^ u64::from(round) << 48);
         move || {
@@ -126,7 +145,7 @@ impl Reference<'_> {
         }
     }
 
-    /// A normal within about 60 degrees of the ray back.
+    /// Returns a random normal within about 60 degrees of the direction to the camera.
     fn any_normal(&self, x: f32, y: f32, random: &mut impl FnMut() -> f32) -> [f32; 3] {
         let ray = self.ray(x, y);
         let length = dot(ray, ray).sqrt();
@@ -135,9 +154,9 @@ impl Reference<'_> {
         unit(normal)
     }
 
-    /// PlaneMap to begin with: `inverse` where it is known (above 0) and elsewhere anything.
+    /// Returns the initial planes: at `inverse` where it is known (above 0), elsewhere random.
     #[must_use]
-    pub fn begin(&self, inverse: &[f32]) -> PlaneMap {
+    pub(crate) fn begin(&self, inverse: &[f32]) -> PlaneMap {
         let mut found = PlaneMap::default();
         for row in 0..self.picture.height {
             for column in 0..self.picture.width {
@@ -157,8 +176,8 @@ impl Reference<'_> {
         found
     }
 
-    /// Costs of the planes as they are.
-    pub fn judge(&self, found: &mut PlaneMap) {
+    /// Computes the costs of all planes.
+    pub(crate) fn judge(&self, found: &mut PlaneMap) {
         let width = self.picture.width;
         found.costs.clear();
         let all: Vec<usize> = (0..self.sources.len()).collect();
@@ -168,27 +187,22 @@ impl Reference<'_> {
         }
     }
 
-    /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far
-    /// planes are varied, 1 for anything.
-    pub fn round(&self, found: &mut PlaneMap, round: u32, reach: f32, ask: Ask) {
+    /// Improves the planes of all pixels once: first those of one colour of the chessboard, then
+    /// those of the other.
+    pub(crate) fn run(&self, round: Round, found: &mut PlaneMap) {
         let (width, height) = (self.picture.width, self.picture.height);
         let mut order = Vec::new();
         for color in 0..2 {
             for row in 0..height {
                 for column in ((row + color) % 2..width).step_by(2) {
-                    self.improve(found, (column, row), (round, reach, ask), &mut order);
+                    self.improve(found, column, row, round, &mut order);
                 }
             }
         }
     }
 
-    fn improve(
-        &self,
-        found: &mut PlaneMap,
-        (column, row): (usize, usize),
-        (round, reach, ask): (u32, f32, Ask),
-        order: &mut Vec<usize>,
-    ) {
+    fn improve(&self, found: &mut PlaneMap, column: usize, row: usize, round: Round, order: &mut Vec<usize>) {
+        let Round { number, reach, ask } = round;
         let (width, height) = (self.picture.width, self.picture.height);
         let pixel = row * width + column;
         let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
@@ -201,7 +215,7 @@ impl Reference<'_> {
                 continue;
             }
             let plane = found.planes[row * width + column];
-            // Unchanged ones were tried before.
+            // A plane equal to the best one was compared before.
             if plane != best && self.allows(&plane, x, y) {
                 let cost = self.cost(&window, &plane, asked);
                 if cost < least {
@@ -209,7 +223,7 @@ impl Reference<'_> {
                 }
             }
         }
-        let mut random = self.random(round, pixel);
+        let mut random = self.random(number, pixel);
         let (inverse, normal) = (inverse_depth(&best, x, y), self.normal(&best));
         let turn: [f32; 3] = std::array::from_fn(|_| reach * (random() - 0.5));
         let turned = unit([0, 1, 2].map(|k| normal[k] + turn[k]));
@@ -230,17 +244,14 @@ impl Reference<'_> {
     }
 }
 
-/// The planes of a picture of half the size, for the whole one.
+/// Returns the planes of the picture `half`, of half the size, for the picture `whole`.
 #[must_use]
-pub fn doubled(
-    planes: &[Plane],
-    (half_width, half_height): (usize, usize),
-    (width, height): (usize, usize),
-) -> Vec<Plane> {
+pub(crate) fn doubled(planes: &[Plane], half: &StereoImage, whole: &StereoImage) -> Vec<Plane> {
+    let (width, height) = (whole.width, whole.height);
     let at = |pixel: usize| {
         let (column, row) =
-            ((pixel % width / 2).min(half_width - 1), (pixel / width / 2).min(half_height - 1));
-        let [a, b, c] = planes[row * half_width + column];
+            ((pixel % width / 2).min(half.width - 1), (pixel / width / 2).min(half.height - 1));
+        let [a, b, c] = planes[row * half.width + column];
         [0.5 * a, 0.5 * b, c]
     };
     (0..width * height).map(at).collect()
