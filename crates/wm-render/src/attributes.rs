@@ -44,7 +44,7 @@ impl Attribute {
 
     /// The name of the column's number in WGSL.
     #[must_use]
-    pub const fn wgsl_name(self) -> &'static str {
+    pub(crate) const fn wgsl_name(self) -> &'static str {
         match self {
             Self::Visibility => "ATTRIBUTE_VISIBILITY",
             Self::GainRed => "ATTRIBUTE_GAIN_RED",

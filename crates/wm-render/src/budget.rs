@@ -20,20 +20,20 @@ pub(crate) struct FrameBudget {
 
 impl FrameBudget {
     /// The budget of a picture of a width and a height, px.
-    pub fn new(width: u32, height: u32) -> Self {
+    pub(crate) fn new(width: u32, height: u32) -> Self {
         let most = BASE + PER_PIXEL * u64::from(width) * u64::from(height);
         Self { most, taken: AtomicU64::new(0) }
     }
 
     /// Counts more bytes; returns false if all together are too many. Whether they are does not
     /// depend on the order of threads.
-    pub fn take(&self, bytes: usize) -> bool {
+    pub(crate) fn take(&self, bytes: usize) -> bool {
         let bytes = bytes as u64;
         self.taken.fetch_add(bytes, Ordering::Relaxed) + bytes <= self.most
     }
 
     /// Fails if more was counted than there may be.
-    pub fn check(&self, listed: Listed) -> Result<(), RenderError> {
+    pub(crate) fn check(&self, listed: Listed) -> Result<(), RenderError> {
         if self.taken.load(Ordering::Relaxed) <= self.most {
             return Ok(());
         }

@@ -1,9 +1,7 @@
 //! The choice of a device: one back end for the CPU and for GPUs.
 
 use crate::cpu::{CpuDifferentiable, CpuRenderer};
-use crate::differentiable::{
-    BackwardStats, Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream,
-};
+use crate::differentiable::{Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
@@ -499,7 +497,7 @@ impl Differentiable for AnyDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError> {
+    ) -> Result<(), RenderError> {
         match (self.body.backward(splats, upstream, learn, gradients), self.last) {
             (Err(error), Some((camera, config))) => {
                 self.fall_back(error)?;

@@ -60,7 +60,7 @@ pub trait Differentiable: Send {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError>;
+    ) -> Result<(), RenderError>;
 
     /// The same with splats that stay where they learn; `None` of the CPU, in whose memory they are
     /// anyway.
@@ -206,17 +206,6 @@ pub enum Target {
     Added(Learn),
 }
 
-/// The times of a backward pass, in seconds summed over threads; 0 where only the whole is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BackwardStats {
-    /// From pixels to slots.
-    pub rasterize: f64,
-    /// From slots to gradients.
-    pub project: f64,
-    /// Wall time of it all.
-    pub wall: f64,
-}
-
 /// The settings of a render for a step of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForwardConfig {
@@ -329,7 +318,7 @@ impl Channels {
 
     /// Returns true if there is colour.
     #[must_use]
-    pub const fn has_color(self) -> bool {
+    pub(crate) const fn has_color(self) -> bool {
         !matches!(self, Self::Depth)
     }
 
@@ -345,7 +334,7 @@ impl Channels {
 
     /// Returns true if there are normals.
     #[must_use]
-    pub const fn has_normal(self) -> bool {
+    pub(crate) const fn has_normal(self) -> bool {
         matches!(self, Self::ColorDepthNormal)
     }
 }
@@ -466,10 +455,10 @@ pub struct Gradients {
     /// Degree of `sh`: the one in use.
     pub sh_degree: u8,
     /// By the centre in the picture, px, `[V, 2]`.
-    pub means2d: Vec<[f32; 2]>,
+    pub(crate) means2d: Vec<[f32; 2]>,
     /// Like `means2d`, but a sum over pixels of absolute values, so that opposite pulls do not
     /// cancel (AbsGS), `[V, 2]`.
-    pub absgrads: Vec<[f32; 2]>,
+    pub(crate) absgrads: Vec<[f32; 2]>,
     /// Sum of the splat's weights over the picture, px, `[V]`.
     pub weights: Vec<f32>,
     /// Three standard deviations along the longest axis in the picture, px, `[V]`.

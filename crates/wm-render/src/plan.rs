@@ -123,7 +123,7 @@ impl<'a> FramePlan<'a> {
 
     /// The last draw pass into a picture.
     #[must_use]
-    pub fn draw_of(&self, picture: PictureId) -> Option<&DrawPass<'a>> {
+    pub(crate) fn draw_of(&self, picture: PictureId) -> Option<&DrawPass<'a>> {
         self.passes.iter().rev().find_map(|pass| match pass {
             FramePass::Draw { target, pass } if *target == picture => Some(&**pass),
             _ => None,

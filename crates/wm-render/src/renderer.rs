@@ -510,7 +510,7 @@ pub fn bytes_of_set(splats: usize, sh_degree: u8) -> u64 {
 }
 
 /// Most splats in one frame: what a key of the tile lists can name.
-pub const MAX_SPLATS: usize = 1 << crate::stages::intersect::RECORD_BITS;
+pub(crate) const MAX_SPLATS: usize = 1 << crate::stages::intersect::RECORD_BITS;
 
 #[cfg(test)]
 mod tests {

@@ -349,7 +349,7 @@ pub fn exp2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
 
 /// [`exp2`] for what is only shown: relative error below 8e-5.
 #[inline(always)]
-pub fn exp2_rough<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+pub(crate) fn exp2_rough<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     let [highest, lower @ ..] = EXP2_ROUGH;
     exp2_with(
         simd,
@@ -369,7 +369,7 @@ pub fn exp2_rough<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] 
 /// it puts one vector's chain after the other's, which costs the blending of 16 lanes 6 %; with 8
 /// lanes, and where registers are short, the loop's own work costs more.
 #[inline(always)]
-pub fn exp2_looped<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+pub(crate) fn exp2_looped<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     exp2_with(
         simd,
         (x, EXP2[0]),

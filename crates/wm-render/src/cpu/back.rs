@@ -18,19 +18,19 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use web_time::Instant;
 
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
-pub const RUN: usize = 4;
+pub(crate) const RUN: usize = 4;
 
 /// The sums that are blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Features {
-    pub geometry: Geometry,
-    pub median: MedianDepth,
+    pub(crate) geometry: Geometry,
+    pub(crate) median: MedianDepth,
 }
 
 impl Features {
     /// The sums that a pass needs: its outputs, and depth where particles or a pixel effect read
     /// it.
-    pub fn of(pass: &DrawPass<'_>) -> Self {
+    pub(crate) fn of(pass: &DrawPass<'_>) -> Self {
         let asked = pass.config.outputs;
         let effects =
             !(pass.hooks.pixels.is_empty() && pass.particles().is_empty() && pass.surface.is_none());
@@ -45,7 +45,7 @@ impl Features {
     }
 
     /// Number of sums: colour, and what is asked for.
-    pub fn count(self) -> usize {
+    pub(crate) fn count(self) -> usize {
         match self.geometry {
             Geometry::None => 3,
             Geometry::Depth => 4,
@@ -55,7 +55,7 @@ impl Features {
 }
 
 /// The arrays that `pass` asks for.
-pub fn arrays(pass: &DrawPass<'_>) -> Arrays {
+pub(crate) fn arrays(pass: &DrawPass<'_>) -> Arrays {
     let outputs = pass.config.outputs;
     Arrays {
         rgb: true,
@@ -69,34 +69,34 @@ pub fn arrays(pass: &DrawPass<'_>) -> Arrays {
 
 /// The inputs that all tiles of one frame share.
 pub(crate) struct Back<'a> {
-    pub path: SimdPath,
+    pub(crate) path: SimdPath,
     /// The path that moves pixels.
-    pub narrow: SimdPath,
-    pub records: &'a [Record],
-    pub keys: &'a [AtomicU64],
-    pub bounds: &'a [u32],
-    pub grid: TileGrid,
+    pub(crate) narrow: SimdPath,
+    pub(crate) records: &'a [Record],
+    pub(crate) keys: &'a [AtomicU64],
+    pub(crate) bounds: &'a [u32],
+    pub(crate) grid: TileGrid,
     /// Width and height of the picture, px.
-    pub size: (usize, usize),
-    pub features: Features,
-    pub composite: Composite<'a>,
+    pub(crate) size: (usize, usize),
+    pub(crate) features: Features,
+    pub(crate) composite: Composite<'a>,
     /// View z of the surface that splits the blend ([`DrawPass::surface`]), `[H, W]`.
-    pub surface: Option<&'a [f32]>,
-    pub workers: &'a [Mutex<Worker>],
+    pub(crate) surface: Option<&'a [f32]>,
+    pub(crate) workers: &'a [Mutex<Worker>],
 }
 
 /// Working memory of one thread, kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Worker {
-    pub scratch: BlendScratch,
-    pub pixels: PatchPixels,
-    pub keys: Vec<u64>,
-    pub sort_scratch: Vec<u64>,
+    pub(crate) scratch: BlendScratch,
+    pub(crate) pixels: PatchPixels,
+    pub(crate) keys: Vec<u64>,
+    pub(crate) sort_scratch: Vec<u64>,
 }
 
 impl Worker {
     /// Reads the list of a tile and sorts it.
-    pub fn sort(&mut self, list: &[AtomicU64]) {
+    pub(crate) fn sort(&mut self, list: &[AtomicU64]) {
         self.keys.clear();
         self.keys.extend(list.iter().map(|key| key.load(Ordering::Relaxed)));
         sort(&mut self.keys, &mut self.sort_scratch);
@@ -104,14 +104,14 @@ impl Worker {
 }
 
 /// The working memory of the thread that asks.
-pub fn own<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
+pub(crate) fn own<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
     let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
     workers[thread].lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Back<'_> {
     /// Renders all tiles into `frame` and adds what it took to `stats`.
-    pub fn run(&self, frame: &mut Frame, stats: &mut Stats) {
+    pub(crate) fn run(&self, frame: &mut Frame, stats: &mut Stats) {
         let width = frame.width as usize;
         let bands = bands(frame, width);
         let done = bands
@@ -134,7 +134,7 @@ impl Back<'_> {
 
     /// Adds the weights of all records to `weights`, one a record, in [`WEIGHT_UNITS`]: whole
     /// numbers, whose sum does not hang on the order of the threads.
-    pub fn weigh(&self, weights: &[AtomicU32]) {
+    pub(crate) fn weigh(&self, weights: &[AtomicU32]) {
         (0..self.grid.tiles()).into_par_iter().with_min_len(RUN).for_each(|index| {
             let columns = self.grid.columns as usize;
             let tile = (index % columns, index / columns);
@@ -194,7 +194,7 @@ impl Back<'_> {
 /// Blends one tile with `features` sums (3, 4, 7, or 1: see
 /// [`Channels::Depth`](crate::differentiable::Channels)) and perhaps the median depth. One function
 /// for all callers, since every form of it is compiled for every path.
-pub fn blend(
+pub(crate) fn blend(
     path: SimdPath,
     (features, median): (usize, MedianDepth),
     records: &[Record],
@@ -236,7 +236,7 @@ pub fn blend(
 }
 
 /// A bit for each patch of a tile that holds pixels of a picture of `size` px.
-pub fn inside((column, row): (usize, usize), (width, height): (usize, usize)) -> u32 {
+pub(crate) fn inside((column, row): (usize, usize), (width, height): (usize, usize)) -> u32 {
     let within =
         |patch: usize| (2 * column + patch % 2) * PATCH < width && (2 * row + patch / 2) * PATCH < height;
     (0..PATCHES).map(|patch| u32::from(within(patch)) << patch).sum()
@@ -245,7 +245,7 @@ pub fn inside((column, row): (usize, usize), (width, height): (usize, usize)) ->
 /// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile begins
 /// at column `offset`. `narrow` is the path that moves pixels. One function for all callers, as
 /// [`blend`].
-pub fn finish(
+pub(crate) fn finish(
     narrow: SimdPath,
     composite: &Composite<'_>,
     sums: &PatchSums,
@@ -268,7 +268,7 @@ pub fn finish(
 }
 
 /// The frame's rows, a row of tiles to a band.
-pub fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
+pub(crate) fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
     let count = (frame.height as usize).div_ceil(TILE);
     let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
     let Frame { rgb, alpha, depth, median_depth, normal, particles, front, .. } = frame;
@@ -282,7 +282,7 @@ pub fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
 }
 
 /// Cuts the rows of a band in runs of tiles.
-pub fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
+pub(crate) fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
     let mut runs: Vec<OutputRows<'_>> = Vec::new();
     let mut band = band;
     for (k, channels) in OutputRows::CHANNELS.into_iter().enumerate() {

@@ -30,12 +30,12 @@ pub(crate) struct Unit<'a> {
 
 impl<'a> Unit<'a> {
     /// Its first record among those of the frame.
-    pub fn first_record(&self) -> usize {
+    pub(crate) fn first_record(&self) -> usize {
         self.first_record as usize
     }
 
     /// Cuts the sets in about `wanted` runs of equal size, none across sets.
-    pub fn split(
+    pub(crate) fn split(
         sets: &[(&'a CpuModel, Option<&'a dyn SplatAttributes>)],
         wanted: usize,
         mut records: &'a mut [Record],
@@ -70,17 +70,17 @@ pub(crate) struct Part {
 
 impl Part {
     /// Number of its records.
-    pub fn visible(&self) -> usize {
+    pub(crate) fn visible(&self) -> usize {
         self.visible as usize
     }
 
     /// The pairs of tiles and splats.
-    pub fn pairs(&mut self) -> &mut Pairs {
+    pub(crate) fn pairs(&mut self) -> &mut Pairs {
         &mut self.pairs
     }
 
     /// Adds counts and times to the frame's.
-    pub fn add_to(&self, stats: &mut Stats) {
+    pub(crate) fn add_to(&self, stats: &mut Stats) {
         stats.visible += self.visible;
         stats.project += self.project;
         stats.medium += self.medium;
@@ -88,7 +88,7 @@ impl Part {
     }
 
     /// Fills the tile lists with this unit's splats; returns the seconds it took.
-    pub fn scatter(&mut self, lists: &[AtomicU64]) -> f64 {
+    pub(crate) fn scatter(&mut self, lists: &[AtomicU64]) -> f64 {
         let begun = Instant::now();
         self.pairs.scatter(lists);
         begun.elapsed().as_secs_f64()
@@ -117,7 +117,7 @@ pub(crate) struct Front<'a> {
 
 impl<'a> Front<'a> {
     /// The sweep of one frame.
-    pub fn new(
+    pub(crate) fn new(
         path: SimdPath,
         camera: &'a ProjectCamera,
         pass: &DrawPass<'a>,
@@ -141,7 +141,7 @@ impl<'a> Front<'a> {
     }
 
     /// Runs one unit.
-    pub fn run(&self, unit: Unit<'_>, part: &mut Part) {
+    pub(crate) fn run(&self, unit: Unit<'_>, part: &mut Part) {
         let Unit { model, attributes, clusters, first_record, records } = unit;
         part.pairs.clear(self.grid);
         (part.visible, part.project, part.medium, part.intersect) = (0, 0.0, 0.0, 0.0);
@@ -270,12 +270,12 @@ fn above([x, y, z, height]: [f32; 4], group: &ShadeGroup) -> u32 {
 
 /// Working memory of one unit: the groups of one cluster that have splats in view.
 pub(crate) struct ClusterScratch {
-    pub projected: [ProjectedGroup; GROUPS],
-    pub shade: [ShadeGroup; GROUPS],
+    pub(crate) projected: [ProjectedGroup; GROUPS],
+    pub(crate) shade: [ShadeGroup; GROUPS],
     /// Position of each group in its cluster.
-    pub names: [usize; GROUPS],
+    pub(crate) names: [usize; GROUPS],
     attributes: AttributeBlock,
-    pub boxes: [PatchBox; CLUSTER],
+    pub(crate) boxes: [PatchBox; CLUSTER],
 }
 
 impl Default for ClusterScratch {
@@ -307,7 +307,7 @@ impl ClusterScratch {
 
     /// Writes the records of the splats in view, with their boxes, and returns how many.
     #[inline(always)]
-    pub fn write_records<S: Lanes>(
+    pub(crate) fn write_records<S: Lanes>(
         &mut self,
         simd: S,
         groups: usize,

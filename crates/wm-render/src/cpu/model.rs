@@ -6,57 +6,57 @@ use rayon::prelude::*;
 use wm_scene::{Group, Splats, morton, sh, splats::sigmoid};
 
 /// Splats that are culled and shaded together: neighbours in space.
-pub const CLUSTER: usize = GROUPS * GROUP;
+pub(crate) const CLUSTER: usize = GROUPS * GROUP;
 /// Groups in a cluster.
-pub const GROUPS: usize = 16;
+pub(crate) const GROUPS: usize = 16;
 
 /// Sixteen splats, one array a number.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct SplatGroup {
     /// Centres, world axes, scene units.
-    pub mean: [[f32; GROUP]; 3],
+    pub(crate) mean: [[f32; GROUP]; 3],
     /// Unit quaternions, wxyz.
-    pub quat: [[f32; GROUP]; 4],
+    pub(crate) quat: [[f32; GROUP]; 4],
     /// Standard deviations along the splat's own axes.
-    pub scale: [[f32; GROUP]; 3],
+    pub(crate) scale: [[f32; GROUP]; 3],
     /// log2 of the opacity; [`NEVER`] for padding.
-    pub log2_opacity: [f32; GROUP],
+    pub(crate) log2_opacity: [f32; GROUP],
     /// SH coefficient 0.
-    pub dc: [[f32; GROUP]; 3],
+    pub(crate) dc: [[f32; GROUP]; 3],
 }
 
 /// log2 of an opacity that is never drawn.
-pub const NEVER: f32 = -1000.0;
+pub(crate) const NEVER: f32 = -1000.0;
 
 /// The box and size of 256 neighbours, for culling.
 #[derive(Clone, Copy, Debug)]
-pub struct Cluster {
+pub(crate) struct Cluster {
     /// Middle of the means' box.
-    pub center: [f32; 3],
+    pub(crate) center: [f32; 3],
     /// Half its sides.
-    pub half: [f32; 3],
+    pub(crate) half: [f32; 3],
     /// Largest standard deviation in it.
-    pub max_scale: f32,
+    pub(crate) max_scale: f32,
 }
 
 /// A loaded set of splats.
 #[derive(Debug)]
 pub struct CpuModel {
     /// Number of splats, without padding.
-    pub len: usize,
+    pub(crate) len: usize,
     /// Degree of the spherical harmonics.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
     /// `[ceil(N / 256) * 16]`.
     pub groups: Vec<SplatGroup>,
     /// Coefficients above 0, `[groups, K - 1, 3]` rows of 16 splats.
     pub sh_rest: Vec<[f32; GROUP]>,
     /// `[ceil(N / 256)]`.
-    pub clusters: Vec<Cluster>,
+    pub(crate) clusters: Vec<Cluster>,
     /// Index in the loaded [`Splats`] of each splat, padded with 0.
-    pub source: Vec<u32>,
+    pub(crate) source: Vec<u32>,
     /// For each group, a bit for each splat of the sky.
-    pub sky: Vec<u16>,
+    pub(crate) sky: Vec<u16>,
 }
 
 impl CpuModel {

@@ -16,7 +16,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     /// [`RenderError`] if the air has no form for the GPU, or the GPU fails.
-    pub fn shade(
+    pub(crate) fn shade(
         &self,
         medium: &dyn Medium,
         origin: [f32; 3],

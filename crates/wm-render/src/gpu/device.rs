@@ -11,25 +11,26 @@ use wgpu::{Adapter, DeviceType, Limits};
 
 /// The choice of a GPU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum AdapterChoice {
+pub(crate) enum AdapterChoice {
     /// A real one, the strongest kind first; never one in software.
     #[default]
     Auto,
     /// The first whose name holds this, in any case; one in software too.
     Named(String),
-    /// Any that there is, real ones first: for tests.
+    /// The first that there is, real ones first.
+    #[allow(dead_code, reason = "browsers and tests take it")]
     Any,
 }
 
 /// The settings of the GPU back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct GpuConfig {
+pub(crate) struct GpuConfig {
     /// The GPU.
-    pub choice: AdapterChoice,
+    pub(crate) choice: AdapterChoice,
     /// The limits that are requested and kept; `None` for all that the adapter has.
-    pub limits: Option<Limits>,
+    pub(crate) limits: Option<Limits>,
     /// The use of subgroups.
-    pub subgroups: Subgroups,
+    pub(crate) subgroups: Subgroups,
 }
 
 /// The kind of a GPU.
@@ -185,7 +186,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`GpuError`] if there is none to the choice, or it cannot be started.
-    pub fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+    pub(crate) fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let ranked =
             if config.choice == AdapterChoice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
         let listed: Vec<ListedAdapter> = ranked.iter().map(list).collect();
@@ -221,7 +222,7 @@ impl Gpu {
     /// # Errors
     /// [`GpuError`] if the browser has no WebGPU or gives no GPU, or it cannot be started.
     #[cfg(target_arch = "wasm32")]
-    pub async fn open_in_browser(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+    pub(crate) async fn open_in_browser(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -299,31 +300,31 @@ impl Gpu {
 
     /// Its name and interface.
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         format!("gpu, {} ({})", self.name, self.backend)
     }
 
     /// Its kind.
     #[must_use]
-    pub fn kind(&self) -> AdapterKind {
+    pub(crate) fn kind(&self) -> AdapterKind {
         self.kind
     }
 
     /// Most bytes of one array.
     #[must_use]
-    pub fn most_binding(&self) -> u64 {
+    pub(crate) fn most_binding(&self) -> u64 {
         self.most_binding
     }
 
     /// The use of its subgroups.
     #[must_use]
-    pub fn subgroups(&self) -> Subgroups {
+    pub(crate) fn subgroups(&self) -> Subgroups {
         self.subgroups
     }
 
     /// Nanoseconds of a tick of its clock, where stages can be timed.
     #[must_use]
-    pub fn tick(&self) -> Option<f32> {
+    pub(crate) fn tick(&self) -> Option<f32> {
         self.tick
     }
 
@@ -331,7 +332,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`GpuError::Lost`] from the loss of the device on, else the first refusal.
-    pub fn check(&self) -> Result<(), GpuError> {
+    pub(crate) fn check(&self) -> Result<(), GpuError> {
         let fault = held(&self.faults).take();
         if fault.is_some() {
             // What is refused may be so because the device is gone, and only a poll says that.
@@ -345,7 +346,7 @@ impl Gpu {
 
     /// The work that it was given so far, by all who share it.
     #[must_use]
-    pub fn work(&self) -> DeviceWork {
+    pub(crate) fn work(&self) -> DeviceWork {
         *held(&self.work)
     }
 
@@ -355,7 +356,7 @@ impl Gpu {
 
     /// Memory that is taken on the device, bytes, where its interface tells.
     #[must_use]
-    pub fn memory(&self) -> Option<u64> {
+    pub(crate) fn memory(&self) -> Option<u64> {
         self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }
 
@@ -433,7 +434,7 @@ impl Gpu {
     }
 
     /// Takes the device away, as a driver's reset would: for tests.
-    #[doc(hidden)]
+    #[cfg(any(test, feature = "testing"))]
     pub fn lose(&self) {
         self.device.destroy();
     }

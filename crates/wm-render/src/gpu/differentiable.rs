@@ -24,8 +24,7 @@ use super::stored::StoredModel;
 use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
 use crate::cpu;
 use crate::differentiable::{
-    BackwardStats, Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident,
-    StepClock, Upstream,
+    Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident, StepClock, Upstream,
 };
 use crate::frame::Frame;
 use crate::plan::Shading;
@@ -74,10 +73,10 @@ pub(super) enum Seen<'a> {
 
 /// The last forward pass, with what it left on the GPU.
 pub(super) struct View {
-    pub camera: Camera,
-    pub config: ForwardConfig,
+    pub(crate) camera: Camera,
+    pub(crate) config: ForwardConfig,
     visible: u32,
-    pub room: Room,
+    pub(crate) room: Room,
     own: OwnRoom,
     /// True if the derivative of the loss is on the GPU already.
     compared: bool,
@@ -161,6 +160,7 @@ impl GpuDifferentiable {
     ///
     /// # Panics
     /// If nothing was compared since splats were loaded.
+    #[cfg(any(test, feature = "testing"))]
     pub fn upstream(&mut self) -> Result<Vec<f32>, RenderError> {
         let view = self.last.as_ref().filter(|view| view.compared).expect("a comparison");
         let mut found = vec![0.0f32; 8 * view.camera.width as usize * view.camera.height as usize];
@@ -293,8 +293,7 @@ impl GpuDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError> {
-        let started = Instant::now();
+    ) -> Result<(), RenderError> {
         let Some(view) = &self.last else { unreachable!("a backward pass follows a forward pass") };
         self.gpu.check()?;
         let View { config, visible, own, .. } = view;
@@ -311,7 +310,7 @@ impl GpuDifferentiable {
         for (row, numbers) in found.as_chunks::<{ rows::ROW as usize }>().0.iter().enumerate() {
             write_row(gradients, row, numbers);
         }
-        Ok(BackwardStats { wall: started.elapsed().as_secs_f64(), ..BackwardStats::default() })
+        Ok(())
     }
 }
 
@@ -325,24 +324,24 @@ impl OwnRoom {
 
 impl View {
     /// Bytes of rows of gradients, and of those of colours.
-    pub fn row_bytes(&self, capacity: Capacity) -> (u64, u64) {
+    pub(crate) fn row_bytes(&self, capacity: Capacity) -> (u64, u64) {
         let coefficients = 3 * sh::coefficients(self.config.sh_degree) as u64;
         let visible = 4 * u64::from(capacity.visible);
         (u64::from(rows::ROW) * visible, coefficients * visible)
     }
 
     /// The rows of gradients that go with it.
-    pub fn rows(&self) -> Rows<'_> {
+    pub(crate) fn rows(&self) -> Rows<'_> {
         Rows { gradients: &self.own.gradients, by_sh: &self.own.by_sh, blocks: &self.room.blocks }
     }
 
     /// The slot of the structure `Learn`.
-    pub fn learn_slot(&self, model: &StoredModel) -> usize {
+    pub(crate) fn learn_slot(&self, model: &StoredModel) -> usize {
         CHUNKS + model.piece_count() + 1
     }
 
     /// The commands of a backward pass, whose rows go to these buffers, without the way back.
-    pub fn record_backward<'a>(
+    pub(crate) fn record_backward<'a>(
         &'a self,
         gpu: &'a Gpu,
         clock: Option<&'a Clock>,
@@ -502,7 +501,7 @@ impl Differentiable for GpuDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError> {
+    ) -> Result<(), RenderError> {
         let view = self.last.as_ref().expect("a backward pass follows a forward pass");
         assert_eq!(self.model.len(), splats.len(), "the splats are not those of the forward pass");
         upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);

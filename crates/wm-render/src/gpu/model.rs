@@ -12,27 +12,27 @@ use wgpu::BufferUsages;
 use wm_scene::Splats;
 
 /// Whole blocks of 256 splats.
-pub struct Chunk {
+pub(crate) struct Chunk {
     /// See `geometry.wgsl`.
-    pub splats: wgpu::Buffer,
+    pub(crate) splats: wgpu::Buffer,
     /// See `shade.wgsl`.
-    pub sh_rest: wgpu::Buffer,
+    pub(crate) sh_rest: wgpu::Buffer,
     /// Its first splat in the set.
-    pub first_splat: u32,
+    pub(crate) first_splat: u32,
     /// Number of blocks.
-    pub blocks: u32,
+    pub(crate) blocks: u32,
 }
 
 /// A loaded set of splats.
-pub struct GpuModel {
+pub(crate) struct GpuModel {
     /// Its pieces, in order.
-    pub chunks: Vec<Chunk>,
+    pub(crate) chunks: Vec<Chunk>,
     /// Index in the loaded [`Splats`] of each splat, padded with 0 to whole blocks.
-    pub source: Vec<u32>,
+    pub(crate) source: Vec<u32>,
     /// Number of splats, without padding.
-    pub len: usize,
+    pub(crate) len: usize,
     /// Rows of `sh_rest` a group.
-    pub sh_rows: u32,
+    pub(crate) sh_rows: u32,
     kept: Mutex<KeptAttributes>,
 }
 
@@ -49,7 +49,7 @@ impl GpuModel {
     ///
     /// # Errors
     /// [`RenderError`] as of [`CpuModel::new`], or if the GPU has no room.
-    pub fn new(gpu: &Gpu, splats: &Splats) -> Result<Self, RenderError> {
+    pub(crate) fn new(gpu: &Gpu, splats: &Splats) -> Result<Self, RenderError> {
         let model = CpuModel::new(splats)?;
         let sh_rows = model.sh_rows();
         let block_bytes = (4 * CLUSTER * ROWS.max(sh_rows as u32) as usize) as u64;
@@ -86,7 +86,7 @@ impl GpuModel {
 
     /// The buffer of attributes of this revision, if it has been asked for before: a light that
     /// changes in each frame takes no memory of its own. `numbers` makes them.
-    pub fn kept_attributes(
+    pub(crate) fn kept_attributes(
         &self,
         gpu: &Gpu,
         revision: Revision,
@@ -110,7 +110,7 @@ impl GpuModel {
 
     /// Blocks of 256 splats in it.
     #[must_use]
-    pub fn blocks(&self) -> u32 {
+    pub(crate) fn blocks(&self) -> u32 {
         (self.source.len() / CLUSTER) as u32
     }
 }

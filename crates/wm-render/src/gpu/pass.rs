@@ -30,7 +30,7 @@ pub(crate) struct GpuPass<'a> {
     /// The sets, each with the attributes of its splats and their use.
     sets: Vec<(&'a GpuModel, wgpu::Buffer, AttributeUse)>,
     features: Features,
-    pub arrays: Arrays,
+    pub(crate) arrays: Arrays,
     air: Option<(WgslSource, wgpu::Buffer)>,
     backdrop: BackgroundView<'a>,
     background: (BackgroundForm, wgpu::Buffer),
@@ -38,7 +38,7 @@ pub(crate) struct GpuPass<'a> {
     /// The particles in view, and how many; `None` until [`Self::host`] has found them.
     drops: Option<(wgpu::Buffer, u32)>,
     /// The first of its slots among those of all passes that are submitted together.
-    pub first_slot: usize,
+    pub(crate) first_slot: usize,
 }
 
 /// The buffers of a room that blending works on, with the lists `entries`.
@@ -57,7 +57,7 @@ fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> 
 impl<'a> GpuPass<'a> {
     /// Uploads what is known of a pass before it is drawn. `transient` are its splats that no set
     /// holds, one a set.
-    pub fn new(
+    pub(crate) fn new(
         (gpu, memory): (&Gpu, &mut Memory),
         path: SimdPath,
         models: &'a Models<GpuModel>,
@@ -126,7 +126,7 @@ impl<'a> GpuPass<'a> {
 
     /// Puts the indices of splats as they were loaded in the place of those of the model, where the
     /// pass gives splats instead of depths.
-    pub fn name_splats(&self, frame: &mut Frame) {
+    pub(crate) fn name_splats(&self, frame: &mut Frame) {
         if self.pass.config.outputs.median_depth != MedianDepth::Splat {
             return;
         }
@@ -139,18 +139,18 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Splats in all sets.
-    pub fn splats(&self) -> usize {
+    pub(crate) fn splats(&self) -> usize {
         self.sets.iter().map(|(model, ..)| model.source.len()).sum()
     }
 
     /// Returns true if the CPU gathers particles or paints a background for it, which takes about
     /// as long as the GPU takes for the splats.
-    pub fn is_hosted(&self) -> bool {
+    pub(crate) fn is_hosted(&self) -> bool {
         self.background.0 == BackgroundForm::Picture || !self.pass.particles().is_empty()
     }
 
     /// Does the CPU's part, and uploads it; returns the seconds that particles took.
-    pub fn host(
+    pub(crate) fn host(
         &mut self,
         (gpu, memory): (&Gpu, &mut Memory),
         path: SimdPath,
@@ -171,7 +171,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Particles in the picture.
-    pub fn particles(&self) -> u32 {
+    pub(crate) fn particles(&self) -> u32 {
         self.drops.as_ref().map_or(0, |(_, count)| *count)
     }
 
@@ -189,7 +189,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Its structures in the order of their slots.
-    pub fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
+    pub(crate) fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
         let parameters = ViewParameters::of(self.pass);
         let view = uniforms::view(&parameters, self.blocks(), self.particles(), capacity);
         let mut uniforms = lists::uniforms(view, Entries::Records);
@@ -206,12 +206,12 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Number of [`Self::uniforms`].
-    pub fn slots(&self) -> usize {
+    pub(crate) fn slots(&self) -> usize {
         CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
     }
 
     /// The room that it needs, but for the slots.
-    pub fn extent(&self, capacity: Capacity) -> Extent {
+    pub(crate) fn extent(&self, capacity: Capacity) -> Extent {
         let planes = match (self.pass.surface, self.arrays.median_depth) {
             (Some(_), _) => SURFACE_PLANE + 1 + FRONT as u64,
             (None, true) => 2,
@@ -231,7 +231,7 @@ impl<'a> GpuPass<'a> {
 
     /// Uploads the surface to where blending reads it. No other pass that is submitted with this
     /// one may have one.
-    pub fn upload_surface(&self, gpu: &Gpu, room: &Room) {
+    pub(crate) fn upload_surface(&self, gpu: &Gpu, room: &Room) {
         let Some(surface) = self.pass.surface else { return };
         // Where there is none, everything is before it.
         let depths: Vec<f32> = surface.depth.iter().map(|z| if z.is_nan() { 0.0 } else { 1.0 / z }).collect();
@@ -240,7 +240,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Records the commands up to the picture of the splats.
-    pub fn record_splats(&self, recorder: &mut Recorder<'_>, room: &Room) {
+    pub(crate) fn record_splats(&self, recorder: &mut Recorder<'_>, room: &Room) {
         recorder.encoder().clear_buffer(&room.counters, 0, None);
         let air = self.air.as_ref().map(|(source, parameters)| (source, parameters));
         let pieces = self.pieces(recorder);
@@ -254,7 +254,7 @@ impl<'a> GpuPass<'a> {
 
     /// Records the commands up to the weights of the records in view, which are in the room of
     /// their counts of tiles then.
-    pub fn record_weights(&self, recorder: &mut Recorder<'_>, room: &Room) {
+    pub(crate) fn record_weights(&self, recorder: &mut Recorder<'_>, room: &Room) {
         recorder.encoder().clear_buffer(&room.counters, 0, None);
         let pieces = self.pieces(recorder);
         lists::front(recorder, room, &pieces, self.pass.shading, None);
@@ -267,7 +267,7 @@ impl<'a> GpuPass<'a> {
 
     /// The weights of the splats, set after set and as they were loaded: `blocks` are those of the
     /// room with their masks, `units` the weights of those in view.
-    pub fn weights_of(&self, blocks: &[u32], units: &[u32], weights: &mut Vec<f32>) {
+    pub(crate) fn weights_of(&self, blocks: &[u32], units: &[u32], weights: &mut Vec<f32>) {
         weights.clear();
         let mut blocks = blocks.chunks_exact(BLOCK_WORDS as usize);
         for (model, ..) in &self.sets {
@@ -290,7 +290,7 @@ impl<'a> GpuPass<'a> {
 
     /// Records the commands that put the background behind the splats and the particles before
     /// them.
-    pub fn record_composite(&self, recorder: &mut Recorder<'_>, room: &Room) {
+    pub(crate) fn record_composite(&self, recorder: &mut Recorder<'_>, room: &Room) {
         if self.particles != ParticleBlend::None {
             recorder.encoder().clear_buffer(&room.falling, 0, None);
         }
@@ -312,7 +312,7 @@ impl<'a> GpuPass<'a> {
 
     /// The pictures that come back, in the order of [`super::readback::Returned`], of no bytes
     /// where they are not wanted.
-    pub fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
+    pub(crate) fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
         let plane = 4 * u64::from(self.pixels());
         let bytes = |wanted: bool, channels: u64| if wanted { channels * plane } else { 0 };
         let Arrays { depth, median_depth, normal, particles, front, .. } = self.arrays;
@@ -328,7 +328,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Returns true if effects on the CPU need a depth that the frame does not hold.
-    pub fn hides_depth(&self) -> bool {
+    pub(crate) fn hides_depth(&self) -> bool {
         !self.pass.hooks.pixels.is_empty() && !self.arrays.depth
     }
 

@@ -18,14 +18,14 @@ use wgpu::BufferUsages;
 /// The results of the stages of one frame.
 pub(crate) struct Probe {
     /// Of the splats in view, in the order of the splats.
-    pub records: Vec<Record>,
+    pub(crate) records: Vec<Record>,
     /// For each tile, row by row, the records that touch it, front to back.
-    pub lists: Vec<Vec<u32>>,
+    pub(crate) lists: Vec<Vec<u32>>,
 }
 
 impl Probe {
     /// Renders `pass` and looks.
-    pub fn of(renderer: &mut GpuRenderer, pass: &DrawPass<'_>) -> Self {
+    pub(crate) fn of(renderer: &mut GpuRenderer, pass: &DrawPass<'_>) -> Self {
         let stats = renderer.render(pass, &mut Frame::default()).unwrap();
         let gpu = renderer.gpu().clone();
         let room = renderer.room().expect("a frame was drawn");
@@ -41,7 +41,7 @@ impl Probe {
 }
 
 /// All words of a buffer.
-pub fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
+pub(crate) fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
     let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
     let staging = Growing::default().fit_unbound(gpu, "a look", buffer.size(), usage).unwrap();
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -62,7 +62,7 @@ fn filled(gpu: &Gpu, words: &[u32], more: BufferUsages) -> wgpu::Buffer {
 }
 
 /// The prefix sums of counts, and their total; what would be sorted has that much room.
-pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
+pub(crate) fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let camera = crate::testing::camera(64, 48);
     let config = crate::renderer::RenderConfig::default();
     let pass = DrawPass::new(&[], &camera, &config);
@@ -84,7 +84,7 @@ pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
 }
 
 /// The pairs of `keys` and their indices, sorted by the lowest `bits` bits.
-pub fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
+pub(crate) fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
     let buffer = |words: &[u32], more| filled(gpu, words, BufferUsages::STORAGE | more);
     let (count, none) = (keys.len() as u32, BufferUsages::empty());
     let blocks = count.div_ceil(SORT_BLOCK);

@@ -165,7 +165,7 @@ impl GpuRaySplats {
     ///
     /// # Panics
     /// If there are fewer origins than directions.
-    pub fn trace(&self, rays: &Rays, asked: RayOutputs) -> Result<RayHits, GpuError> {
+    pub(crate) fn trace(&self, rays: &Rays, asked: RayOutputs) -> Result<RayHits, GpuError> {
         for widest in WIDEST {
             if let Some(hits) = self.trace_within(rays, asked, widest)? {
                 return Ok(hits);

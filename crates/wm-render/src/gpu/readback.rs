@@ -18,11 +18,11 @@ use wgpu::BufferUsages;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counted {
     /// Splats in view, also those without room.
-    pub visible: u32,
+    pub(crate) visible: u32,
     /// Entries of tile lists likewise, of the splats that had room.
-    pub entries: u32,
+    pub(crate) entries: u32,
     /// Records that all tiles walked.
-    pub walked: u32,
+    pub(crate) walked: u32,
 }
 
 /// A part of a buffer: from an offset on, so many bytes.
@@ -42,7 +42,7 @@ impl WayBack {
     const COUNTERS: u64 = 4 * COUNTER_WORDS;
 
     /// Makes room for what `passes` send back out of `room`.
-    pub fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         staging: &mut Growing,
         clock: Option<&Clock>,
@@ -62,7 +62,7 @@ impl WayBack {
     }
 
     /// Records the copies of the next pass, behind its commands.
-    pub fn record(&mut self, recorder: &mut Recorder<'_>, pass: &GpuPass<'_>, room: &Room) {
+    pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, pass: &GpuPass<'_>, room: &Room) {
         let mut at = self.starts[self.recorded];
         self.recorded += 1;
         recorder.tell_times();
@@ -77,7 +77,7 @@ impl WayBack {
     }
 
     /// Submits the commands, and waits for what they made.
-    pub async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<Returned, GpuError> {
+    pub(crate) async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<Returned, GpuError> {
         let Self { staging, starts, recorded } = self;
         let bytes = starts[recorded];
         recorder.submit();
@@ -112,7 +112,7 @@ impl Returned {
     }
 
     /// The counts of each pass.
-    pub fn counted(&self) -> impl Iterator<Item = Counted> {
+    pub(crate) fn counted(&self) -> impl Iterator<Item = Counted> {
         let passes = self.starts.len() - 1;
         (0..passes).map(|pass| self.counted_in(pass))
     }
@@ -129,7 +129,7 @@ impl Returned {
     /// Takes what the next pass sent: its pictures, whose arrays have their sizes, and its times.
     /// `hidden` takes the expected depth where the frame has none and something on the CPU needs
     /// it.
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         frame: &mut Frame,
         hidden: &mut [f32],

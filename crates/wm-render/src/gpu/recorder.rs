@@ -53,7 +53,7 @@ impl Stage {
 pub(crate) struct Clock {
     queries: wgpu::QuerySet,
     /// A beginning and an end every [`Self::APART`] bytes.
-    pub times: wgpu::Buffer,
+    pub(crate) times: wgpu::Buffer,
     /// Seconds of a tick.
     tick: f64,
 }
@@ -67,7 +67,7 @@ impl Clock {
     const NUMBERS: usize = Self::APART / 8 * Stage::COUNT;
 
     /// A clock, where the adapter has one.
-    pub fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
         let Some(tick) = gpu.tick() else { return Ok(None) };
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("times of stages"),
@@ -80,12 +80,12 @@ impl Clock {
     }
 
     /// The place for what it has counted.
-    pub fn ticks() -> Ticks {
+    pub(crate) fn ticks() -> Ticks {
         [0; Self::NUMBERS]
     }
 
     /// The time that a stage took the last time, seconds.
-    pub fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
+    pub(crate) fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
         let at = Self::APART / 8 * stage as usize;
         self.tick * ticks[at + 1].saturating_sub(ticks[at]) as f64
     }
@@ -121,25 +121,25 @@ pub(crate) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    pub fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, clock: Option<&'a Clock>) -> Self {
+    pub(crate) fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, clock: Option<&'a Clock>) -> Self {
         let encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         Self { gpu, uniforms, clock, first_slot: 0, encoder, pass: None, stages: Vec::new(), dispatches: 0 }
     }
 
     /// The slots that follow are counted from this one: that of the first structure of a pass.
-    pub fn set_first_slot(&mut self, slot: usize) {
+    pub(crate) fn set_first_slot(&mut self, slot: usize) {
         self.first_slot = slot;
     }
 
     /// The buffer that [`Self::tell_times`] writes.
-    pub fn times(&self) -> Option<&'a wgpu::Buffer> {
+    pub(crate) fn times(&self) -> Option<&'a wgpu::Buffer> {
         self.clock.map(|clock| &clock.times)
     }
 
     /// The dispatches that follow are of this stage; each stage begins once before
     /// [`Self::tell_times`].
-    pub fn begin(&mut self, stage: Stage) {
+    pub(crate) fn begin(&mut self, stage: Stage) {
         self.pass = None;
         self.stages.push(stage);
         let at = 2 * stage as u32;
@@ -153,17 +153,17 @@ impl<'a> Recorder<'a> {
     }
 
     /// The use of subgroups by programs.
-    pub fn subgroups(&self) -> Subgroups {
+    pub(crate) fn subgroups(&self) -> Subgroups {
         self.gpu.subgroups()
     }
 
     /// The structure `View`.
-    pub fn view(&self) -> BindingResource<'a> {
+    pub(crate) fn view(&self) -> BindingResource<'a> {
         self.uniform(0)
     }
 
     /// The structure in a slot of this pass.
-    pub fn uniform(&self, slot: usize) -> BindingResource<'a> {
+    pub(crate) fn uniform(&self, slot: usize) -> BindingResource<'a> {
         BindingResource::Buffer(BufferBinding {
             buffer: self.uniforms,
             offset: (self.first_slot + slot) as u64 * SLOT,
@@ -172,7 +172,12 @@ impl<'a> Recorder<'a> {
     }
 
     /// One dispatch; none of no workgroups.
-    pub fn dispatch(&mut self, program: impl Into<Program>, groups: Groups<'_>, bindings: Bindings<'_>) {
+    pub(crate) fn dispatch(
+        &mut self,
+        program: impl Into<Program>,
+        groups: Groups<'_>,
+        bindings: Bindings<'_>,
+    ) {
         if let Groups::Direct(0) = groups {
             return;
         }
@@ -198,13 +203,13 @@ impl<'a> Recorder<'a> {
     }
 
     /// The commands outside of stages: copies and clearing.
-    pub fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+    pub(crate) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
         self.pass = None;
         &mut self.encoder
     }
 
     /// Copies what the clock has counted to where it can be read from, behind the stages so far.
-    pub fn tell_times(&mut self) {
+    pub(crate) fn tell_times(&mut self) {
         self.pass = None;
         if let Some(clock) = self.clock {
             for stage in self.stages.drain(..) {
@@ -215,7 +220,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Hands everything to the GPU.
-    pub fn submit(mut self) {
+    pub(crate) fn submit(mut self) {
         self.tell_times();
         self.gpu.count(|work| {
             work.dispatches += self.dispatches;

@@ -86,7 +86,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     /// As of [`RenderBackend::execute`].
-    pub async fn execute_async(
+    pub(crate) async fn execute_async(
         &mut self,
         plan: &FramePlan<'_>,
         pictures: &mut Pictures,

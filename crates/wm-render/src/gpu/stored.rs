@@ -186,28 +186,28 @@ fn ungroup_shapes(numbers: &[f32], range: Range<usize>, splats: &mut Splats) {
 
 impl StoredModel {
     /// Number of splats.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.len
     }
 
     /// Degree of their colours.
-    pub fn sh_degree(&self) -> u8 {
+    pub(crate) fn sh_degree(&self) -> u8 {
         self.sh_degree
     }
 
     /// Returns true if they learn here.
-    pub fn learns(&self) -> bool {
+    pub(crate) fn learns(&self) -> bool {
         self.known.is_some()
     }
 
     /// Uploads `splats` in place of what was there.
-    pub fn write(&mut self, gpu: &Gpu, splats: &Splats) -> Result<(), GpuError> {
+    pub(crate) fn write(&mut self, gpu: &Gpu, splats: &Splats) -> Result<(), GpuError> {
         self.known = None;
         self.write_parts(gpu, splats, None)
     }
 
     /// Uploads splats with what is known of them, to learn here.
-    pub fn write_learnt(&mut self, gpu: &Gpu, learnt: Learnt<'_>) -> Result<(), GpuError> {
+    pub(crate) fn write_learnt(&mut self, gpu: &Gpu, learnt: Learnt<'_>) -> Result<(), GpuError> {
         self.known = None;
         self.write_parts(gpu, learnt.splats, Some(learnt.moments))?;
         self.write_known(gpu, learnt.pulls, learnt.seen)
@@ -286,7 +286,7 @@ impl StoredModel {
     ///
     /// # Panics
     /// If nothing learns here, or `learnt` is of other splats.
-    pub fn read_learnt(
+    pub(crate) fn read_learnt(
         &self,
         gpu: &Gpu,
         staging: &mut Growing,
@@ -332,17 +332,17 @@ impl StoredModel {
     }
 
     /// Blocks of 256 splats in it.
-    pub fn blocks(&self) -> u32 {
+    pub(crate) fn blocks(&self) -> u32 {
         self.parts.iter().map(|part| part.piece.blocks).sum()
     }
 
     /// Number of its pieces.
-    pub fn piece_count(&self) -> usize {
+    pub(crate) fn piece_count(&self) -> usize {
         self.parts.len()
     }
 
     /// The structures of its pieces.
-    pub fn uniforms(&self, config: &ForwardConfig) -> Vec<Uniform> {
+    pub(crate) fn uniforms(&self, config: &ForwardConfig) -> Vec<Uniform> {
         // No colour, no coefficients.
         let degree = if config.channels == Channels::Depth { 0 } else { config.sh_degree };
         let used = 3 * sh::coefficients(degree) as u32 - 3;
@@ -351,7 +351,7 @@ impl StoredModel {
     }
 
     /// Its pieces, whose structures are in the slots from `first` on.
-    pub fn pieces<'a>(&'a self, recorder: &Recorder<'a>, first: usize) -> Vec<Piece<'a>> {
+    pub(crate) fn pieces<'a>(&'a self, recorder: &Recorder<'a>, first: usize) -> Vec<Piece<'a>> {
         let piece = |(i, part): (usize, &'a Part)| Piece {
             uniform: recorder.uniform(first + i),
             splats: &part.splats,
@@ -363,7 +363,7 @@ impl StoredModel {
     }
 
     /// The optimiser's memory of each of its pieces; none where they do not learn here.
-    pub fn remembered(&self) -> Vec<Remembered<'_>> {
+    pub(crate) fn remembered(&self) -> Vec<Remembered<'_>> {
         let Some(known) = &self.known else { return Vec::new() };
         let moments = self.parts.iter().filter_map(|part| part.moments.as_ref());
         moments.map(|[moments, sh_moments]| Remembered { moments, sh_moments, known }).collect()

@@ -8,9 +8,10 @@ use crate::plan::{DrawPass, SetView};
 use crate::reference;
 use crate::renderer::{CpuConfig, RenderBackend, RenderConfig, RenderError};
 use crate::simd::SimdPath;
+use crate::testing::comparison::{ALL_OUTPUTS, Hard, compare};
 use crate::testing::{
-    ALL_OUTPUTS, Backend, Hard, RandomLoss, camera, compare, gpu_differentiable, gpu_renderer, random_splats,
-    shell_camera, shell_splats, small_gpu,
+    Backend, RandomLoss, camera, gpu_differentiable, gpu_renderer, random_splats, shell_camera, shell_splats,
+    small_gpu,
 };
 use std::sync::Arc;
 use wm_scene::{Camera, Splats};
@@ -132,7 +133,7 @@ fn pieces_make_no_difference() {
     let pieces = render(&mut own(Some(330_000)), &splats, &camera).unwrap();
     assert!(whole == pieces);
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let want = reference::render(&[(&splats, None)], &camera, &config, Hooks::default());
+    let want = reference::frame::render(&[(&splats, None)], &camera, &config, Hooks::default());
     compare(&whole, &want, 2.0).unwrap();
 }
 

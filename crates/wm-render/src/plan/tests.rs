@@ -1,6 +1,7 @@
 use super::*;
 use crate::renderer::RenderBackend;
-use crate::testing::{ALL_OUTPUTS, Backend, camera, random_splats};
+use crate::testing::comparison::ALL_OUTPUTS;
+use crate::testing::{Backend, camera, random_splats};
 
 crate::parity! {
     passes_of_a_plan_are_those_of_renders => separate_renders;

@@ -60,7 +60,7 @@ macro_rules! with_channels {
 
 impl<'a> Tiles<'a> {
     /// The tiles of one view.
-    pub fn new(
+    pub(crate) fn new(
         path: SimdPath,
         records: &'a [Record],
         entries: &'a [AtomicU64],
@@ -84,7 +84,7 @@ impl<'a> Tiles<'a> {
 
     /// Sorts and blends all tiles into `frame`. Entries then name records and pairs, and `kept`
     /// holds the sums.
-    pub fn forward(
+    pub(crate) fn forward(
         &self,
         words: &[AtomicU32],
         kept: &mut [[f32; PATCH_PIXELS]],
@@ -177,15 +177,15 @@ impl<'a> Tiles<'a> {
     }
 
     /// Sums what the pixels pull on each pair of splat and tile. `places` tells the slot of each
-    /// pair. Returns the seconds it took.
-    pub fn backward(
+    /// pair.
+    pub(crate) fn backward(
         &self,
         upstream: &Upstream<'_>,
         kept: &[[f32; PATCH_PIXELS]],
         slots: &mut [GradientSlot],
         places: &[AtomicU32],
         workers: &[Mutex<BackwardWorker>],
-    ) -> f64 {
+    ) {
         let mut tiles = Vec::with_capacity(self.grid.tiles());
         let mut rest = slots;
         for tile in 0..self.grid.tiles() {
@@ -193,17 +193,10 @@ impl<'a> Tiles<'a> {
             rest = others;
             tiles.push(own);
         }
-        tiles
-            .into_par_iter()
-            .enumerate()
-            .map(|(index, slots)| {
-                let begun = Instant::now();
-                let mut worker = own(workers);
-                let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
-                self.backward_tile(index, upstream, kept, slots, places, &mut worker);
-                begun.elapsed().as_secs_f64()
-            })
-            .sum()
+        tiles.into_par_iter().enumerate().for_each(|(index, slots)| {
+            let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
+            self.backward_tile(index, upstream, kept, slots, places, &mut own(workers));
+        });
     }
 
     #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.

@@ -26,7 +26,7 @@ pub(crate) struct Unit<'a> {
 
 impl<'a> Unit<'a> {
     /// Cuts `count` splats in about `wanted` runs of whole clusters.
-    pub fn split(count: usize, wanted: usize, records: &'a mut Vec<Record>) -> Vec<Self> {
+    pub(crate) fn split(count: usize, wanted: usize, records: &'a mut Vec<Record>) -> Vec<Self> {
         if records.len() < count {
             records.resize(count, Record::default());
         }
@@ -44,14 +44,14 @@ impl<'a> Unit<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct Part {
     /// The pairs of tiles and splats.
-    pub pairs: Pairs,
+    pub(crate) pairs: Pairs,
     /// The number of the first of them.
-    pub first_pair: usize,
+    pub(crate) first_pair: usize,
     /// The first record, and how many there are.
-    pub first_record: usize,
-    pub visible: usize,
-    pub project: f64,
-    pub intersect: f64,
+    pub(crate) first_record: usize,
+    pub(crate) visible: usize,
+    pub(crate) project: f64,
+    pub(crate) intersect: f64,
 }
 
 /// The inputs that all units of one forward pass share.
@@ -82,7 +82,7 @@ impl Default for ShRows {
 
 impl<'a> Front<'a> {
     /// The sweep of one forward pass.
-    pub fn new(
+    pub(crate) fn new(
         path: SimdPath,
         splats: &'a Splats,
         camera: &'a ProjectCamera,
@@ -93,7 +93,7 @@ impl<'a> Front<'a> {
     }
 
     /// Runs one unit.
-    pub fn run(&self, unit: Unit<'_>, part: &mut Part) {
+    pub(crate) fn run(&self, unit: Unit<'_>, part: &mut Part) {
         let Unit { splats, first_record, records } = unit;
         part.pairs.clear(self.grid);
         (part.first_record, part.visible, part.project, part.intersect) =

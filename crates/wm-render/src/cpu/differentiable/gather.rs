@@ -14,19 +14,18 @@ use crate::stages::shade_backward::cpu::{ShadeGradients, shade_backward_group};
 use fearless_simd::SimdBase;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use web_time::Instant;
 use wm_scene::{Splats, sh};
 
 /// The inputs that all parts share.
 pub(crate) struct Gather<'a> {
-    pub path: SimdPath,
-    pub splats: &'a Splats,
-    pub camera: &'a ProjectCamera,
-    pub config: &'a ForwardConfig,
-    pub learn: Learn,
-    pub records: &'a [Record],
-    pub slots: &'a [GradientSlot],
-    pub places: &'a [AtomicU32],
+    pub(crate) path: SimdPath,
+    pub(crate) splats: &'a Splats,
+    pub(crate) camera: &'a ProjectCamera,
+    pub(crate) config: &'a ForwardConfig,
+    pub(crate) learn: Learn,
+    pub(crate) records: &'a [Record],
+    pub(crate) slots: &'a [GradientSlot],
+    pub(crate) places: &'a [AtomicU32],
 }
 
 /// The rows of one part; those that are not learnt are empty.
@@ -122,18 +121,13 @@ struct Scratch {
 }
 
 impl Gather<'_> {
-    /// Fills `gradients`, whose sizes are set. Returns the seconds it took.
-    pub fn run(&self, parts: &[Part], gradients: &mut Gradients) -> f64 {
+    /// Fills `gradients`, whose sizes are set.
+    pub(crate) fn run(&self, parts: &[Part], gradients: &mut Gradients) {
         let stride = gradients.sh_stride();
         let mut rest = Rows::of(gradients);
         let parts: Vec<(&Part, Rows<'_>)> =
             parts.iter().map(|part| (part, rest.take(part.visible, stride))).collect();
-        let part = |(part, rows): (&Part, Rows<'_>)| {
-            let begun = Instant::now();
-            self.part(part, rows, stride);
-            begun.elapsed().as_secs_f64()
-        };
-        parts.into_par_iter().map(part).sum()
+        parts.into_par_iter().for_each(|(part, rows)| self.part(part, rows, stride));
     }
 
     /// Derives the splats of one part. The kernels are entered one by one: in one piece they would

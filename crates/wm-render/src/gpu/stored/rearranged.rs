@@ -2,8 +2,8 @@
 //! rest is moved there.
 
 use super::{Part, StoredModel, USAGE, back, most_in_part, piece, shapes, skies, ungroup_shapes};
+use crate::gpu::Gpu;
 use crate::gpu::buffers::{Growing, WRITTEN};
-use crate::gpu::device::Gpu;
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Groups, Recorder, Stage, with_buffers};
 use crate::gpu::source::WORKGROUP;
@@ -23,7 +23,7 @@ impl StoredModel {
     ///
     /// # Panics
     /// If nothing learns here.
-    pub fn read_shapes(&self, gpu: &Gpu, staging: &mut Growing) -> Result<Shapes, GpuError> {
+    pub(crate) fn read_shapes(&self, gpu: &Gpu, staging: &mut Growing) -> Result<Shapes, GpuError> {
         let (splats, pulls) = (Splats::zeroed(self.len, 0), Pulls::new(self.len));
         let mut read = Shapes { splats, pulls, seen: vec![0; self.len] };
         self.read_known(gpu, staging, &mut read.pulls, &mut read.seen)?;
@@ -40,7 +40,7 @@ impl StoredModel {
     ///
     /// # Panics
     /// If nothing learns here, or one comes from a splat that was not here.
-    pub fn rearrange(&mut self, gpu: &Gpu, changed: &Changed<'_>) -> Result<(), GpuError> {
+    pub(crate) fn rearrange(&mut self, gpu: &Gpu, changed: &Changed<'_>) -> Result<(), GpuError> {
         let Changed { splats, pulls, seen, origins, forgets_opacities } = changed;
         assert!(self.learns(), "splats that learn on the GPU");
         assert!(origins.iter().all(|origin| (origin.row as usize) < self.len), "splats from nowhere");

@@ -2,8 +2,8 @@
 
 use super::{Belief, Compared, Comparison, Term};
 use crate::differentiable::Channels;
+use crate::gpu::Gpu;
 use crate::gpu::buffers::{Growing, READ_BACK, WRITTEN};
-use crate::gpu::device::Gpu;
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage};
 use crate::gpu::source::{StagePrograms, WORKGROUP, switches, texts};
@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use wgpu::{BindingResource, BufferBinding, BufferSize};
 
 /// Workgroups that add up a picture.
-pub const GROUPS: u32 = 64;
+pub(crate) const GROUPS: u32 = 64;
 /// Structures that a comparison has: one a channel of colour, and that of geometry.
 pub(crate) const SLOTS: usize = 4;
 /// Most bytes of photos that stay, and of what is believed of them.
@@ -33,7 +33,7 @@ const PATCH: &str = include_str!("patch.wgsl");
 
 /// The programs of losses.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum CompareProgram {
+pub(crate) enum CompareProgram {
     /// Compares one channel with a photo.
     Similarity,
     /// The derivative of that.
@@ -192,7 +192,7 @@ pub(crate) struct Room {
     groups: wgpu::Buffer,
     patches: wgpu::Buffer,
     /// The room for the totals that [`Room::compared`] reads.
-    pub totals: wgpu::Buffer,
+    pub(crate) totals: wgpu::Buffer,
     pixels: u32,
     tiles: u32,
     patch_count: u32,
@@ -203,13 +203,13 @@ pub(crate) struct Room {
 /// Pictures to compare, and where derivatives by them go.
 #[derive(Clone, Copy)]
 pub(crate) struct Pictures<'a> {
-    pub channels: Channels,
-    pub rgb: &'a wgpu::Buffer,
-    pub alpha: &'a wgpu::Buffer,
-    pub depths: &'a wgpu::Buffer,
-    pub normal: &'a wgpu::Buffer,
+    pub(crate) channels: Channels,
+    pub(crate) rgb: &'a wgpu::Buffer,
+    pub(crate) alpha: &'a wgpu::Buffer,
+    pub(crate) depths: &'a wgpu::Buffer,
+    pub(crate) normal: &'a wgpu::Buffer,
     /// See `upstream.wgsl`.
-    pub upstream: &'a wgpu::Buffer,
+    pub(crate) upstream: &'a wgpu::Buffer,
 }
 
 /// Columns and number of a grid's patches.
@@ -223,7 +223,7 @@ fn cut(comparison: &Comparison<'_>) -> (u32, u32) {
 
 impl Comparer {
     /// Room for a picture of `size` in `tiles` tiles, with the photo in it.
-    pub fn room(
+    pub(crate) fn room(
         &mut self,
         gpu: &Gpu,
         comparison: &Comparison<'_>,
@@ -320,13 +320,13 @@ fn packed_beliefs(beliefs: &[Belief]) -> Vec<[u32; 3]> {
 
 impl Room {
     /// The structures of a comparison.
-    pub fn structures(&self, comparison: &Comparison<'_>) -> [Uniform; SLOTS] {
+    pub(crate) fn structures(&self, comparison: &Comparison<'_>) -> [Uniform; SLOTS] {
         let color = |channel| uniforms::comparison(comparison, self.pixels, self.counted, channel);
         [color(0), color(1), color(2), uniforms::geometry(comparison, self.pixels, cut(comparison))]
     }
 
     /// Compares pictures, with structures that begin at `slot`, and writes all derivatives by them.
-    pub fn record<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
+    pub(crate) fn record<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
         if self.beliefs.is_none() {
             // No program writes these.
             let first = 12 * u64::from(self.pixels);
@@ -433,12 +433,12 @@ impl Room {
     }
 
     /// Room for what comes back.
-    pub fn totals() -> Vec<f32> {
+    pub(crate) fn totals() -> Vec<f32> {
         vec![0.0; Sums::ALL]
     }
 
     /// The result of a comparison, from the totals that came back.
-    pub fn compared(&self, comparison: &Comparison<'_>, totals: &[f32]) -> Compared {
+    pub(crate) fn compared(&self, comparison: &Comparison<'_>, totals: &[f32]) -> Compared {
         let mut found = Compared::default();
         let mut set = |term: Term, value: f64| {
             if comparison.weight(term) != 0.0 {

@@ -10,7 +10,7 @@ use crate::stages::rasterize::cpu::PatchSums;
 /// One patch's pixels, row by row.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct PatchPixels {
+pub(crate) struct PatchPixels {
     rgb: [[f32; PATCH_PIXELS]; 3],
     alpha: [f32; PATCH_PIXELS],
     depth: [f32; PATCH_PIXELS],
@@ -39,30 +39,30 @@ impl Default for PatchPixels {
 
 /// The rows of the frame that lie in one run of tiles; arrays that are not asked for have no rows.
 #[derive(Debug, Default)]
-pub struct OutputRows<'a> {
+pub(crate) struct OutputRows<'a> {
     /// `[rows][run width * 3]`.
-    pub rgb: Vec<&'a mut [f32]>,
+    pub(crate) rgb: Vec<&'a mut [f32]>,
     /// `[rows][run width]`.
-    pub alpha: Vec<&'a mut [f32]>,
+    pub(crate) alpha: Vec<&'a mut [f32]>,
     /// `[rows][run width]`.
-    pub depth: Vec<&'a mut [f32]>,
+    pub(crate) depth: Vec<&'a mut [f32]>,
     /// `[rows][run width]`.
-    pub median_depth: Vec<&'a mut [f32]>,
+    pub(crate) median_depth: Vec<&'a mut [f32]>,
     /// `[rows][run width * 3]`.
-    pub normal: Vec<&'a mut [f32]>,
+    pub(crate) normal: Vec<&'a mut [f32]>,
     /// `[rows][run width * 4]`.
-    pub particles: Vec<&'a mut [f32]>,
+    pub(crate) particles: Vec<&'a mut [f32]>,
     /// `[rows][run width * 5]`.
-    pub front: Vec<&'a mut [f32]>,
+    pub(crate) front: Vec<&'a mut [f32]>,
 }
 
 impl<'a> OutputRows<'a> {
     /// Channels of each array, in the order of [`Self::array`].
-    pub const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
+    pub(crate) const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
 
     /// Array number `index`: colour, alpha, depth, median depth, normal, particles, what is before
     /// the surface.
-    pub fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
+    pub(crate) fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
         match index {
             0 => &mut self.rgb,
             1 => &mut self.alpha,
@@ -88,17 +88,17 @@ fn to_rows<const LANES: usize>(from: &[f32; PATCH_PIXELS], to: &mut [f32; PATCH_
 
 /// The inputs that all patches of one frame share.
 #[derive(Clone, Copy)]
-pub struct Composite<'a> {
+pub(crate) struct Composite<'a> {
     /// The path that blended.
-    pub path: SimdPath,
+    pub(crate) path: SimdPath,
     /// The number of sums that it filled.
-    pub features: usize,
+    pub(crate) features: usize,
     /// The background.
-    pub background: &'a BackgroundView<'a>,
+    pub(crate) background: &'a BackgroundView<'a>,
     /// The particles in front of it.
-    pub falling: &'a Falling,
+    pub(crate) falling: &'a Falling,
     /// In order.
-    pub effects: &'a [&'a dyn PixelEffect],
+    pub(crate) effects: &'a [&'a dyn PixelEffect],
 }
 
 /// Finishes patch `(patch_x, patch_y)`: background, effects, division, output. `offset` is the
@@ -107,7 +107,7 @@ pub struct Composite<'a> {
 /// Plain loops that the compiler makes vectors of. It makes slower ones with AVX-512 than with
 /// AVX2, so the caller enters with the latter.
 #[inline(always)]
-pub fn finish_patch<S: Lanes, const LANES: usize>(
+pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
     _: S,
     frame: &Composite<'_>,
     sums: &PatchSums,

@@ -7,7 +7,8 @@ use crate::plan::{DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
-use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
+use crate::testing::comparison::{ALL_OUTPUTS, compare};
+use crate::testing::{Backend, camera, random_splats};
 use crate::{Frame, Geometry, Outputs};
 use wm_scene::{Camera, Group};
 
@@ -206,7 +207,7 @@ fn backdrop(backend: Backend) {
                     &mut frame,
                 )
                 .unwrap();
-            let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
+            let want = reference::frame::render(&[(&splats, None)], &camera, &config, hooks);
             compare(&frame, &want, 2.0).unwrap();
             covered.push(frame.alpha.iter().sum::<f32>());
         }

@@ -12,7 +12,8 @@ use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::stages::project::cpu::{ProjectedGroup, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
-use crate::testing::{Backend, Hard, camera, random_splats};
+use crate::testing::comparison::Hard;
+use crate::testing::{Backend, camera, random_splats};
 use std::sync::atomic::{AtomicU64, Ordering};
 use wm_scene::{Rasterization, Splats};
 

@@ -30,11 +30,11 @@ use crate::differentiable::Gradients;
 use wm_scene::{Splats, sh};
 
 /// Decay of the first moments.
-pub const BETA1: f32 = 0.9;
+pub(crate) const BETA1: f32 = 0.9;
 /// Decay of the second moments.
-pub const BETA2: f32 = 0.999;
+pub(crate) const BETA2: f32 = 0.999;
 /// The constant that keeps quotients finite.
-pub const EPS: f32 = 1e-15;
+pub(crate) const EPS: f32 = 1e-15;
 /// Ratio of the shortest scale to the next that is flat enough.
 pub const FLAT: f32 = 0.1;
 

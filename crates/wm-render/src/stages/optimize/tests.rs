@@ -18,7 +18,7 @@ const RATES: Rates =
 /// Splats that learn, in the computer's memory.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Kept {
-    pub splats: Splats,
+    pub(crate) splats: Splats,
     moments: Moments,
     pulls: Pulls,
     seen: Vec<u32>,

@@ -17,11 +17,11 @@ use web_time::Instant;
 /// A particle in the picture: `log2 tau = peak - (ux dx)^2 - (vx dx + vy dy)^2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct ProjectedDrop {
+pub(crate) struct ProjectedDrop {
     /// Centre, px.
-    pub mean2d: [f32; 2],
+    pub(crate) mean2d: [f32; 2],
     /// Half the size of its bounding box, px.
-    pub extent: [f32; 2],
+    pub(crate) extent: [f32; 2],
     ux: f32,
     vx: f32,
     vy: f32,
@@ -32,9 +32,9 @@ pub struct ProjectedDrop {
     /// log2 of the optical depth at its centre.
     peak: f32,
     /// View z, scene units.
-    pub depth: f32,
+    pub(crate) depth: f32,
     /// Linear RGB.
-    pub rgb: [f32; 3],
+    pub(crate) rgb: [f32; 3],
 }
 
 impl ProjectedDrop {
@@ -64,8 +64,8 @@ impl ProjectedDrop {
     }
 
     /// Those of a group that are in the picture.
-    #[must_use]
-    pub fn project(path: SimdPath, group: &ParticleGroup, view: &ParticleView) -> Vec<Self> {
+    #[cfg(test)]
+    pub(crate) fn project(path: SimdPath, group: &ParticleGroup, view: &ParticleView) -> Vec<Self> {
         let mut numbers = [[0.0; 16]; 16];
         let seen = dispatch!(path, s => project(s, group, view, &mut numbers));
         (0..GROUP).filter(|lane| seen >> lane & 1 == 1).map(|lane| Self::of(&numbers[lane])).collect()
@@ -282,7 +282,7 @@ impl Part {
 
 /// The particles of a frame, patch by patch. Kept from frame to frame for its memory.
 #[derive(Debug, Default)]
-pub struct Falling {
+pub(crate) struct Falling {
     /// The first `count` are this frame's.
     drops: Vec<ProjectedDrop>,
     count: usize,
@@ -296,19 +296,19 @@ pub struct Falling {
 impl Falling {
     /// Returns true if there are no particles.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.count == 0
     }
 
     /// Number of particles in the picture.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.count
     }
 
     /// The particles as the GPU takes them, sixteen numbers each.
     #[must_use]
-    pub fn words(&self) -> Vec<f32> {
+    pub(crate) fn words(&self) -> Vec<f32> {
         self.drops[..self.count].iter().flat_map(ProjectedDrop::words).collect()
     }
 
@@ -316,7 +316,7 @@ impl Falling {
     ///
     /// # Errors
     /// [`RenderError::TooManyCells`] or [`RenderError::TooMuch`].
-    pub fn fill(
+    pub(crate) fn fill(
         &mut self,
         path: SimdPath,
         sources: &[&dyn Particles],
@@ -395,7 +395,7 @@ impl Falling {
     /// row. `behind`: coverage and sum of weight times view z, block by block as `path` blends.
     /// `apart`, if given, holds zeros, and takes the linear light of what falls and its coverage,
     /// row by row.
-    pub fn draw(
+    pub(crate) fn draw(
         &self,
         path: SimdPath,
         (column, row): (usize, usize),

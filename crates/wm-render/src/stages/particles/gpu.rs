@@ -10,7 +10,7 @@ pub(crate) const OVER: &str = include_str!("over.wgsl");
 
 /// The programs of particles.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum ParticleProgram {
+pub(crate) enum ParticleProgram {
     /// Adds up the cover of particles.
     Fall,
 }

@@ -22,9 +22,9 @@
 //! (f32 positions of some thousand pixels, times slopes of up to 2 a pixel): 3e-5 + 2e-4 tau a
 //! particle in tau, before the decision of the depth test, which is free within 1e-5 of z.
 
-pub mod cpu;
+pub(crate) mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;
 
@@ -33,12 +33,12 @@ pub const DILATION: f32 = super::project::DILATION;
 /// Greatest optical depth of one particle.
 pub const MOST: f32 = 16.0;
 /// Optical depth at which a particle ends.
-pub const LEAST: f32 = 1.0 / 256.0;
+pub(crate) const LEAST: f32 = 1.0 / 256.0;
 /// Squared radius, in standard deviations, that every particle reaches.
-pub const SHORTEST: f32 = 4.5;
+pub(crate) const SHORTEST: f32 = 4.5;
 /// Coefficients of w, w^2, ... of `ln(p / w)`, fitted.
-pub const PEAK: [f32; 4] = [0.259_93, 0.012_677, 0.026_802, -0.003_624_7];
+pub(crate) const PEAK: [f32; 4] = [0.259_93, 0.012_677, 0.026_802, -0.003_624_7];
 /// Greatest w: `Ein(16)`.
-pub const WIDEST: f32 = 3.35;
+pub(crate) const WIDEST: f32 = 3.35;
 /// Whole numbers of an optical depth of 1.
-pub const STEPS: f32 = 65536.0;
+pub(crate) const STEPS: f32 = 65536.0;

@@ -3,7 +3,7 @@
 use super::cpu::ProjectedDrop;
 use crate::hooks::{GROUP, Hooks, Particle, ParticleGroup, ParticleView, Particles};
 use crate::plan::{DrawPass, SetView};
-use crate::reference_particles::cover;
+use crate::reference::particles::cover;
 use crate::renderer::{Background, CpuConfig, Geometry, Outputs, RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};

@@ -9,7 +9,7 @@ pub(crate) const WORKGROUP_SUMS: &str = include_str!("workgroup.wgsl");
 
 /// The programs of prefix sums.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum PrefixSumProgram {
+pub(crate) enum PrefixSumProgram {
     /// Over the blocks of splats.
     Visible,
     /// Over the splats in view, 256 at a time.

@@ -14,13 +14,13 @@ use wm_scene::Splats;
 /// Sixteen splats, activated, with what their derivative needs.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Activated {
+pub(crate) struct Activated {
     /// `dc` is not filled.
-    pub group: SplatGroup,
+    pub(crate) group: SplatGroup,
     /// 1 / length of the stored quaternions; 0 where there is none.
-    pub inverse_length: [f32; GROUP],
+    pub(crate) inverse_length: [f32; GROUP],
     /// 1 - stored opacity.
-    pub transparency: [f32; GROUP],
+    pub(crate) transparency: [f32; GROUP],
 }
 
 impl Default for Activated {
@@ -39,7 +39,7 @@ impl Default for Activated {
 
 /// Activates the splats `indices`; those from `count` on are never drawn.
 #[inline(always)]
-pub fn activate<S: Lanes>(
+pub(crate) fn activate<S: Lanes>(
     simd: S,
     splats: &Splats,
     indices: &[u32; GROUP],

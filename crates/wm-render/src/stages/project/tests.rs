@@ -9,7 +9,8 @@ use crate::plan::{DrawPass, SetView};
 use crate::reference;
 use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
-use crate::testing::{Backend, Hard, camera, random_splats, uniform};
+use crate::testing::comparison::Hard;
+use crate::testing::{Backend, camera, random_splats, uniform};
 use glam::DVec3;
 use wm_scene::{Camera, Rasterization, Splats};
 

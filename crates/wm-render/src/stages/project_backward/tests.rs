@@ -1,7 +1,8 @@
 use crate::differentiable::{Channels, ForwardConfig, Opacity};
 use crate::even_air::EvenAir;
 use crate::simd::SimdChoice;
-use crate::testing::{Backend, Hard, camera, gradient_errors, gradients_of, random_splats};
+use crate::testing::comparison::{Hard, gradient_errors, gradients_of};
+use crate::testing::{Backend, camera, random_splats};
 use wm_scene::{Rasterization, Splats};
 
 crate::parity! {

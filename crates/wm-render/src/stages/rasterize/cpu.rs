@@ -21,20 +21,20 @@ pub(crate) const CHUNK: usize = 64;
 /// Sums of one patch, each `[256]` in block order: block by block, lane by lane.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct PatchSums {
+pub(crate) struct PatchSums {
     /// Transmittance; 0 where blending has stopped.
-    pub transmittance: [f32; PATCH_PIXELS],
+    pub(crate) transmittance: [f32; PATCH_PIXELS],
     /// Sum of weights.
-    pub alpha: [f32; PATCH_PIXELS],
+    pub(crate) alpha: [f32; PATCH_PIXELS],
     /// Sums of colour, view z and normal; as many as the render asks for are filled.
-    pub features: [[f32; PATCH_PIXELS]; 7],
+    pub(crate) features: [[f32; PATCH_PIXELS]; 7],
     /// Median depth; meaningful where alpha is at least 0.5.
-    pub median: [f32; PATCH_PIXELS],
+    pub(crate) median: [f32; PATCH_PIXELS],
     /// Reciprocal view z of the surface; less than that of everything where there is none.
-    pub surface: [f32; PATCH_PIXELS],
+    pub(crate) surface: [f32; PATCH_PIXELS],
     /// The sums that the surface splits, as in [`crate::Frame::front`]. While they are blended,
     /// those of blocks in `whole` are not filled.
-    pub front: [[f32; PATCH_PIXELS]; FRONT],
+    pub(crate) front: [[f32; PATCH_PIXELS]; FRONT],
     /// A bit for each block that the surface crosses at some pixel.
     crossed: u32,
     /// A bit for each block in which all splats so far are before the surface: its front is all
@@ -43,12 +43,17 @@ pub struct PatchSums {
 }
 
 /// View z of a surface at each pixel of a picture, and the picture's width and height, px.
-pub type Surface<'a> = (&'a [f32], (usize, usize));
+pub(crate) type Surface<'a> = (&'a [f32], (usize, usize));
 
 impl PatchSums {
     /// Reads the surface in one patch, in the order in which a SIMD path of so many lanes walks the
     /// blocks.
-    pub fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, (patch_x, patch_y): (usize, usize)) {
+    pub(crate) fn set_surface(
+        &mut self,
+        lanes: usize,
+        surface: Surface<'_>,
+        (patch_x, patch_y): (usize, usize),
+    ) {
         let (depths, (width, height)) = surface;
         let block_height = lanes / 4;
         self.crossed = 0;
@@ -95,14 +100,14 @@ pub(crate) type List = [u8; 256 + CHUNK];
 #[repr(C, align(64))]
 pub struct BlendScratch {
     /// The sums of the tile's patches.
-    pub patches: [PatchSums; PATCHES],
+    pub(crate) patches: [PatchSums; PATCHES],
     batch: Batch,
     lists: Lists,
     /// The sum of the weights of each splat of the tile's list over its pixels, filled where they
     /// are asked for.
-    pub weights: Vec<f32>,
+    pub(crate) weights: Vec<f32>,
     /// Columns and rows of the tile that are in the picture: pixels beside it have no weights.
-    pub weighed: (usize, usize),
+    pub(crate) weighed: (usize, usize),
     batch_weights: BatchWeights,
 }
 
@@ -121,10 +126,10 @@ impl Default for BatchWeights {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Lists {
-    pub patch: List,
+    pub(crate) patch: List,
     /// The blocks that each splat of `patch` touches, eight blocks an array.
-    pub masks: [[u8; 256]; 4],
-    pub block: List,
+    pub(crate) masks: [[u8; 256]; 4],
+    pub(crate) block: List,
 }
 
 impl Default for Lists {
@@ -137,13 +142,13 @@ impl Default for Lists {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Batch {
-    pub records: [Record; 256],
+    pub(crate) records: [Record; 256],
     /// u and v of each at the tile's corner.
-    pub origins: [(f32, f32); 256],
+    pub(crate) origins: [(f32, f32); 256],
     /// The tile's first pixel.
-    pub corner: (f32, f32),
+    pub(crate) corner: (f32, f32),
     /// The patches that each touches.
-    pub touched: [u8; 256],
+    pub(crate) touched: [u8; 256],
     /// Slopes of the reciprocal view z of each, and its value at the tile's corner; filled where a
     /// surface splits the blend.
     planes: [[f32; 3]; 256],
@@ -166,7 +171,7 @@ impl Default for Batch {
 impl Batch {
     /// Takes the splats of `keys`, at most 255, for the tile whose first pixel is `(left, top)`.
     #[inline(always)]
-    pub fn fill(&mut self, records: &[Record], keys: &[u64], (left, top): (f32, f32)) {
+    pub(crate) fn fill(&mut self, records: &[Record], keys: &[u64], (left, top): (f32, f32)) {
         // Copied first and used after: nothing waits for one record, so many fetches overlap.
         for (i, key) in keys.iter().enumerate() {
             self.records[i] = records[record_of(*key)];

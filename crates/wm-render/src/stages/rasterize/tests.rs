@@ -3,7 +3,8 @@ use crate::hooks::Hooks;
 use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
-use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
+use crate::testing::comparison::{ALL_OUTPUTS, Hard, compare};
+use crate::testing::{Backend, camera, random_splats};
 use crate::{
     Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT, ForwardConfig, Frame,
     Geometry, Gradients, Learn, MedianDepth, Outputs, RenderBackend, Upstream,
@@ -79,7 +80,7 @@ fn check(backend: Backend, sets: &[Splats], rasterization: Rasterization) {
         renderer.render(&pass, &mut frame).unwrap();
         let referee: Vec<(&Splats, Option<&dyn SplatAttributes>)> =
             sets.iter().map(|set| (set, attributes)).collect();
-        let want = reference::render(&referee, &camera, &config, Hooks::default());
+        let want = reference::frame::render(&referee, &camera, &config, Hooks::default());
         compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}, {width}x{height}: {error}"));
     }
 }
@@ -231,7 +232,7 @@ fn split(backend: Backend, splats: &Splats) {
         frame.front.clear();
         let referee = [(splats, None)];
         let how = (Shading::Color, Some(surface), None);
-        let want = reference::render_split(&referee, &camera, &config, Hooks::default(), how);
+        let want = reference::frame::render_split(&referee, &camera, &config, Hooks::default(), how);
         match backend {
             // Another program, whose products and sums a driver may join otherwise.
             Backend::Gpu => compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{error}")),
@@ -270,8 +271,8 @@ fn cut_below(backend: Backend, splats: &Splats, cut: CutPlane) {
     let pass = DrawPass { cut: Some(cut), ..DrawPass::new(&sets, &camera, &config) };
     renderer.render(&pass, &mut frame).unwrap();
     let how = (Shading::Color, None, Some(cut));
-    let want = reference::render_split(&[(splats, None)], &camera, &config, Hooks::default(), how);
+    let want = reference::frame::render_split(&[(splats, None)], &camera, &config, Hooks::default(), how);
     compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}: {error}"));
-    let all = reference::render(&[(splats, None)], &camera, &config, Hooks::default());
+    let all = reference::frame::render(&[(splats, None)], &camera, &config, Hooks::default());
     assert!(compare(&frame, &all, 2.0).is_err(), "{backend:?}: the cut takes something away");
 }

@@ -29,7 +29,7 @@ const ROWS: usize = 2 * BATCH;
 /// The pixels of one patch in block order, see [`crate::stages::rasterize::cpu::PatchSums`].
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct PatchState {
+pub(crate) struct PatchState {
     /// Transmittance; 0 where blending has stopped and outside the picture.
     transmittance: [f32; PATCH_PIXELS],
     /// R, less v_A times the transmittance at the end.
@@ -43,7 +43,7 @@ pub struct PatchState {
 #[repr(C, align(64))]
 pub struct BackwardScratch {
     /// The pixels of the tile's patches.
-    pub patches: [PatchState; PATCHES],
+    pub(crate) patches: [PatchState; PATCHES],
     batch: Batch,
     lists: Lists,
     /// Blocks of each patch in which each splat of the batch was weighed.

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 
 /// The programs of the derivative of blending.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum RasterizeBackwardProgram {
+pub(crate) enum RasterizeBackwardProgram {
     /// Turns derivatives by pictures into derivatives by sums.
     BySums(Channels),
     /// Derives by each splat of a tile.
@@ -51,10 +51,10 @@ impl StagePrograms for RasterizeBackwardProgram {
 /// The sums of a step of training.
 #[derive(Clone, Copy)]
 pub(crate) struct Kept<'a> {
-    pub rgb: &'a wgpu::Buffer,
-    pub alpha: &'a wgpu::Buffer,
-    pub depths: &'a wgpu::Buffer,
-    pub normal: &'a wgpu::Buffer,
+    pub(crate) rgb: &'a wgpu::Buffer,
+    pub(crate) alpha: &'a wgpu::Buffer,
+    pub(crate) depths: &'a wgpu::Buffer,
+    pub(crate) normal: &'a wgpu::Buffer,
 }
 
 /// Turns the derivatives by the pictures to those by the sums, see `upstream.wgsl`; `training` is
@@ -79,19 +79,19 @@ pub(crate) fn by_sums(
 
 /// The buffers that `rasterize_backward.wgsl` reads and writes.
 pub(crate) struct RasterizeBackward<'a> {
-    pub tile_offsets: &'a wgpu::Buffer,
+    pub(crate) tile_offsets: &'a wgpu::Buffer,
     /// Of each entry.
-    pub pairs: &'a wgpu::Buffer,
+    pub(crate) pairs: &'a wgpu::Buffer,
     /// Of each pair.
-    pub names: &'a wgpu::Buffer,
-    pub records: &'a wgpu::Buffer,
-    pub states: &'a wgpu::Buffer,
-    pub slots: &'a wgpu::Buffer,
+    pub(crate) names: &'a wgpu::Buffer,
+    pub(crate) records: &'a wgpu::Buffer,
+    pub(crate) states: &'a wgpu::Buffer,
+    pub(crate) slots: &'a wgpu::Buffer,
 }
 
 impl RasterizeBackward<'_> {
     /// Sums what the pixels of all tiles pull.
-    pub fn record(&self, recorder: &mut Recorder<'_>, tiles: u32, channels: Channels) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, tiles: u32, channels: Channels) {
         let bindings = with_buffers(
             vec![(0, recorder.view())],
             [self.tile_offsets, self.pairs, self.names, self.records, self.states, self.slots],

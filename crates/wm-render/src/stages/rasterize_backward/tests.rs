@@ -1,5 +1,6 @@
 use crate::differentiable::{Channels, ForwardConfig};
-use crate::testing::{Backend, camera, gradient_errors, gradients_of, random_splats};
+use crate::testing::comparison::{gradient_errors, gradients_of};
+use crate::testing::{Backend, camera, random_splats};
 use wm_scene::Splats;
 
 crate::parity! {

@@ -24,7 +24,7 @@ pub(crate) const HIT_WORDS: usize = 4;
 
 /// The sums that are blended beside coverage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum RaySums {
+pub(crate) enum RaySums {
     /// None.
     Coverage,
     /// Colours.
@@ -64,7 +64,7 @@ impl RaySums {
 
 /// The programs of rays.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum RaysProgram {
+pub(crate) enum RaysProgram {
     /// Counts or writes the packets that each splat touches.
     Touch,
     /// Lists the splats that touch any.
@@ -147,33 +147,33 @@ pub(crate) const WRITE_TASK: usize = 2;
 
 /// The buffers of this stage; the names are those of the WGSL.
 pub(crate) struct RayBuffers<'a> {
-    pub counters: &'a wgpu::Buffer,
-    pub dispatches: &'a wgpu::Buffer,
-    pub records: &'a wgpu::Buffer,
-    pub cones: &'a wgpu::Buffer,
+    pub(crate) counters: &'a wgpu::Buffer,
+    pub(crate) dispatches: &'a wgpu::Buffer,
+    pub(crate) records: &'a wgpu::Buffer,
+    pub(crate) cones: &'a wgpu::Buffer,
     /// Packets that each record touches.
-    pub counts: &'a wgpu::Buffer,
+    pub(crate) counts: &'a wgpu::Buffer,
     /// Records that touch any, by blocks of 256 records.
-    pub blocks: &'a wgpu::Buffer,
+    pub(crate) blocks: &'a wgpu::Buffer,
     /// Entries of 256 records of the order.
-    pub sums: &'a wgpu::Buffer,
+    pub(crate) sums: &'a wgpu::Buffer,
     /// Distances and names of the records that touch any.
-    pub distances: (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    pub(crate) distances: (&'a wgpu::Buffer, &'a wgpu::Buffer),
     /// Packets and records of entries.
-    pub entries: (&'a wgpu::Buffer, &'a wgpu::Buffer),
-    pub features: &'a wgpu::Buffer,
+    pub(crate) entries: (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    pub(crate) features: &'a wgpu::Buffer,
 }
 
 impl RayBuffers<'_> {
     /// Counts the packets of each of so many records.
-    pub fn count(&self, recorder: &mut Recorder<'_>, records: u32) {
+    pub(crate) fn count(&self, recorder: &mut Recorder<'_>, records: u32) {
         // The order is not read yet: any buffer that is not written does.
         let over = Groups::Direct(records.div_ceil(WORKGROUP));
         self.touch(recorder, COUNT_TASK, over, self.distances.1, self.blocks);
     }
 
     /// Writes the entries of the records in an order.
-    pub fn write(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
+    pub(crate) fn write(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
         self.touch(recorder, WRITE_TASK, self.over_visible(), order, self.sums);
     }
 
@@ -199,7 +199,7 @@ impl RayBuffers<'_> {
     }
 
     /// Lists those of so many records that touch any packet.
-    pub fn list(&self, recorder: &mut Recorder<'_>, records: u32) {
+    pub(crate) fn list(&self, recorder: &mut Recorder<'_>, records: u32) {
         let (distances, names) = self.distances;
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],
@@ -209,7 +209,7 @@ impl RayBuffers<'_> {
     }
 
     /// Adds up the entries of the records in an order.
-    pub fn sum(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
+    pub(crate) fn sum(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],
             [self.counters, order, self.counts, self.sums],
@@ -219,7 +219,7 @@ impl RayBuffers<'_> {
 
     /// Finds the features of the records whose coefficients of colour are `sh`; `slot` is that of
     /// their `ColorPiece`.
-    pub fn see(
+    pub(crate) fn see(
         &self,
         recorder: &mut Recorder<'_>,
         (sums, slot): (RaySums, usize),
@@ -233,7 +233,7 @@ impl RayBuffers<'_> {
 
     /// Blends the lists of so many packets: their offsets and entries, their rays, and the results.
     /// Counters learn the length of the longest.
-    pub fn blend(
+    pub(crate) fn blend(
         &self,
         recorder: &mut Recorder<'_>,
         (sums, packets): (RaySums, u32),

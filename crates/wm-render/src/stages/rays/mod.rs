@@ -28,7 +28,7 @@ pub mod cpu;
 pub mod gpu;
 #[cfg(all(test, feature = "gpu"))]
 mod gpu_tests;
-pub mod packets;
+pub(crate) mod packets;
 #[cfg(test)]
 mod tests;
 
@@ -104,8 +104,8 @@ impl RayHits {
 }
 
 /// Least standard deviation of a splat, of its largest.
-pub const THINNEST: f64 = 1e-4;
+pub(crate) const THINNEST: f64 = 1e-4;
 /// Coverage above which a ray counts as stopped.
 pub const WHOLE: f32 = 0.99;
 /// Least coverage of a hit.
-pub const LEAST_HIT: f32 = 0.5;
+pub(crate) const LEAST_HIT: f32 = 0.5;

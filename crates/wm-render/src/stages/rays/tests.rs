@@ -1,7 +1,7 @@
 use super::cpu::RaySplats;
 use super::packets::{PACKET, Packets};
 use super::{RayHits, RayOutputs, Rays};
-use crate::reference_rays;
+use crate::reference;
 use crate::renderer::RenderConfig;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
@@ -43,7 +43,7 @@ pub(super) fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<()
             let ray = *ray as usize;
             let [origin, direction] =
                 [rays.origins[ray], rays.directions[ray]].map(|v| DVec3::from_array(v.map(f64::from)));
-            let want = reference_rays::trace(splats, |_| true, (origin, direction), center);
+            let want = reference::rays::trace(splats, |_| true, (origin, direction), center);
             let limit = 2e-4 + want.slack;
             if (f64::from(hits.coverage[ray]) - want.coverage).abs() > limit {
                 return Err(format!("ray {ray}: coverage {}, want {}", hits.coverage[ray], want.coverage));

@@ -11,7 +11,8 @@ use crate::reference;
 use crate::renderer::RenderBackend;
 use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
-use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
+use crate::testing::comparison::{ALL_OUTPUTS, compare};
+use crate::testing::{Backend, camera, random_splats, uniform};
 use wm_scene::{Group, sh};
 
 crate::parity! {
@@ -130,7 +131,7 @@ fn air(backend: Backend) {
     renderer
         .render(&DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks), &mut frame)
         .unwrap();
-    let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
+    let want = reference::frame::render(&[(&splats, None)], &camera, &config, hooks);
     compare(&frame, &want, 2.0).unwrap();
 }
 
@@ -166,7 +167,7 @@ fn gains(backend: Backend) {
     for hooks in [Hooks::default(), Hooks { medium: Some(&Tint), ..Hooks::default() }] {
         let mut frame = Frame::default();
         renderer.render(&DrawPass::new(&sets, &camera, &config).with_hooks(hooks), &mut frame).unwrap();
-        let want = reference::render(&[(&splats, Some(&Relit))], &camera, &config, hooks);
+        let want = reference::frame::render(&[(&splats, Some(&Relit))], &camera, &config, hooks);
         compare(&frame, &want, 2.0).unwrap();
     }
 }

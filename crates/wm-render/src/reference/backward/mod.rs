@@ -12,7 +12,7 @@ mod tests;
 
 use crate::differentiable::{Channels, DepthAlpha, ForwardConfig, Upstream};
 use crate::frame::MIN_ALPHA;
-use crate::reference::{CUT_BAND, ORDER_BAND, STOP_BAND};
+use crate::reference::frame::{CUT_BAND, ORDER_BAND, STOP_BAND};
 use crate::stages::rasterize::{LOG2_MAX_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE};
 use splat::{Splat, SplatDecisions, SplatPulls};
 use std::f64::consts::LN_2;
@@ -20,25 +20,25 @@ use wm_scene::{Camera, Splats, sh};
 
 /// Stored parameters, or their gradients, in f64. Flat, shapes as in [`Splats`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Parameters {
+pub(crate) struct Parameters {
     /// `[N, 3]`.
-    pub means: Vec<f64>,
+    pub(crate) means: Vec<f64>,
     /// `[N, 4]`.
-    pub quats: Vec<f64>,
+    pub(crate) quats: Vec<f64>,
     /// `[N, 3]`.
-    pub log_scales: Vec<f64>,
+    pub(crate) log_scales: Vec<f64>,
     /// `[N]`.
-    pub logit_opacities: Vec<f64>,
+    pub(crate) logit_opacities: Vec<f64>,
     /// `[N, K, 3]`.
-    pub sh: Vec<f64>,
+    pub(crate) sh: Vec<f64>,
     /// Degree of `sh`.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
 }
 
 impl Parameters {
     /// The parameters of `splats`.
     #[must_use]
-    pub fn of(splats: &Splats) -> Self {
+    pub(crate) fn of(splats: &Splats) -> Self {
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect();
         Self {
             means: wide(splats.means.as_flattened()),
@@ -52,18 +52,12 @@ impl Parameters {
 
     /// Number of splats.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.logit_opacities.len()
     }
 
-    /// Returns true if there is none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// The arrays with their names.
-    pub fn arrays(&mut self) -> [(&'static str, &mut Vec<f64>); 5] {
+    pub(crate) fn arrays(&mut self) -> [(&'static str, &mut Vec<f64>); 5] {
         [
             ("means", &mut self.means),
             ("quats", &mut self.quats),
@@ -84,7 +78,7 @@ impl Parameters {
 
 /// Everything about a view that is decided and not computed.
 #[derive(Clone, Debug)]
-pub struct Decisions {
+pub(crate) struct Decisions {
     /// Those in view, in the order of blending.
     order: Vec<usize>,
     splats: Vec<Option<SplatDecisions>>,
@@ -93,26 +87,26 @@ pub struct Decisions {
     /// True if a pixel has depth and normal.
     covered: Vec<bool>,
     /// True if no decision of a pixel is so close that f32 may take it otherwise, `[H, W]`.
-    pub steady: Vec<bool>,
+    pub(crate) steady: Vec<bool>,
 }
 
 /// Blended pictures in f64; those that are not asked for are 0.
 #[derive(Clone, Debug, Default)]
-pub struct ReferencePictures {
+pub(crate) struct ReferencePictures {
     /// `[H, W, 3]`.
-    pub rgb: Vec<[f64; 3]>,
+    pub(crate) rgb: Vec<[f64; 3]>,
     /// `[H, W]`.
-    pub alpha: Vec<f64>,
+    pub(crate) alpha: Vec<f64>,
     /// `[H, W]`.
-    pub depth: Vec<f64>,
+    pub(crate) depth: Vec<f64>,
     /// `[H, W, 3]`.
-    pub normal: Vec<[f64; 3]>,
+    pub(crate) normal: Vec<[f64; 3]>,
 }
 
 impl ReferencePictures {
     /// The loss whose derivative is `upstream`: the sum of each value times its own.
     #[must_use]
-    pub fn loss(&self, upstream: &Upstream<'_>) -> f64 {
+    pub(crate) fn loss(&self, upstream: &Upstream<'_>) -> f64 {
         let dot = |values: &[f64], weights: &[f32]| -> f64 {
             values.iter().zip(weights).map(|(value, weight)| value * f64::from(*weight)).sum()
         };
@@ -125,22 +119,22 @@ impl ReferencePictures {
 
 /// The result of [`gradients`].
 #[derive(Clone, Debug)]
-pub struct ReferenceGradients {
+pub(crate) struct ReferenceGradients {
     /// By the stored parameters.
-    pub parameters: Parameters,
+    pub(crate) parameters: Parameters,
     /// By the centres, px, `[N, 2]`.
-    pub means2d: Vec<[f64; 2]>,
+    pub(crate) means2d: Vec<[f64; 2]>,
     /// Sums of absolute values of the same, `[N, 2]`.
-    pub absgrads: Vec<[f64; 2]>,
+    pub(crate) absgrads: Vec<[f64; 2]>,
     /// Sums of weights, `[N]`.
-    pub weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
     /// Three standard deviations along the longest axis in the picture, px, `[N]`; 0 out of view.
-    pub radii: Vec<f64>,
+    pub(crate) radii: Vec<f64>,
 }
 
 /// Takes all decisions of a view.
 #[must_use]
-pub fn decide(parameters: &Parameters, camera: &Camera, config: &ForwardConfig) -> Decisions {
+pub(crate) fn decide(parameters: &Parameters, camera: &Camera, config: &ForwardConfig) -> Decisions {
     let seen: Vec<Option<Splat>> =
         (0..parameters.len()).map(|i| Splat::new(parameters, i, camera, config, None)).collect();
     let mut order: Vec<usize> = (0..seen.len()).filter(|i| seen[*i].is_some()).collect();
@@ -262,7 +256,7 @@ fn project(
 
 /// Renders under kept decisions.
 #[must_use]
-pub fn render(
+pub(crate) fn render(
     parameters: &Parameters,
     camera: &Camera,
     config: &ForwardConfig,
@@ -289,7 +283,7 @@ pub fn render(
 
 /// The gradients of the loss whose derivative by each pixel is `upstream`.
 #[must_use]
-pub fn gradients(
+pub(crate) fn gradients(
     parameters: &Parameters,
     camera: &Camera,
     config: &ForwardConfig,
@@ -399,7 +393,7 @@ fn pixel_gradients(
 /// The derivatives of the 16 basis functions of [`sh::basis`], taken as polynomials, at
 /// `direction`.
 #[must_use]
-pub fn basis_slopes(direction: [f64; 3]) -> [[f64; 3]; 16] {
+pub(crate) fn basis_slopes(direction: [f64; 3]) -> [[f64; 3]; 16] {
     use sh::{C1, C2, C3};
     let [x, y, z] = direction;
     let (xx, yy, zz) = (x * x, y * y, z * z);

@@ -4,7 +4,8 @@ use crate::even_air::EvenAir;
 use crate::hooks::Hooks;
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
-use crate::testing::{Hard, RandomLoss, camera, random_splats};
+use crate::testing::comparison::Hard;
+use crate::testing::{RandomLoss, camera, random_splats};
 use wm_scene::Rasterization;
 
 const SIZE: (u32, u32) = (24, 16);
@@ -182,7 +183,7 @@ fn the_picture_is_the_one_of_the_reference() {
         let got = render(&parameters, &camera, &config, &decide(&parameters, &camera, &config));
         let background = Background::Color(background);
         let want = RenderConfig { background, rasterization, ..RenderConfig::default() };
-        let want = reference::render(&[(&splats, None)], &camera, &want, Hooks::default());
+        let want = reference::frame::render(&[(&splats, None)], &camera, &want, Hooks::default());
         for i in 0..got.alpha.len() {
             assert!((got.alpha[i] - want.alpha[i]).abs() < 1e-12);
             assert!((got.depth[i] * got.alpha[i] - want.depth_sum[i]).abs() < 1e-11);

@@ -9,19 +9,19 @@ use wm_scene::Camera;
 
 /// One pixel's particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ParticleCover {
+pub(crate) struct ParticleCover {
     /// Optical depth.
-    pub tau: f64,
+    pub(crate) tau: f64,
     /// Sum of optical depth times radiance.
-    pub light: [f64; 3],
+    pub(crate) light: [f64; 3],
     /// The error that `tau` may have in f32, see [`crate::stages::particles`].
-    pub slack: f64,
+    pub(crate) slack: f64,
 }
 
 impl ParticleCover {
     /// A display-referred colour behind it.
     #[must_use]
-    pub fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
         if self.tau <= 0.0 {
             return rgb;
         }
@@ -34,7 +34,7 @@ impl ParticleCover {
 /// The cover of the middle of pixel `(x, y)` before a scene of that coverage and sum of weight
 /// times view z.
 #[must_use]
-pub fn cover(
+pub(crate) fn cover(
     particles: &[Particle],
     camera: &Camera,
     (x, y): (u32, u32),

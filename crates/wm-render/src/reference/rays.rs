@@ -8,22 +8,22 @@ use wm_scene::{Splats, quat, sh};
 
 /// The result of one ray.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ReferenceHit {
+pub(crate) struct ReferenceHit {
     /// Sum of weights.
-    pub coverage: f64,
+    pub(crate) coverage: f64,
     /// Distance and splat of the hit.
-    pub hit: Option<(f64, usize)>,
+    pub(crate) hit: Option<(f64, usize)>,
     /// Colour times coverage.
-    pub color: [f64; 3],
+    pub(crate) color: [f64; 3],
     /// Normal times coverage.
-    pub normal: [f64; 3],
+    pub(crate) normal: [f64; 3],
     /// The splats that are met and their weights, in order.
-    pub weights: Vec<(usize, f64)>,
+    pub(crate) weights: Vec<(usize, f64)>,
     /// Most that the sums of a correct f32 back end are off: by cuts that rounding may decide.
-    pub slack: f64,
+    pub(crate) slack: f64,
     /// The least that the sum of weights is away from half of the coverage between two splats.
     /// Where it is next to nothing, either of the two may be hit.
-    pub margin: f64,
+    pub(crate) margin: f64,
 }
 
 /// One splat that a ray meets.
@@ -38,7 +38,7 @@ struct Met {
 /// Traces one ray through the splats for which `is_met` returns true. `center` is the middle of the
 /// origins of its group.
 #[must_use]
-pub fn trace(
+pub(crate) fn trace(
     splats: &Splats,
     is_met: impl Fn(usize) -> bool,
     (origin, direction): (DVec3, DVec3),
