@@ -1,4 +1,4 @@
-//! Splats as the CPU back end keeps them: activated, in Morton order, 16 to a group.
+//! The CPU back end's form of splats: activated, in Morton order, in groups of 16.
 
 use crate::hooks::GROUP;
 use crate::renderer::{MAX_SPLATS, RenderError};
@@ -10,7 +10,7 @@ pub(crate) const CLUSTER: usize = GROUPS * GROUP;
 /// Groups in a cluster.
 pub(crate) const GROUPS: usize = 16;
 
-/// Sixteen splats, one array a number.
+/// Sixteen splats, as a structure of arrays.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct SplatGroup {
@@ -20,14 +20,14 @@ pub struct SplatGroup {
     pub(crate) quat: [[f32; GROUP]; 4],
     /// Standard deviations along the splat's own axes.
     pub(crate) scale: [[f32; GROUP]; 3],
-    /// log2 of the opacity; [`NEVER`] for padding.
+    /// log2 of the opacity; [`NEVER_DRAWN_LOG2_OPACITY`] for padding.
     pub(crate) log2_opacity: [f32; GROUP],
     /// SH coefficient 0.
     pub(crate) dc: [[f32; GROUP]; 3],
 }
 
-/// log2 of an opacity that is never drawn.
-pub(crate) const NEVER: f32 = -1000.0;
+/// log2 of an opacity far below every threshold, for padding.
+pub(crate) const NEVER_DRAWN_LOG2_OPACITY: f32 = -1000.0;
 
 /// The box and size of 256 neighbours, for culling.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ pub(crate) struct Cluster {
     pub(crate) center: [f32; 3],
     /// Half its sides.
     pub(crate) half: [f32; 3],
-    /// Largest standard deviation in it.
+    /// Largest standard deviation in the cluster, scene units.
     pub(crate) max_scale: f32,
 }
 
@@ -123,7 +123,7 @@ impl CpuModel {
         Ok(Self { len, sh_degree: splats.sh_degree, groups, sh_rest, clusters, source, sky })
     }
 
-    /// Rows of [`Self::sh_rest`] a group.
+    /// Returns the number of rows of [`Self::sh_rest`] per group.
     #[must_use]
     pub fn sh_rows(&self) -> usize {
         (sh::coefficients(self.sh_degree) - 1) * 3
@@ -135,7 +135,7 @@ fn activate(splats: &Splats, source: &[u32], first: usize, len: usize) -> SplatG
         mean: [[0.0; GROUP]; 3],
         quat: [[0.0; GROUP]; 4],
         scale: [[0.0; GROUP]; 3],
-        log2_opacity: [NEVER; GROUP],
+        log2_opacity: [NEVER_DRAWN_LOG2_OPACITY; GROUP],
         dc: [[0.0; GROUP]; 3],
     };
     for (lane, index) in source.iter().enumerate() {
@@ -151,7 +151,7 @@ fn activate(splats: &Splats, source: &[u32], first: usize, len: usize) -> SplatG
         }
         if first + lane < len {
             let opacity = sigmoid(f64::from(splats.logit_opacities[index]));
-            group.log2_opacity[lane] = (opacity.log2() as f32).max(NEVER);
+            group.log2_opacity[lane] = (opacity.log2() as f32).max(NEVER_DRAWN_LOG2_OPACITY);
         }
     }
     group
@@ -176,7 +176,8 @@ fn bound(splats: &Splats, source: &[u32]) -> Cluster {
     }
 }
 
-/// Indices along a Morton curve through the box of `means`, 21 bits an axis; ties by index.
+/// Returns the indices of `means` in the order of a Morton curve through their box, 21 bits per
+/// axis; ties by index.
 #[must_use]
 pub fn morton_order(means: &[[f32; 3]]) -> Vec<u32> {
     let mut low = [f32::INFINITY; 3];
@@ -216,7 +217,9 @@ mod tests {
         let mut seen = model.source[..1000].to_vec();
         seen.sort_unstable();
         assert!(seen.iter().enumerate().all(|(i, s)| i == *s as usize));
-        assert!(model.groups[1000 / 16].log2_opacity[1000 % 16..].iter().all(|v| *v == NEVER));
+        assert!(
+            model.groups[1000 / 16].log2_opacity[1000 % 16..].iter().all(|v| *v == NEVER_DRAWN_LOG2_OPACITY)
+        );
         for (i, source) in model.source[..1000].iter().enumerate() {
             let (group, lane) = (&model.groups[i / 16], i % 16);
             assert_eq!(group.mean[1][lane], splats.means[*source as usize][1]);

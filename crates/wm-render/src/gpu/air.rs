@@ -36,7 +36,7 @@ impl GpuRenderer {
         let (parameters, buffer) = (parameters?, buffer?);
         let mut recorder = Recorder::new(gpu, &parameters, None);
         recorder.begin(Stage::Project);
-        shade_groups(&mut recorder, (&source, &parameters), (&buffer, groups.len() as u32));
+        shade_groups(&mut recorder, &source, &parameters, &buffer, groups.len() as u32);
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut words);
         readback::copy(gpu, recorder, &mut Growing::default(), &mut [(&buffer, 0, bytes)])?;
         let rows = words.chunks_exact(size_of::<ShadeGroup>() / 4);

@@ -10,14 +10,14 @@ use wgpu::BufferUsages;
 pub(crate) const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);
 pub(crate) const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
 
-/// A buffer that is made anew when more is asked of it.
+/// A buffer that is allocated again when it is too small.
 #[derive(Default)]
 pub(crate) struct Growing {
     buffer: Option<wgpu::Buffer>,
 }
 
 impl Growing {
-    /// The buffer, of at least `bytes`; what was in it is lost when it grows.
+    /// Returns the buffer with at least `bytes` bytes; its contents are lost when it grows.
     pub(crate) fn fit(
         &mut self,
         gpu: &Gpu,
@@ -29,7 +29,7 @@ impl Growing {
         self.fit_unbound(gpu, what, bytes, usage)
     }
 
-    /// The same of one that no program sees: it may be larger than what can be bound.
+    /// Fits a buffer that no program binds: it may be larger than the limit of bindings.
     pub(crate) fn fit_unbound(
         &mut self,
         gpu: &Gpu,
@@ -40,7 +40,7 @@ impl Growing {
         if let Some(buffer) = self.buffer.as_ref().filter(|buffer| buffer.size() >= bytes) {
             return Ok(buffer.clone());
         }
-        // Freed before, so that both need not fit at once.
+        // The old buffer is freed first, so that both need not fit at once.
         self.buffer = None;
         let buffer = gpu.buffer(what, bytes, usage)?;
         self.buffer = Some(buffer.clone());
@@ -49,7 +49,7 @@ impl Growing {
 }
 
 impl Growing {
-    /// The buffer with these numbers first.
+    /// Returns the buffer with `numbers` at its beginning.
     pub(crate) fn write(
         &mut self,
         gpu: &Gpu,
@@ -107,7 +107,7 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
-    /// Room for either of two frames, one after the other.
+    /// Returns the larger extent of two frames that follow each other.
     pub(crate) fn max(self, other: Self) -> Self {
         Self {
             slots: self.slots.max(other.slots),
@@ -122,7 +122,7 @@ impl Extent {
     }
 }
 
-/// All that is kept from frame to frame.
+/// The buffers that are kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Memory {
     kept: [Growing; 24],

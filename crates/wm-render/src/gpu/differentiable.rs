@@ -48,7 +48,7 @@ const SLOT_WORDS: u64 = GradientSlot::LEN as u64;
 /// The GPU back end of training. It keeps its working memory from step to step.
 pub struct GpuDifferentiable {
     pub(super) gpu: Arc<Gpu>,
-    /// For what the CPU does of a step.
+    /// Threads of the CPU's share of a step.
     path: SimdPath,
     pub(super) pool: Arc<rayon::ThreadPool>,
     pub(super) model: StoredModel,
@@ -59,7 +59,7 @@ pub struct GpuDifferentiable {
     pub(super) clock: Option<Clock>,
     ticks: Ticks,
     pub(super) last: Option<View>,
-    /// Of splats that learn here.
+    /// Rows of a step, for splats that stay on the GPU.
     pub(super) rows: StepRows,
 }
 
@@ -67,11 +67,11 @@ pub struct GpuDifferentiable {
 pub(super) enum Seen<'a> {
     /// They come back.
     Read(&'a mut Frame),
-    /// They are compared where they are.
+    /// Pictures are compared on the GPU.
     Compared(&'a Comparison<'a>),
 }
 
-/// The last forward pass, with what it left on the GPU.
+/// The last forward pass and its results on the GPU.
 pub(super) struct View {
     pub(crate) camera: Camera,
     pub(crate) config: ForwardConfig,
@@ -107,7 +107,7 @@ fn each(config: &ForwardConfig) -> ItemBytes {
 }
 
 impl GpuDifferentiable {
-    /// On `gpu`; `host` says how the CPU does its part.
+    /// Makes a back end on `gpu`; `host` has the settings of the CPU's share.
     ///
     /// # Errors
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
@@ -131,8 +131,8 @@ impl GpuDifferentiable {
     }
 
     /// The GPU.
-    #[must_use]
-    pub fn gpu(&self) -> &Arc<Gpu> {
+    #[cfg(test)]
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
 
@@ -227,7 +227,7 @@ impl GpuDifferentiable {
             };
             let compare_slot = CHUNKS + pieces.len() + 2;
             let extent = Extent {
-                // Two more behind, `Training` and `Learn`, and those of a comparison.
+                // Two more follow, `Training` and `Learn`, and those of a comparison.
                 slots: compare_slot + compare::SLOTS,
                 blocks: self.model.blocks(),
                 capacity: self.capacity,
@@ -250,7 +250,7 @@ impl GpuDifferentiable {
             gpu.write(&room.uniforms, 0, &bytes_of(&structures));
 
             let mut recorder =
-                record_forward(&gpu, self.clock.as_ref(), &self.model, (&room, &own), &sight, config);
+                record_forward(&gpu, self.clock.as_ref(), &self.model, &room, &own, &sight, config);
             let mut counters = [0u32; COUNTER_WORDS as usize];
             let mut totals = compare::Room::totals();
             let mut parts: Vec<Part<'_>> = vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
@@ -298,7 +298,7 @@ impl GpuDifferentiable {
         self.gpu.check()?;
         let View { config, visible, own, .. } = view;
         let recorder =
-            view.record_backward(&self.gpu, None, &self.model, upstream, (&own.gradients, &own.by_sh));
+            view.record_backward(&self.gpu, None, &self.model, upstream, &own.gradients, &own.by_sh);
         gradients.resize(*visible as usize, learn, config.sh_degree);
         let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
         let mut parts: Vec<Part<'_>> = vec![
@@ -340,14 +340,16 @@ impl View {
         CHUNKS + model.piece_count() + 1
     }
 
-    /// The commands of a backward pass, whose rows go to these buffers, without the way back.
+    /// Records the commands of a backward pass, which writes rows of gradients to `gradients` and
+    /// `of_colors`; nothing is read back.
     pub(crate) fn record_backward<'a>(
         &'a self,
         gpu: &'a Gpu,
         clock: Option<&'a Clock>,
         model: &'a StoredModel,
         upstream: &Upstream<'_>,
-        (gradients, of_colors): (&'a wgpu::Buffer, &'a wgpu::Buffer),
+        gradients: &'a wgpu::Buffer,
+        of_colors: &'a wgpu::Buffer,
     ) -> Recorder<'a> {
         let Self { camera, config, room, own, compared, .. } = self;
         let channels = config.channels;
@@ -373,7 +375,7 @@ impl View {
         }
         recorder.begin(Stage::RasterizeBackward);
         let training = recorder.uniform(slot);
-        by_sums(&mut recorder, (pixels, channels), training, kept(room), (&own.upstream, &own.states));
+        by_sums(&mut recorder, pixels, channels, training, kept(room), &own.upstream, &own.states);
         let rasterize = RasterizeBackward {
             tile_offsets: &room.tile_offsets,
             pairs: lists::listed(room, tiles),
@@ -405,12 +407,13 @@ impl View {
     }
 }
 
-/// The commands of a forward pass, without the way back.
+/// Records the commands of a forward pass; nothing is read back.
 fn record_forward<'a>(
     gpu: &'a Gpu,
     clock: Option<&'a Clock>,
     model: &'a StoredModel,
-    (room, own): (&'a Room, &'a OwnRoom),
+    room: &'a Room,
+    own: &'a OwnRoom,
     sight: &ViewParameters<'_>,
     config: &ForwardConfig,
 ) -> Recorder<'a> {
@@ -435,7 +438,7 @@ fn record_forward<'a>(
     let finish = Finish { kept: kept(room), rgb: &own.rgb, depths: &own.depths, normal: &own.normal };
     let pixels = sight.camera.width * sight.camera.height;
     let training = recorder.uniform(CHUNKS + pieces.len());
-    finish.record(&mut recorder, (pixels, config.channels), training);
+    finish.record(&mut recorder, pixels, config.channels, training);
     recorder
 }
 
@@ -443,12 +446,12 @@ fn kept(room: &Room) -> Kept<'_> {
     Kept { rgb: &room.rgb, alpha: &room.alpha, depths: &room.depths, normal: &room.normal }
 }
 
-/// Numbers of a row from `first` on.
+/// Returns `N` numbers of a row from `first` on.
 fn numbers<const N: usize>(row: &[f32; rows::ROW as usize], first: u32) -> [f32; N] {
     std::array::from_fn(|k| row[first as usize + k])
 }
 
-/// One row of gradients, as far as they learn.
+/// Writes one row of gradients, for the parameters that learn.
 fn write_row(to: &mut Gradients, row: usize, from: &[f32; rows::ROW as usize]) {
     fn set<T>(array: &mut [T], row: usize, value: T) {
         if let Some(place) = array.get_mut(row) {

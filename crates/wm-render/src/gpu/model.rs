@@ -17,7 +17,7 @@ pub(crate) struct Chunk {
     pub(crate) splats: wgpu::Buffer,
     /// See `shade.wgsl`.
     pub(crate) sh_rest: wgpu::Buffer,
-    /// Its first splat in the set.
+    /// First splat of the piece in the set.
     pub(crate) first_splat: u32,
     /// Number of blocks.
     pub(crate) blocks: u32,
@@ -25,7 +25,7 @@ pub(crate) struct Chunk {
 
 /// A loaded set of splats.
 pub(crate) struct GpuModel {
-    /// Its pieces, in order.
+    /// The pieces of the set, in order.
     pub(crate) chunks: Vec<Chunk>,
     /// Index in the loaded [`Splats`] of each splat, padded with 0 to whole blocks.
     pub(crate) source: Vec<u32>,

@@ -24,7 +24,7 @@ use crate::stages::particles::gpu::fall;
 use crate::stages::project::gpu::Piece;
 use crate::stages::rasterize::gpu::{Rasterize, SURFACE_PLANE};
 
-/// A draw pass, with what it needs in the GPU's memory.
+/// A draw pass with its inputs in the GPU's memory.
 pub(crate) struct GpuPass<'a> {
     pass: &'a DrawPass<'a>,
     /// The sets, each with the attributes of its splats and their use.
@@ -41,7 +41,7 @@ pub(crate) struct GpuPass<'a> {
     pub(crate) first_slot: usize,
 }
 
-/// The buffers of a room that blending works on, with the lists `entries`.
+/// Returns the buffers that blending works on, with the lists `entries`.
 fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> {
     Rasterize {
         tile_offsets: &room.tile_offsets,
@@ -55,13 +55,15 @@ fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> 
 }
 
 impl<'a> GpuPass<'a> {
-    /// Uploads what is known of a pass before it is drawn. `transient` are its splats that no set
-    /// holds, one a set.
+    /// Uploads the inputs of a pass that are known before it is drawn. `transient` has the models
+    /// of its transient splats, one entry a set.
     pub(crate) fn new(
-        (gpu, memory): (&Gpu, &mut Memory),
+        gpu: &Gpu,
+        memory: &mut Memory,
         path: SimdPath,
         models: &'a Models<GpuModel>,
-        (pass, transient): (&'a DrawPass<'a>, &'a [Option<GpuModel>]),
+        pass: &'a DrawPass<'a>,
+        transient: &'a [Option<GpuModel>],
         first_slot: usize,
     ) -> Result<Self, RenderError> {
         let mut sets = Vec::with_capacity(pass.sets.len());
@@ -97,12 +99,12 @@ impl<'a> GpuPass<'a> {
         };
         let arrays = cpu::arrays(pass);
         let backdrop = BackgroundView::of(pass, path);
-        let size = (pass.camera.width, pass.camera.height);
+        let (width, height) = (pass.camera.width, pass.camera.height);
         let form = hosted::background_form(&backdrop);
         let buffer = match form {
             // Painted later, while the GPU draws splats.
             BackgroundForm::Picture => memory.background(gpu, &[])?,
-            form => memory.background(gpu, &hosted::background(&backdrop, form, size))?,
+            form => memory.background(gpu, &hosted::background(&backdrop, form, width, height))?,
         };
         Ok(Self {
             pass,
@@ -149,17 +151,19 @@ impl<'a> GpuPass<'a> {
         self.background.0 == BackgroundForm::Picture || !self.pass.particles().is_empty()
     }
 
-    /// Does the CPU's part, and uploads it; returns the seconds that particles took.
+    /// Gathers particles and paints the background on the CPU, and uploads them; returns the
+    /// seconds that particles took.
     pub(crate) fn host(
         &mut self,
-        (gpu, memory): (&Gpu, &mut Memory),
+        gpu: &Gpu,
+        memory: &mut Memory,
         path: SimdPath,
         falling: &mut Falling,
     ) -> Result<f64, RenderError> {
         let camera = &self.pass.camera;
         if self.background.0 == BackgroundForm::Picture {
-            let size = (camera.width, camera.height);
-            let picture = hosted::background(&self.backdrop, BackgroundForm::Picture, size);
+            let (form, width, height) = (BackgroundForm::Picture, camera.width, camera.height);
+            let picture = hosted::background(&self.backdrop, form, width, height);
             self.background.1 = memory.background(gpu, &picture)?;
         }
         if self.pass.particles().is_empty() {
@@ -188,7 +192,7 @@ impl<'a> GpuPass<'a> {
         self.pass.camera.width * self.pass.camera.height
     }
 
-    /// Its structures in the order of their slots.
+    /// Returns the uniform structures of the pass in the order of their slots.
     pub(crate) fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
         let parameters = ViewParameters::of(self.pass);
         let view = uniforms::view(&parameters, self.blocks(), self.particles(), capacity);
@@ -210,7 +214,7 @@ impl<'a> GpuPass<'a> {
         CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
     }
 
-    /// The room that it needs, but for the slots.
+    /// Returns the sizes of the buffers that the pass needs, without the slots.
     pub(crate) fn extent(&self, capacity: Capacity) -> Extent {
         let planes = match (self.pass.surface, self.arrays.median_depth) {
             (Some(_), _) => SURFACE_PLANE + 1 + FRONT as u64,
@@ -248,8 +252,8 @@ impl<'a> GpuPass<'a> {
         let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
         recorder.begin(Stage::Rasterize);
         let rasterize = rasterize_of(room, listed.1);
-        let sums = (self.features.geometry, self.features.median);
-        rasterize.record(recorder, self.tiles(), sums, self.pass.surface.is_some(), &room.counters);
+        let (Features { geometry, median }, is_split) = (self.features, self.pass.surface.is_some());
+        rasterize.record(recorder, self.tiles(), geometry, median, is_split, &room.counters);
     }
 
     /// Records the commands up to the weights of the records in view, which are in the room of
@@ -296,7 +300,7 @@ impl<'a> GpuPass<'a> {
         }
         recorder.begin(Stage::Fall);
         if let Some((drops, count)) = &self.drops {
-            fall(recorder, (drops, *count), (&room.alpha, &room.depths), &room.falling);
+            fall(recorder, drops, *count, &room.alpha, &room.depths, &room.falling);
         }
         recorder.begin(Stage::Composite);
         let (form, background) = &self.background;

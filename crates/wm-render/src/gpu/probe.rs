@@ -17,7 +17,7 @@ use wgpu::BufferUsages;
 
 /// The results of the stages of one frame.
 pub(crate) struct Probe {
-    /// Of the splats in view, in the order of the splats.
+    /// Records of the splats in view, in the order of the splats.
     pub(crate) records: Vec<Record>,
     /// For each tile, row by row, the records that touch it, front to back.
     pub(crate) lists: Vec<Vec<u32>>,
@@ -76,7 +76,7 @@ pub(crate) fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]
     let buffer = filled(gpu, sums, BufferUsages::STORAGE);
     let mut recorder = Recorder::new(gpu, &uniforms, None);
     recorder.begin(super::recorder::Stage::Intersect);
-    spine(&mut recorder, PrefixSumProgram::Entries, &buffer, (&counters, &dispatches));
+    spine(&mut recorder, PrefixSumProgram::Entries, &buffer, &counters, &dispatches);
     recorder.submit();
     gpu.check().unwrap();
     let counters = read(gpu, &counters);

@@ -27,16 +27,16 @@ use wm_scene::Splats;
 
 /// Entries of packets' lists that are held at once, at most, unless there are more splats: 256 MiB
 /// with the room to sort them. Packets that have more together are traced one part after the other.
-const MOST_ENTRIES: u32 = 1 << 24;
+const MAX_ENTRIES: u32 = 1 << 24;
 /// Packets that are traced at once, at most: a million rays.
-const MOST_PACKETS: u32 = 1 << 14;
+const MAX_PACKETS: u32 = 1 << 14;
 /// Angles from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a
 /// packet where the curve that orders rays jumps, would have lists of most splats. The narrower
 /// ones are for lists that are still too long; in the last each packet is one ray.
-const WIDEST: [f64; 4] = [0.2, 0.05, 0.01, 0.0];
+const MAX_PACKET_ANGLES: [f64; 4] = [0.2, 0.05, 0.01, 0.0];
 /// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread
 /// after 65,535 turns, of which blending takes three an entry.
-const LONGEST_IN_SOFTWARE: u32 = 20_000;
+const MAX_ENTRIES_IN_SOFTWARE: u32 = 20_000;
 /// Bytes of coefficients of colour that are uploaded at once.
 const COLOR_BYTES: u64 = 64 << 20;
 /// Bits of a distance.
@@ -55,7 +55,7 @@ pub struct GpuRaySplats {
     colors: Vec<ColorPiece>,
     /// Numbers of colour of a splat.
     sh_stride: u32,
-    /// See [`MOST_ENTRIES`].
+    /// See [`MAX_ENTRIES`].
     most_entries: u32,
     working: Mutex<Working>,
 }
@@ -79,7 +79,7 @@ struct Working {
 /// Some packets of a group.
 struct Part<'a> {
     group: &'a RayGroup,
-    /// Those of the group that are traced.
+    /// The packets of the group that are traced.
     packets: Range<u32>,
     /// Cones of the group's tree, level by level.
     cones: &'a [f32],
@@ -108,7 +108,7 @@ impl GpuRaySplats {
     ///
     /// # Errors
     /// [`GpuError`] if the GPU has no room, or one array is larger than it binds.
-    pub fn new(
+    pub(crate) fn new(
         gpu: Arc<Gpu>,
         splats: &Splats,
         is_met: impl Fn(usize) -> bool + Sync,
@@ -146,18 +146,18 @@ impl GpuRaySplats {
             count: records.len() as u32,
             colors,
             sh_stride: stride as u32,
-            most_entries: MOST_ENTRIES,
+            most_entries: MAX_ENTRIES,
             working: Mutex::default(),
         })
     }
 
-    /// Holds so many entries at once, at most: for tests.
+    /// Limits the entries that are held at once: for tests.
     #[cfg(test)]
     pub(crate) fn holding(self, most_entries: u32) -> Self {
         Self { most_entries, ..self }
     }
 
-    /// Traces rays, as [`RaySplats::trace`](crate::RaySplats::trace) does. Equal from call to call
+    /// Traces rays, as [`RayTracer::trace`](crate::RayTracer::trace) does. Equal from call to call
     /// on one adapter.
     ///
     /// # Errors
@@ -166,16 +166,16 @@ impl GpuRaySplats {
     /// # Panics
     /// If there are fewer origins than directions.
     pub(crate) fn trace(&self, rays: &Rays, asked: RayOutputs) -> Result<RayHits, GpuError> {
-        for widest in WIDEST {
+        for widest in MAX_PACKET_ANGLES {
             if let Some(hits) = self.trace_within(rays, asked, widest)? {
                 return Ok(hits);
             }
         }
-        let [bytes, most] = [self.count, LONGEST_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
+        let [bytes, most] = [self.count, MAX_ENTRIES_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
         Err(GpuError::TooLarge { what: "the splats along a ray", bytes, most })
     }
 
-    /// The same with packets no wider than an angle; `None` if a list is too long.
+    /// Traces rays in packets no wider than an angle, radians; `None` if a list is too long.
     fn trace_within(&self, rays: &Rays, asked: RayOutputs, widest: f64) -> Result<Option<RayHits>, GpuError> {
         let count = rays.len();
         let mut hits = RayHits::none(count, asked);
@@ -186,7 +186,7 @@ impl GpuRaySplats {
         let sums = RaySums::of(asked);
         let packets = Packets::no_wider(rays, widest);
         let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
-        let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MOST_PACKETS)) as u32;
+        let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MAX_PACKETS)) as u32;
         let mut made = Vec::new();
         for group in &packets.groups {
             let cones = cones(group);
@@ -224,7 +224,8 @@ impl GpuRaySplats {
         loop {
             let (needed, longest) = self.attempt(working, part, rays, made)?;
             if needed <= working.entries {
-                let is_too_long = longest > LONGEST_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
+                let is_too_long =
+                    longest > MAX_ENTRIES_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
                 return Ok(if is_too_long { Fit::TooLong } else { Fit::Whole });
             }
             if needed > most {
@@ -329,25 +330,25 @@ impl GpuRaySplats {
         recorder.encoder().clear_buffer(&counters, 0, None);
         recorder.begin(Stage::Intersect);
         buffers.count(&mut recorder, self.count);
-        spine(&mut recorder, PrefixSumProgram::Visible, &block_sums, counted);
+        spine(&mut recorder, PrefixSumProgram::Visible, &block_sums, counted.0, counted.1);
         buffers.list(&mut recorder, self.count);
         let slots = DISTANCE_PASSES..DISTANCE_PASSES + passes(DISTANCE_BITS) as usize;
         let (_, order) = sort(&by_distance, VISIBLE_SORT, &mut recorder, slots);
         buffers.sum(&mut recorder, &order);
-        spine(&mut recorder, PrefixSumProgram::Entries, &sums, counted);
+        spine(&mut recorder, PrefixSumProgram::Entries, &sums, counted.0, counted.1);
         buffers.write(&mut recorder, &order);
         let slots = PACKET_PASSES..PACKET_PASSES + passes(u32::BITS - packets.leading_zeros()) as usize;
         let (keys, lists) = sort(&by_packet, ENTRY_SORT, &mut recorder, slots);
-        ranges(&mut recorder, packets, (&counters, &keys), &offsets);
+        ranges(&mut recorder, packets, &counters, &keys, &offsets);
         if part.sums.has_color() {
             for (at, piece) in self.colors.iter().enumerate() {
-                buffers.see(&mut recorder, (part.sums, PIECES + at), &order, &piece.sh);
+                buffers.see(&mut recorder, part.sums, PIECES + at, &order, &piece.sh);
             }
         } else if part.sums.has_normal() {
             // Without colours one piece is all records, and its coefficients are not read.
-            buffers.see(&mut recorder, (part.sums, PIECES), &order, &counts);
+            buffers.see(&mut recorder, part.sums, PIECES, &order, &counts);
         }
-        buffers.blend(&mut recorder, (part.sums, packets), (&offsets, &lists), (&ray_buffer, &hits));
+        buffers.blend(&mut recorder, part.sums, packets, &offsets, &lists, &ray_buffer, &hits);
         let mut numbers = [0u32; COUNTER_WORDS as usize];
         made.resize(hit_words * ray_count, 0);
         copy(

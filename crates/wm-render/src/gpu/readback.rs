@@ -1,4 +1,4 @@
-//! The way back: counts, times and pictures in one buffer, mapped once.
+//! Reads back counts, times and pictures in one buffer, which is mapped once.
 
 use super::buffers::{Growing, Room};
 use super::device::Gpu;
@@ -25,7 +25,7 @@ pub(crate) struct Counted {
     pub(crate) walked: u32,
 }
 
-/// A part of a buffer: from an offset on, so many bytes.
+/// A part of a buffer: buffer, offset and size, bytes.
 pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
 
 /// The results that several passes send back together: of each its counts, its times and its

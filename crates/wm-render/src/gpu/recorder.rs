@@ -9,9 +9,9 @@ use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferBinding, 
 /// The number of workgroups of a dispatch.
 #[derive(Clone, Copy)]
 pub(crate) enum Groups<'a> {
-    /// As many.
+    /// A known number of workgroups.
     Direct(u32),
-    /// As the GPU wrote there: buffer and word.
+    /// The number that the GPU wrote: buffer, and word in it.
     Indirect(&'a wgpu::Buffer, u32),
 }
 
@@ -62,7 +62,7 @@ pub(crate) struct Clock {
 pub(crate) type Ticks = [u64; Clock::NUMBERS];
 
 impl Clock {
-    /// As far apart as what is resolved must begin.
+    /// Alignment of resolved queries, bytes.
     const APART: usize = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT as usize;
     const NUMBERS: usize = Self::APART / 8 * Stage::COUNT;
 
@@ -115,7 +115,7 @@ pub(crate) struct Recorder<'a> {
     first_slot: usize,
     encoder: wgpu::CommandEncoder,
     pass: Option<wgpu::ComputePass<'static>>,
-    /// Those that have begun.
+    /// The stages that have begun.
     stages: Vec<Stage>,
     dispatches: u64,
 }

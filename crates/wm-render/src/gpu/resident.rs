@@ -149,7 +149,8 @@ impl Resident for GpuDifferentiable {
                     blocks: blocks.fit(&gpu, "blocks of splats", view.room.blocks.size(), WRITTEN)?,
                 };
                 let to = (&last.gradients, &last.by_sh);
-                let mut recorder = view.record_backward(&gpu, self.clock.as_ref(), &self.model, upstream, to);
+                let mut recorder =
+                    view.record_backward(&gpu, self.clock.as_ref(), &self.model, upstream, to.0, to.1);
                 let size = view.room.blocks.size();
                 recorder.encoder().copy_buffer_to_buffer(&view.room.blocks, 0, &last.blocks, 0, size);
                 recorder.submit();
@@ -161,7 +162,7 @@ impl Resident for GpuDifferentiable {
                 let (slot, other) = (view.learn_slot(&self.model), view.rows());
                 gpu.write(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
                 let to = (other.gradients, other.by_sh);
-                let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to);
+                let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to.0, to.1);
                 let learn = recorder.uniform(slot);
                 for piece in self.model.pieces(&recorder, super::lists::CHUNKS) {
                     add(&mut recorder, &piece, other, last.rows(), learn.clone());

@@ -43,9 +43,9 @@ pub(crate) const COUNTER_WORDS: u64 = 5;
 /// The first word of the sizes of a dispatch over the splats in view, among those that the GPU
 /// finds.
 pub(crate) const VISIBLE_GROUPS: u32 = 0;
-/// Of their sort.
+/// The first word of the sizes of the dispatch that sorts the splats in view.
 pub(crate) const VISIBLE_SORT: u32 = 3;
-/// Of the sort of the tile lists' entries.
+/// The first word of the sizes of the dispatch that sorts the entries of the tile lists.
 pub(crate) const ENTRY_SORT: u32 = 6;
 /// Words of all these.
 pub(crate) const DISPATCH_WORDS: u64 = 9;
@@ -212,7 +212,7 @@ pub(crate) fn constants() -> String {
         SLOT_FEATURES = GradientSlot::FEATURES;
         WINDOW_RADIUS = compare::RADIUS;
         COMPARE_GROUPS = compare::gpu::GROUPS;
-        PATCH_FEWEST = compare::FEWEST;
+        PATCH_FEWEST = compare::MIN_PATCH_PIXELS;
         GRADIENT_ROW = gradients::ROW;
         GRADIENT_MEAN = gradients::MEAN;
         GRADIENT_QUAT = gradients::QUAT;
@@ -232,8 +232,8 @@ pub(crate) fn constants() -> String {
         DILATION = project::DILATION;
         SLOPE_DILATION = project::SLOPE_DILATION;
         FLATTENING = project::FLATTENING;
-        LIES = project::LIES;
-        STANDS = project::STANDS;
+        LIES = project::MAX_LYING_SHARE;
+        STANDS = project::MIN_STANDING_SHARE;
         MIN_COMPENSATION = project::MIN_COMPENSATION;
         LOG2_MIN_ALPHA = project::LOG2_MIN_ALPHA;
         TEST_SLACK = project::TEST_SLACK;
@@ -242,20 +242,20 @@ pub(crate) fn constants() -> String {
         LOG2_MAX_ALPHA = rasterize::LOG2_MAX_ALPHA;
         MIN_TRANSMITTANCE = rasterize::MIN_TRANSMITTANCE;
         FRAME_MIN_ALPHA = frame::MIN_ALPHA;
-        STEPS = particles::STEPS;
+        STEPS = particles::STEPS_PER_OPTICAL_DEPTH;
         LOG2E = std::f32::consts::LOG2_E;
         PI = std::f32::consts::PI;
         BETA1 = optimize::BETA1;
         BETA2 = optimize::BETA2;
         SIMILARITY_C1 = compare::C1;
         SIMILARITY_C2 = compare::C2;
-        COVERED = compare::COVERED;
-        SLACK = compare::SLACK;
-        EXACT = compare::EXACT;
-        PATCH_FLOOR = compare::FLOOR;
-        EDGE = compare::EDGE;
+        COVERED = compare::MIN_COVERAGE;
+        SLACK = compare::COVERAGE_TOLERANCE;
+        EXACT = compare::MIN_RELATIVE_SIGMA;
+        PATCH_FLOOR = compare::DEVIATION_FLOOR;
+        EDGE = compare::EDGE_CONTRAST;
         ADAM_EPS = optimize::EPS;
-        FLAT = optimize::FLAT;
+        FLAT = optimize::MAX_FLAT_RATIO;
         C0 = sh::C0;
         C1 = sh::C1;
     }

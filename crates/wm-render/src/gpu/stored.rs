@@ -13,7 +13,7 @@ use super::uniforms::{self, Uniform};
 use crate::differentiable::{Channels, ForwardConfig};
 use crate::hooks::GROUP;
 use crate::stages::optimize::gpu::Remembered;
-use crate::stages::optimize::{Learnt, LearntMut, Moments, Pair, Pulls};
+use crate::stages::optimize::{DensifyStats, Learnt, LearntMut, Moments, Pair};
 use crate::stages::project::gpu::{Piece, ROW_DC, ROW_MEAN, ROW_OPACITY, ROW_QUAT, ROW_SCALE, ROW_SKY, ROWS};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -45,10 +45,10 @@ pub(crate) struct StoredModel {
     sh_degree: u8,
 }
 
-/// Numbers of splats in an array of theirs, and the rows in which the GPU has them.
+/// A field of the splats: an array with its stride, and the rows that the GPU keeps it in.
 struct Field<A> {
     array: A,
-    /// Numbers of a splat in the array, of which `count` from `at` on are meant.
+    /// Numbers of a splat in the array; the field has `count` of them from `at` on.
     stride: usize,
     at: usize,
     count: usize,
@@ -61,7 +61,8 @@ struct Field<A> {
 type Arrays<A> = [A; 5];
 
 /// The rows of `geometry.wgsl`, but for the last.
-fn geometry<A>([means, quats, log_scales, logit_opacities, sh]: Arrays<A>, stride: usize) -> [Field<A>; 5] {
+fn geometry<A>(arrays: Arrays<A>, stride: usize) -> [Field<A>; 5] {
+    let [means, quats, log_scales, logit_opacities, sh] = arrays;
     let field = |array, count, row: u32| Field { array, stride: count, at: 0, count, row: row as usize };
     [
         field(means, 3, ROW_MEAN),
@@ -77,7 +78,7 @@ fn coefficients<A>(sh: A, stride: usize) -> [Field<A>; 1] {
     [Field { array: sh, stride, at: 3, count: stride - 3, row: 0 }]
 }
 
-/// The fields so many rows behind: of second moments.
+/// Moves fields by `rows` rows, to those of the second moments.
 fn behind<A, const N: usize>(mut fields: [Field<A>; N], rows: usize) -> [Field<A>; N] {
     fields.iter_mut().for_each(|field| field.row += rows);
     fields
@@ -125,7 +126,7 @@ fn grouped(range: Range<usize>, rows: usize, fields: &[Field<&[f32]>]) -> Vec<f3
     numbers
 }
 
-/// Back from there.
+/// Copies numbers by groups back into the arrays of splats.
 fn ungroup(numbers: &[f32], range: Range<usize>, rows: usize, fields: &mut [Field<&mut [f32]>]) {
     for Field { array, stride, at, count, row } in fields {
         let own = &mut array[range.start * *stride..range.end * *stride];
@@ -139,7 +140,7 @@ fn ungroup(numbers: &[f32], range: Range<usize>, rows: usize, fields: &mut [Fiel
     }
 }
 
-/// 1 where a splat is of the sky.
+/// Returns 1 for splats of the sky, else 0.
 fn skies(splats: &Splats) -> Vec<f32> {
     splats.groups.iter().map(|group| f32::from(u8::from(*group == Group::Sky))).collect()
 }
@@ -213,7 +214,7 @@ impl StoredModel {
         self.write_known(gpu, learnt.pulls, learnt.seen)
     }
 
-    fn write_known(&mut self, gpu: &Gpu, pulls: &Pulls, seen: &[u32]) -> Result<(), GpuError> {
+    fn write_known(&mut self, gpu: &Gpu, pulls: &DensifyStats, seen: &[u32]) -> Result<(), GpuError> {
         let of = |i: usize| [pulls.sums[i], pulls.counts[i], pulls.radii[i], seen[i] as f32];
         let known: Vec<f32> = (0..self.len).flat_map(of).collect();
         self.known = Some(self.kept_known.write(gpu, "what is known of splats", &known, USAGE)?);
@@ -224,7 +225,7 @@ impl StoredModel {
         &self,
         gpu: &Gpu,
         staging: &mut Growing,
-        pulls: &mut Pulls,
+        pulls: &mut DensifyStats,
         seen: &mut [u32],
     ) -> Result<(), GpuError> {
         let buffer = self.known.as_ref().expect("splats that learn on the GPU");
@@ -350,7 +351,7 @@ impl StoredModel {
         self.parts.iter().map(uniform).collect()
     }
 
-    /// Its pieces, whose structures are in the slots from `first` on.
+    /// Returns the pieces, whose structures are in the slots from `first` on.
     pub(crate) fn pieces<'a>(&'a self, recorder: &Recorder<'a>, first: usize) -> Vec<Piece<'a>> {
         let piece = |(i, part): (usize, &'a Part)| Piece {
             uniform: recorder.uniform(first + i),

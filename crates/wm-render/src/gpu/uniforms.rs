@@ -22,7 +22,7 @@ pub(crate) const SLOT: u64 = 256;
 /// The words of a WGSL structure, with the names and places of its fields.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Uniform {
-    /// Its words.
+    /// The words of the structure.
     pub(crate) words: Vec<u32>,
     /// Name and byte offset of each field.
     pub(crate) fields: Vec<(&'static str, u32)>,
@@ -39,7 +39,7 @@ impl Uniform {
         self.whole(name, value.to_bits())
     }
 
-    /// Another number in a field that is there.
+    /// Replaces the number in a field.
     fn replaced(mut self, name: &'static str, value: u32) -> Self {
         for (_, offset) in self.fields.iter().filter(|(field, _)| *field == name) {
             self.words[*offset as usize / 4] = value;
@@ -76,7 +76,7 @@ pub(crate) struct ItemBytes {
 }
 
 impl ItemBytes {
-    /// Of a frame: records, and names.
+    /// Sizes for a frame: records and entries, bytes.
     pub(crate) const FRAME: Self = Self { visible: 64, entries: 4 };
 }
 
@@ -129,7 +129,7 @@ pub(crate) struct ViewParameters<'a> {
 }
 
 impl<'a> ViewParameters<'a> {
-    /// Of a frame.
+    /// Collects the parameters of a draw pass.
     #[must_use]
     pub(crate) fn of(pass: &'a DrawPass<'_>) -> Self {
         let (rasterization, sky) = (pass.config.rasterization, pass.hooks.sky_splats());
@@ -145,7 +145,7 @@ impl<'a> ViewParameters<'a> {
         }
     }
 
-    /// Of a step of training.
+    /// Collects the parameters of a step of training.
     #[must_use]
     pub(crate) fn of_training(camera: &'a Camera, config: &ForwardConfig) -> Self {
         let sky = match config.drawn {
@@ -230,7 +230,7 @@ pub(crate) fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Unif
     view(&sight, blocks, 0, capacity).replaced("tiles", lists)
 }
 
-/// `RayTask` of `records.wgsl`: some packets of a group, and so many records.
+/// Makes `RayTask` of `records.wgsl`: a range of packets of a group, and the number of records.
 #[must_use]
 pub(crate) fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emits: bool) -> Uniform {
     let all = group.packets.len() as u32;
@@ -257,13 +257,13 @@ pub(crate) fn color_piece(first: u32, count: u32, stride: u32) -> Uniform {
 /// A piece of a set, for [`chunk`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Piece {
-    /// Its first block among those of all sets.
+    /// First block of the piece among those of all sets.
     pub(crate) first_block: u32,
-    /// Its blocks of 256 splats.
+    /// Blocks of 256 splats in the piece.
     pub(crate) blocks: u32,
-    /// Its first splat among those of its set.
+    /// First splat of the piece among those of its set.
     pub(crate) first_splat: u32,
-    /// Its splats, padding or not.
+    /// Splats of the piece, padding included.
     pub(crate) splats: u32,
     /// Rows of the coefficients of colour a group.
     pub(crate) sh_rows: u32,
@@ -289,7 +289,7 @@ pub(crate) enum AttributeUse {
 }
 
 impl AttributeUse {
-    /// Of a set that may have attributes.
+    /// Finds the use of attributes for a set that may have some.
     #[must_use]
     pub(crate) fn of(attributes: Option<&dyn SplatAttributes>) -> Self {
         match attributes {
@@ -306,7 +306,8 @@ pub(crate) fn chunk(piece: Piece, attributes: AttributeUse) -> Uniform {
     any_chunk(piece, piece.sh_rows, attributes, Opacity::Stored)
 }
 
-/// The same for training: how many rows of coefficients are in use, and where opacities come from.
+/// Makes the structure of a piece for training: how many rows of coefficients are in use, and where
+/// opacities come from.
 #[must_use]
 pub(crate) fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
     any_chunk(piece, sh_used, AttributeUse::Unused, opacity)
@@ -438,12 +439,12 @@ pub(crate) fn noise(noise: &Noise) -> Uniform {
         .real("most", logit(noise.most) as f32)
 }
 
-/// `Move` of `rearrange.wgsl`: from splats `before` to splats `now` of all, in so many rows.
+/// Makes `Move` of `rearrange.wgsl`: moves splats `before` to splats `now`, `rows` rows each.
 #[must_use]
-pub(crate) fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: Forgets) -> Uniform {
+pub(crate) fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: MomentReset) -> Uniform {
     let (row, period) = match forgets {
-        Forgets::Row(row, period) => (row, period),
-        Forgets::Nothing | Forgets::Splats => (0, 0),
+        MomentReset::Row(row, period) => (row, period),
+        MomentReset::Nothing | MomentReset::Splats => (0, 0),
     };
     Uniform::default()
         .whole("first_before", before.start)
@@ -451,14 +452,14 @@ pub(crate) fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forg
         .whole("first", now.start)
         .whole("count", now.end - now.start)
         .whole("rows", rows)
-        .whole("forgets", u32::from(forgets != Forgets::Nothing))
+        .whole("forgets", u32::from(forgets != MomentReset::Nothing))
         .whole("forgotten_row", row)
         .whole("period", period)
 }
 
 /// The numbers that are set to 0 when rows are moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Forgets {
+pub(crate) enum MomentReset {
     /// Nothing.
     Nothing,
     /// All rows of splats that forget.

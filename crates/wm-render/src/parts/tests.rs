@@ -14,7 +14,7 @@ use wm_scene::random::uniform;
 
 crate::parity! {
     the_parts_make_up_the_picture => recombination;
-    transmittance_is_the_referees => transmittance;
+    transmittance_is_that_of_the_reference => transmittance;
     clear_air_takes_nothing => clear;
 }
 
@@ -144,7 +144,7 @@ fn recombination(backend: Backend) {
     assert!(passes.airlight.iter().all(|light| (low..high).contains(light)));
 }
 
-/// The referee's picture of an air that colours by its share is blended like any other.
+/// The reference picture of an air that colours by its share is blended like any other.
 fn transmittance(backend: Backend) {
     let mut renderer = backend.renderer();
     let (_, passes) = parts(&mut *renderer, Some(&AIR), &[PicturePart::Transmittance]);

@@ -28,7 +28,7 @@ impl Projected {
     }
 }
 
-/// The referee's picture.
+/// The reference picture.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ReferenceFrame {
     /// With background, before pixel effects, `[H, W]`.
@@ -56,11 +56,11 @@ pub(crate) struct ReferenceFrame {
     pub(crate) slack: Vec<f64>,
 }
 
-/// log2 alpha closer to the cut than this may fall on either side.
+/// Tolerance of log2 alpha at the cut: within it, either side is right.
 pub(crate) const CUT_BAND: f64 = 2e-3;
 /// Relative distance of the transmittance from the stop within which either side is right.
 pub(crate) const STOP_BAND: f64 = 0.02;
-/// A display-referred colour in other light.
+/// Changes the light on a display-referred colour.
 fn relit(rgb: [f64; 3], gains: [f64; 3]) -> [f64; 3] {
     if gains == [1.0; 3] {
         return rgb;
@@ -98,7 +98,7 @@ pub(crate) fn render_shaded(
     hooks: Hooks<'_>,
     shading: Shading,
 ) -> ReferenceFrame {
-    render_split(sets, camera, config, hooks, (shading, None, None))
+    render_split(sets, camera, config, hooks, shading, None, None)
 }
 
 /// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`)
@@ -109,7 +109,9 @@ pub(crate) fn render_split(
     camera: &Camera,
     config: &RenderConfig,
     hooks: Hooks<'_>,
-    (shading, surface, cut): (Shading, Option<BlendSurface<'_>>, Option<CutPlane>),
+    shading: Shading,
+    surface: Option<BlendSurface<'_>>,
+    cut: Option<CutPlane>,
 ) -> ReferenceFrame {
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
@@ -159,7 +161,7 @@ pub(crate) fn render_split(
         for x in 0..camera.width {
             let at = (y * camera.width + x) as usize;
             let split = surface.map(|surface| f64::from(surface.depth[at]));
-            pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), split, &mut frame);
+            pixel(&drawn, f64::from(x) + 0.5, f64::from(y) + 0.5, split, &mut frame);
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
             let behind = shade(ray, f64::INFINITY, backdrop.reference(pixel_angle, ray));
             let (Some(rgb), Some(alpha)) = (frame.rgb.last_mut(), frame.alpha.last()) else { continue };
@@ -171,12 +173,7 @@ pub(crate) fn render_split(
     frame
 }
 
-fn pixel(
-    drawn: &[(Projected, [f64; 3])],
-    (x, y): (f64, f64),
-    surface: Option<f64>,
-    frame: &mut ReferenceFrame,
-) {
+fn pixel(drawn: &[(Projected, [f64; 3])], x: f64, y: f64, surface: Option<f64>, frame: &mut ReferenceFrame) {
     let split = surface.map_or(f64::NEG_INFINITY, |z| if z.is_nan() { f64::NEG_INFINITY } else { 1.0 / z });
     let (mut front, mut front_slack, mut slope_slack) = ([0.0; 5], 0.0, 0.0);
     let cut = -(255f64.log2());

@@ -12,7 +12,9 @@ pub(crate) mod particles;
 #[cfg(test)]
 pub(crate) mod rays;
 
-use crate::stages::project::{DILATION, FLATTENING, LIES, MAX_DET, MIN_COMPENSATION, SLOPE_DILATION, STANDS};
+use crate::stages::project::{
+    DILATION, FLATTENING, MAX_DET, MAX_LYING_SHARE, MIN_COMPENSATION, MIN_STANDING_SHARE, SLOPE_DILATION,
+};
 use glam::{DMat3, DVec3};
 use wm_scene::{Camera, Rasterization, Splats, quat, splats::shortest_axis};
 
@@ -111,7 +113,9 @@ fn projected(
             let m_h: Vec<f64> = (0..3).map(|k| axes.col(k).dot(up) * scales[k]).collect();
             let high = dot(&m_h, &m_h).max(1e-30);
             let share = high / dot(&scales, &scales).max(1e-30);
-            let lies = ((f64::from(STANDS) - share) / f64::from(STANDS - LIES)).clamp(0.0, 1.0);
+            let lies = ((f64::from(MIN_STANDING_SHARE) - share)
+                / f64::from(MIN_STANDING_SHARE - MAX_LYING_SHARE))
+            .clamp(0.0, 1.0);
             let flat = |m: &[f64]| -> Vec<f64> {
                 let less = lies * f64::from(FLATTENING) * dot(m, &m_h) / high;
                 m.iter().zip(&m_h).map(|(own, height)| own - less * height).collect()

@@ -1,8 +1,8 @@
-//! The referee of rays: every splat against every ray in f64, by the contract of
+//! The reference of rays: every splat against every ray in f64, by the contract of
 //! [`crate::stages::rays`].
 
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
-use crate::stages::rays::{LEAST_HIT, THINNEST, WHOLE};
+use crate::stages::rays::{MIN_HIT_COVERAGE, MIN_RELATIVE_SCALE, STOPPED_COVERAGE};
 use glam::{DMat3, DVec3};
 use wm_scene::{Splats, quat, sh};
 
@@ -41,7 +41,8 @@ struct Met {
 pub(crate) fn trace(
     splats: &Splats,
     is_met: impl Fn(usize) -> bool,
-    (origin, direction): (DVec3, DVec3),
+    origin: DVec3,
+    direction: DVec3,
     center: DVec3,
 ) -> ReferenceHit {
     let mut met: Vec<Met> = Vec::new();
@@ -53,7 +54,7 @@ pub(crate) fn trace(
         // Given row by row, so the columns are those of the transpose.
         let whitened = |v: DVec3| {
             let turned = axes * v;
-            DVec3::from_array([0, 1, 2].map(|k| turned[k] / scales[k].max(THINNEST * longest)))
+            DVec3::from_array([0, 1, 2].map(|k| turned[k] / scales[k].max(MIN_RELATIVE_SCALE * longest)))
         };
         let (a, b) = (whitened(origin - mean), whitened(direction));
         let distance = -a.dot(b) / b.length_squared();
@@ -96,15 +97,15 @@ pub(crate) fn trace(
         transmittance = after;
         sums.push((found.coverage, distance, splat));
     }
-    let half = if found.coverage < f64::from(WHOLE) { 0.5 * found.coverage } else { 0.5 };
+    let half = if found.coverage < f64::from(STOPPED_COVERAGE) { 0.5 * found.coverage } else { 0.5 };
     found.margin = sums.iter().map(|(sum, ..)| (sum - half).abs()).fold(f64::INFINITY, f64::min);
     // A coverage next to a limit may be on either side of it.
-    for limit in [LEAST_HIT, WHOLE] {
+    for limit in [MIN_HIT_COVERAGE, STOPPED_COVERAGE] {
         if (found.coverage - f64::from(limit)).abs() < 1e-3 + found.slack {
             found.margin = 0.0;
         }
     }
-    if found.coverage >= f64::from(LEAST_HIT) {
+    if found.coverage >= f64::from(MIN_HIT_COVERAGE) {
         found.hit =
             sums.into_iter().find(|(sum, ..)| *sum >= half).map(|(_, distance, splat)| (distance, splat));
     }

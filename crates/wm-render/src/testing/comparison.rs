@@ -11,7 +11,7 @@ use wm_scene::{Camera, Splats, splats::logit};
 
 /// Kinds of splats that break renderers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Hard {
+pub(crate) enum HardSplats {
     /// Larger than the picture.
     Huge,
     /// A hundred times longer than wide, some thousand px long.
@@ -30,7 +30,7 @@ pub(crate) enum Hard {
     Tiny,
 }
 
-impl Hard {
+impl HardSplats {
     /// Every kind.
     pub(crate) const ALL: [Self; 8] = [
         Self::Huge,
@@ -77,7 +77,7 @@ pub(crate) const ALL_OUTPUTS: Outputs = Outputs {
     water: WaterPass::Off,
 };
 
-/// Compares a frame with the referee's. Tight where no decision is near: colours within `1e-4` of
+/// Compares a frame with the reference's. Tight where no decision is near: colours within `1e-4` of
 /// each pixel and `1e-5` in the mean, sums of depth and normal likewise relative to their size.
 /// Where one is (see [`ReferenceFrame::slack`]), by the weight at stake and no more.
 ///
@@ -133,7 +133,7 @@ pub(crate) fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) 
     if mean < 1e-5 { Ok(()) } else { Err(format!("mean difference {mean:.2e}, bound 1e-5")) }
 }
 
-/// Gradients of a random loss by the back end and by the referee. The loss counts only the pixels
+/// Gradients of a random loss by the back end and by the reference. The loss counts only the pixels
 /// at which both must decide alike ([`backward::Decisions::steady`]).
 ///
 /// # Panics
@@ -158,7 +158,7 @@ pub(crate) fn gradients_of(
     (gradients, want)
 }
 
-/// Relative L2 distance of each array of gradients from the referee's.
+/// Relative L2 distance of each array of gradients from the reference's.
 #[must_use]
 pub(crate) fn gradient_errors(got: &Gradients, want: &ReferenceGradients) -> Vec<(&'static str, f64)> {
     let mut want = want.clone();
@@ -168,7 +168,7 @@ pub(crate) fn gradient_errors(got: &Gradients, want: &ReferenceGradients) -> Vec
         if got_rows.is_empty() {
             return;
         }
-        let width = got_rows.len() / got.len();
+        let width = got_rows.len() / got.visible.len();
         // What the back end does not show counts as 0.
         let mut full = vec![0.0; want.len()];
         for (row, index) in got_rows.chunks_exact(width).zip(&got.visible) {

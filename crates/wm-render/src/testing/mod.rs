@@ -65,7 +65,7 @@ impl Backend {
         missing.is_none().then_some(Self::Gpu)
     }
 
-    /// The SIMD path, of checks that are of the CPU alone.
+    /// Returns the SIMD path, for checks that concern the CPU alone.
     ///
     /// # Panics
     /// If this is the GPU.
@@ -109,7 +109,7 @@ impl Backend {
         }
     }
 
-    /// The same for training.
+    /// Makes a renderer for training on this back end.
     ///
     /// # Panics
     /// If it cannot be started.
@@ -128,7 +128,7 @@ impl Backend {
     }
 }
 
-/// As [`gpu_renderer`], of training.
+/// Makes a renderer for training on the shared GPU.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -140,8 +140,7 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
         .expect("threads start")
 }
 
-/// A back end of training as `auto` makes it where there is a GPU, on one of its own, which may be
-/// taken away from it.
+/// Makes a back end for training like `auto` on a GPU of its own, which may be taken away.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -153,8 +152,7 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
     (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
 
-/// A GPU of its own with the limits that every browser's has, and bindings of at most so many
-/// bytes.
+/// Opens a GPU with the default limits of browsers, and bindings of at most `most_binding` bytes.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -166,20 +164,20 @@ pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
     Gpu::open(&config).expect("a GPU")
 }
 
-/// The GPU of all tests of a program, started once: any that there is.
+/// Returns the GPU that all tests of a program share, which is started once.
 #[cfg(feature = "gpu")]
 fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
     static SHARED: OnceLock<Result<Arc<Gpu>, GpuError>> = OnceLock::new();
     SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }))
 }
 
-/// A renderer on it.
+/// Makes a renderer on the shared GPU.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
 #[cfg(feature = "gpu")]
 #[must_use]
-pub fn gpu_renderer() -> GpuRenderer {
+pub(crate) fn gpu_renderer() -> GpuRenderer {
     let gpu = shared_gpu().clone().expect("a GPU");
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")
 }
@@ -241,7 +239,7 @@ macro_rules! parity {
     )*};
 }
 
-/// The same of what is of the CPU alone: every SIMD path.
+/// Makes one test per SIMD path of a check that concerns the CPU alone.
 #[macro_export]
 macro_rules! cpu_parity {
     ($($name:ident => $check:expr;)*) => {$(
@@ -254,7 +252,7 @@ macro_rules! cpu_parity {
     )*};
 }
 
-/// A test a SIMD path.
+/// Makes one test per SIMD path.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! tests_of_paths {
@@ -383,7 +381,7 @@ impl RandomLoss {
         }
     }
 
-    /// As the backward pass takes it.
+    /// Returns the loss in the form of the backward pass.
     #[must_use]
     pub fn upstream(&self) -> Upstream<'_> {
         let Self { rgb, alpha, depth, normal } = self;

@@ -8,7 +8,7 @@
 //!
 //! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 
-use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
+use super::{Densified, DensifyStats, DensifyStrategy, DensifyTime, Population, ScreenGradients};
 use crate::check::{COUNT, ConfigValue, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -106,7 +106,7 @@ impl AdaptiveConfig {
         let went = population.len() - kept.len();
         population.select(&kept);
         population.sort();
-        population.pulls = Pulls::new(population.len());
+        population.pulls = DensifyStats::new(population.len());
         Densified { born: wanted.len(), moved: 0, gone: went }
     }
 }

@@ -13,8 +13,8 @@ use crate::random::Random;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use wm_render::cpu::model::morton_order;
+pub use wm_render::training::DensifyStats;
 use wm_render::training::MIN_ALPHA;
-pub use wm_render::training::Pulls;
 use wm_render::training::{Changed, Learnt, LearntMut, Moments, Noise, Origin, Shapes, SplatTerms};
 use wm_scene::splats::{logit, sigmoid};
 use wm_scene::{Group, Splats, quat};
@@ -162,7 +162,7 @@ pub struct Population {
     /// The optimiser's moments; empty where these stay on a device.
     pub moments: Moments,
     /// Screen-space gradients since splats were last added or removed.
-    pub pulls: Pulls,
+    pub pulls: DensifyStats,
     /// The last step that had each in view, or that made it, `[N]`.
     pub seen: Vec<u32>,
     /// The origin of each splat, of a population whose moments and coefficients above degree 0 stay
@@ -190,7 +190,8 @@ impl Population {
     /// One whose splats stay in their order.
     #[must_use]
     pub fn unsorted(splats: Splats) -> Self {
-        let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
+        let (moments, pulls, seen) =
+            (Moments::new(&splats), DensifyStats::new(splats.len()), vec![0; splats.len()]);
         Self { splats, moments, pulls, seen, origins: None }
     }
 

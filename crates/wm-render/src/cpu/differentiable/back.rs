@@ -93,7 +93,7 @@ impl<'a> Tiles<'a> {
         stats: &mut Stats,
     ) {
         let background = Background::Color(self.config.background);
-        let background = BackgroundView::new(&background, (None, Shading::Color), self.camera, self.path);
+        let background = BackgroundView::new(&background, None, Shading::Color, self.camera, self.path);
         let falling = Falling::default();
         let composite = Composite {
             path: self.path,
@@ -155,10 +155,20 @@ impl<'a> Tiles<'a> {
             entry.store(*key, Relaxed);
         }
         let sorted = Instant::now();
-        let inside = inside(tile, self.size());
+        let (width, height) = self.size();
+        let inside = inside(tile.0, tile.1, width, height);
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
-        let sums = (self.config.channels.count(), MedianDepth::Off);
-        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, (tile, inside), None, scratch);
+        stats.evaluated_pairs += blend(
+            self.path,
+            self.config.channels.count(),
+            MedianDepth::Off,
+            self.records,
+            keys,
+            tile,
+            inside,
+            None,
+            scratch,
+        );
         let blended = Instant::now();
         let (channels, narrow) = (self.config.channels, self.path.narrow());
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
@@ -169,15 +179,15 @@ impl<'a> Tiles<'a> {
             if channels == Channels::Depth {
                 sums.features[3] = sums.features[0];
             }
-            finish(narrow, composite, sums, (tile, patch), &mut worker.pixels, offset, rows);
+            finish(narrow, composite, sums, tile, patch, &mut worker.pixels, offset, rows);
         }
         stats.sort += (sorted - begun).as_secs_f64();
         stats.rasterize += (blended - sorted).as_secs_f64();
         stats.composite += blended.elapsed().as_secs_f64();
     }
 
-    /// Sums what the pixels pull on each pair of splat and tile. `places` tells the slot of each
-    /// pair.
+    /// Sums the derivatives of the pixels over each pair of splat and tile. `places` receives the
+    /// slot of each pair.
     pub(crate) fn backward(
         &self,
         upstream: &Upstream<'_>,
@@ -216,18 +226,17 @@ impl<'a> Tiles<'a> {
         keys.extend(self.entries[list.clone()].iter().map(|entry| entry.load(Relaxed)));
         own_places.resize(keys.len(), NO_SLOT);
         let (left, top) = (tile.0 * TILE, tile.1 * TILE);
-        let inside = inside(tile, self.size());
+        let (width, height) = self.size();
+        let inside = inside(tile.0, tile.1, width, height);
         let count = self.config.channels.count();
         let pictures = RenderedPictures { config: self.config, upstream, size: self.size() };
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
-            let corner = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
+            let (x, y) = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
             let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];
-            dispatch!(self.path, s => prepare_patch(s, pictures, kept, corner, patch, scratch));
+            dispatch!(self.path, s => prepare_patch(s, pictures, kept, x, y, patch, scratch));
         }
-        let corner = (left as f32, top as f32);
-        with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(
-            s, self.records, keys, corner, inside, scratch, (&mut *slots, own_places)
-        )));
+        let (left, top) = (left as f32, top as f32);
+        with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(s, self.records, keys, left, top, inside, scratch, &mut *slots, own_places)));
         for (key, place) in keys.iter().zip(own_places) {
             let place = if *place == NO_SLOT { NO_SLOT } else { list.start as u32 + *place };
             places[(*key >> 32) as usize].store(place, Relaxed);

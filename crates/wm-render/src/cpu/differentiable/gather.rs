@@ -28,7 +28,7 @@ pub(crate) struct Gather<'a> {
     pub(crate) places: &'a [AtomicU32],
 }
 
-/// The rows of one part; those that are not learnt are empty.
+/// The rows of gradients of one part; arrays of parameters that do not learn are empty.
 struct Rows<'a> {
     visible: &'a mut [u32],
     means: &'a mut [[f32; 3]],
@@ -42,7 +42,7 @@ struct Rows<'a> {
     radii: &'a mut [f32],
 }
 
-/// The first `count` of `slice`, or none if it is empty; the rest stays in `slice`.
+/// Splits the first `count` elements off `slice`; returns nothing if it is empty.
 fn take<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let all = std::mem::take(slice);
     let (own, rest) = all.split_at_mut(count.min(all.len()));
@@ -82,7 +82,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Adds the slots of sixteen splats, whose `places` end at `ends`: one array a number of the slots.
+/// Adds up the slots of sixteen splats, whose `places` end at `ends`: one array per number of a
+/// slot.
 #[inline(always)]
 fn sum_slots<S: Lanes>(
     simd: S,

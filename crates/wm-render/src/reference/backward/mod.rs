@@ -1,4 +1,4 @@
-//! The referee of gradients: the formulas of the backward stages in f64, by brute force.
+//! The reference of gradients: the formulas of the backward stages in f64, by brute force.
 //!
 //! A render is no smooth function: splats fall under the cut, clamps bite, the order changes. A
 //! gradient is that of the smooth piece at hand, so all decisions are taken once ([`Decisions`])
@@ -79,7 +79,7 @@ impl Parameters {
 /// Everything about a view that is decided and not computed.
 #[derive(Clone, Debug)]
 pub(crate) struct Decisions {
-    /// Those in view, in the order of blending.
+    /// The splats in view, in the order of blending.
     order: Vec<usize>,
     splats: Vec<Option<SplatDecisions>>,
     /// For each pixel the splats that it holds, and whether their alpha is clamped.
@@ -157,7 +157,7 @@ pub(crate) fn decide(parameters: &Parameters, camera: &Camera, config: &ForwardC
             let mut last = f64::NEG_INFINITY;
             for index in &decisions.order {
                 let Some(splat) = &seen[*index] else { continue };
-                let q = splat.log2_alpha(at).0;
+                let q = splat.log2_alpha(at.0, at.1).0;
                 let cut = -(255f64.log2());
                 steady &= (q - cut).abs() >= CUT_BAND;
                 if q < cut {
@@ -233,7 +233,7 @@ fn touches(decisions: &Decisions, splats: &[Option<Splat>], pixel: usize, camera
     let mut touches = Vec::new();
     for (index, clamped) in &decisions.pixels[pixel] {
         let Some(splat) = &splats[*index] else { continue };
-        let (q, u, v) = splat.log2_alpha(at);
+        let (q, u, v) = splat.log2_alpha(at.0, at.1);
         let alpha = if *clamped { f64::from(MAX_ALPHA) } else { q.exp2() };
         touches.push(Touch { index: *index, clamped: *clamped, alpha, transmittance, u, v });
         transmittance *= 1.0 - alpha;

@@ -1,4 +1,4 @@
-//! One splat of the referee of gradients: projection and shading, and their derivative.
+//! One splat of the reference of gradients: projection and shading, and their derivative.
 
 use super::{Parameters, basis_slopes};
 use crate::differentiable::{ForwardConfig, Opacity};
@@ -28,13 +28,13 @@ pub(crate) struct SplatDecisions {
 /// [`rasterize_backward`](crate::stages::rasterize_backward).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SplatPulls {
-    /// Of s, s u, s v, s u^2, s u v, s v^2.
+    /// Sums of s, s u, s v, s u^2, s u v, s v^2.
     pub(crate) moments: [f64; 6],
-    /// Of |s dq/dx| ln 2 and |s dq/dy| ln 2.
+    /// Sums of |s dq/dx| ln 2 and |s dq/dy| ln 2.
     pub(crate) absolute: [f64; 2],
-    /// Of w.
+    /// Sum of w.
     pub(crate) weight: f64,
-    /// Of w times the derivative by the pixel's sum.
+    /// Sum of w times the derivative by the pixel's colour sum.
     pub(crate) rgb: [f64; 3],
     /// Likewise.
     pub(crate) depth: f64,
@@ -45,7 +45,7 @@ pub(crate) struct SplatPulls {
 /// One projected splat, with all that its derivative needs.
 pub(crate) struct Splat {
     pub(crate) decisions: SplatDecisions,
-    /// As seen through the air.
+    /// Colour seen through the air.
     pub(crate) rgb: [f64; 3],
     /// Their derivatives by the colours without the air.
     slopes: [f64; 3],
@@ -188,7 +188,7 @@ impl Splat {
     }
 
     /// log2 of alpha before the clamp, u and v at a picture point.
-    pub(crate) fn log2_alpha(&self, (x, y): (f64, f64)) -> (f64, f64, f64) {
+    pub(crate) fn log2_alpha(&self, x: f64, y: f64) -> (f64, f64, f64) {
         let (dx, dy) = (x - self.mean2d[0], y - self.mean2d[1]);
         let (u, v) = (self.u_x * dx, self.v_x * dx + self.v_y * dy);
         (self.log2_opacity - u * u - v * v, u, v)

@@ -21,7 +21,7 @@ struct Case {
 }
 
 impl Case {
-    /// Of each pixel, its colours in the photo's exposure.
+    /// Returns the colours of the pixels in the exposure of the photo.
     fn exposed(&self) -> Vec<f64> {
         let of = |rgb: &[f64]| {
             let rgb = [rgb[0], rgb[1], rgb[2], 1.0];

@@ -45,14 +45,15 @@ impl<'a> BackgroundView<'a> {
     /// The background of a pass.
     #[must_use]
     pub(crate) fn of(pass: &'a DrawPass<'_>, path: SimdPath) -> Self {
-        Self::new(pass.backdrop(), (pass.hooks.medium, pass.shading), &pass.camera, path)
+        Self::new(pass.backdrop(), pass.hooks.medium, pass.shading, &pass.camera, path)
     }
 
     /// `backdrop` behind `medium` for one view.
     #[must_use]
     pub(crate) fn new(
         backdrop: &'a dyn Backdrop,
-        (medium, shading): (Option<&'a dyn Medium>, Shading),
+        medium: Option<&'a dyn Medium>,
+        shading: Shading,
         camera: &Camera,
         path: SimdPath,
     ) -> Self {
@@ -93,7 +94,8 @@ impl<'a> BackgroundView<'a> {
     #[inline(always)]
     pub(crate) fn fill(
         &self,
-        (patch_x, patch_y): (usize, usize),
+        patch_x: usize,
+        patch_y: usize,
         scratch: &mut BackgroundScratch,
         out: &mut [[f32; PATCH_PIXELS]; 3],
     ) {
@@ -105,7 +107,7 @@ impl<'a> BackgroundView<'a> {
         }
         let corner = [(patch_x * PATCH) as f32, (patch_y * PATCH) as f32];
         if self.detail == Detail::Fine {
-            return self.fill_pixels(corner, scratch, out);
+            return self.fill_pixels(corner[0], corner[1], scratch, out);
         }
         // Constant numbers of nodes, so that the loops unroll.
         match self.nodes {
@@ -170,7 +172,8 @@ impl<'a> BackgroundView<'a> {
     #[cfg(feature = "gpu")]
     pub(crate) fn fill_nodes(
         &self,
-        (patch_x, patch_y): (usize, usize),
+        patch_x: usize,
+        patch_y: usize,
         scratch: &mut BackgroundScratch,
         out: &mut [[f32; 3]],
     ) {
@@ -188,7 +191,8 @@ impl<'a> BackgroundView<'a> {
     #[inline(always)]
     fn fill_pixels(
         &self,
-        [left, top]: [f32; 2],
+        left: f32,
+        top: f32,
         scratch: &mut BackgroundScratch,
         out: &mut [[f32; PATCH_PIXELS]; 3],
     ) {

@@ -14,7 +14,7 @@ use std::borrow::Cow;
 pub(crate) enum BackgroundForm {
     /// One colour.
     Color,
-    /// Colours mixed between so many nodes along a side of each patch.
+    /// Colours interpolated between nodes; the number of nodes along a side of each patch.
     Nodes(u32),
     /// A picture.
     Picture,
@@ -113,7 +113,7 @@ pub(crate) struct Composite<'a> {
     pub(crate) background: &'a wgpu::Buffer,
     /// Sums of what falls, see `over.wgsl`.
     pub(crate) falling: &'a wgpu::Buffer,
-    /// Its picture.
+    /// The picture of the particles by themselves.
     pub(crate) apart: &'a wgpu::Buffer,
 }
 
@@ -148,7 +148,8 @@ impl Finish<'_> {
     pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
-        (pixels, channels): (u32, Channels),
+        pixels: u32,
+        channels: Channels,
         training: wgpu::BindingResource<'_>,
     ) {
         let bindings = with_buffers(

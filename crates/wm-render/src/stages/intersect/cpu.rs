@@ -49,12 +49,16 @@ impl Record {
 /// Bits of the cells that an ellipse touches, in a field of 4 columns and `N / 4` rows of cells of
 /// `width` x `height` px, the first at pixel `(left, top)`.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
 pub(crate) fn cell_mask<S: Lanes>(
     simd: S,
     splat: &Ellipse,
-    (left, top): (f32, f32),
-    (width, height): (f32, f32),
-    (column, row): (S::F, S::F),
+    left: f32,
+    top: f32,
+    width: f32,
+    height: f32,
+    column: S::F,
+    row: S::F,
 ) -> u32 {
     // Pixel centres of each cell, relative to the splat's centre.
     let low_x = column.mul_add(simd.set(width), simd.set(left + 0.5 - splat.x));
@@ -142,8 +146,16 @@ impl Pairs {
                     let mut mask = 0;
                     for part in 0..16 / S::N {
                         let top = (y as f32 + (part * S::N / 4) as f32) * SIDE;
-                        let bits =
-                            cell_mask(simd, &splat.ellipse(), (x as f32 * SIDE, top), (SIDE, SIDE), lanes);
+                        let bits = cell_mask(
+                            simd,
+                            &splat.ellipse(),
+                            x as f32 * SIDE,
+                            top,
+                            SIDE,
+                            SIDE,
+                            lanes.0,
+                            lanes.1,
+                        );
                         mask |= bits << (part * S::N);
                     }
                     let columns = bits_between(first_x.saturating_sub(x), last_x - x);

@@ -67,7 +67,8 @@ impl Intersect<'_> {
 pub(crate) fn ranges(
     recorder: &mut Recorder<'_>,
     count: u32,
-    (counters, tiles): (&wgpu::Buffer, &wgpu::Buffer),
+    counters: &wgpu::Buffer,
+    tiles: &wgpu::Buffer,
     tile_offsets: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(vec![(0, recorder.view())], [counters, tiles, tile_offsets]);

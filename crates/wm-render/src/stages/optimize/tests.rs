@@ -20,13 +20,14 @@ const RATES: Rates =
 pub(crate) struct Kept {
     pub(crate) splats: Splats,
     moments: Moments,
-    pulls: Pulls,
+    pulls: DensifyStats,
     seen: Vec<u32>,
 }
 
 impl Kept {
     pub(crate) fn new(splats: Splats) -> Self {
-        let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
+        let (moments, pulls, seen) =
+            (Moments::new(&splats), DensifyStats::new(splats.len()), vec![0; splats.len()]);
         Self { splats, moments, pulls, seen }
     }
 

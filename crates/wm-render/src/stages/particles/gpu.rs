@@ -33,8 +33,10 @@ impl StagePrograms for ParticleProgram {
 /// that were 0.
 pub(crate) fn fall(
     recorder: &mut Recorder<'_>,
-    (drops, count): (&wgpu::Buffer, u32),
-    (alpha, depths): (&wgpu::Buffer, &wgpu::Buffer),
+    drops: &wgpu::Buffer,
+    count: u32,
+    alpha: &wgpu::Buffer,
+    depths: &wgpu::Buffer,
     sums: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(vec![(0, recorder.view())], [drops, alpha, depths, sums]);

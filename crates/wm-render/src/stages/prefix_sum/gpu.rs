@@ -39,7 +39,8 @@ pub(crate) fn spine(
     recorder: &mut Recorder<'_>,
     program: PrefixSumProgram,
     sums: &wgpu::Buffer,
-    (counters, dispatches): (&wgpu::Buffer, &wgpu::Buffer),
+    counters: &wgpu::Buffer,
+    dispatches: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(vec![(0, recorder.view())], [counters, dispatches, sums]);
     recorder.dispatch(program, Groups::Direct(1), bindings);

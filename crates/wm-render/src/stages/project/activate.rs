@@ -3,7 +3,7 @@
 //!
 //! Tolerance: exponentials err by 5e-7 relative, so do scales and opacities.
 
-use crate::cpu::model::{NEVER, SplatGroup};
+use crate::cpu::model::{NEVER_DRAWN_LOG2_OPACITY, SplatGroup};
 use crate::differentiable::Opacity;
 use crate::hooks::GROUP;
 use crate::simd::{Lanes, exp2, log2};
@@ -30,7 +30,7 @@ impl Default for Activated {
             mean: [zero; 3],
             quat: [zero; 4],
             scale: [zero; 3],
-            log2_opacity: [NEVER; GROUP],
+            log2_opacity: [NEVER_DRAWN_LOG2_OPACITY; GROUP],
             dc: [zero; 3],
         };
         Self { group, inverse_length: zero, transparency: zero }
@@ -100,5 +100,5 @@ pub(crate) fn activate<S: Lanes>(
         };
         log2_opacity.store_slice(&mut group.log2_opacity[lanes]);
     }
-    group.log2_opacity[count.min(GROUP)..].fill(NEVER);
+    group.log2_opacity[count.min(GROUP)..].fill(NEVER_DRAWN_LOG2_OPACITY);
 }

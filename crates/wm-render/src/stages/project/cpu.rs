@@ -1,8 +1,8 @@
 //! Projection of sixteen splats at a time, and culling of 256.
 
 use super::{
-    DILATION, FLATTENING, LIES, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record,
-    SLOPE_DILATION, SQRT_HALF_LOG2E, STANDS, TEST_SLACK, pack_slopes,
+    DILATION, FLATTENING, LOG2_MIN_ALPHA, MAX_DET, MAX_LYING_SHARE, MIN_COMPENSATION, MIN_STANDING_SHARE,
+    ProjectCamera, Record, SLOPE_DILATION, SQRT_HALF_LOG2E, TEST_SLACK, pack_slopes,
 };
 use crate::cpu::model::{Cluster, SplatGroup};
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
@@ -79,7 +79,7 @@ pub(crate) struct GroupGeometry<S: Lanes> {
     pub(crate) inverse_z: S::F,
     /// X / z and Y / z.
     pub(crate) tangents: [S::F; 2],
-    /// The same within the limits of the Jacobian.
+    /// X / z and Y / z, clamped to the limits of the Jacobian.
     pub(crate) held: [S::F; 2],
     /// Columns of R.
     pub(crate) columns: [[S::F; 3]; 3],
@@ -217,7 +217,9 @@ fn reciprocal_slopes<S: Lanes>(
     let product = |a: &[S::F; 3], b: &[S::F; 3]| a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
     let high = product(&height, &height).max(simd.set(1e-30));
     let share = high / product(&geometry.scales, &geometry.scales).max(simd.set(1e-30));
-    let lies = ((simd.set(STANDS) - share) * (1.0 / (STANDS - LIES))).max(zero).min(simd.set(1.0));
+    let lies = ((simd.set(MIN_STANDING_SHARE) - share) * (1.0 / (MIN_STANDING_SHARE - MAX_LYING_SHARE)))
+        .max(zero)
+        .min(simd.set(1.0));
     let flat = lies * -FLATTENING / high;
     let [mut m_x, mut m_y] = geometry.m;
     for row in [&mut m_x, &mut m_y, &mut deep] {
@@ -266,12 +268,14 @@ pub(crate) fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) 
 /// Projects one group. `visibility` is a factor on the opacity of each splat, `split` the normal of
 /// a surface that splits the blend; `shade` gets the rays.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
 pub fn project_group<S: Lanes>(
     simd: S,
     group: &SplatGroup,
     camera: &ProjectCamera,
     rasterization: Rasterization,
-    (visibility, split): (Option<&[f32; GROUP]>, Option<[f32; 3]>),
+    visibility: Option<&[f32; GROUP]>,
+    split: Option<[f32; 3]>,
     out: &mut ProjectedGroup,
     shade: &mut ShadeGroup,
 ) {
@@ -317,7 +321,7 @@ pub fn project_group<S: Lanes>(
                 slopes[k].store_slice(&mut numbers[k][first..first + S::N]);
             }
             for lane in first..first + S::N {
-                out.slopes[lane] = pack_slopes([numbers[0][lane], numbers[1][lane]]);
+                out.slopes[lane] = pack_slopes(numbers[0][lane], numbers[1][lane]);
             }
         }
         let (direction, distance) = ray(simd, &geometry.offset);

@@ -34,7 +34,7 @@ pub(crate) const GEOMETRY: &str = include_str!("geometry.wgsl");
 pub(crate) enum ParameterForm {
     /// Made ready once, to be rendered often.
     Activated,
-    /// As they are stored, and learn.
+    /// Parameters as they are stored, for splats that learn.
     Stored,
 }
 
@@ -132,7 +132,8 @@ pub(crate) fn project(
     recorder: &mut Recorder<'_>,
     piece: &Piece<'_>,
     blocks: &wgpu::Buffer,
-    (records, depths): (&wgpu::Buffer, &wgpu::Buffer),
+    records: &wgpu::Buffer,
+    depths: &wgpu::Buffer,
     shading: Shading,
     air: Option<(&WgslSource, &wgpu::Buffer)>,
 ) {

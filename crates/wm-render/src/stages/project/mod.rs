@@ -37,22 +37,22 @@ use wm_scene::Camera;
 
 /// Variance added to both axes of the 2D Gaussian, px^2.
 pub const DILATION: f32 = 0.3;
-/// The same where slopes of depth are found, px^2: flat splats that are seen at a grazing angle are
+/// Dilation where slopes of depth are found, px^2: flat splats that are seen at a grazing angle are
 /// lines.
 pub(crate) const SLOPE_DILATION: f32 = 0.02;
 /// Share of a splat's thickness along the normal of a surface that does not count for on which side
 /// of it the splat is, for those that lie along the surface; and the shares of a splat's whole
 /// variance along the normal up to which it lies, and from which it stands.
 pub(crate) const FLATTENING: f32 = 0.99;
-pub(crate) const LIES: f32 = 0.15;
-pub(crate) const STANDS: f32 = 0.3;
+pub(crate) const MAX_LYING_SHARE: f32 = 0.15;
+pub(crate) const MIN_STANDING_SHARE: f32 = 0.3;
 /// Smallest opacity factor of the anti-aliased mode.
 pub(crate) const MIN_COMPENSATION: f32 = 0.005;
 /// Smallest alpha that is drawn.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 /// log2 of [`MIN_ALPHA`].
 pub(crate) const LOG2_MIN_ALPHA: f32 = -7.994_353_3;
-/// Slack in log2 alpha with which extents and tiles are tested, against rounding.
+/// Tolerance in log2 alpha of the tests of extents and tiles, against rounding.
 pub(crate) const TEST_SLACK: f32 = 1e-3;
 /// `sqrt(log2(e) / 2)`: turns standard deviations into the exponent of 2.
 pub(crate) const SQRT_HALF_LOG2E: f32 = 0.849_321_8;
@@ -94,7 +94,7 @@ pub struct Record {
 /// half of each number.
 #[inline(always)]
 #[must_use]
-pub(crate) fn pack_slopes([x, y]: [f32; 2]) -> u32 {
+pub(crate) fn pack_slopes(x: f32, y: f32) -> u32 {
     (x.to_bits() & 0xffff_0000) | (y.to_bits() >> 16)
 }
 
@@ -151,7 +151,8 @@ impl ProjectCamera {
         }
     }
 
-    /// The camera with the limits of the Jacobian of another, of which it shows a part.
+    /// Makes the projection of a camera that shows a part of the picture of `whole`, whose limits
+    /// of the Jacobian it takes.
     #[must_use]
     pub(crate) fn part_of(self, whole: Option<&Camera>) -> Self {
         match whole.map(Self::new) {

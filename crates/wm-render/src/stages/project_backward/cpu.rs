@@ -25,7 +25,7 @@ pub(crate) struct SplatGradients {
     pub(crate) logit_opacity: [f32; GROUP],
     /// By the centre in the picture, px.
     pub(crate) mean2d: [[f32; GROUP]; 2],
-    /// The same from absolute values.
+    /// Sums of the absolute values of the pixels' derivatives by the centre.
     pub(crate) absgrad: [[f32; GROUP]; 2],
     /// Three standard deviations along the longest axis, px.
     pub(crate) radius: [f32; GROUP],
@@ -82,7 +82,7 @@ pub(crate) fn project_backward_group<S: Lanes>(
         }
         let geometry = geometry(simd, &activated.group, first, camera);
         let [ux, vx, vy] = factor(simd, &geometry);
-        let shape = Shape::new(simd, &geometry, [ux, vx, vy], &sum, config.rasterization);
+        let shape = Shape::new(simd, &geometry, ux, vx, vy, &sum, config.rasterization);
 
         // Through the picture.
         let by_x = ux.mul_add(sum[GradientSlot::SU], vx * sum[GradientSlot::SV]) * (2.0 * LN_2);
@@ -182,7 +182,9 @@ impl<S: Lanes> Shape<S> {
     fn new(
         simd: S,
         geometry: &GroupGeometry<S>,
-        [ux, vx, vy]: [S::F; 3],
+        ux: S::F,
+        vx: S::F,
+        vy: S::F,
         sum: &[S::F; GradientSlot::LEN],
         rasterization: Rasterization,
     ) -> Self {

@@ -21,7 +21,7 @@ pub(crate) const SCALE: u32 = 7;
 pub(crate) const OPACITY: u32 = 10;
 /// By the centre in the picture, px, two.
 pub(crate) const MEAN2D: u32 = 11;
-/// The same from absolute values, two.
+/// Sums of the absolute values of the pixels' derivatives by the centre, two.
 pub(crate) const ABSGRAD: u32 = 13;
 /// Sum of weights, px.
 pub(crate) const WEIGHT: u32 = 15;

@@ -30,7 +30,7 @@ pub(crate) struct PatchSums {
     pub(crate) features: [[f32; PATCH_PIXELS]; 7],
     /// Median depth; meaningful where alpha is at least 0.5.
     pub(crate) median: [f32; PATCH_PIXELS],
-    /// Reciprocal view z of the surface; less than that of everything where there is none.
+    /// Reciprocal view z of the surface, 1/scene units; negative infinity where there is none.
     pub(crate) surface: [f32; PATCH_PIXELS],
     /// The sums that the surface splits, as in [`crate::Frame::front`]. While they are blended,
     /// those of blocks in `whole` are not filled.
@@ -46,14 +46,9 @@ pub(crate) struct PatchSums {
 pub(crate) type Surface<'a> = (&'a [f32], (usize, usize));
 
 impl PatchSums {
-    /// Reads the surface in one patch, in the order in which a SIMD path of so many lanes walks the
-    /// blocks.
-    pub(crate) fn set_surface(
-        &mut self,
-        lanes: usize,
-        surface: Surface<'_>,
-        (patch_x, patch_y): (usize, usize),
-    ) {
+    /// Reads the surface in one patch, in the order in which a SIMD path with `lanes` lanes walks
+    /// the blocks.
+    pub(crate) fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, patch_x: usize, patch_y: usize) {
         let (depths, (width, height)) = surface;
         let block_height = lanes / 4;
         self.crossed = 0;
@@ -157,7 +152,11 @@ pub(crate) struct Batch {
 impl Default for Batch {
     fn default() -> Self {
         // Its depth is a number whose reciprocal is one.
-        let never = Record { log2_opacity: crate::cpu::model::NEVER, depth: 1.0, ..Record::default() };
+        let never = Record {
+            log2_opacity: crate::cpu::model::NEVER_DRAWN_LOG2_OPACITY,
+            depth: 1.0,
+            ..Record::default()
+        };
         Self {
             records: [never; 256],
             origins: [(0.0, 0.0); 256],
@@ -171,7 +170,7 @@ impl Default for Batch {
 impl Batch {
     /// Takes the splats of `keys`, at most 255, for the tile whose first pixel is `(left, top)`.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, records: &[Record], keys: &[u64], (left, top): (f32, f32)) {
+    pub(crate) fn fill(&mut self, records: &[Record], keys: &[u64], left: f32, top: f32) {
         // Copied first and used after: nothing waits for one record, so many fetches overlap.
         for (i, key) in keys.iter().enumerate() {
             self.records[i] = records[record_of(*key)];
@@ -206,7 +205,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     simd: S,
     records: &[Record],
     keys: &[u64],
-    (left, top): (f32, f32),
+    left: f32,
+    top: f32,
     inside: u32,
     scratch: &mut BlendScratch,
 ) -> u64 {
@@ -250,7 +250,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
         scratch.weights.resize(keys.len(), 0.0);
     }
     for (number, batch) in keys.chunks(BATCH).enumerate() {
-        scratch.batch.fill(records, batch, (left, top));
+        scratch.batch.fill(records, batch, left, top);
         let len = batch.len();
         if SPLIT {
             scratch.batch.find_planes(len);
@@ -290,7 +290,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                         batch,
                         walk,
                         corner,
-                        lanes,
+                        lanes.0,
+                        lanes.1,
                         block,
                         sums,
                         batch_weights,
@@ -301,7 +302,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                         batch,
                         walk,
                         corner,
-                        lanes,
+                        lanes.0,
+                        lanes.1,
                         block,
                         sums,
                         batch_weights,
@@ -355,8 +357,10 @@ pub(crate) fn mask_blocks<S: Lanes>(
         let record = &batch.records[usize::from(*name)];
         let mut mask = 0;
         for part in 0..PATCH_PIXELS / S::N / S::N {
-            let corner = (field.0, field.1 + (part * rows * rows) as f32);
-            mask |= cell_mask(simd, &record.ellipse(), corner, (4.0, rows as f32), lanes) << (part * S::N);
+            let top = field.1 + (part * rows * rows) as f32;
+            let (ellipse, height) = (record.ellipse(), rows as f32);
+            let cells = cell_mask(simd, &ellipse, field.0, top, 4.0, height, lanes.0, lanes.1);
+            mask |= cells << (part * S::N);
         }
         for group in 0..PATCH_PIXELS / S::N / 8 {
             masks[group][i & 255] = (mask >> (8 * group)) as u8;
@@ -448,7 +452,8 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
     simd: S,
     batch: &Batch,
     at: &[usize; FLIGHT],
-    (px, py): (S::F, S::F),
+    px: S::F,
+    py: S::F,
 ) -> ([S::F; FLIGHT], [S::F; FLIGHT]) {
     let mut q = [simd.set(0.0); FLIGHT];
     let mut capped = q;
@@ -477,7 +482,8 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
     batch: &Batch,
     walk: &[u8],
     corner: (f32, f32),
-    (column, row): (S::F, S::F),
+    column: S::F,
+    row: S::F,
     block: usize,
     sums: &mut PatchSums,
     own_weights: &mut BatchWeights,
@@ -510,7 +516,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
         for k in 0..FLIGHT {
             at[k] = usize::from(flight[k]);
         }
-        let (_, alpha) = alphas::<S, true>(simd, batch, &at, (px, py));
+        let (_, alpha) = alphas::<S, true>(simd, batch, &at, px, py);
         let mut parting = Parting::Both;
         let mut weights = [zero; FLIGHT];
         let mut reciprocals = [zero; FLIGHT];

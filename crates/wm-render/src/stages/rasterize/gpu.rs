@@ -17,7 +17,7 @@ pub(crate) const SURFACE_PLANE: u64 = 2;
 pub(crate) enum RasterizeProgram {
     /// Blends colour, and the outputs beside it.
     Frame(Geometry, MedianDepth),
-    /// The same, and what is before a surface.
+    /// Blends the same sums, and what is in front of a surface.
     Split(Geometry, MedianDepth),
     /// Blends the sums of a step of training, and keeps them.
     Sums(Channels),
@@ -89,7 +89,8 @@ impl Rasterize<'_> {
         &self,
         recorder: &mut Recorder<'_>,
         tiles: u32,
-        (geometry, median): (Geometry, MedianDepth),
+        geometry: Geometry,
+        median: MedianDepth,
         is_split: bool,
         counters: &wgpu::Buffer,
     ) {

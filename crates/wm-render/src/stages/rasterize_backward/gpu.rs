@@ -61,10 +61,12 @@ pub(crate) struct Kept<'a> {
 /// the structure of that name.
 pub(crate) fn by_sums(
     recorder: &mut Recorder<'_>,
-    (pixels, channels): (u32, Channels),
+    pixels: u32,
+    channels: Channels,
     training: wgpu::BindingResource<'_>,
     kept: Kept<'_>,
-    (upstream, states): (&wgpu::Buffer, &wgpu::Buffer),
+    upstream: &wgpu::Buffer,
+    states: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(
         vec![(0, recorder.view()), (1, training)],
@@ -80,9 +82,9 @@ pub(crate) fn by_sums(
 /// The buffers that `rasterize_backward.wgsl` reads and writes.
 pub(crate) struct RasterizeBackward<'a> {
     pub(crate) tile_offsets: &'a wgpu::Buffer,
-    /// Of each entry.
+    /// The pair of each entry.
     pub(crate) pairs: &'a wgpu::Buffer,
-    /// Of each pair.
+    /// The record of each pair.
     pub(crate) names: &'a wgpu::Buffer,
     pub(crate) records: &'a wgpu::Buffer,
     pub(crate) states: &'a wgpu::Buffer,

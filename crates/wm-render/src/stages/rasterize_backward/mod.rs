@@ -37,7 +37,7 @@ impl GradientSlot {
     /// Numbers of a slot.
     pub(crate) const LEN: usize = 16;
     /// `sum s`.
-    pub const S: usize = 0;
+    pub(crate) const S: usize = 0;
     /// `sum s u`.
     pub(crate) const SU: usize = 1;
     /// `sum s v`.
@@ -53,9 +53,9 @@ impl GradientSlot {
     /// `sum |s v|`.
     pub(crate) const ABS_Y: usize = 7;
     /// `sum w`.
-    pub const WEIGHT: usize = 8;
+    pub(crate) const WEIGHT: usize = 8;
     /// `sum w v_k` from here on.
-    pub const FEATURES: usize = 9;
+    pub(crate) const FEATURES: usize = 9;
 }
 
 /// In place of a slot's number: the pair was never reached.

@@ -9,12 +9,12 @@ use std::ops::Range;
 pub(crate) const PACKET: usize = 64;
 /// Children of a node of the tree.
 pub(crate) const CHILDREN: usize = 8;
-/// Parts of the extent of all origins that rays of one group lie within.
-const PARTS: f32 = 16.0;
-/// Bits of a coordinate of a direction's place along the curve.
-const BITS: u32 = 12;
-/// Half angle of a packet's cone, of the median of all, above which it is cut.
-const WIDE: f64 = 2.0;
+/// Ratio of the extent of all origins to the largest extent of the origins of one group.
+const ORIGIN_PARTS: f32 = 16.0;
+/// Bits of each coordinate of a direction in its index along the curve.
+const CURVE_BITS: u32 = 12;
+/// Half angle of a packet's cone, relative to the median of all, above which it is split.
+const MAX_RELATIVE_ANGLE: f64 = 2.0;
 /// Angle that is added to cones for rounding, radians.
 const SLACK: f64 = 1e-5;
 
@@ -25,7 +25,7 @@ pub(crate) struct RayGroup {
     pub(crate) center: [f32; 3],
     /// The greatest distance of an origin from it.
     pub(crate) radius: f32,
-    /// Its packets, as numbers for [`Packets::rays`].
+    /// The packets of the group, as numbers for [`Packets::rays`].
     pub(crate) packets: Range<usize>,
     /// The levels of the tree, the packets' own cones first, the root last.
     pub(crate) levels: Vec<Vec<Cones>>,
@@ -62,8 +62,8 @@ impl Packets {
         Self::no_wider(rays, f64::INFINITY)
     }
 
-    /// The same groups, with packets of fewer rays where these would go more than an angle,
-    /// radians, to a side of their middle.
+    /// Makes the groups with smaller packets where rays would be more than `widest` radians away
+    /// from the axis of their packet.
     #[must_use]
     pub(crate) fn no_wider(rays: &Rays, widest: f64) -> Self {
         let mut packets = Self { starts: vec![0], ..Self::default() };
@@ -71,7 +71,7 @@ impl Packets {
             return packets;
         }
         let (low, high) = bounds(&rays.origins, 0..rays.len() as u32);
-        let most = (high - low).max_element() / PARTS;
+        let most = (high - low).max_element() / ORIGIN_PARTS;
         let mut parts = vec![(0..rays.len() as u32).collect::<Vec<u32>>()];
         while let Some(part) = parts.pop() {
             let (low, high) = bounds(&rays.origins, part.iter().copied());
@@ -88,12 +88,12 @@ impl Packets {
                     continue;
                 }
             }
-            packets.add(rays, &part, (low, high), widest);
+            packets.add(rays, &part, low, high, widest);
         }
         packets
     }
 
-    fn add(&mut self, rays: &Rays, part: &[u32], (low, high): (Vec3, Vec3), widest: f64) {
+    fn add(&mut self, rays: &Rays, part: &[u32], low: Vec3, high: Vec3, widest: f64) {
         let center = 0.5 * (low + high);
         let radius = 0.5 * (high - low).length();
         let direction = |ray: u32| Vec3::from_array(rays.directions[ray as usize]);
@@ -141,7 +141,7 @@ fn cut(directions: &[Vec3], widest: f64) -> Vec<(Range<usize>, Cone)> {
         (0..count).into_par_iter().map(chunk).map(|range| (range.clone(), about(&range))).collect();
     let mut halves: Vec<f64> = packets.iter().map(|(_, cone)| cone.half).collect();
     let middle = halves.len() / 2;
-    let widest = widest.min(WIDE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1);
+    let widest = widest.min(MAX_RELATIVE_ANGLE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1);
     let mut narrow = Vec::with_capacity(packets.len());
     for packet in packets {
         let mut parts = vec![packet];
@@ -221,16 +221,16 @@ fn along_curve(direction: Vec3) -> u32 {
     let [x, y] = [direction.x / sum, direction.y / sum];
     let fold = |own: f32, other: f32| (1.0 - other.abs()).copysign(own);
     let [x, y] = if direction.z < 0.0 { [fold(x, y), fold(y, x)] } else { [x, y] };
-    let last = ((1u32 << BITS) - 1) as f32;
+    let last = ((1u32 << CURVE_BITS) - 1) as f32;
     let cell = |v: f32| ((0.5 * v + 0.5) * last).clamp(0.0, last) as u32;
     let (mut x, mut y, mut place) = (cell(x), cell(y), 0);
-    let mut side = 1u32 << (BITS - 1);
+    let mut side = 1u32 << (CURVE_BITS - 1);
     while side > 0 {
         let (right, up) = (u32::from(x & side > 0), u32::from(y & side > 0));
         place += side * side * ((3 * right) ^ up);
         if up == 0 {
             if right == 1 {
-                let most = (1u32 << BITS) - 1;
+                let most = (1u32 << CURVE_BITS) - 1;
                 (x, y) = (most - x, most - y);
             }
             std::mem::swap(&mut x, &mut y);

@@ -96,8 +96,10 @@ impl StagePrograms for ShadeProgram {
 #[cfg(any(test, feature = "testing"))]
 pub(crate) fn shade_groups(
     recorder: &mut Recorder<'_>,
-    (air, parameters): (&WgslSource, &wgpu::Buffer),
-    (groups, count): (&wgpu::Buffer, u32),
+    air: &WgslSource,
+    parameters: &wgpu::Buffer,
+    groups: &wgpu::Buffer,
+    count: u32,
 ) {
     let bindings = vec![(0, groups.as_entire_binding()), (8, parameters.as_entire_binding())];
     let size = Groups::Direct((count * GROUP as u32).div_ceil(WORKGROUP));

@@ -53,7 +53,8 @@ fn colors(backend: Backend) {
     }
 }
 
-/// Of the splats in view, along the rays to them: the direction's rounding (2e-7) comes on top.
+/// Compares the colours of the splats in view, along the rays to them: the rounding of directions
+/// (2e-7) comes on top.
 #[cfg(feature = "gpu")]
 fn colors_on_gpu() {
     let camera = camera(320, 200);

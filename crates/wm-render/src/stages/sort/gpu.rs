@@ -56,7 +56,7 @@ pub(crate) struct Sort<'a> {
     pub(crate) totals: &'a wgpu::Buffer,
 }
 
-/// Passes that keys of so many bits take.
+/// Returns the number of passes for keys of `bits` bits.
 pub(crate) fn passes(bits: u32) -> u32 {
     bits.div_ceil(DIGIT_BITS)
 }
