@@ -12,11 +12,11 @@ pub(crate) const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsa
 
 /// A buffer that is allocated again when it is too small.
 #[derive(Default)]
-pub(crate) struct Growing {
+pub(crate) struct GrowingBuffer {
     buffer: Option<wgpu::Buffer>,
 }
 
-impl Growing {
+impl GrowingBuffer {
     /// Returns the buffer with at least `bytes` bytes; its contents are lost when it grows.
     pub(crate) fn fit(
         &mut self,
@@ -48,7 +48,7 @@ impl Growing {
     }
 }
 
-impl Growing {
+impl GrowingBuffer {
     /// Returns the buffer with `numbers` at its beginning.
     pub(crate) fn write(
         &mut self,
@@ -125,26 +125,26 @@ impl Extent {
 /// The buffers that are kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Memory {
-    kept: [Growing; 24],
+    kept: [GrowingBuffer; 24],
     /// Each of these holds numbers for one pass, or for one set of one pass.
-    attributes: InTurn,
-    air: InTurn,
-    drops: InTurn,
-    backgrounds: InTurn,
-    pub(crate) staging: Growing,
+    attributes: BufferPool,
+    air: BufferPool,
+    drops: BufferPool,
+    backgrounds: BufferPool,
+    pub(crate) staging: GrowingBuffer,
 }
 
 /// Buffers of one kind, handed out one after the other.
 #[derive(Default)]
-struct InTurn {
-    buffers: Vec<Growing>,
+struct BufferPool {
+    buffers: Vec<GrowingBuffer>,
     used: usize,
 }
 
-impl InTurn {
+impl BufferPool {
     fn write(&mut self, gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
         if self.used == self.buffers.len() {
-            self.buffers.push(Growing::default());
+            self.buffers.push(GrowingBuffer::default());
         }
         self.used += 1;
         self.buffers[self.used - 1].write(gpu, what, numbers, WRITTEN)

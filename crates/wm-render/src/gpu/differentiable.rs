@@ -12,7 +12,7 @@
 //!
 //! No number is added by atomics, so gradients are the same, bit by bit, each time on one adapter.
 
-use super::buffers::{Extent, Growing, Memory, READ_BACK, Room, WRITTEN};
+use super::buffers::{Extent, GrowingBuffer, Memory, READ_BACK, Room, WRITTEN};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::lists::{self, CHUNKS, Entries};
@@ -37,7 +37,7 @@ use crate::stages::optimize::gpu::Rows;
 use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
 use crate::stages::rasterize::gpu::Rasterize;
 use crate::stages::rasterize_backward::GradientSlot;
-use crate::stages::rasterize_backward::gpu::{Kept, RasterizeBackward, by_sums};
+use crate::stages::rasterize_backward::gpu::{ForwardPictures, RasterizeBackward, by_sums};
 use std::sync::Arc;
 use web_time::Instant;
 use wm_scene::{Camera, Splats, sh};
@@ -53,7 +53,7 @@ pub struct GpuDifferentiable {
     pub(super) pool: Arc<rayon::ThreadPool>,
     pub(super) model: StoredModel,
     pub(super) memory: Memory,
-    kept: [Growing; 10],
+    kept: [GrowingBuffer; 10],
     pub(super) capacity: Capacity,
     comparer: Comparer,
     pub(super) clock: Option<Clock>,
@@ -64,7 +64,7 @@ pub struct GpuDifferentiable {
 }
 
 /// The destination of the pictures of a forward pass.
-pub(super) enum Seen<'a> {
+pub(super) enum ForwardTarget<'a> {
     /// They come back.
     Read(&'a mut Frame),
     /// Pictures are compared on the GPU.
@@ -206,7 +206,7 @@ impl GpuDifferentiable {
         &mut self,
         camera: &Camera,
         config: &ForwardConfig,
-        mut seen: Seen<'_>,
+        mut seen: ForwardTarget<'_>,
     ) -> Result<(Stats, Compared), RenderError> {
         let started = Instant::now();
         let gpu = Arc::clone(&self.gpu);
@@ -220,8 +220,8 @@ impl GpuDifferentiable {
         loop {
             let pieces = self.model.uniforms(config);
             let compare = match &seen {
-                Seen::Read(_) => None,
-                Seen::Compared(wanted) => {
+                ForwardTarget::Read(_) => None,
+                ForwardTarget::Compared(wanted) => {
                     Some((*wanted, self.comparer.room(&gpu, wanted, size, sight.tile_count())?))
                 }
             };
@@ -257,7 +257,7 @@ impl GpuDifferentiable {
             if let Some(clock) = &self.clock {
                 parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut self.ticks)));
             }
-            if let Seen::Read(frame) = &mut seen {
+            if let ForwardTarget::Read(frame) = &mut seen {
                 parts.extend::<[Part<'_>; 4]>([
                     (&own.rgb, 0, bytemuck::cast_slice_mut(&mut frame.rgb)),
                     (&room.alpha, 0, bytemuck::cast_slice_mut(&mut frame.alpha)),
@@ -442,8 +442,8 @@ fn record_forward<'a>(
     recorder
 }
 
-fn kept(room: &Room) -> Kept<'_> {
-    Kept { rgb: &room.rgb, alpha: &room.alpha, depths: &room.depths, normal: &room.normal }
+fn kept(room: &Room) -> ForwardPictures<'_> {
+    ForwardPictures { rgb: &room.rgb, alpha: &room.alpha, depths: &room.depths, normal: &room.normal }
 }
 
 /// Returns `N` numbers of a row from `first` on.
@@ -494,7 +494,7 @@ impl Differentiable for GpuDifferentiable {
         pool.install(|| {
             gpu.check()?;
             self.model.write(&gpu, splats)?;
-            self.forward_on_pool(camera, config, Seen::Read(frame)).map(|(stats, _)| stats)
+            self.forward_on_pool(camera, config, ForwardTarget::Read(frame)).map(|(stats, _)| stats)
         })
     }
 

@@ -314,7 +314,7 @@ impl<'a> GpuPass<'a> {
         composite.record(recorder, self.pixels(), *form, self.particles);
     }
 
-    /// The pictures that come back, in the order of [`super::readback::Returned`], of no bytes
+    /// The pictures that come back, in the order of [`super::readback::ReadbackResults`], of no bytes
     /// where they are not wanted.
     pub(crate) fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
         let plane = 4 * u64::from(self.pixels());

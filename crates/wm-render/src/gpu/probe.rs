@@ -1,6 +1,6 @@
 //! For tests: what lies in the GPU's buffers after a frame, and stages by themselves.
 
-use super::buffers::Growing;
+use super::buffers::GrowingBuffer;
 use super::device::Gpu;
 use super::lists::listed;
 use super::recorder::Recorder;
@@ -43,7 +43,7 @@ impl Probe {
 /// All words of a buffer.
 pub(crate) fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
     let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-    let staging = Growing::default().fit_unbound(gpu, "a look", buffer.size(), usage).unwrap();
+    let staging = GrowingBuffer::default().fit_unbound(gpu, "a look", buffer.size(), usage).unwrap();
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
     gpu.queue.submit([encoder.finish()]);

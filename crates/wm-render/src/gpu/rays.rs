@@ -1,6 +1,6 @@
 //! Splats in the GPU's memory for rays from anywhere, see [`crate::stages::rays`].
 
-use super::buffers::{Growing, READ_BACK, WRITTEN};
+use super::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
 use super::device::{AdapterKind, Gpu};
 use super::error::GpuError;
 use super::readback::copy;
@@ -70,8 +70,8 @@ struct ColorPiece {
 /// Memory that is kept from call to call.
 #[derive(Default)]
 struct Working {
-    kept: [Growing; 19],
-    staging: Growing,
+    kept: [GrowingBuffer; 19],
+    staging: GrowingBuffer,
     /// Entries that there is room for.
     entries: u32,
 }
@@ -87,7 +87,7 @@ struct Part<'a> {
 }
 
 /// The outcome of tracing some packets.
-enum Fit {
+enum TraceOutcome {
     /// They are traced.
     Whole,
     /// They have more entries together than are held at once.
@@ -197,12 +197,12 @@ impl GpuRaySplats {
                 let part = Part { group, packets: range.clone(), cones: &cones, sums };
                 let numbers = ray_words(rays, &packets, &part);
                 match self.run(&mut working, &part, &numbers, &mut made)? {
-                    Fit::Whole => take(&mut hits, &packets, &part, &made),
-                    Fit::TooMany => {
+                    TraceOutcome::Whole => take(&mut hits, &packets, &part, &made),
+                    TraceOutcome::TooMany => {
                         let middle = range.start + (range.end - range.start) / 2;
                         todo.extend([middle..range.end, range.start..middle]);
                     }
-                    Fit::TooLong => return Ok(None),
+                    TraceOutcome::TooLong => return Ok(None),
                 }
             }
         }
@@ -216,7 +216,7 @@ impl GpuRaySplats {
         part: &Part<'_>,
         rays: &[f32],
         made: &mut Vec<u32>,
-    ) -> Result<Fit, GpuError> {
+    ) -> Result<TraceOutcome, GpuError> {
         // One packet has an entry a splat at most, for which there is always room.
         let most = (self.gpu.most_binding() / 4).min(u64::from(self.most_entries)) as u32;
         let most = most.max(self.count);
@@ -226,10 +226,10 @@ impl GpuRaySplats {
             if needed <= working.entries {
                 let is_too_long =
                     longest > MAX_ENTRIES_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
-                return Ok(if is_too_long { Fit::TooLong } else { Fit::Whole });
+                return Ok(if is_too_long { TraceOutcome::TooLong } else { TraceOutcome::Whole });
             }
             if needed > most {
-                return Ok(Fit::TooMany);
+                return Ok(TraceOutcome::TooMany);
             }
             working.entries = needed.saturating_add(needed / 4).min(most);
         }

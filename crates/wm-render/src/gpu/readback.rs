@@ -1,6 +1,6 @@
 //! Reads back counts, times and pictures in one buffer, which is mapped once.
 
-use super::buffers::{Growing, Room};
+use super::buffers::{GrowingBuffer, Room};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::pass::GpuPass;
@@ -16,7 +16,7 @@ use wgpu::BufferUsages;
 
 /// The counts of one pass on the GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Counted {
+pub(crate) struct PassCounts {
     /// Splats in view, also those without room.
     pub(crate) visible: u32,
     /// Entries of tile lists likewise, of the splats that had room.
@@ -30,7 +30,7 @@ pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
 
 /// The results that several passes send back together: of each its counts, its times and its
 /// pictures.
-pub(crate) struct WayBack {
+pub(crate) struct Readback {
     staging: wgpu::Buffer,
     /// The start of those of each pass, and the end of all.
     starts: Vec<u64>,
@@ -38,13 +38,13 @@ pub(crate) struct WayBack {
     recorded: usize,
 }
 
-impl WayBack {
+impl Readback {
     const COUNTERS: u64 = 4 * COUNTER_WORDS;
 
     /// Makes room for what `passes` send back out of `room`.
     pub(crate) fn new(
         gpu: &Gpu,
-        staging: &mut Growing,
+        staging: &mut GrowingBuffer,
         clock: Option<&Clock>,
         passes: &[GpuPass<'_>],
         room: &Room,
@@ -77,7 +77,7 @@ impl WayBack {
     }
 
     /// Submits the commands, and waits for what they made.
-    pub(crate) async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<Returned, GpuError> {
+    pub(crate) async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<ReadbackResults, GpuError> {
         let Self { staging, starts, recorded } = self;
         let bytes = starts[recorded];
         recorder.submit();
@@ -85,12 +85,12 @@ impl WayBack {
         mapped(gpu, &staging, bytes).await?;
         let view = staging.slice(..bytes).get_mapped_range();
         let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
-        Ok(Returned { view: Some(view), staging, starts, taken: 0 })
+        Ok(ReadbackResults { view: Some(view), staging, starts, taken: 0 })
     }
 }
 
 /// The results that came back; their memory is unmapped when this is dropped.
-pub(crate) struct Returned {
+pub(crate) struct ReadbackResults {
     /// `None` only while it is dropped.
     view: Option<wgpu::BufferView>,
     staging: wgpu::Buffer,
@@ -99,31 +99,31 @@ pub(crate) struct Returned {
     taken: usize,
 }
 
-impl Drop for Returned {
+impl Drop for ReadbackResults {
     fn drop(&mut self) {
         self.view = None;
         self.staging.unmap();
     }
 }
 
-impl Returned {
+impl ReadbackResults {
     fn bytes(&self) -> &[u8] {
         self.view.as_deref().unwrap_or_default()
     }
 
     /// The counts of each pass.
-    pub(crate) fn counted(&self) -> impl Iterator<Item = Counted> {
+    pub(crate) fn counted(&self) -> impl Iterator<Item = PassCounts> {
         let passes = self.starts.len() - 1;
         (0..passes).map(|pass| self.counted_in(pass))
     }
 
-    fn counted_in(&self, pass: usize) -> Counted {
+    fn counted_in(&self, pass: usize) -> PassCounts {
         let mut counters = [0u32; COUNTER_WORDS as usize];
         let from = &self.bytes()[self.starts[pass] as usize..];
         let to: &mut [u8] = bytemuck::cast_slice_mut(&mut counters);
         to.copy_from_slice(&from[..to.len()]);
         let [_, _, visible, entries, walked] = counters;
-        Counted { visible, entries, walked }
+        PassCounts { visible, entries, walked }
     }
 
     /// Takes what the next pass sent: its pictures, whose arrays have their sizes, and its times.
@@ -135,11 +135,11 @@ impl Returned {
         hidden: &mut [f32],
         clock: Option<&Clock>,
         stats: &mut Stats,
-    ) -> Counted {
+    ) -> PassCounts {
         let pass = self.taken;
         self.taken += 1;
         let (start, end) = (self.starts[pass] as usize, self.starts[pass + 1] as usize);
-        let mut rest = &self.bytes()[start + WayBack::COUNTERS as usize..end];
+        let mut rest = &self.bytes()[start + Readback::COUNTERS as usize..end];
         let mut fill = |to: &mut [u8]| {
             let (own, later) = rest.split_at(to.len());
             to.copy_from_slice(own);
@@ -172,7 +172,7 @@ pub(crate) type Part<'a> = (&'a wgpu::Buffer, u64, &'a mut [u8]);
 pub(crate) fn copy(
     gpu: &Gpu,
     mut recorder: Recorder<'_>,
-    staging: &mut Growing,
+    staging: &mut GrowingBuffer,
     parts: &mut [Part<'_>],
 ) -> Result<(), GpuError> {
     let bytes = parts.iter().map(|(.., array)| array.len() as u64).sum();

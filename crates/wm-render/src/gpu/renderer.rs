@@ -5,7 +5,7 @@ use super::device::Gpu;
 use super::hosted;
 use super::model::GpuModel;
 use super::pass::GpuPass;
-use super::readback::{Part, Returned, WayBack, copy};
+use super::readback::{Part, Readback, ReadbackResults, copy};
 use super::recorder::{Clock, Recorder};
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, WORKGROUP};
 use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
@@ -143,7 +143,7 @@ impl GpuRenderer {
             // Let go of first, or nothing that grows is freed.
             *last = None;
             let room = memory.room(gpu, &extent)?;
-            let mut way_back = WayBack::new(gpu, &mut memory.staging, clock, &work, &room)?;
+            let mut way_back = Readback::new(gpu, &mut memory.staging, clock, &work, &room)?;
             let structures = |work: &[GpuPass<'_>], capacity: Capacity| {
                 let all: Vec<Uniform> = work.iter().flat_map(|pass| pass.uniforms(capacity)).collect();
                 gpu.write(&room.uniforms, 0, &bytes_of(&all));
@@ -236,7 +236,7 @@ impl GpuRenderer {
 fn take(
     passes: &[FramePass<'_>],
     work: &[GpuPass<'_>],
-    mut returned: Option<Returned>,
+    mut returned: Option<ReadbackResults>,
     path: SimdPath,
     clock: Option<&Clock>,
     pictures: &mut Pictures,

@@ -1,9 +1,9 @@
 //! Splats that learn on the GPU: they stay there with what the optimiser remembers, and only
 //! pictures and a loss's derivatives by these cross over.
 
-use super::buffers::{Growing, READ_BACK, WRITTEN};
+use super::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
 use super::device::Gpu;
-use super::differentiable::{GpuDifferentiable, Seen};
+use super::differentiable::{ForwardTarget, GpuDifferentiable};
 use super::error::GpuError;
 use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, SLOT, Uniform, bytes_of};
@@ -20,8 +20,8 @@ use wm_scene::Camera;
 /// The gradients of the step under way, beside which other renders are derived.
 #[derive(Default)]
 pub(crate) struct StepRows {
-    kept: [Growing; 3],
-    uniforms: Growing,
+    kept: [GrowingBuffer; 3],
+    uniforms: GrowingBuffer,
     last: Option<Last>,
 }
 
@@ -113,7 +113,8 @@ impl Resident for GpuDifferentiable {
         assert!(self.model.learns(), "splats are loaded first");
         config.check_view(self.model.sh_degree(), camera, frame)?;
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(camera, config, Seen::Read(frame))).map(|(stats, _)| stats)
+        pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Read(frame)))
+            .map(|(stats, _)| stats)
     }
 
     fn compare(
@@ -127,7 +128,7 @@ impl Resident for GpuDifferentiable {
         assert_eq!(comparison.rgb.len(), 3 * pixels, "a photo of the picture's size");
         config.check_camera(self.model.sh_degree(), camera)?;
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(camera, config, Seen::Compared(comparison)))
+        pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Compared(comparison)))
     }
 
     fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError> {

@@ -3,7 +3,7 @@
 
 mod rearranged;
 
-use super::buffers::{Growing, READ_BACK};
+use super::buffers::{GrowingBuffer, READ_BACK};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::readback::{Part as Back, copy};
@@ -37,8 +37,8 @@ struct Part {
 /// The splats of a training.
 #[derive(Default)]
 pub(crate) struct StoredModel {
-    kept: Vec<[Growing; 4]>,
-    kept_known: Growing,
+    kept: Vec<[GrowingBuffer; 4]>,
+    kept_known: GrowingBuffer,
     parts: Vec<Part>,
     known: Option<wgpu::Buffer>,
     len: usize,
@@ -224,7 +224,7 @@ impl StoredModel {
     fn read_known(
         &self,
         gpu: &Gpu,
-        staging: &mut Growing,
+        staging: &mut GrowingBuffer,
         pulls: &mut DensifyStats,
         seen: &mut [u32],
     ) -> Result<(), GpuError> {
@@ -290,7 +290,7 @@ impl StoredModel {
     pub(crate) fn read_learnt(
         &self,
         gpu: &Gpu,
-        staging: &mut Growing,
+        staging: &mut GrowingBuffer,
         learnt: LearntMut<'_>,
     ) -> Result<(), GpuError> {
         let LearntMut { splats, moments, pulls, seen } = learnt;
@@ -374,7 +374,7 @@ impl StoredModel {
 /// Reads back the first numbers of buffers.
 fn back(
     gpu: &Gpu,
-    staging: &mut Growing,
+    staging: &mut GrowingBuffer,
     parts: &mut [(&wgpu::Buffer, &mut Vec<f32>)],
 ) -> Result<(), GpuError> {
     // A buffer that is never bound stands for structures: nothing is dispatched.

@@ -27,7 +27,7 @@ pub(crate) struct ReferenceHit {
 }
 
 /// One splat that a ray meets.
-struct Met {
+struct MetSplat {
     splat: usize,
     order: f64,
     distance: f64,
@@ -45,7 +45,7 @@ pub(crate) fn trace(
     direction: DVec3,
     center: DVec3,
 ) -> ReferenceHit {
-    let mut met: Vec<Met> = Vec::new();
+    let mut met: Vec<MetSplat> = Vec::new();
     for splat in (0..splats.len()).filter(|splat| is_met(*splat) && splats.is_sound(*splat)) {
         let mean = DVec3::from_array(splats.means[splat].map(f64::from));
         let scales = splats.scales(splat);
@@ -65,13 +65,13 @@ pub(crate) fn trace(
         }
         let is_sure = alpha > cut * 1.002;
         let alpha = if alpha < cut { 0.0 } else { alpha.min(f64::from(MAX_ALPHA)) };
-        met.push(Met { splat, order: (mean - center).length(), distance, alpha, is_sure });
+        met.push(MetSplat { splat, order: (mean - center).length(), distance, alpha, is_sure });
     }
     met.sort_by(|a, b| a.order.total_cmp(&b.order).then(a.splat.cmp(&b.splat)));
     let mut found = ReferenceHit { margin: f64::INFINITY, ..ReferenceHit::default() };
     let mut transmittance = 1.0;
     let mut sums = Vec::new();
-    for Met { splat, distance, alpha, is_sure, .. } in met {
+    for MetSplat { splat, distance, alpha, is_sure, .. } in met {
         let after = transmittance * (1.0 - alpha);
         let end = f64::from(MIN_TRANSMITTANCE);
         if !is_sure {

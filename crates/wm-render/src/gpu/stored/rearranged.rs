@@ -3,7 +3,7 @@
 
 use super::{Part, StoredModel, USAGE, back, most_in_part, piece, shapes, skies, ungroup_shapes};
 use crate::gpu::Gpu;
-use crate::gpu::buffers::{Growing, WRITTEN};
+use crate::gpu::buffers::{GrowingBuffer, WRITTEN};
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Groups, Recorder, Stage, with_buffers};
 use crate::gpu::source::WORKGROUP;
@@ -23,7 +23,7 @@ impl StoredModel {
     ///
     /// # Panics
     /// If nothing learns here.
-    pub(crate) fn read_shapes(&self, gpu: &Gpu, staging: &mut Growing) -> Result<Shapes, GpuError> {
+    pub(crate) fn read_shapes(&self, gpu: &Gpu, staging: &mut GrowingBuffer) -> Result<Shapes, GpuError> {
         let (splats, pulls) = (Splats::zeroed(self.len, 0), DensifyStats::new(self.len));
         let mut read = Shapes { splats, pulls, seen: vec![0; self.len] };
         self.read_known(gpu, staging, &mut read.pulls, &mut read.seen)?;
@@ -66,7 +66,7 @@ impl StoredModel {
         }
         // What is moved belongs to the parts alone.
         for kept in &mut self.kept {
-            kept[1..].iter_mut().for_each(|kept| *kept = Growing::default());
+            kept[1..].iter_mut().for_each(|kept| *kept = GrowingBuffer::default());
         }
         self.kept.resize_with(ranges.len(), Default::default);
         let moving = Moving { gpu, sources: &sources, places: &places, ranges: &ranges };

@@ -14,7 +14,7 @@ use crate::differentiable::{Channels, DepthAlpha, ForwardConfig, Upstream};
 use crate::frame::MIN_ALPHA;
 use crate::reference::frame::{CUT_BAND, ORDER_BAND, STOP_BAND};
 use crate::stages::rasterize::{LOG2_MAX_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE};
-use splat::{Splat, SplatDecisions, SplatPulls};
+use splat::{Splat, SplatDecisions, SplatDerivatives};
 use std::f64::consts::LN_2;
 use wm_scene::{Camera, Splats, sh};
 
@@ -292,7 +292,7 @@ pub(crate) fn gradients(
 ) -> ReferenceGradients {
     upstream.check(decisions.pixels.len(), config.channels);
     let splats = project(parameters, camera, config, decisions);
-    let mut pulls: Vec<SplatPulls> = vec![SplatPulls::default(); splats.len()];
+    let mut pulls: Vec<SplatDerivatives> = vec![SplatDerivatives::default(); splats.len()];
     for pixel in 0..decisions.pixels.len() {
         let touches = touches(decisions, &splats, pixel, camera);
         let sums = Sums::of(&touches, &splats);
@@ -336,7 +336,7 @@ fn pixel_gradients(
     covered: bool,
     upstream: &Upstream<'_>,
     pixel: usize,
-    pulls: &mut [SplatPulls],
+    pulls: &mut [SplatDerivatives],
 ) {
     let read = |values: &[f32], at: usize| values.get(at).map_or(0.0, |v| f64::from(*v));
     let by_rgb = [0, 1, 2].map(|k| read(upstream.rgb, 3 * pixel + k));

@@ -27,7 +27,7 @@ pub(crate) struct SplatDecisions {
 /// Sums over pixels, what the blending pulls on one splat. See
 /// [`rasterize_backward`](crate::stages::rasterize_backward).
 #[derive(Clone, Debug, Default)]
-pub(crate) struct SplatPulls {
+pub(crate) struct SplatDerivatives {
     /// Sums of s, s u, s v, s u^2, s u v, s v^2.
     pub(crate) moments: [f64; 6],
     /// Sums of |s dq/dx| ln 2 and |s dq/dy| ln 2.
@@ -200,7 +200,7 @@ impl Splat {
     }
 
     /// By the centre, px.
-    pub(crate) fn mean2d_gradient(&self, pulls: &SplatPulls) -> [f64; 2] {
+    pub(crate) fn mean2d_gradient(&self, pulls: &SplatDerivatives) -> [f64; 2] {
         self.slope(pulls.moments[1], pulls.moments[2]).map(|v| LN_2 * v)
     }
 
@@ -219,7 +219,7 @@ impl Splat {
         i: usize,
         camera: &Camera,
         config: &ForwardConfig,
-        pulls: &SplatPulls,
+        pulls: &SplatDerivatives,
         out: &mut Parameters,
     ) {
         let [s0, _, _, s_uu, s_uv, s_vv] = pulls.moments;

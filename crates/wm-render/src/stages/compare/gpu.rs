@@ -3,7 +3,7 @@
 use super::{Compared, Comparison, PixelPrior, Term};
 use crate::differentiable::Channels;
 use crate::gpu::Gpu;
-use crate::gpu::buffers::{Growing, READ_BACK, WRITTEN};
+use crate::gpu::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage};
 use crate::gpu::source::{StagePrograms, WORKGROUP, switches, texts};
@@ -163,7 +163,7 @@ pub(crate) struct Comparer {
     photos: HashMap<(usize, u32, u32), Photo>,
     /// Counts comparisons.
     clock: u64,
-    kept: [Growing; 5],
+    kept: [GrowingBuffer; 5],
 }
 
 /// A photo on the device.

@@ -6,7 +6,7 @@ use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{COLOR, StagePrograms, TRAINING, WORKGROUP, switches, texts};
 use crate::stages::particles::gpu::OVER;
-use crate::stages::rasterize_backward::gpu::Kept;
+use crate::stages::rasterize_backward::gpu::ForwardPictures;
 use std::borrow::Cow;
 
 /// The form of the background behind the splats.
@@ -137,7 +137,7 @@ impl Composite<'_> {
 
 /// The buffers that `finish.wgsl` reads and writes: the pictures of a step of training.
 pub(crate) struct Finish<'a> {
-    pub(crate) kept: Kept<'a>,
+    pub(crate) kept: ForwardPictures<'a>,
     pub(crate) rgb: &'a wgpu::Buffer,
     pub(crate) depths: &'a wgpu::Buffer,
     pub(crate) normal: &'a wgpu::Buffer,

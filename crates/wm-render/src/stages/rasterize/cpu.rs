@@ -517,7 +517,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
             at[k] = usize::from(flight[k]);
         }
         let (_, alpha) = alphas::<S, true>(simd, batch, &at, px, py);
-        let mut parting = Parting::Both;
+        let mut parting = SurfaceSplit::Both;
         let mut weights = [zero; FLIGHT];
         let mut reciprocals = [zero; FLIGHT];
         if SPLIT {
@@ -529,11 +529,11 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
             let least = reciprocals[0].min(reciprocals[1]).min(reciprocals[2].min(reciprocals[3]));
             let most = reciprocals[0].max(reciprocals[1]).max(reciprocals[2].max(reciprocals[3]));
             parting = match () {
-                () if least.simd_gt(surface).all_true() => Parting::Before,
-                () if !most.simd_gt(surface).any_true() => Parting::Behind,
-                () => Parting::Both,
+                () if least.simd_gt(surface).all_true() => SurfaceSplit::Before,
+                () if !most.simd_gt(surface).any_true() => SurfaceSplit::Behind,
+                () => SurfaceSplit::Both,
             };
-            if is_whole && parting != Parting::Before {
+            if is_whole && parting != SurfaceSplit::Before {
                 is_whole = false;
                 front = [features[0], features[1], features[2], zero, alpha_sum];
             }
@@ -566,11 +566,11 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
         if SPLIT && !is_whole {
             for k in 0..FLIGHT {
                 let before = reciprocals[k].simd_gt(surface);
-                if parting != Parting::Before {
+                if parting != SurfaceSplit::Before {
                     let behind = before.select(zero, weights[k]);
                     front[3] = behind.mul_add(reciprocals[k].max(zero), front[3]);
                 }
-                if parting != Parting::Behind {
+                if parting != SurfaceSplit::Behind {
                     let weight = before.select(weights[k], zero);
                     let rgb = batch.records[at[k]].rgb;
                     for c in 0..3 {
@@ -605,7 +605,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
 
 /// The side of the surface on which the splats of a flight are, in one block.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Parting {
+enum SurfaceSplit {
     Before,
     Behind,
     Both,

@@ -52,11 +52,11 @@ pub struct BackwardScratch {
     columns: [[f32; 16]; 8],
     rows: [[f32; 16]; 16],
     /// w and s of each splat, patch and block.
-    weighed: Box<Weighed>,
+    weighed: Box<WeightLines>,
     raw: RawUpstream,
 }
 
-type Weighed = [Line; ROWS * STRIDE];
+type WeightLines = [Line; ROWS * STRIDE];
 
 /// The first line of splat `i` of the batch at `block` of `patch`; with 16 lanes s is in the next.
 #[inline(always)]
@@ -335,7 +335,7 @@ fn weigh_block<S: Lanes, const C: usize>(
     patch: usize,
     block: usize,
     state: &mut PatchState,
-    weighed: &mut Weighed,
+    weighed: &mut WeightLines,
 ) -> (bool, usize) {
     let (zero, one) = (simd.set(0.0), simd.set(1.0));
     let lanes = block * S::N..(block + 1) * S::N;

@@ -50,7 +50,7 @@ impl StagePrograms for RasterizeBackwardProgram {
 
 /// The sums of a step of training.
 #[derive(Clone, Copy)]
-pub(crate) struct Kept<'a> {
+pub(crate) struct ForwardPictures<'a> {
     pub(crate) rgb: &'a wgpu::Buffer,
     pub(crate) alpha: &'a wgpu::Buffer,
     pub(crate) depths: &'a wgpu::Buffer,
@@ -64,7 +64,7 @@ pub(crate) fn by_sums(
     pixels: u32,
     channels: Channels,
     training: wgpu::BindingResource<'_>,
-    kept: Kept<'_>,
+    kept: ForwardPictures<'_>,
     upstream: &wgpu::Buffer,
     states: &wgpu::Buffer,
 ) {
