@@ -32,7 +32,7 @@ pub struct AnyRaySplats<'a> {
     is_met: Vec<bool>,
     /// A value for each splat.
     values: Vec<f32>,
-    /// Made when the CPU has rays to trace.
+    /// Created when the CPU first traces rays.
     cpu: OnceLock<RaySplats<'a>>,
     #[cfg(feature = "gpu")]
     gpu: Option<GpuRaySplats>,
@@ -85,7 +85,7 @@ impl<'a> AnyRaySplats<'a> {
             match gpu.trace(rays, asked) {
                 Ok(hits) => return Some(hits),
                 Err(error) => {
-                    // Of several the first tells why.
+                    // The first of several errors is kept.
                     let _ = self.fault.set(error);
                 }
             }

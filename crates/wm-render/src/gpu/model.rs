@@ -1,4 +1,4 @@
-//! Splats as the GPU keeps them: the CPU's groups of sixteen, in pieces that one binding holds.
+//! The GPU's form of splats: the CPU's groups of sixteen, in pieces that fit one binding.
 
 use super::device::Gpu;
 use super::error::GpuError;
@@ -39,7 +39,7 @@ pub(crate) struct GpuModel {
 /// Attributes of the splats of a set that stay from frame to frame.
 #[derive(Default)]
 struct KeptAttributes {
-    /// The revision that was asked for last.
+    /// The revision that was requested last.
     last: Option<Revision>,
     uploaded: Option<(Revision, wgpu::Buffer)>,
 }
@@ -108,14 +108,14 @@ impl GpuModel {
         Ok(Some(buffer))
     }
 
-    /// Blocks of 256 splats in it.
+    /// Returns the number of blocks of 256 splats.
     #[must_use]
     pub(crate) fn blocks(&self) -> u32 {
         (self.source.len() / CLUSTER) as u32
     }
 }
 
-/// The numbers of `groups` in the order of `geometry.wgsl`.
+/// Returns the numbers of `groups` in the order of `geometry.wgsl`.
 fn rows(model: &CpuModel, groups: std::ops::Range<usize>) -> Vec<f32> {
     let mut rows = Vec::with_capacity(groups.len() * ROWS as usize * GROUP);
     for index in groups {

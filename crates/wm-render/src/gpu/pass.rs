@@ -37,7 +37,7 @@ pub(crate) struct GpuPass<'a> {
     particles: ParticleBlend,
     /// The particles in view, and how many; `None` until [`Self::host`] has found them.
     drops: Option<(wgpu::Buffer, u32)>,
-    /// The first of its slots among those of all passes that are submitted together.
+    /// The first slot of the pass among those of all passes that are submitted together.
     pub(crate) first_slot: usize,
 }
 
@@ -102,7 +102,7 @@ impl<'a> GpuPass<'a> {
         let (width, height) = (pass.camera.width, pass.camera.height);
         let form = hosted::background_form(&backdrop);
         let buffer = match form {
-            // Painted later, while the GPU draws splats.
+            // The picture is painted later, while the GPU draws splats.
             BackgroundForm::Picture => memory.background(gpu, &[])?,
             form => memory.background(gpu, &hosted::background(&backdrop, form, width, height))?,
         };
@@ -126,8 +126,8 @@ impl<'a> GpuPass<'a> {
         })
     }
 
-    /// Puts the indices of splats as they were loaded in the place of those of the model, where the
-    /// pass gives splats instead of depths.
+    /// Replaces the model's indices of splats with those of the loaded set, if the pass renders
+    /// splat indices instead of depths.
     pub(crate) fn name_splats(&self, frame: &mut Frame) {
         if self.pass.config.outputs.median_depth != MedianDepth::Splat {
             return;
@@ -145,8 +145,8 @@ impl<'a> GpuPass<'a> {
         self.sets.iter().map(|(model, ..)| model.source.len()).sum()
     }
 
-    /// Returns true if the CPU gathers particles or paints a background for it, which takes about
-    /// as long as the GPU takes for the splats.
+    /// Returns true if the CPU gathers particles or paints a background for the pass, which takes
+    /// about as long as the GPU takes for the splats.
     pub(crate) fn is_hosted(&self) -> bool {
         self.background.0 == BackgroundForm::Picture || !self.pass.particles().is_empty()
     }
@@ -209,7 +209,7 @@ impl<'a> GpuPass<'a> {
         uniforms
     }
 
-    /// Number of [`Self::uniforms`].
+    /// Returns the number of [`Self::uniforms`].
     pub(crate) fn slots(&self) -> usize {
         CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
     }
@@ -237,7 +237,7 @@ impl<'a> GpuPass<'a> {
     /// one may have one.
     pub(crate) fn upload_surface(&self, gpu: &Gpu, room: &Room) {
         let Some(surface) = self.pass.surface else { return };
-        // Where there is none, everything is before it.
+        // Without a surface, everything is in front of it.
         let depths: Vec<f32> = surface.depth.iter().map(|z| if z.is_nan() { 0.0 } else { 1.0 / z }).collect();
         let at = SURFACE_PLANE * 4 * u64::from(self.pixels());
         gpu.write(&room.depths, at, bytemuck::cast_slice(&depths));
@@ -263,7 +263,7 @@ impl<'a> GpuPass<'a> {
         let pieces = self.pieces(recorder);
         lists::front(recorder, room, &pieces, self.pass.shading, None);
         let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
-        // The lists are made, and nothing reads the counts any more.
+        // The lists are complete, and nothing reads the counts any more.
         recorder.encoder().clear_buffer(&room.counts, 0, None);
         recorder.begin(Stage::Rasterize);
         rasterize_of(room, listed.1).record_weights(recorder, self.tiles(), &room.counts);

@@ -1,4 +1,4 @@
-//! For tests: what lies in the GPU's buffers after a frame, and stages by themselves.
+//! For tests: reads the GPU's buffers after a frame, and runs single stages.
 
 use super::buffers::GrowingBuffer;
 use super::device::Gpu;
@@ -52,7 +52,7 @@ pub(crate) fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
     bytemuck::pod_collect_to_vec(&view)
 }
 
-/// A buffer that holds these words.
+/// Makes a buffer with the given words.
 fn filled(gpu: &Gpu, words: &[u32], more: BufferUsages) -> wgpu::Buffer {
     let bytes: &[u8] = bytemuck::cast_slice(words);
     let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC | more;
@@ -83,7 +83,7 @@ pub(crate) fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]
     (read(gpu, &buffer)[..sums.len()].to_vec(), [counters[1], counters[3]])
 }
 
-/// The pairs of `keys` and their indices, sorted by the lowest `bits` bits.
+/// Returns the pairs of `keys` and their indices, sorted by the lowest `bits` bits.
 pub(crate) fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
     let buffer = |words: &[u32], more| filled(gpu, words, BufferUsages::STORAGE | more);
     let (count, none) = (keys.len() as u32, BufferUsages::empty());

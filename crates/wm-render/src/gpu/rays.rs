@@ -1,4 +1,4 @@
-//! Splats in the GPU's memory for rays from anywhere, see [`crate::stages::rays`].
+//! Splats for rays in the GPU's memory, see [`crate::stages::rays`].
 
 use super::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
 use super::device::{AdapterKind, Gpu};
@@ -25,17 +25,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::BufferUsages;
 use wm_scene::Splats;
 
-/// Entries of packets' lists that are held at once, at most, unless there are more splats: 256 MiB
-/// with the room to sort them. Packets that have more together are traced one part after the other.
+/// Most entries of packets' lists that are held at once, unless there are more splats: 256 MiB with
+/// the buffers to sort them. Packets that have more together are traced in several parts.
 const MAX_ENTRIES: u32 = 1 << 24;
-/// Packets that are traced at once, at most: a million rays.
+/// Most packets that are traced at once: a million rays.
 const MAX_PACKETS: u32 = 1 << 14;
-/// Angles from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a
-/// packet where the curve that orders rays jumps, would have lists of most splats. The narrower
-/// ones are for lists that are still too long; in the last each packet is one ray.
+/// Largest angles between the axis of a packet and its rays, radians. A few rays in all directions,
+/// or a packet where the curve that orders rays jumps, would have most splats in their lists. The
+/// next smaller angle is tried if a list is still too long; with the last each packet is one ray.
 const MAX_PACKET_ANGLES: [f64; 4] = [0.2, 0.05, 0.01, 0.0];
-/// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread
-/// after 65,535 turns, of which blending takes three an entry.
+/// Most entries of one packet on a GPU in software: Mesa's ends all loops of a thread after 65,535
+/// turns, of which blending takes three per entry.
 const MAX_ENTRIES_IN_SOFTWARE: u32 = 20_000;
 /// Bytes of coefficients of colour that are uploaded at once.
 const COLOR_BYTES: u64 = 64 << 20;
@@ -49,11 +49,11 @@ const PIECES: usize = PACKET_PASSES + 4;
 /// Splats that rays can meet, in the memory of a GPU: the twin of [`RaySplats`](crate::RaySplats).
 pub struct GpuRaySplats {
     gpu: Arc<Gpu>,
-    /// In Morton order, as the CPU's.
+    /// In Morton order, like those of the CPU.
     records: wgpu::Buffer,
     count: u32,
     colors: Vec<ColorPiece>,
-    /// Numbers of colour of a splat.
+    /// Coefficients of colour per splat.
     sh_stride: u32,
     /// See [`MAX_ENTRIES`].
     most_entries: u32,
@@ -72,7 +72,7 @@ struct ColorPiece {
 struct Working {
     kept: [GrowingBuffer; 19],
     staging: GrowingBuffer,
-    /// Entries that there is room for.
+    /// Capacity of the lists, entries.
     entries: u32,
 }
 
@@ -88,11 +88,11 @@ struct Part<'a> {
 
 /// The outcome of tracing some packets.
 enum TraceOutcome {
-    /// They are traced.
+    /// All packets are traced.
     Whole,
-    /// They have more entries together than are held at once.
+    /// The packets have more entries together than can be held at once.
     TooMany,
-    /// One of them has more than a GPU in software walks.
+    /// One packet has more entries than a GPU in software can walk.
     TooLong,
 }
 
@@ -209,7 +209,7 @@ impl GpuRaySplats {
         Ok(Some(hits))
     }
 
-    /// Traces some packets, with more room until it is enough.
+    /// Traces some packets; grows the lists until they are large enough.
     fn run(
         &self,
         working: &mut Working,
@@ -217,7 +217,7 @@ impl GpuRaySplats {
         rays: &[f32],
         made: &mut Vec<u32>,
     ) -> Result<TraceOutcome, GpuError> {
-        // One packet has an entry a splat at most, for which there is always room.
+        // One packet has at most one entry per splat, for which the lists always have room.
         let most = (self.gpu.most_binding() / 4).min(u64::from(self.most_entries)) as u32;
         let most = most.max(self.count);
         working.entries = working.entries.max(self.count.max(1 << 16)).min(most);
@@ -345,7 +345,7 @@ impl GpuRaySplats {
                 buffers.see(&mut recorder, part.sums, PIECES + at, &order, &piece.sh);
             }
         } else if part.sums.has_normal() {
-            // Without colours one piece is all records, and its coefficients are not read.
+            // Without colours one piece covers all records, and its coefficients are not read.
             buffers.see(&mut recorder, part.sums, PIECES, &order, &counts);
         }
         buffers.blend(&mut recorder, part.sums, packets, &offsets, &lists, &ray_buffer, &hits);
@@ -365,7 +365,7 @@ impl GpuRaySplats {
     }
 }
 
-/// The cones of a group's tree as `touch.wgsl` reads them, level by level.
+/// Returns the cones of a group's tree in the layout of `touch.wgsl`, level by level.
 fn cones(group: &RayGroup) -> Vec<f32> {
     let mut numbers = Vec::new();
     let mut size = group.packets.len();
@@ -381,7 +381,8 @@ fn cones(group: &RayGroup) -> Vec<f32> {
     numbers
 }
 
-/// The rays of some packets as `blend.wgsl` reads them, each packet filled up to [`PACKET`].
+/// Returns the rays of some packets in the layout of `blend.wgsl`, each packet padded to
+/// [`PACKET`].
 fn ray_words(rays: &Rays, packets: &Packets, part: &Part<'_>) -> Vec<f32> {
     let mut numbers = Vec::with_capacity(part.packets.len() * PACKET * RAY_WORDS);
     for packet in part.packets.clone() {
@@ -398,7 +399,7 @@ fn ray_words(rays: &Rays, packets: &Packets, part: &Part<'_>) -> Vec<f32> {
     numbers
 }
 
-/// Takes the results of some packets to those of all rays.
+/// Copies the results of some packets to those of all rays.
 fn take(hits: &mut RayHits, packets: &Packets, part: &Part<'_>, made: &[u32]) {
     let words = HIT_WORDS + part.sums.features();
     for (at, of_packet) in made.chunks_exact(words * PACKET).enumerate() {

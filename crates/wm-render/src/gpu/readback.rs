@@ -17,9 +17,9 @@ use wgpu::BufferUsages;
 /// The counts of one pass on the GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PassCounts {
-    /// Splats in view, also those without room.
+    /// Splats in view, including those beyond the capacity.
     pub(crate) visible: u32,
-    /// Entries of tile lists likewise, of the splats that had room.
+    /// Entries of tile lists of the splats that had room, including those beyond the capacity.
     pub(crate) entries: u32,
     /// Records that all tiles walked.
     pub(crate) walked: u32,
@@ -28,8 +28,8 @@ pub(crate) struct PassCounts {
 /// A part of a buffer: buffer, offset and size, bytes.
 pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
 
-/// The results that several passes send back together: of each its counts, its times and its
-/// pictures.
+/// The results of several passes that are read back together: for each pass its counts, its times
+/// and its pictures.
 pub(crate) struct Readback {
     staging: wgpu::Buffer,
     /// The start of those of each pass, and the end of all.
@@ -61,7 +61,7 @@ impl Readback {
         Ok(Self { staging, starts, recorded: 0 })
     }
 
-    /// Records the copies of the next pass, behind its commands.
+    /// Records the copies of the results of the next pass, after its commands.
     pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, pass: &GpuPass<'_>, room: &Room) {
         let mut at = self.starts[self.recorded];
         self.recorded += 1;
@@ -76,7 +76,7 @@ impl Readback {
         }
     }
 
-    /// Submits the commands, and waits for what they made.
+    /// Submits the commands and waits for the results.
     pub(crate) async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<ReadbackResults, GpuError> {
         let Self { staging, starts, recorded } = self;
         let bytes = starts[recorded];
@@ -89,7 +89,7 @@ impl Readback {
     }
 }
 
-/// The results that came back; their memory is unmapped when this is dropped.
+/// The mapped results; the memory is unmapped when this is dropped.
 pub(crate) struct ReadbackResults {
     /// `None` only while it is dropped.
     view: Option<wgpu::BufferView>,
@@ -168,7 +168,7 @@ impl ReadbackResults {
 /// A part of a buffer, from an offset on, and where it goes.
 pub(crate) type Part<'a> = (&'a wgpu::Buffer, u64, &'a mut [u8]);
 
-/// Submits the commands, waits, and copies what they made.
+/// Submits the commands, waits, and copies the results.
 pub(crate) fn copy(
     gpu: &Gpu,
     mut recorder: Recorder<'_>,
@@ -228,7 +228,7 @@ async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuE
     result.map_err(|error| GpuError::Refused(error.to_string()))
 }
 
-/// A browser never blocks: what must come back at once is the CPU's work there.
+/// A browser never blocks: results that are needed at once are computed by the CPU there.
 #[cfg(target_arch = "wasm32")]
 pub(crate) fn wait(_: &Gpu, _: &wgpu::Buffer, _: u64) -> Result<(), GpuError> {
     Err(GpuError::Refused("a browser does not wait for its GPU".to_owned()))

@@ -1,4 +1,4 @@
-//! Writes down the dispatches of a frame, stage by stage.
+//! Records the dispatches of a frame, stage by stage.
 
 use super::device::Gpu;
 use super::error::GpuError;
@@ -49,7 +49,7 @@ impl Stage {
     const COUNT: usize = Self::ALL.len();
 }
 
-/// When stages began and ended, by the GPU's clock.
+/// Timestamps of the begin and end of stages, by the GPU's clock.
 pub(crate) struct Clock {
     queries: wgpu::QuerySet,
     /// A beginning and an end every [`Self::APART`] bytes.
@@ -94,8 +94,8 @@ impl Clock {
 /// Number and resource of each binding.
 pub(crate) type Bindings<'a> = Vec<(u32, BindingResource<'a>)>;
 
-/// `first` and, at the numbers that follow its last, whole buffers in the order in which the shader
-/// declares them.
+/// Returns `first` followed by whole buffers, with consecutive numbers in the order in which the
+/// shader declares them.
 pub(crate) fn with_buffers<'a, const N: usize>(
     mut first: Bindings<'a>,
     buffers: [&'a wgpu::Buffer; N],
@@ -108,7 +108,7 @@ pub(crate) fn with_buffers<'a, const N: usize>(
 /// The commands of one frame.
 pub(crate) struct Recorder<'a> {
     gpu: &'a Gpu,
-    /// A structure every [`SLOT`] bytes, the first of each pass `View`.
+    /// Uniform structures, one every [`SLOT`] bytes; the first of each pass is `View`.
     uniforms: &'a wgpu::Buffer,
     clock: Option<&'a Clock>,
     /// The slot of the pass's first structure.
@@ -162,7 +162,7 @@ impl<'a> Recorder<'a> {
         self.uniform(0)
     }
 
-    /// The structure in a slot of this pass.
+    /// Returns the binding of the structure in a slot of this pass.
     pub(crate) fn uniform(&self, slot: usize) -> BindingResource<'a> {
         BindingResource::Buffer(BufferBinding {
             buffer: self.uniforms,
@@ -171,7 +171,7 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// One dispatch; none of no workgroups.
+    /// Records one dispatch, unless it has no workgroups.
     pub(crate) fn dispatch(
         &mut self,
         program: impl Into<Program>,
@@ -202,13 +202,13 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// The commands outside of stages: copies and clearing.
+    /// Returns the encoder for commands outside of stages: copies and clears.
     pub(crate) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
         self.pass = None;
         &mut self.encoder
     }
 
-    /// Copies what the clock has counted to where it can be read from, behind the stages so far.
+    /// Resolves the timestamps of the stages so far to a buffer that can be read.
     pub(crate) fn tell_times(&mut self) {
         self.pass = None;
         if let Some(clock) = self.clock {

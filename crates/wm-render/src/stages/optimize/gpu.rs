@@ -47,7 +47,7 @@ impl StagePrograms for OptimizeProgram {
 pub(crate) struct Remembered<'a> {
     pub(crate) moments: &'a wgpu::Buffer,
     pub(crate) sh_moments: &'a wgpu::Buffer,
-    /// What is known of each splat, for all of them.
+    /// Step counters and statistics of all splats.
     pub(crate) known: &'a wgpu::Buffer,
 }
 

@@ -38,20 +38,20 @@ mod walk;
 /// Rays, each with an origin and a direction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rays {
-    /// The place where each begins, world axes, scene units.
+    /// Origin of each ray, world axes, scene units.
     pub origins: Vec<[f32; 3]>,
-    /// The direction of each, world axes, length 1.
+    /// Unit direction of each ray, world axes.
     pub directions: Vec<[f32; 3]>,
 }
 
 impl Rays {
-    /// Rays from one place.
+    /// Makes rays from one origin.
     #[must_use]
     pub fn from_one(origin: [f32; 3], directions: Vec<[f32; 3]>) -> Self {
         Self { origins: vec![origin; directions.len()], directions }
     }
 
-    /// The number of rays.
+    /// Returns the number of rays.
     #[must_use]
     pub fn len(&self) -> usize {
         self.directions.len()
