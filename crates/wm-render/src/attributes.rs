@@ -44,6 +44,7 @@ impl Attribute {
     }
 
     /// The name of the column's number in WGSL.
+    #[cfg(feature = "gpu")]
     #[must_use]
     pub(crate) const fn wgsl_name(self) -> &'static str {
         match self {
@@ -161,7 +162,8 @@ impl AttributeBlock {
         &self.columns[attribute as usize][group]
     }
 
-    /// The attributes of these splats.
+    /// Reads the attributes of these splats.
+    #[cfg(any(test, feature = "gpu"))]
     #[inline]
     pub(crate) fn read(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
         self.read_visibility(attributes, indices);

@@ -303,7 +303,8 @@ pub enum Channels {
 }
 
 impl Channels {
-    /// Every one.
+    /// Every combination.
+    #[cfg(feature = "gpu")]
     pub(crate) const ALL: [Self; 4] = [Self::Color, Self::ColorDepth, Self::ColorDepthNormal, Self::Depth];
 
     /// Number of sums blended.

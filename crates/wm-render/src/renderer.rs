@@ -353,6 +353,7 @@ pub struct DeviceWork {
 
 impl DeviceWork {
     /// The work since `before`.
+    #[cfg(feature = "gpu")]
     #[must_use]
     pub(crate) fn since(self, before: Self) -> Self {
         Self {

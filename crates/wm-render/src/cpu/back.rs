@@ -195,7 +195,7 @@ impl Back<'_> {
 /// Blends one tile with `features` sums (3, 4, 7, or 1: see
 /// [`Channels::Depth`](crate::differentiable::Channels)) and perhaps the median depth. One function
 /// for all callers, since every form of it is compiled for every path.
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub(crate) fn blend(
     path: SimdPath,
     features: usize,
@@ -250,7 +250,7 @@ pub(crate) fn inside(column: usize, row: usize, width: usize, height: usize) -> 
 /// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile begins
 /// at column `offset`. `narrow` is the path that moves pixels. One function for all callers, as
 /// [`blend`].
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub(crate) fn finish(
     narrow: SimdPath,
     composite: &Composite<'_>,

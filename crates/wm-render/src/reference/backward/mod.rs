@@ -327,7 +327,7 @@ pub(crate) fn gradients(
 }
 
 /// Adds one pixel's pulls on its splats.
-#[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn pixel_gradients(
     touches: &[Touch],
     splats: &[Option<Splat>],

@@ -85,6 +85,7 @@ impl<'a> BackgroundView<'a> {
     }
 
     /// The colour where it is the same everywhere.
+    #[cfg(feature = "gpu")]
     #[must_use]
     pub(crate) fn uniform(&self) -> Option<[f32; 3]> {
         self.uniform

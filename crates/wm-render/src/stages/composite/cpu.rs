@@ -107,7 +107,7 @@ pub(crate) struct Composite<'a> {
 /// Plain loops that the compiler makes vectors of. It makes slower ones with AVX-512 than with
 /// AVX2, so the caller enters with the latter.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
     _: S,
     frame: &Composite<'_>,

@@ -49,7 +49,7 @@ impl Record {
 /// Bits of the cells that an ellipse touches, in a field of 4 columns and `N / 4` rows of cells of
 /// `width` x `height` px, the first at pixel `(left, top)`.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub(crate) fn cell_mask<S: Lanes>(
     simd: S,
     splat: &Ellipse,

@@ -59,6 +59,7 @@ impl ProjectedDrop {
     }
 
     /// Returns the numbers of the drop in the order of `fall.wgsl`.
+    #[cfg(feature = "gpu")]
     fn words(&self) -> [f32; 16] {
         let Self { mean2d: [x, y], extent: [width, height], ux, vx, vy, slope_y, slope_x, .. } = *self;
         let Self { reach, peak, depth, rgb: [red, green, blue], .. } = *self;
@@ -310,6 +311,7 @@ impl Falling {
     }
 
     /// The particles as the GPU takes them, sixteen numbers each.
+    #[cfg(feature = "gpu")]
     #[must_use]
     pub(crate) fn words(&self) -> Vec<f32> {
         self.drops[..self.count].iter().flat_map(ProjectedDrop::words).collect()
@@ -438,7 +440,7 @@ struct Sums {
 }
 
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn draw<S: Lanes>(
     simd: S,
     drops: &[ProjectedDrop],

@@ -268,7 +268,7 @@ pub(crate) fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) 
 /// Projects one group. `visibility` is a factor on the opacity of each splat, `split` the normal of
 /// a surface that splits the blend; `shade` gets the rays.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub fn project_group<S: Lanes>(
     simd: S,
     group: &SplatGroup,

@@ -227,6 +227,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     }
     let lanes = cell_lanes(simd);
     let block_height = (S::N / 4) as f32;
+    // A bit for each block that still takes light: blocks that have stopped are not walked again.
     let mut live = [0u32; PATCHES];
     for patch in 0..PATCHES {
         live[patch] = if inside >> patch & 1 == 1 { u32::MAX >> (32 - blocks) } else { 0 };
@@ -240,6 +241,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                 let x = patch % 2 * PATCH + block % 4 * 4;
                 let y = patch / 2 * PATCH + block / 4 * block_height + row;
                 for (lane, pixel) in pixels.iter_mut().enumerate() {
+                    // Pixels beside the picture start without light and add no weight.
                     if x + lane >= scratch.weighed.0 || y >= scratch.weighed.1 {
                         *pixel = 0.0;
                     }
@@ -276,6 +278,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                 if count == 0 {
                     continue;
                 }
+                // Padded to whole flights with the record that is never drawn.
                 walk[count..count + FLIGHT].fill(BATCH as u8);
                 let walk = &walk[..count.next_multiple_of(FLIGHT)];
                 let corner = (
@@ -476,7 +479,7 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
 /// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns
 /// whether any pixel still takes light, and the number of splats walked.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, const WEIGH: bool>(
     simd: S,
     batch: &Batch,
@@ -511,6 +514,8 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
 
     let mut walked = 0;
     let mut alive = true;
+    // The exponentials of a flight do not depend on each other and hide their latency; only the
+    // transmittance is a chain from splat to splat.
     for flight in walk.chunks_exact(FLIGHT) {
         let mut at = [0; FLIGHT];
         for k in 0..FLIGHT {
@@ -520,6 +525,8 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
         let mut parting = SurfaceSplit::Both;
         let mut weights = [zero; FLIGHT];
         let mut reciprocals = [zero; FLIGHT];
+        // Mostly all splats of a flight lie on one side of the surface at all pixels: then nothing
+        // has to be selected per pixel.
         if SPLIT {
             for k in 0..FLIGHT {
                 let [slope_x, slope_y, center] = batch.planes[at[k]];

@@ -226,7 +226,7 @@ fn load_run<const N: usize>(values: &[f32], first: usize, count: usize) -> [f32;
 /// Writes the slots one after another and to `places` the number of each key's slot, or
 /// [`NO_SLOT`]. Returns how many slots there are.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub fn blend_tile_backward<S: Lanes, const C: usize>(
     simd: S,
     records: &[Record],
@@ -261,6 +261,7 @@ pub fn blend_tile_backward<S: Lanes, const C: usize>(
                 weigh_patch::<S, C>(simd, scratch, batch_keys.len(), left, top, patch, &mut live[patch]);
             }
         }
+        // Splats that no block has reached are behind opaque ones: they get no slot.
         for (i, place) in places.iter_mut().enumerate() {
             if scratch.reached[i] != [0; PATCHES] {
                 slots[used] = gather_splat::<S, C>(simd, scratch, i);
@@ -308,6 +309,7 @@ fn weigh_patch<S: Lanes, const C: usize>(
         if count == 0 {
             continue;
         }
+        // Padded to whole flights with the record that is never drawn.
         walk[count..count + FLIGHT].fill(BATCH as u8);
         let column = simd.load(&columns[patch % 2 * 4 + block % 4]);
         let row = simd.load(&rows[patch / 2 * (blocks / 4) + block / 4]);
@@ -315,6 +317,7 @@ fn weigh_patch<S: Lanes, const C: usize>(
         let (alive, walked) =
             weigh_block::<S, C>(simd, batch, padded, (column, row), patch, block, state, weighed);
         if !alive {
+            // The splats behind the last one that was walked have not reached this block.
             *live &= !(1 << block);
             for name in walk.iter().take(count).skip(walked) {
                 reached[usize::from(*name) & (BATCH - 1)][patch] &= !(1 << block);
@@ -326,7 +329,7 @@ fn weigh_patch<S: Lanes, const C: usize>(
 /// The first phase for one block: replays the blending and writes w and s of each splat. Returns
 /// whether any pixel still takes light, and the number of splats walked.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn weigh_block<S: Lanes, const C: usize>(
     simd: S,
     batch: &Batch,

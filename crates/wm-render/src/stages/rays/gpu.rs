@@ -235,7 +235,7 @@ impl RayBuffers<'_> {
 
     /// Blends the lists of `packets` packets: reads offsets, entries and rays, and writes the
     /// results. The counters get the length of the longest list.
-    #[allow(clippy::too_many_arguments, reason = "the pieces have no noun of their own")]
+    #[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
     pub(crate) fn blend(
         &self,
         recorder: &mut Recorder<'_>,

@@ -222,6 +222,8 @@ pub(super) fn blend<S: Lanes>(
 ) {
     let zero = simd.set(0.0);
     let vectors = PACKET / S::N;
+    // A bit for each vector of rays that still lets light through, and the cone about its rays:
+    // most splats touch few vectors of a packet.
     let mut live: u8 = 0;
     let mut cones = [[0.0; 5]; PACKET / 8];
     for vector in 0..vectors {
@@ -276,6 +278,8 @@ pub(super) fn blend<S: Lanes>(
                     a[k] += dot(simd, &offset, &rows[k]);
                 }
             }
+            // `|a x b|^2 / |b|^2` is the squared distance of the ray from the mean, in the units in
+            // which alpha is a power of two; `-a . b / |b|^2` is the distance along the ray.
             let x = a[1] * b[2] - a[2] * b[1];
             let y = a[2] * b[0] - a[0] * b[2];
             let z = a[0] * b[1] - a[1] * b[0];
@@ -291,12 +295,14 @@ pub(super) fn blend<S: Lanes>(
             let [alpha] = exp2(simd, [power.min(zero)]);
             let alpha = is_met.select(alpha.min(simd.set(MAX_ALPHA)), zero);
             let after = before * (simd.set(1.0) - alpha);
+            // A ray that falls to the threshold stops before this splat, as in `rasterize`.
             let ends = after.simd_le(simd.set(MIN_TRANSMITTANCE)) & is_met;
             let weight = ends.select(zero, alpha * before);
             let after = ends.select(zero, after);
             let may_hit = before.simd_gt(simd.set(MIN_HIT_COVERAGE))
                 & after.simd_le(simd.set(MAX_HIT_TRANSMITTANCE))
                 & is_met;
+            // The coverage is known only at the end, so candidates for the hit are kept.
             if may_hit.any_true() {
                 let mut far = [0.0; 16];
                 let mut behind = [0.0; 16];
