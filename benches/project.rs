@@ -19,7 +19,7 @@ fn project<S: Lanes>(
     out: &mut (ProjectedGroup, ShadeGroup),
 ) {
     for group in &model.groups {
-        project_group(simd, group, camera, Rasterization::Classic, (None, None), &mut out.0, &mut out.1);
+        project_group(simd, group, camera, Rasterization::Classic, None, None, &mut out.0, &mut out.1);
     }
 }
 

@@ -16,7 +16,7 @@ fn blend<S: Lanes, const C: usize>(
     keys: &[u64],
     scratch: &mut BlendScratch,
 ) -> u64 {
-    blend_tile::<S, C, false, false, false>(simd, records, keys, (0.0, 0.0), 15, scratch)
+    blend_tile::<S, C, false, false, false>(simd, records, keys, 0.0, 0.0, 15, scratch)
 }
 
 fn rasterize(criterion: &mut Criterion) {

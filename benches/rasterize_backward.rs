@@ -29,14 +29,14 @@ struct Tile {
 
 #[inline(always)]
 fn blend<S: Lanes, const C: usize>(simd: S, tile: &Tile, scratch: &mut forward::BlendScratch) -> u64 {
-    forward::blend_tile::<S, C, false, false, false>(simd, &tile.records, &tile.keys, (0.0, 0.0), 15, scratch)
+    forward::blend_tile::<S, C, false, false, false>(simd, &tile.records, &tile.keys, 0.0, 0.0, 15, scratch)
 }
 
 /// After [`prepare`].
 #[inline(always)]
 fn back<S: Lanes, const C: usize>(simd: S, tile: &mut Tile) -> usize {
     let Tile { records, keys, scratch, slots, places } = tile;
-    blend_tile_backward::<S, C>(simd, records, keys, (0.0, 0.0), 15, scratch, (slots, places))
+    blend_tile_backward::<S, C>(simd, records, keys, 0.0, 0.0, 15, scratch, slots, places)
 }
 
 #[inline(always)]
@@ -45,8 +45,8 @@ fn prepare<S: Lanes>(simd: S, config: &ForwardConfig, loss: &RandomLoss, scratch
     let pictures = RenderedPictures { config, upstream: &upstream, size: (32, 32) };
     let kept = [[0.5; PATCH_PIXELS]; 8];
     for patch in 0..4 {
-        let corner = (patch % 2 * 16, patch / 2 * 16);
-        prepare_patch(simd, pictures, &kept, corner, patch, scratch);
+        let (left, top) = (patch % 2 * 16, patch / 2 * 16);
+        prepare_patch(simd, pictures, &kept, left, top, patch, scratch);
     }
 }
 

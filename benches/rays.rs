@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
 use wm_render::simd::SimdPath;
 use wm_render::testing::shell_splats;
-use wm_render::{RayOutputs, RaySplats, Rays};
+use wm_render::{RayOutputs, RaySplats, RayTracer, Rays};
 
 const ROWS: usize = 64;
 const COLUMNS: usize = 1800;

@@ -1,19 +1,19 @@
-//! Work that waits for a GPU: on native systems it blocks and is done when it is first polled, in a
-//! browser it is not.
+//! Futures of work on a GPU: ready when they are first polled on native systems, but not in a
+//! browser.
 
 use std::future::Future;
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
-/// The value of a future that has it at once; `None` if it has to wait.
-pub fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
+/// Polls a future once; `None` if it is not ready.
+pub(crate) fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => Some(value),
         Poll::Pending => None,
     }
 }
 
-/// The value of a future that never waits: one whose pictures are drawn by
+/// Returns the value of a future that is ready at once: one whose pictures are drawn by
 /// [`RenderBackend::execute`](crate::RenderBackend::execute).
 ///
 /// # Panics

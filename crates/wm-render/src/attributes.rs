@@ -16,9 +16,9 @@ pub enum Attribute {
     Visibility,
     /// A factor on the red light, 0 or more; see the contract of [`crate::stages::shade`].
     GainRed,
-    /// The same for green.
+    /// Factor of the splat's green light, 0 or more.
     GainGreen,
-    /// The same for blue.
+    /// Factor of the splat's blue light, 0 or more.
     GainBlue,
     /// The share of a colour's dependence on the direction that is taken away, 0-1; see the
     /// contract of [`crate::stages::shade`].
@@ -27,15 +27,16 @@ pub enum Attribute {
 
 impl Attribute {
     /// Every attribute, in the order of the columns.
-    pub const ALL: [Self; 5] = [Self::Visibility, Self::GainRed, Self::GainGreen, Self::GainBlue, Self::Fade];
+    pub(crate) const ALL: [Self; 5] =
+        [Self::Visibility, Self::GainRed, Self::GainGreen, Self::GainBlue, Self::Fade];
     /// The factors on the light, by channel.
     pub const GAINS: [Self; 3] = [Self::GainRed, Self::GainGreen, Self::GainBlue];
     /// The number of columns.
-    pub const COUNT: usize = Self::ALL.len();
+    pub(crate) const COUNT: usize = Self::ALL.len();
 
     /// The value that changes nothing.
     #[must_use]
-    pub const fn neutral(self) -> f32 {
+    pub(crate) const fn neutral(self) -> f32 {
         match self {
             Self::Visibility | Self::GainRed | Self::GainGreen | Self::GainBlue => 1.0,
             Self::Fade => 0.0,
@@ -43,8 +44,9 @@ impl Attribute {
     }
 
     /// The name of the column's number in WGSL.
+    #[cfg(feature = "gpu")]
     #[must_use]
-    pub const fn wgsl_name(self) -> &'static str {
+    pub(crate) const fn wgsl_name(self) -> &'static str {
         match self {
             Self::Visibility => "ATTRIBUTE_VISIBILITY",
             Self::GainRed => "ATTRIBUTE_GAIN_RED",
@@ -90,7 +92,7 @@ pub trait SplatAttributes: Sync {
 pub struct Revision(u64);
 
 impl Default for Revision {
-    /// That of no numbers.
+    /// Makes the revision of an empty list.
     fn default() -> Self {
         Self(0x9e37_79b9_7f4a_7c15)
     }
@@ -160,21 +162,22 @@ impl AttributeBlock {
         &self.columns[attribute as usize][group]
     }
 
-    /// The attributes of these splats.
+    /// Reads the attributes of these splats.
+    #[cfg(any(test, feature = "gpu"))]
     #[inline]
     pub(crate) fn read(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
         self.read_visibility(attributes, indices);
         self.read_light(attributes, indices);
     }
 
-    /// The same without light, which is not changed.
+    /// Reads the visibility alone; the columns of light are not changed.
     #[inline]
     pub(crate) fn read_visibility(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
         self.column_mut(Attribute::Visibility).fill(Attribute::Visibility.neutral());
         attributes.fill(indices, self);
     }
 
-    /// The same of light alone.
+    /// Reads the columns of light alone.
     #[inline]
     pub(crate) fn read_light(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
         for column in Attribute::GAINS.into_iter().chain([Attribute::Fade]) {

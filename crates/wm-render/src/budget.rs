@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// as many as those of heavy rain.
 const BASE: u64 = 1 << 30;
 const PER_PIXEL: u64 = 256;
-/// Cells of space that are searched for what falls, for any frame and for each pixel.
+/// Cells of space that may be searched for particles: for any frame, and for each pixel.
 const BASE_CELLS: f64 = 3e7;
 const CELLS_PER_PIXEL: f64 = 8.0;
 
@@ -20,20 +20,20 @@ pub(crate) struct FrameBudget {
 
 impl FrameBudget {
     /// The budget of a picture of a width and a height, px.
-    pub fn new(width: u32, height: u32) -> Self {
+    pub(crate) fn new(width: u32, height: u32) -> Self {
         let most = BASE + PER_PIXEL * u64::from(width) * u64::from(height);
         Self { most, taken: AtomicU64::new(0) }
     }
 
-    /// Counts more bytes; returns false if all together are too many. Whether they are does not
+    /// Counts more bytes; returns false once the total is too large. The final result does not
     /// depend on the order of threads.
-    pub fn take(&self, bytes: usize) -> bool {
+    pub(crate) fn take(&self, bytes: usize) -> bool {
         let bytes = bytes as u64;
         self.taken.fetch_add(bytes, Ordering::Relaxed) + bytes <= self.most
     }
 
-    /// Fails if more was counted than there may be.
-    pub fn check(&self, listed: Listed) -> Result<(), RenderError> {
+    /// Fails if the total is too large.
+    pub(crate) fn check(&self, listed: Listed) -> Result<(), RenderError> {
         if self.taken.load(Ordering::Relaxed) <= self.most {
             return Ok(());
         }
@@ -41,7 +41,7 @@ impl FrameBudget {
     }
 }
 
-/// The kinds of things that are listed for a frame.
+/// The kinds of lists of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Listed {
     /// Splats, for each tile that they cover.
@@ -51,7 +51,7 @@ pub enum Listed {
 }
 
 impl Listed {
-    /// The cause and the cure, for people.
+    /// Returns the cause and the remedy, for error messages.
     pub(crate) fn advice(self) -> &'static str {
         match self {
             Self::Splats => {
@@ -64,7 +64,7 @@ impl Listed {
     }
 }
 
-/// Fails if so many cells of space would have to be searched for what falls in a picture.
+/// Fails if `cells` cells of space are too many to search for the particles of a picture.
 pub(crate) fn check_cells(cells: f64, width: u32, height: u32) -> Result<(), RenderError> {
     let most = BASE_CELLS + CELLS_PER_PIXEL * f64::from(width) * f64::from(height);
     if cells <= most { Ok(()) } else { Err(RenderError::TooManyCells { cells }) }

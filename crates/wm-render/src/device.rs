@@ -1,9 +1,7 @@
 //! The choice of a device: one back end for the CPU and for GPUs.
 
 use crate::cpu::{CpuDifferentiable, CpuRenderer};
-use crate::differentiable::{
-    BackwardStats, Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream,
-};
+use crate::differentiable::{Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
@@ -58,8 +56,8 @@ impl FromStr for Device {
 /// Called with the error for which the GPU is given up.
 type GpuWarning = Box<dyn FnMut(&RenderError) + Send>;
 
-/// A renderer on the device that was chosen. One that was chosen by itself goes on with the CPU
-/// where the GPU fails or lacks an effect; for that it keeps the splats.
+/// A renderer on the chosen device. With [`Device::Auto`] it continues on the CPU where the GPU
+/// fails or lacks an effect; for that it keeps the splats.
 pub struct AnyRenderer {
     config: CpuConfig,
     path: SimdPath,
@@ -156,7 +154,7 @@ impl AnyRenderer {
         }
     }
 
-    /// Their number.
+    /// Returns the number of threads of the CPU's work.
     #[must_use]
     pub fn threads(&self) -> usize {
         self.pool().current_num_threads()
@@ -168,8 +166,8 @@ impl AnyRenderer {
         !matches!(self.body, Body::Cpu(_))
     }
 
-    /// Memory that is taken on a GPU, bytes; `None` on the CPU, and where the GPU's interface does
-    /// not tell.
+    /// Returns the memory that is allocated on a GPU, bytes; `None` on the CPU, and where the GPU's
+    /// interface does not tell.
     #[must_use]
     pub fn device_memory(&self) -> Option<u64> {
         match &self.body {
@@ -181,7 +179,8 @@ impl AnyRenderer {
         }
     }
 
-    /// Names all that the bytes of a picture depend on, which the number of threads is not.
+    /// Names everything that the bytes of a picture depend on; the number of threads is not part of
+    /// it.
     #[must_use]
     pub fn arithmetic(&self) -> String {
         match &self.body {
@@ -250,7 +249,7 @@ impl AnyRenderer {
         }
     }
 
-    /// Goes on with the CPU, if `error` is the GPU's and the splats are there.
+    /// Continues on the CPU, if `error` is the GPU's and the splats were kept.
     #[cfg(feature = "gpu")]
     fn fall_back(&mut self, error: RenderError) -> Result<(), RenderError> {
         #[cfg(target_arch = "wasm32")]
@@ -287,14 +286,14 @@ impl AnyRenderer {
     }
 }
 
-/// A device that was opened.
+/// An opened device.
 enum Opened {
     Cpu,
     #[cfg(feature = "gpu")]
     Gpu(Arc<Gpu>),
 }
 
-/// Starts what was chosen; `warn` is told why a GPU is there and not taken.
+/// Opens the chosen device; `warn` is called with the reason if there is a GPU that cannot be used.
 #[cfg(feature = "gpu")]
 fn open(device: &Device, warn: &mut dyn FnMut(&RenderError)) -> Result<Opened, RenderError> {
     let start = |choice| Gpu::open(&GpuConfig { choice, ..GpuConfig::default() });
@@ -410,8 +409,8 @@ impl RenderBackend for AnyRenderer {
     }
 }
 
-/// A back end of training on the device that was chosen. One that was chosen by itself goes on with
-/// the CPU where the GPU fails.
+/// A back end for training on the chosen device. With [`Device::Auto`] it continues on the CPU
+/// where the GPU fails.
 pub struct AnyDifferentiable {
     config: CpuConfig,
     body: Box<dyn Differentiable>,
@@ -499,7 +498,7 @@ impl Differentiable for AnyDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError> {
+    ) -> Result<(), RenderError> {
         match (self.body.backward(splats, upstream, learn, gradients), self.last) {
             (Err(error), Some((camera, config))) => {
                 self.fall_back(error)?;

@@ -60,10 +60,10 @@ pub trait Differentiable: Send {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError>;
+    ) -> Result<(), RenderError>;
 
-    /// The same with splats that stay where they learn; `None` of the CPU, in whose memory they are
-    /// anyway.
+    /// Returns the back end of splats that stay on the device; `None` for the CPU, in whose memory
+    /// they are anyway.
     fn resident(&mut self) -> Option<&mut dyn Resident> {
         None
     }
@@ -206,17 +206,6 @@ pub enum Target {
     Added(Learn),
 }
 
-/// The times of a backward pass, in seconds summed over threads; 0 where only the whole is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BackwardStats {
-    /// From pixels to slots.
-    pub rasterize: f64,
-    /// From slots to gradients.
-    pub project: f64,
-    /// Wall time of it all.
-    pub wall: f64,
-}
-
 /// The settings of a render for a step of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForwardConfig {
@@ -266,7 +255,8 @@ impl ForwardConfig {
         self.check_view(splats.sh_degree, camera, frame)
     }
 
-    /// The same for splats that were checked, whose colours are of `degree`.
+    /// Checks a view of splats that were checked before, whose colours are of `degree`, and sizes
+    /// the frame.
     pub(crate) fn check_view(
         &self,
         degree: u8,
@@ -282,10 +272,10 @@ impl ForwardConfig {
             normal: self.channels.has_normal(),
             particles: false,
         };
-        frame.prepare((camera.width, camera.height), ColorEncoding::Srgb, arrays)
+        frame.prepare(camera.width, camera.height, ColorEncoding::Srgb, arrays)
     }
 
-    /// The same without a frame.
+    /// Checks a camera and the settings for splats whose colours are of `degree`.
     pub(crate) fn check_camera(&self, degree: u8, camera: &Camera) -> Result<(), RenderError> {
         assert!(self.sh_degree <= degree, "SH degree {} of splats with {degree}", self.sh_degree);
         Ok(camera.check()?)
@@ -313,8 +303,9 @@ pub enum Channels {
 }
 
 impl Channels {
-    /// Every one.
-    pub const ALL: [Self; 4] = [Self::Color, Self::ColorDepth, Self::ColorDepthNormal, Self::Depth];
+    /// Every combination.
+    #[cfg(feature = "gpu")]
+    pub(crate) const ALL: [Self; 4] = [Self::Color, Self::ColorDepth, Self::ColorDepthNormal, Self::Depth];
 
     /// Number of sums blended.
     #[must_use]
@@ -329,13 +320,13 @@ impl Channels {
 
     /// Returns true if there is colour.
     #[must_use]
-    pub const fn has_color(self) -> bool {
+    pub(crate) const fn has_color(self) -> bool {
         !matches!(self, Self::Depth)
     }
 
     /// The index of view z among the blended sums.
     #[must_use]
-    pub const fn depth(self) -> Option<usize> {
+    pub(crate) const fn depth(self) -> Option<usize> {
         match self {
             Self::Color => None,
             Self::ColorDepth | Self::ColorDepthNormal => Some(3),
@@ -345,7 +336,7 @@ impl Channels {
 
     /// Returns true if there are normals.
     #[must_use]
-    pub const fn has_normal(self) -> bool {
+    pub(crate) const fn has_normal(self) -> bool {
         matches!(self, Self::ColorDepthNormal)
     }
 }
@@ -353,7 +344,7 @@ impl Channels {
 /// The source of a splat's opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Opacity {
-    /// Its own.
+    /// The splat's own opacity.
     #[default]
     Stored,
     /// This one for all, 0-1: surfaces by position alone.
@@ -435,7 +426,7 @@ impl Upstream<'_> {
     ///
     /// # Panics
     /// If a picture has the wrong size, or was not rendered.
-    pub fn check(&self, pixels: usize, channels: Channels) {
+    pub(crate) fn check(&self, pixels: usize, channels: Channels) {
         let empty_or = |name: &str, found: usize, expected: usize| {
             assert!(found == 0 || found == expected, "upstream {name}: {found} values, not {expected}");
         };
@@ -453,45 +444,33 @@ pub struct Gradients {
     /// Index of each splat in view, ascending, `[V]`.
     pub visible: Vec<u32>,
     /// By `means`, `[V, 3]`.
-    pub means: Vec<[f32; 3]>,
+    pub(crate) means: Vec<[f32; 3]>,
     /// By `quats` as they are stored, of any length, `[V, 4]`.
-    pub quats: Vec<[f32; 4]>,
+    pub(crate) quats: Vec<[f32; 4]>,
     /// By `log_scales`, `[V, 3]`.
-    pub log_scales: Vec<[f32; 3]>,
+    pub(crate) log_scales: Vec<[f32; 3]>,
     /// By `logit_opacities`, `[V]`.
-    pub logit_opacities: Vec<f32>,
+    pub(crate) logit_opacities: Vec<f32>,
     /// By the first `(sh_degree + 1)^2` coefficients of `sh`, `[V, K, 3]` flat; the others have
     /// none.
     pub sh: Vec<f32>,
     /// Degree of `sh`: the one in use.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
     /// By the centre in the picture, px, `[V, 2]`.
-    pub means2d: Vec<[f32; 2]>,
+    pub(crate) means2d: Vec<[f32; 2]>,
     /// Like `means2d`, but a sum over pixels of absolute values, so that opposite pulls do not
     /// cancel (AbsGS), `[V, 2]`.
-    pub absgrads: Vec<[f32; 2]>,
+    pub(crate) absgrads: Vec<[f32; 2]>,
     /// Sum of the splat's weights over the picture, px, `[V]`.
     pub weights: Vec<f32>,
     /// Three standard deviations along the longest axis in the picture, px, `[V]`.
-    pub radii: Vec<f32>,
+    pub(crate) radii: Vec<f32>,
 }
 
 impl Gradients {
-    /// Number of splats in view, V.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.visible.len()
-    }
-
-    /// Returns true if no splat is in view.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.visible.is_empty()
-    }
-
     /// Values of `sh` a row: 3 K.
     #[must_use]
-    pub fn sh_stride(&self) -> usize {
+    pub(crate) fn sh_stride(&self) -> usize {
         3 * sh::coefficients(self.sh_degree)
     }
 

@@ -20,7 +20,7 @@ use std::f32::consts::LOG2_E;
 use wm_scene::color::srgb_encode;
 
 /// Linear light of the grey at which the line touches the curve.
-pub const GREY: f64 = 0.18;
+pub(crate) const GREY: f64 = 0.18;
 
 /// Even, grey air from the camera to every surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +42,7 @@ impl EvenAir {
     /// The factor and the summand of displayed colours through air that lets `transmittance`
     /// through: the reference.
     #[must_use]
-    pub fn line(&self, transmittance: f64) -> [(f64, f64); 3] {
+    pub(crate) fn line(&self, transmittance: f64) -> [(f64, f64); 3] {
         let grey = srgb_encode(GREY);
         self.airlight.map(|airlight| {
             let seen = srgb_encode(GREY * transmittance + f64::from(airlight) * (1.0 - transmittance));
@@ -123,7 +123,7 @@ fn decode_slopes<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
 }
 
 impl Medium for EvenAir {
-    /// Of the light itself; colours are changed by [`Self::shade`].
+    /// Evaluates transmittance and airlight for linear light; [`Self::shade`] changes colours.
     fn evaluate(&self, _path: SimdPath, _origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
         for (group, out) in rays.iter().zip(out) {
             for lane in 0..GROUP {

@@ -60,19 +60,19 @@ pub const FRONT: usize = 5;
 /// The arrays of a [`Frame`] that are filled, beside alpha, which always is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arrays {
-    pub rgb: bool,
-    pub depth: bool,
-    pub median_depth: bool,
-    pub normal: bool,
-    pub particles: bool,
-    pub front: bool,
+    pub(crate) rgb: bool,
+    pub(crate) depth: bool,
+    pub(crate) median_depth: bool,
+    pub(crate) normal: bool,
+    pub(crate) particles: bool,
+    pub(crate) front: bool,
 }
 
-/// The bits of the depth that stands for splat 0: those above it are numbers too, whose bits no
-/// device changes, and none is 0.
+/// Offset of splat indices that are stored as the bits of depths: these bits are normal numbers,
+/// which no device flushes or changes, and never 0.
 pub(crate) const SPLAT_NAME: u32 = 1 << 30;
 
-/// The depth that stands for a splat, see [`Frame::median_splat`].
+/// Returns the depth that encodes a splat index, see [`Frame::median_splat`].
 pub(crate) fn splat_name(index: u32) -> f32 {
     f32::from_bits(SPLAT_NAME + index)
 }
@@ -87,7 +87,8 @@ impl Frame {
     /// [`RenderError::Memory`] if there is too little.
     pub(crate) fn prepare(
         &mut self,
-        (width, height): (u32, u32),
+        width: u32,
+        height: u32,
         encoding: ColorEncoding,
         arrays: Arrays,
     ) -> Result<(), RenderError> {

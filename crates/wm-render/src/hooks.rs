@@ -68,7 +68,7 @@ pub struct Hooks<'a> {
 impl Hooks<'_> {
     /// The treatment of the splats of a scene's own sky.
     #[must_use]
-    pub fn sky_splats(&self) -> SkySplats {
+    pub(crate) fn sky_splats(&self) -> SkySplats {
         self.background.map_or(SkySplats::Kept, Backdrop::sky_splats)
     }
 }
@@ -76,8 +76,8 @@ impl Hooks<'_> {
 /// Splats in a [`ShadeGroup`].
 pub const GROUP: usize = 16;
 
-/// Sixteen splats (or points of the background) to be seen through the air: one array a number, so
-/// that a hook works on whole vectors. Lanes without a splat hold harmless numbers.
+/// Sixteen splats (or points of the background) that are seen through the air, as a structure of
+/// arrays, so that a hook works on whole vectors. Lanes without a splat hold finite numbers.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct ShadeGroup {
@@ -99,19 +99,19 @@ impl Default for ShadeGroup {
 pub trait Backdrop: Sync {
     /// Writes the colour in the directions of `groups`, display-referred, not below 0.
     ///
-    /// `pixel` is the angle of a pixel where pixels are widest, radians: what is finer is to be
-    /// averaged.
+    /// `pixel` is the largest angle that a pixel takes, radians: finer detail must be averaged.
     fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]);
 
-    /// The same for one unit direction (world axes) in f64: the referee.
+    /// Returns the colour in one unit direction (world axes), in f64: the reference of
+    /// [`Self::paint`].
     fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3];
 
-    /// The colour of all directions, if it is one.
+    /// Returns the colour if it is the same in all directions.
     fn uniform(&self) -> Option<[f32; 3]> {
         None
     }
 
-    /// The fineness of its detail.
+    /// Returns the fineness of the detail.
     fn detail(&self) -> Detail {
         Detail::Smooth
     }
@@ -125,9 +125,9 @@ pub trait Backdrop: Sync {
 /// The fineness of a backdrop's detail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
-    /// Half a degree shows it.
+    /// Detail of half a degree and more.
     Smooth,
-    /// As fine as a pixel.
+    /// Detail down to the size of a pixel.
     Fine,
 }
 
@@ -141,7 +141,7 @@ pub enum SkySplats {
     LeftOut,
 }
 
-/// The air along sixteen rays, one array a channel: what arrives of light `L` at the far end is
+/// The air along sixteen rays, one array a channel. Light `L` at the far end arrives as
 /// `L transmittance + airlight`, in linear light.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
@@ -174,9 +174,8 @@ impl AirOnRay {
 
 /// The air between the camera and the scene.
 ///
-/// It answers two questions about a ray, how much light it lets through and how much it adds;
-/// colours seen through it follow from both. `origin` is where rays begin, in world axes, scene
-/// units.
+/// It tells the transmittance and the airlight along a ray, from which colours seen through the air
+/// follow. `origin` is where rays begin, in world axes, scene units.
 pub trait Medium: Sync {
     /// Writes the transmittance and the airlight along the rays of `rays`, whose colours are not
     /// read.
@@ -190,12 +189,12 @@ pub trait Medium: Sync {
         rays: &[ShadeGroup],
         out: &mut [[[f32; GROUP]; 3]],
     ) {
-        evaluate_each(self, (path, origin), rays, out, |air| air.transmittance);
+        evaluate_each(self, path, origin, rays, out, |air| air.transmittance);
     }
 
     /// Writes the airlight along the rays of `rays`, linear RGB.
     fn airlight(&self, path: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [[[f32; GROUP]; 3]]) {
-        evaluate_each(self, (path, origin), rays, out, |air| air.airlight);
+        evaluate_each(self, path, origin, rays, out, |air| air.airlight);
     }
 
     /// Changes the colours of `groups` to those seen through the air:
@@ -241,10 +240,11 @@ pub trait Medium: Sync {
     }
 }
 
-/// Evaluates the air a few groups at a time, and keeps one of its answers.
+/// Evaluates the air a few groups at a time, and keeps one of the two results.
 fn evaluate_each<M: Medium + ?Sized>(
     medium: &M,
-    (path, origin): (SimdPath, [f32; 3]),
+    path: SimdPath,
+    origin: [f32; 3],
     rays: &[ShadeGroup],
     out: &mut [[[f32; GROUP]; 3]],
     answer: impl Fn(&AirGroup) -> [[f32; GROUP]; 3],
@@ -256,7 +256,7 @@ fn evaluate_each<M: Medium + ?Sized>(
     }
 }
 
-/// Colours through the air.
+/// Changes colours to those seen through the air.
 #[inline(always)]
 fn seen_through<S: Lanes>(simd: S, air: &[AirGroup], groups: &mut [ShadeGroup]) {
     for (group, air) in groups.iter_mut().zip(air) {
@@ -281,7 +281,7 @@ fn seen_through<S: Lanes>(simd: S, air: &[AirGroup], groups: &mut [ShadeGroup]) 
 /// A [`Medium`] as WGSL.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WgslSource {
-    /// Its text, which defines `fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay`:
+    /// The text, which defines `fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay`:
     /// what [`Medium::evaluate`] says about one ray, where
     /// `struct AirOnRay { transmittance: vec3<f32>, airlight: vec3<f32> }` is declared before the
     /// text. A distance of `FAR_AWAY` is infinity. The text may use the parameters as
@@ -292,18 +292,17 @@ pub struct WgslSource {
     pub parameters: Vec<f32>,
 }
 
-/// Something small that falls: a 3D Gaussian of which a picture sees the cover, averaged over the
-/// exposure.
+/// A falling drop, flake or stone: a 3D Gaussian, averaged over the exposure.
 ///
-/// Its covariance is `sigma^2 I + sum reach reach^T`.
+/// The covariance is `sigma^2 I + sum reach reach^T`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle {
     /// From the camera's centre, world axes, scene units.
     pub offset: [f32; 3],
     /// Standard deviation in all directions, scene units.
     pub sigma: f32,
-    /// Its further reach along two directions, standard deviations, world axes, scene units: its
-    /// shape, and its motion during the exposure.
+    /// Further reach along two directions, standard deviations, world axes, scene units: the shape
+    /// of the particle, and its motion during the exposure.
     pub reach: [[f32; 3]; 2],
     /// Area that it hides, scene units^2; motion spreads it and does not change it.
     pub area: f32,
@@ -319,7 +318,7 @@ pub struct ParticleGroup {
     pub offset: [[f32; GROUP]; 3],
     /// Standard deviation in all directions, scene units.
     pub sigma: [f32; GROUP],
-    /// Its further reach along two directions, scene units, one array an axis.
+    /// Further reach along two directions, scene units, one array an axis.
     pub reach: [[[f32; GROUP]; 3]; 2],
     /// Area that it hides, scene units^2.
     pub area: [f32; GROUP],
@@ -335,7 +334,7 @@ impl Default for ParticleGroup {
 }
 
 impl ParticleGroup {
-    /// Of the first sixteen of a list.
+    /// Makes a group of the first sixteen particles of a list.
     #[must_use]
     pub fn of(particles: &[Particle]) -> Self {
         let mut group = Self::default();
@@ -353,7 +352,7 @@ impl ParticleGroup {
         group
     }
 
-    /// Those of its particles that have an area.
+    /// Returns the particles that have an area.
     pub fn particles(&self) -> impl Iterator<Item = Particle> {
         let lanes = (0..GROUP).filter(|lane| self.area[*lane] > 0.0);
         lanes.map(|lane| Particle {
@@ -366,7 +365,7 @@ impl ParticleGroup {
     }
 }
 
-/// A camera as particles need it: what of the world can be in the picture.
+/// A camera in the form that particles need: its view frustum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParticleView {
     /// The camera's centre, world axes, scene units.
@@ -374,19 +373,19 @@ pub struct ParticleView {
     /// Rows of the rotation from world to view.
     pub rotation: [[f32; 3]; 3],
     /// Focal lengths, px.
-    pub focal: [f32; 2],
+    pub(crate) focal: [f32; 2],
     /// Principal point, px.
-    pub principal: [f32; 2],
+    pub(crate) principal: [f32; 2],
     /// Picture size, px.
-    pub size: [f32; 2],
+    pub(crate) size: [f32; 2],
     /// Normals of the planes of the picture's four sides, world axes, length 1, into the view.
     pub sides: [[f32; 3]; 4],
     /// Nearest view z, scene units.
-    pub near: f32,
+    pub(crate) near: f32,
 }
 
 impl ParticleView {
-    /// Of a camera.
+    /// Makes the view of a camera.
     #[must_use]
     pub fn new(camera: &Camera) -> Self {
         let rotation = camera.rotation();
@@ -406,7 +405,7 @@ impl ParticleView {
         }
     }
 
-    /// Pixels that a length of 1 takes at view z 1.
+    /// Returns the mean focal length, px: the pixels of a length of 1 at view z 1.
     #[must_use]
     pub fn pixels(&self) -> f32 {
         (self.focal[0] * self.focal[1]).sqrt()
@@ -422,9 +421,9 @@ impl ParticleView {
     }
 }
 
-/// Things that fall. Their order counts for nothing: what they cover is added up in whole numbers.
+/// Falling particles. Their order does not matter: their cover is added up in whole numbers.
 pub trait Particles: Sync {
-    /// Pieces of work for a view, in any form that [`Self::gather`] understands.
+    /// Returns the pieces of work for a view, in any form that [`Self::gather`] understands.
     fn parts(&self, view: &ParticleView) -> Vec<[i32; 4]>;
 
     /// Estimates the cells of space that all pieces search, so that a frame which would take
@@ -433,7 +432,8 @@ pub trait Particles: Sync {
         0.0
     }
 
-    /// Hands over the particles of one piece that may be in view, each one once over all pieces.
+    /// Passes the particles of one piece that may be in view to `take`. Over all pieces each
+    /// particle comes once.
     fn gather(
         &self,
         path: SimdPath,

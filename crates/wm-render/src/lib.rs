@@ -40,27 +40,24 @@
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
-pub mod at_once;
-pub mod attributes;
+mod at_once;
+mod attributes;
 pub mod bench_scene;
 mod budget;
 pub mod cpu;
-pub mod device;
-pub mod differentiable;
-pub mod even_air;
+mod device;
+mod differentiable;
+mod even_air;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod hooks;
 pub mod parts;
 pub mod pixel_effects;
-pub mod plan;
-pub mod ray_tracer;
+mod plan;
+mod ray_tracer;
 pub mod reference;
-pub mod reference_backward;
-pub mod reference_particles;
-pub mod reference_rays;
-pub mod renderer;
+mod renderer;
 pub mod simd;
 #[doc(hidden)]
 pub mod stages;
@@ -79,7 +76,7 @@ pub use differentiable::{
 pub use even_air::EvenAir;
 pub use frame::{ColorEncoding, FRONT, Frame};
 #[cfg(feature = "gpu")]
-pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRaySplats, GpuRenderer};
+pub use gpu::{Gpu, GpuDifferentiable, GpuRaySplats, GpuRenderer};
 pub use plan::{
     BlendSurface, CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures,
     SetView, Shading, SplatSource,

@@ -17,10 +17,9 @@
 //!   light that the air adds; at silhouettes it holds what the means leave over, and may be a
 //!   little below 0.
 
-use crate::frame::Frame;
 use crate::hooks::Hooks;
 use crate::plan::{DrawPass, FramePlan, PictureId, Pictures, Shading};
-use crate::renderer::{Outputs, RenderBackend, RenderConfig, RenderError, Stats};
+use crate::renderer::{Outputs, RenderConfig};
 
 /// A part of a picture that takes draw passes of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,26 +136,6 @@ impl PartPasses {
         }
         parts
     }
-}
-
-/// Renders a pass into `frame` together with the `wanted` parts of it.
-///
-/// # Errors
-/// [`RenderError`] as of [`RenderBackend::execute`].
-pub fn render_with_parts(
-    renderer: &mut dyn RenderBackend,
-    pass: &DrawPass<'_>,
-    wanted: &[PicturePart],
-    frame: &mut Frame,
-) -> Result<(Stats, PictureParts), RenderError> {
-    let (mut plan, mut pictures) = (FramePlan::new(), Pictures::default());
-    let picture = plan.draw(pass.clone());
-    let passes = PartPasses::append(&mut plan, picture, wanted);
-    pictures.put(picture, std::mem::take(frame));
-    let stats = renderer.execute(&plan, &mut pictures)?;
-    let parts = passes.finish(&pictures);
-    *frame = pictures.take(picture);
-    Ok((stats, parts))
 }
 
 #[cfg(test)]

@@ -12,7 +12,8 @@ pub fn apply_pixel_effects(
     effects: &[&dyn PixelEffect],
     width: usize,
     rgb: &mut [f32],
-    (alpha, depth): (&[f32], &[f32]),
+    alpha: &[f32],
+    depth: &[f32],
 ) {
     if effects.is_empty() {
         return;

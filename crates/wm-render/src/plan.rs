@@ -73,7 +73,8 @@ impl<'a> FramePlan<'a> {
 
     /// Adds a draw pass into a new picture.
     pub fn draw(&mut self, pass: DrawPass<'a>) -> PictureId {
-        let target = self.new_picture();
+        let target = PictureId(self.pictures);
+        self.pictures += 1;
         self.draw_into(target, pass);
         target
     }
@@ -82,22 +83,10 @@ impl<'a> FramePlan<'a> {
     /// memory.
     ///
     /// # Panics
-    /// If `target` or a picture that the pass reads is not of this plan.
+    /// If `target` is not of this plan.
     pub fn draw_into(&mut self, target: PictureId, pass: DrawPass<'a>) {
         self.check(target);
-        pass.reads.iter().for_each(|id| self.check(*id));
         self.passes.push(FramePass::Draw { target, pass: Box::new(pass) });
-    }
-
-    /// Adds an effect that makes a new picture of others. The frame that it is given may hold an
-    /// old picture.
-    ///
-    /// # Panics
-    /// If an input is not of this plan.
-    pub fn derive(&mut self, effect: &'a dyn PictureEffect, inputs: &[PictureId]) -> PictureId {
-        let target = self.new_picture();
-        self.apply(effect, target, inputs);
-        target
     }
 
     /// Adds an effect that changes `picture`.
@@ -117,13 +106,13 @@ impl<'a> FramePlan<'a> {
 
     /// The passes in order.
     #[must_use]
-    pub fn passes(&self) -> &[FramePass<'a>] {
+    pub(crate) fn passes(&self) -> &[FramePass<'a>] {
         &self.passes
     }
 
     /// The last draw pass into a picture.
     #[must_use]
-    pub fn draw_of(&self, picture: PictureId) -> Option<&DrawPass<'a>> {
+    pub(crate) fn draw_of(&self, picture: PictureId) -> Option<&DrawPass<'a>> {
         self.passes.iter().rev().find_map(|pass| match pass {
             FramePass::Draw { target, pass } if *target == picture => Some(&**pass),
             _ => None,
@@ -132,13 +121,8 @@ impl<'a> FramePlan<'a> {
 
     /// The number of pictures that the passes write to.
     #[must_use]
-    pub fn pictures(&self) -> usize {
+    pub(crate) fn pictures(&self) -> usize {
         self.pictures
-    }
-
-    fn new_picture(&mut self) -> PictureId {
-        self.pictures += 1;
-        PictureId(self.pictures - 1)
     }
 
     fn check(&self, id: PictureId) {
@@ -162,8 +146,6 @@ pub struct DrawPass<'a> {
     pub hooks: Hooks<'a>,
     /// The meaning of the picture's colours.
     pub shading: Shading,
-    /// Results of earlier passes that this one looks up. No stage reads any yet.
-    pub reads: Vec<PictureId>,
     /// A surface inside the blend, such as water. It changes no colour: the pass fills
     /// [`Frame::front`] with the sums before and behind the surface, and keeps particles out of the
     /// colours, in [`Frame::particles`] alone. The contract of [`crate::stages::rasterize`] has the
@@ -176,9 +158,9 @@ pub struct DrawPass<'a> {
 /// A surface inside the blend of splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlendSurface<'a> {
-    /// Its view z at each pixel, scene units, `[H, W]`; NaN where there is none.
+    /// View z of the surface at each pixel, scene units, `[H, W]`; NaN where there is none.
     pub depth: &'a [f32],
-    /// Its normal, world axes, length 1: splats are told apart as if they were flat along it.
+    /// Unit normal, world axes. Splats are split as if they were flat along it.
     pub normal: [f64; 3],
 }
 
@@ -202,7 +184,7 @@ impl CutPlane {
 }
 
 impl<'a> DrawPass<'a> {
-    /// The view of `sets` in clear air.
+    /// Makes a view of `sets` in clear air.
     #[must_use]
     pub fn new(sets: &[SetView<'a>], camera: &Camera, config: &RenderConfig) -> Self {
         Self {
@@ -212,13 +194,12 @@ impl<'a> DrawPass<'a> {
             config: *config,
             hooks: Hooks::default(),
             shading: Shading::default(),
-            reads: Vec::new(),
             surface: None,
             cut: None,
         }
     }
 
-    /// The particles that are drawn: none where shares of light are.
+    /// Returns the particles that are drawn: none if the picture holds transmittances.
     pub(crate) fn particles(&self) -> &'a [&'a dyn Particles] {
         match self.shading {
             Shading::Color => self.hooks.particles,
@@ -239,7 +220,7 @@ impl<'a> DrawPass<'a> {
         self.hooks.background.unwrap_or(&self.config.background)
     }
 
-    /// The same view in this weather.
+    /// Sets the weather of the view.
     #[must_use]
     pub fn with_hooks(self, hooks: Hooks<'a>) -> Self {
         Self { hooks, ..self }
@@ -266,29 +247,29 @@ pub enum SplatSource<'a> {
     Transient(&'a Splats),
 }
 
-/// A splat set of a draw pass, and what changes of it from frame to frame.
+/// A splat set of a draw pass, with the attributes that change from frame to frame.
 #[derive(Clone, Copy)]
 pub struct SetView<'a> {
     /// The splats.
-    pub splats: SplatSource<'a>,
+    pub(crate) splats: SplatSource<'a>,
     /// Attributes that each splat has in this pass alone; `None` if all are neutral.
     pub attributes: Option<&'a dyn SplatAttributes>,
 }
 
 impl<'a> SetView<'a> {
-    /// A loaded set as it is.
+    /// Views a loaded set without attributes.
     #[must_use]
     pub fn plain(set: SetId) -> Self {
         Self { splats: SplatSource::Loaded(set), attributes: None }
     }
 
-    /// Splats for one plan, as they are.
+    /// Views splats that are loaded for one plan, without attributes.
     #[must_use]
     pub fn transient(splats: &'a Splats) -> Self {
         Self { splats: SplatSource::Transient(splats), attributes: None }
     }
 
-    /// The same splats with these attributes.
+    /// Sets the attributes of the splats.
     #[must_use]
     pub fn with_attributes(self, attributes: Option<&'a dyn SplatAttributes>) -> Self {
         Self { attributes, ..self }
@@ -306,15 +287,15 @@ pub trait PictureEffect: Sync {
 #[derive(Clone)]
 pub struct PicturePass<'a> {
     /// The picture that is changed.
-    pub target: PictureId,
+    pub(crate) target: PictureId,
     /// Other pictures that are read.
-    pub inputs: Vec<PictureId>,
+    pub(crate) inputs: Vec<PictureId>,
     /// The change.
-    pub effect: &'a dyn PictureEffect,
+    pub(crate) effect: &'a dyn PictureEffect,
 }
 
 impl PicturePass<'_> {
-    /// Carries it out.
+    /// Runs the pass.
     pub(crate) fn run(&self, path: SimdPath, pictures: &mut Pictures) {
         let mut picture = pictures.take(self.target);
         let inputs: Vec<&Frame> = self.inputs.iter().map(|id| &pictures[*id]).collect();

@@ -22,12 +22,6 @@ pub trait RayTracer: Sync {
     fn trace(&self, rays: &Rays, asked: RayOutputs, path: SimdPath) -> RayHits;
 }
 
-impl RayTracer for RaySplats<'_> {
-    fn trace(&self, rays: &Rays, asked: RayOutputs, path: SimdPath) -> RayHits {
-        RaySplats::trace(self, rays, asked, path)
-    }
-}
-
 /// Splats that rays can meet, on the device of a renderer
 /// ([`AnyRenderer::ray_splats`](crate::AnyRenderer::ray_splats)). Where a GPU fails, the CPU traces
 /// the same rays and all that follow; [`AnyRenderer::check_rays`](crate::AnyRenderer::check_rays)
@@ -38,7 +32,7 @@ pub struct AnyRaySplats<'a> {
     is_met: Vec<bool>,
     /// A value for each splat.
     values: Vec<f32>,
-    /// Made when the CPU has rays to trace.
+    /// Created when the CPU first traces rays.
     cpu: OnceLock<RaySplats<'a>>,
     #[cfg(feature = "gpu")]
     gpu: Option<GpuRaySplats>,
@@ -65,7 +59,7 @@ impl<'a> AnyRaySplats<'a> {
         }
     }
 
-    /// The same on a GPU, if it has room.
+    /// Moves the splats to a GPU, if it has room.
     #[cfg(feature = "gpu")]
     pub(crate) fn move_to(&mut self, gpu: &Arc<Gpu>) -> Result<(), GpuError> {
         self.gpu = Some(GpuRaySplats::new(
@@ -91,7 +85,7 @@ impl<'a> AnyRaySplats<'a> {
             match gpu.trace(rays, asked) {
                 Ok(hits) => return Some(hits),
                 Err(error) => {
-                    // Of several the first tells why.
+                    // The first of several errors is kept.
                     let _ = self.fault.set(error);
                 }
             }

@@ -34,8 +34,8 @@ pub trait RenderBackend {
     /// What `pictures` holds then is of no use.
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError>;
 
-    /// Carries out a plan as [`Self::execute`] does. In a browser it lets the page work while a GPU
-    /// draws; elsewhere it is done when it is first polled.
+    /// Carries out a plan like [`Self::execute`]. In a browser the page goes on while a GPU draws;
+    /// elsewhere the future is ready when it is first polled.
     ///
     /// # Errors
     /// As of [`Self::execute`].
@@ -89,7 +89,7 @@ pub trait RenderBackend {
 /// A plan that is being carried out.
 pub type ExecuteFuture<'a> = Pin<Box<dyn Future<Output = Result<Stats, RenderError>> + 'a>>;
 
-/// The number that stands for a weight of one pixel, see [`RenderBackend::weigh`].
+/// Steps of a weight of one pixel, see [`RenderBackend::weigh`].
 pub(crate) const WEIGHT_UNITS: f32 = 1024.0;
 
 /// Checks that weights of a camera's picture can be counted.
@@ -106,7 +106,7 @@ pub(crate) fn check_weighed(camera: &wm_scene::Camera) -> Result<(), RenderError
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SetId(pub(crate) usize);
 
-/// The sets that a renderer holds, each in a form of its own.
+/// The sets that a renderer holds, in the form of its back end.
 pub(crate) struct Models<M>(Vec<Option<M>>);
 
 impl<M> Default for Models<M> {
@@ -116,8 +116,8 @@ impl<M> Default for Models<M> {
 }
 
 impl<M> Models<M> {
-    /// Keeps one, under the first name that is free.
-    pub fn add(&mut self, model: M) -> SetId {
+    /// Adds a set under the first free id.
+    pub(crate) fn add(&mut self, model: M) -> SetId {
         let free = self.0.iter().position(Option::is_none).unwrap_or(self.0.len());
         if free == self.0.len() {
             self.0.push(None);
@@ -126,15 +126,15 @@ impl<M> Models<M> {
         SetId(free)
     }
 
-    /// Frees one, if it is there.
-    pub fn remove(&mut self, set: SetId) {
+    /// Removes a set, if it is loaded.
+    pub(crate) fn remove(&mut self, set: SetId) {
         if let Some(model) = self.0.get_mut(set.0) {
             *model = None;
         }
     }
 
-    /// One that is there.
-    pub fn get(&self, set: SetId) -> Result<&M, RenderError> {
+    /// Returns a loaded set.
+    pub(crate) fn get(&self, set: SetId) -> Result<&M, RenderError> {
         self.0.get(set.0).and_then(Option::as_ref).ok_or(RenderError::UnknownSet(set.0))
     }
 }
@@ -186,8 +186,8 @@ pub enum MedianDepth {
     Off,
     /// Rendered.
     On,
-    /// The index of that splat in its place, which [`crate::Frame::median_splat`] reads. For passes
-    /// of one set without other geometry, surface, particles and effects on pixels.
+    /// Renders the index of that splat instead, which [`crate::Frame::median_splat`] reads. For
+    /// passes of one set without other geometry, surface, particles and pixel effects.
     Splat,
 }
 
@@ -353,8 +353,9 @@ pub struct DeviceWork {
 
 impl DeviceWork {
     /// The work since `before`.
+    #[cfg(feature = "gpu")]
     #[must_use]
-    pub fn since(self, before: Self) -> Self {
+    pub(crate) fn since(self, before: Self) -> Self {
         Self {
             dispatches: self.dispatches - before.dispatches,
             submissions: self.submissions - before.submissions,
@@ -475,7 +476,7 @@ pub enum RenderError {
         /// The system's words.
         reason: String,
     },
-    /// A GPU was asked for and cannot be.
+    /// A GPU was asked for, and the program has no GPU back end.
     #[cfg(not(feature = "gpu"))]
     #[error("this program was built without the feature `gpu`: use --device cpu")]
     NoGpu,
@@ -509,8 +510,8 @@ pub fn bytes_of_set(splats: usize, sh_degree: u8) -> u64 {
     (clusters * (GROUPS * group + size_of::<Cluster>())) as u64
 }
 
-/// Most splats in one frame: what a key of the tile lists can name.
-pub const MAX_SPLATS: usize = 1 << crate::stages::intersect::RECORD_BITS;
+/// Most splats in one frame: a key of the tile lists has no more bits for them.
+pub(crate) const MAX_SPLATS: usize = 1 << crate::stages::intersect::RECORD_BITS;
 
 #[cfg(test)]
 mod tests {

@@ -5,11 +5,12 @@
 //! contracts are those of the stages `compare` and `optimize`.
 
 pub use crate::stages::compare::{
-    Belief, Believed, C1, C2, COVERED, Compared, Comparison, EDGE, EXACT, Exposure, FEWEST, FLOOR,
-    NO_EXPOSURE, Patches, RADIUS, SLACK, Term, WINDOW,
+    C1, C2, COVERAGE_TOLERANCE, Compared, Comparison, DEVIATION_FLOOR, EDGE_CONTRAST, Exposure, GridPriors,
+    MIN_COVERAGE, MIN_PATCH_PIXELS, MIN_RELATIVE_SIGMA, NO_EXPOSURE, Patches, PixelPrior, RADIUS, Term,
+    WINDOW,
 };
 pub use crate::stages::optimize::cpu::{add_terms, hold_sky, step};
 pub use crate::stages::optimize::{
-    Changed, Learnt, LearntMut, Moments, Noise, Origin, Pulls, Rates, Shapes, SplatTerms, Step,
+    Changed, DensifyStats, Learnt, LearntMut, Moments, Noise, Origin, Rates, Shapes, SplatTerms, Step,
 };
 pub use crate::stages::project::MIN_ALPHA;

@@ -138,7 +138,7 @@ impl Learner {
             Some(device) => device.backward(upstream, Target::Step),
             None => {
                 let splats = &population.splats;
-                self.renderer.backward(splats, upstream, Learn::ALL, &mut self.gradients).map(|_| ())
+                self.renderer.backward(splats, upstream, Learn::ALL, &mut self.gradients)
             }
         }
     }

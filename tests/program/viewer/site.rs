@@ -277,9 +277,8 @@ fn every_program_of_the_gpu_compiles_in_a_browser() {
     std::fs::write(folder.path().join("index.html"), "<!doctype html>").unwrap();
     let address = host(folder.path().to_owned());
     browser.open_at(&address, "");
-    let texts: Vec<String> = wm_render::gpu::source::Program::all()
-        .iter()
-        .map(wm_render::gpu::source::Program::text)
+    let texts: Vec<String> = wm_render::testing::program_texts()
+        .into_iter()
         // In browsers subgroups are not used.
         .filter(|text| !text.contains("subgroupAny("))
         .collect();

@@ -14,7 +14,7 @@ use wm_scene::Camera;
 /// Added to the diagonal of the covariance in the picture, px^2, and the greatest optical depth of
 /// one particle: as they are drawn.
 const DILATION: f64 = stage::DILATION as f64;
-const MOST: f64 = stage::MOST as f64;
+const MOST: f64 = stage::MAX_OPTICAL_DEPTH as f64;
 /// Optical depth of a particle from which on a pixel is its own: it hides a twentieth of it.
 const COVERS: f64 = 0.05;
 /// Rows of pixels that are filled at a time.

@@ -19,7 +19,7 @@ use std::sync::atomic::AtomicU64;
 use web_time::Instant;
 use wm_scene::Rasterization;
 
-/// A run of clusters of one set, with the records that it may fill.
+/// A run of clusters of one set and the records that it may fill.
 pub(crate) struct Unit<'a> {
     model: &'a CpuModel,
     attributes: Option<&'a dyn SplatAttributes>,
@@ -29,13 +29,13 @@ pub(crate) struct Unit<'a> {
 }
 
 impl<'a> Unit<'a> {
-    /// Its first record among those of the frame.
-    pub fn first_record(&self) -> usize {
+    /// Returns the first record of the part among those of the frame.
+    pub(crate) fn first_record(&self) -> usize {
         self.first_record as usize
     }
 
-    /// Cuts the sets in about `wanted` runs of equal size, none across sets.
-    pub fn split(
+    /// Splits the sets into about `wanted` runs of equal size; no run crosses sets.
+    pub(crate) fn split(
         sets: &[(&'a CpuModel, Option<&'a dyn SplatAttributes>)],
         wanted: usize,
         mut records: &'a mut [Record],
@@ -70,17 +70,17 @@ pub(crate) struct Part {
 
 impl Part {
     /// Number of its records.
-    pub fn visible(&self) -> usize {
+    pub(crate) fn visible(&self) -> usize {
         self.visible as usize
     }
 
     /// The pairs of tiles and splats.
-    pub fn pairs(&mut self) -> &mut Pairs {
+    pub(crate) fn pairs(&mut self) -> &mut Pairs {
         &mut self.pairs
     }
 
     /// Adds counts and times to the frame's.
-    pub fn add_to(&self, stats: &mut Stats) {
+    pub(crate) fn add_to(&self, stats: &mut Stats) {
         stats.visible += self.visible;
         stats.project += self.project;
         stats.medium += self.medium;
@@ -88,7 +88,7 @@ impl Part {
     }
 
     /// Fills the tile lists with this unit's splats; returns the seconds it took.
-    pub fn scatter(&mut self, lists: &[AtomicU64]) -> f64 {
+    pub(crate) fn scatter(&mut self, lists: &[AtomicU64]) -> f64 {
         let begun = Instant::now();
         self.pairs.scatter(lists);
         begun.elapsed().as_secs_f64()
@@ -117,7 +117,7 @@ pub(crate) struct Front<'a> {
 
 impl<'a> Front<'a> {
     /// The sweep of one frame.
-    pub fn new(
+    pub(crate) fn new(
         path: SimdPath,
         camera: &'a ProjectCamera,
         pass: &DrawPass<'a>,
@@ -141,7 +141,7 @@ impl<'a> Front<'a> {
     }
 
     /// Runs one unit.
-    pub fn run(&self, unit: Unit<'_>, part: &mut Part) {
+    pub(crate) fn run(&self, unit: Unit<'_>, part: &mut Part) {
         let Unit { model, attributes, clusters, first_record, records } = unit;
         part.pairs.clear(self.grid);
         (part.visible, part.project, part.medium, part.intersect) = (0, 0.0, 0.0, 0.0);
@@ -167,7 +167,7 @@ impl<'a> Front<'a> {
                     let from = &source[scratch.names[group] * GROUP..][..GROUP];
                     let mask = scratch.projected[group].mask;
                     // Lanes out of view repeat one in view: their own gains are not needed, and
-                    // would be fetched from memory.
+                    // fetching them would cost memory traffic.
                     let first = from[(mask.trailing_zeros() & 15) as usize];
                     for lane in 0..GROUP {
                         to[lane] = if mask >> lane & 1 == 1 { from[lane] } else { first };
@@ -190,7 +190,7 @@ impl<'a> Front<'a> {
                 break;
             }
             if self.median == MedianDepth::Splat {
-                // The keys have the depth now, and blending reads it for nothing but the median.
+                // The keys hold the depth now, and blending reads it for the median alone.
                 for record in &mut records[used..used + visible] {
                     record.depth = splat_name(model.source[record.index as usize]);
                 }
@@ -203,7 +203,8 @@ impl<'a> Front<'a> {
         part.visible = used as u64;
     }
 
-    /// Projects and shades the groups of a cluster that have splats in view, and returns how many.
+    /// Projects and shades the groups of a cluster that have splats in view, and returns their
+    /// number.
     #[inline(always)]
     fn project_cluster<S: Lanes>(
         &self,
@@ -220,8 +221,7 @@ impl<'a> Front<'a> {
             let group = &model.groups[index];
             let factors = has_attributes.then(|| scratch.attributes.group(i, Attribute::Visibility));
             let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
-            let how = (factors, self.split);
-            project_group(simd, group, self.camera, self.rasterization, how, out, shade);
+            project_group(simd, group, self.camera, self.rasterization, factors, self.split, out, shade);
             let sky = model.sky[index];
             if self.sky_splats == SkySplats::LeftOut {
                 out.mask &= !u32::from(sky);
@@ -257,9 +257,10 @@ impl<'a> Front<'a> {
     }
 }
 
-/// A bit for each splat of a group that lies above a plane.
+/// Returns a bit for each splat of a group that lies above a plane.
 #[inline(always)]
-fn above([x, y, z, height]: [f32; 4], group: &ShadeGroup) -> u32 {
+fn above(plane: [f32; 4], group: &ShadeGroup) -> u32 {
+    let [x, y, z, height] = plane;
     let mut mask = 0;
     for lane in 0..GROUP {
         let [dx, dy, dz] = [0, 1, 2].map(|k| group.direction[k][lane] * group.distance[lane]);
@@ -270,12 +271,12 @@ fn above([x, y, z, height]: [f32; 4], group: &ShadeGroup) -> u32 {
 
 /// Working memory of one unit: the groups of one cluster that have splats in view.
 pub(crate) struct ClusterScratch {
-    pub projected: [ProjectedGroup; GROUPS],
-    pub shade: [ShadeGroup; GROUPS],
+    pub(crate) projected: [ProjectedGroup; GROUPS],
+    pub(crate) shade: [ShadeGroup; GROUPS],
     /// Position of each group in its cluster.
-    pub names: [usize; GROUPS],
+    pub(crate) names: [usize; GROUPS],
     attributes: AttributeBlock,
-    pub boxes: [PatchBox; CLUSTER],
+    pub(crate) boxes: [PatchBox; CLUSTER],
 }
 
 impl Default for ClusterScratch {
@@ -305,9 +306,9 @@ impl ClusterScratch {
         }
     }
 
-    /// Writes the records of the splats in view, with their boxes, and returns how many.
+    /// Writes the records and boxes of the splats in view, and returns their number.
     #[inline(always)]
-    pub fn write_records<S: Lanes>(
+    pub(crate) fn write_records<S: Lanes>(
         &mut self,
         simd: S,
         groups: usize,

@@ -54,14 +54,14 @@ pub(crate) fn start(config: CpuConfig) -> Result<(SimdPath, Arc<rayon::ThreadPoo
     Ok((path, pool(config.threads.unwrap_or(0))?))
 }
 
-/// A pool of so many threads, 0 for those of the processor.
+/// Starts a pool of threads; 0 for one per core.
 #[cfg(not(target_arch = "wasm32"))]
 fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map(Arc::new).map_err(|error| RenderError::Threads { threads, reason: error.to_string() })
 }
 
-/// The one thread that there is in a browser, as a pool.
+/// Makes a pool of the only thread in a browser.
 #[cfg(target_arch = "wasm32")]
 fn pool(_: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
     static POOL: std::sync::OnceLock<Arc<rayon::ThreadPool>> = std::sync::OnceLock::new();
@@ -96,19 +96,19 @@ impl CpuRenderer {
 
     /// The SIMD path in use.
     #[must_use]
-    pub fn path(&self) -> SimdPath {
+    pub(crate) fn path(&self) -> SimdPath {
         self.path
     }
 
     /// Number of threads in use.
     #[must_use]
-    pub fn threads(&self) -> usize {
+    pub(crate) fn threads(&self) -> usize {
         self.pool.current_num_threads()
     }
 
     /// The threads, for work of the same caller between frames.
     #[must_use]
-    pub fn pool(&self) -> &rayon::ThreadPool {
+    pub(crate) fn pool(&self) -> &rayon::ThreadPool {
         &self.pool
     }
 
@@ -119,7 +119,7 @@ impl CpuRenderer {
         let mut target = target;
         match &mut target {
             Target::Picture(frame) => {
-                frame.prepare((pass.camera.width, pass.camera.height), pass.encoding(), arrays(pass))?;
+                frame.prepare(pass.camera.width, pass.camera.height, pass.encoding(), arrays(pass))?;
             }
             Target::Weights(_) => check_weighed(&pass.camera)?,
         }
@@ -216,8 +216,9 @@ impl CpuRenderer {
     }
 }
 
-/// Makes a list at least `count` long, a little more if it has to grow. What was in it is lost: the
-/// old list is freed first, as both at a time would be the largest part of a frame's memory.
+/// Makes a list at least `count` long, and a little longer if it has to grow. The contents are
+/// lost: the old list is freed first, since both together would be the largest part of a frame's
+/// memory.
 fn grow<T>(list: &mut Vec<T>, count: usize, new: impl FnMut() -> T) {
     if list.len() < count {
         *list = Vec::new();

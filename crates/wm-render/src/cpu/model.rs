@@ -1,4 +1,4 @@
-//! Splats as the CPU back end keeps them: activated, in Morton order, 16 to a group.
+//! The CPU back end's form of splats: activated, in Morton order, in groups of 16.
 
 use crate::hooks::GROUP;
 use crate::renderer::{MAX_SPLATS, RenderError};
@@ -6,57 +6,57 @@ use rayon::prelude::*;
 use wm_scene::{Group, Splats, morton, sh, splats::sigmoid};
 
 /// Splats that are culled and shaded together: neighbours in space.
-pub const CLUSTER: usize = GROUPS * GROUP;
+pub(crate) const CLUSTER: usize = GROUPS * GROUP;
 /// Groups in a cluster.
-pub const GROUPS: usize = 16;
+pub(crate) const GROUPS: usize = 16;
 
-/// Sixteen splats, one array a number.
+/// Sixteen splats, as a structure of arrays.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct SplatGroup {
     /// Centres, world axes, scene units.
-    pub mean: [[f32; GROUP]; 3],
+    pub(crate) mean: [[f32; GROUP]; 3],
     /// Unit quaternions, wxyz.
-    pub quat: [[f32; GROUP]; 4],
+    pub(crate) quat: [[f32; GROUP]; 4],
     /// Standard deviations along the splat's own axes.
-    pub scale: [[f32; GROUP]; 3],
-    /// log2 of the opacity; [`NEVER`] for padding.
-    pub log2_opacity: [f32; GROUP],
+    pub(crate) scale: [[f32; GROUP]; 3],
+    /// log2 of the opacity; [`NEVER_DRAWN_LOG2_OPACITY`] for padding.
+    pub(crate) log2_opacity: [f32; GROUP],
     /// SH coefficient 0.
-    pub dc: [[f32; GROUP]; 3],
+    pub(crate) dc: [[f32; GROUP]; 3],
 }
 
-/// log2 of an opacity that is never drawn.
-pub const NEVER: f32 = -1000.0;
+/// log2 of an opacity far below every threshold, for padding.
+pub(crate) const NEVER_DRAWN_LOG2_OPACITY: f32 = -1000.0;
 
 /// The box and size of 256 neighbours, for culling.
 #[derive(Clone, Copy, Debug)]
-pub struct Cluster {
+pub(crate) struct Cluster {
     /// Middle of the means' box.
-    pub center: [f32; 3],
+    pub(crate) center: [f32; 3],
     /// Half its sides.
-    pub half: [f32; 3],
-    /// Largest standard deviation in it.
-    pub max_scale: f32,
+    pub(crate) half: [f32; 3],
+    /// Largest standard deviation in the cluster, scene units.
+    pub(crate) max_scale: f32,
 }
 
 /// A loaded set of splats.
 #[derive(Debug)]
 pub struct CpuModel {
     /// Number of splats, without padding.
-    pub len: usize,
+    pub(crate) len: usize,
     /// Degree of the spherical harmonics.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
     /// `[ceil(N / 256) * 16]`.
     pub groups: Vec<SplatGroup>,
     /// Coefficients above 0, `[groups, K - 1, 3]` rows of 16 splats.
     pub sh_rest: Vec<[f32; GROUP]>,
     /// `[ceil(N / 256)]`.
-    pub clusters: Vec<Cluster>,
+    pub(crate) clusters: Vec<Cluster>,
     /// Index in the loaded [`Splats`] of each splat, padded with 0.
-    pub source: Vec<u32>,
+    pub(crate) source: Vec<u32>,
     /// For each group, a bit for each splat of the sky.
-    pub sky: Vec<u16>,
+    pub(crate) sky: Vec<u16>,
 }
 
 impl CpuModel {
@@ -123,7 +123,7 @@ impl CpuModel {
         Ok(Self { len, sh_degree: splats.sh_degree, groups, sh_rest, clusters, source, sky })
     }
 
-    /// Rows of [`Self::sh_rest`] a group.
+    /// Returns the number of rows of [`Self::sh_rest`] per group.
     #[must_use]
     pub fn sh_rows(&self) -> usize {
         (sh::coefficients(self.sh_degree) - 1) * 3
@@ -135,7 +135,7 @@ fn activate(splats: &Splats, source: &[u32], first: usize, len: usize) -> SplatG
         mean: [[0.0; GROUP]; 3],
         quat: [[0.0; GROUP]; 4],
         scale: [[0.0; GROUP]; 3],
-        log2_opacity: [NEVER; GROUP],
+        log2_opacity: [NEVER_DRAWN_LOG2_OPACITY; GROUP],
         dc: [[0.0; GROUP]; 3],
     };
     for (lane, index) in source.iter().enumerate() {
@@ -151,7 +151,7 @@ fn activate(splats: &Splats, source: &[u32], first: usize, len: usize) -> SplatG
         }
         if first + lane < len {
             let opacity = sigmoid(f64::from(splats.logit_opacities[index]));
-            group.log2_opacity[lane] = (opacity.log2() as f32).max(NEVER);
+            group.log2_opacity[lane] = (opacity.log2() as f32).max(NEVER_DRAWN_LOG2_OPACITY);
         }
     }
     group
@@ -176,7 +176,8 @@ fn bound(splats: &Splats, source: &[u32]) -> Cluster {
     }
 }
 
-/// Indices along a Morton curve through the box of `means`, 21 bits an axis; ties by index.
+/// Returns the indices of `means` in the order of a Morton curve through their box, 21 bits per
+/// axis; ties by index.
 #[must_use]
 pub fn morton_order(means: &[[f32; 3]]) -> Vec<u32> {
     let mut low = [f32::INFINITY; 3];
@@ -216,7 +217,9 @@ mod tests {
         let mut seen = model.source[..1000].to_vec();
         seen.sort_unstable();
         assert!(seen.iter().enumerate().all(|(i, s)| i == *s as usize));
-        assert!(model.groups[1000 / 16].log2_opacity[1000 % 16..].iter().all(|v| *v == NEVER));
+        assert!(
+            model.groups[1000 / 16].log2_opacity[1000 % 16..].iter().all(|v| *v == NEVER_DRAWN_LOG2_OPACITY)
+        );
         for (i, source) in model.source[..1000].iter().enumerate() {
             let (group, lane) = (&model.groups[i / 16], i % 16);
             assert_eq!(group.mean[1][lane], splats.means[*source as usize][1]);

@@ -47,7 +47,7 @@ fn bytes_are_the_same_for_any_number_of_threads() {
         step(&mut CpuDifferentiable::new(config).unwrap(), &splats, &CONFIG, Learn::ALL)
     };
     let one = of(1);
-    assert!(one.1.len() > 5000 && one.1.means.iter().flatten().any(|v| *v != 0.0));
+    assert!(one.1.visible.len() > 5000 && one.1.means.iter().flatten().any(|v| *v != 0.0));
     for threads in [2, 7] {
         assert!(of(threads) == one, "{threads} threads");
     }
@@ -86,7 +86,7 @@ fn leave_out(backend: Backend) {
     let (_, means) = step(&mut *renderer, &splats, &CONFIG, Learn::MEANS);
     assert_eq!(means.means, all.means);
     assert!(means.quats.is_empty() && means.sh.is_empty() && means.logit_opacities.is_empty());
-    assert_eq!((means.weights.len(), means.visible), (all.len(), all.visible.clone()));
+    assert_eq!((means.weights.len(), means.visible), (all.visible.len(), all.visible.clone()));
     let (_, opacities) = step(&mut *renderer, &splats, &CONFIG, Learn::OPACITIES);
     assert_eq!(opacities.logit_opacities, all.logit_opacities);
     assert!(opacities.means.is_empty());
@@ -112,7 +112,7 @@ fn repeat(backend: Backend) {
     assert!(gradients == first);
 }
 
-/// As the slot Medium draws it, and splats of the sky learn as without it.
+/// Draws the air as the hook does; splats of the sky learn as without it.
 fn through_air(backend: Backend) {
     let air = EvenAir { extinction: 0.2, airlight: [0.5, 0.6, 0.7] };
     let config = ForwardConfig { channels: Channels::Color, air: Some(air), ..CONFIG };
@@ -170,7 +170,7 @@ fn nothing_in_view(backend: Backend) {
         renderer.forward(&splats, &away, &CONFIG, &mut frame).unwrap();
         let loss = RandomLoss::new(CONFIG.channels, frame.pixels(), 5, |_| true);
         renderer.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();
-        assert!(gradients.is_empty() && gradients.sh.is_empty());
+        assert!(gradients.visible.is_empty() && gradients.sh.is_empty());
         assert!(frame.alpha.iter().all(|a| *a == 0.0));
     }
 }

@@ -1,6 +1,6 @@
 //! The air alone on the GPU, for checks of effects.
 
-use super::buffers::Growing;
+use super::buffers::GrowingBuffer;
 use super::error::GpuError;
 use super::readback;
 use super::recorder::{Recorder, Stage};
@@ -16,7 +16,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     /// [`RenderError`] if the air has no form for the GPU, or the GPU fails.
-    pub fn shade(
+    pub(crate) fn shade(
         &self,
         medium: &dyn Medium,
         origin: [f32; 3],
@@ -32,13 +32,13 @@ impl GpuRenderer {
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let [parameters, buffer] = [&source.parameters, &words]
-            .map(|numbers| Growing::default().write(gpu, "the air", numbers, usage));
+            .map(|numbers| GrowingBuffer::default().write(gpu, "the air", numbers, usage));
         let (parameters, buffer) = (parameters?, buffer?);
         let mut recorder = Recorder::new(gpu, &parameters, None);
         recorder.begin(Stage::Project);
-        shade_groups(&mut recorder, (&source, &parameters), (&buffer, groups.len() as u32));
+        shade_groups(&mut recorder, &source, &parameters, &buffer, groups.len() as u32);
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut words);
-        readback::copy(gpu, recorder, &mut Growing::default(), &mut [(&buffer, 0, bytes)])?;
+        readback::copy(gpu, recorder, &mut GrowingBuffer::default(), &mut [(&buffer, 0, bytes)])?;
         let rows = words.chunks_exact(size_of::<ShadeGroup>() / 4);
         for (group, row) in groups.iter_mut().zip(rows) {
             group.rgb.as_flattened_mut().copy_from_slice(&row[row.len() - 48..]);

@@ -10,15 +10,15 @@ use wgpu::BufferUsages;
 pub(crate) const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);
 pub(crate) const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
 
-/// A buffer that is made anew when more is asked of it.
+/// A buffer that is allocated again when it is too small.
 #[derive(Default)]
-pub(crate) struct Growing {
+pub(crate) struct GrowingBuffer {
     buffer: Option<wgpu::Buffer>,
 }
 
-impl Growing {
-    /// The buffer, of at least `bytes`; what was in it is lost when it grows.
-    pub fn fit(
+impl GrowingBuffer {
+    /// Returns the buffer with at least `bytes` bytes; its contents are lost when it grows.
+    pub(crate) fn fit(
         &mut self,
         gpu: &Gpu,
         what: &'static str,
@@ -29,8 +29,8 @@ impl Growing {
         self.fit_unbound(gpu, what, bytes, usage)
     }
 
-    /// The same of one that no program sees: it may be larger than what can be bound.
-    pub fn fit_unbound(
+    /// Fits a buffer that no program binds: it may be larger than the limit of bindings.
+    pub(crate) fn fit_unbound(
         &mut self,
         gpu: &Gpu,
         what: &'static str,
@@ -40,7 +40,7 @@ impl Growing {
         if let Some(buffer) = self.buffer.as_ref().filter(|buffer| buffer.size() >= bytes) {
             return Ok(buffer.clone());
         }
-        // Freed before, so that both need not fit at once.
+        // The old buffer is freed first, so that both need not fit at once.
         self.buffer = None;
         let buffer = gpu.buffer(what, bytes, usage)?;
         self.buffer = Some(buffer.clone());
@@ -48,9 +48,9 @@ impl Growing {
     }
 }
 
-impl Growing {
-    /// The buffer with these numbers first.
-    pub fn write(
+impl GrowingBuffer {
+    /// Returns the buffer with `numbers` at its beginning.
+    pub(crate) fn write(
         &mut self,
         gpu: &Gpu,
         what: &'static str,
@@ -67,48 +67,48 @@ impl Growing {
 /// Room for a frame: handles to the kept buffers.
 pub(crate) struct Room {
     /// Structures, one a slot.
-    pub uniforms: wgpu::Buffer,
-    pub counters: wgpu::Buffer,
-    pub dispatches: wgpu::Buffer,
+    pub(crate) uniforms: wgpu::Buffer,
+    pub(crate) counters: wgpu::Buffer,
+    pub(crate) dispatches: wgpu::Buffer,
     /// `Block` of `geometry.wgsl`.
-    pub blocks: wgpu::Buffer,
-    pub records: wgpu::Buffer,
+    pub(crate) blocks: wgpu::Buffer,
+    pub(crate) records: wgpu::Buffer,
     /// Depths and names of the splats in view, twice.
-    pub depth_pairs: [[wgpu::Buffer; 2]; 2],
-    pub counts: wgpu::Buffer,
-    pub sums: wgpu::Buffer,
+    pub(crate) depth_pairs: [[wgpu::Buffer; 2]; 2],
+    pub(crate) counts: wgpu::Buffer,
+    pub(crate) sums: wgpu::Buffer,
     /// Tiles and names of the entries, twice.
-    pub entry_pairs: [[wgpu::Buffer; 2]; 2],
-    pub histogram: wgpu::Buffer,
-    pub totals: wgpu::Buffer,
-    pub tile_offsets: wgpu::Buffer,
-    pub rgb: wgpu::Buffer,
-    pub alpha: wgpu::Buffer,
-    pub depths: wgpu::Buffer,
-    pub normal: wgpu::Buffer,
+    pub(crate) entry_pairs: [[wgpu::Buffer; 2]; 2],
+    pub(crate) histogram: wgpu::Buffer,
+    pub(crate) totals: wgpu::Buffer,
+    pub(crate) tile_offsets: wgpu::Buffer,
+    pub(crate) rgb: wgpu::Buffer,
+    pub(crate) alpha: wgpu::Buffer,
+    pub(crate) depths: wgpu::Buffer,
+    pub(crate) normal: wgpu::Buffer,
     /// Optical depth of what falls and its light, whole numbers, `[H, W, 4]`.
-    pub falling: wgpu::Buffer,
+    pub(crate) falling: wgpu::Buffer,
     /// [`crate::Frame::particles`].
-    pub apart: wgpu::Buffer,
+    pub(crate) apart: wgpu::Buffer,
 }
 
 /// The size of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Extent {
-    pub slots: usize,
-    pub blocks: u32,
-    pub capacity: Capacity,
-    pub tiles: u32,
-    pub pixels: u64,
+    pub(crate) slots: usize,
+    pub(crate) blocks: u32,
+    pub(crate) capacity: Capacity,
+    pub(crate) tiles: u32,
+    pub(crate) pixels: u64,
     /// Pictures of depths.
-    pub planes: u64,
-    pub normal: bool,
-    pub particles: ParticleBlend,
+    pub(crate) planes: u64,
+    pub(crate) normal: bool,
+    pub(crate) particles: ParticleBlend,
 }
 
 impl Extent {
-    /// Room for either of two frames, one after the other.
-    pub fn max(self, other: Self) -> Self {
+    /// Returns the larger extent of two frames that follow each other.
+    pub(crate) fn max(self, other: Self) -> Self {
         Self {
             slots: self.slots.max(other.slots),
             blocks: self.blocks.max(other.blocks),
@@ -122,29 +122,29 @@ impl Extent {
     }
 }
 
-/// All that is kept from frame to frame.
+/// The buffers that are kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Memory {
-    kept: [Growing; 24],
+    kept: [GrowingBuffer; 24],
     /// Each of these holds numbers for one pass, or for one set of one pass.
-    attributes: InTurn,
-    air: InTurn,
-    drops: InTurn,
-    backgrounds: InTurn,
-    pub staging: Growing,
+    attributes: BufferPool,
+    air: BufferPool,
+    drops: BufferPool,
+    backgrounds: BufferPool,
+    pub(crate) staging: GrowingBuffer,
 }
 
 /// Buffers of one kind, handed out one after the other.
 #[derive(Default)]
-struct InTurn {
-    buffers: Vec<Growing>,
+struct BufferPool {
+    buffers: Vec<GrowingBuffer>,
     used: usize,
 }
 
-impl InTurn {
+impl BufferPool {
     fn write(&mut self, gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
         if self.used == self.buffers.len() {
-            self.buffers.push(Growing::default());
+            self.buffers.push(GrowingBuffer::default());
         }
         self.used += 1;
         self.buffers[self.used - 1].write(gpu, what, numbers, WRITTEN)
@@ -153,34 +153,34 @@ impl InTurn {
 
 impl Memory {
     /// Starts with the first buffers again, when nothing reads what they hold any more.
-    pub fn start_batch(&mut self) {
+    pub(crate) fn start_batch(&mut self) {
         for buffers in [&mut self.attributes, &mut self.air, &mut self.drops, &mut self.backgrounds] {
             buffers.used = 0;
         }
     }
 
     /// Uploads the attributes of the splats of one set.
-    pub fn attributes(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+    pub(crate) fn attributes(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
         self.attributes.write(gpu, "attributes of splats", numbers)
     }
 
     /// Uploads the parameters of the air.
-    pub fn air(&mut self, gpu: &Gpu, parameters: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+    pub(crate) fn air(&mut self, gpu: &Gpu, parameters: &[f32]) -> Result<wgpu::Buffer, GpuError> {
         self.air.write(gpu, "the air", parameters)
     }
 
     /// Uploads particles.
-    pub fn drops(&mut self, gpu: &Gpu, drops: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+    pub(crate) fn drops(&mut self, gpu: &Gpu, drops: &[f32]) -> Result<wgpu::Buffer, GpuError> {
         self.drops.write(gpu, "particles", drops)
     }
 
     /// Uploads a background.
-    pub fn background(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+    pub(crate) fn background(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
         self.backgrounds.write(gpu, "the background", numbers)
     }
 
     /// Room for a frame of this extent.
-    pub fn room(&mut self, gpu: &Gpu, extent: &Extent) -> Result<Room, GpuError> {
+    pub(crate) fn room(&mut self, gpu: &Gpu, extent: &Extent) -> Result<Room, GpuError> {
         let mut kept = self.kept.iter_mut();
         let mut fit = |what: &'static str, bytes: u64, usage: BufferUsages| match kept.next() {
             Some(growing) => growing.fit(gpu, what, bytes, usage),

@@ -11,25 +11,26 @@ use wgpu::{Adapter, DeviceType, Limits};
 
 /// The choice of a GPU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum AdapterChoice {
-    /// A real one, the strongest kind first; never one in software.
+pub(crate) enum AdapterChoice {
+    /// The first real GPU, the strongest kind first; never one in software.
     #[default]
     Auto,
-    /// The first whose name holds this, in any case; one in software too.
+    /// The first GPU whose name contains this text, ignoring case; also one in software.
     Named(String),
-    /// Any that there is, real ones first: for tests.
+    /// The first GPU, real ones first.
+    #[allow(dead_code, reason = "browsers and tests take it")]
     Any,
 }
 
 /// The settings of the GPU back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct GpuConfig {
+pub(crate) struct GpuConfig {
     /// The GPU.
-    pub choice: AdapterChoice,
-    /// The limits that are requested and kept; `None` for all that the adapter has.
-    pub limits: Option<Limits>,
+    pub(crate) choice: AdapterChoice,
+    /// The limits that are requested and kept; `None` for those of the adapter.
+    pub(crate) limits: Option<Limits>,
     /// The use of subgroups.
-    pub subgroups: Subgroups,
+    pub(crate) subgroups: Subgroups,
 }
 
 /// The kind of a GPU.
@@ -64,25 +65,25 @@ impl AdapterKind {
 /// An adapter, for lists.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ListedAdapter {
-    /// Its name.
+    /// Name of the adapter.
     pub name: String,
-    /// Its interface: Vulkan, Metal, DirectX 12.
+    /// Interface of the driver: Vulkan, Metal, DirectX 12.
     pub backend: String,
     /// The driver and its version.
     pub driver: String,
-    /// Its kind.
+    /// Kind of the adapter.
     pub kind: AdapterKind,
     /// Most bytes of one array.
     pub most_binding: u64,
     /// Most bytes of one buffer.
     pub most_buffer: u64,
-    /// Bytes that a workgroup shares.
+    /// Shared memory of a workgroup, bytes.
     pub workgroup_storage: u32,
     /// True if stages can be timed.
     pub timestamps: bool,
-    /// Threads of its subgroups, fewest and most, where programs may use them.
+    /// Fewest and most threads of a subgroup, where programs may use subgroups.
     pub subgroups: Option<(u32, u32)>,
-    /// Why it cannot be used, if so.
+    /// The reason why the adapter cannot be used, if so.
     pub unfit: Option<GpuError>,
 }
 
@@ -162,7 +163,7 @@ fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
     Ok(())
 }
 
-/// A device, and the programs that were made for it. Renderers share it.
+/// A device and the programs that were compiled for it. Renderers share it.
 pub struct Gpu {
     name: String,
     backend: String,
@@ -185,7 +186,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`GpuError`] if there is none to the choice, or it cannot be started.
-    pub fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+    pub(crate) fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let ranked =
             if config.choice == AdapterChoice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
         let listed: Vec<ListedAdapter> = ranked.iter().map(list).collect();
@@ -216,12 +217,12 @@ impl Gpu {
         ready(Self::start(&ranked[at], &listed[at], config)).ok_or_else(failed)?
     }
 
-    /// Starts the GPU that a browser gives, of whatever name.
+    /// Opens the GPU that a browser gives, whatever its name.
     ///
     /// # Errors
     /// [`GpuError`] if the browser has no WebGPU or gives no GPU, or it cannot be started.
     #[cfg(target_arch = "wasm32")]
-    pub async fn open_in_browser(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+    pub(crate) async fn open_in_browser(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -276,7 +277,7 @@ impl Gpu {
         }));
         let told = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
-            // Of several the first tells why; a device that is dropped is no loss.
+            // The first of several errors is kept; dropping the device is no error.
             let _ = told.set(one_line(&format!("{message} ({reason:?})")));
         });
         let tick = listed.timestamps.then(|| queue.get_timestamp_period());
@@ -297,33 +298,33 @@ impl Gpu {
         }))
     }
 
-    /// Its name and interface.
+    /// Returns the name and the interface of the adapter.
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         format!("gpu, {} ({})", self.name, self.backend)
     }
 
-    /// Its kind.
+    /// Returns the kind of the adapter.
     #[must_use]
-    pub fn kind(&self) -> AdapterKind {
+    pub(crate) fn kind(&self) -> AdapterKind {
         self.kind
     }
 
     /// Most bytes of one array.
     #[must_use]
-    pub fn most_binding(&self) -> u64 {
+    pub(crate) fn most_binding(&self) -> u64 {
         self.most_binding
     }
 
     /// The use of its subgroups.
     #[must_use]
-    pub fn subgroups(&self) -> Subgroups {
+    pub(crate) fn subgroups(&self) -> Subgroups {
         self.subgroups
     }
 
     /// Nanoseconds of a tick of its clock, where stages can be timed.
     #[must_use]
-    pub fn tick(&self) -> Option<f32> {
+    pub(crate) fn tick(&self) -> Option<f32> {
         self.tick
     }
 
@@ -331,10 +332,10 @@ impl Gpu {
     ///
     /// # Errors
     /// [`GpuError::Lost`] from the loss of the device on, else the first refusal.
-    pub fn check(&self) -> Result<(), GpuError> {
+    pub(crate) fn check(&self) -> Result<(), GpuError> {
         let fault = held(&self.faults).take();
         if fault.is_some() {
-            // What is refused may be so because the device is gone, and only a poll says that.
+            // Work may be refused because the device is gone, which only a poll tells.
             let _ = self.device.poll(wgpu::PollType::Poll);
         }
         if let Some(reason) = self.lost.get() {
@@ -343,9 +344,9 @@ impl Gpu {
         fault.map_or(Ok(()), |fault| Err(GpuError::Refused(fault)))
     }
 
-    /// The work that it was given so far, by all who share it.
+    /// Returns the work of all renderers that share the device, so far.
     #[must_use]
-    pub fn work(&self) -> DeviceWork {
+    pub(crate) fn work(&self) -> DeviceWork {
         *held(&self.work)
     }
 
@@ -353,26 +354,26 @@ impl Gpu {
         add(&mut held(&self.work));
     }
 
-    /// Memory that is taken on the device, bytes, where its interface tells.
+    /// Returns the memory that is allocated on the device, bytes, where its interface tells.
     #[must_use]
-    pub fn memory(&self) -> Option<u64> {
+    pub(crate) fn memory(&self) -> Option<u64> {
         self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }
 
-    /// Waits until all that was submitted is done.
+    /// Waits until all submitted work is done.
     pub(crate) fn finish(&self) -> Result<(), GpuError> {
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
         waited.map(|_| ()).map_err(|error| GpuError::Refused(error.to_string()))
     }
 
-    /// Sends bytes to a buffer, before what is submitted next.
+    /// Writes bytes to a buffer before the next submission.
     pub(crate) fn write(&self, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
         self.count(|work| work.sent += bytes.len() as u64);
         self.queue.write_buffer(buffer, offset, bytes);
     }
 
-    /// A program made ready, once.
+    /// Returns a compiled program; compiles it on first use.
     pub(crate) fn pipeline(&self, program: &Program) -> wgpu::ComputePipeline {
         let mut pipelines = held(&self.pipelines);
         if let Some(pipeline) = pipelines.get(program) {
@@ -398,7 +399,7 @@ impl Gpu {
         pipeline
     }
 
-    /// Checks that a program can bind so many bytes at once.
+    /// Checks that a program can bind `bytes` bytes at once.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] if not.
@@ -425,7 +426,7 @@ impl Gpu {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
         let buffer = self.device.create_buffer(&descriptor);
-        // A browser tells later, as it tells of other faults.
+        // A browser reports this later, like other errors.
         if ready(memory.pop()).flatten().is_some() {
             return Err(GpuError::Memory { what, bytes });
         }
@@ -433,7 +434,7 @@ impl Gpu {
     }
 
     /// Takes the device away, as a driver's reset would: for tests.
-    #[doc(hidden)]
+    #[cfg(any(test, feature = "testing"))]
     pub fn lose(&self) {
         self.device.destroy();
     }

@@ -12,7 +12,7 @@
 //!
 //! No number is added by atomics, so gradients are the same, bit by bit, each time on one adapter.
 
-use super::buffers::{Extent, Growing, Memory, READ_BACK, Room, WRITTEN};
+use super::buffers::{Extent, GrowingBuffer, Memory, READ_BACK, Room, WRITTEN};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::lists::{self, CHUNKS, Entries};
@@ -24,8 +24,7 @@ use super::stored::StoredModel;
 use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
 use crate::cpu;
 use crate::differentiable::{
-    BackwardStats, Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident,
-    StepClock, Upstream,
+    Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident, StepClock, Upstream,
 };
 use crate::frame::Frame;
 use crate::plan::Shading;
@@ -38,7 +37,7 @@ use crate::stages::optimize::gpu::Rows;
 use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
 use crate::stages::rasterize::gpu::Rasterize;
 use crate::stages::rasterize_backward::GradientSlot;
-use crate::stages::rasterize_backward::gpu::{Kept, RasterizeBackward, by_sums};
+use crate::stages::rasterize_backward::gpu::{ForwardPictures, RasterizeBackward, by_sums};
 use std::sync::Arc;
 use web_time::Instant;
 use wm_scene::{Camera, Splats, sh};
@@ -49,35 +48,35 @@ const SLOT_WORDS: u64 = GradientSlot::LEN as u64;
 /// The GPU back end of training. It keeps its working memory from step to step.
 pub struct GpuDifferentiable {
     pub(super) gpu: Arc<Gpu>,
-    /// For what the CPU does of a step.
+    /// Threads of the CPU's share of a step.
     path: SimdPath,
     pub(super) pool: Arc<rayon::ThreadPool>,
     pub(super) model: StoredModel,
     pub(super) memory: Memory,
-    kept: [Growing; 10],
+    kept: [GrowingBuffer; 10],
     pub(super) capacity: Capacity,
     comparer: Comparer,
     pub(super) clock: Option<Clock>,
     ticks: Ticks,
     pub(super) last: Option<View>,
-    /// Of splats that learn here.
+    /// Rows of a step, for splats that stay on the GPU.
     pub(super) rows: StepRows,
 }
 
 /// The destination of the pictures of a forward pass.
-pub(super) enum Seen<'a> {
+pub(super) enum ForwardTarget<'a> {
     /// They come back.
     Read(&'a mut Frame),
-    /// They are compared where they are.
+    /// Pictures are compared on the GPU.
     Compared(&'a Comparison<'a>),
 }
 
-/// The last forward pass, with what it left on the GPU.
+/// The last forward pass and its results on the GPU.
 pub(super) struct View {
-    pub camera: Camera,
-    pub config: ForwardConfig,
+    pub(crate) camera: Camera,
+    pub(crate) config: ForwardConfig,
     visible: u32,
-    pub room: Room,
+    pub(crate) room: Room,
     own: OwnRoom,
     /// True if the derivative of the loss is on the GPU already.
     compared: bool,
@@ -108,7 +107,7 @@ fn each(config: &ForwardConfig) -> ItemBytes {
 }
 
 impl GpuDifferentiable {
-    /// On `gpu`; `host` says how the CPU does its part.
+    /// Makes a back end on `gpu`; `host` has the settings of the CPU's share.
     ///
     /// # Errors
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
@@ -132,8 +131,8 @@ impl GpuDifferentiable {
     }
 
     /// The GPU.
-    #[must_use]
-    pub fn gpu(&self) -> &Arc<Gpu> {
+    #[cfg(test)]
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
 
@@ -161,6 +160,7 @@ impl GpuDifferentiable {
     ///
     /// # Panics
     /// If nothing was compared since splats were loaded.
+    #[cfg(any(test, feature = "testing"))]
     pub fn upstream(&mut self) -> Result<Vec<f32>, RenderError> {
         let view = self.last.as_ref().filter(|view| view.compared).expect("a comparison");
         let mut found = vec![0.0f32; 8 * view.camera.width as usize * view.camera.height as usize];
@@ -206,7 +206,7 @@ impl GpuDifferentiable {
         &mut self,
         camera: &Camera,
         config: &ForwardConfig,
-        mut seen: Seen<'_>,
+        mut seen: ForwardTarget<'_>,
     ) -> Result<(Stats, Compared), RenderError> {
         let started = Instant::now();
         let gpu = Arc::clone(&self.gpu);
@@ -220,14 +220,14 @@ impl GpuDifferentiable {
         loop {
             let pieces = self.model.uniforms(config);
             let compare = match &seen {
-                Seen::Read(_) => None,
-                Seen::Compared(wanted) => {
+                ForwardTarget::Read(_) => None,
+                ForwardTarget::Compared(wanted) => {
                     Some((*wanted, self.comparer.room(&gpu, wanted, size, sight.tile_count())?))
                 }
             };
             let compare_slot = CHUNKS + pieces.len() + 2;
             let extent = Extent {
-                // Two more behind, `Training` and `Learn`, and those of a comparison.
+                // Two more follow, `Training` and `Learn`, and those of a comparison.
                 slots: compare_slot + compare::SLOTS,
                 blocks: self.model.blocks(),
                 capacity: self.capacity,
@@ -250,14 +250,14 @@ impl GpuDifferentiable {
             gpu.write(&room.uniforms, 0, &bytes_of(&structures));
 
             let mut recorder =
-                record_forward(&gpu, self.clock.as_ref(), &self.model, (&room, &own), &sight, config);
+                record_forward(&gpu, self.clock.as_ref(), &self.model, &room, &own, &sight, config);
             let mut counters = [0u32; COUNTER_WORDS as usize];
             let mut totals = compare::Room::totals();
             let mut parts: Vec<Part<'_>> = vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
             if let Some(clock) = &self.clock {
                 parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut self.ticks)));
             }
-            if let Seen::Read(frame) = &mut seen {
+            if let ForwardTarget::Read(frame) = &mut seen {
                 parts.extend::<[Part<'_>; 4]>([
                     (&own.rgb, 0, bytemuck::cast_slice_mut(&mut frame.rgb)),
                     (&room.alpha, 0, bytemuck::cast_slice_mut(&mut frame.alpha)),
@@ -293,13 +293,12 @@ impl GpuDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError> {
-        let started = Instant::now();
+    ) -> Result<(), RenderError> {
         let Some(view) = &self.last else { unreachable!("a backward pass follows a forward pass") };
         self.gpu.check()?;
         let View { config, visible, own, .. } = view;
         let recorder =
-            view.record_backward(&self.gpu, None, &self.model, upstream, (&own.gradients, &own.by_sh));
+            view.record_backward(&self.gpu, None, &self.model, upstream, &own.gradients, &own.by_sh);
         gradients.resize(*visible as usize, learn, config.sh_degree);
         let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
         let mut parts: Vec<Part<'_>> = vec![
@@ -311,7 +310,7 @@ impl GpuDifferentiable {
         for (row, numbers) in found.as_chunks::<{ rows::ROW as usize }>().0.iter().enumerate() {
             write_row(gradients, row, numbers);
         }
-        Ok(BackwardStats { wall: started.elapsed().as_secs_f64(), ..BackwardStats::default() })
+        Ok(())
     }
 }
 
@@ -325,30 +324,32 @@ impl OwnRoom {
 
 impl View {
     /// Bytes of rows of gradients, and of those of colours.
-    pub fn row_bytes(&self, capacity: Capacity) -> (u64, u64) {
+    pub(crate) fn row_bytes(&self, capacity: Capacity) -> (u64, u64) {
         let coefficients = 3 * sh::coefficients(self.config.sh_degree) as u64;
         let visible = 4 * u64::from(capacity.visible);
         (u64::from(rows::ROW) * visible, coefficients * visible)
     }
 
     /// The rows of gradients that go with it.
-    pub fn rows(&self) -> Rows<'_> {
+    pub(crate) fn rows(&self) -> Rows<'_> {
         Rows { gradients: &self.own.gradients, by_sh: &self.own.by_sh, blocks: &self.room.blocks }
     }
 
     /// The slot of the structure `Learn`.
-    pub fn learn_slot(&self, model: &StoredModel) -> usize {
+    pub(crate) fn learn_slot(&self, model: &StoredModel) -> usize {
         CHUNKS + model.piece_count() + 1
     }
 
-    /// The commands of a backward pass, whose rows go to these buffers, without the way back.
-    pub fn record_backward<'a>(
+    /// Records the commands of a backward pass, which writes rows of gradients to `gradients` and
+    /// `of_colors`; nothing is read back.
+    pub(crate) fn record_backward<'a>(
         &'a self,
         gpu: &'a Gpu,
         clock: Option<&'a Clock>,
         model: &'a StoredModel,
         upstream: &Upstream<'_>,
-        (gradients, of_colors): (&'a wgpu::Buffer, &'a wgpu::Buffer),
+        gradients: &'a wgpu::Buffer,
+        of_colors: &'a wgpu::Buffer,
     ) -> Recorder<'a> {
         let Self { camera, config, room, own, compared, .. } = self;
         let channels = config.channels;
@@ -374,7 +375,7 @@ impl View {
         }
         recorder.begin(Stage::RasterizeBackward);
         let training = recorder.uniform(slot);
-        by_sums(&mut recorder, (pixels, channels), training, kept(room), (&own.upstream, &own.states));
+        by_sums(&mut recorder, pixels, channels, training, kept(room), &own.upstream, &own.states);
         let rasterize = RasterizeBackward {
             tile_offsets: &room.tile_offsets,
             pairs: lists::listed(room, tiles),
@@ -406,12 +407,13 @@ impl View {
     }
 }
 
-/// The commands of a forward pass, without the way back.
+/// Records the commands of a forward pass; nothing is read back.
 fn record_forward<'a>(
     gpu: &'a Gpu,
     clock: Option<&'a Clock>,
     model: &'a StoredModel,
-    (room, own): (&'a Room, &'a OwnRoom),
+    room: &'a Room,
+    own: &'a OwnRoom,
     sight: &ViewParameters<'_>,
     config: &ForwardConfig,
 ) -> Recorder<'a> {
@@ -436,20 +438,20 @@ fn record_forward<'a>(
     let finish = Finish { kept: kept(room), rgb: &own.rgb, depths: &own.depths, normal: &own.normal };
     let pixels = sight.camera.width * sight.camera.height;
     let training = recorder.uniform(CHUNKS + pieces.len());
-    finish.record(&mut recorder, (pixels, config.channels), training);
+    finish.record(&mut recorder, pixels, config.channels, training);
     recorder
 }
 
-fn kept(room: &Room) -> Kept<'_> {
-    Kept { rgb: &room.rgb, alpha: &room.alpha, depths: &room.depths, normal: &room.normal }
+fn kept(room: &Room) -> ForwardPictures<'_> {
+    ForwardPictures { rgb: &room.rgb, alpha: &room.alpha, depths: &room.depths, normal: &room.normal }
 }
 
-/// Numbers of a row from `first` on.
+/// Returns `N` numbers of a row from `first` on.
 fn numbers<const N: usize>(row: &[f32; rows::ROW as usize], first: u32) -> [f32; N] {
     std::array::from_fn(|k| row[first as usize + k])
 }
 
-/// One row of gradients, as far as they learn.
+/// Writes one row of gradients, for the parameters that learn.
 fn write_row(to: &mut Gradients, row: usize, from: &[f32; rows::ROW as usize]) {
     fn set<T>(array: &mut [T], row: usize, value: T) {
         if let Some(place) = array.get_mut(row) {
@@ -492,7 +494,7 @@ impl Differentiable for GpuDifferentiable {
         pool.install(|| {
             gpu.check()?;
             self.model.write(&gpu, splats)?;
-            self.forward_on_pool(camera, config, Seen::Read(frame)).map(|(stats, _)| stats)
+            self.forward_on_pool(camera, config, ForwardTarget::Read(frame)).map(|(stats, _)| stats)
         })
     }
 
@@ -502,7 +504,7 @@ impl Differentiable for GpuDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError> {
+    ) -> Result<(), RenderError> {
         let view = self.last.as_ref().expect("a backward pass follows a forward pass");
         assert_eq!(self.model.len(), splats.len(), "the splats are not those of the forward pass");
         upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);

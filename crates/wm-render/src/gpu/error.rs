@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Why a GPU cannot be used, or failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum GpuError {
-    /// There is none, or none of that name.
+    /// There is no GPU, or none of that name.
     #[error("no GPU {wanted}: there is {found}")]
     NoAdapter {
         /// The name that was asked for.
@@ -13,22 +13,22 @@ pub enum GpuError {
         /// The adapters of this machine.
         found: String,
     },
-    /// The driver would not start it.
+    /// The driver refused to start the GPU.
     #[error("{adapter} cannot be started: {reason}")]
     Start {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
         /// The driver's words.
         reason: String,
     },
-    /// It cannot do what the renderer needs.
+    /// The GPU lacks something that the renderer needs.
     #[error("{adapter} has too little for this renderer: {limit} is {has}, and {needs} is needed")]
     Limit {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
         /// The limit, by wgpu's name.
         limit: &'static str,
-        /// Its value.
+        /// Value of the limit.
         has: u64,
         /// The least that will do.
         needs: u64,
@@ -38,26 +38,26 @@ pub enum GpuError {
     TooLarge {
         /// The content of the array.
         what: &'static str,
-        /// Its size.
+        /// Size of the array, bytes.
         bytes: u64,
         /// The adapter's limit.
         most: u64,
     },
-    /// Its memory is full.
+    /// The memory of the GPU is full.
     #[error("no room on the GPU for {what}, {}", size(*bytes))]
     Memory {
         /// The content of the array.
         what: &'static str,
-        /// Its size.
+        /// Size of the array, bytes.
         bytes: u64,
     },
-    /// It is gone: driver reset, unplugged, or taken away.
+    /// The GPU was lost: driver reset, unplugged, or taken away.
     #[error("the GPU was lost: {0}")]
     Lost(String),
     /// An effect has no form for the GPU.
     #[error("{0} has no form for the GPU yet: render with the CPU")]
     Effect(&'static str),
-    /// The driver refused what it was told; a fault of the program.
+    /// The driver refused a command; a bug of the program.
     #[error("the GPU refused its work: {0}")]
     Refused(String),
 }

@@ -1,5 +1,5 @@
-//! The CPU's part of a GPU's frame: attributes of splats, backgrounds that are no single colour,
-//! gathering particles, and pixel effects on the picture that came back.
+//! The CPU's part of a GPU's frame: attributes of splats, backgrounds of more than one colour,
+//! gathering particles, and pixel effects on the finished picture.
 
 use super::source::TILE_SIDE;
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
@@ -12,8 +12,8 @@ use crate::stages::composite::background::{BackgroundScratch, BackgroundView};
 use crate::stages::composite::gpu::BackgroundForm;
 use rayon::prelude::*;
 
-/// The attributes of splats with these indices in the loaded set, whole groups of sixteen, as
-/// `activated.wgsl` has them.
+/// Returns the attributes of the splats with indices `source` in the loaded set, in whole groups of
+/// sixteen, in the layout of `activated.wgsl`.
 pub(crate) fn attributes(attributes: &dyn SplatAttributes, source: &[u32]) -> Vec<f32> {
     const BLOCKS: usize = 16;
     const SPLATS: usize = AttributeBlock::SPLATS;
@@ -36,7 +36,7 @@ pub(crate) fn attributes(attributes: &dyn SplatAttributes, source: &[u32]) -> Ve
 
 const _: () = assert!(PATCH == TILE_SIDE as usize, "patches are those of `nodes.wgsl`");
 
-/// The form in which a background goes to the GPU.
+/// Chooses the form in which a background goes to the GPU.
 pub(crate) fn background_form(view: &BackgroundView<'_>) -> BackgroundForm {
     match (view.uniform(), view.nodes()) {
         (Some(_), _) => BackgroundForm::Color,
@@ -45,11 +45,12 @@ pub(crate) fn background_form(view: &BackgroundView<'_>) -> BackgroundForm {
     }
 }
 
-/// The background seen through the air, in a form of [`background_form`].
+/// Paints the background seen through the air, in the form that [`background_form`] chose.
 pub(crate) fn background(
     view: &BackgroundView<'_>,
     form: BackgroundForm,
-    (width, height): (u32, u32),
+    width: u32,
+    height: u32,
 ) -> Vec<f32> {
     let (width, height) = (width as usize, height as usize);
     let numbers = match form {
@@ -69,7 +70,7 @@ pub(crate) fn background(
             nodes.par_chunks_mut(of_patch * columns).enumerate().for_each(|(row, nodes)| {
                 let mut scratch = BackgroundScratch::default();
                 for (column, nodes) in nodes.chunks_exact_mut(of_patch).enumerate() {
-                    view.fill_nodes((column, row), &mut scratch, nodes);
+                    view.fill_nodes(column, row, &mut scratch, nodes);
                 }
             });
         }
@@ -77,7 +78,7 @@ pub(crate) fn background(
             background.par_chunks_mut(3 * width * PATCH).enumerate().for_each(|(row, pixels)| {
                 let (mut scratch, mut patch) = (BackgroundScratch::default(), [[0.0; PATCH_PIXELS]; 3]);
                 for column in 0..width.div_ceil(PATCH) {
-                    view.fill((column, row), &mut scratch, &mut patch);
+                    view.fill(column, row, &mut scratch, &mut patch);
                     for (y, line) in pixels.chunks_exact_mut(3 * width).enumerate() {
                         let line = &mut line.as_chunks_mut::<3>().0[column * PATCH..];
                         for (x, pixel) in line.iter_mut().take(PATCH).enumerate() {
@@ -95,5 +96,5 @@ pub(crate) fn background(
 pub(crate) fn pixel_effects(path: SimdPath, pass: &DrawPass<'_>, frame: &mut Frame, hidden: &[f32]) {
     let Frame { width, rgb, alpha, depth, .. } = frame;
     let depth = if depth.is_empty() { hidden } else { depth };
-    apply_pixel_effects(path, pass.hooks.pixels, *width as usize, rgb, (alpha, depth));
+    apply_pixel_effects(path, pass.hooks.pixels, *width as usize, rgb, alpha, depth);
 }

@@ -18,7 +18,7 @@ const DEPTH_PASSES: usize = 1;
 const TILE_PASSES: usize = 5;
 const COUNT_TASK: usize = 9;
 const WRITE_TASK: usize = 10;
-/// The first slot behind them: of the pieces of splats.
+/// The first slot after them, which is that of the first piece of splats.
 pub(crate) const CHUNKS: usize = 11;
 
 /// The kind of the entries of tile lists.
@@ -56,9 +56,9 @@ pub(crate) fn front(
     for piece in pieces {
         cull(recorder, piece, &room.blocks);
     }
-    spine(recorder, PrefixSumProgram::Visible, &room.blocks, (&room.counters, &room.dispatches));
+    spine(recorder, PrefixSumProgram::Visible, &room.blocks, &room.counters, &room.dispatches);
     for piece in pieces {
-        project(recorder, piece, &room.blocks, (&room.records, &room.depth_pairs[0][0]), shading, air);
+        project(recorder, piece, &room.blocks, &room.records, &room.depth_pairs[0][0], shading, air);
     }
 }
 
@@ -91,20 +91,20 @@ pub(crate) fn lists<'r>(
     let (records, counts, sums) = (&room.records, &room.counts, &room.sums);
     let intersect = Intersect { counters, dispatches, records, order, counts, sums, tiles: keys, entries };
     intersect.record(recorder, COUNT_TASK);
-    spine(recorder, PrefixSumProgram::Entries, sums, (counters, dispatches));
+    spine(recorder, PrefixSumProgram::Entries, sums, counters, dispatches);
     intersect.record(recorder, WRITE_TASK);
     let slots = TILE_PASSES..TILE_PASSES + passes(u32::BITS - tiles.leading_zeros()) as usize;
     let lists = sort(&room.entry_pairs, ENTRY_SORT).record(recorder, slots);
-    ranges(recorder, tiles, (counters, lists.0), &room.tile_offsets);
+    ranges(recorder, tiles, counters, lists.0, &room.tile_offsets);
     lists
 }
 
-/// The buffer in which [`lists`] leaves the records in the order of their depth.
+/// Returns the buffer in which [`lists`] leaves the records in the order of their depth.
 pub(crate) fn order(room: &Room) -> &wgpu::Buffer {
     &room.depth_pairs[passes(DEPTH_BITS) as usize % 2][1]
 }
 
-/// The buffer in which it leaves the entries of `tiles` tiles.
+/// Returns the buffer in which [`lists`] leaves the entries of `tiles` tiles.
 pub(crate) fn listed(room: &Room, tiles: u32) -> &wgpu::Buffer {
     &room.entry_pairs[passes(u32::BITS - tiles.leading_zeros()) as usize % 2][1]
 }

@@ -29,12 +29,12 @@
 #[cfg(any(test, feature = "testing"))]
 mod air;
 pub(crate) mod buffers;
-pub mod device;
+mod device;
 mod differentiable;
-pub mod error;
+pub(crate) mod error;
 mod hosted;
 mod lists;
-pub mod model;
+pub(crate) mod model;
 mod pass;
 #[cfg(test)]
 pub(crate) mod probe;
@@ -43,16 +43,18 @@ mod readback;
 pub(crate) mod recorder;
 mod renderer;
 mod resident;
-pub mod source;
+pub(crate) mod source;
 mod stored;
-pub mod uniforms;
+pub(crate) mod uniforms;
 
-pub use device::{AdapterChoice, AdapterKind, Gpu, GpuConfig, ListedAdapter, adapters};
+pub(crate) use device::{AdapterChoice, GpuConfig};
+pub use device::{AdapterKind, Gpu, ListedAdapter, adapters};
 pub use differentiable::GpuDifferentiable;
 pub use error::GpuError;
 pub use rays::GpuRaySplats;
 pub use renderer::GpuRenderer;
-pub use source::Subgroups;
+#[cfg(test)]
+pub(crate) use source::Subgroups;
 
 #[cfg(test)]
 mod tests;

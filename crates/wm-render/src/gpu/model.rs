@@ -1,4 +1,4 @@
-//! Splats as the GPU keeps them: the CPU's groups of sixteen, in pieces that one binding holds.
+//! The GPU's form of splats: the CPU's groups of sixteen, in pieces that fit one binding.
 
 use super::device::Gpu;
 use super::error::GpuError;
@@ -12,34 +12,34 @@ use wgpu::BufferUsages;
 use wm_scene::Splats;
 
 /// Whole blocks of 256 splats.
-pub struct Chunk {
+pub(crate) struct Chunk {
     /// See `geometry.wgsl`.
-    pub splats: wgpu::Buffer,
+    pub(crate) splats: wgpu::Buffer,
     /// See `shade.wgsl`.
-    pub sh_rest: wgpu::Buffer,
-    /// Its first splat in the set.
-    pub first_splat: u32,
+    pub(crate) sh_rest: wgpu::Buffer,
+    /// First splat of the piece in the set.
+    pub(crate) first_splat: u32,
     /// Number of blocks.
-    pub blocks: u32,
+    pub(crate) blocks: u32,
 }
 
 /// A loaded set of splats.
-pub struct GpuModel {
-    /// Its pieces, in order.
-    pub chunks: Vec<Chunk>,
+pub(crate) struct GpuModel {
+    /// The pieces of the set, in order.
+    pub(crate) chunks: Vec<Chunk>,
     /// Index in the loaded [`Splats`] of each splat, padded with 0 to whole blocks.
-    pub source: Vec<u32>,
+    pub(crate) source: Vec<u32>,
     /// Number of splats, without padding.
-    pub len: usize,
+    pub(crate) len: usize,
     /// Rows of `sh_rest` a group.
-    pub sh_rows: u32,
+    pub(crate) sh_rows: u32,
     kept: Mutex<KeptAttributes>,
 }
 
 /// Attributes of the splats of a set that stay from frame to frame.
 #[derive(Default)]
 struct KeptAttributes {
-    /// The revision that was asked for last.
+    /// The revision that was requested last.
     last: Option<Revision>,
     uploaded: Option<(Revision, wgpu::Buffer)>,
 }
@@ -49,7 +49,7 @@ impl GpuModel {
     ///
     /// # Errors
     /// [`RenderError`] as of [`CpuModel::new`], or if the GPU has no room.
-    pub fn new(gpu: &Gpu, splats: &Splats) -> Result<Self, RenderError> {
+    pub(crate) fn new(gpu: &Gpu, splats: &Splats) -> Result<Self, RenderError> {
         let model = CpuModel::new(splats)?;
         let sh_rows = model.sh_rows();
         let block_bytes = (4 * CLUSTER * ROWS.max(sh_rows as u32) as usize) as u64;
@@ -86,7 +86,7 @@ impl GpuModel {
 
     /// The buffer of attributes of this revision, if it has been asked for before: a light that
     /// changes in each frame takes no memory of its own. `numbers` makes them.
-    pub fn kept_attributes(
+    pub(crate) fn kept_attributes(
         &self,
         gpu: &Gpu,
         revision: Revision,
@@ -108,14 +108,14 @@ impl GpuModel {
         Ok(Some(buffer))
     }
 
-    /// Blocks of 256 splats in it.
+    /// Returns the number of blocks of 256 splats.
     #[must_use]
-    pub fn blocks(&self) -> u32 {
+    pub(crate) fn blocks(&self) -> u32 {
         (self.source.len() / CLUSTER) as u32
     }
 }
 
-/// The numbers of `groups` in the order of `geometry.wgsl`.
+/// Returns the numbers of `groups` in the order of `geometry.wgsl`.
 fn rows(model: &CpuModel, groups: std::ops::Range<usize>) -> Vec<f32> {
     let mut rows = Vec::with_capacity(groups.len() * ROWS as usize * GROUP);
     for index in groups {

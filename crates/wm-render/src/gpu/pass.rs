@@ -24,24 +24,24 @@ use crate::stages::particles::gpu::fall;
 use crate::stages::project::gpu::Piece;
 use crate::stages::rasterize::gpu::{Rasterize, SURFACE_PLANE};
 
-/// A draw pass, with what it needs in the GPU's memory.
+/// A draw pass with its inputs in the GPU's memory.
 pub(crate) struct GpuPass<'a> {
     pass: &'a DrawPass<'a>,
     /// The sets, each with the attributes of its splats and their use.
     sets: Vec<(&'a GpuModel, wgpu::Buffer, AttributeUse)>,
     features: Features,
-    pub arrays: Arrays,
+    pub(crate) arrays: Arrays,
     air: Option<(WgslSource, wgpu::Buffer)>,
     backdrop: BackgroundView<'a>,
     background: (BackgroundForm, wgpu::Buffer),
     particles: ParticleBlend,
     /// The particles in view, and how many; `None` until [`Self::host`] has found them.
     drops: Option<(wgpu::Buffer, u32)>,
-    /// The first of its slots among those of all passes that are submitted together.
-    pub first_slot: usize,
+    /// The first slot of the pass among those of all passes that are submitted together.
+    pub(crate) first_slot: usize,
 }
 
-/// The buffers of a room that blending works on, with the lists `entries`.
+/// Returns the buffers that blending works on, with the lists `entries`.
 fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> {
     Rasterize {
         tile_offsets: &room.tile_offsets,
@@ -55,13 +55,15 @@ fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> 
 }
 
 impl<'a> GpuPass<'a> {
-    /// Uploads what is known of a pass before it is drawn. `transient` are its splats that no set
-    /// holds, one a set.
-    pub fn new(
-        (gpu, memory): (&Gpu, &mut Memory),
+    /// Uploads the inputs of a pass that are known before it is drawn. `transient` has the models
+    /// of its transient splats, one entry a set.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        memory: &mut Memory,
         path: SimdPath,
         models: &'a Models<GpuModel>,
-        (pass, transient): (&'a DrawPass<'a>, &'a [Option<GpuModel>]),
+        pass: &'a DrawPass<'a>,
+        transient: &'a [Option<GpuModel>],
         first_slot: usize,
     ) -> Result<Self, RenderError> {
         let mut sets = Vec::with_capacity(pass.sets.len());
@@ -97,12 +99,12 @@ impl<'a> GpuPass<'a> {
         };
         let arrays = cpu::arrays(pass);
         let backdrop = BackgroundView::of(pass, path);
-        let size = (pass.camera.width, pass.camera.height);
+        let (width, height) = (pass.camera.width, pass.camera.height);
         let form = hosted::background_form(&backdrop);
         let buffer = match form {
-            // Painted later, while the GPU draws splats.
+            // The picture is painted later, while the GPU draws splats.
             BackgroundForm::Picture => memory.background(gpu, &[])?,
-            form => memory.background(gpu, &hosted::background(&backdrop, form, size))?,
+            form => memory.background(gpu, &hosted::background(&backdrop, form, width, height))?,
         };
         Ok(Self {
             pass,
@@ -124,9 +126,9 @@ impl<'a> GpuPass<'a> {
         })
     }
 
-    /// Puts the indices of splats as they were loaded in the place of those of the model, where the
-    /// pass gives splats instead of depths.
-    pub fn name_splats(&self, frame: &mut Frame) {
+    /// Replaces the model's indices of splats with those of the loaded set, if the pass renders
+    /// splat indices instead of depths.
+    pub(crate) fn name_splats(&self, frame: &mut Frame) {
         if self.pass.config.outputs.median_depth != MedianDepth::Splat {
             return;
         }
@@ -139,27 +141,29 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Splats in all sets.
-    pub fn splats(&self) -> usize {
+    pub(crate) fn splats(&self) -> usize {
         self.sets.iter().map(|(model, ..)| model.source.len()).sum()
     }
 
-    /// Returns true if the CPU gathers particles or paints a background for it, which takes about
-    /// as long as the GPU takes for the splats.
-    pub fn is_hosted(&self) -> bool {
+    /// Returns true if the CPU gathers particles or paints a background for the pass, which takes
+    /// about as long as the GPU takes for the splats.
+    pub(crate) fn is_hosted(&self) -> bool {
         self.background.0 == BackgroundForm::Picture || !self.pass.particles().is_empty()
     }
 
-    /// Does the CPU's part, and uploads it; returns the seconds that particles took.
-    pub fn host(
+    /// Gathers particles and paints the background on the CPU, and uploads them; returns the
+    /// seconds that particles took.
+    pub(crate) fn host(
         &mut self,
-        (gpu, memory): (&Gpu, &mut Memory),
+        gpu: &Gpu,
+        memory: &mut Memory,
         path: SimdPath,
         falling: &mut Falling,
     ) -> Result<f64, RenderError> {
         let camera = &self.pass.camera;
         if self.background.0 == BackgroundForm::Picture {
-            let size = (camera.width, camera.height);
-            let picture = hosted::background(&self.backdrop, BackgroundForm::Picture, size);
+            let (form, width, height) = (BackgroundForm::Picture, camera.width, camera.height);
+            let picture = hosted::background(&self.backdrop, form, width, height);
             self.background.1 = memory.background(gpu, &picture)?;
         }
         if self.pass.particles().is_empty() {
@@ -171,7 +175,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Particles in the picture.
-    pub fn particles(&self) -> u32 {
+    pub(crate) fn particles(&self) -> u32 {
         self.drops.as_ref().map_or(0, |(_, count)| *count)
     }
 
@@ -188,8 +192,8 @@ impl<'a> GpuPass<'a> {
         self.pass.camera.width * self.pass.camera.height
     }
 
-    /// Its structures in the order of their slots.
-    pub fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
+    /// Returns the uniform structures of the pass in the order of their slots.
+    pub(crate) fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
         let parameters = ViewParameters::of(self.pass);
         let view = uniforms::view(&parameters, self.blocks(), self.particles(), capacity);
         let mut uniforms = lists::uniforms(view, Entries::Records);
@@ -205,13 +209,13 @@ impl<'a> GpuPass<'a> {
         uniforms
     }
 
-    /// Number of [`Self::uniforms`].
-    pub fn slots(&self) -> usize {
+    /// Returns the number of [`Self::uniforms`].
+    pub(crate) fn slots(&self) -> usize {
         CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
     }
 
-    /// The room that it needs, but for the slots.
-    pub fn extent(&self, capacity: Capacity) -> Extent {
+    /// Returns the sizes of the buffers that the pass needs, without the slots.
+    pub(crate) fn extent(&self, capacity: Capacity) -> Extent {
         let planes = match (self.pass.surface, self.arrays.median_depth) {
             (Some(_), _) => SURFACE_PLANE + 1 + FRONT as u64,
             (None, true) => 2,
@@ -231,16 +235,16 @@ impl<'a> GpuPass<'a> {
 
     /// Uploads the surface to where blending reads it. No other pass that is submitted with this
     /// one may have one.
-    pub fn upload_surface(&self, gpu: &Gpu, room: &Room) {
+    pub(crate) fn upload_surface(&self, gpu: &Gpu, room: &Room) {
         let Some(surface) = self.pass.surface else { return };
-        // Where there is none, everything is before it.
+        // Without a surface, everything is in front of it.
         let depths: Vec<f32> = surface.depth.iter().map(|z| if z.is_nan() { 0.0 } else { 1.0 / z }).collect();
         let at = SURFACE_PLANE * 4 * u64::from(self.pixels());
         gpu.write(&room.depths, at, bytemuck::cast_slice(&depths));
     }
 
     /// Records the commands up to the picture of the splats.
-    pub fn record_splats(&self, recorder: &mut Recorder<'_>, room: &Room) {
+    pub(crate) fn record_splats(&self, recorder: &mut Recorder<'_>, room: &Room) {
         recorder.encoder().clear_buffer(&room.counters, 0, None);
         let air = self.air.as_ref().map(|(source, parameters)| (source, parameters));
         let pieces = self.pieces(recorder);
@@ -248,18 +252,18 @@ impl<'a> GpuPass<'a> {
         let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
         recorder.begin(Stage::Rasterize);
         let rasterize = rasterize_of(room, listed.1);
-        let sums = (self.features.geometry, self.features.median);
-        rasterize.record(recorder, self.tiles(), sums, self.pass.surface.is_some(), &room.counters);
+        let (Features { geometry, median }, is_split) = (self.features, self.pass.surface.is_some());
+        rasterize.record(recorder, self.tiles(), geometry, median, is_split, &room.counters);
     }
 
     /// Records the commands up to the weights of the records in view, which are in the room of
     /// their counts of tiles then.
-    pub fn record_weights(&self, recorder: &mut Recorder<'_>, room: &Room) {
+    pub(crate) fn record_weights(&self, recorder: &mut Recorder<'_>, room: &Room) {
         recorder.encoder().clear_buffer(&room.counters, 0, None);
         let pieces = self.pieces(recorder);
         lists::front(recorder, room, &pieces, self.pass.shading, None);
         let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
-        // The lists are made, and nothing reads the counts any more.
+        // The lists are complete, and nothing reads the counts any more.
         recorder.encoder().clear_buffer(&room.counts, 0, None);
         recorder.begin(Stage::Rasterize);
         rasterize_of(room, listed.1).record_weights(recorder, self.tiles(), &room.counts);
@@ -267,7 +271,7 @@ impl<'a> GpuPass<'a> {
 
     /// The weights of the splats, set after set and as they were loaded: `blocks` are those of the
     /// room with their masks, `units` the weights of those in view.
-    pub fn weights_of(&self, blocks: &[u32], units: &[u32], weights: &mut Vec<f32>) {
+    pub(crate) fn weights_of(&self, blocks: &[u32], units: &[u32], weights: &mut Vec<f32>) {
         weights.clear();
         let mut blocks = blocks.chunks_exact(BLOCK_WORDS as usize);
         for (model, ..) in &self.sets {
@@ -290,13 +294,13 @@ impl<'a> GpuPass<'a> {
 
     /// Records the commands that put the background behind the splats and the particles before
     /// them.
-    pub fn record_composite(&self, recorder: &mut Recorder<'_>, room: &Room) {
+    pub(crate) fn record_composite(&self, recorder: &mut Recorder<'_>, room: &Room) {
         if self.particles != ParticleBlend::None {
             recorder.encoder().clear_buffer(&room.falling, 0, None);
         }
         recorder.begin(Stage::Fall);
         if let Some((drops, count)) = &self.drops {
-            fall(recorder, (drops, *count), (&room.alpha, &room.depths), &room.falling);
+            fall(recorder, drops, *count, &room.alpha, &room.depths, &room.falling);
         }
         recorder.begin(Stage::Composite);
         let (form, background) = &self.background;
@@ -310,9 +314,9 @@ impl<'a> GpuPass<'a> {
         composite.record(recorder, self.pixels(), *form, self.particles);
     }
 
-    /// The pictures that come back, in the order of [`super::readback::Returned`], of no bytes
+    /// The pictures that come back, in the order of [`super::readback::ReadbackResults`], of no bytes
     /// where they are not wanted.
-    pub fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
+    pub(crate) fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
         let plane = 4 * u64::from(self.pixels());
         let bytes = |wanted: bool, channels: u64| if wanted { channels * plane } else { 0 };
         let Arrays { depth, median_depth, normal, particles, front, .. } = self.arrays;
@@ -328,7 +332,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Returns true if effects on the CPU need a depth that the frame does not hold.
-    pub fn hides_depth(&self) -> bool {
+    pub(crate) fn hides_depth(&self) -> bool {
         !self.pass.hooks.pixels.is_empty() && !self.arrays.depth
     }
 

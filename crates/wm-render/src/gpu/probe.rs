@@ -1,6 +1,6 @@
-//! For tests: what lies in the GPU's buffers after a frame, and stages by themselves.
+//! For tests: reads the GPU's buffers after a frame, and runs single stages.
 
-use super::buffers::Growing;
+use super::buffers::GrowingBuffer;
 use super::device::Gpu;
 use super::lists::listed;
 use super::recorder::Recorder;
@@ -17,15 +17,15 @@ use wgpu::BufferUsages;
 
 /// The results of the stages of one frame.
 pub(crate) struct Probe {
-    /// Of the splats in view, in the order of the splats.
-    pub records: Vec<Record>,
+    /// Records of the splats in view, in the order of the splats.
+    pub(crate) records: Vec<Record>,
     /// For each tile, row by row, the records that touch it, front to back.
-    pub lists: Vec<Vec<u32>>,
+    pub(crate) lists: Vec<Vec<u32>>,
 }
 
 impl Probe {
     /// Renders `pass` and looks.
-    pub fn of(renderer: &mut GpuRenderer, pass: &DrawPass<'_>) -> Self {
+    pub(crate) fn of(renderer: &mut GpuRenderer, pass: &DrawPass<'_>) -> Self {
         let stats = renderer.render(pass, &mut Frame::default()).unwrap();
         let gpu = renderer.gpu().clone();
         let room = renderer.room().expect("a frame was drawn");
@@ -41,9 +41,9 @@ impl Probe {
 }
 
 /// All words of a buffer.
-pub fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
+pub(crate) fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
     let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-    let staging = Growing::default().fit_unbound(gpu, "a look", buffer.size(), usage).unwrap();
+    let staging = GrowingBuffer::default().fit_unbound(gpu, "a look", buffer.size(), usage).unwrap();
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
     gpu.queue.submit([encoder.finish()]);
@@ -52,7 +52,7 @@ pub fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
     bytemuck::pod_collect_to_vec(&view)
 }
 
-/// A buffer that holds these words.
+/// Makes a buffer with the given words.
 fn filled(gpu: &Gpu, words: &[u32], more: BufferUsages) -> wgpu::Buffer {
     let bytes: &[u8] = bytemuck::cast_slice(words);
     let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC | more;
@@ -62,7 +62,7 @@ fn filled(gpu: &Gpu, words: &[u32], more: BufferUsages) -> wgpu::Buffer {
 }
 
 /// The prefix sums of counts, and their total; what would be sorted has that much room.
-pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
+pub(crate) fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let camera = crate::testing::camera(64, 48);
     let config = crate::renderer::RenderConfig::default();
     let pass = DrawPass::new(&[], &camera, &config);
@@ -76,15 +76,15 @@ pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let buffer = filled(gpu, sums, BufferUsages::STORAGE);
     let mut recorder = Recorder::new(gpu, &uniforms, None);
     recorder.begin(super::recorder::Stage::Intersect);
-    spine(&mut recorder, PrefixSumProgram::Entries, &buffer, (&counters, &dispatches));
+    spine(&mut recorder, PrefixSumProgram::Entries, &buffer, &counters, &dispatches);
     recorder.submit();
     gpu.check().unwrap();
     let counters = read(gpu, &counters);
     (read(gpu, &buffer)[..sums.len()].to_vec(), [counters[1], counters[3]])
 }
 
-/// The pairs of `keys` and their indices, sorted by the lowest `bits` bits.
-pub fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
+/// Returns the pairs of `keys` and their indices, sorted by the lowest `bits` bits.
+pub(crate) fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
     let buffer = |words: &[u32], more| filled(gpu, words, BufferUsages::STORAGE | more);
     let (count, none) = (keys.len() as u32, BufferUsages::empty());
     let blocks = count.div_ceil(SORT_BLOCK);

@@ -1,6 +1,6 @@
-//! Splats in the GPU's memory for rays from anywhere, see [`crate::stages::rays`].
+//! Splats for rays in the GPU's memory, see [`crate::stages::rays`].
 
-use super::buffers::{Growing, READ_BACK, WRITTEN};
+use super::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
 use super::device::{AdapterKind, Gpu};
 use super::error::GpuError;
 use super::readback::copy;
@@ -25,18 +25,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::BufferUsages;
 use wm_scene::Splats;
 
-/// Entries of packets' lists that are held at once, at most, unless there are more splats: 256 MiB
-/// with the room to sort them. Packets that have more together are traced one part after the other.
-const MOST_ENTRIES: u32 = 1 << 24;
-/// Packets that are traced at once, at most: a million rays.
-const MOST_PACKETS: u32 = 1 << 14;
-/// Angles from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a
-/// packet where the curve that orders rays jumps, would have lists of most splats. The narrower
-/// ones are for lists that are still too long; in the last each packet is one ray.
-const WIDEST: [f64; 4] = [0.2, 0.05, 0.01, 0.0];
-/// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread
-/// after 65,535 turns, of which blending takes three an entry.
-const LONGEST_IN_SOFTWARE: u32 = 20_000;
+/// Most entries of packets' lists that are held at once, unless there are more splats: 256 MiB with
+/// the buffers to sort them. Packets that have more together are traced in several parts.
+const MAX_ENTRIES: u32 = 1 << 24;
+/// Most packets that are traced at once: a million rays.
+const MAX_PACKETS: u32 = 1 << 14;
+/// Largest angles between the axis of a packet and its rays, radians. A few rays in all directions,
+/// or a packet where the curve that orders rays jumps, would have most splats in their lists. The
+/// next smaller angle is tried if a list is still too long; with the last each packet is one ray.
+const MAX_PACKET_ANGLES: [f64; 4] = [0.2, 0.05, 0.01, 0.0];
+/// Most entries of one packet on a GPU in software: Mesa's ends all loops of a thread after 65,535
+/// turns, of which blending takes three per entry.
+const MAX_ENTRIES_IN_SOFTWARE: u32 = 20_000;
 /// Bytes of coefficients of colour that are uploaded at once.
 const COLOR_BYTES: u64 = 64 << 20;
 /// Bits of a distance.
@@ -49,13 +49,13 @@ const PIECES: usize = PACKET_PASSES + 4;
 /// Splats that rays can meet, in the memory of a GPU: the twin of [`RaySplats`](crate::RaySplats).
 pub struct GpuRaySplats {
     gpu: Arc<Gpu>,
-    /// In Morton order, as the CPU's.
+    /// In Morton order, like those of the CPU.
     records: wgpu::Buffer,
     count: u32,
     colors: Vec<ColorPiece>,
-    /// Numbers of colour of a splat.
+    /// Coefficients of colour per splat.
     sh_stride: u32,
-    /// See [`MOST_ENTRIES`].
+    /// See [`MAX_ENTRIES`].
     most_entries: u32,
     working: Mutex<Working>,
 }
@@ -70,16 +70,16 @@ struct ColorPiece {
 /// Memory that is kept from call to call.
 #[derive(Default)]
 struct Working {
-    kept: [Growing; 19],
-    staging: Growing,
-    /// Entries that there is room for.
+    kept: [GrowingBuffer; 19],
+    staging: GrowingBuffer,
+    /// Capacity of the lists, entries.
     entries: u32,
 }
 
 /// Some packets of a group.
 struct Part<'a> {
     group: &'a RayGroup,
-    /// Those of the group that are traced.
+    /// The packets of the group that are traced.
     packets: Range<u32>,
     /// Cones of the group's tree, level by level.
     cones: &'a [f32],
@@ -87,12 +87,12 @@ struct Part<'a> {
 }
 
 /// The outcome of tracing some packets.
-enum Fit {
-    /// They are traced.
+enum TraceOutcome {
+    /// All packets are traced.
     Whole,
-    /// They have more entries together than are held at once.
+    /// The packets have more entries together than can be held at once.
     TooMany,
-    /// One of them has more than a GPU in software walks.
+    /// One packet has more entries than a GPU in software can walk.
     TooLong,
 }
 
@@ -108,7 +108,7 @@ impl GpuRaySplats {
     ///
     /// # Errors
     /// [`GpuError`] if the GPU has no room, or one array is larger than it binds.
-    pub fn new(
+    pub(crate) fn new(
         gpu: Arc<Gpu>,
         splats: &Splats,
         is_met: impl Fn(usize) -> bool + Sync,
@@ -146,18 +146,18 @@ impl GpuRaySplats {
             count: records.len() as u32,
             colors,
             sh_stride: stride as u32,
-            most_entries: MOST_ENTRIES,
+            most_entries: MAX_ENTRIES,
             working: Mutex::default(),
         })
     }
 
-    /// Holds so many entries at once, at most: for tests.
+    /// Limits the entries that are held at once: for tests.
     #[cfg(test)]
     pub(crate) fn holding(self, most_entries: u32) -> Self {
         Self { most_entries, ..self }
     }
 
-    /// Traces rays, as [`RaySplats::trace`](crate::RaySplats::trace) does. Equal from call to call
+    /// Traces rays, as [`RayTracer::trace`](crate::RayTracer::trace) does. Equal from call to call
     /// on one adapter.
     ///
     /// # Errors
@@ -165,17 +165,17 @@ impl GpuRaySplats {
     ///
     /// # Panics
     /// If there are fewer origins than directions.
-    pub fn trace(&self, rays: &Rays, asked: RayOutputs) -> Result<RayHits, GpuError> {
-        for widest in WIDEST {
+    pub(crate) fn trace(&self, rays: &Rays, asked: RayOutputs) -> Result<RayHits, GpuError> {
+        for widest in MAX_PACKET_ANGLES {
             if let Some(hits) = self.trace_within(rays, asked, widest)? {
                 return Ok(hits);
             }
         }
-        let [bytes, most] = [self.count, LONGEST_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
+        let [bytes, most] = [self.count, MAX_ENTRIES_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
         Err(GpuError::TooLarge { what: "the splats along a ray", bytes, most })
     }
 
-    /// The same with packets no wider than an angle; `None` if a list is too long.
+    /// Traces rays in packets no wider than an angle, radians; `None` if a list is too long.
     fn trace_within(&self, rays: &Rays, asked: RayOutputs, widest: f64) -> Result<Option<RayHits>, GpuError> {
         let count = rays.len();
         let mut hits = RayHits::none(count, asked);
@@ -186,7 +186,7 @@ impl GpuRaySplats {
         let sums = RaySums::of(asked);
         let packets = Packets::no_wider(rays, widest);
         let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
-        let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MOST_PACKETS)) as u32;
+        let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MAX_PACKETS)) as u32;
         let mut made = Vec::new();
         for group in &packets.groups {
             let cones = cones(group);
@@ -197,38 +197,39 @@ impl GpuRaySplats {
                 let part = Part { group, packets: range.clone(), cones: &cones, sums };
                 let numbers = ray_words(rays, &packets, &part);
                 match self.run(&mut working, &part, &numbers, &mut made)? {
-                    Fit::Whole => take(&mut hits, &packets, &part, &made),
-                    Fit::TooMany => {
+                    TraceOutcome::Whole => take(&mut hits, &packets, &part, &made),
+                    TraceOutcome::TooMany => {
                         let middle = range.start + (range.end - range.start) / 2;
                         todo.extend([middle..range.end, range.start..middle]);
                     }
-                    Fit::TooLong => return Ok(None),
+                    TraceOutcome::TooLong => return Ok(None),
                 }
             }
         }
         Ok(Some(hits))
     }
 
-    /// Traces some packets, with more room until it is enough.
+    /// Traces some packets; grows the lists until they are large enough.
     fn run(
         &self,
         working: &mut Working,
         part: &Part<'_>,
         rays: &[f32],
         made: &mut Vec<u32>,
-    ) -> Result<Fit, GpuError> {
-        // One packet has an entry a splat at most, for which there is always room.
+    ) -> Result<TraceOutcome, GpuError> {
+        // One packet has at most one entry per splat, for which the lists always have room.
         let most = (self.gpu.most_binding() / 4).min(u64::from(self.most_entries)) as u32;
         let most = most.max(self.count);
         working.entries = working.entries.max(self.count.max(1 << 16)).min(most);
         loop {
             let (needed, longest) = self.attempt(working, part, rays, made)?;
             if needed <= working.entries {
-                let is_too_long = longest > LONGEST_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
-                return Ok(if is_too_long { Fit::TooLong } else { Fit::Whole });
+                let is_too_long =
+                    longest > MAX_ENTRIES_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
+                return Ok(if is_too_long { TraceOutcome::TooLong } else { TraceOutcome::Whole });
             }
             if needed > most {
-                return Ok(Fit::TooMany);
+                return Ok(TraceOutcome::TooMany);
             }
             working.entries = needed.saturating_add(needed / 4).min(most);
         }
@@ -329,25 +330,25 @@ impl GpuRaySplats {
         recorder.encoder().clear_buffer(&counters, 0, None);
         recorder.begin(Stage::Intersect);
         buffers.count(&mut recorder, self.count);
-        spine(&mut recorder, PrefixSumProgram::Visible, &block_sums, counted);
+        spine(&mut recorder, PrefixSumProgram::Visible, &block_sums, counted.0, counted.1);
         buffers.list(&mut recorder, self.count);
         let slots = DISTANCE_PASSES..DISTANCE_PASSES + passes(DISTANCE_BITS) as usize;
         let (_, order) = sort(&by_distance, VISIBLE_SORT, &mut recorder, slots);
         buffers.sum(&mut recorder, &order);
-        spine(&mut recorder, PrefixSumProgram::Entries, &sums, counted);
+        spine(&mut recorder, PrefixSumProgram::Entries, &sums, counted.0, counted.1);
         buffers.write(&mut recorder, &order);
         let slots = PACKET_PASSES..PACKET_PASSES + passes(u32::BITS - packets.leading_zeros()) as usize;
         let (keys, lists) = sort(&by_packet, ENTRY_SORT, &mut recorder, slots);
-        ranges(&mut recorder, packets, (&counters, &keys), &offsets);
+        ranges(&mut recorder, packets, &counters, &keys, &offsets);
         if part.sums.has_color() {
             for (at, piece) in self.colors.iter().enumerate() {
-                buffers.see(&mut recorder, (part.sums, PIECES + at), &order, &piece.sh);
+                buffers.see(&mut recorder, part.sums, PIECES + at, &order, &piece.sh);
             }
         } else if part.sums.has_normal() {
-            // Without colours one piece is all records, and its coefficients are not read.
-            buffers.see(&mut recorder, (part.sums, PIECES), &order, &counts);
+            // Without colours one piece covers all records, and its coefficients are not read.
+            buffers.see(&mut recorder, part.sums, PIECES, &order, &counts);
         }
-        buffers.blend(&mut recorder, (part.sums, packets), (&offsets, &lists), (&ray_buffer, &hits));
+        buffers.blend(&mut recorder, part.sums, packets, &offsets, &lists, &ray_buffer, &hits);
         let mut numbers = [0u32; COUNTER_WORDS as usize];
         made.resize(hit_words * ray_count, 0);
         copy(
@@ -364,7 +365,7 @@ impl GpuRaySplats {
     }
 }
 
-/// The cones of a group's tree as `touch.wgsl` reads them, level by level.
+/// Returns the cones of a group's tree in the layout of `touch.wgsl`, level by level.
 fn cones(group: &RayGroup) -> Vec<f32> {
     let mut numbers = Vec::new();
     let mut size = group.packets.len();
@@ -380,7 +381,8 @@ fn cones(group: &RayGroup) -> Vec<f32> {
     numbers
 }
 
-/// The rays of some packets as `blend.wgsl` reads them, each packet filled up to [`PACKET`].
+/// Returns the rays of some packets in the layout of `blend.wgsl`, each packet padded to
+/// [`PACKET`].
 fn ray_words(rays: &Rays, packets: &Packets, part: &Part<'_>) -> Vec<f32> {
     let mut numbers = Vec::with_capacity(part.packets.len() * PACKET * RAY_WORDS);
     for packet in part.packets.clone() {
@@ -397,7 +399,7 @@ fn ray_words(rays: &Rays, packets: &Packets, part: &Part<'_>) -> Vec<f32> {
     numbers
 }
 
-/// Takes the results of some packets to those of all rays.
+/// Copies the results of some packets to those of all rays.
 fn take(hits: &mut RayHits, packets: &Packets, part: &Part<'_>, made: &[u32]) {
     let words = HIT_WORDS + part.sums.features();
     for (at, of_packet) in made.chunks_exact(words * PACKET).enumerate() {

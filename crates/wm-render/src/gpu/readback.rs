@@ -1,6 +1,6 @@
-//! The way back: counts, times and pictures in one buffer, mapped once.
+//! Reads back counts, times and pictures in one buffer, which is mapped once.
 
-use super::buffers::{Growing, Room};
+use super::buffers::{GrowingBuffer, Room};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::pass::GpuPass;
@@ -16,21 +16,21 @@ use wgpu::BufferUsages;
 
 /// The counts of one pass on the GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Counted {
-    /// Splats in view, also those without room.
-    pub visible: u32,
-    /// Entries of tile lists likewise, of the splats that had room.
-    pub entries: u32,
+pub(crate) struct PassCounts {
+    /// Splats in view, including those beyond the capacity.
+    pub(crate) visible: u32,
+    /// Entries of tile lists of the splats that had room, including those beyond the capacity.
+    pub(crate) entries: u32,
     /// Records that all tiles walked.
-    pub walked: u32,
+    pub(crate) walked: u32,
 }
 
-/// A part of a buffer: from an offset on, so many bytes.
+/// A part of a buffer: buffer, offset and size, bytes.
 pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
 
-/// The results that several passes send back together: of each its counts, its times and its
-/// pictures.
-pub(crate) struct WayBack {
+/// The results of several passes that are read back together: for each pass its counts, its times
+/// and its pictures.
+pub(crate) struct Readback {
     staging: wgpu::Buffer,
     /// The start of those of each pass, and the end of all.
     starts: Vec<u64>,
@@ -38,13 +38,13 @@ pub(crate) struct WayBack {
     recorded: usize,
 }
 
-impl WayBack {
+impl Readback {
     const COUNTERS: u64 = 4 * COUNTER_WORDS;
 
     /// Makes room for what `passes` send back out of `room`.
-    pub fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
-        staging: &mut Growing,
+        staging: &mut GrowingBuffer,
         clock: Option<&Clock>,
         passes: &[GpuPass<'_>],
         room: &Room,
@@ -61,8 +61,8 @@ impl WayBack {
         Ok(Self { staging, starts, recorded: 0 })
     }
 
-    /// Records the copies of the next pass, behind its commands.
-    pub fn record(&mut self, recorder: &mut Recorder<'_>, pass: &GpuPass<'_>, room: &Room) {
+    /// Records the copies of the results of the next pass, after its commands.
+    pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, pass: &GpuPass<'_>, room: &Room) {
         let mut at = self.starts[self.recorded];
         self.recorded += 1;
         recorder.tell_times();
@@ -76,8 +76,8 @@ impl WayBack {
         }
     }
 
-    /// Submits the commands, and waits for what they made.
-    pub async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<Returned, GpuError> {
+    /// Submits the commands and waits for the results.
+    pub(crate) async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<ReadbackResults, GpuError> {
         let Self { staging, starts, recorded } = self;
         let bytes = starts[recorded];
         recorder.submit();
@@ -85,12 +85,12 @@ impl WayBack {
         mapped(gpu, &staging, bytes).await?;
         let view = staging.slice(..bytes).get_mapped_range();
         let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
-        Ok(Returned { view: Some(view), staging, starts, taken: 0 })
+        Ok(ReadbackResults { view: Some(view), staging, starts, taken: 0 })
     }
 }
 
-/// The results that came back; their memory is unmapped when this is dropped.
-pub(crate) struct Returned {
+/// The mapped results; the memory is unmapped when this is dropped.
+pub(crate) struct ReadbackResults {
     /// `None` only while it is dropped.
     view: Option<wgpu::BufferView>,
     staging: wgpu::Buffer,
@@ -99,47 +99,47 @@ pub(crate) struct Returned {
     taken: usize,
 }
 
-impl Drop for Returned {
+impl Drop for ReadbackResults {
     fn drop(&mut self) {
         self.view = None;
         self.staging.unmap();
     }
 }
 
-impl Returned {
+impl ReadbackResults {
     fn bytes(&self) -> &[u8] {
         self.view.as_deref().unwrap_or_default()
     }
 
     /// The counts of each pass.
-    pub fn counted(&self) -> impl Iterator<Item = Counted> {
+    pub(crate) fn counted(&self) -> impl Iterator<Item = PassCounts> {
         let passes = self.starts.len() - 1;
         (0..passes).map(|pass| self.counted_in(pass))
     }
 
-    fn counted_in(&self, pass: usize) -> Counted {
+    fn counted_in(&self, pass: usize) -> PassCounts {
         let mut counters = [0u32; COUNTER_WORDS as usize];
         let from = &self.bytes()[self.starts[pass] as usize..];
         let to: &mut [u8] = bytemuck::cast_slice_mut(&mut counters);
         to.copy_from_slice(&from[..to.len()]);
         let [_, _, visible, entries, walked] = counters;
-        Counted { visible, entries, walked }
+        PassCounts { visible, entries, walked }
     }
 
     /// Takes what the next pass sent: its pictures, whose arrays have their sizes, and its times.
     /// `hidden` takes the expected depth where the frame has none and something on the CPU needs
     /// it.
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         frame: &mut Frame,
         hidden: &mut [f32],
         clock: Option<&Clock>,
         stats: &mut Stats,
-    ) -> Counted {
+    ) -> PassCounts {
         let pass = self.taken;
         self.taken += 1;
         let (start, end) = (self.starts[pass] as usize, self.starts[pass + 1] as usize);
-        let mut rest = &self.bytes()[start + WayBack::COUNTERS as usize..end];
+        let mut rest = &self.bytes()[start + Readback::COUNTERS as usize..end];
         let mut fill = |to: &mut [u8]| {
             let (own, later) = rest.split_at(to.len());
             to.copy_from_slice(own);
@@ -168,11 +168,11 @@ impl Returned {
 /// A part of a buffer, from an offset on, and where it goes.
 pub(crate) type Part<'a> = (&'a wgpu::Buffer, u64, &'a mut [u8]);
 
-/// Submits the commands, waits, and copies what they made.
+/// Submits the commands, waits, and copies the results.
 pub(crate) fn copy(
     gpu: &Gpu,
     mut recorder: Recorder<'_>,
-    staging: &mut Growing,
+    staging: &mut GrowingBuffer,
     parts: &mut [Part<'_>],
 ) -> Result<(), GpuError> {
     let bytes = parts.iter().map(|(.., array)| array.len() as u64).sum();
@@ -228,7 +228,7 @@ async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuE
     result.map_err(|error| GpuError::Refused(error.to_string()))
 }
 
-/// A browser never blocks: what must come back at once is the CPU's work there.
+/// A browser never blocks: results that are needed at once are computed by the CPU there.
 #[cfg(target_arch = "wasm32")]
 pub(crate) fn wait(_: &Gpu, _: &wgpu::Buffer, _: u64) -> Result<(), GpuError> {
     Err(GpuError::Refused("a browser does not wait for its GPU".to_owned()))

@@ -1,4 +1,4 @@
-//! Writes down the dispatches of a frame, stage by stage.
+//! Records the dispatches of a frame, stage by stage.
 
 use super::device::Gpu;
 use super::error::GpuError;
@@ -9,9 +9,9 @@ use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferBinding, 
 /// The number of workgroups of a dispatch.
 #[derive(Clone, Copy)]
 pub(crate) enum Groups<'a> {
-    /// As many.
+    /// A known number of workgroups.
     Direct(u32),
-    /// As the GPU wrote there: buffer and word.
+    /// The number that the GPU wrote: buffer, and word in it.
     Indirect(&'a wgpu::Buffer, u32),
 }
 
@@ -49,11 +49,11 @@ impl Stage {
     const COUNT: usize = Self::ALL.len();
 }
 
-/// When stages began and ended, by the GPU's clock.
+/// Timestamps of the begin and end of stages, by the GPU's clock.
 pub(crate) struct Clock {
     queries: wgpu::QuerySet,
     /// A beginning and an end every [`Self::APART`] bytes.
-    pub times: wgpu::Buffer,
+    pub(crate) times: wgpu::Buffer,
     /// Seconds of a tick.
     tick: f64,
 }
@@ -62,12 +62,12 @@ pub(crate) struct Clock {
 pub(crate) type Ticks = [u64; Clock::NUMBERS];
 
 impl Clock {
-    /// As far apart as what is resolved must begin.
+    /// Alignment of resolved queries, bytes.
     const APART: usize = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT as usize;
     const NUMBERS: usize = Self::APART / 8 * Stage::COUNT;
 
     /// A clock, where the adapter has one.
-    pub fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
         let Some(tick) = gpu.tick() else { return Ok(None) };
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("times of stages"),
@@ -80,12 +80,12 @@ impl Clock {
     }
 
     /// The place for what it has counted.
-    pub fn ticks() -> Ticks {
+    pub(crate) fn ticks() -> Ticks {
         [0; Self::NUMBERS]
     }
 
     /// The time that a stage took the last time, seconds.
-    pub fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
+    pub(crate) fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
         let at = Self::APART / 8 * stage as usize;
         self.tick * ticks[at + 1].saturating_sub(ticks[at]) as f64
     }
@@ -94,8 +94,8 @@ impl Clock {
 /// Number and resource of each binding.
 pub(crate) type Bindings<'a> = Vec<(u32, BindingResource<'a>)>;
 
-/// `first` and, at the numbers that follow its last, whole buffers in the order in which the shader
-/// declares them.
+/// Returns `first` followed by whole buffers, with consecutive numbers in the order in which the
+/// shader declares them.
 pub(crate) fn with_buffers<'a, const N: usize>(
     mut first: Bindings<'a>,
     buffers: [&'a wgpu::Buffer; N],
@@ -108,38 +108,38 @@ pub(crate) fn with_buffers<'a, const N: usize>(
 /// The commands of one frame.
 pub(crate) struct Recorder<'a> {
     gpu: &'a Gpu,
-    /// A structure every [`SLOT`] bytes, the first of each pass `View`.
+    /// Uniform structures, one every [`SLOT`] bytes; the first of each pass is `View`.
     uniforms: &'a wgpu::Buffer,
     clock: Option<&'a Clock>,
     /// The slot of the pass's first structure.
     first_slot: usize,
     encoder: wgpu::CommandEncoder,
     pass: Option<wgpu::ComputePass<'static>>,
-    /// Those that have begun.
+    /// The stages that have begun.
     stages: Vec<Stage>,
     dispatches: u64,
 }
 
 impl<'a> Recorder<'a> {
-    pub fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, clock: Option<&'a Clock>) -> Self {
+    pub(crate) fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, clock: Option<&'a Clock>) -> Self {
         let encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         Self { gpu, uniforms, clock, first_slot: 0, encoder, pass: None, stages: Vec::new(), dispatches: 0 }
     }
 
     /// The slots that follow are counted from this one: that of the first structure of a pass.
-    pub fn set_first_slot(&mut self, slot: usize) {
+    pub(crate) fn set_first_slot(&mut self, slot: usize) {
         self.first_slot = slot;
     }
 
     /// The buffer that [`Self::tell_times`] writes.
-    pub fn times(&self) -> Option<&'a wgpu::Buffer> {
+    pub(crate) fn times(&self) -> Option<&'a wgpu::Buffer> {
         self.clock.map(|clock| &clock.times)
     }
 
     /// The dispatches that follow are of this stage; each stage begins once before
     /// [`Self::tell_times`].
-    pub fn begin(&mut self, stage: Stage) {
+    pub(crate) fn begin(&mut self, stage: Stage) {
         self.pass = None;
         self.stages.push(stage);
         let at = 2 * stage as u32;
@@ -153,17 +153,17 @@ impl<'a> Recorder<'a> {
     }
 
     /// The use of subgroups by programs.
-    pub fn subgroups(&self) -> Subgroups {
+    pub(crate) fn subgroups(&self) -> Subgroups {
         self.gpu.subgroups()
     }
 
     /// The structure `View`.
-    pub fn view(&self) -> BindingResource<'a> {
+    pub(crate) fn view(&self) -> BindingResource<'a> {
         self.uniform(0)
     }
 
-    /// The structure in a slot of this pass.
-    pub fn uniform(&self, slot: usize) -> BindingResource<'a> {
+    /// Returns the binding of the structure in a slot of this pass.
+    pub(crate) fn uniform(&self, slot: usize) -> BindingResource<'a> {
         BindingResource::Buffer(BufferBinding {
             buffer: self.uniforms,
             offset: (self.first_slot + slot) as u64 * SLOT,
@@ -171,8 +171,13 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// One dispatch; none of no workgroups.
-    pub fn dispatch(&mut self, program: impl Into<Program>, groups: Groups<'_>, bindings: Bindings<'_>) {
+    /// Records one dispatch, unless it has no workgroups.
+    pub(crate) fn dispatch(
+        &mut self,
+        program: impl Into<Program>,
+        groups: Groups<'_>,
+        bindings: Bindings<'_>,
+    ) {
         if let Groups::Direct(0) = groups {
             return;
         }
@@ -197,14 +202,14 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// The commands outside of stages: copies and clearing.
-    pub fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+    /// Returns the encoder for commands outside of stages: copies and clears.
+    pub(crate) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
         self.pass = None;
         &mut self.encoder
     }
 
-    /// Copies what the clock has counted to where it can be read from, behind the stages so far.
-    pub fn tell_times(&mut self) {
+    /// Resolves the timestamps of the stages so far to a buffer that can be read.
+    pub(crate) fn tell_times(&mut self) {
         self.pass = None;
         if let Some(clock) = self.clock {
             for stage in self.stages.drain(..) {
@@ -215,7 +220,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Hands everything to the GPU.
-    pub fn submit(mut self) {
+    pub(crate) fn submit(mut self) {
         self.tell_times();
         self.gpu.count(|work| {
             work.dispatches += self.dispatches;

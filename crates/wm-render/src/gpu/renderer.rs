@@ -5,7 +5,7 @@ use super::device::Gpu;
 use super::hosted;
 use super::model::GpuModel;
 use super::pass::GpuPass;
-use super::readback::{Part, Returned, WayBack, copy};
+use super::readback::{Part, Readback, ReadbackResults, copy};
 use super::recorder::{Clock, Recorder};
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, WORKGROUP};
 use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
@@ -23,9 +23,9 @@ use std::sync::Arc;
 use web_time::Instant;
 use wm_scene::Splats;
 
-/// Bytes of pictures that come back together, at most, unless one pass alone has more: what waits
-/// on the way back is in memory twice.
-const MOST_TOGETHER: u64 = 256 << 20;
+/// Most bytes of pictures that are read back together, unless one pass alone has more: pictures in
+/// the staging buffer are in memory twice.
+const MAX_READBACK_BYTES: u64 = 256 << 20;
 
 /// The GPU back end. It keeps its working memory from frame to frame.
 pub struct GpuRenderer {
@@ -35,7 +35,7 @@ pub struct GpuRenderer {
     pool: Arc<rayon::ThreadPool>,
     models: Models<GpuModel>,
     memory: Memory,
-    /// That of the last frame.
+    /// The buffers of the last frame.
     room: Option<Room>,
     capacity: Capacity,
     clock: Option<Clock>,
@@ -47,7 +47,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
-    pub fn new(gpu: Arc<Gpu>, host: CpuConfig) -> Result<Self, RenderError> {
+    pub(crate) fn new(gpu: Arc<Gpu>, host: CpuConfig) -> Result<Self, RenderError> {
         let (path, pool) = cpu::start(host)?;
         let clock = Clock::new(&gpu)?;
         Ok(Self {
@@ -65,13 +65,13 @@ impl GpuRenderer {
 
     /// The GPU.
     #[must_use]
-    pub fn gpu(&self) -> &Arc<Gpu> {
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
 
     /// The threads of the CPU's part.
     #[must_use]
-    pub fn pool(&self) -> &rayon::ThreadPool {
+    pub(crate) fn pool(&self) -> &rayon::ThreadPool {
         &self.pool
     }
 
@@ -86,7 +86,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     /// As of [`RenderBackend::execute`].
-    pub async fn execute_async(
+    pub(crate) async fn execute_async(
         &mut self,
         plan: &FramePlan<'_>,
         pictures: &mut Pictures,
@@ -125,7 +125,7 @@ impl GpuRenderer {
         let mut slots = 0;
         for (pass, transient) in draws.into_iter().zip(&transient) {
             pass.camera.check()?;
-            let prepared = GpuPass::new((gpu, memory), *path, models, (pass, transient), slots)?;
+            let prepared = GpuPass::new(gpu, memory, *path, models, pass, transient, slots)?;
             if prepared.splats() > MAX_SPLATS {
                 return Err(RenderError::TooMany(prepared.splats()));
             }
@@ -143,7 +143,7 @@ impl GpuRenderer {
             // Let go of first, or nothing that grows is freed.
             *last = None;
             let room = memory.room(gpu, &extent)?;
-            let mut way_back = WayBack::new(gpu, &mut memory.staging, clock, &work, &room)?;
+            let mut way_back = Readback::new(gpu, &mut memory.staging, clock, &work, &room)?;
             let structures = |work: &[GpuPass<'_>], capacity: Capacity| {
                 let all: Vec<Uniform> = work.iter().flat_map(|pass| pass.uniforms(capacity)).collect();
                 gpu.write(&room.uniforms, 0, &bytes_of(&all));
@@ -157,7 +157,7 @@ impl GpuRenderer {
                 if !is_hosted && work[i].is_hosted() {
                     recorder.submit();
                     for pass in &mut work {
-                        stats.gather += pass.host((gpu, memory), *path, falling)?;
+                        stats.gather += pass.host(gpu, memory, *path, falling)?;
                     }
                     is_hosted = true;
                     // How many particles there are is known only now.
@@ -195,7 +195,7 @@ impl GpuRenderer {
         let pass = DrawPass { hooks: Hooks::default(), ..pass.clone() };
         let transient = transient(gpu, &[&pass])?;
         memory.start_batch();
-        let own = GpuPass::new((gpu, memory), *path, models, (&pass, &transient[0]), 0)?;
+        let own = GpuPass::new(gpu, memory, *path, models, &pass, &transient[0], 0)?;
         if own.splats() > MAX_SPLATS {
             return Err(RenderError::TooMany(own.splats()));
         }
@@ -236,7 +236,7 @@ impl GpuRenderer {
 fn take(
     passes: &[FramePass<'_>],
     work: &[GpuPass<'_>],
-    mut returned: Option<Returned>,
+    mut returned: Option<ReadbackResults>,
     path: SimdPath,
     clock: Option<&Clock>,
     pictures: &mut Pictures,
@@ -249,7 +249,7 @@ fn take(
             (FramePass::Draw { target, pass }, Some(returned)) => {
                 let drawn = work.next().expect("a draw pass of this batch");
                 let frame = &mut pictures[*target];
-                frame.prepare((pass.camera.width, pass.camera.height), pass.encoding(), drawn.arrays)?;
+                frame.prepare(pass.camera.width, pass.camera.height, pass.encoding(), drawn.arrays)?;
                 let mut hidden = vec![0.0; if drawn.hides_depth() { frame.pixels() } else { 0 }];
                 let counted = returned.take(frame, &mut hidden, clock, stats);
                 stats.visible += u64::from(counted.visible);
@@ -290,7 +290,7 @@ fn batch_length(passes: &[FramePass<'_>]) -> usize {
             + 4 * u64::from(arrays.particles)
             + FRONT as u64 * u64::from(arrays.front);
         let own = 4 * planes * u64::from(pass.camera.width) * u64::from(pass.camera.height);
-        if bytes > 0 && bytes + own > MOST_TOGETHER {
+        if bytes > 0 && bytes + own > MAX_READBACK_BYTES {
             return i;
         }
         bytes += own;

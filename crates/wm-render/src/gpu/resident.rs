@@ -1,9 +1,9 @@
 //! Splats that learn on the GPU: they stay there with what the optimiser remembers, and only
 //! pictures and a loss's derivatives by these cross over.
 
-use super::buffers::{Growing, READ_BACK, WRITTEN};
+use super::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
 use super::device::Gpu;
-use super::differentiable::{GpuDifferentiable, Seen};
+use super::differentiable::{ForwardTarget, GpuDifferentiable};
 use super::error::GpuError;
 use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, SLOT, Uniform, bytes_of};
@@ -20,8 +20,8 @@ use wm_scene::Camera;
 /// The gradients of the step under way, beside which other renders are derived.
 #[derive(Default)]
 pub(crate) struct StepRows {
-    kept: [Growing; 3],
-    uniforms: Growing,
+    kept: [GrowingBuffer; 3],
+    uniforms: GrowingBuffer,
     last: Option<Last>,
 }
 
@@ -113,7 +113,8 @@ impl Resident for GpuDifferentiable {
         assert!(self.model.learns(), "splats are loaded first");
         config.check_view(self.model.sh_degree(), camera, frame)?;
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(camera, config, Seen::Read(frame))).map(|(stats, _)| stats)
+        pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Read(frame)))
+            .map(|(stats, _)| stats)
     }
 
     fn compare(
@@ -127,7 +128,7 @@ impl Resident for GpuDifferentiable {
         assert_eq!(comparison.rgb.len(), 3 * pixels, "a photo of the picture's size");
         config.check_camera(self.model.sh_degree(), camera)?;
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(camera, config, Seen::Compared(comparison)))
+        pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Compared(comparison)))
     }
 
     fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError> {
@@ -149,7 +150,8 @@ impl Resident for GpuDifferentiable {
                     blocks: blocks.fit(&gpu, "blocks of splats", view.room.blocks.size(), WRITTEN)?,
                 };
                 let to = (&last.gradients, &last.by_sh);
-                let mut recorder = view.record_backward(&gpu, self.clock.as_ref(), &self.model, upstream, to);
+                let mut recorder =
+                    view.record_backward(&gpu, self.clock.as_ref(), &self.model, upstream, to.0, to.1);
                 let size = view.room.blocks.size();
                 recorder.encoder().copy_buffer_to_buffer(&view.room.blocks, 0, &last.blocks, 0, size);
                 recorder.submit();
@@ -161,7 +163,7 @@ impl Resident for GpuDifferentiable {
                 let (slot, other) = (view.learn_slot(&self.model), view.rows());
                 gpu.write(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
                 let to = (other.gradients, other.by_sh);
-                let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to);
+                let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to.0, to.1);
                 let learn = recorder.uniform(slot);
                 for piece in self.model.pieces(&recorder, super::lists::CHUNKS) {
                     add(&mut recorder, &piece, other, last.rows(), learn.clone());

@@ -17,44 +17,45 @@ use std::fmt::Write as _;
 use wm_scene::sh;
 
 /// Threads of a workgroup in every stage.
-pub const WORKGROUP: u32 = 256;
+pub(crate) const WORKGROUP: u32 = 256;
 /// Workgroups in a row of a dispatch: below every adapter's limit, so that any number fits in rows.
-pub const DISPATCH_ROW: u32 = 32_768;
+pub(crate) const DISPATCH_ROW: u32 = 32_768;
 /// Side of a tile, px: a thread a pixel.
-pub const TILE_SIDE: u32 = 16;
+pub(crate) const TILE_SIDE: u32 = 16;
 /// Records that a tile holds at a time.
-pub const BATCH: u32 = 64;
+pub(crate) const BATCH: u32 = 64;
 /// Tiles about a splat up to which one thread tests them.
-pub const FEW_TILES: u32 = 32;
+pub(crate) const FEW_TILES: u32 = 32;
 /// Fewest threads of a subgroup that is made use of.
-pub const MIN_SUBGROUP: u32 = 4;
+pub(crate) const MIN_SUBGROUP: u32 = 4;
 /// Values of a digit of the sort.
-pub const DIGITS: u32 = 256;
+pub(crate) const DIGITS: u32 = 256;
 /// Bits of one.
-pub const DIGIT_BITS: u32 = 8;
+pub(crate) const DIGIT_BITS: u32 = 8;
 /// Pairs that a thread of the sort moves.
-pub const SORT_ROUNDS: u32 = 8;
+pub(crate) const SORT_ROUNDS: u32 = 8;
 /// Pairs of a workgroup of the sort.
-pub const SORT_BLOCK: u32 = WORKGROUP * SORT_ROUNDS;
+pub(crate) const SORT_BLOCK: u32 = WORKGROUP * SORT_ROUNDS;
 /// Words of a block of splats: a count, and a bit for each of its 256.
-pub const BLOCK_WORDS: u32 = 1 + WORKGROUP / 32;
+pub(crate) const BLOCK_WORDS: u32 = 1 + WORKGROUP / 32;
 /// Words of the counters, see `Counters` in `common.wgsl`.
-pub const COUNTER_WORDS: u64 = 5;
+pub(crate) const COUNTER_WORDS: u64 = 5;
 /// The first word of the sizes of a dispatch over the splats in view, among those that the GPU
 /// finds.
-pub const VISIBLE_GROUPS: u32 = 0;
-/// Of their sort.
-pub const VISIBLE_SORT: u32 = 3;
-/// Of the sort of the tile lists' entries.
-pub const ENTRY_SORT: u32 = 6;
+pub(crate) const VISIBLE_GROUPS: u32 = 0;
+/// The first word of the sizes of the dispatch that sorts the splats in view.
+pub(crate) const VISIBLE_SORT: u32 = 3;
+/// The first word of the sizes of the dispatch that sorts the entries of the tile lists.
+pub(crate) const ENTRY_SORT: u32 = 6;
 /// Words of all these.
-pub const DISPATCH_WORDS: u64 = 9;
+pub(crate) const DISPATCH_WORDS: u64 = 9;
 /// Distance of the sky, scene units: WGSL promises no infinity.
-pub const FAR_AWAY: f32 = 1e30;
+pub(crate) const FAR_AWAY: f32 = 1e30;
 
 /// The programs of one stage. A stage lists its own; [`Program`] lists the stages.
-pub trait StagePrograms: Sized {
+pub(crate) trait StagePrograms: Sized {
     /// Every program of the stage, but for those with the text of a weather's air.
+    #[allow(dead_code, reason = "tests compile every program")]
     fn all() -> Vec<Self>;
 
     /// The entry point.
@@ -73,7 +74,7 @@ macro_rules! programs {
     ($($stage:ident($programs:ty),)*) => {
         /// A program of the GPU.
         #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-        pub enum Program {
+        pub(crate) enum Program {
             $(
                 #[doc = concat!("One of `", stringify!($programs), "`.")]
                 $stage($programs),
@@ -88,8 +89,8 @@ macro_rules! programs {
 
         impl Program {
             /// Every program, but for those with the text of a weather's air.
-            #[must_use]
-            pub fn all() -> Vec<Self> {
+            #[allow(dead_code, reason = "tests compile every program")]
+            pub(crate) fn all() -> Vec<Self> {
                 let mut all = Vec::new();
                 $(all.extend(<$programs>::all().into_iter().map(Self::$stage));)*
                 all
@@ -97,7 +98,7 @@ macro_rules! programs {
 
             /// The entry point.
             #[must_use]
-            pub fn entry(&self) -> &'static str {
+            pub(crate) fn entry(&self) -> &'static str {
                 match self {
                     $(Self::$stage(program) => program.entry(),)*
                 }
@@ -131,7 +132,7 @@ programs! {
 impl Program {
     /// The whole text.
     #[must_use]
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let mut text = constants();
         for part in [Cow::Borrowed(COMMON)].into_iter().chain(self.parts()) {
             text.push_str(&part);
@@ -150,7 +151,7 @@ pub(crate) const TRAINING: &str = include_str!("training.wgsl");
 
 /// The use of subgroups.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Subgroups {
+pub(crate) enum Subgroups {
     /// Used if the adapter has subgroups of at least [`MIN_SUBGROUP`] threads.
     #[default]
     Used,
@@ -166,7 +167,7 @@ pub(crate) fn switches(channels: Channels) -> Cow<'static, str> {
 
 /// The constants that Rust and WGSL share, as WGSL.
 #[must_use]
-pub fn constants() -> String {
+pub(crate) fn constants() -> String {
     let mut text = String::new();
     macro_rules! whole {
         ($($name:ident = $value:expr;)*) => {$(
@@ -211,7 +212,7 @@ pub fn constants() -> String {
         SLOT_FEATURES = GradientSlot::FEATURES;
         WINDOW_RADIUS = compare::RADIUS;
         COMPARE_GROUPS = compare::gpu::GROUPS;
-        PATCH_FEWEST = compare::FEWEST;
+        PATCH_FEWEST = compare::MIN_PATCH_PIXELS;
         GRADIENT_ROW = gradients::ROW;
         GRADIENT_MEAN = gradients::MEAN;
         GRADIENT_QUAT = gradients::QUAT;
@@ -231,8 +232,8 @@ pub fn constants() -> String {
         DILATION = project::DILATION;
         SLOPE_DILATION = project::SLOPE_DILATION;
         FLATTENING = project::FLATTENING;
-        LIES = project::LIES;
-        STANDS = project::STANDS;
+        LIES = project::MAX_LYING_SHARE;
+        STANDS = project::MIN_STANDING_SHARE;
         MIN_COMPENSATION = project::MIN_COMPENSATION;
         LOG2_MIN_ALPHA = project::LOG2_MIN_ALPHA;
         TEST_SLACK = project::TEST_SLACK;
@@ -241,20 +242,20 @@ pub fn constants() -> String {
         LOG2_MAX_ALPHA = rasterize::LOG2_MAX_ALPHA;
         MIN_TRANSMITTANCE = rasterize::MIN_TRANSMITTANCE;
         FRAME_MIN_ALPHA = frame::MIN_ALPHA;
-        STEPS = particles::STEPS;
+        STEPS = particles::STEPS_PER_OPTICAL_DEPTH;
         LOG2E = std::f32::consts::LOG2_E;
         PI = std::f32::consts::PI;
         BETA1 = optimize::BETA1;
         BETA2 = optimize::BETA2;
         SIMILARITY_C1 = compare::C1;
         SIMILARITY_C2 = compare::C2;
-        COVERED = compare::COVERED;
-        SLACK = compare::SLACK;
-        EXACT = compare::EXACT;
-        PATCH_FLOOR = compare::FLOOR;
-        EDGE = compare::EDGE;
+        COVERED = compare::MIN_COVERAGE;
+        SLACK = compare::COVERAGE_TOLERANCE;
+        EXACT = compare::MIN_RELATIVE_SIGMA;
+        PATCH_FLOOR = compare::DEVIATION_FLOOR;
+        EDGE = compare::EDGE_CONTRAST;
         ADAM_EPS = optimize::EPS;
-        FLAT = optimize::FLAT;
+        FLAT = optimize::MAX_FLAT_RATIO;
         C0 = sh::C0;
         C1 = sh::C1;
     }

@@ -3,7 +3,7 @@
 
 mod rearranged;
 
-use super::buffers::{Growing, READ_BACK};
+use super::buffers::{GrowingBuffer, READ_BACK};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::readback::{Part as Back, copy};
@@ -13,7 +13,7 @@ use super::uniforms::{self, Uniform};
 use crate::differentiable::{Channels, ForwardConfig};
 use crate::hooks::GROUP;
 use crate::stages::optimize::gpu::Remembered;
-use crate::stages::optimize::{Learnt, LearntMut, Moments, Pair, Pulls};
+use crate::stages::optimize::{DensifyStats, Learnt, LearntMut, Moments, Pair};
 use crate::stages::project::gpu::{Piece, ROW_DC, ROW_MEAN, ROW_OPACITY, ROW_QUAT, ROW_SCALE, ROW_SKY, ROWS};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -37,18 +37,18 @@ struct Part {
 /// The splats of a training.
 #[derive(Default)]
 pub(crate) struct StoredModel {
-    kept: Vec<[Growing; 4]>,
-    kept_known: Growing,
+    kept: Vec<[GrowingBuffer; 4]>,
+    kept_known: GrowingBuffer,
     parts: Vec<Part>,
     known: Option<wgpu::Buffer>,
     len: usize,
     sh_degree: u8,
 }
 
-/// Numbers of splats in an array of theirs, and the rows in which the GPU has them.
+/// A field of the splats: an array with its stride, and the rows that the GPU keeps it in.
 struct Field<A> {
     array: A,
-    /// Numbers of a splat in the array, of which `count` from `at` on are meant.
+    /// Numbers of a splat in the array; the field has `count` of them from `at` on.
     stride: usize,
     at: usize,
     count: usize,
@@ -61,7 +61,8 @@ struct Field<A> {
 type Arrays<A> = [A; 5];
 
 /// The rows of `geometry.wgsl`, but for the last.
-fn geometry<A>([means, quats, log_scales, logit_opacities, sh]: Arrays<A>, stride: usize) -> [Field<A>; 5] {
+fn geometry<A>(arrays: Arrays<A>, stride: usize) -> [Field<A>; 5] {
+    let [means, quats, log_scales, logit_opacities, sh] = arrays;
     let field = |array, count, row: u32| Field { array, stride: count, at: 0, count, row: row as usize };
     [
         field(means, 3, ROW_MEAN),
@@ -77,7 +78,7 @@ fn coefficients<A>(sh: A, stride: usize) -> [Field<A>; 1] {
     [Field { array: sh, stride, at: 3, count: stride - 3, row: 0 }]
 }
 
-/// The fields so many rows behind: of second moments.
+/// Moves fields by `rows` rows, to those of the second moments.
 fn behind<A, const N: usize>(mut fields: [Field<A>; N], rows: usize) -> [Field<A>; N] {
     fields.iter_mut().for_each(|field| field.row += rows);
     fields
@@ -125,7 +126,7 @@ fn grouped(range: Range<usize>, rows: usize, fields: &[Field<&[f32]>]) -> Vec<f3
     numbers
 }
 
-/// Back from there.
+/// Copies numbers by groups back into the arrays of splats.
 fn ungroup(numbers: &[f32], range: Range<usize>, rows: usize, fields: &mut [Field<&mut [f32]>]) {
     for Field { array, stride, at, count, row } in fields {
         let own = &mut array[range.start * *stride..range.end * *stride];
@@ -139,7 +140,7 @@ fn ungroup(numbers: &[f32], range: Range<usize>, rows: usize, fields: &mut [Fiel
     }
 }
 
-/// 1 where a splat is of the sky.
+/// Returns 1 for splats of the sky, else 0.
 fn skies(splats: &Splats) -> Vec<f32> {
     splats.groups.iter().map(|group| f32::from(u8::from(*group == Group::Sky))).collect()
 }
@@ -186,34 +187,34 @@ fn ungroup_shapes(numbers: &[f32], range: Range<usize>, splats: &mut Splats) {
 
 impl StoredModel {
     /// Number of splats.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.len
     }
 
     /// Degree of their colours.
-    pub fn sh_degree(&self) -> u8 {
+    pub(crate) fn sh_degree(&self) -> u8 {
         self.sh_degree
     }
 
     /// Returns true if they learn here.
-    pub fn learns(&self) -> bool {
+    pub(crate) fn learns(&self) -> bool {
         self.known.is_some()
     }
 
     /// Uploads `splats` in place of what was there.
-    pub fn write(&mut self, gpu: &Gpu, splats: &Splats) -> Result<(), GpuError> {
+    pub(crate) fn write(&mut self, gpu: &Gpu, splats: &Splats) -> Result<(), GpuError> {
         self.known = None;
         self.write_parts(gpu, splats, None)
     }
 
     /// Uploads splats with what is known of them, to learn here.
-    pub fn write_learnt(&mut self, gpu: &Gpu, learnt: Learnt<'_>) -> Result<(), GpuError> {
+    pub(crate) fn write_learnt(&mut self, gpu: &Gpu, learnt: Learnt<'_>) -> Result<(), GpuError> {
         self.known = None;
         self.write_parts(gpu, learnt.splats, Some(learnt.moments))?;
         self.write_known(gpu, learnt.pulls, learnt.seen)
     }
 
-    fn write_known(&mut self, gpu: &Gpu, pulls: &Pulls, seen: &[u32]) -> Result<(), GpuError> {
+    fn write_known(&mut self, gpu: &Gpu, pulls: &DensifyStats, seen: &[u32]) -> Result<(), GpuError> {
         let of = |i: usize| [pulls.sums[i], pulls.counts[i], pulls.radii[i], seen[i] as f32];
         let known: Vec<f32> = (0..self.len).flat_map(of).collect();
         self.known = Some(self.kept_known.write(gpu, "what is known of splats", &known, USAGE)?);
@@ -223,8 +224,8 @@ impl StoredModel {
     fn read_known(
         &self,
         gpu: &Gpu,
-        staging: &mut Growing,
-        pulls: &mut Pulls,
+        staging: &mut GrowingBuffer,
+        pulls: &mut DensifyStats,
         seen: &mut [u32],
     ) -> Result<(), GpuError> {
         let buffer = self.known.as_ref().expect("splats that learn on the GPU");
@@ -286,10 +287,10 @@ impl StoredModel {
     ///
     /// # Panics
     /// If nothing learns here, or `learnt` is of other splats.
-    pub fn read_learnt(
+    pub(crate) fn read_learnt(
         &self,
         gpu: &Gpu,
-        staging: &mut Growing,
+        staging: &mut GrowingBuffer,
         learnt: LearntMut<'_>,
     ) -> Result<(), GpuError> {
         let LearntMut { splats, moments, pulls, seen } = learnt;
@@ -332,17 +333,17 @@ impl StoredModel {
     }
 
     /// Blocks of 256 splats in it.
-    pub fn blocks(&self) -> u32 {
+    pub(crate) fn blocks(&self) -> u32 {
         self.parts.iter().map(|part| part.piece.blocks).sum()
     }
 
     /// Number of its pieces.
-    pub fn piece_count(&self) -> usize {
+    pub(crate) fn piece_count(&self) -> usize {
         self.parts.len()
     }
 
     /// The structures of its pieces.
-    pub fn uniforms(&self, config: &ForwardConfig) -> Vec<Uniform> {
+    pub(crate) fn uniforms(&self, config: &ForwardConfig) -> Vec<Uniform> {
         // No colour, no coefficients.
         let degree = if config.channels == Channels::Depth { 0 } else { config.sh_degree };
         let used = 3 * sh::coefficients(degree) as u32 - 3;
@@ -350,8 +351,8 @@ impl StoredModel {
         self.parts.iter().map(uniform).collect()
     }
 
-    /// Its pieces, whose structures are in the slots from `first` on.
-    pub fn pieces<'a>(&'a self, recorder: &Recorder<'a>, first: usize) -> Vec<Piece<'a>> {
+    /// Returns the pieces, whose structures are in the slots from `first` on.
+    pub(crate) fn pieces<'a>(&'a self, recorder: &Recorder<'a>, first: usize) -> Vec<Piece<'a>> {
         let piece = |(i, part): (usize, &'a Part)| Piece {
             uniform: recorder.uniform(first + i),
             splats: &part.splats,
@@ -363,7 +364,7 @@ impl StoredModel {
     }
 
     /// The optimiser's memory of each of its pieces; none where they do not learn here.
-    pub fn remembered(&self) -> Vec<Remembered<'_>> {
+    pub(crate) fn remembered(&self) -> Vec<Remembered<'_>> {
         let Some(known) = &self.known else { return Vec::new() };
         let moments = self.parts.iter().filter_map(|part| part.moments.as_ref());
         moments.map(|[moments, sh_moments]| Remembered { moments, sh_moments, known }).collect()
@@ -373,7 +374,7 @@ impl StoredModel {
 /// Reads back the first numbers of buffers.
 fn back(
     gpu: &Gpu,
-    staging: &mut Growing,
+    staging: &mut GrowingBuffer,
     parts: &mut [(&wgpu::Buffer, &mut Vec<f32>)],
 ) -> Result<(), GpuError> {
     // A buffer that is never bound stands for structures: nothing is dispatched.

@@ -8,9 +8,10 @@ use crate::plan::{DrawPass, SetView};
 use crate::reference;
 use crate::renderer::{CpuConfig, RenderBackend, RenderConfig, RenderError};
 use crate::simd::SimdPath;
+use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare};
 use crate::testing::{
-    ALL_OUTPUTS, Backend, Hard, RandomLoss, camera, compare, gpu_differentiable, gpu_renderer, random_splats,
-    shell_camera, shell_splats, small_gpu,
+    Backend, RandomLoss, camera, gpu_differentiable, gpu_renderer, random_splats, shell_camera, shell_splats,
+    small_gpu,
 };
 use std::sync::Arc;
 use wm_scene::{Camera, Splats};
@@ -45,7 +46,7 @@ fn room_that_is_too_small_grows_and_the_frame_is_whole() {
         return;
     }
     let camera = camera(600, 400);
-    let splats = Hard::Huge.splats(150, 4);
+    let splats = HardSplats::Huge.splats(150, 4);
     let mut renderer = gpu_renderer();
     let set = renderer.load(&splats).unwrap();
     let config = RenderConfig::default();
@@ -132,7 +133,7 @@ fn pieces_make_no_difference() {
     let pieces = render(&mut own(Some(330_000)), &splats, &camera).unwrap();
     assert!(whole == pieces);
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let want = reference::render(&[(&splats, None)], &camera, &config, Hooks::default());
+    let want = reference::frame::render(&[(&splats, None)], &camera, &config, Hooks::default());
     compare(&whole, &want, 2.0).unwrap();
 }
 
@@ -145,7 +146,7 @@ fn what_does_not_fit_is_named() {
     for (most, what, splats, size) in [
         (10_000, "256 splats", &many, (64, 48)),
         (100_000, "the splats in view", &many, (64, 48)),
-        (3_000_000, "tile lists", &Hard::Huge.splats(2000, 4), (600, 400)),
+        (3_000_000, "tile lists", &HardSplats::Huge.splats(2000, 4), (600, 400)),
         (400_000, "the picture", &many, (600, 400)),
     ] {
         let error = match render(&mut own(Some(most)), splats, &camera(size.0, size.1)) {
@@ -275,12 +276,12 @@ fn gradients_are_the_same_each_time() {
     if Backend::gpu().is_none() {
         return;
     }
-    let mut splats = Hard::Huge.splats(60, 4);
+    let mut splats = HardSplats::Huge.splats(60, 4);
     splats.append(&random_splats(8000, 0, 5));
     let camera = camera(333, 217);
     let mut trainer = gpu_differentiable();
     let first = learn(&mut trainer, &splats, &camera).unwrap();
-    assert!(first.1.len() > 1000 && first.1.means.iter().flatten().all(|v| v.is_finite()));
+    assert!(first.1.visible.len() > 1000 && first.1.means.iter().flatten().all(|v| v.is_finite()));
     // What lay there before does not show.
     learn(&mut trainer, &random_splats(3000, 2, 6), &shell_camera(90, 70)).unwrap();
     for _ in 0..3 {
@@ -294,7 +295,7 @@ fn gradients_do_not_depend_on_room_or_pieces() {
     if Backend::gpu().is_none() {
         return;
     }
-    let (camera, splats) = (camera(600, 400), Hard::Huge.splats(150, 4));
+    let (camera, splats) = (camera(600, 400), HardSplats::Huge.splats(150, 4));
     let mut trainer = own_trainer(None);
     let grown = learn(&mut trainer, &splats, &camera).unwrap();
     assert!(grown == learn(&mut trainer, &splats, &camera).unwrap());
@@ -302,7 +303,7 @@ fn gradients_do_not_depend_on_room_or_pieces() {
     let whole = learn(&mut trainer, &splats, &camera).unwrap();
     // 256 splats of degree 3 take 46 kB, 4096 in view 786 kB, 65,536 entries 4.2 MB.
     let pieces = learn(&mut own_trainer(Some(800_000)), &splats, &camera).unwrap();
-    assert!(whole == pieces && whole.1.len() > 100);
+    assert!(whole == pieces && whole.1.visible.len() > 100);
 }
 
 #[test]
@@ -310,7 +311,7 @@ fn a_training_that_does_not_fit_or_loses_its_gpu_is_told_so() {
     if Backend::gpu().is_none() {
         return;
     }
-    let (camera, splats) = (camera(200, 100), Hard::Huge.splats(2000, 4));
+    let (camera, splats) = (camera(200, 100), HardSplats::Huge.splats(2000, 4));
     let error = learn(&mut own_trainer(Some(3_000_000)), &splats, &camera).unwrap_err().to_string();
     assert!(error.starts_with("no room on the GPU for what pixels pull: "), "{error}");
     let mut trainer = own_trainer(None);

@@ -17,15 +17,15 @@ use wm_scene::splats::logit;
 use wm_scene::{Camera, Rasterization};
 
 /// Bytes from one structure to the next: the largest alignment that an adapter may ask for.
-pub const SLOT: u64 = 256;
+pub(crate) const SLOT: u64 = 256;
 
 /// The words of a WGSL structure, with the names and places of its fields.
 #[derive(Clone, Debug, Default)]
-pub struct Uniform {
-    /// Its words.
-    pub words: Vec<u32>,
+pub(crate) struct Uniform {
+    /// The words of the structure.
+    pub(crate) words: Vec<u32>,
     /// Name and byte offset of each field.
-    pub fields: Vec<(&'static str, u32)>,
+    pub(crate) fields: Vec<(&'static str, u32)>,
 }
 
 impl Uniform {
@@ -39,7 +39,7 @@ impl Uniform {
         self.whole(name, value.to_bits())
     }
 
-    /// Another number in a field that is there.
+    /// Replaces the number in a field.
     fn replaced(mut self, name: &'static str, value: u32) -> Self {
         for (_, offset) in self.fields.iter().filter(|(field, _)| *field == name) {
             self.words[*offset as usize / 4] = value;
@@ -59,25 +59,25 @@ impl Uniform {
 
 /// The numbers of items that the GPU has room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Capacity {
+pub(crate) struct Capacity {
     /// Splats in view.
-    pub visible: u32,
+    pub(crate) visible: u32,
     /// Entries of tile lists.
-    pub entries: u32,
+    pub(crate) entries: u32,
 }
 
 /// Bytes of the largest array over each.
 #[derive(Clone, Copy, Debug)]
-pub struct ItemBytes {
+pub(crate) struct ItemBytes {
     /// Splats in view.
-    pub visible: u64,
+    pub(crate) visible: u64,
     /// Entries of tile lists.
-    pub entries: u64,
+    pub(crate) entries: u64,
 }
 
 impl ItemBytes {
-    /// Of a frame: records, and names.
-    pub const FRAME: Self = Self { visible: 64, entries: 4 };
+    /// Sizes for a frame: records and entries, bytes.
+    pub(crate) const FRAME: Self = Self { visible: 64, entries: 4 };
 }
 
 impl Capacity {
@@ -88,7 +88,7 @@ impl Capacity {
     }
 
     /// A first guess for `total` splats: half of them in view, two tiles each.
-    pub fn start(&mut self, total: usize, most_binding: u64, each: ItemBytes) {
+    pub(crate) fn start(&mut self, total: usize, most_binding: u64, each: ItemBytes) {
         let (total, limit) = (u32::try_from(total).unwrap_or(u32::MAX), Self::limit(most_binding, each));
         self.visible = self.visible.max((total / 2).max(4096).min(limit.visible));
         self.entries = self.entries.max(total.max(65_536).min(limit.entries));
@@ -96,7 +96,7 @@ impl Capacity {
 
     /// Grows to what a frame needed, and a quarter more where that fits; whether it had to. Entries
     /// are counted of the splats that had room, so both may have to grow one after the other.
-    pub fn grow(&mut self, visible: u32, entries: u32, most_binding: u64, each: ItemBytes) -> bool {
+    pub(crate) fn grow(&mut self, visible: u32, entries: u32, most_binding: u64, each: ItemBytes) -> bool {
         let (before, limit) = (*self, Self::limit(most_binding, each));
         let more = |has: u32, needs: u32, limit: u32| {
             if needs > has { needs.saturating_add(needs / 4).min(limit.max(needs)) } else { has }
@@ -109,29 +109,29 @@ impl Capacity {
 
 /// A camera, and the settings of the projection.
 #[derive(Clone, Copy, Debug)]
-pub struct ViewParameters<'a> {
+pub(crate) struct ViewParameters<'a> {
     /// From where.
-    pub camera: &'a Camera,
+    pub(crate) camera: &'a Camera,
     /// The camera of the whole picture ([`DrawPass::whole`]).
-    pub whole: Option<&'a Camera>,
+    pub(crate) whole: Option<&'a Camera>,
     /// The drawing of splats smaller than a pixel.
-    pub rasterization: Rasterization,
+    pub(crate) rasterization: Rasterization,
     /// The treatment of the scene's own sky.
-    pub sky: SkySplats,
+    pub(crate) sky: SkySplats,
     /// The haze of the photos that are learnt from.
-    pub air: Option<EvenAir>,
+    pub(crate) air: Option<EvenAir>,
     /// The plane below which nothing is drawn ([`DrawPass::cut`]).
-    pub cut: Option<CutPlane>,
+    pub(crate) cut: Option<CutPlane>,
     /// Normal of the surface that splits the blend, if the pass has one ([`DrawPass::surface`]).
-    pub split: Option<[f32; 3]>,
+    pub(crate) split: Option<[f32; 3]>,
     /// The median that is blended.
-    pub median: MedianDepth,
+    pub(crate) median: MedianDepth,
 }
 
 impl<'a> ViewParameters<'a> {
-    /// Of a frame.
+    /// Collects the parameters of a draw pass.
     #[must_use]
-    pub fn of(pass: &'a DrawPass<'_>) -> Self {
+    pub(crate) fn of(pass: &'a DrawPass<'_>) -> Self {
         let (rasterization, sky) = (pass.config.rasterization, pass.hooks.sky_splats());
         Self {
             camera: &pass.camera,
@@ -145,9 +145,9 @@ impl<'a> ViewParameters<'a> {
         }
     }
 
-    /// Of a step of training.
+    /// Collects the parameters of a step of training.
     #[must_use]
-    pub fn of_training(camera: &'a Camera, config: &ForwardConfig) -> Self {
+    pub(crate) fn of_training(camera: &'a Camera, config: &ForwardConfig) -> Self {
         let sky = match config.drawn {
             DrawnSplats::All => SkySplats::Kept,
             DrawnSplats::WithoutSky => SkySplats::LeftOut,
@@ -166,13 +166,13 @@ impl<'a> ViewParameters<'a> {
 
     /// Columns and rows of tiles.
     #[must_use]
-    pub fn tiles(&self) -> (u32, u32) {
+    pub(crate) fn tiles(&self) -> (u32, u32) {
         (self.camera.width.div_ceil(TILE_SIDE), self.camera.height.div_ceil(TILE_SIDE))
     }
 
     /// Their number.
     #[must_use]
-    pub fn tile_count(&self) -> u32 {
+    pub(crate) fn tile_count(&self) -> u32 {
         let (columns, rows) = self.tiles();
         columns * rows
     }
@@ -180,7 +180,7 @@ impl<'a> ViewParameters<'a> {
 
 /// `View` of `common.wgsl`; `blocks` are those of all sets, `drops` what falls.
 #[must_use]
-pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
+pub(crate) fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
     let camera = ProjectCamera::new(sight.camera).part_of(sight.whole);
     let [rotation_x, rotation_y, rotation_z] = camera.rotation;
     Uniform::default()
@@ -214,7 +214,7 @@ pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capac
 /// `View` of lists of something else than tiles, which no camera sees: their number, blocks of what
 /// they list, and room.
 #[must_use]
-pub fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
+pub(crate) fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
     let (fx, fy, cx, cy) = (1.0, 1.0, 0.5, 0.5);
     let camera = Camera { width: 1, height: 1, fx, fy, cx, cy, viewmat: glam::DMat4::IDENTITY, near: 0.1 };
     let sight = ViewParameters {
@@ -230,9 +230,9 @@ pub fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
     view(&sight, blocks, 0, capacity).replaced("tiles", lists)
 }
 
-/// `RayTask` of `records.wgsl`: some packets of a group, and so many records.
+/// Makes `RayTask` of `records.wgsl`: a range of packets of a group, and the number of records.
 #[must_use]
-pub fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emits: bool) -> Uniform {
+pub(crate) fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emits: bool) -> Uniform {
     let all = group.packets.len() as u32;
     let top = group.levels.len() as u32 - 1;
     let sizes = (0..top).scan(all, |size, _| Some(std::mem::replace(size, size.div_ceil(CHILDREN as u32))));
@@ -250,36 +250,36 @@ pub fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emits: boo
 
 /// `ColorPiece` of `features.wgsl`: the first of its records, their number, and numbers of each.
 #[must_use]
-pub fn color_piece(first: u32, count: u32, stride: u32) -> Uniform {
+pub(crate) fn color_piece(first: u32, count: u32, stride: u32) -> Uniform {
     Uniform::default().whole("first", first).whole("count", count).whole("stride", stride)
 }
 
 /// A piece of a set, for [`chunk`].
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Piece {
-    /// Its first block among those of all sets.
-    pub first_block: u32,
-    /// Its blocks of 256 splats.
-    pub blocks: u32,
-    /// Its first splat among those of its set.
-    pub first_splat: u32,
-    /// Its splats, padding or not.
-    pub splats: u32,
+pub(crate) struct Piece {
+    /// First block of the piece among those of all sets.
+    pub(crate) first_block: u32,
+    /// Blocks of 256 splats in the piece.
+    pub(crate) blocks: u32,
+    /// First splat of the piece among those of its set.
+    pub(crate) first_splat: u32,
+    /// Splats of the piece, padding included.
+    pub(crate) splats: u32,
     /// Rows of the coefficients of colour a group.
-    pub sh_rows: u32,
+    pub(crate) sh_rows: u32,
 }
 
 impl Piece {
     /// Whole blocks of splats that are padded with what is never drawn.
     #[must_use]
-    pub fn whole(first_block: u32, blocks: u32, first_splat: u32, sh_rows: u32) -> Self {
+    pub(crate) fn whole(first_block: u32, blocks: u32, first_splat: u32, sh_rows: u32) -> Self {
         Self { first_block, blocks, first_splat, splats: WORKGROUP * blocks, sh_rows }
     }
 }
 
 /// The attributes of the splats of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AttributeUse {
+pub(crate) enum AttributeUse {
     /// They have none.
     Unused,
     /// The light stays that of the capture.
@@ -289,9 +289,9 @@ pub enum AttributeUse {
 }
 
 impl AttributeUse {
-    /// Of a set that may have attributes.
+    /// Finds the use of attributes for a set that may have some.
     #[must_use]
-    pub fn of(attributes: Option<&dyn SplatAttributes>) -> Self {
+    pub(crate) fn of(attributes: Option<&dyn SplatAttributes>) -> Self {
         match attributes {
             None => Self::Unused,
             Some(attributes) if attributes.changes_light() => Self::SurfaceAndLight,
@@ -302,13 +302,14 @@ impl AttributeUse {
 
 /// `Chunk` of `pieces.wgsl`, for rendering.
 #[must_use]
-pub fn chunk(piece: Piece, attributes: AttributeUse) -> Uniform {
+pub(crate) fn chunk(piece: Piece, attributes: AttributeUse) -> Uniform {
     any_chunk(piece, piece.sh_rows, attributes, Opacity::Stored)
 }
 
-/// The same for training: how many rows of coefficients are in use, and where opacities come from.
+/// Makes the structure of a piece for training: how many rows of coefficients are in use, and where
+/// opacities come from.
 #[must_use]
-pub fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
+pub(crate) fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
     any_chunk(piece, sh_used, AttributeUse::Unused, opacity)
 }
 
@@ -332,7 +333,7 @@ fn any_chunk(piece: Piece, sh_used: u32, attributes: AttributeUse, opacity: Opac
 
 /// `Training` of `training.wgsl`.
 #[must_use]
-pub fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
+pub(crate) fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
     Uniform::default()
         .vector("background", background)
         .whole("depth_detached", u32::from(depth_alpha == DepthAlpha::Detached))
@@ -341,7 +342,7 @@ pub fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
 /// `Comparison` of `photo.wgsl`, one a channel: `pixels` are those of the picture, `counted` what
 /// they count together.
 #[must_use]
-pub fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
+pub(crate) fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
     let row = |row: usize| [0, 1, 2, 3].map(|k| comparison.exposure[4 * row + k]);
     let [l1, dssim] = [Term::L1, Term::Dssim].map(|term| comparison.weight(term));
     Uniform::default()
@@ -356,7 +357,7 @@ pub fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channe
 /// `Geometry` of `geometry.wgsl`: `pixels` are those of the picture; columns and number of the
 /// patches.
 #[must_use]
-pub fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, u32)) -> Uniform {
+pub(crate) fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, u32)) -> Uniform {
     let Comparison { believed, patches: plan, .. } = comparison;
     let (columns, rows) = believed.map_or((0, 0), |believed| believed.grid);
     let over = |term: Term, count: f64| (comparison.weight(term) / count.max(1.0)) as f32;
@@ -379,7 +380,7 @@ pub fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, u32)) -
 
 /// `Pass` of `sort.wgsl`.
 #[must_use]
-pub fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform {
+pub(crate) fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform {
     Uniform::default()
         .whole("shift", shift)
         .whole("of_entries", u32::from(of_entries))
@@ -388,13 +389,13 @@ pub fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform {
 
 /// `Task` of `intersect.wgsl`.
 #[must_use]
-pub fn intersect_task(emits: bool) -> Uniform {
+pub(crate) fn intersect_task(emits: bool) -> Uniform {
     Uniform::default().whole("emits", u32::from(emits))
 }
 
 /// `Step` of `optimize.wgsl`, for `splats` splats.
 #[must_use]
-pub fn optimize_step(step: &Step, splats: usize) -> Uniform {
+pub(crate) fn optimize_step(step: &Step, splats: usize) -> Uniform {
     let Step { number, rates, terms, size } = step;
     let correction = |beta: f32| (1.0 - f64::from(beta).powf(f64::from(*number))) as f32;
     let each = |weight: f64| (weight / splats.max(1) as f64) as f32;
@@ -416,7 +417,7 @@ pub fn optimize_step(step: &Step, splats: usize) -> Uniform {
 
 /// `Learn` of `add.wgsl`.
 #[must_use]
-pub fn learn(learn: Learn) -> Uniform {
+pub(crate) fn learn(learn: Learn) -> Uniform {
     let share = |learns: bool| if learns { 1.0 } else { 0.0 };
     Uniform::default()
         .real("means", share(learn.means))
@@ -428,7 +429,7 @@ pub fn learn(learn: Learn) -> Uniform {
 
 /// `Noise` of `explore.wgsl`.
 #[must_use]
-pub fn noise(noise: &Noise) -> Uniform {
+pub(crate) fn noise(noise: &Noise) -> Uniform {
     // What `wm_scene::random::uniform` multiplies a seed with.
     let seed = noise.seed.wrapping_mul(SEED_FACTOR);
     Uniform::default()
@@ -438,12 +439,12 @@ pub fn noise(noise: &Noise) -> Uniform {
         .real("most", logit(noise.most) as f32)
 }
 
-/// `Move` of `rearrange.wgsl`: from splats `before` to splats `now` of all, in so many rows.
+/// Makes `Move` of `rearrange.wgsl`: moves splats `before` to splats `now`, `rows` rows each.
 #[must_use]
-pub fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: Forgets) -> Uniform {
+pub(crate) fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: MomentReset) -> Uniform {
     let (row, period) = match forgets {
-        Forgets::Row(row, period) => (row, period),
-        Forgets::Nothing | Forgets::Splats => (0, 0),
+        MomentReset::Row(row, period) => (row, period),
+        MomentReset::Nothing | MomentReset::Splats => (0, 0),
     };
     Uniform::default()
         .whole("first_before", before.start)
@@ -451,14 +452,14 @@ pub fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: Fo
         .whole("first", now.start)
         .whole("count", now.end - now.start)
         .whole("rows", rows)
-        .whole("forgets", u32::from(forgets != Forgets::Nothing))
+        .whole("forgets", u32::from(forgets != MomentReset::Nothing))
         .whole("forgotten_row", row)
         .whole("period", period)
 }
 
 /// The numbers that are set to 0 when rows are moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Forgets {
+pub(crate) enum MomentReset {
     /// Nothing.
     Nothing,
     /// All rows of splats that forget.
@@ -469,7 +470,7 @@ pub enum Forgets {
 
 /// Structures as they lie in a buffer, one a slot.
 #[must_use]
-pub fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
+pub(crate) fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
     let mut bytes = vec![0; SLOT as usize * uniforms.len()];
     for (slot, uniform) in bytes.chunks_exact_mut(SLOT as usize).zip(uniforms) {
         let words: &[u8] = bytemuck::cast_slice(&uniform.words);

@@ -7,13 +7,14 @@ use crate::hooks::{
 use crate::plan::SetView;
 use crate::renderer::{Background, CpuConfig, ParticlePass, RenderBackend, SkyGradient};
 use crate::simd::SimdPath;
-use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
+use crate::testing::comparison::{ALL_OUTPUTS, compare};
+use crate::testing::{Backend, camera, random_splats};
 use crate::{CpuRenderer, reference};
 use wm_scene::random::uniform;
 
 crate::parity! {
     the_parts_make_up_the_picture => recombination;
-    transmittance_is_the_referees => transmittance;
+    transmittance_is_that_of_the_reference => transmittance;
     clear_air_takes_nothing => clear;
 }
 
@@ -143,7 +144,7 @@ fn recombination(backend: Backend) {
     assert!(passes.airlight.iter().all(|light| (low..high).contains(light)));
 }
 
-/// The referee's picture of an air that colours by its share is blended like any other.
+/// The reference picture of an air that colours by its share is blended like any other.
 fn transmittance(backend: Backend) {
     let mut renderer = backend.renderer();
     let (_, passes) = parts(&mut *renderer, Some(&AIR), &[PicturePart::Transmittance]);
@@ -151,7 +152,8 @@ fn transmittance(backend: Backend) {
     let (camera, splats) = (camera(77, 52), random_splats(300, 1, 5));
     let hooks = Hooks { medium: Some(&AIR), ..Hooks::default() };
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let want = reference::render_shaded(&[(&splats, None)], &camera, &config, hooks, Shading::Transmittance);
+    let want =
+        reference::frame::render_shaded(&[(&splats, None)], &camera, &config, hooks, Shading::Transmittance);
     let set = renderer.load(&splats).unwrap();
     let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
     let pass = DrawPass { shading: Shading::Transmittance, ..pass };
@@ -234,11 +236,14 @@ fn a_picture_and_its_parts_are_one_submission_where_the_cpu_has_no_part() {
     let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
     let pass = DrawPass::new(&[SetView::plain(set)], &camera(400, 300), &config());
     for (particles, wanted) in [(&[] as &[&dyn Particles], 1), (&[&Drops as &dyn Particles], 2)] {
-        let pass = pass.clone().with_hooks(Hooks { medium: Some(&AIR), particles, ..Hooks::default() });
-        let mut frame = Frame::default();
+        let mut plan = FramePlan::new();
+        let hooks = Hooks { medium: Some(&AIR), particles, ..Hooks::default() };
+        let picture = plan.draw(pass.clone().with_hooks(hooks));
+        let _ = PartPasses::append(&mut plan, picture, &ALL);
+        let mut pictures = Pictures::default();
         // The first one may be made again with more room.
-        render_with_parts(&mut renderer, &pass, &ALL, &mut frame).unwrap();
-        let (stats, _) = render_with_parts(&mut renderer, &pass, &ALL, &mut frame).unwrap();
+        renderer.execute(&plan, &mut pictures).unwrap();
+        let stats = renderer.execute(&plan, &mut pictures).unwrap();
         assert_eq!(stats.device.submissions, wanted);
     }
 }

@@ -23,17 +23,17 @@
 //! | [`optimize`] | gradients | parameters, moved |
 
 pub mod compare;
-pub mod composite;
+pub(crate) mod composite;
 pub mod intersect;
 pub mod optimize;
 pub mod particles;
 #[cfg(feature = "gpu")]
-pub mod prefix_sum;
+pub(crate) mod prefix_sum;
 pub mod project;
-pub mod project_backward;
+pub(crate) mod project_backward;
 pub mod rasterize;
 pub mod rasterize_backward;
 pub mod rays;
 pub mod shade;
-pub mod shade_backward;
+pub(crate) mod shade_backward;
 pub mod sort;

@@ -8,7 +8,7 @@
 //!
 //! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 
-use super::{DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
+use super::{DensifyStats, DensifyStrategy, DensifyTime, Population, ScreenGradients};
 use crate::check::{COUNT, ConfigValue, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -105,7 +105,7 @@ impl AdaptiveConfig {
         let kept: Vec<usize> = (0..population.len()).filter(|i| !gone[*i]).collect();
         population.select(&kept);
         population.sort();
-        population.pulls = Pulls::new(population.len());
+        population.pulls = DensifyStats::new(population.len());
     }
 }
 

@@ -15,7 +15,7 @@
 //! scene's extent, since one that fills gaps all over a photo stands in the way of every other
 //! view; the sky's splats take no part.
 
-use super::{DensifyStrategy, DensifyTime, Population, Pulls};
+use super::{DensifyStats, DensifyStrategy, DensifyTime, Population};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -141,7 +141,7 @@ impl DensifyStrategy for McmcConfig {
         population.copy(&hosts);
         population.bound(extent);
         population.sort();
-        population.pulls = Pulls::new(population.len());
+        population.pulls = DensifyStats::new(population.len());
     }
 }
 

@@ -13,8 +13,8 @@ use crate::random::Random;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use wm_render::cpu::model::morton_order;
+pub(crate) use wm_render::training::DensifyStats;
 use wm_render::training::MIN_ALPHA;
-pub(crate) use wm_render::training::Pulls;
 use wm_render::training::{Changed, Learnt, LearntMut, Moments, Noise, Origin, Shapes, SplatTerms};
 use wm_scene::splats::{logit, sigmoid};
 use wm_scene::{Group, Splats, quat};
@@ -160,7 +160,7 @@ pub(crate) struct Population {
     /// The optimiser's moments; empty where these stay on a device.
     pub(crate) moments: Moments,
     /// Screen-space gradients since splats were last added or removed.
-    pub(crate) pulls: Pulls,
+    pub(crate) pulls: DensifyStats,
     /// The last step that had each in view, or that made it, `[N]`.
     pub(crate) seen: Vec<u32>,
     /// The origin of each splat, of a population whose moments and coefficients above degree 0 stay
@@ -188,7 +188,8 @@ impl Population {
     /// Returns a new population whose splats keep their order.
     #[must_use]
     pub(crate) fn unsorted(splats: Splats) -> Self {
-        let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
+        let (moments, pulls, seen) =
+            (Moments::new(&splats), DensifyStats::new(splats.len()), vec![0; splats.len()]);
         Self { splats, moments, pulls, seen, origins: None }
     }
 

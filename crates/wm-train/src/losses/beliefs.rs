@@ -3,24 +3,24 @@
 use super::grid::Grid;
 use super::{TrainPhoto, surface};
 use crate::priors::Prior;
-use wm_render::training::{Belief, Believed};
+use wm_render::training::{GridPriors, PixelPrior};
 
 /// Returns `prior` in the form for a device; `pixels` are [`beliefs`].
 #[must_use]
 pub(crate) fn believed<'a>(
     truth: &TrainPhoto<'_>,
     prior: &Prior,
-    pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
-) -> Believed<'a> {
+    pixels: &'a (dyn Fn() -> Vec<PixelPrior> + Sync),
+) -> GridPriors<'a> {
     let grid = Grid::new(truth.size(), prior);
-    Believed { sigma: prior.sigma, grid: (grid.width as u32, grid.height as u32), pixels }
+    GridPriors { sigma: prior.sigma, grid: (grid.width as u32, grid.height as u32), pixels }
 }
 
 /// Returns the weight of each pixel of the photo, `[H, W]`.
 #[must_use]
-pub(crate) fn beliefs(truth: &TrainPhoto<'_>) -> Vec<Belief> {
+pub(crate) fn beliefs(truth: &TrainPhoto<'_>) -> Vec<PixelPrior> {
     let (width, height) = truth.size();
-    let mut beliefs = vec![Belief::NONE; width as usize * height as usize];
+    let mut beliefs = vec![PixelPrior::NONE; width as usize * height as usize];
     let Some(prior) = truth.prior else { return beliefs };
     for (at, theirs) in Grid::new(truth.size(), prior).pairs() {
         // Comparisons with NaN, not known, are false.

@@ -11,7 +11,7 @@ use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::{GeometryConfig, TrainConfig};
 use wm_render::Channels;
-use wm_render::training::{COVERED, Comparison, EXACT, Term};
+use wm_render::training::{Comparison, MIN_COVERAGE, MIN_RELATIVE_SIGMA, Term};
 
 /// The term `depth`.
 #[derive(Clone, Debug)]
@@ -63,12 +63,12 @@ impl LossTerm for DepthTerm {
         for (at, theirs) in grid.pairs() {
             let (disparity, depth) = (prior.disparity[theirs], frame.depth[at]);
             // Comparisons with NaN are false, as for 0.
-            let counts = disparity > 0.0 && depth > 0.0 && frame.alpha[at] >= COVERED;
+            let counts = disparity > 0.0 && depth > 0.0 && frame.alpha[at] >= MIN_COVERAGE;
             if !counts {
                 continue;
             }
             let off = (depth * disparity).ln();
-            let tau = (prior.sigma / disparity).max(EXACT);
+            let tau = (prior.sigma / disparity).max(MIN_RELATIVE_SIGMA);
             let root = off.hypot(tau);
             sum += f64::from(root - tau);
             out.depth[at] += scale * off / (root * depth);

@@ -9,7 +9,7 @@ use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
-use wm_render::training::{COVERED, Comparison, Term};
+use wm_render::training::{Comparison, MIN_COVERAGE, Term};
 
 /// The term `normal`.
 #[derive(Clone, Debug)]
@@ -52,7 +52,7 @@ impl LossTerm for NormalTerm {
         let scale = (2.0 * weight / grid.len() as f64) as f32;
         for (at, theirs) in grid.pairs() {
             let wanted = prior.normal[theirs];
-            if wanted == [0.0; 3] || frame.alpha[at] < COVERED {
+            if wanted == [0.0; 3] || frame.alpha[at] < MIN_COVERAGE {
                 continue;
             }
             for k in 0..3 {

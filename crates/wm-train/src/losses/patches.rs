@@ -15,7 +15,7 @@ use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::{GeometryConfig, TrainConfig};
 use crate::random::{Purpose, Random};
-use wm_render::training::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
+use wm_render::training::{self, Comparison, DEVIATION_FLOOR, MIN_COVERAGE, MIN_PATCH_PIXELS, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// Opacity of all splats in the hard pass.
@@ -140,7 +140,7 @@ impl LossTerm for PatchDepthTerm {
         y.clear();
         for (at, theirs) in grid.pairs() {
             let (depth, believed) = (frame.depth[at], prior.disparity[theirs]);
-            let counts = believed >= 0.0 && frame.alpha[at] >= COVERED && depth > 0.0;
+            let counts = believed >= 0.0 && frame.alpha[at] >= MIN_COVERAGE && depth > 0.0;
             x.push(if counts { 1.0 / f64::from(depth) } else { f64::NAN });
             y.push(f64::from(believed));
         }
@@ -199,7 +199,7 @@ fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, s
         return 0.0;
     }
     let patches: Vec<Vec<usize>> =
-        patches.of(x).into_iter().filter(|pixels| pixels.len() >= FEWEST).collect();
+        patches.of(x).into_iter().filter(|pixels| pixels.len() >= MIN_PATCH_PIXELS).collect();
     let mut total = 0.0;
     for (is_local, share) in [(false, 1.0), (true, local)] {
         if share == 0.0 {
@@ -211,7 +211,7 @@ fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, s
         for (index, pixels) in patches.iter().enumerate() {
             let (mean_x, own_x) = moments(pixels.iter().map(|i| x[*i]));
             let (mean_y, own_y) = moments(pixels.iter().map(|i| y[*i]));
-            let over = |all: f64, own: f64| FLOOR * all + if is_local { own } else { all };
+            let over = |all: f64, own: f64| DEVIATION_FLOOR * all + if is_local { own } else { all };
             let (over_x, over_y) = (over(all_x, own_x), over(all_y, own_y));
             let off = |i: &usize| {
                 let off = (x[*i] - mean_x) / over_x - (y[*i] - mean_y) / over_y;
@@ -232,7 +232,7 @@ fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, s
             let by_value = |v: f64| share * 2.0 * v / count as f64;
             let mean = differences.iter().map(|v| by_value(*v)).sum::<f64>() / n;
             // The deviation of the patch depends on its pixels.
-            let own = over_x - FLOOR * all_x;
+            let own = over_x - DEVIATION_FLOOR * all_x;
             let along = if is_local && own > 1e-12 * all_x {
                 let sum = pixels
                     .iter()
@@ -303,13 +303,13 @@ mod tests {
         let mut total = 0.0;
         for (is_local, share) in [(false, 1.0), (true, local)] {
             let mut squares = Vec::new();
-            for pixels in PATCHES.of(x).iter().filter(|p| p.len() >= FEWEST) {
+            for pixels in PATCHES.of(x).iter().filter(|p| p.len() >= MIN_PATCH_PIXELS) {
                 let (mx, sx) = moments(pixels.iter().map(|i| x[*i]));
                 let (my, sy) = moments(pixels.iter().map(|i| y[*i]));
                 for i in pixels {
                     let (over_x, over_y) = if is_local { (sx, sy) } else { (all_x, all_y) };
-                    let off =
-                        (x[*i] - mx) / (over_x + FLOOR * all_x) - (y[*i] - my) / (over_y + FLOOR * all_y);
+                    let off = (x[*i] - mx) / (over_x + DEVIATION_FLOOR * all_x)
+                        - (y[*i] - my) / (over_y + DEVIATION_FLOOR * all_y);
                     if off.abs() > margin {
                         squares.push(off * off);
                     }

@@ -6,7 +6,7 @@
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
-use wm_render::training::{COVERED, Comparison, EDGE, Term};
+use wm_render::training::{Comparison, EDGE_CONTRAST, MIN_COVERAGE, Term};
 
 /// The term `smooth`.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ impl LossTerm for SmoothTerm {
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
         let (frame, rgb) = (input.frame, input.truth.rgb);
-        let counts = |at: usize| frame.alpha[at] >= COVERED && frame.depth[at] > 0.0;
+        let counts = |at: usize| frame.alpha[at] >= MIN_COVERAGE && frame.depth[at] > 0.0;
         let pixels = frame.pixels();
         let covered: Vec<usize> = (0..pixels).filter(|at| counts(*at)).collect();
         let mean = covered.iter().map(|at| 1.0 / f64::from(frame.depth[*at])).sum::<f64>() / pixels as f64;
@@ -60,7 +60,7 @@ impl LossTerm for SmoothTerm {
             {
                 let Some(next) = next.filter(|next| counts(*next)) else { continue };
                 let off = (0..3).map(|k| (rgb[3 * at + k] - rgb[3 * next + k]).abs()).sum::<f32>() / 3.0;
-                let edge = (-off / EDGE).exp();
+                let edge = (-off / EDGE_CONTRAST).exp();
                 let (a, b) = (1.0 / frame.depth[at], 1.0 / frame.depth[next]);
                 sum += f64::from(edge * (a - b).abs());
                 let slope = scale * edge * if a == b { 0.0 } else { (a - b).signum() };

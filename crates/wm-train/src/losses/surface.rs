@@ -11,7 +11,7 @@
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::priors::{Prior, SkyClass};
-use wm_render::training::{Comparison, SLACK, Term};
+use wm_render::training::{COVERAGE_TOLERANCE, Comparison, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// The term `surface`.
@@ -61,7 +61,7 @@ impl LossTerm for SurfaceTerm {
         let scale = (weight / alpha.len() as f64) as f32;
         shares(input.truth, prior, |at, wanted| {
             let off = alpha[at] - wanted;
-            let beyond = off.abs() - SLACK;
+            let beyond = off.abs() - COVERAGE_TOLERANCE;
             if beyond > 0.0 {
                 sum += f64::from(beyond);
                 out.alpha[at] += if off > 0.0 { scale } else { -scale };
@@ -225,7 +225,7 @@ mod tests {
         out.clear(&frame);
         let value = SurfaceTerm::new(&TrainConfig::preset(Preset::Quick)).add(&input, 128.0, &mut out);
         // A wire, six rows of sky, half a pixel, one that is neither, seven of roof.
-        let beyond = |off: f64| off - f64::from(SLACK);
+        let beyond = |off: f64| off - f64::from(COVERAGE_TOLERANCE);
         let wanted = (7.0 * beyond(0.25) + 7.0 * beyond(0.75)) / 16.0;
         assert!((value - wanted).abs() < 1e-6, "{value} {wanted}");
         let column: Vec<f32> = out.alpha.iter().step_by(8).copied().collect();

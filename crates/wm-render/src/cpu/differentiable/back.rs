@@ -60,7 +60,7 @@ macro_rules! with_channels {
 
 impl<'a> Tiles<'a> {
     /// The tiles of one view.
-    pub fn new(
+    pub(crate) fn new(
         path: SimdPath,
         records: &'a [Record],
         entries: &'a [AtomicU64],
@@ -84,7 +84,7 @@ impl<'a> Tiles<'a> {
 
     /// Sorts and blends all tiles into `frame`. Entries then name records and pairs, and `kept`
     /// holds the sums.
-    pub fn forward(
+    pub(crate) fn forward(
         &self,
         words: &[AtomicU32],
         kept: &mut [[f32; PATCH_PIXELS]],
@@ -93,7 +93,7 @@ impl<'a> Tiles<'a> {
         stats: &mut Stats,
     ) {
         let background = Background::Color(self.config.background);
-        let background = BackgroundView::new(&background, (None, Shading::Color), self.camera, self.path);
+        let background = BackgroundView::new(&background, None, Shading::Color, self.camera, self.path);
         let falling = Falling::default();
         let composite = Composite {
             path: self.path,
@@ -133,7 +133,7 @@ impl<'a> Tiles<'a> {
         *stats += done;
     }
 
-    #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+    #[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
     fn forward_tile(
         &self,
         tile: (usize, usize),
@@ -155,10 +155,20 @@ impl<'a> Tiles<'a> {
             entry.store(*key, Relaxed);
         }
         let sorted = Instant::now();
-        let inside = inside(tile, self.size());
+        let (width, height) = self.size();
+        let inside = inside(tile.0, tile.1, width, height);
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
-        let sums = (self.config.channels.count(), MedianDepth::Off);
-        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, (tile, inside), None, scratch);
+        stats.evaluated_pairs += blend(
+            self.path,
+            self.config.channels.count(),
+            MedianDepth::Off,
+            self.records,
+            keys,
+            tile,
+            inside,
+            None,
+            scratch,
+        );
         let blended = Instant::now();
         let (channels, narrow) = (self.config.channels, self.path.narrow());
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
@@ -169,23 +179,23 @@ impl<'a> Tiles<'a> {
             if channels == Channels::Depth {
                 sums.features[3] = sums.features[0];
             }
-            finish(narrow, composite, sums, (tile, patch), &mut worker.pixels, offset, rows);
+            finish(narrow, composite, sums, tile, patch, &mut worker.pixels, offset, rows);
         }
         stats.sort += (sorted - begun).as_secs_f64();
         stats.rasterize += (blended - sorted).as_secs_f64();
         stats.composite += blended.elapsed().as_secs_f64();
     }
 
-    /// Sums what the pixels pull on each pair of splat and tile. `places` tells the slot of each
-    /// pair. Returns the seconds it took.
-    pub fn backward(
+    /// Sums the derivatives of the pixels over each pair of splat and tile. `places` receives the
+    /// slot of each pair.
+    pub(crate) fn backward(
         &self,
         upstream: &Upstream<'_>,
         kept: &[[f32; PATCH_PIXELS]],
         slots: &mut [GradientSlot],
         places: &[AtomicU32],
         workers: &[Mutex<BackwardWorker>],
-    ) -> f64 {
+    ) {
         let mut tiles = Vec::with_capacity(self.grid.tiles());
         let mut rest = slots;
         for tile in 0..self.grid.tiles() {
@@ -193,20 +203,13 @@ impl<'a> Tiles<'a> {
             rest = others;
             tiles.push(own);
         }
-        tiles
-            .into_par_iter()
-            .enumerate()
-            .map(|(index, slots)| {
-                let begun = Instant::now();
-                let mut worker = own(workers);
-                let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
-                self.backward_tile(index, upstream, kept, slots, places, &mut worker);
-                begun.elapsed().as_secs_f64()
-            })
-            .sum()
+        tiles.into_par_iter().enumerate().for_each(|(index, slots)| {
+            let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
+            self.backward_tile(index, upstream, kept, slots, places, &mut own(workers));
+        });
     }
 
-    #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+    #[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
     fn backward_tile(
         &self,
         index: usize,
@@ -223,18 +226,17 @@ impl<'a> Tiles<'a> {
         keys.extend(self.entries[list.clone()].iter().map(|entry| entry.load(Relaxed)));
         own_places.resize(keys.len(), NO_SLOT);
         let (left, top) = (tile.0 * TILE, tile.1 * TILE);
-        let inside = inside(tile, self.size());
+        let (width, height) = self.size();
+        let inside = inside(tile.0, tile.1, width, height);
         let count = self.config.channels.count();
         let pictures = RenderedPictures { config: self.config, upstream, size: self.size() };
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
-            let corner = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
+            let (x, y) = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
             let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];
-            dispatch!(self.path, s => prepare_patch(s, pictures, kept, corner, patch, scratch));
+            dispatch!(self.path, s => prepare_patch(s, pictures, kept, x, y, patch, scratch));
         }
-        let corner = (left as f32, top as f32);
-        with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(
-            s, self.records, keys, corner, inside, scratch, (&mut *slots, own_places)
-        )));
+        let (left, top) = (left as f32, top as f32);
+        with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(s, self.records, keys, left, top, inside, scratch, &mut *slots, own_places)));
         for (key, place) in keys.iter().zip(own_places) {
             let place = if *place == NO_SLOT { NO_SLOT } else { list.start as u32 + *place };
             places[(*key >> 32) as usize].store(place, Relaxed);

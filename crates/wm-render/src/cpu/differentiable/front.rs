@@ -17,7 +17,7 @@ use std::ops::Range;
 use web_time::Instant;
 use wm_scene::{Group, Splats, sh};
 
-/// A run of splats, with the records that it may fill.
+/// A run of splats and the records that it may fill.
 pub(crate) struct Unit<'a> {
     splats: Range<usize>,
     first_record: u32,
@@ -26,7 +26,7 @@ pub(crate) struct Unit<'a> {
 
 impl<'a> Unit<'a> {
     /// Cuts `count` splats in about `wanted` runs of whole clusters.
-    pub fn split(count: usize, wanted: usize, records: &'a mut Vec<Record>) -> Vec<Self> {
+    pub(crate) fn split(count: usize, wanted: usize, records: &'a mut Vec<Record>) -> Vec<Self> {
         if records.len() < count {
             records.resize(count, Record::default());
         }
@@ -44,14 +44,14 @@ impl<'a> Unit<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct Part {
     /// The pairs of tiles and splats.
-    pub pairs: Pairs,
-    /// The number of the first of them.
-    pub first_pair: usize,
-    /// The first record, and how many there are.
-    pub first_record: usize,
-    pub visible: usize,
-    pub project: f64,
-    pub intersect: f64,
+    pub(crate) pairs: Pairs,
+    /// The number of the first pair.
+    pub(crate) first_pair: usize,
+    /// The first record, and the number of records.
+    pub(crate) first_record: usize,
+    pub(crate) visible: usize,
+    pub(crate) project: f64,
+    pub(crate) intersect: f64,
 }
 
 /// The inputs that all units of one forward pass share.
@@ -82,7 +82,7 @@ impl Default for ShRows {
 
 impl<'a> Front<'a> {
     /// The sweep of one forward pass.
-    pub fn new(
+    pub(crate) fn new(
         path: SimdPath,
         splats: &'a Splats,
         camera: &'a ProjectCamera,
@@ -93,7 +93,7 @@ impl<'a> Front<'a> {
     }
 
     /// Runs one unit.
-    pub fn run(&self, unit: Unit<'_>, part: &mut Part) {
+    pub(crate) fn run(&self, unit: Unit<'_>, part: &mut Part) {
         let Unit { splats, first_record, records } = unit;
         part.pairs.clear(self.grid);
         (part.first_record, part.visible, part.project, part.intersect) =
@@ -122,7 +122,8 @@ impl<'a> Front<'a> {
         part.visible = used;
     }
 
-    /// Projects and shades the groups of a cluster that have splats in view, and returns how many.
+    /// Projects and shades the groups of a cluster that have splats in view, and returns their
+    /// number.
     fn project_cluster(&self, range: Range<usize>, scratch: &mut Scratch) -> usize {
         let (splats, camera, mode) = (self.splats, self.camera, self.config.rasterization);
         let (stride, opacity) = (splats.sh_stride(), self.config.opacity);
@@ -139,7 +140,7 @@ impl<'a> Front<'a> {
             dispatch!(self.path, s => activate(s, splats, &indices, here, opacity, activated));
             let (out, shade) = (&mut cluster.projected[used], &mut cluster.shade[used]);
             let group = &mut activated.group;
-            dispatch!(self.path, s => project_group(s, group, camera, mode, (None, None), out, shade));
+            dispatch!(self.path, s => project_group(s, group, camera, mode, None, None, out, shade));
             if self.config.drawn == DrawnSplats::WithoutSky {
                 let groups = &splats.groups[first..first + here];
                 for (lane, _) in groups.iter().enumerate().filter(|(_, group)| **group == Group::Sky) {
@@ -158,7 +159,8 @@ impl<'a> Front<'a> {
                     air.shade(self.path, camera.center, std::slice::from_mut(shade));
                 }
             } else {
-                // The one picture is depth: what is blended first is in the place of red.
+                // The only picture is depth: the first sum that is blended stands in the place of
+                // red.
                 shade.rgb[0] = out.depth;
             }
             cluster.names[used] = i;
@@ -168,8 +170,8 @@ impl<'a> Front<'a> {
     }
 }
 
-/// Puts those of the first `count` splats of a group that are of the sky at infinity, where the air
-/// leaves them alone.
+/// Moves the splats of the sky among the first `count` of a group to infinity, where the air leaves
+/// them alone.
 pub(crate) fn put_sky_far(groups: &[Group], indices: &[u32; GROUP], count: usize, shade: &mut ShadeGroup) {
     for lane in (0..count).filter(|lane| groups[indices[*lane] as usize] == Group::Sky) {
         shade.distance[lane] = f32::INFINITY;

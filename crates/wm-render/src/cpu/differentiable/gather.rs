@@ -14,22 +14,21 @@ use crate::stages::shade_backward::cpu::{ShadeGradients, shade_backward_group};
 use fearless_simd::SimdBase;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use web_time::Instant;
 use wm_scene::{Splats, sh};
 
 /// The inputs that all parts share.
 pub(crate) struct Gather<'a> {
-    pub path: SimdPath,
-    pub splats: &'a Splats,
-    pub camera: &'a ProjectCamera,
-    pub config: &'a ForwardConfig,
-    pub learn: Learn,
-    pub records: &'a [Record],
-    pub slots: &'a [GradientSlot],
-    pub places: &'a [AtomicU32],
+    pub(crate) path: SimdPath,
+    pub(crate) splats: &'a Splats,
+    pub(crate) camera: &'a ProjectCamera,
+    pub(crate) config: &'a ForwardConfig,
+    pub(crate) learn: Learn,
+    pub(crate) records: &'a [Record],
+    pub(crate) slots: &'a [GradientSlot],
+    pub(crate) places: &'a [AtomicU32],
 }
 
-/// The rows of one part; those that are not learnt are empty.
+/// The rows of gradients of one part; arrays of parameters that do not learn are empty.
 struct Rows<'a> {
     visible: &'a mut [u32],
     means: &'a mut [[f32; 3]],
@@ -43,7 +42,7 @@ struct Rows<'a> {
     radii: &'a mut [f32],
 }
 
-/// The first `count` of `slice`, or none if it is empty; the rest stays in `slice`.
+/// Splits the first `count` elements off `slice`; returns nothing if it is empty.
 fn take<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let all = std::mem::take(slice);
     let (own, rest) = all.split_at_mut(count.min(all.len()));
@@ -83,7 +82,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Adds the slots of sixteen splats, whose `places` end at `ends`: one array a number of the slots.
+/// Adds up the slots of sixteen splats, whose `places` end at `ends`: one array per number of a
+/// slot.
 #[inline(always)]
 fn sum_slots<S: Lanes>(
     simd: S,
@@ -122,18 +122,13 @@ struct Scratch {
 }
 
 impl Gather<'_> {
-    /// Fills `gradients`, whose sizes are set. Returns the seconds it took.
-    pub fn run(&self, parts: &[Part], gradients: &mut Gradients) -> f64 {
+    /// Fills `gradients`, whose sizes are set.
+    pub(crate) fn run(&self, parts: &[Part], gradients: &mut Gradients) {
         let stride = gradients.sh_stride();
         let mut rest = Rows::of(gradients);
         let parts: Vec<(&Part, Rows<'_>)> =
             parts.iter().map(|part| (part, rest.take(part.visible, stride))).collect();
-        let part = |(part, rows): (&Part, Rows<'_>)| {
-            let begun = Instant::now();
-            self.part(part, rows, stride);
-            begun.elapsed().as_secs_f64()
-        };
-        parts.into_par_iter().map(part).sum()
+        parts.into_par_iter().for_each(|(part, rows)| self.part(part, rows, stride));
     }
 
     /// Derives the splats of one part. The kernels are entered one by one: in one piece they would

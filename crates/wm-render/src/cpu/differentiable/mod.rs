@@ -12,7 +12,7 @@ mod front;
 mod gather;
 
 use super::back::Worker;
-use crate::differentiable::{BackwardStats, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
+use crate::differentiable::{Differentiable, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 use crate::hooks::PATCH_PIXELS;
 use crate::renderer::{CpuConfig, RenderError, Stats};
@@ -160,13 +160,12 @@ impl CpuDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> BackwardStats {
-        let started = Instant::now();
+    ) {
         let View { camera, config, visible, .. } = view;
         let grid = TileGrid::new(camera.width, camera.height);
         let tiles = Tiles::new(self.path, &self.records, &self.entries, &self.bounds, grid, &camera, &config);
         let workers = &self.backward_workers;
-        let rasterize = tiles.backward(upstream, &self.kept, &mut self.slots, &self.places, workers);
+        tiles.backward(upstream, &self.kept, &mut self.slots, &self.places, workers);
         gradients.resize(visible, learn, config.sh_degree);
         let project_camera = ProjectCamera::new(&camera);
         let gather = gather::Gather {
@@ -179,8 +178,7 @@ impl CpuDifferentiable {
             slots: &self.slots,
             places: &self.places,
         };
-        let project = gather.run(&self.parts, gradients);
-        BackwardStats { rasterize, project, wall: started.elapsed().as_secs_f64() }
+        gather.run(&self.parts, gradients);
     }
 }
 
@@ -215,12 +213,13 @@ impl Differentiable for CpuDifferentiable {
         upstream: &Upstream<'_>,
         learn: Learn,
         gradients: &mut Gradients,
-    ) -> Result<BackwardStats, RenderError> {
+    ) -> Result<(), RenderError> {
         let view = self.last.expect("a backward pass follows a forward pass");
         assert_eq!(view.splats, splats.len(), "the splats are not those of the forward pass");
         upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);
         let learn = view.config.learns(learn);
         let pool = Arc::clone(&self.pool);
-        Ok(pool.install(|| self.backward_on_pool(view, splats, upstream, learn, gradients)))
+        pool.install(|| self.backward_on_pool(view, splats, upstream, learn, gradients));
+        Ok(())
     }
 }

@@ -2,20 +2,20 @@
 //! rest is moved there.
 
 use super::{Part, StoredModel, USAGE, back, most_in_part, piece, shapes, skies, ungroup_shapes};
-use crate::gpu::buffers::{Growing, WRITTEN};
-use crate::gpu::device::Gpu;
+use crate::gpu::Gpu;
+use crate::gpu::buffers::{GrowingBuffer, WRITTEN};
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Groups, Recorder, Stage, with_buffers};
 use crate::gpu::source::WORKGROUP;
-use crate::gpu::uniforms::{Forgets, SLOT, Uniform, bytes_of, rearrangement};
+use crate::gpu::uniforms::{MomentReset, SLOT, Uniform, bytes_of, rearrangement};
 use crate::stages::optimize::gpu::OptimizeProgram;
-use crate::stages::optimize::{Changed, Origin, Pulls, Shapes};
+use crate::stages::optimize::{Changed, DensifyStats, Origin, Shapes};
 use crate::stages::project::gpu::{ROW_OPACITY, ROWS};
 use std::ops::Range;
 use wgpu::BufferUsages;
 use wm_scene::Splats;
 
-/// Of an origin, whether it forgets; the rest is the row.
+/// Flag of an origin whose moments are reset; the other bits are the row.
 const FORGOTTEN: u32 = 1 << 31;
 
 impl StoredModel {
@@ -23,8 +23,8 @@ impl StoredModel {
     ///
     /// # Panics
     /// If nothing learns here.
-    pub fn read_shapes(&self, gpu: &Gpu, staging: &mut Growing) -> Result<Shapes, GpuError> {
-        let (splats, pulls) = (Splats::zeroed(self.len, 0), Pulls::new(self.len));
+    pub(crate) fn read_shapes(&self, gpu: &Gpu, staging: &mut GrowingBuffer) -> Result<Shapes, GpuError> {
+        let (splats, pulls) = (Splats::zeroed(self.len, 0), DensifyStats::new(self.len));
         let mut read = Shapes { splats, pulls, seen: vec![0; self.len] };
         self.read_known(gpu, staging, &mut read.pulls, &mut read.seen)?;
         for part in &self.parts {
@@ -40,7 +40,7 @@ impl StoredModel {
     ///
     /// # Panics
     /// If nothing learns here, or one comes from a splat that was not here.
-    pub fn rearrange(&mut self, gpu: &Gpu, changed: &Changed<'_>) -> Result<(), GpuError> {
+    pub(crate) fn rearrange(&mut self, gpu: &Gpu, changed: &Changed<'_>) -> Result<(), GpuError> {
         let Changed { splats, pulls, seen, origins, forgets_opacities } = changed;
         assert!(self.learns(), "splats that learn on the GPU");
         assert!(origins.iter().all(|origin| (origin.row as usize) < self.len), "splats from nowhere");
@@ -66,16 +66,17 @@ impl StoredModel {
         }
         // What is moved belongs to the parts alone.
         for kept in &mut self.kept {
-            kept[1..].iter_mut().for_each(|kept| *kept = Growing::default());
+            kept[1..].iter_mut().for_each(|kept| *kept = GrowingBuffer::default());
         }
         self.kept.resize_with(ranges.len(), Default::default);
         let moving = Moving { gpu, sources: &sources, places: &places, ranges: &ranges };
         let rest_rows = rest as u32;
         let (colors, remembered) = ("coefficients of colour", "what is remembered of splats");
-        let opacities = if *forgets_opacities { Forgets::Row(ROW_OPACITY, ROWS) } else { Forgets::Splats };
-        let rests = moving.array(colors, rests, rest_rows, Forgets::Nothing)?;
+        let opacities =
+            if *forgets_opacities { MomentReset::Row(ROW_OPACITY, ROWS) } else { MomentReset::Splats };
+        let rests = moving.array(colors, rests, rest_rows, MomentReset::Nothing)?;
         let moments = moving.array(remembered, moments, 2 * ROWS, opacities)?;
-        let sh_moments = moving.array(remembered, sh_moments, 2 * rest_rows, Forgets::Splats)?;
+        let sh_moments = moving.array(remembered, sh_moments, 2 * rest_rows, MomentReset::Splats)?;
 
         let sky = skies(splats);
         let arrays = rests.into_iter().zip(moments.into_iter().zip(sh_moments));
@@ -98,7 +99,7 @@ struct Moving<'a> {
     sources: &'a wgpu::Buffer,
     /// The splats of each piece before.
     places: &'a [Range<u32>],
-    /// Those of each piece now.
+    /// The splats of each piece now.
     ranges: &'a [Range<usize>],
 }
 
@@ -109,7 +110,7 @@ impl Moving<'_> {
         what: &'static str,
         before: Vec<wgpu::Buffer>,
         rows: u32,
-        forgets: Forgets,
+        forgets: MomentReset,
     ) -> Result<Vec<wgpu::Buffer>, GpuError> {
         let (gpu, ranges) = (self.gpu, self.ranges);
         let room = |range: &Range<usize>| {

@@ -58,7 +58,7 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
         (OptimizeProgram::Optimize.into(), "Step", optimize_step(&step, 5)),
         (OptimizeProgram::AddGradients.into(), "Learn", learn(Learn::ALL)),
         (OptimizeProgram::Explore.into(), "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
-        (OptimizeProgram::Rearrange.into(), "Move", rearrangement(3..5, 0..7, 14, Forgets::Row(10, 14))),
+        (OptimizeProgram::Rearrange.into(), "Move", rearrangement(3..5, 0..7, 14, MomentReset::Row(10, 14))),
         (SortProgram::Count.into(), "Pass", sort_pass(8, true, false)),
         (IntersectProgram::Entries.into(), "Task", intersect_task(true)),
         (RaysProgram::Touch.into(), "View", view_of_lists(3, 0, Capacity::default())),

@@ -1,9 +1,9 @@
-//! Pictures against a photo and what is believed of it on a GPU, which keeps both.
+//! Compares pictures with a photo and its priors on a GPU, which keeps both.
 
-use super::{Belief, Compared, Comparison, Term};
+use super::{Compared, Comparison, PixelPrior, Term};
 use crate::differentiable::Channels;
-use crate::gpu::buffers::{Growing, READ_BACK, WRITTEN};
-use crate::gpu::device::Gpu;
+use crate::gpu::Gpu;
+use crate::gpu::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage};
 use crate::gpu::source::{StagePrograms, WORKGROUP, switches, texts};
@@ -13,10 +13,10 @@ use std::collections::HashMap;
 use wgpu::{BindingResource, BufferBinding, BufferSize};
 
 /// Workgroups that add up a picture.
-pub const GROUPS: u32 = 64;
+pub(crate) const GROUPS: u32 = 64;
 /// Structures that a comparison has: one a channel of colour, and that of geometry.
 pub(crate) const SLOTS: usize = 4;
-/// Most bytes of photos that stay, and of what is believed of them.
+/// Most bytes of photos and their priors that stay on the GPU.
 const KEPT_BYTES: u64 = 1 << 30;
 
 /// The structure of a comparison, and the photo.
@@ -33,20 +33,20 @@ const PATCH: &str = include_str!("patch.wgsl");
 
 /// The programs of losses.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum CompareProgram {
+pub(crate) enum CompareProgram {
     /// Compares one channel with a photo.
     Similarity,
     /// The derivative of that.
     SimilarityBackward,
-    /// The derivative of all that is compared, added up and back through the exposure.
+    /// Adds up the derivatives of the colour terms and takes them back through the exposure.
     ColorsBackward,
     /// Depth, normals and coverage against the priors of each pixel.
     PixelsBackward(Channels),
     /// Mean and spread of inverse depths.
     GridMoments,
-    /// The same of patches, and their distance from the priors.
+    /// Mean and spread of inverse depths of patches, and the distance of patches from the priors.
     Patches,
-    /// All of them together.
+    /// Adds up the patches.
     PatchTotals,
     /// The derivative of that.
     PatchesBackward,
@@ -112,7 +112,7 @@ impl StagePrograms for CompareProgram {
     }
 }
 
-/// Sums that come back: those of each workgroup, and where they begin.
+/// Sums that are read back: one set per workgroup, from `first` on.
 #[derive(Clone, Copy)]
 struct Sums {
     /// Numbers a workgroup.
@@ -123,13 +123,13 @@ struct Sums {
 }
 
 impl Sums {
-    /// Of `colors_backward.wgsl`.
+    /// Sums of `colors_backward.wgsl`.
     const COLORS: Self = Self { each: 16, groups: GROUPS as usize, first: 0 };
-    /// Of `pixels_backward.wgsl`.
+    /// Sums of `pixels_backward.wgsl`.
     const PIXELS: Self = Self::COLORS.then(4, GROUPS as usize);
-    /// Of `smooth_backward.wgsl`.
+    /// Sums of `smooth_backward.wgsl`.
     const SMOOTH: Self = Self::PIXELS.then(4, GROUPS as usize);
-    /// Of `patch_totals.wgsl`.
+    /// Sums of `patch_totals.wgsl`.
     const PATCHES: Self = Self::SMOOTH.then(4, 1);
     /// Numbers of all.
     const ALL: usize = Self::PATCHES.first + Self::PATCHES.each;
@@ -157,13 +157,13 @@ impl Sums {
     }
 }
 
-/// Photos that were there before, and working memory.
+/// Photos of earlier comparisons, and working memory.
 #[derive(Default)]
 pub(crate) struct Comparer {
     photos: HashMap<(usize, u32, u32), Photo>,
     /// Counts comparisons.
     clock: u64,
-    kept: [Growing; 5],
+    kept: [GrowingBuffer; 5],
 }
 
 /// A photo on the device.
@@ -188,11 +188,11 @@ pub(crate) struct Room {
     counted: f64,
     slopes: wgpu::Buffer,
     sums: wgpu::Buffer,
-    /// Of each workgroup over the picture.
+    /// Sums of inverse depths, one row per workgroup.
     groups: wgpu::Buffer,
     patches: wgpu::Buffer,
     /// The room for the totals that [`Room::compared`] reads.
-    pub totals: wgpu::Buffer,
+    pub(crate) totals: wgpu::Buffer,
     pixels: u32,
     tiles: u32,
     patch_count: u32,
@@ -203,16 +203,16 @@ pub(crate) struct Room {
 /// Pictures to compare, and where derivatives by them go.
 #[derive(Clone, Copy)]
 pub(crate) struct Pictures<'a> {
-    pub channels: Channels,
-    pub rgb: &'a wgpu::Buffer,
-    pub alpha: &'a wgpu::Buffer,
-    pub depths: &'a wgpu::Buffer,
-    pub normal: &'a wgpu::Buffer,
+    pub(crate) channels: Channels,
+    pub(crate) rgb: &'a wgpu::Buffer,
+    pub(crate) alpha: &'a wgpu::Buffer,
+    pub(crate) depths: &'a wgpu::Buffer,
+    pub(crate) normal: &'a wgpu::Buffer,
     /// See `upstream.wgsl`.
-    pub upstream: &'a wgpu::Buffer,
+    pub(crate) upstream: &'a wgpu::Buffer,
 }
 
-/// Columns and number of a grid's patches.
+/// Returns the number of columns of patches and of patches of a grid.
 fn cut(comparison: &Comparison<'_>) -> (u32, u32) {
     let side = comparison.patches.side.max(1);
     let [columns, rows] = comparison
@@ -223,7 +223,7 @@ fn cut(comparison: &Comparison<'_>) -> (u32, u32) {
 
 impl Comparer {
     /// Room for a picture of `size` in `tiles` tiles, with the photo in it.
-    pub fn room(
+    pub(crate) fn room(
         &mut self,
         gpu: &Gpu,
         comparison: &Comparison<'_>,
@@ -231,7 +231,7 @@ impl Comparer {
         tiles: u32,
     ) -> Result<Room, GpuError> {
         self.clock += 1;
-        let (photo, beliefs, counted) = self.photo(gpu, comparison, size)?;
+        let (photo, beliefs, counted) = self.photo(gpu, comparison, size.0, size.1)?;
         let pixels = size.0 * size.1;
         let has_patches = beliefs.is_some() && comparison.weight(Term::Patches) != 0.0;
         let patch_count = if has_patches { cut(comparison).1 } else { 0 };
@@ -254,12 +254,13 @@ impl Comparer {
         })
     }
 
-    /// The photo on the device, what is believed of it, and what its pixels count together.
+    /// Returns the photo on the device, its priors, and the sum of its mask.
     fn photo(
         &mut self,
         gpu: &Gpu,
         comparison: &Comparison<'_>,
-        (width, height): (u32, u32),
+        width: u32,
+        height: u32,
     ) -> Result<(wgpu::Buffer, Option<wgpu::Buffer>, f64), GpuError> {
         let pixels = u64::from(width) * u64::from(height);
         let name = (comparison.photo, width, height);
@@ -289,8 +290,7 @@ impl Comparer {
         Ok((photo.colors.clone(), beliefs, photo.counted))
     }
 
-    /// Lets go of photos that were not asked for the longest, so that there is room for so many
-    /// bytes.
+    /// Drops the least recently used photos until there is room for `bytes` bytes.
     fn make_room(&mut self, bytes: u64) {
         while self.photos.values().map(Photo::bytes).sum::<u64>() + bytes > KEPT_BYTES {
             let Some(oldest) = self.photos.iter().min_by_key(|(_, photo)| photo.used) else { break };
@@ -308,11 +308,11 @@ fn packed(comparison: &Comparison<'_>) -> Vec<[u16; 4]> {
     pixels.map(|(at, rgb)| [rgb[0], rgb[1], rgb[2], share(at)].map(fraction)).collect()
 }
 
-/// As `beliefs.wgsl` reads them.
-fn packed_beliefs(beliefs: &[Belief]) -> Vec<[u32; 3]> {
+/// Packs priors in the form that `beliefs.wgsl` reads.
+fn packed_beliefs(beliefs: &[PixelPrior]) -> Vec<[u32; 3]> {
     let fraction = |value: f32| u32::from((value.clamp(-1.0, 1.0) * 32_767.0).round() as i16 as u16);
     let pair = |low: f32, high: f32| fraction(low) | fraction(high) << 16;
-    let of = |Belief { disparity, normal: [x, y, z], coverage }: &Belief| {
+    let of = |PixelPrior { disparity, normal: [x, y, z], coverage }: &PixelPrior| {
         [disparity.to_bits(), pair(*x, *y), pair(*z, *coverage)]
     };
     beliefs.iter().map(of).collect()
@@ -320,13 +320,13 @@ fn packed_beliefs(beliefs: &[Belief]) -> Vec<[u32; 3]> {
 
 impl Room {
     /// The structures of a comparison.
-    pub fn structures(&self, comparison: &Comparison<'_>) -> [Uniform; SLOTS] {
+    pub(crate) fn structures(&self, comparison: &Comparison<'_>) -> [Uniform; SLOTS] {
         let color = |channel| uniforms::comparison(comparison, self.pixels, self.counted, channel);
         [color(0), color(1), color(2), uniforms::geometry(comparison, self.pixels, cut(comparison))]
     }
 
     /// Compares pictures, with structures that begin at `slot`, and writes all derivatives by them.
-    pub fn record<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
+    pub(crate) fn record<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
         if self.beliefs.is_none() {
             // No program writes these.
             let first = 12 * u64::from(self.pixels);
@@ -433,12 +433,12 @@ impl Room {
     }
 
     /// Room for what comes back.
-    pub fn totals() -> Vec<f32> {
+    pub(crate) fn totals() -> Vec<f32> {
         vec![0.0; Sums::ALL]
     }
 
     /// The result of a comparison, from the totals that came back.
-    pub fn compared(&self, comparison: &Comparison<'_>, totals: &[f32]) -> Compared {
+    pub(crate) fn compared(&self, comparison: &Comparison<'_>, totals: &[f32]) -> Compared {
         let mut found = Compared::default();
         let mut set = |term: Term, value: f64| {
             if comparison.weight(term) != 0.0 {

@@ -15,19 +15,19 @@
 //!   exposure `sum g [c, 1]^T`.
 //!
 //! Contract of geometry, with the expected depth `D`, the coverage `A` and the normal `N` of a
-//! pixel that is covered (`A >= ` [`COVERED`], `D > 0`), the [`Belief`] in it, and a grid of G
+//! pixel that is covered (`A >= ` [`MIN_COVERAGE`], `D > 0`), the [`PixelPrior`] in it, and a grid of G
 //! pixels:
 //!
 //! - `Depth = sum sqrt(o^2 + t^2) - t over G`, `o = ln(D d)` with the believed inverse depth
-//!   `d > 0` and `t = max(sigma / d, `[`EXACT`]`)`.
+//!   `d > 0` and `t = max(sigma / d, `[`MIN_RELATIVE_SIGMA`]`)`.
 //! - `Normal = sum |N - M|^2 over G`.
-//! - `Coverage = sum max(|A - S| - `[`SLACK`]`, 0) over all pixels`, covered or not.
+//! - `Coverage = sum max(|A - S| - `[`COVERAGE_TOLERANCE`]`, 0) over all pixels`, covered or not.
 //! - `Patches`: [`Patches`] of the grid, of `x = 1 / D` and `d >= 0`. With means and deviations of
 //!   a patch's covered pixels, `s` the deviation of all (global) or the patch's (local) and
-//!   [`FLOOR`] of that of all added, `o = (x - mean x) / s_x - (d - mean d) / s_d`; the mean of the
+//!   [`DEVIATION_FLOOR`] of that of all added, `o = (x - mean x) / s_x - (d - mean d) / s_d`; the mean of the
 //!   squares of those above the margin, globally and, by its share, locally. The deviation of all
-//!   is a constant of the derivative; patches of fewer than [`FEWEST`] do not count.
-//! - `Smooth = sum exp(-|y_i - y_j| / `[`EDGE`]`) |x_i - x_j| over sum x`, over neighbouring
+//!   is a constant of the derivative; patches of fewer than [`MIN_PATCH_PIXELS`] do not count.
+//! - `Smooth = sum exp(-|y_i - y_j| / `[`EDGE_CONTRAST`]`) |x_i - x_j| over sum x`, over neighbouring
 //!   covered pixels, with the mean of the channels' differences; the sum below is a constant of the
 //!   derivative.
 //!
@@ -61,24 +61,25 @@ pub const WINDOW: [f32; 2 * RADIUS + 1] = [
     0.007_598_76,
     0.001_028_38,
 ];
-/// The constant that keeps its first factor from 0 over 0, for values 0-1.
+/// The constant that keeps the first factor of structural similarity from 0 / 0, for values 0-1.
 pub const C1: f32 = 0.01 * 0.01;
-/// The second's.
+/// The constant that keeps the second factor from 0 / 0.
 pub const C2: f32 = 0.03 * 0.03;
 
-/// Least coverage of a pixel whose depth and normal count.
-pub const COVERED: f32 = 0.5;
-/// Difference from the believed coverage that counts as none: coverage comes near to 1 only slowly,
-/// and a pull that never ends makes splats large.
-pub const SLACK: f32 = 0.05;
-/// Least `t` of believed depth.
-pub const EXACT: f32 = 0.01;
-/// Share of the photo's deviation that is added to every one, so that flat patches do not explode.
-pub const FLOOR: f64 = 0.01;
-/// Fewest pixels of a patch that says something.
-pub const FEWEST: usize = 6;
-/// Difference of brightness that parts surfaces, 0-1.
-pub const EDGE: f32 = 0.1;
+/// Least coverage of a pixel whose depth and normal are compared.
+pub const MIN_COVERAGE: f32 = 0.5;
+/// Difference from the prior of coverage that counts as none: coverage approaches 1 only slowly,
+/// and a gradient that never vanishes makes splats large.
+pub const COVERAGE_TOLERANCE: f32 = 0.05;
+/// Least relative standard deviation `t` of a depth prior.
+pub const MIN_RELATIVE_SIGMA: f32 = 0.01;
+/// Share of the photo's deviation that is added to that of each patch, so that flat patches do not
+/// divide by nearly 0.
+pub const DEVIATION_FLOOR: f64 = 0.01;
+/// Fewest covered pixels of a patch that counts.
+pub const MIN_PATCH_PIXELS: usize = 6;
+/// Difference of brightness that tells surfaces apart, 0-1.
+pub const EDGE_CONTRAST: f32 = 0.1;
 
 /// A term of the loss that a device can compute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,13 +88,13 @@ pub enum Term {
     L1,
     /// Structural dissimilarity.
     Dssim,
-    /// Believed depth.
+    /// Depth against its prior.
     Depth,
-    /// Believed normals.
+    /// Normals against their priors.
     Normal,
-    /// Believed coverage.
+    /// Coverage against its prior.
     Coverage,
-    /// Believed relative depth of patches.
+    /// Relative depth of patches against its prior.
     Patches,
     /// Smooth depth.
     Smooth,
@@ -101,69 +102,69 @@ pub enum Term {
 
 impl Term {
     /// Number of terms.
-    pub const COUNT: usize = 7;
+    pub(crate) const COUNT: usize = 7;
 }
 
 /// An affine change of colour: the rows of M, each with its b behind it.
 pub type Exposure = [f32; 12];
-/// None.
+/// The exposure that changes nothing.
 pub const NO_EXPOSURE: Exposure = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
 /// The prior of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Belief {
+pub struct PixelPrior {
     /// Inverse view z, 1 / scene unit: 0 in the sky, below 0 where nothing is known or the pixel is
     /// not of the grid.
     pub disparity: f32,
-    /// World axes, length 1; 0 as well.
+    /// Unit normal, world axes; 0 where nothing is known.
     pub normal: [f32; 3],
-    /// Coverage, 0-1; below 0 as well.
+    /// Coverage, 0-1; below 0 where nothing is known.
     pub coverage: f32,
 }
 
-impl Belief {
-    /// Nothing.
+impl PixelPrior {
+    /// A pixel about which nothing is known.
     pub const NONE: Self = Self { disparity: -1.0, normal: [0.0; 3], coverage: -1.0 };
 }
 
 /// The priors of a photo.
 #[derive(Clone, Copy)]
-pub struct Believed<'a> {
+pub struct GridPriors<'a> {
     /// The standard deviation of disparities, 1 / scene unit.
     pub sigma: f32,
     /// Columns and rows of the grid, at most those of the photo: column `i` of `n` is at
     /// `(2 i + 1) width / (2 n)`.
     pub grid: (u32, u32),
     /// `[H, W]`, asked for where the device does not have it.
-    pub pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
+    pub pixels: &'a (dyn Fn() -> Vec<PixelPrior> + Sync),
 }
 
-/// The cut of a grid into patches, and the differences that count.
+/// The division of a grid into patches, and the differences that count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Patches {
-    /// Their side, pixels of the grid.
+    /// Side of a patch, pixels of the grid.
     pub side: u32,
-    /// Share of differences by their own deviations.
+    /// Weight of the differences that are divided by the deviations of the patch itself.
     pub local: f32,
-    /// Differences up to this are none.
+    /// Differences up to this count as none.
     pub margin: f32,
 }
 
-/// A photo to compare with; without any weight.
+/// A photo to compare with, and the weights of the terms; all 0 by default.
 #[derive(Clone, Copy, Default)]
 pub struct Comparison<'a> {
-    /// Its number: of one size it always is the same photo, so that a device can keep it and what
-    /// is believed of it.
+    /// Number of the photo. Together with the size it names one photo for ever, so that a device can
+    /// keep it and the priors of it.
     pub photo: usize,
     /// `[H, W, 3]`, 0-1, display-referred.
     pub rgb: &'a [f32],
-    /// `[H, W]`, 0-1, what each pixel counts in colours; `None` where all count alike.
+    /// Weight of each pixel in the terms of colour, `[H, W]`, 0-1; `None` if all have weight 1.
     pub mask: Option<&'a [f32]>,
     /// The exposure that is applied to rendered colours first.
     pub exposure: Exposure,
     /// The priors; without them only colours and smoothness have terms.
-    pub believed: Option<Believed<'a>>,
-    /// Of [`Term::Patches`].
+    pub believed: Option<GridPriors<'a>>,
+    /// Settings of [`Term::Patches`].
     pub patches: Patches,
     /// The weight of each [`Term`].
     pub weights: [f64; Term::COUNT],
@@ -171,8 +172,9 @@ pub struct Comparison<'a> {
 
 impl Comparison<'_> {
     /// The weight of a term.
+    #[cfg(feature = "gpu")]
     #[must_use]
-    pub fn weight(&self, term: Term) -> f64 {
+    pub(crate) fn weight(&self, term: Term) -> f64 {
         self.weights[term as usize]
     }
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::differentiable::{ForwardConfig, Resident};
 use crate::frame::Frame;
-use crate::stages::optimize::tests::Kept;
+use crate::stages::optimize::tests::LearntState;
 use crate::testing::{Backend, camera, gpu_differentiable, random_splats};
 use wm_scene::random::uniform;
 
@@ -21,7 +21,7 @@ struct Case {
 }
 
 impl Case {
-    /// Of each pixel, its colours in the photo's exposure.
+    /// Returns the colours of the pixels in the exposure of the photo.
     fn exposed(&self) -> Vec<f64> {
         let of = |rgb: &[f64]| {
             let rgb = [rgb[0], rgb[1], rgb[2], 1.0];
@@ -84,7 +84,7 @@ impl Case {
 
 fn check(mask: Option<&[f32]>, exposure: Exposure, weights: [f64; 2]) {
     let mut gpu = gpu_differentiable();
-    let kept = Kept::new(random_splats(300, 1, 5));
+    let kept = LearntState::new(random_splats(300, 1, 5));
     gpu.load(kept.learnt()).unwrap();
     let camera = camera(SIZE.0 as u32, SIZE.1 as u32);
     let config = ForwardConfig { sh_degree: 1, background: [0.1, 0.2, 0.3], ..ForwardConfig::default() };

@@ -11,7 +11,7 @@ use wm_scene::Camera;
 const MAX_STEP: f64 = 0.5;
 
 /// The display-referred background of one view.
-pub struct BackgroundView<'a> {
+pub(crate) struct BackgroundView<'a> {
     backdrop: &'a dyn Backdrop,
     medium: Option<&'a dyn Medium>,
     shading: Shading,
@@ -30,7 +30,7 @@ pub struct BackgroundView<'a> {
 
 /// Working memory of [`BackgroundView::fill`].
 #[derive(Clone, Debug)]
-pub struct BackgroundScratch {
+pub(crate) struct BackgroundScratch {
     groups: [ShadeGroup; PATCH_PIXELS / GROUP],
 }
 
@@ -44,15 +44,16 @@ impl Default for BackgroundScratch {
 impl<'a> BackgroundView<'a> {
     /// The background of a pass.
     #[must_use]
-    pub fn of(pass: &'a DrawPass<'_>, path: SimdPath) -> Self {
-        Self::new(pass.backdrop(), (pass.hooks.medium, pass.shading), &pass.camera, path)
+    pub(crate) fn of(pass: &'a DrawPass<'_>, path: SimdPath) -> Self {
+        Self::new(pass.backdrop(), pass.hooks.medium, pass.shading, &pass.camera, path)
     }
 
     /// `backdrop` behind `medium` for one view.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         backdrop: &'a dyn Backdrop,
-        (medium, shading): (Option<&'a dyn Medium>, Shading),
+        medium: Option<&'a dyn Medium>,
+        shading: Shading,
         camera: &Camera,
         path: SimdPath,
     ) -> Self {
@@ -84,16 +85,18 @@ impl<'a> BackgroundView<'a> {
     }
 
     /// The colour where it is the same everywhere.
+    #[cfg(feature = "gpu")]
     #[must_use]
-    pub fn uniform(&self) -> Option<[f32; 3]> {
+    pub(crate) fn uniform(&self) -> Option<[f32; 3]> {
         self.uniform
     }
 
     /// Writes the background of the pixels of one patch, row by row, one array a channel.
     #[inline(always)]
-    pub fn fill(
+    pub(crate) fn fill(
         &self,
-        (patch_x, patch_y): (usize, usize),
+        patch_x: usize,
+        patch_y: usize,
         scratch: &mut BackgroundScratch,
         out: &mut [[f32; PATCH_PIXELS]; 3],
     ) {
@@ -105,7 +108,7 @@ impl<'a> BackgroundView<'a> {
         }
         let corner = [(patch_x * PATCH) as f32, (patch_y * PATCH) as f32];
         if self.detail == Detail::Fine {
-            return self.fill_pixels(corner, scratch, out);
+            return self.fill_pixels(corner[0], corner[1], scratch, out);
         }
         // Constant numbers of nodes, so that the loops unroll.
         match self.nodes {
@@ -162,15 +165,16 @@ impl<'a> BackgroundView<'a> {
     /// one a pixel or more.
     #[cfg(feature = "gpu")]
     #[must_use]
-    pub fn nodes(&self) -> Option<usize> {
+    pub(crate) fn nodes(&self) -> Option<usize> {
         (self.detail == Detail::Smooth && self.nodes < PATCH).then_some(self.nodes)
     }
 
     /// Writes the colours of the nodes of one patch, `[nodes, nodes, 3]`.
     #[cfg(feature = "gpu")]
-    pub fn fill_nodes(
+    pub(crate) fn fill_nodes(
         &self,
-        (patch_x, patch_y): (usize, usize),
+        patch_x: usize,
+        patch_y: usize,
         scratch: &mut BackgroundScratch,
         out: &mut [[f32; 3]],
     ) {
@@ -188,7 +192,8 @@ impl<'a> BackgroundView<'a> {
     #[inline(always)]
     fn fill_pixels(
         &self,
-        [left, top]: [f32; 2],
+        left: f32,
+        top: f32,
         scratch: &mut BackgroundScratch,
         out: &mut [[f32; PATCH_PIXELS]; 3],
     ) {

@@ -10,7 +10,7 @@ use crate::stages::rasterize::cpu::PatchSums;
 /// One patch's pixels, row by row.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct PatchPixels {
+pub(crate) struct PatchPixels {
     rgb: [[f32; PATCH_PIXELS]; 3],
     alpha: [f32; PATCH_PIXELS],
     depth: [f32; PATCH_PIXELS],
@@ -39,30 +39,30 @@ impl Default for PatchPixels {
 
 /// The rows of the frame that lie in one run of tiles; arrays that are not asked for have no rows.
 #[derive(Debug, Default)]
-pub struct OutputRows<'a> {
+pub(crate) struct OutputRows<'a> {
     /// `[rows][run width * 3]`.
-    pub rgb: Vec<&'a mut [f32]>,
+    pub(crate) rgb: Vec<&'a mut [f32]>,
     /// `[rows][run width]`.
-    pub alpha: Vec<&'a mut [f32]>,
+    pub(crate) alpha: Vec<&'a mut [f32]>,
     /// `[rows][run width]`.
-    pub depth: Vec<&'a mut [f32]>,
+    pub(crate) depth: Vec<&'a mut [f32]>,
     /// `[rows][run width]`.
-    pub median_depth: Vec<&'a mut [f32]>,
+    pub(crate) median_depth: Vec<&'a mut [f32]>,
     /// `[rows][run width * 3]`.
-    pub normal: Vec<&'a mut [f32]>,
+    pub(crate) normal: Vec<&'a mut [f32]>,
     /// `[rows][run width * 4]`.
-    pub particles: Vec<&'a mut [f32]>,
+    pub(crate) particles: Vec<&'a mut [f32]>,
     /// `[rows][run width * 5]`.
-    pub front: Vec<&'a mut [f32]>,
+    pub(crate) front: Vec<&'a mut [f32]>,
 }
 
 impl<'a> OutputRows<'a> {
     /// Channels of each array, in the order of [`Self::array`].
-    pub const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
+    pub(crate) const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
 
     /// Array number `index`: colour, alpha, depth, median depth, normal, particles, what is before
     /// the surface.
-    pub fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
+    pub(crate) fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
         match index {
             0 => &mut self.rgb,
             1 => &mut self.alpha,
@@ -88,17 +88,17 @@ fn to_rows<const LANES: usize>(from: &[f32; PATCH_PIXELS], to: &mut [f32; PATCH_
 
 /// The inputs that all patches of one frame share.
 #[derive(Clone, Copy)]
-pub struct Composite<'a> {
+pub(crate) struct Composite<'a> {
     /// The path that blended.
-    pub path: SimdPath,
+    pub(crate) path: SimdPath,
     /// The number of sums that it filled.
-    pub features: usize,
+    pub(crate) features: usize,
     /// The background.
-    pub background: &'a BackgroundView<'a>,
+    pub(crate) background: &'a BackgroundView<'a>,
     /// The particles in front of it.
-    pub falling: &'a Falling,
+    pub(crate) falling: &'a Falling,
     /// In order.
-    pub effects: &'a [&'a dyn PixelEffect],
+    pub(crate) effects: &'a [&'a dyn PixelEffect],
 }
 
 /// Finishes patch `(patch_x, patch_y)`: background, effects, division, output. `offset` is the
@@ -107,18 +107,20 @@ pub struct Composite<'a> {
 /// Plain loops that the compiler makes vectors of. It makes slower ones with AVX-512 than with
 /// AVX2, so the caller enters with the latter.
 #[inline(always)]
-pub fn finish_patch<S: Lanes, const LANES: usize>(
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
+pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
     _: S,
     frame: &Composite<'_>,
     sums: &PatchSums,
-    (patch_x, patch_y): (usize, usize),
+    patch_x: usize,
+    patch_y: usize,
     pixels: &mut PatchPixels,
     offset: (usize, usize),
     out: &mut OutputRows<'_>,
 ) {
     let Composite { path, features, background, falling, effects } = *frame;
     to_rows::<LANES>(&sums.alpha, &mut pixels.alpha);
-    background.fill((patch_x, patch_y), &mut pixels.background, &mut pixels.behind);
+    background.fill(patch_x, patch_y, &mut pixels.background, &mut pixels.behind);
     for k in 0..3 {
         to_rows::<LANES>(&sums.features[k], &mut pixels.rgb[k]);
         for i in 0..PATCH_PIXELS {
@@ -137,16 +139,16 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
     };
     // What lies between comes before what falls.
     let drawn = (!out.front.is_empty()).then_some(pixels.rgb);
-    falling.draw(path, (patch_x, patch_y), &mut pixels.rgb, behind, falls);
+    falling.draw(path, patch_x, patch_y, &mut pixels.rgb, behind, falls);
     if let Some(drawn) = drawn {
         pixels.rgb = drawn;
     }
-    interleave_four(&pixels.falls, offset, &mut out.particles);
+    interleave_four(&pixels.falls, offset.0, offset.1, &mut out.particles);
     if !out.front.is_empty() {
         for (k, from) in sums.front.iter().enumerate() {
             let mut rows = [0.0; PATCH_PIXELS];
             to_rows::<LANES>(from, &mut rows);
-            copy_part(&rows, (offset, k), &mut out.front);
+            copy_part(&rows, offset.0, offset.1, k, &mut out.front);
         }
     }
     for effect in effects {
@@ -161,14 +163,14 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
             },
         );
     }
-    interleave(&pixels.rgb, offset, &mut out.rgb);
-    copy(&pixels.alpha, offset, &mut out.alpha);
+    interleave(&pixels.rgb, offset.0, offset.1, &mut out.rgb);
+    copy(&pixels.alpha, offset.0, offset.1, &mut out.alpha);
     if !out.depth.is_empty() {
         for i in 0..PATCH_PIXELS {
             let covered = pixels.alpha[i] >= MIN_ALPHA;
             pixels.depth[i] = if covered { pixels.depth[i] / pixels.alpha[i] } else { 0.0 };
         }
-        copy(&pixels.depth, offset, &mut out.depth);
+        copy(&pixels.depth, offset.0, offset.1, &mut out.depth);
     }
     if !out.normal.is_empty() {
         for k in 0..3 {
@@ -183,19 +185,19 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
                 pixels.normal[k][i] *= scale;
             }
         }
-        interleave(&pixels.normal, offset, &mut out.normal);
+        interleave(&pixels.normal, offset.0, offset.1, &mut out.normal);
     }
     if !out.median_depth.is_empty() {
         to_rows::<LANES>(&sums.median, &mut pixels.median);
         for i in 0..PATCH_PIXELS {
             pixels.median[i] = if pixels.alpha[i] >= 0.5 { pixels.median[i] } else { 0.0 };
         }
-        copy(&pixels.median, offset, &mut out.median_depth);
+        copy(&pixels.median, offset.0, offset.1, &mut out.median_depth);
     }
 }
 
 #[inline(always)]
-fn copy(from: &[f32; PATCH_PIXELS], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+fn copy(from: &[f32; PATCH_PIXELS], left: usize, top: usize, rows: &mut [&mut [f32]]) {
     for (row, pixels) in rows.iter_mut().skip(top).zip(from.chunks_exact(PATCH)) {
         let row = &mut row[left..];
         if let Some(whole) = row.first_chunk_mut::<PATCH>() {
@@ -209,11 +211,7 @@ fn copy(from: &[f32; PATCH_PIXELS], (left, top): (usize, usize), rows: &mut [&mu
 
 /// Copies part `part` of [`crate::Frame::front`].
 #[inline(always)]
-fn copy_part(
-    from: &[f32; PATCH_PIXELS],
-    ((left, top), part): ((usize, usize), usize),
-    rows: &mut [&mut [f32]],
-) {
+fn copy_part(from: &[f32; PATCH_PIXELS], left: usize, top: usize, part: usize, rows: &mut [&mut [f32]]) {
     for (row, pixels) in rows.iter_mut().skip(top).zip(from.chunks_exact(PATCH)) {
         let row = &mut row[FRONT * left..];
         let width = PATCH.min(row.len() / FRONT);
@@ -229,7 +227,7 @@ const _: () = assert!(PATCH == GROUP, "a row of a patch is a group of the sums t
 
 /// As [`interleave`], of four channels.
 #[inline(always)]
-fn interleave_four(from: &[[f32; PATCH_PIXELS]; 4], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+fn interleave_four(from: &[[f32; PATCH_PIXELS]; 4], left: usize, top: usize, rows: &mut [&mut [f32]]) {
     for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
         let first = y * PATCH;
         let mut line = [0.0; 4 * PATCH];
@@ -253,7 +251,7 @@ fn interleave_four(from: &[[f32; PATCH_PIXELS]; 4], (left, top): (usize, usize),
 }
 
 #[inline(always)]
-fn interleave(from: &[[f32; PATCH_PIXELS]; 3], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+fn interleave(from: &[[f32; PATCH_PIXELS]; 3], left: usize, top: usize, rows: &mut [&mut [f32]]) {
     for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
         let first = y * PATCH;
         let mut line = [0.0; 3 * PATCH];

@@ -6,15 +6,15 @@ use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{COLOR, StagePrograms, TRAINING, WORKGROUP, switches, texts};
 use crate::stages::particles::gpu::OVER;
-use crate::stages::rasterize_backward::gpu::Kept;
+use crate::stages::rasterize_backward::gpu::ForwardPictures;
 use std::borrow::Cow;
 
 /// The form of the background behind the splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum BackgroundForm {
+pub(crate) enum BackgroundForm {
     /// One colour.
     Color,
-    /// Colours mixed between so many nodes along a side of each patch.
+    /// Colours interpolated between nodes; the number of nodes along a side of each patch.
     Nodes(u32),
     /// A picture.
     Picture,
@@ -22,12 +22,12 @@ pub enum BackgroundForm {
 
 impl BackgroundForm {
     /// Every kind.
-    pub const ALL: [Self; 4] = [Self::Color, Self::Nodes(4), Self::Nodes(8), Self::Picture];
+    pub(crate) const ALL: [Self; 4] = [Self::Color, Self::Nodes(4), Self::Nodes(8), Self::Picture];
 }
 
 /// The pictures that particles are drawn into.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum ParticleBlend {
+pub(crate) enum ParticleBlend {
     /// There are none.
     #[default]
     None,
@@ -51,7 +51,7 @@ const NO_PARTICLES: &str = "fn with_falling(at: u32, rgb: vec3<f32>) -> vec3<f32
 
 /// The programs that finish pictures.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum CompositeProgram {
+pub(crate) enum CompositeProgram {
     /// Puts the background behind and the particles before the splats.
     Composite(BackgroundForm, ParticleBlend),
     /// Makes the pictures of a step of training from its sums.
@@ -108,18 +108,18 @@ impl StagePrograms for CompositeProgram {
 
 /// The buffers that `composite.wgsl` reads and writes.
 pub(crate) struct Composite<'a> {
-    pub rgb: &'a wgpu::Buffer,
-    pub alpha: &'a wgpu::Buffer,
-    pub background: &'a wgpu::Buffer,
+    pub(crate) rgb: &'a wgpu::Buffer,
+    pub(crate) alpha: &'a wgpu::Buffer,
+    pub(crate) background: &'a wgpu::Buffer,
     /// Sums of what falls, see `over.wgsl`.
-    pub falling: &'a wgpu::Buffer,
-    /// Its picture.
-    pub apart: &'a wgpu::Buffer,
+    pub(crate) falling: &'a wgpu::Buffer,
+    /// The picture of the particles by themselves.
+    pub(crate) apart: &'a wgpu::Buffer,
 }
 
 impl Composite<'_> {
     /// Finishes `pixels` pixels.
-    pub fn record(
+    pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
         pixels: u32,
@@ -137,18 +137,19 @@ impl Composite<'_> {
 
 /// The buffers that `finish.wgsl` reads and writes: the pictures of a step of training.
 pub(crate) struct Finish<'a> {
-    pub kept: Kept<'a>,
-    pub rgb: &'a wgpu::Buffer,
-    pub depths: &'a wgpu::Buffer,
-    pub normal: &'a wgpu::Buffer,
+    pub(crate) kept: ForwardPictures<'a>,
+    pub(crate) rgb: &'a wgpu::Buffer,
+    pub(crate) depths: &'a wgpu::Buffer,
+    pub(crate) normal: &'a wgpu::Buffer,
 }
 
 impl Finish<'_> {
     /// Finishes `pixels` pixels; `training` is the structure of that name.
-    pub fn record(
+    pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
-        (pixels, channels): (u32, Channels),
+        pixels: u32,
+        channels: Channels,
         training: wgpu::BindingResource<'_>,
     ) {
         let bindings = with_buffers(

@@ -13,9 +13,9 @@
 //! interpolated linearly: airlight and plain skies have no detail finer than that. A backdrop that
 //! has ([`crate::hooks::Detail::Fine`]) is evaluated at every pixel's centre.
 
-pub mod background;
-pub mod cpu;
+pub(crate) mod background;
+pub(crate) mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,8 @@ use crate::plan::{DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
-use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
+use crate::testing::comparison::{ALL_OUTPUTS, compare};
+use crate::testing::{Backend, camera, random_splats};
 use crate::{Frame, Geometry, Outputs};
 use wm_scene::{Camera, Group};
 
@@ -26,10 +27,10 @@ fn the_background_follows_the_sky() {
     let background = Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0]));
     for (width, height) in [(320, 200), (900, 600)] {
         let camera = camera(width, height);
-        let grid = BackgroundView::new(&background, (None, Shading::Color), &camera, path);
+        let grid = BackgroundView::new(&background, None, Shading::Color, &camera, path);
         for (patch_x, patch_y) in [(0, 0), (2, 1), (3, 2)] {
             let mut out = [[0.0; PATCH_PIXELS]; 3];
-            grid.fill((patch_x, patch_y), &mut BackgroundScratch::default(), &mut out);
+            grid.fill(patch_x, patch_y, &mut BackgroundScratch::default(), &mut out);
             for i in 0..PATCH_PIXELS {
                 let (x, y) = (patch_x * PATCH + i % PATCH, patch_y * PATCH + i / PATCH);
                 let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
@@ -54,12 +55,11 @@ fn sky(backend: Backend) {
         let mut frame = Frame::default();
         let pass = DrawPass::new(&[], &camera, &config);
         renderer.render(&pass, &mut frame).unwrap();
-        let grid =
-            BackgroundView::new(&background, (None, Shading::Color), &camera, SimdPath::available()[0]);
+        let grid = BackgroundView::new(&background, None, Shading::Color, &camera, SimdPath::available()[0]);
         let mut out = [[0.0; PATCH_PIXELS]; 3];
         for row in 0..(height as usize).div_ceil(PATCH) {
             for column in 0..(width as usize).div_ceil(PATCH) {
-                grid.fill((column, row), &mut BackgroundScratch::default(), &mut out);
+                grid.fill(column, row, &mut BackgroundScratch::default(), &mut out);
                 for i in 0..PATCH_PIXELS {
                     let (x, y) = (column * PATCH + i % PATCH, row * PATCH + i / PATCH);
                     if x < width as usize && y < height as usize {
@@ -206,7 +206,7 @@ fn backdrop(backend: Backend) {
                     &mut frame,
                 )
                 .unwrap();
-            let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
+            let want = reference::frame::render(&[(&splats, None)], &camera, &config, hooks);
             compare(&frame, &want, 2.0).unwrap();
             covered.push(frame.alpha.iter().sum::<f32>());
         }

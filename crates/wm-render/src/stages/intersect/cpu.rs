@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Lane coordinates of a field of cells: 4 columns, `N / 4` rows.
 #[inline(always)]
-pub fn cell_lanes<S: Lanes>(simd: S) -> (S::F, S::F) {
+pub(crate) fn cell_lanes<S: Lanes>(simd: S) -> (S::F, S::F) {
     const COLUMN: [f32; 16] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
     const ROW: [f32; 16] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];
     (simd.load(&COLUMN), simd.load(&ROW))
@@ -17,30 +17,30 @@ pub fn cell_lanes<S: Lanes>(simd: S) -> (S::F, S::F) {
 
 /// The ellipse that a 2D Gaussian touches: `(ux dx)^2 + (vx dx + vy dy)^2 <= reach`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ellipse {
+pub(crate) struct Ellipse {
     /// Centre, px.
-    pub x: f32,
+    pub(crate) x: f32,
     /// Centre, px.
-    pub y: f32,
+    pub(crate) y: f32,
     /// Factor of dx in the first square, 1/px.
-    pub ux: f32,
+    pub(crate) ux: f32,
     /// Factor of dx in the second square, 1/px.
-    pub vx: f32,
+    pub(crate) vx: f32,
     /// Factor of dy in the second square, 1/px.
-    pub vy: f32,
+    pub(crate) vy: f32,
     /// The dy at which the sum is least for dx = 1.
-    pub slope_y: f32,
+    pub(crate) slope_y: f32,
     /// The dx at which it is least for dy = 1.
-    pub slope_x: f32,
+    pub(crate) slope_x: f32,
     /// Greatest sum.
-    pub reach: f32,
+    pub(crate) reach: f32,
 }
 
 impl Record {
     /// The ellipse in which its alpha is drawn, with some slack.
     #[inline(always)]
     #[must_use]
-    pub fn ellipse(&self) -> Ellipse {
+    pub(crate) fn ellipse(&self) -> Ellipse {
         let Self { x, y, ux, vx, vy, slope_y, slope_x, log2_opacity, .. } = *self;
         Ellipse { x, y, ux, vx, vy, slope_y, slope_x, reach: log2_opacity - (LOG2_MIN_ALPHA - TEST_SLACK) }
     }
@@ -49,12 +49,16 @@ impl Record {
 /// Bits of the cells that an ellipse touches, in a field of 4 columns and `N / 4` rows of cells of
 /// `width` x `height` px, the first at pixel `(left, top)`.
 #[inline(always)]
-pub fn cell_mask<S: Lanes>(
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
+pub(crate) fn cell_mask<S: Lanes>(
     simd: S,
     splat: &Ellipse,
-    (left, top): (f32, f32),
-    (width, height): (f32, f32),
-    (column, row): (S::F, S::F),
+    left: f32,
+    top: f32,
+    width: f32,
+    height: f32,
+    column: S::F,
+    row: S::F,
 ) -> u32 {
     // Pixel centres of each cell, relative to the splat's centre.
     let low_x = column.mul_add(simd.set(width), simd.set(left + 0.5 - splat.x));
@@ -76,16 +80,16 @@ pub fn cell_mask<S: Lanes>(
 
 /// The patches that the box of a splat touches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PatchBox {
+pub(crate) struct PatchBox {
     /// First and last column.
-    pub columns: [u16; 2],
+    pub(crate) columns: [u16; 2],
     /// First and last row.
-    pub rows: [u16; 2],
+    pub(crate) rows: [u16; 2],
 }
 
 /// Pairs of a tile and a key, in the order of the splats, and how many there are of each tile.
 #[derive(Debug, Default)]
-pub struct Pairs {
+pub(crate) struct Pairs {
     len: usize,
     tiles: Vec<u32>,
     keys: Vec<u64>,
@@ -95,10 +99,10 @@ pub struct Pairs {
 
 impl Pairs {
     /// Bytes of a pair, with those of its key in the list of the tile.
-    pub const BYTES: usize = size_of::<u32>() + 2 * size_of::<u64>();
+    pub(crate) const BYTES: usize = size_of::<u32>() + 2 * size_of::<u64>();
 
     /// Forgets all pairs.
-    pub fn clear(&mut self, grid: TileGrid) {
+    pub(crate) fn clear(&mut self, grid: TileGrid) {
         self.len = 0;
         self.counts.clear();
         // One row and column more than there are tiles: pairs are written four at a time and only
@@ -108,7 +112,7 @@ impl Pairs {
 
     /// Adds the tiles of splats, whose records are numbered from `first`.
     #[inline(always)]
-    pub fn extend<S: Lanes>(
+    pub(crate) fn extend<S: Lanes>(
         &mut self,
         simd: S,
         splats: &[Record],
@@ -142,8 +146,16 @@ impl Pairs {
                     let mut mask = 0;
                     for part in 0..16 / S::N {
                         let top = (y as f32 + (part * S::N / 4) as f32) * SIDE;
-                        let bits =
-                            cell_mask(simd, &splat.ellipse(), (x as f32 * SIDE, top), (SIDE, SIDE), lanes);
+                        let bits = cell_mask(
+                            simd,
+                            &splat.ellipse(),
+                            x as f32 * SIDE,
+                            top,
+                            SIDE,
+                            SIDE,
+                            lanes.0,
+                            lanes.1,
+                        );
                         mask |= bits << (part * S::N);
                     }
                     let columns = bits_between(first_x.saturating_sub(x), last_x - x);
@@ -185,7 +197,7 @@ impl Pairs {
     ///
     /// The lists are atomics so that parts may write at once without unsafe code: each position has
     /// one writer, and a relaxed store is a plain one.
-    pub fn scatter(&mut self, lists: &[AtomicU64]) {
+    pub(crate) fn scatter(&mut self, lists: &[AtomicU64]) {
         for (tile, key) in self.tiles[..self.len].iter().zip(&self.keys) {
             let slot = &mut self.counts[*tile as usize];
             lists[*slot as usize].store(*key, Ordering::Relaxed);
@@ -197,25 +209,19 @@ impl Pairs {
 impl Pairs {
     /// Number of pairs.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.len
     }
 
-    /// Returns true if there is none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
     /// The record of each pair, ascending.
-    pub fn records(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn records(&self) -> impl Iterator<Item = usize> {
         self.keys[..self.len].iter().map(|key| record_of(*key))
     }
 
     /// Like [`Self::scatter`], but what the keys name is the pair, numbered from `first`; what they
     /// would have named goes to `words`, one a pair. The order of pairs is that of records, so the
     /// order of keys is the same.
-    pub fn scatter_numbered(&mut self, first: usize, lists: &[AtomicU64], words: &[AtomicU32]) {
+    pub(crate) fn scatter_numbered(&mut self, first: usize, lists: &[AtomicU64], words: &[AtomicU32]) {
         let words = &words[first..first + self.len];
         for (i, (tile, key)) in self.tiles[..self.len].iter().zip(&self.keys).enumerate() {
             let slot = &mut self.counts[*tile as usize];
@@ -234,7 +240,7 @@ fn bits_between(first: u32, last: u32) -> u32 {
 
 /// Lays out the tile lists: turns the counts of each part into its first position in each list, and
 /// gives the lists' bounds, `[tiles + 1]`.
-pub fn offsets<'a>(tiles: usize, parts: impl Iterator<Item = &'a mut Pairs>, bounds: &mut Vec<u32>) {
+pub(crate) fn offsets<'a>(tiles: usize, parts: impl Iterator<Item = &'a mut Pairs>, bounds: &mut Vec<u32>) {
     bounds.clear();
     bounds.resize(tiles + 1, 0);
     let mut parts: Vec<&mut [u32]> = parts.map(|pairs| &mut pairs.counts[..tiles]).collect();

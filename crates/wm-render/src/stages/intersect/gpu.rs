@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 /// The programs of tile lists.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum IntersectProgram {
+pub(crate) enum IntersectProgram {
     /// Counts or writes the entries of the tile lists.
     Entries,
     /// Finds the start of each tile's list.
@@ -38,19 +38,19 @@ impl StagePrograms for IntersectProgram {
 
 /// The buffers that `intersect.wgsl` reads and writes.
 pub(crate) struct Intersect<'a> {
-    pub counters: &'a wgpu::Buffer,
-    pub dispatches: &'a wgpu::Buffer,
-    pub records: &'a wgpu::Buffer,
-    pub order: &'a wgpu::Buffer,
-    pub counts: &'a wgpu::Buffer,
-    pub sums: &'a wgpu::Buffer,
-    pub tiles: &'a wgpu::Buffer,
-    pub entries: &'a wgpu::Buffer,
+    pub(crate) counters: &'a wgpu::Buffer,
+    pub(crate) dispatches: &'a wgpu::Buffer,
+    pub(crate) records: &'a wgpu::Buffer,
+    pub(crate) order: &'a wgpu::Buffer,
+    pub(crate) counts: &'a wgpu::Buffer,
+    pub(crate) sums: &'a wgpu::Buffer,
+    pub(crate) tiles: &'a wgpu::Buffer,
+    pub(crate) entries: &'a wgpu::Buffer,
 }
 
 impl Intersect<'_> {
     /// Counts or writes, as the structure `Task` in `slot` says.
-    pub fn record(&self, recorder: &mut Recorder<'_>, slot: usize) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, slot: usize) {
         let bindings = with_buffers(
             vec![(0, recorder.view()), (1, recorder.uniform(slot))],
             [self.counters, self.records, self.order, self.counts, self.sums, self.tiles, self.entries],
@@ -67,7 +67,8 @@ impl Intersect<'_> {
 pub(crate) fn ranges(
     recorder: &mut Recorder<'_>,
     count: u32,
-    (counters, tiles): (&wgpu::Buffer, &wgpu::Buffer),
+    counters: &wgpu::Buffer,
+    tiles: &wgpu::Buffer,
     tile_offsets: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(vec![(0, recorder.view())], [counters, tiles, tile_offsets]);

@@ -13,20 +13,20 @@
 //! Large tiles keep the lists short (a splat of a trained scene touches two or three of them), and
 //! the patches keep the tests tight.
 
-pub mod cpu;
+pub(crate) mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;
 
 use crate::hooks::PATCH;
 
 /// Side of a tile, px.
-pub const TILE: usize = 2 * PATCH;
+pub(crate) const TILE: usize = 2 * PATCH;
 /// Patches of a tile.
-pub const PATCHES: usize = 4;
+pub(crate) const PATCHES: usize = 4;
 /// Bits of a key that name the record.
-pub const RECORD_BITS: u32 = 28;
+pub(crate) const RECORD_BITS: u32 = 28;
 
 /// One entry of a tile's list: bits of the view z (positive floats are in the order of their bits),
 /// the splat's record, and a bit `2 row + column` for each patch of the tile that it touches.
@@ -39,29 +39,29 @@ pub fn key(depth_bits: u32, record: u32, patches: u32) -> u64 {
 /// The record of a key.
 #[inline(always)]
 #[must_use]
-pub fn record_of(key: u64) -> usize {
+pub(crate) fn record_of(key: u64) -> usize {
     (key as u32 >> 4) as usize
 }
 
 /// The tiles of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TileGrid {
+pub(crate) struct TileGrid {
     /// Columns.
-    pub columns: u32,
+    pub(crate) columns: u32,
     /// Rows.
-    pub rows: u32,
+    pub(crate) rows: u32,
 }
 
 impl TileGrid {
     /// The tiles of a picture of `width` x `height` px.
     #[must_use]
-    pub fn new(width: u32, height: u32) -> Self {
+    pub(crate) fn new(width: u32, height: u32) -> Self {
         Self { columns: width.div_ceil(TILE as u32), rows: height.div_ceil(TILE as u32) }
     }
 
     /// Number of tiles.
     #[must_use]
-    pub fn tiles(&self) -> usize {
+    pub(crate) fn tiles(&self) -> usize {
         self.columns as usize * self.rows as usize
     }
 }

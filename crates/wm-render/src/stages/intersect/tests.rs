@@ -4,15 +4,16 @@ use crate::cpu::model::CpuModel;
 use crate::dispatch;
 #[cfg(feature = "gpu")]
 use crate::gpu::probe::Probe;
-#[cfg(feature = "gpu")]
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
 #[cfg(feature = "gpu")]
 use crate::plan::{DrawPass, SetView};
+#[cfg(feature = "gpu")]
 use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::stages::project::cpu::{ProjectedGroup, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
-use crate::testing::{Backend, Hard, camera, random_splats};
+use crate::testing::comparison::HardSplats;
+use crate::testing::{Backend, camera, random_splats};
 use std::sync::atomic::{AtomicU64, Ordering};
 use wm_scene::{Rasterization, Splats};
 
@@ -24,7 +25,7 @@ const ROWS: usize = 6;
 crate::parity! {
     no_pixel_is_lost_and_no_patch_is_kept_in_vain => |backend| {
         check(backend, &random_splats(700, 0, 1));
-        for hard in Hard::ALL {
+        for hard in HardSplats::ALL {
             check(backend, &hard.splats(300, 2));
         }
     };
@@ -37,7 +38,7 @@ fn project(path: SimdPath, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
     let (mut records, mut boxes) = (Vec::new(), Vec::new());
     for group in &model.groups {
         let (mut p, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
-        dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, (None, None), &mut p, &mut shade));
+        dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, None, None, &mut p, &mut shade));
         for lane in (0..GROUP).filter(|lane| p.mask >> lane & 1 == 1) {
             boxes.push(PatchBox {
                 columns: p.columns.map(|ends| ends[lane] as u16),

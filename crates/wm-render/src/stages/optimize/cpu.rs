@@ -1,6 +1,6 @@
 //! Rows of splats on all threads.
 
-use super::{BETA1, BETA2, EPS, FLAT, Moments, Pair, Rates, SplatTerms};
+use super::{BETA1, BETA2, EPS, MAX_FLAT_RATIO, Moments, Pair, Rates, SplatTerms};
 use crate::differentiable::Gradients;
 use crate::dispatch;
 use crate::simd::SimdPath;
@@ -22,7 +22,7 @@ pub fn add_terms(splats: &Splats, terms: &SplatTerms, gradients: &mut Gradients)
             // As the renderer: of equal ones the first is the shortest.
             order.sort_by(|a, b| scales[*a].total_cmp(&scales[*b]));
             let ratio = (scales[order[0]] - scales[order[1]]).exp();
-            if ratio > FLAT {
+            if ratio > MAX_FLAT_RATIO {
                 gradients.log_scales[row][order[0]] += flatness * ratio;
                 gradients.log_scales[row][order[1]] -= flatness * ratio;
             }
@@ -155,14 +155,14 @@ impl Update<'_> {
             (parameters, first, second, begun) = (own.1, own_first.1, own_second.1, end);
         }
         pieces.into_par_iter().for_each(|piece| {
-            dispatch!(path, _simd => piece.run(width, rates, corrections));
+            dispatch!(path, _simd => piece.run(width, rates, corrections[0], corrections[1]));
         });
     }
 }
 
 impl Piece<'_> {
     #[inline(always)]
-    fn run(self, width: usize, rates: &[f32], [correction1, correction2]: [f32; 2]) {
+    fn run(self, width: usize, rates: &[f32], correction1: f32, correction2: f32) {
         let [first, second] = self.moments;
         let row = rates.len();
         for (index, gradient) in self.visible.iter().zip(self.gradients.chunks_exact(row)) {

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 /// The programs of the optimiser.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum OptimizeProgram {
+pub(crate) enum OptimizeProgram {
     /// Moves splats along their gradients.
     Optimize,
     /// Adds the gradients of another render to those of a step.
@@ -45,19 +45,19 @@ impl StagePrograms for OptimizeProgram {
 /// The optimiser's memory of the splats of a piece, see `optimize.wgsl`.
 #[derive(Clone, Copy)]
 pub(crate) struct Remembered<'a> {
-    pub moments: &'a wgpu::Buffer,
-    pub sh_moments: &'a wgpu::Buffer,
-    /// Of all splats.
-    pub known: &'a wgpu::Buffer,
+    pub(crate) moments: &'a wgpu::Buffer,
+    pub(crate) sh_moments: &'a wgpu::Buffer,
+    /// Step counters and statistics of all splats.
+    pub(crate) known: &'a wgpu::Buffer,
 }
 
 /// Rows of gradients, and which splats they are of.
 #[derive(Clone, Copy)]
 pub(crate) struct Rows<'a> {
-    pub gradients: &'a wgpu::Buffer,
-    pub by_sh: &'a wgpu::Buffer,
+    pub(crate) gradients: &'a wgpu::Buffer,
+    pub(crate) by_sh: &'a wgpu::Buffer,
     /// See `pieces.wgsl`.
-    pub blocks: &'a wgpu::Buffer,
+    pub(crate) blocks: &'a wgpu::Buffer,
 }
 
 fn of_piece<'a>(piece: &Piece<'a>, blocks: &'a wgpu::Buffer) -> Bindings<'a> {

@@ -9,7 +9,7 @@
 //! - [`SplatTerms`] add to the gradients what pulls on splats whatever a picture shows.
 //! - The sky does not learn: nothing has a gradient there. It would learn what stands before it
 //!   while that is still transparent, and keep it.
-//! - [`Pulls`] grow by what the step pulled, and it is noted which step saw a splat last.
+//! - [`DensifyStats`] grow by what the step pulled, and it is noted which step saw a splat last.
 //!
 //! On a GPU splats and moments stay where they learn
 //! ([`Resident`](crate::differentiable::Resident)), and what explores by noise does so there
@@ -30,28 +30,28 @@ use crate::differentiable::Gradients;
 use wm_scene::{Splats, sh};
 
 /// Decay of the first moments.
-pub const BETA1: f32 = 0.9;
+pub(crate) const BETA1: f32 = 0.9;
 /// Decay of the second moments.
-pub const BETA2: f32 = 0.999;
-/// The constant that keeps quotients finite.
-pub const EPS: f32 = 1e-15;
+pub(crate) const BETA2: f32 = 0.999;
+/// The constant of Adam that keeps quotients finite.
+pub(crate) const EPS: f32 = 1e-15;
 /// Ratio of the shortest scale to the next that is flat enough.
-pub const FLAT: f32 = 0.1;
+pub(crate) const MAX_FLAT_RATIO: f32 = 0.1;
 
 /// Step lengths of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// Of means, scene units.
+    /// Learning rate of means, scene units.
     pub means: f64,
-    /// Of quaternions.
+    /// Learning rate of quaternions.
     pub quats: f64,
-    /// Of the logarithms of scales.
+    /// Learning rate of the logarithms of scales.
     pub log_scales: f64,
-    /// Of the logits of opacities.
+    /// Learning rate of the logits of opacities.
     pub logit_opacities: f64,
-    /// Of the first SH coefficient.
+    /// Learning rate of the first SH coefficient.
     pub sh_dc: f64,
-    /// Of the others.
+    /// Learning rate of the other SH coefficients.
     pub sh_rest: f64,
 }
 
@@ -99,7 +99,7 @@ impl Moments {
         ]
     }
 
-    /// As many rows as `splats` has: new ones are zeros.
+    /// Resizes to the number of rows of `splats`; new rows are zeros.
     pub fn resize(&mut self, splats: &Splats) {
         for (pair, width) in self.arrays(splats.sh_degree) {
             pair.first.resize(splats.len() * width, 0.0);
@@ -107,7 +107,7 @@ impl Moments {
         }
     }
 
-    /// Forgets what was learnt about one splat.
+    /// Sets the moments of one splat to 0.
     pub fn clear_row(&mut self, index: usize, sh_degree: u8) {
         for (pair, width) in self.arrays(sh_degree) {
             pair.first[index * width..(index + 1) * width].fill(0.0);
@@ -126,9 +126,9 @@ impl Moments {
     }
 }
 
-/// The gradients of the last step by splat; empty where nobody asks for them.
+/// Statistics of screen-space gradients for densification; empty if no strategy needs them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Pulls {
+pub struct DensifyStats {
     /// Sum of the lengths of screen-space gradients, in units of half a picture, `[N]`.
     pub sums: Vec<f32>,
     /// Steps that saw the splat, `[N]`.
@@ -137,7 +137,7 @@ pub struct Pulls {
     pub radii: Vec<f32>,
 }
 
-impl Pulls {
+impl DensifyStats {
     /// Zeros for `count` splats.
     #[must_use]
     pub fn new(count: usize) -> Self {
@@ -157,23 +157,24 @@ impl Pulls {
     }
 }
 
-/// Weights of terms of the loss that are of the splats themselves: means over all of them, derived
-/// for those in view.
+/// Weights of the loss terms that depend on the splats alone: means over all splats, derived for
+/// those in view.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SplatTerms {
-    /// Of the opacity.
+    /// Weight of the mean opacity.
     pub opacity: f64,
-    /// Of the scales.
+    /// Weight of the mean scale.
     pub scale: f64,
-    /// Of `min(1, s_1 / s_2 - r)` with the shortest scale, the next and the ratio r that is flat
-    /// enough ([`FLAT`]), by which the shortest gets shorter and the next longer; not of the sky.
+    /// Weight of the mean of `min(1, s_1 / s_2 - r)` with the shortest scale, the next and the ratio
+    /// r that is flat enough ([`MAX_FLAT_RATIO`]): the shortest gets shorter and the next longer. The sky has
+    /// no share in it.
     pub flatness: f64,
 }
 
 /// One step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Its number, from 1.
+    /// Number of the step, from 1.
     pub number: u32,
     /// Step lengths.
     pub rates: Rates,
@@ -189,9 +190,9 @@ pub struct Noise {
     /// The seed of its random numbers, three normal ones a splat: see
     /// [`wm_scene::random::uniform`].
     pub seed: u64,
-    /// In units of a splat's variance.
+    /// Size of the noise, in units of a splat's variance.
     pub size: f64,
-    /// Opacity above which a splat has none.
+    /// Opacity above which a splat has no noise.
     pub most: f64,
 }
 
@@ -203,7 +204,7 @@ pub struct Learnt<'a> {
     /// The moments of the optimiser.
     pub moments: &'a Moments,
     /// The gradients that splats had.
-    pub pulls: &'a Pulls,
+    pub pulls: &'a DensifyStats,
     /// The last step that had each in view.
     pub seen: &'a [u32],
 }
@@ -212,10 +213,10 @@ pub struct Learnt<'a> {
 /// and gradients.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shapes {
-    /// Of degree 0: without the coefficients above, which stay there as moments do.
+    /// The splats with colours of degree 0: higher coefficients stay on the device, as moments do.
     pub splats: Splats,
     /// The gradients that splats had.
-    pub pulls: Pulls,
+    pub pulls: DensifyStats,
     /// The last step that had each in view.
     pub seen: Vec<u32>,
 }
@@ -235,7 +236,7 @@ pub struct Changed<'a> {
     /// Their values now, of degree 0.
     pub splats: &'a Splats,
     /// The gradients that splats had.
-    pub pulls: &'a Pulls,
+    pub pulls: &'a DensifyStats,
     /// The last step that had each in view.
     pub seen: &'a [u32],
     /// The origin of each.
@@ -252,7 +253,7 @@ pub struct LearntMut<'a> {
     /// The moments of the optimiser.
     pub moments: &'a mut Moments,
     /// The gradients that splats had.
-    pub pulls: &'a mut Pulls,
+    pub pulls: &'a mut DensifyStats,
     /// The last step that had each in view.
     pub seen: &'a mut [u32],
 }

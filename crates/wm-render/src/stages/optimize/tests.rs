@@ -17,16 +17,17 @@ const RATES: Rates =
 
 /// Splats that learn, in the computer's memory.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Kept {
-    pub splats: Splats,
+pub(crate) struct LearntState {
+    pub(crate) splats: Splats,
     moments: Moments,
-    pulls: Pulls,
+    pulls: DensifyStats,
     seen: Vec<u32>,
 }
 
-impl Kept {
+impl LearntState {
     pub(crate) fn new(splats: Splats) -> Self {
-        let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
+        let (moments, pulls, seen) =
+            (Moments::new(&splats), DensifyStats::new(splats.len()), vec![0; splats.len()]);
         Self { splats, moments, pulls, seen }
     }
 
@@ -66,7 +67,7 @@ const OTHER: Learn = Learn { sh: false, quats: false, ..Learn::ALL };
 
 /// Two steps, from two sides, whose gradients are the GPU's: of the CPU's own, those that are 0 but
 /// for rounding would decide by their sign where Adam goes.
-fn learn_on_cpu(kept: &mut Kept, degree: u8) {
+fn learn_on_cpu(kept: &mut LearntState, degree: u8) {
     let path = SimdPath::available()[0];
     let mut gpu = gpu_differentiable();
     for number in 1..=2 {
@@ -110,7 +111,7 @@ fn assert_near(name: &str, got: &[f32], want: &[f32], tolerance: f32) {
     assert!(got.len() == want.len() && off < tolerance, "{name} is off by {off:.1e}");
 }
 
-fn assert_alike(got: &Kept, want: &Kept) {
+fn assert_alike(got: &LearntState, want: &LearntState) {
     let (a, b) = (&got.splats, &want.splats);
     assert_near("means", a.means.as_flattened(), b.means.as_flattened(), 1e-5);
     assert_near("quats", a.quats.as_flattened(), b.quats.as_flattened(), 1e-5);
@@ -139,7 +140,7 @@ fn what_learns_on_a_gpu_learns_the_same() {
         return;
     }
     for degree in [0, 2] {
-        let start = Kept::new(splats(degree));
+        let start = LearntState::new(splats(degree));
         let (mut want, mut got) = (start.clone(), start.clone());
         learn_on_cpu(&mut want, degree);
         let mut gpu = gpu_differentiable();
@@ -165,7 +166,7 @@ fn noise_is_the_cpus() {
     if Backend::gpu().is_none() {
         return;
     }
-    let mut start = Kept::new(splats(1));
+    let mut start = LearntState::new(splats(1));
     start.splats.logit_opacities.iter_mut().step_by(2).for_each(|logit| *logit = -6.0);
     let noise = Noise { seed: 0xfeed_beef_0123_4567, size: 40.0, most: 0.1 };
     let mut want = start.splats.means.clone();
@@ -198,5 +199,5 @@ fn noise_is_the_cpus() {
     assert!(moved > 200 && moved < 400, "{moved}");
     assert_near("means", got.splats.means.as_flattened(), want.as_flattened(), 1e-5);
     let means = start.splats.means.clone();
-    assert!(Kept { splats: Splats { means, ..got.splats.clone() }, ..got } == start);
+    assert!(LearntState { splats: Splats { means, ..got.splats.clone() }, ..got } == start);
 }

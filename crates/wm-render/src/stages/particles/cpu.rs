@@ -1,6 +1,8 @@
 //! Particles on the CPU: gathered and laid out over threads, added up patch by patch.
 
-use super::{DILATION, LEAST, PEAK, SHORTEST, STEPS, WIDEST};
+use super::{
+    DILATION, MAX_COVER, MIN_OPTICAL_DEPTH, MIN_SQUARED_RADIUS, PEAK_COEFFICIENTS, STEPS_PER_OPTICAL_DEPTH,
+};
 use crate::RenderError;
 use crate::budget::{FrameBudget, Listed, check_cells};
 use crate::dispatch;
@@ -17,11 +19,11 @@ use web_time::Instant;
 /// A particle in the picture: `log2 tau = peak - (ux dx)^2 - (vx dx + vy dy)^2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct ProjectedDrop {
+pub(crate) struct ProjectedDrop {
     /// Centre, px.
-    pub mean2d: [f32; 2],
+    pub(crate) mean2d: [f32; 2],
     /// Half the size of its bounding box, px.
-    pub extent: [f32; 2],
+    pub(crate) extent: [f32; 2],
     ux: f32,
     vx: f32,
     vy: f32,
@@ -32,9 +34,9 @@ pub struct ProjectedDrop {
     /// log2 of the optical depth at its centre.
     peak: f32,
     /// View z, scene units.
-    pub depth: f32,
+    pub(crate) depth: f32,
     /// Linear RGB.
-    pub rgb: [f32; 3],
+    pub(crate) rgb: [f32; 3],
 }
 
 impl ProjectedDrop {
@@ -56,16 +58,17 @@ impl ProjectedDrop {
         }
     }
 
-    /// Its numbers as `fall.wgsl` takes them.
+    /// Returns the numbers of the drop in the order of `fall.wgsl`.
+    #[cfg(feature = "gpu")]
     fn words(&self) -> [f32; 16] {
         let Self { mean2d: [x, y], extent: [width, height], ux, vx, vy, slope_y, slope_x, .. } = *self;
         let Self { reach, peak, depth, rgb: [red, green, blue], .. } = *self;
         [x, y, width, height, ux, vx, vy, slope_y, slope_x, reach, peak, depth, red, green, blue, 0.0]
     }
 
-    /// Those of a group that are in the picture.
-    #[must_use]
-    pub fn project(path: SimdPath, group: &ParticleGroup, view: &ParticleView) -> Vec<Self> {
+    /// Projects the particles of a group that are in the picture.
+    #[cfg(test)]
+    pub(crate) fn project(path: SimdPath, group: &ParticleGroup, view: &ParticleView) -> Vec<Self> {
         let mut numbers = [[0.0; 16]; 16];
         let seen = dispatch!(path, s => project(s, group, view, &mut numbers));
         (0..GROUP).filter(|lane| seen >> lane & 1 == 1).map(|lane| Self::of(&numbers[lane])).collect()
@@ -82,7 +85,8 @@ impl ProjectedDrop {
     fn each_patch<S: Lanes>(
         &self,
         simd: S,
-        (columns, rows): (usize, usize),
+        columns: usize,
+        rows: usize,
         lanes: (S::F, S::F),
         mut hit: impl FnMut(usize),
     ) {
@@ -97,8 +101,8 @@ impl ProjectedDrop {
         let ellipse = self.ellipse();
         for row in (top..bottom).step_by(S::N / 4) {
             for column in (left..right).step_by(4) {
-                let corner = (column as f32 * SIDE, row as f32 * SIDE);
-                let mut bits = cell_mask(simd, &ellipse, corner, (SIDE, SIDE), lanes);
+                let (left, top) = (column as f32 * SIDE, row as f32 * SIDE);
+                let mut bits = cell_mask(simd, &ellipse, left, top, SIDE, SIDE, lanes.0, lanes.1);
                 while bits != 0 {
                     let cell = bits.trailing_zeros() as usize;
                     bits &= bits - 1;
@@ -174,19 +178,19 @@ fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &
         yy += DILATION;
         let secant = tan[0].mul_add(tan[0], tan[1].mul_add(tan[1], simd.set(1.0))).sqrt();
         let pixels = per_z * per_z * secant * (view.focal[0] * view.focal[1] / TAU);
-        let whole = (area * pixels / det.sqrt()).min(simd.set(WIDEST)).max(simd.set(1e-30));
+        let whole = (area * pixels / det.sqrt()).min(simd.set(MAX_COVER)).max(simd.set(1e-30));
         // ln(p / w), and log2 p.
         let mut steeper = simd.set(0.0);
-        for coefficient in PEAK.into_iter().rev() {
+        for coefficient in PEAK_COEFFICIENTS.into_iter().rev() {
             steeper = (steeper + coefficient) * whole;
         }
         let peak = steeper.mul_add(simd.set(LOG2_E), log2(simd, [whole])[0]);
-        let radius2 = ((peak - LEAST_LOG2) * (2.0 * LN_2)).max(simd.set(SHORTEST));
+        let radius2 = ((peak - MIN_OPTICAL_DEPTH_LOG2) * (2.0 * LN_2)).max(simd.set(MIN_SQUARED_RADIUS));
         // What lies beyond falls off as the Gaussian does: to the least, or to that of the shortest
         // radius.
-        let is_far = radius2.simd_gt(simd.set(SHORTEST));
-        let beyond = is_far.select(simd.set(LEAST) / whole, (steeper + 1.0) * BEYOND_SHORTEST);
-        let peak = (peak - log2(simd, [simd.set(1.0) - beyond])[0]).min(simd.set(MOST_LOG2));
+        let is_far = radius2.simd_gt(simd.set(MIN_SQUARED_RADIUS));
+        let beyond = is_far.select(simd.set(MIN_OPTICAL_DEPTH) / whole, (steeper + 1.0) * MIN_RADIUS_FALLOFF);
+        let peak = (peak - log2(simd, [simd.set(1.0) - beyond])[0]).min(simd.set(MAX_OPTICAL_DEPTH_LOG2));
         let extent = [(radius2 * xx).sqrt(), (radius2 * yy).sqrt()];
         let mean2d = [0, 1].map(|k| tan[k].mul_add(simd.set(view.focal[k]), simd.set(view.principal[k])));
         // Written so that NaN is not in it.
@@ -199,7 +203,7 @@ fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &
         let per_xx = simd.set(1.0) / xx;
         let vy = (xx / det).sqrt() * SQRT_HALF_LOG2E;
         let slope_y = xy * per_xx;
-        let bright = simd.set(BRIGHTEST);
+        let bright = simd.set(MAX_RADIANCE);
         let numbers = [
             mean2d[0],
             mean2d[1],
@@ -254,7 +258,7 @@ impl Part {
             let lane = seen.trailing_zeros() as usize;
             seen &= seen - 1;
             let (drop, before) = (ProjectedDrop::of(&numbers[lane]), self.patches.len());
-            drop.each_patch(simd, grid, lanes, |patch| self.patches.push(patch as u32));
+            drop.each_patch(simd, grid.0, grid.1, lanes, |patch| self.patches.push(patch as u32));
             let count = self.patches.len() - before;
             if count > 0 {
                 self.drops.push(drop);
@@ -282,7 +286,7 @@ impl Part {
 
 /// The particles of a frame, patch by patch. Kept from frame to frame for its memory.
 #[derive(Debug, Default)]
-pub struct Falling {
+pub(crate) struct Falling {
     /// The first `count` are this frame's.
     drops: Vec<ProjectedDrop>,
     count: usize,
@@ -296,19 +300,20 @@ pub struct Falling {
 impl Falling {
     /// Returns true if there are no particles.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.count == 0
     }
 
     /// Number of particles in the picture.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.count
     }
 
     /// The particles as the GPU takes them, sixteen numbers each.
+    #[cfg(feature = "gpu")]
     #[must_use]
-    pub fn words(&self) -> Vec<f32> {
+    pub(crate) fn words(&self) -> Vec<f32> {
         self.drops[..self.count].iter().flat_map(ProjectedDrop::words).collect()
     }
 
@@ -316,7 +321,7 @@ impl Falling {
     ///
     /// # Errors
     /// [`RenderError::TooManyCells`] or [`RenderError::TooMuch`].
-    pub fn fill(
+    pub(crate) fn fill(
         &mut self,
         path: SimdPath,
         sources: &[&dyn Particles],
@@ -395,10 +400,11 @@ impl Falling {
     /// row. `behind`: coverage and sum of weight times view z, block by block as `path` blends.
     /// `apart`, if given, holds zeros, and takes the linear light of what falls and its coverage,
     /// row by row.
-    pub fn draw(
+    pub(crate) fn draw(
         &self,
         path: SimdPath,
-        (column, row): (usize, usize),
+        column: usize,
+        row: usize,
         rgb: &mut [[f32; PATCH_PIXELS]; 3],
         behind: (&[f32; PATCH_PIXELS], &[f32; PATCH_PIXELS]),
         apart: Option<&mut [[f32; PATCH_PIXELS]; 4]>,
@@ -412,7 +418,7 @@ impl Falling {
             return;
         }
         let corner = [(column * PATCH) as f32, (row * PATCH) as f32];
-        dispatch!(path, s => draw(s, &self.drops, list, corner, rgb, behind, apart));
+        dispatch!(path, s => draw(s, &self.drops, list, corner, rgb, behind.0, behind.1, apart));
     }
 }
 
@@ -434,13 +440,15 @@ struct Sums {
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn draw<S: Lanes>(
     simd: S,
     drops: &[ProjectedDrop],
     list: &[u32],
     corner: [f32; 2],
     rgb: &mut [[f32; PATCH_PIXELS]; 3],
-    (alpha, depth_sum): (&[f32; PATCH_PIXELS], &[f32; PATCH_PIXELS]),
+    alpha: &[f32; PATCH_PIXELS],
+    depth_sum: &[f32; PATCH_PIXELS],
     mut apart: Option<&mut [[f32; PATCH_PIXELS]; 4]>,
 ) {
     let mut sums = Sums { sums: [0; 4 * PATCH_PIXELS], pixels: [0.0; 4 * PATCH_PIXELS], terms: [0; BLOCKS] };
@@ -454,7 +462,7 @@ fn draw<S: Lanes>(
             lanes.0 + (block % 4 * 4) as f32,
             lanes.1 + (block / 4 * (S::N / 4)) as f32,
             alpha.simd_ge(simd.set(MIN_ALPHA)).select(depth, simd.set(f32::INFINITY)),
-            (simd.set(1.0) - alpha) * STEPS,
+            (simd.set(1.0) - alpha) * STEPS_PER_OPTICAL_DEPTH,
         ];
         for (number, pixels) in numbers.iter().zip(pixels.chunks_exact_mut(S::N)) {
             number.store_slice(pixels);
@@ -477,7 +485,7 @@ fn draw<S: Lanes>(
         }
         let [steps, light @ ..] = totals;
         let corner = block / 4 * (S::N / 4) * PATCH + block % 4 * 4;
-        let kept = exp2(simd, [(steps * (-LOG2_E / STEPS)).max(simd.set(-126.0))])[0];
+        let kept = exp2(simd, [(steps * (-LOG2_E / STEPS_PER_OPTICAL_DEPTH)).max(simd.set(-126.0))])[0];
         let share = (simd.set(1.0) - kept) / steps.max(simd.set(1.0));
         let mut color = [simd.set(0.0); 3];
         for k in 0..3 {
@@ -518,36 +526,36 @@ fn to_rows<S: Lanes>(block: S::F, rows: &mut [f32]) {
     }
 }
 
-/// As floats: by halves, each as the mantissa of 2^23.
+/// Converts whole numbers to floats: by halves of 16 bits, each as the mantissa of 2^23.
 #[inline(always)]
 fn whole<S: Lanes>(simd: S, bits: S::U) -> S::F {
     let float = |half: S::U| S::F::from_bits(half | S::U::splat(simd, 0x4b00_0000)) - 8_388_608.0;
     float(bits >> 16).mul_add(simd.set(65536.0), float(bits & S::U::splat(simd, 0xffff)))
 }
 
-/// log2 of [`LEAST`] and [`super::MOST`].
-const LEAST_LOG2: f32 = -8.0;
-const MOST_LOG2: f32 = 4.0;
-/// `exp(-SHORTEST / 2)`.
-const BEYOND_SHORTEST: f32 = 0.105_399_22;
-/// Brightest that a particle may be: what whole numbers hold.
-const BRIGHTEST: f32 = 3.0;
+/// log2 of [`MIN_OPTICAL_DEPTH`] and [`super::MAX_OPTICAL_DEPTH`].
+const MIN_OPTICAL_DEPTH_LOG2: f32 = -8.0;
+const MAX_OPTICAL_DEPTH_LOG2: f32 = 4.0;
+/// `exp(-MIN_SQUARED_RADIUS / 2)`.
+const MIN_RADIUS_FALLOFF: f32 = 0.105_399_22;
+/// Largest radiance of a particle: more would overflow the integer sums.
+const MAX_RADIANCE: f32 = 3.0;
 /// Adding it to a number below 2^22 leaves the rounded whole number in the low bits.
 const ROUND: f32 = 12_582_912.0;
 
 #[inline(always)]
 fn add<S: Lanes>(simd: S, drop: &ProjectedDrop, corner: [f32; 2], lanes: (S::F, S::F), sums: &mut Sums) {
     let [dx, dy] = [0, 1].map(|k| simd.set(corner[k] + 0.5 - drop.mean2d[k]));
-    let (round, steps) = (simd.set(ROUND), simd.set(STEPS));
+    let (round, steps) = (simd.set(ROUND), simd.set(STEPS_PER_OPTICAL_DEPTH));
     let (depth, peak) = (simd.set(drop.depth), simd.set(drop.peak));
     let (ux, vx, vy) = (simd.set(drop.ux), simd.set(drop.vx), simd.set(drop.vy));
-    // Below this it ends.
+    // Powers below this do not count.
     let end = simd.set(drop.peak - drop.reach);
     let ellipse = drop.ellipse();
     let height = S::N / 4;
     for field in 0..PATCH_PIXELS / (S::N * S::N) {
         let top = corner[1] + (field * height * height) as f32;
-        let mut bits = cell_mask(simd, &ellipse, (corner[0], top), (4.0, height as f32), lanes);
+        let mut bits = cell_mask(simd, &ellipse, corner[0], top, 4.0, height as f32, lanes.0, lanes.1);
         while bits != 0 {
             // Never more than it may be, for the compiler to know.
             let block = (field * S::N + bits.trailing_zeros() as usize) & (PATCH_PIXELS / S::N - 1);

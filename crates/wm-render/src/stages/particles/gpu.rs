@@ -10,7 +10,7 @@ pub(crate) const OVER: &str = include_str!("over.wgsl");
 
 /// The programs of particles.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum ParticleProgram {
+pub(crate) enum ParticleProgram {
     /// Adds up the cover of particles.
     Fall,
 }
@@ -33,8 +33,10 @@ impl StagePrograms for ParticleProgram {
 /// that were 0.
 pub(crate) fn fall(
     recorder: &mut Recorder<'_>,
-    (drops, count): (&wgpu::Buffer, u32),
-    (alpha, depths): (&wgpu::Buffer, &wgpu::Buffer),
+    drops: &wgpu::Buffer,
+    count: u32,
+    alpha: &wgpu::Buffer,
+    depths: &wgpu::Buffer,
     sums: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(vec![(0, recorder.view())], [drops, alpha, depths, sums]);

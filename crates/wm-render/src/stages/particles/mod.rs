@@ -5,7 +5,7 @@
 //! clamped) and the optical depth `tau = min(16, p k) exp(-q/2)`. What it hides, the integral of
 //! `1 - e^-tau`, is its area in pixels, however small, thin or fast it is: of a Gaussian of depth p
 //! it is `2 pi sqrt(det cov2d) Ein(p)`, so that `Ein(p) = w`, the area in pixels over
-//! `2 pi sqrt(det)`; p = `w` where it is faint, and [`PEAK`] gives it within 0.2 % up to 16. It
+//! `2 pi sqrt(det)`; p = `w` where it is faint, and [`PEAK_COEFFICIENTS`] gives it within 0.2 % up to 16. It
 //! ends at the radius where tau falls below 2^-8, as a splat does, but not below `q = 4.5`; `k`
 //! gives back what is cut off there.
 //!
@@ -22,23 +22,23 @@
 //! (f32 positions of some thousand pixels, times slopes of up to 2 a pixel): 3e-5 + 2e-4 tau a
 //! particle in tau, before the decision of the depth test, which is free within 1e-5 of z.
 
-pub mod cpu;
+pub(crate) mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;
 
 /// Added to the diagonal of the 2D covariance, px^2: as the splats' own.
 pub const DILATION: f32 = super::project::DILATION;
 /// Greatest optical depth of one particle.
-pub const MOST: f32 = 16.0;
+pub const MAX_OPTICAL_DEPTH: f32 = 16.0;
 /// Optical depth at which a particle ends.
-pub const LEAST: f32 = 1.0 / 256.0;
-/// Squared radius, in standard deviations, that every particle reaches.
-pub const SHORTEST: f32 = 4.5;
+pub(crate) const MIN_OPTICAL_DEPTH: f32 = 1.0 / 256.0;
+/// Squared radius that every particle covers at least, standard deviations^2.
+pub(crate) const MIN_SQUARED_RADIUS: f32 = 4.5;
 /// Coefficients of w, w^2, ... of `ln(p / w)`, fitted.
-pub const PEAK: [f32; 4] = [0.259_93, 0.012_677, 0.026_802, -0.003_624_7];
+pub(crate) const PEAK_COEFFICIENTS: [f32; 4] = [0.259_93, 0.012_677, 0.026_802, -0.003_624_7];
 /// Greatest w: `Ein(16)`.
-pub const WIDEST: f32 = 3.35;
-/// Whole numbers of an optical depth of 1.
-pub const STEPS: f32 = 65536.0;
+pub(crate) const MAX_COVER: f32 = 3.35;
+/// Integer steps of an optical depth of 1.
+pub(crate) const STEPS_PER_OPTICAL_DEPTH: f32 = 65536.0;

@@ -1,9 +1,9 @@
-//! Every back end against the referee, and what must hold of cover whatever the path.
+//! Every back end against the reference, and what must hold of cover whatever the path.
 
 use super::cpu::ProjectedDrop;
 use crate::hooks::{GROUP, Hooks, Particle, ParticleGroup, ParticleView, Particles};
 use crate::plan::{DrawPass, SetView};
-use crate::reference_particles::cover;
+use crate::reference::particles::cover;
 use crate::renderer::{Background, CpuConfig, Geometry, Outputs, RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
@@ -69,7 +69,7 @@ fn render(splats: &Splats, list: &List, renderer: &mut dyn RenderBackend) -> Fra
 }
 
 crate::parity! {
-    every_back_end_draws_what_the_referee_draws => drawn;
+    every_back_end_draws_what_the_reference_draws => drawn;
 }
 
 fn drawn(backend: Backend) {
@@ -82,7 +82,7 @@ fn drawn(backend: Backend) {
         for x in 0..frame.width {
             let at = frame.index(x, y);
             let alpha = f64::from(bare.alpha[at]);
-            let seen = cover(&list.0, &camera(), (x, y), (alpha, f64::from(bare.depth[at]) * alpha));
+            let seen = cover(&list.0, &camera(), x, y, alpha, f64::from(bare.depth[at]) * alpha);
             let behind = bare.rgb_at(x, y).map(f64::from);
             let want = seen.over(behind);
             drawn += u32::from(seen.tau > 0.01);
@@ -143,7 +143,7 @@ fn cover_is_kept() {
                 let drops = ProjectedDrop::project(path, &ParticleGroup::of(&[particle]), &view);
                 assert!(drops.len() == 1 && drops[0].extent.iter().all(|extent| *extent < 30.0), "{path}");
             }
-            let pixels = |x, y| 1.0 - (-cover(&[particle], &camera(), (x, y), (0.0, 0.0)).tau).exp();
+            let pixels = |x, y| 1.0 - (-cover(&[particle], &camera(), x, y, 0.0, 0.0).tau).exp();
             sum += (0..75).flat_map(|x| (0..52).map(move |y| pixels(x, y))).sum::<f64>();
             let tan = f64::from(particle.offset[0].hypot(particle.offset[1])) / 4.0;
             let scale = f64::from(view.pixels()) / 4.0;

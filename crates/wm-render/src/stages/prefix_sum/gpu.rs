@@ -9,7 +9,7 @@ pub(crate) const WORKGROUP_SUMS: &str = include_str!("workgroup.wgsl");
 
 /// The programs of prefix sums.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum PrefixSumProgram {
+pub(crate) enum PrefixSumProgram {
     /// Over the blocks of splats.
     Visible,
     /// Over the splats in view, 256 at a time.
@@ -39,7 +39,8 @@ pub(crate) fn spine(
     recorder: &mut Recorder<'_>,
     program: PrefixSumProgram,
     sums: &wgpu::Buffer,
-    (counters, dispatches): (&wgpu::Buffer, &wgpu::Buffer),
+    counters: &wgpu::Buffer,
+    dispatches: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(vec![(0, recorder.view())], [counters, dispatches, sums]);
     recorder.dispatch(program, Groups::Direct(1), bindings);

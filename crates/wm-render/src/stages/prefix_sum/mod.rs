@@ -9,6 +9,6 @@
 //! Items beyond the room of the buffers are cut off here: `visible` and `entries` are at most the
 //! capacities, `..._needed` are the full numbers.
 
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;

@@ -3,7 +3,7 @@
 //!
 //! Tolerance: exponentials err by 5e-7 relative, so do scales and opacities.
 
-use crate::cpu::model::{NEVER, SplatGroup};
+use crate::cpu::model::{NEVER_DRAWN_LOG2_OPACITY, SplatGroup};
 use crate::differentiable::Opacity;
 use crate::hooks::GROUP;
 use crate::simd::{Lanes, exp2, log2};
@@ -14,13 +14,13 @@ use wm_scene::Splats;
 /// Sixteen splats, activated, with what their derivative needs.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Activated {
+pub(crate) struct Activated {
     /// `dc` is not filled.
-    pub group: SplatGroup,
+    pub(crate) group: SplatGroup,
     /// 1 / length of the stored quaternions; 0 where there is none.
-    pub inverse_length: [f32; GROUP],
+    pub(crate) inverse_length: [f32; GROUP],
     /// 1 - stored opacity.
-    pub transparency: [f32; GROUP],
+    pub(crate) transparency: [f32; GROUP],
 }
 
 impl Default for Activated {
@@ -30,7 +30,7 @@ impl Default for Activated {
             mean: [zero; 3],
             quat: [zero; 4],
             scale: [zero; 3],
-            log2_opacity: [NEVER; GROUP],
+            log2_opacity: [NEVER_DRAWN_LOG2_OPACITY; GROUP],
             dc: [zero; 3],
         };
         Self { group, inverse_length: zero, transparency: zero }
@@ -39,7 +39,7 @@ impl Default for Activated {
 
 /// Activates the splats `indices`; those from `count` on are never drawn.
 #[inline(always)]
-pub fn activate<S: Lanes>(
+pub(crate) fn activate<S: Lanes>(
     simd: S,
     splats: &Splats,
     indices: &[u32; GROUP],
@@ -100,5 +100,5 @@ pub fn activate<S: Lanes>(
         };
         log2_opacity.store_slice(&mut group.log2_opacity[lanes]);
     }
-    group.log2_opacity[count.min(GROUP)..].fill(NEVER);
+    group.log2_opacity[count.min(GROUP)..].fill(NEVER_DRAWN_LOG2_OPACITY);
 }

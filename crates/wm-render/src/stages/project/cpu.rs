@@ -1,8 +1,8 @@
 //! Projection of sixteen splats at a time, and culling of 256.
 
 use super::{
-    DILATION, FLATTENING, LIES, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record,
-    SLOPE_DILATION, SQRT_HALF_LOG2E, STANDS, TEST_SLACK, pack_slopes,
+    DILATION, FLATTENING, LOG2_MIN_ALPHA, MAX_DET, MAX_LYING_SHARE, MIN_COMPENSATION, MIN_STANDING_SHARE,
+    ProjectCamera, Record, SLOPE_DILATION, SQRT_HALF_LOG2E, TEST_SLACK, pack_slopes,
 };
 use crate::cpu::model::{Cluster, SplatGroup};
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
@@ -16,34 +16,34 @@ use wm_scene::Rasterization;
 #[repr(C, align(64))]
 pub struct ProjectedGroup {
     /// Centre, px.
-    pub x: [f32; GROUP],
+    pub(crate) x: [f32; GROUP],
     /// Centre, px.
-    pub y: [f32; GROUP],
+    pub(crate) y: [f32; GROUP],
     /// `u = ux dx`.
-    pub ux: [f32; GROUP],
+    pub(crate) ux: [f32; GROUP],
     /// `v = vx dx + vy dy`.
-    pub vx: [f32; GROUP],
+    pub(crate) vx: [f32; GROUP],
     /// See `vx`.
-    pub vy: [f32; GROUP],
+    pub(crate) vy: [f32; GROUP],
     /// log2 of the opacity at the centre.
-    pub log2_opacity: [f32; GROUP],
+    pub(crate) log2_opacity: [f32; GROUP],
     /// View z, scene units.
-    pub depth: [f32; GROUP],
+    pub(crate) depth: [f32; GROUP],
     /// The dy at which alpha is largest for dx = 1.
-    pub slope_y: [f32; GROUP],
+    pub(crate) slope_y: [f32; GROUP],
     /// The dx at which alpha is largest for dy = 1.
-    pub slope_x: [f32; GROUP],
+    pub(crate) slope_x: [f32; GROUP],
     /// First and last column of patches that the box of alpha >= 1/255 touches.
-    pub columns: [[u32; GROUP]; 2],
+    pub(crate) columns: [[u32; GROUP]; 2],
     /// First and last row of them.
-    pub rows: [[u32; GROUP]; 2],
+    pub(crate) rows: [[u32; GROUP]; 2],
     /// World axes, towards the camera.
-    pub normal: [[f32; GROUP]; 3],
+    pub(crate) normal: [[f32; GROUP]; 3],
     /// Slopes of the reciprocal depth, packed by [`super::pack_slopes`]. Filled only if a surface
     /// splits the blend.
-    pub slopes: [u32; GROUP],
+    pub(crate) slopes: [u32; GROUP],
     /// A bit for each splat that is in view.
-    pub mask: u32,
+    pub(crate) mask: u32,
 }
 
 impl Default for ProjectedGroup {
@@ -70,36 +70,36 @@ impl Default for ProjectedGroup {
 
 /// The places and shapes of splats in the picture: one vector a number.
 #[derive(Clone, Copy)]
-pub struct GroupGeometry<S: Lanes> {
+pub(crate) struct GroupGeometry<S: Lanes> {
     /// Mean less camera centre, world axes.
-    pub offset: [S::F; 3],
+    pub(crate) offset: [S::F; 3],
     /// View z.
-    pub z: S::F,
+    pub(crate) z: S::F,
     /// 1 / z.
-    pub inverse_z: S::F,
+    pub(crate) inverse_z: S::F,
     /// X / z and Y / z.
-    pub tangents: [S::F; 2],
-    /// The same within the limits of the Jacobian.
-    pub held: [S::F; 2],
+    pub(crate) tangents: [S::F; 2],
+    /// X / z and Y / z, clamped to the limits of the Jacobian.
+    pub(crate) held: [S::F; 2],
     /// Columns of R.
-    pub columns: [[S::F; 3]; 3],
+    pub(crate) columns: [[S::F; 3]; 3],
     /// Standard deviations.
-    pub scales: [S::F; 3],
+    pub(crate) scales: [S::F; 3],
     /// Columns of J W R, not scaled, row by row.
-    pub unscaled: [[S::F; 3]; 2],
+    pub(crate) unscaled: [[S::F; 3]; 2],
     /// M = J W R diag(s), row by row.
-    pub m: [[S::F; 3]; 2],
+    pub(crate) m: [[S::F; 3]; 2],
     /// xx, xy, yy of the dilated covariance, px^2.
-    pub cov: [S::F; 3],
+    pub(crate) cov: [S::F; 3],
     /// Determinant of M M^T.
-    pub sharp: S::F,
+    pub(crate) sharp: S::F,
     /// Determinant of `cov`.
-    pub det: S::F,
+    pub(crate) det: S::F,
 }
 
 /// The geometry of the splats of `group` from lane `first` on.
 #[inline(always)]
-pub fn geometry<S: Lanes>(
+pub(crate) fn geometry<S: Lanes>(
     simd: S,
     group: &SplatGroup,
     first: usize,
@@ -186,7 +186,7 @@ pub fn geometry<S: Lanes>(
 
 /// The Cholesky factor of `geometry`'s exponent: ux, vx, vy; see [`super::Record`].
 #[inline(always)]
-pub fn factor<S: Lanes>(simd: S, geometry: &GroupGeometry<S>) -> [S::F; 3] {
+pub(crate) fn factor<S: Lanes>(simd: S, geometry: &GroupGeometry<S>) -> [S::F; 3] {
     let [cov_xx, cov_xy, _] = geometry.cov;
     let vy = (cov_xx / geometry.det).sqrt() * SQRT_HALF_LOG2E;
     let ux = simd.set(SQRT_HALF_LOG2E) / cov_xx.sqrt();
@@ -217,7 +217,9 @@ fn reciprocal_slopes<S: Lanes>(
     let product = |a: &[S::F; 3], b: &[S::F; 3]| a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
     let high = product(&height, &height).max(simd.set(1e-30));
     let share = high / product(&geometry.scales, &geometry.scales).max(simd.set(1e-30));
-    let lies = ((simd.set(STANDS) - share) * (1.0 / (STANDS - LIES))).max(zero).min(simd.set(1.0));
+    let lies = ((simd.set(MIN_STANDING_SHARE) - share) * (1.0 / (MIN_STANDING_SHARE - MAX_LYING_SHARE)))
+        .max(zero)
+        .min(simd.set(1.0));
     let flat = lies * -FLATTENING / high;
     let [mut m_x, mut m_y] = geometry.m;
     for row in [&mut m_x, &mut m_y, &mut deep] {
@@ -241,7 +243,7 @@ fn reciprocal_slopes<S: Lanes>(
 
 /// Unit direction and length of `offset`.
 #[inline(always)]
-pub fn ray<S: Lanes>(simd: S, offset: &[S::F; 3]) -> ([S::F; 3], S::F) {
+pub(crate) fn ray<S: Lanes>(simd: S, offset: &[S::F; 3]) -> ([S::F; 3], S::F) {
     let [x, y, z] = *offset;
     let distance = x.mul_add(x, y.mul_add(y, z * z)).sqrt();
     let inverse = simd.set(1.0) / distance;
@@ -250,7 +252,7 @@ pub fn ray<S: Lanes>(simd: S, offset: &[S::F; 3]) -> ([S::F; 3], S::F) {
 
 /// The shortest axis (the first of equal ones): selects it of three vectors.
 #[inline(always)]
-pub fn shortest<S: Lanes>(scales: &[S::F; 3], of: [S::F; 3]) -> S::F {
+pub(crate) fn shortest<S: Lanes>(scales: &[S::F; 3], of: [S::F; 3]) -> S::F {
     let second = scales[1].simd_lt(scales[0]);
     let third = scales[2].simd_lt(scales[0].min(scales[1]));
     third.select(of[2], second.select(of[1], of[0]))
@@ -258,7 +260,7 @@ pub fn shortest<S: Lanes>(scales: &[S::F; 3], of: [S::F; 3]) -> S::F {
 
 /// The factor 1 or -1 that turns `normal` towards the camera.
 #[inline(always)]
-pub fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) -> S::F {
+pub(crate) fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) -> S::F {
     let along = normal[0].mul_add(offset[0], normal[1].mul_add(offset[1], normal[2] * offset[2]));
     along.simd_gt(simd.set(0.0)).select(simd.set(-1.0), simd.set(1.0))
 }
@@ -266,12 +268,14 @@ pub fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) -> S::F
 /// Projects one group. `visibility` is a factor on the opacity of each splat, `split` the normal of
 /// a surface that splits the blend; `shade` gets the rays.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub fn project_group<S: Lanes>(
     simd: S,
     group: &SplatGroup,
     camera: &ProjectCamera,
     rasterization: Rasterization,
-    (visibility, split): (Option<&[f32; GROUP]>, Option<[f32; 3]>),
+    visibility: Option<&[f32; GROUP]>,
+    split: Option<[f32; 3]>,
     out: &mut ProjectedGroup,
     shade: &mut ShadeGroup,
 ) {
@@ -317,7 +321,7 @@ pub fn project_group<S: Lanes>(
                 slopes[k].store_slice(&mut numbers[k][first..first + S::N]);
             }
             for lane in first..first + S::N {
-                out.slopes[lane] = pack_slopes([numbers[0][lane], numbers[1][lane]]);
+                out.slopes[lane] = pack_slopes(numbers[0][lane], numbers[1][lane]);
             }
         }
         let (direction, distance) = ray(simd, &geometry.offset);
@@ -356,7 +360,7 @@ impl Record {
     /// The sixteen records of a group, whose splats are numbered from `first`.
     #[inline(always)]
     #[must_use]
-    pub fn transposed<S: Lanes>(
+    pub(crate) fn transposed<S: Lanes>(
         simd: S,
         from: &ProjectedGroup,
         shade: &ShadeGroup,
@@ -446,7 +450,7 @@ fn patch_of<S: Lanes>(simd: S, v: S::F, last: f32) -> S::U {
 /// `e = sqrt(2 ln 255 0.3)` px from the dilation. The left side less `z e / f` is linear in the
 /// mean, so its least value over the cluster's box is exact.
 #[derive(Clone, Copy, Debug)]
-pub struct ClusterCull {
+pub(crate) struct ClusterCull {
     /// Outward normals: a point `d` from the camera centre is outside if `n . d` exceeds the slack.
     planes: [[f32; 3]; 4],
     /// Slack a unit of standard deviation, one a plane.
@@ -459,7 +463,7 @@ pub struct ClusterCull {
 impl ClusterCull {
     /// The test for one camera.
     #[must_use]
-    pub fn new(camera: &ProjectCamera) -> Self {
+    pub(crate) fn new(camera: &ProjectCamera) -> Self {
         // sqrt(2 ln(255)), and with the dilation; a little more against rounding.
         let sigmas = (2.0 * (255.0f32).ln() + 0.01).sqrt();
         let dilated = sigmas * DILATION.sqrt() + 0.5;
@@ -485,7 +489,7 @@ impl ClusterCull {
     /// Returns true if no splat of the cluster can be in view.
     #[inline]
     #[must_use]
-    pub fn culls(&self, cluster: &Cluster) -> bool {
+    pub(crate) fn culls(&self, cluster: &Cluster) -> bool {
         let d: [f32; 3] = std::array::from_fn(|k| cluster.center[k] - self.center[k]);
         let support = |n: &[f32; 3]| -> (f32, f32) {
             let middle = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];

@@ -10,19 +10,19 @@ use crate::stages::shade::gpu::{AirText, SHADE};
 use std::borrow::Cow;
 
 /// Rows of sixteen numbers of a group of splats on the GPU, see `geometry.wgsl`.
-pub const ROWS: u32 = 15;
+pub(crate) const ROWS: u32 = 15;
 /// Mean, three rows.
-pub const ROW_MEAN: u32 = 0;
+pub(crate) const ROW_MEAN: u32 = 0;
 /// Quaternion, wxyz, four rows: of length 1, or as stored.
-pub const ROW_QUAT: u32 = 3;
+pub(crate) const ROW_QUAT: u32 = 3;
 /// Standard deviations, three rows, or their logarithms.
-pub const ROW_SCALE: u32 = 7;
+pub(crate) const ROW_SCALE: u32 = 7;
 /// log2 of the opacity, or its logit.
-pub const ROW_OPACITY: u32 = 10;
+pub(crate) const ROW_OPACITY: u32 = 10;
 /// Coefficient 0 of the colour, three rows.
-pub const ROW_DC: u32 = 11;
+pub(crate) const ROW_DC: u32 = 11;
 /// 1 for splats of the sky, else 0.
-pub const ROW_SKY: u32 = 14;
+pub(crate) const ROW_SKY: u32 = 14;
 
 /// The first text of all programs over splats.
 pub(crate) const PIECES: &str = include_str!("pieces.wgsl");
@@ -31,10 +31,10 @@ pub(crate) const GEOMETRY: &str = include_str!("geometry.wgsl");
 
 /// The form of the parameters of splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ParameterForm {
+pub(crate) enum ParameterForm {
     /// Made ready once, to be rendered often.
     Activated,
-    /// As they are stored, and learn.
+    /// Parameters as they are stored, for splats that learn.
     Stored,
 }
 
@@ -50,7 +50,7 @@ impl ParameterForm {
 
 /// The programs of the projection.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum ProjectProgram {
+pub(crate) enum ProjectProgram {
     /// Finds the splats in view.
     Cull(ParameterForm),
     /// Writes their records, with colours through the air.
@@ -92,15 +92,15 @@ impl StagePrograms for ProjectProgram {
 /// One piece of a set with what changes of it from frame to frame.
 pub(crate) struct Piece<'a> {
     /// `Chunk` of `geometry.wgsl`.
-    pub uniform: wgpu::BindingResource<'a>,
+    pub(crate) uniform: wgpu::BindingResource<'a>,
     /// See `geometry.wgsl`.
-    pub splats: &'a wgpu::Buffer,
+    pub(crate) splats: &'a wgpu::Buffer,
     /// See `shade.wgsl`.
-    pub sh_rest: &'a wgpu::Buffer,
+    pub(crate) sh_rest: &'a wgpu::Buffer,
     /// See `activated.wgsl`; `None` of splats in stored form.
-    pub attributes: Option<&'a wgpu::Buffer>,
+    pub(crate) attributes: Option<&'a wgpu::Buffer>,
     /// Blocks of 256 splats.
-    pub blocks: u32,
+    pub(crate) blocks: u32,
 }
 
 impl Piece<'_> {
@@ -109,7 +109,7 @@ impl Piece<'_> {
     }
 
     /// The bindings that all programs over splats share.
-    pub fn bindings<'a>(&'a self, recorder: &Recorder<'a>, blocks: &'a wgpu::Buffer) -> Bindings<'a> {
+    pub(crate) fn bindings<'a>(&'a self, recorder: &Recorder<'a>, blocks: &'a wgpu::Buffer) -> Bindings<'a> {
         let mut bindings = vec![
             (0, recorder.view()),
             (1, self.uniform.clone()),
@@ -132,7 +132,8 @@ pub(crate) fn project(
     recorder: &mut Recorder<'_>,
     piece: &Piece<'_>,
     blocks: &wgpu::Buffer,
-    (records, depths): (&wgpu::Buffer, &wgpu::Buffer),
+    records: &wgpu::Buffer,
+    depths: &wgpu::Buffer,
     shading: Shading,
     air: Option<(&WgslSource, &wgpu::Buffer)>,
 ) {

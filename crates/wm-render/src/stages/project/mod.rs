@@ -26,10 +26,10 @@
 //!
 //! The radius of culling a cluster is conservative: see `cpu::ClusterCull`.
 
-pub mod activate;
+pub(crate) mod activate;
 pub mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;
 
@@ -37,71 +37,71 @@ use wm_scene::Camera;
 
 /// Variance added to both axes of the 2D Gaussian, px^2.
 pub const DILATION: f32 = 0.3;
-/// The same where slopes of depth are found, px^2: flat splats that are seen at a grazing angle are
+/// Dilation where slopes of depth are found, px^2: flat splats that are seen at a grazing angle are
 /// lines.
-pub const SLOPE_DILATION: f32 = 0.02;
+pub(crate) const SLOPE_DILATION: f32 = 0.02;
 /// Share of a splat's thickness along the normal of a surface that does not count for on which side
 /// of it the splat is, for those that lie along the surface; and the shares of a splat's whole
 /// variance along the normal up to which it lies, and from which it stands.
-pub const FLATTENING: f32 = 0.99;
-pub const LIES: f32 = 0.15;
-pub const STANDS: f32 = 0.3;
+pub(crate) const FLATTENING: f32 = 0.99;
+pub(crate) const MAX_LYING_SHARE: f32 = 0.15;
+pub(crate) const MIN_STANDING_SHARE: f32 = 0.3;
 /// Smallest opacity factor of the anti-aliased mode.
-pub const MIN_COMPENSATION: f32 = 0.005;
+pub(crate) const MIN_COMPENSATION: f32 = 0.005;
 /// Smallest alpha that is drawn.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 /// log2 of [`MIN_ALPHA`].
-pub const LOG2_MIN_ALPHA: f32 = -7.994_353_3;
-/// Slack in log2 alpha with which extents and tiles are tested, against rounding.
-pub const TEST_SLACK: f32 = 1e-3;
+pub(crate) const LOG2_MIN_ALPHA: f32 = -7.994_353_3;
+/// Tolerance in log2 alpha of the tests of extents and tiles, against rounding.
+pub(crate) const TEST_SLACK: f32 = 1e-3;
 /// `sqrt(log2(e) / 2)`: turns standard deviations into the exponent of 2.
-pub const SQRT_HALF_LOG2E: f32 = 0.849_321_8;
+pub(crate) const SQRT_HALF_LOG2E: f32 = 0.849_321_8;
 /// Largest determinant of a 2D covariance, px^4.
-pub const MAX_DET: f32 = 1e37;
+pub(crate) const MAX_DET: f32 = 1e37;
 
 /// One projected and shaded splat: one cache line, all that later stages need.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
 pub struct Record {
     /// Centre, px.
-    pub x: f32,
+    pub(crate) x: f32,
     /// Centre, px.
-    pub y: f32,
+    pub(crate) y: f32,
     /// `u = ux dx`.
-    pub ux: f32,
+    pub(crate) ux: f32,
     /// `v = vx dx + vy dy`.
-    pub vx: f32,
+    pub(crate) vx: f32,
     /// See `vx`.
-    pub vy: f32,
+    pub(crate) vy: f32,
     /// log2 of the opacity at the centre.
-    pub log2_opacity: f32,
+    pub(crate) log2_opacity: f32,
     /// Display-referred colour.
-    pub rgb: [f32; 3],
+    pub(crate) rgb: [f32; 3],
     /// View z, scene units.
-    pub depth: f32,
+    pub(crate) depth: f32,
     /// World axes, towards the camera.
-    pub normal: [f32; 3],
+    pub(crate) normal: [f32; 3],
     /// The dy at which alpha is largest for dx = 1: `cov2d[x][y] / cov2d[x][x]`.
-    pub slope_y: f32,
+    pub(crate) slope_y: f32,
     /// The dx at which alpha is largest for dy = 1: `cov2d[x][y] / cov2d[y][y]`.
-    pub slope_x: f32,
+    pub(crate) slope_x: f32,
     /// Index of the splat in its model; in a pass with a surface slopes of its depth, see
     /// [`pack_slopes`].
-    pub index: u32,
+    pub(crate) index: u32,
 }
 
 /// Packs slopes of the reciprocal depth along x and y, 1/(scene units px), into one word: the upper
 /// half of each number.
 #[inline(always)]
 #[must_use]
-pub fn pack_slopes([x, y]: [f32; 2]) -> u32 {
+pub(crate) fn pack_slopes(x: f32, y: f32) -> u32 {
     (x.to_bits() & 0xffff_0000) | (y.to_bits() >> 16)
 }
 
 /// Reads what [`pack_slopes`] wrote.
 #[inline(always)]
 #[must_use]
-pub fn unpack_slopes(word: u32) -> [f32; 2] {
+pub(crate) fn unpack_slopes(word: u32) -> [f32; 2] {
     [f32::from_bits(word & 0xffff_0000), f32::from_bits(word << 16)]
 }
 
@@ -109,21 +109,21 @@ pub fn unpack_slopes(word: u32) -> [f32; 2] {
 #[derive(Clone, Copy, Debug)]
 pub struct ProjectCamera {
     /// World to camera, rows.
-    pub rotation: [[f32; 3]; 3],
+    pub(crate) rotation: [[f32; 3]; 3],
     /// Camera centre, world axes.
-    pub center: [f32; 3],
+    pub(crate) center: [f32; 3],
     /// Focal lengths, px.
-    pub focal: [f32; 2],
+    pub(crate) focal: [f32; 2],
     /// Principal point, px.
-    pub principal: [f32; 2],
+    pub(crate) principal: [f32; 2],
     /// Picture size, px.
-    pub size: [f32; 2],
+    pub(crate) size: [f32; 2],
     /// Lowest `X / z`, `Y / z` at which the Jacobian is taken.
-    pub low: [f32; 2],
+    pub(crate) low: [f32; 2],
     /// Highest.
-    pub high: [f32; 2],
+    pub(crate) high: [f32; 2],
     /// Near plane, scene units.
-    pub near: f32,
+    pub(crate) near: f32,
 }
 
 impl ProjectCamera {
@@ -151,9 +151,10 @@ impl ProjectCamera {
         }
     }
 
-    /// The camera with the limits of the Jacobian of another, of which it shows a part.
+    /// Makes the projection of a camera that shows a part of the picture of `whole`, whose limits
+    /// of the Jacobian it takes.
     #[must_use]
-    pub fn part_of(self, whole: Option<&Camera>) -> Self {
+    pub(crate) fn part_of(self, whole: Option<&Camera>) -> Self {
         match whole.map(Self::new) {
             Some(Self { low, high, .. }) => Self { low, high, ..self },
             None => self,

@@ -2,21 +2,22 @@ use super::cpu::{ClusterCull, ProjectedGroup, project_group};
 use super::{ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK};
 use crate::cpu::model::{CLUSTER, CpuModel};
 use crate::dispatch;
-#[cfg(feature = "gpu")]
 use crate::hooks::{GROUP, ShadeGroup};
 #[cfg(feature = "gpu")]
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
+#[cfg(feature = "gpu")]
 use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
-use crate::testing::{Backend, Hard, camera, random_splats, uniform};
+use crate::testing::comparison::HardSplats;
+use crate::testing::{Backend, camera, random_splats, uniform};
 use glam::DVec3;
 use wm_scene::{Camera, Rasterization, Splats};
 
 crate::parity! {
     random_splats_project_alike => |backend| check(backend, &random_splats(2000, 0, 1), Rasterization::Classic);
     hard_splats_project_alike => |backend| {
-        for hard in Hard::ALL {
+        for hard in HardSplats::ALL {
             check(backend, &hard.splats(600, 2), Rasterization::Classic);
             check(backend, &hard.splats(600, 3), Rasterization::Antialiased);
         }
@@ -54,7 +55,7 @@ fn run_on_cpu(path: SimdPath, model: &CpuModel, camera: &Camera, mode: Rasteriza
     let mut all = Vec::new();
     for group in &model.groups {
         let (mut out, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
-        dispatch!(path, s => project_group(s, group, &project_camera, mode, (None, None), &mut out, &mut shade));
+        dispatch!(path, s => project_group(s, group, &project_camera, mode, None, None, &mut out, &mut shade));
         let records = dispatch!(path, s => Record::transposed(s, &out, &shade, all.len() as u32));
         all.extend((0..GROUP).map(|lane| {
             let ends = [out.columns, out.rows].map(|ends| ends.map(|end| end[lane]));
@@ -170,9 +171,10 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
 /// No cluster that holds a splat in view is culled, for cameras all about and inside the scene.
 #[test]
 fn culling_loses_no_splat() {
-    for (kind, splats) in [random_splats(3000, 0, 7), Hard::Needle.splats(1500, 8), Hard::Huge.splats(600, 9)]
-        .into_iter()
-        .enumerate()
+    for (kind, splats) in
+        [random_splats(3000, 0, 7), HardSplats::Needle.splats(1500, 8), HardSplats::Huge.splats(600, 9)]
+            .into_iter()
+            .enumerate()
     {
         let model = CpuModel::new(&splats).unwrap();
         let (mut culled, mut kept) = (0, 0);

@@ -14,21 +14,21 @@ use wm_scene::Rasterization;
 /// The gradients of sixteen splats, one array a number.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct SplatGradients {
+pub(crate) struct SplatGradients {
     /// By the mean.
-    pub mean: [[f32; GROUP]; 3],
+    pub(crate) mean: [[f32; GROUP]; 3],
     /// By the stored quaternion.
-    pub quat: [[f32; GROUP]; 4],
+    pub(crate) quat: [[f32; GROUP]; 4],
     /// By the logarithms of the scales.
-    pub log_scale: [[f32; GROUP]; 3],
+    pub(crate) log_scale: [[f32; GROUP]; 3],
     /// By the logit of the opacity.
-    pub logit_opacity: [f32; GROUP],
+    pub(crate) logit_opacity: [f32; GROUP],
     /// By the centre in the picture, px.
-    pub mean2d: [[f32; GROUP]; 2],
-    /// The same from absolute values.
-    pub absgrad: [[f32; GROUP]; 2],
+    pub(crate) mean2d: [[f32; GROUP]; 2],
+    /// Sums of the absolute values of the pixels' derivatives by the centre.
+    pub(crate) absgrad: [[f32; GROUP]; 2],
     /// Three standard deviations along the longest axis, px.
-    pub radius: [f32; GROUP],
+    pub(crate) radius: [f32; GROUP],
 }
 
 impl Default for SplatGradients {
@@ -48,7 +48,7 @@ impl Default for SplatGradients {
 
 /// The rays from the camera to sixteen splats, without their colours.
 #[inline(always)]
-pub fn rays<S: Lanes>(simd: S, activated: &Activated, camera: &ProjectCamera, out: &mut ShadeGroup) {
+pub(crate) fn rays<S: Lanes>(simd: S, activated: &Activated, camera: &ProjectCamera, out: &mut ShadeGroup) {
     for first in (0..GROUP).step_by(S::N) {
         let mut offset = [simd.set(0.0); 3];
         for k in 0..3 {
@@ -64,7 +64,7 @@ pub fn rays<S: Lanes>(simd: S, activated: &Activated, camera: &ProjectCamera, ou
 
 /// `sums` are the numbers of a [`GradientSlot`], one array each; `by_direction` comes from shading.
 #[inline(always)]
-pub fn project_backward_group<S: Lanes>(
+pub(crate) fn project_backward_group<S: Lanes>(
     simd: S,
     activated: &Activated,
     camera: &ProjectCamera,
@@ -82,7 +82,7 @@ pub fn project_backward_group<S: Lanes>(
         }
         let geometry = geometry(simd, &activated.group, first, camera);
         let [ux, vx, vy] = factor(simd, &geometry);
-        let shape = Shape::new(simd, &geometry, [ux, vx, vy], &sum, config.rasterization);
+        let shape = Shape::new(simd, &geometry, ux, vx, vy, &sum, config.rasterization);
 
         // Through the picture.
         let by_x = ux.mul_add(sum[GradientSlot::SU], vx * sum[GradientSlot::SV]) * (2.0 * LN_2);
@@ -182,7 +182,9 @@ impl<S: Lanes> Shape<S> {
     fn new(
         simd: S,
         geometry: &GroupGeometry<S>,
-        [ux, vx, vy]: [S::F; 3],
+        ux: S::F,
+        vx: S::F,
+        vy: S::F,
         sum: &[S::F; GradientSlot::LEN],
         rasterization: Rasterization,
     ) -> Self {

@@ -10,32 +10,32 @@ use crate::stages::shade::gpu::{PHOTO_AIR, SHADE};
 use std::borrow::Cow;
 
 /// Numbers of a splat in view, see `project_backward.wgsl`.
-pub const ROW: u32 = 18;
+pub(crate) const ROW: u32 = 18;
 /// By the mean, three.
-pub const MEAN: u32 = 0;
+pub(crate) const MEAN: u32 = 0;
 /// By the stored quaternion, four.
-pub const QUAT: u32 = 3;
+pub(crate) const QUAT: u32 = 3;
 /// By the logarithms of the scales, three.
-pub const SCALE: u32 = 7;
+pub(crate) const SCALE: u32 = 7;
 /// By the logit of the opacity.
-pub const OPACITY: u32 = 10;
+pub(crate) const OPACITY: u32 = 10;
 /// By the centre in the picture, px, two.
-pub const MEAN2D: u32 = 11;
-/// The same from absolute values, two.
-pub const ABSGRAD: u32 = 13;
+pub(crate) const MEAN2D: u32 = 11;
+/// Sums of the absolute values of the pixels' derivatives by the centre, two.
+pub(crate) const ABSGRAD: u32 = 13;
 /// Sum of weights, px.
-pub const WEIGHT: u32 = 15;
+pub(crate) const WEIGHT: u32 = 15;
 /// Three standard deviations along the longest axis, px.
-pub const RADIUS: u32 = 16;
+pub(crate) const RADIUS: u32 = 16;
 /// Index of the splat, as bits.
-pub const INDEX: u32 = 17;
+pub(crate) const INDEX: u32 = 17;
 
 /// The text that derives the shading of one splat.
 const SHADE_BACKWARD: &str = include_str!("../shade_backward/shade_backward.wgsl");
 
 /// The programs of the derivative of the projection.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum ProjectBackwardProgram {
+pub(crate) enum ProjectBackwardProgram {
     /// Adds up the derivatives of all tiles.
     Gather,
     /// Turns them into gradients by the stored parameters.
@@ -72,18 +72,18 @@ impl StagePrograms for ProjectBackwardProgram {
 
 /// The buffers that `gather.wgsl` reads and writes.
 pub(crate) struct Gather<'a> {
-    pub counters: &'a wgpu::Buffer,
-    pub dispatches: &'a wgpu::Buffer,
-    pub order: &'a wgpu::Buffer,
+    pub(crate) counters: &'a wgpu::Buffer,
+    pub(crate) dispatches: &'a wgpu::Buffer,
+    pub(crate) order: &'a wgpu::Buffer,
     /// `counts` of `intersect.wgsl`, after entries were written.
-    pub ends: &'a wgpu::Buffer,
-    pub slots: &'a wgpu::Buffer,
-    pub pulls: &'a wgpu::Buffer,
+    pub(crate) ends: &'a wgpu::Buffer,
+    pub(crate) slots: &'a wgpu::Buffer,
+    pub(crate) pulls: &'a wgpu::Buffer,
 }
 
 impl Gather<'_> {
     /// Adds the slots of all splats in view.
-    pub fn record(&self, recorder: &mut Recorder<'_>) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
         let bindings = with_buffers(vec![], [self.counters, self.order, self.ends, self.slots, self.pulls]);
         recorder.dispatch(
             ProjectBackwardProgram::Gather,
@@ -95,16 +95,16 @@ impl Gather<'_> {
 
 /// The buffers that `project_backward.wgsl` and `shade_backward.wgsl` read and write.
 pub(crate) struct ProjectBackward<'a> {
-    pub blocks: &'a wgpu::Buffer,
-    pub records: &'a wgpu::Buffer,
-    pub pulls: &'a wgpu::Buffer,
-    pub gradients: &'a wgpu::Buffer,
-    pub by_sh: &'a wgpu::Buffer,
+    pub(crate) blocks: &'a wgpu::Buffer,
+    pub(crate) records: &'a wgpu::Buffer,
+    pub(crate) pulls: &'a wgpu::Buffer,
+    pub(crate) gradients: &'a wgpu::Buffer,
+    pub(crate) by_sh: &'a wgpu::Buffer,
 }
 
 impl ProjectBackward<'_> {
     /// Derives the splats of one piece.
-    pub fn record(&self, recorder: &mut Recorder<'_>, piece: &Piece<'_>, channels: Channels) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, piece: &Piece<'_>, channels: Channels) {
         let mut bindings = piece.bindings(recorder, self.blocks);
         bindings.extend([
             (5, piece.sh_rest.as_entire_binding()),

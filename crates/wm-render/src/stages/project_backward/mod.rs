@@ -26,8 +26,8 @@
 //! centre errs by some ulp of its coordinate in px: for splats smaller than a pixel that alone is
 //! 1e-4 of their gradients.
 
-pub mod cpu;
+pub(crate) mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,8 @@
 use crate::differentiable::{Channels, ForwardConfig, Opacity};
 use crate::even_air::EvenAir;
 use crate::simd::SimdChoice;
-use crate::testing::{Backend, Hard, camera, gradient_errors, gradients_of, random_splats};
+use crate::testing::comparison::{HardSplats, gradient_errors, gradients_of};
+use crate::testing::{Backend, camera, random_splats};
 use wm_scene::{Rasterization, Splats};
 
 crate::parity! {
@@ -23,7 +24,7 @@ crate::parity! {
         }
     };
     hard_splats_learn_alike => |backend| {
-        for hard in Hard::ALL {
+        for hard in HardSplats::ALL {
             for rasterization in [Rasterization::Classic, Rasterization::Antialiased] {
                 let config = ForwardConfig {
                     channels: Channels::ColorDepthNormal,
@@ -33,15 +34,15 @@ crate::parity! {
                     ..ForwardConfig::default()
                 };
                 let mut splats = hard.splats(250, 81);
-                if hard == Hard::NearPlane {
+                if hard == HardSplats::NearPlane {
                     // Most would be outside the picture.
                     splats.means.iter_mut().for_each(|m| (m[0], m[1]) = (0.05 * m[0], 0.05 * m[1]));
                 }
                 let tolerance = match hard {
-                    Hard::Needle | Hard::NearPlane | Hard::Behind => 1e-3,
+                    HardSplats::Needle | HardSplats::NearPlane | HardSplats::Behind => 1e-3,
                     // The centre's error, some ulp of up to 75 px, over a standard deviation of 0.5
                     // px.
-                    Hard::Tiny => 3e-4,
+                    HardSplats::Tiny => 3e-4,
                     _ => 1e-5,
                 };
                 check(backend, &format!("{hard:?}"), &splats, &config, tolerance);

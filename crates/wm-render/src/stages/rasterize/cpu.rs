@@ -21,20 +21,20 @@ pub(crate) const CHUNK: usize = 64;
 /// Sums of one patch, each `[256]` in block order: block by block, lane by lane.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct PatchSums {
+pub(crate) struct PatchSums {
     /// Transmittance; 0 where blending has stopped.
-    pub transmittance: [f32; PATCH_PIXELS],
+    pub(crate) transmittance: [f32; PATCH_PIXELS],
     /// Sum of weights.
-    pub alpha: [f32; PATCH_PIXELS],
+    pub(crate) alpha: [f32; PATCH_PIXELS],
     /// Sums of colour, view z and normal; as many as the render asks for are filled.
-    pub features: [[f32; PATCH_PIXELS]; 7],
+    pub(crate) features: [[f32; PATCH_PIXELS]; 7],
     /// Median depth; meaningful where alpha is at least 0.5.
-    pub median: [f32; PATCH_PIXELS],
-    /// Reciprocal view z of the surface; less than that of everything where there is none.
-    pub surface: [f32; PATCH_PIXELS],
+    pub(crate) median: [f32; PATCH_PIXELS],
+    /// Reciprocal view z of the surface, 1/scene units; negative infinity where there is none.
+    pub(crate) surface: [f32; PATCH_PIXELS],
     /// The sums that the surface splits, as in [`crate::Frame::front`]. While they are blended,
     /// those of blocks in `whole` are not filled.
-    pub front: [[f32; PATCH_PIXELS]; FRONT],
+    pub(crate) front: [[f32; PATCH_PIXELS]; FRONT],
     /// A bit for each block that the surface crosses at some pixel.
     crossed: u32,
     /// A bit for each block in which all splats so far are before the surface: its front is all
@@ -43,12 +43,12 @@ pub struct PatchSums {
 }
 
 /// View z of a surface at each pixel of a picture, and the picture's width and height, px.
-pub type Surface<'a> = (&'a [f32], (usize, usize));
+pub(crate) type Surface<'a> = (&'a [f32], (usize, usize));
 
 impl PatchSums {
-    /// Reads the surface in one patch, in the order in which a SIMD path of so many lanes walks the
-    /// blocks.
-    pub fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, (patch_x, patch_y): (usize, usize)) {
+    /// Reads the surface in one patch, in the order in which a SIMD path with `lanes` lanes walks
+    /// the blocks.
+    pub(crate) fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, patch_x: usize, patch_y: usize) {
         let (depths, (width, height)) = surface;
         let block_height = lanes / 4;
         self.crossed = 0;
@@ -95,14 +95,14 @@ pub(crate) type List = [u8; 256 + CHUNK];
 #[repr(C, align(64))]
 pub struct BlendScratch {
     /// The sums of the tile's patches.
-    pub patches: [PatchSums; PATCHES],
+    pub(crate) patches: [PatchSums; PATCHES],
     batch: Batch,
     lists: Lists,
     /// The sum of the weights of each splat of the tile's list over its pixels, filled where they
     /// are asked for.
-    pub weights: Vec<f32>,
+    pub(crate) weights: Vec<f32>,
     /// Columns and rows of the tile that are in the picture: pixels beside it have no weights.
-    pub weighed: (usize, usize),
+    pub(crate) weighed: (usize, usize),
     batch_weights: BatchWeights,
 }
 
@@ -121,10 +121,10 @@ impl Default for BatchWeights {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Lists {
-    pub patch: List,
+    pub(crate) patch: List,
     /// The blocks that each splat of `patch` touches, eight blocks an array.
-    pub masks: [[u8; 256]; 4],
-    pub block: List,
+    pub(crate) masks: [[u8; 256]; 4],
+    pub(crate) block: List,
 }
 
 impl Default for Lists {
@@ -137,13 +137,13 @@ impl Default for Lists {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Batch {
-    pub records: [Record; 256],
+    pub(crate) records: [Record; 256],
     /// u and v of each at the tile's corner.
-    pub origins: [(f32, f32); 256],
+    pub(crate) origins: [(f32, f32); 256],
     /// The tile's first pixel.
-    pub corner: (f32, f32),
+    pub(crate) corner: (f32, f32),
     /// The patches that each touches.
-    pub touched: [u8; 256],
+    pub(crate) touched: [u8; 256],
     /// Slopes of the reciprocal view z of each, and its value at the tile's corner; filled where a
     /// surface splits the blend.
     planes: [[f32; 3]; 256],
@@ -152,7 +152,11 @@ pub(crate) struct Batch {
 impl Default for Batch {
     fn default() -> Self {
         // Its depth is a number whose reciprocal is one.
-        let never = Record { log2_opacity: crate::cpu::model::NEVER, depth: 1.0, ..Record::default() };
+        let never = Record {
+            log2_opacity: crate::cpu::model::NEVER_DRAWN_LOG2_OPACITY,
+            depth: 1.0,
+            ..Record::default()
+        };
         Self {
             records: [never; 256],
             origins: [(0.0, 0.0); 256],
@@ -166,7 +170,7 @@ impl Default for Batch {
 impl Batch {
     /// Takes the splats of `keys`, at most 255, for the tile whose first pixel is `(left, top)`.
     #[inline(always)]
-    pub fn fill(&mut self, records: &[Record], keys: &[u64], (left, top): (f32, f32)) {
+    pub(crate) fn fill(&mut self, records: &[Record], keys: &[u64], left: f32, top: f32) {
         // Copied first and used after: nothing waits for one record, so many fetches overlap.
         for (i, key) in keys.iter().enumerate() {
             self.records[i] = records[record_of(*key)];
@@ -201,7 +205,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     simd: S,
     records: &[Record],
     keys: &[u64],
-    (left, top): (f32, f32),
+    left: f32,
+    top: f32,
     inside: u32,
     scratch: &mut BlendScratch,
 ) -> u64 {
@@ -222,6 +227,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     }
     let lanes = cell_lanes(simd);
     let block_height = (S::N / 4) as f32;
+    // A bit for each block that still takes light: blocks that have stopped are not walked again.
     let mut live = [0u32; PATCHES];
     for patch in 0..PATCHES {
         live[patch] = if inside >> patch & 1 == 1 { u32::MAX >> (32 - blocks) } else { 0 };
@@ -235,6 +241,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                 let x = patch % 2 * PATCH + block % 4 * 4;
                 let y = patch / 2 * PATCH + block / 4 * block_height + row;
                 for (lane, pixel) in pixels.iter_mut().enumerate() {
+                    // Pixels beside the picture start without light and add no weight.
                     if x + lane >= scratch.weighed.0 || y >= scratch.weighed.1 {
                         *pixel = 0.0;
                     }
@@ -245,7 +252,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
         scratch.weights.resize(keys.len(), 0.0);
     }
     for (number, batch) in keys.chunks(BATCH).enumerate() {
-        scratch.batch.fill(records, batch, (left, top));
+        scratch.batch.fill(records, batch, left, top);
         let len = batch.len();
         if SPLIT {
             scratch.batch.find_planes(len);
@@ -271,6 +278,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                 if count == 0 {
                     continue;
                 }
+                // Padded to whole flights with the record that is never drawn.
                 walk[count..count + FLIGHT].fill(BATCH as u8);
                 let walk = &walk[..count.next_multiple_of(FLIGHT)];
                 let corner = (
@@ -285,7 +293,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                         batch,
                         walk,
                         corner,
-                        lanes,
+                        lanes.0,
+                        lanes.1,
                         block,
                         sums,
                         batch_weights,
@@ -296,7 +305,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                         batch,
                         walk,
                         corner,
-                        lanes,
+                        lanes.0,
+                        lanes.1,
                         block,
                         sums,
                         batch_weights,
@@ -350,8 +360,10 @@ pub(crate) fn mask_blocks<S: Lanes>(
         let record = &batch.records[usize::from(*name)];
         let mut mask = 0;
         for part in 0..PATCH_PIXELS / S::N / S::N {
-            let corner = (field.0, field.1 + (part * rows * rows) as f32);
-            mask |= cell_mask(simd, &record.ellipse(), corner, (4.0, rows as f32), lanes) << (part * S::N);
+            let top = field.1 + (part * rows * rows) as f32;
+            let (ellipse, height) = (record.ellipse(), rows as f32);
+            let cells = cell_mask(simd, &ellipse, field.0, top, 4.0, height, lanes.0, lanes.1);
+            mask |= cells << (part * S::N);
         }
         for group in 0..PATCH_PIXELS / S::N / 8 {
             masks[group][i & 255] = (mask >> (8 * group)) as u8;
@@ -443,7 +455,8 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
     simd: S,
     batch: &Batch,
     at: &[usize; FLIGHT],
-    (px, py): (S::F, S::F),
+    px: S::F,
+    py: S::F,
 ) -> ([S::F; FLIGHT], [S::F; FLIGHT]) {
     let mut q = [simd.set(0.0); FLIGHT];
     let mut capped = q;
@@ -466,13 +479,14 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
 /// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns
 /// whether any pixel still takes light, and the number of splats walked.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, const WEIGH: bool>(
     simd: S,
     batch: &Batch,
     walk: &[u8],
     corner: (f32, f32),
-    (column, row): (S::F, S::F),
+    column: S::F,
+    row: S::F,
     block: usize,
     sums: &mut PatchSums,
     own_weights: &mut BatchWeights,
@@ -500,15 +514,19 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
 
     let mut walked = 0;
     let mut alive = true;
+    // The exponentials of a flight do not depend on each other and hide their latency; only the
+    // transmittance is a chain from splat to splat.
     for flight in walk.chunks_exact(FLIGHT) {
         let mut at = [0; FLIGHT];
         for k in 0..FLIGHT {
             at[k] = usize::from(flight[k]);
         }
-        let (_, alpha) = alphas::<S, true>(simd, batch, &at, (px, py));
-        let mut parting = Parting::Both;
+        let (_, alpha) = alphas::<S, true>(simd, batch, &at, px, py);
+        let mut parting = SurfaceSplit::Both;
         let mut weights = [zero; FLIGHT];
         let mut reciprocals = [zero; FLIGHT];
+        // Mostly all splats of a flight lie on one side of the surface at all pixels: then nothing
+        // has to be selected per pixel.
         if SPLIT {
             for k in 0..FLIGHT {
                 let [slope_x, slope_y, center] = batch.planes[at[k]];
@@ -518,11 +536,11 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
             let least = reciprocals[0].min(reciprocals[1]).min(reciprocals[2].min(reciprocals[3]));
             let most = reciprocals[0].max(reciprocals[1]).max(reciprocals[2].max(reciprocals[3]));
             parting = match () {
-                () if least.simd_gt(surface).all_true() => Parting::Before,
-                () if !most.simd_gt(surface).any_true() => Parting::Behind,
-                () => Parting::Both,
+                () if least.simd_gt(surface).all_true() => SurfaceSplit::Before,
+                () if !most.simd_gt(surface).any_true() => SurfaceSplit::Behind,
+                () => SurfaceSplit::Both,
             };
-            if is_whole && parting != Parting::Before {
+            if is_whole && parting != SurfaceSplit::Before {
                 is_whole = false;
                 front = [features[0], features[1], features[2], zero, alpha_sum];
             }
@@ -555,11 +573,11 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
         if SPLIT && !is_whole {
             for k in 0..FLIGHT {
                 let before = reciprocals[k].simd_gt(surface);
-                if parting != Parting::Before {
+                if parting != SurfaceSplit::Before {
                     let behind = before.select(zero, weights[k]);
                     front[3] = behind.mul_add(reciprocals[k].max(zero), front[3]);
                 }
-                if parting != Parting::Behind {
+                if parting != SurfaceSplit::Behind {
                     let weight = before.select(weights[k], zero);
                     let rgb = batch.records[at[k]].rgb;
                     for c in 0..3 {
@@ -594,7 +612,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
 
 /// The side of the surface on which the splats of a flight are, in one block.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Parting {
+enum SurfaceSplit {
     Before,
     Behind,
     Both,

@@ -10,14 +10,14 @@ use std::borrow::Cow;
 
 /// Pictures of depths before that of the surface in the buffer of depths: expected and median
 /// depth. The sums of [`crate::Frame::front`] follow the surface.
-pub const SURFACE_PLANE: u64 = 2;
+pub(crate) const SURFACE_PLANE: u64 = 2;
 
 /// The programs of blending.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum RasterizeProgram {
+pub(crate) enum RasterizeProgram {
     /// Blends colour, and the outputs beside it.
     Frame(Geometry, MedianDepth),
-    /// The same, and what is before a surface.
+    /// Blends the same sums, and what is in front of a surface.
     Split(Geometry, MedianDepth),
     /// Blends the sums of a step of training, and keeps them.
     Sums(Channels),
@@ -74,22 +74,23 @@ impl StagePrograms for RasterizeProgram {
 /// The buffers that `rasterize.wgsl` reads and writes. Pictures that are not wanted are not
 /// written, and may be small.
 pub(crate) struct Rasterize<'a> {
-    pub tile_offsets: &'a wgpu::Buffer,
-    pub entries: &'a wgpu::Buffer,
-    pub records: &'a wgpu::Buffer,
-    pub rgb: &'a wgpu::Buffer,
-    pub alpha: &'a wgpu::Buffer,
-    pub depths: &'a wgpu::Buffer,
-    pub normal: &'a wgpu::Buffer,
+    pub(crate) tile_offsets: &'a wgpu::Buffer,
+    pub(crate) entries: &'a wgpu::Buffer,
+    pub(crate) records: &'a wgpu::Buffer,
+    pub(crate) rgb: &'a wgpu::Buffer,
+    pub(crate) alpha: &'a wgpu::Buffer,
+    pub(crate) depths: &'a wgpu::Buffer,
+    pub(crate) normal: &'a wgpu::Buffer,
 }
 
 impl Rasterize<'_> {
     /// Blends all tiles, whose entries name records; `counters` learn how many were walked.
-    pub fn record(
+    pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
         tiles: u32,
-        (geometry, median): (Geometry, MedianDepth),
+        geometry: Geometry,
+        median: MedianDepth,
         is_split: bool,
         counters: &wgpu::Buffer,
     ) {
@@ -102,7 +103,7 @@ impl Rasterize<'_> {
 
     /// Blends the sums of a step of training. Entries name pairs, and `names` has the record of
     /// each.
-    pub fn record_sums(
+    pub(crate) fn record_sums(
         &self,
         recorder: &mut Recorder<'_>,
         tiles: u32,
@@ -113,7 +114,7 @@ impl Rasterize<'_> {
     }
 
     /// Adds the weights of the records to `weights`, one a record, in [`WEIGHT_UNITS`].
-    pub fn record_weights(&self, recorder: &mut Recorder<'_>, tiles: u32, weights: &wgpu::Buffer) {
+    pub(crate) fn record_weights(&self, recorder: &mut Recorder<'_>, tiles: u32, weights: &wgpu::Buffer) {
         let bindings = with_buffers(
             vec![(0, recorder.view())],
             [self.tile_offsets, self.entries, self.records, weights],

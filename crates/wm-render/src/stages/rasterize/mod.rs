@@ -32,13 +32,13 @@
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;
 
 /// Largest alpha of one splat.
-pub const MAX_ALPHA: f32 = 0.99;
+pub(crate) const MAX_ALPHA: f32 = 0.99;
 /// log2 of [`MAX_ALPHA`].
-pub const LOG2_MAX_ALPHA: f32 = -0.014_499_57;
+pub(crate) const LOG2_MAX_ALPHA: f32 = -0.014_499_57;
 /// Transmittance that blending never reaches.
-pub const MIN_TRANSMITTANCE: f32 = 1e-4;
+pub(crate) const MIN_TRANSMITTANCE: f32 = 1e-4;

@@ -3,7 +3,8 @@ use crate::hooks::Hooks;
 use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
-use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
+use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare};
+use crate::testing::{Backend, camera, random_splats};
 use crate::{
     Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT, ForwardConfig, Frame,
     Geometry, Gradients, Learn, MedianDepth, Outputs, RenderBackend, Upstream,
@@ -17,13 +18,13 @@ crate::parity! {
         }
     };
     hard_scenes => |backend| {
-        for (i, hard) in Hard::ALL.into_iter().enumerate() {
+        for (i, hard) in HardSplats::ALL.into_iter().enumerate() {
             eprintln!("{hard:?}");
             check(backend, &[hard.splats(250, 20 + i as u64)], Rasterization::Classic);
         }
     };
     antialiased_scenes => |backend| {
-        for hard in [Hard::Tiny, Hard::Needle, Hard::Opaque] {
+        for hard in [HardSplats::Tiny, HardSplats::Needle, HardSplats::Opaque] {
             check(backend, &[random_splats(300, 0, 40), hard.splats(250, 41)], Rasterization::Antialiased);
         }
     };
@@ -33,8 +34,8 @@ crate::parity! {
     };
     split_by_a_surface => |backend| {
         split(backend, &random_splats(900, 2, 70));
-        split(backend, &Hard::Opaque.splats(250, 71));
-        split(backend, &Hard::Huge.splats(250, 72));
+        split(backend, &HardSplats::Opaque.splats(250, 71));
+        split(backend, &HardSplats::Huge.splats(250, 72));
     };
     cut_by_a_plane => |backend| {
         let cut = CutPlane { normal: [0.6, 0.8, 0.0], height: 0.05 };
@@ -42,11 +43,11 @@ crate::parity! {
     };
     names_of_splats => |backend| {
         names(backend, &random_splats(900, 1, 80));
-        names(backend, &Hard::Opaque.splats(250, 81));
+        names(backend, &HardSplats::Opaque.splats(250, 81));
     };
     weights_of_splats => |backend| {
         weights(backend, [random_splats(700, 1, 80), Splats::default(), random_splats(300, 0, 83)]);
-        weights(backend, [Hard::Opaque.splats(250, 81), Hard::Tiny.splats(250, 84), Hard::Huge.splats(50, 85)]);
+        weights(backend, [HardSplats::Opaque.splats(250, 81), HardSplats::Tiny.splats(250, 84), HardSplats::Huge.splats(50, 85)]);
     };
     no_splats => |backend| check(backend, &[Splats::default()], Rasterization::Classic);
 }
@@ -77,9 +78,9 @@ fn check(backend: Backend, sets: &[Splats], rasterization: Rasterization) {
         let pass = DrawPass::new(&views, &camera, &config);
         let mut frame = Frame::default();
         renderer.render(&pass, &mut frame).unwrap();
-        let referee: Vec<(&Splats, Option<&dyn SplatAttributes>)> =
+        let sets: Vec<(&Splats, Option<&dyn SplatAttributes>)> =
             sets.iter().map(|set| (set, attributes)).collect();
-        let want = reference::render(&referee, &camera, &config, Hooks::default());
+        let want = reference::frame::render(&sets, &camera, &config, Hooks::default());
         compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}, {width}x{height}: {error}"));
     }
 }
@@ -229,9 +230,16 @@ fn split(backend: Backend, splats: &Splats) {
         renderer.render(&DrawPass { surface: Some(surface), ..pass.clone() }, &mut frame).unwrap();
         let front: [_; FRONT] = std::array::from_fn(|part| frame.front_sums(part));
         frame.front.clear();
-        let referee = [(splats, None)];
-        let how = (Shading::Color, Some(surface), None);
-        let want = reference::render_split(&referee, &camera, &config, Hooks::default(), how);
+        let sets = [(splats, None)];
+        let want = reference::frame::render_split(
+            &sets,
+            &camera,
+            &config,
+            Hooks::default(),
+            Shading::Color,
+            Some(surface),
+            None,
+        );
         match backend {
             // Another program, whose products and sums a driver may join otherwise.
             Backend::Gpu => compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{error}")),
@@ -269,9 +277,16 @@ fn cut_below(backend: Backend, splats: &Splats, cut: CutPlane) {
     let mut frame = Frame::default();
     let pass = DrawPass { cut: Some(cut), ..DrawPass::new(&sets, &camera, &config) };
     renderer.render(&pass, &mut frame).unwrap();
-    let how = (Shading::Color, None, Some(cut));
-    let want = reference::render_split(&[(splats, None)], &camera, &config, Hooks::default(), how);
+    let want = reference::frame::render_split(
+        &[(splats, None)],
+        &camera,
+        &config,
+        Hooks::default(),
+        Shading::Color,
+        None,
+        Some(cut),
+    );
     compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}: {error}"));
-    let all = reference::render(&[(splats, None)], &camera, &config, Hooks::default());
+    let all = reference::frame::render(&[(splats, None)], &camera, &config, Hooks::default());
     assert!(compare(&frame, &all, 2.0).is_err(), "{backend:?}: the cut takes something away");
 }

@@ -29,7 +29,7 @@ const ROWS: usize = 2 * BATCH;
 /// The pixels of one patch in block order, see [`crate::stages::rasterize::cpu::PatchSums`].
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct PatchState {
+pub(crate) struct PatchState {
     /// Transmittance; 0 where blending has stopped and outside the picture.
     transmittance: [f32; PATCH_PIXELS],
     /// R, less v_A times the transmittance at the end.
@@ -43,7 +43,7 @@ pub struct PatchState {
 #[repr(C, align(64))]
 pub struct BackwardScratch {
     /// The pixels of the tile's patches.
-    pub patches: [PatchState; PATCHES],
+    pub(crate) patches: [PatchState; PATCHES],
     batch: Batch,
     lists: Lists,
     /// Blocks of each patch in which each splat of the batch was weighed.
@@ -52,11 +52,11 @@ pub struct BackwardScratch {
     columns: [[f32; 16]; 8],
     rows: [[f32; 16]; 16],
     /// w and s of each splat, patch and block.
-    weighed: Box<Weighed>,
+    weighed: Box<WeightLines>,
     raw: RawUpstream,
 }
 
-type Weighed = [Line; ROWS * STRIDE];
+type WeightLines = [Line; ROWS * STRIDE];
 
 /// The first line of splat `i` of the batch at `block` of `patch`; with 16 lanes s is in the next.
 #[inline(always)]
@@ -115,7 +115,8 @@ pub fn prepare_patch<S: Lanes>(
     simd: S,
     pictures: RenderedPictures<'_>,
     kept: &[[f32; PATCH_PIXELS]],
-    (left, top): (usize, usize),
+    left: usize,
+    top: usize,
     patch: usize,
     scratch: &mut BackwardScratch,
 ) {
@@ -225,14 +226,17 @@ fn load_run<const N: usize>(values: &[f32], first: usize, count: usize) -> [f32;
 /// Writes the slots one after another and to `places` the number of each key's slot, or
 /// [`NO_SLOT`]. Returns how many slots there are.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 pub fn blend_tile_backward<S: Lanes, const C: usize>(
     simd: S,
     records: &[Record],
     keys: &[u64],
-    (left, top): (f32, f32),
+    left: f32,
+    top: f32,
     inside: u32,
     scratch: &mut BackwardScratch,
-    (slots, places): (&mut [GradientSlot], &mut [u32]),
+    slots: &mut [GradientSlot],
+    places: &mut [u32],
 ) -> usize {
     let blocks = PATCH_PIXELS / S::N;
     let block_height = (S::N / 4) as f32;
@@ -250,13 +254,14 @@ pub fn blend_tile_backward<S: Lanes, const C: usize>(
     places.fill(NO_SLOT);
     let mut used = 0;
     for (batch_keys, places) in keys.chunks(BATCH).zip(places.chunks_mut(BATCH)) {
-        scratch.batch.fill(records, batch_keys, (left, top));
+        scratch.batch.fill(records, batch_keys, left, top);
         scratch.reached = [[0; PATCHES]; BATCH];
         for patch in 0..PATCHES {
             if live[patch] != 0 {
-                weigh_patch::<S, C>(simd, scratch, batch_keys.len(), (left, top), patch, &mut live[patch]);
+                weigh_patch::<S, C>(simd, scratch, batch_keys.len(), left, top, patch, &mut live[patch]);
             }
         }
+        // Splats that no block has reached are behind opaque ones: they get no slot.
         for (i, place) in places.iter_mut().enumerate() {
             if scratch.reached[i] != [0; PATCHES] {
                 slots[used] = gather_splat::<S, C>(simd, scratch, i);
@@ -277,7 +282,8 @@ fn weigh_patch<S: Lanes, const C: usize>(
     simd: S,
     scratch: &mut BackwardScratch,
     len: usize,
-    (left, top): (f32, f32),
+    left: f32,
+    top: f32,
     patch: usize,
     live: &mut u32,
 ) {
@@ -303,13 +309,15 @@ fn weigh_patch<S: Lanes, const C: usize>(
         if count == 0 {
             continue;
         }
+        // Padded to whole flights with the record that is never drawn.
         walk[count..count + FLIGHT].fill(BATCH as u8);
         let column = simd.load(&columns[patch % 2 * 4 + block % 4]);
         let row = simd.load(&rows[patch / 2 * (blocks / 4) + block / 4]);
         let padded = &walk[..count.next_multiple_of(FLIGHT)];
         let (alive, walked) =
-            weigh_block::<S, C>(simd, batch, padded, (column, row), (patch, block), state, weighed);
+            weigh_block::<S, C>(simd, batch, padded, (column, row), patch, block, state, weighed);
         if !alive {
+            // The splats behind the last one that was walked have not reached this block.
             *live &= !(1 << block);
             for name in walk.iter().take(count).skip(walked) {
                 reached[usize::from(*name) & (BATCH - 1)][patch] &= !(1 << block);
@@ -321,14 +329,16 @@ fn weigh_patch<S: Lanes, const C: usize>(
 /// The first phase for one block: replays the blending and writes w and s of each splat. Returns
 /// whether any pixel still takes light, and the number of splats walked.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn weigh_block<S: Lanes, const C: usize>(
     simd: S,
     batch: &Batch,
     walk: &[u8],
     at_pixels: (S::F, S::F),
-    (patch, block): (usize, usize),
+    patch: usize,
+    block: usize,
     state: &mut PatchState,
-    weighed: &mut Weighed,
+    weighed: &mut WeightLines,
 ) -> (bool, usize) {
     let (zero, one) = (simd.set(0.0), simd.set(1.0));
     let lanes = block * S::N..(block + 1) * S::N;
@@ -345,7 +355,7 @@ fn weigh_block<S: Lanes, const C: usize>(
         for k in 0..FLIGHT {
             at[k] = usize::from(flight[k]);
         }
-        let (q, alpha) = alphas::<S, false>(simd, batch, &at, at_pixels);
+        let (q, alpha) = alphas::<S, false>(simd, batch, &at, at_pixels.0, at_pixels.1);
         let mut value = [zero; FLIGHT];
         let mut open = [zero; FLIGHT];
         for k in 0..FLIGHT {
@@ -405,7 +415,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &BackwardScratch, i:
             #[inline(always)]
             |line, patch, block, column, row| {
                 let (weight, pull) = (simd.load(&weighed[line].0), simd.load(&weighed[line | 1].0));
-                add_moments(simd, scratch, i, pull, (column, row), &mut sixteen);
+                add_moments(simd, scratch, i, pull, column, row, &mut sixteen);
                 add_features::<S, C>(simd, &scratch.patches[patch], weight, block, &mut sixteen[8..]);
             },
         );
@@ -419,7 +429,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &BackwardScratch, i:
             #[inline(always)]
             |line, _, _, column, row| {
                 let pull = simd.load(&weighed[line].0[S::N..]);
-                add_moments(simd, scratch, i, pull, (column, row), &mut eight);
+                add_moments(simd, scratch, i, pull, column, row, &mut eight);
             },
         );
         sums::<S, 8>(simd, eight).store_slice(&mut slot.0[..8]);
@@ -466,7 +476,8 @@ fn add_moments<S: Lanes>(
     scratch: &BackwardScratch,
     i: usize,
     pull: S::F,
-    (column, row): (usize, usize),
+    column: usize,
+    row: usize,
     sums: &mut [S::F],
 ) {
     let (record, origin) = (&scratch.batch.records[i], &scratch.batch.origins[i]);

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 
 /// The programs of the derivative of blending.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum RasterizeBackwardProgram {
+pub(crate) enum RasterizeBackwardProgram {
     /// Turns derivatives by pictures into derivatives by sums.
     BySums(Channels),
     /// Derives by each splat of a tile.
@@ -50,21 +50,23 @@ impl StagePrograms for RasterizeBackwardProgram {
 
 /// The sums of a step of training.
 #[derive(Clone, Copy)]
-pub(crate) struct Kept<'a> {
-    pub rgb: &'a wgpu::Buffer,
-    pub alpha: &'a wgpu::Buffer,
-    pub depths: &'a wgpu::Buffer,
-    pub normal: &'a wgpu::Buffer,
+pub(crate) struct ForwardPictures<'a> {
+    pub(crate) rgb: &'a wgpu::Buffer,
+    pub(crate) alpha: &'a wgpu::Buffer,
+    pub(crate) depths: &'a wgpu::Buffer,
+    pub(crate) normal: &'a wgpu::Buffer,
 }
 
 /// Turns the derivatives by the pictures to those by the sums, see `upstream.wgsl`; `training` is
 /// the structure of that name.
 pub(crate) fn by_sums(
     recorder: &mut Recorder<'_>,
-    (pixels, channels): (u32, Channels),
+    pixels: u32,
+    channels: Channels,
     training: wgpu::BindingResource<'_>,
-    kept: Kept<'_>,
-    (upstream, states): (&wgpu::Buffer, &wgpu::Buffer),
+    kept: ForwardPictures<'_>,
+    upstream: &wgpu::Buffer,
+    states: &wgpu::Buffer,
 ) {
     let bindings = with_buffers(
         vec![(0, recorder.view()), (1, training)],
@@ -79,19 +81,19 @@ pub(crate) fn by_sums(
 
 /// The buffers that `rasterize_backward.wgsl` reads and writes.
 pub(crate) struct RasterizeBackward<'a> {
-    pub tile_offsets: &'a wgpu::Buffer,
-    /// Of each entry.
-    pub pairs: &'a wgpu::Buffer,
-    /// Of each pair.
-    pub names: &'a wgpu::Buffer,
-    pub records: &'a wgpu::Buffer,
-    pub states: &'a wgpu::Buffer,
-    pub slots: &'a wgpu::Buffer,
+    pub(crate) tile_offsets: &'a wgpu::Buffer,
+    /// The pair of each entry.
+    pub(crate) pairs: &'a wgpu::Buffer,
+    /// The record of each pair.
+    pub(crate) names: &'a wgpu::Buffer,
+    pub(crate) records: &'a wgpu::Buffer,
+    pub(crate) states: &'a wgpu::Buffer,
+    pub(crate) slots: &'a wgpu::Buffer,
 }
 
 impl RasterizeBackward<'_> {
     /// Sums what the pixels of all tiles pull.
-    pub fn record(&self, recorder: &mut Recorder<'_>, tiles: u32, channels: Channels) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, tiles: u32, channels: Channels) {
         let bindings = with_buffers(
             vec![(0, recorder.view())],
             [self.tile_offsets, self.pairs, self.names, self.records, self.states, self.slots],

@@ -24,7 +24,7 @@
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;
 
@@ -35,27 +35,27 @@ pub struct GradientSlot(pub [f32; GradientSlot::LEN]);
 
 impl GradientSlot {
     /// Numbers of a slot.
-    pub const LEN: usize = 16;
+    pub(crate) const LEN: usize = 16;
     /// `sum s`.
-    pub const S: usize = 0;
+    pub(crate) const S: usize = 0;
     /// `sum s u`.
-    pub const SU: usize = 1;
+    pub(crate) const SU: usize = 1;
     /// `sum s v`.
-    pub const SV: usize = 2;
+    pub(crate) const SV: usize = 2;
     /// `sum s u^2`.
-    pub const SUU: usize = 3;
+    pub(crate) const SUU: usize = 3;
     /// `sum s u v`.
-    pub const SUV: usize = 4;
+    pub(crate) const SUV: usize = 4;
     /// `sum s v^2`.
-    pub const SVV: usize = 5;
+    pub(crate) const SVV: usize = 5;
     /// `sum |s (ux u + vx v)|`.
-    pub const ABS_X: usize = 6;
+    pub(crate) const ABS_X: usize = 6;
     /// `sum |s v|`.
-    pub const ABS_Y: usize = 7;
+    pub(crate) const ABS_Y: usize = 7;
     /// `sum w`.
-    pub const WEIGHT: usize = 8;
+    pub(crate) const WEIGHT: usize = 8;
     /// `sum w v_k` from here on.
-    pub const FEATURES: usize = 9;
+    pub(crate) const FEATURES: usize = 9;
 }
 
 /// In place of a slot's number: the pair was never reached.

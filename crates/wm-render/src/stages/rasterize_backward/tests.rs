@@ -1,9 +1,10 @@
 use crate::differentiable::{Channels, ForwardConfig};
-use crate::testing::{Backend, camera, gradient_errors, gradients_of, random_splats};
+use crate::testing::comparison::{gradient_errors, gradients_of};
+use crate::testing::{Backend, camera, random_splats};
 use wm_scene::Splats;
 
 crate::parity! {
-    every_picture_pulls_as_the_referee_says => |backend| {
+    every_picture_pulls_as_the_reference_says => |backend| {
         let channels =
             [Channels::Color, Channels::ColorDepth, Channels::ColorDepthNormal, Channels::Depth];
         for (i, channels) in channels.into_iter().enumerate() {
@@ -18,7 +19,7 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
     // Sides that no tile, patch or block divides, and one narrower than a block.
     for (width, height) in [(75, 53), (34, 18), (3, 2)] {
         let (got, want) = gradients_of(backend, splats, &camera(width, height), config, 71);
-        assert!(got.visible.is_sorted() && !got.is_empty());
+        assert!(got.visible.is_sorted() && !got.visible.is_empty());
         for (name, error) in gradient_errors(&got, &want) {
             eprintln!("{backend:?} {:?} {width}x{height}: {name} {error:.1e}", config.channels);
             // Where the whole scene is three pixels wide, the rounding of the centres in px tells;
@@ -58,7 +59,7 @@ fn subgroups_add_up_the_same() {
         device.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();
         gradients
     });
-    assert!(!with.is_empty() && with.visible == without.visible);
+    assert!(!with.visible.is_empty() && with.visible == without.visible);
     for (name, a, b) in [
         ("means", with.means.as_flattened(), without.means.as_flattened()),
         ("scales", with.log_scales.as_flattened(), without.log_scales.as_flattened()),

@@ -2,9 +2,10 @@
 //! of a frame find tiles: counted, sorted by distance, written, sorted by packet. A workgroup
 //! blends a packet, a thread a ray.
 
-use super::cpu::{HITS, RayRecord, SLACK, SOONEST};
 use super::packets::{CHILDREN, PACKET};
-use super::{LEAST_HIT, RayOutputs, WHOLE};
+use super::records::{RayRecord, SLACK};
+use super::walk::{HITS_PER_RAY, MAX_HIT_TRANSMITTANCE};
+use super::{MIN_HIT_COVERAGE, RayOutputs, STOPPED_COVERAGE};
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, WORKGROUP, texts};
 use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
@@ -24,7 +25,7 @@ pub(crate) const HIT_WORDS: usize = 4;
 
 /// The sums that are blended beside coverage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum RaySums {
+pub(crate) enum RaySums {
     /// None.
     Coverage,
     /// Colours.
@@ -38,7 +39,7 @@ pub enum RaySums {
 impl RaySums {
     const ALL: [Self; 4] = [Self::Coverage, Self::Color, Self::Normal, Self::ColorNormal];
 
-    /// Those that are asked for.
+    /// Chooses the sums for the outputs that are asked for.
     pub(crate) fn of(asked: RayOutputs) -> Self {
         match (asked.color, asked.normal) {
             (false, false) => Self::Coverage,
@@ -64,7 +65,7 @@ impl RaySums {
 
 /// The programs of rays.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum RaysProgram {
+pub(crate) enum RaysProgram {
     /// Counts or writes the packets that each splat touches.
     Touch,
     /// Lists the splats that touch any.
@@ -121,9 +122,9 @@ const RECORDS: &str = include_str!("records.wgsl");
 fn constants() -> String {
     let bits = CHILDREN.trailing_zeros();
     format!(
-        "const PACKET = {PACKET}u;\nconst CHILDREN = {CHILDREN}u;\nconst CHILD_BITS = {bits}u;\nconst HITS = {HITS}u;\n\
-         const RAY_SLACK: f32 = {SLACK:e};\nconst LEAST_HIT: f32 = {LEAST_HIT:e};\nconst SOONEST_HIT: f32 = {SOONEST:e};\n\
-         const WHOLE: f32 = {WHOLE:e};\nconst TINY: f32 = {:e};",
+        "const PACKET = {PACKET}u;\nconst CHILDREN = {CHILDREN}u;\nconst CHILD_BITS = {bits}u;\nconst HITS = {HITS_PER_RAY}u;\n\
+         const RAY_SLACK: f32 = {SLACK:e};\nconst LEAST_HIT: f32 = {MIN_HIT_COVERAGE:e};\nconst SOONEST_HIT: f32 = {MAX_HIT_TRANSMITTANCE:e};\n\
+         const WHOLE: f32 = {STOPPED_COVERAGE:e};\nconst TINY: f32 = {:e};",
         f32::MIN_POSITIVE
     )
 }
@@ -147,33 +148,33 @@ pub(crate) const WRITE_TASK: usize = 2;
 
 /// The buffers of this stage; the names are those of the WGSL.
 pub(crate) struct RayBuffers<'a> {
-    pub counters: &'a wgpu::Buffer,
-    pub dispatches: &'a wgpu::Buffer,
-    pub records: &'a wgpu::Buffer,
-    pub cones: &'a wgpu::Buffer,
+    pub(crate) counters: &'a wgpu::Buffer,
+    pub(crate) dispatches: &'a wgpu::Buffer,
+    pub(crate) records: &'a wgpu::Buffer,
+    pub(crate) cones: &'a wgpu::Buffer,
     /// Packets that each record touches.
-    pub counts: &'a wgpu::Buffer,
+    pub(crate) counts: &'a wgpu::Buffer,
     /// Records that touch any, by blocks of 256 records.
-    pub blocks: &'a wgpu::Buffer,
+    pub(crate) blocks: &'a wgpu::Buffer,
     /// Entries of 256 records of the order.
-    pub sums: &'a wgpu::Buffer,
+    pub(crate) sums: &'a wgpu::Buffer,
     /// Distances and names of the records that touch any.
-    pub distances: (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    pub(crate) distances: (&'a wgpu::Buffer, &'a wgpu::Buffer),
     /// Packets and records of entries.
-    pub entries: (&'a wgpu::Buffer, &'a wgpu::Buffer),
-    pub features: &'a wgpu::Buffer,
+    pub(crate) entries: (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    pub(crate) features: &'a wgpu::Buffer,
 }
 
 impl RayBuffers<'_> {
-    /// Counts the packets of each of so many records.
-    pub fn count(&self, recorder: &mut Recorder<'_>, records: u32) {
+    /// Counts the packets that each of the first `records` records touches.
+    pub(crate) fn count(&self, recorder: &mut Recorder<'_>, records: u32) {
         // The order is not read yet: any buffer that is not written does.
         let over = Groups::Direct(records.div_ceil(WORKGROUP));
         self.touch(recorder, COUNT_TASK, over, self.distances.1, self.blocks);
     }
 
     /// Writes the entries of the records in an order.
-    pub fn write(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
+    pub(crate) fn write(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
         self.touch(recorder, WRITE_TASK, self.over_visible(), order, self.sums);
     }
 
@@ -198,8 +199,8 @@ impl RayBuffers<'_> {
         recorder.dispatch(RaysProgram::Touch, over, bindings);
     }
 
-    /// Lists those of so many records that touch any packet.
-    pub fn list(&self, recorder: &mut Recorder<'_>, records: u32) {
+    /// Lists the records, among the first `records`, that touch any packet.
+    pub(crate) fn list(&self, recorder: &mut Recorder<'_>, records: u32) {
         let (distances, names) = self.distances;
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],
@@ -209,7 +210,7 @@ impl RayBuffers<'_> {
     }
 
     /// Adds up the entries of the records in an order.
-    pub fn sum(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
+    pub(crate) fn sum(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],
             [self.counters, order, self.counts, self.sums],
@@ -219,10 +220,11 @@ impl RayBuffers<'_> {
 
     /// Finds the features of the records whose coefficients of colour are `sh`; `slot` is that of
     /// their `ColorPiece`.
-    pub fn see(
+    pub(crate) fn see(
         &self,
         recorder: &mut Recorder<'_>,
-        (sums, slot): (RaySums, usize),
+        sums: RaySums,
+        slot: usize,
         order: &wgpu::Buffer,
         sh: &wgpu::Buffer,
     ) {
@@ -231,14 +233,18 @@ impl RayBuffers<'_> {
         recorder.dispatch(RaysProgram::Features(sums), self.over_visible(), bindings);
     }
 
-    /// Blends the lists of so many packets: their offsets and entries, their rays, and the results.
-    /// Counters learn the length of the longest.
-    pub fn blend(
+    /// Blends the lists of `packets` packets: reads offsets, entries and rays, and writes the
+    /// results. The counters get the length of the longest list.
+    #[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
+    pub(crate) fn blend(
         &self,
         recorder: &mut Recorder<'_>,
-        (sums, packets): (RaySums, u32),
-        (offsets, entries): (&wgpu::Buffer, &wgpu::Buffer),
-        (rays, hits): (&wgpu::Buffer, &wgpu::Buffer),
+        sums: RaySums,
+        packets: u32,
+        offsets: &wgpu::Buffer,
+        entries: &wgpu::Buffer,
+        rays: &wgpu::Buffer,
+        hits: &wgpu::Buffer,
     ) {
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],

@@ -1,4 +1,4 @@
-//! The GPU's rays against the referee's, with the tolerance of the CPU's, and against the CPU's.
+//! The GPU's rays against the reference's, with the tolerance of the CPU's, and against the CPU's.
 
 use super::cpu::RaySplats;
 use super::tests::{ALL, compare, hard, ray_splats, rays, value};
@@ -22,7 +22,7 @@ fn traced(gpu: &Arc<Gpu>, splats: &Splats, rays: &Rays, asked: RayOutputs) -> Ra
     scene.trace(rays, asked).expect("they are traced")
 }
 
-/// Compares with the referee, and says how near the CPU is.
+/// Compares with the reference, and says how near the CPU is.
 fn check(name: &str, gpu: &Arc<Gpu>, splats: &Splats, rays: &Rays) {
     let hits = traced(gpu, splats, rays, ALL);
     compare(splats, rays, &hits).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -57,7 +57,7 @@ fn walls() -> Splats {
 }
 
 #[test]
-fn rays_on_the_gpu_meet_what_the_referee_meets() {
+fn rays_on_the_gpu_meet_what_the_reference_meets() {
     let Some(gpu) = gpu() else { return };
     let splats = random_splats(3000, 3, 11);
     for travelled in [0.0, 3.0] {

@@ -24,31 +24,34 @@
 //! cuts are steps, as in [`super::rasterize`].
 
 pub mod cpu;
+mod cull;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(all(test, feature = "gpu"))]
 mod gpu_tests;
-pub mod packets;
+pub(crate) mod packets;
+mod records;
 #[cfg(test)]
 mod tests;
+mod walk;
 
 /// Rays, each with an origin and a direction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rays {
-    /// The place where each begins, world axes, scene units.
+    /// Origin of each ray, world axes, scene units.
     pub origins: Vec<[f32; 3]>,
-    /// The direction of each, world axes, length 1.
+    /// Unit direction of each ray, world axes.
     pub directions: Vec<[f32; 3]>,
 }
 
 impl Rays {
-    /// Rays from one place.
+    /// Makes rays from one origin.
     #[must_use]
     pub fn from_one(origin: [f32; 3], directions: Vec<[f32; 3]>) -> Self {
         Self { origins: vec![origin; directions.len()], directions }
     }
 
-    /// The number of rays.
+    /// Returns the number of rays.
     #[must_use]
     pub fn len(&self) -> usize {
         self.directions.len()
@@ -82,7 +85,7 @@ pub struct RayHits {
     /// The splat that is hit; `u32::MAX` without one.
     pub splat: Vec<u32>,
     /// Display-referred colour times coverage; empty unless asked.
-    pub color: Vec<[f32; 3]>,
+    pub(crate) color: Vec<[f32; 3]>,
     /// Normal times coverage, world axes, towards the origin; empty unless asked.
     pub normal: Vec<[f32; 3]>,
     /// The caller's value times coverage; empty unless asked.
@@ -90,7 +93,7 @@ pub struct RayHits {
 }
 
 impl RayHits {
-    /// Those of so many rays that meet nothing.
+    /// Makes the results of `count` rays that meet nothing.
     pub(crate) fn none(count: usize, asked: RayOutputs) -> Self {
         Self {
             coverage: vec![0.0; count],
@@ -103,9 +106,9 @@ impl RayHits {
     }
 }
 
-/// Least standard deviation of a splat, of its largest.
-pub const THINNEST: f64 = 1e-4;
+/// Least standard deviation of a splat, relative to its largest.
+pub(crate) const MIN_RELATIVE_SCALE: f64 = 1e-4;
 /// Coverage above which a ray counts as stopped.
-pub const WHOLE: f32 = 0.99;
+pub(crate) const STOPPED_COVERAGE: f32 = 0.99;
 /// Least coverage of a hit.
-pub const LEAST_HIT: f32 = 0.5;
+pub(crate) const MIN_HIT_COVERAGE: f32 = 0.5;

@@ -6,72 +6,72 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rays of a packet.
-pub const PACKET: usize = 64;
+pub(crate) const PACKET: usize = 64;
 /// Children of a node of the tree.
-pub const CHILDREN: usize = 8;
-/// Parts of the extent of all origins that rays of one group lie within.
-const PARTS: f32 = 16.0;
-/// Bits of a coordinate of a direction's place along the curve.
-const BITS: u32 = 12;
-/// Half angle of a packet's cone, of the median of all, above which it is cut.
-const WIDE: f64 = 2.0;
+pub(crate) const CHILDREN: usize = 8;
+/// Ratio of the extent of all origins to the largest extent of the origins of one group.
+const ORIGIN_PARTS: f32 = 16.0;
+/// Bits of each coordinate of a direction in its index along the curve.
+const CURVE_BITS: u32 = 12;
+/// Half angle of a packet's cone, relative to the median of all, above which it is split.
+const MAX_RELATIVE_ANGLE: f64 = 2.0;
 /// Angle that is added to cones for rounding, radians.
 const SLACK: f64 = 1e-5;
 
 /// Rays from about one place, in packets: consecutive rays of a group go about the same way.
 #[derive(Clone, Debug)]
-pub struct RayGroup {
+pub(crate) struct RayGroup {
     /// The middle of the origins.
-    pub center: [f32; 3],
+    pub(crate) center: [f32; 3],
     /// The greatest distance of an origin from it.
-    pub radius: f32,
-    /// Its packets, as numbers for [`Packets::rays`].
-    pub packets: Range<usize>,
+    pub(crate) radius: f32,
+    /// The packets of the group, as numbers for [`Packets::rays`].
+    pub(crate) packets: Range<usize>,
     /// The levels of the tree, the packets' own cones first, the root last.
-    pub levels: Vec<Vec<Cones>>,
+    pub(crate) levels: Vec<Vec<Cones>>,
 }
 
 /// Cones of up to eight children of a node.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
-pub struct Cones {
+pub(crate) struct Cones {
     /// Axes.
-    pub axis: [[f32; CHILDREN]; 3],
+    pub(crate) axis: [[f32; CHILDREN]; 3],
     /// Cosine and sine of the half angles; a cosine far below 0 for cones of a half space and more,
     /// above 1 where there is no child.
-    pub cos: [f32; CHILDREN],
+    pub(crate) cos: [f32; CHILDREN],
     /// See `cos`.
-    pub sin: [f32; CHILDREN],
+    pub(crate) sin: [f32; CHILDREN],
 }
 
 /// Rays in the order of their packets.
 #[derive(Clone, Debug, Default)]
-pub struct Packets {
+pub(crate) struct Packets {
     /// The rays, packet by packet.
-    pub order: Vec<u32>,
+    pub(crate) order: Vec<u32>,
     /// First ray of each packet in `order`, and the end.
-    pub starts: Vec<u32>,
+    pub(crate) starts: Vec<u32>,
     /// The groups, which cut the packets.
-    pub groups: Vec<RayGroup>,
+    pub(crate) groups: Vec<RayGroup>,
 }
 
 impl Packets {
     /// Groups rays by their origins, and then by their directions. A function of the rays alone.
     #[must_use]
-    pub fn new(rays: &Rays) -> Self {
+    pub(crate) fn new(rays: &Rays) -> Self {
         Self::no_wider(rays, f64::INFINITY)
     }
 
-    /// The same groups, with packets of fewer rays where these would go more than an angle,
-    /// radians, to a side of their middle.
+    /// Makes the groups with smaller packets where rays would be more than `widest` radians away
+    /// from the axis of their packet.
     #[must_use]
-    pub fn no_wider(rays: &Rays, widest: f64) -> Self {
+    pub(crate) fn no_wider(rays: &Rays, widest: f64) -> Self {
         let mut packets = Self { starts: vec![0], ..Self::default() };
         if rays.is_empty() {
             return packets;
         }
         let (low, high) = bounds(&rays.origins, 0..rays.len() as u32);
-        let most = (high - low).max_element() / PARTS;
+        let most = (high - low).max_element() / ORIGIN_PARTS;
         let mut parts = vec![(0..rays.len() as u32).collect::<Vec<u32>>()];
         while let Some(part) = parts.pop() {
             let (low, high) = bounds(&rays.origins, part.iter().copied());
@@ -88,12 +88,12 @@ impl Packets {
                     continue;
                 }
             }
-            packets.add(rays, &part, (low, high), widest);
+            packets.add(rays, &part, low, high, widest);
         }
         packets
     }
 
-    fn add(&mut self, rays: &Rays, part: &[u32], (low, high): (Vec3, Vec3), widest: f64) {
+    fn add(&mut self, rays: &Rays, part: &[u32], low: Vec3, high: Vec3, widest: f64) {
         let center = 0.5 * (low + high);
         let radius = 0.5 * (high - low).length();
         let direction = |ray: u32| Vec3::from_array(rays.directions[ray as usize]);
@@ -124,7 +124,7 @@ impl Packets {
 
     /// The rays of a packet.
     #[must_use]
-    pub fn rays(&self, packet: usize) -> &[u32] {
+    pub(crate) fn rays(&self, packet: usize) -> &[u32] {
         &self.order[self.starts[packet] as usize..self.starts[packet + 1] as usize]
     }
 }
@@ -141,7 +141,7 @@ fn cut(directions: &[Vec3], widest: f64) -> Vec<(Range<usize>, Cone)> {
         (0..count).into_par_iter().map(chunk).map(|range| (range.clone(), about(&range))).collect();
     let mut halves: Vec<f64> = packets.iter().map(|(_, cone)| cone.half).collect();
     let middle = halves.len() / 2;
-    let widest = widest.min(WIDE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1);
+    let widest = widest.min(MAX_RELATIVE_ANGLE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1);
     let mut narrow = Vec::with_capacity(packets.len());
     for packet in packets {
         let mut parts = vec![packet];
@@ -163,14 +163,14 @@ fn cut(directions: &[Vec3], widest: f64) -> Vec<(Range<usize>, Cone)> {
 /// A cone of directions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cone {
-    pub axis: DVec3,
+    pub(crate) axis: DVec3,
     /// Half its angle, radians.
     half: f64,
 }
 
 impl Cone {
     /// A cone about directions.
-    pub fn about(directions: impl Iterator<Item = Vec3> + Clone) -> Self {
+    pub(crate) fn about(directions: impl Iterator<Item = Vec3> + Clone) -> Self {
         let directions = directions.map(Vec3::as_dvec3);
         let axis = directions.clone().sum::<DVec3>().normalize_or(DVec3::Z);
         let least = directions.map(|direction| axis.dot(direction)).fold(1.0, f64::min);
@@ -178,7 +178,7 @@ impl Cone {
     }
 
     /// The cosine and sine of half its angle; a cosine far below 0 for a half space and more.
-    pub fn cos_sin(&self) -> (f32, f32) {
+    pub(crate) fn cos_sin(&self) -> (f32, f32) {
         let is_narrow = self.half < std::f64::consts::FRAC_PI_2;
         let (sin, cos) = if is_narrow { self.half.sin_cos() } else { (1.0, -1e9) };
         (cos as f32, sin as f32)
@@ -221,16 +221,16 @@ fn along_curve(direction: Vec3) -> u32 {
     let [x, y] = [direction.x / sum, direction.y / sum];
     let fold = |own: f32, other: f32| (1.0 - other.abs()).copysign(own);
     let [x, y] = if direction.z < 0.0 { [fold(x, y), fold(y, x)] } else { [x, y] };
-    let last = ((1u32 << BITS) - 1) as f32;
+    let last = ((1u32 << CURVE_BITS) - 1) as f32;
     let cell = |v: f32| ((0.5 * v + 0.5) * last).clamp(0.0, last) as u32;
     let (mut x, mut y, mut place) = (cell(x), cell(y), 0);
-    let mut side = 1u32 << (BITS - 1);
+    let mut side = 1u32 << (CURVE_BITS - 1);
     while side > 0 {
         let (right, up) = (u32::from(x & side > 0), u32::from(y & side > 0));
         place += side * side * ((3 * right) ^ up);
         if up == 0 {
             if right == 1 {
-                let most = (1u32 << BITS) - 1;
+                let most = (1u32 << CURVE_BITS) - 1;
                 (x, y) = (most - x, most - y);
             }
             std::mem::swap(&mut x, &mut y);

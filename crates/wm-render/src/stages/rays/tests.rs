@@ -1,7 +1,8 @@
 use super::cpu::RaySplats;
 use super::packets::{PACKET, Packets};
 use super::{RayHits, RayOutputs, Rays};
-use crate::reference_rays;
+use crate::ray_tracer::RayTracer;
+use crate::reference;
 use crate::renderer::RenderConfig;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
@@ -43,7 +44,7 @@ pub(super) fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<()
             let ray = *ray as usize;
             let [origin, direction] =
                 [rays.origins[ray], rays.directions[ray]].map(|v| DVec3::from_array(v.map(f64::from)));
-            let want = reference_rays::trace(splats, |_| true, (origin, direction), center);
+            let want = reference::rays::trace(splats, |_| true, origin, direction, center);
             let limit = 2e-4 + want.slack;
             if (f64::from(hits.coverage[ray]) - want.coverage).abs() > limit {
                 return Err(format!("ray {ray}: coverage {}, want {}", hits.coverage[ray], want.coverage));
@@ -82,7 +83,7 @@ pub(super) fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<()
 }
 
 #[test]
-fn rays_meet_what_the_referee_meets() {
+fn rays_meet_what_the_reference_meets() {
     let splats = random_splats(3000, 3, 11);
     for path in SimdPath::available() {
         for travelled in [0.0, 3.0] {

@@ -54,7 +54,7 @@ pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]],
 
 /// Takes away the share `fade` of what depends on the direction in the colours of one group.
 #[inline(always)]
-pub fn fade_group<S: Lanes>(simd: S, group: &SplatGroup, fade: &[f32; GROUP], shade: &mut ShadeGroup) {
+pub(crate) fn fade_group<S: Lanes>(simd: S, group: &SplatGroup, fade: &[f32; GROUP], shade: &mut ShadeGroup) {
     for first in (0..GROUP).step_by(S::N) {
         let fade = simd.load(&fade[first..]);
         for channel in 0..3 {
@@ -68,7 +68,7 @@ pub fn fade_group<S: Lanes>(simd: S, group: &SplatGroup, fade: &[f32; GROUP], sh
 
 /// Changes the light on one group: `gains` are factors on linear light, one array a channel.
 #[inline(always)]
-pub fn relight_group<S: Lanes>(simd: S, gains: [&[f32; GROUP]; 3], shade: &mut ShadeGroup) {
+pub(crate) fn relight_group<S: Lanes>(simd: S, gains: [&[f32; GROUP]; 3], shade: &mut ShadeGroup) {
     for first in (0..GROUP).step_by(S::N) {
         let mut light = [simd.set(0.0); 3];
         for k in 0..3 {
@@ -95,7 +95,7 @@ pub fn relight_group<S: Lanes>(simd: S, gains: [&[f32; GROUP]; 3], shade: &mut S
 /// [`shade_group`] takes them, coefficient 0 among them; rows beyond, up to a multiple of 16, hold
 /// nothing of use. `sh` is `[N, stride]`.
 #[inline(always)]
-pub fn gather_rows<S: Lanes>(
+pub(crate) fn gather_rows<S: Lanes>(
     simd: S,
     sh: &[f32],
     stride: usize,
@@ -122,7 +122,7 @@ pub fn gather_rows<S: Lanes>(
 /// Changes the colours of `groups` to those seen from `origin` through the air, or to the shares of
 /// light.
 #[inline]
-pub fn through_air(
+pub(crate) fn through_air(
     path: SimdPath,
     medium: Option<&dyn Medium>,
     shading: Shading,

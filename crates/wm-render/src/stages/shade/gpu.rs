@@ -25,7 +25,7 @@ const FULL_SHARE: &str = "fn through_air(direction: vec3<f32>, distance: f32, rg
 
 /// The effect of the air on the colour of a splat.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum AirText {
+pub(crate) enum AirText {
     /// The colour itself: clear air.
     Clear,
     /// The colour through the air of this text.
@@ -41,7 +41,7 @@ pub enum AirText {
 impl AirText {
     /// The program's part for an air.
     #[must_use]
-    pub fn new(shading: Shading, air: Option<&WgslSource>) -> Self {
+    pub(crate) fn new(shading: Shading, air: Option<&WgslSource>) -> Self {
         match (shading, air.map(|air| air.wgsl.clone())) {
             (Shading::Color, None) => Self::Clear,
             (Shading::Color, Some(text)) => Self::Color(text),
@@ -66,8 +66,9 @@ impl AirText {
 
 /// The programs of the air by itself.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum ShadeProgram {
+pub(crate) enum ShadeProgram {
     /// Changes the colours of groups of splats to those seen through the air of this text.
+    #[allow(dead_code, reason = "tests alone shade groups without a projection")]
     Groups(Cow<'static, str>),
 }
 
@@ -95,8 +96,10 @@ impl StagePrograms for ShadeProgram {
 #[cfg(any(test, feature = "testing"))]
 pub(crate) fn shade_groups(
     recorder: &mut Recorder<'_>,
-    (air, parameters): (&WgslSource, &wgpu::Buffer),
-    (groups, count): (&wgpu::Buffer, u32),
+    air: &WgslSource,
+    parameters: &wgpu::Buffer,
+    groups: &wgpu::Buffer,
+    count: u32,
 ) {
     let bindings = vec![(0, groups.as_entire_binding()), (8, parameters.as_entire_binding())];
     let size = Groups::Direct((count * GROUP as u32).div_ceil(WORKGROUP));

@@ -11,7 +11,8 @@ use crate::reference;
 use crate::renderer::RenderBackend;
 use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
-use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
+use crate::testing::comparison::{ALL_OUTPUTS, compare};
+use crate::testing::{Backend, camera, random_splats, uniform};
 use wm_scene::{Group, sh};
 
 crate::parity! {
@@ -52,7 +53,8 @@ fn colors(backend: Backend) {
     }
 }
 
-/// Of the splats in view, along the rays to them: the direction's rounding (2e-7) comes on top.
+/// Compares the colours of the splats in view, along the rays to them: the rounding of directions
+/// (2e-7) comes on top.
 #[cfg(feature = "gpu")]
 fn colors_on_gpu() {
     let camera = camera(320, 200);
@@ -130,7 +132,7 @@ fn air(backend: Backend) {
     renderer
         .render(&DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks), &mut frame)
         .unwrap();
-    let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
+    let want = reference::frame::render(&[(&splats, None)], &camera, &config, hooks);
     compare(&frame, &want, 2.0).unwrap();
 }
 
@@ -166,7 +168,7 @@ fn gains(backend: Backend) {
     for hooks in [Hooks::default(), Hooks { medium: Some(&Tint), ..Hooks::default() }] {
         let mut frame = Frame::default();
         renderer.render(&DrawPass::new(&sets, &camera, &config).with_hooks(hooks), &mut frame).unwrap();
-        let want = reference::render(&[(&splats, Some(&Relit))], &camera, &config, hooks);
+        let want = reference::frame::render(&[(&splats, Some(&Relit))], &camera, &config, hooks);
         compare(&frame, &want, 2.0).unwrap();
     }
 }

@@ -8,11 +8,11 @@ use wm_scene::sh::{C0, C1, C2, C3};
 /// The results of [`shade_backward_group`] for sixteen splats.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct ShadeGradients {
+pub(crate) struct ShadeGradients {
     /// By the coefficients, `[K, 3]` rows.
-    pub sh: [[f32; GROUP]; 48],
+    pub(crate) sh: [[f32; GROUP]; 48],
     /// By the direction.
-    pub direction: [[f32; GROUP]; 3],
+    pub(crate) direction: [[f32; GROUP]; 3],
 }
 
 impl Default for ShadeGradients {
@@ -24,7 +24,7 @@ impl Default for ShadeGradients {
 /// `sh` holds the coefficients in use, `[K, 3]` rows of sixteen splats seen in `directions`;
 /// `by_rgb` the derivatives by their colours.
 #[inline(always)]
-pub fn shade_backward_group<S: Lanes>(
+pub(crate) fn shade_backward_group<S: Lanes>(
     simd: S,
     sh: &[[f32; GROUP]],
     directions: &[[f32; GROUP]; 3],

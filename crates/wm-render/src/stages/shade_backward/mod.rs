@@ -12,6 +12,6 @@
 //!
 //! Tolerance: sums of up to 45 products, relative 3e-6 of the largest.
 
-pub mod cpu;
+pub(crate) mod cpu;
 #[cfg(test)]
 mod tests;

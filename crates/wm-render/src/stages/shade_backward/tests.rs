@@ -1,7 +1,7 @@
 use super::cpu::{ShadeGradients, shade_backward_group};
 use crate::dispatch;
 use crate::hooks::GROUP;
-use crate::reference_backward::basis_slopes;
+use crate::reference::backward::basis_slopes;
 use crate::testing::{Backend, uniform};
 use wm_scene::sh;
 

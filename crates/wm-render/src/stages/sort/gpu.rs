@@ -13,7 +13,7 @@ pub(crate) type Pairs<'a> = (&'a wgpu::Buffer, &'a wgpu::Buffer);
 
 /// The programs of the sort.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum SortProgram {
+pub(crate) enum SortProgram {
     /// Counts each digit in each block of pairs.
     Count,
     /// Makes prefix sums of these counts.
@@ -43,20 +43,20 @@ impl StagePrograms for SortProgram {
 /// The buffers of a sort.
 pub(crate) struct Sort<'a> {
     /// The pairs, and room for as many.
-    pub pairs: [Pairs<'a>; 2],
+    pub(crate) pairs: [Pairs<'a>; 2],
     /// Their number.
-    pub counters: &'a wgpu::Buffer,
+    pub(crate) counters: &'a wgpu::Buffer,
     /// The sizes of the dispatches.
-    pub dispatches: &'a wgpu::Buffer,
+    pub(crate) dispatches: &'a wgpu::Buffer,
     /// The word of them that counts.
-    pub size: u32,
+    pub(crate) size: u32,
     /// Room for the counts of digits.
-    pub histogram: &'a wgpu::Buffer,
+    pub(crate) histogram: &'a wgpu::Buffer,
     /// Room for 256 totals.
-    pub totals: &'a wgpu::Buffer,
+    pub(crate) totals: &'a wgpu::Buffer,
 }
 
-/// Passes that keys of so many bits take.
+/// Returns the number of passes for keys of `bits` bits.
 pub(crate) fn passes(bits: u32) -> u32 {
     bits.div_ceil(DIGIT_BITS)
 }
@@ -64,7 +64,7 @@ pub(crate) fn passes(bits: u32) -> u32 {
 impl<'a> Sort<'a> {
     /// Sorts; `slots` are those of the structures `Pass`, one a pass. Returns the sorted pairs: in
     /// the first place after an even number of passes, else in the second.
-    pub fn record(self, recorder: &mut Recorder<'_>, slots: std::ops::Range<usize>) -> Pairs<'a> {
+    pub(crate) fn record(self, recorder: &mut Recorder<'_>, slots: std::ops::Range<usize>) -> Pairs<'a> {
         let [mut from, mut to] = self.pairs;
         for slot in slots {
             let base = vec![

@@ -5,6 +5,6 @@
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;

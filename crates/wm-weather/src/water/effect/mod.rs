@@ -130,7 +130,7 @@ impl PictureEffect for WaterEffect<'_> {
                 lay_particles(path, line, &particles[4 * own.start..4 * own.end]);
             }
         });
-        apply_pixel_effects(path, self.effects, width, rgb, (alpha, depth));
+        apply_pixel_effects(path, self.effects, width, rgb, alpha, depth);
     }
 }
 

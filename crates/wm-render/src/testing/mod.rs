@@ -1,25 +1,23 @@
 //! Scenes, back ends and comparisons for tests and benches.
 
+#[cfg(test)]
+pub(crate) mod comparison;
+
 #[cfg(feature = "gpu")]
 use crate::device::AnyDifferentiable;
-use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
-use crate::frame::Frame;
+use crate::differentiable::{Channels, Upstream};
 #[cfg(feature = "gpu")]
 use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer, source::Program};
 #[cfg(feature = "gpu")]
 use crate::hooks::WgslSource;
 use crate::hooks::{Medium, ShadeGroup};
-use crate::reference::ReferenceFrame;
-use crate::reference_backward::{self, Parameters, ReferenceGradients};
 #[cfg(feature = "gpu")]
 use crate::renderer::RenderError;
 use crate::renderer::{CpuConfig, RenderBackend};
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
-use crate::{
-    CpuDifferentiable, CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass, WaterPass,
-};
+use crate::{CpuDifferentiable, CpuRenderer, Differentiable};
 use glam::DVec3;
 #[cfg(feature = "gpu")]
 use std::sync::{Arc, OnceLock};
@@ -67,7 +65,7 @@ impl Backend {
         missing.is_none().then_some(Self::Gpu)
     }
 
-    /// The SIMD path, of checks that are of the CPU alone.
+    /// Returns the SIMD path, for checks that concern the CPU alone.
     ///
     /// # Panics
     /// If this is the GPU.
@@ -111,7 +109,7 @@ impl Backend {
         }
     }
 
-    /// The same for training.
+    /// Makes a renderer for training on this back end.
     ///
     /// # Panics
     /// If it cannot be started.
@@ -130,7 +128,7 @@ impl Backend {
     }
 }
 
-/// As [`gpu_renderer`], of training.
+/// Makes a renderer for training on the shared GPU.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -142,8 +140,7 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
         .expect("threads start")
 }
 
-/// A back end of training as `auto` makes it where there is a GPU, on one of its own, which may be
-/// taken away from it.
+/// Makes a back end for training like `auto` on a GPU of its own, which may be taken away.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -155,8 +152,7 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
     (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
 
-/// A GPU of its own with the limits that every browser's has, and bindings of at most so many
-/// bytes.
+/// Opens a GPU with the default limits of browsers, and bindings of at most `most_binding` bytes.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -168,22 +164,29 @@ pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
     Gpu::open(&config).expect("a GPU")
 }
 
-/// The GPU of all tests of a program, started once: any that there is.
+/// Returns the GPU that all tests of a program share, which is started once.
 #[cfg(feature = "gpu")]
 fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
     static SHARED: OnceLock<Result<Arc<Gpu>, GpuError>> = OnceLock::new();
     SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }))
 }
 
-/// A renderer on it.
+/// Makes a renderer on the shared GPU.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
 #[cfg(feature = "gpu")]
 #[must_use]
-pub fn gpu_renderer() -> GpuRenderer {
+pub(crate) fn gpu_renderer() -> GpuRenderer {
     let gpu = shared_gpu().clone().expect("a GPU");
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")
+}
+
+/// The text of every program of the GPU, but for those with the air of a weather.
+#[cfg(feature = "gpu")]
+#[must_use]
+pub fn program_texts() -> Vec<String> {
+    Program::all().iter().map(Program::text).collect()
 }
 
 /// Checks that an air's WGSL is valid where the renderer puts it; needs no GPU.
@@ -236,7 +239,7 @@ macro_rules! parity {
     )*};
 }
 
-/// The same of what is of the CPU alone: every SIMD path.
+/// Makes one test per SIMD path of a check that concerns the CPU alone.
 #[macro_export]
 macro_rules! cpu_parity {
     ($($name:ident => $check:expr;)*) => {$(
@@ -249,7 +252,7 @@ macro_rules! cpu_parity {
     )*};
 }
 
-/// A test a SIMD path.
+/// Makes one test per SIMD path.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! tests_of_paths {
@@ -333,66 +336,6 @@ pub fn tile_records(sigma: f64) -> Vec<Record> {
         .collect()
 }
 
-/// Kinds of splats that break renderers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Hard {
-    /// Larger than the picture.
-    Huge,
-    /// A hundred times longer than wide, some thousand px long.
-    Needle,
-    /// Centres just before and behind the near plane.
-    NearPlane,
-    /// All round the camera, most of them behind it.
-    Behind,
-    /// Opacities about 1/255 and 0.
-    Faint,
-    /// Opacities of 0.99 to 1.
-    Opaque,
-    /// Many at one depth.
-    OneDepth,
-    /// Far smaller than a pixel.
-    Tiny,
-}
-
-impl Hard {
-    /// Every kind.
-    pub const ALL: [Self; 8] = [
-        Self::Huge,
-        Self::Needle,
-        Self::NearPlane,
-        Self::Behind,
-        Self::Faint,
-        Self::Opaque,
-        Self::OneDepth,
-        Self::Tiny,
-    ];
-
-    /// `count` splats of this kind, for [`camera`].
-    #[must_use]
-    pub fn splats(self, count: usize, seed: u64) -> Splats {
-        let mut splats = random_splats(count, 1, seed);
-        for i in 0..count {
-            let u = |k: u64| uniform(seed ^ 0x5eed, i as u64 * 8 + k) as f32;
-            match self {
-                Self::Huge => {
-                    splats.log_scales[i] = [0.5 + 2.0 * u(0), 0.5 + 2.0 * u(1), 0.5 + 2.0 * u(2)];
-                    splats.logit_opacities[i] -= 1.5;
-                }
-                Self::Needle => splats.log_scales[i] = [1.0 + u(0), -4.0 - u(1), -4.0 - u(2)],
-                Self::NearPlane => splats.means[i][2] = -6.0 + 0.2 + 0.02 * (u(0) - 0.3),
-                Self::Behind => splats.means[i][2] = -6.0 + 3.0 * (u(0) - 0.7),
-                Self::Faint => splats.logit_opacities[i] = logit(f64::from(u(0)) * 2.5 / 255.0) as f32,
-                Self::Opaque => {
-                    splats.logit_opacities[i] = if u(1) < 0.2 { f32::INFINITY } else { 4.6 + 10.0 * u(0) }
-                }
-                Self::OneDepth => splats.means[i][2] = 0.5,
-                Self::Tiny => splats.log_scales[i] = [-9.0 - u(0), -9.0 - u(1), -9.0 - u(2)],
-            }
-        }
-        splats
-    }
-}
-
 /// The camera that sees the test scenes: at (0, 0, -6), principal point off centre.
 ///
 /// # Panics
@@ -403,70 +346,6 @@ pub fn camera(width: u32, height: u32) -> Camera {
     let camera = Camera::looking((width, height), 45.0, eye, DVec3::new(0.3, 0.2, 0.0), DVec3::NEG_Y);
     let camera = camera.expect("a camera");
     Camera { cx: camera.cx + 0.11 * f64::from(width), cy: camera.cy - 0.07 * f64::from(height), ..camera }
-}
-
-/// Every output on.
-pub const ALL_OUTPUTS: Outputs = Outputs {
-    geometry: Geometry::DepthNormal,
-    median_depth: MedianDepth::On,
-    particles: ParticlePass::Off,
-    water: WaterPass::Off,
-};
-
-/// Compares a frame with the referee's. Tight where no decision is near: colours within `1e-4` of
-/// each pixel and `1e-5` in the mean, sums of depth and normal likewise relative to their size.
-/// Where one is (see [`ReferenceFrame::slack`]), by the weight at stake and no more.
-///
-/// The bound of a pixel: rasterize's contract gives 1e-6 relative an alpha; with up to a few
-/// hundred splats over a pixel and colours up to 2 the sum stays under 1e-4.
-///
-/// # Errors
-/// A line that names the first pixel beyond its bound, or the mean.
-pub fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) -> Result<(), String> {
-    let mut mean = 0.0;
-    let largest_depth = want.depth_sum.iter().copied().fold(1.0, f64::max);
-    for i in 0..frame.pixels() {
-        let at = (i % frame.width as usize, i / frame.width as usize);
-        let slack = want.slack[i];
-        let check = |name: &str, got: f64, wanted: f64, scale: f64| {
-            let bound = scale * (1e-4 + 2.0 * slack);
-            let off = (got - wanted).abs();
-            if off <= bound {
-                Ok(off)
-            } else {
-                Err(format!("{name} at {at:?} is {got}, want {wanted}: off by {off:.2e}, bound {bound:.2e}"))
-            }
-        };
-        for k in 0..3 {
-            let off = check("rgb", f64::from(frame.rgb[3 * i + k]), want.rgb[i][k], largest_color)?;
-            if slack == 0.0 {
-                mean += off / largest_color;
-            }
-        }
-        let alpha = f64::from(frame.alpha[i]);
-        check("alpha", alpha, want.alpha[i], 1.0)?;
-        if want.alpha[i] > 0.1 {
-            let (depth, wanted) = (f64::from(frame.depth[i]), want.depth_sum[i] / want.alpha[i]);
-            check("depth", depth, wanted, largest_depth / want.alpha[i])?;
-            let sum = want.normal_sum[i];
-            let length = sum.iter().map(|v| v * v).sum::<f64>().sqrt();
-            if length > 0.1 {
-                for k in 0..3 {
-                    check("normal", f64::from(frame.normal[3 * i + k]), sum[k] / length, 2.0 / length)?;
-                }
-            }
-        }
-        // A median is the depth of one splat: right, or another's where a decision is near one
-        // half.
-        if want.median_margin[i] > 1e-4 + 2.0 * slack {
-            let (got, wanted) = (f64::from(frame.median_depth[i]), want.median_depth[i]);
-            if (got - wanted).abs() > 1e-5 * wanted.max(1.0) {
-                return Err(format!("median depth at {at:?} is {got}, want {wanted}"));
-            }
-        }
-    }
-    let mean = mean / (3 * frame.pixels()) as f64;
-    if mean < 1e-5 { Ok(()) } else { Err(format!("mean difference {mean:.2e}, bound 1e-5")) }
 }
 
 /// A random derivative for each picture, of numbers in [-1, 1].
@@ -502,76 +381,10 @@ impl RandomLoss {
         }
     }
 
-    /// As the backward pass takes it.
+    /// Returns the loss in the form of the backward pass.
     #[must_use]
     pub fn upstream(&self) -> Upstream<'_> {
         let Self { rgb, alpha, depth, normal } = self;
         Upstream { rgb, alpha, depth, normal, ..Upstream::default() }
     }
-}
-
-/// Gradients of a random loss by the back end and by the referee. The loss counts only the pixels
-/// at which both must decide alike ([`reference_backward::Decisions::steady`]).
-///
-/// # Panics
-/// If the renderer cannot be started, or more than a few pixels are not steady.
-#[must_use]
-pub fn gradients_of(
-    backend: Backend,
-    splats: &Splats,
-    camera: &Camera,
-    config: &ForwardConfig,
-    seed: u64,
-) -> (Gradients, ReferenceGradients) {
-    let parameters = Parameters::of(splats);
-    let decisions = reference_backward::decide(&parameters, camera, config);
-    let pixels = decisions.steady.len();
-    let loss = RandomLoss::new(config.channels, pixels, seed, |i| decisions.steady[i]);
-    let mut renderer = backend.differentiable();
-    let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
-    renderer.forward(splats, camera, config, &mut frame).expect("it renders");
-    renderer.backward(splats, &loss.upstream(), Learn::ALL, &mut gradients).expect("it derives");
-    let want = reference_backward::gradients(&parameters, camera, config, &decisions, &loss.upstream());
-    (gradients, want)
-}
-
-/// Relative L2 distance of each array of gradients from the referee's.
-#[must_use]
-pub fn gradient_errors(got: &Gradients, want: &ReferenceGradients) -> Vec<(&'static str, f64)> {
-    let mut want = want.clone();
-    let stride = want.parameters.sh.len() / want.weights.len().max(1);
-    let mut errors = Vec::new();
-    let mut add = |name: &'static str, got_rows: &[f32], want: &[f64], stride: usize| {
-        if got_rows.is_empty() {
-            return;
-        }
-        let width = got_rows.len() / got.len();
-        // What the back end does not show counts as 0.
-        let mut full = vec![0.0; want.len()];
-        for (row, index) in got_rows.chunks_exact(width).zip(&got.visible) {
-            for (k, value) in row.iter().enumerate() {
-                full[*index as usize * stride + k] = f64::from(*value);
-            }
-        }
-        let norm: f64 = want.iter().map(|v| v * v).sum();
-        let error: f64 = want.iter().zip(&full).map(|(a, b)| (a - b) * (a - b)).sum();
-        errors.push((name, (error / norm.max(1e-60)).sqrt()));
-    };
-    let ReferenceGradients { parameters, means2d, absgrads, weights, radii } = &mut want;
-    add("means", got.means.as_flattened(), &parameters.means, 3);
-    add("quats", got.quats.as_flattened(), &parameters.quats, 4);
-    add("log_scales", got.log_scales.as_flattened(), &parameters.log_scales, 3);
-    add("logit_opacities", &got.logit_opacities, &parameters.logit_opacities, 1);
-    add("sh", &got.sh, &parameters.sh, stride);
-    add("means2d", got.means2d.as_flattened(), means2d.as_flattened(), 2);
-    add("absgrads", got.absgrads.as_flattened(), absgrads.as_flattened(), 2);
-    add("weights", &got.weights, weights, 1);
-    // Splats in the picture by their centre alone have radii there and not here.
-    for (index, radius) in radii.iter_mut().enumerate() {
-        if got.visible.binary_search(&(index as u32)).is_err() {
-            *radius = 0.0;
-        }
-    }
-    add("radii", &got.radii, radii, 1);
-    errors
 }

@@ -1,4 +1,4 @@
-//! The referee of gradients: the formulas of the backward stages in f64, by brute force.
+//! The reference of gradients: the formulas of the backward stages in f64, by brute force.
 //!
 //! A render is no smooth function: splats fall under the cut, clamps bite, the order changes. A
 //! gradient is that of the smooth piece at hand, so all decisions are taken once ([`Decisions`])
@@ -12,33 +12,33 @@ mod tests;
 
 use crate::differentiable::{Channels, DepthAlpha, ForwardConfig, Upstream};
 use crate::frame::MIN_ALPHA;
-use crate::reference::{CUT_BAND, ORDER_BAND, STOP_BAND};
+use crate::reference::frame::{CUT_BAND, ORDER_BAND, STOP_BAND};
 use crate::stages::rasterize::{LOG2_MAX_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE};
-use splat::{Splat, SplatDecisions, SplatPulls};
+use splat::{Splat, SplatDecisions, SplatDerivatives};
 use std::f64::consts::LN_2;
 use wm_scene::{Camera, Splats, sh};
 
 /// Stored parameters, or their gradients, in f64. Flat, shapes as in [`Splats`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Parameters {
+pub(crate) struct Parameters {
     /// `[N, 3]`.
-    pub means: Vec<f64>,
+    pub(crate) means: Vec<f64>,
     /// `[N, 4]`.
-    pub quats: Vec<f64>,
+    pub(crate) quats: Vec<f64>,
     /// `[N, 3]`.
-    pub log_scales: Vec<f64>,
+    pub(crate) log_scales: Vec<f64>,
     /// `[N]`.
-    pub logit_opacities: Vec<f64>,
+    pub(crate) logit_opacities: Vec<f64>,
     /// `[N, K, 3]`.
-    pub sh: Vec<f64>,
+    pub(crate) sh: Vec<f64>,
     /// Degree of `sh`.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
 }
 
 impl Parameters {
     /// The parameters of `splats`.
     #[must_use]
-    pub fn of(splats: &Splats) -> Self {
+    pub(crate) fn of(splats: &Splats) -> Self {
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect();
         Self {
             means: wide(splats.means.as_flattened()),
@@ -52,18 +52,12 @@ impl Parameters {
 
     /// Number of splats.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.logit_opacities.len()
     }
 
-    /// Returns true if there is none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// The arrays with their names.
-    pub fn arrays(&mut self) -> [(&'static str, &mut Vec<f64>); 5] {
+    pub(crate) fn arrays(&mut self) -> [(&'static str, &mut Vec<f64>); 5] {
         [
             ("means", &mut self.means),
             ("quats", &mut self.quats),
@@ -84,8 +78,8 @@ impl Parameters {
 
 /// Everything about a view that is decided and not computed.
 #[derive(Clone, Debug)]
-pub struct Decisions {
-    /// Those in view, in the order of blending.
+pub(crate) struct Decisions {
+    /// The splats in view, in the order of blending.
     order: Vec<usize>,
     splats: Vec<Option<SplatDecisions>>,
     /// For each pixel the splats that it holds, and whether their alpha is clamped.
@@ -93,26 +87,26 @@ pub struct Decisions {
     /// True if a pixel has depth and normal.
     covered: Vec<bool>,
     /// True if no decision of a pixel is so close that f32 may take it otherwise, `[H, W]`.
-    pub steady: Vec<bool>,
+    pub(crate) steady: Vec<bool>,
 }
 
 /// Blended pictures in f64; those that are not asked for are 0.
 #[derive(Clone, Debug, Default)]
-pub struct ReferencePictures {
+pub(crate) struct ReferencePictures {
     /// `[H, W, 3]`.
-    pub rgb: Vec<[f64; 3]>,
+    pub(crate) rgb: Vec<[f64; 3]>,
     /// `[H, W]`.
-    pub alpha: Vec<f64>,
+    pub(crate) alpha: Vec<f64>,
     /// `[H, W]`.
-    pub depth: Vec<f64>,
+    pub(crate) depth: Vec<f64>,
     /// `[H, W, 3]`.
-    pub normal: Vec<[f64; 3]>,
+    pub(crate) normal: Vec<[f64; 3]>,
 }
 
 impl ReferencePictures {
     /// The loss whose derivative is `upstream`: the sum of each value times its own.
     #[must_use]
-    pub fn loss(&self, upstream: &Upstream<'_>) -> f64 {
+    pub(crate) fn loss(&self, upstream: &Upstream<'_>) -> f64 {
         let dot = |values: &[f64], weights: &[f32]| -> f64 {
             values.iter().zip(weights).map(|(value, weight)| value * f64::from(*weight)).sum()
         };
@@ -125,22 +119,22 @@ impl ReferencePictures {
 
 /// The result of [`gradients`].
 #[derive(Clone, Debug)]
-pub struct ReferenceGradients {
+pub(crate) struct ReferenceGradients {
     /// By the stored parameters.
-    pub parameters: Parameters,
+    pub(crate) parameters: Parameters,
     /// By the centres, px, `[N, 2]`.
-    pub means2d: Vec<[f64; 2]>,
+    pub(crate) means2d: Vec<[f64; 2]>,
     /// Sums of absolute values of the same, `[N, 2]`.
-    pub absgrads: Vec<[f64; 2]>,
+    pub(crate) absgrads: Vec<[f64; 2]>,
     /// Sums of weights, `[N]`.
-    pub weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
     /// Three standard deviations along the longest axis in the picture, px, `[N]`; 0 out of view.
-    pub radii: Vec<f64>,
+    pub(crate) radii: Vec<f64>,
 }
 
 /// Takes all decisions of a view.
 #[must_use]
-pub fn decide(parameters: &Parameters, camera: &Camera, config: &ForwardConfig) -> Decisions {
+pub(crate) fn decide(parameters: &Parameters, camera: &Camera, config: &ForwardConfig) -> Decisions {
     let seen: Vec<Option<Splat>> =
         (0..parameters.len()).map(|i| Splat::new(parameters, i, camera, config, None)).collect();
     let mut order: Vec<usize> = (0..seen.len()).filter(|i| seen[*i].is_some()).collect();
@@ -163,7 +157,7 @@ pub fn decide(parameters: &Parameters, camera: &Camera, config: &ForwardConfig) 
             let mut last = f64::NEG_INFINITY;
             for index in &decisions.order {
                 let Some(splat) = &seen[*index] else { continue };
-                let q = splat.log2_alpha(at).0;
+                let q = splat.log2_alpha(at.0, at.1).0;
                 let cut = -(255f64.log2());
                 steady &= (q - cut).abs() >= CUT_BAND;
                 if q < cut {
@@ -239,7 +233,7 @@ fn touches(decisions: &Decisions, splats: &[Option<Splat>], pixel: usize, camera
     let mut touches = Vec::new();
     for (index, clamped) in &decisions.pixels[pixel] {
         let Some(splat) = &splats[*index] else { continue };
-        let (q, u, v) = splat.log2_alpha(at);
+        let (q, u, v) = splat.log2_alpha(at.0, at.1);
         let alpha = if *clamped { f64::from(MAX_ALPHA) } else { q.exp2() };
         touches.push(Touch { index: *index, clamped: *clamped, alpha, transmittance, u, v });
         transmittance *= 1.0 - alpha;
@@ -262,7 +256,7 @@ fn project(
 
 /// Renders under kept decisions.
 #[must_use]
-pub fn render(
+pub(crate) fn render(
     parameters: &Parameters,
     camera: &Camera,
     config: &ForwardConfig,
@@ -289,7 +283,7 @@ pub fn render(
 
 /// The gradients of the loss whose derivative by each pixel is `upstream`.
 #[must_use]
-pub fn gradients(
+pub(crate) fn gradients(
     parameters: &Parameters,
     camera: &Camera,
     config: &ForwardConfig,
@@ -298,7 +292,7 @@ pub fn gradients(
 ) -> ReferenceGradients {
     upstream.check(decisions.pixels.len(), config.channels);
     let splats = project(parameters, camera, config, decisions);
-    let mut pulls: Vec<SplatPulls> = vec![SplatPulls::default(); splats.len()];
+    let mut pulls: Vec<SplatDerivatives> = vec![SplatDerivatives::default(); splats.len()];
     for pixel in 0..decisions.pixels.len() {
         let touches = touches(decisions, &splats, pixel, camera);
         let sums = Sums::of(&touches, &splats);
@@ -333,7 +327,7 @@ pub fn gradients(
 }
 
 /// Adds one pixel's pulls on its splats.
-#[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
 fn pixel_gradients(
     touches: &[Touch],
     splats: &[Option<Splat>],
@@ -342,7 +336,7 @@ fn pixel_gradients(
     covered: bool,
     upstream: &Upstream<'_>,
     pixel: usize,
-    pulls: &mut [SplatPulls],
+    pulls: &mut [SplatDerivatives],
 ) {
     let read = |values: &[f32], at: usize| values.get(at).map_or(0.0, |v| f64::from(*v));
     let by_rgb = [0, 1, 2].map(|k| read(upstream.rgb, 3 * pixel + k));
@@ -399,7 +393,7 @@ fn pixel_gradients(
 /// The derivatives of the 16 basis functions of [`sh::basis`], taken as polynomials, at
 /// `direction`.
 #[must_use]
-pub fn basis_slopes(direction: [f64; 3]) -> [[f64; 3]; 16] {
+pub(crate) fn basis_slopes(direction: [f64; 3]) -> [[f64; 3]; 16] {
     use sh::{C1, C2, C3};
     let [x, y, z] = direction;
     let (xx, yy, zz) = (x * x, y * y, z * z);

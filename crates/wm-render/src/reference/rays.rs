@@ -1,33 +1,33 @@
-//! The referee of rays: every splat against every ray in f64, by the contract of
+//! The reference of rays: every splat against every ray in f64, by the contract of
 //! [`crate::stages::rays`].
 
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
-use crate::stages::rays::{LEAST_HIT, THINNEST, WHOLE};
+use crate::stages::rays::{MIN_HIT_COVERAGE, MIN_RELATIVE_SCALE, STOPPED_COVERAGE};
 use glam::{DMat3, DVec3};
 use wm_scene::{Splats, quat, sh};
 
 /// The result of one ray.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ReferenceHit {
+pub(crate) struct ReferenceHit {
     /// Sum of weights.
-    pub coverage: f64,
+    pub(crate) coverage: f64,
     /// Distance and splat of the hit.
-    pub hit: Option<(f64, usize)>,
+    pub(crate) hit: Option<(f64, usize)>,
     /// Colour times coverage.
-    pub color: [f64; 3],
+    pub(crate) color: [f64; 3],
     /// Normal times coverage.
-    pub normal: [f64; 3],
+    pub(crate) normal: [f64; 3],
     /// The splats that are met and their weights, in order.
-    pub weights: Vec<(usize, f64)>,
+    pub(crate) weights: Vec<(usize, f64)>,
     /// Most that the sums of a correct f32 back end are off: by cuts that rounding may decide.
-    pub slack: f64,
+    pub(crate) slack: f64,
     /// The least that the sum of weights is away from half of the coverage between two splats.
     /// Where it is next to nothing, either of the two may be hit.
-    pub margin: f64,
+    pub(crate) margin: f64,
 }
 
 /// One splat that a ray meets.
-struct Met {
+struct MetSplat {
     splat: usize,
     order: f64,
     distance: f64,
@@ -38,13 +38,14 @@ struct Met {
 /// Traces one ray through the splats for which `is_met` returns true. `center` is the middle of the
 /// origins of its group.
 #[must_use]
-pub fn trace(
+pub(crate) fn trace(
     splats: &Splats,
     is_met: impl Fn(usize) -> bool,
-    (origin, direction): (DVec3, DVec3),
+    origin: DVec3,
+    direction: DVec3,
     center: DVec3,
 ) -> ReferenceHit {
-    let mut met: Vec<Met> = Vec::new();
+    let mut met: Vec<MetSplat> = Vec::new();
     for splat in (0..splats.len()).filter(|splat| is_met(*splat) && splats.is_sound(*splat)) {
         let mean = DVec3::from_array(splats.means[splat].map(f64::from));
         let scales = splats.scales(splat);
@@ -53,7 +54,7 @@ pub fn trace(
         // Given row by row, so the columns are those of the transpose.
         let whitened = |v: DVec3| {
             let turned = axes * v;
-            DVec3::from_array([0, 1, 2].map(|k| turned[k] / scales[k].max(THINNEST * longest)))
+            DVec3::from_array([0, 1, 2].map(|k| turned[k] / scales[k].max(MIN_RELATIVE_SCALE * longest)))
         };
         let (a, b) = (whitened(origin - mean), whitened(direction));
         let distance = -a.dot(b) / b.length_squared();
@@ -64,13 +65,13 @@ pub fn trace(
         }
         let is_sure = alpha > cut * 1.002;
         let alpha = if alpha < cut { 0.0 } else { alpha.min(f64::from(MAX_ALPHA)) };
-        met.push(Met { splat, order: (mean - center).length(), distance, alpha, is_sure });
+        met.push(MetSplat { splat, order: (mean - center).length(), distance, alpha, is_sure });
     }
     met.sort_by(|a, b| a.order.total_cmp(&b.order).then(a.splat.cmp(&b.splat)));
     let mut found = ReferenceHit { margin: f64::INFINITY, ..ReferenceHit::default() };
     let mut transmittance = 1.0;
     let mut sums = Vec::new();
-    for Met { splat, distance, alpha, is_sure, .. } in met {
+    for MetSplat { splat, distance, alpha, is_sure, .. } in met {
         let after = transmittance * (1.0 - alpha);
         let end = f64::from(MIN_TRANSMITTANCE);
         if !is_sure {
@@ -96,15 +97,15 @@ pub fn trace(
         transmittance = after;
         sums.push((found.coverage, distance, splat));
     }
-    let half = if found.coverage < f64::from(WHOLE) { 0.5 * found.coverage } else { 0.5 };
+    let half = if found.coverage < f64::from(STOPPED_COVERAGE) { 0.5 * found.coverage } else { 0.5 };
     found.margin = sums.iter().map(|(sum, ..)| (sum - half).abs()).fold(f64::INFINITY, f64::min);
     // A coverage next to a limit may be on either side of it.
-    for limit in [LEAST_HIT, WHOLE] {
+    for limit in [MIN_HIT_COVERAGE, STOPPED_COVERAGE] {
         if (found.coverage - f64::from(limit)).abs() < 1e-3 + found.slack {
             found.margin = 0.0;
         }
     }
-    if found.coverage >= f64::from(LEAST_HIT) {
+    if found.coverage >= f64::from(MIN_HIT_COVERAGE) {
         found.hit =
             sums.into_iter().find(|(sum, ..)| *sum >= half).map(|(_, distance, splat)| (distance, splat));
     }

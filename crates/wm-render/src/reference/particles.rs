@@ -1,27 +1,29 @@
-//! The referee of falling particles: f64, every particle at every pixel.
+//! The reference of falling particles: f64, every particle at every pixel.
 
 use crate::frame::{MIN_ALPHA, srgb_decode, srgb_encode};
 use crate::hooks::Particle;
-use crate::stages::particles::{DILATION, LEAST, MOST, PEAK, SHORTEST, WIDEST};
+use crate::stages::particles::{
+    DILATION, MAX_COVER, MAX_OPTICAL_DEPTH, MIN_OPTICAL_DEPTH, MIN_SQUARED_RADIUS, PEAK_COEFFICIENTS,
+};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_scene::Camera;
 
 /// One pixel's particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ParticleCover {
+pub(crate) struct ParticleCover {
     /// Optical depth.
-    pub tau: f64,
+    pub(crate) tau: f64,
     /// Sum of optical depth times radiance.
-    pub light: [f64; 3],
+    pub(crate) light: [f64; 3],
     /// The error that `tau` may have in f32, see [`crate::stages::particles`].
-    pub slack: f64,
+    pub(crate) slack: f64,
 }
 
 impl ParticleCover {
     /// A display-referred colour behind it.
     #[must_use]
-    pub fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
         if self.tau <= 0.0 {
             return rgb;
         }
@@ -34,11 +36,13 @@ impl ParticleCover {
 /// The cover of the middle of pixel `(x, y)` before a scene of that coverage and sum of weight
 /// times view z.
 #[must_use]
-pub fn cover(
+pub(crate) fn cover(
     particles: &[Particle],
     camera: &Camera,
-    (x, y): (u32, u32),
-    (alpha, depth_sum): (f64, f64),
+    x: u32,
+    y: u32,
+    alpha: f64,
+    depth_sum: f64,
 ) -> ParticleCover {
     let rotation = camera.rotation();
     let behind = if alpha >= f64::from(MIN_ALPHA) { depth_sum / alpha } else { f64::INFINITY };
@@ -62,11 +66,13 @@ pub fn cover(
         let (xx, xy, yy) = (cov[0] + dilation, cov[1], cov[2] + dilation);
         let det = xx * yy - xy * xy;
         let area = f64::from(particle.area) * jx.cross(jy).length();
-        let whole = (area / (TAU * det.sqrt())).min(f64::from(WIDEST));
-        let powers = PEAK.iter().zip(1..).map(|(c, power)| f64::from(*c) * whole.powi(power));
+        let whole = (area / (TAU * det.sqrt())).min(f64::from(MAX_COVER));
+        let powers = PEAK_COEFFICIENTS.iter().zip(1..).map(|(c, power)| f64::from(*c) * whole.powi(power));
         let steeper = powers.sum::<f64>().exp();
-        let radius2 = (2.0 * (whole * steeper / f64::from(LEAST)).max(1.0).ln()).max(f64::from(SHORTEST));
-        let peak = (whole * steeper / (1.0 - steeper * (-0.5 * radius2).exp())).min(f64::from(MOST));
+        let radius2 = (2.0 * (whole * steeper / f64::from(MIN_OPTICAL_DEPTH)).max(1.0).ln())
+            .max(f64::from(MIN_SQUARED_RADIUS));
+        let peak =
+            (whole * steeper / (1.0 - steeper * (-0.5 * radius2).exp())).min(f64::from(MAX_OPTICAL_DEPTH));
         let dx = f64::from(x) + 0.5 - (camera.fx * tan_x + camera.cx);
         let dy = f64::from(y) + 0.5 - (camera.fy * tan_y + camera.cy);
         let q = dx * dx / xx + (dy - xy / xx * dx).powi(2) * xx / det;

@@ -1,4 +1,4 @@
-//! One splat of the referee of gradients: projection and shading, and their derivative.
+//! One splat of the reference of gradients: projection and shading, and their derivative.
 
 use super::{Parameters, basis_slopes};
 use crate::differentiable::{ForwardConfig, Opacity};
@@ -27,26 +27,26 @@ pub(crate) struct SplatDecisions {
 /// Sums over pixels, what the blending pulls on one splat. See
 /// [`rasterize_backward`](crate::stages::rasterize_backward).
 #[derive(Clone, Debug, Default)]
-pub(crate) struct SplatPulls {
-    /// Of s, s u, s v, s u^2, s u v, s v^2.
-    pub moments: [f64; 6],
-    /// Of |s dq/dx| ln 2 and |s dq/dy| ln 2.
-    pub absolute: [f64; 2],
-    /// Of w.
-    pub weight: f64,
-    /// Of w times the derivative by the pixel's sum.
-    pub rgb: [f64; 3],
+pub(crate) struct SplatDerivatives {
+    /// Sums of s, s u, s v, s u^2, s u v, s v^2.
+    pub(crate) moments: [f64; 6],
+    /// Sums of |s dq/dx| ln 2 and |s dq/dy| ln 2.
+    pub(crate) absolute: [f64; 2],
+    /// Sum of w.
+    pub(crate) weight: f64,
+    /// Sum of w times the derivative by the pixel's colour sum.
+    pub(crate) rgb: [f64; 3],
     /// Likewise.
-    pub depth: f64,
+    pub(crate) depth: f64,
     /// Likewise.
-    pub normal: [f64; 3],
+    pub(crate) normal: [f64; 3],
 }
 
 /// One projected splat, with all that its derivative needs.
 pub(crate) struct Splat {
-    pub decisions: SplatDecisions,
-    /// As seen through the air.
-    pub rgb: [f64; 3],
+    pub(crate) decisions: SplatDecisions,
+    /// Colour seen through the air.
+    pub(crate) rgb: [f64; 3],
     /// Their derivatives by the colours without the air.
     slopes: [f64; 3],
     offset: DVec3,
@@ -79,7 +79,7 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 impl Splat {
     /// Projects and shades splat `i`; `None` where it is not drawn. Kept decisions are not taken
     /// anew.
-    pub fn new(
+    pub(crate) fn new(
         parameters: &Parameters,
         i: usize,
         camera: &Camera,
@@ -178,34 +178,34 @@ impl Splat {
     }
 
     /// View z.
-    pub fn depth(&self) -> f64 {
+    pub(crate) fn depth(&self) -> f64 {
         self.view.z
     }
 
     /// The shortest axis towards the camera, world axes.
-    pub fn normal(&self) -> DVec3 {
+    pub(crate) fn normal(&self) -> DVec3 {
         self.axes[self.decisions.axis] * self.decisions.sign
     }
 
     /// log2 of alpha before the clamp, u and v at a picture point.
-    pub fn log2_alpha(&self, (x, y): (f64, f64)) -> (f64, f64, f64) {
+    pub(crate) fn log2_alpha(&self, x: f64, y: f64) -> (f64, f64, f64) {
         let (dx, dy) = (x - self.mean2d[0], y - self.mean2d[1]);
         let (u, v) = (self.u_x * dx, self.v_x * dx + self.v_y * dy);
         (self.log2_opacity - u * u - v * v, u, v)
     }
 
     /// The derivative of log2 alpha by the centre.
-    pub fn slope(&self, u: f64, v: f64) -> [f64; 2] {
+    pub(crate) fn slope(&self, u: f64, v: f64) -> [f64; 2] {
         [2.0 * (self.u_x * u + self.v_x * v), 2.0 * self.v_y * v]
     }
 
     /// By the centre, px.
-    pub fn mean2d_gradient(&self, pulls: &SplatPulls) -> [f64; 2] {
+    pub(crate) fn mean2d_gradient(&self, pulls: &SplatDerivatives) -> [f64; 2] {
         self.slope(pulls.moments[1], pulls.moments[2]).map(|v| LN_2 * v)
     }
 
     /// Three standard deviations along the longest axis, px.
-    pub fn radius(&self) -> f64 {
+    pub(crate) fn radius(&self) -> f64 {
         let [xx, xy, yy] = self.cov;
         let largest = 0.5 * (xx + yy) + (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
         3.0 * largest.sqrt()
@@ -213,13 +213,13 @@ impl Splat {
 
     /// Writes the gradients by the stored parameters of splat `i`. The formulas are those of
     /// [`project_backward`](crate::stages::project_backward).
-    pub fn gradients(
+    pub(crate) fn gradients(
         &self,
         parameters: &Parameters,
         i: usize,
         camera: &Camera,
         config: &ForwardConfig,
-        pulls: &SplatPulls,
+        pulls: &SplatDerivatives,
         out: &mut Parameters,
     ) {
         let [s0, _, _, s_uu, s_uv, s_vv] = pulls.moments;

@@ -1,44 +1,19 @@
-//! The referee: the whole render in f64, by brute force, no tiles, no vectors.
-//!
-//! It follows the contracts of the stages and nothing else, and says for each pixel how far a
-//! correct f32 back end may be away: see [`ReferenceFrame::slack`].
+//! The reference picture. It tells for each pixel how far a correct f32 back end may be away: see
+//! [`ReferenceFrame::slack`].
 
+use super::{Projected, projected};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::{srgb_decode, srgb_encode};
 use crate::hooks::{AirOnRay, Hooks, SkySplats};
 use crate::plan::{BlendSurface, CutPlane, Shading};
 use crate::renderer::RenderConfig;
-use crate::stages::project::{DILATION, FLATTENING, LIES, MAX_DET, MIN_COMPENSATION, SLOPE_DILATION, STANDS};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
-use glam::{DMat3, DVec3};
-use wm_scene::{Camera, Group, Rasterization, Splats, quat, sh, splats::shortest_axis};
-
-/// One splat in the picture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Projected {
-    /// Centre, px.
-    pub mean2d: [f64; 2],
-    /// xx, xy, yy, px^2, dilated.
-    pub cov2d: [f64; 3],
-    /// Opacity at the centre.
-    pub opacity: f64,
-    /// View z, scene units.
-    pub depth: f64,
-    /// World axes, towards the camera, length 1.
-    pub normal: [f64; 3],
-    /// Unit direction from the camera centre.
-    pub direction: [f64; 3],
-    /// Distance from the camera centre.
-    pub distance: f64,
-    /// Slopes of the reciprocal view z at which it is densest, along x and y, 1/(scene units px);
-    /// flattened if a surface splits the blend.
-    pub slopes: [f64; 2],
-}
+use wm_scene::{Camera, Group, Splats, sh};
 
 impl Projected {
     /// log2 of alpha at the picture point `(x, y)`.
     #[must_use]
-    pub fn log2_alpha(&self, x: f64, y: f64) -> f64 {
+    pub(crate) fn log2_alpha(&self, x: f64, y: f64) -> f64 {
         let (dx, dy) = (x - self.mean2d[0], y - self.mean2d[1]);
         let [xx, xy, _] = self.cov2d;
         // By the Cholesky factor: the conic's form cancels for needles even in f64.
@@ -53,130 +28,39 @@ impl Projected {
     }
 }
 
-/// Projects splat `index`, or says that it is not drawn.
-#[must_use]
-pub fn project(
-    splats: &Splats,
-    index: usize,
-    camera: &Camera,
-    mode: Rasterization,
-    visibility: f64,
-) -> Option<Projected> {
-    projected(splats, index, camera, mode, (visibility, [0.0; 3]))
-}
-
-/// As [`project`], with slopes of the splat flattened along `normal`.
-fn projected(
-    splats: &Splats,
-    index: usize,
-    camera: &Camera,
-    mode: Rasterization,
-    (visibility, surface_normal): (f64, [f64; 3]),
-) -> Option<Projected> {
-    let mean = DVec3::from_array(splats.means[index].map(f64::from));
-    let rotation = camera.rotation();
-    let offset = mean - camera.center();
-    let view = rotation * offset;
-    if view.z <= camera.near {
-        return None;
-    }
-    let clamp = |tangent: f64, principal: f64, size: f64, focal: f64| {
-        let margin = 0.3 * 0.5 * size / focal;
-        tangent.clamp(-principal / focal - margin, (size - principal) / focal + margin)
-    };
-    let tan_x = clamp(view.x / view.z, camera.cx, f64::from(camera.width), camera.fx);
-    let tan_y = clamp(view.y / view.z, camera.cy, f64::from(camera.height), camera.fy);
-    let row_x = camera.fx / view.z * (rotation.row(0) - tan_x * rotation.row(2));
-    let row_y = camera.fy / view.z * (rotation.row(1) - tan_y * rotation.row(2));
-    let axes = quat::to_matrix(splats.quats[index].map(f64::from));
-    let axes = DMat3::from_cols_array_2d(&axes).transpose();
-    let scales = splats.scales(index);
-    let m_x: Vec<f64> = (0..3).map(|k| axes.col(k).dot(row_x) * scales[k]).collect();
-    let m_y: Vec<f64> = (0..3).map(|k| axes.col(k).dot(row_y) * scales[k]).collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let (xx, xy, yy) = (dot(&m_x, &m_x), dot(&m_x, &m_y), dot(&m_y, &m_y));
-    let sharp: f64 =
-        [(0, 1), (0, 2), (1, 2)].iter().map(|(i, j)| (m_x[*i] * m_y[*j] - m_x[*j] * m_y[*i]).powi(2)).sum();
-    let dilation = f64::from(DILATION);
-    let det = sharp + dilation * (xx + yy) + dilation * dilation;
-    if det >= f64::from(MAX_DET) {
-        return None;
-    }
-    let mut opacity = splats.opacity(index) * visibility;
-    if mode == Rasterization::Antialiased {
-        opacity *= (sharp / det).max(f64::from(MIN_COMPENSATION).powi(2)).sqrt();
-    }
-    if opacity < 1.0 / 255.0 {
-        return None;
-    }
-    let axis = shortest_axis(scales.map(|s| s as f32));
-    let normal = axes.col(axis) * if axes.col(axis).dot(offset) > 0.0 { -1.0 } else { 1.0 };
-    Some(Projected {
-        mean2d: [camera.fx * view.x / view.z + camera.cx, camera.fy * view.y / view.z + camera.cy],
-        cov2d: [xx + dilation, xy, yy + dilation],
-        opacity,
-        depth: view.z,
-        normal: normal.to_array(),
-        direction: offset.normalize().to_array(),
-        distance: offset.length(),
-        slopes: {
-            let m_z: Vec<f64> = (0..3).map(|k| axes.col(k).dot(rotation.row(2)) * scales[k]).collect();
-            let up = DVec3::from_array(surface_normal);
-            let m_h: Vec<f64> = (0..3).map(|k| axes.col(k).dot(up) * scales[k]).collect();
-            let high = dot(&m_h, &m_h).max(1e-30);
-            let share = high / dot(&scales, &scales).max(1e-30);
-            let lies = ((f64::from(STANDS) - share) / f64::from(STANDS - LIES)).clamp(0.0, 1.0);
-            let flat = |m: &[f64]| -> Vec<f64> {
-                let less = lies * f64::from(FLATTENING) * dot(m, &m_h) / high;
-                m.iter().zip(&m_h).map(|(own, height)| own - less * height).collect()
-            };
-            let (m_x, m_y, m_z) = (flat(&m_x), flat(&m_y), flat(&m_z));
-            let (zx, zy) = (dot(&m_z, &m_x), dot(&m_z, &m_y));
-            let dilation = f64::from(SLOPE_DILATION);
-            let (xx, xy, yy) = (dot(&m_x, &m_x), dot(&m_x, &m_y), dot(&m_y, &m_y));
-            let minor = |i: usize, j: usize| (m_x[i] * m_y[j] - m_x[j] * m_y[i]).powi(2);
-            let sharp = minor(0, 1) + minor(0, 2) + minor(1, 2);
-            let det = sharp + dilation * (xx + yy) + dilation * dilation;
-            let (xx, yy) = (xx + dilation, yy + dilation);
-            let scale = -1.0 / (view.z * view.z * det);
-            [(zx * yy - zy * xy) * scale, (zy * xx - zx * xy) * scale]
-        },
-    })
-}
-
-/// The referee's picture.
+/// The reference picture.
 #[derive(Clone, Debug, Default)]
-pub struct ReferenceFrame {
+pub(crate) struct ReferenceFrame {
     /// With background, before pixel effects, `[H, W]`.
-    pub rgb: Vec<[f64; 3]>,
+    pub(crate) rgb: Vec<[f64; 3]>,
     /// `[H, W]`.
-    pub alpha: Vec<f64>,
+    pub(crate) alpha: Vec<f64>,
     /// Sum of weight times view z, `[H, W]`.
-    pub depth_sum: Vec<f64>,
+    pub(crate) depth_sum: Vec<f64>,
     /// Sum of weight times normal, `[H, W]`.
-    pub normal_sum: Vec<[f64; 3]>,
+    pub(crate) normal_sum: Vec<[f64; 3]>,
     /// View z where the transmittance passes 0.5; 0 where it does not, `[H, W]`.
-    pub median_depth: Vec<f64>,
+    pub(crate) median_depth: Vec<f64>,
     /// Distance from one half of the transmittances before and after the median splat, the lesser.
-    pub median_margin: Vec<f64>,
+    pub(crate) median_margin: Vec<f64>,
     /// The sums of [`crate::Frame::front`], `[H, W]`; empty without a surface.
-    pub front: Vec<[f64; 5]>,
+    pub(crate) front: Vec<[f64; 5]>,
     /// Weight of splats so close to the surface in view z that f32 may count them on either side,
     /// `[H, W]`.
-    pub front_slack: Vec<f64>,
+    pub(crate) front_slack: Vec<f64>,
     /// Bound of the error that the rounding of slopes makes in the sum of reciprocal depths,
     /// 1/scene units, `[H, W]`.
-    pub slope_slack: Vec<f64>,
+    pub(crate) slope_slack: Vec<f64>,
     /// Weight that may be placed otherwise because a decision is too close for f32: a splat at the
     /// alpha cut, the stop, or two splats whose view z differ by less than f32 holds. `[H, W]`
-    pub slack: Vec<f64>,
+    pub(crate) slack: Vec<f64>,
 }
 
-/// log2 alpha closer to the cut than this may fall on either side.
-pub const CUT_BAND: f64 = 2e-3;
+/// Tolerance of log2 alpha at the cut: within it, either side is right.
+pub(crate) const CUT_BAND: f64 = 2e-3;
 /// Relative distance of the transmittance from the stop within which either side is right.
-pub const STOP_BAND: f64 = 0.02;
-/// A display-referred colour in other light.
+pub(crate) const STOP_BAND: f64 = 0.02;
+/// Changes the light on a display-referred colour.
 fn relit(rgb: [f64; 3], gains: [f64; 3]) -> [f64; 3] {
     if gains == [1.0; 3] {
         return rgb;
@@ -189,14 +73,14 @@ fn relit(rgb: [f64; 3], gains: [f64; 3]) -> [f64; 3] {
 }
 
 /// Relative error of the slopes of reciprocal depths: a little more than their rounding.
-pub const SLOPE_BAND: f64 = 0.01;
+pub(crate) const SLOPE_BAND: f64 = 0.01;
 
 /// Relative difference in view z within which either order is right: a few ulp of f32 sums.
-pub const ORDER_BAND: f64 = 2e-6;
+pub(crate) const ORDER_BAND: f64 = 2e-6;
 
 /// Renders `sets` (splats and their attributes) in f64.
 #[must_use]
-pub fn render(
+pub(crate) fn render(
     sets: &[(&Splats, Option<&dyn SplatAttributes>)],
     camera: &Camera,
     config: &RenderConfig,
@@ -207,25 +91,27 @@ pub fn render(
 
 /// Renders `sets` in f64 with colours of one kind.
 #[must_use]
-pub fn render_shaded(
+pub(crate) fn render_shaded(
     sets: &[(&Splats, Option<&dyn SplatAttributes>)],
     camera: &Camera,
     config: &RenderConfig,
     hooks: Hooks<'_>,
     shading: Shading,
 ) -> ReferenceFrame {
-    render_split(sets, camera, config, hooks, (shading, None, None))
+    render_split(sets, camera, config, hooks, shading, None, None)
 }
 
 /// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`)
 /// and a plane below which nothing is drawn.
 #[must_use]
-pub fn render_split(
+pub(crate) fn render_split(
     sets: &[(&Splats, Option<&dyn SplatAttributes>)],
     camera: &Camera,
     config: &RenderConfig,
     hooks: Hooks<'_>,
-    (shading, surface, cut): (Shading, Option<BlendSurface<'_>>, Option<CutPlane>),
+    shading: Shading,
+    surface: Option<BlendSurface<'_>>,
+    cut: Option<CutPlane>,
 ) -> ReferenceFrame {
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
@@ -248,10 +134,8 @@ pub fn render_split(
             }
             let visibility = f64::from(block.column(Attribute::Visibility)[0]);
             let normal = surface.map_or([0.0; 3], |surface| surface.normal);
-            let drawn_as = (visibility, normal);
-            let Some(p) = projected(splats, index, camera, config.rasterization, drawn_as) else {
-                continue;
-            };
+            let mode = config.rasterization;
+            let Some(p) = projected(splats, index, camera, mode, visibility, normal) else { continue };
             let height: f64 = cut.map_or(0.0, |plane| {
                 let along = |k: usize| plane.normal[k] * f64::from(splats.means[index][k]);
                 (0..3).map(along).sum::<f64>() - plane.height
@@ -277,7 +161,7 @@ pub fn render_split(
         for x in 0..camera.width {
             let at = (y * camera.width + x) as usize;
             let split = surface.map(|surface| f64::from(surface.depth[at]));
-            pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), split, &mut frame);
+            pixel(&drawn, f64::from(x) + 0.5, f64::from(y) + 0.5, split, &mut frame);
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
             let behind = shade(ray, f64::INFINITY, backdrop.reference(pixel_angle, ray));
             let (Some(rgb), Some(alpha)) = (frame.rgb.last_mut(), frame.alpha.last()) else { continue };
@@ -289,12 +173,7 @@ pub fn render_split(
     frame
 }
 
-fn pixel(
-    drawn: &[(Projected, [f64; 3])],
-    (x, y): (f64, f64),
-    surface: Option<f64>,
-    frame: &mut ReferenceFrame,
-) {
+fn pixel(drawn: &[(Projected, [f64; 3])], x: f64, y: f64, surface: Option<f64>, frame: &mut ReferenceFrame) {
     let split = surface.map_or(f64::NEG_INFINITY, |z| if z.is_nan() { f64::NEG_INFINITY } else { 1.0 / z });
     let (mut front, mut front_slack, mut slope_slack) = ([0.0; 5], 0.0, 0.0);
     let cut = -(255f64.log2());

@@ -4,7 +4,8 @@ use crate::even_air::EvenAir;
 use crate::hooks::Hooks;
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
-use crate::testing::{Hard, RandomLoss, camera, random_splats};
+use crate::testing::comparison::HardSplats;
+use crate::testing::{RandomLoss, camera, random_splats};
 use wm_scene::Rasterization;
 
 const SIZE: (u32, u32) = (24, 16);
@@ -117,14 +118,21 @@ fn through_the_air() {
 
 #[test]
 fn hard_splats() {
-    for hard in [Hard::Huge, Hard::Needle, Hard::NearPlane, Hard::Behind, Hard::Opaque, Hard::Tiny] {
+    for hard in [
+        HardSplats::Huge,
+        HardSplats::Needle,
+        HardSplats::NearPlane,
+        HardSplats::Behind,
+        HardSplats::Opaque,
+        HardSplats::Tiny,
+    ] {
         for rasterization in [Rasterization::Classic, Rasterization::Antialiased] {
             let channels = Channels::ColorDepthNormal;
             let config = ForwardConfig { channels, rasterization, sh_degree: 1, ..ForwardConfig::default() };
             let mut splats = hard.splats(25, 7);
             // An infinite logit has no difference quotient.
             splats.logit_opacities.iter_mut().for_each(|v| *v = v.min(8.0));
-            if hard == Hard::NearPlane {
+            if hard == HardSplats::NearPlane {
                 // Most would be outside the picture.
                 splats
                     .means
@@ -168,7 +176,7 @@ fn detached_alpha_moves_depth_and_not_coverage() {
     assert!(error < 1e-10 * norm, "{error} of {norm}");
 }
 
-/// The picture under kept decisions is the referee's.
+/// The picture under kept decisions is the reference's.
 #[test]
 fn the_picture_is_the_one_of_the_reference() {
     for rasterization in [Rasterization::Classic, Rasterization::Antialiased] {
@@ -182,7 +190,7 @@ fn the_picture_is_the_one_of_the_reference() {
         let got = render(&parameters, &camera, &config, &decide(&parameters, &camera, &config));
         let background = Background::Color(background);
         let want = RenderConfig { background, rasterization, ..RenderConfig::default() };
-        let want = reference::render(&[(&splats, None)], &camera, &want, Hooks::default());
+        let want = reference::frame::render(&[(&splats, None)], &camera, &want, Hooks::default());
         for i in 0..got.alpha.len() {
             assert!((got.alpha[i] - want.alpha[i]).abs() < 1e-12);
             assert!((got.depth[i] * got.alpha[i] - want.depth_sum[i]).abs() < 1e-11);
