@@ -75,7 +75,7 @@ impl Renderer {
             made = Some(sweep);
             Ok(())
         };
-        self.scan_radar(place, weather, radar, motion, &options, (&mut take, &mut ()))?;
+        self.scan_radar(place, weather, radar, motion, &options, &mut take, &mut ())?;
         made.ok_or(Error::Stopped)
     }
 
@@ -86,6 +86,10 @@ impl Renderer {
     /// # Errors
     /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were
     /// released; the errors of `take`.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each is a thing of its own: place, weather, sensor, path, sink"
+    )]
     pub fn scan_radar(
         &mut self,
         place: &mut PreparedPlace,
@@ -93,7 +97,8 @@ impl Renderer {
         radar: &RadarModel,
         motion: &CameraMotion,
         options: &RadarScanOptions,
-        (take, progress): (&mut dyn FnMut(RadarSweep) -> Result<()>, &mut dyn Progress),
+        take: &mut dyn FnMut(RadarSweep) -> Result<()>,
+        progress: &mut dyn Progress,
     ) -> Result<u32> {
         check_owner(place, self.id())?;
         if weather.fidelity == Fidelity::Paper {

@@ -7,14 +7,14 @@
 //! - [`choose`]: a good view of any scene. It looks about in [`space`] and at small renders, which
 //!   `rate` judges.
 
-pub mod candidates;
+pub(crate) mod candidates;
 pub mod choose;
 mod foreign;
 mod json;
 pub mod moves;
 pub mod path;
 mod rate;
-pub mod space;
+pub(crate) mod space;
 pub mod spec;
 #[cfg(test)]
 mod testing;
@@ -110,7 +110,7 @@ pub enum ViewError {
     Text {
         /// The name of the option.
         what: &'static str,
-        /// Its text.
+        /// The text of it.
         text: String,
         /// The problem and the expected form.
         problem: String,
