@@ -19,9 +19,10 @@ pub(crate) const PATH_LAMP_OFFSET_M: f64 = 3.0;
 /// Height of such lamps above the ground, m.
 pub(crate) const PATH_LAMP_HEIGHT_M: f64 = 6.0;
 
-/// Returns a row of lamps beside the path of a scene's photos, each shining down: [`PATH_LAMP_SPACING_M`]
-/// apart, [`PATH_LAMP_OFFSET_M`] to the right of it and [`PATH_LAMP_HEIGHT_M`] above the ground. Without photos they are one
-/// lamp in the middle of the place and six around it.
+/// Returns a row of lamps beside the path of a scene's photos, each shining down:
+/// [`PATH_LAMP_SPACING_M`] apart, [`PATH_LAMP_OFFSET_M`] to the right of it and
+/// [`PATH_LAMP_HEIGHT_M`] above the ground. Without photos they are one lamp in the middle of the
+/// place and six around it.
 #[must_use]
 pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
     let up = survey.up.value;

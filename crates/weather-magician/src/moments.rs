@@ -10,14 +10,14 @@ use wm_scene::jacobi::jacobi;
 use wm_scene::splats::{logit, shortest_axis};
 use wm_scene::{Splats, quat};
 
-/// Largest opacity of a splat that others went into, unless it had more.
+/// Maximum opacity of a merged splat, unless a part of it had more.
 const MAX_MERGED_OPACITY: f64 = 0.99;
-/// Most that its area grows by.
+/// Maximum factor by which its area grows.
 const MAX_AREA_GROWTH: f64 = 1.5;
-/// Splats, those that are worth most, whose overlaps are looked at: their pairs are all tried.
+/// Number of the most important splats whose overlaps are computed, pair by pair.
 const OVERLAP_SPLATS: usize = 8;
-/// Variance that is added along all axes where distances are measured, as a share of the sum of the
-/// variances: splats are thinner than what they show is rough.
+/// Variance added along all axes in distances between splats, as a share of the sum of the
+/// variances: splats are thinner than the surfaces they show are rough.
 pub(crate) const ADDED_VARIANCE_SHARE: f64 = 0.01;
 
 /// The area of a splat seen from its broad side, squared units, up to a constant factor.

@@ -24,19 +24,18 @@ use wm_train::metrics::psnr;
 
 /// Longest side of the pictures, px.
 const MAX_VIEW_SIDE_PX: u32 = 720;
-/// Pictures of a scene with photos: two of three say what splats are worth, the third what was
-/// lost.
+/// Number of pictures of a scene with photos. Two of three measure the importance of splats, every
+/// third the loss.
 const VIEW_COUNT: usize = 48;
-/// Importance of a splat that no picture shows, as a share of its pixels in a picture from near.
+/// Importance of a splat that no picture shows, as a share of its pixels in a picture from nearby.
 const UNSEEN_IMPORTANCE: f64 = 0.02;
-/// Distance of that near picture, radii of the scene.
+/// Distance of that nearby picture, radii of the scene.
 const NEAR_DISTANCE_RADII: f64 = 0.1;
-/// Focal length of the pictures, px, about.
+/// Approximate focal length of the pictures, px.
 const FOCAL_LENGTH_PX: f64 = 400.0;
-/// Most pixels that an unseen splat counts with.
+/// Maximum number of pixels that an unseen splat counts with.
 const MAX_UNSEEN_PIXELS: f64 = 400.0;
-/// Largest distance of a splat from the one that it is merged into, in standard deviations of both
-/// along their longest axes.
+/// Maximum distance between merged splats, in standard deviations of both along their longest axes.
 const MAX_MERGE_DISTANCE_SIGMA: f64 = 2.0;
 
 /// The reduced scene.

@@ -7,20 +7,19 @@ use wm_scene::Splats;
 use wm_scene::random::uniform;
 use wm_scene::splats::logit;
 
-/// Splats of a thinned scene, about: those that look large, and a share of the others.
+/// Approximate number of splats of a thinned scene: the large ones and a share of the others.
 const TARGET_SPLATS: usize = 60_000;
-/// Number and greatest share of splats that are kept however small they look: they may be near a
-/// camera.
+/// Number of splats, and as a share of all, that are kept however small they look: they may be near
+/// a camera.
 const MAX_KEPT_SPLATS: usize = 50_000;
 const MAX_KEPT_SHARE: f64 = 0.15;
-/// Most that a splat is widened: surfaces of many layers stay closed, and what is narrow stays so.
+/// Maximum factor of widening: surfaces of many layers stay closed, and narrow things stay narrow.
 const MAX_WIDENING: f64 = 1.8;
-/// Distance from the middle of the scene within which splats count as seen from as far, radii of
-/// the scene.
+/// Minimum viewing distance of splats near the middle of the scene, radii of the scene.
 const NEAR_DISTANCE_RADII: f64 = 0.3;
-/// Opacity up to which a splat grows denser instead of wider.
+/// A splat grows denser instead of wider up to this opacity.
 const MAX_OPACITY: f64 = 0.95;
-/// Seed of the choice.
+/// Seed of the random choice of splats.
 const CHOICE_SEED: u64 = 0x7769_6465;
 
 /// A choice of a scene's splats that covers as much as all: of those that look small few are kept,
@@ -68,8 +67,8 @@ pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, V
     (thin, chosen.into_iter().map(|i| i as u32).collect())
 }
 
-/// The size at which all larger splats are kept, and smaller ones in proportion, so that [`TARGET_SPLATS`]
-/// are kept.
+/// The size at which all larger splats are kept, and smaller ones in proportion, so that
+/// [`TARGET_SPLATS`] are kept.
 fn threshold(sizes: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = sizes.iter().copied().filter(|size| *size > 0.0).collect();
     sorted.sort_by(|a, b| b.total_cmp(a));

@@ -1,9 +1,9 @@
 //! Exposures: how bright a picture becomes.
 //!
-//! An automatic exposure brings the mean logarithm of the luminance to [`MIDDLE_GREY`], with a lag: it
-//! goes by `integral L(t - s) e^(-s / lag) ds / lag` over the seconds before the frame, with `L`
-//! from small pictures at whole multiples of [`METERING_STEP_S`]. So the exposure of a frame is a function of
-//! its time alone.
+//! An automatic exposure brings the mean logarithm of the luminance to [`MIDDLE_GREY`], with a lag:
+//! it goes by `integral L(t - s) e^(-s / lag) ds / lag` over the seconds before the frame, with `L`
+//! from small pictures at whole multiples of [`METERING_STEP_S`]. So the exposure of a frame is a
+//! function of its time alone.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -11,17 +11,17 @@ use std::str::FromStr;
 use wm_render::Frame;
 use wm_scene::color::luminance;
 
-/// Luminance that the mean becomes, linear light.
+/// Target of the mean luminance, linear light.
 const MIDDLE_GREY: f64 = 0.18;
-/// Light below which all is equally black.
+/// Minimum light in the mean: darker pixels count as this.
 const MIN_LUMINANCE: f64 = 1e-4;
-/// Time in which an exposure follows by 63 %, s.
+/// Time constant: an exposure has followed a step by 63 % after this, s.
 const TIME_CONSTANT_S: f64 = 0.5;
 /// Time between two measurements, s.
 const METERING_STEP_S: f64 = 0.1;
-/// Time before a frame that its exposure goes by, s: what is before counts for less than 1 %.
+/// Time before a frame that its exposure depends on, s: earlier light counts for less than 1 %.
 const METERING_WINDOW_S: f64 = 2.5;
-/// Points of a step at which the integral is summed.
+/// Samples of the integral per step.
 const SAMPLES_PER_STEP: u32 = 8;
 /// Least and greatest change of an automatic exposure, stops.
 const LIMITS_EV: [f64; 2] = [-4.0, 6.0];

@@ -44,8 +44,8 @@ use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::{Camera, LensModel};
 use wm_weather::{Fidelity, Weather};
 
-/// Distance at which the motion of the picture is measured, m: nearer things are blurred in steps
-/// that may be seen.
+/// Distance at which the motion of the picture is measured, m: the blur of nearer things may show
+/// its steps.
 const MOTION_DISTANCE_M: f64 = 4.0;
 /// Width of the pictures that an automatic exposure goes by, px.
 const METERING_WIDTH_PX: u32 = 96;

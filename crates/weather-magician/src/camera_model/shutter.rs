@@ -10,9 +10,9 @@ use crate::lens_view::PictureRect;
 use std::ops::Range;
 use std::str::FromStr;
 
-/// Way of the picture in a step, px: without an exposure time, and in one.
+/// Maximum shift of the picture per step, px: without and with an exposure time.
 const MAX_SHIFT_PX: [f64; 2] = [1.0, 2.0];
-/// Most steps of a readout, and of an exposure time.
+/// Maximum number of steps of a readout, and of an exposure time.
 const MAX_STEPS: [f64; 2] = [256.0, 48.0];
 
 /// The side of the picture that is read first.
@@ -55,7 +55,7 @@ pub struct Shutter {
     pub first: ReadoutSide,
 }
 
-/// Longest exposure and readout, s.
+/// Maximum exposure time and readout time, s.
 pub(crate) const MAX_DURATION_S: f64 = 1.0;
 
 impl Shutter {

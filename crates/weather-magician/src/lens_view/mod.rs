@@ -356,8 +356,8 @@ impl LensView {
 }
 
 /// The 16 pixels of a side that a tap samples, and their weights by the kernel of Keys (1981) with
-/// a = -1/2. There are two pixels or more to all sides of the middle four ([`SIDE_MARGIN_PX`]), and one more
-/// to the right.
+/// a = -1/2. There are two pixels or more to all sides of the middle four ([`SIDE_MARGIN_PX`]), and
+/// one more to the right.
 struct Stencil {
     /// The number of the first pixel.
     first: usize,

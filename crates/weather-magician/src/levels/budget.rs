@@ -21,7 +21,7 @@ impl Default for LevelBudget {
     }
 }
 
-/// Least memory that can be asked for: the program alone takes a part of it, bytes.
+/// Minimum memory of a budget, bytes: the program alone takes a part of it.
 const MIN_MEMORY_BYTES: u64 = 256 << 20;
 
 /// Reads a size of memory such as `2GiB` or `800MB`, bytes.
@@ -48,26 +48,26 @@ pub fn parse_memory(text: &str) -> Result<u64, String> {
     Ok(bytes as u64)
 }
 
-/// Splats of one frame that are not asked for: some two a pixel of a picture of 1200x800 px, beyond
-/// which little changes.
+/// Default maximum number of splats of one frame: about two per pixel of a picture of 1200x800 px.
+/// More change little.
 pub const MOST_SPLATS: u64 = 2_000_000;
-/// Least splats of one frame.
+/// Minimum number of splats of one frame.
 const MIN_FRAME_SPLATS: u64 = 1000;
 /// Memory of the program, its tables and a picture with all its parts, bytes.
 const PROGRAM_BYTES: u64 = 160 << 20;
-/// Share of the memory for the splats that weather is prepared with, and what is made of them.
+/// Divisor of the memory: the part for the splats that weather is prepared with, and their assets.
 const WEATHER_MEMORY_DIVISOR: u64 = 4;
-/// Most of those splats.
+/// Maximum number of splats that weather is prepared with.
 const MAX_WEATHER_SPLATS: u64 = 1_000_000;
-/// Bytes that each of them takes while assets are made of it.
+/// Bytes that each of these splats takes while assets are made.
 const WEATHER_SPLAT_BYTES: u64 = 480;
-/// Bytes of a frame's lists, a splat that it draws.
+/// Bytes in the lists of a frame per drawn splat.
 const FRAME_SPLAT_BYTES: u64 = 112;
-/// Bytes of a splat that is held, beside those in the renderer: its position.
+/// Bytes per held splat outside the renderer: the position.
 const HELD_SPLAT_BYTES: u64 = 12;
 
-/// Splats that are held for a frame over those that it may draw, at most, where their number is
-/// asked for: which of them show something is known once they are held.
+/// Maximum ratio of held to drawn splats where the number of drawn splats is given: which splats
+/// are visible is known only once they are held.
 const MAX_HELD_PER_DRAWN: u64 = 4;
 
 /// The shares of a [`LevelBudget`].

@@ -7,12 +7,12 @@ use wm_render::{
 };
 use wm_scene::{Camera, Rasterization, Splats};
 
-/// Directions that a leaf is looked at from.
+/// Number of directions that a leaf is seen from.
 const VIEW_COUNT: usize = 6;
 /// Distance of the eye, radii of the leaf: far enough that its near side is drawn at the scale of
 /// its far side.
 const EYE_DISTANCE_RADII: f64 = 4.0;
-/// Sides of the pictures, px: about a splat of the finest level a pixel, within these.
+/// Limits of the side of the pictures, px; about one splat of the finest level per pixel.
 const VIEW_SIDE_LIMITS_PX: (u32, u32) = (48, 160);
 
 /// Measures the errors of levels.

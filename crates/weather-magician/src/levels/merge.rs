@@ -10,12 +10,13 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
 use wm_scene::Splats;
 
-/// Neighbours of a splat that it may be joined with.
+/// Number of neighbours that a splat may be merged with.
 const NEIGHBOUR_COUNT: usize = 6;
-/// Most splats that become one in a step: larger groups blur what the rest of the leaf keeps.
+/// Maximum number of splats that become one in a step: larger groups would blur detail that the
+/// rest of the leaf keeps.
 const MAX_GROUP_SPLATS: usize = 4;
-/// Cost of a difference in colour against one in place: of colours that differ by 1 in all channels
-/// against this many squared standard deviations, about.
+/// Weight of colour against position: colours that differ by 1 in all channels cost about as much
+/// as this many squared standard deviations.
 const COLOR_COST: f64 = 20.0;
 
 /// A pair that may be joined.

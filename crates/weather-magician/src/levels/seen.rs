@@ -20,24 +20,24 @@ use wm_render::{DrawPass, Frame, RenderBackend, RenderConfig, RenderError, SetId
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::{Camera, Rasterization};
 
-/// Longest side of a look, px; that of the picture if that is less: splats that fall between the
-/// pixels of a smaller one would be missed.
+/// Maximum longer side of a look, px; smaller pictures are looked at in their own size. A smaller
+/// look would miss splats that fall between its pixels.
 const MAX_LOOK_SIDE_PX: f64 = 1280.0;
-/// Light of a leaf that is hidden: a look is small and its splats are coarse, so that a gap in what
-/// hides it may not show.
+/// Light that a hidden leaf counts with. A look is small and its splats are coarse: it may not show
+/// a gap in the occluder.
 const HIDDEN_LEAF_LIGHT: f64 = 0.01;
-/// Share of that light which a leaf keeps from one look to the next: where it is coarser, more of
-/// it may stick out.
+/// Share of the light of its last look that a leaf keeps in the next: a coarser leaf may stick out
+/// farther.
 const KEPT_LIGHT_SHARE: f64 = 0.1;
-/// Shares of a leaf's light without which it may be drawn, that are tried; less than 0 where all of
-/// its splats are drawn.
+/// Shares of its light that a leaf may lose by not drawing splats: the candidates that are tried.
+/// Below 0 all splats of a leaf are drawn.
 const TRIED_LOSSES: [f64; 4] = [-1.0, 0.0005, 0.008, 0.06];
-/// The only one of them where no others are tried.
+/// Index of the candidate that is used where no others are tried.
 const DEFAULT_LOSS: usize = 2;
-/// Cameras by which what is tried is compared, at most.
+/// Maximum number of cameras by which the candidates are compared.
 const MAX_COMPARED_CAMERAS: usize = 4;
 
-/// Splats of all leaves at coarse levels, by which is told what of them a camera sees.
+/// Splats of all leaves at coarse levels: rendered to tell which leaves a camera sees.
 #[derive(Clone, Debug)]
 pub(crate) struct CoarseLeaves {
     /// The splats, leaf after leaf.
@@ -57,7 +57,7 @@ pub(crate) struct HeldLeaf {
     pub(crate) splats: usize,
 }
 
-/// The way to a cut: which cameras look, and how much they may see.
+/// The inputs of a cut: the index, the cameras of the looks, and the budget.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LevelLooks<'a> {
     /// The scene.

@@ -3,10 +3,10 @@
 use glam::DVec3;
 use wm_scene::Camera;
 
-/// Most cameras of a shot, without those of a lens: what is seen changes little from one to the
-/// next.
+/// Maximum number of cameras of a shot, without the sides of a lens: the view changes little from
+/// one to the next.
 const MAX_CAMERAS: u32 = 120;
-/// Width and height of the views to all sides, px.
+/// Width and height of the views in all directions, px.
 const SURROUND_VIEW_SIDE_PX: u32 = 512;
 
 /// Cameras evenly over the frames of a sequence, at most 121, the first and the last among them.

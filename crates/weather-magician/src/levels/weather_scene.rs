@@ -10,10 +10,10 @@ use std::num::NonZero;
 use std::ops::Range;
 use wm_scene::{Camera, Splats};
 
-/// Width of the cells of the ground by which a lone camera chooses what weather is prepared with,
-/// m.
+/// Width of a cell of the ground, m: cameras in one cell share the splats that weather is prepared
+/// with.
 const GROUND_CELL_M: f64 = 32.0;
-/// Views of a camera's path, at most.
+/// Maximum number of views of a camera's path.
 const MAX_PATH_VIEWS: usize = 12;
 
 /// The place that weather is prepared about: the line along which the cameras are, by its ends

@@ -215,7 +215,7 @@ impl Renderer {
     }
 }
 
-/// Height over the ground from which on splats are mirrored by it, m.
+/// Splats are mirrored in wet ground from this height above it on, m.
 const MIN_MIRRORED_HEIGHT_M: f64 = 0.3;
 
 /// The surfaces of a place in a weather.
@@ -247,8 +247,8 @@ pub(crate) struct UprightMotion<'a> {
     pub(crate) from: f64,
 }
 
-/// Least level part of the way that a camera looks from which it is ahead; below it, its upper side
-/// is.
+/// A camera's view direction counts as ahead if its horizontal part is longer than this. For
+/// steeper cameras the top of the picture is ahead.
 const MIN_LEVEL_PART: f64 = 0.1;
 
 impl SensorMotion for UprightMotion<'_> {
@@ -271,7 +271,7 @@ impl SensorMotion for UprightMotion<'_> {
     }
 }
 
-/// The points as the sensor saw them, or nearly: in its axes at the start of the sweep.
+/// Returns a point in the axes of the sensor at the start of the sweep.
 fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
     sweep.frame.in_sensor(point.position, &sweep.pose, sweep.metres_per_unit).to_array()
 }

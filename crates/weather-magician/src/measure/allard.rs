@@ -16,8 +16,7 @@ use super::expected;
 use super::lit::{LightPicture, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    fov_of,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, fov_of,
 };
 use crate::Result;
 use wm_scene::{Lamp, Splats};
@@ -149,15 +148,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
     let mut finding = Finding::default();
     for (k, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        finding.readings.push(Reading {
-            quantity: format!("extinction by lamps, {name}"),
-            setting: request.setting.to_owned(),
-            unit: "1/km",
-            asked: 1e3 * asked[k],
-            measured: if points[k].len() < LAMP_COUNT { f64::NAN } else { 1e3 * slope(&points[k]) },
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        finding.readings.push(request.reading(
+            format!("extinction by lamps, {name}"),
+            "1/km",
+            [1e3 * asked[k], if points[k].len() < LAMP_COUNT { f64::NAN } else { 1e3 * slope(&points[k]) }],
+            Tolerance::Relative(0.03),
+        ));
     }
     let first = points[1].first().copied().unwrap_or_default();
     let shown = |[metres, log]: [f64; 2]| [metres, (first[1] - log).exp()];

@@ -13,8 +13,8 @@
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    clear, median,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, clear,
+    median,
 };
 use crate::Result;
 use crate::{FrameRequest, Picture};
@@ -189,15 +189,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|(metres, kept)| [*metres, -kept[channel].ln()])
             .collect();
         let measured = if points.len() < 4 { f64::NAN } else { MOR_DEPTH / slope(&points) };
-        finding.readings.push(Reading {
-            quantity: format!("MOR, {name}"),
-            setting: request.setting.to_owned(),
-            unit: "m",
-            asked: asked[channel],
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        finding.readings.push(request.reading(
+            format!("MOR, {name}"),
+            "m",
+            [asked[channel], measured],
+            Tolerance::Relative(0.03),
+        ));
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
     finding.plots.push(Plot {

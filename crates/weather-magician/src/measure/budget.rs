@@ -12,8 +12,7 @@
 
 use super::stake::{level_card, median_depth, shown};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance, clear, expected,
-    fov_of,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, expected, fov_of,
 };
 use crate::Result;
 use wm_scene::Splats;
@@ -137,15 +136,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
     let mut finding = Finding::default();
     let came = fell - stock;
-    finding.readings.push(Reading {
-        quantity: format!("water that came to lie, of {came:.0} mm that fell"),
-        setting: request.setting.to_owned(),
-        unit: "mm",
-        asked: came - melted,
-        measured: volume / area * SETTLED_DENSITY_KG_M3,
-        standard_error: None,
-        tolerance: Tolerance::Absolute(0.01 * came),
-    });
+    finding.readings.push(request.reading(
+        format!("water that came to lie, of {came:.0} mm that fell"),
+        "mm",
+        [came - melted, volume / area * SETTLED_DENSITY_KG_M3],
+        Tolerance::Absolute(0.01 * came),
+    ));
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;
     let what = if melted > 0.0 { "the level yard" } else { "the yard with its steep ridge" };
     finding.pictures.push(shown(rig, subject, &camera, &weather, request, what)?);

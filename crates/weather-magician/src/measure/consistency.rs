@@ -16,8 +16,8 @@
 //! pixel far away holds several).
 
 use super::{
-    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, Reading, ShotSubject,
-    Tolerance, clear, expected, mean, median, painted,
+    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
+    clear, expected, mean, median, painted,
 };
 use crate::Result;
 use crate::{FrameRequest, Picture};
@@ -175,16 +175,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let (bare, seen) = (look(&clear())?, look(&weather)?);
     let mut finding = Finding::default();
     let mut add = |quantity: String, unit, asked, measured, tolerance| {
-        let setting = request.setting.to_owned();
-        finding.readings.push(Reading {
-            quantity,
-            setting,
-            unit,
-            asked,
-            measured,
-            standard_error: None,
-            tolerance,
-        });
+        finding.readings.push(request.reading(quantity, unit, [asked, measured], tolerance));
     };
     let (bare_pairs, pairs) = (bare[0].pairs(&bare[1]), seen[0].pairs(&seen[1]));
     let size = seen[0].size();

@@ -19,8 +19,8 @@ use super::expected;
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Tolerance, mean,
 };
 use crate::Result;
 use wm_scene::{Camera, Splats};
@@ -128,15 +128,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
     let sums = [0, 1].map(|k: usize| films[k].iter().sum::<f64>() / FRAME_RATES_HZ[k]);
     let mut finding = Finding::default();
-    finding.readings.push(Reading {
-        quantity: format!("light of {seconds:.0} s at 24 frames a second, by that at 60"),
-        setting: request.setting.to_owned(),
-        unit: "lx s",
-        asked: sums[1],
-        measured: if sums[1] > 0.01 { sums[0] } else { f64::NAN },
-        standard_error: None,
-        tolerance: Tolerance::Relative(0.01),
-    });
+    finding.readings.push(request.reading(
+        format!("light of {seconds:.0} s at 24 frames a second, by that at 60"),
+        "lx s",
+        [sums[1], if sums[1] > 0.01 { sums[0] } else { f64::NAN }],
+        Tolerance::Relative(0.01),
+    ));
     let fast = &films[1];
     let is_lit = |frame: usize| fast[frame] > 0.02;
     let begins = (DARK_FRAMES..fast.len()).filter(|at| is_lit(*at) && !(at - DARK_FRAMES..*at).any(is_lit));
@@ -146,15 +143,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let mut lit = weather.clone();
         lit.set_text(&format!("lightning.exposure={STROKE_EXPOSURE_S}"))?;
         let (sin, picture) = brightest(rig, &level, subject, &lit, &calm, time)?;
-        finding.readings.push(Reading {
-            quantity: format!("stroke {} at {:.1} km", number + 1, 1e-3 * STROKE_HEIGHT_M / sin),
-            setting: request.setting.to_owned(),
-            unit: "lx s",
-            asked: STROKE_LX_S * (1_000.0 * sin / STROKE_HEIGHT_M).powi(2),
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        finding.readings.push(request.reading(
+            format!("stroke {} at {:.1} km", number + 1, 1e-3 * STROKE_HEIGHT_M / sin),
+            "lx s",
+            [STROKE_LX_S * (1_000.0 * sin / STROKE_HEIGHT_M).powi(2), measured],
+            Tolerance::Relative(0.03),
+        ));
         if number == 0 {
             let caption = format!("{}: the sky of a stroke about its brightest", request.setting);
             finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));

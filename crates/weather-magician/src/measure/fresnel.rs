@@ -11,8 +11,7 @@
 use super::lit::LightPicture;
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
 use crate::Result;
 use wm_scene::Splats;
@@ -91,15 +90,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
         let measured = picture.patch(middle, middle, PATCH_HALF_SIDE_PX) / BOARD_LIGHT;
         let asked = reflectance(degrees.to_radians());
-        finding.readings.push(Reading {
-            quantity: format!("reflectance of water at {degrees} degrees"),
-            setting: request.setting.to_owned(),
-            unit: "",
-            asked,
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        finding.readings.push(request.reading(
+            format!("reflectance of water at {degrees} degrees"),
+            "",
+            [asked, measured],
+            Tolerance::Relative(0.03),
+        ));
         points.push([degrees, measured]);
         if degrees == ELEVATIONS_DEGREES[1] {
             let caption = format!("{}: water that mirrors a board, at {degrees} degrees", request.setting);

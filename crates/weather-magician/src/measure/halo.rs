@@ -17,7 +17,7 @@ use super::expected;
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance,
 };
 use crate::Result;
 use std::f64::consts::PI;
@@ -140,15 +140,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let metres = LAMP_DISTANCE_M * (ring / camera.fx);
         seen.push([metres, measured]);
         law.push([metres, asked]);
-        finding.readings.push(Reading {
-            quantity: format!("light {ring:.0} px from the lamp, over its intensity"),
-            setting: request.setting.to_owned(),
-            unit: "1/m\u{b2}",
-            asked,
-            measured: if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured },
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.05),
-        });
+        finding.readings.push(request.reading(
+            format!("light {ring:.0} px from the lamp, over its intensity"),
+            "1/m\u{b2}",
+            [asked, if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured }],
+            Tolerance::Relative(0.05),
+        ));
     }
     finding.plots.push(Plot {
         title: format!("Light around a lamp, {}", request.setting),

@@ -70,8 +70,8 @@ pub(crate) fn text(
     )
 }
 
-/// Sweeps a target from [`EYE_HEIGHT_M`] over its middle, ahead along the second axis, with one ray a pulse
-/// and all returns.
+/// Sweeps a target from [`EYE_HEIGHT_M`] over its middle, ahead along the second axis, with one ray
+/// a pulse and all returns.
 pub(crate) fn sweep(
     rig: &mut dyn InstrumentRenderer,
     subject: ShotSubject,

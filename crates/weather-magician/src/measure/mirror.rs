@@ -9,8 +9,7 @@
 use super::fresnel::still;
 use super::lit::LightPicture;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
 use crate::Result;
 use wm_scene::Splats;
@@ -89,14 +88,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             }
         }
     }
-    finding.readings.push(Reading {
-        quantity: "images in the water, farthest from their places".into(),
-        setting: request.setting.to_owned(),
-        unit: "px",
-        asked: 0.0,
-        measured: farthest,
-        standard_error: None,
-        tolerance: Tolerance::Absolute(1.0),
-    });
+    finding.readings.push(request.reading(
+        "images in the water, farthest from their places",
+        "px",
+        [0.0, farthest],
+        Tolerance::Absolute(1.0),
+    ));
     Ok(finding)
 }

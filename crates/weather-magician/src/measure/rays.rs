@@ -12,8 +12,8 @@
 
 use super::plot::{Axis, Plot, Series};
 use super::{
-    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, Reading, ShotSubject,
-    Tolerance, clear, expected, median,
+    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
+    clear, expected, median,
 };
 use crate::Result;
 use crate::{FrameRequest, Picture};
@@ -87,14 +87,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let ratio = median(points.iter().map(|p| p[1] / p[0]).collect());
     let off = median(points.iter().map(|p| (p[1] / p[0] - 1.0).abs()).collect());
     let mut finding = Finding::default();
-    let reading = |quantity: String, asked, measured, tolerance| Reading {
-        quantity,
-        setting: request.setting.to_owned(),
-        unit: "",
-        asked,
-        measured,
-        standard_error: None,
-        tolerance,
+    let reading = |quantity: String, asked, measured, tolerance| {
+        request.reading(quantity, "", [asked, measured], tolerance)
     };
     let count = points.len();
     finding.readings.push(reading(

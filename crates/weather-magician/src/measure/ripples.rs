@@ -82,7 +82,8 @@ const WATER_DENSITY: f64 = 1000.0;
 const MAX_DROP_MM: f64 = 8.0;
 const INTEGRAL_STEPS: usize = 800;
 
-/// Directions of the waves whose frequency is measured, and their wave numbers, of [`RING_WAVE_NUMBER`].
+/// Directions of the waves whose frequency is measured, and their wave numbers, of
+/// [`RING_WAVE_NUMBER`].
 const DIRECTION_COUNT: usize = 36;
 const WAVE_NUMBER_FACTORS: [f64; 7] = [0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15];
 /// Distance of the pixels by which they are found, px: a third of the wave.

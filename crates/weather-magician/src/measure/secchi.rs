@@ -11,8 +11,7 @@ use super::fresnel::still;
 use super::lit::LightPicture;
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
 use crate::Result;
 use wm_scene::Splats;
@@ -81,15 +80,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
     }
     let measured = if points.len() < 3 { f64::NAN } else { SECCHI_CONSTANT / -slope(&points) };
-    finding.readings.push(Reading {
-        quantity: "Secchi depth".into(),
-        setting: request.setting.to_owned(),
-        unit: "m",
-        asked,
-        measured,
-        standard_error: None,
-        tolerance: Tolerance::Relative(0.05),
-    });
+    finding.readings.push(request.reading("Secchi depth", "m", [asked, measured], Tolerance::Relative(0.05)));
     let first = points.first().copied().unwrap_or_default();
     let law = [0.0, 0.5 * asked].map(|z| [z, (first[1] - SECCHI_CONSTANT / asked * (z - first[0])).exp()]);
     finding.plots.push(Plot {

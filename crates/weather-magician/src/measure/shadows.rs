@@ -264,19 +264,16 @@ fn contrast(
     let left = (of_pairs(|pair| pair.left) / of_pairs(|pair| pair.own)).abs();
     let points: Vec<[f64; 2]> = found.iter().map(|pair| [pair.own, pair.left]).collect();
     let is_told = count >= MIN_PAIRS;
-    finding.readings.push(Reading {
-        quantity: if is_told {
+    finding.readings.push(request.reading(
+        if is_told {
             format!("contrast left of shadows, median of {count} pairs")
         } else {
             format!("contrast left of shadows, too few to tell: {count} pairs")
         },
-        setting: request.setting.to_owned(),
-        unit: "",
-        asked: 0.0,
-        measured: left,
-        standard_error: None,
-        tolerance: if is_told { tolerance } else { Tolerance::None },
-    });
+        "",
+        [0.0, left],
+        if is_told { tolerance } else { Tolerance::None },
+    ));
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
     finding.plots.push(Plot {
         title: format!("Light over shade, {}", request.setting),

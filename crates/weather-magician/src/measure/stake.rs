@@ -10,8 +10,8 @@
 //! tolerance, and such depths are not swept.
 
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, clear, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Tolerance, clear, expected,
 };
 use super::{SURFACES, mean};
 use crate::Result;
@@ -96,15 +96,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             Ok(middle_depth(&level, &camera, &depth))
         };
         let measured = z(&clear())? - z(&weather)?;
-        finding.readings.push(Reading {
-            quantity: format!("snow depth {name}"),
-            setting: request.setting.to_owned(),
-            unit: "m",
-            asked,
-            measured,
-            standard_error: None,
+        finding.readings.push(request.reading(
+            format!("snow depth {name}"),
+            "m",
+            [asked, measured],
             tolerance,
-        });
+        ));
     }
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
     finding.pictures.push(shown(rig, subject, &camera, &weather, request, "the yard, with its roof")?);

@@ -18,8 +18,8 @@
 use super::lit::{GROUND, LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, expected, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Tolerance, expected, mean,
 };
 use crate::Result;
 use std::f64::consts::{PI, TAU};
@@ -67,7 +67,8 @@ fn sun(weather: &Weather, time: f64) -> Option<[f64; 2]> {
 }
 
 /// Elevation and azimuth of the sun, degrees, at a latitude, in mean solar time of a day of
-/// [`YEAR_START_DAYS`]: by the formulas of low precision of the Astronomical Almanac, within 0.01 degree.
+/// [`YEAR_START_DAYS`]: by the formulas of low precision of the Astronomical Almanac, within 0.01
+/// degree.
 fn by_hour(latitude: f64, day: f64, hour: f64) -> [f64; 2] {
     let days = YEAR_START_DAYS + day - 1.0 + hour / 24.0;
     let mean_longitude = 280.460 + 0.985_647_4 * days;
@@ -185,20 +186,6 @@ struct DialRequest<'a> {
     request: &'a MeasureRequest<'a>,
 }
 
-impl DialRequest<'_> {
-    fn reading(
-        &self,
-        quantity: String,
-        unit: &'static str,
-        values: [f64; 2],
-        tolerance: Tolerance,
-    ) -> Reading {
-        let [asked, measured] = values;
-        let setting = self.request.setting.to_owned();
-        Reading { quantity, setting, unit, asked, measured, standard_error: None, tolerance }
-    }
-}
-
 /// Measures the shadow of the rod.
 fn rod(
     rig: &mut dyn InstrumentRenderer,
@@ -239,14 +226,14 @@ fn rod(
     let turn = seen.map_or(f64::NAN, |seen| seen.turn.to_degrees());
     let law = height / asked.elevation.tan();
     let two = Tolerance::Relative(0.02);
-    finding.readings.push(asked.reading(
+    finding.readings.push(asked.request.reading(
         format!("shadow of a rod of {height:.3} m"),
         "m",
         [law, length],
         two,
     ));
-    finding.readings.push(asked.reading(
-        "azimuth of the shadow, off the sun's".into(),
+    finding.readings.push(asked.request.reading(
+        "azimuth of the shadow, off the sun's",
         "deg",
         [0.0, turn],
         Tolerance::Absolute(1.0),
@@ -352,7 +339,7 @@ fn edge(
     let mut series = Vec::new();
     for metres in EDGE_DISTANCES_M {
         let (width, profile) = edge_at(rig, dial, subject, asked, metres, metres * cos)?;
-        finding.readings.push(asked.reading(
+        finding.readings.push(asked.request.reading(
             format!("width of a shadow's edge at {metres} m"),
             "m",
             [SUN_DIAMETER_RAD * metres, width],

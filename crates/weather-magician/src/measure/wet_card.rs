@@ -11,8 +11,7 @@
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
 use crate::Result;
 use wm_scene::Splats;
@@ -95,15 +94,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             };
             let measured = albedo * light(&weather)? / light(&dry)?;
             curve.push([albedo, measured]);
-            finding.readings.push(Reading {
-                quantity: format!("reflectance of a board of {albedo} {name}"),
-                setting: request.setting.to_owned(),
-                unit: "",
-                asked: law(albedo),
-                measured,
-                standard_error: None,
-                tolerance: Tolerance::Relative(0.03),
-            });
+            finding.readings.push(request.reading(
+                format!("reflectance of a board of {albedo} {name}"),
+                "",
+                [law(albedo), measured],
+                Tolerance::Relative(0.03),
+            ));
         }
         curves.push(Series::points(name, curve));
     }

@@ -40,24 +40,23 @@ impl CandidateKind {
     }
 }
 
-/// Directions that a place is looked about in.
+/// Number of azimuths of the rays from an eye.
 const AZIMUTH_COUNT: usize = 36;
 /// Rays above and below each direction, degrees; those below come first.
 const ELEVATIONS_DEGREES: [f64; 7] = [-20.0, -12.0, -6.0, 0.0, 6.0, 12.0, 20.0];
 /// Rays that look down.
 const DOWNWARD_RAYS: usize = 3;
-/// Azimuths in a picture, to each side of its middle: 30 degrees.
+/// Azimuths to each side of the middle of a picture: 30 degrees.
 const VIEW_HALF_AZIMUTHS: usize = 3;
 /// Free height over the eye, of that of the eye over the ground: rooms are 2.4 m high and more.
 /// Where the scale is not known an eye that low may be under a table.
 const HEADROOM: f64 = 0.5;
 const RAISED_HEADROOM: f64 = 2.5;
-/// Places to each side of the middle.
+/// Eye positions to each side of the middle, along each axis.
 const GRID_HALF_STEPS: i32 = 9;
-/// Length by which a view has room, over the height of its eye above the ground.
+/// Free distance that a view needs, in heights of the eye above the ground.
 const CLEAR_LENGTH_PER_HEIGHT: f64 = 20.0;
-/// Promise that is lost from the middle of a scene to its edge, since most photos show what is
-/// about the middle.
+/// Loss of the score from the middle of a scene to its edge: most photos show the middle.
 const EDGE_PENALTY: f64 = 0.7;
 
 /// Returns the length by which it is judged whether things are near, scene units: the radius of the

@@ -42,12 +42,12 @@ struct Keyframe {
 }
 
 impl CameraPath {
-    /// Reads a path from a JSON file in coordinates of the world. Options win over the values of the
-    /// file.
+    /// Reads a path from a JSON file in coordinates of the world. Options win over the values of
+    /// the file.
     ///
     /// # Errors
-    /// [`ViewError`] if the file cannot be read or makes no path, with the file's name, and line and
-    /// column or the keyframe's number.
+    /// [`ViewError`] if the file cannot be read or makes no path, with the file's name, and line
+    /// and column or the keyframe's number.
     pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<Self, ViewError> {
         let text = read_text(file, LARGE_TEXT).map_err(|error| FormatError::reading(file, error))?;
         parse(&text, survey, options)

@@ -3,18 +3,17 @@
 use glam::DVec3;
 use wm_scene::{Group, Splats, quat, survey::Survey};
 
-/// Most cells to each side of a point that are asked whether it is clear: a wrong scale may ask for
-/// the whole grid.
+/// Maximum radius of a clearance test, cells: with a wrong scale it would visit the whole grid.
 const MAX_CLEARANCE_CELLS: f64 = 24.0;
-/// Cells a scene radius.
+/// Cells per scene radius.
 const CELLS_PER_RADIUS: f64 = 56.0;
 /// Half the width of the grid in scene radii.
 const HALF_WIDTH_RADII: f64 = 1.3;
-/// Most splats that are looked at.
+/// Maximum number of splats that are counted.
 const MAX_SPLATS: usize = 250_000;
-/// Share of a cell's face that splats must fill before the cell counts as filled.
+/// A cell counts as filled if splats cover this share of a face of it.
 const MIN_FILLED_SHARE: f32 = 0.35;
-/// Largest distance of the ground from the survey's height, scene radii.
+/// Maximum distance of the ground from the survey's height, scene radii.
 const MAX_RELIEF_RADII: f64 = 0.1;
 
 /// Filled and empty cells about the middle of the scene, and the height of the ground below.

@@ -326,8 +326,8 @@ impl Variable {
         })
     }
 
-    /// Returns the values that the parameter must accept: the extremes of a distribution, or all of a
-    /// list.
+    /// Returns the values that the parameter must accept: the extremes of a distribution, or all of
+    /// a list.
     fn extremes(&self) -> Vec<Value> {
         match &self.values {
             VariableValues::Numbers(distribution) => {
