@@ -63,6 +63,12 @@ pub(crate) struct MarkedFile {
     pub(crate) sha256: String,
 }
 
+impl MarkedFile {
+    fn new(path: String, bytes: &[u8]) -> Self {
+        Self { path, bytes: bytes.len() as u64, sha256: hex(&Sha256::digest(bytes)) }
+    }
+}
+
 /// A clip, or a part of one, in a marker.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -142,15 +148,7 @@ impl MarkedClip {
     /// # Errors
     /// The problem of a marker that this program did not write.
     pub(crate) fn record(&self) -> Result<ClipRecord, String> {
-        let all = [
-            Condition::Clear,
-            Condition::Fog,
-            Condition::Rain,
-            Condition::Snow,
-            Condition::Dust,
-            Condition::Night,
-        ];
-        let condition = all.into_iter().find(|one| one.name() == self.condition);
+        let condition = Condition::ALL.into_iter().find(|one| one.name() == self.condition);
         let condition = condition.ok_or_else(|| format!("condition \"{}\" is not known", self.condition))?;
         Ok(ClipRecord {
             clip: ClipInfo {
@@ -382,11 +380,7 @@ impl BlockFiles {
         let staged = self.path(path)?;
         write_staged(&staged, bytes)
             .map_err(|error| fault(&self.folder.join(path), WriteFault::from(error)))?;
-        self.files.push(MarkedFile {
-            path: path.into(),
-            bytes: bytes.len() as u64,
-            sha256: hex(&Sha256::digest(bytes)),
-        });
+        self.files.push(MarkedFile::new(path.into(), bytes));
         Ok(())
     }
 
@@ -420,11 +414,7 @@ impl FileSink for LayoutFiles<'_> {
         }
         let own = self.files.folder.join(&path);
         write_staged(&staged, bytes).map_err(|error| to(&own, WriteFault::from(error).to_string()))?;
-        self.files.files.push(MarkedFile {
-            path,
-            bytes: bytes.len() as u64,
-            sha256: hex(&Sha256::digest(bytes)),
-        });
+        self.files.files.push(MarkedFile::new(path, bytes));
         Ok(())
     }
 }
@@ -450,12 +440,13 @@ impl FileSink for TableFiles<'_> {
             fs::create_dir_all(folder).map_err(problem)?;
         }
         wm_scene::files::write_atomically(&own, |out| Ok(out.write_all(bytes)?))?;
-        self.files.push(MarkedFile { path, bytes: bytes.len() as u64, sha256: hex(&Sha256::digest(bytes)) });
+        self.files.push(MarkedFile::new(path, bytes));
         Ok(())
     }
 }
 
-fn hex(bytes: &[u8]) -> String {
+/// Writes bytes as hexadecimal digits.
+pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

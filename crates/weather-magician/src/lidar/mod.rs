@@ -40,7 +40,7 @@ use wm_scene::{Group, Splats};
 use wm_sensors::{LidarScene, SensorMotion, SurfaceState, SurfaceStates, SweepOptions};
 use wm_sensors::{base_reflectance, sweep};
 use wm_weather::wetness::WetGains;
-use wm_weather::{Fidelity, Weather};
+use wm_weather::{Fidelity, Site, Weather};
 
 /// Options of a scan.
 #[derive(Clone, Copy, Debug)]
@@ -136,12 +136,7 @@ impl Renderer {
         let time = |index: u32| options.time + f64::from(index) * lidar.period();
         let site = *place.site();
         let covers = |index: u32| weather.at(time(index)).prepare(&site).cover().to_vec();
-        let motion = UprightMotion {
-            motion,
-            up: DVec3::from_array(site.up),
-            metres: site.metres_per_unit,
-            from: options.time,
-        };
+        let motion = UprightMotion::new(motion, &site, options.time);
         let is_snow = weather.effects().any(|(effect, _)| effect.name == "snow_cover");
         let end = options.first.saturating_add(options.sweeps);
         let mut index = options.first;
@@ -240,11 +235,18 @@ impl SurfaceStates for PlaceSurfaces<'_> {
 
 /// A sensor that stands upright where a camera is, and looks ahead as it does.
 pub(crate) struct UprightMotion<'a> {
-    pub(crate) motion: &'a CameraMotion,
-    pub(crate) up: DVec3,
-    pub(crate) metres: f64,
+    motion: &'a CameraMotion,
+    up: DVec3,
+    metres: f64,
     /// The time at which a camera without a path is where it says, s.
-    pub(crate) from: f64,
+    from: f64,
+}
+
+impl<'a> UprightMotion<'a> {
+    /// Places a sensor on a camera's path; a camera without a path is where it says at `from`, s.
+    pub(crate) fn new(motion: &'a CameraMotion, site: &Site, from: f64) -> Self {
+        Self { motion, up: DVec3::from_array(site.up), metres: site.metres_per_unit, from }
+    }
 }
 
 /// A camera's view direction counts as ahead if its horizontal part is longer than this. For

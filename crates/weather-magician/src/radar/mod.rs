@@ -26,7 +26,6 @@ use crate::lidar::UprightMotion;
 use crate::motion::CameraMotion;
 use crate::place::{PreparedPlace, check_owner};
 use crate::{Error, Progress, Renderer, Result};
-use glam::DVec3;
 use std::sync::Arc;
 use wm_scene::Group;
 use wm_sensors::radar::{RadarOptions, RadarScene, radar_sweep};
@@ -107,12 +106,7 @@ impl Renderer {
         }
         self.focus_along(place, motion)?;
         let site = *place.site();
-        let motion = UprightMotion {
-            motion,
-            up: DVec3::from_array(site.up),
-            metres: site.metres_per_unit,
-            from: options.time,
-        };
+        let motion = UprightMotion::new(motion, &site, options.time);
         let scene = Arc::clone(place.scene());
         let splats = &scene.splats;
         let is_met = |index: usize| splats.groups[index] != Group::Sky;

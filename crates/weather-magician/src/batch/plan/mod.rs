@@ -2,6 +2,7 @@
 
 mod file;
 
+use super::store::hex;
 use super::weathers::WeatherSource;
 use crate::levels::LevelBudget;
 use crate::output::{LayerFile, PictureFormat, layers_of};
@@ -167,7 +168,6 @@ impl BatchPlan {
             true => text,
             false => text.replace(&format!("{}/", folder.display()), ""),
         };
-        let digest = Sha256::digest(text.as_bytes());
-        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+        hex(&Sha256::digest(text.as_bytes()))
     }
 }
