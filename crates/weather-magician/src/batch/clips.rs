@@ -5,7 +5,7 @@
 //! scene.
 
 use super::condition::condition_of;
-use super::plan::{BatchPlan, MOST_FRAMES, PlanPathKind, PlanRig, slug};
+use super::plan::{BatchPlan, MAX_FRAMES, PlanPathKind, PlanRig, slug};
 use super::splits::split_of;
 use super::weathers::{PlannedWeather, SamplePlace, seeded};
 use crate::{Error, Result};
@@ -144,17 +144,17 @@ impl BatchClips {
             }
             let clips = weathers
                 .checked_mul(ways.len() as u64)
-                .filter(|clips| clips.checked_mul(frames).is_some_and(|frames| frames <= MOST_FRAMES));
+                .filter(|clips| clips.checked_mul(frames).is_some_and(|frames| frames <= MAX_FRAMES));
             let Some(clips) = clips else {
-                return Err(fault(format!("more than {MOST_FRAMES} frames: split the plan")));
+                return Err(fault(format!("more than {MAX_FRAMES} frames: split the plan")));
             };
             scenes.push(SceneClips { ways, first, first_block });
             first += clips;
             first_block += (clips * frames).div_ceil(block);
         }
-        if first * frames > MOST_FRAMES {
+        if first * frames > MAX_FRAMES {
             return Err(fault(format!(
-                "{} frames: {MOST_FRAMES} are the most; split the plan",
+                "{} frames: {MAX_FRAMES} are the most; split the plan",
                 first * frames
             )));
         }

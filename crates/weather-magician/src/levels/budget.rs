@@ -10,7 +10,7 @@ use wm_scene::levels::LevelIndex;
 pub struct LevelBudget {
     /// Memory of the whole process, bytes.
     pub memory: u64,
-    /// Splats of one frame; `None` for as many as the memory allows, [`MOST_SPLATS`] at most.
+    /// Splats of one frame; `None` for as many as the memory allows, [`MAX_FRAME_SPLATS`] at most.
     pub splats: Option<u64>,
 }
 
@@ -50,7 +50,7 @@ pub fn parse_memory(text: &str) -> Result<u64, String> {
 
 /// Default maximum number of splats of one frame: about two per pixel of a picture of 1200x800 px.
 /// More change little.
-pub const MOST_SPLATS: u64 = 2_000_000;
+pub const MAX_FRAME_SPLATS: u64 = 2_000_000;
 /// Minimum number of splats of one frame.
 const MIN_FRAME_SPLATS: u64 = 1000;
 /// Memory of the program, its tables and a picture with all its parts, bytes.
@@ -117,7 +117,7 @@ impl LevelBudget {
         let a_splat = held_bytes(256, sh_degree) / 256 + FRAME_SPLAT_BYTES;
         let by_memory = rest / a_splat;
         // A part of what is held is of other cuts, so that a camera that turns back loads nothing.
-        let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MOST_SPLATS)).max(MIN_FRAME_SPLATS);
+        let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MAX_FRAME_SPLATS)).max(MIN_FRAME_SPLATS);
         // As many as the memory allows are drawn at once: to choose among more would take longer
         // than to draw them.
         let held = if self.splats.is_some() { MAX_HELD_PER_DRAWN } else { 1 };

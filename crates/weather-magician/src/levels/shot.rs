@@ -10,7 +10,7 @@ const MAX_CAMERAS: u32 = 120;
 const SURROUND_VIEW_SIDE_PX: u32 = 512;
 
 /// Cameras evenly over the frames of a sequence, at most 121, the first and the last among them.
-/// With a lens each becomes [`cameras_around`] it.
+/// With a lens each becomes six views in all directions.
 pub fn shot_cameras(frames: u32, camera: impl Fn(u32) -> Camera, has_lens: bool) -> Vec<Camera> {
     let last = frames.saturating_sub(1);
     let stops = last.min(MAX_CAMERAS);

@@ -4,8 +4,8 @@
 //! - [`spec`]: `--camera` and the options beside it.
 //! - [`path`]: a camera as a function of time, from a file of keyframes.
 //! - [`moves`]: the built-in paths: orbit, dolly, along the photos.
-//! - [`choose`]: a good view of any scene. It looks about in [`space`] and at small renders, which
-//!   `rate` judges.
+//! - [`choose`]: a good view of any scene. It tests free space (`space`) and rates small
+//!   renders (`rate`).
 
 pub(crate) mod candidates;
 pub mod choose;

@@ -14,7 +14,7 @@ use wm_datasets::{LayerNeeds, Layout};
 use wm_scene::Metadata;
 
 /// Most frames of a set: file names have eight digits.
-pub(super) const MOST_FRAMES: u64 = 100_000_000;
+pub(super) const MAX_FRAMES: u64 = 100_000_000;
 /// The layout of this program's own files.
 pub const FRAMES_LAYOUT: &str = "frames";
 /// The plan of a data set: scenes, paths, weathers, sensors and times, from which every frame
