@@ -233,10 +233,7 @@ pub fn scan(path: &Path) -> Outcome {
         let Stage { renderer, place, .. } = stage;
         let mut taken = |_| Ok(());
         let options = ScanOptions { sweeps: 1, ..ScanOptions::default() };
-        renderer
-            .scan(place, &weather, &lidar, &motion, &options, (&mut taken, &mut ()))
-            .map(drop)
-            .map_err(text)
+        renderer.scan(place, &weather, &lidar, &motion, &options, &mut taken, &mut ()).map(drop).map_err(text)
     })
 }
 

@@ -408,7 +408,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
                 let names = views.iter().map(|view| view.name());
                 files.save(&line(&sweep), |file| Ok(sweep.save(file)?), (names, picture))
             };
-            renderer.scan(place, &weather, lidar, &motion, &ScanOptions::from(args), (&mut take, progress))?
+            renderer.scan(place, &weather, lidar, &motion, &ScanOptions::from(args), &mut take, progress)?
         }
         Scanner::Radar(radar, views) => {
             let mut take = |sweep: RadarSweep| {
@@ -417,7 +417,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
                 files.save(&radar_line(&sweep), |file| Ok(sweep.save(file)?), (names, picture))
             };
             let options = RadarScanOptions::from(args);
-            renderer.scan_radar(place, &weather, radar, &motion, &options, (&mut take, progress))?
+            renderer.scan_radar(place, &weather, radar, &motion, &options, &mut take, progress)?
         }
     };
     loaded.warn();

@@ -16,15 +16,13 @@ use rayon::prelude::*;
 use wm_render::Frame;
 use wm_scene::{Camera, LensModel};
 
-pub use particles::particle_flow;
-
-/// Share by which expected and median depth differ on one surface: at edges the first is wrong by
-/// as much.
-const ONE_SURFACE: f32 = 0.02;
-/// Share by which the depths of four pixels differ that are interpolated.
-const EVEN: f32 = 0.1;
-/// Share by which a point lies behind the surface of the next picture from which on it is hidden.
-const HIDDEN: f64 = 0.02;
+/// Relative tolerance between expected and median depth on one surface. At edges the expected depth
+/// mixes near and far and differs by more.
+const SAME_SURFACE_TOLERANCE: f32 = 0.02;
+/// Depths of four pixels are interpolated if they differ by less than this share.
+const INTERPOLATION_TOLERANCE: f32 = 0.1;
+/// A point is hidden if it lies behind the surface of the next picture by more than this share.
+const OCCLUSION_TOLERANCE: f64 = 0.02;
 
 /// The flow from one picture to the next.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -92,20 +90,20 @@ impl FlowView<'_> {
     /// edges the nearest counts, since what is between is far nearer than what is behind, and on
     /// ground that is seen at a low angle depth changes much from pixel to pixel.
     fn farthest_at(&self, at: [f64; 2]) -> f64 {
-        let around = Around::of(self.depth, (self.camera.width, self.camera.height), at);
+        let around = DepthsAround::new(self.depth, (self.camera.width, self.camera.height), at);
         let reciprocal = around.reciprocal().min(reciprocal_of(around.nearest));
         f64::from(reciprocal).recip()
     }
 }
 
 /// The depths about a point of a picture.
-struct Around {
-    /// That of the pixel that holds the point.
+struct DepthsAround {
+    /// The depth of the pixel that holds the point.
     nearest: f32,
-    /// Those of the four pixels whose middles are about it: above left, above right, below left,
-    /// below right.
+    /// The depths of the four pixels whose centres surround the point: above left, above right,
+    /// below left, below right.
     four: [f32; 4],
-    /// The place between them, to the right and down, 0-1.
+    /// The position between these centres, to the right and down, 0-1.
     between: [f32; 2],
 }
 
@@ -114,9 +112,10 @@ fn reciprocal_of(depth: f32) -> f32 {
     if depth > 0.0 { depth.recip() } else { 0.0 }
 }
 
-impl Around {
-    fn of(depth: &[f32], (width, height): (u32, u32), [x, y]: [f64; 2]) -> Self {
-        let (width, height) = (width as usize, height as usize);
+impl DepthsAround {
+    fn new(depth: &[f32], size: (u32, u32), point: [f64; 2]) -> Self {
+        let (width, height) = (size.0 as usize, size.1 as usize);
+        let [x, y] = point;
         let pixel = |x: f64, y: f64| {
             let (x, y) = (x.floor().max(0.0) as usize, y.floor().max(0.0) as usize);
             depth[y.min(height - 1) * width + x.min(width - 1)]
@@ -143,7 +142,7 @@ impl Around {
             .four
             .iter()
             .fold((f32::MAX, 0.0f32), |(low, high), depth| (low.min(*depth), high.max(*depth)));
-        let is_even = least > 0.0 && most <= (1.0 + EVEN) * least;
+        let is_even = least > 0.0 && most <= (1.0 + INTERPOLATION_TOLERANCE) * least;
         if is_even { self.reciprocal().recip() } else { self.nearest }
     }
 }
@@ -152,7 +151,7 @@ impl Around {
 /// is none.
 fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
     let depth = |(expected, median): (&f32, &f32)| {
-        if (expected - median).abs() < ONE_SURFACE * median { *expected } else { *median }
+        if (expected - median).abs() < SAME_SURFACE_TOLERANCE * median { *expected } else { *median }
     };
     frame.depth.iter().zip(&frame.median_depth).map(depth).collect()
 }
@@ -162,7 +161,7 @@ fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
 /// # Panics
 /// If a depth has another size than its camera.
 #[must_use]
-pub fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
+pub(crate) fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
     assert_eq!(from.depth.len(), width * height, "a depth a pixel");
     let to_from_from = to.camera.viewmat * from.camera.viewmat.inverse();
@@ -189,7 +188,7 @@ pub fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
             let own = if is_near { to.depth_of(point) } else { f64::INFINITY };
             *state = match () {
                 () if !is_inside => FlowState::Outside,
-                () if own > (1.0 + HIDDEN) * to.farthest_at(found) => FlowState::Occluded,
+                () if own > (1.0 + OCCLUSION_TOLERANCE) * to.farthest_at(found) => FlowState::Occluded,
                 () => FlowState::Visible,
             } as u8;
             if to.lens == Some(LensModel::Equirectangular) {
@@ -250,7 +249,7 @@ impl Renderer {
         let pixels = lens.intrinsics().width as usize * lens.intrinsics().height as usize;
         let distance = |pixel: usize| {
             let Some(point) = lens.side_of(pixel) else { return 0.0 };
-            point.long * Around::of(&sides[point.side], point.size, point.at).depth()
+            point.long * DepthsAround::new(&sides[point.side], point.size, point.at).depth()
         };
         Ok(self.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
     }

@@ -14,9 +14,9 @@ pub use wm_scene::splats::LabelKind;
 use wm_scene::{Camera, Rasterization, Splats};
 
 /// Labels that one backward pass sums up: one a channel.
-const TOGETHER: usize = 3;
+const LABELS_PER_PASS: usize = 3;
 /// Least weight in all masks by which a splat gets a label, px: of less nothing is seen.
-const LEAST: f32 = 1e-3;
+const MIN_LABEL_WEIGHT_PX: f32 = 1e-3;
 
 /// The labels in a picture, `[H, W]`; empty where the place has none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -128,7 +128,7 @@ impl LabelVotes {
         let labels: Vec<u16> = mask.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let learn = Learn { sh: true, ..Learn::NONE };
         renderer.forward(&self.grey, camera, &self.config, &mut self.frame)?;
-        for labels in labels.chunks(TOGETHER) {
+        for labels in labels.chunks(LABELS_PER_PASS) {
             let is = |label: &u16| {
                 let at = labels.iter().position(|own| own == label);
                 [0, 1, 2].map(|channel| f32::from(u8::from(at == Some(channel))))
@@ -165,7 +165,7 @@ impl LabelVotes {
         for mut sums in self.sums {
             sums.sort_unstable_by_key(|(label, _)| *label);
             let best = sums.iter().fold((0, 0.0), |best, next| if next.1 > best.1 { *next } else { best });
-            let is_seen = sums.iter().map(|(_, sum)| sum).sum::<f32>() > LEAST;
+            let is_seen = sums.iter().map(|(_, sum)| sum).sum::<f32>() > MIN_LABEL_WEIGHT_PX;
             voted.unseen += usize::from(!is_seen);
             voted.labels.push(if is_seen { best.0 } else { 0 });
             if is_seen && best.0 > 0 {

@@ -13,15 +13,16 @@ use wm_weather::light::LampLights;
 use wm_weather::{LampSource, Site};
 
 /// Distance between lamps along a path, m.
-pub const SPACING: f64 = 25.0;
+pub(crate) const PATH_LAMP_SPACING_M: f64 = 25.0;
 /// Distance of a row of lamps from the path, m.
-pub const ASIDE: f64 = 3.0;
+pub(crate) const PATH_LAMP_OFFSET_M: f64 = 3.0;
 /// Height of such lamps above the ground, m.
-pub const HEIGHT: f64 = 6.0;
+pub(crate) const PATH_LAMP_HEIGHT_M: f64 = 6.0;
 
-/// Returns a row of lamps beside the path of a scene's photos, each shining down: [`SPACING`]
-/// apart, [`ASIDE`] to the right of it and [`HEIGHT`] above the ground. Without photos they are one
-/// lamp in the middle of the place and six around it.
+/// Returns a row of lamps beside the path of a scene's photos, each shining down:
+/// [`PATH_LAMP_SPACING_M`] apart, [`PATH_LAMP_OFFSET_M`] to the right of it and
+/// [`PATH_LAMP_HEIGHT_M`] above the ground. Without photos they are one lamp in the middle of the
+/// place and six around it.
 #[must_use]
 pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
     let up = survey.up.value;
@@ -38,8 +39,8 @@ pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
             _ => survey.ground.value,
         }
     };
-    let [spacing, aside, height] =
-        [SPACING, ASIDE, HEIGHT].map(|metres| metres / survey.metres_per_unit.value);
+    let [spacing, aside, height] = [PATH_LAMP_SPACING_M, PATH_LAMP_OFFSET_M, PATH_LAMP_HEIGHT_M]
+        .map(|metres| metres / survey.metres_per_unit.value);
     if !centers.is_empty() {
         return along_path(&centers, up, ground, spacing, aside, height);
     }
@@ -55,7 +56,7 @@ pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
 }
 
 /// Most posts that get a lamp: those that are nearest to the middle of the place.
-const MOST_POSTS: usize = 16;
+const MAX_LAMP_POSTS: usize = 16;
 
 /// Returns a lamp at the head of each post of a scene, shining down: the higher, the brighter, with
 /// the flux of a lamp of [`lamps_along_photos`] at its height.
@@ -66,10 +67,10 @@ pub fn lamps_on_posts(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
         let [a, b] = [a, b].map(|post| post.head.distance_squared(survey.center));
         a.total_cmp(&b)
     });
-    posts.truncate(MOST_POSTS);
+    posts.truncate(MAX_LAMP_POSTS);
     let lamp = |post: &Post| Lamp {
         aim: Some((-survey.up.value).to_array()),
-        lumens: Lamp::default_lumens() * post.height / HEIGHT,
+        lumens: Lamp::default_lumens() * post.height / PATH_LAMP_HEIGHT_M,
         ..Lamp::new(post.head.to_array())
     };
     posts.iter().map(lamp).collect()
@@ -106,7 +107,7 @@ pub(crate) struct PlaceLamps {
 
 impl PlaceLamps {
     /// Lists the lamps that a scene states.
-    pub fn of(scene: &Scene, survey: &Survey) -> Self {
+    pub(crate) fn of(scene: &Scene, survey: &Survey) -> Self {
         let stated = scene.metadata.lamps.as_deref().unwrap_or_default();
         Self { scene: lights_of(stated, scene, survey), path: OnceLock::new() }
     }
@@ -114,7 +115,7 @@ impl PlaceLamps {
     /// Finds the lamps of weathers with `light.lamps = "path"`: where the scene states none, its
     /// posts carry lamps, and where it has no posts a row stands along the path of its photos.
     /// Returns the illuminance of the ground under them, lx.
-    pub fn find_path(&self, scene: &Scene, survey: &Survey, site: &Site) -> f64 {
+    pub(crate) fn find_path(&self, scene: &Scene, survey: &Survey, site: &Site) -> f64 {
         let find = || {
             let (lights, origin) = match scene.metadata.lamps {
                 Some(_) => (self.scene.clone(), LampOrigin::Stated),
@@ -131,7 +132,7 @@ impl PlaceLamps {
     }
 
     /// Returns a warning that the lamps are guessed; `None` if the scene states them.
-    pub fn doubt(&self) -> Option<String> {
+    pub(crate) fn doubt(&self) -> Option<String> {
         let what = match self.path.get()?.origin {
             LampOrigin::Stated => return None,
             LampOrigin::Posts(count) => format!("{count} posts of the capture are taken for lampposts"),
@@ -144,7 +145,7 @@ impl PlaceLamps {
 
     /// The lamps that a weather asks for; `None` if there are none, or if they are those of the
     /// path and were not looked for.
-    pub fn get(&self, source: LampSource) -> Option<&LampLights> {
+    pub(crate) fn get(&self, source: LampSource) -> Option<&LampLights> {
         let lights = match source {
             LampSource::Scene => &self.scene,
             LampSource::Path => &self.path.get()?.lights,
@@ -153,7 +154,7 @@ impl PlaceLamps {
     }
 
     /// Illuminance of the ground under the lamps that the scene states, lx.
-    pub fn level(&self, site: &Site) -> f64 {
+    pub(crate) fn level(&self, site: &Site) -> f64 {
         level_under(&self.scene, site)
     }
 }

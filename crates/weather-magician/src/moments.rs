@@ -10,25 +10,25 @@ use wm_scene::jacobi::jacobi;
 use wm_scene::splats::{logit, shortest_axis};
 use wm_scene::{Splats, quat};
 
-/// Largest opacity of a splat that others went into, unless it had more.
-const OPAQUE: f64 = 0.99;
-/// Most that its area grows by.
-const GROWTH: f64 = 1.5;
-/// Splats, those that are worth most, whose overlaps are looked at: their pairs are all tried.
-const OVERLAPPING: usize = 8;
-/// Variance that is added along all axes where distances are measured, as a share of the sum of the
-/// variances: splats are thinner than what they show is rough.
-pub const SOFTNESS: f64 = 0.01;
+/// Maximum opacity of a merged splat, unless a part of it had more.
+const MAX_MERGED_OPACITY: f64 = 0.99;
+/// Maximum factor by which its area grows.
+const MAX_AREA_GROWTH: f64 = 1.5;
+/// Number of the most important splats whose overlaps are computed, pair by pair.
+const OVERLAP_SPLATS: usize = 8;
+/// Variance added along all axes in distances between splats, as a share of the sum of the
+/// variances: splats are thinner than the surfaces they show are rough.
+pub(crate) const ADDED_VARIANCE_SHARE: f64 = 0.01;
 
 /// The area of a splat seen from its broad side, squared units, up to a constant factor.
-pub fn cover(log_scale: [f32; 3]) -> f64 {
+pub(crate) fn cover(log_scale: [f32; 3]) -> f64 {
     let mut sorted = log_scale.map(f64::from);
     sorted.sort_by(f64::total_cmp);
     (sorted[1] + sorted[2]).exp()
 }
 
 /// The covariance of a splat in world axes, squared units.
-pub fn covariance(splats: &Splats, index: usize) -> DMat3 {
+pub(crate) fn covariance(splats: &Splats, index: usize) -> DMat3 {
     let rows = quat::to_matrix(splats.quats[index].map(f64::from));
     let rotation = DMat3::from_cols_array_2d(&rows).transpose();
     let scaled = rotation * DMat3::from_diagonal(DVec3::from_array(splats.scales(index)));
@@ -36,9 +36,9 @@ pub fn covariance(splats: &Splats, index: usize) -> DMat3 {
 }
 
 /// The squared distance of two splats, in standard deviations of both, softened.
-pub fn apart(between: DVec3, both: DMat3) -> f64 {
+pub(crate) fn apart(between: DVec3, both: DMat3) -> f64 {
     let trace = both.x_axis.x + both.y_axis.y + both.z_axis.z;
-    let soft = both + DMat3::from_diagonal(DVec3::splat(SOFTNESS * trace + 1e-18));
+    let soft = both + DMat3::from_diagonal(DVec3::splat(ADDED_VARIANCE_SHARE * trace + 1e-18));
     between.dot(soft.inverse() * between)
 }
 
@@ -49,7 +49,7 @@ fn broad_area(covariance: DMat3) -> f64 {
 }
 
 /// The outer product of a vector with itself.
-pub fn outer(v: DVec3) -> DMat3 {
+pub(crate) fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
@@ -57,7 +57,7 @@ pub fn outer(v: DVec3) -> DMat3 {
 /// Nothing is written if they are worth nothing.
 ///
 /// `out` has the SH degree of `splats`; `worth` has a value of 0 or more for each of `splats`.
-pub fn put(out: &mut Splats, slot: usize, splats: &Splats, worth: &[f64], members: &[u32]) {
+pub(crate) fn put(out: &mut Splats, slot: usize, splats: &Splats, worth: &[f64], members: &[u32]) {
     let all = || members.iter().map(|index| *index as usize);
     let total: f64 = all().map(|i| worth[i]).sum();
     let Some(keeper) = all().next().filter(|_| total > 0.0) else { return };
@@ -86,8 +86,8 @@ pub fn put(out: &mut Splats, slot: usize, splats: &Splats, worth: &[f64], member
     let seen = |i: usize| (density(i) / density(keeper).max(1e-30)).min(1.0);
     let covers = |i: usize| if i == keeper { covered(i) } else { covered(i) * seen(i) };
     let mut together: f64 = all().map(covers).sum();
-    for (position, a) in members.iter().take(OVERLAPPING).map(|i| *i as usize).enumerate() {
-        for b in members[position + 1..].iter().take(OVERLAPPING).map(|i| *i as usize) {
+    for (position, a) in members.iter().take(OVERLAP_SPLATS).map(|i| *i as usize).enumerate() {
+        for b in members[position + 1..].iter().take(OVERLAP_SPLATS).map(|i| *i as usize) {
             let both = covariance(splats, a) + covariance(splats, b);
             let overlap = (-0.5 * apart(mean(a) - mean(b), both)).exp() / broad_area(both).max(1e-30);
             together -= covers(a) * covers(b) * overlap;
@@ -95,10 +95,10 @@ pub fn put(out: &mut Splats, slot: usize, splats: &Splats, worth: &[f64], member
     }
     let together = together.max(covered(keeper));
     let scales = &mut out.log_scales[slot];
-    let grown = (together / (OPAQUE * cover(*scales))).clamp(1.0, GROWTH);
+    let grown = (together / (MAX_MERGED_OPACITY * cover(*scales))).clamp(1.0, MAX_AREA_GROWTH);
     let shortest = shortest_axis(*scales);
     (0..3).filter(|axis| *axis != shortest).for_each(|axis| scales[axis] += 0.5 * grown.ln() as f32);
-    let opacity = (together / cover(*scales)).min(splats.opacity(keeper).max(OPAQUE));
+    let opacity = (together / cover(*scales)).min(splats.opacity(keeper).max(MAX_MERGED_OPACITY));
     out.logit_opacities[slot] = logit(opacity) as f32;
     let stride = splats.sh_stride();
     let sh = &mut out.sh[slot * stride..][..stride];

@@ -8,7 +8,7 @@ use wm_scene::camera::viewmat_of;
 use wm_sensors::SensorPose;
 
 /// Half of the time over which the velocity of a path is taken, s: as long as an exposure.
-const MOMENT: f64 = 0.01;
+const VELOCITY_HALF_STEP_S: f64 = 0.01;
 
 /// The pose of a sensor on a rig. Axes of both are x forward, y left and z up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,7 +129,8 @@ impl CameraMotion {
             Self::Delayed { base, by } => return base.at(time - by, metres_per_unit),
             Self::Along { .. } | Self::Mounted { .. } => {
                 let at = |time: f64| self.camera(time).center() * metres_per_unit;
-                (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
+                (at(time + VELOCITY_HALF_STEP_S) - at(time - VELOCITY_HALF_STEP_S))
+                    / (2.0 * VELOCITY_HALF_STEP_S)
             }
         };
         MovingCamera { camera, velocity: velocity.to_array() }

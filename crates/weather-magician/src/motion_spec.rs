@@ -10,9 +10,9 @@ use wm_scene::Camera;
 /// The way of a camera or of a rig.
 #[derive(Clone, Debug, Default)]
 pub struct MotionSpec {
-    /// Its beginning; `None` for a view that suits the scene.
+    /// The start; `None` for a view that suits the scene.
     pub camera: Option<CameraSpec>,
-    /// Its path; `None` to stay.
+    /// The path; `None` to stay.
     pub path: Option<PathSpec>,
     /// Length of a dolly, m; `None` for as far as the way is free.
     pub distance: Option<f64>,

@@ -55,7 +55,7 @@ pub(crate) struct SpareArrays {
 
 impl SpareArrays {
     /// Lends the arrays to a frame where it has none.
-    pub fn lend(&mut self, frame: &mut Frame) {
+    pub(crate) fn lend(&mut self, frame: &mut Frame) {
         for (spare, array) in self.arrays(frame) {
             if array.is_empty() {
                 *array = std::mem::take(spare);
@@ -64,7 +64,7 @@ impl SpareArrays {
     }
 
     /// Takes arrays of a frame, those of depth and particles if they are not wanted.
-    pub fn take(&mut self, frame: &mut Frame, wants_depth: bool, wants_particles: bool) {
+    pub(crate) fn take(&mut self, frame: &mut Frame, wants_depth: bool, wants_particles: bool) {
         let wanted = [false, wants_depth, wants_particles];
         for ((spare, array), wanted) in self.arrays(frame).into_iter().zip(wanted) {
             if !wanted {

@@ -23,21 +23,20 @@ use wm_scene::{Camera, Group, Metadata, Scene, Splats};
 use wm_train::metrics::psnr;
 
 /// Longest side of the pictures, px.
-const LONGEST: u32 = 720;
-/// Pictures of a scene with photos: two of three say what splats are worth, the third what was
-/// lost.
-const VIEWS: usize = 48;
-/// Importance of a splat that no picture shows, as a share of its pixels in a picture from near.
-const UNSEEN: f64 = 0.02;
-/// Distance of that near picture, radii of the scene.
-const NEAR: f64 = 0.1;
-/// Focal length of the pictures, px, about.
-const FOCAL: f64 = 400.0;
-/// Most pixels that an unseen splat counts with.
-const LARGEST: f64 = 400.0;
-/// Largest distance of a splat from the one that it is merged into, in standard deviations of both
-/// along their longest axes.
-const REACH: f64 = 2.0;
+const MAX_VIEW_SIDE_PX: u32 = 720;
+/// Number of pictures of a scene with photos. Two of three measure the importance of splats, every
+/// third the loss.
+const VIEW_COUNT: usize = 48;
+/// Importance of a splat that no picture shows, as a share of its pixels in a picture from nearby.
+const UNSEEN_IMPORTANCE: f64 = 0.02;
+/// Distance of that nearby picture, radii of the scene.
+const NEAR_DISTANCE_RADII: f64 = 0.1;
+/// Approximate focal length of the pictures, px.
+const FOCAL_LENGTH_PX: f64 = 400.0;
+/// Maximum number of pixels that an unseen splat counts with.
+const MAX_UNSEEN_PIXELS: f64 = 400.0;
+/// Maximum distance between merged splats, in standard deviations of both along their longest axes.
+const MAX_MERGE_DISTANCE_SIGMA: f64 = 2.0;
 
 /// The reduced scene.
 pub struct ReducedScene {
@@ -58,7 +57,7 @@ pub fn reduce(
     progress: &mut dyn Progress,
 ) -> Result<ReducedScene> {
     let survey = Survey::of(scene, &Metadata::default());
-    let cameras = cameras(scene, &survey, LONGEST);
+    let cameras = cameras(scene, &survey, MAX_VIEW_SIDE_PX);
     let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
     let mut eye = Eye {
         renderer,
@@ -99,8 +98,8 @@ pub fn reduce(
 /// list are mostly alike.
 pub(crate) fn cameras(scene: &Scene, survey: &Survey, longest: u32) -> Vec<Camera> {
     if !scene.views.is_empty() {
-        let step = (scene.views.len() as f64 / VIEWS as f64).max(1.0);
-        let count = scene.views.len().min(VIEWS);
+        let step = (scene.views.len() as f64 / VIEW_COUNT as f64).max(1.0);
+        let count = scene.views.len().min(VIEW_COUNT);
         return (0..count).map(|i| small(&scene.views[(i as f64 * step) as usize].camera, longest)).collect();
     }
     let options = ViewOptions { size: Some((longest, longest * 9 / 16)), ..ViewOptions::default() };
@@ -133,8 +132,10 @@ fn small(camera: &Camera, longest: u32) -> Camera {
 
 /// The importance of splats that no picture shows, of a scene of this radius: by their size, px.
 pub(crate) fn unseen_worth(splats: &Splats, radius: f64) -> Vec<f64> {
-    let pixels = (FOCAL / (NEAR * radius.max(1e-6))).powi(2);
-    let unseen = |i: usize| UNSEEN * (splats.opacity(i) * cover(splats.log_scales[i]) * pixels).min(LARGEST);
+    let pixels = (FOCAL_LENGTH_PX / (NEAR_DISTANCE_RADII * radius.max(1e-6))).powi(2);
+    let unseen = |i: usize| {
+        UNSEEN_IMPORTANCE * (splats.opacity(i) * cover(splats.log_scales[i]) * pixels).min(MAX_UNSEEN_PIXELS)
+    };
     (0..splats.len()).map(unseen).collect()
 }
 
@@ -190,7 +191,7 @@ fn merged(splats: &Splats, worth: &[f64], target: usize) -> Splats {
         let Some(near) = found.first() else { continue };
         let keeper = kept[near.item as usize];
         let alike = splats.groups[keeper] == splats.groups[index] && splats.groups[index] != Group::Sky;
-        if alike && near.distance.sqrt() <= REACH * (longest(index) + longest(keeper)) {
+        if alike && near.distance.sqrt() <= MAX_MERGE_DISTANCE_SIGMA * (longest(index) + longest(keeper)) {
             taken[near.item as usize].push(index);
         }
     }

@@ -44,13 +44,13 @@ use wm_sensors::{LidarModel, PointFormat, ReturnMode, SubRays};
 /// Longest file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 /// Most sensors: lidars have so many random numbers of their own.
-const MOST: usize = 64;
+const MAX_SENSORS: usize = 64;
 /// Most pictures or sweeps a second.
-const FASTEST: f64 = 10_000.0;
+const MAX_RATE_HZ: f64 = 10_000.0;
 /// Farthest that a sensor may be from the origin of its rig, m.
-const FARTHEST: f64 = 1000.0;
+const MAX_OFFSET_M: f64 = 1000.0;
 /// Tolerance of rates that are said twice.
-const SAME: f64 = 1e-6;
+const RATE_TOLERANCE: f64 = 1e-6;
 
 /// Sensors that move together.
 #[derive(Clone, Debug)]
@@ -62,9 +62,9 @@ pub struct Rig {
 /// One sensor of a rig.
 #[derive(Clone, Debug)]
 pub struct RigSensor {
-    /// Its name: letters, digits, `-` and `_`.
+    /// The name: letters, digits, `-` and `_`.
     pub name: String,
-    /// Its pose on the rig.
+    /// The pose on the rig.
     pub mount: Mount,
     /// Pictures or sweeps a second.
     pub rate: f64,
@@ -214,8 +214,11 @@ impl Rig {
             let says = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
             fault(error.span().map(|span| span.start), says)
         })?;
-        if file.sensor.len() > MOST {
-            return Err(fault(None, format!("it has {} sensors: {MOST} are the most", file.sensor.len())));
+        if file.sensor.len() > MAX_SENSORS {
+            return Err(fault(
+                None,
+                format!("it has {} sensors: {MAX_SENSORS} are the most", file.sensor.len()),
+            ));
         }
         if file.sensor.is_empty() {
             return Err(fault(None, "it has no sensor: give one or more [[sensor]]".into()));
@@ -256,12 +259,12 @@ impl SensorEntry {
             RigDevice::Radar { model, .. } => Some(model.rate),
         };
         let rate = match (self.rate, own_rate) {
-            (Some(rate), Some(own)) if (rate / own - 1.0).abs() > SAME => {
+            (Some(rate), Some(own)) if (rate / own - 1.0).abs() > RATE_TOLERANCE => {
                 return Err(format!("rate is {rate}, and that of its model is {own} Hz: leave it out"));
             }
-            (Some(rate), _) if rate > 0.0 && rate <= FASTEST => rate,
+            (Some(rate), _) if rate > 0.0 && rate <= MAX_RATE_HZ => rate,
             (Some(rate), _) => {
-                return Err(format!("rate is {rate}: it must be above 0 and up to {FASTEST} Hz"));
+                return Err(format!("rate is {rate}: it must be above 0 and up to {MAX_RATE_HZ} Hz"));
             }
             (None, Some(own)) => own,
             (None, None) => return Err("rate is missing: pictures a second".into()),
@@ -274,8 +277,8 @@ impl SensorEntry {
 
     fn mount(&self) -> Result<Mount, String> {
         let position = DVec3::from_array(self.position);
-        if !position.is_finite() || position.length() > FARTHEST {
-            return Err(format!("position is {:?}: it must be within {FARTHEST} m", self.position));
+        if !position.is_finite() || position.length() > MAX_OFFSET_M {
+            return Err(format!("position is {:?}: it must be within {MAX_OFFSET_M} m", self.position));
         }
         let rotation = match (self.rotation, self.quaternion) {
             (Some(_), Some(_)) => return Err("give rotation or quaternion, not both".into()),

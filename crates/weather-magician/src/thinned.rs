@@ -7,36 +7,35 @@ use wm_scene::Splats;
 use wm_scene::random::uniform;
 use wm_scene::splats::logit;
 
-/// Splats of a thinned scene, about: those that look large, and a share of the others.
-const WANTED: usize = 60_000;
-/// Number and greatest share of splats that are kept however small they look: they may be near a
-/// camera.
-const SMALL: usize = 50_000;
-const LEAST_KEPT: f64 = 0.15;
-/// Most that a splat is widened: surfaces of many layers stay closed, and what is narrow stays so.
-const WIDEST: f64 = 1.8;
-/// Distance from the middle of the scene within which splats count as seen from as far, radii of
-/// the scene.
-const NEAR: f64 = 0.3;
-/// Opacity up to which a splat grows denser instead of wider.
-const DENSEST: f64 = 0.95;
-/// Seed of the choice.
-const SEED: u64 = 0x7769_6465;
+/// Approximate number of splats of a thinned scene: the large ones and a share of the others.
+const TARGET_SPLATS: usize = 60_000;
+/// Number of splats, and as a share of all, that are kept however small they look: they may be near
+/// a camera.
+const MAX_KEPT_SPLATS: usize = 50_000;
+const MAX_KEPT_SHARE: f64 = 0.15;
+/// Maximum factor of widening: surfaces of many layers stay closed, and narrow things stay narrow.
+const MAX_WIDENING: f64 = 1.8;
+/// Minimum viewing distance of splats near the middle of the scene, radii of the scene.
+const NEAR_DISTANCE_RADII: f64 = 0.3;
+/// A splat grows denser instead of wider up to this opacity.
+const MAX_OPACITY: f64 = 0.95;
+/// Seed of the random choice of splats.
+const CHOICE_SEED: u64 = 0x7769_6465;
 
 /// A choice of a scene's splats that covers as much as all: of those that look small few are kept,
 /// and widened.
 #[derive(Debug)]
 pub(crate) struct ThinnedSet {
     /// The splats in the renderer.
-    pub set: SetId,
+    pub(crate) set: SetId,
     /// Their indices in the scene.
-    pub chosen: Vec<u32>,
+    pub(crate) chosen: Vec<u32>,
 }
 
 /// Chooses splats of a scene about `middle`, of this radius, and widens them; with their indices in
 /// the scene.
 pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, Vec<u32>) {
-    let near = NEAR * radius.max(1e-6);
+    let near = NEAR_DISTANCE_RADII * radius.max(1e-6);
     // How much of a picture each takes.
     let sizes: Vec<f64> = (0..splats.len())
         .map(|i| {
@@ -48,9 +47,9 @@ pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, V
         })
         .collect();
     let share = threshold(&sizes);
-    let least = LEAST_KEPT.min(SMALL as f64 / splats.len().max(1) as f64);
+    let least = MAX_KEPT_SHARE.min(MAX_KEPT_SPLATS as f64 / splats.len().max(1) as f64);
     let kept = |i: usize| (sizes[i] / share).clamp(least, 1.0);
-    let keeps = |i: &usize| sizes[*i] > 0.0 && uniform(SEED, *i as u64) < kept(*i);
+    let keeps = |i: &usize| sizes[*i] > 0.0 && uniform(CHOICE_SEED, *i as u64) < kept(*i);
     let chosen: Vec<usize> = (0..splats.len()).filter(keeps).collect();
     let mut thin = splats.select(&chosen);
     for (k, i) in chosen.iter().enumerate() {
@@ -59,8 +58,8 @@ pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, V
             // They cover about as much as those that are left out with them: denser first, then
             // wider.
             let opacity = splats.opacity(*i);
-            let wanted = (opacity / kept).clamp(opacity, opacity.max(DENSEST));
-            let wider = (opacity / kept / wanted).sqrt().min(WIDEST).ln() as f32;
+            let wanted = (opacity / kept).clamp(opacity, opacity.max(MAX_OPACITY));
+            let wider = (opacity / kept / wanted).sqrt().min(MAX_WIDENING).ln() as f32;
             thin.logit_opacities[k] = logit(wanted) as f32;
             thin.log_scales[k] = thin.log_scales[k].map(|scale| scale + wider);
         }
@@ -68,17 +67,17 @@ pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, V
     (thin, chosen.into_iter().map(|i| i as u32).collect())
 }
 
-/// The size at which all larger splats are kept, and smaller ones in proportion, so that [`WANTED`]
-/// are kept.
+/// The size at which all larger splats are kept, and smaller ones in proportion, so that
+/// [`TARGET_SPLATS`] are kept.
 fn threshold(sizes: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = sizes.iter().copied().filter(|size| *size > 0.0).collect();
     sorted.sort_by(|a, b| b.total_cmp(a));
     let mut rest: f64 = sorted.iter().sum();
     for (k, size) in sorted.iter().enumerate() {
         // With the k largest kept as they are.
-        let share = rest / (WANTED as f64 - k as f64).max(1.0);
+        let share = rest / (TARGET_SPLATS as f64 - k as f64).max(1.0);
         if *size <= share {
-            return if sorted.len() <= WANTED { 0.0 } else { share };
+            return if sorted.len() <= TARGET_SPLATS { 0.0 } else { share };
         }
         rest -= size;
     }
@@ -87,10 +86,10 @@ fn threshold(sizes: &[f64]) -> f64 {
 
 /// The attributes of a scene's splats for those of its choice.
 pub(crate) struct ChosenAttributes<'a> {
-    /// Of the scene's splats.
-    pub all: &'a dyn SplatAttributes,
+    /// The attributes of the splats of the scene.
+    pub(crate) all: &'a dyn SplatAttributes,
     /// The indices of the choice.
-    pub chosen: &'a [u32],
+    pub(crate) chosen: &'a [u32],
 }
 
 impl ChosenAttributes<'_> {
@@ -142,8 +141,8 @@ mod tests {
             splats.logit_opacities[i] = logit(0.2 + 0.6 * f64::from(u(3))) as f32;
         }
         let (kept, chosen) = thin(&splats, [0.0; 3], 20.0);
-        let most = WANTED + (LEAST_KEPT * splats.len() as f64) as usize;
-        assert!((WANTED / 2..most).contains(&kept.len()), "{}", kept.len());
+        let most = TARGET_SPLATS + (MAX_KEPT_SHARE * splats.len() as f64) as usize;
+        assert!((TARGET_SPLATS / 2..most).contains(&kept.len()), "{}", kept.len());
         let cover = |splats: &Splats| -> f64 {
             (0..splats.len()).map(|i| splats.opacity(i) * splats.scales(i)[0].powi(2)).sum()
         };

@@ -148,7 +148,7 @@ fn sweeps(
         Ok(())
     };
     let OpenScene { renderer, place } = loaded;
-    renderer.scan(place, weather, &lidar, &motion, &options, (&mut take, &mut Reporter::default()))?;
+    renderer.scan(place, weather, &lidar, &motion, &options, &mut take, &mut Reporter::default())?;
     times.drain(..times.len().min(WARM_UP as usize));
     Ok((times, points))
 }

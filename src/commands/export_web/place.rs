@@ -10,7 +10,7 @@ use anyhow::{Result, bail};
 use std::fs;
 use std::path::Path;
 use weather_magician::PlaceOptions;
-use weather_magician::levels::{LevelBudget, MOST_SPLATS};
+use weather_magician::levels::{LevelBudget, MAX_FRAME_SPLATS};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::{FactSource, Survey, label_sky};
@@ -37,7 +37,7 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
     let source = &args.scene.scene;
     let index = if args.scene.level.is_none() { LevelIndex::of_scene(source)? } else { None };
     // A page draws smaller ones as a whole.
-    if let Some(index) = index.filter(|index| index.count_of_level(0) > MOST_SPLATS) {
+    if let Some(index) = index.filter(|index| index.count_of_level(0) > MAX_FRAME_SPLATS) {
         if args.sky.sky != SkyChoice::Keep || args.viewpoint.views.is_some() {
             let option = if args.viewpoint.views.is_some() { "--views" } else { "--sky" };
             bail!(
@@ -62,7 +62,7 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
     let survey = Survey::of(&scene, &facts);
     scene.metadata = known(facts.or(std::mem::take(&mut scene.metadata)), &survey);
     bar.finish_and_clear();
-    if scene.splats.len() as u64 > MOST_SPLATS {
+    if scene.splats.len() as u64 > MAX_FRAME_SPLATS {
         let facts = scene.metadata.clone();
         let written = folder.join("folders");
         let index = written.join(INDEX_NAME);

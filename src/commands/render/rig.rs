@@ -251,14 +251,14 @@ impl RigJob<'_> {
                         ..ScanOptions::default()
                     };
                     let mut take = |sweep: LidarSweep| saved(&|file| Ok(sweep.save(file)?));
-                    renderer.scan(place, self.weather, model, motion, &options, (&mut take, progress))
+                    renderer.scan(place, self.weather, model, motion, &options, &mut take, progress)
                 }
                 RigDevice::Radar { model, .. } => {
                     let sensor = number as u8;
                     let options =
                         RadarScanOptions { time, first, sweeps, sensor, ..RadarScanOptions::default() };
                     let mut take = |sweep: RadarSweep| saved(&|file| Ok(sweep.save(file)?));
-                    renderer.scan_radar(place, self.weather, model, motion, &options, (&mut take, progress))
+                    renderer.scan_radar(place, self.weather, model, motion, &options, &mut take, progress)
                 }
             };
             if matches!(made, Err(Error::Stopped)) || made? < sweeps {

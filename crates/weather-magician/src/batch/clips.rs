@@ -4,7 +4,8 @@
 //! of a place is made once. Frames are in the order of clips. A block is a run of frames of one
 //! scene.
 
-use super::plan::{BatchPlan, MOST_FRAMES, PlanPathKind, PlanRig, slug};
+use super::condition::condition_of;
+use super::plan::{BatchPlan, MAX_FRAMES, PlanPathKind, PlanRig, slug};
 use super::splits::split_of;
 use super::weathers::{PlannedWeather, SamplePlace, seeded};
 use crate::{Error, Result};
@@ -12,9 +13,9 @@ use std::ops::Range;
 use wm_scene::{Camera, SceneView};
 
 /// Seconds between the end of a clip and the start of the next.
-const GAP: f64 = 10.0;
+const CLIP_GAP_S: f64 = 10.0;
 /// Most cameras with intrinsics of their own that a set of photos' cameras may have.
-const MOST_CAMERAS: usize = 64;
+const MAX_CAMERAS: usize = 64;
 
 /// The clips of a plan, once the photos of its scenes are counted.
 #[derive(Clone, Debug)]
@@ -42,26 +43,26 @@ struct SceneClips {
 #[derive(Clone, Debug)]
 pub(super) struct ClipWay {
     /// Index into the paths of the plan.
-    pub path: usize,
+    pub(crate) path: usize,
     /// The photo in whose place the rig stands.
-    pub photo: Option<usize>,
-    /// Its name.
-    pub name: String,
+    pub(crate) photo: Option<usize>,
+    /// The name of the way.
+    pub(crate) name: String,
     /// The only sensor; `None` for all.
-    pub sensor: Option<usize>,
+    pub(crate) sensor: Option<usize>,
 }
 
 /// A clip of a plan.
 #[derive(Clone, Debug)]
 pub struct PlannedClip {
-    /// Its number.
+    /// The number of the clip.
     pub number: u64,
-    /// Its name, unique in the set.
+    /// The name of the clip, unique in the set.
     pub name: String,
     /// Index into the scenes of the plan.
-    pub scene: usize,
+    pub(crate) scene: usize,
     /// The number of its way in its scene.
-    pub way: usize,
+    pub(crate) way: usize,
     /// The part of the set that it belongs to.
     pub split: String,
     /// Nanoseconds since 1970.
@@ -73,23 +74,23 @@ pub struct PlannedClip {
 /// A run of frames of one scene, made in one go.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlannedBlock {
-    /// Its number.
+    /// The number of the block.
     pub number: u64,
     /// Index into the scenes of the plan.
     pub scene: usize,
-    /// Its frames.
+    /// The frames of the block.
     pub frames: Range<u64>,
 }
 
 /// The frames of one clip in a block.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BlockPart {
+pub(crate) struct BlockPart {
     /// The clip.
-    pub clip: u64,
+    pub(crate) clip: u64,
     /// The frames of the clip.
-    pub frames: Range<u32>,
+    pub(crate) frames: Range<u32>,
     /// The number of the block among those of the clip.
-    pub number: u32,
+    pub(crate) number: u32,
 }
 
 impl BatchClips {
@@ -101,7 +102,7 @@ impl BatchClips {
     /// many frames.
     pub fn of(plan: &BatchPlan, views: &mut dyn FnMut(usize) -> Result<Vec<SceneView>>) -> Result<Self> {
         let fault = |says: String| Error::Unsupported(format!("{}: {says}", plan.file));
-        let weathers: u64 = plan.weathers.iter().map(super::WeatherSource::count).sum();
+        let weathers: u64 = plan.weathers.iter().map(super::weathers::WeatherSource::count).sum();
         let (mut scenes, mut cameras, mut first, mut first_block) =
             (Vec::new(), Vec::<Camera>::new(), 0u64, 0u64);
         let (frames, block) = (u64::from(plan.frames), u64::from(plan.block));
@@ -143,21 +144,21 @@ impl BatchClips {
             }
             let clips = weathers
                 .checked_mul(ways.len() as u64)
-                .filter(|clips| clips.checked_mul(frames).is_some_and(|frames| frames <= MOST_FRAMES));
+                .filter(|clips| clips.checked_mul(frames).is_some_and(|frames| frames <= MAX_FRAMES));
             let Some(clips) = clips else {
-                return Err(fault(format!("more than {MOST_FRAMES} frames: split the plan")));
+                return Err(fault(format!("more than {MAX_FRAMES} frames: split the plan")));
             };
             scenes.push(SceneClips { ways, first, first_block });
             first += clips;
             first_block += (clips * frames).div_ceil(block);
         }
-        if first * frames > MOST_FRAMES {
+        if first * frames > MAX_FRAMES {
             return Err(fault(format!(
-                "{} frames: {MOST_FRAMES} are the most; split the plan",
+                "{} frames: {MAX_FRAMES} are the most; split the plan",
                 first * frames
             )));
         }
-        if cameras.len() > MOST_CAMERAS {
+        if cameras.len() > MAX_CAMERAS {
             let says =
                 format!("the photos have {} different cameras: give size and fov in [rig]", cameras.len());
             return Err(fault(says));
@@ -211,7 +212,7 @@ impl BatchClips {
 
     /// The clips of a run of frames of one scene.
     #[must_use]
-    pub fn parts(&self, frames: &Range<u64>) -> Vec<BlockPart> {
+    pub(crate) fn parts(&self, frames: &Range<u64>) -> Vec<BlockPart> {
         let mut parts = Vec::new();
         let mut at = frames.start;
         while at < frames.end {
@@ -279,7 +280,7 @@ impl BatchClips {
         let mut planned = source.weather(weather, place).map_err(fault)?;
         planned.weather = seeded(planned.weather, plan.seed, number).map_err(fault)?;
         if planned.weather.name.is_empty() || planned.weather.name == "clear" || source.is_sampled() {
-            planned.weather.name = super::set::condition_of(&planned).name().into();
+            planned.weather.name = condition_of(&planned).name().into();
             planned.weather.about = format!("Weather {weather} of the plan {}", plan.name);
         }
         let name = format!(
@@ -288,7 +289,7 @@ impl BatchClips {
             own.ways[way as usize].name,
             slug(&planned.weather.name)
         );
-        let seconds = (self.frames as f64 / plan.frame_rate + GAP).ceil();
+        let seconds = (self.frames as f64 / plan.frame_rate + CLIP_GAP_S).ceil();
         let start = (plan.start as f64 + number as f64 * seconds) as i64 * 1_000_000_000;
         Ok(PlannedClip {
             number,

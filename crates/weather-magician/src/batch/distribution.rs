@@ -2,7 +2,7 @@
 
 /// The distribution of a value. Limits cut it off: what is left has its shape.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Distribution {
+pub(crate) enum Distribution {
     /// Even between two numbers.
     Uniform {
         /// The least.
@@ -57,7 +57,7 @@ impl Distribution {
     ///
     /// # Errors
     /// The problem in words.
-    pub fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         let above = |name: &str, value: f64| {
             if value.is_finite() && value > 0.0 {
                 Ok(())
@@ -110,7 +110,7 @@ impl Distribution {
 
     /// The value below which a share `x` of the values lies, 0 <= x < 1.
     #[must_use]
-    pub fn value(&self, x: f64) -> f64 {
+    pub(crate) fn value(&self, x: f64) -> f64 {
         let [min, max] = self.limits();
         match self {
             Self::Uniform { .. } => min + x * (max - min),

@@ -52,7 +52,7 @@ impl RandomPermutation {
 
 /// A Latin hypercube. Dimensions are named, so that one more changes none of the others.
 #[derive(Clone, Copy, Debug)]
-pub struct LatinHypercube {
+pub(crate) struct LatinHypercube {
     seed: u64,
     count: u64,
 }
@@ -60,13 +60,13 @@ pub struct LatinHypercube {
 impl LatinHypercube {
     /// So many points; `count` must be above 0 and at most 2^62.
     #[must_use]
-    pub fn new(seed: u64, count: u64) -> Self {
+    pub(crate) fn new(seed: u64, count: u64) -> Self {
         Self { seed, count }
     }
 
     /// The coordinate of a point along a dimension, from 0 up to 1.
     #[must_use]
-    pub fn at(&self, index: u64, dimension: &str) -> f64 {
+    pub(crate) fn at(&self, index: u64, dimension: &str) -> f64 {
         let seed = self.dimension(dimension);
         let stratum = RandomPermutation::new(seed, self.count).at(index);
         // Below 1, whatever the rounding.

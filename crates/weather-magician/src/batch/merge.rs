@@ -18,7 +18,7 @@ pub const MANIFEST: &str = "manifest.json";
 /// The file with a row for each frame.
 pub const FRAMES: &str = "frames.jsonl";
 /// The file with a row for each clip.
-pub const CLIPS: &str = "clips.jsonl";
+pub(crate) const CLIPS: &str = "clips.jsonl";
 
 /// The outcome of a merge.
 #[derive(Clone, Debug)]
@@ -84,7 +84,7 @@ pub fn merge(
     write_rows(&frames_file, &mut |frames| {
         write_rows(&clips_file, &mut |clips| {
             for block in 0..run.clips.blocks() {
-                rows.block(block, (frames, clips))?;
+                rows.block(block, frames, clips)?;
                 progress.advance(1);
             }
             Ok(())
@@ -181,7 +181,7 @@ impl<'a> SetRows<'a> {
     }
 
     /// Adds the rows of a block.
-    fn block(&mut self, number: u64, (frames, clips): (&mut Rows<'_>, &mut Rows<'_>)) -> Result<()> {
+    fn block(&mut self, number: u64, frames: &mut Rows<'_>, clips: &mut Rows<'_>) -> Result<()> {
         let marker = marker_of(self.run, self.store, number)?;
         for file in &marker.files {
             self.lacking.extend(check_file(self.store.folder(), file, self.verify));
@@ -318,7 +318,7 @@ fn frame_row(
         let pose = info.world_from_sensor(&run.set);
         let (t, q) = (pose.translation, pose.rotation);
         let own = if plan.writes_frames {
-            frame_files(plan, rig, (clip.number, &clip.name), info)
+            frame_files(plan, rig, clip.number, &clip.name, info)
         } else {
             Vec::new()
         };

@@ -25,7 +25,8 @@
 //!     samples = 98              # weathers as they come, one Latin hypercube over the set
 //!     "#,
 //!     "plan.toml",
-//!     (folder.path(), "plan"),
+//!     folder.path(),
+//!     "plan",
 //! )?;
 //! let clips = BatchClips::of(&plan, &mut |_| Ok(Vec::new()))?;
 //! assert_eq!(clips.frames(), 100);
@@ -34,6 +35,7 @@
 //! ```
 
 mod clips;
+mod condition;
 mod distribution;
 mod hypercube;
 mod merge;
@@ -54,15 +56,14 @@ mod sample_tests;
 #[cfg(test)]
 mod tests;
 
-pub use clips::{BatchClips, BlockPart, PlannedBlock, PlannedClip};
-pub use distribution::Distribution;
-pub use hypercube::{LatinHypercube, RandomPermutation};
-pub use merge::{CLIPS, FRAMES, MANIFEST, MergedSet, merge, missing_blocks, runs_of};
-pub use plan::{BatchPlan, FRAMES_LAYOUT, PlanPath, PlanPathKind, PlanRig, PlanScene};
+pub use clips::{BatchClips, PlannedBlock, PlannedClip};
+pub use hypercube::RandomPermutation;
+pub use merge::{FRAMES, MANIFEST, MergedSet, merge, missing_blocks, runs_of};
+pub use plan::{BatchPlan, FRAMES_LAYOUT, PlanScene};
 pub use run::{BatchRun, WriteShare};
 pub use sample::{BatchSample, SampleArray, SampleData, SampleOptions, SampleValues};
-pub use splits::{SplitClips, split_of};
-pub use store::{BatchStore, BlockMarker, MarkedClip, MarkedFile, scene_digest_of};
+pub use splits::SplitClips;
+pub use store::{BatchStore, scene_digest_of};
 pub use summary::PAGE;
-pub use weathers::{PlannedWeather, SamplePlace, WeatherEntry, WeatherSource};
+pub use weathers::PlannedWeather;
 pub use wm_datasets as datasets;

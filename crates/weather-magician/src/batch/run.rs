@@ -1,16 +1,17 @@
 //! Makes the blocks of a plan: renders, scans and writes.
 
-use super::clips::{BatchClips, BlockPart, PlannedBlock};
-use super::places::OpenPlaces;
-use super::plan::{BatchPlan, PlanScene};
-use super::set::{clip_of, place_of, readings_of, rig_of, set_of};
+use super::clips::{BatchClips, BlockPart, PlannedBlock, PlannedClip};
+use super::places::{OpenPlace, OpenPlaces};
+use super::plan::{BatchPlan, PlanPathKind, PlanScene};
+use super::set::{SetWorld, clip_of, place_of, readings_of, rig_of, set_of};
 use super::shots::{ActivePart, ReadingBuffer, ShotMemory, Shots};
-use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip};
+use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip, scene_digest_of};
 use super::writers::{BlockWriters, WriterTarget};
 use crate::levels::shot_cameras;
 use crate::rig::{Rig, RigDevice, RigSensor};
 use crate::sequence::render_and_write;
-use crate::{CameraMotion, Error, Layers, Progress, Renderer, Result};
+use crate::view::ViewOptions;
+use crate::{CameraMotion, Error, Layers, PlaceOptions, Progress, Renderer, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -22,11 +23,11 @@ use wm_scene::{Camera, SceneView};
 pub struct BatchRun {
     /// The plan.
     pub plan: BatchPlan,
-    /// Its clips.
+    /// The clips of the plan.
     pub clips: BatchClips,
-    /// Its sensors.
+    /// The sensors of the plan.
     pub rig: Rig,
-    /// The same in the terms of data sets.
+    /// The set as data sets describe it: sensors, rates and labels.
     pub set: SetInfo,
     layers: Layers,
     pub(super) renderer: Renderer,
@@ -166,7 +167,7 @@ impl BatchRun {
         let only = self.clips.way(&clip).sensor;
         let open = self.places.last().ok_or(Error::Stopped)?;
         let world = open.world;
-        let readings = readings_of(&self.plan, &self.rig, (part, only), &|time| world.pose(&motion, time));
+        let readings = readings_of(&self.plan, &self.rig, part, only, &|time| world.pose(&motion, time));
         let place = place_of(&self.plan.scenes[clip.scene].name, &open.place);
         let info = clip_of(&self.plan, &clip, place);
         let base = CameraMotion::Delayed { base: Box::new(motion), by: clip.weather.at };
@@ -214,7 +215,7 @@ impl BatchRun {
         let numbers: Vec<u32> = (0..steps.len() as u32).collect();
         let mut render = |number: u32, buffer: &mut ReadingBuffer| -> Result<()> {
             let (part, index) = steps[number as usize];
-            shots.take(renderer, place, (part, &parts[part], index), buffer)
+            shots.take(renderer, place, part, &parts[part], index, buffer)
         };
         let mut write = |number: u32, buffer: &ReadingBuffer| -> Result<()> {
             let (part, index) = steps[number as usize];
@@ -231,9 +232,80 @@ impl BatchRun {
         self.written.writing += writers.finish()?;
         let marked = |active: &ActivePart| {
             let weather = &active.clip.weather;
-            MarkedClip::new(&active.info, (weather.at, &weather.variables), &active.readings)
+            MarkedClip::new(&active.info, weather.at, &weather.variables, &active.readings)
         };
         Ok(parts.iter().map(marked).collect())
+    }
+}
+
+impl BatchRun {
+    /// Makes a scene the last of the open ones. At most `most` stay open: the scenes that have been
+    /// unused for longest are closed.
+    fn open(&mut self, scene: usize, most: usize) -> Result<()> {
+        let is_open = self.places.touch(scene);
+        // Closed first: two scenes at once may not fit.
+        let kept = most.max(1) - usize::from(!is_open);
+        while let Some(mut closed) = self.places.pop_beyond(kept) {
+            self.warnings.append(&mut closed.place.take_warnings());
+            self.renderer.unload(closed.place)?;
+        }
+        if is_open {
+            return Ok(());
+        }
+        let planned = &self.plan.scenes[scene];
+        let digest = scene_digest_of(&planned.file)?;
+        let options = PlaceOptions {
+            facts: planned.facts.clone(),
+            assets: (self.assets)(&planned.file),
+            ..PlaceOptions::default()
+        };
+        let mut place = self.renderer.open(&planned.file, &options, &planned.budget)?;
+        let world = SetWorld::of(&place);
+        let warnings = place.take_warnings();
+        self.warnings.extend(warnings.into_iter().map(|warning| format!("{}: {warning}", planned.name)));
+        self.places.push(OpenPlace { scene, digest, place, world, motions: Vec::new() });
+        Ok(())
+    }
+
+    /// Returns the motion of the rig along the way of a clip, from time 0 on.
+    fn motion(&mut self, clip: &PlannedClip) -> Result<CameraMotion> {
+        let way = self.clips.way(clip).clone();
+        let open = self.places.last_mut().ok_or(Error::Stopped)?;
+        if let Some(Some(motion)) = open.motions.get(clip.way) {
+            return Ok(motion.clone());
+        }
+        let options = match &self.rig.sensors.iter().find_map(|sensor| match &sensor.device {
+            RigDevice::Camera { intrinsics, .. } => Some(**intrinsics),
+            _ => None,
+        }) {
+            Some(camera) => {
+                ViewOptions { size: Some((camera.width, camera.height)), ..ViewOptions::default() }
+            }
+            None => ViewOptions::default(),
+        };
+        let OpenPlace { place, .. } = open;
+        let seconds = f64::from(self.plan.frames) / self.plan.frame_rate;
+        let motion = match (&self.plan.paths[way.path].kind, way.photo) {
+            (PlanPathKind::Motion(spec), _) => {
+                let mut chosen = Vec::new();
+                let mut say = |text: String| chosen.push(format!("path \"{}\" begins at {text}", way.name));
+                let motion = spec.motion(&mut self.renderer, place, &options, &mut say)?;
+                self.warnings.append(&mut chosen);
+                motion
+            }
+            (PlanPathKind::Photos { .. }, photo) => {
+                let view = photo.and_then(|photo| place.scene().views.get(photo)).map(|view| view.camera);
+                let view =
+                    view.ok_or_else(|| Error::Unsupported(format!("{}: a photo is gone", self.plan.file)))?;
+                CameraMotion::from(view)
+            }
+        };
+        let motion = motion.driven(seconds, place.site().metres_per_unit)?;
+        if open.motions.len() <= clip.way {
+            open.motions.resize(clip.way + 1, None);
+        }
+        open.motions[clip.way] = Some(motion.clone());
+        Ok(motion)
     }
 }
 

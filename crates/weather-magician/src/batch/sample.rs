@@ -115,7 +115,7 @@ impl BatchRun {
         self.sampled.clear_sweeps();
         let mut shots = Shots::new(&self.rig, layers, self.plan.seed, &mut self.sampled);
         let mut buffer = ReadingBuffer::default();
-        shots.take(&mut self.renderer, &mut open.place, (part.clip as usize, &active, 0), &mut buffer)?;
+        shots.take(&mut self.renderer, &mut open.place, part.clip as usize, &active, 0, &mut buffer)?;
         let data = match &self.rig.sensors[sensor].device {
             RigDevice::Camera { .. } => {
                 let mut layers: Vec<PictureLayer> = layers.iter().collect();

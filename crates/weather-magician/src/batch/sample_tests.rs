@@ -1,5 +1,6 @@
 //! Tests of readings in memory: they are those of the files, in any order.
 
+use super::splits::split_of;
 use super::*;
 use crate::{CpuConfig, Device, Renderer};
 use crate::{Layers, PictureLayer};
@@ -92,7 +93,7 @@ fn place(folder: &Path) -> BatchPlan {
     }
     std::fs::write(folder.join("rig.toml"), RIG).unwrap();
     std::fs::write(folder.join("lidar.toml"), LIDAR).unwrap();
-    BatchPlan::parse(PLAN, "p.toml", (folder, "p")).unwrap()
+    BatchPlan::parse(PLAN, "p.toml", folder, "p").unwrap()
 }
 
 fn run(plan: &BatchPlan) -> BatchRun {

@@ -1,8 +1,9 @@
 //! A plan in the terms of data sets: sensors, clips and readings.
 
 use super::clips::{BatchClips, BlockPart, PlannedClip};
+use super::condition::{condition_of, is_night, visibility_of};
 use super::plan::{BatchPlan, PlanRig};
-use super::weathers::{PlannedWeather, value_of};
+use super::weathers::value_of;
 use crate::lidar::LidarSweep;
 use crate::motion::CameraMotion;
 use crate::radar::RadarSweep;
@@ -10,27 +11,18 @@ use crate::rig::{Rig, RigDevice, RigSensor};
 use crate::{LensView, PreparedPlace, Result};
 use glam::{DMat3, DVec3};
 use wm_datasets::{
-    CameraInfo, ClipInfo, Condition, DatasetDetection, DatasetPoint, PlaceInfo, PointSource, ReadingInfo,
-    RigidPose, SensorInfo, SensorInfoKind, SetInfo, WeatherInfo,
+    CameraInfo, ClipInfo, DatasetDetection, DatasetPoint, PlaceInfo, PointSource, ReadingInfo, RigidPose,
+    SensorInfo, SensorInfoKind, SetInfo, WeatherInfo,
 };
 use wm_scene::Camera;
-use wm_scene::metadata::MOR_DEPTH;
 use wm_sensors::EchoClass;
 use wm_sensors::radar::RadarClass;
-use wm_weather::ParamValue;
-
-/// Air thinner than this is clear, m.
-const CLEAR: f64 = 2000.0;
-/// Rain and snow below this are none, mm/h.
-const FALLS: f64 = 0.05;
-/// Snow below this does not show, m.
-const LIES: f64 = 0.005;
 
 /// The rig of a plan, in which every sensor is one of a rig.
 ///
 /// # Errors
 /// As [`Rig::parse`].
-pub fn rig_of(plan: &BatchPlan, clips: &BatchClips) -> Result<Rig> {
+pub(crate) fn rig_of(plan: &BatchPlan, clips: &BatchClips) -> Result<Rig> {
     let camera = |size: (u32, u32), fov: f64| {
         format!(
             "[[sensor]]\nname = \"camera\"\nkind = \"camera\"\nrate = {:?}\nsize = [{}, {}]\nfov = {fov:?}\n",
@@ -62,7 +54,7 @@ pub fn rig_of(plan: &BatchPlan, clips: &BatchClips) -> Result<Rig> {
 
 /// The set of a plan.
 #[must_use]
-pub fn set_of(plan: &BatchPlan, rig: &Rig) -> SetInfo {
+pub(crate) fn set_of(plan: &BatchPlan, rig: &Rig) -> SetInfo {
     let about = match plan.about.as_str() {
         "" => format!("{} scenes in weather", plan.scenes.len()),
         about => about.into(),
@@ -106,16 +98,16 @@ fn sensor_info(sensor: &RigSensor) -> SensorInfo {
 /// The axes of the world of a data set: z up, in metres over the ground, x east where north is
 /// known.
 #[derive(Clone, Copy, Debug)]
-pub struct SetWorld {
+pub(crate) struct SetWorld {
     axes: DMat3,
     ground: f64,
     metres: f64,
 }
 
 impl SetWorld {
-    /// That of a place.
+    /// Returns the axes of a place.
     #[must_use]
-    pub fn of(place: &PreparedPlace) -> Self {
+    pub(crate) fn of(place: &PreparedPlace) -> Self {
         let (survey, site) = (place.survey(), place.site());
         let up = DVec3::from_array(site.up);
         let level = |way: DVec3| way.reject_from_normalized(up).try_normalize();
@@ -131,7 +123,7 @@ impl SetWorld {
 
     /// The pose of a rig that moves so.
     #[must_use]
-    pub fn pose(&self, motion: &CameraMotion, time: f64) -> RigidPose {
+    pub(crate) fn pose(&self, motion: &CameraMotion, time: f64) -> RigidPose {
         let pose = motion.sensor_pose(time);
         let at = self.axes * pose.origin * self.metres - DVec3::Z * self.ground;
         RigidPose::new(self.axes * pose.world_from_sensor, at)
@@ -140,7 +132,7 @@ impl SetWorld {
 
 /// The place of a clip.
 #[must_use]
-pub fn place_of(name: &str, place: &PreparedPlace) -> PlaceInfo {
+pub(crate) fn place_of(name: &str, place: &PreparedPlace) -> PlaceInfo {
     let survey = place.survey();
     PlaceInfo {
         name: name.into(),
@@ -151,7 +143,7 @@ pub fn place_of(name: &str, place: &PreparedPlace) -> PlaceInfo {
 
 /// The clip of a set.
 #[must_use]
-pub fn clip_of(plan: &BatchPlan, clip: &PlannedClip, place: PlaceInfo) -> ClipInfo {
+pub(crate) fn clip_of(plan: &BatchPlan, clip: &PlannedClip, place: PlaceInfo) -> ClipInfo {
     let planned = &clip.weather;
     let number = |key: &str| value_of(&planned.weather, key, planned.at).unwrap_or(0.0);
     ClipInfo {
@@ -173,59 +165,14 @@ pub fn clip_of(plan: &BatchPlan, clip: &PlannedClip, place: PlaceInfo) -> ClipIn
     }
 }
 
-/// The condition that prevails in a weather when its clip begins.
-#[must_use]
-pub fn condition_of(planned: &PlannedWeather) -> Condition {
-    let sample = planned.weather.at(planned.at);
-    let number = |key: &str| value_of(&planned.weather, key, planned.at);
-    let lies = match sample.track("snow_cover", "depth").map(|track| track.at(planned.at)) {
-        Some(ParamValue::Number(depth)) => depth > LIES,
-        Some(_) => true,
-        None => false,
-    };
-    if number("snowfall.rate").is_some_and(|rate| rate > FALLS) || lies {
-        Condition::Snow
-    } else if number("rain.rate").is_some_and(|rate| rate > FALLS) {
-        Condition::Rain
-    } else if number("dust_cover.depth").is_some() && number("smog.mor").is_some() {
-        Condition::Dust
-    } else if visibility_of(planned) < CLEAR {
-        Condition::Fog
-    } else if is_night(planned) {
-        Condition::Night
-    } else {
-        Condition::Clear
-    }
-}
-
-/// The visibility by fog, haze and smog, and by the extinction of what falls, m.
-fn visibility_of(planned: &PlannedWeather) -> f64 {
-    let number = |key: &str| value_of(&planned.weather, key, planned.at);
-    let air =
-        ["fog.mor", "haze.mor", "smog.mor"].iter().filter_map(|key| number(key)).map(|mor| MOR_DEPTH / mor);
-    let falling = planned.weather.effects().filter_map(|(effect, _)| {
-        let kind = effect.precipitation?;
-        Some(kind.sigma_t(&kind.classes(), number(&format!("{}.rate", effect.name))?))
-    });
-    let sigma = air.chain(falling).fold(0.0, |sum, own| sum + own);
-    if sigma > 0.0 { MOR_DEPTH / sigma } else { f64::INFINITY }
-}
-
-fn is_night(planned: &PlannedWeather) -> bool {
-    let sample = planned.weather.at(planned.at);
-    let model = sample.track("light", "model").map(|track| track.at(planned.at));
-    let is_below =
-        value_of(&planned.weather, "light.sun_elevation", planned.at).is_some_and(|angle| angle < -6.0);
-    model == Some(ParamValue::Word("night")) || is_below
-}
-
 /// The readings of a part of a clip, in the order of time, then of sensors. `pose` is that of the
 /// rig at a time of the clip, s.
 #[must_use]
-pub fn readings_of(
+pub(crate) fn readings_of(
     plan: &BatchPlan,
     rig: &Rig,
-    (part, only): (&BlockPart, Option<usize>),
+    part: &BlockPart,
+    only: Option<usize>,
     pose: &dyn Fn(f64) -> RigidPose,
 ) -> Vec<ReadingInfo> {
     let mut readings = Vec::new();
@@ -260,7 +207,7 @@ pub fn readings_of(
 
 /// The points of a sweep.
 #[must_use]
-pub fn points_of(sweep: &LidarSweep) -> Vec<DatasetPoint> {
+pub(crate) fn points_of(sweep: &LidarSweep) -> Vec<DatasetPoint> {
     let of = |point: &wm_sensors::LidarPoint| DatasetPoint {
         position: point.position,
         range: point.range,
@@ -286,7 +233,7 @@ pub fn points_of(sweep: &LidarSweep) -> Vec<DatasetPoint> {
 
 /// The detections of a radar's sweep.
 #[must_use]
-pub fn detections_of(sweep: &RadarSweep) -> Vec<DatasetDetection> {
+pub(crate) fn detections_of(sweep: &RadarSweep) -> Vec<DatasetDetection> {
     let of = |one: &wm_sensors::radar::RadarDetection| DatasetDetection {
         position: one.position,
         velocity: one.velocity,

@@ -18,20 +18,20 @@ use wm_scene::random::bits;
 use wm_weather::Weather;
 
 /// A part of a clip while it is made.
-pub struct ActivePart {
+pub(crate) struct ActivePart {
     /// The part.
-    pub part: BlockPart,
+    pub(crate) part: BlockPart,
     /// The clip.
-    pub clip: PlannedClip,
-    /// The same in the terms of data sets.
-    pub info: ClipInfo,
+    pub(crate) clip: PlannedClip,
+    /// The clip as data sets describe it.
+    pub(crate) info: ClipInfo,
     /// The motion of the rig, at times of the weather.
-    pub base: CameraMotion,
+    pub(crate) base: CameraMotion,
     /// The readings of the part.
-    pub readings: Vec<ReadingInfo>,
+    pub(crate) readings: Vec<ReadingInfo>,
     /// Cameras over the whole clip, for the cut of a scene in levels of detail; of other scenes
     /// none.
-    pub shot: Vec<Camera>,
+    pub(crate) shot: Vec<Camera>,
 }
 
 impl ActivePart {
@@ -45,27 +45,27 @@ impl ActivePart {
 
 /// The data of one reading.
 #[derive(Default)]
-pub struct ReadingBuffer {
+pub(crate) struct ReadingBuffer {
     /// The picture of a camera.
-    pub picture: Picture,
+    pub(crate) picture: Picture,
     /// `[H, W, 3]`, sRGB.
-    pub rgb: Vec<u8>,
-    /// The same without weather, if it is needed.
-    pub clear: Vec<u8>,
+    pub(crate) rgb: Vec<u8>,
+    /// The view without weather, `[H, W, 3]`, sRGB; empty unless it is needed.
+    pub(crate) clear: Vec<u8>,
     /// `[H, W]`, m, if it is needed.
-    pub depth: Vec<f32>,
+    pub(crate) depth: Vec<f32>,
     /// The sweep of a lidar, and its points in the order of time.
-    pub sweep: Option<LidarSweep>,
-    /// Those points.
-    pub points: Vec<DatasetPoint>,
+    pub(crate) sweep: Option<LidarSweep>,
+    /// The points of the sweep, for data sets.
+    pub(crate) points: Vec<DatasetPoint>,
     /// The sweep of a radar.
-    pub radar: Option<RadarSweep>,
-    /// Its detections.
-    pub detections: Vec<DatasetDetection>,
+    pub(crate) radar: Option<RadarSweep>,
+    /// The detections of that sweep.
+    pub(crate) detections: Vec<DatasetDetection>,
 }
 
 /// Cameras, sweeps and memory of [`Shots`], from one reading of a part to the next.
-pub struct ShotMemory {
+pub(crate) struct ShotMemory {
     /// The part that the rest is of.
     part: usize,
     cameras: Vec<Option<SensorCamera>>,
@@ -80,15 +80,15 @@ impl Default for ShotMemory {
 }
 
 impl ShotMemory {
-    /// Forgets sweeps that nobody took.
-    pub fn clear_sweeps(&mut self) {
+    /// Drops the sweeps that were made ahead and never taken.
+    pub(crate) fn clear_sweeps(&mut self) {
         self.sweeps.iter_mut().for_each(VecDeque::clear);
         self.radars.iter_mut().for_each(VecDeque::clear);
     }
 }
 
 /// Takes the readings of a block one after the other.
-pub struct Shots<'a> {
+pub(crate) struct Shots<'a> {
     rig: &'a Rig,
     layers: Layers,
     seed: u64,
@@ -98,7 +98,7 @@ pub struct Shots<'a> {
 impl<'a> Shots<'a> {
     /// For a rig, with the seed of the plan.
     #[must_use]
-    pub fn new(rig: &'a Rig, layers: Layers, seed: u64, memory: &'a mut ShotMemory) -> Self {
+    pub(crate) fn new(rig: &'a Rig, layers: Layers, seed: u64, memory: &'a mut ShotMemory) -> Self {
         let count = rig.sensors.len();
         memory.cameras.resize(count, None);
         memory.sweeps.resize_with(count, VecDeque::new);
@@ -110,11 +110,13 @@ impl<'a> Shots<'a> {
     ///
     /// # Errors
     /// Those of [`Renderer::render`], [`Renderer::scan`] and [`Renderer::scan_radar`].
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
-        (number, active, index): (usize, &ActivePart, usize),
+        number: usize,
+        active: &ActivePart,
+        index: usize,
         buffer: &mut ReadingBuffer,
     ) -> Result<()> {
         if self.memory.part != number {
@@ -131,7 +133,7 @@ impl<'a> Shots<'a> {
         // All sweeps of the part at once: one alone would sort the splats again.
         let sweeps = active.readings.iter().filter(|other| other.sensor == info.sensor).count() as u32;
         match &sensor.device {
-            RigDevice::Camera { .. } => self.picture(renderer, place, (active, info), buffer),
+            RigDevice::Camera { .. } => self.picture(renderer, place, active, info, buffer),
             RigDevice::Lidar { model, sub_rays, returns, .. } => {
                 let made = &mut self.memory.sweeps[info.sensor];
                 if made.is_empty() {
@@ -150,7 +152,7 @@ impl<'a> Shots<'a> {
                         made.push_back(sweep);
                         Ok(())
                     };
-                    renderer.scan(place, weather, model, &motion, &options, (&mut keep, &mut ()))?;
+                    renderer.scan(place, weather, model, &motion, &options, &mut keep, &mut ())?;
                 }
                 let sweep = made.pop_front().ok_or(Error::Stopped)?;
                 buffer.points = points_of(&sweep);
@@ -173,7 +175,7 @@ impl<'a> Shots<'a> {
                         made.push_back(sweep);
                         Ok(())
                     };
-                    renderer.scan_radar(place, weather, model, &motion, &options, (&mut keep, &mut ()))?;
+                    renderer.scan_radar(place, weather, model, &motion, &options, &mut keep, &mut ())?;
                 }
                 let sweep = made.pop_front().ok_or(Error::Stopped)?;
                 buffer.detections = detections_of(&sweep);
@@ -187,13 +189,14 @@ impl<'a> Shots<'a> {
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
-        (active, info): (&ActivePart, ReadingInfo),
+        active: &ActivePart,
+        info: ReadingInfo,
         buffer: &mut ReadingBuffer,
     ) -> Result<()> {
         let sensor = &self.rig.sensors[info.sensor];
         let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(()) };
         let metres = place.site().metres_per_unit;
-        let new = || camera_of(sensor, model, (active, info), metres);
+        let new = || camera_of(sensor, model, active, info, metres);
         let camera = &*self.memory.cameras[info.sensor].get_or_insert_with(new);
         let weather = &active.weather(place);
         let time = active.clip.weather.at + info.time;
@@ -224,7 +227,8 @@ impl<'a> Shots<'a> {
 fn camera_of(
     sensor: &RigSensor,
     model: &CameraModel,
-    (active, info): (&ActivePart, ReadingInfo),
+    active: &ActivePart,
+    info: ReadingInfo,
     metres_per_unit: f64,
 ) -> SensorCamera {
     let mut camera = SensorCamera::new(model.clone(), sensor.motion(&active.base, metres_per_unit));

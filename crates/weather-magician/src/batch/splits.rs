@@ -4,11 +4,11 @@ use super::plan::BatchPlan;
 use wm_scene::random::uniform;
 
 /// Clips that are counted together: a clip of a part is found within one such run.
-const RUN: u64 = 1024;
+const RUN_CLIPS: u64 = 1024;
 
 /// The index of the part of the set that a clip belongs to, into [`BatchPlan::splits`].
 #[must_use]
-pub fn split_of(plan: &BatchPlan, clip: u64) -> usize {
+pub(crate) fn split_of(plan: &BatchPlan, clip: u64) -> usize {
     part_of(plan.seed, plan.splits.iter().map(|(_, share)| *share), clip)
 }
 
@@ -42,7 +42,7 @@ impl SplitClips {
     pub fn count(plan: &BatchPlan, split: usize, clips: u64) -> Self {
         let shares = plan.splits.iter().map(|(_, share)| *share).collect();
         let mut own = Self { seed: plan.seed, shares, split, clips, before: vec![0] };
-        for run in 0..clips.div_ceil(RUN) {
+        for run in 0..clips.div_ceil(RUN_CLIPS) {
             own.before.push(own.len() + own.run(run).count() as u64);
         }
         own
@@ -50,9 +50,9 @@ impl SplitClips {
 
     /// The clips of the part in a run of clips.
     fn run(&self, run: u64) -> impl Iterator<Item = u64> {
-        let first = run * RUN;
+        let first = run * RUN_CLIPS;
         let is_own = |clip: &u64| part_of(self.seed, self.shares.iter().copied(), *clip) == self.split;
-        (first..(first + RUN).min(self.clips)).filter(is_own)
+        (first..(first + RUN_CLIPS).min(self.clips)).filter(is_own)
     }
 
     /// The number of clips.

@@ -7,6 +7,7 @@
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{ErrorKind, Read};
@@ -18,11 +19,11 @@ use wm_scene::files::{WriteFault, lock_folder, rename, write_durably, write_stag
 use wm_scene::levels::INDEX_NAME;
 
 /// The folder of markers.
-const DONE: &str = "done";
+const MARKER_FOLDER: &str = "done";
 /// The folder in which blocks are made.
-const WORK: &str = ".work";
+const WORK_FOLDER: &str = ".work";
 /// Longest marker that is read, bytes.
-const MOST: u64 = 1 << 30;
+const MAX_MARKER_BYTES: u64 = 1 << 30;
 
 /// The folder of a set.
 #[derive(Clone, Debug)]
@@ -34,38 +35,44 @@ pub struct BatchStore {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlockMarker {
-    /// Its number.
-    pub block: u64,
+    /// The number of the block.
+    pub(crate) block: u64,
     /// The digest of the plan.
-    pub plan: String,
+    pub(crate) plan: String,
     /// The device and the instructions that drew it.
-    pub renderer: String,
+    pub(crate) renderer: String,
     /// The name of the scene.
-    pub scene: String,
-    /// The SHA-256 of its file.
-    pub scene_sha256: String,
-    /// Its clips, or their parts.
-    pub clips: Vec<MarkedClip>,
-    /// Its files, in the order of their paths.
-    pub files: Vec<MarkedFile>,
+    pub(crate) scene: String,
+    /// The SHA-256 of the scene's file.
+    pub(crate) scene_sha256: String,
+    /// The clips of the block, or their parts.
+    pub(crate) clips: Vec<MarkedClip>,
+    /// The files of the block, in the order of their paths.
+    pub(crate) files: Vec<MarkedFile>,
 }
 
 /// A file of a set.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct MarkedFile {
+pub(crate) struct MarkedFile {
     /// From the folder of the set, with `/` between its parts.
-    pub path: String,
-    /// Its length.
-    pub bytes: u64,
-    /// Its SHA-256, in hexadecimal digits.
-    pub sha256: String,
+    pub(crate) path: String,
+    /// The length.
+    pub(crate) bytes: u64,
+    /// The SHA-256, in hexadecimal digits.
+    pub(crate) sha256: String,
+}
+
+impl MarkedFile {
+    fn new(path: String, bytes: &[u8]) -> Self {
+        Self { path, bytes: bytes.len() as u64, sha256: hex(&Sha256::digest(bytes)) }
+    }
 }
 
 /// A clip, or a part of one, in a marker.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct MarkedClip {
+pub(crate) struct MarkedClip {
     number: u64,
     name: String,
     split: String,
@@ -84,9 +91,9 @@ pub struct MarkedClip {
     /// The weather as a file, with its seeds.
     weather_file: String,
     /// The time of the weather at which the clip begins, s.
-    pub at: f64,
+    pub(crate) at: f64,
     /// The values of what is varied.
-    pub variables: std::collections::BTreeMap<String, f64>,
+    pub(crate) variables: BTreeMap<String, f64>,
     readings: Vec<MarkedReading>,
 }
 
@@ -107,9 +114,10 @@ struct MarkedReading {
 impl MarkedClip {
     /// A clip with some of its readings.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         clip: &ClipInfo,
-        (at, variables): (f64, &std::collections::BTreeMap<String, f64>),
+        at: f64,
+        variables: &BTreeMap<String, f64>,
         readings: &[ReadingInfo],
     ) -> Self {
         let weather = &clip.weather;
@@ -139,16 +147,8 @@ impl MarkedClip {
     ///
     /// # Errors
     /// The problem of a marker that this program did not write.
-    pub fn record(&self) -> Result<ClipRecord, String> {
-        let all = [
-            Condition::Clear,
-            Condition::Fog,
-            Condition::Rain,
-            Condition::Snow,
-            Condition::Dust,
-            Condition::Night,
-        ];
-        let condition = all.into_iter().find(|one| one.name() == self.condition);
+    pub(crate) fn record(&self) -> Result<ClipRecord, String> {
+        let condition = Condition::ALL.into_iter().find(|one| one.name() == self.condition);
         let condition = condition.ok_or_else(|| format!("condition \"{}\" is not known", self.condition))?;
         Ok(ClipRecord {
             clip: ClipInfo {
@@ -227,7 +227,7 @@ impl BatchStore {
     /// [`Error::Unsupported`] if the folder cannot be made.
     pub fn new(folder: &Path) -> Result<Self> {
         let store = Self { folder: folder.into() };
-        let done = folder.join(DONE);
+        let done = folder.join(MARKER_FOLDER);
         fs::create_dir_all(&done).map_err(|error| fault(&done, error))?;
         Ok(store)
     }
@@ -239,7 +239,7 @@ impl BatchStore {
     }
 
     fn marker_path(&self, block: u64) -> PathBuf {
-        self.folder.join(DONE).join(format!("{block:06}.json"))
+        self.folder.join(MARKER_FOLDER).join(format!("{block:06}.json"))
     }
 
     /// The marker of a block; `None` if it is not done, or its marker is damaged, as a power cut
@@ -251,7 +251,7 @@ impl BatchStore {
         let path = self.marker_path(block);
         let text = match fs::metadata(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Ok(about) if about.len() > MOST => return Ok(None),
+            Ok(about) if about.len() > MAX_MARKER_BYTES => return Ok(None),
             _ => fs::read(&path).map_err(|error| fault(&path, error))?,
         };
         let Ok(marker) = serde_json::from_slice::<BlockMarker>(&text) else { return Ok(None) };
@@ -272,17 +272,17 @@ impl BatchStore {
     }
 
     /// Removes what killed runs left, once all blocks are done.
-    pub fn clean(&self) {
+    pub(crate) fn clean(&self) {
         // What cannot be removed does no harm.
-        let _ = fs::remove_dir_all(self.folder.join(WORK));
+        let _ = fs::remove_dir_all(self.folder.join(WORK_FOLDER));
     }
 
     /// Begins a block: what a run left of it before is removed.
     ///
     /// # Errors
     /// [`Error::Unsupported`] if its folder cannot be made, or another process makes the block.
-    pub fn begin(&self, block: u64) -> Result<BlockFiles> {
-        let staged = self.folder.join(WORK).join(format!("{block:06}"));
+    pub(crate) fn begin(&self, block: u64) -> Result<BlockFiles> {
+        let staged = self.folder.join(WORK_FOLDER).join(format!("{block:06}"));
         let lock = || {
             lock_folder(&staged).map_err(|error| match error.kind() {
                 ErrorKind::WouldBlock => fault(
@@ -307,7 +307,7 @@ impl BatchStore {
     ///
     /// # Errors
     /// [`Error::Unsupported`] if a file cannot be moved.
-    pub fn finish(&self, block: BlockFiles, mut marker: BlockMarker) -> Result<()> {
+    pub(crate) fn finish(&self, block: BlockFiles, mut marker: BlockMarker) -> Result<()> {
         marker.files = self.place(block)?;
         let path = self.marker_path(marker.block);
         let text = serde_json::to_string(&marker).map_err(|error| fault(&path, error))?;
@@ -318,7 +318,7 @@ impl BatchStore {
     ///
     /// # Errors
     /// [`Error::Unsupported`] if a file cannot be moved.
-    pub fn place(&self, block: BlockFiles) -> Result<Vec<MarkedFile>> {
+    pub(crate) fn place(&self, block: BlockFiles) -> Result<Vec<MarkedFile>> {
         let mut files = block.files;
         files.sort_by(|a, b| a.path.cmp(&b.path));
         for file in &files {
@@ -333,14 +333,14 @@ impl BatchStore {
         }
         fs::remove_dir_all(&block.staged).map_err(|error| fault(&block.staged, error))?;
         // Gone with the last block of all that are being made.
-        let _ = fs::remove_dir(self.folder.join(WORK));
+        let _ = fs::remove_dir(self.folder.join(WORK_FOLDER));
         Ok(files)
     }
 }
 
 /// The files of a block while it is made.
 #[derive(Debug)]
-pub struct BlockFiles {
+pub(crate) struct BlockFiles {
     staged: PathBuf,
     folder: PathBuf,
     files: Vec<MarkedFile>,
@@ -353,7 +353,7 @@ impl BlockFiles {
     ///
     /// # Errors
     /// [`Error::Unsupported`] if its folder cannot be made.
-    pub fn path(&self, path: &str) -> Result<PathBuf> {
+    pub(crate) fn path(&self, path: &str) -> Result<PathBuf> {
         let staged = self.staged.join(path);
         if let Some(folder) = staged.parent() {
             fs::create_dir_all(folder).map_err(|error| fault(folder, error))?;
@@ -365,7 +365,7 @@ impl BlockFiles {
     ///
     /// # Errors
     /// [`Error::Unsupported`] if it cannot be read.
-    pub fn add(&mut self, path: &str) -> Result<()> {
+    pub(crate) fn add(&mut self, path: &str) -> Result<()> {
         let staged = self.staged.join(path);
         let (bytes, sha256) = digest_of(&staged)?;
         self.files.push(MarkedFile { path: path.into(), bytes, sha256 });
@@ -376,34 +376,30 @@ impl BlockFiles {
     ///
     /// # Errors
     /// [`Error::Unsupported`] if it cannot be written.
-    pub fn bytes_of(&mut self, path: &str, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn bytes_of(&mut self, path: &str, bytes: &[u8]) -> Result<()> {
         let staged = self.path(path)?;
         write_staged(&staged, bytes)
             .map_err(|error| fault(&self.folder.join(path), WriteFault::from(error)))?;
-        self.files.push(MarkedFile {
-            path: path.into(),
-            bytes: bytes.len() as u64,
-            sha256: hex(&Sha256::digest(bytes)),
-        });
+        self.files.push(MarkedFile::new(path.into(), bytes));
         Ok(())
     }
 
     /// Their length so far.
     #[must_use]
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.files.iter().map(|file| file.bytes).sum()
     }
 
     /// A layout's part of the files.
     #[must_use]
-    pub fn layout<'a>(&'a mut self, name: &'a str) -> LayoutFiles<'a> {
+    pub(crate) fn layout<'a>(&'a mut self, name: &'a str) -> LayoutFiles<'a> {
         LayoutFiles { files: self, name }
     }
 }
 
 /// The files of a layout in a block.
 #[derive(Debug)]
-pub struct LayoutFiles<'a> {
+pub(crate) struct LayoutFiles<'a> {
     files: &'a mut BlockFiles,
     name: &'a str,
 }
@@ -418,24 +414,20 @@ impl FileSink for LayoutFiles<'_> {
         }
         let own = self.files.folder.join(&path);
         write_staged(&staged, bytes).map_err(|error| to(&own, WriteFault::from(error).to_string()))?;
-        self.files.files.push(MarkedFile {
-            path,
-            bytes: bytes.len() as u64,
-            sha256: hex(&Sha256::digest(bytes)),
-        });
+        self.files.files.push(MarkedFile::new(path, bytes));
         Ok(())
     }
 }
 
 /// The tables of a layout, which are written when all blocks are done.
 #[derive(Debug)]
-pub struct TableFiles<'a> {
+pub(crate) struct TableFiles<'a> {
     /// The folder of the set.
-    pub folder: &'a Path,
+    pub(crate) folder: &'a Path,
     /// The layout.
-    pub name: &'a str,
+    pub(crate) name: &'a str,
     /// The files that were written.
-    pub files: Vec<MarkedFile>,
+    pub(crate) files: Vec<MarkedFile>,
 }
 
 impl FileSink for TableFiles<'_> {
@@ -448,12 +440,13 @@ impl FileSink for TableFiles<'_> {
             fs::create_dir_all(folder).map_err(problem)?;
         }
         wm_scene::files::write_atomically(&own, |out| Ok(out.write_all(bytes)?))?;
-        self.files.push(MarkedFile { path, bytes: bytes.len() as u64, sha256: hex(&Sha256::digest(bytes)) });
+        self.files.push(MarkedFile::new(path, bytes));
         Ok(())
     }
 }
 
-fn hex(bytes: &[u8]) -> String {
+/// Writes bytes as hexadecimal digits.
+pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
@@ -461,7 +454,7 @@ fn hex(bytes: &[u8]) -> String {
 ///
 /// # Errors
 /// [`Error::Unsupported`] if it cannot be read.
-pub fn digest_of(path: &Path) -> Result<(u64, String)> {
+pub(crate) fn digest_of(path: &Path) -> Result<(u64, String)> {
     let mut file = fs::File::open(path).map_err(|error| fault(path, error))?;
     let (mut hash, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 16]);
     loop {
@@ -476,7 +469,7 @@ pub fn digest_of(path: &Path) -> Result<(u64, String)> {
 
 /// The end of the names of folders with what is found of a scene: they grow while a set is made,
 /// also within the folder of a scene.
-const ASSETS: &str = ".assets";
+const ASSET_FOLDER_SUFFIX: &str = ".assets";
 
 /// The SHA-256 of a scene: of its file, or of the files of its folder in the order of their names,
 /// but for those in `*.assets`. A file that only names others, such as `lod-meta.json`, stands for
@@ -496,7 +489,8 @@ pub fn scene_digest_of(path: &Path) -> Result<String> {
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).map_err(|error| fault(&folder, error))? {
             let path = entry.map_err(|error| fault(&folder, error))?.path();
-            let is_assets = path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(ASSETS));
+            let is_assets =
+                path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(ASSET_FOLDER_SUFFIX));
             match path.is_dir() {
                 true if is_assets => {}
                 true => folders.push(path),

@@ -12,18 +12,18 @@ use wm_scene::files::write_atomically;
 /// The page.
 pub const PAGE: &str = "summary.html";
 /// Clips that are shown.
-const SHOWN: u64 = 48;
+const MAX_SHOWN_CLIPS: u64 = 48;
 /// Width of their pictures, px.
-const WIDTH: u32 = 320;
+const THUMBNAIL_WIDTH_PX: u32 = 320;
 /// Columns of a histogram.
-const COLUMNS: usize = 20;
+const HISTOGRAM_COLUMNS: usize = 20;
 /// Values of a variable that are kept for it.
-const KEPT: usize = 1 << 16;
+const MAX_VALUES: usize = 1 << 16;
 
 /// Returns true if the page shows a clip: some, evenly spread.
 #[must_use]
-pub fn is_shown(clip: u64, clips: u64) -> bool {
-    clips <= SHOWN || (clip * SHOWN) % clips < SHOWN
+pub(crate) fn is_shown(clip: u64, clips: u64) -> bool {
+    clips <= MAX_SHOWN_CLIPS || (clip * MAX_SHOWN_CLIPS) % clips < MAX_SHOWN_CLIPS
 }
 
 fn path_of(clip: u64) -> String {
@@ -34,8 +34,8 @@ fn path_of(clip: u64) -> String {
 ///
 /// # Errors
 /// [`Error::Unsupported`] if it cannot be encoded.
-pub fn thumbnail(clip: u64, rgb: &[u8], (width, height): (u32, u32)) -> Result<(String, Vec<u8>)> {
-    let small = (WIDTH.min(width), (height * WIDTH.min(width) / width).max(1));
+pub(crate) fn thumbnail(clip: u64, rgb: &[u8], width: u32, height: u32) -> Result<(String, Vec<u8>)> {
+    let small = (THUMBNAIL_WIDTH_PX.min(width), (height * THUMBNAIL_WIDTH_PX.min(width) / width).max(1));
     let mut pixels = Vec::with_capacity((small.0 * small.1 * 3) as usize);
     for y in 0..small.1 {
         let rows = (y * height / small.1)..((y + 1) * height / small.1).max(y * height / small.1 + 1);
@@ -55,7 +55,7 @@ pub fn thumbnail(clip: u64, rgb: &[u8], (width, height): (u32, u32)) -> Result<(
 
 /// The counts and values that the page tells.
 #[derive(Debug)]
-pub struct SetSummary {
+pub(crate) struct SetSummary {
     title: String,
     clips: u64,
     shown: Vec<(u64, String)>,
@@ -66,9 +66,9 @@ pub struct SetSummary {
 }
 
 impl SetSummary {
-    /// Of a plan with so many clips.
+    /// Begins the summary of a plan with `clips` clips.
     #[must_use]
-    pub fn new(plan: &BatchPlan, clips: u64) -> Self {
+    pub(crate) fn new(plan: &BatchPlan, clips: u64) -> Self {
         Self {
             title: plan.name.clone(),
             clips,
@@ -81,13 +81,13 @@ impl SetSummary {
     }
 
     /// Counts a clip.
-    pub fn add(&mut self, clip: &ClipInfo, variables: &BTreeMap<String, f64>) {
+    pub(crate) fn add(&mut self, clip: &ClipInfo, variables: &BTreeMap<String, f64>) {
         *self.conditions.entry(clip.weather.condition.name()).or_default() += 1;
         *self.splits.entry(clip.split.clone()).or_default() += 1;
         *self.scenes.entry(clip.place.name.clone()).or_default() += 1;
         for (name, value) in variables {
             let kept = self.variables.entry(name.clone()).or_default();
-            if kept.len() < KEPT {
+            if kept.len() < MAX_VALUES {
                 kept.push(*value);
             }
         }
@@ -111,7 +111,7 @@ impl SetSummary {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<()> {
+    pub(crate) fn write(&self, folder: &Path) -> Result<()> {
         let mut page = String::from(
             "<!doctype html><meta charset=\"utf-8\"><meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; \
              style-src 'unsafe-inline'; img-src data: file: http: https:\"><meta name=\"viewport\" content=\"width=device-width\">",
@@ -170,10 +170,10 @@ fn histogram(name: &str, values: &[f64]) -> String {
     }
     let is_log = least > 0.0 && most > 20.0 * least;
     let scaled = |value: f64| if is_log { value.ln() } else { value };
-    let mut counts = [0u32; COLUMNS];
+    let mut counts = [0u32; HISTOGRAM_COLUMNS];
     for value in values {
         let share = (scaled(*value) - scaled(least)) / (scaled(most) - scaled(least));
-        counts[((share * COLUMNS as f64) as usize).min(COLUMNS - 1)] += 1;
+        counts[((share * HISTOGRAM_COLUMNS as f64) as usize).min(HISTOGRAM_COLUMNS - 1)] += 1;
     }
     let highest = f64::from(counts.iter().copied().max().unwrap_or(1).max(1));
     let mut sorted = values.to_vec();

@@ -1,7 +1,9 @@
 //! Tests of plans: numbers of clips and blocks, readings, and what is said of wrong plans.
 
+use super::clips::BlockPart;
+use super::condition::condition_of;
 use super::plan::slug;
-use super::set::{condition_of, readings_of, rig_of};
+use super::set::{readings_of, rig_of};
 use super::store::scene_digest_of;
 use super::*;
 use glam::{DQuat, DVec3};
@@ -19,7 +21,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 fn parse(text: &str, folder: &Path) -> Result<BatchPlan, String> {
-    BatchPlan::parse(text, "p.toml", (folder, "p")).map_err(|error| error.to_string())
+    BatchPlan::parse(text, "p.toml", folder, "p").map_err(|error| error.to_string())
 }
 
 fn views(count: usize) -> Vec<SceneView> {
@@ -145,7 +147,7 @@ fn readings_are_in_the_frame_of_their_time_and_each_sensor_has_one_key() {
     let rig = rig_of(&plan, &clips).unwrap();
     let pose = |time: f64| RigidPose { rotation: DQuat::IDENTITY, translation: DVec3::X * time };
     let of = |frames: std::ops::Range<u32>| {
-        readings_of(&plan, &rig, (&BlockPart { clip: 0, frames, number: 0 }, None), &pose)
+        readings_of(&plan, &rig, &BlockPart { clip: 0, frames, number: 0 }, None, &pose)
     };
     let all = of(0..5);
     assert_eq!(all.len(), 15);

@@ -14,25 +14,25 @@ use wm_media::PictureSize;
 use wm_media::png::{DepthScale, write_rgb8};
 
 /// The depth that 16-bit depths of all scenes reach, m: one scale for the whole set.
-const FARTHEST: f64 = 500.0;
+const MAX_DEPTH_M: f64 = 500.0;
 /// Clips of single frames in a folder.
-const GROUP: u64 = 1000;
+const CLIPS_PER_FOLDER: u64 = 1000;
 
 /// The set that a block belongs to, for its writers.
 #[derive(Clone, Copy)]
-pub struct WriterTarget<'a> {
+pub(crate) struct WriterTarget<'a> {
     /// The plan.
-    pub plan: &'a BatchPlan,
+    pub(crate) plan: &'a BatchPlan,
     /// The set.
-    pub set: &'a SetInfo,
+    pub(crate) set: &'a SetInfo,
     /// The sensors.
-    pub rig: &'a Rig,
+    pub(crate) rig: &'a Rig,
     /// The number of clips of the set.
-    pub clips: u64,
+    pub(crate) clips: u64,
 }
 
 /// The writers of a block.
-pub struct BlockWriters<'a> {
+pub(crate) struct BlockWriters<'a> {
     target: WriterTarget<'a>,
     parts: &'a [ActivePart],
     files: &'a mut BlockFiles,
@@ -44,10 +44,11 @@ pub struct BlockWriters<'a> {
 /// The files of a reading in the program's own layout, from the folder of the set: the picture or
 /// the points, the layers beside a picture, and the same view without weather.
 #[must_use]
-pub fn frame_files(
+pub(crate) fn frame_files(
     plan: &BatchPlan,
     rig: &Rig,
-    (number, name): (u64, &str),
+    number: u64,
+    name: &str,
     info: &ReadingInfo,
 ) -> Vec<String> {
     let sensor = &rig.sensors[info.sensor];
@@ -58,7 +59,7 @@ pub fn frame_files(
     };
     let path = if plan.frames == 1 && info.index == 0 {
         // A folder for each of a million clips would be slow to list.
-        format!("{FRAMES_LAYOUT}/{:05}/{}/{number:08}.{extension}", number / GROUP, sensor.name)
+        format!("{FRAMES_LAYOUT}/{:05}/{}/{number:08}.{extension}", number / CLIPS_PER_FOLDER, sensor.name)
     } else {
         format!("{FRAMES_LAYOUT}/{name}/{}/{:06}.{extension}", sensor.name, info.index)
     };
@@ -80,7 +81,7 @@ fn clear_path(path: &str) -> String {
 
 impl<'a> BlockWriters<'a> {
     /// Begins the files of a block.
-    pub fn new(target: WriterTarget<'a>, parts: &'a [ActivePart], files: &'a mut BlockFiles) -> Self {
+    pub(crate) fn new(target: WriterTarget<'a>, parts: &'a [ActivePart], files: &'a mut BlockFiles) -> Self {
         Self { target, parts, files, open: None, spent: Duration::ZERO }
     }
 
@@ -88,7 +89,7 @@ impl<'a> BlockWriters<'a> {
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn write(&mut self, part: usize, index: usize, buffer: &ReadingBuffer) -> Result<()> {
+    pub(crate) fn write(&mut self, part: usize, index: usize, buffer: &ReadingBuffer) -> Result<()> {
         let started = Instant::now();
         let WriterTarget { plan, set, clips, .. } = self.target;
         let active = &self.parts[part];
@@ -113,8 +114,8 @@ impl<'a> BlockWriters<'a> {
             |sensor: usize| matches!(self.target.rig.sensors[sensor].device, RigDevice::Camera { .. });
         let first = active.readings.iter().find(|other| other.index == 0 && is_camera(other.sensor));
         if first == Some(&info) && is_shown(active.info.number, clips) {
-            let size = (buffer.picture.frame.width, buffer.picture.frame.height);
-            let (path, bytes) = thumbnail(active.info.number, &buffer.rgb, size)?;
+            let frame = &buffer.picture.frame;
+            let (path, bytes) = thumbnail(active.info.number, &buffer.rgb, frame.width, frame.height)?;
             self.files.bytes_of(&path, &bytes)?;
         }
         self.spent += started.elapsed();
@@ -139,13 +140,13 @@ impl<'a> BlockWriters<'a> {
     /// Writes the program's own files of a reading.
     fn own(&mut self, active: &ActivePart, info: &ReadingInfo, buffer: &ReadingBuffer) -> Result<()> {
         let WriterTarget { plan, rig, .. } = self.target;
-        let files = frame_files(plan, rig, (active.info.number, &active.info.name), info);
+        let files = frame_files(plan, rig, active.info.number, &active.info.name, info);
         let staged = self.files.path(&files[0])?;
         match &rig.sensors[info.sensor].device {
             RigDevice::Camera { .. } => {
                 let style = PictureStyle {
                     also: plan.also.clone(),
-                    depth_scale: DepthScale::reaching(FARTHEST),
+                    depth_scale: DepthScale::reaching(MAX_DEPTH_M),
                     ..PictureStyle::default()
                 };
                 style.write(&buffer.picture, &staged)?;
@@ -173,7 +174,7 @@ impl<'a> BlockWriters<'a> {
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn finish(mut self) -> Result<Duration> {
+    pub(crate) fn finish(mut self) -> Result<Duration> {
         let started = Instant::now();
         self.close()?;
         Ok(self.spent + started.elapsed())

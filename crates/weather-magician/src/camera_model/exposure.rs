@@ -1,9 +1,9 @@
 //! Exposures: how bright a picture becomes.
 //!
-//! An automatic exposure brings the mean logarithm of the luminance to [`GREY`], with a lag: it
-//! goes by `integral L(t - s) e^(-s / lag) ds / lag` over the seconds before the frame, with `L`
-//! from small pictures at whole multiples of [`STEP`]. So the exposure of a frame is a function of
-//! its time alone.
+//! An automatic exposure brings the mean logarithm of the luminance to [`MIDDLE_GREY`], with a lag:
+//! it goes by `integral L(t - s) e^(-s / lag) ds / lag` over the seconds before the frame, with `L`
+//! from small pictures at whole multiples of [`METERING_STEP_S`]. So the exposure of a frame is a
+//! function of its time alone.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -11,27 +11,27 @@ use std::str::FromStr;
 use wm_render::Frame;
 use wm_scene::color::luminance;
 
-/// Luminance that the mean becomes, linear light.
-const GREY: f64 = 0.18;
-/// Light below which all is equally black.
-const BLACK: f64 = 1e-4;
-/// Time in which an exposure follows by 63 %, s.
-const LAG: f64 = 0.5;
+/// Target of the mean luminance, linear light.
+const MIDDLE_GREY: f64 = 0.18;
+/// Minimum light in the mean: darker pixels count as this.
+const MIN_LUMINANCE: f64 = 1e-4;
+/// Time constant: an exposure has followed a step by 63 % after this, s.
+const TIME_CONSTANT_S: f64 = 0.5;
 /// Time between two measurements, s.
-const STEP: f64 = 0.1;
-/// Time before a frame that its exposure goes by, s: what is before counts for less than 1 %.
-const MEMORY: f64 = 2.5;
-/// Points of a step at which the integral is summed.
-const POINTS: u32 = 8;
+const METERING_STEP_S: f64 = 0.1;
+/// Time before a frame that its exposure depends on, s: earlier light counts for less than 1 %.
+const METERING_WINDOW_S: f64 = 2.5;
+/// Samples of the integral per step.
+const SAMPLES_PER_STEP: u32 = 8;
 /// Least and greatest change of an automatic exposure, stops.
-const LIMITS: [f64; 2] = [-4.0, 6.0];
+const LIMITS_EV: [f64; 2] = [-4.0, 6.0];
 
 /// The exposure of a camera, over that of the photos that the scene was made from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CameraExposure {
     /// So many stops more: 1 is twice as bright.
     Stops(f64),
-    /// As bright as a middle grey on average, with a lag of half a second.
+    /// Exposes to a middle grey on average, with a lag of half a second.
     Auto,
 }
 
@@ -59,11 +59,11 @@ impl FromStr for CameraExposure {
 pub(super) fn log_mean(frame: &Frame) -> f64 {
     let light = frame.rgb_linear();
     let pixels = light.as_chunks::<3>().0;
-    let of = |pixel: &[f32; 3]| luminance(pixel.map(f64::from)).max(BLACK).ln();
+    let of = |pixel: &[f32; 3]| luminance(pixel.map(f64::from)).max(MIN_LUMINANCE).ln();
     pixels.iter().map(of).sum::<f64>() / pixels.len().max(1) as f64
 }
 
-/// Mean logarithms of the luminance at multiples of [`STEP`].
+/// Mean logarithms of the luminance at multiples of [`METERING_STEP_S`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct LightMeter {
     measured: BTreeMap<i64, f64>,
@@ -72,33 +72,33 @@ pub(super) struct LightMeter {
 impl LightMeter {
     /// The gain of an automatic exposure at `time`, s; `measure` returns the mean logarithm of the
     /// luminance at a time.
-    pub async fn gain<E>(
+    pub(crate) async fn gain<E>(
         &mut self,
         time: f64,
         mut measure: impl AsyncFnMut(f64) -> Result<f64, E>,
     ) -> Result<f64, E> {
         // A path and a weather begin at 0: what would be before is as at the beginning.
         let begin = if time >= 0.0 { 0 } else { i64::MIN };
-        let last = (time / STEP).ceil() as i64;
-        let first = ((time - MEMORY) / STEP).floor() as i64;
+        let last = (time / METERING_STEP_S).ceil() as i64;
+        let first = ((time - METERING_WINDOW_S) / METERING_STEP_S).floor() as i64;
         for step in first.max(begin)..=last {
             if let Entry::Vacant(entry) = self.measured.entry(step) {
-                entry.insert(measure(step as f64 * STEP).await?);
+                entry.insert(measure(step as f64 * METERING_STEP_S).await?);
             }
         }
         let (mut sum, mut total) = (0.0, 0.0);
-        let points = ((MEMORY / STEP) as u32) * POINTS;
+        let points = ((METERING_WINDOW_S / METERING_STEP_S) as u32) * SAMPLES_PER_STEP;
         for point in 0..points {
-            let before = (f64::from(point) + 0.5) * MEMORY / f64::from(points);
-            let at = (time - before) / STEP;
+            let before = (f64::from(point) + 0.5) * METERING_WINDOW_S / f64::from(points);
+            let at = (time - before) / METERING_STEP_S;
             let (step, share) = (at.floor() as i64, at - at.floor());
             let light = |step: i64| self.measured.get(&step.max(begin)).copied().unwrap_or_default();
-            let weight = (-before / LAG).exp();
+            let weight = (-before / TIME_CONSTANT_S).exp();
             sum += weight * (light(step) * (1.0 - share) + light(step + 1) * share);
             total += weight;
         }
-        let stops = (GREY.ln() - sum / total) / std::f64::consts::LN_2;
-        Ok(stops.clamp(LIMITS[0], LIMITS[1]).exp2())
+        let stops = (MIDDLE_GREY.ln() - sum / total) / std::f64::consts::LN_2;
+        Ok(stops.clamp(LIMITS_EV[0], LIMITS_EV[1]).exp2())
     }
 }
 

@@ -28,9 +28,9 @@ mod tests;
 
 pub use exposure::CameraExposure;
 pub use noise::SensorNoise;
-pub use shutter::{LONGEST, PictureRect, ReadoutSide, Shutter};
+pub use shutter::{ReadoutSide, Shutter};
 
-use crate::lens_view::LensView;
+use crate::lens_view::{LensView, PictureRect};
 use crate::motion::CameraMotion;
 use crate::place::{PinholeShot, PreparedPlace};
 use crate::{Error, MovingCamera, Patience, Picture, Progress, Renderer, Result};
@@ -44,22 +44,22 @@ use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::{Camera, LensModel};
 use wm_weather::{Fidelity, Weather};
 
-/// Distance at which the motion of the picture is measured, m: nearer things are blurred in steps
-/// that may be seen.
-const NEAR: f64 = 4.0;
+/// Distance at which the motion of the picture is measured, m: the blur of nearer things may show
+/// its steps.
+const MOTION_DISTANCE_M: f64 = 4.0;
 /// Width of the pictures that an automatic exposure goes by, px.
-const METERED: u32 = 96;
+const METERING_WIDTH_PX: u32 = 96;
 
 /// A camera as a device.
 #[derive(Clone, Debug, Default)]
 pub struct CameraModel {
-    /// Its lens; `None` for a pinhole.
+    /// The lens; `None` for a pinhole.
     pub lens: Option<LensView>,
-    /// Its exposure time and its readout.
+    /// The exposure time and the readout.
     pub shutter: Shutter,
     /// The brightness of its pictures.
     pub exposure: CameraExposure,
-    /// Its noise; `None` for none.
+    /// The noise; `None` for none.
     pub noise: Option<SensorNoise>,
 }
 
@@ -83,8 +83,8 @@ impl CameraModel {
         Ok(())
     }
 
-    /// Its shutter, exposure and noise as text that tells one model from another; `None` if all are
-    /// as if there were none.
+    /// Describes shutter, exposure and noise in a text that differs between models; `None` if all
+    /// three are neutral.
     #[must_use]
     pub fn settings(&self) -> Option<String> {
         let Self { shutter, exposure, noise, .. } = self;
@@ -98,7 +98,7 @@ impl CameraModel {
 pub struct SensorCamera {
     /// The device.
     pub model: CameraModel,
-    /// Its number among the sensors of a rig: its noise depends on it.
+    /// The number among the sensors of a rig: seeds the noise.
     pub number: u32,
     motion: CameraMotion,
     meters: MeterMemory,
@@ -142,7 +142,7 @@ impl SensorCamera {
         Self { model, number: 0, motion, meters: MeterMemory::default() }
     }
 
-    /// Its way.
+    /// Returns the motion.
     #[must_use]
     pub fn motion(&self) -> &CameraMotion {
         &self.motion
@@ -159,7 +159,7 @@ impl SensorCamera {
         [of.width, of.height]
     }
 
-    /// The most that its picture moves about a time, px/s, where things are [`NEAR`].
+    /// The most that its picture moves about a time, px/s, where things are [`MOTION_DISTANCE_M`].
     fn speed(&self, time: f64, metres_per_unit: f64) -> f64 {
         let span = self.model.shutter.span();
         let [first, last] = [span.start, span.end].map(|after| self.at(time, after, metres_per_unit).camera);
@@ -173,7 +173,8 @@ impl SensorCamera {
         for x in [-0.7, 0.0, 0.7] {
             for y in [-0.7, 0.0, 0.7] {
                 let seen = glam::DVec3::new(x, y, 1.0).normalize();
-                let point = first.center() + first.rotation().transpose() * seen * (NEAR / metres_per_unit);
+                let point = first.center()
+                    + first.rotation().transpose() * seen * (MOTION_DISTANCE_M / metres_per_unit);
                 let after = last.viewmat.transform_point3(point).normalize();
                 most = most.max(after.angle_between(seen) * focal);
             }
@@ -291,19 +292,20 @@ impl Renderer {
         let measure = async |time: f64| {
             let mut moving = camera.at(time, 0.0, metres);
             let whole = moving.camera;
-            let height = (METERED * whole.height / whole.width.max(1)).clamp(1, 2 * METERED);
+            let height =
+                (METERING_WIDTH_PX * whole.height / whole.width.max(1)).clamp(1, 2 * METERING_WIDTH_PX);
             moving.camera = if is_pinhole {
-                whole.resized(METERED, height)
+                whole.resized(METERING_WIDTH_PX, height)
             } else {
                 // A lens is metered by what is ahead, 90 degrees wide.
-                let focal = f64::from(METERED) / 2.0;
+                let focal = f64::from(METERING_WIDTH_PX) / 2.0;
                 Camera {
                     fx: focal,
                     fy: focal,
                     cx: focal,
                     cy: focal,
-                    width: METERED,
-                    height: METERED,
+                    width: METERING_WIDTH_PX,
+                    height: METERING_WIDTH_PX,
                     ..whole
                 }
             };
@@ -332,9 +334,12 @@ fn cut(camera: &Camera, rect: &PictureRect) -> Camera {
 }
 
 /// sRGB to linear light at 4096 steps up to 1.
-static LIGHT: LazyLock<Vec<f32>> =
-    LazyLock::new(|| (0..=TABLE + 1).map(|i| srgb_decode(f64::from(i) / f64::from(TABLE)) as f32).collect());
-const TABLE: u32 = 4096;
+static DECODE_TABLE: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    (0..=DECODE_TABLE_STEPS + 1)
+        .map(|i| srgb_decode(f64::from(i) / f64::from(DECODE_TABLE_STEPS)) as f32)
+        .collect()
+});
+const DECODE_TABLE_STEPS: u32 = 4096;
 
 /// sRGB to linear light, within 1e-7 up to 1.
 #[inline]
@@ -342,9 +347,9 @@ fn light_of(value: f32) -> f32 {
     if value > 1.0 {
         return srgb_decode(f64::from(value)) as f32;
     }
-    let at = value.max(0.0) * TABLE as f32;
+    let at = value.max(0.0) * DECODE_TABLE_STEPS as f32;
     let (low, share) = (at as usize, at - at.floor());
-    LIGHT[low] + share * (LIGHT[low + 1] - LIGHT[low])
+    DECODE_TABLE[low] + share * (DECODE_TABLE[low + 1] - DECODE_TABLE[low])
 }
 
 /// Makes a picture so many times as bright, in linear light.

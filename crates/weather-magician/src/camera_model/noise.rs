@@ -13,11 +13,11 @@ use wm_scene::random::{self, RandomStream};
 
 /// Electrons above which a Poisson variate is taken for a normal one: its skewness is below 0.16
 /// then.
-const MANY: f64 = 40.0;
+const MIN_NORMAL_ELECTRONS: f64 = 40.0;
 /// ISO at which a full pixel is white.
 const BASE_ISO: f64 = 100.0;
 /// The purpose of its random numbers.
-const PURPOSE: u64 = 0x5e;
+const RANDOM_PURPOSE: u64 = 0x5e;
 
 /// The noise of an image sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +65,7 @@ impl SensorNoise {
     pub(super) fn apply(&self, frame: &mut Frame, sensor: u32, index: u32, gain: f64) {
         let electrons = self.full_well * BASE_ISO / (self.iso * gain.max(1.0));
         let top = f64::from((1u32 << self.bits) - 1);
-        let random = RandomStream::new(random::bits(self.seed, u64::from(sensor)), PURPOSE, index);
+        let random = RandomStream::new(random::bits(self.seed, u64::from(sensor)), RANDOM_PURPOSE, index);
         let is_srgb = frame.encoding == ColorEncoding::Srgb;
         let width = 3 * frame.width.max(1) as usize;
         frame.rgb.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -77,7 +77,7 @@ impl SensorNoise {
                     let light =
                         if is_srgb { srgb_decode(f64::from(*value).max(0.0)) } else { f64::from(*value) };
                     let mean = electrons * light.clamp(0.0, 1.0);
-                    let counted = if mean > MANY {
+                    let counted = if mean > MIN_NORMAL_ELECTRONS {
                         mean + (mean + self.readout * self.readout).sqrt() * normal[k]
                     } else {
                         poisson(mean, random.uniform(4 * (number + 1) + k as u64)) + self.readout * normal[k]
@@ -96,7 +96,7 @@ fn poisson(mean: f64, quantile: f64) -> f64 {
     let mut sum = probability;
     let mut count = 0.0;
     // Beyond this only rounding is left.
-    while sum < quantile && count < 10.0 * MANY {
+    while sum < quantile && count < 10.0 * MIN_NORMAL_ELECTRONS {
         count += 1.0;
         probability *= mean / count;
         sum += probability;

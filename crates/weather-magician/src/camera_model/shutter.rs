@@ -4,15 +4,16 @@
 //! `t + (i + 0.5) / n readout` of a frame at `t`, over the exposure time. Time is cut into equal
 //! steps; each is one render of the lines that are exposed in it, and a line is the mean, in linear
 //! light, of the steps that its exposure overlaps. Steps are so short that the picture moves by
-//! [`MOST_SHIFT`] px or less in one.
+//! [`MAX_SHIFT_PX`] px or less in one.
 
+use crate::lens_view::PictureRect;
 use std::ops::Range;
 use std::str::FromStr;
 
-/// Way of the picture in a step, px: without an exposure time, and in one.
-const MOST_SHIFT: [f64; 2] = [1.0, 2.0];
-/// Most steps of a readout, and of an exposure time.
-const MOST_STEPS: [f64; 2] = [256.0, 48.0];
+/// Maximum shift of the picture per step, px: without and with an exposure time.
+const MAX_SHIFT_PX: [f64; 2] = [1.0, 2.0];
+/// Maximum number of steps of a readout, and of an exposure time.
+const MAX_STEPS: [f64; 2] = [256.0, 48.0];
 
 /// The side of the picture that is read first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -54,22 +55,13 @@ pub struct Shutter {
     pub first: ReadoutSide,
 }
 
-/// Longest exposure and readout, s.
-pub const LONGEST: f64 = 1.0;
-
-/// A rectangle of a picture, px.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PictureRect {
-    /// Left and top.
-    pub at: [u32; 2],
-    /// Width and height.
-    pub size: [u32; 2],
-}
+/// Maximum exposure time and readout time, s.
+pub(crate) const MAX_DURATION_S: f64 = 1.0;
 
 impl Shutter {
     /// Returns true if a whole picture is of one instant.
     #[must_use]
-    pub fn is_instant(&self) -> bool {
+    pub(crate) fn is_instant(&self) -> bool {
         self.exposure == 0.0 && self.readout == 0.0
     }
 
@@ -79,8 +71,8 @@ impl Shutter {
     /// A line that names the value.
     pub fn check(&self) -> Result<(), String> {
         for (name, value) in [("exposure time", self.exposure), ("readout", self.readout)] {
-            if !(0.0..=LONGEST).contains(&value) {
-                return Err(format!("the {name} is {value} s: it must be from 0 to {LONGEST} s"));
+            if !(0.0..=MAX_DURATION_S).contains(&value) {
+                return Err(format!("the {name} is {value} s: it must be from 0 to {MAX_DURATION_S} s"));
             }
         }
         Ok(())
@@ -114,8 +106,8 @@ impl Shutter {
     /// Cuts the exposure of so many lines into steps, for a picture that moves by `speed` px/s.
     pub(super) fn steps(&self, speed: f64, lines: u32) -> ShutterSteps {
         let span = self.span();
-        let [sharp, blurred] = MOST_SHIFT;
-        let [reading, exposing] = MOST_STEPS;
+        let [sharp, blurred] = MAX_SHIFT_PX;
+        let [reading, exposing] = MAX_STEPS;
         let mut count = 1.0f64;
         if self.readout > 0.0 {
             count = (self.readout * speed / sharp).ceil().clamp(1.0, reading.min(f64::from(lines)));
@@ -143,20 +135,20 @@ pub(super) struct ShutterSteps {
     /// s after the time of the frame.
     start: f64,
     /// Length of a step, s.
-    pub length: f64,
+    pub(crate) length: f64,
     /// Number of steps.
-    pub count: u32,
+    pub(crate) count: u32,
     lines: u32,
 }
 
 impl ShutterSteps {
     /// The middle of a step, s after the time of the frame.
-    pub fn time(&self, step: u32) -> f64 {
+    pub(crate) fn time(&self, step: u32) -> f64 {
         self.start + (f64::from(step) + 0.5) * self.length
     }
 
     /// The share of a line's exposure that lies in a step, 0-1.
-    pub fn share(&self, line: u32, step: u32) -> f64 {
+    pub(crate) fn share(&self, line: u32, step: u32) -> f64 {
         let middle = (f64::from(line) + 0.5) / f64::from(self.lines) * self.shutter.readout;
         // In steps, from the start of this one.
         let at = |time: f64| (time - self.start) / self.length - f64::from(step);
@@ -169,7 +161,7 @@ impl ShutterSteps {
     }
 
     /// The lines of which a share lies in a step.
-    pub fn lines(&self, step: u32) -> Range<u32> {
+    pub(crate) fn lines(&self, step: u32) -> Range<u32> {
         // A line may stand on the edge of a step by rounding, so its share decides.
         let is_in = |line: &u32| self.share(*line, step) > 1e-9;
         let first = (0..self.lines).find(is_in).unwrap_or(0);

@@ -11,32 +11,33 @@ use wm_render::hooks::Particle;
 use wm_render::stages::particles as stage;
 use wm_scene::Camera;
 
-/// Added to the diagonal of the covariance in the picture, px^2, and the greatest optical depth of
-/// one particle: as they are drawn.
+/// Added to the diagonal of the covariance in the picture, px^2, as in the drawing of particles.
 const DILATION: f64 = stage::DILATION as f64;
-const MOST: f64 = stage::MAX_OPTICAL_DEPTH as f64;
-/// Optical depth of a particle from which on a pixel is its own: it hides a twentieth of it.
-const COVERS: f64 = 0.05;
-/// Rows of pixels that are filled at a time.
-const ROWS: usize = 16;
+/// Maximum optical depth of one particle, as in the drawing of particles.
+const MAX_OPTICAL_DEPTH: f64 = stage::MAX_OPTICAL_DEPTH as f64;
+/// A pixel takes the flow of a particle at this optical depth or more: it hides a twentieth of what
+/// is behind it.
+const MIN_OPTICAL_DEPTH: f64 = 0.05;
+/// Rows of pixels in a strip; each strip is filled by one thread.
+const STRIP_ROWS: usize = 16;
 
-/// A particle in the picture.
+/// The ellipse of pixels that a particle covers, and its motion in the picture.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct ParticleFootprint {
     at: DVec2,
     /// Inverse covariance: xx, xy, yy, 1/px^2.
     inverse: [f64; 3],
-    /// Half the height of the part that covers pixels, px.
-    high: f64,
-    /// The same for its width.
-    wide: f64,
-    /// Squared distance, in standard deviations, up to which it covers.
-    reach: f64,
+    /// Half the height of the ellipse, px.
+    half_height: f64,
+    /// Half the width of the ellipse, px.
+    half_width: f64,
+    /// Squared Mahalanobis distance from the centre to the edge of the ellipse.
+    squared_radius: f64,
     depth: f64,
     vector: DVec2,
 }
 
-/// The integral of `(1 - e^-t) / t` up to `p`.
+/// Computes the integral of `(1 - e^-t) / t` from 0 to `p`.
 fn ein(p: f64) -> f64 {
     let (mut sum, mut term) = (0.0, 1.0);
     // Alternating and absolutely small: exact enough up to 16.
@@ -48,12 +49,13 @@ fn ein(p: f64) -> f64 {
     sum
 }
 
-/// The optical depth at the centre of a Gaussian whose cover over its area is `w`: `Ein(p) = w`.
-fn peak(w: f64) -> f64 {
-    if w >= ein(MOST) {
-        return MOST;
+/// Solves `Ein(p) = w`: the optical depth at the centre of a Gaussian whose integrated opacity is
+/// `w` times the area of its ellipse.
+fn peak_optical_depth(w: f64) -> f64 {
+    if w >= ein(MAX_OPTICAL_DEPTH) {
+        return MAX_OPTICAL_DEPTH;
     }
-    let (mut low, mut high) = (0.0, MOST);
+    let (mut low, mut high) = (0.0, MAX_OPTICAL_DEPTH);
     for _ in 0..30 {
         let middle = 0.5 * (low + high);
         *(if ein(middle) < w { &mut low } else { &mut high }) = middle;
@@ -61,13 +63,16 @@ fn peak(w: f64) -> f64 {
     0.5 * (low + high)
 }
 
-impl Seen {
-    /// A particle and its velocity relative to the camera (scene units a second, world axes) in a
-    /// picture; `None` if it covers no pixel enough, or is not before the next camera.
-    fn of(
-        (particle, velocity): &(Particle, [f64; 3]),
+impl ParticleFootprint {
+    /// Projects a particle with its velocity relative to the camera (scene units a second, world
+    /// axes). Returns `None` if it is too faint in every pixel, or is behind either camera.
+    fn project(
+        particle: &Particle,
+        velocity: DVec3,
         camera: &Camera,
-        (next, seconds, drift): (&Camera, f64, DVec3),
+        next: &Camera,
+        seconds: f64,
+        drift: DVec3,
     ) -> Option<Self> {
         let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
         let rotation = camera.rotation();
@@ -87,18 +92,18 @@ impl Seen {
             (sum(&|c| c.x * c.x) + DILATION, sum(&|c| c.x * c.y), sum(&|c| c.y * c.y) + DILATION);
         let det = xx * yy - xy * xy;
         let cover = f64::from(particle.area) * fx * fy / (TAU * det.sqrt());
-        // Most are far too faint, which needs no search.
-        if cover < 0.5 * COVERS {
+        // Most particles are far too faint: skip the search for their peak.
+        if cover < 0.5 * MIN_OPTICAL_DEPTH {
             return None;
         }
-        let reach = 2.0 * (peak(cover) / COVERS).ln();
+        let reach = 2.0 * (peak_optical_depth(cover) / MIN_OPTICAL_DEPTH).ln();
         if reach <= 0.0 {
             return None;
         }
         let project = |camera: &Camera, p: DVec3| {
             DVec2::new(camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy)
         };
-        let moved = next.rotation() * (offset + DVec3::from_array(*velocity) * seconds + drift);
+        let moved = next.rotation() * (offset + velocity * seconds + drift);
         if moved.z <= next.near {
             return None;
         }
@@ -106,9 +111,9 @@ impl Seen {
         Some(Self {
             at,
             inverse: [yy / det, -xy / det, xx / det],
-            high: (reach * yy).sqrt(),
-            wide: (reach * xx).sqrt(),
-            reach,
+            half_height: (reach * yy).sqrt(),
+            half_width: (reach * xx).sqrt(),
+            squared_radius: reach,
             depth: p.z,
             vector: project(next, moved) - at,
         })
@@ -123,9 +128,11 @@ impl Seen {
 /// # Panics
 /// If the view's depth has another size than its camera.
 #[must_use]
-pub fn particle_flow(
+pub(crate) fn particle_flow(
     from: &FlowView<'_>,
-    (next, seconds, velocity): (&Camera, f64, [f64; 3]),
+    next: &Camera,
+    seconds: f64,
+    velocity: [f64; 3],
     particles: &[(Particle, [f64; 3])],
 ) -> Vec<f32> {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
@@ -133,39 +140,45 @@ pub fn particle_flow(
     // From where a particle would be seen by a camera that goes on evenly, to where the next camera
     // is.
     let drift = DVec3::from_array(velocity) * seconds + from.camera.center() - next.center();
-    let seen: Vec<Seen> =
-        particles.par_iter().filter_map(|one| Seen::of(one, from.camera, (next, seconds, drift))).collect();
-    let mut strips: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(ROWS)];
-    for (index, one) in seen.iter().enumerate() {
-        let strip = |y: f64| (y.max(0.0) as usize / ROWS).min(strips.len());
-        let (first, last) = (strip(one.at.y - one.high), strip(one.at.y + one.high + ROWS as f64));
-        if one.at.y + one.high > 0.0 {
+    let project = |(particle, own): &(Particle, [f64; 3])| {
+        ParticleFootprint::project(particle, DVec3::from_array(*own), from.camera, next, seconds, drift)
+    };
+    let footprints: Vec<ParticleFootprint> = particles.par_iter().filter_map(project).collect();
+    let mut strips: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(STRIP_ROWS)];
+    for (index, one) in footprints.iter().enumerate() {
+        let strip = |y: f64| (y.max(0.0) as usize / STRIP_ROWS).min(strips.len());
+        let (first, last) =
+            (strip(one.at.y - one.half_height), strip(one.at.y + one.half_height + STRIP_ROWS as f64));
+        if one.at.y + one.half_height > 0.0 {
             strips[first..last].iter_mut().for_each(|strip| strip.push(index as u32));
         }
     }
     let mut vectors = vec![f32::NAN; 2 * width * height];
-    vectors.par_chunks_mut(2 * width * ROWS).zip(&strips).enumerate().for_each(|(strip, (vectors, list))| {
-        let top = strip * ROWS;
-        let mut nearest = vec![f64::INFINITY; vectors.len() / 2];
-        for one in list.iter().map(|index| &seen[*index as usize]) {
-            let column = |x: f64| (x.max(0.0) as usize).min(width);
-            let (left, right) = (column(one.at.x - one.wide), column(one.at.x + one.wide + 1.0));
-            for row in 0..nearest.len() / width {
-                for x in left..right {
-                    let d = DVec2::new(x as f64 + 0.5, (top + row) as f64 + 0.5) - one.at;
-                    let [xx, xy, yy] = one.inverse;
-                    let squared = xx * d.x * d.x + 2.0 * xy * d.x * d.y + yy * d.y * d.y;
-                    let own = row * width + x;
-                    let scene = f64::from(from.depth[top * width + own]);
-                    let is_before = scene <= 0.0 || one.depth < scene;
-                    if squared <= one.reach && is_before && one.depth < nearest[own] {
-                        nearest[own] = one.depth;
-                        vectors[2 * own..2 * own + 2].copy_from_slice(&one.vector.as_vec2().to_array());
+    vectors.par_chunks_mut(2 * width * STRIP_ROWS).zip(&strips).enumerate().for_each(
+        |(strip, (vectors, list))| {
+            let top = strip * STRIP_ROWS;
+            let mut nearest = vec![f64::INFINITY; vectors.len() / 2];
+            for one in list.iter().map(|index| &footprints[*index as usize]) {
+                let column = |x: f64| (x.max(0.0) as usize).min(width);
+                let (left, right) =
+                    (column(one.at.x - one.half_width), column(one.at.x + one.half_width + 1.0));
+                for row in 0..nearest.len() / width {
+                    for x in left..right {
+                        let d = DVec2::new(x as f64 + 0.5, (top + row) as f64 + 0.5) - one.at;
+                        let [xx, xy, yy] = one.inverse;
+                        let squared = xx * d.x * d.x + 2.0 * xy * d.x * d.y + yy * d.y * d.y;
+                        let own = row * width + x;
+                        let scene = f64::from(from.depth[top * width + own]);
+                        let is_before = scene <= 0.0 || one.depth < scene;
+                        if squared <= one.squared_radius && is_before && one.depth < nearest[own] {
+                            nearest[own] = one.depth;
+                            vectors[2 * own..2 * own + 2].copy_from_slice(&one.vector.as_vec2().to_array());
+                        }
                     }
                 }
             }
-        }
-    });
+        },
+    );
     vectors
 }
 
@@ -185,8 +198,8 @@ impl Renderer {
         self.draw_pinhole(place, &shot, &mut picture, progress).await?;
         let view = FlowView { camera: &from.camera.camera, lens: None, depth: &depth };
         let velocity = from.camera.velocity.map(|v| v / place.site().metres_per_unit);
-        let next = (&to.camera.camera, to.time - from.time, velocity);
-        Ok(self.backend().pool().install(|| particle_flow(&view, next, &picture.falling)))
+        let (next, seconds) = (&to.camera.camera, to.time - from.time);
+        Ok(self.backend().pool().install(|| particle_flow(&view, next, seconds, velocity, &picture.falling)))
     }
 }
 
@@ -219,7 +232,7 @@ mod tests {
         for (depth, hides) in [(0.0, false), (10.0, false), (2.5, true), (1.0, true)] {
             let depth = vec![depth; 80 * 60];
             let view = FlowView { camera: &camera, lens: None, depth: &depth };
-            let flow = particle_flow(&view, (&next, 0.02, [10.0, 0.0, 0.0]), &particles);
+            let flow = particle_flow(&view, &next, 0.02, [10.0, 0.0, 0.0], &particles);
             let at = |[x, y]: [f64; 2]| {
                 let pixel = 2 * (y as usize * 80 + x as usize);
                 [flow[pixel], flow[pixel + 1]].map(f64::from)
@@ -246,7 +259,7 @@ mod tests {
     #[test]
     fn peaks_are_those_of_their_cover() {
         for w in [1e-3, 0.1, 1.0, 3.0] {
-            assert!((ein(peak(w)) - w).abs() < 1e-6 * (1.0 + w), "{w}");
+            assert!((ein(peak_optical_depth(w)) - w).abs() < 1e-6 * (1.0 + w), "{w}");
         }
         assert!((ein(1.0) - 0.796_599_599_297).abs() < 1e-9);
     }

@@ -14,8 +14,16 @@ fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
     Camera::looking(SIZE, 60.0, DVec3::from_array(eye), DVec3::from_array(target), DVec3::Z).unwrap()
 }
 
-/// The depth of a plane `normal . x = height` at every pixel, `factor` times as far.
-fn plane(camera: &Camera, lens: Option<LensModel>, (normal, height): (DVec3, f64), factor: f64) -> Vec<f32> {
+/// The plane `normal . x = height`.
+#[derive(Clone, Copy)]
+struct Plane {
+    normal: DVec3,
+    height: f64,
+}
+
+/// Returns the depth of a plane at every pixel, `factor` times as far.
+fn plane_depth(camera: &Camera, lens: Option<LensModel>, plane: Plane, factor: f64) -> Vec<f32> {
+    let Plane { normal, height } = plane;
     let view = FlowView { camera, lens, depth: &[] };
     let depth = |i: u32| {
         let at = [f64::from(i % camera.width) + 0.5, f64::from(i / camera.width) + 0.5];
@@ -29,7 +37,8 @@ fn plane(camera: &Camera, lens: Option<LensModel>, (normal, height): (DVec3, f64
 
 /// The way by which the picture of a plane moves, by the homography that a plane has between two
 /// pinholes: no depth, no point.
-fn homography(from: &Camera, to: &Camera, (normal, height): (DVec3, f64), [x, y]: [f64; 2]) -> [f64; 2] {
+fn homography(from: &Camera, to: &Camera, plane: Plane, point: [f64; 2]) -> [f64; 2] {
+    let (Plane { normal, height }, [x, y]) = (plane, point);
     let intrinsics = |c: &Camera| {
         glam::DMat3::from_cols(
             DVec3::new(c.fx, 0.0, 0.0),
@@ -52,8 +61,8 @@ fn homography(from: &Camera, to: &Camera, (normal, height): (DVec3, f64), [x, y]
 /// and the largest flow, px.
 fn ground_error(factor: f64) -> [f64; 2] {
     let (from, to) = (camera([0.0; 3], [10.0, 0.0, -2.0]), camera([0.3, 0.05, 0.02], [10.0, 0.2, -2.0]));
-    let ground = (DVec3::Z, -1.5);
-    let [a, b] = [&from, &to].map(|camera| plane(camera, None, ground, factor));
+    let ground = Plane { normal: DVec3::Z, height: -1.5 };
+    let [a, b] = [&from, &to].map(|camera| plane_depth(camera, None, ground, factor));
     let flow = scene_flow(
         &FlowView { camera: &from, lens: None, depth: &a },
         &FlowView { camera: &to, lens: None, depth: &b },
@@ -134,11 +143,11 @@ fn lenses_have_the_flow_of_their_own_projection() {
     let (fisheye, round) = LensModel::fisheye(SIZE, 200.0).unwrap();
     let near = camera([0.0; 3], [10.0, 0.0, -2.0]);
     let bent = LensModel::Perspective(Distortion::of([-0.1, 0.02, 0.001, 0.002, 0.001]));
-    let ground = (DVec3::Z, -1.5);
+    let ground = Plane { normal: DVec3::Z, height: -1.5 };
     for (lens, intrinsics) in [(fisheye, round), (bent, near), (LensModel::Equirectangular, round)] {
         let posed = |eye, target| Camera { viewmat: camera(eye, target).viewmat, ..intrinsics };
         let (from, to) = (posed([0.0; 3], [10.0, 0.0, -2.0]), posed([0.3, 0.05, 0.02], [10.0, 0.2, -2.0]));
-        let [a, b] = [&from, &to].map(|camera| plane(camera, Some(lens), ground, 1.0));
+        let [a, b] = [&from, &to].map(|camera| plane_depth(camera, Some(lens), ground, 1.0));
         let flow = scene_flow(
             &FlowView { camera: &from, lens: Some(lens), depth: &a },
             &FlowView { camera: &to, lens: Some(lens), depth: &b },
@@ -157,7 +166,7 @@ fn lenses_have_the_flow_of_their_own_projection() {
             }
             let hit = |camera: &Camera, at: [f64; 2]| {
                 let way = camera.rotation().transpose() * lens.ray(camera, at)?;
-                Some(camera.center() + way * ((ground.1 - camera.center().z) / way.z))
+                Some(camera.center() + way * ((ground.height - camera.center().z) / way.z))
             };
             let (Some(first), Some(second)) = (hit(&from, at), hit(&to, end)) else { continue };
             let distance = (first - from.center()).length();
@@ -190,7 +199,7 @@ fn nothing_is_infinitely_far_and_turns_with_the_camera() {
 }
 
 /// A wall of small discs across the x axis.
-fn wall(x: f32, [left, right]: [f32; 2], splats: &mut Splats) {
+fn wall(x: f32, left: f32, right: f32, splats: &mut Splats) {
     let step = 0.05;
     for i in 0..=((left - right) / step) as usize {
         for j in -60..=60 {
@@ -211,8 +220,8 @@ fn wall(x: f32, [left, right]: [f32; 2], splats: &mut Splats) {
 #[test]
 fn splats_have_the_flow_of_the_walls_that_they_are() {
     let mut splats = Splats::with_capacity(0, 0);
-    wall(4.0, [0.0, -3.0], &mut splats);
-    wall(8.0, [8.0, -8.0], &mut splats);
+    wall(4.0, 0.0, -3.0, &mut splats);
+    wall(8.0, 8.0, -8.0, &mut splats);
     let mut renderer =
         Renderer::new(&Device::Cpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }, |_| {}).unwrap();
     let mut place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();

@@ -41,7 +41,7 @@ fn cloud(count: u32) -> Splats {
 
 /// For each pixel the splats that blend there, by the contract of the rasterization in f64: weights
 /// and the transmittance before each.
-fn blended(splats: &Splats, camera: &Camera, (x, y): (f64, f64)) -> Vec<(usize, f64, f64)> {
+fn blended(splats: &Splats, camera: &Camera, x: f64, y: f64) -> Vec<(usize, f64, f64)> {
     let mut order: Vec<(f64, usize)> = (0..splats.len())
         .map(|i| {
             let mean = DVec3::from_array(splats.means[i].map(f64::from));
@@ -92,7 +92,7 @@ fn labels_are_those_of_brute_force() {
     let (mut none, mut seen) = (0, 0);
     for (pixel, label) in labels.label.iter().enumerate() {
         let at = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
-        let blend = blended(&splats, &camera(), (f64::from(at.0) + 0.5, f64::from(at.1) + 0.5));
+        let blend = blended(&splats, &camera(), f64::from(at.0) + 0.5, f64::from(at.1) + 0.5);
         let end = blend.last().map_or(1.0, |(_, weight, open)| open - weight);
         // Where a step lies within rounding of one half, either side is right.
         if blend.iter().map(|(_, _, open)| *open).chain([end]).any(|open| (open - 0.5).abs() < 2e-3) {
@@ -122,7 +122,7 @@ fn votes_are_those_of_brute_force() {
     let mut sums = vec![std::collections::BTreeMap::<u16, f64>::new(); splats.len()];
     for (pixel, label) in mask.iter().enumerate() {
         let at = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
-        for (i, weight, _) in blended(&splats, &camera(), (f64::from(at.0) + 0.5, f64::from(at.1) + 0.5)) {
+        for (i, weight, _) in blended(&splats, &camera(), f64::from(at.0) + 0.5, f64::from(at.1) + 0.5) {
             *sums[i].entry(*label).or_default() += weight;
         }
     }

@@ -10,7 +10,7 @@ use wm_scene::levels::LevelIndex;
 pub struct LevelBudget {
     /// Memory of the whole process, bytes.
     pub memory: u64,
-    /// Splats of one frame; `None` for as many as the memory allows, [`MOST_SPLATS`] at most.
+    /// Splats of one frame; `None` for as many as the memory allows, [`MAX_FRAME_SPLATS`] at most.
     pub splats: Option<u64>,
 }
 
@@ -21,8 +21,8 @@ impl Default for LevelBudget {
     }
 }
 
-/// Least memory that can be asked for: the program alone takes a part of it, bytes.
-const LEAST_MEMORY: u64 = 256 << 20;
+/// Minimum memory of a budget, bytes: the program alone takes a part of it.
+const MIN_MEMORY_BYTES: u64 = 256 << 20;
 
 /// Reads a size of memory such as `2GiB` or `800MB`, bytes.
 ///
@@ -42,45 +42,45 @@ pub fn parse_memory(text: &str) -> Result<u64, String> {
         _ => return Err(form()),
     };
     let bytes = number * factor;
-    if bytes < LEAST_MEMORY as f64 {
+    if bytes < MIN_MEMORY_BYTES as f64 {
         return Err(format!("`{text}` is too little: give 256MiB or more"));
     }
     Ok(bytes as u64)
 }
 
-/// Splats of one frame that are not asked for: some two a pixel of a picture of 1200x800 px, beyond
-/// which little changes.
-pub const MOST_SPLATS: u64 = 2_000_000;
-/// Least splats of one frame.
-const LEAST_SPLATS: u64 = 1000;
+/// Default maximum number of splats of one frame: about two per pixel of a picture of 1200x800 px.
+/// More change little.
+pub const MAX_FRAME_SPLATS: u64 = 2_000_000;
+/// Minimum number of splats of one frame.
+const MIN_FRAME_SPLATS: u64 = 1000;
 /// Memory of the program, its tables and a picture with all its parts, bytes.
-const FIXED: u64 = 160 << 20;
-/// Share of the memory for the splats that weather is prepared with, and what is made of them.
-const WEATHER_SHARE: u64 = 4;
-/// Most of those splats.
-const MOST_WEATHER_SPLATS: u64 = 1_000_000;
-/// Bytes that each of them takes while assets are made of it.
-const WEATHER_BYTES: u64 = 480;
-/// Bytes of a frame's lists, a splat that it draws.
-const FRAME_BYTES: u64 = 112;
-/// Bytes of a splat that is held, beside those in the renderer: its position.
-const HELD_BYTES: u64 = 12;
+const PROGRAM_BYTES: u64 = 160 << 20;
+/// Divisor of the memory: the part for the splats that weather is prepared with, and their assets.
+const WEATHER_MEMORY_DIVISOR: u64 = 4;
+/// Maximum number of splats that weather is prepared with.
+const MAX_WEATHER_SPLATS: u64 = 1_000_000;
+/// Bytes that each of these splats takes while assets are made.
+const WEATHER_SPLAT_BYTES: u64 = 480;
+/// Bytes in the lists of a frame per drawn splat.
+const FRAME_SPLAT_BYTES: u64 = 112;
+/// Bytes per held splat outside the renderer: the position.
+const HELD_SPLAT_BYTES: u64 = 12;
 
-/// Splats that are held for a frame over those that it may draw, at most, where their number is
-/// asked for: which of them show something is known once they are held.
-const HELD_FOR_DRAWN: u64 = 4;
+/// Maximum ratio of held to drawn splats where the number of drawn splats is given: which splats
+/// are visible is known only once they are held.
+const MAX_HELD_PER_DRAWN: u64 = 4;
 
 /// The shares of a [`LevelBudget`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BudgetShares {
     /// Splats that weather is prepared with.
-    pub weather_splats: u64,
+    pub(crate) weather_splats: u64,
     /// Splats that one frame draws.
-    pub frame_splats: u64,
+    pub(crate) frame_splats: u64,
     /// Splats that are held for one frame.
-    pub cut_splats: u64,
+    pub(crate) cut_splats: u64,
     /// Bytes of the splats that are held for frames.
-    pub held_bytes: u64,
+    pub(crate) held_bytes: u64,
 }
 
 impl LevelBudget {
@@ -105,35 +105,35 @@ impl LevelBudget {
     pub(crate) fn exceeded_by(&self, index: &LevelIndex, sh_degree: u8) -> Option<u64> {
         let coarsest = index.leaves.iter().filter_map(|leaf| leaf.runs.last()).map(|run| run.count);
         // For weather, to tell what is hidden, and in the frame.
-        let a_splat = WEATHER_BYTES + 2 * held_bytes(256, sh_degree) / 256 + FRAME_BYTES;
-        let least = FIXED + coarsest.sum::<u64>().saturating_mul(a_splat);
+        let a_splat = WEATHER_SPLAT_BYTES + 2 * held_bytes(256, sh_degree) / 256 + FRAME_SPLAT_BYTES;
+        let least = PROGRAM_BYTES + coarsest.sum::<u64>().saturating_mul(a_splat);
         Some(least).filter(|least| *least > self.memory)
     }
 
     /// The shares for splats of an SH degree.
     pub(crate) fn shares(&self, sh_degree: u8) -> BudgetShares {
-        let weather = self.memory / WEATHER_SHARE;
-        let rest = self.memory.saturating_sub(FIXED + weather);
-        let a_splat = held_bytes(256, sh_degree) / 256 + FRAME_BYTES;
+        let weather = self.memory / WEATHER_MEMORY_DIVISOR;
+        let rest = self.memory.saturating_sub(PROGRAM_BYTES + weather);
+        let a_splat = held_bytes(256, sh_degree) / 256 + FRAME_SPLAT_BYTES;
         let by_memory = rest / a_splat;
         // A part of what is held is of other cuts, so that a camera that turns back loads nothing.
-        let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MOST_SPLATS)).max(LEAST_SPLATS);
+        let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MAX_FRAME_SPLATS)).max(MIN_FRAME_SPLATS);
         // As many as the memory allows are drawn at once: to choose among more would take longer
         // than to draw them.
-        let held = if self.splats.is_some() { HELD_FOR_DRAWN } else { 1 };
+        let held = if self.splats.is_some() { MAX_HELD_PER_DRAWN } else { 1 };
         let cut_splats = frame_splats.saturating_mul(held).min(by_memory / 4 * 3).max(frame_splats);
         BudgetShares {
-            weather_splats: (weather / WEATHER_BYTES).clamp(LEAST_SPLATS, MOST_WEATHER_SPLATS),
+            weather_splats: (weather / WEATHER_SPLAT_BYTES).clamp(MIN_FRAME_SPLATS, MAX_WEATHER_SPLATS),
             frame_splats,
             cut_splats,
-            held_bytes: rest.saturating_sub(cut_splats * FRAME_BYTES),
+            held_bytes: rest.saturating_sub(cut_splats * FRAME_SPLAT_BYTES),
         }
     }
 }
 
 /// Bytes of a set of splats that is held.
 pub(crate) fn held_bytes(splats: u64, sh_degree: u8) -> u64 {
-    bytes_of_set(splats as usize, sh_degree) + HELD_BYTES * splats
+    bytes_of_set(splats as usize, sh_degree) + HELD_SPLAT_BYTES * splats
 }
 
 #[cfg(test)]
@@ -156,9 +156,9 @@ mod tests {
         for memory in [512 << 20, 2 << 30, 16u64 << 30] {
             for degree in 0..=3 {
                 let shares = LevelBudget { memory, splats: None }.shares(degree);
-                let all = FIXED
-                    + shares.weather_splats * WEATHER_BYTES
-                    + shares.cut_splats * FRAME_BYTES
+                let all = PROGRAM_BYTES
+                    + shares.weather_splats * WEATHER_SPLAT_BYTES
+                    + shares.cut_splats * FRAME_SPLAT_BYTES
                     + shares.held_bytes;
                 assert!(all <= memory, "{memory} {degree}: {shares:?}");
                 // The splats of a frame are held together.

@@ -21,46 +21,46 @@ use wm_scene::{
 ///
 /// 1 is white for black. The value is the order of what reduced leaves of photographed places lose;
 /// only its growth over the levels matters where no leaf has an error.
-const ERROR: f64 = 0.1;
+const DEFAULT_ERROR: f64 = 0.1;
 /// Larger errors of an index are taken for this.
-const LARGEST_ERROR: f64 = 10.0;
+const MAX_ERROR: f64 = 10.0;
 
 /// The most that a cut may be. Splats of the environment are not counted. Leaves are never coarser
 /// than their coarsest level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CutBudget {
+pub(crate) struct CutBudget {
     /// Number of splats that a picture draws.
-    pub splats: u64,
+    pub(crate) splats: u64,
     /// Number of splats of all leaves together, drawn or not.
-    pub held: u64,
+    pub(crate) held: u64,
 }
 
 impl CutBudget {
     /// So many splats, all of which are drawn.
     #[must_use]
-    pub fn of(splats: u64) -> Self {
+    pub(crate) fn of(splats: u64) -> Self {
         Self { splats, held: splats }
     }
 }
 
 /// The part of a leaf that pictures show.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SeenLeaf {
+pub(crate) struct VisibleLeaf {
     /// The light that comes from it over what would come if it hid all behind it and nothing hid
     /// it, 0-1; its weight against other leaves.
-    pub light: f64,
+    pub(crate) light: f64,
     /// The share of its splats that this light comes from, 0-1: the others are not drawn.
-    pub drawn: f64,
+    pub(crate) drawn: f64,
 }
 
-impl Default for SeenLeaf {
+impl Default for VisibleLeaf {
     /// All of it.
     fn default() -> Self {
         Self { light: 1.0, drawn: 1.0 }
     }
 }
 
-impl SeenLeaf {
+impl VisibleLeaf {
     /// The splats that are drawn of `count`.
     fn drawn_of(&self, count: u64) -> u64 {
         // Larger numbers than this are not added up.
@@ -70,7 +70,7 @@ impl SeenLeaf {
 
 /// The level that each leaf of an index is drawn at.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub struct LevelCut {
+pub(crate) struct LevelCut {
     positions: Vec<u16>,
     splats: u64,
 }
@@ -78,14 +78,8 @@ pub struct LevelCut {
 impl LevelCut {
     /// All leaves at their coarsest level.
     #[must_use]
-    pub fn coarsest(index: &LevelIndex) -> Self {
+    pub(crate) fn coarsest(index: &LevelIndex) -> Self {
         Self::at(index, |leaf| leaf.runs.len().saturating_sub(1))
-    }
-
-    /// All leaves at their finest level.
-    #[must_use]
-    pub fn finest(index: &LevelIndex) -> Self {
-        Self::at(index, |_| 0)
     }
 
     fn at(index: &LevelIndex, position: impl Fn(&LevelLeaf) -> usize) -> Self {
@@ -102,13 +96,18 @@ impl LevelCut {
     /// A leaf counts with the largest area that it covers in a picture. One that no picture shows
     /// stays at its coarsest level.
     #[must_use]
-    pub fn of(index: &LevelIndex, cameras: &[Camera], budget: &CutBudget) -> Self {
+    pub(crate) fn of(index: &LevelIndex, cameras: &[Camera], budget: &CutBudget) -> Self {
         Self::of_seen(index, cameras, &[], budget)
     }
 
     /// As [`Self::of`], with what is seen of each leaf; of those without, all.
     #[must_use]
-    pub fn of_seen(index: &LevelIndex, cameras: &[Camera], seen: &[SeenLeaf], budget: &CutBudget) -> Self {
+    pub(crate) fn of_seen(
+        index: &LevelIndex,
+        cameras: &[Camera],
+        seen: &[VisibleLeaf],
+        budget: &CutBudget,
+    ) -> Self {
         let areas: Vec<f64> = index
             .leaves
             .par_iter()
@@ -123,10 +122,10 @@ impl LevelCut {
         let mut drawn =
             cut.runs(index).fold(0u64, |sum, (leaf, run)| sum.saturating_add(drawn_of(leaf, run)));
         let step = |leaf: usize, from: usize| {
-            Step::best(&index.leaves[leaf], leaf, from, areas[leaf], seen_of(leaf))
+            LevelStep::best(&index.leaves[leaf], leaf, from, areas[leaf], seen_of(leaf))
         };
         let first = |leaf: usize| step(leaf, usize::from(cut.positions[leaf]));
-        let mut steps: BinaryHeap<Step> = (0..areas.len()).filter_map(first).collect();
+        let mut steps: BinaryHeap<LevelStep> = (0..areas.len()).filter_map(first).collect();
         while let Some(next) = steps.pop() {
             let (runs, from) = (&index.leaves[next.leaf].runs, usize::from(cut.positions[next.leaf]));
             // The splats that are held and those that are drawn in addition.
@@ -152,19 +151,22 @@ impl LevelCut {
 
     /// The position in [`LevelLeaf::runs`] of each leaf.
     #[must_use]
-    pub fn positions(&self) -> &[u16] {
+    pub(crate) fn positions(&self) -> &[u16] {
         &self.positions
     }
 
     /// Number of splats of all leaves.
     #[must_use]
-    pub fn splats(&self) -> u64 {
+    pub(crate) fn splats(&self) -> u64 {
         self.splats
     }
 
     /// The leaves and the run that is drawn of each, in the order of the index that it was made
     /// for.
-    pub fn runs<'a>(&'a self, index: &'a LevelIndex) -> impl Iterator<Item = (usize, &'a LevelRun)> + 'a {
+    pub(crate) fn runs<'a>(
+        &'a self,
+        index: &'a LevelIndex,
+    ) -> impl Iterator<Item = (usize, &'a LevelRun)> + 'a {
         let run = |(leaf, position): (usize, &u16)| {
             Some((leaf, index.leaves.get(leaf)?.runs.get(usize::from(*position))?))
         };
@@ -173,16 +175,16 @@ impl LevelCut {
 }
 
 /// A finer level of a leaf.
-struct Step {
+struct LevelStep {
     /// Squared error removed over splats that are drawn in addition.
     gain: f64,
     leaf: usize,
     to: u16,
 }
 
-impl Step {
+impl LevelStep {
     /// The finer level of a leaf that removes most a splat; `None` if none removes anything.
-    fn best(leaf: &LevelLeaf, number: usize, from: usize, area: f64, seen: SeenLeaf) -> Option<Self> {
+    fn best(leaf: &LevelLeaf, number: usize, from: usize, area: f64, seen: VisibleLeaf) -> Option<Self> {
         let weight = area * seen.light;
         if !(weight > 0.0 && weight.is_finite()) {
             return None;
@@ -209,31 +211,31 @@ fn seen_error(leaf: &LevelLeaf, position: usize, area: f64) -> f64 {
     let run = &leaf.runs[position];
     let count = run.count as f64;
     let error = run.error.map_or_else(
-        || ERROR * (1.0 - (count / leaf.runs[0].count.max(1) as f64).sqrt()).max(0.0),
-        |error| f64::from(error).min(LARGEST_ERROR),
+        || DEFAULT_ERROR * (1.0 - (count / leaf.runs[0].count.max(1) as f64).sqrt()).max(0.0),
+        |error| f64::from(error).min(MAX_ERROR),
     );
     error * (area / count.max(1.0)).sqrt().min(1.0)
 }
 
-impl Ord for Step {
+impl Ord for LevelStep {
     fn cmp(&self, other: &Self) -> Ordering {
         self.gain.total_cmp(&other.gain).then_with(|| Reverse(self.leaf).cmp(&Reverse(other.leaf)))
     }
 }
 
-impl PartialOrd for Step {
+impl PartialOrd for LevelStep {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Step {
+impl PartialEq for LevelStep {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Step {}
+impl Eq for LevelStep {}
 
 #[cfg(test)]
 mod tests {
@@ -291,7 +293,7 @@ mod tests {
             "{cut:?}"
         );
         assert_eq!(cut, LevelCut::of(&index, &[path[1], path[0]], &budget));
-        let hidden = [SeenLeaf { light: 0.0, drawn: 0.0 }; 2];
+        let hidden = [VisibleLeaf { light: 0.0, drawn: 0.0 }; 2];
         assert_eq!(LevelCut::of_seen(&index, &path, &hidden, &budget).positions()[..2], [3, 3]);
     }
 
@@ -313,7 +315,7 @@ mod tests {
     #[test]
     fn splats_that_show_nothing_are_held_and_not_drawn() {
         let (index, cameras) = (index(10, ERRORS), [camera(-10.0, 1.0)]);
-        let fifth = [SeenLeaf { drawn: 0.2, ..SeenLeaf::default() }; 10];
+        let fifth = [VisibleLeaf { drawn: 0.2, ..VisibleLeaf::default() }; 10];
         let held = |held| LevelCut::of_seen(&index, &cameras, &fifth, &CutBudget { splats: 800, held });
         let (some, all) = (held(3000), LevelCut::of(&index, &cameras, &CutBudget::of(4000)));
         assert_eq!(held(9000), all);

@@ -7,16 +7,16 @@ use wm_render::{
 };
 use wm_scene::{Camera, Rasterization, Splats};
 
-/// Directions that a leaf is looked at from.
-const VIEWS: usize = 6;
+/// Number of directions that a leaf is seen from.
+const VIEW_COUNT: usize = 6;
 /// Distance of the eye, radii of the leaf: far enough that its near side is drawn at the scale of
 /// its far side.
-const DISTANCE: f64 = 4.0;
-/// Sides of the pictures, px: about a splat of the finest level a pixel, within these.
-const SIDES: (u32, u32) = (48, 160);
+const EYE_DISTANCE_RADII: f64 = 4.0;
+/// Limits of the side of the pictures, px; about one splat of the finest level per pixel.
+const VIEW_SIDE_LIMITS_PX: (u32, u32) = (48, 160);
 
 /// Measures the errors of levels.
-pub struct LeafJudge {
+pub(crate) struct LeafJudge {
     renderer: CpuRenderer,
     config: RenderConfig,
     truth: Frame,
@@ -25,7 +25,7 @@ pub struct LeafJudge {
 
 impl LeafJudge {
     /// A judge that renders with `renderer`.
-    pub fn new(renderer: CpuRenderer, rasterization: Rasterization) -> Self {
+    pub(crate) fn new(renderer: CpuRenderer, rasterization: Rasterization) -> Self {
         let config = RenderConfig {
             background: Background::Color([0.5; 3]),
             rasterization,
@@ -38,13 +38,15 @@ impl LeafJudge {
     ///
     /// Squared differences of colour (mean of the channels) and of alpha, summed over pictures of
     /// the leaf alone before grey, over the pixels that its box covers in them; the root of that.
-    pub fn errors(&mut self, levels: &[Splats]) -> Result<Vec<f32>, RenderError> {
+    pub(crate) fn errors(&mut self, levels: &[Splats]) -> Result<Vec<f32>, RenderError> {
         let mut sums = vec![0.0; levels.len()];
         let mut pixels = 0.0;
         let Some((finest, coarser)) = levels.split_first() else { return Ok(Vec::new()) };
         let extent = extent(finest);
         let side = (finest.len() as f64).sqrt() as u32;
-        for camera in cameras_about(finest, VIEWS, side.clamp(SIDES.0, SIDES.1)) {
+        for camera in
+            cameras_about(finest, VIEW_COUNT, side.clamp(VIEW_SIDE_LIMITS_PX.0, VIEW_SIDE_LIMITS_PX.1))
+        {
             pixels += coverage(extent.0, extent.1, &camera);
             look(&mut self.renderer, finest, &camera, &self.config, &mut self.truth)?;
             for (splats, sum) in coarser.iter().zip(&mut sums[1..]) {
@@ -97,20 +99,20 @@ fn extent(splats: &Splats) -> ([f32; 3], [f32; 3]) {
 
 /// Cameras about the means of splats, evenly over all directions, with square pictures that hold
 /// them.
-pub fn cameras_about(splats: &Splats, count: usize, side: u32) -> Vec<Camera> {
+pub(crate) fn cameras_about(splats: &Splats, count: usize, side: u32) -> Vec<Camera> {
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (low, high) = splats.means.iter().fold(empty, |(low, high), mean| {
         let mean = DVec3::from_array(mean.map(f64::from));
         (low.min(mean), high.max(mean))
     });
     let (center, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(1e-6));
-    let fov = 2.0 * (1.0 / DISTANCE).asin().to_degrees();
+    let fov = 2.0 * (1.0 / EYE_DISTANCE_RADII).asin().to_degrees();
     let camera = |index: usize| {
         // A spiral of equal steps in height and golden angles.
         let z = 1.0 - (2.0 * index as f64 + 1.0) / count as f64;
         let (sin, cos) = (index as f64 * 2.399_963_229_728_653).sin_cos();
         let outward = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
-        let eye = center + DISTANCE * radius * outward;
+        let eye = center + EYE_DISTANCE_RADII * radius * outward;
         let camera =
             Camera::looking((side, side), fov, eye, center, outward.any_orthonormal_vector()).ok()?;
         Some(Camera { near: 0.01 * radius, ..camera })

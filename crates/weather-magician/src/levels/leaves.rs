@@ -7,7 +7,7 @@ use wm_scene::Splats;
 ///
 /// Each is halved across its longest side: at the middle splat, or where only the size is too
 /// large, in the middle.
-pub fn leaves(splats: &Splats, indices: Vec<u32>, most: usize, longest: f64) -> Vec<Vec<u32>> {
+pub(crate) fn leaves(splats: &Splats, indices: Vec<u32>, most: usize, longest: f64) -> Vec<Vec<u32>> {
     let (mut done, mut open) = (Vec::new(), vec![indices]);
     while let Some(mut leaf) = open.pop() {
         let (low, high) = bounds(splats, &leaf);
@@ -48,7 +48,7 @@ pub fn leaves(splats: &Splats, indices: Vec<u32>, most: usize, longest: f64) -> 
 }
 
 /// The box of the means.
-pub fn bounds(splats: &Splats, indices: &[u32]) -> ([f32; 3], [f32; 3]) {
+pub(crate) fn bounds(splats: &Splats, indices: &[u32]) -> ([f32; 3], [f32; 3]) {
     let empty = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     indices.iter().fold(empty, |(low, high), index| {
         let mean = splats.means[*index as usize];

@@ -10,13 +10,14 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
 use wm_scene::Splats;
 
-/// Neighbours of a splat that it may be joined with.
-const NEIGHBOURS: usize = 6;
-/// Most splats that become one in a step: larger groups blur what the rest of the leaf keeps.
-const MOST: usize = 4;
-/// Cost of a difference in colour against one in place: of colours that differ by 1 in all channels
-/// against this many squared standard deviations, about.
-const COLOR: f64 = 20.0;
+/// Number of neighbours that a splat may be merged with.
+const NEIGHBOUR_COUNT: usize = 6;
+/// Maximum number of splats that become one in a step: larger groups would blur detail that the
+/// rest of the leaf keeps.
+const MAX_GROUP_SPLATS: usize = 4;
+/// Weight of colour against position: colours that differ by 1 in all channels cost about as much
+/// as this many squared standard deviations.
+const COLOR_COST: f64 = 20.0;
 
 /// A pair that may be joined.
 struct Pair {
@@ -27,7 +28,7 @@ struct Pair {
 
 /// Joins splats until about `target` are left, and gives them with their worth; more are left where
 /// too few are neighbours.
-pub fn halved(splats: &Splats, worth: &[f64], target: usize) -> (Splats, Vec<f64>) {
+pub(crate) fn halved(splats: &Splats, worth: &[f64], target: usize) -> (Splats, Vec<f64>) {
     let mut groups = Groups::new(splats.len());
     for pair in pairs(splats, worth) {
         if groups.count <= target {
@@ -65,8 +66,8 @@ fn pairs(splats: &Splats, worth: &[f64]) -> Vec<Pair> {
     let covariances: Vec<DMat3> = (0..splats.len()).map(|i| covariance(splats, i)).collect();
     // What is worth nothing has an order too.
     let least = 1e-6 * worth.iter().sum::<f64>() / worth.len().max(1) as f64 + 1e-30;
-    let count = NonZero::new(NEIGHBOURS + 1).unwrap_or(NonZero::<usize>::MIN);
-    let mut pairs = Vec::with_capacity(splats.len() * NEIGHBOURS);
+    let count = NonZero::new(NEIGHBOUR_COUNT + 1).unwrap_or(NonZero::<usize>::MIN);
+    let mut pairs = Vec::with_capacity(splats.len() * NEIGHBOUR_COUNT);
     for (a, place) in places.iter().enumerate() {
         for near in &tree.query(place).nearest_n::<SquaredEuclidean<f64>>(count).execute() {
             let b = near.item as usize;
@@ -77,7 +78,7 @@ fn pairs(splats: &Splats, worth: &[f64]) -> Vec<Pair> {
             let place = apart(between, covariances[a] + covariances[b]);
             let (wa, wb) = (worth[a] + least, worth[b] + least);
             let moved = wa * wb / (wa + wb);
-            let cost = moved * (place + COLOR * f64::from(color_difference(splats, a, b)));
+            let cost = moved * (place + COLOR_COST * f64::from(color_difference(splats, a, b)));
             pairs.push(Pair { cost: cost as f32, a: a as u32, b: b as u32 });
         }
     }
@@ -119,7 +120,7 @@ impl Groups {
         let (a, b) = (self.root(a), self.root(b));
         let (first, second) = (a.min(b), a.max(b));
         let size = self.sizes[first as usize] + self.sizes[second as usize];
-        if a != b && usize::from(size) <= MOST {
+        if a != b && usize::from(size) <= MAX_GROUP_SPLATS {
             self.parents[second as usize] = first;
             self.sizes[first as usize] = size;
             self.count -= 1;

@@ -12,7 +12,7 @@
 //! Looks are pictures of the same renderer. What they say depends on index, cameras and budget
 //! alone.
 
-use super::{CutBudget, LevelCut, SeenLeaf, coverage};
+use super::{CutBudget, LevelCut, VisibleLeaf, coverage};
 use crate::Result;
 use std::sync::Arc;
 use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
@@ -20,73 +20,61 @@ use wm_render::{DrawPass, Frame, RenderBackend, RenderConfig, RenderError, SetId
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::{Camera, Rasterization};
 
-/// Longest side of a look, px; that of the picture if that is less: splats that fall between the
-/// pixels of a smaller one would be missed.
-const LONGEST: f64 = 1280.0;
-/// Light of a leaf that is hidden: a look is small and its splats are coarse, so that a gap in what
-/// hides it may not show.
-const HIDDEN: f64 = 0.01;
-/// Share of that light which a leaf keeps from one look to the next: where it is coarser, more of
-/// it may stick out.
-const KEPT: f64 = 0.1;
-/// Shares of a leaf's light without which it may be drawn, that are tried; less than 0 where all of
-/// its splats are drawn.
-const LOST: [f64; 4] = [-1.0, 0.0005, 0.008, 0.06];
-/// The only one of them where no others are tried.
-const LOST_ALONE: usize = 2;
-/// Cameras by which what is tried is compared, at most.
-const MOST_COMPARED: usize = 4;
+/// Maximum longer side of a look, px; smaller pictures are looked at in their own size. A smaller
+/// look would miss splats that fall between its pixels.
+const MAX_LOOK_SIDE_PX: f64 = 1280.0;
+/// Light that a hidden leaf counts with. A look is small and its splats are coarse: it may not show
+/// a gap in the occluder.
+const HIDDEN_LEAF_LIGHT: f64 = 0.01;
+/// Share of the light of its last look that a leaf keeps in the next: a coarser leaf may stick out
+/// farther.
+const KEPT_LIGHT_SHARE: f64 = 0.1;
+/// Shares of its light that a leaf may lose by not drawing splats: the candidates that are tried.
+/// Below 0 all splats of a leaf are drawn.
+const TRIED_LOSSES: [f64; 4] = [-1.0, 0.0005, 0.008, 0.06];
+/// Index of the candidate that is used where no others are tried.
+const DEFAULT_LOSS: usize = 2;
+/// Maximum number of cameras by which the candidates are compared.
+const MAX_COMPARED_CAMERAS: usize = 4;
 
-/// Splats of all leaves at coarse levels, by which is told what of them a camera sees.
+/// Splats of all leaves at coarse levels: rendered to tell which leaves a camera sees.
 #[derive(Clone, Debug)]
-pub struct CoarseLeaves {
+pub(crate) struct CoarseLeaves {
     /// The splats, leaf after leaf.
-    pub set: SetId,
+    pub(crate) set: SetId,
     /// The leaves in the order of their splats, and the number of splats up to their end.
-    pub ends: Vec<(usize, u64)>,
-}
-
-impl CoarseLeaves {
-    /// The leaves of a cut whose splats are a set, in the order of [`LevelCut::runs`].
-    #[must_use]
-    pub fn of(index: &LevelIndex, cut: &LevelCut, set: SetId) -> Self {
-        let runs = cut.runs(index).scan(0, |end, (leaf, run)| {
-            *end += run.count;
-            Some((leaf, *end))
-        });
-        Self { set, ends: runs.collect() }
-    }
+    pub(crate) ends: Vec<(usize, u64)>,
 }
 
 /// A leaf of a cut that a renderer holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct HeldLeaf {
-    /// Its number.
-    pub leaf: usize,
-    /// Its splats.
-    pub set: SetId,
+pub(crate) struct HeldLeaf {
+    /// The number of the leaf.
+    pub(crate) leaf: usize,
+    /// The splats of the leaf.
+    pub(crate) set: SetId,
     /// Their number.
-    pub splats: usize,
+    pub(crate) splats: usize,
 }
 
-/// The way to a cut: which cameras look, and how much they may see.
+/// The inputs of a cut: the index, the cameras of the looks, and the budget.
 #[derive(Clone, Copy, Debug)]
-pub struct LevelLooks<'a> {
+pub(crate) struct LevelLooks<'a> {
     /// The scene.
-    pub index: &'a LevelIndex,
+    pub(crate) index: &'a LevelIndex,
     /// All of it at its coarsest.
-    pub coarse: &'a CoarseLeaves,
+    pub(crate) coarse: &'a CoarseLeaves,
     /// The cameras of all pictures.
-    pub cameras: &'a [Camera],
+    pub(crate) cameras: &'a [Camera],
     /// The most cameras that look; those between are skipped.
-    pub most: usize,
+    pub(crate) most: usize,
     /// True to try several cuts and take the best, which takes as long as some 15 frames; else one
     /// is made, after two looks.
-    pub tries_several: bool,
+    pub(crate) tries_several: bool,
     /// The most that is drawn and held.
-    pub budget: CutBudget,
+    pub(crate) budget: CutBudget,
     /// The drawing of small splats.
-    pub rasterization: Rasterization,
+    pub(crate) rasterization: Rasterization,
 }
 
 impl LevelLooks<'_> {
@@ -95,7 +83,7 @@ impl LevelLooks<'_> {
     ///
     /// # Errors
     /// Those of `hold`, and [`crate::Error::Render`] if a look cannot be rendered.
-    pub fn cut<R: RenderBackend>(
+    pub(crate) fn cut<R: RenderBackend>(
         &self,
         renderer: &mut R,
         mut hold: impl FnMut(&mut R, &LevelCut) -> Result<Vec<HeldLeaf>>,
@@ -107,9 +95,9 @@ impl LevelLooks<'_> {
             Some((*leaf, count))
         });
         let runs: Vec<(usize, usize)> = runs.collect();
-        let mut seen = vec![SeenLeaf { light: 0.0, drawn: 1.0 }; self.index.leaves.len()];
+        let mut seen = vec![VisibleLeaf { light: 0.0, drawn: 1.0 }; self.index.leaves.len()];
         self.look(&eyes, &[self.coarse.set], &runs, renderer, |leaf, light, _| {
-            seen[leaf].light = seen[leaf].light.max(light.max(HIDDEN));
+            seen[leaf].light = seen[leaf].light.max(light.max(HIDDEN_LEAF_LIGHT));
         })?;
         // As much as can be held, to see all of it.
         let first = CutBudget { splats: self.budget.held, ..self.budget };
@@ -120,33 +108,33 @@ impl LevelLooks<'_> {
         let held = hold(renderer, &cut)?;
         let sets: Vec<SetId> = held.iter().map(|held| held.set).collect();
         let runs: Vec<(usize, usize)> = held.iter().map(|held| (held.leaf, held.splats)).collect();
-        let mut found = vec![[SeenLeaf { light: 0.0, drawn: 0.0 }; LOST.len()]; seen.len()];
+        let mut found = vec![[VisibleLeaf { light: 0.0, drawn: 0.0 }; TRIED_LOSSES.len()]; seen.len()];
         self.look(&eyes, &sets, &runs, renderer, |leaf, light, drawn| {
             for (found, drawn) in found[leaf].iter_mut().zip(drawn) {
-                *found = SeenLeaf { light: found.light.max(light), drawn: found.drawn.max(drawn) };
+                *found = VisibleLeaf { light: found.light.max(light), drawn: found.drawn.max(drawn) };
             }
         })?;
         let cut_of = |tried: usize| {
-            let seen: Vec<SeenLeaf> = (found.iter().zip(&seen))
+            let seen: Vec<VisibleLeaf> = (found.iter().zip(&seen))
                 .map(|(found, before)| {
-                    let SeenLeaf { light, drawn } = found[tried];
-                    SeenLeaf { light: light.max(KEPT * before.light), drawn }
+                    let VisibleLeaf { light, drawn } = found[tried];
+                    VisibleLeaf { light: light.max(KEPT_LIGHT_SHARE * before.light), drawn }
                 })
                 .collect();
             LevelCut::of_seen(self.index, self.cameras, &seen, &self.budget)
         };
         if !self.tries_several {
-            return Ok(cut_of(LOST_ALONE));
+            return Ok(cut_of(DEFAULT_LOSS));
         }
         let few: Vec<Camera> =
-            eyes.iter().step_by(eyes.len().div_ceil(MOST_COMPARED).max(1)).copied().collect();
+            eyes.iter().step_by(eyes.len().div_ceil(MAX_COMPARED_CAMERAS).max(1)).copied().collect();
         let all = vec![DrawnPart::All; held.len()];
         let wanted = few
             .iter()
             .map(|eye| self.picture(eye, &held, &all, renderer))
             .collect::<std::result::Result<Vec<Frame>, RenderError>>()?;
         let mut best: Option<(f64, LevelCut)> = None;
-        for tried in 0..LOST.len() {
+        for tried in 0..TRIED_LOSSES.len() {
             let cut = cut_of(tried);
             let held = hold(renderer, &cut)?;
             let mut off = 0.0;
@@ -192,7 +180,7 @@ impl LevelLooks<'_> {
         sets: &[SetId],
         runs: &[(usize, usize)],
         renderer: &mut dyn RenderBackend,
-        mut tell: impl FnMut(usize, f64, [f64; LOST.len()]),
+        mut tell: impl FnMut(usize, f64, [f64; TRIED_LOSSES.len()]),
     ) -> Result<(), RenderError> {
         let mut weights = Vec::new();
         for eye in eyes {
@@ -228,7 +216,7 @@ impl LevelLooks<'_> {
     ///
     /// # Errors
     /// [`RenderError`] if it cannot be looked at.
-    pub fn drawn(
+    pub(crate) fn drawn(
         &self,
         camera: &Camera,
         held: &[HeldLeaf],
@@ -237,7 +225,7 @@ impl LevelLooks<'_> {
         self.drawn_by(&small(camera), held, renderer)
     }
 
-    /// The same by the camera of a look.
+    /// Finds the drawn splats by the camera of a look.
     fn drawn_by(
         &self,
         eye: &Camera,
@@ -276,7 +264,7 @@ impl LevelLooks<'_> {
 
 /// The camera of a look.
 fn small(camera: &Camera) -> Camera {
-    let scale = (LONGEST / f64::from(camera.width.max(camera.height))).min(1.0);
+    let scale = (MAX_LOOK_SIDE_PX / f64::from(camera.width.max(camera.height))).min(1.0);
     let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
     camera.resized(side(camera.width), side(camera.height))
 }
@@ -290,14 +278,14 @@ fn difference(a: &Frame, b: &Frame) -> f64 {
 }
 
 /// The sum of the weights of a leaf's splats, px, and the shares of its splats that it comes from,
-/// but for each of [`LOST`]. The order of the weights is lost.
-fn light_of(weights: &mut [f32]) -> (f64, [f64; LOST.len()]) {
+/// but for each of [`TRIED_LOSSES`]. The order of the weights is lost.
+fn light_of(weights: &mut [f32]) -> (f64, [f64; TRIED_LOSSES.len()]) {
     let light: f64 = weights.iter().copied().map(f64::from).sum();
     if light <= 0.0 {
-        return (0.0, [0.0; LOST.len()]);
+        return (0.0, [0.0; TRIED_LOSSES.len()]);
     }
     weights.sort_unstable_by(f32::total_cmp);
-    let drawn = LOST.map(|most| {
+    let drawn = TRIED_LOSSES.map(|most| {
         let mut lost = 0.0;
         let dark = weights.iter().take_while(|weight| {
             lost += f64::from(**weight);
@@ -310,10 +298,10 @@ fn light_of(weights: &mut [f32]) -> (f64, [f64; LOST.len()]) {
 
 /// The splats of a set that are drawn.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum DrawnPart {
+pub(crate) enum DrawnPart {
     /// Every one.
     All,
-    /// Those that have a bit.
+    /// The splats whose bit is set.
     Some(Arc<[u32]>),
     /// None.
     None,
@@ -352,7 +340,7 @@ impl DrawnPart {
 
     /// Number of those that are drawn of a set of `splats`.
     #[must_use]
-    pub fn count(&self, splats: usize) -> usize {
+    pub(crate) fn count(&self, splats: usize) -> usize {
         match self {
             Self::All => splats,
             Self::Some(words) => words.iter().map(|word| word.count_ones() as usize).sum(),
@@ -363,10 +351,10 @@ impl DrawnPart {
 
 /// The attributes of the splats of a set of which some are not drawn.
 pub(crate) struct DrawnAttributes<'a> {
-    /// Those of the drawn ones; `None` if they have none.
-    pub own: Option<&'a dyn SplatAttributes>,
+    /// The attributes of the drawn splats; `None` if they have none.
+    pub(crate) own: Option<&'a dyn SplatAttributes>,
     /// A bit for each splat that is drawn.
-    pub drawn: &'a [u32],
+    pub(crate) drawn: &'a [u32],
 }
 
 impl SplatAttributes for DrawnAttributes<'_> {

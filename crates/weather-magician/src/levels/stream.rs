@@ -53,10 +53,10 @@ pub(crate) struct LevelStream {
 
 /// A run in the renderer.
 pub(crate) struct HeldRun {
-    /// Its splats.
-    pub set: SetId,
+    /// The splats of the run.
+    pub(crate) set: SetId,
     /// Their positions.
-    pub means: Arc<[[f32; 3]]>,
+    pub(crate) means: Arc<[[f32; 3]]>,
     bytes: u64,
     /// The last cut that it was in.
     used: u64,
@@ -70,7 +70,7 @@ struct FileRuns {
 
 impl LevelStream {
     /// Nothing is held yet.
-    pub fn new(index: Arc<LevelIndex>, repairs: bool) -> Self {
+    pub(crate) fn new(index: Arc<LevelIndex>, repairs: bool) -> Self {
         Self {
             index,
             sky: SkyRegion::None,
@@ -92,61 +92,61 @@ impl LevelStream {
     }
 
     /// Sets the splats that are sky, and the bytes that may be held.
-    pub fn limit(&mut self, sky: SkyRegion, most: u64) {
+    pub(crate) fn limit(&mut self, sky: SkyRegion, most: u64) {
         (self.sky, self.most) = (sky, most);
     }
 
     /// The highest SH degree that was read.
-    pub fn sh_degree(&self) -> u8 {
+    pub(crate) fn sh_degree(&self) -> u8 {
         self.sh_degree
     }
 
     /// The facts that files state; the first that was read wins.
-    pub fn metadata(&self) -> &Metadata {
+    pub(crate) fn metadata(&self) -> &Metadata {
         &self.metadata
     }
 
     /// The index.
-    pub fn index(&self) -> &Arc<LevelIndex> {
+    pub(crate) fn index(&self) -> &Arc<LevelIndex> {
         &self.index
     }
 
     /// Adds a warning.
-    pub fn warn(&mut self, text: String) {
+    pub(crate) fn warn(&mut self, text: String) {
         self.warnings.push(text);
     }
 
     /// Takes the warnings that came up.
-    pub fn take_warnings(&mut self) -> Vec<String> {
+    pub(crate) fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }
 
     /// A run that is held.
-    pub fn get(&self, id: RunId) -> Option<&HeldRun> {
+    pub(crate) fn get(&self, id: RunId) -> Option<&HeldRun> {
         self.held.get(&id)
     }
 
     /// Bytes that are held.
     #[cfg(test)]
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.bytes
     }
 
     /// Begins a frame that cameras see: what it has to wait for is noted once, that near them
     /// first.
-    pub fn begin_frame(&mut self, cameras: &[Camera]) {
+    pub(crate) fn begin_frame(&mut self, cameras: &[Camera]) {
         self.look_from(cameras);
         self.waits = false;
         self.frame += 1;
     }
 
     /// Sets the cameras about which files are wanted first.
-    pub fn look_from(&mut self, cameras: &[Camera]) {
+    pub(crate) fn look_from(&mut self, cameras: &[Camera]) {
         self.eyes = cameras.iter().map(Camera::center).collect();
     }
 
     /// Returns true if files have to be fetched before the frame is as it must be.
-    pub fn waits(&self) -> bool {
+    pub(crate) fn waits(&self) -> bool {
         self.waits
     }
 
@@ -192,7 +192,7 @@ impl LevelStream {
     }
 
     /// Notes what has to be fetched before runs can be read; returns false if anything has to be.
-    pub fn are_there(&mut self, runs: &[RunId]) -> bool {
+    pub(crate) fn are_there(&mut self, runs: &[RunId]) -> bool {
         self.find_absent(runs);
         // Weather comes before the frame that it is for.
         self.mark_used(runs, self.frame + 1);
@@ -210,7 +210,7 @@ impl LevelStream {
 
     /// The fetched files that the last frame did not want, those longest ago first. Files of
     /// coarsest levels stay: they are drawn while finer ones are fetched.
-    pub fn spare_files(&self) -> Vec<PathBuf> {
+    pub(crate) fn spare_files(&self) -> Vec<PathBuf> {
         let leaves = self.index.leaves.iter();
         let coarsest: BTreeSet<usize> = leaves.filter_map(|leaf| Some(leaf.runs.last()?.file)).collect();
         let spare = |file: &usize| {
@@ -221,7 +221,8 @@ impl LevelStream {
         files.into_iter().flat_map(|file| self.index.paths(file)).collect()
     }
 
-    fn run(&self, (leaf, place): RunId) -> Option<&LevelRun> {
+    fn run(&self, id: RunId) -> Option<&LevelRun> {
+        let (leaf, place) = id;
         self.index.leaves[leaf as usize].runs.get(usize::from(place))
     }
 
@@ -232,7 +233,7 @@ impl LevelStream {
     /// # Errors
     /// [`Error::Format`] if a file cannot be read and damage is not left out; an error of the
     /// renderer.
-    pub fn hold(
+    pub(crate) fn hold(
         &mut self,
         backend: &mut AnyRenderer,
         wanted: &[RunId],
@@ -358,7 +359,7 @@ impl LevelStream {
     ///
     /// # Errors
     /// [`Error::Format`] if a file cannot be read and damage is not left out.
-    pub fn read_runs(&mut self, runs: &[RunId]) -> Result<Vec<(RunId, Splats)>> {
+    pub(crate) fn read_runs(&mut self, runs: &[RunId]) -> Result<Vec<(RunId, Splats)>> {
         let mut wanted = runs.to_vec();
         let mut read = BTreeMap::new();
         loop {
@@ -423,7 +424,7 @@ impl LevelStream {
     }
 
     /// Labels the sky, and removes what cannot be drawn.
-    pub fn ready(&self, splats: Splats) -> Splats {
+    pub(crate) fn ready(&self, splats: Splats) -> Splats {
         let mut splats = if self.repairs { splats.repaired().0 } else { splats };
         for index in self.sky.indices(&splats) {
             splats.groups[index] = Group::Sky;
@@ -441,7 +442,7 @@ impl LevelStream {
     }
 
     /// Takes all splats out of the renderer.
-    pub fn clear(&mut self, backend: &mut AnyRenderer) {
+    pub(crate) fn clear(&mut self, backend: &mut AnyRenderer) {
         for (_, held) in std::mem::take(&mut self.held) {
             backend.unload(held.set);
         }

@@ -10,24 +10,24 @@ use std::num::NonZero;
 use std::ops::Range;
 use wm_scene::{Camera, Splats};
 
-/// Width of the cells of the ground by which a lone camera chooses what weather is prepared with,
-/// m.
-const CELL: f64 = 32.0;
-/// Views of a camera's path, at most.
-const MOST_STOPS: usize = 12;
+/// Width of a cell of the ground, m: cameras in one cell share the splats that weather is prepared
+/// with.
+const GROUND_CELL_M: f64 = 32.0;
+/// Maximum number of views of a camera's path.
+const MAX_PATH_VIEWS: usize = 12;
 
 /// The place that weather is prepared about: the line along which the cameras are, by its ends
 /// (world, scene units).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WeatherFocus {
-    pub path: [[f64; 3]; 2],
+    pub(crate) path: [[f64; 3]; 2],
 }
 
 impl WeatherFocus {
     /// About the cell of the ground that a camera is in, so that cameras of one cell share what is
     /// prepared.
-    pub fn cell_of(camera: &Camera, up: DVec3, metres_per_unit: f64) -> Self {
-        let cell = CELL / metres_per_unit;
+    pub(crate) fn cell_of(camera: &Camera, up: DVec3, metres_per_unit: f64) -> Self {
+        let cell = GROUND_CELL_M / metres_per_unit;
         let east = up.any_orthonormal_vector();
         let north = up.cross(east);
         let center = camera.center();
@@ -39,7 +39,7 @@ impl WeatherFocus {
     }
 
     /// About a path of cameras, at least one.
-    pub fn along(cameras: &[Camera]) -> Self {
+    pub(crate) fn along(cameras: &[Camera]) -> Self {
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
         let first = centers.first().copied().unwrap_or_default();
         let farthest = |from: DVec3| {
@@ -51,9 +51,10 @@ impl WeatherFocus {
     }
 
     /// Cameras that look to all sides from along the path.
-    pub fn cameras(&self, metres_per_unit: f64) -> Vec<Camera> {
+    pub(crate) fn cameras(&self, metres_per_unit: f64) -> Vec<Camera> {
         let [from, to] = self.path.map(DVec3::from_array);
-        let stops = ((from.distance(to) * metres_per_unit / CELL).ceil() as usize + 1).clamp(1, MOST_STOPS);
+        let stops = ((from.distance(to) * metres_per_unit / GROUND_CELL_M).ceil() as usize + 1)
+            .clamp(1, MAX_PATH_VIEWS);
         let at = |stop: usize| from.lerp(to, stop as f64 / (stops - 1).max(1) as f64);
         (0..stops).flat_map(|stop| cameras_around(at(stop))).collect()
     }
@@ -61,10 +62,10 @@ impl WeatherFocus {
 
 /// The splats that weather is prepared with, and the leaf that each is of.
 pub(crate) struct WeatherScene {
-    pub splats: Splats,
+    pub(crate) splats: Splats,
     /// The runs of its leaves, in order, and their parts of the splats. After them come the splats
     /// that are always drawn.
-    pub parts: Vec<(RunId, Range<usize>)>,
+    pub(crate) parts: Vec<(RunId, Range<usize>)>,
 }
 
 /// The splats of a drawn run in the terms of the weather's: for each the nearest of the same leaf.
@@ -89,7 +90,11 @@ impl LevelStream {
     ///
     /// # Errors
     /// As of [`LevelStream::hold`].
-    pub fn weather_scene(&mut self, runs: &[RunId], always: Option<&Splats>) -> crate::Result<WeatherScene> {
+    pub(crate) fn weather_scene(
+        &mut self,
+        runs: &[RunId],
+        always: Option<&Splats>,
+    ) -> crate::Result<WeatherScene> {
         let read = self.read_runs(runs)?;
         let mut scene = WeatherScene { splats: Splats::default(), parts: Vec::new() };
         for (id, mut splats) in read {

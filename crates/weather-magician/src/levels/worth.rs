@@ -8,11 +8,11 @@ use wm_scene::survey::Survey;
 use wm_scene::{Metadata, Rasterization, Scene, Splats};
 
 /// Longest side of the pictures, px.
-const LONGEST: u32 = 320;
+const MAX_VIEW_SIDE_PX: u32 = 320;
 
 /// The weights of splats summed over pictures from where a photographer would stand among them and
 /// from all around, px; what no picture shows counts a little, by its size.
-pub fn seen_worth(
+pub(crate) fn seen_worth(
     splats: &Splats,
     rasterization: Rasterization,
     renderer: &mut CpuRenderer,
@@ -24,7 +24,7 @@ pub fn seen_worth(
     let set = renderer.load(&scene.splats)?;
     let config = RenderConfig { rasterization, ..RenderConfig::default() };
     let mut weights = Vec::new();
-    for camera in cameras(&scene, &survey, LONGEST) {
+    for camera in cameras(&scene, &survey, MAX_VIEW_SIDE_PX) {
         if progress.is_stopped() {
             return Err(Error::Stopped);
         }

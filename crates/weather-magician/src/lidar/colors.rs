@@ -17,11 +17,11 @@ pub enum PointColors {
 }
 
 /// Range of the last colour, m.
-const FARTHEST: f64 = 100.0;
+const MAX_COLOR_RANGE_M: f64 = 100.0;
 /// Height of the last colour above the lowest surfaces, m, and the share of surfaces that may lie
 /// below those.
-const TALL: f64 = 10.0;
-const LOWEST: f64 = 0.02;
+const COLOR_HEIGHT_SPAN_M: f64 = 10.0;
+const GROUND_QUANTILE: f64 = 0.02;
 
 impl PointColors {
     /// Every choice, with its name.
@@ -64,7 +64,7 @@ impl FromStr for PointColors {
 
 /// The height of the lowest surfaces, of the heights of all.
 pub(super) fn lowest(mut heights: Vec<f64>) -> f64 {
-    let index = (LOWEST * heights.len() as f64) as usize;
+    let index = (GROUND_QUANTILE * heights.len() as f64) as usize;
     if heights.is_empty() {
         return 0.0;
     }
@@ -74,7 +74,7 @@ pub(super) fn lowest(mut heights: Vec<f64>) -> f64 {
 /// The colour of a class; that of a surface is by its height above the lowest, m.
 pub(super) fn class_color(class: EchoClass, height: f64) -> [u8; 3] {
     match class {
-        EchoClass::Surface => ramps::turbo(1.0 - (height / TALL).clamp(0.0, 1.0)),
+        EchoClass::Surface => ramps::turbo(1.0 - (height / COLOR_HEIGHT_SPAN_M).clamp(0.0, 1.0)),
         EchoClass::Drop => [130, 230, 255],
         EchoClass::Flake => [255, 255, 255],
         EchoClass::Air => [190, 150, 255],
@@ -83,7 +83,7 @@ pub(super) fn class_color(class: EchoClass, height: f64) -> [u8; 3] {
 }
 
 pub(super) fn range_color(point: &LidarPoint) -> [u8; 3] {
-    ramps::turbo(f64::from(point.range).max(1.0).ln() / FARTHEST.ln())
+    ramps::turbo(f64::from(point.range).max(1.0).ln() / MAX_COLOR_RANGE_M.ln())
 }
 
 pub(super) fn intensity_color(point: &LidarPoint) -> [u8; 3] {

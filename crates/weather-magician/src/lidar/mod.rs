@@ -40,7 +40,7 @@ use wm_scene::{Group, Splats};
 use wm_sensors::{LidarScene, SensorMotion, SurfaceState, SurfaceStates, SweepOptions};
 use wm_sensors::{base_reflectance, sweep};
 use wm_weather::wetness::WetGains;
-use wm_weather::{Fidelity, Weather};
+use wm_weather::{Fidelity, Site, Weather};
 
 /// Options of a scan.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +102,7 @@ impl Renderer {
             made = Some(sweep);
             Ok(())
         };
-        self.scan(place, weather, lidar, motion, &options, (&mut take, &mut ()))?;
+        self.scan(place, weather, lidar, motion, &options, &mut take, &mut ())?;
         made.ok_or(Error::Stopped)
     }
 
@@ -113,6 +113,10 @@ impl Renderer {
     /// # Errors
     /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were
     /// released; the errors of `take`.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each is a thing of its own: place, weather, sensor, path, sink"
+    )]
     pub fn scan(
         &mut self,
         place: &mut PreparedPlace,
@@ -120,7 +124,8 @@ impl Renderer {
         lidar: &LidarModel,
         motion: &CameraMotion,
         options: &ScanOptions,
-        (take, progress): (&mut dyn FnMut(LidarSweep) -> Result<()>, &mut dyn Progress),
+        take: &mut dyn FnMut(LidarSweep) -> Result<()>,
+        progress: &mut dyn Progress,
     ) -> Result<u32> {
         check_owner(place, self.id())?;
         if weather.fidelity == Fidelity::Paper {
@@ -131,12 +136,7 @@ impl Renderer {
         let time = |index: u32| options.time + f64::from(index) * lidar.period();
         let site = *place.site();
         let covers = |index: u32| weather.at(time(index)).prepare(&site).cover().to_vec();
-        let motion = UprightMotion {
-            motion,
-            up: DVec3::from_array(site.up),
-            metres: site.metres_per_unit,
-            from: options.time,
-        };
+        let motion = UprightMotion::new(motion, &site, options.time);
         let is_snow = weather.effects().any(|(effect, _)| effect.name == "snow_cover");
         let end = options.first.saturating_add(options.sweeps);
         let mut index = options.first;
@@ -157,7 +157,7 @@ impl Renderer {
             };
             let mut rays = self.backend_mut().ray_splats(&splats, is_met, value)?;
             // What stands on the ground, and may be mirrored by it.
-            let floor = site.ground + STANDS / site.metres_per_unit;
+            let floor = site.ground + MIN_MIRRORED_HEIGHT_M / site.metres_per_unit;
             let height =
                 |index: usize| (0..3).map(|k| f64::from(splats.means[index][k]) * site.up[k]).sum::<f64>();
             let gets_wet = weather.at(time(index)).prepare(&site).wetting_rain().is_some();
@@ -210,8 +210,8 @@ impl Renderer {
     }
 }
 
-/// Height over the ground from which on splats are mirrored by it, m.
-const STANDS: f64 = 0.3;
+/// Splats are mirrored in wet ground from this height above it on, m.
+const MIN_MIRRORED_HEIGHT_M: f64 = 0.3;
 
 /// The surfaces of a place in a weather.
 struct PlaceSurfaces<'a> {
@@ -235,16 +235,23 @@ impl SurfaceStates for PlaceSurfaces<'_> {
 
 /// A sensor that stands upright where a camera is, and looks ahead as it does.
 pub(crate) struct UprightMotion<'a> {
-    pub motion: &'a CameraMotion,
-    pub up: DVec3,
-    pub metres: f64,
+    motion: &'a CameraMotion,
+    up: DVec3,
+    metres: f64,
     /// The time at which a camera without a path is where it says, s.
-    pub from: f64,
+    from: f64,
 }
 
-/// Least level part of the way that a camera looks from which it is ahead; below it, its upper side
-/// is.
-const LEVEL: f64 = 0.1;
+impl<'a> UprightMotion<'a> {
+    /// Places a sensor on a camera's path; a camera without a path is where it says at `from`, s.
+    pub(crate) fn new(motion: &'a CameraMotion, site: &Site, from: f64) -> Self {
+        Self { motion, up: DVec3::from_array(site.up), metres: site.metres_per_unit, from }
+    }
+}
+
+/// A camera's view direction counts as ahead if its horizontal part is longer than this. For
+/// steeper cameras the top of the picture is ahead.
+const MIN_LEVEL_PART: f64 = 0.1;
 
 impl SensorMotion for UprightMotion<'_> {
     fn pose(&self, time: f64) -> SensorPose {
@@ -254,7 +261,7 @@ impl SensorMotion for UprightMotion<'_> {
         }
         let camera = self.motion.camera(time);
         let forward = camera.forward();
-        let is_level = forward.reject_from_normalized(self.up).length() > LEVEL;
+        let is_level = forward.reject_from_normalized(self.up).length() > MIN_LEVEL_PART;
         let ahead = if is_level { forward } else { camera.up() };
         let driven = match self.motion {
             CameraMotion::Still { speed, .. } => forward * (speed * (time - self.from) / self.metres),
@@ -266,7 +273,7 @@ impl SensorMotion for UprightMotion<'_> {
     }
 }
 
-/// The points as the sensor saw them, or nearly: in its axes at the start of the sweep.
+/// Returns a point in the axes of the sensor at the start of the sweep.
 fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
     sweep.frame.in_sensor(point.position, &sweep.pose, sweep.metres_per_unit).to_array()
 }

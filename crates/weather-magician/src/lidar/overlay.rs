@@ -10,13 +10,13 @@ use wm_sensors::{LidarSweep, PointFrame};
 /// Share of its distance, and metres, that a point may lie behind what a pixel shows. Splats are
 /// thick, and a pixel of level ground that is far away covers much of it: of the points that a
 /// camera in the sensor's place sees, 1 % are hidden with these.
-const TOLERANCE: [f64; 2] = [0.1, 0.2];
+const HIDDEN_TOLERANCE: [f64; 2] = [0.1, 0.2];
 /// Height of pictures from which on points are a pixel wider, px.
-const TALLER: u32 = 480;
+const WIDE_POINT_HEIGHT_PX: u32 = 480;
 /// Largest width of a point, px.
-const WIDEST: u32 = 3;
+const MAX_POINT_WIDTH_PX: u32 = 3;
 /// Half of the length of the cross at the sensor, widths of a point.
-const CROSS: i32 = 4;
+const CROSS_HALF_LENGTH: i32 = 4;
 const CROSS_COLOR: [u8; 3] = [255; 3];
 
 /// Points of a sweep with their colours, to be drawn into pictures from any camera.
@@ -53,7 +53,7 @@ impl PointOverlay {
         }
     }
 
-    /// The same points in greys, for pictures that show another instant or weather.
+    /// Turns the colours of the points grey, for pictures that show another instant or weather.
     #[must_use]
     pub fn greyed(mut self) -> Self {
         for color in &mut self.colors {
@@ -73,9 +73,9 @@ impl PointOverlay {
     pub fn draw(&self, rgb: &mut [u8], frame: &Frame, camera: &Camera) {
         let pixels = frame.width as usize * frame.height as usize;
         assert_eq!(rgb.len(), 3 * pixels, "the picture must be of the frame's size");
-        let width = (1 + frame.height / TALLER).min(WIDEST) as i32;
+        let width = (1 + frame.height / WIDE_POINT_HEIGHT_PX).min(MAX_POINT_WIDTH_PX) as i32;
         let mut canvas = Canvas { rgb, nearest: vec![f32::INFINITY; pixels], frame };
-        let slack = TOLERANCE[1] / self.metres_per_unit;
+        let slack = HIDDEN_TOLERANCE[1] / self.metres_per_unit;
         let view_from_points = camera.viewmat * self.world_from_points;
         let seen = |view: DVec3| -> Option<(IVec2, f32)> {
             if view.z <= camera.near {
@@ -85,7 +85,7 @@ impl PointOverlay {
             let is_inside =
                 (0.0..f64::from(frame.width)).contains(&x) && (0.0..f64::from(frame.height)).contains(&y);
             let pixel = is_inside.then(|| IVec2::new(x as i32, y as i32))?;
-            let reach = depth_around(frame, pixel) * (1.0 + TOLERANCE[0]) + slack;
+            let reach = depth_around(frame, pixel) * (1.0 + HIDDEN_TOLERANCE[0]) + slack;
             (view.z <= reach).then_some((pixel, view.z as f32))
         };
         for (point, color) in self.points.iter().zip(&self.colors) {
@@ -95,7 +95,7 @@ impl PointOverlay {
             }
         }
         if let Some((pixel, _)) = seen(camera.viewmat.transform_point3(self.sensor)) {
-            for step in -CROSS * width..=CROSS * width {
+            for step in -CROSS_HALF_LENGTH * width..=CROSS_HALF_LENGTH * width {
                 canvas.square(pixel + IVec2::new(step, 0), width, 0.0, CROSS_COLOR);
                 canvas.square(pixel + IVec2::new(0, step), width, 0.0, CROSS_COLOR);
             }
@@ -258,6 +258,9 @@ mod tests {
             [own, world].map(|sweep| drawn(&PointOverlay::of(&sweep, PointColors::Class), &frame(50.0)));
         assert_eq!(own, world);
         assert_eq!(own.iter().filter(|(_, rgb)| *rgb == FAR).count(), 1);
-        assert_eq!(own.iter().filter(|(_, rgb)| *rgb == CROSS_COLOR).count(), 4 * CROSS as usize + 1);
+        assert_eq!(
+            own.iter().filter(|(_, rgb)| *rgb == CROSS_COLOR).count(),
+            4 * CROSS_HALF_LENGTH as usize + 1
+        );
     }
 }

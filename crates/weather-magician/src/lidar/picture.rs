@@ -45,23 +45,23 @@ impl FromStr for SweepView {
 /// A picture of a sweep, `[H, W, 3]`, sRGB.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepPicture {
-    /// Its size.
+    /// The size.
     pub size: PictureSize,
-    /// Its pixels.
+    /// The pixels.
     pub rgb: Vec<u8>,
 }
 
-const GROUND: [u8; 3] = [14, 16, 20];
-const RINGS: [u8; 3] = [48, 54, 62];
+const BACKGROUND: [u8; 3] = [14, 16, 20];
+const RING_COLOR: [u8; 3] = [48, 54, 62];
 /// Side of a picture from above, px.
-const SIDE: u32 = 1000;
+const ABOVE_SIDE_PX: u32 = 1000;
 /// Largest width of a picture by direction, and its usual height, px.
-const WIDEST: u32 = 2048;
-const HEIGHT: u32 = 320;
+const MAX_WIDTH_PX: u32 = 2048;
+const DEFAULT_HEIGHT_PX: u32 = 320;
 /// Share of the points that a picture from above shows.
-const SHOWN: f64 = 0.95;
+const SHOWN_POINT_SHARE: f64 = 0.95;
 /// Distances that it shows at least and at most, m.
-const REACH: [f64; 2] = [10.0, 100.0];
+const RADIUS_LIMITS_M: [f64; 2] = [10.0, 100.0];
 
 impl SweepPicture {
     /// Draws a view of a sweep.
@@ -84,7 +84,7 @@ impl SweepPicture {
 
     fn new(width: u32, height: u32) -> Self {
         let size = PictureSize::new(width, height);
-        Self { size, rgb: GROUND.repeat(size.pixels()) }
+        Self { size, rgb: BACKGROUND.repeat(size.pixels()) }
     }
 
     fn set(&mut self, x: i64, y: i64, color: [u8; 3]) {
@@ -106,12 +106,12 @@ fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> S
     };
     let [[left, right], [bottom, top]] = [extent(0), extent(1)];
     if let Some([rows, columns]) = sweep.grid {
-        let width = columns.clamp(1, WIDEST);
+        let width = columns.clamp(1, MAX_WIDTH_PX);
         // By azimuth: columns of sensors whose rows look aside are staggered. Beyond a full turn
         // the picture begins anew.
         let turn = (right - left).clamp(1e-6, std::f64::consts::TAU);
         let start = if turn < std::f64::consts::TAU { right } else { std::f64::consts::PI };
-        let tall = HEIGHT.div_ceil(rows.max(1)).max(1);
+        let tall = DEFAULT_HEIGHT_PX.div_ceil(rows.max(1)).max(1);
         let mut picture = SweepPicture::new(width, rows.max(1) * tall);
         for point in order {
             let share = (start - f64::from(point.angles[0])) / turn;
@@ -123,9 +123,9 @@ fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> S
         return picture;
     }
     let (wide, high) = ((right - left).max(1e-6), (top - bottom).max(1e-6));
-    let height = 3 * HEIGHT;
+    let height = 3 * DEFAULT_HEIGHT_PX;
     let width = if wide.is_finite() { (f64::from(height) * wide / high).round() as u32 } else { height };
-    let mut picture = SweepPicture::new(width.clamp(16, WIDEST), height);
+    let mut picture = SweepPicture::new(width.clamp(16, MAX_WIDTH_PX), height);
     let size = picture.size;
     for point in order {
         let [azimuth, elevation] = point.angles.map(f64::from);
@@ -149,17 +149,20 @@ fn above(sweep: &LidarSweep) -> SweepPicture {
     let lowest = lowest(surfaces.map(|(at, _)| at[2]).collect());
     let mut distances: Vec<f64> = points.iter().map(|(at, _)| at[0].hypot(at[1])).collect();
     distances.sort_by(f64::total_cmp);
-    let shown = distances.get((SHOWN * distances.len() as f64) as usize).copied().unwrap_or(REACH[0]);
-    let reach = shown.clamp(REACH[0], REACH[1]);
-    let scale = 0.5 * f64::from(SIDE) / reach;
-    let middle = f64::from(SIDE / 2);
-    let mut picture = SweepPicture::new(SIDE, SIDE);
+    let shown = distances
+        .get((SHOWN_POINT_SHARE * distances.len() as f64) as usize)
+        .copied()
+        .unwrap_or(RADIUS_LIMITS_M[0]);
+    let reach = shown.clamp(RADIUS_LIMITS_M[0], RADIUS_LIMITS_M[1]);
+    let scale = 0.5 * f64::from(ABOVE_SIDE_PX) / reach;
+    let middle = f64::from(ABOVE_SIDE_PX / 2);
+    let mut picture = SweepPicture::new(ABOVE_SIDE_PX, ABOVE_SIDE_PX);
     for ring in 1..=(reach * 1.5 / 10.0) as u32 {
         let radius = 10.0 * f64::from(ring) * scale;
         let steps = (8.0 * radius) as u32;
         for step in 0..steps {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(steps)).sin_cos();
-            picture.set((middle + radius * cos) as i64, (middle + radius * sin) as i64, RINGS);
+            picture.set((middle + radius * cos) as i64, (middle + radius * sin) as i64, RING_COLOR);
         }
     }
     for ([x, y, z], class) in points {

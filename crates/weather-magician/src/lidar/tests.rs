@@ -105,7 +105,7 @@ fn a_later_sweep_is_the_same_when_made_alone() {
         made.push(sweep);
         Ok(())
     };
-    let count = renderer.scan(&mut place, &weather, &lidar, &motion, &options, (&mut take, &mut ())).unwrap();
+    let count = renderer.scan(&mut place, &weather, &lidar, &motion, &options, &mut take, &mut ()).unwrap();
     assert_eq!((count, made.len()), (2, 2));
     assert!(made[0].points != made[1].points && made[0].count(EchoClass::Flake) > 0);
     let alone = ScanOptions { first: 1, sweeps: 1, ..options };

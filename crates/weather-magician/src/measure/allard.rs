@@ -16,14 +16,13 @@ use super::expected;
 use super::lit::{LightPicture, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    fov_of,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, fov_of,
 };
 use crate::Result;
 use wm_scene::{Lamp, Splats};
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "allard",
     title: "Lamps through fog",
     about: "Nine lamps shine by night at 20 to 400 m. The light of one is the sum over its pixels in a picture, what is around \
@@ -39,29 +38,29 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Height of the camera and of the lamps above the ground, m.
-const EYE: f64 = 1.6;
+const EYE_HEIGHT_M: f64 = 1.6;
 /// Number of lamps, and the headings of the outer ones, degrees.
-const LAMPS: usize = 9;
-const HEADINGS: f64 = 40.0;
+const LAMP_COUNT: usize = 9;
+const MAX_HEADING_DEGREES: f64 = 40.0;
 /// Optical depths and distances, m, between which they stand.
-const DEPTHS: [f64; 2] = [0.3, 3.6];
-const DISTANCES: [f64; 2] = [20.0, 400.0];
+const OPTICAL_DEPTHS: [f64; 2] = [0.3, 3.6];
+const DISTANCES_M: [f64; 2] = [20.0, 400.0];
 /// Their radius, m, and flux, lm.
-const RADIUS: f64 = 0.02;
-const LUMENS: f64 = 25.0;
+const LAMP_RADIUS_M: f64 = 0.02;
+const LAMP_FLUX_LM: f64 = 25.0;
 /// Radius of a lamp in its picture, px; the side of the picture; of the disc that is summed, and of
 /// the ring around it.
-const PIXELS: f64 = 3.0;
-const SIDE: u32 = 40;
-const DISC: f64 = 9.0;
-const RING: [f64; 2] = [10.0, 15.0];
+const LAMP_RADIUS_PX: f64 = 3.0;
+const PICTURE_SIDE_PX: u32 = 40;
+const DISC_RADIUS_PX: f64 = 9.0;
+const RING_RADII_PX: [f64; 2] = [10.0, 15.0];
 /// A sky of so much light, lx, to which the exposure is set: in the dark of a night lamps would
 /// burn out.
-const LIGHT: &str = "light.glow=100";
+const SKY_GLOW: &str = "light.glow=100";
 const EXPOSURE: &str = "light.exposure=-8.5";
 
 /// Changes that make night with lamps.
-pub const NIGHT: [&str; 6] = [
+pub(crate) const NIGHT: [&str; 6] = [
     "light.model=night",
     "light.photos=diffuse",
     "light.clouds=0",
@@ -70,7 +69,7 @@ pub const NIGHT: [&str; 6] = [
     "light.cloud_shadows=off",
 ];
 /// Changes that take away all that falls, lies, or is painted behind lamps.
-pub const NOTHING_FALLS: [&str; 9] = [
+pub(crate) const NOTHING_FALLS: [&str; 9] = [
     "rain=off",
     "snowfall=off",
     "hail=off",
@@ -85,17 +84,17 @@ pub const NOTHING_FALLS: [&str; 9] = [
 /// Sum over the pixels of a lamp in the middle of a picture, with what is around them taken off, by
 /// channel.
 fn lamp_sum(picture: &LightPicture) -> [f64; 3] {
-    let middle = 0.5 * f64::from(SIDE);
+    let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
     let (mut inside, mut count) = ([0.0; 3], 0.0);
     let (mut around, mut ring) = ([0.0; 3], 0.0);
     for y in 0..picture.size.1 {
         for x in 0..picture.size.0 {
             let away = (x as f64 + 0.5 - middle).hypot(y as f64 + 0.5 - middle);
             let light = picture.rgb(x, y);
-            if away < DISC {
+            if away < DISC_RADIUS_PX {
                 (0..3).for_each(|k| inside[k] += light[k]);
                 count += 1.0;
-            } else if (RING[0]..RING[1]).contains(&away) {
+            } else if (RING_RADII_PX[0]..RING_RADII_PX[1]).contains(&away) {
                 (0..3).for_each(|k| around[k] += light[k]);
                 ring += 1.0;
             }
@@ -107,32 +106,33 @@ fn lamp_sum(picture: &LightPicture) -> [f64; 3] {
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
     let mut weather = request.with(&NOTHING_FALLS)?;
-    NIGHT.iter().chain(&[LIGHT, EXPOSURE]).try_for_each(|change| weather.set_text(change))?;
-    let asked = expected::extinction(&weather, request.time, EYE);
-    let limits = [0, 1].map(|end: usize| (DEPTHS[end] / asked[1]).clamp(DISTANCES[0], DISTANCES[1]));
+    NIGHT.iter().chain(&[SKY_GLOW, EXPOSURE]).try_for_each(|change| weather.set_text(change))?;
+    let asked = expected::extinction(&weather, request.time, EYE_HEIGHT_M);
+    let limits =
+        [0, 1].map(|end: usize| (OPTICAL_DEPTHS[end] / asked[1]).clamp(DISTANCES_M[0], DISTANCES_M[1]));
     let lamp = |index: usize| {
-        let share = index as f64 / (LAMPS - 1) as f64;
+        let share = index as f64 / (LAMP_COUNT - 1) as f64;
         let metres = limits[0] + (limits[1] - limits[0]) * share;
         // Near and far ones are mixed, so that none is beside one whose light it would be in.
-        let turn = (5 * index % LAMPS) as f64 / (LAMPS - 1) as f64;
-        let (sin, cos) = (HEADINGS * (2.0 * turn - 1.0)).to_radians().sin_cos();
-        (metres, [metres * sin, metres * cos, EYE])
+        let turn = (5 * index % LAMP_COUNT) as f64 / (LAMP_COUNT - 1) as f64;
+        let (sin, cos) = (MAX_HEADING_DEGREES * (2.0 * turn - 1.0)).to_radians().sin_cos();
+        (metres, [metres * sin, metres * cos, EYE_HEIGHT_M])
     };
-    let all: Vec<(f64, [f64; 3])> = (0..LAMPS).map(lamp).collect();
+    let all: Vec<(f64, [f64; 3])> = (0..LAMP_COUNT).map(lamp).collect();
     let lamps = all.iter().map(|(_, at)| Lamp {
-        lumens: LUMENS,
-        radius: RADIUS,
+        lumens: LAMP_FLUX_LM,
+        radius: LAMP_RADIUS_M,
         kelvin: 4_000.0,
         ..Lamp::new(level.point(*at).to_array())
     });
     // Behind the camera, since a place has ground somewhere.
     let mut ground = Splats::default();
-    paint_card(&level, ([0.0, -30.0, 0.0], [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]), 0.25, 0.25, &mut ground);
+    paint_card(&level, [0.0, -30.0, 0.0], [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]], 0.25, 0.25, &mut ground);
     let subject = rig.set_up_lit(ground, lamps.collect())?;
     let (mut points, mut strip) = ([const { Vec::new() }; 3], Vec::new());
     for (metres, at) in &all {
-        let fov = fov_of(0.5 * f64::from(SIDE) / PIXELS * RADIUS / metres);
-        let camera = level.camera((SIDE, SIDE), fov, [0.0, 0.0, EYE], *at)?;
+        let fov = fov_of(0.5 * f64::from(PICTURE_SIDE_PX) / LAMP_RADIUS_PX * LAMP_RADIUS_M / metres);
+        let camera = level.camera((PICTURE_SIDE_PX, PICTURE_SIDE_PX), fov, [0.0, 0.0, EYE_HEIGHT_M], *at)?;
         let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
         let pixel = 1.0 / (camera.fx * camera.fy);
         let sum = lamp_sum(&picture);
@@ -148,15 +148,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
     let mut finding = Finding::default();
     for (k, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        finding.readings.push(Reading {
-            quantity: format!("extinction by lamps, {name}"),
-            setting: request.setting.to_owned(),
-            unit: "1/km",
-            asked: 1e3 * asked[k],
-            measured: if points[k].len() < LAMPS { f64::NAN } else { 1e3 * slope(&points[k]) },
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        finding.readings.push(request.reading(
+            format!("extinction by lamps, {name}"),
+            "1/km",
+            [1e3 * asked[k], if points[k].len() < LAMP_COUNT { f64::NAN } else { 1e3 * slope(&points[k]) }],
+            Tolerance::Relative(0.03),
+        ));
     }
     let first = points[1].first().copied().unwrap_or_default();
     let shown = |[metres, log]: [f64; 2]| [metres, (first[1] - log).exp()];
@@ -179,15 +176,15 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             request.setting, limits[0], limits[1]
         ),
         rgb: side_by_side(&strip),
-        size: (SIDE * LAMPS as u32, SIDE),
+        size: (PICTURE_SIDE_PX * LAMP_COUNT as u32, PICTURE_SIDE_PX),
     });
     Ok(finding)
 }
 
 /// Square pictures in a row.
 fn side_by_side(pictures: &[Vec<f32>]) -> Vec<f32> {
-    let row = 3 * SIDE as usize;
-    (0..SIDE as usize)
+    let row = 3 * PICTURE_SIDE_PX as usize;
+    (0..PICTURE_SIDE_PX as usize)
         .flat_map(|y| pictures.iter().flat_map(move |rgb| rgb[y * row..(y + 1) * row].iter().copied()))
         .collect()
 }

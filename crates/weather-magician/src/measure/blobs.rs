@@ -2,25 +2,25 @@
 
 /// A drop, flake or streak that touches neither another one nor the border of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParticleBlob {
+pub(crate) struct ParticleBlob {
     /// Sum of its coverage, px^2.
-    pub cover: f64,
+    pub(crate) cover: f64,
     /// Centre, px.
-    pub at: [f64; 2],
+    pub(crate) at: [f64; 2],
     /// Length of its motion, px.
-    pub length: f64,
+    pub(crate) length: f64,
     /// Angle from upright, radians, to the right at the lower end.
-    pub angle: f64,
+    pub(crate) angle: f64,
 }
 
 /// Coverage below which a pixel shows nothing: drops end at 1/256, and less is what a board lets
 /// through of those behind it. Of thin ones, which end where they are a tenth of their peak, as
 /// much less as they are thin.
-const LEAST: f32 = 1.0 / 300.0;
+const MIN_COVERAGE: f32 = 1.0 / 300.0;
 
 /// The rule that divides a picture into blobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BlobSplit {
+pub(crate) enum BlobSplit {
     /// Pixels that touch: streaks.
     Touching,
     /// Pixels from which it goes up to one peak: of drops and flakes that stand still. Those that
@@ -30,9 +30,9 @@ pub enum BlobSplit {
 
 /// Returns the blobs of a picture of falling particles, `[H, W, 4]` as in a frame, drawn at an
 /// opacity.
-pub fn blobs(particles: &[f32], width: usize, opacity: f64, split: BlobSplit) -> Vec<ParticleBlob> {
+pub(crate) fn blobs(particles: &[f32], width: usize, opacity: f64, split: BlobSplit) -> Vec<ParticleBlob> {
     let coverage = particles.iter().skip(3).step_by(4).copied().collect();
-    let picture = Picture { coverage, width, least: LEAST * opacity.min(1.0) as f32 };
+    let picture = Picture { coverage, width, least: MIN_COVERAGE * opacity.min(1.0) as f32 };
     let parts = match split {
         BlobSplit::Touching => picture.touching(),
         BlobSplit::Peaks => picture.peaks(),
@@ -48,8 +48,8 @@ struct Picture {
     least: f32,
 }
 
-/// Of a pixel that belongs to nothing yet.
-const NOBODY: usize = usize::MAX;
+/// Marks a pixel that belongs to no blob yet.
+const NO_BLOB: usize = usize::MAX;
 
 impl Picture {
     fn shown(&self) -> impl Iterator<Item = usize> {
@@ -96,10 +96,10 @@ impl Picture {
         let higher = |a: &usize, b: &usize| self.coverage[*a].total_cmp(&self.coverage[*b]).then(b.cmp(a));
         let mut shown: Vec<usize> = self.shown().collect();
         shown.sort_by(|a, b| higher(b, a));
-        let mut owner = vec![NOBODY; self.coverage.len()];
+        let mut owner = vec![NO_BLOB; self.coverage.len()];
         let mut parts: Vec<Vec<usize>> = Vec::new();
         for at in shown {
-            let above = self.around(at).filter(|near| owner[*near] != NOBODY).max_by(higher);
+            let above = self.around(at).filter(|near| owner[*near] != NO_BLOB).max_by(higher);
             owner[at] = above.map_or(parts.len(), |above| owner[above]);
             if owner[at] == parts.len() {
                 parts.push(Vec::new());

@@ -13,8 +13,8 @@
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    clear, median,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, clear,
+    median,
 };
 use crate::Result;
 use crate::{FrameRequest, Picture};
@@ -23,13 +23,13 @@ use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "visibility",
     title: "Visibility board",
     about: "White and black boards stand at 16 distances between a tenth and 1.2 of the range that is asked for. What is left \
             of their difference in a picture is the transmittance of the air on the way to them; its logarithm over the length of the rays \
             is a line, whose slope is the extinction, and 2.996 over that the meteorological optical range (5 % of the light, WMO).",
-    applies: |weather, time| expected::extinction(weather, time, EYE)[1] > 0.0,
+    applies: |weather, time| expected::extinction(weather, time, EYE_HEIGHT_M)[1] > 0.0,
     read,
     sweep: &[
         &["fog.mor=50"],
@@ -44,19 +44,19 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Height of the camera and of the boards, m.
-const EYE: f64 = 1.6;
+const EYE_HEIGHT_M: f64 = 1.6;
 /// Boards in a row, and rows.
-const FIELDS: (usize, usize) = (8, 2);
+const BOARD_GRID: (usize, usize) = (8, 2);
 /// Side of the field of one board, half the side of a board, and of the patch in it that is
 /// measured, px.
-const FIELD: usize = 72;
-const HALF: f64 = 26.0;
-const PATCH: usize = 18;
+const FIELD_SIDE_PX: usize = 72;
+const BOARD_HALF_SIDE_PX: f64 = 26.0;
+const PATCH_SIDE_PX: usize = 18;
 /// Transmittances that are measured.
-const SEEN: [f64; 2] = [0.02, 0.99];
+const TRANSMITTANCE_RANGE: [f64; 2] = [0.02, 0.99];
 /// Pictures over which what falls is averaged, and the time between them, s.
-const FALLS: usize = 6;
-const APART: f64 = 0.7;
+const FALL_PICTURES: usize = 6;
+const PICTURE_INTERVAL_S: f64 = 0.7;
 
 /// Means over the patch of each board, linear light.
 type Light = Vec<[f64; 3]>;
@@ -73,16 +73,19 @@ struct Boards {
 
 /// The pixel in the middle of a field.
 fn middle(index: usize) -> (usize, usize) {
-    (index % FIELDS.0 * FIELD + FIELD / 2, index / FIELDS.0 * FIELD + FIELD / 2)
+    (
+        index % BOARD_GRID.0 * FIELD_SIDE_PX + FIELD_SIDE_PX / 2,
+        index / BOARD_GRID.0 * FIELD_SIDE_PX + FIELD_SIDE_PX / 2,
+    )
 }
 
 impl Boards {
     fn new(rig: &mut dyn InstrumentRenderer, range: f64, time: f64) -> Result<Self> {
         let level = LevelFrame::of(&rig.site());
-        let size = ((FIELDS.0 * FIELD) as u32, (FIELDS.1 * FIELD) as u32);
+        let size = ((BOARD_GRID.0 * FIELD_SIDE_PX) as u32, (BOARD_GRID.1 * FIELD_SIDE_PX) as u32);
         // A narrow band about the horizon, so that all rays are nearly level.
-        let camera = level.camera(size, 8.0, [0.0, 0.0, EYE], [0.0, 1.0, EYE])?;
-        let count = FIELDS.0 * FIELDS.1;
+        let camera = level.camera(size, 8.0, [0.0, 0.0, EYE_HEIGHT_M], [0.0, 1.0, EYE_HEIGHT_M])?;
+        let count = BOARD_GRID.0 * BOARD_GRID.1;
         let distances = (0..count).map(|index| {
             // 7 has no divisor in common with 16: near and far are mixed over the picture.
             let far = (7 * index % count) as f64 / (count - 1) as f64;
@@ -91,7 +94,7 @@ impl Boards {
         let board = |(index, metres): (usize, f64)| {
             let (x, y) = middle(index);
             let pixel = (x as f64 + 0.5, y as f64 + 0.5);
-            Card::over(&camera, pixel, HALF, level.units(metres), camera.ray(pixel.0, pixel.1))
+            Card::over(&camera, pixel, BOARD_HALF_SIDE_PX, level.units(metres), camera.ray(pixel.0, pixel.1))
         };
         let cards: Vec<Card> = distances.enumerate().map(board).collect();
         let mut painted = |rgb: [f32; 3]| {
@@ -130,18 +133,18 @@ impl Boards {
 
 /// The mean of each patch.
 fn patches(rgb: &[f32]) -> Light {
-    let width = FIELDS.0 * FIELD;
+    let width = BOARD_GRID.0 * FIELD_SIDE_PX;
     let patch = |index: usize| {
         let (x, y) = middle(index);
         let mut sum = [0.0; 3];
-        for row in y - PATCH..=y + PATCH {
-            for column in x - PATCH..=x + PATCH {
+        for row in y - PATCH_SIDE_PX..=y + PATCH_SIDE_PX {
+            for column in x - PATCH_SIDE_PX..=x + PATCH_SIDE_PX {
                 (0..3).for_each(|k| sum[k] += f64::from(rgb[3 * (row * width + column) + k]));
             }
         }
-        sum.map(|sum| sum / (2 * PATCH + 1).pow(2) as f64)
+        sum.map(|sum| sum / (2 * PATCH_SIDE_PX + 1).pow(2) as f64)
     };
-    (0..FIELDS.0 * FIELDS.1).map(patch).collect()
+    (0..BOARD_GRID.0 * BOARD_GRID.1).map(patch).collect()
 }
 
 /// Least squares slope of a line through points.
@@ -153,13 +156,16 @@ pub(super) fn slope(points: &[[f64; 2]]) -> f64 {
 }
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let asked = expected::extinction(request.weather, request.time, EYE).map(|sigma| MOR_DEPTH / sigma);
+    let asked =
+        expected::extinction(request.weather, request.time, EYE_HEIGHT_M).map(|sigma| MOR_DEPTH / sigma);
     let boards = Boards::new(rig, asked[1], request.time)?;
-    let times = if expected::fall_extinction(request.weather, request.time) > 0.0 { FALLS } else { 1 };
+    let times =
+        if expected::fall_extinction(request.weather, request.time) > 0.0 { FALL_PICTURES } else { 1 };
     let mut kept = vec![[0.0; 3]; boards.metres.len()];
     let mut shown = Picture::default();
     for index in 0..times {
-        let (light, picture) = boards.seen(rig, request.weather, request.time + APART * index as f64)?;
+        let (light, picture) =
+            boards.seen(rig, request.weather, request.time + PICTURE_INTERVAL_S * index as f64)?;
         for (kept, (light, clear)) in kept.iter_mut().zip(light.iter().zip(&boards.contrast)) {
             (0..3).for_each(|k| kept[k] += light[k] / clear[k] / times as f64);
         }
@@ -177,19 +183,18 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .metres
             .iter()
             .zip(&kept)
-            .filter(|(_, kept)| SEEN[0] < kept[channel] && kept[channel] < SEEN[1])
+            .filter(|(_, kept)| {
+                TRANSMITTANCE_RANGE[0] < kept[channel] && kept[channel] < TRANSMITTANCE_RANGE[1]
+            })
             .map(|(metres, kept)| [*metres, -kept[channel].ln()])
             .collect();
         let measured = if points.len() < 4 { f64::NAN } else { MOR_DEPTH / slope(&points) };
-        finding.readings.push(Reading {
-            quantity: format!("MOR, {name}"),
-            setting: request.setting.to_owned(),
-            unit: "m",
-            asked: asked[channel],
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        finding.readings.push(request.reading(
+            format!("MOR, {name}"),
+            "m",
+            [asked[channel], measured],
+            Tolerance::Relative(0.03),
+        ));
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
     finding.plots.push(Plot {

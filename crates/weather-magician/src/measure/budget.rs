@@ -12,15 +12,14 @@
 
 use super::stake::{level_card, median_depth, shown};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance, clear, expected,
-    fov_of,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, expected, fov_of,
 };
 use crate::Result;
 use wm_scene::Splats;
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "budget",
     title: "Mass budget",
     about: "A yard with a steep ridge that snow slides off, seen from far above under half of the snow and under all of it: what the depth \
@@ -39,33 +38,33 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Density that snow settles towards, kg/m^3, and what melts, mm a degree and hour.
-const SETTLED: f64 = 300.0;
-const MELT: f64 = 4.0 / 24.0;
+const SETTLED_DENSITY_KG_M3: f64 = 300.0;
+const MELT_MM_PER_DEGREE_HOUR: f64 = 4.0 / 24.0;
 
 /// Water on level ground, mm.
-pub(super) struct Fallen {
-    pub fell: f64,
-    pub melted: f64,
+pub(super) struct SnowWater {
+    pub(crate) fell: f64,
+    pub(crate) melted: f64,
 }
 
 /// The snow that has fallen and melted until a time, by the parameters: the hours at one rate, and
 /// what the shot's own seconds have added.
-pub(super) fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
+pub(super) fn fallen(weather: &Weather, time: f64) -> Option<SnowWater> {
     if !expected::is_on(weather, "snow_cover") {
         return None;
     }
     let at = |effect: &str, param: &str, time: f64| expected::number(weather, time, effect, param);
     if let Some(depth) = at("snow_cover", "depth", time) {
         let is_cold = at("snow_cover", "temperature", time).is_some_and(|temperature| temperature <= 0.0);
-        return is_cold.then_some(Fallen { fell: depth * SETTLED, melted: 0.0 });
+        return is_cold.then_some(SnowWater { fell: depth * SETTLED_DENSITY_KG_M3, melted: 0.0 });
     }
     let (hours, lapse) = (at("snow_cover", "hours", 0.0)?, at("snow_cover", "lapse", 0.0)?);
-    let mut stock = Fallen { fell: 0.0, melted: 0.0 };
+    let mut stock = SnowWater { fell: 0.0, melted: 0.0 };
     let mut pass = |time: f64, hours: f64| {
         let rate = at("snowfall", "rate", time).unwrap_or(0.0);
         let warmth = at("snow_cover", "temperature", time).unwrap_or(0.0).max(0.0);
         stock.fell += rate * hours;
-        stock.melted = (stock.melted + MELT * warmth * hours).min(stock.fell);
+        stock.melted = (stock.melted + MELT_MM_PER_DEGREE_HOUR * warmth * hours).min(stock.fell);
     };
     const PARTS: u32 = 4096;
     (0..PARTS).for_each(|_| pass(0.0, hours / f64::from(PARTS)));
@@ -74,7 +73,7 @@ pub(super) fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
     Some(stock)
 }
 
-/// The same weather with half of the snow, and its water, mm.
+/// Returns the weather with half of the snow, and the water of that, mm.
 fn half(weather: &Weather, time: f64) -> Result<(Weather, f64)> {
     let mut half = weather.clone();
     for param in ["depth", "hours"] {
@@ -87,31 +86,35 @@ fn half(weather: &Weather, time: f64) -> Result<(Weather, f64)> {
 }
 
 /// Half the side of the yard and of what is looked at, m, and from how high.
-const YARD: f64 = 6.0;
-const WINDOW: f64 = 5.0;
-const HIGH: f64 = 150.0;
+const YARD_HALF_SIDE_M: f64 = 6.0;
+const WINDOW_HALF_SIDE_M: f64 = 5.0;
+const EYE_HEIGHT_M: f64 = 150.0;
 /// Height of the ridge, m, and its slope, degrees.
-const RIDGE: f64 = 1.2;
-const STEEP: f64 = 50.0;
+const RIDGE_HEIGHT_M: f64 = 1.2;
+const RIDGE_SLOPE_DEGREES: f64 = 50.0;
 
 /// The yard: level, or with a steep ridge across it.
 fn yard(level: &LevelFrame, is_level: bool) -> Splats {
     let mut splats = Splats::default();
     let mut card =
         |center: [f64; 3], u: [f64; 3], v: [f64; 3]| level_card(level, center, [u, v], &mut splats);
-    card([0.0; 3], [YARD, 0.0, 0.0], [0.0, YARD, 0.0]);
+    card([0.0; 3], [YARD_HALF_SIDE_M, 0.0, 0.0], [0.0, YARD_HALF_SIDE_M, 0.0]);
     if is_level {
         return splats;
     }
-    let run = RIDGE / STEEP.to_radians().tan();
+    let run = RIDGE_HEIGHT_M / RIDGE_SLOPE_DEGREES.to_radians().tan();
     for side in [-1.0, 1.0] {
-        card([0.5 * side * run, 0.0, 0.5 * RIDGE], [-0.5 * side * run, 0.0, 0.5 * RIDGE], [0.0, YARD, 0.0]);
+        card(
+            [0.5 * side * run, 0.0, 0.5 * RIDGE_HEIGHT_M],
+            [-0.5 * side * run, 0.0, 0.5 * RIDGE_HEIGHT_M],
+            [0.0, YARD_HALF_SIDE_M, 0.0],
+        );
     }
     splats
 }
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let Some(Fallen { fell, melted }) = fallen(request.weather, request.time) else {
+    let Some(SnowWater { fell, melted }) = fallen(request.weather, request.time) else {
         return Ok(Finding::default());
     };
     let level = LevelFrame::of(&rig.site());
@@ -119,8 +122,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let changes = ["wind=off", "fog=off", "haze=off", "smog=off", "rain=off", "snow_cover.density=300"];
     let weather = request.with(&changes)?;
     let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, request.time)? };
-    let fov = fov_of(WINDOW / HIGH);
-    let camera = level.camera((400, 400), fov, [0.0, 0.0, HIGH], [0.0; 3])?;
+    let fov = fov_of(WINDOW_HALF_SIDE_M / EYE_HEIGHT_M);
+    let camera = level.camera((400, 400), fov, [0.0, 0.0, EYE_HEIGHT_M], [0.0; 3])?;
     let mut depths = |weather: &Weather| median_depth(rig, subject, &camera, weather, request);
     let (less, more) = (depths(&before)?, depths(&weather)?);
     let (mut volume, mut area) = (0.0, 0.0);
@@ -133,15 +136,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
     let mut finding = Finding::default();
     let came = fell - stock;
-    finding.readings.push(Reading {
-        quantity: format!("water that came to lie, of {came:.0} mm that fell"),
-        setting: request.setting.to_owned(),
-        unit: "mm",
-        asked: came - melted,
-        measured: volume / area * SETTLED,
-        standard_error: None,
-        tolerance: Tolerance::Absolute(0.01 * came),
-    });
+    finding.readings.push(request.reading(
+        format!("water that came to lie, of {came:.0} mm that fell"),
+        "mm",
+        [came - melted, volume / area * SETTLED_DENSITY_KG_M3],
+        Tolerance::Absolute(0.01 * came),
+    ));
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;
     let what = if melted > 0.0 { "the level yard" } else { "the yard with its steep ridge" };
     finding.pictures.push(shown(rig, subject, &camera, &weather, request, what)?);

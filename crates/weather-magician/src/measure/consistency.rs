@@ -16,8 +16,8 @@
 //! pixel far away holds several).
 
 use super::{
-    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, Reading, ShotSubject,
-    Tolerance, clear, expected, mean, median, painted,
+    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
+    clear, expected, mean, median, painted,
 };
 use crate::Result;
 use crate::{FrameRequest, Picture};
@@ -25,7 +25,7 @@ use wm_scene::Camera;
 use wm_weather::{EffectRole, Weather};
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "consistency",
     title: "Consistency",
     about: "Two views of the place, a step apart. Pixels of one are carried into the other by exact depth and pose, and compared: the \
@@ -49,9 +49,9 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Largest relative difference of two depths of the same point.
-const SAME: f64 = 0.02;
+const DEPTH_TOLERANCE: f64 = 0.02;
 /// Change of linear light that tells snow.
-const WHITENED: f32 = 0.03;
+const SNOW_LIGHT_CHANGE: f32 = 0.03;
 
 /// One view of the place in one weather.
 struct View {
@@ -79,7 +79,7 @@ impl View {
         let frame = &picture.frame;
         let sharp = |at: usize| {
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));
-            if frame.alpha[at] > 0.98 && (other / z - 1.0).abs() < SAME { other } else { 0.0 }
+            if frame.alpha[at] > 0.98 && (other / z - 1.0).abs() < DEPTH_TOLERANCE { other } else { 0.0 }
         };
         let depth = (0..frame.pixels()).map(sharp).collect();
         let share = picture.parts.transmittance.iter().skip(1).step_by(3).copied().collect();
@@ -121,7 +121,7 @@ impl View {
                 [(0, (1.0 - a) * (1.0 - b)), (1, a * (1.0 - b)), (width, (1.0 - a) * b), (width + 1, a * b)];
             let four = four.map(|(off, weight)| (corner + off, weight));
             // Not hidden by something else, and on no edge.
-            let is_same = |at: usize| (other.depth[at] / there - 1.0).abs() < SAME;
+            let is_same = |at: usize| (other.depth[at] / there - 1.0).abs() < DEPTH_TOLERANCE;
             four.iter().all(|(at, _)| is_same(*at)).then_some(Pair { here, there: four })
         };
         (0..width * height).filter_map(pair).collect()
@@ -175,16 +175,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let (bare, seen) = (look(&clear())?, look(&weather)?);
     let mut finding = Finding::default();
     let mut add = |quantity: String, unit, asked, measured, tolerance| {
-        let setting = request.setting.to_owned();
-        finding.readings.push(Reading {
-            quantity,
-            setting,
-            unit,
-            asked,
-            measured,
-            standard_error: None,
-            tolerance,
-        });
+        finding.readings.push(request.reading(quantity, unit, [asked, measured], tolerance));
     };
     let (bare_pairs, pairs) = (bare[0].pairs(&bare[1]), seen[0].pairs(&seen[1]));
     let size = seen[0].size();
@@ -214,7 +205,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             100.0 * apart,
             Tolerance::Absolute(3.0),
         );
-        let paint = [0, 1].map(|k| painted::fog(&bare[k].rgb, size, k as u64 + 1));
+        let paint = [0, 1].map(|k| painted::fog(&bare[k].rgb, size.0, size.1, k as u64 + 1));
         let error = percent(differences(&bare_pairs, &paint[0].rgb, &paint[1].rgb));
         let none = Tolerance::None;
         add(
@@ -231,13 +222,13 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let covered = |k: usize| -> Vec<bool> {
             let light = |rgb: &[f32], at: usize| rgb[3 * at..3 * at + 3].iter().sum::<f32>() / 3.0;
             (0..size.0 * size.1)
-                .map(|at| (light(&seen[k].rgb, at) - light(&bare[k].rgb, at)).abs() > WHITENED)
+                .map(|at| (light(&seen[k].rgb, at) - light(&bare[k].rgb, at)).abs() > SNOW_LIGHT_CHANGE)
                 .collect()
         };
         let masks = [covered(0), covered(1)];
         let same = overlap(&pairs, [&masks[0], &masks[1]]);
         add("snow that both views show, of what either does".into(), "", 1.0, same, Tolerance::Absolute(0.1));
-        let paint = [0, 1].map(|k| painted::snow(&bare[k].rgb, size, k as u64 + 1));
+        let paint = [0, 1].map(|k| painted::snow(&bare[k].rgb, size.0, size.1, k as u64 + 1));
         let same = overlap(&bare_pairs, [&paint[0], &paint[1]]);
         add("painted a frame: the same".into(), "", 1.0, same, Tolerance::None);
     }

@@ -23,7 +23,7 @@ use wm_scene::Camera;
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "controls",
     title: "Controllability",
     about: "The paper's controls, each turned up in five steps on the place itself: fog intensity, opacity, size and number of what falls, \
@@ -39,20 +39,20 @@ pub const INSTRUMENT: Instrument = Instrument {
 /// A row of the sheet.
 struct Control {
     name: &'static str,
-    /// Parameters of all its pictures.
+    /// Parameters of all pictures of the row.
     base: &'static [&'static str],
-    /// Its parameter and the values that it takes.
+    /// The parameter and its values.
     key: &'static str,
-    values: [&'static str; STEPS],
+    values: [&'static str; STEP_COUNT],
     /// The measured quantity.
-    seen: Seen,
+    seen: MeasuredQuantity,
 }
 
-const STEPS: usize = 5;
+const STEP_COUNT: usize = 5;
 
 /// A quantity measured in a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Seen {
+enum MeasuredQuantity {
     /// Light that the air takes, share.
     Lost,
     /// Coverage of what falls, share of the picture.
@@ -65,7 +65,7 @@ enum Seen {
     Lean,
 }
 
-impl Seen {
+impl MeasuredQuantity {
     fn label(self) -> &'static str {
         match self {
             Self::Lost => "light lost, share",
@@ -83,42 +83,43 @@ const STREAKS: &[&str] =
 
 /// The direction of the wind. It is turned from the right of the picture, so that streaks lean
 /// alike in any view.
-const TURN: &str = "wind.direction";
+const WIND_DIRECTION: &str = "wind.direction";
 
 #[rustfmt::skip]
 const CONTROLS: [Control; 9] = [
-    Control { name: "fog intensity", base: &[], key: "fog.mor", values: ["1000", "400", "150", "60", "25"], seen: Seen::Lost },
+    Control { name: "fog intensity", base: &[], key: "fog.mor", values: ["1000", "400", "150", "60", "25"], seen: MeasuredQuantity::Lost },
     Control { name: "particle opacity", base: &["rain.rate=25", "rain.exposure=0.004", "rain.size=2"], key: "rain.opacity",
-        values: ["0.5", "1", "2", "4", "8"], seen: Seen::Coverage },
+        values: ["0.5", "1", "2", "4", "8"], seen: MeasuredQuantity::Coverage },
     Control { name: "particle size", base: &["rain.rate=25", "rain.exposure=0.004", "rain.opacity=4"], key: "rain.size",
-        values: ["0.5", "1", "1.5", "2", "3"], seen: Seen::Coverage },
+        values: ["0.5", "1", "1.5", "2", "3"], seen: MeasuredQuantity::Coverage },
     Control { name: "particle density", base: &["rain.exposure=0.004", "rain.size=2", "rain.opacity=4"], key: "rain.rate",
-        values: ["2", "10", "25", "60", "120"], seen: Seen::Coverage },
-    Control { name: "snowfall", base: &[], key: "snowfall.rate", values: ["0.5", "1", "2", "4", "8"], seen: Seen::Coverage },
-    Control { name: "cover depth", base: &[], key: "snow_cover.depth", values: ["0.002", "0.006", "0.02", "0.08", "0.3"], seen: Seen::Whitened },
+        values: ["2", "10", "25", "60", "120"], seen: MeasuredQuantity::Coverage },
+    Control { name: "snowfall", base: &[], key: "snowfall.rate", values: ["0.5", "1", "2", "4", "8"], seen: MeasuredQuantity::Coverage },
+    Control { name: "cover depth", base: &[], key: "snow_cover.depth", values: ["0.002", "0.006", "0.02", "0.08", "0.3"], seen: MeasuredQuantity::Whitened },
     Control { name: "dust colour", base: &["dust_cover.depth=0.05", "haze.mor=800", "haze.airlight=#d8b888"], key: "dust_cover.color",
-        values: ["#b8b4ae", "#b8a890", "#b89c74", "#b89058", "#b8803c"], seen: Seen::Redness },
-    Control { name: "wind direction", base: STREAKS, key: TURN, values: ["180", "135", "90", "45", "0"], seen: Seen::Lean },
-    Control { name: "wind speed", base: STREAKS, key: "wind.speed", values: ["0", "2", "4", "8", "14"], seen: Seen::Lean },
+        values: ["#b8b4ae", "#b8a890", "#b89c74", "#b89058", "#b8803c"], seen: MeasuredQuantity::Redness },
+    Control { name: "wind direction", base: STREAKS, key: WIND_DIRECTION, values: ["180", "135", "90", "45", "0"], seen: MeasuredQuantity::Lean },
+    Control { name: "wind speed", base: STREAKS, key: "wind.speed", values: ["0", "2", "4", "8", "14"], seen: MeasuredQuantity::Lean },
 ];
 
 /// Width of a picture of the sheet, px.
-const WIDTH: u32 = 320;
+const PICTURE_WIDTH_PX: u32 = 320;
 /// Change of linear light that tells cover.
-const WHITENED: f64 = 0.02;
+const COVER_LIGHT_CHANGE: f64 = 0.02;
 /// Slabs of air in which a lean is measured.
-const SLABS: usize = 2;
+const LEAN_SLABS: usize = 2;
 /// Largest error of the lean against that of drops of their size in this wind, degrees: as for the
 /// streaks.
-const OFF: f64 = 1.5;
+const MAX_LEAN_ERROR_DEGREES: f64 = 1.5;
 /// Standard errors by which a step must be seen.
-const SIGNIFICANT: f64 = 3.0;
+const SIGNIFICANCE_SIGMA: f64 = 3.0;
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let [camera, _] = rig.views()?;
     let heading = LevelFrame::of(&rig.site()).heading(camera.rotation().row(0));
-    let height = (f64::from(WIDTH) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
-    let camera = camera.resized(WIDTH, height as u32);
+    let height =
+        (f64::from(PICTURE_WIDTH_PX) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
+    let camera = camera.resized(PICTURE_WIDTH_PX, height as u32);
     let bare = draw(rig, &camera, &clear(), request.time, PARTICLES)?;
     let mut finding = Finding::default();
     let mut rows: Vec<(Frame, String)> = Vec::new();
@@ -126,31 +127,31 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let (mut points, mut errors) = (Vec::new(), Vec::new());
         for (step, value) in control.values.iter().enumerate() {
             let mut weather = request.with(control.base)?;
-            let turn = if control.key == TURN { turn_of(value)? } else { 0.0 };
-            let direction = format!("{TURN}={:.0}", (heading + turn).rem_euclid(360.0));
+            let turn = if control.key == WIND_DIRECTION { turn_of(value)? } else { 0.0 };
+            let direction = format!("{WIND_DIRECTION}={:.0}", (heading + turn).rem_euclid(360.0));
             let change = match control.key {
-                TURN => direction.clone(),
+                WIND_DIRECTION => direction.clone(),
                 key => format!("{key}={value}"),
             };
-            if control.seen == Seen::Lean {
+            if control.seen == MeasuredQuantity::Lean {
                 weather.set_text(&direction)?;
             }
             weather.set_text(&change)?;
             let layers = match control.seen {
-                Seen::Lost => PARTICLES.with(Layers::TRANSMITTANCE),
+                MeasuredQuantity::Lost => PARTICLES.with(Layers::TRANSMITTANCE),
                 _ => PARTICLES,
             };
             let picture = draw(rig, &camera, &weather, request.time, layers)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
-                None => lean(rig, (&weather, request.time), heading)?,
+                None => lean(rig, &weather, request.time, heading)?,
             };
             points.push([(step + 1) as f64, value]);
             errors.push(error);
             rows.push((picture.frame, change));
         }
-        let rising = (1..STEPS).filter(|k| {
-            let chance = SIGNIFICANT * f64::hypot(errors[k - 1], errors[*k]);
+        let rising = (1..STEP_COUNT).filter(|k| {
+            let chance = SIGNIFICANCE_SIGMA * f64::hypot(errors[k - 1], errors[*k]);
             points[*k][1] - points[k - 1][1] > chance
         });
         finding.readings.push(Reading {
@@ -158,11 +159,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
                 "steps that raise the {}: {} to {}",
                 control.seen.label().split(',').next().unwrap_or_default(),
                 short(points[0][1]),
-                short(points[STEPS - 1][1])
+                short(points[STEP_COUNT - 1][1])
             ),
             setting: control.name.to_owned(),
             unit: "",
-            asked: (STEPS - 1) as f64,
+            asked: (STEP_COUNT - 1) as f64,
             measured: rising.count() as f64,
             standard_error: None,
             tolerance: Tolerance::Absolute(0.0),
@@ -176,8 +177,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
     let panels: Vec<SheetPanel<'_>> =
         rows.iter().map(|(frame, label)| SheetPanel { rgb: &frame.rgb, label }).collect();
-    let layout =
-        SheetLayout::new(PictureSize::new(camera.width, camera.height), panels.len() as u32, STEPS as u32);
+    let layout = SheetLayout::new(
+        PictureSize::new(camera.width, camera.height),
+        panels.len() as u32,
+        STEP_COUNT as u32,
+    );
     let size = layout.size();
     finding.pictures.push(MeasuredPicture {
         caption: SHEET.to_owned(),
@@ -188,12 +192,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
 }
 
 /// The caption of the sheet in a report.
-pub const SHEET: &str = "The sheet: a control a row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
+pub(crate) const SHEET: &str = "The sheet: a control a row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
                          stands there";
 
 /// Returns the angle of a wind direction's step, degrees.
 fn turn_of(value: &str) -> Result<f64> {
-    value.parse().map_err(|_| Error::Unsupported(format!("{TURN}: {value} is not a number of degrees")))
+    value
+        .parse()
+        .map_err(|_| Error::Unsupported(format!("{WIND_DIRECTION}: {value} is not a number of degrees")))
 }
 
 fn short(value: f64) -> String {
@@ -215,23 +221,26 @@ fn draw(
 
 /// The value of `seen` in a picture, compared with the same view in clear air; `None` for a lean,
 /// which is measured in the open.
-fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
+fn measured(seen: MeasuredQuantity, picture: &Picture, bare: &Picture) -> Option<f64> {
     let pixels = picture.frame.pixels();
     let light = |picture: &Picture, at: usize| -> [f64; 3] {
         std::array::from_fn(|k| srgb_decode(f64::from(picture.frame.rgb[3 * at + k])))
     };
     let change = |at: usize| mean((0..3).map(|k| (light(picture, at)[k] - light(bare, at)[k]).abs()));
     match seen {
-        Seen::Lost => Some(1.0 - mean(picture.parts.transmittance.iter().map(|v| f64::from(*v)))),
-        Seen::Coverage => {
+        MeasuredQuantity::Lost => Some(1.0 - mean(picture.parts.transmittance.iter().map(|v| f64::from(*v)))),
+        MeasuredQuantity::Coverage => {
             Some(mean(picture.frame.particles.iter().skip(3).step_by(4).map(|v| f64::from(*v))))
         }
-        Seen::Whitened => Some(mean((0..pixels).map(|at| f64::from(u8::from(change(at) > WHITENED))))),
-        Seen::Redness => {
-            let covered = (0..pixels).filter(|at| change(*at) > WHITENED).map(|at| light(picture, at));
+        MeasuredQuantity::Whitened => {
+            Some(mean((0..pixels).map(|at| f64::from(u8::from(change(at) > COVER_LIGHT_CHANGE)))))
+        }
+        MeasuredQuantity::Redness => {
+            let covered =
+                (0..pixels).filter(|at| change(*at) > COVER_LIGHT_CHANGE).map(|at| light(picture, at));
             Some(mean(covered.map(|[r, _, b]| r - b)))
         }
-        Seen::Lean => None,
+        MeasuredQuantity::Lean => None,
     }
 }
 
@@ -240,14 +249,10 @@ fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
 ///
 /// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to
 /// be seen, and says nothing of its lean.
-fn lean(
-    rig: &mut dyn InstrumentRenderer,
-    (weather, time): (&Weather, f64),
-    heading: f64,
-) -> Result<[f64; 2]> {
+fn lean(rig: &mut dyn InstrumentRenderer, weather: &Weather, time: f64, heading: f64) -> Result<[f64; 2]> {
     let look = streaks::look(weather, time)?.turned(heading);
     let mut caught = DropSample::default();
-    look.take(rig, time, SLABS, &mut caught)?;
+    look.take(rig, time, LEAN_SLABS, &mut caught)?;
     let degrees = |drop: &MeasuredDrop| drop.blob.angle.to_degrees();
     let law =
         |drop: &MeasuredDrop| f64::atan2(look.across, expected::gunn_kinzer(drop.diameter)).to_degrees();
@@ -257,5 +262,5 @@ fn lean(
     // Of a median of n that are spread as a normal distribution is.
     let spread = 1.483 * median(leans.iter().map(|lean| (lean - middle).abs()).collect());
     let error = 1.253 * spread / (leans.len() as f64).sqrt();
-    Ok(if off.abs() < OFF { [middle, error] } else { [f64::NAN; 2] })
+    Ok(if off.abs() < MAX_LEAN_ERROR_DEGREES { [middle, error] } else { [f64::NAN; 2] })
 }

@@ -7,30 +7,18 @@
 //! of the renderer.
 
 use super::blobs::{BlobSplit, ParticleBlob, blobs};
-use super::{InstrumentRenderer, LevelFrame, MeasuredPicture, PARTICLES, expected};
+use super::expected::{self, effect, falling};
+use super::{InstrumentRenderer, LevelFrame, MeasuredPicture, PARTICLES};
 use crate::Result;
 use crate::{FrameRequest, Picture};
 use std::f64::consts::PI;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
+use wm_weather::Weather;
 use wm_weather::particles::PrecipitationKind;
-use wm_weather::{Effect, Weather};
-
-/// The name of the effect of a kind.
-pub fn effect(kind: &PrecipitationKind) -> &'static str {
-    Effect::of_precipitation(kind).map_or("", |effect| effect.name)
-}
-
-/// The kinds that fall at an instant with their rates, mm/h, in the order of the effects.
-pub fn falling(weather: &Weather, time: f64) -> Vec<(&'static PrecipitationKind, f64)> {
-    let kinds = weather.effects().filter_map(|(effect, _)| effect.precipitation);
-    let rated =
-        kinds.map(|kind| (kind, expected::number(weather, time, effect(kind), "rate").unwrap_or(0.0)));
-    rated.filter(|(_, rate)| *rate > 0.0).collect()
-}
 
 /// The kind that falls at the highest rate at an instant.
-pub fn main_kind(weather: &Weather, time: f64) -> Option<&'static PrecipitationKind> {
+pub(crate) fn main_kind(weather: &Weather, time: f64) -> Option<&'static PrecipitationKind> {
     let most =
         falling(weather, time).into_iter().reduce(|most, next| if next.1 > most.1 { next } else { most });
     most.map(|(kind, _)| kind)
@@ -38,24 +26,24 @@ pub fn main_kind(weather: &Weather, time: f64) -> Option<&'static PrecipitationK
 
 /// Picture of a slab of air.
 #[derive(Clone, Copy, Debug)]
-pub struct AirSlab {
+pub(crate) struct AirSlab {
     /// Side of the picture, px.
-    pub size: u32,
+    pub(crate) size: u32,
     /// Depth of its middle and its thickness, m.
-    pub depth: f64,
-    pub thickness: f64,
+    pub(crate) depth: f64,
+    pub(crate) thickness: f64,
     /// Pixels to a metre in its middle.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// Pixels at each border in which nothing is counted: left and right, bottom.
-    pub margin: [f64; 2],
+    pub(crate) margin: [f64; 2],
     /// Time between two pictures, s.
-    pub apart: f64,
+    pub(crate) apart: f64,
     /// Faster than any falls, m/s.
-    pub fastest: f64,
+    pub(crate) fastest: f64,
     /// Every `pairs`-th picture has a second one, a moment later.
-    pub pairs: usize,
+    pub(crate) pairs: usize,
     /// The rule that divides a picture into drops.
-    pub split: BlobSplit,
+    pub(crate) split: BlobSplit,
 }
 
 impl AirSlab {
@@ -109,44 +97,44 @@ impl AirSlab {
 }
 
 /// Side of the part of a picture that is shown, px.
-const PART: u32 = 240;
+const SHOWN_SIDE_PX: u32 = 240;
 
 /// A measured drop or flake.
 #[derive(Clone, Copy, Debug)]
-pub struct MeasuredDrop {
+pub(crate) struct MeasuredDrop {
     /// The visible diameter, mm.
-    pub diameter: f64,
+    pub(crate) diameter: f64,
     /// The velocity with the wind and down, m/s; `None` if it was not found in the second picture.
-    pub velocity: Option<[f64; 2]>,
+    pub(crate) velocity: Option<[f64; 2]>,
     /// The blob in the first picture.
-    pub blob: ParticleBlob,
+    pub(crate) blob: ParticleBlob,
     /// The index of the picture.
-    pub picture: usize,
+    pub(crate) picture: usize,
 }
 
 /// The drops of several pictures.
 #[derive(Clone, Debug, Default)]
-pub struct DropSample {
-    pub drops: Vec<MeasuredDrop>,
+pub(crate) struct DropSample {
+    pub(crate) drops: Vec<MeasuredDrop>,
     /// Volume of the air, m^3.
-    pub volume: f64,
+    pub(crate) volume: f64,
     /// Number of pictures, without second ones.
-    pub pictures: usize,
+    pub(crate) pictures: usize,
     /// The last picture.
-    pub shown: Option<MeasuredPicture>,
+    pub(crate) shown: Option<MeasuredPicture>,
 }
 
 /// The weather, direction and places of pictures of a slab.
 #[derive(Clone, Debug)]
-pub struct SlabView {
-    pub slab: AirSlab,
+pub(crate) struct SlabView {
+    pub(crate) slab: AirSlab,
     weather: Weather,
     /// Factor on what a drop hides.
     opacity: f64,
     /// Direction of the right of a picture, as that of the wind, degrees.
     heading: f64,
     /// The wind along it, m/s.
-    pub across: f64,
+    pub(crate) across: f64,
     /// The first of the places to look from.
     first: usize,
 }
@@ -154,7 +142,7 @@ pub struct SlabView {
 impl SlabView {
     /// Across the wind, in a weather as it is but for gusts, other kinds that fall and the size and
     /// opacity of what falls.
-    pub fn new(
+    pub(crate) fn new(
         weather: &Weather,
         time: f64,
         kind: &PrecipitationKind,
@@ -176,18 +164,18 @@ impl SlabView {
     }
 
     /// Returns the same view with the right of the pictures along another heading.
-    pub fn turned(self, heading: f64) -> Self {
+    pub(crate) fn turned(self, heading: f64) -> Self {
         let across = self.across * (self.heading - heading).to_radians().cos();
         Self { heading, across, ..self }
     }
 
     /// Returns the same view, beginning at another place.
-    pub fn beginning_at(self, first: usize) -> Self {
+    pub(crate) fn beginning_at(self, first: usize) -> Self {
         Self { first, ..self }
     }
 
     /// Takes `pictures` more pictures, each at another place.
-    pub fn take(
+    pub(crate) fn take(
         &self,
         rig: &mut dyn InstrumentRenderer,
         time: f64,
@@ -226,7 +214,7 @@ impl SlabView {
 
     /// The middle of a picture, with faint drops to be seen.
     fn part(&self, particles: &[f32]) -> MeasuredPicture {
-        let (size, part) = (self.slab.size as usize, PART.min(self.slab.size));
+        let (size, part) = (self.slab.size as usize, SHOWN_SIDE_PX.min(self.slab.size));
         let first = (size - part as usize) / 2;
         let whole = self.opacity.min(1.0) as f32;
         let pixel = |x: usize, y: usize| {
@@ -242,12 +230,12 @@ impl SlabView {
 /// within reach in the second picture.
 fn again(slab: &AirSlab, wind: f64, blob: &ParticleBlob, second: &[ParticleBlob]) -> Option<[f64; 2]> {
     /// Largest sideways speed relative to the wind, m/s.
-    const ASIDE: f64 = 1.5;
+    const MAX_SIDE_SPEED_M_S: f64 = 1.5;
     let pixels = slab.scale * slab.apart;
     let is_it = |other: &&ParticleBlob| {
         let [dx, dy] = [0, 1].map(|k| (other.at[k] - blob.at[k]) / pixels);
         (0.0..slab.fastest).contains(&dy)
-            && (dx - wind).abs() < ASIDE + 0.3 * wind
+            && (dx - wind).abs() < MAX_SIDE_SPEED_M_S + 0.3 * wind
             && (other.cover / blob.cover - 1.0).abs() < 0.03
     };
     let mut found = second.iter().filter(is_it);

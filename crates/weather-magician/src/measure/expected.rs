@@ -1,24 +1,23 @@
 //! Expected values from a weather's parameters and published laws: implemented a second time, so
 //! that no instrument shares code with what it measures.
 
-use super::drops::falling;
 use wm_weather::particles::PrecipitationKind;
-use wm_weather::{EffectRole, ParamValue, Weather};
+use wm_weather::{Effect, EffectRole, ParamValue, Weather};
 
 /// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8).
-pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
+pub(crate) const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 /// `-ln 0.02`: the same at Koschmieder's visual range.
 const VISUAL_DEPTH: f64 = 3.912_023_005_428_146;
 /// Wavelengths of red, green and blue, nm.
 const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
 
 /// A parameter at an instant, if its effect is on and it is a number.
-pub fn number(weather: &Weather, time: f64, effect: &str, param: &str) -> Option<f64> {
+pub(crate) fn number(weather: &Weather, time: f64, effect: &str, param: &str) -> Option<f64> {
     weather.at(time).track(effect, param)?.at(time).number()
 }
 
 /// Returns true if a parameter is a word at an instant.
-pub fn says(weather: &Weather, time: f64, effect: &str, param: &str, word: &str) -> bool {
+pub(crate) fn says(weather: &Weather, time: f64, effect: &str, param: &str, word: &str) -> bool {
     let instant = weather.at(time);
     instant
         .track(effect, param)
@@ -26,29 +25,42 @@ pub fn says(weather: &Weather, time: f64, effect: &str, param: &str, word: &str)
 }
 
 /// Returns true if a flood stands over the ground at an instant.
-pub fn is_flooded(weather: &Weather, time: f64) -> bool {
+pub(crate) fn is_flooded(weather: &Weather, time: f64) -> bool {
     number(weather, time, "flood", "level").is_some_and(|level| level > 0.0)
 }
 
 /// Returns true if an effect is on.
-pub fn is_on(weather: &Weather, name: &str) -> bool {
+pub(crate) fn is_on(weather: &Weather, name: &str) -> bool {
     weather.effects().any(|(effect, _)| effect.name == name)
+}
+
+/// Returns the name of the effect of a kind of precipitation.
+pub(crate) fn effect(kind: &PrecipitationKind) -> &'static str {
+    Effect::of_precipitation(kind).map_or("", |effect| effect.name)
+}
+
+/// Returns the kinds of precipitation at an instant with their rates, mm/h, in the order of the
+/// effects.
+pub(crate) fn falling(weather: &Weather, time: f64) -> Vec<(&'static PrecipitationKind, f64)> {
+    let kinds = weather.effects().filter_map(|(effect, _)| effect.precipitation);
+    let rated = kinds.map(|kind| (kind, number(weather, time, effect(kind), "rate").unwrap_or(0.0)));
+    rated.filter(|(_, rate)| *rate > 0.0).collect()
 }
 
 /// One kind of air.
 #[derive(Clone, Copy, Debug)]
-pub struct ExpectedAir {
+pub(crate) struct ExpectedAir {
     /// Extinction at the base, 1/m.
-    pub sigma_t: [f64; 3],
+    pub(crate) sigma_t: [f64; 3],
     /// Height over which it thins to 1/e, m.
-    pub scale_height: f64,
+    pub(crate) scale_height: f64,
     /// Height above the ground at which `sigma_t` holds, m.
-    pub base_height: f64,
+    pub(crate) base_height: f64,
 }
 
 impl ExpectedAir {
-    /// Of fog, haze or smog.
-    pub fn of(weather: &Weather, time: f64, effect: &str) -> Option<Self> {
+    /// Returns the air of fog, haze or smog.
+    pub(crate) fn of(weather: &Weather, time: f64, effect: &str) -> Option<Self> {
         let number = |param: &str| number(weather, time, effect, param);
         let green = match number("visual_range") {
             Some(range) => VISUAL_DEPTH / range,
@@ -62,14 +74,14 @@ impl ExpectedAir {
         })
     }
 
-    /// Its share of [`Self::sigma_t`] at a height above the ground, m.
-    pub fn share(&self, height: f64) -> f64 {
+    /// Returns the share of [`Self::sigma_t`] at a height above the ground, m.
+    pub(crate) fn share(&self, height: f64) -> f64 {
         (-(height - self.base_height) / self.scale_height).exp()
     }
 
     /// The metres at the base that dim as much as a ray from `height` that rises by `rise` a metre:
     /// Simpson's rule.
-    pub fn length(&self, height: f64, rise: f64, metres: f64) -> f64 {
+    pub(crate) fn length(&self, height: f64, rise: f64, metres: f64) -> f64 {
         if self.scale_height.is_infinite() {
             return metres;
         }
@@ -82,14 +94,14 @@ impl ExpectedAir {
 }
 
 /// The airs that are on.
-pub fn airs(weather: &Weather, time: f64) -> Vec<ExpectedAir> {
+pub(crate) fn airs(weather: &Weather, time: f64) -> Vec<ExpectedAir> {
     let airs = weather.effects().filter(|(effect, _)| effect.role == EffectRole::Air);
     airs.filter_map(|(effect, _)| ExpectedAir::of(weather, time, effect.name)).collect()
 }
 
 /// Extinction of what falls, 1/m: by the published law of its kind, or else by the program's own
 /// sum over its particles: published laws of snow are apart by a factor of 3 and more.
-pub fn fall_extinction(weather: &Weather, time: f64) -> f64 {
+pub(crate) fn fall_extinction(weather: &Weather, time: f64) -> f64 {
     let own = |(kind, rate): (&PrecipitationKind, f64)| match FallLaw::of(kind).and_then(|law| law.extinction)
     {
         Some(extinction) => extinction(rate),
@@ -99,7 +111,7 @@ pub fn fall_extinction(weather: &Weather, time: f64) -> f64 {
 }
 
 /// Extinction of the whole air at a height above the ground, 1/m.
-pub fn extinction(weather: &Weather, time: f64, height: f64) -> [f64; 3] {
+pub(crate) fn extinction(weather: &Weather, time: f64, height: f64) -> [f64; 3] {
     let fall = fall_extinction(weather, time);
     let mut sigma = [fall; 3];
     for air in airs(weather, time) {
@@ -111,7 +123,7 @@ pub fn extinction(weather: &Weather, time: f64, height: f64) -> [f64; 3] {
 
 /// Fall speed of rain drops in still air, m/s, by diameter, mm: as Gunn and Kinzer (1949) measured
 /// it, straight between their sizes.
-pub fn gunn_kinzer(diameter: f64) -> f64 {
+pub(crate) fn gunn_kinzer(diameter: f64) -> f64 {
     const MEASURED: [[f64; 2]; 14] = [
         [0.4, 1.62],
         [0.6, 2.47],
@@ -133,22 +145,22 @@ pub fn gunn_kinzer(diameter: f64) -> f64 {
 }
 
 /// Fall speed of flakes, m/s, by their own diameter, mm: aggregates.
-pub fn flake_speed(diameter: f64) -> f64 {
+pub(crate) fn flake_speed(diameter: f64) -> f64 {
     0.8 * diameter.powf(0.16)
 }
 
 /// The published laws of a kind of precipitation, over the diameter that is seen, mm.
-pub struct FallLaw {
+pub(crate) struct FallLaw {
     /// The kind, by its name.
     kind: &'static str,
     /// The law of fall speeds in a few words, and its source.
-    pub speed_law: [&'static str; 2],
+    pub(crate) speed_law: [&'static str; 2],
     /// Fall speed in still air, m/s, by diameter.
-    pub speed: fn(f64) -> f64,
+    pub(crate) speed: fn(f64) -> f64,
     /// Water of one particle, mm^3, by diameter.
-    pub water: fn(f64) -> f64,
+    pub(crate) water: fn(f64) -> f64,
     /// Particles a m^3 that are larger than a diameter, by the rate, mm/h, and that diameter.
-    pub density: fn(f64, f64) -> f64,
+    pub(crate) density: fn(f64, f64) -> f64,
     /// Extinction, 1/m, by the rate, mm/h, where one is agreed on.
     extinction: Option<fn(f64) -> f64>,
 }
@@ -190,7 +202,7 @@ const FALL_LAWS: &[FallLaw] = &[
 
 impl FallLaw {
     /// The laws of a kind; `None` where none are typed in here.
-    pub fn of(kind: &PrecipitationKind) -> Option<&'static Self> {
+    pub(crate) fn of(kind: &PrecipitationKind) -> Option<&'static Self> {
         FALL_LAWS.iter().find(|law| law.kind == kind.name)
     }
 }
@@ -211,6 +223,6 @@ fn melted(diameter: f64) -> f64 {
 }
 
 /// Slope of the spectrum of rain, 1/mm (Marshall and Palmer 1948), by the rate, mm/h.
-pub fn rain_slope(rate: f64) -> f64 {
+pub(crate) fn rain_slope(rate: f64) -> f64 {
     4.1 * rate.powf(-0.21)
 }

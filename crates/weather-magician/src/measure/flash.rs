@@ -19,15 +19,15 @@ use super::expected;
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Tolerance, mean,
 };
 use crate::Result;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "flash",
     title: "Lightning",
     about: "A level card by night, filmed at 24 and at 60 frames a second: the light of all frames together must be the same. And \
@@ -43,29 +43,29 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Rates of frames, 1/s.
-const RATES: [f64; 2] = [24.0, 60.0];
+const FRAME_RATES_HZ: [f64; 2] = [24.0, 60.0];
 /// Flashes that a film holds in the mean, and the limits of its length, s.
-const FLASHES: f64 = 4.0;
-const SECONDS: [f64; 2] = [4.0, 40.0];
+const FLASHES_PER_FILM: f64 = 4.0;
+const FILM_SECONDS: [f64; 2] = [4.0, 40.0];
 /// Strokes that are held against the law, at most.
-const STROKES: usize = 3;
+const MAX_STROKES: usize = 3;
 /// Illuminance by the glow of the sky, lx, and the weather that has it, exposed so that flashes do
 /// not burn out.
-const GLOW: f64 = 10.0;
+const GLOW_LX: f64 = 10.0;
 const EXPOSURE: [&str; 2] = ["light.glow=10", "light.exposure=-6.5"];
 /// Exposure that holds one stroke, s.
-const ONE_STROKE: f64 = 0.038;
+const STROKE_EXPOSURE_S: f64 = 0.038;
 /// Frames that must be dark before a first stroke.
-const DARK: usize = 6;
+const DARK_FRAMES: usize = 6;
 /// Light of a stroke on level ground at 1 km, lx s, and the height that it comes from, m.
-const LAW: f64 = 5.0;
-const HEIGHT: f64 = 2_000.0;
+const STROKE_LX_S: f64 = 5.0;
+const STROKE_HEIGHT_M: f64 = 2_000.0;
 /// Reflectance of the card, and its height, m.
-const CARD: f64 = 0.25;
-const CARD_AT: f64 = 0.05;
+const CARD_REFLECTANCE: f64 = 0.25;
+const CARD_HEIGHT_M: f64 = 0.05;
 /// Side of the pictures of the card and of the sky, px.
-const SIDE: u32 = 16;
-const SKY: u32 = 64;
+const CARD_SIDE_PX: u32 = 16;
+const SKY_SIDE_PX: u32 = 64;
 
 /// A film of the card.
 struct Film<'a> {
@@ -80,15 +80,15 @@ impl Film<'_> {
     /// Mean light of the card's picture, linear.
     fn light(&self, rig: &mut dyn InstrumentRenderer, weather: &Weather, time: f64) -> Result<f64> {
         let picture = LightPicture::of(rig, self.subject, &self.camera, weather, time)?;
-        let middle = 0.5 * f64::from(SIDE);
-        Ok(picture.patch((middle, middle), 4))
+        let middle = 0.5 * f64::from(CARD_SIDE_PX);
+        Ok(picture.patch(middle, middle, 4))
     }
 
     /// Illuminance by lightning of an exposure from `time` on, lx, in the mean over it.
     fn lux(&self, rig: &mut dyn InstrumentRenderer, time: f64, exposure: f64) -> Result<f64> {
         let mut weather = self.weather.clone();
         weather.set_text(&format!("lightning.exposure={exposure}"))?;
-        Ok(GLOW * (self.light(rig, &weather, time)? / self.dark - 1.0))
+        Ok(GLOW_LX * (self.light(rig, &weather, time)? / self.dark - 1.0))
     }
 }
 
@@ -104,56 +104,62 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let (weather, calm) = (storm(&[])?, storm(&["lightning=off"])?);
     let mut card = Splats::default();
     let halves = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
-    paint_card(&level, ([0.0, 0.0, CARD_AT], halves), 0.2, overcast_card(CARD, 0.0), &mut card);
+    paint_card(
+        &level,
+        [0.0, 0.0, CARD_HEIGHT_M],
+        halves,
+        0.2,
+        overcast_card(CARD_REFLECTANCE, 0.0),
+        &mut card,
+    );
     let subject = rig.set_up_lit(card, Vec::new())?;
-    let camera = level.camera((SIDE, SIDE), 10.0, [0.0, 0.0, 4.0], [0.0, 0.0, CARD_AT])?;
+    let camera =
+        level.camera((CARD_SIDE_PX, CARD_SIDE_PX), 10.0, [0.0, 0.0, 4.0], [0.0, 0.0, CARD_HEIGHT_M])?;
     let mut film = Film { subject, camera, dark: 1.0, weather: &weather };
     film.dark = film.light(rig, &calm, request.time)?;
 
-    let seconds = (60.0 * FLASHES / rate).clamp(SECONDS[0], SECONDS[1]).round();
+    let seconds = (60.0 * FLASHES_PER_FILM / rate).clamp(FILM_SECONDS[0], FILM_SECONDS[1]).round();
     let mut films: [Vec<f64>; 2] = Default::default();
-    for (frames, rate) in films.iter_mut().zip(RATES) {
+    for (frames, rate) in films.iter_mut().zip(FRAME_RATES_HZ) {
         for frame in 0..(seconds * rate) as u32 {
             let time = request.time + f64::from(frame) / rate;
             frames.push(film.lux(rig, time, 1.0 / rate)?);
         }
     }
-    let sums = [0, 1].map(|k: usize| films[k].iter().sum::<f64>() / RATES[k]);
+    let sums = [0, 1].map(|k: usize| films[k].iter().sum::<f64>() / FRAME_RATES_HZ[k]);
     let mut finding = Finding::default();
-    finding.readings.push(Reading {
-        quantity: format!("light of {seconds:.0} s at 24 frames a second, by that at 60"),
-        setting: request.setting.to_owned(),
-        unit: "lx s",
-        asked: sums[1],
-        measured: if sums[1] > 0.01 { sums[0] } else { f64::NAN },
-        standard_error: None,
-        tolerance: Tolerance::Relative(0.01),
-    });
+    finding.readings.push(request.reading(
+        format!("light of {seconds:.0} s at 24 frames a second, by that at 60"),
+        "lx s",
+        [sums[1], if sums[1] > 0.01 { sums[0] } else { f64::NAN }],
+        Tolerance::Relative(0.01),
+    ));
     let fast = &films[1];
     let is_lit = |frame: usize| fast[frame] > 0.02;
-    let begins = (DARK..fast.len()).filter(|at| is_lit(*at) && !(at - DARK..*at).any(is_lit));
-    for (number, frame) in begins.take(STROKES).enumerate() {
-        let time = request.time + frame as f64 / RATES[1];
-        let measured = ONE_STROKE * film.lux(rig, time, ONE_STROKE)?;
+    let begins = (DARK_FRAMES..fast.len()).filter(|at| is_lit(*at) && !(at - DARK_FRAMES..*at).any(is_lit));
+    for (number, frame) in begins.take(MAX_STROKES).enumerate() {
+        let time = request.time + frame as f64 / FRAME_RATES_HZ[1];
+        let measured = STROKE_EXPOSURE_S * film.lux(rig, time, STROKE_EXPOSURE_S)?;
         let mut lit = weather.clone();
-        lit.set_text(&format!("lightning.exposure={ONE_STROKE}"))?;
-        let (sin, picture) = brightest(rig, &level, subject, [&lit, &calm], time)?;
-        finding.readings.push(Reading {
-            quantity: format!("stroke {} at {:.1} km", number + 1, 1e-3 * HEIGHT / sin),
-            setting: request.setting.to_owned(),
-            unit: "lx s",
-            asked: LAW * (1_000.0 * sin / HEIGHT).powi(2),
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        lit.set_text(&format!("lightning.exposure={STROKE_EXPOSURE_S}"))?;
+        let (sin, picture) = brightest(rig, &level, subject, &lit, &calm, time)?;
+        finding.readings.push(request.reading(
+            format!("stroke {} at {:.1} km", number + 1, 1e-3 * STROKE_HEIGHT_M / sin),
+            "lx s",
+            [STROKE_LX_S * (1_000.0 * sin / STROKE_HEIGHT_M).powi(2), measured],
+            Tolerance::Relative(0.03),
+        ));
         if number == 0 {
             let caption = format!("{}: the sky of a stroke about its brightest", request.setting);
             finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));
         }
     }
     let curve = |k: usize| {
-        films[k].iter().enumerate().map(|(frame, lux)| [(frame as f64 + 0.5) / RATES[k], *lux]).collect()
+        films[k]
+            .iter()
+            .enumerate()
+            .map(|(frame, lux)| [(frame as f64 + 0.5) / FRAME_RATES_HZ[k], *lux])
+            .collect()
     };
     finding.plots.push(Plot {
         title: format!("Light of lightning, {}", request.setting),
@@ -173,14 +179,15 @@ fn brightest(
     rig: &mut dyn InstrumentRenderer,
     level: &LevelFrame,
     subject: ShotSubject,
-    [weather, calm]: [&Weather; 2],
+    weather: &Weather,
+    calm: &Weather,
     time: f64,
 ) -> Result<(f64, LightPicture)> {
     // High above the card; the card is below what is looked at.
     let eye = [0.0, 0.0, 30.0];
     let towards = |rig: &mut dyn InstrumentRenderer, fov: f64, direction: [f64; 3]| -> Result<_> {
         let target = std::array::from_fn(|k| eye[k] + direction[k]);
-        let camera = level.camera((SKY, SKY), fov, eye, target)?;
+        let camera = level.camera((SKY_SIDE_PX, SKY_SIDE_PX), fov, eye, target)?;
         let mut picture = LightPicture::of(rig, subject, &camera, weather, time)?;
         // Without the light that the sky has anyway.
         let dark = LightPicture::of(rig, subject, &camera, calm, time)?;
@@ -191,8 +198,8 @@ fn brightest(
     for turn in 0..6 {
         let (sin, cos) = (f64::from(turn) * std::f64::consts::PI / 3.0).sin_cos();
         let (camera, picture) = towards(rig, 80.0, [sin, cos, 0.8])?;
-        for at in 0..(SKY * SKY) as usize {
-            let (x, y) = (at % SKY as usize, at / SKY as usize);
+        for at in 0..(SKY_SIDE_PX * SKY_SIDE_PX) as usize {
+            let (x, y) = (at % SKY_SIDE_PX as usize, at / SKY_SIDE_PX as usize);
             if picture.light(x, y) > best.0 {
                 let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
                 best = (picture.light(x, y), level.axes.map(|axis| axis.dot(ray)));

@@ -11,8 +11,7 @@
 use super::lit::LightPicture;
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
 use crate::Result;
 use wm_scene::Splats;
@@ -20,7 +19,7 @@ use wm_scene::card::Card;
 use wm_scene::color::srgb_encode;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "fresnel",
     title: "Fresnel board",
     about: "Black water before a board of half of white that fills all it mirrors: the light of the water over that of the board, \
@@ -31,18 +30,18 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Elevations, degrees.
-const ELEVATIONS: [f64; 6] = [5.0, 10.0, 20.0, 30.0, 45.0, 60.0];
+const ELEVATIONS_DEGREES: [f64; 6] = [5.0, 10.0, 20.0, 30.0, 45.0, 60.0];
 /// Light of the board.
-const BOARD: f64 = 0.5;
+const BOARD_LIGHT: f64 = 0.5;
 /// From the eye to the water and from there to the board, m.
-const AWAY: [f64; 2] = [8.0, 6.0];
+const DISTANCES_M: [f64; 2] = [8.0, 6.0];
 /// Side of the pictures and of the patch in their middle that is read, px; their field of view,
 /// degrees.
-pub(super) const SIDE: u32 = 64;
-const PATCH: usize = 8;
-const FIELD: f64 = 4.0;
+pub(super) const PICTURE_SIDE_PX: u32 = 64;
+const PATCH_HALF_SIDE_PX: usize = 8;
+const FIELD_OF_VIEW_DEGREES: f64 = 4.0;
 /// A refractive index.
-const INDEX: f64 = 1.333;
+const WATER_INDEX: f64 = 1.333;
 
 /// The weather with still and black water alone.
 pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm_weather::Weather> {
@@ -59,7 +58,7 @@ pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm
 /// The share that is reflected of light that meets water at an elevation, radians.
 fn reflectance(elevation: f64) -> f64 {
     let outside = std::f64::consts::FRAC_PI_2 - elevation;
-    let inside = (outside.sin() / INDEX).asin();
+    let inside = (outside.sin() / WATER_INDEX).asin();
     let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
     let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
     0.5 * (across + along)
@@ -71,32 +70,34 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let weather = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
     let mut finding = Finding::default();
     let mut points = Vec::new();
-    for degrees in ELEVATIONS {
+    for degrees in ELEVATIONS_DEGREES {
         let (sin, cos) = degrees.to_radians().sin_cos();
-        let eye = [-AWAY[0] * cos, 0.0, height + AWAY[0] * sin];
-        let camera = level.camera((SIDE, SIDE), FIELD, eye, [0.0, 0.0, height])?;
-        let center = level.point([AWAY[1] * cos, 0.0, height + AWAY[1] * sin]);
+        let eye = [-DISTANCES_M[0] * cos, 0.0, height + DISTANCES_M[0] * sin];
+        let camera = level.camera(
+            (PICTURE_SIDE_PX, PICTURE_SIDE_PX),
+            FIELD_OF_VIEW_DEGREES,
+            eye,
+            [0.0, 0.0, height],
+        )?;
+        let center = level.point([DISTANCES_M[1] * cos, 0.0, height + DISTANCES_M[1] * sin]);
         let half = level.units(0.9);
         let up = level.vector([-sin, 0.0, cos]);
         let card = Card { center, u: level.vector([0.0, 1.0, 0.0]) * half, v: up * half };
         let mut splats = Splats::default();
-        card.paint(&mut splats, (24, 24), [srgb_encode(BOARD) as f32; 3]);
+        card.paint(&mut splats, (24, 24), [srgb_encode(BOARD_LIGHT) as f32; 3]);
         let subject = rig.set_up(splats)?;
         let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
-        let middle = 0.5 * f64::from(SIDE);
-        let measured = picture.patch((middle, middle), PATCH) / BOARD;
+        let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
+        let measured = picture.patch(middle, middle, PATCH_HALF_SIDE_PX) / BOARD_LIGHT;
         let asked = reflectance(degrees.to_radians());
-        finding.readings.push(Reading {
-            quantity: format!("reflectance of water at {degrees} degrees"),
-            setting: request.setting.to_owned(),
-            unit: "",
-            asked,
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.03),
-        });
+        finding.readings.push(request.reading(
+            format!("reflectance of water at {degrees} degrees"),
+            "",
+            [asked, measured],
+            Tolerance::Relative(0.03),
+        ));
         points.push([degrees, measured]);
-        if degrees == ELEVATIONS[1] {
+        if degrees == ELEVATIONS_DEGREES[1] {
             let caption = format!("{}: water that mirrors a board, at {degrees} degrees", request.setting);
             finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));
         }

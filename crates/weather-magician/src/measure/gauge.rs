@@ -17,8 +17,8 @@
 //! measurements.
 
 use super::blobs::BlobSplit;
-use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView, effect, falling};
-use super::expected::FallLaw;
+use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView};
+use super::expected::{FallLaw, effect, falling};
 use super::plot::{Axis, Plot, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, MeasureRequest, Reading, Tolerance, expected, mean, median,
@@ -28,7 +28,7 @@ use std::ops::Range;
 use wm_weather::particles::{ParticleShape, PrecipitationKind, RAIN};
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "gauge",
     title: "Rain gauge and disdrometer",
     about: "A probe camera looks through slabs of air of known volume, 10 m away, with a shutter of 10 us: through a close lens at what is \
@@ -57,25 +57,25 @@ const SWEEP: &[&[&str]] = &[
 ];
 
 /// Standard error of a rate at which pictures are enough, as a share.
-const ENOUGH: f64 = 0.012;
+const TARGET_STANDARD_ERROR: f64 = 0.012;
 /// Pictures that a lens takes at once, and most of both.
-const ROUND: usize = 9;
-const MOST: usize = 300;
+const PICTURES_PER_ROUND: usize = 9;
+const MAX_PICTURES: usize = 300;
 /// Drops in front of a pixel of board, so that few touch.
-const CROWD: f64 = 9e-4;
+const DROPS_PER_PIXEL: f64 = 9e-4;
 /// Opacity of flakes in the pictures.
-const THIN: f64 = 0.01;
+const FLAKE_OPACITY: f64 = 0.01;
 /// Least diameters of the two lenses, mm: drops are drawn whole (0.3 px and more), and flakes by
 /// themselves in the wide lens (1.25 px).
-const SMALLEST: f64 = 0.5;
-const SNOW: [f64; 2] = [0.25, 5.0];
+const MIN_DROP_MM: f64 = 0.5;
+const MIN_FLAKE_MM: [f64; 2] = [0.25, 5.0];
 /// Faster than any drop falls, m/s.
-const FASTEST: f64 = 12.0;
+const MAX_FALL_SPEED_M_S: f64 = 12.0;
 /// Diameter from which the close lens sees flakes by themselves, mm: fewer stand for all that are
 /// smaller.
-const SINGLE: f64 = 2.5;
+const MIN_SINGLE_FLAKE_MM: f64 = 2.5;
 /// Index of the first place of the wide lens.
-const FAR: usize = 8 * 64;
+const WIDE_LENS_FIRST_PLACE: usize = 8 * 64;
 /// The fields that all slabs share.
 const SLAB: AirSlab = AirSlab {
     size: 960,
@@ -113,14 +113,14 @@ impl Lens {
                 // Of what is larger than drops the whole slab is as much larger: the smallest are
                 // 0.375 px wide.
                 let least = kind.seen(kind.diameters[0]);
-                let larger = least / SMALLEST;
-                let fastest = FASTEST.max(1.1 * (law.speed)(kind.seen(kind.diameters[1])));
+                let larger = least / MIN_DROP_MM;
+                let fastest = MAX_FALL_SPEED_M_S.max(1.1 * (law.speed)(kind.seen(kind.diameters[1])));
                 let slab = AirSlab {
                     scale: 750.0 / larger,
                     depth: SLAB.depth * larger,
                     thickness: larger,
                     margin: [12.0 + 2.0 * wind, 30.0],
-                    apart: 0.002 * (larger * FASTEST / fastest),
+                    apart: 0.002 * (larger * MAX_FALL_SPEED_M_S / fastest),
                     fastest,
                     ..SLAB
                 };
@@ -129,8 +129,8 @@ impl Lens {
             ParticleShape::Flake => {
                 let margin = [24.0 + 8.0 * wind, 40.0];
                 (
-                    THIN,
-                    SNOW,
+                    FLAKE_OPACITY,
+                    MIN_FLAKE_MM,
                     AirSlab { scale: 600.0, thickness: 0.6, margin, apart: 0.01, fastest: 3.0, ..SLAB },
                 )
             }
@@ -138,18 +138,18 @@ impl Lens {
         let lens = |least: f64, diameters: Range<f64>, wider: f64, first: usize| -> Result<Self> {
             let scale = close.scale / wider;
             // Those that are a little smaller are there, too, drawn in part.
-            let most = CROWD * scale * scale / (law.density)(rate, 0.85 * least);
+            let most = DROPS_PER_PIXEL * scale * scale / (law.density)(rate, 0.85 * least);
             let thickness = most.clamp(0.1, close.thickness);
             // Between two pictures drops go the same way in pixels.
             let slab = AirSlab { scale, thickness, apart: close.apart * wider, ..close };
             let look = SlabView::new(&weather, request.time, kind, slab, opacity)?.beginning_at(first);
             Ok(Self { look, diameters, caught: DropSample::default() })
         };
-        Ok([lens(least, 0.0..large, 1.0, 0)?, lens(large, large..f64::INFINITY, 2.0, FAR)?])
+        Ok([lens(least, 0.0..large, 1.0, 0)?, lens(large, large..f64::INFINITY, 2.0, WIDE_LENS_FIRST_PLACE)?])
     }
 
     fn take(&mut self, rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<()> {
-        self.look.take(rig, request.time, ROUND, &mut self.caught)
+        self.look.take(rig, request.time, PICTURES_PER_ROUND, &mut self.caught)
     }
 
     fn drops(&self) -> impl Iterator<Item = &MeasuredDrop> {
@@ -194,7 +194,7 @@ fn look(
         let fluxes = lenses.each_ref().map(|lens| lens.flux(law));
         let [rate, variance] = [0, 1].map(|k| fluxes[0][k] + fluxes[1][k]);
         let pictures = lenses.each_ref().map(|lens| lens.caught.pictures);
-        if variance.sqrt() <= ENOUGH * rate || pictures[0] + pictures[1] >= MOST {
+        if variance.sqrt() <= TARGET_STANDARD_ERROR * rate || pictures[0] + pictures[1] >= MAX_PICTURES {
             return Ok([rate, variance.sqrt()]);
         }
         // What another picture would take of the variance.
@@ -242,12 +242,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     Ok(finding)
 }
 
-/// By how much drops above [`LEAST`] are wider than that in the mean, mm.
+/// By how much drops above [`MIN_SPEED_DROP_MM`] are wider than that in the mean, mm.
 fn beyond(lenses: &[Lens; 2]) -> f64 {
     let mut sums = [0.0; 2];
     for lens in lenses {
-        for drop in lens.drops().filter(|drop| drop.diameter > LEAST) {
-            sums[0] += (drop.diameter - LEAST) / lens.caught.volume;
+        for drop in lens.drops().filter(|drop| drop.diameter > MIN_SPEED_DROP_MM) {
+            sums[0] += (drop.diameter - MIN_SPEED_DROP_MM) / lens.caught.volume;
             sums[1] += 1.0 / lens.caught.volume;
         }
     }
@@ -255,13 +255,13 @@ fn beyond(lenses: &[Lens; 2]) -> f64 {
 }
 
 /// Drops that sizes are told from, mm, and the width of a class of speeds.
-const LEAST: f64 = 0.7;
-const CLASS: f64 = 0.25;
+const MIN_SPEED_DROP_MM: f64 = 0.7;
+const SPEED_CLASS_WIDTH: f64 = 0.25;
 /// Drops that make a class.
-const MEMBERS: usize = 40;
+const MIN_CLASS_DROPS: usize = 40;
 /// Farther than this from the median of its class a speed is that of two drops taken for one, as a
 /// share.
-const STRAY: f64 = 0.4;
+const MAX_SPEED_DEVIATION: f64 = 0.4;
 
 /// Classes of diameter that have enough members: mean diameter, mm, mean speed, m/s, and that over
 /// the mean by the law.
@@ -270,9 +270,9 @@ fn classes(kind: &PrecipitationKind, law: &FallLaw, lenses: &[Lens; 2]) -> Vec<[
     let (first, width) = match kind.shape {
         ParticleShape::Ball => {
             let least = kind.seen(kind.diameters[0]);
-            (least, CLASS * least / SMALLEST)
+            (least, SPEED_CLASS_WIDTH * least / MIN_DROP_MM)
         }
-        ParticleShape::Flake => (SINGLE, CLASS),
+        ParticleShape::Flake => (MIN_SINGLE_FLAKE_MM, SPEED_CLASS_WIDTH),
     };
     let mut classes: Vec<Vec<[f64; 2]>> = vec![Vec::new(); 48];
     for MeasuredDrop { diameter, velocity, .. } in lenses.iter().flat_map(Lens::drops) {
@@ -283,9 +283,9 @@ fn classes(kind: &PrecipitationKind, law: &FallLaw, lenses: &[Lens; 2]) -> Vec<[
     }
     for class in &mut classes {
         let middle = median(class.iter().map(|p| p[1]).collect());
-        class.retain(|p| (p[1] / middle - 1.0).abs() < STRAY);
+        class.retain(|p| (p[1] / middle - 1.0).abs() < MAX_SPEED_DEVIATION);
     }
-    let full = classes.iter().filter(|class| class.len() >= MEMBERS);
+    let full = classes.iter().filter(|class| class.len() >= MIN_CLASS_DROPS);
     let means = full.map(|class| {
         let of = |value: &dyn Fn(&[f64; 2]) -> f64| mean(class.iter().map(value));
         [of(&|p| p[0]), of(&|p| p[1]), of(&|p| p[1]) / of(&|p| (law.speed)(p[0]))]
@@ -318,13 +318,13 @@ fn sizes(request: &MeasureRequest<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
     let mut numbers = [(0usize, 0.0); 24];
     for lens in lenses {
         for drop in lens.drops() {
-            let class = (((drop.diameter - 0.5) / CLASS).floor().max(0.0) as usize).min(23);
+            let class = (((drop.diameter - 0.5) / SPEED_CLASS_WIDTH).floor().max(0.0) as usize).min(23);
             numbers[class].0 += 1;
-            numbers[class].1 += 1.0 / lens.caught.volume / CLASS;
+            numbers[class].1 += 1.0 / lens.caught.volume / SPEED_CLASS_WIDTH;
         }
     }
     let full = numbers.iter().enumerate().filter(|(_, (count, _))| *count > 3);
-    let numbers = full.map(|(k, (_, number))| [0.5 + CLASS * (k as f64 + 0.5), *number]);
+    let numbers = full.map(|(k, (_, number))| [0.5 + SPEED_CLASS_WIDTH * (k as f64 + 0.5), *number]);
     let spectrum = curve(6.0, |d| 8000.0 * (-slope * d).exp()).into_iter().filter(|p| p[1] > 0.05);
     Plot {
         title: format!("Sizes, {}", request.setting),

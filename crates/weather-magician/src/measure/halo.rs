@@ -17,21 +17,21 @@ use super::expected;
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance,
 };
 use crate::Result;
 use std::f64::consts::PI;
 use wm_scene::{Camera, Lamp, Splats};
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "halo",
     title: "Light around a lamp",
     about: "A lamp by night, 25 m off. The light in the air beside it at several distances, over the lamp's light on a card \
             below it in clear air, against the integral of what fog scatters once, with the forward peak of its droplets left in the beam.",
     applies: |weather, time| {
         let airs = expected::airs(weather, time);
-        airs.iter().any(|air| LEAST * air.share(HEIGHT) * air.sigma_t[1] > 1.0)
+        airs.iter().any(|air| MIN_MEAN_FREE_PATH_M * air.share(LAMP_HEIGHT_M) * air.sigma_t[1] > 1.0)
             && airs.iter().all(|air| air.scale_height.is_infinite())
     },
     read,
@@ -39,31 +39,31 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Air in which a lamp has no halo to speak of: 1 over its extinction, m.
-const LEAST: f64 = 500.0;
+const MIN_MEAN_FREE_PATH_M: f64 = 500.0;
 /// Height of lamp and camera, m: so low that no ground under the lamp returns its light.
-const HEIGHT: f64 = 0.9;
+const LAMP_HEIGHT_M: f64 = 0.9;
 /// Distance of the lamp, m, and of the card below it.
-const AWAY: f64 = 25.0;
-const BELOW: f64 = 3.0;
+const LAMP_DISTANCE_M: f64 = 25.0;
+const CARD_DISTANCE_M: f64 = 3.0;
 /// Flux, lm, and radius, m.
-const LUMENS: f64 = 5_000.0;
-const RADIUS: f64 = 0.1;
+const LAMP_FLUX_LM: f64 = 5_000.0;
+const LAMP_RADIUS_M: f64 = 0.1;
 /// The picture, px and degrees, and the distances from the lamp in it at which its light is
 /// measured, px.
 const SIZE: (u32, u32) = (480, 240);
 const FOV: f64 = 20.0;
-const RINGS: [f64; 7] = [12.0, 17.0, 24.0, 40.0, 70.0, 120.0, 200.0];
+const RING_RADII_PX: [f64; 7] = [12.0, 17.0, 24.0, 40.0, 70.0, 120.0, 200.0];
 /// Reflectance of the card.
-const CARD: f64 = 0.2;
+const CARD_REFLECTANCE: f64 = 0.2;
 /// Asymmetry of fog's droplets.
-const FOG: f64 = 0.85;
+const FOG_ASYMMETRY: f64 = 0.85;
 /// Intervals of the integral.
-const INTERVALS: usize = 2_000;
+const INTEGRAL_STEPS: usize = 2_000;
 
 /// Radiance at the angle `turn` beside a lamp at the distance `away` (m), over its intensity,
 /// 1/m^2, in even air of extinction `sigma`, 1/m.
 fn scattered_once(turn: f64, away: f64, sigma: f64) -> f64 {
-    let (sigma, g) = (sigma * (1.0 - FOG * FOG), FOG / (1.0 + FOG));
+    let (sigma, g) = (sigma * (1.0 - FOG_ASYMMETRY * FOG_ASYMMETRY), FOG_ASYMMETRY / (1.0 + FOG_ASYMMETRY));
     let (abreast, h) = (away * turn.cos(), away * turn.sin());
     let phase = |cos: f64| (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * cos).powf(1.5));
     // t = abreast + h tan(phi): dt / r^2 = dphi / h.
@@ -73,13 +73,13 @@ fn scattered_once(turn: f64, away: f64, sigma: f64) -> f64 {
         phase(-sin) * (-sigma * (t + r)).exp()
     };
     let (from, to) = (-(abreast / h).atan(), 0.5 * PI - 1e-9);
-    let step = (to - from) / INTERVALS as f64;
+    let step = (to - from) / INTEGRAL_STEPS as f64;
     let weight = |i: usize| match i {
-        0 | INTERVALS => 1.0,
+        0 | INTEGRAL_STEPS => 1.0,
         i if i % 2 == 1 => 4.0,
         _ => 2.0,
     };
-    let sum: f64 = (0..=INTERVALS).map(|i| weight(i) * at(from + step * i as f64)).sum();
+    let sum: f64 = (0..=INTEGRAL_STEPS).map(|i| weight(i) * at(from + step * i as f64)).sum();
     sigma / h * sum * step / 3.0
 }
 
@@ -93,7 +93,7 @@ fn on_ring(picture: &LightPicture, camera: &Camera, ring: f64, sigma: f64) -> [f
             let [x, y] = [camera.cx + side * ring * cos, camera.cy + ring * sin].map(f64::floor);
             let ray = camera.ray(x + 0.5, y + 0.5);
             seen += picture.light(x as usize, y as usize);
-            law += scattered_once(ray.angle_between(camera.forward()), AWAY, sigma);
+            law += scattered_once(ray.angle_between(camera.forward()), LAMP_DISTANCE_M, sigma);
             count += 1.0;
         }
     }
@@ -107,43 +107,45 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     NIGHT.iter().chain(&exposure).try_for_each(|change| weather.set_text(change))?;
     let mut without_air = weather.clone();
     ["fog=off", "haze=off", "smog=off"].iter().try_for_each(|change| without_air.set_text(change))?;
-    let sigma = expected::extinction(&weather, request.time, HEIGHT)[1];
-    let at = [0.0, AWAY, HEIGHT];
-    let lamp =
-        Lamp { lumens: LUMENS, radius: RADIUS, kelvin: 4_000.0, ..Lamp::new(level.point(at).to_array()) };
+    let sigma = expected::extinction(&weather, request.time, LAMP_HEIGHT_M)[1];
+    let at = [0.0, LAMP_DISTANCE_M, LAMP_HEIGHT_M];
+    let lamp = Lamp {
+        lumens: LAMP_FLUX_LM,
+        radius: LAMP_RADIUS_M,
+        kelvin: 4_000.0,
+        ..Lamp::new(level.point(at).to_array())
+    };
     let mut card = Splats::default();
-    let middle = [at[0], at[1], HEIGHT - BELOW];
+    let middle = [at[0], at[1], LAMP_HEIGHT_M - CARD_DISTANCE_M];
     let halves = [[0.5, 0.0, 0.0], [0.0, 0.5, 0.0]];
-    paint_card(&level, (middle, halves), 0.05, overcast_card(CARD, 0.0), &mut card);
+    paint_card(&level, middle, halves, 0.05, overcast_card(CARD_REFLECTANCE, 0.0), &mut card);
     let subject = rig.set_up_lit(card, vec![lamp])?;
 
-    let above = level.camera((33, 33), 8.0, [at[0], at[1], HEIGHT - 0.5], middle)?;
+    let above = level.camera((33, 33), 8.0, [at[0], at[1], LAMP_HEIGHT_M - 0.5], middle)?;
     let lit = LightPicture::of(rig, subject, &above, &without_air, request.time)?;
     // The irradiance in the picture's unit, of a white card, is `pi` times the radiance of one of
     // it.
-    let intensity = lit.patch((16.5, 16.5), 3) / CARD * (BELOW * BELOW + RADIUS * RADIUS);
-    let camera = level.camera(SIZE, FOV, [0.0, 0.0, HEIGHT], at)?;
+    let intensity = lit.patch(16.5, 16.5, 3) / CARD_REFLECTANCE
+        * (CARD_DISTANCE_M * CARD_DISTANCE_M + LAMP_RADIUS_M * LAMP_RADIUS_M);
+    let camera = level.camera(SIZE, FOV, [0.0, 0.0, LAMP_HEIGHT_M], at)?;
     let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
-    let is_burned = lit.patch((16.5, 16.5), 3) > 0.95;
+    let is_burned = lit.patch(16.5, 16.5, 3) > 0.95;
 
     let mut finding = Finding::default();
     let (mut seen, mut law) = (Vec::new(), Vec::new());
-    for ring in RINGS {
+    for ring in RING_RADII_PX {
         let [measured, asked] = on_ring(&picture, &camera, ring, sigma);
         // Radiance is shown as pi times itself.
         let measured = measured / (PI * intensity);
-        let metres = AWAY * (ring / camera.fx);
+        let metres = LAMP_DISTANCE_M * (ring / camera.fx);
         seen.push([metres, measured]);
         law.push([metres, asked]);
-        finding.readings.push(Reading {
-            quantity: format!("light {ring:.0} px from the lamp, over its intensity"),
-            setting: request.setting.to_owned(),
-            unit: "1/m\u{b2}",
-            asked,
-            measured: if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured },
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.05),
-        });
+        finding.readings.push(request.reading(
+            format!("light {ring:.0} px from the lamp, over its intensity"),
+            "1/m\u{b2}",
+            [asked, if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured }],
+            Tolerance::Relative(0.05),
+        ));
     }
     finding.plots.push(Plot {
         title: format!("Light around a lamp, {}", request.setting),
@@ -152,7 +154,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         series: vec![Series::line("scattered once", law), Series::points("seen", seen)],
     });
     finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the lamp, {AWAY} m off", request.setting),
+        format!("{}: the lamp, {LAMP_DISTANCE_M} m off", request.setting),
         &picture.picture.frame,
     ));
     Ok(finding)

@@ -11,26 +11,26 @@ use crate::{CameraMotion, Error, Result};
 use wm_weather::Weather;
 
 /// Height of the lidar over the ground, m.
-pub const EYE: f64 = 1.8;
+pub(crate) const EYE_HEIGHT_M: f64 = 1.8;
 /// Range at which a surface of 10 % is detected in half of the pulses, m.
-pub const REFERENCE: f64 = 120.0;
+pub(crate) const REFERENCE_RANGE_M: f64 = 120.0;
 /// Reflectance of that surface.
-pub const TARGET: f64 = 0.1;
+pub(crate) const REFERENCE_REFLECTANCE: f64 = 0.1;
 /// Full divergence of the beam, rad, and half of the length of a pulse of 5 ns, m.
-pub const DIVERGENCE: f64 = 3e-3;
-pub const BIN: f64 = 0.5 * 299_792_458.0 * 5e-9;
+pub(crate) const DIVERGENCE_RAD: f64 = 3e-3;
+pub(crate) const PULSE_HALF_LENGTH_M: f64 = 0.5 * 299_792_458.0 * 5e-9;
 /// Range noise of strong echoes, m.
-pub const NOISE: f64 = 0.02;
+pub(crate) const RANGE_NOISE_M: f64 = 0.02;
 /// Standard deviation of the receiver's noise, of the least power that is detected.
-pub const RECEIVER: f64 = 0.2;
+pub(crate) const RECEIVER_NOISE: f64 = 0.2;
 /// Least range, m.
-pub const NEAREST: f64 = 0.5;
+pub(crate) const MIN_RANGE_M: f64 = 0.5;
 /// Ranges between which the receiver begins to see the beam, m.
-pub const OVERLAP: [f64; 2] = [0.9, 1.0];
+pub(crate) const OVERLAP_RANGES_M: [f64; 2] = [0.9, 1.0];
 /// Extinction at 905 nm over that of green light (Mie theory).
-const INFRARED: [(&str, f64); 3] = [("fog", 1.02), ("haze", 0.523), ("smog", 0.61)];
+const INFRARED_EXTINCTION_RATIOS: [(&str, f64); 3] = [("fog", 1.02), ("haze", 0.523), ("smog", 0.61)];
 /// Changes that take away all but the air and what falls.
-pub const AIR_ALONE: [&str; 9] = [
+pub(crate) const AIR_ALONE: [&str; 9] = [
     "snow_cover=off",
     "dust_cover=off",
     "wetness=off",
@@ -42,21 +42,27 @@ pub const AIR_ALONE: [&str; 9] = [
     "lens=off",
 ];
 
-/// A lidar of so many columns and rows within angles, degrees, and with [`OVERLAP`].
-pub fn model(columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) -> Result<LidarModel> {
-    let text = text(OVERLAP, columns, azimuths, rows, elevations);
+/// A lidar of so many columns and rows within angles, degrees, and with [`OVERLAP_RANGES_M`].
+pub(crate) fn model(columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) -> Result<LidarModel> {
+    let text = text(OVERLAP_RANGES_M, columns, azimuths, rows, elevations);
     LidarModel::parse(&text, "instrument").map_err(Error::from)
 }
 
 /// The file of a lidar whose receiver sees its beam between two ranges, m, of so many columns and
 /// rows within angles, degrees.
-pub fn text(overlap: [f64; 2], columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) -> String {
+pub(crate) fn text(
+    overlap: [f64; 2],
+    columns: u32,
+    azimuths: [f64; 2],
+    rows: u32,
+    elevations: [f64; 2],
+) -> String {
     let [least, most] = overlap;
     format!(
-        "wavelength = 905\ndivergence = {}\npulse = 5\nrange = [{NEAREST}, 250]\nreference_range = {REFERENCE}\n\
-         range_noise = {NOISE}\noverlap = [{least}, {most}]\n[rows]\nrate = 10\nbetween = [{}, {}]\ncount = {rows}\n\
+        "wavelength = 905\ndivergence = {}\npulse = 5\nrange = [{MIN_RANGE_M}, 250]\nreference_range = {REFERENCE_RANGE_M}\n\
+         range_noise = {RANGE_NOISE_M}\noverlap = [{least}, {most}]\n[rows]\nrate = 10\nbetween = [{}, {}]\ncount = {rows}\n\
          columns = {columns}\nazimuths = [{}, {}]\n",
-        1e3 * DIVERGENCE,
+        1e3 * DIVERGENCE_RAD,
         elevations[0],
         elevations[1],
         azimuths[0],
@@ -64,42 +70,45 @@ pub fn text(overlap: [f64; 2], columns: u32, azimuths: [f64; 2], rows: u32, elev
     )
 }
 
-/// Sweeps a target from [`EYE`] over its middle, ahead along the second axis, with one ray a pulse
-/// and all returns.
-pub fn sweep(
+/// Sweeps a target from [`EYE_HEIGHT_M`] over its middle, ahead along the second axis, with one ray
+/// a pulse and all returns.
+pub(crate) fn sweep(
     rig: &mut dyn InstrumentRenderer,
-    (subject, lidar): (ShotSubject, &LidarModel),
+    subject: ShotSubject,
+    lidar: &LidarModel,
     weather: &Weather,
     time: f64,
 ) -> Result<LidarSweep> {
     let level = LevelFrame::of(&rig.site());
-    let camera = level.camera((8, 8), 60.0, [0.0, 0.0, EYE], [0.0, 10.0, EYE])?;
+    let camera = level.camera((8, 8), 60.0, [0.0, 0.0, EYE_HEIGHT_M], [0.0, 10.0, EYE_HEIGHT_M])?;
     let motion = CameraMotion::from(camera);
     rig.scan(&InstrumentScan { subject, lidar, motion: &motion, weather, time })
 }
 
 /// Extinction of the air and of what falls at 905 nm, 1/m, at the lidar's height.
-pub fn extinction(weather: &Weather, time: f64) -> f64 {
+pub(crate) fn extinction(weather: &Weather, time: f64) -> f64 {
     let of = |(effect, factor): &(&str, f64)| {
-        ExpectedAir::of(weather, time, effect).map_or(0.0, |air| factor * air.sigma_t[1] * air.share(EYE))
+        ExpectedAir::of(weather, time, effect)
+            .map_or(0.0, |air| factor * air.sigma_t[1] * air.share(EYE_HEIGHT_M))
     };
-    INFRARED.iter().map(of).sum::<f64>() + expected::fall_extinction(weather, time)
+    INFRARED_EXTINCTION_RATIOS.iter().map(of).sum::<f64>() + expected::fall_extinction(weather, time)
 }
 
 /// The share of a beam that the receiver sees at a range, m.
-pub fn overlap(range: f64) -> f64 {
-    ((range - OVERLAP[0]) / (OVERLAP[1] - OVERLAP[0])).clamp(0.0, 1.0).powi(2)
+pub(crate) fn overlap(range: f64) -> f64 {
+    ((range - OVERLAP_RANGES_M[0]) / (OVERLAP_RANGES_M[1] - OVERLAP_RANGES_M[0])).clamp(0.0, 1.0).powi(2)
 }
 
 /// Signal, of the least power that is detected, of what sends back `echo / range^2` from a range,
 /// m.
-pub fn signal(echo: f64, extinction: f64, range: f64) -> f64 {
-    echo * overlap(range) * (-2.0 * extinction * range).exp() * (REFERENCE / range).powi(2) / TARGET
+pub(crate) fn signal(echo: f64, extinction: f64, range: f64) -> f64 {
+    echo * overlap(range) * (-2.0 * extinction * range).exp() * (REFERENCE_RANGE_M / range).powi(2)
+        / REFERENCE_REFLECTANCE
 }
 
 /// The farthest range, m, at which [`signal`] is 1 or more.
-pub fn reach(echo: f64, extinction: f64) -> f64 {
-    let (mut near, mut far) = (OVERLAP[1], 1000.0);
+pub(crate) fn reach(echo: f64, extinction: f64) -> f64 {
+    let (mut near, mut far) = (OVERLAP_RANGES_M[1], 1000.0);
     for _ in 0..60 {
         let middle = 0.5 * (near + far);
         if signal(echo, extinction, middle) >= 1.0 { near = middle } else { far = middle }
@@ -108,7 +117,7 @@ pub fn reach(echo: f64, extinction: f64) -> f64 {
 }
 
 /// The normal distribution.
-pub fn normal(x: f64) -> f64 {
+pub(crate) fn normal(x: f64) -> f64 {
     let steps = 400;
     let (from, to) = (-6.0, x.clamp(-6.0, 6.0));
     let step = (to - from) / f64::from(steps);
@@ -117,7 +126,7 @@ pub fn normal(x: f64) -> f64 {
 }
 
 /// The place of a share between two points of a falling curve.
-pub fn crossing(points: &[[f64; 2]], share: f64) -> f64 {
+pub(crate) fn crossing(points: &[[f64; 2]], share: f64) -> f64 {
     let pair = points.windows(2).rev().find(|pair| pair[0][1] >= share && pair[1][1] < share);
     pair.map_or(f64::NAN, |pair| {
         let [[a, from], [b, to]] = [pair[0], pair[1]];

@@ -12,7 +12,9 @@
 //! within half a pulse of a board adds to its echo, 1 % at an MOR of 50 m.
 
 use super::expected;
-use super::lidar::{AIR_ALONE, EYE, TARGET, crossing, extinction, model, reach, sweep};
+use super::lidar::{
+    AIR_ALONE, EYE_HEIGHT_M, REFERENCE_REFLECTANCE, crossing, extinction, model, reach, sweep,
+};
 use super::lit::paint_card;
 use super::plot::{Axis, Plot, Series};
 use super::{
@@ -24,7 +26,7 @@ use wm_scene::Splats;
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "lidar-board",
     title: "Boards before a lidar",
     about: "A board at 20 m in clear air: its mean range and intensity. A board in the weather against the same in clear air: the extinction \
@@ -44,18 +46,18 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Distance of the board in clear air, m.
-const NEAR: f64 = 20.0;
+const CLEAR_DISTANCE_M: f64 = 20.0;
 /// Reflectance of bright boards, and the linear grey that has it: `0.05 + 0.8 grey`.
-const BRIGHT: f64 = 0.5;
+const BRIGHT_REFLECTANCE: f64 = 0.5;
 /// Optical depth there and back of the board in the weather, and limits of its distance, m.
-const DEPTH: f64 = 1.2;
-const DISTANCES: [f64; 2] = [6.0, 100.0];
+const OPTICAL_DEPTH: f64 = 1.2;
+const DISTANCES_M: [f64; 2] = [6.0, 100.0];
 /// Steps between dark boards, of their range, and boards to each side.
-const STEP: f64 = 0.025;
-const SIDES: i32 = 3;
+const BOARD_STEP_SHARE: f64 = 0.025;
+const BOARDS_PER_SIDE: i32 = 3;
 /// Pulses in a row and in a column, within so many degrees.
-const SIDE: u32 = 40;
-const ANGLE: f64 = 1.5;
+const PULSES_PER_SIDE: u32 = 40;
+const HALF_ANGLE_DEGREES: f64 = 1.5;
 
 /// A board of a reflectance across the way at a distance, m.
 fn board(rig: &mut dyn InstrumentRenderer, metres: f64, reflectance: f64) -> Result<ShotSubject> {
@@ -64,7 +66,14 @@ fn board(rig: &mut dyn InstrumentRenderer, metres: f64, reflectance: f64) -> Res
     let mut splats = Splats::default();
     let halves = [[half, 0.0, 0.0], [0.0, 0.0, half]];
     let grey = (reflectance - 0.05) / 0.8;
-    paint_card(&level, ([0.0, metres, EYE], halves), 0.02 * metres.clamp(5.0, 20.0), grey, &mut splats);
+    paint_card(
+        &level,
+        [0.0, metres, EYE_HEIGHT_M],
+        halves,
+        0.02 * metres.clamp(5.0, 20.0),
+        grey,
+        &mut splats,
+    );
     rig.set_up_lit(splats, Vec::new())
 }
 
@@ -76,12 +85,17 @@ fn on_board(sweep: &LidarSweep) -> impl Iterator<Item = &crate::lidar::LidarPoin
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let weather = request.with(&AIR_ALONE)?;
     let clear = Weather::clear();
-    let lidar = model(SIDE, [ANGLE, -ANGLE], SIDE, [-ANGLE, ANGLE])?;
+    let lidar = model(
+        PULSES_PER_SIDE,
+        [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES],
+        PULSES_PER_SIDE,
+        [-HALF_ANGLE_DEGREES, HALF_ANGLE_DEGREES],
+    )?;
     let time = request.time;
     let mut finding = Finding::default();
 
-    let near = board(rig, NEAR, BRIGHT)?;
-    let seen = sweep(rig, (near, &lidar), &clear, time)?;
+    let near = board(rig, CLEAR_DISTANCE_M, BRIGHT_REFLECTANCE)?;
+    let seen = sweep(rig, near, &lidar, &clear, time)?;
     // Across the board: ranges to its sides are longer.
     let range = mean(
         on_board(&seen)
@@ -91,10 +105,10 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     finding.readings.push(request.reading(
         "range of a board",
         "m",
-        [NEAR, range],
+        [CLEAR_DISTANCE_M, range],
         Tolerance::Absolute(0.015),
     ));
-    let asked = 255.0 * BRIGHT;
+    let asked = 255.0 * BRIGHT_REFLECTANCE;
     finding.readings.push(request.reading(
         "intensity of a board of 50 %",
         "",
@@ -103,22 +117,22 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     ));
 
     let sigma = extinction(&weather, time);
-    let metres = (0.5 * DEPTH / sigma).clamp(DISTANCES[0], DISTANCES[1]);
-    let far = board(rig, metres, BRIGHT)?;
+    let metres = (0.5 * OPTICAL_DEPTH / sigma).clamp(DISTANCES_M[0], DISTANCES_M[1]);
+    let far = board(rig, metres, BRIGHT_REFLECTANCE)?;
     let [dimmed, bright] = [&weather, &clear].map(|weather| -> Result<f64> {
-        let seen = sweep(rig, (far, &lidar), weather, time)?;
+        let seen = sweep(rig, far, &lidar, weather, time)?;
         Ok(mean(on_board(&seen).map(|point| f64::from(point.intensity))))
     });
     let depth = (bright? / dimmed?).ln();
     let values = [1e3 * sigma, 1e3 * 0.5 * depth / metres];
     finding.readings.push(request.reading("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03)));
 
-    let asked = reach(TARGET, sigma);
+    let asked = reach(REFERENCE_REFLECTANCE, sigma);
     let mut shares = Vec::new();
-    for step in -SIDES..=SIDES {
-        let metres = asked * (1.0 + STEP * f64::from(step));
-        let subject = board(rig, metres, TARGET)?;
-        let seen = sweep(rig, (subject, &lidar), &weather, time)?;
+    for step in -BOARDS_PER_SIDE..=BOARDS_PER_SIDE {
+        let metres = asked * (1.0 + BOARD_STEP_SHARE * f64::from(step));
+        let subject = board(rig, metres, REFERENCE_REFLECTANCE)?;
+        let seen = sweep(rig, subject, &lidar, &weather, time)?;
         shares.push([metres, on_board(&seen).count() as f64 / seen.pulses as f64]);
     }
     let measured = crossing(&shares, 0.5);

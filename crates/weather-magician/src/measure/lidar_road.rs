@@ -10,7 +10,7 @@
 //! Tolerances: 4 % of the factor (the beam's angle is that of the row, and a splat's place on the
 //! road errs by centimetres) and 3 % of the range.
 
-use super::lidar::{EYE, RECEIVER, model, normal, signal, sweep};
+use super::lidar::{EYE_HEIGHT_M, RECEIVER_NOISE, model, normal, signal, sweep};
 use super::lit::paint_card;
 use super::plot::{Axis, Plot, Series};
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected, mean};
@@ -20,7 +20,7 @@ use wm_scene::Splats;
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "lidar-road",
     title: "A wet road before a lidar",
     about: "A level road of 20 % ahead of a lidar, dry and under a film of water: the ratio of their intensities at 6 and 12 m against Fresnel's \
@@ -31,45 +31,45 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Reflectance of the road, and the linear grey that has it: `0.05 + 0.8 grey`.
-const ROAD: f64 = 0.2;
-/// Its nearest and farthest point and half its width, m; the distance of splats.
-const ALONG: [f64; 2] = [4.0, 70.0];
-const HALF_WIDTH: f64 = 2.5;
-const GRAIN: f64 = 0.2;
+const ROAD_REFLECTANCE: f64 = 0.2;
+/// The nearest and the farthest point of the road, half its width, and the spacing of splats, m.
+const ROAD_ENDS_M: [f64; 2] = [4.0, 70.0];
+const ROAD_HALF_WIDTH_M: f64 = 2.5;
+const SPLAT_SPACING_M: f64 = 0.2;
 /// Ranges between which pulses are counted, m, and rows between them.
-const COUNTED: [f64; 2] = [5.0, 65.0];
+const COUNTED_RANGE_M: [f64; 2] = [5.0, 65.0];
 const ROWS: u32 = 600;
 /// Pulses in a row, within so many degrees to each side.
 const COLUMNS: u32 = 40;
-const ANGLE: f64 = 1.5;
+const HALF_ANGLE_DEGREES: f64 = 1.5;
 /// Ranges at which intensities are compared, m, within this share.
-const COMPARED: [f64; 2] = [6.0, 12.0];
-const ABOUT: f64 = 0.05;
+const COMPARED_RANGES_M: [f64; 2] = [6.0, 12.0];
+const RANGE_TOLERANCE: f64 = 0.05;
 /// Rows of a point of the plot.
-const GROUP: usize = 10;
+const ROWS_PER_POINT: usize = 10;
 /// Refractive index of water, and the share of diffuse light in it that its surface throws back.
-const WATER: f64 = 1.333;
-const THROWN_BACK: f64 = 0.475;
+const WATER_INDEX: f64 = 1.333;
+const INTERNAL_REFLECTANCE: f64 = 0.475;
 
 /// The brightness of the road under a film over that of the dry one, for a beam whose cosine to the
 /// vertical is `cosine`.
 fn film_factor(cosine: f64) -> f64 {
     let outside = cosine.acos();
-    let inside = (outside.sin() / WATER).asin();
+    let inside = (outside.sin() / WATER_INDEX).asin();
     let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
     let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
     let through = 1.0 - 0.5 * (across + along);
-    through * through / (WATER * WATER * (1.0 - THROWN_BACK * ROAD))
+    through * through / (WATER_INDEX * WATER_INDEX * (1.0 - INTERNAL_REFLECTANCE * ROAD_REFLECTANCE))
 }
 
 /// The range at which a beam of an elevation below the horizon, radians, meets the road, m.
 fn range_at(elevation: f64) -> f64 {
-    EYE / (-elevation).sin()
+    EYE_HEIGHT_M / (-elevation).sin()
 }
 
 /// The share of pulses of each row that came back from the road, with its range; the nearest first.
 fn shares(seen: &LidarSweep) -> Vec<[f64; 2]> {
-    let [near, far] = COUNTED.map(|range| -(EYE / range).asin());
+    let [near, far] = COUNTED_RANGE_M.map(|range| -(EYE_HEIGHT_M / range).asin());
     let mut counts = vec![0.0; ROWS as usize];
     for point in seen.points.iter().filter(|point| point.class == EchoClass::Surface) {
         // Row 0 is the highest.
@@ -87,7 +87,7 @@ fn seen_up_to(shares: &[[f64; 2]]) -> f64 {
 
 /// The mean intensity of the points of the road about a range, m.
 fn intensity_at(seen: &LidarSweep, range: f64) -> f64 {
-    let is_near = |elevation: f32| (range_at(f64::from(elevation)) / range - 1.0).abs() < ABOUT;
+    let is_near = |elevation: f32| (range_at(f64::from(elevation)) / range - 1.0).abs() < RANGE_TOLERANCE;
     let points = seen.points.iter().filter(|point| point.class == EchoClass::Surface);
     mean(points.filter(|point| is_near(point.angles[1])).map(|point| f64::from(point.intensity)))
 }
@@ -102,22 +102,22 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         .try_for_each(|change| wet.set_text(change))?;
     let level = LevelFrame::of(&rig.site());
     let mut splats = Splats::default();
-    let halves = [[HALF_WIDTH, 0.0, 0.0], [0.0, 0.5 * (ALONG[1] - ALONG[0]), 0.0]];
-    let middle = [0.0, 0.5 * (ALONG[0] + ALONG[1]), 0.0];
-    paint_card(&level, (middle, halves), GRAIN, (ROAD - 0.05) / 0.8, &mut splats);
+    let halves = [[ROAD_HALF_WIDTH_M, 0.0, 0.0], [0.0, 0.5 * (ROAD_ENDS_M[1] - ROAD_ENDS_M[0]), 0.0]];
+    let middle = [0.0, 0.5 * (ROAD_ENDS_M[0] + ROAD_ENDS_M[1]), 0.0];
+    paint_card(&level, middle, halves, SPLAT_SPACING_M, (ROAD_REFLECTANCE - 0.05) / 0.8, &mut splats);
     let subject = rig.set_up_lit(splats, Vec::new())?;
-    let [near, far] = COUNTED.map(|range| -(EYE / range).asin().to_degrees());
-    let lidar = model(COLUMNS, [ANGLE, -ANGLE], ROWS, [near, far])?;
+    let [near, far] = COUNTED_RANGE_M.map(|range| -(EYE_HEIGHT_M / range).asin().to_degrees());
+    let lidar = model(COLUMNS, [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES], ROWS, [near, far])?;
     let mut finding = Finding::default();
     let mut series = Vec::new();
     let mut sweeps = Vec::new();
     for (name, weather, is_wet) in [("dry", &Weather::clear(), false), ("wet", &wet, true)] {
-        let seen = sweep(rig, (subject, &lidar), weather, request.time)?;
+        let seen = sweep(rig, subject, &lidar, weather, request.time)?;
         let counted = shares(&seen);
         let law = |[range, _]: &[f64; 2]| {
-            let cosine = EYE / range;
+            let cosine = EYE_HEIGHT_M / range;
             let factor = if is_wet { film_factor(cosine) } else { 1.0 };
-            [*range, normal((signal(ROAD * factor * cosine, 0.0, *range) - 1.0) / RECEIVER)]
+            [*range, normal((signal(ROAD_REFLECTANCE * factor * cosine, 0.0, *range) - 1.0) / RECEIVER_NOISE)]
         };
         let expected: Vec<[f64; 2]> = counted.iter().map(law).collect();
         let values = [seen_up_to(&expected), seen_up_to(&counted)];
@@ -125,12 +125,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         finding.readings.push(request.reading(format!("range of a {name} road"), "m", values, tolerance));
         let grouped = |rows: &[[f64; 2]]| [0, 1].map(|k| mean(rows.iter().map(|row| row[k])));
         series.push(Series::line(format!("{name}, by the lidar equation"), expected));
-        series.push(Series::points(name, counted.chunks(GROUP).map(grouped).collect()));
+        series.push(Series::points(name, counted.chunks(ROWS_PER_POINT).map(grouped).collect()));
         sweeps.push(seen);
     }
-    for range in COMPARED {
+    for range in COMPARED_RANGES_M {
         let [dry, wet] = [0, 1].map(|at| intensity_at(&sweeps[at], range));
-        let values = [film_factor(EYE / range), wet / dry];
+        let values = [film_factor(EYE_HEIGHT_M / range), wet / dry];
         let quantity = format!("wet road over dry, {range} m away");
         finding.readings.push(request.reading(quantity, "", values, Tolerance::Relative(0.04)));
     }

@@ -10,7 +10,7 @@ use wm_scene::{Camera, Group, Splats, random};
 use wm_weather::Weather;
 
 /// Changes that leave nothing in a weather but light: no air, nothing that falls or lies.
-pub const LIGHT_ALONE: [&str; 14] = [
+pub(crate) const LIGHT_ALONE: [&str; 14] = [
     "rain=off",
     "snowfall=off",
     "hail=off",
@@ -28,23 +28,24 @@ pub const LIGHT_ALONE: [&str; 14] = [
 ];
 
 /// The reflectance that surfaces have in the mean: of the ground that upright cards see, too.
-pub const GROUND: f64 = 0.25;
+pub(crate) const GROUND: f64 = 0.25;
 /// Share of the level irradiance under the CIE's overcast sky that an upright plane gets from the
 /// sky, whose radiance goes as `1 + 2 sin h`: `(pi / 2 + 4 / 3) / (7 pi / 3)`.
-pub const OVERCAST_UPRIGHT: f64 = 0.396_2;
+pub(crate) const OVERCAST_UPRIGHT: f64 = 0.396_2;
 
 /// The linear light of a card of some reflectance in the photos of an overcast day, where a level
 /// white one shows as 1: `upright` is 0 of a level card and 1 of one that stands on open ground.
-pub fn overcast_card(reflectance: f64, upright: f64) -> f64 {
+pub(crate) fn overcast_card(reflectance: f64, upright: f64) -> f64 {
     reflectance * (1.0 - upright + upright * (OVERCAST_UPRIGHT + 0.5 * GROUND))
 }
 
 /// Paints a card about a point (level coordinates) in a linear grey, as scenes are made: with one
 /// layer of flat splats, in rows `grain` m apart and as many between them. 0.2 % of what is behind
 /// it shines through.
-pub fn paint_card(
+pub(crate) fn paint_card(
     level: &LevelFrame,
-    (center, halves): ([f64; 3], [[f64; 3]; 2]),
+    center: [f64; 3],
+    halves: [[f64; 3]; 2],
     grain: f64,
     light: f64,
     splats: &mut Splats,
@@ -77,20 +78,20 @@ pub fn paint_card(
 }
 
 /// A picture in linear light.
-pub struct LightPicture {
+pub(crate) struct LightPicture {
     /// `[H, W, 3]`.
-    pub rgb: Vec<f32>,
+    pub(crate) rgb: Vec<f32>,
     /// Coverage by splats, `[H, W]`.
-    pub alpha: Vec<f32>,
+    pub(crate) alpha: Vec<f32>,
     /// Width and height, px.
-    pub size: (usize, usize),
-    /// As displayed.
-    pub picture: Picture,
+    pub(crate) size: (usize, usize),
+    /// The picture as displayed.
+    pub(crate) picture: Picture,
 }
 
 impl LightPicture {
     /// Draws a target by its light alone.
-    pub fn of(
+    pub(crate) fn of(
         rig: &mut dyn InstrumentRenderer,
         subject: ShotSubject,
         camera: &Camera,
@@ -105,17 +106,17 @@ impl LightPicture {
     }
 
     /// The light of a pixel, linear RGB.
-    pub fn rgb(&self, x: usize, y: usize) -> [f64; 3] {
+    pub(crate) fn rgb(&self, x: usize, y: usize) -> [f64; 3] {
         std::array::from_fn(|k| f64::from(self.rgb[3 * (y * self.size.0 + x) + k]))
     }
 
     /// The luminance of a pixel.
-    pub fn light(&self, x: usize, y: usize) -> f64 {
+    pub(crate) fn light(&self, x: usize, y: usize) -> f64 {
         luminance(self.rgb(x, y))
     }
 
     /// Mean luminance of the pixels within `half` of a point of the picture, px.
-    pub fn patch(&self, (x, y): (f64, f64), half: usize) -> f64 {
+    pub(crate) fn patch(&self, x: f64, y: f64, half: usize) -> f64 {
         let within = |at: f64, side: usize| {
             let at = at as usize;
             at.saturating_sub(half)..(at + half + 1).min(side)
@@ -126,7 +127,7 @@ impl LightPicture {
     }
 
     /// The brightest channel of any pixel.
-    pub fn brightest(&self) -> f64 {
+    pub(crate) fn brightest(&self) -> f64 {
         f64::from(self.rgb.iter().copied().fold(0.0, f32::max))
     }
 }

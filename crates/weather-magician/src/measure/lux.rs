@@ -25,7 +25,7 @@ use wm_scene::color::luminance;
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "lux",
     title: "Lux meter",
     about: "White boards on open ground. Under full clouds: the light of an upright board and of the zenith over that of a level \
@@ -72,30 +72,30 @@ fn sky(weather: &Weather, time: f64) -> Option<BoardSky> {
     let [elevation, azimuth] = ["sun_elevation", "sun_azimuth"].map(number);
     let is_by_hour = number("hour").is_some() && elevation.is_none();
     let sun = [elevation.unwrap_or(45.0), azimuth.unwrap_or(180.0)];
-    (!is_by_hour && sun[0] > LOWEST).then(|| BoardSky::Sunny(sun.map(f64::to_radians)))
+    (!is_by_hour && sun[0] > MIN_SUN_DEGREES).then(|| BoardSky::Sunny(sun.map(f64::to_radians)))
 }
 
 /// Lowest sun that boards are held under, degrees.
-const LOWEST: f64 = 10.0;
+const MIN_SUN_DEGREES: f64 = 10.0;
 /// Half the side of the ground, and of a board, m; the distance of splats.
-const YARD: f64 = 10.0;
-const BOARD: f64 = 0.6;
-const GRAIN: f64 = 0.1;
+const YARD_HALF_SIDE_M: f64 = 10.0;
+const BOARD_HALF_SIDE_M: f64 = 0.6;
+const SPLAT_SPACING_M: f64 = 0.1;
 /// Depth of the block of which the upright board is the front, m.
-const BLOCK: f64 = 0.6;
+const BLOCK_DEPTH_M: f64 = 0.6;
 /// Reflectance of boards, so that they do not burn out beside a bright sky.
-const WHITE: f64 = 0.8;
+const BOARD_REFLECTANCE: f64 = 0.8;
 /// Half the side of the disc, and its distance from what it shades, m: smaller things in the air
 /// are taken for faults of a scene.
-const DISC: f64 = 1.1;
-const DISC_AWAY: f64 = 30.0;
+const DISC_HALF_SIDE_M: f64 = 1.1;
+const DISC_DISTANCE_M: f64 = 30.0;
 /// Exposures that leave room for the brightest of a sky, EV.
 const EXPOSURE: [&str; 2] = ["light.exposure=-1", "light.exposure=-6"];
 /// Side of the pictures of the sky, px.
-const SKY: u32 = 180;
+const SKY_SIDE_PX: u32 = 180;
 /// Height of boards' middles and of the level one, m.
-const UPRIGHT_AT: f64 = 0.8;
-const LEVEL_AT: f64 = 0.06;
+const UPRIGHT_HEIGHT_M: f64 = 0.8;
+const LEVEL_HEIGHT_M: f64 = 0.06;
 
 /// The target: ground, a level and an upright board, and where they are in the shade of discs.
 struct Boards {
@@ -113,25 +113,38 @@ impl Boards {
         let heading = [azimuth.cos(), azimuth.sin() * -level.hand()];
         let mut splats = Splats::default();
         let mut card = |center: [f64; 3], halves: [[f64; 3]; 2], light: f64| {
-            paint_card(&level, (center, halves), GRAIN, light, &mut splats);
+            paint_card(&level, center, halves, SPLAT_SPACING_M, light, &mut splats);
         };
-        card([0.0; 3], [[YARD, 0.0, 0.0], [0.0, YARD, 0.0]], overcast_card(lit::GROUND, 0.0));
+        card(
+            [0.0; 3],
+            [[YARD_HALF_SIDE_M, 0.0, 0.0], [0.0, YARD_HALF_SIDE_M, 0.0]],
+            overcast_card(lit::GROUND, 0.0),
+        );
         let boards = Self { level, subject: ShotSubject::Place, heading };
         for shaded in [false, true] {
             let [flat, stood] = boards.middles(shaded);
-            card(flat, [[BOARD, 0.0, 0.0], [0.0, BOARD, 0.0]], overcast_card(WHITE, 0.0));
-            let across = [-heading[1] * BOARD, heading[0] * BOARD, 0.0];
-            card(stood, [across, [0.0, 0.0, BOARD]], overcast_card(WHITE, 1.0));
+            card(
+                flat,
+                [[BOARD_HALF_SIDE_M, 0.0, 0.0], [0.0, BOARD_HALF_SIDE_M, 0.0]],
+                overcast_card(BOARD_REFLECTANCE, 0.0),
+            );
+            let across = [-heading[1] * BOARD_HALF_SIDE_M, heading[0] * BOARD_HALF_SIDE_M, 0.0];
+            card(stood, [across, [0.0, 0.0, BOARD_HALF_SIDE_M]], overcast_card(BOARD_REFLECTANCE, 1.0));
             // The front of a block, since of a lone card nothing says which side is lit.
-            let back = [stood[0] - BLOCK * heading[0], stood[1] - BLOCK * heading[1], stood[2]];
-            card(back, [across, [0.0, 0.0, BOARD]], overcast_card(lit::GROUND, 1.0));
+            let back =
+                [stood[0] - BLOCK_DEPTH_M * heading[0], stood[1] - BLOCK_DEPTH_M * heading[1], stood[2]];
+            card(back, [across, [0.0, 0.0, BOARD_HALF_SIDE_M]], overcast_card(lit::GROUND, 1.0));
             if shaded && sun.is_some() {
                 let (sin, cos) = elevation.sin_cos();
                 let to_sun = [cos * heading[0], cos * heading[1], sin];
-                let aside = [-heading[1] * DISC, heading[0] * DISC, 0.0];
-                let upwards = [-sin * heading[0] * DISC, -sin * heading[1] * DISC, cos * DISC];
+                let aside = [-heading[1] * DISC_HALF_SIDE_M, heading[0] * DISC_HALF_SIDE_M, 0.0];
+                let upwards = [
+                    -sin * heading[0] * DISC_HALF_SIDE_M,
+                    -sin * heading[1] * DISC_HALF_SIDE_M,
+                    cos * DISC_HALF_SIDE_M,
+                ];
                 for at in [flat, stood] {
-                    let at: [f64; 3] = std::array::from_fn(|k| at[k] + DISC_AWAY * to_sun[k]);
+                    let at: [f64; 3] = std::array::from_fn(|k| at[k] + DISC_DISTANCE_M * to_sun[k]);
                     card(at, [aside, upwards], overcast_card(lit::GROUND, 0.0));
                 }
             }
@@ -146,7 +159,7 @@ impl Boards {
         let aside = if shaded { [-4.5, -2.0] } else { [2.0, 4.5] };
         let [x, y] = self.heading;
         let at = |aside: f64, z: f64| [-y * aside, x * aside, z];
-        [at(aside[0], LEVEL_AT), at(aside[1], UPRIGHT_AT)]
+        [at(aside[0], LEVEL_HEIGHT_M), at(aside[1], UPRIGHT_HEIGHT_M)]
     }
 
     /// Irradiances of a level board and of an upright one that faces the sun, in the picture's
@@ -155,7 +168,8 @@ impl Boards {
         &self,
         rig: &mut dyn InstrumentRenderer,
         weather: &Weather,
-        (time, shaded): (f64, bool),
+        time: f64,
+        shaded: bool,
     ) -> Result<[f64; 2]> {
         let [flat, stood] = self.middles(shaded);
         let [x, y] = self.heading;
@@ -164,7 +178,7 @@ impl Boards {
         for (out, (eye, at)) in out.iter_mut().zip([([flat[0], flat[1], 3.0], flat), (before, stood)]) {
             let camera = self.level.camera((33, 33), 8.0, eye, at)?;
             let picture = LightPicture::of(rig, self.subject, &camera, weather, time)?;
-            *out = picture.patch((16.5, 16.5), 6) / WHITE;
+            *out = picture.patch(16.5, 16.5, 6) / BOARD_REFLECTANCE;
         }
         Ok(out)
     }
@@ -182,10 +196,10 @@ impl Boards {
         let (mut sum, mut zenith, mut brightest) = (0.0, 0.0, 0.0f64);
         for side in sides {
             let target = std::array::from_fn(|k| eye[k] + side[k]);
-            let camera = self.level.camera((SKY, SKY), 90.0, eye, target)?;
+            let camera = self.level.camera((SKY_SIDE_PX, SKY_SIDE_PX), 90.0, eye, target)?;
             let picture = LightPicture::of(rig, self.subject, &camera, weather, time)?;
-            for y in 0..SKY as usize {
-                for x in 0..SKY as usize {
+            for y in 0..SKY_SIDE_PX as usize {
+                for x in 0..SKY_SIDE_PX as usize {
                     let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5).normalize();
                     let sin = ray.dot(self.level.axes[2]);
                     if sin > 0.0 {
@@ -198,7 +212,7 @@ impl Boards {
                 }
             }
             if side[2] > 0.0 {
-                zenith = picture.patch((0.5 * f64::from(SKY), 0.5 * f64::from(SKY)), 2);
+                zenith = picture.patch(0.5 * f64::from(SKY_SIDE_PX), 0.5 * f64::from(SKY_SIDE_PX), 2);
             }
         }
         Ok((brightest < 1.0).then_some([sum, zenith]))
@@ -226,7 +240,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     // Five steps of exposure are a factor of 32.
     let seen = boards.sky(rig, &darker, time)?.map(|sky| sky.map(|v| 32.0 * v));
     let [sum, zenith] = seen.unwrap_or([f64::NAN; 2]);
-    let [flat, stood] = boards.irradiances(rig, &weather, (time, false))?;
+    let [flat, stood] = boards.irradiances(rig, &weather, time, false)?;
     let mut finding = Finding::default();
     let mut reading = |quantity: &str, asked: f64, measured: f64, tolerance: Tolerance| {
         finding.readings.push(request.reading(quantity, "", [asked, measured], tolerance));
@@ -244,7 +258,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             reading("level board over the sum of the sky", 1.0, flat / sum, three);
         }
         Some([elevation, _]) => {
-            let [shade, stood_shade] = boards.irradiances(rig, &weather, (time, true))?;
+            let [shade, stood_shade] = boards.irradiances(rig, &weather, time, true)?;
             reading("level board in shade over the sum of the sky", 1.0, shade / sum, three);
             let ratio = (stood - stood_shade) / (flat - shade);
             reading("beam on upright board over level board", 1.0 / elevation.tan(), ratio, three);

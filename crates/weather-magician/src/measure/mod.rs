@@ -148,9 +148,10 @@ impl MeasureRequest<'_> {
         &self,
         quantity: impl Into<String>,
         unit: &'static str,
-        [asked, measured]: [f64; 2],
+        values: [f64; 2],
         tolerance: Tolerance,
     ) -> Reading {
+        let [asked, measured] = values;
         let (quantity, setting) = (quantity.into(), self.setting.to_owned());
         Reading { quantity, setting, unit, asked, measured, standard_error: None, tolerance }
     }
@@ -170,9 +171,9 @@ impl MeasureRequest<'_> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tolerance {
-    /// As a share of the expected value.
+    /// A share of the expected value.
     Relative(f64),
-    /// In the unit of the reading.
+    /// A number in the unit of the reading.
     Absolute(f64),
     /// In the unit of the reading; only larger values are wrong.
     Above(f64),
@@ -272,7 +273,7 @@ pub struct InstrumentScan<'a> {
     pub subject: ShotSubject,
     /// The lidar.
     pub lidar: &'a LidarModel,
-    /// Its place.
+    /// The pose of the lidar over time.
     pub motion: &'a CameraMotion,
     /// The weather.
     pub weather: &'a Weather,
@@ -364,45 +365,52 @@ struct LevelFrame {
 
 impl LevelFrame {
     /// Returns the coordinates of a place.
-    pub fn of(site: &Site) -> Self {
+    pub(crate) fn of(site: &Site) -> Self {
         Self { axes: level_axes(site.up).map(DVec3::from_array), site: *site }
     }
 
     /// Returns a point in scene units.
-    pub fn point(&self, [x, y, z]: [f64; 3]) -> DVec3 {
+    pub(crate) fn point(&self, level: [f64; 3]) -> DVec3 {
         let ground = self.axes[2] * self.site.ground;
-        ground + self.vector([x, y, z]) / self.site.metres_per_unit
+        ground + self.vector(level) / self.site.metres_per_unit
     }
 
     /// Returns a vector along the scene's axes, in the same unit.
-    pub fn vector(&self, [x, y, z]: [f64; 3]) -> DVec3 {
+    pub(crate) fn vector(&self, level: [f64; 3]) -> DVec3 {
+        let [x, y, z] = level;
         self.axes[0] * x + self.axes[1] * y + self.axes[2] * z
     }
 
     /// Returns 1 where the second axis is a quarter turn to the left of the first, seen from above;
     /// -1 where it is to the right.
-    pub fn hand(&self) -> f64 {
+    pub(crate) fn hand(&self) -> f64 {
         self.axes[0].cross(self.axes[1]).dot(self.axes[2]).signum()
     }
 
     /// Returns the heading of a direction, measured as the wind's, degrees.
-    pub fn heading(&self, direction: DVec3) -> f64 {
+    pub(crate) fn heading(&self, direction: DVec3) -> f64 {
         f64::atan2(direction.dot(self.axes[1]), direction.dot(self.axes[0])).to_degrees()
     }
 
     /// Converts metres to scene units.
-    pub fn units(&self, metres: f64) -> f64 {
+    pub(crate) fn units(&self, metres: f64) -> f64 {
         metres / self.site.metres_per_unit
     }
 
     /// Converts scene units to metres.
-    pub fn metres(&self, units: f64) -> f64 {
+    pub(crate) fn metres(&self, units: f64) -> f64 {
         units * self.site.metres_per_unit
     }
 
     /// Returns a camera that looks from one point at another, level coordinates; upright, or with
     /// the second axis up where it looks straight down.
-    pub fn camera(&self, size: (u32, u32), fov: f64, eye: [f64; 3], target: [f64; 3]) -> Result<Camera> {
+    pub(crate) fn camera(
+        &self,
+        size: (u32, u32),
+        fov: f64,
+        eye: [f64; 3],
+        target: [f64; 3],
+    ) -> Result<Camera> {
         let is_level = eye[0] != target[0] || eye[1] != target[1];
         let up = if is_level { self.axes[2] } else { self.axes[1] };
         let mut camera = Camera::looking(size, fov, self.point(eye), self.point(target), up)?;

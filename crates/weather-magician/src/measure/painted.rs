@@ -9,26 +9,26 @@
 use wm_scene::random::uniform;
 
 /// A frame, linear light, `[H, W, 3]`.
-pub struct PaintedFog {
+pub(crate) struct PaintedFog {
     /// With fog.
-    pub rgb: Vec<f32>,
+    pub(crate) rgb: Vec<f32>,
     /// The share of light that its fog lets through, `[H, W]`.
-    pub share: Vec<f32>,
+    pub(crate) share: Vec<f32>,
 }
 
 /// Edge of the banks of noise, px.
-const BANK: usize = 40;
+const NOISE_CELL_PX: usize = 40;
 
 /// Paints fog: the frame's own colours `rgb` in linear light.
-pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> PaintedFog {
+pub(crate) fn fog(rgb: &[f32], width: usize, height: usize, seed: u64) -> PaintedFog {
     let mut brightness: Vec<f32> = rgb.to_vec();
     brightness.sort_by(f32::total_cmp);
     let light = brightness[brightness.len() * 95 / 100];
-    let columns = width / BANK + 2;
+    let columns = width / NOISE_CELL_PX + 2;
     let node = |x: usize, y: usize| uniform(seed, (y * columns + x) as u64);
     let bank = |x: usize, y: usize| {
-        let (column, row) = (x / BANK, y / BANK);
-        let [a, b] = [x % BANK, y % BANK].map(|v| v as f64 / BANK as f64);
+        let (column, row) = (x / NOISE_CELL_PX, y / NOISE_CELL_PX);
+        let [a, b] = [x % NOISE_CELL_PX, y % NOISE_CELL_PX].map(|v| v as f64 / NOISE_CELL_PX as f64);
         let along = |row: usize| node(column, row) * (1.0 - a) + node(column + 1, row) * a;
         along(row) * (1.0 - b) + along(row + 1) * b
     };
@@ -48,7 +48,7 @@ pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> PaintedFo
 }
 
 /// Returns the mask of painted snow: bright pixels that are not in the top quarter.
-pub fn snow(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> Vec<bool> {
+pub(crate) fn snow(rgb: &[f32], width: usize, height: usize, seed: u64) -> Vec<bool> {
     let bright = |at: usize| rgb[3 * at..3 * at + 3].iter().sum::<f32>() / 3.0;
     let mut sorted: Vec<f32> = (0..width * height).map(bright).collect();
     sorted.sort_by(f32::total_cmp);

@@ -19,7 +19,7 @@ use wm_weather::{PreparedWeather, Site, Weather};
 
 /// Distance of the second view to the side of the first, m: not ahead, so that the air in front of
 /// both is as long.
-const STEP: f64 = 0.3;
+const VIEW_BASELINE_M: f64 = 0.3;
 
 /// A place to measure at, and the renderer that holds it.
 pub struct PlaceRenderer {
@@ -118,7 +118,7 @@ impl InstrumentRenderer for PlaceRenderer {
         let first = self.camera;
         let level = LevelFrame::of(self.place.site());
         let rotation = first.rotation();
-        let step = rotation.row(0) * level.units(STEP);
+        let step = rotation.row(0) * level.units(VIEW_BASELINE_M);
         let viewmat = wm_scene::camera::viewmat_of(rotation, -(rotation * (first.center() + step)));
         Ok([first, Camera { viewmat, ..first }])
     }

@@ -15,7 +15,7 @@ const BOTTOM: f64 = 50.0;
 /// law channels have their own.
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00"];
 /// Ticks of an axis, about.
-const TICKS: f64 = 6.0;
+const TICK_COUNT: f64 = 6.0;
 
 /// The spacing of numbers along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,7 +92,7 @@ pub struct Plot {
 /// An axis with its ends and ticks.
 struct Ruler {
     scale: AxisScale,
-    /// Of the scale's numbers: logarithms to base 10, or themselves.
+    /// The least and the greatest number of the scale: logarithms to base 10, or themselves.
     ends: [f64; 2],
     ticks: Vec<f64>,
 }
@@ -107,7 +107,7 @@ impl Ruler {
                 // Zero belongs to it unless all is far from there.
                 let low = if low > 0.0 && low < 0.6 * high { 0.0 } else { low };
                 let span = if high > low { high - low } else { high.abs().max(1.0) };
-                let rough = span / TICKS;
+                let rough = span / TICK_COUNT;
                 let ten = 10f64.powf(rough.log10().floor());
                 let step =
                     [1.0, 2.0, 2.5, 5.0, 10.0].map(|k| k * ten).into_iter().find(|step| *step >= rough);

@@ -12,15 +12,15 @@
 
 use super::plot::{Axis, Plot, Series};
 use super::{
-    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, Reading, ShotSubject,
-    Tolerance, clear, expected, median,
+    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
+    clear, expected, median,
 };
 use crate::Result;
 use crate::{FrameRequest, Picture};
 use glam::DVec3;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "rays",
     title: "Transmittance along rays",
     about: "A view of the place itself: at each pixel the share of light that the air lets through, against the extinction that is asked \
@@ -38,13 +38,13 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Optical depths that are told from nothing and from everything.
-const RANGE: std::ops::Range<f64> = 0.03..4.0;
+const OPTICAL_DEPTH_RANGE: std::ops::Range<f64> = 0.03..4.0;
 /// Largest relative difference of expected and median depth.
-const SHARP: f64 = 0.02;
+const DEPTH_TOLERANCE: f64 = 0.02;
 /// Range of the thin air that tells the sky, in sizes of the place.
-const THIN: f64 = 100.0;
+const THIN_AIR_RANGE_SIZES: f64 = 100.0;
 /// Distance of the pixels that are taken, px.
-const STEP: usize = 3;
+const PIXEL_STEP: usize = 3;
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let site = rig.site();
@@ -57,7 +57,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     // Air that is as good as clear as far as the place goes, and takes all light from what is
     // endlessly far.
     let (mut thin, mut sky) = (clear(), Picture::default());
-    thin.set_text(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
+    thin.set_text(&format!("fog.mor={}", (THIN_AIR_RANGE_SIZES * site.far).max(1.0)))?;
     let thin_view = FrameRequest { weather: &thin, ..view };
     rig.draw(ShotSubject::Place, &thin_view, &mut sky)?;
     let nearness = &sky.parts.transmittance;
@@ -65,11 +65,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let up = DVec3::from_array(site.up);
     let height = (camera.center().dot(up) - site.ground) * site.metres_per_unit;
     let mut points = Vec::new();
-    for y in (0..camera.height as usize).step_by(STEP) {
-        for x in (0..camera.width as usize).step_by(STEP) {
+    for y in (0..camera.height as usize).step_by(PIXEL_STEP) {
+        for x in (0..camera.width as usize).step_by(PIXEL_STEP) {
             let at = y * camera.width as usize + x;
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));
-            let is_sharp = (other / z - 1.0).abs() < SHARP;
+            let is_sharp = (other / z - 1.0).abs() < DEPTH_TOLERANCE;
             if frame.alpha[at] < 0.99 || !is_sharp || nearness[3 * at + 1] < 0.8 {
                 continue;
             }
@@ -78,7 +78,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let wanted: f64 =
                 airs.iter().map(|air| air.sigma_t[1] * air.length(height, ray.dot(up), metres)).sum();
             let found = -f64::from(shares[3 * at + 1]).ln();
-            if RANGE.contains(&wanted) && found.is_finite() {
+            if OPTICAL_DEPTH_RANGE.contains(&wanted) && found.is_finite() {
                 points.push([wanted, found]);
             }
         }
@@ -87,14 +87,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let ratio = median(points.iter().map(|p| p[1] / p[0]).collect());
     let off = median(points.iter().map(|p| (p[1] / p[0] - 1.0).abs()).collect());
     let mut finding = Finding::default();
-    let reading = |quantity: String, asked, measured, tolerance| Reading {
-        quantity,
-        setting: request.setting.to_owned(),
-        unit: "",
-        asked,
-        measured,
-        standard_error: None,
-        tolerance,
+    let reading = |quantity: String, asked, measured, tolerance| {
+        request.reading(quantity, "", [asked, measured], tolerance)
     };
     let count = points.len();
     finding.readings.push(reading(
@@ -115,7 +109,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         x: Axis::linear("asked: integral along the ray"),
         y: Axis::linear("measured: -ln of the transmittance"),
         series: vec![
-            Series::line("equal", vec![[0.0; 2], [RANGE.end; 2]]),
+            Series::line("equal", vec![[0.0; 2], [OPTICAL_DEPTH_RANGE.end; 2]]),
             Series::points("rays of one view", few),
         ],
     });

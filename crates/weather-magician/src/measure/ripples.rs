@@ -37,7 +37,7 @@ use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "ripples",
     title: "Ripples",
     about: "Black water in the rain under a board whose colours change across it, from straight above: each pixel shows the slope of the water. \
@@ -53,40 +53,41 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Heights of the eye and of the board over the water, m; half the side of the board.
-const EYE: f64 = 2.0;
-const BOARD: f64 = 2.0;
-const HALF: f64 = 4.8;
+const EYE_HEIGHT_M: f64 = 2.0;
+const BOARD_HEIGHT_M: f64 = 2.0;
+const BOARD_HALF_SIDE_M: f64 = 4.8;
 /// Strips of a board along each axis, and the light at its ends.
-const STRIPS: usize = 96;
-const LIGHT: [f64; 2] = [0.1, 0.9];
+const STRIP_COUNT: usize = 96;
+const BOARD_LIGHT: [f64; 2] = [0.1, 0.9];
 /// Side of the pictures, px, their field of view, degrees: what slopes of 0.5 show is in the
 /// picture; half the side of the water that is looked at, m, and of that whose waves are followed.
-const SIDE: u32 = 780;
-const FIELD: f64 = 90.0;
-const PATCH: f64 = 0.9;
-const FOLLOWED: f64 = 0.45;
+const PICTURE_SIDE_PX: u32 = 780;
+const FIELD_OF_VIEW_DEGREES: f64 = 90.0;
+const PATCH_HALF_SIDE_M: f64 = 0.9;
+const FOLLOWED_HALF_SIDE_M: f64 = 0.45;
 /// Instants, those of them at which waves are followed, and the time between them, s: longer than
 /// rings live.
-const INSTANTS: u32 = 24;
-const FOLLOWING: u32 = 8;
-const APART: f64 = 0.73;
+const INSTANT_COUNT: u32 = 24;
+const FOLLOWED_INSTANTS: u32 = 8;
+const INSTANT_INTERVAL_S: f64 = 0.73;
 /// Wave number of rings, rad/m; gravity, m/s^2; surface tension over density, m^3/s^2; viscosity,
 /// m^2/s; the share of the drops' energy that waves get; and the density of water, kg/m^3.
-const WAVE: f64 = 200.0;
+const RING_WAVE_NUMBER: f64 = 200.0;
 const GRAVITY: f64 = 9.81;
-const TENSION: f64 = 7.28e-5;
+const SURFACE_TENSION: f64 = 7.28e-5;
 const VISCOSITY: f64 = 1e-6;
-const SHARE: f64 = 0.01;
-const WATER: f64 = 1000.0;
+const WAVE_ENERGY_SHARE: f64 = 0.01;
+const WATER_DENSITY: f64 = 1000.0;
 /// Largest drops of the integral, mm, and its steps.
-const LARGEST: f64 = 8.0;
-const STEPS: usize = 800;
+const MAX_DROP_MM: f64 = 8.0;
+const INTEGRAL_STEPS: usize = 800;
 
-/// Directions of the waves whose frequency is measured, and their wave numbers, of [`WAVE`].
-const WAYS: usize = 36;
-const LENGTHS: [f64; 7] = [0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15];
+/// Directions of the waves whose frequency is measured, and their wave numbers, of
+/// [`RING_WAVE_NUMBER`].
+const DIRECTION_COUNT: usize = 36;
+const WAVE_NUMBER_FACTORS: [f64; 7] = [0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15];
 /// Distance of the pixels by which they are found, px: a third of the wave.
-const APART_PX: usize = 2;
+const PIXEL_STEP: usize = 2;
 
 /// Rain, mm/h.
 fn rate(weather: &Weather, time: f64) -> f64 {
@@ -97,8 +98,8 @@ fn rate(weather: &Weather, time: f64) -> f64 {
 fn slopes_of(rate: f64) -> f64 {
     let slope = expected::rain_slope(rate);
     let (mut water, mut power) = (0.0, 0.0);
-    for step in 0..STEPS {
-        let diameter = LARGEST * (step as f64 + 0.5) / STEPS as f64;
+    for step in 0..INTEGRAL_STEPS {
+        let diameter = MAX_DROP_MM * (step as f64 + 0.5) / INTEGRAL_STEPS as f64;
         let speed = expected::gunn_kinzer(diameter).max(0.0);
         let mass = (-slope * diameter).exp() * diameter.powi(3) * speed;
         water += mass;
@@ -106,25 +107,31 @@ fn slopes_of(rate: f64) -> f64 {
     }
     // kg/(m^2 s) times J/kg.
     let flux = rate / 3600.0 * power / water;
-    (SHARE * flux / (4.0 * VISCOSITY * WATER * (GRAVITY + TENSION * WAVE * WAVE))).sqrt()
+    (WAVE_ENERGY_SHARE * flux
+        / (4.0
+            * VISCOSITY
+            * WATER_DENSITY
+            * (GRAVITY + SURFACE_TENSION * RING_WAVE_NUMBER * RING_WAVE_NUMBER)))
+        .sqrt()
 }
 
 /// Frequency of the waves of rings, rad/s.
 fn frequency() -> f64 {
-    (GRAVITY * WAVE + TENSION * WAVE.powi(3)).sqrt()
+    (GRAVITY * RING_WAVE_NUMBER + SURFACE_TENSION * RING_WAVE_NUMBER.powi(3)).sqrt()
 }
 
 /// The board over the water; a black one if it has no light.
 fn board(level: &LevelFrame, water: f64, has_light: bool) -> Splats {
     let mut splats = Splats::default();
-    let place = |strip: usize| (2 * strip + 1) as f64 / STRIPS as f64 - 1.0;
+    let place = |strip: usize| (2 * strip + 1) as f64 / STRIP_COUNT as f64 - 1.0;
     let shown = |light: f64| if has_light { srgb_encode(light) as f32 } else { 0.0 };
-    let color = |place: f64| shown(LIGHT[0] + (LIGHT[1] - LIGHT[0]) * 0.5 * (place + 1.0));
+    let color = |place: f64| shown(BOARD_LIGHT[0] + (BOARD_LIGHT[1] - BOARD_LIGHT[0]) * 0.5 * (place + 1.0));
     let [u, v] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-        .map(|axis| level.units(1.0) * level.vector(axis) * (HALF / STRIPS as f64));
+        .map(|axis| level.units(1.0) * level.vector(axis) * (BOARD_HALF_SIDE_M / STRIP_COUNT as f64));
     let even = shown(0.5);
-    for (x, y) in (0..STRIPS * STRIPS).map(|at| (place(at % STRIPS), place(at / STRIPS))) {
-        let center = level.point([x * HALF, y * HALF, water + BOARD]);
+    for (x, y) in (0..STRIP_COUNT * STRIP_COUNT).map(|at| (place(at % STRIP_COUNT), place(at / STRIP_COUNT)))
+    {
+        let center = level.point([x * BOARD_HALF_SIDE_M, y * BOARD_HALF_SIDE_M, water + BOARD_HEIGHT_M]);
         Card { center, u, v }.paint(&mut splats, (1, 1), [color(x), color(y), even]);
     }
     splats
@@ -150,8 +157,8 @@ struct Patch {
 
 impl Patch {
     fn of(level: &LevelFrame, camera: &Camera) -> Self {
-        let half = (PATCH * camera.fx / EYE) as usize;
-        let middle = SIDE as usize / 2;
+        let half = (PATCH_HALF_SIDE_M * camera.fx / EYE_HEIGHT_M) as usize;
+        let middle = PICTURE_SIDE_PX as usize / 2;
         let place = |k: usize| middle - half + k;
         let pixels = (0..4 * half * half).map(|at| {
             let (x, y) = (place(at % (2 * half)), place(at / (2 * half)));
@@ -162,7 +169,7 @@ impl Patch {
     }
 }
 
-/// Waves about [`WAVE`] that slopes are made of.
+/// Waves about [`RING_WAVE_NUMBER`] that slopes are made of.
 struct Waves {
     /// Wave vectors, rad/m.
     vectors: Vec<[f64; 2]>,
@@ -173,18 +180,19 @@ struct Waves {
 
 impl Waves {
     fn of(patch: &Patch) -> Self {
-        let vectors = (0..WAYS * LENGTHS.len()).map(|k| {
-            let (way, length) = (k / LENGTHS.len(), LENGTHS[k % LENGTHS.len()]);
-            let (sin, cos) = (std::f64::consts::PI * way as f64 / WAYS as f64).sin_cos();
-            [cos, sin].map(|v| v * length * WAVE)
+        let vectors = (0..DIRECTION_COUNT * WAVE_NUMBER_FACTORS.len()).map(|k| {
+            let (way, length) =
+                (k / WAVE_NUMBER_FACTORS.len(), WAVE_NUMBER_FACTORS[k % WAVE_NUMBER_FACTORS.len()]);
+            let (sin, cos) = (std::f64::consts::PI * way as f64 / DIRECTION_COUNT as f64).sin_cos();
+            [cos, sin].map(|v| v * length * RING_WAVE_NUMBER)
         });
         let place = |(pixel, way): &((usize, usize), DVec3)| {
-            let [x, y] = [way.x, way.y].map(|v| v * EYE / -way.z);
-            let weight = |v: f64| match v.abs() < FOLLOWED {
-                true => (0.5 * std::f64::consts::PI * v / FOLLOWED).cos().powi(2),
+            let [x, y] = [way.x, way.y].map(|v| v * EYE_HEIGHT_M / -way.z);
+            let weight = |v: f64| match v.abs() < FOLLOWED_HALF_SIDE_M {
+                true => (0.5 * std::f64::consts::PI * v / FOLLOWED_HALF_SIDE_M).cos().powi(2),
                 false => 0.0,
             };
-            let is_taken = pixel.0.is_multiple_of(APART_PX) && pixel.1.is_multiple_of(APART_PX);
+            let is_taken = pixel.0.is_multiple_of(PIXEL_STEP) && pixel.1.is_multiple_of(PIXEL_STEP);
             [x, y, if is_taken { weight(x) * weight(y) } else { 0.0 }]
         };
         Self { vectors: vectors.collect(), places: patch.pixels.iter().map(place).collect() }
@@ -208,7 +216,7 @@ impl Waves {
 
 /// The point of the board that still water shows along a ray, along a level axis, m.
 fn shown_by_still(way: DVec3, axis: usize) -> f64 {
-    way[axis] / -way.z * (EYE + BOARD)
+    way[axis] / -way.z * (EYE_HEIGHT_M + BOARD_HEIGHT_M)
 }
 
 /// Points of the board by the light of its pattern along an axis, rising.
@@ -217,15 +225,15 @@ struct Calibration(Vec<[f64; 2]>);
 impl Calibration {
     /// By still water.
     fn of(board: &Mirrored<'_>, level: &LevelFrame, camera: &Camera, axis: usize) -> Self {
-        let middle = SIDE as usize / 2;
-        let mut points: Vec<[f64; 2]> = (0..SIDE as usize)
+        let middle = PICTURE_SIDE_PX as usize / 2;
+        let mut points: Vec<[f64; 2]> = (0..PICTURE_SIDE_PX as usize)
             .flat_map(|k| [(k, middle), (middle, k)])
             .map(|(x, y)| {
                 let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
                 let way = DVec3::from_array(level.axes.map(|axis| axis.dot(ray)));
                 [board.pattern(x, y)[axis], shown_by_still(way, axis)]
             })
-            .filter(|[_, place]| place.abs() < 0.97 * HALF)
+            .filter(|[_, place]| place.abs() < 0.97 * BOARD_HALF_SIDE_M)
             .collect();
         points.sort_by(|a, b| a[1].total_cmp(&b[1]));
         // Of the line across the pattern all points are alike.
@@ -246,9 +254,9 @@ fn slopes(board: &Mirrored<'_>, patch: &Patch, calibrations: &[Calibration; 2]) 
     let slope = |((x, y), way): &((usize, usize), DVec3)| {
         let light = board.pattern(*x, *y);
         let there = [0, 1].map(|k| calibrations[k].place(light[k]));
-        let water = *way * (EYE / -way.z);
+        let water = *way * (EYE_HEIGHT_M / -way.z);
         let mirrored =
-            (DVec3::new(there[0], there[1], BOARD) - DVec3::new(water.x, water.y, 0.0)).normalize();
+            (DVec3::new(there[0], there[1], BOARD_HEIGHT_M) - DVec3::new(water.x, water.y, 0.0)).normalize();
         let normal = mirrored - *way;
         [-normal.x / normal.z, -normal.y / normal.z]
     };
@@ -266,7 +274,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         weather.set_text(change)?;
     }
     let subjects = [rig.set_up(board(&level, water, false))?, rig.set_up(board(&level, water, true))?];
-    let camera = level.camera((SIDE, SIDE), FIELD, [0.0, 0.0, water + EYE], [0.0, 0.0, water])?;
+    let camera = level.camera(
+        (PICTURE_SIDE_PX, PICTURE_SIDE_PX),
+        FIELD_OF_VIEW_DEGREES,
+        [0.0, 0.0, water + EYE_HEIGHT_M],
+        [0.0, 0.0, water],
+    )?;
     let mut look = |has_light: bool, weather: &Weather, time: f64| -> Result<LightPicture> {
         LightPicture::of(rig, subjects[usize::from(has_light)], &camera, weather, time)
     };
@@ -285,12 +298,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let waves = Waves::of(&patch);
     let mut finding = Finding::default();
     let mut curve = Vec::new();
-    for instant in 0..INSTANTS {
-        let time = request.time + APART * f64::from(instant);
+    for instant in 0..INSTANT_COUNT {
+        let time = request.time + INSTANT_INTERVAL_S * f64::from(instant);
         let first = Mirrored(look(true, &weather, time)?, &air);
         let now = slopes(&first, &patch, &calibrations);
         squares.push(now.iter().map(|[x, y]| x * x + y * y).sum::<f64>() / now.len() as f64);
-        if instant < FOLLOWING {
+        if instant < FOLLOWED_INSTANTS {
             let later = Mirrored(look(true, &weather, time + quarter)?, &air);
             let later = slopes(&later, &patch, &calibrations);
             for ([a, b], [c, d]) in waves.strengths(&now).into_iter().zip(waves.strengths(&later)) {
@@ -301,12 +314,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         if instant == 0 {
             let middle = patch.columns * (patch.columns / 2);
             let line = patch.pixels[middle..middle + patch.columns].iter().zip(&now[middle..]);
-            curve = line.map(|((_, way), slope)| [1e3 * EYE * way.x / -way.z, slope[0]]).collect();
+            curve = line.map(|((_, way), slope)| [1e3 * EYE_HEIGHT_M * way.x / -way.z, slope[0]]).collect();
             let caption = format!("{}: a board in the rings of rain, from above", request.setting);
             finding.pictures.push(MeasuredPicture::of(caption, &first.0.picture.frame));
         }
     }
-    let count = f64::from(INSTANTS);
+    let count = f64::from(INSTANT_COUNT);
     let mean = super::mean(squares.iter().copied());
     let scatter = squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
     let rms = mean.sqrt();

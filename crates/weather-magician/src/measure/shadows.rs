@@ -28,7 +28,7 @@ use wm_scene::color::luminance;
 use wm_weather::{CapturedSky, Site, Weather};
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "shadows",
     title: "Shadow gauge",
     about: "The place is seen from its own sun to tell what lies in shadow. Pairs of places of one colour across the edges of shadows \
@@ -41,47 +41,47 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Turns of the camera about up, degrees.
-const TURNS: [f64; 3] = [0.0, -50.0, 50.0];
+const TURNS_DEGREES: [f64; 3] = [0.0, -50.0, 50.0];
 /// Farthest points that are looked at, and distance from which the place is seen in place of the
 /// sun, m.
-const FAR: f64 = 25.0;
-const SUN_AWAY: f64 = 10_000.0;
+const MAX_POINT_DISTANCE_M: f64 = 25.0;
+const SUN_DISTANCE_M: f64 = 10_000.0;
 /// Side of the picture from the sun, px.
-const SUN_SIDE: u32 = 1_200;
+const SUN_SIDE_PX: u32 = 1_200;
 /// Places of the sky from which the place is seen, and side of those pictures, px.
 const SKY_VIEWS: usize = 48;
-const SKY_SIDE: u32 = 500;
+const SKY_SIDE_PX: u32 = 500;
 /// Distance, m, and pixels of the picture across the surface, by which something stands before a
 /// point that hides that part of the sky.
-const BEFORE: f64 = 0.1;
-const BEFORE_PIXELS: f64 = 1.5;
+const OCCLUDER_DISTANCE_M: f64 = 0.1;
+const OCCLUDER_DISTANCE_PX: f64 = 1.5;
 /// Distances between the places of a pair, px, and least and most, m.
-const APART: [usize; 2] = [8, 14];
-const METRES: [f64; 2] = [0.15, 1.0];
+const PAIR_OFFSETS_PX: [usize; 2] = [8, 14];
+const PAIR_DISTANCES_M: [f64; 2] = [0.15, 1.0];
 /// Distances, m, between a point and the first surface that the sun sees on the way to it: above
 /// the first the point is in the shade, below the second it is in the sun.
-const BEHIND: [f64; 2] = [0.5, 0.2];
+const SHADE_DISTANCES_M: [f64; 2] = [0.5, 0.2];
 /// Pixels of the picture from the sun that must agree, to each side.
-const SURE: i64 = 3;
+const AGREEING_PIXELS: i64 = 3;
 /// Least cosines: between the normals of a pair, and of the incidence.
-const ALIKE: f64 = 0.97;
-const INCIDENCE: f64 = 0.3;
+const MIN_NORMAL_COSINE: f64 = 0.97;
+const MIN_INCIDENCE_COSINE: f64 = 0.3;
 /// Largest distance of a place from the plane of the other, m, and difference of chromaticity.
-const FLAT: f64 = 0.06;
-const COLOR: f64 = 0.05;
+const MAX_PLANE_DISTANCE_M: f64 = 0.06;
+const MAX_CHROMATICITY_DIFFERENCE: f64 = 0.05;
 /// Ratio of light across an edge from which on it is seen as one, as a logarithm.
-const SEEN: f64 = 0.26;
+const MIN_LOG_CONTRAST: f64 = 0.26;
 /// Most contrast that is left on places that were never photographed, and on those that were.
-const SAMPLED: f64 = 0.1;
-const RECONSTRUCTED: f64 = 0.2;
+const MAX_SAMPLED_CONTRAST: f64 = 0.1;
+const MAX_RECONSTRUCTED_CONTRAST: f64 = 0.2;
 /// Farthest that a pair's contrast is from the median, as a logarithm.
-const SPREAD: f64 = 0.4;
+const MAX_LOG_SPREAD: f64 = 0.4;
 /// Fewest pairs that tell something.
-const FEWEST: usize = 60;
+const MIN_PAIRS: usize = 60;
 
 /// A pixel of a view of the place.
 #[derive(Clone, Copy)]
-struct SeenPoint {
+struct ShadowPoint {
     /// World, scene units.
     at: DVec3,
     normal: DVec3,
@@ -90,11 +90,11 @@ struct SeenPoint {
 }
 
 /// Two places of one colour, the first in the sun and the second in the shade.
-struct SeenPair {
+struct ShadowPair {
     /// Log of the ratio of their light as captured, and under clouds.
     own: f64,
     left: f64,
-    places: [SeenPoint; 2],
+    places: [ShadowPoint; 2],
 }
 
 /// The depth of the place, seen from far away.
@@ -110,14 +110,15 @@ impl FarView {
     fn of(
         rig: &mut dyn InstrumentRenderer,
         points: &[DVec3],
-        (towards, side): (DVec3, u32),
+        towards: DVec3,
+        side: u32,
         site: &Site,
         time: f64,
     ) -> Result<Self> {
         let middle = points.iter().sum::<DVec3>() / points.len() as f64;
         let reach =
             points.iter().map(|at| (at - middle).reject_from(towards).length()).fold(0.0, f64::max) * 1.05;
-        let away = SUN_AWAY / site.metres_per_unit;
+        let away = SUN_DISTANCE_M / site.metres_per_unit;
         let fov = fov_of(reach / away);
         let up = DVec3::from_array(site.up);
         let up = if up.dot(towards).abs() > 0.999 { towards.any_orthonormal_vector() } else { up };
@@ -132,12 +133,12 @@ impl FarView {
 
     /// Width of a pixel at the place, m.
     fn pixel(&self) -> f64 {
-        SUN_AWAY / self.camera.fx
+        SUN_DISTANCE_M / self.camera.fx
     }
 
     /// Distance by which a point lies behind the first surface at its pixel, or at a pixel so many
     /// columns and rows off, m; `None` where the pixel shows no surface.
-    fn behind(&self, at: DVec3, [dx, dy]: [i64; 2]) -> Option<f64> {
+    fn behind(&self, at: DVec3, dx: i64, dy: i64) -> Option<f64> {
         let Self { camera, depth, .. } = self;
         let offset = at - camera.center();
         let (z, view) = (offset.dot(camera.forward()), camera.rotation() * offset);
@@ -190,7 +191,7 @@ impl PlaceShot {
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     match rig.shadows()? {
         ShadowReport::Split { sun, is_photographed } => {
-            let most = if is_photographed { RECONSTRUCTED } else { SAMPLED };
+            let most = if is_photographed { MAX_RECONSTRUCTED_CONTRAST } else { MAX_SAMPLED_CONTRAST };
             contrast(rig, request, sun, Tolerance::Above(most))
         }
         ShadowReport::None => control(rig, request),
@@ -199,7 +200,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
 }
 
-/// The same camera, turned about up.
+/// Turns a camera about up.
 fn turned(camera: &Camera, site: &Site, degrees: f64) -> Camera {
     let turn =
         glam::DMat3::from_quat(DQuat::from_axis_angle(DVec3::from_array(site.up), degrees.to_radians()));
@@ -219,9 +220,9 @@ fn contrast(
     let mut cloudy = request.with(&LIGHT_ALONE)?;
     cloudy.set_text("light.clouds=1")?;
     let layers = SURFACES.with(Layers::NORMAL);
-    let mut found: Vec<SeenPair> = Vec::new();
+    let mut found: Vec<ShadowPair> = Vec::new();
     let mut finding = Finding::default();
-    for degrees in TURNS {
+    for degrees in TURNS_DEGREES {
         let camera = turned(&camera, &site, degrees);
         let captured = PlaceShot::of(rig, &camera, &clear(), request.time, layers)?;
         let Some(seen) = seen_points(rig, &captured, &site, sun, request.time)? else { continue };
@@ -231,15 +232,15 @@ fn contrast(
                 (luminance(shot.rgb(lit)).max(1e-6) / luminance(shot.rgb(shaded)).max(1e-6)).ln()
             };
             let (own, left) = (ratio(&captured), ratio(&relit));
-            if own > SEEN {
-                found.extend(seen[lit].zip(seen[shaded]).map(|places| SeenPair {
+            if own > MIN_LOG_CONTRAST {
+                found.extend(seen[lit].zip(seen[shaded]).map(|places| ShadowPair {
                     own,
                     left,
                     places: places.into(),
                 }));
             }
         }
-        if degrees == TURNS[0] {
+        if degrees == TURNS_DEGREES[0] {
             let size = (camera.width, camera.height);
             let shade = seen.iter().map(|point| match point.and_then(|point| point.lit) {
                 Some(true) => 1.0,
@@ -254,28 +255,25 @@ fn contrast(
     }
     // A contrast far from that of most pairs is one of materials: black and white are of one hue.
     let most = median(found.iter().map(|pair| pair.own).collect());
-    found.retain(|pair| (pair.own - most).abs() < SPREAD);
+    found.retain(|pair| (pair.own - most).abs() < MAX_LOG_SPREAD);
     let under_sky = contrasts_under_sky(rig, &found, &site, request.time)?;
-    let of_pairs = |value: fn(&SeenPair) -> f64| {
+    let of_pairs = |value: fn(&ShadowPair) -> f64| {
         median(found.iter().zip(&under_sky).map(|(pair, under_sky)| value(pair) - under_sky).collect())
     };
     let count = found.len();
     let left = (of_pairs(|pair| pair.left) / of_pairs(|pair| pair.own)).abs();
     let points: Vec<[f64; 2]> = found.iter().map(|pair| [pair.own, pair.left]).collect();
-    let is_told = count >= FEWEST;
-    finding.readings.push(Reading {
-        quantity: if is_told {
+    let is_told = count >= MIN_PAIRS;
+    finding.readings.push(request.reading(
+        if is_told {
             format!("contrast left of shadows, median of {count} pairs")
         } else {
             format!("contrast left of shadows, too few to tell: {count} pairs")
         },
-        setting: request.setting.to_owned(),
-        unit: "",
-        asked: 0.0,
-        measured: left,
-        standard_error: None,
-        tolerance: if is_told { tolerance } else { Tolerance::None },
-    });
+        "",
+        [0.0, left],
+        if is_told { tolerance } else { Tolerance::None },
+    ));
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
     finding.plots.push(Plot {
         title: format!("Light over shade, {}", request.setting),
@@ -294,12 +292,12 @@ fn contrast(
 /// that the first and the second see, and what comes from other surfaces instead of the rest.
 fn contrasts_under_sky(
     rig: &mut dyn InstrumentRenderer,
-    pairs: &[SeenPair],
+    pairs: &[ShadowPair],
     site: &Site,
     time: f64,
 ) -> Result<Vec<f64>> {
-    let places: Vec<SeenPoint> = pairs.iter().flat_map(|pair| pair.places).collect();
-    if places.len() < 2 * FEWEST {
+    let places: Vec<ShadowPoint> = pairs.iter().flat_map(|pair| pair.places).collect();
+    if places.len() < 2 * MIN_PAIRS {
         return Ok(vec![0.0; pairs.len()]);
     }
     let points: Vec<DVec3> = places.iter().map(|place| place.at).collect();
@@ -312,15 +310,15 @@ fn contrasts_under_sky(
         let (sin, cos) = (std::f64::consts::TAU * 0.618_034 * k as f64).sin_cos();
         let r = (1.0 - z * z).sqrt();
         let towards = level.vector([r * cos, r * sin, z]).normalize();
-        let view = FarView::of(rig, &points, (towards, SKY_SIDE), site, time)?;
+        let view = FarView::of(rig, &points, towards, SKY_SIDE_PX, site, time)?;
         for (place, [sky, part]) in places.iter().zip(&mut light) {
             let facing = place.normal.dot(towards);
             if facing <= 0.0 {
                 continue;
             }
             let slope = (1.0 - facing * facing).sqrt() / facing.max(0.02);
-            let most = BEFORE + BEFORE_PIXELS * view.pixel() * slope;
-            if view.behind(place.at, [0, 0]).is_none_or(|behind| behind < most) {
+            let most = OCCLUDER_DISTANCE_M + OCCLUDER_DISTANCE_PX * view.pixel() * slope;
+            if view.behind(place.at, 0, 0).is_none_or(|behind| behind < most) {
                 // The mean of the cosine over the upper half is a half.
                 *part += 2.0 * facing / SKY_VIEWS as f64;
                 *sky += (6.0 / 7.0) * facing * (1.0 + 2.0 * z) / SKY_VIEWS as f64;
@@ -339,29 +337,31 @@ fn seen_points(
     site: &Site,
     sun: DVec3,
     time: f64,
-) -> Result<Option<Vec<Option<SeenPoint>>>> {
-    let far = FAR / site.metres_per_unit;
+) -> Result<Option<Vec<Option<ShadowPoint>>>> {
+    let far = MAX_POINT_DISTANCE_M / site.metres_per_unit;
     let point = |pixel: usize| {
         let normal = DVec3::from_array(std::array::from_fn(|k| f64::from(shot.frame.normal[3 * pixel + k])));
         let at = shot.point(pixel).filter(|at| at.distance(shot.camera.center()) < far)?;
-        (shot.frame.alpha[pixel] > 0.99).then_some(SeenPoint { at, normal, lit: None })
+        (shot.frame.alpha[pixel] > 0.99).then_some(ShadowPoint { at, normal, lit: None })
     };
-    let mut seen: Vec<Option<SeenPoint>> = (0..shot.frame.alpha.len()).map(point).collect();
+    let mut seen: Vec<Option<ShadowPoint>> = (0..shot.frame.alpha.len()).map(point).collect();
     let known: Vec<DVec3> = seen.iter().flatten().map(|point| point.at).collect();
-    if known.len() < FEWEST {
+    if known.len() < MIN_PAIRS {
         return Ok(None);
     }
-    let from_sun = FarView::of(rig, &known, (sun, SUN_SIDE), site, time)?;
+    let from_sun = FarView::of(rig, &known, sun, SUN_SIDE_PX, site, time)?;
     for point in seen.iter_mut().flatten() {
-        let behind = |dx: i64, dy: i64| from_sun.behind(point.at, [dx, dy]);
-        let around = [-SURE, 0, SURE].into_iter().flat_map(|dx| [-SURE, 0, SURE].map(|dy| behind(dx, dy)));
+        let behind = |dx: i64, dy: i64| from_sun.behind(point.at, dx, dy);
+        let around = [-AGREEING_PIXELS, 0, AGREEING_PIXELS]
+            .into_iter()
+            .flat_map(|dx| [-AGREEING_PIXELS, 0, AGREEING_PIXELS].map(|dy| behind(dx, dy)));
         let around: Option<Vec<f64>> = around.collect();
         point.lit = around.and_then(|around| {
-            let is_shaded = around.iter().all(|behind| *behind > BEHIND[0]);
-            let is_lit = around.iter().all(|behind| *behind < BEHIND[1]);
+            let is_shaded = around.iter().all(|behind| *behind > SHADE_DISTANCES_M[0]);
+            let is_lit = around.iter().all(|behind| *behind < SHADE_DISTANCES_M[1]);
             (is_shaded != is_lit).then_some(is_lit)
         });
-        if point.normal.dot(sun) < INCIDENCE {
+        if point.normal.dot(sun) < MIN_INCIDENCE_COSINE {
             point.lit = None;
         }
     }
@@ -369,12 +369,12 @@ fn seen_points(
 }
 
 /// Pairs of pixels of one surface and colour, the first in the sun and the second in the shade.
-fn pairs(shot: &PlaceShot, seen: &[Option<SeenPoint>], site: &Site) -> Vec<[usize; 2]> {
+fn pairs(shot: &PlaceShot, seen: &[Option<ShadowPoint>], site: &Site) -> Vec<[usize; 2]> {
     let (width, height) = (shot.frame.width as usize, shot.frame.height as usize);
     let mut found = Vec::new();
     for pixel in 0..width * height {
         let (x, y) = (pixel % width, pixel / width);
-        for apart in APART {
+        for apart in PAIR_OFFSETS_PX {
             for (dx, dy) in [(apart, 0), (0, apart)] {
                 let is_in = x > 0 && y > 0 && x + dx + 1 < width && y + dy + 1 < height;
                 if !is_in {
@@ -385,8 +385,9 @@ fn pairs(shot: &PlaceShot, seen: &[Option<SeenPoint>], site: &Site) -> Vec<[usiz
                 let (Some(a_lit), Some(b_lit)) = (a.lit, b.lit) else { continue };
                 let metres = a.at.distance(b.at) * site.metres_per_unit;
                 let off = (b.at - a.at).dot(a.normal).abs() * site.metres_per_unit;
-                let is_one =
-                    a.normal.dot(b.normal) > ALIKE && (METRES[0]..METRES[1]).contains(&metres) && off < FLAT;
+                let is_one = a.normal.dot(b.normal) > MIN_NORMAL_COSINE
+                    && (PAIR_DISTANCES_M[0]..PAIR_DISTANCES_M[1]).contains(&metres)
+                    && off < MAX_PLANE_DISTANCE_M;
                 if a_lit != b_lit && is_one && is_one_color(shot.rgb(pixel), shot.rgb(other)) {
                     found.push(if a_lit { [pixel, other] } else { [other, pixel] });
                 }
@@ -399,7 +400,7 @@ fn pairs(shot: &PlaceShot, seen: &[Option<SeenPoint>], site: &Site) -> Vec<[usiz
 /// Returns true if two colours are of one hue.
 fn is_one_color(a: [f64; 3], b: [f64; 3]) -> bool {
     let [a, b] = [a, b].map(|rgb| rgb.map(|v| v / rgb.iter().sum::<f64>().max(1e-6)));
-    (0..3).all(|k| (a[k] - b[k]).abs() < COLOR)
+    (0..3).all(|k| (a[k] - b[k]).abs() < MAX_CHROMATICITY_DIFFERENCE)
 }
 
 /// Measures the change of a place without shadows.

@@ -10,8 +10,8 @@
 //! tolerance, and such depths are not swept.
 
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, clear, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Tolerance, clear, expected,
 };
 use super::{SURFACES, mean};
 use crate::Result;
@@ -20,7 +20,7 @@ use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "stake",
     title: "Snow stake",
     about: "A yard with a roof over a part of it, seen from straight above with and without the snow: what the depth maps differ by is \
@@ -45,18 +45,19 @@ fn depth(weather: &wm_weather::Weather, time: f64) -> Option<f64> {
 }
 
 /// Half the side of the yard, and of the roof, m; the middle and the height of the roof.
-const YARD: f64 = 6.0;
-const ROOF: f64 = 1.5;
-const ROOF_AT: [f64; 3] = [2.5, 0.0, 2.5];
+const YARD_HALF_SIDE_M: f64 = 6.0;
+const ROOF_HALF_SIDE_M: f64 = 1.5;
+const ROOF_CENTER_M: [f64; 3] = [2.5, 0.0, 2.5];
 /// Distance of splats on them, m.
-const GRAIN: f64 = 0.08;
+const SPLAT_SPACING_M: f64 = 0.08;
 /// Grey of all surfaces, sRGB.
-pub const GREY: [f32; 3] = [0.4; 3];
+pub(crate) const GREY: [f32; 3] = [0.4; 3];
 
 /// A level card about a point, level coordinates, painted.
-pub fn level_card(level: &LevelFrame, center: [f64; 3], halves: [[f64; 3]; 2], splats: &mut Splats) {
+pub(crate) fn level_card(level: &LevelFrame, center: [f64; 3], halves: [[f64; 3]; 2], splats: &mut Splats) {
     let [u, v] = halves.map(|half| level.vector(half) / level.metres(1.0));
-    let cells = |half: glam::DVec3| ((2.0 * level.metres(half.length()) / GRAIN).round() as usize).max(1);
+    let cells =
+        |half: glam::DVec3| ((2.0 * level.metres(half.length()) / SPLAT_SPACING_M).round() as usize).max(1);
     Card { center: level.point(center), u, v }.paint(splats, (cells(u), cells(v)), GREY);
 }
 
@@ -71,8 +72,13 @@ fn middle_depth(level: &LevelFrame, camera: &Camera, depth: &[f32]) -> f64 {
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
     let mut yard = Splats::default();
-    level_card(&level, [0.0; 3], [[YARD, 0.0, 0.0], [0.0, YARD, 0.0]], &mut yard);
-    level_card(&level, ROOF_AT, [[ROOF, 0.0, 0.0], [0.0, ROOF, 0.0]], &mut yard);
+    level_card(&level, [0.0; 3], [[YARD_HALF_SIDE_M, 0.0, 0.0], [0.0, YARD_HALF_SIDE_M, 0.0]], &mut yard);
+    level_card(
+        &level,
+        ROOF_CENTER_M,
+        [[ROOF_HALF_SIDE_M, 0.0, 0.0], [0.0, ROOF_HALF_SIDE_M, 0.0]],
+        &mut yard,
+    );
     let subject = rig.set_up(yard)?;
     let weather =
         request.with(&["wind=off", "fog=off", "haze=off", "smog=off", "snowfall=off", "rain=off"])?;
@@ -81,8 +87,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let mut finding = Finding::default();
     for (name, eye, asked, tolerance) in [
         ("in the open", [-2.5, 0.0, 9.0], wanted, Tolerance::Relative(0.03)),
-        ("on the roof", [ROOF_AT[0], ROOF_AT[1], 9.0], wanted, Tolerance::Relative(0.03)),
-        ("under the roof", [ROOF_AT[0], ROOF_AT[1], 2.3], 0.0, Tolerance::Absolute(0.003)),
+        ("on the roof", [ROOF_CENTER_M[0], ROOF_CENTER_M[1], 9.0], wanted, Tolerance::Relative(0.03)),
+        ("under the roof", [ROOF_CENTER_M[0], ROOF_CENTER_M[1], 2.3], 0.0, Tolerance::Absolute(0.003)),
     ] {
         let camera = down(eye)?;
         let mut z = |weather| -> Result<_> {
@@ -90,15 +96,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             Ok(middle_depth(&level, &camera, &depth))
         };
         let measured = z(&clear())? - z(&weather)?;
-        finding.readings.push(Reading {
-            quantity: format!("snow depth {name}"),
-            setting: request.setting.to_owned(),
-            unit: "m",
-            asked,
-            measured,
-            standard_error: None,
+        finding.readings.push(request.reading(
+            format!("snow depth {name}"),
+            "m",
+            [asked, measured],
             tolerance,
-        });
+        ));
     }
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
     finding.pictures.push(shown(rig, subject, &camera, &weather, request, "the yard, with its roof")?);
@@ -106,7 +109,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
 }
 
 /// The median depth of every pixel of a target.
-pub fn median_depth(
+pub(crate) fn median_depth(
     rig: &mut dyn InstrumentRenderer,
     subject: ShotSubject,
     camera: &Camera,
@@ -120,7 +123,7 @@ pub fn median_depth(
 }
 
 /// A picture of a target.
-pub fn shown(
+pub(crate) fn shown(
     rig: &mut dyn InstrumentRenderer,
     subject: ShotSubject,
     camera: &Camera,

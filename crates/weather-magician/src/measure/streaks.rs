@@ -18,7 +18,7 @@ use wm_weather::Weather;
 use wm_weather::particles::RAIN;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "streaks",
     title: "Streak geometry",
     about: "A slab of air, as for the gauge, at the exposure that is asked for, drops marked to show as far as they go. Two pictures a \
@@ -36,18 +36,18 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Streaks shorter than this many pixels say little of their length.
-const SHORTEST: f64 = 6.0;
+const MIN_STREAK_PX: f64 = 6.0;
 /// Pictures, each with a second one.
-const PICTURES: usize = 16;
+const PICTURE_PAIRS: usize = 16;
 
 /// Drops in front of a square metre of board.
-const CROWD: f64 = 260.0;
+const DROPS_PER_M2: f64 = 260.0;
 /// Drops a m^3 at 1 mm/h, and how they grow with its power: of Marshall and Palmer those of 0.5 mm
 /// and more.
-const DENSITY: [f64; 2] = [250.0, 0.54];
+const DROP_DENSITY_LAW: [f64; 2] = [250.0, 0.54];
 
 /// Looks at streaks as long as they are, of marked drops.
-pub fn look(weather: &Weather, time: f64) -> Result<SlabView> {
+pub(crate) fn look(weather: &Weather, time: f64) -> Result<SlabView> {
     let number = |effect: &str, param: &str| expected::number(weather, time, effect, param);
     let exposure = exposure(weather, time);
     let wind = number("wind", "speed").unwrap_or(0.0);
@@ -59,7 +59,7 @@ pub fn look(weather: &Weather, time: f64) -> Result<SlabView> {
     let slab = AirSlab {
         size: 1200,
         depth: 10.0,
-        thickness: (CROWD / (DENSITY[0] * rate.powf(DENSITY[1]))).clamp(0.05, 0.6),
+        thickness: (DROPS_PER_M2 / (DROP_DENSITY_LAW[0] * rate.powf(DROP_DENSITY_LAW[1]))).clamp(0.05, 0.6),
         scale,
         margin: [aside, 12.0 * scale * apart + 130.0],
         apart,
@@ -80,15 +80,15 @@ fn exposure(weather: &Weather, time: f64) -> f64 {
 }
 
 /// Drops whose streaks are long enough to say something.
-pub fn long(caught: &DropSample) -> impl Iterator<Item = &MeasuredDrop> {
-    caught.drops.iter().filter(|drop| drop.blob.length > SHORTEST)
+pub(crate) fn long(caught: &DropSample) -> impl Iterator<Item = &MeasuredDrop> {
+    caught.drops.iter().filter(|drop| drop.blob.length > MIN_STREAK_PX)
 }
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let (exposure, look) = (exposure(request.weather, request.time), look(request.weather, request.time)?);
     let (scale, wind) = (look.slab.scale, look.across);
     let mut caught = DropSample::default();
-    look.take(rig, request.time, PICTURES, &mut caught)?;
+    look.take(rig, request.time, PICTURE_PAIRS, &mut caught)?;
     let (mut lengths, mut laws, mut angles, mut drifts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for drop in long(&caught) {
         let Some([across, down]) = drop.velocity else { continue };

@@ -18,8 +18,8 @@
 use super::lit::{GROUND, LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, expected, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Tolerance, expected, mean,
 };
 use crate::Result;
 use std::f64::consts::{PI, TAU};
@@ -27,7 +27,7 @@ use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "sundial",
     title: "Sundial",
     about: "A rod of 2 m on a board: how long its shadow is and where it points, seen from above, against the sun's elevation and azimuth, \
@@ -44,7 +44,7 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Sun that throws shadows of a useful length, degrees.
-const ELEVATIONS: [f64; 2] = [15.0, 65.0];
+const SUN_ELEVATIONS_DEGREES: [f64; 2] = [15.0, 65.0];
 
 /// Elevation and azimuth of a weather's sun, degrees, if numbers say it.
 fn sun(weather: &Weather, time: f64) -> Option<[f64; 2]> {
@@ -61,13 +61,16 @@ fn sun(weather: &Weather, time: f64) -> Option<[f64; 2]> {
     };
     let elevation = number("sun_elevation").or(of_hour.map(|sun| sun[0]))?;
     let azimuth = number("sun_azimuth").or(of_hour.map(|sun| sun[1]))?;
-    (ELEVATIONS[0]..=ELEVATIONS[1]).contains(&elevation).then_some([elevation, azimuth])
+    (SUN_ELEVATIONS_DEGREES[0]..=SUN_ELEVATIONS_DEGREES[1])
+        .contains(&elevation)
+        .then_some([elevation, azimuth])
 }
 
 /// Elevation and azimuth of the sun, degrees, at a latitude, in mean solar time of a day of
-/// [`YEAR`]: by the formulas of low precision of the Astronomical Almanac, within 0.01 degree.
+/// [`YEAR_START_DAYS`]: by the formulas of low precision of the Astronomical Almanac, within 0.01
+/// degree.
 fn by_hour(latitude: f64, day: f64, hour: f64) -> [f64; 2] {
-    let days = YEAR + day - 1.0 + hour / 24.0;
+    let days = YEAR_START_DAYS + day - 1.0 + hour / 24.0;
     let mean_longitude = 280.460 + 0.985_647_4 * days;
     let anomaly = (357.528 + 0.985_600_3 * days).to_radians();
     let longitude = (mean_longitude + 1.915 * anomaly.sin() + 0.020 * (2.0 * anomaly).sin()).to_radians();
@@ -88,21 +91,21 @@ fn by_hour(latitude: f64, day: f64, hour: f64) -> [f64; 2] {
 
 /// Days from noon of 1 January 2000 to the beginning of 2026, the year of places that were captured
 /// nobody knows when.
-const YEAR: f64 = 9_496.5;
+const YEAR_START_DAYS: f64 = 9_496.5;
 /// Height and half the width of the rod, m, and distance of splats on it and on the board.
-const ROD: f64 = 2.0;
-const ROD_HALF: f64 = 0.15;
-const GRAIN: f64 = 0.04;
+const ROD_HEIGHT_M: f64 = 2.0;
+const ROD_HALF_WIDTH_M: f64 = 0.15;
+const SPLAT_SPACING_M: f64 = 0.04;
 /// Distances from a wall's edge, along the light, at which the edge of its shadow is measured, m,
 /// and half its width.
-const FAR: [f64; 3] = [30.0, 40.0, 50.0];
-const WALL_HALF: f64 = 6.0;
+const EDGE_DISTANCES_M: [f64; 3] = [30.0, 40.0, 50.0];
+const WALL_HALF_WIDTH_M: f64 = 6.0;
 /// Half the sides of the board on which it is measured, along and across the shadow, m.
-const STRIP: [f64; 2] = [1.0, 0.9];
+const STRIP_HALF_SIDES_M: [f64; 2] = [1.0, 0.9];
 /// Angular diameter of the sun.
-const SUN: f64 = 0.0093;
+const SUN_DIAMETER_RAD: f64 = 0.0093;
 /// The share of a round source's width in which its light goes from a tenth to nine tenths.
-const TENTHS: f64 = 0.687;
+const TENTH_WIDTH_SHARE: f64 = 0.687;
 const EXPOSURE: &str = "light.exposure=-1";
 
 /// Level coordinates along and across the shadow of a sun.
@@ -131,8 +134,8 @@ impl Dial {
     /// A card that stands across the shadow at the origin.
     fn stand(&self, half: f64, high: f64, grain: f64, splats: &mut Splats) {
         let across = [half * self.aside[0], half * self.aside[1], 0.0];
-        let card = ([0.0, 0.0, 0.5 * high], [across, [0.0, 0.0, 0.5 * high]]);
-        paint_card(&self.level, card, grain, overcast_card(GROUND, 1.0), splats);
+        let halves = [across, [0.0, 0.0, 0.5 * high]];
+        paint_card(&self.level, [0.0, 0.0, 0.5 * high], halves, grain, overcast_card(GROUND, 1.0), splats);
     }
 
     /// A level card.
@@ -141,8 +144,9 @@ impl Dial {
         let card = |(axis, half): ([f64; 2], f64)| [axis[0] * half, axis[1] * half, 0.0];
         paint_card(
             &self.level,
-            (self.at(along, 0.0, 0.0), [card(u), card(v)]),
-            GRAIN,
+            self.at(along, 0.0, 0.0),
+            [card(u), card(v)],
+            SPLAT_SPACING_M,
             overcast_card(GROUND, 0.0),
             splats,
         );
@@ -168,54 +172,45 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let away = sun.map(|v| -v);
     let dial = Dial { level, away, aside: [-away[1], away[0]] };
     let mut finding = Finding::default();
-    let asked = Asked { elevation: elevation.to_radians(), weather: &weather, request };
+    let asked = DialRequest { elevation: elevation.to_radians(), weather: &weather, request };
     rod(rig, &dial, &asked, &mut finding)?;
     edge(rig, &dial, &asked, &mut finding)?;
     Ok(finding)
 }
 
 /// The sun and the weather that a dial is read in.
-struct Asked<'a> {
-    /// Of the sun, radians.
+struct DialRequest<'a> {
+    /// Elevation of the sun, radians.
     elevation: f64,
     weather: &'a Weather,
     request: &'a MeasureRequest<'a>,
-}
-
-impl Asked<'_> {
-    fn reading(
-        &self,
-        quantity: String,
-        unit: &'static str,
-        values: [f64; 2],
-        tolerance: Tolerance,
-    ) -> Reading {
-        let [asked, measured] = values;
-        let setting = self.request.setting.to_owned();
-        Reading { quantity, setting, unit, asked, measured, standard_error: None, tolerance }
-    }
 }
 
 /// Measures the shadow of the rod.
 fn rod(
     rig: &mut dyn InstrumentRenderer,
     dial: &Dial,
-    asked: &Asked<'_>,
+    asked: &DialRequest<'_>,
     finding: &mut Finding,
 ) -> Result<()> {
     let time = asked.request.time;
-    let reach = ROD / asked.elevation.tan();
+    let reach = ROD_HEIGHT_M / asked.elevation.tan();
     let mut splats = Splats::default();
     dial.lie(0.0, [reach + 1.2, 1.5], &mut splats);
-    dial.stand(ROD_HALF, ROD, GRAIN, &mut splats);
+    dial.stand(ROD_HALF_WIDTH_M, ROD_HEIGHT_M, SPLAT_SPACING_M, &mut splats);
     let subject = rig.set_up_lit(splats, Vec::new())?;
     // From the side, where it covers half of a pixel row.
-    let side = dial.level.camera((64, 256), 20.0, dial.at(-6.0, 0.0, ROD), dial.at(0.0, 0.0, ROD))?;
+    let side = dial.level.camera(
+        (64, 256),
+        20.0,
+        dial.at(-6.0, 0.0, ROD_HEIGHT_M),
+        dial.at(0.0, 0.0, ROD_HEIGHT_M),
+    )?;
     let picture = LightPicture::of(rig, subject, &side, asked.weather, time)?;
     let column: Vec<f64> = (0..picture.size.1)
         .map(|y| mean((29..35).map(|x| f64::from(picture.alpha[y * picture.size.0 + x]))))
         .collect();
-    let height = crossing(&column, 0.5).map(|y| ROD + (side.cy - y - 0.5) / side.fy * 6.0);
+    let height = crossing(&column, 0.5).map(|y| ROD_HEIGHT_M + (side.cy - y - 0.5) / side.fy * 6.0);
     let height = height.unwrap_or(f64::NAN);
     // From above.
     let high = (reach + 2.0).max(4.0);
@@ -231,14 +226,14 @@ fn rod(
     let turn = seen.map_or(f64::NAN, |seen| seen.turn.to_degrees());
     let law = height / asked.elevation.tan();
     let two = Tolerance::Relative(0.02);
-    finding.readings.push(asked.reading(
+    finding.readings.push(asked.request.reading(
         format!("shadow of a rod of {height:.3} m"),
         "m",
         [law, length],
         two,
     ));
-    finding.readings.push(asked.reading(
-        "azimuth of the shadow, off the sun's".into(),
+    finding.readings.push(asked.request.reading(
+        "azimuth of the shadow, off the sun's",
         "deg",
         [0.0, turn],
         Tolerance::Absolute(1.0),
@@ -261,8 +256,8 @@ struct RodShadow {
 
 /// Finds the shadow in a picture from above.
 fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> Option<RodShadow> {
-    const STEP: f64 = 0.02;
-    let bins = ((1.4 * reach) / STEP) as usize;
+    const BIN_WIDTH_M: f64 = 0.02;
+    let bins = ((1.4 * reach) / BIN_WIDTH_M) as usize;
     // Sums along the shadow: of light in its middle, of light beside it; and of what is dark, by
     // where it is across.
     let mut lines = vec![[0.0f64; 2]; bins];
@@ -277,7 +272,7 @@ fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> O
             if (0.3 * reach..1.1 * reach).contains(&along) && (0.8..1.2).contains(&across.abs()) {
                 (beside, count) = (beside + light, count + 1.0);
             }
-            let bin = along / STEP;
+            let bin = along / BIN_WIDTH_M;
             if across.abs() < 0.08 && bin >= 0.0 && (bin as usize) < bins {
                 let line = &mut lines[bin as usize];
                 *line = [line[0] + light, line[1] + 1.0];
@@ -296,7 +291,7 @@ fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> O
         .iter()
         .enumerate()
         .filter(|(_, sum)| sum[1] > 0.0)
-        .map(|(bin, sum)| [(bin as f64 + 0.5) * STEP, sum[0] / sum[1]])
+        .map(|(bin, sum)| [(bin as f64 + 0.5) * BIN_WIDTH_M, sum[0] / sum[1]])
         .collect();
     let within = |from: f64, to: f64| {
         mean(line.iter().filter(|p| (from * reach..to * reach).contains(&p[0])).map(|p| p[1]))
@@ -320,33 +315,34 @@ fn crossing(values: &[f64], level: f64) -> Option<f64> {
 fn edge(
     rig: &mut dyn InstrumentRenderer,
     dial: &Dial,
-    asked: &Asked<'_>,
+    asked: &DialRequest<'_>,
     finding: &mut Finding,
 ) -> Result<()> {
     let (sin, cos) = asked.elevation.sin_cos();
     let mut splats = Splats::default();
-    let high = FAR[2] * sin + 4.0;
+    let high = EDGE_DISTANCES_M[2] * sin + 4.0;
     // To the right of the way of the shadow, with its edge upon it.
-    let across = [WALL_HALF * dial.aside[0], WALL_HALF * dial.aside[1], 0.0];
-    let middle = dial.at(0.0, -WALL_HALF, 0.5 * high);
+    let across = [WALL_HALF_WIDTH_M * dial.aside[0], WALL_HALF_WIDTH_M * dial.aside[1], 0.0];
+    let middle = dial.at(0.0, -WALL_HALF_WIDTH_M, 0.5 * high);
     paint_card(
         &dial.level,
-        (middle, [across, [0.0, 0.0, 0.5 * high]]),
+        middle,
+        [across, [0.0, 0.0, 0.5 * high]],
         0.1,
         overcast_card(GROUND, 1.0),
         &mut splats,
     );
-    for metres in FAR {
-        dial.lie(metres * cos, STRIP, &mut splats);
+    for metres in EDGE_DISTANCES_M {
+        dial.lie(metres * cos, STRIP_HALF_SIDES_M, &mut splats);
     }
     let subject = rig.set_up_lit(splats, Vec::new())?;
     let mut series = Vec::new();
-    for metres in FAR {
-        let (width, profile) = edge_at(rig, dial, subject, asked, (metres, metres * cos))?;
-        finding.readings.push(asked.reading(
+    for metres in EDGE_DISTANCES_M {
+        let (width, profile) = edge_at(rig, dial, subject, asked, metres, metres * cos)?;
+        finding.readings.push(asked.request.reading(
             format!("width of a shadow's edge at {metres} m"),
             "m",
-            [SUN * metres, width],
+            [SUN_DIAMETER_RAD * metres, width],
             Tolerance::Relative(0.15),
         ));
         series.push(Series::line(format!("{metres} m"), profile));
@@ -365,21 +361,22 @@ fn edge_at(
     rig: &mut dyn InstrumentRenderer,
     dial: &Dial,
     subject: ShotSubject,
-    asked: &Asked<'_>,
-    (metres, along): (f64, f64),
+    asked: &DialRequest<'_>,
+    metres: f64,
+    along: f64,
 ) -> Result<(f64, Vec<[f64; 2]>)> {
-    const STEP: f64 = 0.02;
+    const BIN_WIDTH_M: f64 = 0.02;
     // Upright would be in the wall; a little from beyond, so that up is up.
     let (eye, at) = (dial.at(along + 0.5, 0.0, 3.0), dial.at(along, 0.0, 0.0));
     let camera = dial.level.camera((240, 240), 28.0, eye, at)?;
     let picture = LightPicture::of(rig, subject, &camera, asked.weather, asked.request.time)?;
-    let reach = 1.2 * SUN * metres;
-    let bins = (2.0 * reach / STEP) as usize;
+    let reach = 1.2 * SUN_DIAMETER_RAD * metres;
+    let bins = (2.0 * reach / BIN_WIDTH_M) as usize;
     let mut lines = vec![[0.0f64; 2]; bins];
     for y in 0..picture.size.1 {
         for x in 0..picture.size.0 {
             let [own, across] = dial.on_ground(&camera, x as f64 + 0.5, y as f64 + 0.5);
-            let bin = (across + reach) / STEP;
+            let bin = (across + reach) / BIN_WIDTH_M;
             if (own - along).abs() < 0.6 && bin >= 0.0 && (bin as usize) < bins {
                 let line = &mut lines[bin as usize];
                 *line = [line[0] + picture.light(x, y), line[1] + 1.0];
@@ -390,14 +387,14 @@ fn edge_at(
         .iter()
         .enumerate()
         .filter(|(_, sum)| sum[1] > 0.0)
-        .map(|(bin, sum)| [(bin as f64 + 0.5) * STEP - reach, sum[0] / sum[1]])
+        .map(|(bin, sum)| [(bin as f64 + 0.5) * BIN_WIDTH_M - reach, sum[0] / sum[1]])
         .collect();
     let side = profile.len() / 10;
     let ends = [&profile[..side], &profile[profile.len() - side..]].map(|end| mean(end.iter().map(|p| p[1])));
     let shares: Vec<f64> = profile.iter().map(|p| (p[1] - ends[0]) / (ends[1] - ends[0])).collect();
     let places = [0.1, 0.9].map(|share| crossing(&shares, share));
     let width = match places {
-        [Some(low), Some(high)] => (high - low) * STEP / TENTHS,
+        [Some(low), Some(high)] => (high - low) * BIN_WIDTH_M / TENTH_WIDTH_SHARE,
         _ => f64::NAN,
     };
     Ok((width, profile.iter().map(|p| [p[0], p[1] / ends[1]]).collect()))

@@ -15,7 +15,7 @@ use wm_scene::Splats;
 use wm_weather::Weather;
 
 /// The instrument.
-pub const INSTRUMENT: Instrument = Instrument {
+pub(crate) const INSTRUMENT: Instrument = Instrument {
     name: "water-budget",
     title: "Water budget",
     about: "A yard with a shallow bowl in the rain: the rain on it against rate, time and area; and the water in pores, in films and in the \
@@ -40,10 +40,10 @@ pub const INSTRUMENT: Instrument = Instrument {
 
 /// Half the side of the yard, m; the radius of its bowl and its depth, m; the sides of the tiles
 /// that it is made of, m.
-const YARD: f64 = 3.2;
-const BOWL: f64 = 2.6;
-const DEEP: f64 = 0.02;
-const TILE: f64 = 0.2;
+const YARD_HALF_SIDE_M: f64 = 3.2;
+const BOWL_RADIUS_M: f64 = 2.6;
+const BOWL_DEPTH_M: f64 = 0.02;
+const TILE_SIDE_M: f64 = 0.2;
 const ALBEDO: f64 = 0.2;
 
 /// Returns true if the water of a weather is what has come.
@@ -72,14 +72,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let [rate, before] = minutes(request.weather, request.time).unwrap_or_default();
     let level = LevelFrame::of(&rig.site());
     let mut splats = Splats::default();
-    let tiles = (YARD / TILE).round() as i32;
+    let tiles = (YARD_HALF_SIDE_M / TILE_SIDE_M).round() as i32;
     for row in -tiles..tiles {
         for column in -tiles..tiles {
-            let [x, y] = [column, row].map(|k| (f64::from(k) + 0.5) * TILE);
-            let inside = (1.0 - (x * x + y * y) / (BOWL * BOWL)).max(0.0);
-            let halves = [[0.5 * TILE, 0.0, 0.0], [0.0, 0.5 * TILE, 0.0]];
-            let center = [x, y, -DEEP * inside];
-            paint_card(&level, (center, halves), 0.5 * TILE, overcast_card(ALBEDO, 0.0), &mut splats);
+            let [x, y] = [column, row].map(|k| (f64::from(k) + 0.5) * TILE_SIDE_M);
+            let inside = (1.0 - (x * x + y * y) / (BOWL_RADIUS_M * BOWL_RADIUS_M)).max(0.0);
+            let halves = [[0.5 * TILE_SIDE_M, 0.0, 0.0], [0.0, 0.5 * TILE_SIDE_M, 0.0]];
+            let center = [x, y, -BOWL_DEPTH_M * inside];
+            paint_card(&level, center, halves, 0.5 * TILE_SIDE_M, overcast_card(ALBEDO, 0.0), &mut splats);
         }
     }
     let subject = rig.set_up_lit(splats, Vec::new())?;

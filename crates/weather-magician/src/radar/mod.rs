@@ -26,7 +26,6 @@ use crate::lidar::UprightMotion;
 use crate::motion::CameraMotion;
 use crate::place::{PreparedPlace, check_owner};
 use crate::{Error, Progress, Renderer, Result};
-use glam::DVec3;
 use std::sync::Arc;
 use wm_scene::Group;
 use wm_sensors::radar::{RadarOptions, RadarScene, radar_sweep};
@@ -75,7 +74,7 @@ impl Renderer {
             made = Some(sweep);
             Ok(())
         };
-        self.scan_radar(place, weather, radar, motion, &options, (&mut take, &mut ()))?;
+        self.scan_radar(place, weather, radar, motion, &options, &mut take, &mut ())?;
         made.ok_or(Error::Stopped)
     }
 
@@ -86,6 +85,10 @@ impl Renderer {
     /// # Errors
     /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were
     /// released; the errors of `take`.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each is a thing of its own: place, weather, sensor, path, sink"
+    )]
     pub fn scan_radar(
         &mut self,
         place: &mut PreparedPlace,
@@ -93,7 +96,8 @@ impl Renderer {
         radar: &RadarModel,
         motion: &CameraMotion,
         options: &RadarScanOptions,
-        (take, progress): (&mut dyn FnMut(RadarSweep) -> Result<()>, &mut dyn Progress),
+        take: &mut dyn FnMut(RadarSweep) -> Result<()>,
+        progress: &mut dyn Progress,
     ) -> Result<u32> {
         check_owner(place, self.id())?;
         if weather.fidelity == Fidelity::Paper {
@@ -102,12 +106,7 @@ impl Renderer {
         }
         self.focus_along(place, motion)?;
         let site = *place.site();
-        let motion = UprightMotion {
-            motion,
-            up: DVec3::from_array(site.up),
-            metres: site.metres_per_unit,
-            from: options.time,
-        };
+        let motion = UprightMotion::new(motion, &site, options.time);
         let scene = Arc::clone(place.scene());
         let splats = &scene.splats;
         let is_met = |index: usize| splats.groups[index] != Group::Sky;

@@ -10,7 +10,7 @@ use wm_sensors::radar::{RadarClass, RadarDetection, RadarSweep};
 pub enum RadarView {
     /// By radial velocity: blue comes nearer, white stands, red goes away.
     Velocity,
-    /// By RCS: blue is -30 dBsm, red is 30 dBsm.
+    /// By RCS_RANGE_DBSM: blue is -30 dBsm, red is 30 dBsm.
     Rcs,
 }
 
@@ -39,28 +39,28 @@ impl FromStr for RadarView {
 /// A picture of a radar's sweep, `[H, W, 3]`, sRGB.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadarPicture {
-    /// Its size.
+    /// The size.
     pub size: PictureSize,
-    /// Its pixels.
+    /// The pixels.
     pub rgb: Vec<u8>,
 }
 
-const GROUND: [u8; 3] = [14, 16, 20];
-const LINES: [u8; 3] = [48, 54, 62];
+const BACKGROUND: [u8; 3] = [14, 16, 20];
+const LINE_COLOR: [u8; 3] = [48, 54, 62];
 /// Largest side of a picture, and the room around the field of view, px.
-const SIDE: f64 = 1000.0;
-const ROOM: f64 = 20.0;
-/// RCS of the first and the last colour, dBsm.
-const RCS: [f64; 2] = [-30.0, 30.0];
+const MAX_SIDE_PX: f64 = 1000.0;
+const MARGIN_PX: f64 = 20.0;
+/// RCS_RANGE_DBSM of the first and the last colour, dBsm.
+const RCS_RANGE_DBSM: [f64; 2] = [-30.0, 30.0];
 /// Radius of a detection, px: of the weakest, and what each dB over the threshold adds.
-const RADIUS: [f64; 2] = [2.0, 0.06];
+const DISC_RADIUS_PX: [f64; 2] = [2.0, 0.06];
 
 impl RadarPicture {
     /// Draws a view of a sweep.
     #[must_use]
     pub fn of(sweep: &RadarSweep, view: RadarView) -> Self {
         let field = Field::of(sweep);
-        let mut picture = Self { size: field.size, rgb: GROUND.repeat(field.size.pixels()) };
+        let mut picture = Self { size: field.size, rgb: BACKGROUND.repeat(field.size.pixels()) };
         picture.grid(sweep, &field);
         // False alarms have any velocity: the fastest of the others gives the scale.
         let real = sweep.detections.iter().filter(|one| one.class != RadarClass::Noise);
@@ -70,13 +70,15 @@ impl RadarPicture {
         for one in order {
             let share = match view {
                 RadarView::Velocity => 0.5 + 0.5 * f64::from(one.velocity) / fastest,
-                RadarView::Rcs => (f64::from(one.rcs) - RCS[0]) / (RCS[1] - RCS[0]),
+                RadarView::Rcs => {
+                    (f64::from(one.rcs) - RCS_RANGE_DBSM[0]) / (RCS_RANGE_DBSM[1] - RCS_RANGE_DBSM[0])
+                }
             };
             let color = match view {
                 RadarView::Velocity => ramps::signed(share.clamp(0.0, 1.0)),
                 RadarView::Rcs => ramps::turbo(1.0 - share.clamp(0.0, 1.0)),
             };
-            let radius = RADIUS[0] + RADIUS[1] * f64::from(one.snr).clamp(0.0, 60.0);
+            let radius = DISC_RADIUS_PX[0] + DISC_RADIUS_PX[1] * f64::from(one.snr).clamp(0.0, 60.0);
             let at = sweep.frame.in_sensor(one.position, &sweep.pose, sweep.metres_per_unit);
             let place = field.pixel([at.x, at.y]);
             // Rain is hollow, noise is a dot.
@@ -97,7 +99,8 @@ impl RadarPicture {
         png::write_rgb8(path, &self.rgb, self.size, &[])
     }
 
-    fn set(&mut self, [x, y]: [f64; 2], color: [u8; 3]) {
+    fn set_pixel(&mut self, point: [f64; 2], color: [u8; 3]) {
+        let [x, y] = point;
         let inside = |v: f64, size: u32| v >= 0.0 && v < f64::from(size);
         if inside(x, self.size.width) && inside(y, self.size.height) {
             let at = 3 * (y as usize * self.size.width as usize + x as usize);
@@ -105,14 +108,15 @@ impl RadarPicture {
         }
     }
 
-    /// Fills the ring between two distances from a place, px.
-    fn disc(&mut self, [x, y]: [f64; 2], [inner, outer]: [f64; 2], color: [u8; 3]) {
+    /// Fills the ring between two radii about a point, px.
+    fn disc(&mut self, center: [f64; 2], radii: [f64; 2], color: [u8; 3]) {
+        let ([x, y], [inner, outer]) = (center, radii);
         let reach = outer.ceil() as i64;
         for row in -reach..=reach {
             for column in -reach..=reach {
                 let off = (column as f64).hypot(row as f64);
                 if (inner..=outer).contains(&off) {
-                    self.set([x + column as f64, y + row as f64], color);
+                    self.set_pixel([x + column as f64, y + row as f64], color);
                 }
             }
         }
@@ -127,14 +131,17 @@ impl RadarPicture {
             let range = step * f64::from(ring);
             let count = ((high - low) * range * field.scale * 2.0).ceil().max(1.0);
             for index in 0..=count as u32 {
-                self.set(field.pixel(at(range, low + (high - low) * f64::from(index) / count)), LINES);
+                self.set_pixel(
+                    field.pixel(at(range, low + (high - low) * f64::from(index) / count)),
+                    LINE_COLOR,
+                );
             }
         }
         let count = (2.0 * sweep.reach * field.scale).ceil().max(1.0);
         for index in 0..=count as u32 {
             let range = sweep.reach * f64::from(index) / count;
-            self.set(field.pixel(at(range, low)), LINES);
-            self.set(field.pixel(at(range, high)), LINES);
+            self.set_pixel(field.pixel(at(range, low)), LINE_COLOR);
+            self.set_pixel(field.pixel(at(range, high)), LINE_COLOR);
         }
     }
 }
@@ -162,8 +169,8 @@ impl Field {
                 .fold([0.0f64; 2], |[least, most], v| [least.min(v), most.max(v)])
         };
         let [[back, ahead], [right, left]] = [extent(f64::cos), extent(f64::sin)];
-        let scale = SIDE / (ahead - back).max(left - right).max(1e-3);
-        let pixels = |metres: f64| (metres * scale + 2.0 * ROOM).ceil() as u32;
+        let scale = MAX_SIDE_PX / (ahead - back).max(left - right).max(1e-3);
+        let pixels = |metres: f64| (metres * scale + 2.0 * MARGIN_PX).ceil() as u32;
         Self {
             size: PictureSize::new(pixels(left - right), pixels(ahead - back)),
             scale,
@@ -172,7 +179,8 @@ impl Field {
     }
 
     /// The pixel of a place, m ahead and to the left.
-    fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [ROOM + (self.corner[1] - y) * self.scale, ROOM + (self.corner[0] - x) * self.scale]
+    fn pixel(&self, point: [f64; 2]) -> [f64; 2] {
+        let [x, y] = point;
+        [MARGIN_PX + (self.corner[1] - y) * self.scale, MARGIN_PX + (self.corner[0] - x) * self.scale]
     }
 }

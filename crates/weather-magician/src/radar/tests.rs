@@ -26,7 +26,7 @@ fn rain_dims_a_street_and_adds_its_own_detections() {
             made.push(sweep);
             Ok(())
         };
-        let count = renderer.scan_radar(&mut place, &weather, &radar, &motion, options, (&mut take, &mut ()));
+        let count = renderer.scan_radar(&mut place, &weather, &radar, &motion, options, &mut take, &mut ());
         assert_eq!(count.unwrap() as usize, made.len());
         made
     };

@@ -7,21 +7,21 @@ use wm_scene::survey::{FactSource, Survey};
 
 /// A place and a direction to look from it.
 #[derive(Clone, Copy, Debug)]
-pub struct ViewCandidate {
+pub(crate) struct ViewCandidate {
     /// The kind of view.
-    pub kind: CandidateKind,
+    pub(crate) kind: CandidateKind,
     /// The camera centre, scene units.
-    pub eye: DVec3,
+    pub(crate) eye: DVec3,
     /// The viewing direction, length 1.
-    pub forward: DVec3,
+    pub(crate) forward: DVec3,
     /// The rating by the grid; comparable within a kind.
-    pub promise: f64,
+    pub(crate) promise: f64,
 }
 
 /// Kinds of views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CandidateKind {
-    /// As a person on the ground sees it.
+pub(crate) enum CandidateKind {
+    /// From the height of a person on the ground.
     EyeLevel,
     /// From a ladder, a window or a drone, down into the scene.
     Raised,
@@ -40,35 +40,34 @@ impl CandidateKind {
     }
 }
 
-/// Directions that a place is looked about in.
-const AZIMUTHS: usize = 36;
+/// Number of azimuths of the rays from an eye.
+const AZIMUTH_COUNT: usize = 36;
 /// Rays above and below each direction, degrees; those below come first.
-const ELEVATIONS: [f64; 7] = [-20.0, -12.0, -6.0, 0.0, 6.0, 12.0, 20.0];
+const ELEVATIONS_DEGREES: [f64; 7] = [-20.0, -12.0, -6.0, 0.0, 6.0, 12.0, 20.0];
 /// Rays that look down.
-const LOW: usize = 3;
-/// Azimuths in a picture, to each side of its middle: 30 degrees.
-const HALF: usize = 3;
+const DOWNWARD_RAYS: usize = 3;
+/// Azimuths to each side of the middle of a picture: 30 degrees.
+const VIEW_HALF_AZIMUTHS: usize = 3;
 /// Free height over the eye, of that of the eye over the ground: rooms are 2.4 m high and more.
 /// Where the scale is not known an eye that low may be under a table.
 const HEADROOM: f64 = 0.5;
 const RAISED_HEADROOM: f64 = 2.5;
-/// Places to each side of the middle.
-const STEPS: i32 = 9;
-/// Length by which a view has room, over the height of its eye above the ground.
-const ROOM: f64 = 20.0;
-/// Promise that is lost from the middle of a scene to its edge, since most photos show what is
-/// about the middle.
-const ASIDE: f64 = 0.7;
+/// Eye positions to each side of the middle, along each axis.
+const GRID_HALF_STEPS: i32 = 9;
+/// Free distance that a view needs, in heights of the eye above the ground.
+const CLEAR_LENGTH_PER_HEIGHT: f64 = 20.0;
+/// Loss of the score from the middle of a scene to its edge: most photos show the middle.
+const EDGE_PENALTY: f64 = 0.7;
 
 /// Returns the length by which it is judged whether things are near, scene units: the radius of the
 /// scene, but less for an eye low above the ground, such as that of a person between the houses of
 /// a street. `height` is that of the eye, scene units.
 pub(super) fn room(survey: &Survey, height: f64) -> f64 {
-    if height > 0.0 { survey.radius.min(ROOM * height) } else { survey.radius }
+    if height > 0.0 { survey.radius.min(CLEAR_LENGTH_PER_HEIGHT * height) } else { survey.radius }
 }
 
 /// The most promising places of each kind; empty for a scene without size.
-pub fn candidates(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
+pub(crate) fn candidates(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
     if survey.radius <= 0.0 {
         return Vec::new();
     }
@@ -113,9 +112,9 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
     let (radius, heights) = (survey.radius, heights(survey));
     let [x, y, up] = space.axes();
     let mut all = Vec::new();
-    for i in -STEPS..=STEPS {
-        for j in -STEPS..=STEPS {
-            let offset = (x * f64::from(i) + y * f64::from(j)) * (radius / f64::from(STEPS + 1));
+    for i in -GRID_HALF_STEPS..=GRID_HALF_STEPS {
+        for j in -GRID_HALF_STEPS..=GRID_HALF_STEPS {
+            let offset = (x * f64::from(i) + y * f64::from(j)) * (radius / f64::from(GRID_HALF_STEPS + 1));
             let below = survey.center + offset;
             let Some(ground) = space.ground(below) else { continue };
             for (kind, height, pitch) in &heights {
@@ -123,7 +122,7 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
                 let headroom = if *kind == CandidateKind::EyeLevel { HEADROOM } else { RAISED_HEADROOM };
                 let is_free = space.hit(eye, up, headroom * height).is_none();
                 if is_free && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
-                    let aside = ASIDE * offset.length() / radius;
+                    let aside = EDGE_PENALTY * offset.length() / radius;
                     let views = look_about(space, survey, *kind, eye, *pitch, *height).into_iter();
                     all.extend(views.map(|view| ViewCandidate { promise: view.promise - aside, ..view }));
                 }
@@ -142,17 +141,18 @@ fn look_about(
     pitch: f64,
     height: f64,
 ) -> Vec<ViewCandidate> {
-    let azimuth = |i: usize| TAU * i as f64 / AZIMUTHS as f64;
+    let azimuth = |i: usize| TAU * i as f64 / AZIMUTH_COUNT as f64;
     let look = |i: usize| {
         let ray = |e: f64| space.direction(azimuth(i), (e + pitch).to_radians());
-        ELEVATIONS.map(|e| space.hit(eye, ray(e), 2.0 * survey.radius))
+        ELEVATIONS_DEGREES.map(|e| space.hit(eye, ray(e), 2.0 * survey.radius))
     };
-    let seen: Vec<[Option<f64>; 7]> = (0..AZIMUTHS).map(look).collect();
-    let mut views: Vec<ViewCandidate> = (0..AZIMUTHS)
-        .step_by(HALF)
+    let seen: Vec<[Option<f64>; 7]> = (0..AZIMUTH_COUNT).map(look).collect();
+    let mut views: Vec<ViewCandidate> = (0..AZIMUTH_COUNT)
+        .step_by(VIEW_HALF_AZIMUTHS)
         .map(|i| {
-            let picture: Vec<[Option<f64>; 7]> =
-                (0..=2 * HALF).map(|k| seen[(i + AZIMUTHS + k - HALF) % AZIMUTHS]).collect();
+            let picture: Vec<[Option<f64>; 7]> = (0..=2 * VIEW_HALF_AZIMUTHS)
+                .map(|k| seen[(i + AZIMUTH_COUNT + k - VIEW_HALF_AZIMUTHS) % AZIMUTH_COUNT])
+                .collect();
             let forward = space.direction(azimuth(i), pitch.to_radians());
             ViewCandidate { kind, eye, forward, promise: promise(&picture, room(survey, height)) }
         })
@@ -170,7 +170,7 @@ fn promise(picture: &[[Option<f64>; 7]], room: f64) -> f64 {
             picture.iter().flat_map(|column| column[rays.clone()].to_vec()).collect();
         part.iter().flatten().count() as f64 / part.len() as f64
     };
-    let (cover, things) = (part(0..LOW), part(LOW..ELEVATIONS.len()));
+    let (cover, things) = (part(0..DOWNWARD_RAYS), part(DOWNWARD_RAYS..ELEVATIONS_DEGREES.len()));
     let mut distances: Vec<f64> = picture.iter().flatten().flatten().copied().collect();
     distances.sort_by(f64::total_cmp);
     let quantile = |q: f64| {

@@ -25,11 +25,11 @@ pub struct ChosenView {
 }
 
 /// Number of rated views whose variations are tried.
-const VARIED: usize = 2;
+const VARIED_VIEWS: usize = 2;
 /// Rating of the height of a person's eyes.
-const EYE_LEVEL: f64 = 1.0;
+const EYE_LEVEL_RATING: f64 = 1.0;
 /// Most splats in the renders that are rated, those of the sky left aside.
-const MOST: usize = 80_000;
+const MAX_RATED_SPLATS: usize = 80_000;
 
 /// A good view of a scene.
 ///
@@ -51,7 +51,7 @@ pub fn choose(site: &mut ViewSearch<'_>) -> Result<ChosenView, ViewError> {
         None => site.set,
     };
     let grain = SplatSample::of(&scene.splats);
-    let best = Critic { site, set, grain, frame: Frame::default() }.best(&space);
+    let best = ViewCritic { site, set, grain, frame: Frame::default() }.best(&space);
     if thin.is_some() {
         site.renderer.unload(set);
     }
@@ -68,7 +68,7 @@ pub fn choose(site: &mut ViewSearch<'_>) -> Result<ChosenView, ViewError> {
 fn thinned(splats: &Splats) -> Option<Splats> {
     let is_sky = |index: &usize| splats.groups[*index] == Group::Sky;
     let (sky, things): (Vec<usize>, Vec<usize>) = (0..splats.len()).partition(is_sky);
-    let step = things.len().div_ceil(MOST);
+    let step = things.len().div_ceil(MAX_RATED_SPLATS);
     if step <= 1 {
         return None;
     }
@@ -81,7 +81,7 @@ fn thinned(splats: &Splats) -> Option<Splats> {
 }
 
 /// The view whose camera is nearest to the middle of all.
-pub fn middle_view(views: &[SceneView]) -> Option<&SceneView> {
+pub(crate) fn middle_view(views: &[SceneView]) -> Option<&SceneView> {
     let middle = views.iter().map(|v| v.camera.center()).sum::<DVec3>() / views.len().max(1) as f64;
     let distance = |view: &&SceneView| view.camera.center().distance(middle);
     views.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
@@ -98,7 +98,7 @@ fn from_afar(survey: &Survey) -> (DVec3, DVec3) {
 
 /// A rated view.
 #[derive(Clone, Copy, Debug)]
-struct Rated {
+struct RatedView {
     kind: CandidateKind,
     eye: DVec3,
     forward: DVec3,
@@ -107,7 +107,7 @@ struct Rated {
 }
 
 /// Rates views of one scene.
-struct Critic<'a, 's> {
+struct ViewCritic<'a, 's> {
     site: &'a mut ViewSearch<'s>,
     /// The splats that are rendered.
     set: SetId,
@@ -115,14 +115,14 @@ struct Critic<'a, 's> {
     frame: Frame,
 }
 
-impl Critic<'_, '_> {
+impl ViewCritic<'_, '_> {
     /// The rated view; `None` where the directions make no camera.
     fn rated(
         &mut self,
         kind: CandidateKind,
         eye: DVec3,
         forward: DVec3,
-    ) -> Result<Option<Rated>, RenderError> {
+    ) -> Result<Option<RatedView>, RenderError> {
         let survey = self.site.survey;
         let camera = Camera::looking(SIZE, DEFAULT_FOV, eye, eye + forward, survey.up.value);
         let Ok(camera) = camera else { return Ok(None) };
@@ -130,12 +130,12 @@ impl Critic<'_, '_> {
         self.site.look(self.set, &camera, &mut self.frame)?;
         let rating = rate(&self.frame, &camera, survey, &self.grain);
         // A place is first of all what people see of it.
-        let worth = if kind == CandidateKind::EyeLevel { EYE_LEVEL } else { 0.0 };
-        Ok(Some(Rated { kind, eye, forward, score: rating.sum() + worth }))
+        let worth = if kind == CandidateKind::EyeLevel { EYE_LEVEL_RATING } else { 0.0 };
+        Ok(Some(RatedView { kind, eye, forward, score: rating.sum() + worth }))
     }
 
     /// The rated candidates, the best first.
-    fn all(&mut self, space: &OccupancyGrid) -> Result<Vec<Rated>, RenderError> {
+    fn all(&mut self, space: &OccupancyGrid) -> Result<Vec<RatedView>, RenderError> {
         let mut rated = Vec::new();
         for candidate in candidates(space, self.site.survey) {
             rated.extend(self.rated(candidate.kind, candidate.eye, candidate.forward)?);
@@ -145,10 +145,10 @@ impl Critic<'_, '_> {
     }
 
     /// The best of the candidates and of the variations of the best few.
-    fn best(&mut self, space: &OccupancyGrid) -> Result<Option<Rated>, RenderError> {
+    fn best(&mut self, space: &OccupancyGrid) -> Result<Option<RatedView>, RenderError> {
         let rated = self.all(space)?;
         let mut best = rated.first().copied();
-        for view in rated.into_iter().take(VARIED) {
+        for view in rated.into_iter().take(VARIED_VIEWS) {
             for (eye, forward) in self.variations(space, &view) {
                 let varied = self.rated(view.kind, eye, forward)?;
                 best = varied.into_iter().chain(best).max_by(|a, b| a.score.total_cmp(&b.score));
@@ -158,7 +158,7 @@ impl Critic<'_, '_> {
     }
 
     /// A step back or aside, a turn, a tilt.
-    fn variations(&self, space: &OccupancyGrid, view: &Rated) -> Vec<(DVec3, DVec3)> {
+    fn variations(&self, space: &OccupancyGrid, view: &RatedView) -> Vec<(DVec3, DVec3)> {
         let survey = self.site.survey;
         let up = survey.up.value;
         let Some(right) = view.forward.cross(up).try_normalize() else { return Vec::new() };

@@ -122,11 +122,11 @@ fn perspective() -> String {
 }
 
 /// The keyframes of a file, and the size of its pictures where it states one, px.
-pub type SizedKeys = (Vec<PathKey>, Option<(u32, u32)>);
+pub(crate) type SizedKeys = (Vec<PathKey>, Option<(u32, u32)>);
 
 /// Keyframes of a file of another program, or what is wrong with it; `None` if it is of none that
 /// is known. `up` is up in the scene's axes, `fov` what was given by hand.
-pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<SizedKeys, String>> {
+pub(crate) fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<SizedKeys, String>> {
     let value: Value = serde_json::from_str(text).ok()?;
     let read = if value.get("camera_path").is_some() {
         let file: Result<Nerfstudio, String> = serde_json::from_value(value).map_err(|e| e.to_string());
@@ -260,7 +260,8 @@ fn rate(frames: f64) -> Result<f64, String> {
 }
 
 /// A path as nerfstudio's `camera_path.json`: a camera for each frame.
-pub fn nerfstudio_text(path: &CameraPath, fps: f64, (width, height): (u32, u32)) -> String {
+pub(crate) fn nerfstudio_text(path: &CameraPath, fps: f64, size: (u32, u32)) -> String {
+    let (width, height) = size;
     let count = ((path.duration() * fps).round() as usize).max(1);
     let aspect = f64::from(width) / f64::from(height);
     let cameras: Vec<Value> = (0..count)
@@ -288,7 +289,7 @@ pub fn nerfstudio_text(path: &CameraPath, fps: f64, (width, height): (u32, u32))
 
 /// A path as settings of SuperSplat's viewer: a keyframe for each frame. It knows no roll, and of
 /// the fields of view older ones have the first alone.
-pub fn supersplat_text(path: &CameraPath, fps: f64, _size: (u32, u32)) -> String {
+pub(crate) fn supersplat_text(path: &CameraPath, fps: f64, _size: (u32, u32)) -> String {
     let axes = Axes::YUpZForward;
     let count = (path.duration() * fps).round() as usize + 1;
     let keys: Vec<PathKey> = (0..count).map(|frame| path.key_at(path.start() + frame as f64 / fps)).collect();

@@ -41,55 +41,71 @@ struct Keyframe {
     fov: Option<f64>,
 }
 
-/// Reads a path from a file.
-///
-/// # Errors
-/// [`ViewError`] with the file's name, and line and column or the keyframe's number.
-pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, ViewError> {
-    let text = read_text(file, LARGE_TEXT).map_err(|error| FormatError::reading(file, error))?;
-    parse(&text, survey, options)
-        .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
-}
+impl CameraPath {
+    /// Reads a path from a JSON file in coordinates of the world. Options win over the values of
+    /// the file.
+    ///
+    /// # Errors
+    /// [`ViewError`] if the file cannot be read or makes no path, with the file's name, and line
+    /// and column or the keyframe's number.
+    pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<Self, ViewError> {
+        let text = read_text(file, LARGE_TEXT).map_err(|error| FormatError::reading(file, error))?;
+        parse(&text, survey, options)
+            .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
+    }
 
-/// Writes a path to a file, whole or not at all; as another program does, at `fps` frames a second
-/// and for pictures of `size`, if the file is called as its are.
-///
-/// # Errors
-/// [`ViewError`] if the file cannot be written.
-pub fn write(
-    file: &std::path::Path,
-    path: &CameraPath,
-    origin: DVec3,
-    fps: f64,
-    size: (u32, u32),
-) -> Result<(), ViewError> {
-    let name = file.file_name().unwrap_or_default().as_encoded_bytes();
-    let other = OTHERS.iter().find(|(ending, _)| name.ends_with(ending.as_bytes()));
-    // Other programs look at the numbers of the scene file.
-    let text = other.map_or_else(|| path.text(origin), |(_, text)| text(path, fps, size));
-    Ok(write_atomically(file, |out| Ok(out.write_all(text.as_bytes())?))?)
+    /// Parses a path in our own or another program's format.
+    ///
+    /// # Errors
+    /// [`ViewError::Path`] if it makes no path.
+    pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Self, ViewError> {
+        parse(text, survey, options)
+            .map_err(|(location, message)| ViewError::Path(format!("{message}{location}")))
+    }
+
+    /// Returns the text of the file that [`Self::write`] writes: one keyframe a line.
+    #[must_use]
+    pub fn text(&self, origin: DVec3) -> String {
+        let path = self.moved(origin);
+        let keyframe = |key: &PathKey| {
+            let DQuat { x, y, z, w } = key.rotation;
+            let (eye, rotation) = (key.eye.to_array(), Some([w, x, y, z]));
+            let keyframe = Keyframe { time: key.time, eye, target: None, rotation, fov: Some(key.fov) };
+            // Every number of a path is finite, and nothing else can fail.
+            serde_json::to_string(&keyframe).unwrap_or_default()
+        };
+        let keyframes: Vec<String> = path.keys().iter().map(keyframe).collect();
+        format!("{{\"near\":{},\"keyframes\":[\n{}\n]}}\n", path.near(), keyframes.join(",\n"))
+    }
+
+    /// Writes the path, of a scene of this origin, to a JSON file in coordinates of the world,
+    /// whole or not at all; with the name `camera_path.json` as nerfstudio does, with
+    /// `settings.json` as SuperSplat, for pictures of `size` at `fps` frames a second.
+    ///
+    /// # Errors
+    /// [`ViewError`] if the file cannot be written.
+    pub fn write(
+        &self,
+        file: &std::path::Path,
+        origin: DVec3,
+        fps: f64,
+        size: (u32, u32),
+    ) -> Result<(), ViewError> {
+        let name = file.file_name().unwrap_or_default().as_encoded_bytes();
+        let other = FOREIGN_FORMATS.iter().find(|(ending, _)| name.ends_with(ending.as_bytes()));
+        // Other programs use the coordinates of the scene file.
+        let text = other.map_or_else(|| self.text(origin), |(_, text)| text(self, fps, size));
+        Ok(write_atomically(file, |out| Ok(out.write_all(text.as_bytes())?))?)
+    }
 }
 
 /// Endings of other programs' file names, and the writers of their formats.
-const OTHERS: [(&str, TextOf); 2] =
+const FOREIGN_FORMATS: [(&str, TextOf); 2] =
     [("camera_path.json", foreign::nerfstudio_text), ("settings.json", foreign::supersplat_text)];
 type TextOf = fn(&CameraPath, f64, (u32, u32)) -> String;
 
-/// A path as text: one keyframe a line.
-pub fn text_of(path: &CameraPath) -> String {
-    let keyframe = |key: &PathKey| {
-        let DQuat { x, y, z, w } = key.rotation;
-        let (eye, rotation) = (key.eye.to_array(), Some([w, x, y, z]));
-        let keyframe = Keyframe { time: key.time, eye, target: None, rotation, fov: Some(key.fov) };
-        // Every number of a path is finite, and nothing else can fail.
-        serde_json::to_string(&keyframe).unwrap_or_default()
-    };
-    let keyframes: Vec<String> = path.keys().iter().map(keyframe).collect();
-    format!("{{\"near\":{},\"keyframes\":[\n{}\n]}}\n", path.near(), keyframes.join(",\n"))
-}
-
-/// The path that a text describes.
-pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, (Location, String)> {
+/// Parses a path; returns the place and the text of an error.
+fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, (Location, String)> {
     if text.trim_ascii().is_empty() {
         return Err((Location::Whole, Problem::Empty.to_string()));
     }
@@ -203,8 +219,8 @@ mod tests {
         let path = CameraPath::new(vec![key(0.0), key(1.5), key(2.0)], 0.125).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("path.json");
-        write(&file, &path, DVec3::ZERO, 30.0, (64, 48)).unwrap();
-        let again = read(&file, &survey(), &ViewOptions::default()).unwrap();
+        path.write(&file, DVec3::ZERO, 30.0, (64, 48)).unwrap();
+        let again = CameraPath::read(&file, &survey(), &ViewOptions::default()).unwrap();
         for (a, b) in again.keys().iter().zip(path.keys()) {
             assert!((a.eye - b.eye).length() < 1e-12 && (a.time, a.fov) == (b.time, b.fov));
             assert!(a.rotation.angle_between(b.rotation) < 1e-7);
@@ -214,10 +230,11 @@ mod tests {
         let options = ViewOptions { up: Some(DVec3::NEG_Y), ..ViewOptions::default() };
         for name in ["my camera_path.json", "settings.json"] {
             let theirs = folder.path().join(name);
-            write(&theirs, &path, DVec3::ZERO, 30.0, (64, 48)).unwrap();
-            assert_eq!(read(&theirs, &survey(), &options).unwrap().keys().len(), 61);
+            path.write(&theirs, DVec3::ZERO, 30.0, (64, 48)).unwrap();
+            assert_eq!(CameraPath::read(&theirs, &survey(), &options).unwrap().keys().len(), 61);
         }
-        let missing = read(&folder.path().join("no.json"), &survey(), &ViewOptions::default()).unwrap_err();
+        let missing =
+            CameraPath::read(&folder.path().join("no.json"), &survey(), &ViewOptions::default()).unwrap_err();
         assert!(missing.to_string().ends_with("no.json: no such file or folder; check the path"));
     }
 

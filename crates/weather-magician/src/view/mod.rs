@@ -4,17 +4,17 @@
 //! - [`spec`]: `--camera` and the options beside it.
 //! - [`path`]: a camera as a function of time, from a file of keyframes.
 //! - [`moves`]: the built-in paths: orbit, dolly, along the photos.
-//! - [`choose`]: a good view of any scene. It looks about in [`space`] and at small renders, which
-//!   `rate` judges.
+//! - [`choose`]: a good view of any scene. It tests free space (`space`) and rates small
+//!   renders (`rate`).
 
-pub mod candidates;
+pub(crate) mod candidates;
 pub mod choose;
 mod foreign;
 mod json;
 pub mod moves;
 pub mod path;
 mod rate;
-pub mod space;
+pub(crate) mod space;
 pub mod spec;
 #[cfg(test)]
 mod testing;
@@ -110,7 +110,7 @@ pub enum ViewError {
     Text {
         /// The name of the option.
         what: &'static str,
-        /// Its text.
+        /// The text of it.
         text: String,
         /// The problem and the expected form.
         problem: String,

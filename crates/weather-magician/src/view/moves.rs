@@ -50,11 +50,11 @@ impl FromStr for PathSpec {
 }
 
 /// Keys of an orbit: 5 degrees apart the spline is within 1e-6 of the circle.
-const TURN: usize = 72;
+const ORBIT_KEYS: usize = 72;
 /// Keys of a dolly.
-const STEPS: usize = 24;
+const DOLLY_KEYS: usize = 24;
 /// Longest way of a dolly, scene radii.
-const FARTHEST: f64 = 0.6;
+const MAX_DOLLY_RADII: f64 = 0.6;
 
 /// Once around the survey's middle, at the distance and height of the view `start`, looking at the
 /// middle, in `duration` seconds; the last key is the first again.
@@ -82,12 +82,12 @@ pub fn orbit(site: &ViewSearch<'_>, start: &Camera, duration: f64) -> Result<Cam
         survey.center + up * height + DQuat::from_axis_angle(up, angle) * outward * distance
     };
     // The last is the first to the last bit, which makes the path a loop.
-    let angles = || (0..=TURN).map(|i| TAU * (i % TURN) as f64 / TURN as f64);
+    let angles = || (0..=ORBIT_KEYS).map(|i| TAU * (i % ORBIT_KEYS) as f64 / ORBIT_KEYS as f64);
     let room = 0.02 * survey.radius;
     let is_free = |distance: &f64| angles().all(|angle| space.is_clear(on_circle(angle, *distance), room));
     let free = (0..10).map(|i| distance * 0.85f64.powi(i)).find(is_free);
     let fov = start.fov_y();
-    let mut keys = Vec::with_capacity(TURN + 1);
+    let mut keys = Vec::with_capacity(ORBIT_KEYS + 1);
     for (i, angle) in angles().enumerate() {
         let rotation = match free {
             Some(distance) => {
@@ -99,7 +99,7 @@ pub fn orbit(site: &ViewSearch<'_>, start: &Camera, duration: f64) -> Result<Cam
         };
         let eye = free.map_or(start.center(), |distance| on_circle(angle, distance));
         let rotation = DQuat::from_mat3(&rotation).normalize();
-        keys.push(PathKey { time: duration * i as f64 / TURN as f64, eye, rotation, fov });
+        keys.push(PathKey { time: duration * i as f64 / ORBIT_KEYS as f64, eye, rotation, fov });
     }
     CameraPath::new(keys, options.near(survey))
 }
@@ -133,10 +133,10 @@ pub fn dolly(
     };
     let clearance = space.ground(eye).map(|ground| eye.dot(up) - ground).filter(|height| *height > 0.0);
     let rotation = DQuat::from_mat3(&start.rotation()).normalize();
-    let mut keys = Vec::with_capacity(STEPS + 1);
+    let mut keys = Vec::with_capacity(DOLLY_KEYS + 1);
     let mut rise = 0.0f64;
-    for i in 0..=STEPS {
-        let t = i as f64 / STEPS as f64;
+    for i in 0..=DOLLY_KEYS {
+        let t = i as f64 / DOLLY_KEYS as f64;
         let way = distance * t * t * (3.0 - 2.0 * t);
         let level = eye + ahead * way;
         // Only up: down a slope the view stays level, and a stray low cell is no hole to fall into.
@@ -167,7 +167,7 @@ fn room_ahead(site: &mut ViewSearch<'_>, start: &Camera, ahead: DVec3) -> Result
     let camera = start.refitted(180, 120);
     let mut frame = Frame::default();
     site.look(site.set, &camera, &mut frame)?;
-    let most = FARTHEST * survey.radius;
+    let most = MAX_DOLLY_RADII * survey.radius;
     // A corridor as wide as a person with a tripod, its floor half way down to the ground.
     let half = (0.03 * survey.radius).min(1.0 / survey.metres_per_unit.value);
     let below = (0.5 * survey.height(start.center())).clamp(0.2 * half, half);

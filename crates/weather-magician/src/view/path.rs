@@ -19,9 +19,9 @@
 //! }
 //! ```
 
-use super::{ViewError, ViewOptions, json};
+use super::ViewError;
 use glam::{DMat3, DQuat, DVec3};
-use wm_scene::{Camera, camera::FOV, survey::Survey, values::FARTHEST};
+use wm_scene::{Camera, camera::FOV, values::FARTHEST};
 
 /// A camera at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,51 +106,11 @@ impl CameraPath {
         self.size
     }
 
-    /// Reads a path from a JSON file in coordinates of the world; what is given by hand wins over
-    /// what the file says.
-    ///
-    /// # Errors
-    /// [`ViewError`] if the file cannot be read or makes no path.
-    pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<Self, ViewError> {
-        json::read(file, survey, options)
-    }
-
-    /// The path of a text in our own or another's format.
-    ///
-    /// # Errors
-    /// [`ViewError::Path`] if it makes no path.
-    pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Self, ViewError> {
-        json::parse(text, survey, options)
-            .map_err(|(location, message)| ViewError::Path(format!("{message}{location}")))
-    }
-
-    /// The text of the file that [`Self::write`] writes.
-    #[must_use]
-    pub fn text(&self, origin: DVec3) -> String {
-        json::text_of(&self.moved(origin))
-    }
-
     /// The path with every eye moved.
     #[must_use]
     pub fn moved(&self, by: DVec3) -> Self {
         let keys = self.keys.iter().map(|key| PathKey { eye: key.eye + by, ..*key }).collect();
         Self { keys, velocities: self.velocities.clone(), ..*self }
-    }
-
-    /// Writes the path, of a scene of this origin, to a JSON file in coordinates of the world,
-    /// whole or not at all; with the name `camera_path.json` as nerfstudio does, with
-    /// `settings.json` as SuperSplat, for pictures of `size` at `fps` frames a second.
-    ///
-    /// # Errors
-    /// [`ViewError`] if the file cannot be written.
-    pub fn write(
-        &self,
-        file: &std::path::Path,
-        origin: DVec3,
-        fps: f64,
-        size: (u32, u32),
-    ) -> Result<(), ViewError> {
-        json::write(file, self, origin, fps, size)
     }
 
     /// The keyframes, in the order of their times; at least one.
@@ -187,7 +147,7 @@ impl CameraPath {
 
     /// The interpolated key at `time`, seconds.
     #[must_use]
-    pub fn key_at(&self, time: f64) -> PathKey {
+    pub(crate) fn key_at(&self, time: f64) -> PathKey {
         let next = self.keys.partition_point(|key| key.time <= time);
         if next == 0 {
             return self.keys[0];

@@ -8,19 +8,19 @@ use wm_scene::survey::Survey;
 use wm_scene::{Camera, Group, Splats};
 
 /// Size of the pictures that are judged, px.
-pub const SIZE: (u32, u32) = (120, 80);
+pub(crate) const SIZE: (u32, u32) = (120, 80);
 
 /// Farther than this many scene radii is sky.
-const SKY: f64 = 2.5;
+const SKY_DISTANCE_RADII: f64 = 2.5;
 
 /// Splats by which the sharpness of a view is judged.
-pub struct SplatSample {
+pub(crate) struct SplatSample {
     points: Vec<(DVec3, f64)>,
 }
 
 impl SplatSample {
     /// A sample of a scene's splats.
-    pub fn of(splats: &Splats) -> Self {
+    pub(crate) fn of(splats: &Splats) -> Self {
         let step = splats.len().div_ceil(20_000).max(1);
         let points = (0..splats.len())
             .step_by(step)
@@ -35,7 +35,7 @@ impl SplatSample {
     }
 
     /// Returns the visible share of the splats, and how coarse they are.
-    fn seen(&self, camera: &Camera, frame: &Frame) -> Seen {
+    fn seen(&self, camera: &Camera, frame: &Frame) -> VisibleSplats {
         let (mut sum, mut weight, mut count) = (0.0, 0.0, 0.0);
         for (at, size) in &self.points {
             let Some((x, y, depth)) = camera.project(*at) else { continue };
@@ -53,12 +53,12 @@ impl SplatSample {
             weight += area;
         }
         let coarseness = if weight > 0.0 { sum / weight } else { 3.0 };
-        Seen { share: count / self.points.len().max(1) as f64, coarseness }
+        VisibleSplats { share: count / self.points.len().max(1) as f64, coarseness }
     }
 }
 
 /// The splats that a picture shows.
-struct Seen {
+struct VisibleSplats {
     /// Share of the scene's splats.
     share: f64,
     /// Mean logarithm of how far they exceed a hundredth of the picture's height: 0 for a sharp
@@ -68,40 +68,40 @@ struct Seen {
 
 /// The terms of a view's rating; their sum is the rating.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct ViewRating {
+pub(crate) struct ViewRating {
     /// Holes in the lower part.
-    pub cover: f64,
+    pub(crate) cover: f64,
     /// Things right in front of the lens.
-    pub clear: f64,
+    pub(crate) clear: f64,
     /// Near and far together.
-    pub depth: f64,
+    pub(crate) depth: f64,
     /// Distance of the visible things.
-    pub reach: f64,
+    pub(crate) reach: f64,
     /// Structure in the picture.
-    pub detail: f64,
+    pub(crate) detail: f64,
     /// Share of the well captured parts: splats are many where cameras looked.
-    pub content: f64,
+    pub(crate) content: f64,
     /// Splats so large that they are seen as blobs.
-    pub grain: f64,
+    pub(crate) grain: f64,
     /// Share of sky.
-    pub sky: f64,
+    pub(crate) sky: f64,
     /// Half transparent parts: the back of the reconstruction, floaters.
-    pub haze: f64,
+    pub(crate) haze: f64,
 }
 
 impl ViewRating {
     /// The sum.
-    pub fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         let Self { cover, clear, depth, reach, detail, content, grain, sky, haze } = *self;
         cover + clear + depth + reach + detail + content + grain + sky + haze
     }
 }
 
 /// Judges a picture with colour, alpha and depth.
-pub fn rate(frame: &Frame, camera: &Camera, survey: &Survey, grain: &SplatSample) -> ViewRating {
+pub(crate) fn rate(frame: &Frame, camera: &Camera, survey: &Survey, grain: &SplatSample) -> ViewRating {
     let room = room(survey, survey.height(camera.center()));
-    let parts = Parts::of(frame, camera, survey);
-    let Parts { mut depths, mut things, .. } = parts;
+    let parts = PixelClasses::of(frame, camera, survey);
+    let PixelClasses { mut depths, mut things, .. } = parts;
     let pixels = frame.pixels() as f64;
     if (things.len() as f64) < 0.1 * pixels {
         return ViewRating { cover: -10.0, ..ViewRating::default() };
@@ -134,10 +134,10 @@ fn quantile(values: &mut [f64], q: f64) -> f64 {
 
 /// The pixels of a picture by what they show.
 #[derive(Default)]
-struct Parts {
+struct PixelClasses {
     /// Depths where there is something that is no sky, scene units.
     depths: Vec<f64>,
-    /// The same above the foreground.
+    /// The sums above the foreground.
     things: Vec<f64>,
     /// Nothing, where there should be something: the ground within the scene, or the sky if it has
     /// one.
@@ -152,7 +152,7 @@ struct Parts {
     close: u32,
 }
 
-impl Parts {
+impl PixelClasses {
     fn of(frame: &Frame, camera: &Camera, survey: &Survey) -> Self {
         let up = survey.up.value;
         let above = survey.height(camera.center());
@@ -168,7 +168,7 @@ impl Parts {
                 let ground = if sine < -0.02 { above.max(0.0) / -sine } else { f64::INFINITY };
                 let is_empty = alpha < 0.5;
                 parts.half += u32::from(alpha > 0.08 && alpha < 0.85);
-                if is_empty || depth > SKY * survey.radius {
+                if is_empty || depth > SKY_DISTANCE_RADII * survey.radius {
                     let foot = camera.center() + ray * ground - survey.center;
                     let is_hole = (is_empty && survey.sky_splats > 0)
                         || (ground.is_finite() && foot.reject_from_normalized(up).length() < survey.radius);

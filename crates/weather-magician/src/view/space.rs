@@ -3,22 +3,21 @@
 use glam::DVec3;
 use wm_scene::{Group, Splats, quat, survey::Survey};
 
-/// Most cells to each side of a point that are asked whether it is clear: a wrong scale may ask for
-/// the whole grid.
-const MOST_CELLS: f64 = 24.0;
-/// Cells a scene radius.
-const CELLS: f64 = 56.0;
+/// Maximum radius of a clearance test, cells: with a wrong scale it would visit the whole grid.
+const MAX_CLEARANCE_CELLS: f64 = 24.0;
+/// Cells per scene radius.
+const CELLS_PER_RADIUS: f64 = 56.0;
 /// Half the width of the grid in scene radii.
-const REACH: f64 = 1.3;
-/// Most splats that are looked at.
-const MOST: usize = 250_000;
-/// Share of a cell's face that splats must fill before the cell counts as filled.
-const FILLED: f32 = 0.35;
-/// Largest distance of the ground from the survey's height, scene radii.
-const RELIEF: f64 = 0.1;
+const HALF_WIDTH_RADII: f64 = 1.3;
+/// Maximum number of splats that are counted.
+const MAX_SPLATS: usize = 250_000;
+/// A cell counts as filled if splats cover this share of a face of it.
+const MIN_FILLED_SHARE: f32 = 0.35;
+/// Maximum distance of the ground from the survey's height, scene radii.
+const MAX_RELIEF_RADII: f64 = 0.1;
 
 /// Filled and empty cells about the middle of the scene, and the height of the ground below.
-pub struct OccupancyGrid {
+pub(crate) struct OccupancyGrid {
     center: DVec3,
     /// The grid's axes: two level ones and up.
     axes: [DVec3; 3],
@@ -34,15 +33,15 @@ pub struct OccupancyGrid {
 
 impl OccupancyGrid {
     /// Looks at the splats of a scene, sky left out.
-    pub fn of(splats: &Splats, survey: &Survey) -> Self {
+    pub(crate) fn of(splats: &Splats, survey: &Survey) -> Self {
         let up = survey.up.value;
         let least = up.abs().min_position();
         let x = (DVec3::AXES[least] - up * up[least]).normalize();
         let radius = survey.radius.max(1e-6);
-        let cell = radius / CELLS;
+        let cell = radius / CELLS_PER_RADIUS;
         let low = survey.ground.value - 0.3 * radius;
         let high = (survey.center.dot(up) + radius).max(survey.ground.value + radius);
-        let side = (2.0 * REACH * CELLS) as usize;
+        let side = (2.0 * HALF_WIDTH_RADII * CELLS_PER_RADIUS) as usize;
         let layers = (((high - low) / cell) as usize).clamp(1, 4 * side);
         let mut space = Self {
             center: survey.center,
@@ -54,12 +53,12 @@ impl OccupancyGrid {
             filled: Vec::new(),
             ground: Vec::new(),
         };
-        space.fill(splats, survey.ground.value, RELIEF * radius);
+        space.fill(splats, survey.ground.value, MAX_RELIEF_RADII * radius);
         space
     }
 
     fn fill(&mut self, splats: &Splats, ground: f64, relief: f64) {
-        let step = splats.len().div_ceil(MOST).max(1);
+        let step = splats.len().div_ceil(MAX_SPLATS).max(1);
         let mut cover = vec![0.0f32; self.side * self.side * self.layers];
         let mut heights: Vec<(usize, f64)> = Vec::new();
         for index in (0..splats.len()).step_by(step) {
@@ -101,7 +100,7 @@ impl OccupancyGrid {
                 heights.push((column, height));
             }
         }
-        self.filled = cover.into_iter().map(|c| c >= FILLED).collect();
+        self.filled = cover.into_iter().map(|c| c >= MIN_FILLED_SHARE).collect();
         heights.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         self.ground = vec![f64::NAN; self.side * self.side];
         for column in heights.chunk_by(|a, b| a.0 == b.0) {
@@ -125,18 +124,18 @@ impl OccupancyGrid {
     }
 
     /// Returns true if the cell at a point is filled; no cell outside the grid is.
-    pub fn is_filled(&self, at: DVec3) -> bool {
+    pub(crate) fn is_filled(&self, at: DVec3) -> bool {
         self.index(at).is_some_and(|index| self.filled[index])
     }
 
     /// The level axes and up.
-    pub fn axes(&self) -> [DVec3; 3] {
+    pub(crate) fn axes(&self) -> [DVec3; 3] {
         self.axes
     }
 
     /// Height of the ground below a point, along up: a low quantile of the columns about it, so
     /// that a car or a table is not stood on. `None` where no ground is seen.
-    pub fn ground(&self, at: DVec3) -> Option<f64> {
+    pub(crate) fn ground(&self, at: DVec3) -> Option<f64> {
         let column = self.column(at)?;
         let (x, y) = (column % self.side, column / self.side);
         let near = |v: usize| v.saturating_sub(3)..(v + 4).min(self.side);
@@ -149,13 +148,13 @@ impl OccupancyGrid {
     }
 
     /// The unit direction at an azimuth and elevation, radians.
-    pub fn direction(&self, azimuth: f64, elevation: f64) -> DVec3 {
+    pub(crate) fn direction(&self, azimuth: f64, elevation: f64) -> DVec3 {
         let [x, y, up] = self.axes;
         (x * azimuth.cos() + y * azimuth.sin()) * elevation.cos() + up * elevation.sin()
     }
 
     /// Distance along a ray to the first filled cell; `None` if it is beyond `most`.
-    pub fn hit(&self, from: DVec3, direction: DVec3, most: f64) -> Option<f64> {
+    pub(crate) fn hit(&self, from: DVec3, direction: DVec3, most: f64) -> Option<f64> {
         let step = 0.7 * self.cell;
         let steps = (most / step).min(4.0 * self.side as f64) as usize;
         // The cell of the eye itself is judged elsewhere.
@@ -163,8 +162,8 @@ impl OccupancyGrid {
     }
 
     /// Returns true if no filled cell is within `distance` of a point.
-    pub fn is_clear(&self, at: DVec3, distance: f64) -> bool {
-        let reach = (distance / self.cell).ceil().min(MOST_CELLS) as i32;
+    pub(crate) fn is_clear(&self, at: DVec3, distance: f64) -> bool {
+        let reach = (distance / self.cell).ceil().min(MAX_CLEARANCE_CELLS) as i32;
         let [x, y, up] = self.axes;
         let offset = |k: i32| f64::from(k) * distance / f64::from(reach.max(1));
         for i in -reach..=reach {

@@ -10,7 +10,7 @@ use wm_scene::testing::data;
 use wm_scene::{Camera, Metadata, Scene, SceneView};
 
 /// A place with z up, the ground at 0, 10 units in radius.
-pub fn survey() -> Survey {
+pub(crate) fn survey() -> Survey {
     fn known<T>(value: T) -> Sourced<T> {
         Sourced { value, source: FactSource::Given, confidence: Confidence::Sure }
     }
@@ -41,7 +41,7 @@ pub fn survey() -> Survey {
 }
 
 /// Views of these names at x = 0, 1, 2, ... that look along y.
-pub fn views(names: &[&str]) -> Vec<SceneView> {
+pub(crate) fn views(names: &[&str]) -> Vec<SceneView> {
     let camera = |x: f64| {
         let eye = DVec3::new(x, 0.0, 1.6);
         Camera::looking((300, 200), 60.0, eye, eye + DVec3::Y, DVec3::Z).unwrap()
@@ -54,13 +54,13 @@ pub fn views(names: &[&str]) -> Vec<SceneView> {
 }
 
 /// A real scene by its file's name; `None`, said on stderr, where the data is not there.
-pub fn real(name: &str) -> Option<Scene> {
+pub(crate) fn real(name: &str) -> Option<Scene> {
     let path = data(&format!("scenes/{name}.ply"))?;
     Some(read_scene(&path, &ReadOptions::default()).unwrap())
 }
 
 /// A made-up place: `street`, `street-sky`, `table`, `rooms` or `village`.
-pub fn place(name: &str) -> Scene {
+pub(crate) fn place(name: &str) -> Scene {
     let mut place = match name {
         "table" => synthetic::table(1),
         "village" => synthetic::aerial(1),
@@ -94,16 +94,16 @@ fn rooms() -> Builder {
 }
 
 /// A scene that is ready to be looked at.
-pub struct LoadedScene {
-    pub renderer: CpuRenderer,
-    pub set: SetId,
-    pub scene: Scene,
-    pub survey: Survey,
+pub(crate) struct LoadedScene {
+    pub(crate) renderer: CpuRenderer,
+    pub(crate) set: SetId,
+    pub(crate) scene: Scene,
+    pub(crate) survey: Survey,
 }
 
 impl LoadedScene {
     /// Labels the sky, surveys and loads; renders on `threads` threads.
-    pub fn new(mut scene: Scene, threads: Option<usize>) -> Self {
+    pub(crate) fn new(mut scene: Scene, threads: Option<usize>) -> Self {
         label_sky(&mut scene.splats);
         let survey = Survey::of(&scene, &Metadata::default());
         let mut renderer = CpuRenderer::new(CpuConfig { threads, ..CpuConfig::default() }).unwrap();
@@ -111,7 +111,7 @@ impl LoadedScene {
         Self { renderer, set, scene, survey }
     }
 
-    pub fn site(&mut self, options: ViewOptions) -> ViewSearch<'_> {
+    pub(crate) fn site(&mut self, options: ViewOptions) -> ViewSearch<'_> {
         let Self { renderer, set, scene, survey } = self;
         ViewSearch { renderer, set: *set, scene, survey, options }
     }

@@ -1,21 +1,21 @@
-//! The plan of a data set: a TOML file.
+//! The TOML file of a plan: reading, defaults and checks.
 
-use super::weathers::{FindWeather, WeatherEntry, WeatherSource, meant};
+use super::{BatchPlan, FRAMES_LAYOUT, PlanPath, PlanPathKind, PlanRig, PlanScene, slug};
 use crate::MotionSpec;
+use crate::batch::weathers::{FindWeather, WeatherEntry, WeatherSource, meant};
 use crate::levels::{LevelBudget, parse_memory};
-use crate::output::{LayerFile, PictureFormat, layers_of};
+use crate::output::{LayerFile, PictureFormat};
 use crate::panorama_file::read_panorama;
 use crate::rig::Rig;
 use crate::view::moves::PathSpec;
 use crate::view::spec::CameraSpec;
-use crate::{Error, Layers, Result};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::Deserialize;
-use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
-use wm_datasets::{LAYOUTS, LayerNeeds, Layout};
+use wm_datasets::{LAYOUTS, Layout};
 use wm_scene::Metadata;
 use wm_scene::camera::FOV;
 use wm_weather::{Fidelity, Weather};
@@ -23,115 +23,13 @@ use wm_weather::{Fidelity, Weather};
 /// Longest plan that is read, bytes.
 const MAX_BYTES: u64 = 16 << 20;
 /// Readings that a block has if the plan does not say how many frames it has.
-const BLOCK_READINGS: usize = 240;
-/// Most frames of a set: file names have eight digits.
-pub(super) const MOST_FRAMES: u64 = 100_000_000;
+const DEFAULT_BLOCK_READINGS: usize = 240;
 /// Frames of a clip if the plan does not say, with a rig.
-const RIG_FRAMES: u32 = 20;
+const DEFAULT_RIG_FRAMES: u32 = 20;
 /// Frames a second if neither the plan nor the rig says.
-const RATE: f64 = 10.0;
-/// The layout of this program's own files.
-pub const FRAMES_LAYOUT: &str = "frames";
+const DEFAULT_RATE_HZ: f64 = 10.0;
 /// 2026-01-01, 0:00 UTC: the time of the first frame if the plan does not say.
-const START: i64 = 1_767_225_600;
-
-/// The plan of a data set: scenes, paths, weathers, sensors and times, from which every frame
-/// follows.
-#[derive(Clone, Debug)]
-pub struct BatchPlan {
-    /// The file, for messages.
-    pub file: String,
-    /// Its name: letters, digits, `-` and `_`.
-    pub name: String,
-    /// A description in one line.
-    pub about: String,
-    /// The seed of weathers, of what falls and of noise.
-    pub seed: u64,
-    /// Frames of a clip.
-    pub frames: u32,
-    /// Frames a second.
-    pub frame_rate: f64,
-    /// Frames of a block: what is made in one go and marked as done.
-    pub block: u32,
-    /// The time of the first frame, seconds since 1970 (UTC).
-    pub start: i64,
-    /// The layouts that are written, apart from [`FRAMES_LAYOUT`].
-    pub layouts: Vec<&'static dyn Layout>,
-    /// True if the layout [`FRAMES_LAYOUT`] is written.
-    pub writes_frames: bool,
-    /// The format of its pictures.
-    pub picture: PictureFormat,
-    /// Its pictures beside the colour.
-    pub also: Vec<LayerFile>,
-    /// True if the same view without weather is written beside each of its pictures.
-    pub pairs: bool,
-    /// The names of the labels of splats, from 1.
-    pub labels: Vec<String>,
-    /// The parts of the set and their shares, which sum to 1.
-    pub splits: Vec<(String, f64)>,
-    /// The scenes.
-    pub scenes: Vec<PlanScene>,
-    /// The paths.
-    pub paths: Vec<PlanPath>,
-    /// The sensors.
-    pub rig: PlanRig,
-    /// The weathers.
-    pub weathers: Vec<WeatherSource>,
-    /// The SHA-256 of all that the frames follow from, but for the scenes, in hexadecimal digits.
-    pub digest: String,
-}
-
-/// A scene of a plan.
-#[derive(Clone, Debug)]
-pub struct PlanScene {
-    /// Its name: letters, digits, `-` and `_`.
-    pub name: String,
-    /// Its file.
-    pub file: PathBuf,
-    /// Facts that win over those of the file.
-    pub facts: Metadata,
-    /// The most that it may take if it is in levels of detail.
-    pub budget: LevelBudget,
-}
-
-/// A path, or the cameras of a scene's photos.
-#[derive(Clone, Debug)]
-pub struct PlanPath {
-    /// Its name: letters, digits, `-` and `_`.
-    pub name: String,
-    /// The scene; `None` for all of them.
-    pub scene: Option<String>,
-    /// The way.
-    pub kind: PlanPathKind,
-}
-
-/// The way of a [`PlanPath`].
-#[derive(Clone, Debug)]
-pub enum PlanPathKind {
-    /// The rig moves.
-    Motion(MotionSpec),
-    /// The rig stands where each photo was taken, every `every`-th of them.
-    Photos {
-        /// Steps between photos.
-        every: u32,
-    },
-}
-
-/// The sensors of a plan.
-#[derive(Clone, Debug)]
-pub enum PlanRig {
-    /// A rig.
-    Rig(Box<Rig>),
-    /// One camera of this size, px, and vertical field of view, degrees.
-    Camera {
-        /// Width and height, px.
-        size: (u32, u32),
-        /// Degrees.
-        fov: f64,
-    },
-    /// One camera as the photos were taken with.
-    Photos,
-}
+const DEFAULT_START_S: i64 = 1_767_225_600;
 
 /// A plan, as it is written.
 #[derive(Debug, Deserialize)]
@@ -230,14 +128,14 @@ impl BatchPlan {
             .map_err(|error| fault(format!("cannot be read: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Self::parse(&text, &path.display().to_string(), (folder, &stem))
+        Self::parse(&text, &path.display().to_string(), folder, &stem)
     }
 
     /// The plan of a text; `file` stands in errors, and files are found in the folder.
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn parse(text: &str, file: &str, (folder, stem): (&Path, &str)) -> Result<Self> {
+    pub fn parse(text: &str, file: &str, folder: &Path, stem: &str) -> Result<Self> {
         let line_of = |at: usize| 1 + text[..at.min(text.len())].matches('\n').count();
         let written: PlanFile = toml::from_str(text).map_err(|error| {
             let says = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
@@ -265,34 +163,6 @@ impl BatchPlan {
             Error::Unsupported(format!("{file}{line}: {}: {}; correct the plan", fault.key, fault.says))
         })
     }
-
-    /// The layers that the plan's files and layouts have of a camera.
-    #[must_use]
-    pub fn layers(&self) -> Layers {
-        let mut layers = layers_of(&self.also);
-        let layouts = self.layouts.iter().map(|layout| layout.needs());
-        let needs = layouts.fold(LayerNeeds::default(), LayerNeeds::or);
-        for (layer, is_needed) in [
-            (Layers::CLEAR, needs.clean || self.pairs),
-            (Layers::SURFACE_DEPTH, needs.depth),
-            (Layers::FLOW | Layers::FLOW_MASK, needs.flow),
-        ] {
-            if is_needed {
-                layers |= layer;
-            }
-        }
-        layers
-    }
-}
-
-/// Letters, digits, `-` and `_`, of a text; others become `-`.
-pub(super) fn slug(text: &str) -> String {
-    let clean: String =
-        text.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' }).collect();
-    let clean: Vec<&str> = clean.split('-').filter(|part| !part.is_empty()).collect();
-    let mut clean = clean.join("-");
-    clean.truncate(48);
-    clean
 }
 
 fn is_name(name: &str) -> bool {
@@ -301,18 +171,18 @@ fn is_name(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
 }
 
-const NAME: &str = "it becomes a folder: use letters, digits, - and _";
+const NAME_ADVICE: &str = "it becomes a folder: use letters, digits, - and _";
 
 impl PlanFile {
     fn plan(&self, file: &str, folder: &Path, stem: &str) -> Result<BatchPlan, PlanFault> {
         let name = self.name.clone().unwrap_or_else(|| slug(stem));
         if !is_name(&name) {
-            return Err(PlanFault::new(None, "name", format!("\"{name}\": {NAME}")));
+            return Err(PlanFault::new(None, "name", format!("\"{name}\": {NAME_ADVICE}")));
         }
         let scenes = self.scenes(folder)?;
         let weathers = self.weathers(folder)?;
         let (rig, own_rate) = self.rig(folder)?;
-        let frame_rate = self.frame_rate.or(own_rate).unwrap_or(RATE);
+        let frame_rate = self.frame_rate.or(own_rate).unwrap_or(DEFAULT_RATE_HZ);
         if !(frame_rate > 0.0 && frame_rate <= 1000.0) {
             return Err(PlanFault::new(
                 None,
@@ -321,7 +191,7 @@ impl PlanFile {
             ));
         }
         let is_rig = matches!(rig, PlanRig::Rig(_));
-        let frames = self.frames.unwrap_or(if is_rig { RIG_FRAMES } else { 1 });
+        let frames = self.frames.unwrap_or(if is_rig { DEFAULT_RIG_FRAMES } else { 1 });
         if frames == 0 || frames > 1_000_000 {
             return Err(PlanFault::new(None, "frames", format!("{frames}: it must be from 1 to 1,000,000")));
         }
@@ -346,7 +216,7 @@ impl PlanFile {
             }
             PlanRig::Camera { .. } | PlanRig::Photos => 1,
         };
-        let block = self.block.unwrap_or((BLOCK_READINGS / sensors.max(1)).max(1) as u32);
+        let block = self.block.unwrap_or((DEFAULT_BLOCK_READINGS / sensors.max(1)).max(1) as u32);
         if block == 0 || block > 100_000 {
             return Err(PlanFault::new(
                 None,
@@ -355,7 +225,7 @@ impl PlanFile {
             ));
         }
         let start = match &self.start {
-            None => START,
+            None => DEFAULT_START_S,
             Some(time) => seconds_of(time).map_err(|says| PlanFault::new(None, "start", says))?,
         };
         let picture = match &self.picture {
@@ -414,7 +284,7 @@ impl PlanFile {
             let stem = entry.file.file_stem().unwrap_or_default().to_string_lossy();
             let name = entry.name.clone().unwrap_or_else(|| slug(&stem));
             if !is_name(&name) {
-                return Err(PlanFault::new(at, "scene name", format!("\"{name}\": {NAME}")));
+                return Err(PlanFault::new(at, "scene name", format!("\"{name}\": {NAME_ADVICE}")));
             }
             if scenes.iter().any(|other| other.name.eq_ignore_ascii_case(&name)) {
                 return Err(PlanFault::new(
@@ -624,7 +494,7 @@ impl PathEntry {
             PlanPathKind::Motion(_) => format!("path-{}", number + 1),
         });
         if !is_name(&name) {
-            return Err(fault("name", format!("\"{name}\": {NAME}")));
+            return Err(fault("name", format!("\"{name}\": {NAME_ADVICE}")));
         }
         Ok(PlanPath { name, scene: self.scene.clone(), kind })
     }
@@ -676,34 +546,6 @@ impl PathEntry {
             return Err(fault("seconds", format!("{seconds}: it must be above 0")));
         }
         Ok(MotionSpec { camera, path, distance: self.distance, speed: self.speed, seconds })
-    }
-}
-
-impl BatchPlan {
-    /// A digest of all that frames follow from, but for the scenes: of what was read, not of how it
-    /// was written.
-    fn own_digest(&self, folder: &Path) -> String {
-        let layouts: Vec<&str> = self.layouts.iter().map(|layout| layout.name()).collect();
-        let scenes: Vec<_> =
-            self.scenes.iter().map(|scene| (&scene.name, &scene.facts, scene.budget)).collect();
-        let text = format!(
-            "{} {:?} {:?} {:?} {layouts:?} {scenes:?} {:?} {:?} {:?}",
-            env!("CARGO_PKG_VERSION"),
-            (&self.name, &self.about, self.seed, self.frames, self.frame_rate, self.block, self.start),
-            (self.writes_frames, self.picture, &self.also, self.pairs),
-            (&self.labels, &self.splits),
-            &self.paths,
-            &self.rig,
-            &self.weathers,
-        );
-        // The same plan in another folder is the same plan; without a folder (`plan.toml`) paths
-        // are as they were written.
-        let text = match folder.as_os_str().is_empty() {
-            true => text,
-            false => text.replace(&format!("{}/", folder.display()), ""),
-        };
-        let digest = Sha256::digest(text.as_bytes());
-        digest.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }
 

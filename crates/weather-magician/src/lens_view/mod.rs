@@ -7,25 +7,35 @@
 //! its own view. Each side has as many pixels an angle in its middle as the lens has, and more
 //! towards its edges; they are sampled by cubic convolution.
 
-use crate::camera_model::PictureRect;
+mod spec;
+
+pub use spec::LensSpec;
+
 use crate::place::{PinholeShot, PreparedPlace};
 use crate::{Error, MovingCamera, Picture, Progress, Renderer, Result};
 use glam::{DMat3, DMat4, DVec3, Vec4};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-use std::path::PathBuf;
-use std::str::FromStr;
 use wm_render::Stats;
 use wm_scene::{Camera, LensModel};
 
+/// A rectangle of a picture, px.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PictureRect {
+    /// Left and top.
+    pub(crate) at: [u32; 2],
+    /// Width and height.
+    pub(crate) size: [u32; 2],
+}
+
 /// Tangent of the angle from the axis up to which one pinhole picture shows all.
-const ONE_SIDE: f64 = 1.5;
+const SINGLE_SIDE_MAX_TANGENT: f64 = 1.5;
 /// Share by which the coordinates of a direction along two axes differ where one side has gone over
 /// into the other.
-const OVERLAP: f64 = 0.07;
+const SIDE_OVERLAP_SHARE: f64 = 0.07;
 /// Pixels beyond the outermost sample of a side; with a half, so that a lens without distortion is
 /// sampled at the middles of pixels.
-const PAD: f64 = 3.5;
+const SIDE_MARGIN_PX: f64 = 3.5;
 
 /// A lens in a picture of one size, with the pinhole pictures that it is sampled from. Made once
 /// for all frames.
@@ -42,11 +52,11 @@ pub struct LensView {
 /// One pinhole picture.
 #[derive(Clone, Debug)]
 struct Side {
-    /// Its axes from those of the lens.
+    /// Rotation from the axes of the lens to those of the side.
     rotation: DMat3,
-    /// Its size and intrinsics.
+    /// The size and the intrinsics.
     camera: Camera,
-    /// Those of the whole side, of which it is a part.
+    /// The intrinsics of the whole side, which the rendered part is cropped from.
     whole: Camera,
 }
 
@@ -64,13 +74,13 @@ struct Tap {
 /// A point of a side.
 pub(crate) struct SidePoint {
     /// The side, by its place among [`LensView::cameras`].
-    pub side: usize,
+    pub(crate) side: usize,
     /// px.
-    pub at: [f64; 2],
+    pub(crate) at: [f64; 2],
     /// Width and height of the side, px.
-    pub size: (u32, u32),
+    pub(crate) size: (u32, u32),
     /// Length of the ray at view z 1.
-    pub long: f32,
+    pub(crate) long: f32,
 }
 
 impl LensView {
@@ -87,7 +97,7 @@ impl LensView {
             .into_par_iter()
             .map(|i| lens.ray(&camera, [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5]))
             .collect();
-        let is_narrow = rays.iter().flatten().all(|ray| ray.x.hypot(ray.y) < ONE_SIDE * ray.z);
+        let is_narrow = rays.iter().flatten().all(|ray| ray.x.hypot(ray.y) < SINGLE_SIDE_MAX_TANGENT * ray.z);
         let focal = match lens {
             LensModel::Equirectangular => [f64::from(camera.width) / TAU; 2],
             _ => [camera.fx, camera.fy],
@@ -98,7 +108,7 @@ impl LensView {
                 std::array::from_fn(|k| rotations.get(k).map_or(-1.0, |r| r.row(2).dot(ray)));
             let most = along.into_iter().fold(f64::MIN, f64::max);
             let share = along.map(|along| {
-                let share = ((along / most - 1.0) / OVERLAP + 1.0).clamp(0.0, 1.0);
+                let share = ((along / most - 1.0) / SIDE_OVERLAP_SHARE + 1.0).clamp(0.0, 1.0);
                 share * share * (3.0 - 2.0 * share)
             });
             let sum: f64 = share.iter().sum();
@@ -116,14 +126,15 @@ impl LensView {
         let mut sides = Vec::new();
         let mut index = [u32::MAX; 6];
         for (k, [left, top, right, bottom]) in bounds.into_iter().enumerate().filter(|(_, b)| b[0] <= b[2]) {
-            let length = |low: f64, high: f64, focal: f64| ((high - low) * focal + 2.0 * PAD).ceil() as u32;
+            let length =
+                |low: f64, high: f64, focal: f64| ((high - low) * focal + 2.0 * SIDE_MARGIN_PX).ceil() as u32;
             let side = Camera {
                 width: length(left, right, focal[0]),
                 height: length(top, bottom, focal[1]),
                 fx: focal[0],
                 fy: focal[1],
-                cx: PAD - left * focal[0],
-                cy: PAD - top * focal[1],
+                cx: SIDE_MARGIN_PX - left * focal[0],
+                cy: SIDE_MARGIN_PX - top * focal[1],
                 ..camera
             };
             side.check()?;
@@ -183,7 +194,7 @@ impl LensView {
         let mut sides = Vec::new();
         let mut moved = vec![(0, [0.0; 2]); self.sides.len()];
         for (k, [left, top, right, bottom]) in bounds.into_iter().enumerate().filter(|(_, b)| b[0] <= b[2]) {
-            let pad = PAD as f32;
+            let pad = SIDE_MARGIN_PX as f32;
             let begin = [left, top].map(|low| (low - pad).floor().max(0.0));
             let length = |high: f32, begin: f32, whole: u32| {
                 ((high - begin + pad).ceil() as u32).min(whole - begin as u32)
@@ -345,8 +356,8 @@ impl LensView {
 }
 
 /// The 16 pixels of a side that a tap samples, and their weights by the kernel of Keys (1981) with
-/// a = -1/2. There are two pixels or more to all sides of the middle four ([`PAD`]), and one more
-/// to the right.
+/// a = -1/2. There are two pixels or more to all sides of the middle four ([`SIDE_MARGIN_PX`]), and
+/// one more to the right.
 struct Stencil {
     /// The number of the first pixel.
     first: usize,
@@ -438,64 +449,6 @@ fn cube() -> [DMat3; 6] {
     let rows = |right: DVec3, down: DVec3, forward: DVec3| DMat3::from_cols(right, down, forward).transpose();
     let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
     [rows(x, y, z), rows(-z, y, x), rows(z, y, -x), rows(x, -z, y), rows(x, z, -y), rows(-x, y, -z)]
-}
-
-/// Default width and height of pictures through a fisheye, and of a panorama, px.
-const ROUND: (u32, u32) = (1024, 1024);
-const PANORAMA: (u32, u32) = (2048, 1024);
-/// Default angle across a fisheye, degrees.
-const FISHEYE: f64 = 180.0;
-
-/// A lens in words: `fisheye`, `fisheye:DEGREES`, `equirectangular`, or the name of a `.toml` file
-/// ([`LensModel::read`]).
-#[derive(Clone, Debug, PartialEq)]
-pub enum LensSpec {
-    /// An equidistant fisheye, degrees across the shorter side of the picture.
-    Fisheye(f64),
-    /// A panorama.
-    Equirectangular,
-    /// A TOML file.
-    File(PathBuf),
-}
-
-impl FromStr for LensSpec {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once(':').unwrap_or((text, "")) {
-            ("fisheye", "") => Ok(Self::Fisheye(FISHEYE)),
-            ("fisheye", degrees) => match degrees.parse::<f64>() {
-                Ok(degrees) if degrees > 0.0 && degrees <= 360.0 => Ok(Self::Fisheye(degrees)),
-                _ => Err(format!("`{degrees}` is not an angle above 0 and up to 360 degrees")),
-            },
-            ("equirectangular", "") => Ok(Self::Equirectangular),
-            _ if text.to_lowercase().ends_with(".toml") => Ok(Self::File(text.into())),
-            _ => Err(format!(
-                "`{text}` is not a lens: use fisheye, fisheye:DEGREES, equirectangular or a .toml file"
-            )),
-        }
-    }
-}
-
-impl LensSpec {
-    /// The lens in a picture of a size, px; with `None` in one of its own.
-    ///
-    /// # Errors
-    /// As [`LensModel::read`] and [`LensView::new`].
-    pub fn view(&self, size: Option<(u32, u32)>) -> Result<LensView> {
-        let (lens, camera) = match self {
-            Self::Fisheye(degrees) => LensModel::fisheye(size.unwrap_or(ROUND), *degrees)?,
-            Self::Equirectangular => {
-                let (_, camera) = LensModel::fisheye(size.unwrap_or(PANORAMA), FISHEYE)?;
-                (LensModel::Equirectangular, camera)
-            }
-            Self::File(path) => {
-                let (lens, camera) = LensModel::read(path)?;
-                (lens, size.map_or(camera, |(width, height)| camera.resized(width, height)))
-            }
-        };
-        LensView::new(lens, &camera)
-    }
 }
 
 impl Renderer {
