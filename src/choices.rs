@@ -5,9 +5,14 @@ use wm_media::color::Dither;
 use wm_media::video::VideoEncoder;
 use wm_scene::survey::OwnSky;
 
+/// Returns the name of the first option that is given, of options with whether they are.
+pub(crate) fn first_given<const N: usize>(options: [(bool, &'static str); N]) -> Option<&'static str> {
+    options.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+}
+
 /// Quantisation of 8-bit pictures.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum DitherChoice {
+pub(crate) enum DitherChoice {
     /// Rounds to the nearest value: smooth gradients show banding.
     Off,
     /// Adds a fixed blue-noise offset per pixel and channel. No pixel is off by a whole step, the
@@ -27,7 +32,7 @@ impl From<DitherChoice> for Dither {
 
 /// The treatment of a scene's own sky.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum SkyChoice {
+pub(crate) enum SkyChoice {
     /// Keeps it.
     #[default]
     Keep,
@@ -39,7 +44,7 @@ pub enum SkyChoice {
 
 impl SkyChoice {
     /// Returns the word of the command line.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Keep => "keep",
             Self::Drop => "drop",
@@ -60,7 +65,7 @@ impl From<SkyChoice> for OwnSky {
 
 /// The H.264 encoder of videos.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum EncoderChoice {
+pub(crate) enum EncoderChoice {
     /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the
     /// same bytes.
     Builtin,

@@ -23,16 +23,16 @@ const SAME: Duration = Duration::from_millis(500);
 /// The work was stopped by a signal.
 #[derive(Debug, Error)]
 #[error("stopped: {0}")]
-pub struct Interrupted(pub String);
+pub(crate) struct Interrupted(pub(crate) String);
 
 /// Returns true if an error says that the work was stopped, here or in the library.
-pub fn is_stop(error: &anyhow::Error) -> bool {
+pub(crate) fn is_stop(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(weather_magician::Error::Stopped))
 }
 
 /// The exit status of a program that a signal stopped: 130 for Ctrl-C, 143 for SIGTERM, 129 for
 /// SIGHUP.
-pub fn status() -> u8 {
+pub(crate) fn status() -> u8 {
     128 + SIGNAL.load(Ordering::Relaxed) as u8
 }
 
@@ -42,7 +42,7 @@ fn first() -> MutexGuard<'static, Option<Instant>> {
 
 /// Installs the handlers. The first signal waits for work that calls [`asked`]; if there is none,
 /// and the second time, it ends the program at once.
-pub fn listen() {
+pub(crate) fn listen() {
     // A process may run the program more than once: it is not stopped because the last one was.
     *first() = None;
     HEEDED.store(false, Ordering::Relaxed);
@@ -95,7 +95,7 @@ fn install() {
 }
 
 /// Returns true if a signal came. After the first call the handler waits for the caller to stop.
-pub fn asked() -> bool {
+pub(crate) fn asked() -> bool {
     HEEDED.store(true, Ordering::Relaxed);
     first().is_some()
 }

@@ -12,7 +12,7 @@ const UNSAID: u64 = 1 << 30;
 ///
 /// # Errors
 /// The picture is too large.
-pub fn check_picture(width: u32, height: u32) -> Result<()> {
+pub(crate) fn check_picture(width: u32, height: u32) -> Result<()> {
     let needed = PER_PIXEL * u64::from(width) * u64::from(height);
     if needed < UNSAID {
         return Ok(());

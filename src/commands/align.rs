@@ -25,7 +25,7 @@ use wm_scene::{Lamp, LitWindow, Metadata, PhotoSun, Scene};
                   weather-magician align garden.ply --overwrite --lamp path --window 3,8,2:4.2,8,3.4\n\
                   weather-magician align garden.ply --overwrite --sun 2,1,3.5:4.1,1.6,0"
 )]
-pub struct AlignArgs {
+pub(crate) struct AlignArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG
     scene: PathBuf,
@@ -239,7 +239,7 @@ fn local_outlines(mut outlines: Vec<Vec<[f64; 3]>>, scene: &Scene) -> Vec<Vec<[f
 }
 
 /// Runs the command.
-pub fn run(args: &AlignArgs) -> Result<()> {
+pub(crate) fn run(args: &AlignArgs) -> Result<()> {
     let distance = args.known_distance.map(|(a, b, metres)| GivenScale::Distance(a, b, metres));
     let scale = distance.or(args.metres_per_unit.map(GivenScale::MetresPerUnit));
     let by = Alignment {

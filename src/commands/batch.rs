@@ -23,7 +23,7 @@ const LISTED: u64 = 40;
 /// Options of `batch`.
 #[derive(Args, Debug)]
 #[command(after_long_help = layouts_help())]
-pub struct BatchArgs {
+pub(crate) struct BatchArgs {
     /// The plan (TOML): scenes, weathers, paths, sensors, layouts
     plan: PathBuf,
     /// Folder of the set [default: named after the plan, in this folder]
@@ -106,7 +106,7 @@ fn layouts_help() -> String {
 }
 
 /// Runs the command.
-pub fn run(args: &BatchArgs) -> Result<()> {
+pub(crate) fn run(args: &BatchArgs) -> Result<()> {
     let plan = BatchPlan::read(&args.plan)?;
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from(&plan.name));
     if folder.exists() && !folder.is_dir() {

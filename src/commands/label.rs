@@ -28,7 +28,7 @@ const LONGEST: u32 = 1280;
                   weather-magician label garden.ply --views colmap/ --masks things/ --kind instance -o garden-things.ply\n\
                   weather-magician render garden-labelled.ply --weather heavy-rain --also label -o rain.png"
 )]
-pub struct LabelArgs {
+pub(crate) struct LabelArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG
     scene: PathBuf,
@@ -73,7 +73,7 @@ impl From<KindArg> for LabelKind {
 }
 
 /// Runs the command.
-pub fn run(args: &LabelArgs) -> Result<()> {
+pub(crate) fn run(args: &LabelArgs) -> Result<()> {
     let out = &args.out;
     if format_for(out)?.loses.labels == Kept::Not {
         bail!("{}: this format has no room for labels; give a name that ends in .ply", out.display());

@@ -39,7 +39,7 @@ const DARK: f64 = 0.65;
 
 /// Options of `sky`.
 #[derive(Args, Debug)]
-pub struct SkyArgs {
+pub(crate) struct SkyArgs {
     /// The photos: a folder with a COLMAP model or a transforms.json
     dataset: PathBuf,
     /// Output file: a .png
@@ -59,7 +59,7 @@ pub struct SkyArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &SkyArgs) -> Result<()> {
+pub(crate) fn run(args: &SkyArgs) -> Result<()> {
     check_writable(&args.out)?;
     if !args.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
         bail!("--out {}: a panorama is written as PNG; give a name that ends in .png", args.out.display());

@@ -18,7 +18,7 @@ const PART: usize = 1 << 16;
 const SMALL: usize = 1 << 17;
 
 /// A content to send.
-pub struct Download {
+pub(crate) struct Download {
     reader: Box<dyn Read + Send>,
     left: u64,
     /// The owner of the file, which is dropped after it.
@@ -30,7 +30,7 @@ impl Download {
     ///
     /// # Errors
     /// Errors of the system.
-    pub fn open(path: &Path, owner: impl Any + Send) -> io::Result<Self> {
+    pub(crate) fn open(path: &Path, owner: impl Any + Send) -> io::Result<Self> {
         let file = File::open(path)?;
         let left = file.metadata()?.len();
         Ok(Self { reader: Box::new(file), left, _owner: Some(Box::new(owner)) })
@@ -41,7 +41,7 @@ impl Download {
     ///
     /// # Errors
     /// Errors of the system.
-    pub fn of_bytes(bytes: Vec<u8>, folder: &Path) -> io::Result<Self> {
+    pub(crate) fn of_bytes(bytes: Vec<u8>, folder: &Path) -> io::Result<Self> {
         let left = bytes.len() as u64;
         let reader: Box<dyn Read + Send> = if bytes.len() <= SMALL {
             Box::new(Cursor::new(bytes))
@@ -55,7 +55,7 @@ impl Download {
     }
 
     /// Returns the response of a content type.
-    pub fn response(self, kind: &'static str) -> Response {
+    pub(crate) fn response(self, kind: &'static str) -> Response {
         ([(header::CONTENT_TYPE, kind)], Body::new(self)).into_response()
     }
 }

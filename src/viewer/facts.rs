@@ -23,7 +23,7 @@ use wm_viewer::state::check_point;
 /// A change that a client asks for. Points are in scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "action", rename_all = "lowercase", deny_unknown_fields)]
-pub enum FactChange {
+pub(crate) enum FactChange {
     /// Sets up and the ground by three points of the ground.
     Ground {
         /// The points.
@@ -109,7 +109,7 @@ impl FactChange {
 
 /// The reason why a change was not made, in one line.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum FactError {
+pub(crate) enum FactError {
     /// The values cannot be used.
     Refused(String),
     /// It is not possible now.
@@ -128,7 +128,7 @@ impl From<Error> for FactError {
 }
 
 /// The facts that are saved, and the way to change those in use.
-pub struct FactEditor {
+pub(crate) struct FactEditor {
     scene: PathBuf,
     sky: SkyChoice,
     saved: PlaceFacts,
@@ -141,23 +141,23 @@ pub struct FactEditor {
 impl FactEditor {
     /// Returns the editor of a place as it was opened from the path `scene`, with the command-line
     /// words of its facts.
-    pub fn new(scene: PathBuf, sky: SkyChoice, place: &PreparedPlace, words: Vec<String>) -> Self {
+    pub(crate) fn new(scene: PathBuf, sky: SkyChoice, place: &PreparedPlace, words: Vec<String>) -> Self {
         Self { scene, sky, saved: place.facts(), saved_words: words, is_unsaved: false, is_warned: false }
     }
 
     /// True if the facts in use differ from those that are saved.
-    pub fn is_unsaved(&self) -> bool {
+    pub(crate) fn is_unsaved(&self) -> bool {
         self.is_unsaved
     }
 
     /// Returns the command-line words of the facts in use.
-    pub fn words(&self, place: &PreparedPlace) -> Vec<String> {
+    pub(crate) fn words(&self, place: &PreparedPlace) -> Vec<String> {
         if self.is_unsaved { survey_words(place.survey()) } else { self.saved_words.clone() }
     }
 
     /// Takes the facts that were changed and not saved when the last viewer of the scene ended, if
     /// there are any, and says so.
-    pub fn restore(&mut self, renderer: &mut Renderer, place: &mut PreparedPlace) {
+    pub(crate) fn restore(&mut self, renderer: &mut Renderer, place: &mut PreparedPlace) {
         let Ok(file) = scene_file(&self.scene) else { return };
         let journal = journal_of(&file);
         let path = sidecar_path(&journal);
@@ -198,7 +198,7 @@ impl FactEditor {
     ///
     /// # Errors
     /// [`FactError`]; the facts are as they were then.
-    pub fn apply(
+    pub(crate) fn apply(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,

@@ -4,7 +4,7 @@
 //! Assets that take seconds to make (snow covers, shelter maps) are made on a second thread; until
 //! then frames are rendered without them.
 
-use super::ViewerContext;
+use super::context::ViewerContext;
 use super::download::Download;
 use super::facts::{FactChange, FactEditor, FactError};
 use super::request_queue::{
@@ -54,7 +54,7 @@ const MAX_WAITING: usize = 64;
 const DRAFT_QUALITY: u8 = 72;
 
 /// Renders for all clients.
-pub struct RenderWorker {
+pub(crate) struct RenderWorker {
     context: Arc<ViewerContext>,
     renderer: Renderer,
     place: PreparedPlace,
@@ -128,7 +128,7 @@ struct ActiveVideo {
 
 impl RenderWorker {
     /// Returns a worker for a loaded scene.
-    pub fn new(
+    pub(crate) fn new(
         context: Arc<ViewerContext>,
         renderer: Renderer,
         place: PreparedPlace,
@@ -154,7 +154,7 @@ impl RenderWorker {
     ///
     /// # Errors
     /// The renderer fails for all clients: the GPU is lost, or the place cannot be made anew.
-    pub fn run(&mut self) -> Result<()> {
+    pub(crate) fn run(&mut self) -> Result<()> {
         while !interrupt::asked() {
             if let Some(error) = self.broken.take() {
                 return Err(error);
@@ -530,11 +530,11 @@ impl RenderWorker {
         }
     }
 
-    /// Returns the point of the nearest surface at `[x, y]`, 0-1, of the picture; `None` where
+    /// Returns the point of the nearest surface at `at` (x and y, 0-1) of the picture; `None` where
     /// there is only sky.
-    fn surface_at(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<DVec3>> {
+    fn surface_at(&mut self, view: &View, at: [f64; 2]) -> Result<Option<DVec3>> {
         let camera = view.camera();
-        let at = [x * f64::from(camera.width), y * f64::from(camera.height)];
+        let at = [at[0] * f64::from(camera.width), at[1] * f64::from(camera.height)];
         Ok(self.renderer.surface_at(&self.place, &camera, at)?)
     }
 
@@ -663,8 +663,8 @@ mod tests {
     use super::*;
     use crate::choices::SkyChoice;
     use crate::scene::RunArgs;
-    use crate::viewer::Loaded;
-    use crate::viewer::request_queue::ClientQueue;
+    use crate::viewer::client_queue::ClientQueue;
+    use crate::viewer::context::Loaded;
     use tokio::sync::oneshot;
     use weather_magician::PlaceOptions;
     use wm_scene::{Metadata, Scene, synthetic};

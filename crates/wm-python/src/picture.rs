@@ -61,7 +61,7 @@ impl PictureOutputs {
     }
 
     /// Memory for the outputs of `count` pictures.
-    pub fn stack(&self, count: usize, (width, height): (u32, u32)) -> Outcome<PictureStack> {
+    pub fn stack(&self, count: usize, width: u32, height: u32) -> Outcome<PictureStack> {
         let pixels =
             (width as usize).checked_mul(height as usize).and_then(|pixels| pixels.checked_mul(count));
         let memory = || {
@@ -172,7 +172,7 @@ impl PyPicture {
         }
         let frame = &self.picture.frame;
         let stack = detached(py, |_| {
-            let mut stack = asked.stack(1, (frame.width, frame.height))?;
+            let mut stack = asked.stack(1, frame.width, frame.height)?;
             stack.add(&self.picture);
             Ok(stack)
         })?;

@@ -371,7 +371,7 @@ impl PyRenderer {
         let made = self.with(py, |open, stop| {
             let near = near.unwrap_or_else(|| ViewOptions::default().near(open.place.survey()));
             let mut reporter = CallbackProgress::new(stop, progress.as_ref());
-            let mut stack = wanted.stack(count, (width, height))?;
+            let mut stack = wanted.stack(count, width, height)?;
             for index in 0..count {
                 reporter.reached("frames", index as u64, count as u64);
                 if reporter.is_stopped() {

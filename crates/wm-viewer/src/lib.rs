@@ -4,7 +4,7 @@
 //! The program serves the page and renders for it (`src/viewer/`); on a static page the same code
 //! runs inside of the browser.
 //!
-//! - [`page::FILES`]: the files of the page.
+//! - [`page::files_of`]: the files of a page.
 //! - [`Catalog`]: the scene's facts, and the names that a page may use.
 //! - [`ViewState`]: everything except the scene that a picture depends on, as JSON. [`View`] is one
 //!   that was checked.

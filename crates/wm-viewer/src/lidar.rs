@@ -27,19 +27,19 @@ const FARTHEST: f64 = 1e6;
 #[serde(deny_unknown_fields)]
 pub struct LidarState {
     /// The name of a preset.
-    pub model: String,
+    pub(crate) model: String,
     /// The place and the heading; `null` at the camera.
     #[serde(default)]
-    pub at: Option<SensorPlace>,
+    pub(crate) at: Option<SensorPlace>,
     /// Rays of a pulse, 1 or 7.
     #[serde(default = "one_ray")]
-    pub sub_rays: u8,
+    pub(crate) sub_rays: u8,
     /// The returns that become points, as `scan --returns` names them.
     #[serde(default = "usual_returns")]
-    pub returns: String,
+    pub(crate) returns: String,
     /// The colours of points: class, range or intensity.
     #[serde(default = "usual_colors")]
-    pub colors: String,
+    pub(crate) colors: String,
 }
 
 /// The place of a sensor that does not move.
@@ -47,9 +47,9 @@ pub struct LidarState {
 #[serde(deny_unknown_fields)]
 pub struct SensorPlace {
     /// Its origin, world axes, scene units.
-    pub eye: [f64; 3],
+    eye: [f64; 3],
     /// A point ahead of it.
-    pub target: [f64; 3],
+    target: [f64; 3],
 }
 
 fn one_ray() -> u8 {
@@ -67,7 +67,7 @@ fn usual_colors() -> String {
 impl SensorPlace {
     /// Returns the place in a scene of this origin as `scan --at` reads it; bit by bit, if the
     /// origin is zero.
-    pub fn text(&self, origin: DVec3) -> String {
+    pub(crate) fn text(&self, origin: DVec3) -> String {
         let world = |point| (DVec3::from_array(point) + origin).to_array();
         [self.eye, self.target].map(|point| world(point).map(|v| v.to_string()).join(",")).join(":")
     }
@@ -79,13 +79,13 @@ pub struct CheckedLidar {
     /// The lidar.
     pub model: LidarModel,
     /// The camera that a sensor is at which does not move; `None` for the camera of the view.
-    pub fixed: Option<Camera>,
+    pub(crate) fixed: Option<Camera>,
     /// Rays of a pulse.
     sub_rays: SubRays,
     /// The returns that become points.
     returns: ReturnMode,
     /// The colours of points.
-    pub colors: PointColors,
+    colors: PointColors,
 }
 
 impl CheckedLidar {
@@ -93,7 +93,7 @@ impl CheckedLidar {
     ///
     /// # Errors
     /// The first invalid value, in one line.
-    pub fn new(state: &LidarState, survey: &Survey) -> Result<Self, String> {
+    pub(crate) fn new(state: &LidarState, survey: &Survey) -> Result<Self, String> {
         let model = LidarModel::preset(&state.model).map_err(|error| format!("lidar: {error}"))?;
         let sub_rays = SubRays::of_count(state.sub_rays.into())
             .ok_or_else(|| format!("lidar.sub_rays is {}: must be 1 or 7", state.sub_rays))?;
@@ -124,12 +124,12 @@ impl CheckedLidar {
 }
 
 /// Returns the presets as JSON.
-pub fn presets() -> Value {
+pub(crate) fn presets() -> Value {
     PRESETS.iter().map(|(name, text)| json!({ "name": name, "about": about(text) })).collect()
 }
 
 /// Returns the names of the choices of returns.
-pub fn return_names() -> Vec<&'static str> {
+pub(crate) fn return_names() -> Vec<&'static str> {
     ReturnMode::ALL.iter().map(|(_, name)| *name).collect()
 }
 

@@ -18,11 +18,11 @@ use serde::de::DeserializeOwned;
 use std::fmt::Write;
 
 /// The version of links that this program writes and reads.
-pub const LINK_VERSION: u32 = 1;
+const LINK_VERSION: u32 = 1;
 /// Longest fragment, bytes.
-pub const MAX_FRAGMENT: usize = 64 << 10;
+const MAX_FRAGMENT: usize = 64 << 10;
 /// Most bytes that a fragment is inflated to, all of its parts together.
-pub const MAX_INFLATED: usize = 256 << 10;
+const MAX_INFLATED: usize = 256 << 10;
 
 /// The keys of a fragment, in the order in which they are written.
 const KEYS: [&str; 9] = ["v", "w", "c", "t", "o", "d", "p", "f", "l"];

@@ -1,7 +1,7 @@
 //! Adaptive resolution of frames while the view is moving: the largest that keeps the frame rate.
 
 /// Least frame rate while the view is moving, frames a second.
-pub const LEAST_RATE: f64 = 15.0;
+const LEAST_RATE: f64 = 15.0;
 /// Share of the time of a frame to aim at; the rest is a margin for variation.
 const AIM: f64 = 0.75;
 /// Least share of the full width and height.
@@ -25,12 +25,12 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// The size of the next frame for a full size of `[width, height]`, px.
-    pub fn size(&self, [width, height]: [u32; 2]) -> (u32, u32) {
+    /// The size of the next frame for a `full` size, px.
+    pub fn size(&self, full: [u32; 2]) -> (u32, u32) {
         if self.scale == 1.0 {
-            return (width, height);
+            return full.into();
         }
-        let (width, height) = (f64::from(width), f64::from(height));
+        let [width, height] = full.map(f64::from);
         let shown = ((width * self.scale / GRAIN).round() * GRAIN).clamp(GRAIN.min(width), width);
         (shown as u32, (height * shown / width).round().max(1.0) as u32)
     }

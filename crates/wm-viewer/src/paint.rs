@@ -120,8 +120,8 @@ impl ViewPainter {
         Ok(&self.picture)
     }
 
-    /// Returns the point of the scene that is seen at `[x, y]`, 0-1, of the picture; `None` where
-    /// there is nothing.
+    /// Returns the point of the scene that is seen at `at` (x and y, 0-1) of the picture; `None`
+    /// where there is nothing.
     ///
     /// # Errors
     /// As [`Renderer::render_into`].
@@ -130,7 +130,7 @@ impl ViewPainter {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         view: &View,
-        [x, y]: [f64; 2],
+        at: [f64; 2],
     ) -> Result<Option<[f64; 3]>> {
         let [width, height] = view.state.size.map(|side| (side / 4).max(1));
         let camera = view.motion_for((width, height)).camera(view.state.time);
@@ -138,8 +138,8 @@ impl ViewPainter {
         let layers = Layers::COLOR | Layers::DEPTH;
         let request = FrameRequest { layers, ..FrameRequest::new(&clear, camera, view.state.time) };
         renderer.render_async(place, &request, &mut self.clear, &mut ()).await?;
-        let [column, row] =
-            [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
+        let [column, row] = [(at[0], width), (at[1], height)]
+            .map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
         let depth = self.clear.frame.depth[self.clear.frame.index(column, row)];
         let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let reach = f64::from(depth) / ray.dot(camera.forward());

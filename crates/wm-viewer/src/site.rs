@@ -169,7 +169,7 @@ impl SiteFile {
 ///
 /// # Errors
 /// The rule that it breaks, which follows its name.
-pub fn check_name(name: &str) -> Result<(), &'static str> {
+fn check_name(name: &str) -> Result<(), &'static str> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     if name.len() > MAX_NAME {
         return Err("is too long");

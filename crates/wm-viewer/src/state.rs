@@ -39,9 +39,9 @@ pub fn check_point(what: &str, point: [f64; 3]) -> Result<(), String> {
 #[serde(deny_unknown_fields)]
 pub struct Pose {
     /// The camera centre, world axes, scene units.
-    pub eye: [f64; 3],
+    pub(crate) eye: [f64; 3],
     /// `camera_from_world` as a quaternion wxyz, OpenCV axes.
-    pub rotation: [f64; 4],
+    pub(crate) rotation: [f64; 4],
     /// Vertical field of view, degrees.
     pub fov: f64,
 }
@@ -70,13 +70,13 @@ impl Pose {
 #[serde(deny_unknown_fields)]
 pub struct PoseKey {
     /// Time, seconds.
-    pub time: f64,
+    pub(crate) time: f64,
     /// The camera centre, world axes, scene units.
-    pub eye: [f64; 3],
+    pub(crate) eye: [f64; 3],
     /// `camera_from_world` as a quaternion wxyz, OpenCV axes.
-    pub rotation: [f64; 4],
+    pub(crate) rotation: [f64; 4],
     /// Vertical field of view, degrees.
-    pub fov: f64,
+    pub(crate) fov: f64,
 }
 
 /// The kind of picture to show.
@@ -166,7 +166,7 @@ pub struct View {
     /// The weather, with its panoramas loaded.
     pub weather: Arc<Weather>,
     /// The text of the keyframe file for `--camera` or `--path`.
-    pub camera_file: String,
+    pub(crate) camera_file: String,
     /// The lidar of the state.
     pub lidar: Option<CheckedLidar>,
     path: CameraPath,
@@ -214,7 +214,7 @@ impl View {
     }
 
     /// Returns the motion of the camera for pictures of another size, px.
-    pub fn motion_for(&self, size: (u32, u32)) -> CameraMotion {
+    pub(crate) fn motion_for(&self, size: (u32, u32)) -> CameraMotion {
         match self.state.follow {
             Follow::Camera => self.path.at(self.path.start(), size).into(),
             Follow::Path => CameraMotion::Along { path: self.path.clone(), size },

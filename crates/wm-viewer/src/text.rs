@@ -26,7 +26,7 @@ pub fn one_line(text: &str) -> String {
 }
 
 /// Returns the beginning of a text that is not understood, as [`one_line`].
-pub fn shown(text: &str) -> String {
+pub(crate) fn shown(text: &str) -> String {
     one_line(&text.chars().take(40).collect::<String>())
 }
 

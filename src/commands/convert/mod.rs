@@ -1,6 +1,6 @@
 //! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
-pub mod levels;
+pub(crate) mod levels;
 mod tiles;
 
 use crate::choices::SkyChoice;
@@ -34,7 +34,7 @@ use wm_scene::{Metadata, Scene};
                         weather-magician convert town.ply town/lod-meta.json\n\
                         weather-magician convert city/lod-meta.json city-tiles/tileset.json"
 )]
-pub struct ConvertArgs {
+pub(crate) struct ConvertArgs {
     /// Input and output scene; with --to any number of input scenes
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
@@ -151,7 +151,7 @@ enum InGltf {
 }
 
 /// Reads a box, as two opposite corners.
-pub fn parse_box(text: &str) -> Result<CropBox, String> {
+pub(crate) fn parse_box(text: &str) -> Result<CropBox, String> {
     let (a, b) = text.split_once(':').ok_or("write two corners, such as -5,-5,0:5,5,3")?;
     Ok(CropBox::between(spec::parse_point(a)?, spec::parse_point(b)?))
 }
@@ -165,7 +165,7 @@ fn parse_scale(text: &str) -> Result<LengthScale, String> {
 }
 
 /// Runs the command.
-pub fn run(args: &ConvertArgs) -> Result<()> {
+pub(crate) fn run(args: &ConvertArgs) -> Result<()> {
     let jobs = jobs(args)?;
     if let Some(folder) = &args.folder {
         std::fs::create_dir_all(folder).map_err(|error| anyhow!("{}: {error}", folder.display()))?;
@@ -251,7 +251,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             LevelCount::Auto => None,
             LevelCount::Number(number) => Some(number),
         };
-        return levels::write(out, scene, notes, (levels, args.run.threads.map(usize::from)));
+        return levels::write(out, scene, notes, levels, &args.run);
     }
     let format = format_for(out)?;
     let options = WriteOptions {

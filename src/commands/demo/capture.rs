@@ -6,7 +6,7 @@ use wm_street::dataset::GroundTruth;
 
 /// The way in which a capture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CaptureChoice {
+pub(crate) enum CaptureChoice {
     /// A drone that looks straight down.
     Nadir,
     /// A drone that looks inwards from a ring, 45 degrees down.
@@ -19,7 +19,7 @@ pub enum CaptureChoice {
 
 impl CaptureChoice {
     /// The library's name for it.
-    pub fn kind(self) -> CaptureKind {
+    pub(crate) fn kind(self) -> CaptureKind {
         match self {
             Self::Nadir => CaptureKind::Nadir,
             Self::Oblique => CaptureKind::Oblique,
@@ -59,7 +59,7 @@ enum LieChoice {
 /// Options of `demo --photos --capture`.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Captures")]
-pub struct CaptureArgs {
+pub(crate) struct CaptureArgs {
     /// Take the photos as a real capture leaves them, with EXIF and a model in arbitrary axes and
     /// units, and write the truth to truth.json: nadir (a drone looking down), oblique (a drone on
     /// a ring), walk (a phone), drive (a car in traffic)
@@ -70,7 +70,7 @@ pub struct CaptureArgs {
         conflicts_with = "route",
         hide_possible_values = true
     )]
-    pub capture: Option<CaptureChoice>,
+    pub(crate) capture: Option<CaptureChoice>,
     /// Seed of all noise, and of the model's axes
     #[arg(long, value_name = "N", default_value_t = 1, requires = "capture")]
     seed: u64,
@@ -142,7 +142,7 @@ impl CaptureArgs {
     }
 
     /// The settings of the capture that is asked for, if any.
-    pub fn settings(
+    pub(crate) fn settings(
         &self,
         count: Option<u32>,
         size: (u32, u32),

@@ -6,7 +6,7 @@
 mod capture;
 mod film;
 mod photos;
-pub mod street;
+pub(crate) mod street;
 
 use super::reconstruct::CHECKPOINT;
 use crate::choices::EncoderChoice;
@@ -55,7 +55,7 @@ const OTHER: &str = "give another folder with --out";
 
 /// Options of `demo`.
 #[derive(Args, Debug)]
-pub struct DemoArgs {
+pub(crate) struct DemoArgs {
     /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ unless --sampled is
     /// given
     #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
@@ -182,7 +182,7 @@ impl DemoArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &DemoArgs) -> Result<()> {
+pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     args.check()?;
     let started = Instant::now();
     if let Some(folder) = &args.photos {

@@ -10,7 +10,7 @@ use wm_street::{Lighting, Street};
 ///
 /// # Errors
 /// Ctrl-C was pressed, or threads cannot be started.
-pub fn scene(detail: f64, light: Lighting, threads: Option<usize>) -> Result<Scene> {
+pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<usize>) -> Result<Scene> {
     let spinner = progress::spinner("building the street");
     let street = match light {
         Lighting::Sunny => Street::builtin(),

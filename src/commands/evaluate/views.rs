@@ -18,7 +18,7 @@ use wm_train::photos::PhotoError;
 use wm_train::session::ObserverError;
 
 /// Measures the photos of `data`; also returns the panels of `pictures` photos for the report.
-pub fn measure(
+pub(crate) fn measure(
     loaded: OpenScene,
     data: &Dataset,
     truth: &TruthMaps,

@@ -38,7 +38,7 @@ const MEMORY: u64 = 1 << 30;
                   weather-magician export-web garden.ply --weather moderate-rain --set wind.speed=6 --single-file --out garden.html\n\n\
                   Put the folder on any static host, or look at it here: python3 -m http.server -d site/\n\
                   docs/guide/web.md says what runs where, and how the player is built.")]
-pub struct ExportWebArgs {
+pub(crate) struct ExportWebArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -137,7 +137,7 @@ impl ExportWebArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &ExportWebArgs) -> Result<()> {
+pub(crate) fn run(args: &ExportWebArgs) -> Result<()> {
     args.check()?;
     let weather = args.weather.read()?;
     check_weather(&weather)?;

@@ -31,7 +31,7 @@ const BITRATE: u32 = 3_000_000;
 const WAY: f64 = 0.04;
 
 /// Writes the picture that is shown while the page loads.
-pub fn poster(
+pub(crate) fn poster(
     loaded: &mut OpenScene,
     weather: &Weather,
     start: &Camera,
@@ -49,7 +49,7 @@ pub fn poster(
 
 /// Writes a small picture of each preset into `folder`; returns the names of those that it wrote:
 /// not of a preset that the place cannot be rendered in.
-pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
+pub(crate) fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
     make_folder(folder)?;
     let camera = resized(start, thumbnail::WIDTH);
     let bar = progress::bar(PRESETS.len() as u64, "thumbnails");
@@ -77,7 +77,7 @@ pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Resu
 
 /// Writes a video of a few seconds from the start on, for browsers that cannot run the player. A
 /// program without an encoder writes none.
-pub fn video(
+pub(crate) fn video(
     loaded: &mut OpenScene,
     weather: &Weather,
     start: &Camera,

@@ -17,21 +17,21 @@ use wm_scene::survey::{FactSource, Survey, label_sky};
 use wm_scene::{Metadata, Scene, SceneView, capture};
 
 /// The scene as a site has it.
-pub struct SitePlace {
+pub(crate) struct SitePlace {
     /// The name of its file.
-    pub file: &'static str,
+    pub(crate) file: &'static str,
     /// All facts.
-    pub metadata: Metadata,
+    pub(crate) metadata: Metadata,
     /// The cameras of the photos.
-    pub views: Vec<SceneView>,
+    pub(crate) views: Vec<SceneView>,
     /// Command-line words of the scene.
-    pub words: Vec<String>,
+    pub(crate) words: Vec<String>,
     /// True if it is drawn in levels of detail.
-    pub is_in_levels: bool,
+    pub(crate) is_in_levels: bool,
 }
 
 /// Writes the scene into `folder`, and opens what was written.
-pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlace)> {
+pub(crate) fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlace)> {
     let SceneOptions { facts, words } = SceneOptions::of(args)?;
     make_folder(folder)?;
     let source = &args.scene.scene;
@@ -67,7 +67,7 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
         let written = folder.join("folders");
         let index = written.join(INDEX_NAME);
         make_folder(&written)?;
-        levels::write(&index, scene, Vec::new(), (None, args.run.threads.map(usize::from)))?;
+        levels::write(&index, scene, Vec::new(), None, &args.run)?;
         copy_levels(&LevelIndex::open(&index)?, folder, false)?;
         at(fs::remove_dir_all(&written), &written)?;
         return open_levels(args, folder, facts, words);

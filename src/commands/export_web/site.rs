@@ -13,7 +13,7 @@ use wm_weather::Weather;
 const QUALITY: u8 = 90;
 
 /// Returns the initial state of a page.
-pub fn start(camera: &Camera, weather: &Weather, time: f64) -> ViewState {
+pub(crate) fn start(camera: &Camera, weather: &Weather, time: f64) -> ViewState {
     ViewState {
         camera: Pose::of(camera),
         path: Vec::new(),
@@ -35,7 +35,7 @@ const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; 
                       base-uri 'none'; form-action 'none'";
 
 /// Writes the files of the page into a site, with the starter of a single file or without.
-pub fn write_page(folder: &Path, is_single: bool) -> Result<()> {
+pub(crate) fn write_page(folder: &Path, is_single: bool) -> Result<()> {
     for file in files_of(PageKind::Static).filter(|file| is_single || file.path != STARTER) {
         let text = match file.path {
             "index.html" => with_policy(file.text, POLICY)?,

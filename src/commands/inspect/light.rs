@@ -15,7 +15,7 @@ use wm_weather::light::CaptureLight;
 const PANEL: (u32, u32) = (600, 400);
 
 /// Finds the light of the photos, or reads it from the scene's assets, and prints and draws it.
-pub fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
+pub(crate) fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
     let mut renderer = Renderer::cpu()?;
     let options =
         PlaceOptions { facts, assets: AssetFolder::default().folder(&args.scene), ..PlaceOptions::default() };

@@ -22,7 +22,7 @@ use wm_scene::{Group, Metadata, Remark, Severity};
 
 /// Options of `inspect`.
 #[derive(Args, Debug)]
-pub struct InspectArgs {
+pub(crate) struct InspectArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG; or a capture, a driving log, a weather file or a weather report
     scene: PathBuf,
@@ -54,7 +54,7 @@ pub struct InspectArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &InspectArgs) -> Result<()> {
+pub(crate) fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
     if let Some(path) = &args.light_picture {
         args.overwrite.check_report(path, &[&args.scene])?;

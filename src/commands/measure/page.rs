@@ -17,7 +17,7 @@ const FIRST: usize = 3;
 const SHEET: u32 = 1300;
 
 /// Returns the page.
-pub fn page(report: &MeasureReport) -> Result<String> {
+pub(crate) fn page(report: &MeasureReport) -> Result<String> {
     let [right, off] = report.verdict();
     let mut out = head(&format!("Weather measured: {}", report.place), STYLE);
     let verdict = if off == 0 {
@@ -243,7 +243,7 @@ fn against(section: &InstrumentSection) -> Vec<Plot> {
 }
 
 /// Returns all plots as files: name and content.
-pub fn plots(report: &MeasureReport) -> Vec<(String, String)> {
+pub(crate) fn plots(report: &MeasureReport) -> Vec<(String, String)> {
     let of = |section: &InstrumentSection| {
         let own = section.findings.iter().flat_map(|finding| finding.plots.clone());
         let all: Vec<Plot> =

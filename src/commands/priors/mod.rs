@@ -21,7 +21,7 @@ use wm_train::priors::{FOLDER, PriorsWriter, photos};
 
 /// Options of `priors`.
 #[derive(Args, Clone, Debug)]
-pub struct PriorsArgs {
+pub(crate) struct PriorsArgs {
     /// The data set: a folder with a COLMAP model or a transforms.json
     dataset: PathBuf,
     /// Output folder [default: priors in the data set, where `reconstruct` finds them]
@@ -113,7 +113,7 @@ impl PriorsArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &PriorsArgs) -> Result<()> {
+pub(crate) fn run(args: &PriorsArgs) -> Result<()> {
     let source = args.source()?;
     if !args.resume {
         let other = "add new photos with --resume, give another folder with -o";

@@ -24,7 +24,7 @@ const SKY: [f32; 3] = [0.1, 0.5, 1.0];
 const UNKNOWN: [f32; 3] = [1.0, 0.75, 0.1];
 
 /// Writes `preview.png`, and a picture of each photo if requested.
-pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
+pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
     let folder = args.out();
     let Some(priors) = Priors::open(&folder)? else { return Ok(()) };
     let with: Vec<usize> = data

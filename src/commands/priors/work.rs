@@ -22,7 +22,7 @@ const NOTE: Duration = Duration::from_secs(20);
 const TOLD: usize = 10;
 
 /// The answer of a source for a photo.
-pub enum PriorAnswer {
+pub(crate) enum PriorAnswer {
     /// The estimate.
     Given(Given),
     /// No estimate, with the reason.
@@ -30,7 +30,7 @@ pub enum PriorAnswer {
 }
 
 /// A source of priors.
-pub trait PriorEstimator: Sync {
+pub(crate) trait PriorEstimator: Sync {
     /// Returns a name with everything that changes the estimates, for the index and for resuming.
     fn name(&self) -> String;
 
@@ -48,7 +48,7 @@ pub trait PriorEstimator: Sync {
 type PriorResult = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.
-pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Result<Index> {
+pub(crate) fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Result<Index> {
     let name = format!(
         "{}, photos up to {} px, maps up to {} pixels",
         source.name(),
@@ -73,8 +73,7 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Re
             let all = data.places.len();
             return Err(Interrupted(format!("{done} of {all} photos are done, {advice}")).into());
         }
-        let made =
-            |index: &usize| make(args, data, source, (data.places[*index], up.as_ref()), &seen[*index]);
+        let made = |index: &usize| make(args, data, source, data.places[*index], up.as_ref(), &seen[*index]);
         let made: Vec<Result<PriorResult>> = part.par_iter().map(made).collect();
         for (index, made) in part.iter().zip(made) {
             let name = data.name(data.places[*index]);
@@ -109,7 +108,8 @@ fn make(
     args: &PriorsArgs,
     data: &Dataset,
     source: &dyn PriorEstimator,
-    (place, up): (usize, Option<&CaptureUp>),
+    place: usize,
+    up: Option<&CaptureUp>,
     seen: &[u32],
 ) -> Result<PriorResult> {
     let photo = match data.photos.get(place, 0) {

@@ -20,7 +20,7 @@ use wm_train::session::{
 use wm_train::video::VideoProgress;
 
 /// Shows a training on the terminal, in the run folder and in a browser.
-pub struct TrainingConsole<'a> {
+pub(crate) struct TrainingConsole<'a> {
     args: &'a ReconstructArgs,
     folder: PathBuf,
     colmap: Option<colmap::ColmapStep>,
@@ -30,19 +30,19 @@ pub struct TrainingConsole<'a> {
 }
 
 impl<'a> TrainingConsole<'a> {
-    pub fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
+    pub(crate) fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
         Self { args, folder: folder.to_owned(), colmap: None, bar: None, watch: None, splats: 0 }
     }
 
     /// Removes the progress bar.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
     }
 
     /// Tells the page in the browser that the training is done.
-    pub fn end(&self, out: &Path) {
+    pub(crate) fn end(&self, out: &Path) {
         if let Some(watch) = &self.watch {
             watch.end(format!("Done: {}, {} splats", out.display(), self.splats));
         }

@@ -10,7 +10,7 @@ use wm_train::video::VideoError;
 const RESUME: &str = "the same command with --resume continues";
 
 /// Returns the error as the command prints it.
-pub fn explain(error: SessionError) -> anyhow::Error {
+pub(crate) fn explain(error: SessionError) -> anyhow::Error {
     match &error {
         SessionError::Colmap(ColmapError::Stopped { step, .. }) => {
             Interrupted(format!("{} is not done, {RESUME}", step.name())).into()

@@ -8,7 +8,7 @@ mod lpips;
 mod prepare;
 mod watch;
 
-pub use wm_train::session::CHECKPOINT;
+pub(crate) use wm_train::session::CHECKPOINT;
 
 use crate::commands::convert::levels::{self, is_levels};
 use crate::dataset::{DatasetArgs, DatasetReadOptions, HeldOutArgs};
@@ -34,7 +34,7 @@ use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]
-pub struct ReconstructArgs {
+pub(crate) struct ReconstructArgs {
     /// The data set: a folder with a COLMAP model or a transforms.json; a driving log of KITTI,
     /// nuScenes, Argoverse 2 or drivestudio; or a plain folder of photos, or a video, if COLMAP or
     /// pycolmap is installed
@@ -79,7 +79,7 @@ pub struct ReconstructArgs {
     watch: watch::WatchArgs,
     /// Device and threads.
     #[command(flatten)]
-    pub run: RunArgs,
+    pub(crate) run: RunArgs,
 }
 
 /// The photos that are used, and their size.
@@ -328,7 +328,7 @@ impl ReconstructArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &ReconstructArgs) -> Result<()> {
+pub(crate) fn run(args: &ReconstructArgs) -> Result<()> {
     if !(args.checkpoint_every.is_finite() && args.checkpoint_every > 0.0) {
         bail!("--checkpoint-every {}: must be a number of seconds above 0", args.checkpoint_every);
     }
@@ -357,9 +357,9 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         Some(log) => {
             args.check_run_folder(&run_folder)?;
             let keeps = args.resume || (args.blocks.is_given() && !args.overwrite.overwrite);
-            let choices = (keeps, args.geometry.priors.is_none());
+            let with_priors = args.geometry.priors.is_none();
             let (photos, held_out) = (&args.photos.set, args.photos.held_out.held_out());
-            let made = log::prepare(&log, &run_folder, choices, photos, held_out)?;
+            let made = log::prepare(&log, &run_folder, keeps, with_priors, photos, held_out)?;
             (made.folder, facts.or(made.facts))
         }
     };
@@ -384,7 +384,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         done.map_err(explain)?
     };
     if is_levels(&out) {
-        println!("{}", levels::write(&out, scene, Vec::new(), (None, args.run.threads.map(usize::from)))?);
+        println!("{}", levels::write(&out, scene, Vec::new(), None, &args.run)?);
     } else {
         scene.save(&out)?;
         println!("{}: {} splats", out.display(), scene.splats.len());

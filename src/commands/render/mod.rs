@@ -1,6 +1,6 @@
 //! `render`: renders a scene under a weather as a picture, a video or a folder of frames.
 
-pub mod camera;
+pub(crate) mod camera;
 mod device;
 mod manifest;
 mod pairs;
@@ -39,7 +39,7 @@ use wm_weather::Weather;
 /// Options of `render`.
 #[derive(Args, Debug)]
 #[command(after_long_help = wm_weather::reference_page::help())]
-pub struct RenderArgs {
+pub(crate) struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -144,6 +144,28 @@ impl OutputArgs {
         self.time.unwrap_or(0.0)
     }
 
+    /// Checks the time, and the duration if it is given.
+    fn check_times(&self) -> Result<()> {
+        if let Some(seconds) = self.seconds.filter(|seconds| !(seconds.is_finite() && *seconds > 0.0)) {
+            bail!("--seconds {seconds}: must be above 0");
+        }
+        if !self.time().is_finite() {
+            bail!("--time {}: must be a number of seconds", self.time());
+        }
+        Ok(())
+    }
+
+    /// Returns the output folder, `name` if none is given; `why` ends the error about a path that
+    /// is no folder.
+    fn folder(&self, name: String, why: &str) -> Result<PathBuf> {
+        let folder = self.out.clone().unwrap_or_else(|| name.into());
+        let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
+        if !folder.is_dir() && (folder.exists() || is_file) {
+            bail!("--out {}: is not a folder; {why}", folder.display());
+        }
+        Ok(folder)
+    }
+
     /// Returns true if frames of a sequence are selected.
     fn asks_for_frames(&self) -> bool {
         self.frames.is_some() || self.frame_step.get() > 1
@@ -176,7 +198,7 @@ impl std::str::FromStr for BackgroundChoice {
     }
 }
 
-pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
+pub(crate) fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
     match text {
         "classic" => Ok(Rasterization::Classic),
         "antialiased" => Ok(Rasterization::Antialiased),
@@ -225,7 +247,7 @@ const LATER_LAYERS: Layers = Layers::FLOW
     .with(Layers::INSTANCE);
 
 /// Runs the command.
-pub fn run(args: &RenderArgs) -> Result<()> {
+pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
     let (weather, weather_files) = args.weather.read_with_files()?;
     if let Some(file) = &args.rig {
@@ -487,14 +509,7 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<OutputTarget> {
         Some(path) => path.clone(),
         None => PathBuf::from(format!("{}.{}", name(), if moves { "mp4" } else { "png" })),
     };
-    if let Some(seconds) = args.output.seconds
-        && !(seconds.is_finite() && seconds > 0.0)
-    {
-        bail!("--seconds {seconds}: must be above 0");
-    }
-    if !args.output.time().is_finite() {
-        bail!("--time {}: must be a number of seconds", args.output.time());
-    }
+    args.output.check_times()?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         _ if path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', '\\']) => {

@@ -16,7 +16,7 @@ use wm_media::{PictureSize, png::DepthScale, video};
 const MANIFEST: &str = "render.json";
 
 /// Renders the frames with the numbers `wanted`, at least one, into an MP4.
-pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
+pub(crate) fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
     if !args.output.also.is_empty() {
         bail!("--also is for pictures and folders of frames: give --out a folder");
     }
@@ -60,7 +60,7 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
 
 /// Renders the frames with the numbers `wanted` into a folder, one picture per frame; frames that
 /// exist already are kept.
-pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
+pub(crate) fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
     manifest::keep(folder, MANIFEST, &about(job, args)?, "frames of another render")?;
     let extension = args.output.frame_format.extension();
     let name = |index: u32| folder.join(format!("{index:05}.{extension}"));

@@ -22,7 +22,7 @@ struct Network {
 }
 
 /// Reads the weights, after downloading them if necessary. Prints what is downloaded.
-pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
+pub(crate) fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let given = &args.network;
     let version = match given.version {
         VersionArg::V1 => Version::V1,
