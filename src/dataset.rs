@@ -4,10 +4,10 @@ use crate::scene::print_remarks;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use weather_magician::train::Preset;
+use weather_magician::train::photos::{BadPhotos, Check, PhotoSize, Photos};
+pub(crate) use weather_magician::train::{Dataset, DatasetReadOptions, HeldOut};
 use wm_scene::capture::Capture;
-use wm_train::Preset;
-use wm_train::photos::{BadPhotos, Check, PhotoSize, Photos};
-pub(crate) use wm_train::{Dataset, DatasetReadOptions, HeldOut};
 
 /// The folders of the photos, and the size at which they are used.
 #[derive(Args, Clone, Debug)]

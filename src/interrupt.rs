@@ -8,17 +8,17 @@ use thiserror::Error;
 use wm_scene::files::abandon_temporaries;
 
 /// The time of the first signal of this run.
-static FIRST: Mutex<Option<Instant>> = Mutex::new(None);
+static FIRST_SIGNAL_AT: Mutex<Option<Instant>> = Mutex::new(None);
 /// The number of the last signal.
 static SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT);
 /// True once the current work checks for signals between its steps.
-static HEEDED: AtomicBool = AtomicBool::new(false);
+static IS_CHECKED: AtomicBool = AtomicBool::new(false);
 
 /// The number of the signal that Ctrl-C sends.
 const INTERRUPT: i32 = 2;
 /// A signal so soon after the first is the same one: shells and `timeout` send it to the process
 /// and to its group.
-const SAME: Duration = Duration::from_millis(500);
+const SAME_SIGNAL_WITHIN: Duration = Duration::from_millis(500);
 
 /// The work was stopped by a signal.
 #[derive(Debug, Error)]
@@ -37,7 +37,7 @@ pub(crate) fn status() -> u8 {
 }
 
 fn first() -> MutexGuard<'static, Option<Instant>> {
-    FIRST.lock().unwrap_or_else(PoisonError::into_inner)
+    FIRST_SIGNAL_AT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Installs the handlers. The first signal waits for work that calls [`asked`]; if there is none,
@@ -45,7 +45,7 @@ fn first() -> MutexGuard<'static, Option<Instant>> {
 pub(crate) fn listen() {
     // A process may run the program more than once: it is not stopped because the last one was.
     *first() = None;
-    HEEDED.store(false, Ordering::Relaxed);
+    IS_CHECKED.store(false, Ordering::Relaxed);
     static INSTALLED: AtomicBool = AtomicBool::new(false);
     if !INSTALLED.swap(true, Ordering::Relaxed) {
         install();
@@ -54,8 +54,8 @@ pub(crate) fn listen() {
 
 fn handle(signal: i32) {
     SIGNAL.store(signal, Ordering::Relaxed);
-    let is_again = first().get_or_insert_with(Instant::now).elapsed() > SAME;
-    if is_again || !HEEDED.load(Ordering::Relaxed) {
+    let is_again = first().get_or_insert_with(Instant::now).elapsed() > SAME_SIGNAL_WITHIN;
+    if is_again || !IS_CHECKED.load(Ordering::Relaxed) {
         abandon_temporaries();
         std::process::exit(status().into());
     }
@@ -96,6 +96,6 @@ fn install() {
 
 /// Returns true if a signal came. After the first call the handler waits for the caller to stop.
 pub(crate) fn asked() -> bool {
-    HEEDED.store(true, Ordering::Relaxed);
+    IS_CHECKED.store(true, Ordering::Relaxed);
     first().is_some()
 }

@@ -4,7 +4,7 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::Path;
-use wm_scene::formats::folder::scene_file;
+use weather_magician::formats::folder::scene_file;
 
 /// The option that permits replacing what exists.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Options of a scene, and opening it: reading, checking, surveying and loading.
 
-use crate::choices::SkyChoice;
+use crate::choices::{SKIES, one_of, sky_word};
 use crate::level_args::LevelArgs;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
@@ -10,17 +10,16 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use weather_magician::assets::AssetCache;
-use weather_magician::view::{self, spec};
-use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
-use wm_render::simd::SimdChoice;
-use wm_render::{AnyDifferentiable, CpuConfig, Device, RenderError};
-use wm_scene::formats::folder::{cameras_path, write_cameras};
-use wm_scene::formats::{
+use weather_magician::formats::folder::{cameras_path, write_cameras};
+use weather_magician::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
+use weather_magician::view::{self, spec};
+use weather_magician::{CpuConfig, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
+use wm_render::simd::SimdChoice;
+use wm_render::{AnyDifferentiable, RenderError};
 use wm_scene::survey::{OwnSky, known_distance};
-use wm_scene::{Metadata, Remark, Scene, capture};
-use wm_weather::Weather;
+use wm_scene::{Remark, capture};
 
 /// The scene file and its facts.
 #[derive(Args, Clone, Debug)]
@@ -48,8 +47,8 @@ pub(crate) struct SceneArgs {
 pub(crate) struct OwnSkyArgs {
     /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon,
     /// where a reconstruction got it wrong
-    #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Scene")]
-    pub(crate) sky: SkyChoice,
+    #[arg(long, value_name = "HOW", value_parser = one_of(SKIES), default_value = "keep", help_heading = "Scene")]
+    pub(crate) sky: OwnSky,
 }
 
 /// Facts about the scene that the user gives.
@@ -197,7 +196,7 @@ impl OpenScene {
         let index = if args.level.is_none() { budget.levels_of(&args.scene)? } else { None };
         let Some(index) = index else { return Self::with_sky(args, run, views, sky) };
         let facts = args.facts.metadata()?;
-        if sky.sky != SkyChoice::Keep || views.is_some() {
+        if sky.sky != OwnSky::Keep || views.is_some() {
             let option = if views.is_some() { "--views" } else { "--sky" };
             bail!(
                 "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
@@ -309,14 +308,14 @@ pub(crate) fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<
 pub(crate) fn change_sky(
     scene: &mut Scene,
     path: &Path,
-    choice: SkyChoice,
+    choice: OwnSky,
     facts: &Metadata,
 ) -> Result<Option<String>> {
-    let change = OwnSky::from(choice).apply(scene, facts);
+    let change = choice.apply(scene, facts);
     if scene.splats.is_empty() {
-        bail!("{}: --sky {} leaves nothing: all its splats are sky", path.display(), choice.name());
+        bail!("{}: --sky {} leaves nothing: all its splats are sky", path.display(), sky_word(choice));
     }
-    let nothing = || (choice != SkyChoice::Keep).then(|| "sky: nothing to change".into());
+    let nothing = || (choice != OwnSky::Keep).then(|| "sky: nothing to change".into());
     Ok(change.line().or_else(nothing))
 }
 
@@ -338,7 +337,7 @@ pub(crate) fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> 
 }
 
 /// Writes a scene with its metadata and cameras; a scene behind a link is replaced where it lies.
-/// What lies beside a scene that is replaced is replaced too.
+/// The files beside a scene that is replaced are replaced too.
 pub(crate) fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
     let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
     let file = target.unwrap_or_else(|| out.to_path_buf());

@@ -4,9 +4,9 @@ use crate::commands::weather::summary;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use weather_magician::Weather;
 use weather_magician::panorama_file::read_panorama;
-use wm_reports::find_weather;
-use wm_weather::Weather;
+use weather_magician::reports::find_weather;
 
 /// The weather and its parameters.
 #[derive(Args, Debug)]

@@ -7,13 +7,14 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
+use weather_magician::formats::folder::scene_file;
+use weather_magician::formats::{ReadOptions, WriteOptions, format_for, lost, sidecar_path, write_sidecar};
 use weather_magician::lamps::{lamps_along_photos, lamps_on_posts};
 use weather_magician::view::spec;
+use weather_magician::{Metadata, Scene};
 use wm_scene::files::check_writable;
-use wm_scene::formats::folder::scene_file;
-use wm_scene::formats::{ReadOptions, WriteOptions, format_for, lost, sidecar_path, write_sidecar};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, Survey, align};
-use wm_scene::{Lamp, LitWindow, Metadata, PhotoSun, Scene};
+use wm_scene::{Lamp, LitWindow, PhotoSun};
 
 /// Options of `align`.
 #[derive(Args, Debug)]

@@ -9,8 +9,8 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::BakedScene;
+use weather_magician::formats::{format_for, lost};
 use wm_scene::files::check_writable;
-use wm_scene::formats::{format_for, lost};
 
 /// Options of `bake`.
 #[derive(Args, Debug)]

@@ -18,7 +18,7 @@ use weather_magician::batch::{
 use weather_magician::{Error, Progress};
 
 /// Rows of `--list` if no frames are chosen.
-const LISTED: u64 = 40;
+const DEFAULT_LIST_ROWS: u64 = 40;
 
 /// Options of `batch`.
 #[derive(Args, Debug)]
@@ -235,8 +235,9 @@ fn list(run: &BatchRun, folder: &Path, range: Option<Range<u64>>) -> Result<()> 
         plan.block
     );
     let frames = u64::from(plan.frames);
-    let of = range
-        .map_or(0..clips.clips().min(LISTED), |range| range.start / frames..(range.end - 1) / frames + 1);
+    let of = range.map_or(0..clips.clips().min(DEFAULT_LIST_ROWS), |range| {
+        range.start / frames..(range.end - 1) / frames + 1
+    });
     for number in of.clone() {
         let clip = clips.clip(plan, number)?;
         let values: Vec<String> =

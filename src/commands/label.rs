@@ -8,15 +8,16 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use weather_magician::formats::{Kept, WriteOptions, format_for};
 use weather_magician::labels::{LabelKind, LabelVotes, VotedLabels};
+use weather_magician::train::maps::{Filter, MapFolder, read_map};
+use weather_magician::train::photos::PhotoSize;
+use weather_magician::{Camera, Scene};
+use wm_scene::capture;
 use wm_scene::files::check_writable;
-use wm_scene::formats::{Kept, WriteOptions, format_for};
-use wm_scene::{Camera, Scene, capture};
-use wm_train::maps::{Filter, MapFolder, read_map};
-use wm_train::photos::PhotoSize;
 
 /// Longest side of the pictures in which splats vote, px.
-const LONGEST: u32 = 1280;
+const MAX_PICTURE_SIDE_PX: u32 = 1280;
 
 /// Options of `label`.
 #[derive(Args, Debug)]
@@ -95,7 +96,7 @@ pub(crate) fn run(args: &LabelArgs) -> Result<()> {
         if interrupt::asked() {
             bail!(Interrupted("nothing was written".into()));
         }
-        let (width, height) = PhotoSize::Longest(LONGEST).of((camera.width, camera.height));
+        let (width, height) = PhotoSize::Longest(MAX_PICTURE_SIDE_PX).of((camera.width, camera.height));
         let camera = camera.resized(width, height);
         votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?;
         bar.inc(1);

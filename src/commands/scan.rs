@@ -1,7 +1,7 @@
 //! `scan`: sweeps of a lidar or a radar through a scene under a weather.
 
 use super::render::camera::{DEFAULT_SECONDS, check_camera, motion};
-use crate::choices::first_given;
+use crate::choices::{Choice, first_given, one_of};
 use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
@@ -9,7 +9,7 @@ use crate::progress::Reporter;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, anyhow, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -61,11 +61,11 @@ struct LidarArgs {
     #[arg(short, long, value_name = "NAME|FILE", help_heading = "Lidar")]
     lidar: Option<String>,
     /// Rays of a pulse: 1, or 7 over its divergence [default: 7]
-    #[arg(long, value_name = "N", help_heading = "Lidar")]
-    sub_rays: Option<SubRayChoice>,
+    #[arg(long, value_name = "N", value_parser = one_of(SUB_RAYS), help_heading = "Lidar")]
+    sub_rays: Option<SubRays>,
     /// Returns of a pulse that become points [default: strongest]
-    #[arg(long, value_enum, help_heading = "Lidar")]
-    returns: Option<ReturnChoice>,
+    #[arg(long, value_parser = one_of(RETURNS), help_heading = "Lidar")]
+    returns: Option<ReturnMode>,
     /// Extinction over backscatter of fog, haze and smog, sr [default: 18 of fog, 50 of haze and
     /// smog]
     #[arg(long, value_name = "SR", allow_negative_numbers = true, help_heading = "Lidar")]
@@ -113,8 +113,8 @@ struct PointArgs {
     picture: Vec<String>,
     /// Axes of the points: compensated are those of the sensor at the start of the sweep, raw those
     /// at each pulse, world those of the scene in metres
-    #[arg(long, value_enum, default_value = "compensated", help_heading = "Output")]
-    frame: FrameChoice,
+    #[arg(long, value_parser = one_of(FRAMES), default_value = "compensated", help_heading = "Output")]
+    frame: PointFrame,
     /// Time of the start, of the weather and along the path, seconds
     #[arg(
         long,
@@ -130,72 +130,22 @@ struct PointArgs {
 }
 
 /// Rays of a pulse.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum SubRayChoice {
-    /// One, in the middle.
-    #[value(name = "1")]
-    One,
-    /// Seven over the divergence.
-    #[value(name = "7")]
-    Seven,
-}
-
+const SUB_RAYS: &[Choice<SubRays>] =
+    &[("1", "One, in the middle", SubRays::One), ("7", "Seven over the divergence", SubRays::Seven)];
 /// Returns of a pulse.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ReturnChoice {
-    /// The strongest.
-    Strongest,
-    /// The first.
-    First,
-    /// The last.
-    Last,
-    /// The strongest and the last, once if they are the same.
-    Dual,
-    /// All that are detected.
-    All,
-}
-
+const RETURNS: &[Choice<ReturnMode>] = &[
+    ("strongest", "The strongest", ReturnMode::Strongest),
+    ("first", "The first", ReturnMode::First),
+    ("last", "The last", ReturnMode::Last),
+    ("dual", "The strongest and the last, once if they are the same", ReturnMode::Dual),
+    ("all", "All that are detected", ReturnMode::All),
+];
 /// Axes of the points.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FrameChoice {
-    /// Those of the sensor at the start of the sweep.
-    Compensated,
-    /// Those of the sensor at each pulse.
-    Raw,
-    /// Those of the scene, in metres.
-    World,
-}
-
-impl From<FrameChoice> for PointFrame {
-    fn from(choice: FrameChoice) -> Self {
-        match choice {
-            FrameChoice::Compensated => Self::Compensated,
-            FrameChoice::Raw => Self::Raw,
-            FrameChoice::World => Self::World,
-        }
-    }
-}
-
-impl From<SubRayChoice> for SubRays {
-    fn from(choice: SubRayChoice) -> Self {
-        match choice {
-            SubRayChoice::One => Self::One,
-            SubRayChoice::Seven => Self::Seven,
-        }
-    }
-}
-
-impl From<ReturnChoice> for ReturnMode {
-    fn from(choice: ReturnChoice) -> Self {
-        match choice {
-            ReturnChoice::Strongest => Self::Strongest,
-            ReturnChoice::First => Self::First,
-            ReturnChoice::Last => Self::Last,
-            ReturnChoice::Dual => Self::Dual,
-            ReturnChoice::All => Self::All,
-        }
-    }
-}
+const FRAMES: &[Choice<PointFrame>] = &[
+    ("compensated", "Those of the sensor at the start of the sweep", PointFrame::Compensated),
+    ("raw", "Those of the sensor at each pulse", PointFrame::Raw),
+    ("world", "Those of the scene, in metres", PointFrame::World),
+];
 
 impl From<&ScanArgs> for RadarScanOptions {
     fn from(args: &ScanArgs) -> Self {
@@ -205,7 +155,7 @@ impl From<&ScanArgs> for RadarScanOptions {
             sweeps: args.output.sweeps,
             seed: args.lidar.seed,
             sensor: 0,
-            frame: args.output.frame.into(),
+            frame: args.output.frame,
         }
     }
 }
@@ -218,9 +168,9 @@ impl From<&ScanArgs> for ScanOptions {
             sweeps: args.output.sweeps,
             seed: args.lidar.seed,
             sensor: 0,
-            sub_rays: args.lidar.sub_rays.map_or_else(SubRays::default, Into::into),
-            returns: args.lidar.returns.map_or_else(ReturnMode::default, Into::into),
-            frame: args.output.frame.into(),
+            sub_rays: args.lidar.sub_rays.unwrap_or_default(),
+            returns: args.lidar.returns.unwrap_or_default(),
+            frame: args.output.frame,
             lidar_ratio: args.lidar.lidar_ratio,
         }
     }

@@ -4,7 +4,7 @@ use crate::overwrite::OverwriteArgs;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
-use wm_reports::{ReportNoteKind, ReportOptions, WeatherReport, looks_like_path};
+use weather_magician::reports::{ReportNoteKind, ReportOptions, WeatherReport, looks_like_path};
 use wm_scene::files::{check_writable, write_atomically};
 
 /// Options of `weather`.

@@ -4,9 +4,9 @@ use anyhow::Result;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use std::fmt::Write;
+use weather_magician::train::maps::{Filter, Map};
 use wm_media::jpeg::{self, SamplingFactor};
 use wm_media::ramps::{ColorRamp, MISSING, UNKNOWN};
-use wm_train::maps::{Filter, Map};
 
 /// Maximum width of a picture beside others, px.
 pub(crate) const WIDEST: u32 = 480;

@@ -1,4 +1,4 @@
-//! What the server and the render worker share.
+//! State that the server and the render worker share.
 
 use super::locked::locked;
 use super::request_queue::RequestQueue;

@@ -15,7 +15,7 @@ use std::task::{Context, Poll};
 /// Bytes that are read at once.
 const PART: usize = 1 << 16;
 /// Size up to which a content stays in memory, bytes.
-const SMALL: usize = 1 << 17;
+const MAX_BYTES_IN_MEMORY: usize = 1 << 17;
 
 /// A content to send.
 pub(crate) struct Download {
@@ -43,7 +43,7 @@ impl Download {
     /// Errors of the system.
     pub(crate) fn of_bytes(bytes: Vec<u8>, folder: &Path) -> io::Result<Self> {
         let left = bytes.len() as u64;
-        let reader: Box<dyn Read + Send> = if bytes.len() <= SMALL {
+        let reader: Box<dyn Read + Send> = if bytes.len() <= MAX_BYTES_IN_MEMORY {
             Box::new(Cursor::new(bytes))
         } else {
             let mut file = tempfile::tempfile_in(folder)?;
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn all_bytes_are_sent_in_parts() {
         let folder = tempfile::tempdir().unwrap();
-        for length in [0, 1, PART, SMALL, SMALL + 1, 3 * PART + 7] {
+        for length in [0, 1, PART, MAX_BYTES_IN_MEMORY, MAX_BYTES_IN_MEMORY + 1, 3 * PART + 7] {
             let bytes: Vec<u8> = (0..length).map(|at| (at % 251) as u8).collect();
             let download = Download::of_bytes(bytes.clone(), folder.path()).unwrap();
             assert_eq!(download.size_hint().exact(), Some(length as u64));

@@ -6,18 +6,17 @@
 //! so that they outlast the program, however it ends.
 
 use super::words::survey_words;
-use crate::choices::SkyChoice;
 use crate::scene::count_of;
 use glam::DVec3;
 use serde::Deserialize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
-use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer};
-use wm_scene::formats::folder::scene_file;
-use wm_scene::formats::{sidecar, sidecar_path, write_sidecar};
-use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, UpSide};
-use wm_scene::{FormatError, Lamp, LitWindow, PhotoSun, Scene};
+use weather_magician::formats::folder::scene_file;
+use weather_magician::formats::{sidecar, sidecar_path, write_sidecar};
+use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer, Scene};
+use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, OwnSky, UpSide};
+use wm_scene::{FormatError, Lamp, LitWindow, PhotoSun};
 use wm_viewer::state::check_point;
 
 /// A change that a client asks for. Points are in scene units.
@@ -130,7 +129,7 @@ impl From<Error> for FactError {
 /// The facts that are saved, and the way to change those in use.
 pub(crate) struct FactEditor {
     scene: PathBuf,
-    sky: SkyChoice,
+    sky: OwnSky,
     saved: PlaceFacts,
     saved_words: Vec<String>,
     is_unsaved: bool,
@@ -141,7 +140,7 @@ pub(crate) struct FactEditor {
 impl FactEditor {
     /// Returns the editor of a place as it was opened from the path `scene`, with the command-line
     /// words of its facts.
-    pub(crate) fn new(scene: PathBuf, sky: SkyChoice, place: &PreparedPlace, words: Vec<String>) -> Self {
+    pub(crate) fn new(scene: PathBuf, sky: OwnSky, place: &PreparedPlace, words: Vec<String>) -> Self {
         Self { scene, sky, saved: place.facts(), saved_words: words, is_unsaved: false, is_warned: false }
     }
 
@@ -178,7 +177,7 @@ impl FactEditor {
         let mut scene = Scene { metadata, ..Scene::default() };
         scene.set_origin(scene.metadata.origin_or_zero() + place.scene().moved_by);
         let mut facts = PlaceFacts { scene: scene.metadata, given: Metadata::default() };
-        if self.sky != SkyChoice::Keep {
+        if self.sky != OwnSky::Keep {
             facts.scene.airlight = before.scene.airlight;
         }
         // The program may have ended because of these facts.
@@ -239,7 +238,7 @@ impl FactEditor {
         given.ground = given.ground.map(|_| place.survey().ground.value);
         let facts = given.or(scene);
         // The light of a sky that the file does not have would be wrong in it.
-        let airlight = facts.airlight.filter(|_| self.sky == SkyChoice::Keep);
+        let airlight = facts.airlight.filter(|_| self.sky == OwnSky::Keep);
         place.scene().metadata_beside_file(Metadata { airlight, ..facts })
     }
 

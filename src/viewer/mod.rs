@@ -38,10 +38,10 @@ use render_worker::RenderWorker;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use weather_magician::{PreparedPlace, Renderer};
+use weather_magician::{PreparedPlace, Renderer, Weather};
 use wm_viewer::Catalog;
 use wm_viewer::page::PageKind;
-use wm_weather::{Panorama, Weather};
+use wm_weather::Panorama;
 
 /// Time for which the page of a scene that cannot be read is served, so that it can show the error.
 const FAREWELL: Duration = Duration::from_secs(10);

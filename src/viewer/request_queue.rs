@@ -24,7 +24,7 @@ const MAX_UNSEEN: usize = 3;
 /// Maximum number of waiting commands.
 const MAX_COMMANDS: usize = 32;
 /// Time after which a frame that was not acknowledged counts as lost.
-const LOST: Duration = Duration::from_secs(10);
+const LOST_AFTER: Duration = Duration::from_secs(10);
 
 /// A view that a client asks to see.
 #[derive(Clone)]
@@ -160,7 +160,8 @@ struct Client {
 
 impl Client {
     fn can_receive(&self) -> bool {
-        self.unseen.len() < MAX_UNSEEN || self.unseen.front().is_some_and(|(_, sent)| sent.elapsed() > LOST)
+        self.unseen.len() < MAX_UNSEEN
+            || self.unseen.front().is_some_and(|(_, sent)| sent.elapsed() > LOST_AFTER)
     }
 
     fn is_ready(&self, moving: bool) -> bool {
@@ -199,7 +200,7 @@ pub(crate) struct RequestQueue {
 }
 
 /// Time without requests after which thumbnails are rendered.
-const IDLE: Duration = Duration::from_millis(1500);
+const IDLE_AFTER: Duration = Duration::from_millis(1500);
 
 impl RequestQueue {
     /// Adds a client and returns its id; `None` if there are too many.
@@ -403,7 +404,7 @@ impl QueueState {
             return Some(WorkerTask::Client(task));
         }
         let command = self.commands.pop_front().or_else(|| {
-            let is_idle = self.asked.is_none_or(|asked| asked.elapsed() > IDLE);
+            let is_idle = self.asked.is_none_or(|asked| asked.elapsed() > IDLE_AFTER);
             self.thumbnails.pop_front_if(|_| is_idle).map(ViewerCommand::Thumbnail)
         });
         command.map(WorkerTask::Command)

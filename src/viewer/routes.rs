@@ -18,13 +18,13 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use tokio::sync::oneshot;
+use weather_magician::Weather;
+use weather_magician::video::FrameRate;
 use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{CameraSpec, parse_size};
-use wm_media::video::FrameRate;
 use wm_scene::{SceneView as Photo, files::text_of};
 use wm_viewer::state::{Follow, Pose, ViewOutput, weather_of_json, weather_to_json};
 use wm_viewer::{FileNames, View, ViewState, link};
-use wm_weather::Weather;
 
 type Shared = State<Arc<ViewerContext>>;
 type Answer = Result<Response, RequestError>;

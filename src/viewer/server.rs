@@ -39,7 +39,7 @@ const PORT: u16 = 8787;
 /// Number of ports that are tried after it.
 const PORTS: u16 = 20;
 /// Shortest token that a user may choose.
-const SHORTEST: usize = 16;
+const MIN_TOKEN_BYTES: usize = 16;
 /// The environment variable that holds a token.
 const TOKEN_VARIABLE: &str = "WEATHER_MAGICIAN_TOKEN";
 
@@ -85,8 +85,8 @@ impl ServerArgs {
         };
         if let Some((origin, token)) = &chosen {
             let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte));
-            if token.len() < SHORTEST || token.len() > MAX_TOKEN_BYTES || !is_plain {
-                bail!("{origin}: a token is {SHORTEST} to {MAX_TOKEN_BYTES} letters, digits and -_.~");
+            if token.len() < MIN_TOKEN_BYTES || token.len() > MAX_TOKEN_BYTES || !is_plain {
+                bail!("{origin}: a token is {MIN_TOKEN_BYTES} to {MAX_TOKEN_BYTES} letters, digits and -_.~");
             }
         }
         // Who chooses the token may have put a server in front that is called otherwise.

@@ -13,7 +13,7 @@ use axum::routing::{get, put};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
-use wm_media::PictureSize;
+use weather_magician::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
 use wm_viewer::encode::jpeg;
@@ -22,7 +22,7 @@ use wm_viewer::page::PageKind;
 /// Time between pictures.
 const PICTURE_EVERY: Duration = Duration::from_secs(3);
 /// Time after its last request when a page counts as closed.
-const GONE: Duration = Duration::from_secs(4);
+const CLOSED_AFTER: Duration = Duration::from_secs(4);
 /// JPEG quality.
 const QUALITY: u8 = 88;
 
@@ -119,7 +119,7 @@ impl TrainingBoard {
     /// Returns the camera of the next picture if one is due and the page is open.
     pub(crate) fn due_picture(&self) -> Option<TrainingCamera> {
         let state = self.lock();
-        let is_watched = state.asked.is_some_and(|asked| asked.elapsed() < GONE);
+        let is_watched = state.asked.is_some_and(|asked| asked.elapsed() < CLOSED_AFTER);
         let is_due = state.drawn.is_none_or(|drawn| drawn.elapsed() > PICTURE_EVERY);
         (is_watched && is_due).then_some(state.status.camera)
     }
@@ -144,7 +144,7 @@ impl TrainingBoard {
         let is_watched = {
             let mut state = self.lock();
             state.status.end = Some(text);
-            state.asked.is_some_and(|asked| asked.elapsed() < GONE)
+            state.asked.is_some_and(|asked| asked.elapsed() < CLOSED_AFTER)
         };
         if is_watched {
             // Pages poll once a second.

@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use tempfile::TempDir;
 use weather_magician::Picture;
-use wm_media::video::{FrameRate, VideoSink};
+use weather_magician::video::{FrameRate, VideoSink};
 
 /// Number of videos that are kept; the oldest is removed.
-const KEPT: usize = 4;
+const MAX_VIDEOS: usize = 4;
 /// Maximum length of a video, frames.
 pub(crate) const MAX_FRAMES: u32 = 20_000;
 
@@ -119,7 +119,7 @@ impl VideoList {
             status: Mutex::new(VideoStatus::Running),
         });
         all.1.insert(id, Arc::clone(&video));
-        while all.1.len() > KEPT {
+        while all.1.len() > MAX_VIDEOS {
             all.1.pop_first();
         }
         Ok(video)

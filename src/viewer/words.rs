@@ -1,11 +1,11 @@
 //! The words of the command line that name a scene, its facts and the options of a run.
 
-use crate::choices::SkyChoice;
+use crate::choices::sky_word;
 use crate::scene::{FactArgs, OwnSkyArgs, RunArgs, SceneArgs};
 use glam::DVec3;
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
-use wm_scene::survey::{FactSource, Survey};
+use wm_scene::survey::{FactSource, OwnSky, Survey};
 
 /// Returns the command-line words that name a scene, with its photos' cameras, which influence snow
 /// covers.
@@ -19,8 +19,8 @@ pub(crate) fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&Path
     if let Some(level) = args.level {
         add("level", level.to_string().as_ref());
     }
-    if sky.sky != SkyChoice::Keep {
-        add("sky", sky.sky.name().as_ref());
+    if sky.sky != OwnSky::Keep {
+        add("sky", sky_word(sky.sky).as_ref());
     }
     if let Some(folder) = views {
         add("views", folder.as_os_str());

@@ -18,7 +18,7 @@ use weather_magician::{CpuConfig, Renderer};
 
 #[doc = docs!("Batch")]
 #[pyclass(frozen, name = "Batch", module = "weather_magician")]
-pub struct PyBatch {
+pub(crate) struct PyBatch {
     plan: PathBuf,
     out: PathBuf,
     device: String,
@@ -340,7 +340,7 @@ impl PyBatch {
 
 /// Opens a plan that was pickled, and checks that it is the same.
 #[pyfunction]
-pub fn _open_batch(
+pub(crate) fn _open_batch(
     py: Python<'_>,
     plan: PathBuf,
     out: PathBuf,

@@ -29,13 +29,13 @@ use wm_scene::SceneView;
 use wm_scene::camera::FOV;
 
 /// The device of a name: auto, cpu, gpu or gpu:NAME.
-pub fn device_of(name: &str) -> Outcome<Device> {
+pub(crate) fn device_of(name: &str) -> Outcome<Device> {
     name.parse().map_err(|error| Failure::Library(format!("device: {error}")))
 }
 
 #[doc = docs!("Renderer")]
 #[pyclass(frozen, name = "Renderer", module = "weather_magician")]
-pub struct PyRenderer {
+pub(crate) struct PyRenderer {
     source: PlaceSource,
     device: String,
     threads: Option<usize>,
@@ -162,7 +162,7 @@ impl OpenPlace {
 }
 
 /// A camera as functions take it.
-pub enum CameraInput {
+pub(crate) enum CameraInput {
     /// A camera.
     Camera(wm_scene::Camera),
     /// Eye and target, a view's name or number, or a file of keyframes.

@@ -18,9 +18,9 @@ use wm_scene::survey::Survey;
 
 /// Number of sweeps that are kept: the largest, of a million points with all returns in fog, has
 /// some 80 MB.
-const KEPT: usize = 3;
+const MAX_SWEEPS: usize = 3;
 /// Largest coordinate of a sensor, scene units.
-const FARTHEST: f64 = 1e6;
+const MAX_COORDINATE: f64 = 1e6;
 
 /// The lidar of a state, as clients send it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,7 +46,7 @@ pub struct LidarState {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorPlace {
-    /// Its origin, world axes, scene units.
+    /// The origin, world axes, scene units.
     eye: [f64; 3],
     /// A point ahead of it.
     target: [f64; 3],
@@ -111,8 +111,8 @@ impl CheckedLidar {
         };
         let fixed = state.at.as_ref().map(camera).transpose()?;
         let at = fixed.map_or(DVec3::ZERO, |camera| camera.center());
-        if at.abs().max_element() > FARTHEST {
-            return Err(format!("lidar.at: the sensor must be within {FARTHEST} scene units"));
+        if at.abs().max_element() > MAX_COORDINATE {
+            return Err(format!("lidar.at: the sensor must be within {MAX_COORDINATE} scene units"));
         }
         Ok(Self { model, fixed, sub_rays, returns, colors })
     }
@@ -171,7 +171,7 @@ pub struct SweepMemory {
 impl SweepMemory {
     /// Keeps the outcome of the sweep of a view.
     pub fn insert(&mut self, view: &Arc<View>, sweep: Result<LidarSweep, String>, seconds: f64) {
-        while self.made.len() >= KEPT {
+        while self.made.len() >= MAX_SWEEPS {
             self.made.pop_back();
         }
         self.made.push_front(MadeSweep { view: Arc::clone(view), sweep, seconds, overlay: None });
@@ -305,7 +305,7 @@ mod tests {
         assert!(memory.overlay(&view(None, |_| {})).is_none());
         memory.insert(&at(1.0), Err("no".into()), 0.1);
         assert!(memory.overlay(&at(1.0)).is_none() && memory.report(&at(1.0))["error"] == "no");
-        (2..2 + KEPT).for_each(|time| memory.insert(&at(time as f64), Ok(sweep()), 0.1));
+        (2..2 + MAX_SWEEPS).for_each(|time| memory.insert(&at(time as f64), Ok(sweep()), 0.1));
         assert!(memory.get(&at(0.0)).is_none() && memory.get(&at(2.0)).is_some());
     }
 }

@@ -161,7 +161,7 @@ pub struct FrameReport<'a> {
     pub size: (u32, u32),
     /// True if nothing is missing: no asset, and no sweep.
     pub is_whole: bool,
-    /// What was drawn.
+    /// Statistics of the drawing.
     pub stats: &'a Stats,
     /// Time of drawing and of encoding, s.
     pub seconds: [f64; 2],

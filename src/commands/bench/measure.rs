@@ -5,12 +5,11 @@ use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use std::time::Instant;
 use weather_magician::frame::FrameInputs;
-use weather_magician::{FrameRequest, Picture, PreparedPlace, Renderer};
+use weather_magician::{Camera, FrameRequest, Picture, PreparedPlace, Renderer, Weather};
 use wm_render::{Geometry, MedianDepth, Outputs, RenderConfig, SetId, SetView, Stats};
-use wm_scene::Camera;
 use wm_weather::cover::CoverRequest;
 use wm_weather::paper::PaperCover;
-use wm_weather::{PreparedWeather, Site, Weather};
+use wm_weather::{PreparedWeather, Site};
 
 /// Number of warm-up rounds, in which memory is first touched and clocks rise.
 pub(crate) const WARM_UP: u32 = 2;

@@ -24,14 +24,14 @@ use measure::{BenchCase, BenchTarget, FrameTimings, peak_memory, turns};
 use report::{MeasuredCases, PathSpeed, SceneReport, ThreadScaling};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use weather_magician::formats::ReadOptions;
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
-use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
+use weather_magician::{Camera, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
-use wm_render::{Device, RenderBackend, RenderConfig, SetId, SetView};
-use wm_scene::formats::ReadOptions;
-use wm_scene::{Camera, Group, Lamp, Metadata, Scene};
+use wm_render::{RenderBackend, RenderConfig, SetId, SetView};
+use wm_scene::{Group, Lamp};
 use wm_weather::Site;
 use wm_weather::cover::Buried;
 

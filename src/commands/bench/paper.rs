@@ -18,7 +18,7 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
-use wm_scene::Camera;
+use weather_magician::Camera;
 use wm_scene::files::write_atomically;
 
 /// The columns, with their keys in CSV.

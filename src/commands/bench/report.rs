@@ -3,9 +3,9 @@
 use super::measure::{BenchCase, FrameTiming, FrameTimings};
 use crate::scene::OpenScene;
 use serde::Serialize;
+use weather_magician::Camera;
 use weather_magician::view::spec;
 use wm_render::DeviceWork;
-use wm_scene::Camera;
 
 /// Measurements of one scene. Times are milliseconds.
 #[derive(Serialize)]

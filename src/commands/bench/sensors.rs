@@ -10,9 +10,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::lidar::{LidarModel, ScanOptions, SubRays};
-use weather_magician::{CameraMotion, FrameRequest, LensModel, LensView, Picture};
-use wm_scene::Camera;
-use wm_weather::Weather;
+use weather_magician::{Camera, CameraMotion, FrameRequest, LensModel, LensView, Picture, Weather};
 
 /// The lidar: 64 rows of 1800 pulses.
 const LIDAR: &str = "wavelength = 905\ndivergence = 3.0\npulse = 5\nrange = [0.5, 120]\nreference_range = 120\n\

@@ -7,14 +7,15 @@ use crate::progress;
 use crate::scene::RunArgs;
 use anyhow::Result;
 use serde::Serialize;
-use wm_render::{Device, Frame, StepClock};
-use wm_scene::{Camera, Splats};
-use wm_train::config::{Densify, RateConfig};
-use wm_train::densify::Population;
-use wm_train::densify::fixed::FixedConfig;
-use wm_train::exposure::Exposures;
-use wm_train::losses::TrainPhoto;
-use wm_train::{Preset, StepTimes, TrainConfig, TrainState, Trainer};
+use weather_magician::train::config::{Densify, RateConfig};
+use weather_magician::train::densify::Population;
+use weather_magician::train::densify::fixed::FixedConfig;
+use weather_magician::train::exposure::Exposures;
+use weather_magician::train::losses::TrainPhoto;
+use weather_magician::train::{Preset, StepTimes, TrainConfig, TrainState, Trainer};
+use weather_magician::{Camera, Device};
+use wm_render::{Frame, StepClock};
+use wm_scene::Splats;
 
 /// Steps of one scene. Times are milliseconds, medians.
 #[derive(Serialize)]

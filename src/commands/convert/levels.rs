@@ -5,8 +5,8 @@ use crate::progress::Reporter;
 use crate::scene::RunArgs;
 use anyhow::Result;
 use std::path::Path;
+use weather_magician::Scene;
 use weather_magician::levels::{LevelBuilder, LevelOptions};
-use wm_scene::Scene;
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::label_sky;
 

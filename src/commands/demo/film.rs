@@ -1,7 +1,8 @@
 //! The demo's film: a walk down the street while fog closes in and begins to lift.
 
+use weather_magician::Weather;
 use wm_street::{Street, Viewpoint};
-use wm_weather::{Weather, WeatherError};
+use wm_weather::WeatherError;
 
 /// Speed of the camera as a multiple of walking speed, so that a short film covers some distance.
 const HASTE: f64 = 1.6;

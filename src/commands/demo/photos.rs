@@ -72,7 +72,7 @@ impl From<TruthChoice> for GroundTruth {
     }
 }
 
-/// What is written: exact cameras along a route, or a capture as real ones are.
+/// Cameras of photos: exact ones along a route, or those of a capture like real ones.
 #[derive(Clone, Debug)]
 pub(crate) enum PhotoSet {
     /// Exact, in metres.

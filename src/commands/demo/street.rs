@@ -3,7 +3,7 @@
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Context, Result};
-use wm_scene::Scene;
+use weather_magician::Scene;
 use wm_street::{Lighting, Street};
 
 /// Builds the street in a light and samples it on `threads` (`None` for one per core).

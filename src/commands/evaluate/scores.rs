@@ -3,16 +3,16 @@
 use super::{EvaluateArgs, ExposureFitArg, name_of};
 use crate::dataset::Dataset;
 use serde_json::{Map, Value, json};
-use wm_train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
-use wm_train::metrics::FloaterShare;
+use weather_magician::train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
+use weather_magician::train::metrics::FloaterShare;
 
 /// A column of scores, one number per photo.
 pub(crate) struct ScoreColumn {
-    /// Its name in JSON.
+    /// The name in JSON.
     pub(crate) key: &'static str,
-    /// Its name in one line.
+    /// The name in one line.
     pub(crate) name: &'static str,
-    /// Its name in tables, in two lines.
+    /// The name in tables, in two lines.
     pub(crate) head: [&'static str; 2],
     /// Unit and format.
     pub(crate) unit: ScoreUnit,

@@ -4,9 +4,9 @@ use crate::dataset::Dataset;
 use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::PathBuf;
+use weather_magician::train::evaluation::{TruthError, TruthMaps, TruthOptions};
+use weather_magician::train::maps::{DepthForm, DepthUnit, NormalAxes};
 use wm_scene::survey::Survey;
-use wm_train::evaluation::{TruthError, TruthMaps, TruthOptions};
-use wm_train::maps::{DepthForm, DepthUnit, NormalAxes};
 
 /// The folders of ground-truth maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]

@@ -8,10 +8,9 @@ use anyhow::Result;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use weather_magician::PreparedPlace;
 use weather_magician::assets::pack_asset;
 use weather_magician::panorama_file::read_panorama;
-use wm_weather::Weather;
+use weather_magician::{PreparedPlace, Weather};
 use wm_weather::presets::PRESETS;
 
 /// The presets that are prepared without being asked for, the most useful first: light, rain on wet
@@ -47,9 +46,9 @@ pub(crate) fn weathers(names: &[String]) -> Result<Vec<Weather>> {
 /// A file of a site's folder of prepared data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct PackedAsset {
-    /// Its name, as the cache has it.
+    /// The name that the cache has for it.
     pub(crate) name: String,
-    /// Its size, bytes.
+    /// The size, bytes.
     pub(crate) bytes: u64,
     /// The weather that it was made for.
     pub(crate) of: String,

@@ -23,10 +23,9 @@ use output::{SiteFolder, megabytes};
 use player::PlayerFiles;
 use std::path::{Path, PathBuf};
 use weather_magician::levels::parse_memory;
-use wm_scene::Camera;
+use weather_magician::{Camera, Weather};
 use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
-use wm_weather::Weather;
 
 /// Memory of a page for a scene in levels of detail, bytes: a module of 32 bits has 4 GiB at most,
 /// and phones less.

@@ -8,17 +8,16 @@ use anyhow::{Error, Result};
 use std::path::Path;
 use weather_magician::levels::shot_cameras;
 use weather_magician::sequence::render_and_write;
+use weather_magician::video::{FrameRate, VideoSettings, create_video};
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves;
-use weather_magician::{CameraMotion, FrameRequest, Patience, Picture, picture_tags};
-use wm_media::PictureSize;
+use weather_magician::{
+    Camera, CameraMotion, FrameRequest, Patience, Picture, PictureSize, Weather, picture_tags,
+};
 use wm_media::color::{Dither, quantize_rgb8};
-use wm_media::video::{FrameRate, VideoSettings, create_video};
 use wm_render::Frame;
-use wm_scene::Camera;
 use wm_viewer::encode;
 use wm_viewer::thumbnail::{self, thumbnail_weather};
-use wm_weather::Weather;
 use wm_weather::presets::PRESETS;
 
 /// Width, px, and JPEG quality of the poster.

@@ -2,19 +2,19 @@
 
 use super::output::make_folder;
 use super::{ExportWebArgs, MEMORY, at};
-use crate::choices::SkyChoice;
+use crate::choices::sky_word;
 use crate::commands::convert::levels;
 use crate::progress;
 use crate::scene::{OpenScene, change_sky, check, read_options, read_saying_remarks};
 use anyhow::{Result, bail};
 use std::fs;
 use std::path::Path;
-use weather_magician::PlaceOptions;
+use weather_magician::formats::{ReadOptions, read_scene, write_scene};
 use weather_magician::levels::{LevelBudget, MOST_SPLATS};
-use wm_scene::formats::{ReadOptions, read_scene, write_scene};
+use weather_magician::{Metadata, PlaceOptions, Scene};
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
-use wm_scene::survey::{FactSource, Survey, label_sky};
-use wm_scene::{Metadata, Scene, SceneView, capture};
+use wm_scene::survey::{FactSource, OwnSky, Survey, label_sky};
+use wm_scene::{SceneView, capture};
 
 /// The scene as a site has it.
 pub(crate) struct SitePlace {
@@ -38,7 +38,7 @@ pub(crate) fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, S
     let index = if args.scene.level.is_none() { LevelIndex::of_scene(source)? } else { None };
     // A page draws smaller ones as a whole.
     if let Some(index) = index.filter(|index| index.count_of_level(0) > MOST_SPLATS) {
-        if args.sky.sky != SkyChoice::Keep || args.viewpoint.views.is_some() {
+        if args.sky.sky != OwnSky::Keep || args.viewpoint.views.is_some() {
             let option = if args.viewpoint.views.is_some() { "--views" } else { "--sky" };
             bail!(
                 "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
@@ -102,7 +102,7 @@ impl SceneOptions {
             words.extend(value.map(|value| format!("--{option}={value}")));
         };
         add("level", args.scene.level.map(|level| level.to_string()));
-        add("sky", (args.sky.sky != SkyChoice::Keep).then(|| args.sky.sky.name().into()));
+        add("sky", (args.sky.sky != OwnSky::Keep).then(|| sky_word(args.sky.sky).into()));
         add("views", args.viewpoint.views.as_ref().map(|folder| folder.display().to_string()));
         add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
         add("ground", facts.ground.map(|height| height.to_string()));

@@ -4,10 +4,9 @@ use super::output::write;
 use super::single_file::{STARTER, with_policy};
 use anyhow::Result;
 use std::path::Path;
-use wm_scene::Camera;
+use weather_magician::{Camera, Weather};
 use wm_viewer::page::{PageKind, files_of};
 use wm_viewer::state::{Follow, Pose, ViewOutput, ViewState, weather_to_json};
-use wm_weather::Weather;
 
 /// JPEG quality of pictures that a viewer sends, which a page that renders for itself does not use.
 const QUALITY: u8 = 90;

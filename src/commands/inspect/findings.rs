@@ -1,8 +1,9 @@
 //! The findings of `inspect`: every doubt and note about an input, each with what to do.
 
+use weather_magician::Scene;
 use wm_scene::health::{FaultCounts, Health};
 use wm_scene::survey::Survey;
-use wm_scene::{Remark, Scene, Severity};
+use wm_scene::{Remark, Severity};
 
 /// Returns the findings about a scene: those of its reader, of its splats, and of the facts about
 /// the place.

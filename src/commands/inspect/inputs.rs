@@ -5,13 +5,13 @@ use crate::scene::count_of;
 use anyhow::Result;
 use serde_json::{Map, Value, json};
 use std::path::Path;
+use weather_magician::formats::folder::scene_file;
+use weather_magician::reports::{ReportKind, ReportNoteKind, find_weather, recognise};
+use weather_magician::train::DatasetReadOptions;
 use wm_datasets::{DrivingLog, LogOptions};
-use wm_reports::{ReportKind, ReportNoteKind, find_weather, recognise};
 use wm_scene::capture::Capture;
 use wm_scene::files::{LARGE_TEXT, read_text};
-use wm_scene::formats::folder::scene_file;
 use wm_scene::{Problem, Remark};
-use wm_train::DatasetReadOptions;
 
 /// An input and what was found about it.
 pub(crate) struct InspectedInput {

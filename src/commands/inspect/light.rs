@@ -6,9 +6,11 @@ use crate::scene::AssetFolder;
 use anyhow::{Context, Result};
 use std::path::Path;
 use weather_magician::view::{ViewOptions, choose};
-use weather_magician::{FrameRequest, PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
-use wm_media::{PictureSize, color::Dither, png, sheet};
-use wm_scene::{Camera, Metadata, Splats, sh};
+use weather_magician::{
+    Camera, FrameRequest, Metadata, PictureSize, PlaceOptions, PreparedPlace, Renderer, Scene, Weather,
+};
+use wm_media::{color::Dither, png, sheet};
+use wm_scene::{Splats, sh};
 use wm_weather::light::CaptureLight;
 
 /// Size of a panel of the picture, px.

@@ -20,11 +20,11 @@ use weather_magician::measure::{
 };
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
+use weather_magician::{Camera, Metadata, Weather};
 
 use wm_scene::files::{check_writable, write_atomically};
-use wm_scene::{Camera, Metadata};
 use wm_street::{Lighting, Street};
-use wm_weather::{Fidelity, Weather};
+use wm_weather::Fidelity;
 
 /// Options of `measure`.
 #[derive(Args, Debug)]

@@ -12,7 +12,7 @@ use weather_magician::measure::{Finding, Reading, Tolerance};
 const STYLE: &str = include_str!("page.css");
 
 /// Number of plots and pictures of an instrument that are shown; the others are collapsed.
-const FIRST: usize = 3;
+const SHOWN_FIGURES: usize = 3;
 /// Width from which a picture takes the whole page, px.
 const SHEET: u32 = 1300;
 
@@ -149,7 +149,7 @@ fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
             "<figure{class}><img src=\"{source}\" alt=\"{caption}\"><figcaption>{caption}</figcaption></figure>"
         ));
     }
-    folded(out, "figures", &pictures, FIRST, "pictures");
+    folded(out, "figures", &pictures, SHOWN_FIGURES, "pictures");
     out.push_str("</section>\n");
     Ok(())
 }

@@ -13,11 +13,11 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use weather_magician::train::dataset::orientation;
+use weather_magician::train::priors::folder::{INDEX, Index, PriorsError};
+use weather_magician::train::priors::{FOLDER, PriorsWriter, photos};
 use wm_scene::FormatError;
 use wm_scene::capture::folder_of;
-use wm_train::dataset::orientation;
-use wm_train::priors::folder::{INDEX, Index, PriorsError};
-use wm_train::priors::{FOLDER, PriorsWriter, photos};
 
 /// Options of `priors`.
 #[derive(Args, Clone, Debug)]

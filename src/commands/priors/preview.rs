@@ -5,11 +5,12 @@ use crate::dataset::Dataset;
 use anyhow::Result;
 use glam::DVec3;
 use std::fs;
+use weather_magician::train::photos::Photo;
+use weather_magician::train::priors::{Prior, Priors, SkyClass};
+use weather_magician::{Camera, PictureSize};
 use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
-use wm_media::{PictureSize, color::Dither, png, ramps};
-use wm_scene::{Camera, FormatError, Problem};
-use wm_train::photos::Photo;
-use wm_train::priors::{Prior, Priors, SkyClass};
+use wm_media::{color::Dither, png, ramps};
+use wm_scene::{FormatError, Problem};
 
 /// Number of photos on the sheet.
 const PHOTOS: usize = 6;
@@ -79,7 +80,8 @@ fn both(
 }
 
 fn fitting(camera: &Camera, pixels: usize) -> PictureSize {
-    let (width, height) = wm_train::priors::files::shrunk((camera.width, camera.height), pixels);
+    let (width, height) =
+        weather_magician::train::priors::files::shrunk((camera.width, camera.height), pixels);
     PictureSize::new(width, height)
 }
 

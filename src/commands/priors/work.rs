@@ -7,19 +7,19 @@ use crate::progress;
 use anyhow::Result;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
+use weather_magician::train::dataset::orientation;
+use weather_magician::train::priors::fit::Fit;
+use weather_magician::train::priors::folder::Index;
+use weather_magician::train::priors::given::Given;
+use weather_magician::train::priors::points::{placed, seen_points};
+use weather_magician::train::priors::{Prior, PriorsWriter};
 use wm_scene::capture::CaptureUp;
-use wm_train::dataset::orientation;
-use wm_train::priors::fit::Fit;
-use wm_train::priors::folder::Index;
-use wm_train::priors::given::Given;
-use wm_train::priors::points::{placed, seen_points};
-use wm_train::priors::{Prior, PriorsWriter};
 
 /// Longest time between two updates of the index.
-const NOTE: Duration = Duration::from_secs(20);
+const INDEX_INTERVAL: Duration = Duration::from_secs(20);
 /// Maximum number of photos for which the reason is printed why they are left out; the index has
 /// all reasons.
-const TOLD: usize = 10;
+const MAX_PRINTED_REASONS: usize = 10;
 
 /// The answer of a source for a photo.
 pub(crate) enum PriorAnswer {
@@ -94,7 +94,7 @@ pub(crate) fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator
             }
             bar.inc(1);
         }
-        if noted.elapsed() > NOTE {
+        if noted.elapsed() > INDEX_INTERVAL {
             writer.pause()?;
             noted = Instant::now();
         }
@@ -127,11 +127,11 @@ fn make(
 
 fn finish(args: &PriorsArgs, data: &Dataset, writer: PriorsWriter) -> Result<Index> {
     let Index { photos, left_out, .. } = writer.index();
-    for (name, reason) in left_out.iter().take(TOLD) {
+    for (name, reason) in left_out.iter().take(MAX_PRINTED_REASONS) {
         eprintln!("left out: {name}: {reason}");
     }
-    if left_out.len() > TOLD {
-        eprintln!("left out: {} more", left_out.len() - TOLD);
+    if left_out.len() > MAX_PRINTED_REASONS {
+        eprintln!("left out: {} more", left_out.len() - MAX_PRINTED_REASONS);
     }
     if photos.is_empty() {
         let (first, reason) = left_out.iter().next().unzip();

@@ -6,14 +6,13 @@ use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use std::num::NonZero;
 use std::path::Path;
-use weather_magician::CropBox;
-use wm_scene::Scene;
-use wm_train::SessionOptions;
-use wm_train::blocks::{
+use weather_magician::train::SessionOptions;
+use weather_magician::train::blocks::{
     BlockCount, BlockError, BlockOptions, BlockRegion, BlockTraining, PLAN, TrainedBlock, remove,
     remove_block,
 };
-use wm_train::session::CHECKPOINT;
+use weather_magician::train::session::CHECKPOINT;
+use weather_magician::{CropBox, Scene};
 
 /// The part of the place that is trained, and in how many blocks.
 #[derive(Args, Clone, Debug)]

@@ -8,16 +8,16 @@ use crate::progress;
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use wm_media::{PictureSize, color::Dither, png};
-use wm_scene::Camera;
-use wm_train::StepTimes;
-use wm_train::colmap;
-use wm_train::movers::{MoverOutcome, sheet};
-use wm_train::session::{
+use weather_magician::train::StepTimes;
+use weather_magician::train::colmap;
+use weather_magician::train::movers::{MoverOutcome, sheet};
+use weather_magician::train::session::{
     HeldOutScores, ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage,
     TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
 };
-use wm_train::video::VideoProgress;
+use weather_magician::train::video::VideoProgress;
+use weather_magician::{Camera, PictureSize};
+use wm_media::{color::Dither, png};
 
 /// Shows a training on the terminal, in the run folder and in a browser.
 pub(crate) struct TrainingConsole<'a> {

@@ -2,10 +2,10 @@
 
 use crate::interrupt::Interrupted;
 use anyhow::anyhow;
-use wm_train::colmap::ColmapError;
-use wm_train::plan::PlanError;
-use wm_train::session::SessionError;
-use wm_train::video::VideoError;
+use weather_magician::train::colmap::ColmapError;
+use weather_magician::train::plan::PlanError;
+use weather_magician::train::session::SessionError;
+use weather_magician::train::video::VideoError;
 
 const RESUME: &str = "the same command with --resume continues";
 

@@ -11,18 +11,18 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use weather_magician::Metadata;
+use weather_magician::train::HeldOut;
+use weather_magician::train::maps::{DepthForm, DepthUnit, MapFolder};
+use weather_magician::train::photos::Check;
+use weather_magician::train::priors::files::{DepthFiles, FileMaps, MapsOf};
+use weather_magician::train::priors::fit::Freedom;
+use weather_magician::train::priors::folder::INDEX;
+use weather_magician::train::priors::{FOLDER, PriorsWriter};
 use wm_datasets::logs::LogCaptureStep;
 use wm_datasets::{DrivingLog, LogCaptureOptions, LogOptions};
-use wm_scene::Metadata;
 use wm_scene::capture::CaptureUp;
 use wm_scene::capture::up::UpEvidence;
-use wm_train::HeldOut;
-use wm_train::maps::{DepthForm, DepthUnit, MapFolder};
-use wm_train::photos::Check;
-use wm_train::priors::files::{DepthFiles, FileMaps, MapsOf};
-use wm_train::priors::fit::Freedom;
-use wm_train::priors::folder::INDEX;
-use wm_train::priors::{FOLDER, PriorsWriter};
 
 /// The folder of the capture in the run folder.
 const CAPTURE: &str = "capture";

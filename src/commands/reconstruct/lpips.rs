@@ -2,7 +2,7 @@
 
 use super::ReconstructArgs;
 use anyhow::{Result, bail};
-use wm_train::session::PerceptualMetric;
+use weather_magician::train::session::PerceptualMetric;
 
 /// Reads the weights; `None` if none are given.
 pub(crate) fn read(args: &ReconstructArgs) -> Result<Option<Box<dyn PerceptualMetric>>> {

@@ -8,7 +8,7 @@ mod lpips;
 mod prepare;
 mod watch;
 
-pub(crate) use wm_train::session::CHECKPOINT;
+pub(crate) use weather_magician::train::session::CHECKPOINT;
 
 use crate::commands::convert::levels::{self, is_levels};
 use crate::dataset::{DatasetArgs, DatasetReadOptions, HeldOutArgs};
@@ -22,15 +22,18 @@ use console::TrainingConsole;
 use explain::explain;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use weather_magician::Metadata;
+use weather_magician::train::blocks::PLAN;
+use weather_magician::train::config::{
+    BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution,
+};
+use weather_magician::train::photos::PhotoSize;
+use weather_magician::train::poor_photos::PoorPhotoMode;
+use weather_magician::train::session::{PriorSource, Resume};
+use weather_magician::train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
+use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
 use wm_scene::formats;
-use wm_scene::{Metadata, Rasterization};
-use wm_train::blocks::PLAN;
-use wm_train::config::{BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution};
-use wm_train::photos::PhotoSize;
-use wm_train::poor_photos::PoorPhotoMode;
-use wm_train::session::{PriorSource, Resume};
-use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]

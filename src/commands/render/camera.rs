@@ -6,15 +6,15 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::levels::shot_cameras;
+use weather_magician::video::FrameRate;
 use weather_magician::view;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
-use weather_magician::{CameraMotion, LensSpec, MotionSpec, MovingCamera};
-use wm_media::video::FrameRate;
+use weather_magician::{Camera, CameraMotion, LensSpec, MotionSpec, MovingCamera};
+use wm_scene::FormatError;
 use wm_scene::camera::FOV;
 use wm_scene::files::check_writable;
-use wm_scene::{Camera, FormatError};
 
 /// Default length of a sequence, seconds.
 pub(crate) const DEFAULT_SECONDS: f64 = 5.0;

@@ -3,9 +3,8 @@
 use crate::choices::first_given;
 use anyhow::{Result, bail};
 use clap::Args;
-use weather_magician::LensView;
 use weather_magician::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorNoise, Shutter};
-use wm_weather::Weather;
+use weather_magician::{LensView, Weather};
 
 /// Options of shutter, exposure and noise.
 #[derive(Args, Clone, Debug)]

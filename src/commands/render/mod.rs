@@ -9,7 +9,7 @@ mod rig;
 mod sequence;
 mod stages;
 
-use crate::choices::{DitherChoice, EncoderChoice};
+use crate::choices::{DITHERS, ENCODERS, one_of};
 use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
@@ -25,16 +25,18 @@ use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::output::{LayerFile, LayerPlacement, PictureFormat, PictureStyle, layers_of};
+use weather_magician::video::VideoEncoder;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
 use weather_magician::{
-    Camera, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, picture_tags,
+    Camera, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, Weather,
+    picture_tags,
 };
+use wm_media::color::Dither;
 use wm_media::png::DepthScale;
 use wm_render::{Background, Stats};
 use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
-use wm_weather::Weather;
 
 /// Options of `render`.
 #[derive(Args, Debug)]
@@ -105,7 +107,7 @@ struct OutputArgs {
         default_value = "30",
         help_heading = "Output"
     )]
-    fps: wm_media::video::FrameRate,
+    fps: weather_magician::video::FrameRate,
     /// Length of a video, seconds [default: length of the camera's path, else 5]
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
@@ -128,11 +130,11 @@ struct OutputArgs {
     #[arg(long, value_name = "MODE", value_parser = parse_rasterization, help_heading = "Output")]
     rasterization: Option<Rasterization>,
     /// Quantisation of 8-bit pictures
-    #[arg(long, value_enum, default_value = "ordered", help_heading = "Output")]
-    dither: DitherChoice,
+    #[arg(long, value_parser = one_of(DITHERS), default_value = "ordered", help_heading = "Output")]
+    dither: Dither,
     /// Encoder of videos
-    #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
-    encoder: EncoderChoice,
+    #[arg(long, value_parser = one_of(ENCODERS), default_value = "builtin", help_heading = "Output")]
+    encoder: VideoEncoder,
     /// Bit rate of a video, bits a second [default: constant quality]
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
@@ -462,7 +464,7 @@ impl RenderJob {
         PictureStyle {
             also: args.output.also.clone(),
             place: if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside },
-            dither: args.output.dither.into(),
+            dither: args.output.dither,
             depth_scale,
             tags,
         }

@@ -15,10 +15,11 @@ use std::time::Instant;
 use weather_magician::output::{PictureFormat, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
-use weather_magician::{FrameRequest, Layers, MovingCamera, Picture, PictureLayer, picture_tags};
-use wm_media::PictureSize;
-use wm_scene::{Camera, SceneView};
-use wm_weather::{Fidelity, ParamValue, Weather};
+use weather_magician::{
+    Camera, FrameRequest, Layers, MovingCamera, Picture, PictureLayer, PictureSize, Weather, picture_tags,
+};
+use wm_scene::SceneView;
+use wm_weather::{Fidelity, ParamValue};
 
 /// The file that describes the pictures of the folder.
 const MANIFEST: &str = "manifest.json";
@@ -114,7 +115,7 @@ pub(crate) fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let (started, time, clear) = (Instant::now(), args.output.time(), Weather::clear());
     let scene = args.scene.scene.display().to_string();
     let style = |weather: &Weather, camera: &Camera| PictureStyle {
-        dither: args.output.dither.into(),
+        dither: args.output.dither,
         tags: picture_tags(&scene, place.site(), renderer.backend(), weather, time, camera),
         ..PictureStyle::default()
     };

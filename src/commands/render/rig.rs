@@ -18,10 +18,9 @@ use weather_magician::output::{LayerFile, PictureStyle, layers_of};
 use weather_magician::radar::{RadarScanOptions, RadarSweep};
 use weather_magician::rig::{Rig, RigDevice, RigSensor};
 use weather_magician::{
-    Camera, CameraMotion, Error, FrameRequest, LensView, NextFrame, Picture, picture_tags,
+    Camera, CameraMotion, Error, FrameRequest, LensView, NextFrame, Picture, Weather, picture_tags,
 };
 use wm_media::png::DepthScale;
-use wm_weather::Weather;
 
 /// The file that describes the sensors and their files.
 const MANIFEST: &str = "rig.json";
@@ -184,7 +183,7 @@ impl RigJob<'_> {
             tags.push(("sensor".into(), sensor.name.clone()));
             let style = PictureStyle {
                 also: self.args.output.also.clone(),
-                dither: self.args.output.dither.into(),
+                dither: self.args.output.dither,
                 depth_scale: DepthScale::reaching(place.site().far),
                 tags,
                 ..PictureStyle::default()

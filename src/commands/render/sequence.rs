@@ -7,10 +7,10 @@ use anyhow::{Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
-use weather_magician::Picture;
 use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
-use wm_media::{PictureSize, png::DepthScale, video};
+use weather_magician::{Picture, PictureSize, video};
+use wm_media::png::DepthScale;
 
 /// The file that describes the frames of a folder.
 const MANIFEST: &str = "render.json";
@@ -24,9 +24,9 @@ pub(crate) fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &Ren
     let camera = job.camera(start);
     let mut settings =
         video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.plan.rate);
-    settings.encoder = args.output.encoder.into();
+    settings.encoder = args.output.encoder;
     settings.bitrate = args.output.bitrate;
-    settings.dither = args.output.dither.into();
+    settings.dither = args.output.dither;
     settings.tags = job.style(args, DepthScale::Auto, start).tags;
     let mut sink = video::create_video(path, settings)?;
 

@@ -3,10 +3,10 @@
 use super::OutputTarget;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
-use weather_magician::Picture;
 use weather_magician::output::{PictureStyle, beside};
-use wm_media::{PictureSize, png};
-use wm_weather::{EffectRole, Fidelity, Weather};
+use weather_magician::{Picture, PictureSize, Weather};
+use wm_media::png;
+use wm_weather::{EffectRole, Fidelity};
 
 /// The names of the steps.
 const NAMES: [&str; 4] = ["noise", "overlay", "filtered", "final"];

@@ -398,7 +398,7 @@ impl Attacker {
 /// The outcome of one kind of attack.
 #[derive(Clone, Copy, Default)]
 struct AttackOutcome {
-    /// Those that are no link, no view, and views.
+    /// Numbers of attacks that are no link, no view, and views.
     counts: [usize; 3],
     /// Time of all and longest time of one, s.
     seconds: f64,

@@ -4,13 +4,13 @@ use crate::report::escaped;
 use crate::report::picture::{self, MapCell};
 use anyhow::Result;
 use std::fmt::Write;
-use wm_media::ramps::{self, ColorRamp};
-use wm_render::Frame;
-use wm_train::evaluation::{EvaluatedPhoto, TrueMaps};
-use wm_train::metrics::{
+use weather_magician::train::evaluation::{EvaluatedPhoto, TrueMaps};
+use weather_magician::train::metrics::{
     angle,
     coverage::{COVERED, SLACK},
 };
+use wm_media::ramps::{self, ColorRamp};
+use wm_render::Frame;
 
 /// Largest difference of colours on the colour ramp.
 const COLOR_RANGE: f64 = 0.2;

@@ -8,9 +8,9 @@ use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Result, anyhow, bail};
 use std::path::{Path, PathBuf};
+use weather_magician::train::metrics::Embeddings;
+use weather_magician::train::photos::read_picture;
 use wm_scene::capture::header::read_header;
-use wm_train::metrics::Embeddings;
-use wm_train::photos::read_picture;
 
 /// A set of pictures with its embeddings.
 pub(crate) struct CollectedSet {

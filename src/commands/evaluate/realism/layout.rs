@@ -7,7 +7,7 @@ use crate::names::stem_of;
 use anyhow::{Result, bail};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use wm_train::photos::photos_in;
+use weather_magician::train::photos::photos_in;
 
 /// A class of weather: a column of the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -29,8 +29,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tables::{CmmdDistance, Tables};
+use weather_magician::train::metrics::{Collection, Embeddings};
 use wm_scene::files::{check_writable, write_atomically};
-use wm_train::metrics::{Collection, Embeddings};
 
 /// Options that have no meaning when pictures are compared.
 const OF_SCENES: [&str; 10] = [

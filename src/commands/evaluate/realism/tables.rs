@@ -5,7 +5,7 @@ use super::published;
 use super::uvq::UvqScore;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use wm_train::metrics::{Cmmd, Collection};
+use weather_magician::train::metrics::{Cmmd, Collection};
 
 /// The CMMD of a collection from photographs of real weather.
 #[derive(Clone, Debug)]

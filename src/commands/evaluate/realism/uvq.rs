@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 
 /// Longest file that is read, bytes.
-const MAX: u64 = 1 << 24;
+const MAX_FILE_BYTES: u64 = 1 << 24;
 /// The columns of a CSV file; the last one may be left out.
 const COLUMNS: [&str; 5] = ["method", "weather", "scene", "uvq_1_0", "uvq_1_5"];
 /// The range of scores.
@@ -47,7 +47,7 @@ enum OneOrMore {
 /// Reads scores, CSV or JSON by the file's extension.
 pub(crate) fn read(path: &Path) -> Result<Vec<UvqScore>> {
     let about = fs::metadata(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    if about.len() > MAX {
+    if about.len() > MAX_FILE_BYTES {
         bail!("{}: is too long for scores; give the CSV or JSON file of them", path.display());
     }
     let text = fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;

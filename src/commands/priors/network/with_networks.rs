@@ -6,12 +6,12 @@ use super::{SizeArg, VersionArg};
 use crate::dataset::Dataset;
 use crate::weights::PublishedWeights;
 use anyhow::{Result, bail};
+use weather_magician::train::maps::{Filter, Map};
+use weather_magician::train::priors::files::shrunk;
+use weather_magician::train::priors::fit::Freedom;
+use weather_magician::train::priors::given::{Given, GivenDepth, SkyBy};
 use wm_nets::DepthAnything;
 use wm_nets::depth_anything::{DisparityError, ModelSize, Version};
-use wm_train::maps::{Filter, Map};
-use wm_train::priors::files::shrunk;
-use wm_train::priors::fit::Freedom;
-use wm_train::priors::given::{Given, GivenDepth, SkyBy};
 
 /// A network with its weights.
 struct Network {
