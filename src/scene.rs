@@ -106,9 +106,7 @@ impl RunArgs {
 
     /// Starts the back end of training.
     pub(crate) fn differentiable(&self) -> Result<Box<AnyDifferentiable>> {
-        Ok(Box::new(AnyDifferentiable::new(&self.device, self.cpu(), |error| {
-            eprintln!("warning: {error}; training continues on the CPU");
-        })?))
+        Ok(Box::new(self.differentiable_backend()?))
     }
 
     /// Returns the configuration of the CPU renderer.

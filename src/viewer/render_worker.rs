@@ -31,8 +31,8 @@ use wm_media::color::Dither;
 use wm_render::{RenderError, gpu::GpuError};
 use wm_render::{Stats, at_once};
 use wm_viewer::encode::jpeg;
-use wm_viewer::lidar::SweepMemory;
 use wm_viewer::paint::{FrameReport, PaintOptions};
+use wm_viewer::sweeps::SweepMemory;
 use wm_viewer::thumbnail::{self, ThumbnailShot, thumbnail_view};
 use wm_viewer::{View, ViewPainter};
 

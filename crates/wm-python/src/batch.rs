@@ -1,8 +1,7 @@
 //! Data sets by a plan, block for block.
 
 use crate::error::{Error, Failure, Outcome};
-use crate::process::{CallbackProgress, PerProcess, detached, pool_of};
-use crate::renderer::device_of;
+use crate::process::{CallbackProgress, PerProcess, detached, device_of, pool_of};
 use crate::sample::{SplitFrames, dict_of, layers_of, split_index};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;

@@ -10,6 +10,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::Duration;
+use weather_magician::Device;
 use weather_magician::Progress;
 
 /// Time between two questions to the interpreter for signals.
@@ -186,4 +187,9 @@ pub(crate) fn pool_of(threads: Option<usize>) -> Outcome<Arc<ThreadPool>> {
 /// Does `work` on threads of its own: rayon's global ones would be dead in a fork.
 pub(crate) fn on_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcome<R> {
     Ok(pool_of(None)?.install(work))
+}
+
+/// The device of a name: auto, cpu, gpu or gpu:NAME.
+pub(crate) fn device_of(name: &str) -> Outcome<Device> {
+    name.parse().map_err(|error| Failure::Library(format!("device: {error}")))
 }

@@ -1,8 +1,7 @@
 //! Photos to a scene.
 
 use crate::error::{Failure, line_of};
-use crate::process::{StopFlag, detached, on_threads};
-use crate::renderer::device_of;
+use crate::process::{StopFlag, detached, device_of, on_threads};
 use crate::scene::PyScene;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -4,7 +4,7 @@ use crate::arrays::{intrinsics, matrices, matrix, moved, numbers, shape_fault};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
 use crate::picture::{PictureOutputs, PyPicture};
-use crate::process::{CallbackProgress, PerProcess, StopFlag, detached, pool_of};
+use crate::process::{CallbackProgress, PerProcess, StopFlag, detached, device_of, pool_of};
 use crate::scene::PyScene;
 use crate::weather::PyWeather;
 use glam::{DAffine3, DMat4};
@@ -22,16 +22,11 @@ use weather_magician::measure::{INSTRUMENTS, InstrumentRenderer, MeasureRequest,
 use weather_magician::video::{FrameRate, VideoSettings};
 use weather_magician::view::{ViewOptions, spec};
 use weather_magician::{
-    CameraMotion, CpuConfig, Device, FrameRequest, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
+    CameraMotion, CpuConfig, FrameRequest, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
     PreparedPlace, Progress, VideoFile, picture_tags,
 };
 use wm_scene::SceneView;
 use wm_scene::camera::FOV;
-
-/// The device of a name: auto, cpu, gpu or gpu:NAME.
-pub(crate) fn device_of(name: &str) -> Outcome<Device> {
-    name.parse().map_err(|error| Failure::Library(format!("device: {error}")))
-}
 
 #[doc = docs!("Renderer")]
 #[pyclass(frozen, name = "Renderer", module = "weather_magician")]

@@ -3,8 +3,7 @@
 use crate::arrays::{direction, moved, numbers, shape_fault, vector, view};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
-use crate::process::{CallbackProgress, detached, on_threads};
-use crate::renderer::device_of;
+use crate::process::{CallbackProgress, detached, device_of, on_threads};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -17,23 +17,26 @@
 pub mod catalog;
 pub mod encode;
 pub mod files;
-pub mod lidar;
+mod lidar;
 pub mod link;
 pub mod pace;
 pub mod page;
 pub mod paint;
 pub mod site;
 pub mod state;
+pub mod sweeps;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 mod text;
 pub mod thumbnail;
+mod view;
 
 pub use catalog::Catalog;
 pub use files::FileNames;
 pub use paint::ViewPainter;
 pub use site::SiteFile;
-pub use state::{View, ViewState};
+pub use state::ViewState;
+pub use view::View;
 
 /// The name of the program and its version.
 pub const PROGRAM: &str = concat!("weather-magician ", env!("CARGO_PKG_VERSION"));

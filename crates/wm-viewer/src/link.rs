@@ -10,8 +10,9 @@
 //! which [`open`] does.
 
 use crate::catalog::Catalog;
-use crate::state::{Follow, Pose, PoseKey, View, ViewOutput, ViewState, json_of};
+use crate::state::{Follow, Pose, PoseKey, ViewOutput, ViewState, json_of};
 use crate::text::{one_line, shown};
+use crate::view::View;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use serde::de::DeserializeOwned;

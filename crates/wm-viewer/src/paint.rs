@@ -1,7 +1,8 @@
 //! Draws views as bytes, and says what they show.
 
 use crate::encode::{join_columns, to_bytes};
-use crate::state::{Pose, View, ViewOutput, ViewState};
+use crate::state::{Pose, ViewOutput, ViewState};
+use crate::view::View;
 use serde_json::{Map, Value, json};
 use weather_magician::lidar::PointOverlay;
 use weather_magician::{

@@ -1,8 +1,9 @@
 //! The scene of a static page: `place/place.json` of a site.
 
 use crate::catalog::Catalog;
-use crate::state::{View, ViewState};
+use crate::state::ViewState;
 use crate::text::{one_line, shown};
+use crate::view::View;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use wm_scene::survey::Survey;

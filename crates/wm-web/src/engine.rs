@@ -16,12 +16,13 @@ use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::Survey;
 use wm_scene::{Scene, SceneView, files::fetched};
+use wm_viewer::View;
 use wm_viewer::catalog::Catalog;
 use wm_viewer::encode::to_bytes;
 use wm_viewer::pace::Pace;
 use wm_viewer::paint::{FrameReport, PaintOptions, ViewPainter, half_depth};
 use wm_viewer::site::{SiteFile, SiteView};
-use wm_viewer::state::{View, ViewOutput, ViewState};
+use wm_viewer::state::{ViewOutput, ViewState};
 
 /// Memory for the splats of a scene in levels of detail where the site says none, bytes.
 const MEMORY: u64 = 1 << 30;

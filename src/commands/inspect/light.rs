@@ -40,7 +40,7 @@ fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight
     clouds.set_text("light.exposure=0")?;
     let mut panels = Vec::new();
     for (weather, label) in [(Weather::clear(), "as captured"), (clouds, "under clouds")] {
-        panels.push((renderer.render(place, &FrameRequest::new(&weather, &camera, 0.0))?.frame.rgb, label));
+        panels.push((renderer.render(place, &FrameRequest::new(&weather, camera, 0.0))?.frame.rgb, label));
     }
     let shares = [
         (light.sun_shares().collect::<Vec<f32>>(), "white: in the sun of the photos"),
