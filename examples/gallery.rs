@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut weather = Weather::preset(name)?;
         setting.map_or(Ok(()), |setting| weather.set_text(setting))?;
         pictures
-            .push((renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0))?.frame.rgb, name));
+            .push((renderer.render(&mut place, &FrameRequest::new(&weather, camera, 0.0))?.frame.rgb, name));
     }
     let panels: Vec<SheetPanel<'_>> = pictures.iter().map(|(rgb, label)| SheetPanel { rgb, label }).collect();
     let layout = SheetLayout::new(PictureSize::new(SIZE.0, SIZE.1), panels.len() as u32, COLUMNS);

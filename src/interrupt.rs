@@ -8,44 +8,44 @@ use thiserror::Error;
 use wm_scene::files::abandon_temporaries;
 
 /// The time of the first signal of this run.
-static FIRST: Mutex<Option<Instant>> = Mutex::new(None);
+static FIRST_SIGNAL_AT: Mutex<Option<Instant>> = Mutex::new(None);
 /// The number of the last signal.
 static SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT);
 /// True once the current work checks for signals between its steps.
-static HEEDED: AtomicBool = AtomicBool::new(false);
+static IS_CHECKED: AtomicBool = AtomicBool::new(false);
 
 /// The number of the signal that Ctrl-C sends.
 const INTERRUPT: i32 = 2;
 /// A signal so soon after the first is the same one: shells and `timeout` send it to the process
 /// and to its group.
-const SAME: Duration = Duration::from_millis(500);
+const SAME_SIGNAL_WITHIN: Duration = Duration::from_millis(500);
 
 /// The work was stopped by a signal.
 #[derive(Debug, Error)]
 #[error("stopped: {0}")]
-pub struct Interrupted(pub String);
+pub(crate) struct Interrupted(pub(crate) String);
 
 /// Returns true if an error says that the work was stopped, here or in the library.
-pub fn is_stop(error: &anyhow::Error) -> bool {
+pub(crate) fn is_stop(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(weather_magician::Error::Stopped))
 }
 
 /// The exit status of a program that a signal stopped: 130 for Ctrl-C, 143 for SIGTERM, 129 for
 /// SIGHUP.
-pub fn status() -> u8 {
+pub(crate) fn status() -> u8 {
     128 + SIGNAL.load(Ordering::Relaxed) as u8
 }
 
 fn first() -> MutexGuard<'static, Option<Instant>> {
-    FIRST.lock().unwrap_or_else(PoisonError::into_inner)
+    FIRST_SIGNAL_AT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Installs the handlers. The first signal waits for work that calls [`asked`]; if there is none,
 /// and the second time, it ends the program at once.
-pub fn listen() {
+pub(crate) fn listen() {
     // A process may run the program more than once: it is not stopped because the last one was.
     *first() = None;
-    HEEDED.store(false, Ordering::Relaxed);
+    IS_CHECKED.store(false, Ordering::Relaxed);
     static INSTALLED: AtomicBool = AtomicBool::new(false);
     if !INSTALLED.swap(true, Ordering::Relaxed) {
         install();
@@ -54,8 +54,8 @@ pub fn listen() {
 
 fn handle(signal: i32) {
     SIGNAL.store(signal, Ordering::Relaxed);
-    let is_again = first().get_or_insert_with(Instant::now).elapsed() > SAME;
-    if is_again || !HEEDED.load(Ordering::Relaxed) {
+    let is_again = first().get_or_insert_with(Instant::now).elapsed() > SAME_SIGNAL_WITHIN;
+    if is_again || !IS_CHECKED.load(Ordering::Relaxed) {
         abandon_temporaries();
         std::process::exit(status().into());
     }
@@ -95,7 +95,7 @@ fn install() {
 }
 
 /// Returns true if a signal came. After the first call the handler waits for the caller to stop.
-pub fn asked() -> bool {
-    HEEDED.store(true, Ordering::Relaxed);
+pub(crate) fn asked() -> bool {
+    IS_CHECKED.store(true, Ordering::Relaxed);
     first().is_some()
 }

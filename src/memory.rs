@@ -4,17 +4,17 @@ use anyhow::{Result, bail};
 
 /// Memory of a picture and of what draws it in clear weather, bytes a pixel: measured with
 /// 2048x2048 and 6144x6144 px. Snow takes some three times as much, heavy rain five times.
-const PER_PIXEL: u64 = 20;
+const BYTES_PER_PIXEL: u64 = 20;
 /// Pictures below this are drawn without a word, bytes.
-const UNSAID: u64 = 1 << 30;
+const MIN_MENTIONED_BYTES: u64 = 1 << 30;
 
 /// Says the memory of a large picture, and refuses one of more than four fifths of what is free.
 ///
 /// # Errors
 /// The picture is too large.
-pub fn check_picture(width: u32, height: u32) -> Result<()> {
-    let needed = PER_PIXEL * u64::from(width) * u64::from(height);
-    if needed < UNSAID {
+pub(crate) fn check_picture(width: u32, height: u32) -> Result<()> {
+    let needed = BYTES_PER_PIXEL * u64::from(width) * u64::from(height);
+    if needed < MIN_MENTIONED_BYTES {
         return Ok(());
     }
     let gigabytes = |bytes: u64| bytes as f64 * 1e-9;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 /// Returns the name of a scene for output files: that of the file, of the training's folder, or of
 /// the folder for files that have the same name in every folder, such as `meta.json`.
-pub fn stem_of(scene: &Path) -> String {
+pub(crate) fn stem_of(scene: &Path) -> String {
     let canonical = scene.canonicalize().unwrap_or_else(|_| scene.into());
     let is_main = canonical.file_name().is_some_and(|name| name == "meta.json" || name == "lod-meta.json");
     let named = if is_main { canonical.parent().unwrap_or(&canonical) } else { &canonical };

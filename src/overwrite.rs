@@ -4,14 +4,14 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::Path;
-use wm_scene::formats::folder::scene_file;
+use weather_magician::formats::folder::scene_file;
 
 /// The option that permits replacing what exists.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct OverwriteArgs {
+pub(crate) struct OverwriteArgs {
     /// Replace what exists under the name of the output; without it, it is refused
     #[arg(long, help_heading = "Output")]
-    pub overwrite: bool,
+    pub(crate) overwrite: bool,
 }
 
 impl OverwriteArgs {
@@ -21,7 +21,7 @@ impl OverwriteArgs {
     ///
     /// # Errors
     /// `out` exists, or is one of the inputs.
-    pub fn check(self, out: &Path, inputs: &[&Path], other: &str) -> Result<()> {
+    pub(crate) fn check(self, out: &Path, inputs: &[&Path], other: &str) -> Result<()> {
         // Devices and pipes hold nothing that would be lost.
         if self.overwrite || !(out.is_file() || out.is_dir()) {
             return Ok(());
@@ -35,7 +35,7 @@ impl OverwriteArgs {
     ///
     /// # Errors
     /// `out` is one of the inputs, or exists.
-    pub fn check_report(self, out: &Path, inputs: &[&Path]) -> Result<()> {
+    pub(crate) fn check_report(self, out: &Path, inputs: &[&Path]) -> Result<()> {
         if is_input(out, inputs) {
             bail!("{}: is an input of this command and would be lost; choose another name", out.display());
         }

@@ -5,14 +5,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 use weather_magician::Progress;
 
 /// Returns a bar for `count` steps called `what`, with rate and remaining time.
-pub fn bar(count: u64, what: &'static str) -> ProgressBar {
+pub(crate) fn bar(count: u64, what: &'static str) -> ProgressBar {
     let template = "{prefix} [{bar:32}] {pos}/{len}, {per_sec}, {eta} left {msg}";
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(count).with_style(style.progress_chars("=> ")).with_prefix(what)
 }
 
 /// Returns a spinner with a text, for work of unknown length.
-pub fn spinner(what: &'static str) -> ProgressBar {
+pub(crate) fn spinner(what: &'static str) -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
@@ -20,11 +20,11 @@ pub fn spinner(what: &'static str) -> ProgressBar {
 
 /// Shows the progress of the library's work on the terminal, and stops it on Ctrl-C.
 #[derive(Default)]
-pub struct Reporter(Option<ProgressBar>);
+pub(crate) struct Reporter(Option<ProgressBar>);
 
 impl Reporter {
     /// Prints a line on the error stream, above the bar.
-    pub fn say(&self, line: &str) {
+    pub(crate) fn say(&self, line: &str) {
         match &self.0 {
             Some(bar) => bar.suspend(|| eprintln!("{line}")),
             None => eprintln!("{line}"),

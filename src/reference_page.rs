@@ -54,7 +54,7 @@ fn name(arg: &Arg) -> String {
     }
 }
 
-/// What an option takes: the words it knows, or the name of its value.
+/// Returns the values that an option takes: the words it knows, or the name of its value.
 fn value(arg: &Arg) -> String {
     if is_flag(arg) || arg.is_positional() {
         return String::new();

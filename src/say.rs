@@ -18,7 +18,7 @@ macro_rules! eprintln {
 }
 
 /// Prints a line. Ignores a closed pipe; a full disk ends the program.
-pub fn line(text: Arguments<'_>) {
+pub(crate) fn line(text: Arguments<'_>) {
     if let Err(error) = writeln!(io::stdout(), "{}", printable(&text.to_string()))
         && error.kind() != ErrorKind::BrokenPipe
     {
@@ -29,6 +29,6 @@ pub fn line(text: Arguments<'_>) {
 }
 
 /// Prints a line on the error stream. Ignores errors: they cannot be reported.
-pub fn aside(text: Arguments<'_>) {
+pub(crate) fn aside(text: Arguments<'_>) {
     let _ = writeln!(io::stderr(), "{}", printable(&text.to_string()));
 }

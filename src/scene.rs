@@ -1,6 +1,6 @@
 //! Options of a scene, and opening it: reading, checking, surveying and loading.
 
-use crate::choices::SkyChoice;
+use crate::choices::{SKIES, one_of, sky_word};
 use crate::level_args::LevelArgs;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
@@ -10,57 +10,56 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use weather_magician::assets::AssetCache;
-use weather_magician::view::{self, spec};
-use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
-use wm_render::simd::SimdChoice;
-use wm_render::{AnyDifferentiable, CpuConfig, Device, RenderError};
-use wm_scene::formats::folder::{cameras_path, write_cameras};
-use wm_scene::formats::{
+use weather_magician::formats::folder::{cameras_path, write_cameras};
+use weather_magician::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
+use weather_magician::view::{self, spec};
+use weather_magician::{CpuConfig, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
+use wm_render::simd::SimdChoice;
+use wm_render::{AnyDifferentiable, RenderError};
 use wm_scene::survey::{OwnSky, known_distance};
-use wm_scene::{Metadata, Remark, Scene, capture};
-use wm_weather::Weather;
+use wm_scene::{Remark, capture};
 
 /// The scene file and its facts.
 #[derive(Args, Clone, Debug)]
-pub struct SceneArgs {
+pub(crate) struct SceneArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG
-    pub scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
-    pub level: Option<u32>,
+    pub(crate) level: Option<u32>,
     /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and
     /// files of a scene in levels of detail that are missing or damaged, and continue
     #[arg(long, help_heading = "Scene")]
-    pub repair: bool,
+    pub(crate) repair: bool,
     /// Folder that caches what takes long to compute for a scene (surfaces, shelter, snow covers),
     /// or off for no cache; it can be deleted at any time [default: SCENE.assets, beside the scene]
     #[arg(long, value_name = "FOLDER|off", help_heading = "Scene")]
-    pub assets: Option<AssetFolder>,
+    pub(crate) assets: Option<AssetFolder>,
     #[command(flatten)]
-    pub facts: FactArgs,
+    pub(crate) facts: FactArgs,
 }
 
 /// The treatment of the scene's own sky.
 #[derive(Args, Clone, Copy, Debug, Default)]
-pub struct OwnSkyArgs {
+pub(crate) struct OwnSkyArgs {
     /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon,
     /// where a reconstruction got it wrong
-    #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Scene")]
-    pub sky: SkyChoice,
+    #[arg(long, value_name = "HOW", value_parser = one_of(SKIES), default_value = "keep", help_heading = "Scene")]
+    pub(crate) sky: OwnSky,
 }
 
 /// Facts about the scene that the user gives.
 #[derive(Args, Clone, Debug, Default)]
-pub struct FactArgs {
+pub(crate) struct FactArgs {
     /// Up in the scene's axes, such as 0,-1,0 [default: from the file, the photos or the splats]
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Scene")]
-    pub up: Option<DVec3>,
+    pub(crate) up: Option<DVec3>,
     /// Height of the ground along up, scene units [default: from the file or the splats]
     #[arg(long, value_name = "UNITS", allow_hyphen_values = true, help_heading = "Scene")]
-    pub ground: Option<f64>,
+    pub(crate) ground: Option<f64>,
     /// Metres per scene unit [default: from the file, else 1 with a warning]
     #[arg(
         long,
@@ -69,58 +68,56 @@ pub struct FactArgs {
         help_heading = "Scene",
         conflicts_with = "known_distance"
     )]
-    pub metres_per_unit: Option<f64>,
+    pub(crate) metres_per_unit: Option<f64>,
     /// The scale from two points and the metres between them, such as 0,0,0:1.5,0,2=12.5
     #[arg(long, value_name = "X,Y,Z:X,Y,Z=M", value_parser = parse_known_distance, allow_hyphen_values = true, help_heading = "Scene")]
-    pub known_distance: Option<f64>,
+    pub(crate) known_distance: Option<f64>,
 }
 
 /// Device, threads and SIMD path.
 #[derive(Args, Clone, Debug, Default)]
-pub struct RunArgs {
+pub(crate) struct RunArgs {
     /// Device that renders and trains: auto (a hardware GPU if there is one, else the CPU), cpu,
     /// gpu, or gpu:NAME with part of a GPU's name
     #[arg(long, value_name = "DEVICE", default_value = "auto", help_heading = "Run")]
-    pub device: Device,
+    pub(crate) device: Device,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
-    pub threads: Option<u16>,
+    pub(crate) threads: Option<u16>,
     /// SIMD path: auto, avx512, avx2, neon or portable
     #[arg(long, value_name = "PATH", default_value = "auto", help_heading = "Run")]
-    pub simd: SimdChoice,
+    pub(crate) simd: SimdChoice,
 }
 
 impl RunArgs {
     /// Starts the renderer.
-    pub fn renderer(&self) -> Result<Renderer> {
+    pub(crate) fn renderer(&self) -> Result<Renderer> {
         Ok(Renderer::new(&self.device, self.cpu(), |error| {
             eprintln!("warning: {error}; the CPU renders instead");
         })?)
     }
 
     /// Starts the back end that gives derivatives.
-    pub fn differentiable_backend(&self) -> Result<AnyDifferentiable, RenderError> {
+    pub(crate) fn differentiable_backend(&self) -> Result<AnyDifferentiable, RenderError> {
         AnyDifferentiable::new(&self.device, self.cpu(), |error| {
             eprintln!("warning: {error}; training continues on the CPU");
         })
     }
 
     /// Starts the back end of training.
-    pub fn differentiable(&self) -> Result<Box<AnyDifferentiable>> {
-        Ok(Box::new(AnyDifferentiable::new(&self.device, self.cpu(), |error| {
-            eprintln!("warning: {error}; training continues on the CPU");
-        })?))
+    pub(crate) fn differentiable(&self) -> Result<Box<AnyDifferentiable>> {
+        Ok(Box::new(self.differentiable_backend()?))
     }
 
     /// Returns the configuration of the CPU renderer.
-    pub fn cpu(&self) -> CpuConfig {
+    pub(crate) fn cpu(&self) -> CpuConfig {
         CpuConfig { threads: self.threads.map(usize::from), simd: self.simd }
     }
 }
 
 impl FactArgs {
     /// Returns the facts as metadata.
-    pub fn metadata(&self) -> Result<Metadata> {
+    pub(crate) fn metadata(&self) -> Result<Metadata> {
         let metadata = Metadata {
             metres_per_unit: self.metres_per_unit.or(self.known_distance),
             up: self.up,
@@ -136,15 +133,15 @@ impl FactArgs {
 }
 
 /// A scene that is ready to render, with the renderer that it is loaded into.
-pub struct OpenScene {
+pub(crate) struct OpenScene {
     /// The renderer.
-    pub renderer: Renderer,
+    pub(crate) renderer: Renderer,
     /// The loaded scene.
-    pub place: PreparedPlace,
+    pub(crate) place: PreparedPlace,
 }
 
 /// Prints the warnings of a place that are pending.
-pub fn print_warnings(place: &mut PreparedPlace) {
+pub(crate) fn print_warnings(place: &mut PreparedPlace) {
     for warning in place.take_warnings() {
         eprintln!("warning: {warning}");
     }
@@ -152,12 +149,12 @@ pub fn print_warnings(place: &mut PreparedPlace) {
 
 impl OpenScene {
     /// Reads, checks, surveys and loads a scene. Prints warnings on the error stream.
-    pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
+    pub(crate) fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
         Self::with_sky(args, run, views, OwnSkyArgs::default())
     }
 
     /// Opens a scene as [`Self::new`] does, and treats its sky.
-    pub fn with_sky(
+    pub(crate) fn with_sky(
         args: &SceneArgs,
         run: &RunArgs,
         views: Option<&PathBuf>,
@@ -186,7 +183,7 @@ impl OpenScene {
 
     /// Opens a scene as [`Self::with_sky`] does, or in levels of detail if it has them and does not
     /// fit the budget as a whole.
-    pub fn in_levels(
+    pub(crate) fn in_levels(
         args: &SceneArgs,
         run: &RunArgs,
         views: Option<&PathBuf>,
@@ -197,7 +194,7 @@ impl OpenScene {
         let index = if args.level.is_none() { budget.levels_of(&args.scene)? } else { None };
         let Some(index) = index else { return Self::with_sky(args, run, views, sky) };
         let facts = args.facts.metadata()?;
-        if sky.sky != SkyChoice::Keep || views.is_some() {
+        if sky.sky != OwnSky::Keep || views.is_some() {
             let option = if views.is_some() { "--views" } else { "--sky" };
             bail!(
                 "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
@@ -217,7 +214,7 @@ impl OpenScene {
     }
 
     /// Loads a valid scene from memory.
-    pub fn of(scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
+    pub(crate) fn of(scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
         Self::with(
             scene,
             PlaceOptions { facts: given.clone(), assets: None, ..PlaceOptions::default() },
@@ -233,13 +230,13 @@ impl OpenScene {
     }
 
     /// Prints the warnings that are pending.
-    pub fn warn(&mut self) {
+    pub(crate) fn warn(&mut self) {
         print_warnings(&mut self.place);
     }
 
     /// Makes the assets that a weather needs, and frees the splats as read from the file: the
     /// renderer has a copy.
-    pub fn prepare(&mut self, weather: &Weather) -> Result<()> {
+    pub(crate) fn prepare(&mut self, weather: &Weather) -> Result<()> {
         self.renderer.prepare(&mut self.place, weather, &mut Reporter::default())?;
         self.warn();
         self.place.release_splats();
@@ -247,14 +244,14 @@ impl OpenScene {
     }
 
     /// Returns the scene as a site in which views are searched.
-    pub fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
+    pub(crate) fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
         self.renderer.view_search(&self.place, options)
     }
 }
 
 /// Location of the asset cache.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum AssetFolder {
+pub(crate) enum AssetFolder {
     /// A folder beside the scene.
     #[default]
     Beside,
@@ -266,7 +263,7 @@ pub enum AssetFolder {
 
 impl AssetFolder {
     /// Returns the folder for a scene.
-    pub fn folder(&self, scene: &Path) -> Option<PathBuf> {
+    pub(crate) fn folder(&self, scene: &Path) -> Option<PathBuf> {
         match self {
             Self::Beside => Some(AssetCache::folder_of(scene)),
             Self::Off => None,
@@ -284,19 +281,19 @@ impl FromStr for AssetFolder {
 }
 
 /// Returns the options for reading a scene at a level of detail.
-pub fn read_options(level: Option<u32>) -> ReadOptions {
+pub(crate) fn read_options(level: Option<u32>) -> ReadOptions {
     ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
 }
 
 /// Prints what a reader remarked, each remark on a line of the error stream.
-pub fn print_remarks(remarks: &[Remark]) {
+pub(crate) fn print_remarks(remarks: &[Remark]) {
     for remark in remarks {
         eprintln!("{remark}");
     }
 }
 
 /// Reads a scene, and prints what its reader remarked.
-pub fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<Scene> {
+pub(crate) fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<Scene> {
     let mut scene = read_scene(path, options)?;
     print_remarks(&std::mem::take(&mut scene.remarks));
     Ok(scene)
@@ -306,23 +303,23 @@ pub fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<Scene> 
 ///
 /// # Errors
 /// Nothing is left of the scene.
-pub fn change_sky(
+pub(crate) fn change_sky(
     scene: &mut Scene,
     path: &Path,
-    choice: SkyChoice,
+    choice: OwnSky,
     facts: &Metadata,
 ) -> Result<Option<String>> {
-    let change = OwnSky::from(choice).apply(scene, facts);
+    let change = choice.apply(scene, facts);
     if scene.splats.is_empty() {
-        bail!("{}: --sky {} leaves nothing: all its splats are sky", path.display(), choice.name());
+        bail!("{}: --sky {} leaves nothing: all its splats are sky", path.display(), sky_word(choice));
     }
-    let nothing = || (choice != SkyChoice::Keep).then(|| "sky: nothing to change".into());
+    let nothing = || (choice != OwnSky::Keep).then(|| "sky: nothing to change".into());
     Ok(change.line().or_else(nothing))
 }
 
 /// Returns an error with the number of splats that are not finite, or removes them if `repair` is
 /// set.
-pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
+pub(crate) fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     let Err(found) = scene.check_finite() else { return Ok(()) };
     let what = format!("{}: {found}", path.display());
     if !repair {
@@ -338,8 +335,8 @@ pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
 }
 
 /// Writes a scene with its metadata and cameras; a scene behind a link is replaced where it lies.
-/// What lies beside a scene that is replaced is replaced too.
-pub fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
+/// The files beside a scene that is replaced are replaced too.
+pub(crate) fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
     let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
     let file = target.unwrap_or_else(|| out.to_path_buf());
     write_scene_with(&file, scene, options)?;
@@ -360,7 +357,7 @@ fn parse_known_distance(text: &str) -> Result<f64> {
 }
 
 /// Reads two points and the metres between them, such as `0,0,0:1.5,0,2=12.5`.
-pub fn parse_distance(text: &str) -> Result<(DVec3, DVec3, f64)> {
+pub(crate) fn parse_distance(text: &str) -> Result<(DVec3, DVec3, f64)> {
     let form =
         || format!("`{text}` is no known distance: write two points and metres, as in 0,0,0:1.5,0,2=12.5");
     let (points, metres) = text.rsplit_once('=').with_context(form)?;
@@ -376,7 +373,7 @@ pub fn parse_distance(text: &str) -> Result<(DVec3, DVec3, f64)> {
 }
 
 /// Returns a number of things in words, such as "1 outline" or "3 outlines".
-pub fn count_of(count: usize, thing: &str) -> String {
+pub(crate) fn count_of(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 

@@ -4,13 +4,13 @@ use crate::commands::weather::summary;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use weather_magician::Weather;
 use weather_magician::panorama_file::read_panorama;
-use wm_reports::find_weather;
-use wm_weather::Weather;
+use weather_magician::reports::find_weather;
 
 /// The weather and its parameters.
 #[derive(Args, Debug)]
-pub struct WeatherArgs {
+pub(crate) struct WeatherArgs {
     /// The weather: a name from the list below (--help), a TOML file, or a weather report or its
     /// file, as `weather from` takes it [default: clear]
     #[arg(short, long, value_name = "NAME|FILE|REPORT", help_heading = "Weather")]
@@ -22,17 +22,17 @@ pub struct WeatherArgs {
 
 impl WeatherArgs {
     /// Returns true if an option was given.
-    pub fn is_given(&self) -> bool {
+    pub(crate) fn is_given(&self) -> bool {
         self.weather.is_some() || !self.set.is_empty()
     }
 
     /// Reads the weather and its panoramas.
-    pub fn read(&self) -> Result<Weather> {
+    pub(crate) fn read(&self) -> Result<Weather> {
         Ok(self.read_with_files()?.0)
     }
 
     /// Reads the weather and its panoramas; also returns the paths of the files that were read.
-    pub fn read_with_files(&self) -> Result<(Weather, Vec<PathBuf>)> {
+    pub(crate) fn read_with_files(&self) -> Result<(Weather, Vec<PathBuf>)> {
         let mut files: Vec<PathBuf> = self.weather.iter().map(PathBuf::from).collect();
         let mut weather = match &self.weather {
             Some(name) => find(name)?,

@@ -1,38 +1,38 @@
 //! Weights of neural networks: files of the user, or published ones that are downloaded after
 //! printing what they are.
 
+use crate::choices::first_given;
 use clap::Args;
 use std::path::PathBuf;
 
 /// Source of a network's weights.
 #[derive(Args, Clone, Debug)]
-pub struct WeightsArgs {
+pub(crate) struct WeightsArgs {
     /// File of the network's weights (safetensors or PyTorch); repeat it for several files
     /// [default: download them once, after printing source and licence]
     #[arg(long, value_name = "FILE", help_heading = "Network")]
-    pub weights: Vec<PathBuf>,
+    pub(crate) weights: Vec<PathBuf>,
     /// Expected SHA-256 of the file of weights
     #[arg(long, value_name = "SHA256", help_heading = "Network")]
-    pub checksum: Option<String>,
+    pub(crate) checksum: Option<String>,
     /// Download nothing: the weights must be given or already downloaded
     #[arg(long, help_heading = "Network")]
-    pub offline: bool,
+    offline: bool,
 }
 
 impl WeightsArgs {
     /// Returns the name of the first option that was given.
-    pub fn given(&self) -> Option<&'static str> {
-        let all = [
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        first_given([
             (!self.weights.is_empty(), "--weights"),
             (self.checksum.is_some(), "--checksum"),
             (self.offline, "--offline"),
-        ];
-        all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+        ])
     }
 }
 
 #[cfg(feature = "nets")]
-pub use with_networks::PublishedWeights;
+pub(crate) use with_networks::PublishedWeights;
 
 #[cfg(feature = "nets")]
 mod with_networks {
@@ -44,19 +44,19 @@ mod with_networks {
     use wm_nets::weights::fetch::{self, Checksum, DownloadSource};
 
     /// A network whose weights are published.
-    pub struct PublishedWeights {
+    pub(crate) struct PublishedWeights {
         /// Name of the network.
-        pub name: String,
+        pub(crate) name: String,
         /// Approximate size of the file, bytes.
-        pub bytes: u64,
-        pub licence: Licence,
-        pub source: DownloadSource,
+        pub(crate) bytes: u64,
+        pub(crate) licence: Licence,
+        pub(crate) source: DownloadSource,
     }
 
     impl WeightsArgs {
         /// Returns the files of weights: those that are given, or the published ones, cached or
         /// downloaded.
-        pub fn files(&self, published: PublishedWeights) -> Result<Vec<PathBuf>> {
+        pub(crate) fn files(&self, published: PublishedWeights) -> Result<Vec<PathBuf>> {
             let checksum: Option<Checksum> = self
                 .checksum
                 .as_deref()

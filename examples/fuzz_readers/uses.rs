@@ -143,7 +143,7 @@ pub fn render_scene(path: &Path) -> Outcome {
     let camera = Camera::looking(SIZE, 60.0, eye, target, survey.up.value).map_err(text)?;
     let weather = Weather::preset(draws.pick(&WEATHERS)).map_err(text)?;
     let picture =
-        renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 2.0)).map(drop).map_err(text);
+        renderer.render(&mut place, &FrameRequest::new(&weather, camera, 2.0)).map(drop).map_err(text);
     renderer.unload(place).map_err(text)?;
     picture
 }
@@ -164,7 +164,7 @@ fn render_with_assets(folder: &Path, weather: &str) -> Outcome {
     let options = PlaceOptions { assets: Some(folder.to_path_buf()), ..PlaceOptions::default() };
     let mut place = renderer.load_with(court(), &options).map_err(text)?;
     let weather = Weather::preset(weather).map_err(text)?;
-    renderer.render(&mut place, &FrameRequest::new(&weather, &usual_camera()?, 60.0)).map(drop).map_err(text)
+    renderer.render(&mut place, &FrameRequest::new(&weather, usual_camera()?, 60.0)).map(drop).map_err(text)
 }
 
 /// Draws the place with damaged assets whose checksums are right, as a stranger can write them.

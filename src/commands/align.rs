@@ -7,13 +7,14 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
+use weather_magician::formats::folder::scene_file;
+use weather_magician::formats::{ReadOptions, WriteOptions, format_for, lost, sidecar_path, write_sidecar};
 use weather_magician::lamps::{lamps_along_photos, lamps_on_posts};
 use weather_magician::view::spec;
+use weather_magician::{Metadata, Scene};
 use wm_scene::files::check_writable;
-use wm_scene::formats::folder::scene_file;
-use wm_scene::formats::{ReadOptions, WriteOptions, format_for, lost, sidecar_path, write_sidecar};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, Survey, align};
-use wm_scene::{Lamp, LitWindow, Metadata, PhotoSun, Scene};
+use wm_scene::{Lamp, LitWindow, PhotoSun};
 
 /// Options of `align`.
 #[derive(Args, Debug)]
@@ -25,7 +26,7 @@ use wm_scene::{Lamp, LitWindow, Metadata, PhotoSun, Scene};
                   weather-magician align garden.ply --overwrite --lamp path --window 3,8,2:4.2,8,3.4\n\
                   weather-magician align garden.ply --overwrite --sun 2,1,3.5:4.1,1.6,0"
 )]
-pub struct AlignArgs {
+pub(crate) struct AlignArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG
     scene: PathBuf,
@@ -239,7 +240,7 @@ fn local_outlines(mut outlines: Vec<Vec<[f64; 3]>>, scene: &Scene) -> Vec<Vec<[f
 }
 
 /// Runs the command.
-pub fn run(args: &AlignArgs) -> Result<()> {
+pub(crate) fn run(args: &AlignArgs) -> Result<()> {
     let distance = args.known_distance.map(|(a, b, metres)| GivenScale::Distance(a, b, metres));
     let scale = distance.or(args.metres_per_unit.map(GivenScale::MetresPerUnit));
     let by = Alignment {

@@ -9,13 +9,13 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::BakedScene;
+use weather_magician::formats::{format_for, lost};
 use wm_scene::files::check_writable;
-use wm_scene::formats::{format_for, lost};
 
 /// Options of `bake`.
 #[derive(Args, Debug)]
 #[command(after_long_help = wm_weather::reference_page::help())]
-pub struct BakeArgs {
+pub(crate) struct BakeArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -36,7 +36,7 @@ pub struct BakeArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &BakeArgs) -> Result<()> {
+pub(crate) fn run(args: &BakeArgs) -> Result<()> {
     let weather = args.weather.read()?;
     let named = || format!("{}-{}.ply", stem_of(&args.scene.scene), weather.name).into();
     let out: PathBuf = args.out.clone().unwrap_or_else(named);

@@ -18,12 +18,12 @@ use weather_magician::batch::{
 use weather_magician::{Error, Progress};
 
 /// Rows of `--list` if no frames are chosen.
-const LISTED: u64 = 40;
+const DEFAULT_LIST_ROWS: u64 = 40;
 
 /// Options of `batch`.
 #[derive(Args, Debug)]
 #[command(after_long_help = layouts_help())]
-pub struct BatchArgs {
+pub(crate) struct BatchArgs {
     /// The plan (TOML): scenes, weathers, paths, sensors, layouts
     plan: PathBuf,
     /// Folder of the set [default: named after the plan, in this folder]
@@ -106,7 +106,7 @@ fn layouts_help() -> String {
 }
 
 /// Runs the command.
-pub fn run(args: &BatchArgs) -> Result<()> {
+pub(crate) fn run(args: &BatchArgs) -> Result<()> {
     let plan = BatchPlan::read(&args.plan)?;
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from(&plan.name));
     if folder.exists() && !folder.is_dir() {
@@ -235,8 +235,9 @@ fn list(run: &BatchRun, folder: &Path, range: Option<Range<u64>>) -> Result<()> 
         plan.block
     );
     let frames = u64::from(plan.frames);
-    let of = range
-        .map_or(0..clips.clips().min(LISTED), |range| range.start / frames..(range.end - 1) / frames + 1);
+    let of = range.map_or(0..clips.clips().min(DEFAULT_LIST_ROWS), |range| {
+        range.start / frames..(range.end - 1) / frames + 1
+    });
     for number in of.clone() {
         let clip = clips.clip(plan, number)?;
         let values: Vec<String> =

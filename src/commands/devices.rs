@@ -6,13 +6,13 @@ use clap::Args;
 
 /// Options of `devices`.
 #[derive(Args, Debug)]
-pub struct DevicesArgs {
+pub(crate) struct DevicesArgs {
     #[command(flatten)]
     run: RunArgs,
 }
 
 /// Runs the command.
-pub fn run(args: &DevicesArgs) -> Result<()> {
+pub(crate) fn run(args: &DevicesArgs) -> Result<()> {
     let cpu = RunArgs { device: wm_render::Device::Cpu, ..args.run.clone() };
     println!("{}", cpu.renderer()?.describe());
     gpus();

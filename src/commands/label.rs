@@ -8,15 +8,16 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use weather_magician::formats::{Retention, WriteOptions, format_for};
 use weather_magician::labels::{LabelKind, LabelVotes, VotedLabels};
+use weather_magician::train::maps::{Filter, MapFolder, read_map};
+use weather_magician::train::photos::PhotoSize;
+use weather_magician::{Camera, Scene};
+use wm_scene::capture;
 use wm_scene::files::check_writable;
-use wm_scene::formats::{Retention, WriteOptions, format_for};
-use wm_scene::{Camera, Scene, capture};
-use wm_train::maps::{Filter, MapFolder, read_map};
-use wm_train::photos::PhotoSize;
 
 /// Longest side of the pictures in which splats vote, px.
-const LONGEST: u32 = 1280;
+const MAX_PICTURE_SIDE_PX: u32 = 1280;
 
 /// Options of `label`.
 #[derive(Args, Debug)]
@@ -28,7 +29,7 @@ const LONGEST: u32 = 1280;
                   weather-magician label garden.ply --views colmap/ --masks things/ --kind instance -o garden-things.ply\n\
                   weather-magician render garden-labelled.ply --weather heavy-rain --also label -o rain.png"
 )]
-pub struct LabelArgs {
+pub(crate) struct LabelArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG
     scene: PathBuf,
@@ -73,7 +74,7 @@ impl From<KindArg> for LabelKind {
 }
 
 /// Runs the command.
-pub fn run(args: &LabelArgs) -> Result<()> {
+pub(crate) fn run(args: &LabelArgs) -> Result<()> {
     let out = &args.out;
     if format_for(out)?.loses.labels == Retention::Not {
         bail!("{}: this format has no room for labels; give a name that ends in .ply", out.display());
@@ -95,7 +96,7 @@ pub fn run(args: &LabelArgs) -> Result<()> {
         if interrupt::asked() {
             bail!(Interrupted("nothing was written".into()));
         }
-        let (width, height) = PhotoSize::Longest(LONGEST).reduced(camera.width, camera.height);
+        let (width, height) = PhotoSize::Longest(MAX_PICTURE_SIDE_PX).reduced(camera.width, camera.height);
         let camera = camera.resized(width, height);
         votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?;
         bar.inc(1);

@@ -5,7 +5,7 @@ mod bake;
 mod batch;
 mod bench;
 mod convert;
-pub mod demo;
+mod demo;
 mod devices;
 mod evaluate;
 #[cfg(feature = "viewer")]
@@ -15,12 +15,12 @@ mod label;
 mod measure;
 mod priors;
 mod reconstruct;
-pub mod render;
-pub mod scan;
+pub(crate) mod render;
+pub(crate) mod scan;
 mod sky;
 #[cfg(feature = "viewer")]
 mod view;
-pub mod weather;
+pub(crate) mod weather;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -34,7 +34,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed, with one line of error; 
 // The name in usage texts is not that of whatever started the process, which may be a script.
 #[command(name = "weather-magician", bin_name = "weather-magician")]
 #[command(version, about, arg_required_else_help = true, max_term_width = 110, after_help = EXIT_CODES)]
-pub struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: CliCommand,
 }
@@ -88,7 +88,7 @@ enum CliCommand {
 }
 
 /// Runs the command.
-pub fn run(cli: Cli) -> Result<()> {
+pub(crate) fn run(cli: Cli) -> Result<()> {
     crate::interrupt::listen();
     match cli.command {
         CliCommand::Reconstruct(args) => reconstruct::run(&args),

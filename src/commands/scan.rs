@@ -1,6 +1,7 @@
 //! `scan`: sweeps of a lidar or a radar through a scene under a weather.
 
-use super::render::camera::{MotionArgs, ViewpointArgs};
+use super::render::camera::{DEFAULT_SECONDS, check_camera, motion};
+use crate::choices::{Choice, first_given, one_of};
 use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
@@ -8,10 +9,11 @@ use crate::progress::Reporter;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, anyhow, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weather_magician::MotionSpec;
 use weather_magician::lidar::{
     EchoClass, LidarModel, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, ScanOptions, SubRays,
     SweepPicture, SweepView, about,
@@ -19,6 +21,7 @@ use weather_magician::lidar::{
 use weather_magician::radar::{
     RADAR_PRESETS, RadarClass, RadarFormat, RadarModel, RadarPicture, RadarScanOptions, RadarSweep, RadarView,
 };
+use weather_magician::view::ViewOptions;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
 use wm_media::MediaError;
@@ -27,7 +30,7 @@ use wm_scene::files::check_writable;
 /// Options of `scan`.
 #[derive(Args, Debug)]
 #[command(after_long_help = help())]
-pub struct ScanArgs {
+pub(crate) struct ScanArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -58,11 +61,11 @@ struct LidarArgs {
     #[arg(short, long, value_name = "NAME|FILE", help_heading = "Lidar")]
     lidar: Option<String>,
     /// Rays of a pulse: 1, or 7 over its divergence [default: 7]
-    #[arg(long, value_name = "N", help_heading = "Lidar")]
-    sub_rays: Option<SubRayChoice>,
+    #[arg(long, value_name = "N", value_parser = one_of(SUB_RAYS), help_heading = "Lidar")]
+    sub_rays: Option<SubRays>,
     /// Returns of a pulse that become points [default: strongest]
-    #[arg(long, value_enum, help_heading = "Lidar")]
-    returns: Option<ReturnChoice>,
+    #[arg(long, value_parser = one_of(RETURNS), help_heading = "Lidar")]
+    returns: Option<ReturnMode>,
     /// Extinction over backscatter of fog, haze and smog, sr [default: 18 of fog, 50 of haze and
     /// smog]
     #[arg(long, value_name = "SR", allow_negative_numbers = true, help_heading = "Lidar")]
@@ -110,8 +113,8 @@ struct PointArgs {
     picture: Vec<String>,
     /// Axes of the points: compensated are those of the sensor at the start of the sweep, raw those
     /// at each pulse, world those of the scene in metres
-    #[arg(long, value_enum, default_value = "compensated", help_heading = "Output")]
-    frame: FrameChoice,
+    #[arg(long, value_parser = one_of(FRAMES), default_value = "compensated", help_heading = "Output")]
+    frame: PointFrame,
     /// Time of the start, of the weather and along the path, seconds
     #[arg(
         long,
@@ -127,72 +130,22 @@ struct PointArgs {
 }
 
 /// Rays of a pulse.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum SubRayChoice {
-    /// One, in the middle.
-    #[value(name = "1")]
-    One,
-    /// Seven over the divergence.
-    #[value(name = "7")]
-    Seven,
-}
-
+const SUB_RAYS: &[Choice<SubRays>] =
+    &[("1", "One, in the middle", SubRays::One), ("7", "Seven over the divergence", SubRays::Seven)];
 /// Returns of a pulse.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ReturnChoice {
-    /// The strongest.
-    Strongest,
-    /// The first.
-    First,
-    /// The last.
-    Last,
-    /// The strongest and the last, once if they are the same.
-    Dual,
-    /// All that are detected.
-    All,
-}
-
+const RETURNS: &[Choice<ReturnMode>] = &[
+    ("strongest", "The strongest", ReturnMode::Strongest),
+    ("first", "The first", ReturnMode::First),
+    ("last", "The last", ReturnMode::Last),
+    ("dual", "The strongest and the last, once if they are the same", ReturnMode::Dual),
+    ("all", "All that are detected", ReturnMode::All),
+];
 /// Axes of the points.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FrameChoice {
-    /// Those of the sensor at the start of the sweep.
-    Compensated,
-    /// Those of the sensor at each pulse.
-    Raw,
-    /// Those of the scene, in metres.
-    World,
-}
-
-impl From<FrameChoice> for PointFrame {
-    fn from(choice: FrameChoice) -> Self {
-        match choice {
-            FrameChoice::Compensated => Self::Compensated,
-            FrameChoice::Raw => Self::Raw,
-            FrameChoice::World => Self::World,
-        }
-    }
-}
-
-impl From<SubRayChoice> for SubRays {
-    fn from(choice: SubRayChoice) -> Self {
-        match choice {
-            SubRayChoice::One => Self::One,
-            SubRayChoice::Seven => Self::Seven,
-        }
-    }
-}
-
-impl From<ReturnChoice> for ReturnMode {
-    fn from(choice: ReturnChoice) -> Self {
-        match choice {
-            ReturnChoice::Strongest => Self::Strongest,
-            ReturnChoice::First => Self::First,
-            ReturnChoice::Last => Self::Last,
-            ReturnChoice::Dual => Self::Dual,
-            ReturnChoice::All => Self::All,
-        }
-    }
-}
+const FRAMES: &[Choice<PointFrame>] = &[
+    ("compensated", "Those of the sensor at the start of the sweep", PointFrame::Compensated),
+    ("raw", "Those of the sensor at each pulse", PointFrame::Raw),
+    ("world", "Those of the scene, in metres", PointFrame::World),
+];
 
 impl From<&ScanArgs> for RadarScanOptions {
     fn from(args: &ScanArgs) -> Self {
@@ -202,7 +155,7 @@ impl From<&ScanArgs> for RadarScanOptions {
             sweeps: args.output.sweeps,
             seed: args.lidar.seed,
             sensor: 0,
-            frame: args.output.frame.into(),
+            frame: args.output.frame,
         }
     }
 }
@@ -215,9 +168,9 @@ impl From<&ScanArgs> for ScanOptions {
             sweeps: args.output.sweeps,
             seed: args.lidar.seed,
             sensor: 0,
-            sub_rays: args.lidar.sub_rays.map_or_else(SubRays::default, Into::into),
-            returns: args.lidar.returns.map_or_else(ReturnMode::default, Into::into),
-            frame: args.output.frame.into(),
+            sub_rays: args.lidar.sub_rays.unwrap_or_default(),
+            returns: args.lidar.returns.unwrap_or_default(),
+            frame: args.output.frame,
             lidar_ratio: args.lidar.lidar_ratio,
         }
     }
@@ -259,27 +212,44 @@ impl ScanArgs {
             bail!("--lidar-ratio {ratio}: must be from 1 to 1000 sr");
         }
         if self.lidar.radar.is_some() {
-            for (is_given, option) in [
+            let refused = first_given([
                 (self.lidar.lidar.is_some(), "--lidar"),
                 (self.lidar.sub_rays.is_some(), "--sub-rays"),
                 (self.lidar.returns.is_some(), "--returns"),
                 (self.lidar.lidar_ratio.is_some(), "--lidar-ratio"),
-            ] {
-                if is_given {
-                    bail!("{option}: is not for a radar; leave it or --radar out");
-                }
+            ]);
+            if let Some(option) = refused {
+                bail!("{option}: is not for a radar; leave it or --radar out");
             }
         }
         Ok(())
     }
 }
 
-/// The name of a file of sweep `index`; `what` is added to it.
-fn name_of(out: &Path, (index, sweeps): (u32, u32), what: &str, extension: Option<&str>) -> PathBuf {
-    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
-    let number = if sweeps > 1 { format!("-{index:05}") } else { String::new() };
-    let own = out.extension().unwrap_or_default().to_string_lossy();
-    out.with_file_name(format!("{stem}{number}{what}.{}", extension.unwrap_or(&own)))
+/// The names of the files of sweeps.
+struct SweepNames<'a> {
+    /// The name of the points of a single sweep.
+    out: &'a Path,
+    /// Number of sweeps; with more than one the names have numbers.
+    sweeps: u32,
+}
+
+impl SweepNames<'_> {
+    /// Returns the file of the points of sweep `index`.
+    fn points(&self, index: u32) -> PathBuf {
+        self.file(index, "", &self.out.extension().unwrap_or_default().to_string_lossy())
+    }
+
+    /// Returns the file of a picture of sweep `index`.
+    fn picture(&self, index: u32, view: &str) -> PathBuf {
+        self.file(index, &format!("-{view}"), "png")
+    }
+
+    fn file(&self, index: u32, what: &str, extension: &str) -> PathBuf {
+        let stem = self.out.file_stem().unwrap_or_default().to_string_lossy();
+        let number = if self.sweeps > 1 { format!("-{index:05}") } else { String::new() };
+        self.out.with_file_name(format!("{stem}{number}{what}.{extension}"))
+    }
 }
 
 /// The sensor of a scan, with the pictures of its sweeps.
@@ -322,9 +292,8 @@ impl Scanner {
 
 /// Writes the files of sweeps one after the other.
 struct SweepFiles<'a> {
-    out: &'a Path,
+    files: SweepNames<'a>,
     index: u32,
-    sweeps: u32,
     began: Instant,
 }
 
@@ -334,15 +303,15 @@ impl SweepFiles<'_> {
         &mut self,
         line: &str,
         points: impl FnOnce(&Path) -> weather_magician::Result<()>,
-        (names, picture): (impl Iterator<Item = &'n str>, impl Fn(usize, &Path) -> Result<(), MediaError>),
+        names: impl Iterator<Item = &'n str>,
+        picture: impl Fn(usize, &Path) -> Result<(), MediaError>,
     ) -> weather_magician::Result<()> {
-        let number = (self.index, self.sweeps);
-        let file = name_of(self.out, number, "", None);
+        let file = self.files.points(self.index);
         let seconds = self.began.elapsed().as_secs_f64();
         points(&file)?;
         println!("{}: {line}, {:.0} ms", file.display(), 1e3 * seconds);
         for (view, name) in names.enumerate() {
-            let file = name_of(self.out, number, &format!("-{name}"), Some("png"));
+            let file = self.files.picture(self.index, name);
             picture(view, &file)?;
             println!("{}", file.display());
         }
@@ -353,7 +322,7 @@ impl SweepFiles<'_> {
 }
 
 /// Runs the command.
-pub fn run(args: &ScanArgs) -> Result<()> {
+pub(crate) fn run(args: &ScanArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
     args.check()?;
     let (weather, mut inputs) = args.weather.read_with_files()?;
@@ -371,42 +340,35 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         inputs.push(file.clone());
     }
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
-    let sweeps = args.output.sweeps;
-    check_writable(&name_of(&out, (0, sweeps), "", None))?;
+    let files = SweepNames { out: &out, sweeps: args.output.sweeps };
+    check_writable(&files.points(0))?;
     let views = scanner.views();
-    for number in (0..sweeps).map(|index| (index, sweeps)) {
-        args.overwrite.check_report(&name_of(&out, number, "", None), &inputs)?;
+    for index in 0..args.output.sweeps {
+        args.overwrite.check_report(&files.points(index), &inputs)?;
         for view in &views {
-            let file = name_of(&out, number, &format!("-{view}"), Some("png"));
-            args.overwrite.check_report(&file, &inputs)?;
+            args.overwrite.check_report(&files.picture(index, view), &inputs)?;
         }
     }
-    let viewpoint = ViewpointArgs {
-        camera: args.place.at.clone(),
-        views: args.place.views.clone(),
-        size: None,
-        fov: None,
-        near: None,
-    };
-    viewpoint.check()?;
+    check_camera(args.place.at.as_ref())?;
     let mut loaded =
         OpenScene::in_levels(&args.scene, &args.run, args.place.views.as_ref(), args.sky, args.levels)?;
-    let moves = MotionArgs {
-        path: args.place.path.as_ref(),
-        distance: None,
+    let spec = MotionSpec {
+        camera: args.place.at.clone(),
+        path: args.place.path.clone(),
         speed: args.place.speed,
-        seconds: args.place.seconds,
+        seconds: args.place.seconds.unwrap_or(DEFAULT_SECONDS),
+        ..MotionSpec::default()
     };
-    let motion = moves.motion(&viewpoint, &mut loaded)?;
+    let motion = motion(&spec, &ViewOptions::default(), &mut loaded)?;
     let OpenScene { renderer, place } = &mut loaded;
-    let mut files = SweepFiles { out: &out, index: 0, sweeps: args.output.sweeps, began: Instant::now() };
+    let mut files = SweepFiles { files, index: 0, began: Instant::now() };
     let progress = &mut Reporter::default();
     let made = match &scanner {
         Scanner::Lidar(lidar, views) => {
             let mut take = |sweep: LidarSweep| {
                 let picture = |view: usize, file: &Path| SweepPicture::of(&sweep, views[view]).save(file);
                 let names = views.iter().map(|view| view.name());
-                files.save(&line(&sweep), |file| Ok(sweep.save(file)?), (names, picture))
+                files.save(&line(&sweep), |file| Ok(sweep.save(file)?), names, picture)
             };
             renderer.scan(place, &weather, lidar, &motion, &ScanOptions::from(args), &mut take, progress)?
         }
@@ -414,7 +376,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
             let mut take = |sweep: RadarSweep| {
                 let picture = |view: usize, file: &Path| RadarPicture::of(&sweep, views[view]).save(file);
                 let names = views.iter().map(|view| view.name());
-                files.save(&radar_line(&sweep), |file| Ok(sweep.save(file)?), (names, picture))
+                files.save(&radar_line(&sweep), |file| Ok(sweep.save(file)?), names, picture)
             };
             let options = RadarScanOptions::from(args);
             renderer.scan_radar(place, &weather, radar, &motion, &options, &mut take, progress)?

@@ -1,7 +1,7 @@
 //! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a
 //! weather.
 //!
-//! The sky of each photo is classified as for training ([`wm_train::priors::sky`]). A direction
+//! The sky of each photo is classified as for training ([`weather_magician::train::priors::sky`]). A direction
 //! gets the weighted mean of the photos that show sky there; weights fall towards a photo's edge,
 //! so that seams are soft. Directions that no photo shows get the mean colour of their elevation,
 //! plus the difference of seen neighbours from theirs, interpolated from coarser and coarser means
@@ -14,21 +14,21 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
+use weather_magician::train::dataset::orientation;
+use weather_magician::train::photos::{PhotoOptions, PhotoSize, Photos};
+use weather_magician::train::priors::SkyClass;
+use weather_magician::train::priors::points::{inside, seen_points};
+use weather_magician::train::priors::sky::{SkyInput, below_horizon, classify};
 use weather_magician::view::spec;
-use wm_media::{PictureSize, color::Dither, png::write_rgb};
-use wm_scene::Camera;
+use weather_magician::{Camera, PictureSize};
+use wm_media::{color::Dither, png::write_rgb};
 use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;
-use wm_train::dataset::orientation;
-use wm_train::photos::{PhotoOptions, PhotoSize, Photos};
-use wm_train::priors::SkyClass;
-use wm_train::priors::points::{inside, seen_points};
-use wm_train::priors::sky::{SkyInput, below_horizon, classify};
 use wm_weather::dome::level_axes;
 
 /// Longest side of the photos as they are read, px.
-const LONGEST: u32 = 1200;
+const MAX_PHOTO_SIDE_PX: u32 = 1200;
 /// Fraction of a photo's side over which its weight fades out.
 const FADE: f64 = 0.15;
 /// Angle over which the colour of a row is blended, degrees.
@@ -39,7 +39,7 @@ const DARK: f64 = 0.65;
 
 /// Options of `sky`.
 #[derive(Args, Debug)]
-pub struct SkyArgs {
+pub(crate) struct SkyArgs {
     /// The photos: a folder with a COLMAP model or a transforms.json
     dataset: PathBuf,
     /// Output file: a .png
@@ -59,7 +59,7 @@ pub struct SkyArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &SkyArgs) -> Result<()> {
+pub(crate) fn run(args: &SkyArgs) -> Result<()> {
     check_writable(&args.out)?;
     if !args.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
         bail!("--out {}: a panorama is written as PNG; give a name that ends in .png", args.out.display());
@@ -69,7 +69,8 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     let capture = capture::read(&args.dataset, &options)?;
     let files: Vec<PathBuf> = (0..capture.views.len()).filter_map(|view| capture.photo(view)).collect();
     args.overwrite.check_report(&args.out, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-    let photo_options = PhotoOptions { size: PhotoSize::Longest(LONGEST), ..PhotoOptions::default() };
+    let photo_options =
+        PhotoOptions { size: PhotoSize::Longest(MAX_PHOTO_SIDE_PX), ..PhotoOptions::default() };
     let photos = Photos::open(&capture, &photo_options)?;
     let places: Vec<usize> = (0..photos.len()).collect();
     let Some(up) = orientation(&capture, &photos, args.up).0 else {

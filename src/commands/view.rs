@@ -16,7 +16,7 @@ use wm_viewer::catalog::{panorama_name, panoramas_of};
 /// Options of `view`.
 #[derive(Args, Debug)]
 #[command(after_long_help = wm_weather::reference_page::help())]
-pub struct ViewArgs {
+pub(crate) struct ViewArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -38,7 +38,7 @@ pub struct ViewArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &ViewArgs) -> Result<()> {
+pub(crate) fn run(args: &ViewArgs) -> Result<()> {
     args.viewpoint.check()?;
     args.server.guard()?;
     let mut weather = args.weather.read()?;

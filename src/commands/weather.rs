@@ -4,12 +4,12 @@ use crate::overwrite::OverwriteArgs;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
-use wm_reports::{ReportNoteKind, ReportOptions, WeatherReport, looks_like_path};
+use weather_magician::reports::{ReportNoteKind, ReportOptions, WeatherReport, looks_like_path};
 use wm_scene::files::{check_writable, write_atomically};
 
 /// Options of `weather`.
 #[derive(Args, Debug)]
-pub struct WeatherCommandArgs {
+pub(crate) struct WeatherCommandArgs {
     #[command(subcommand)]
     action: WeatherAction,
 }
@@ -22,7 +22,7 @@ enum WeatherAction {
 
 /// Options of `weather from`.
 #[derive(Args, Debug)]
-pub struct FromArgs {
+pub(crate) struct FromArgs {
     /// The report: a METAR, a WMO code (ww 63), CARLA's parameters or plain words; or a file with
     /// one, or with a table of hours (JSON or CSV)
     #[arg(value_name = "REPORT|FILE")]
@@ -52,7 +52,7 @@ fn parse_place(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Runs the command.
-pub fn run(args: &WeatherCommandArgs) -> Result<()> {
+pub(crate) fn run(args: &WeatherCommandArgs) -> Result<()> {
     let WeatherAction::From(args) = &args.action;
     let options = ReportOptions { seconds_per_hour: args.seconds_per_hour, place: args.place, day: args.day };
     let path = Path::new(&args.report);
@@ -77,7 +77,7 @@ pub fn run(args: &WeatherCommandArgs) -> Result<()> {
 }
 
 /// The weather of a report in a line, how much of it was guessed, and what was not measured.
-pub fn summary(report: &WeatherReport) -> String {
+pub(crate) fn summary(report: &WeatherReport) -> String {
     let count = |kind| report.notes().iter().filter(|note| note.kind == kind).count();
     let (guesses, ignored) = (count(ReportNoteKind::Guess), count(ReportNoteKind::Ignored));
     let about = &report.weather().about;

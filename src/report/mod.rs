@@ -1,14 +1,14 @@
 //! HTML reports: one file without scripts or external resources.
 
-pub mod picture;
+pub(crate) mod picture;
 
-pub use weather_magician::measure::plot::{self, escaped};
+pub(crate) use weather_magician::measure::plot::{self, escaped};
 
 /// The style sheet that all reports share.
-pub const STYLE: &str = include_str!("page.css");
+pub(crate) const STYLE: &str = include_str!("page.css");
 
 /// Returns the beginning of a page, up to its title; `style` is added to the shared style sheet.
-pub fn head(title: &str, style: &str) -> String {
+pub(crate) fn head(title: &str, style: &str) -> String {
     let title = escaped(title);
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -20,7 +20,7 @@ pub fn head(title: &str, style: &str) -> String {
 }
 
 /// Returns the end of a page.
-pub fn foot() -> String {
+pub(crate) fn foot() -> String {
     let version = env!("CARGO_PKG_VERSION");
     format!("<h2>About</h2>\n<p>Written by weather-magician {version}.</p>\n</body>\n</html>\n")
 }

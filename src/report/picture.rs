@@ -4,13 +4,12 @@ use anyhow::Result;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use std::fmt::Write;
-use wm_media::jpeg;
-use wm_media::jpeg::SamplingFactor;
+use weather_magician::train::maps::{Filter, Map};
+use wm_media::jpeg::{self, SamplingFactor};
 use wm_media::ramps::{ColorRamp, MISSING, UNKNOWN};
-use wm_train::maps::{Filter, Map};
 
 /// Maximum width of a picture beside others, px.
-pub const WIDEST: u32 = 480;
+pub(crate) const WIDEST: u32 = 480;
 /// JPEG quality: below it ringing at edges becomes visible.
 const QUALITY: u8 = 88;
 /// Number of colours of a ramp; the two after them are [`MISSING`] and [`UNKNOWN`].
@@ -18,7 +17,7 @@ const STEPS: u8 = 253;
 
 /// A pixel of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum MapCell {
+pub(crate) enum MapCell {
     /// A position on the colour ramp, 0-1.
     At(f64),
     /// Known, but not rendered.
@@ -28,13 +27,14 @@ pub enum MapCell {
 }
 
 /// Returns the size in which a picture is shown, px.
-pub fn shown_size(size: (u32, u32)) -> (u32, u32) {
+pub(crate) fn shown_size(size: (u32, u32)) -> (u32, u32) {
     at_most(size, WIDEST)
 }
 
-fn at_most((width, height): (u32, u32), widest: u32) -> (u32, u32) {
+fn at_most(size: (u32, u32), widest: u32) -> (u32, u32) {
+    let (width, height) = size;
     if width <= widest {
-        return (width, height);
+        return size;
     }
     let scaled = f64::from(height) * f64::from(widest) / f64::from(width);
     (widest, (scaled.round() as u32).max(1))
@@ -42,7 +42,7 @@ fn at_most((width, height): (u32, u32), widest: u32) -> (u32, u32) {
 
 /// Encodes colours, `[H, W, 3]`, 0-1, as a data URI of a JPEG, reduced by area averaging if wider
 /// than `widest` px.
-pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
+pub(crate) fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
     let (width, height) = at_most(size, widest);
     let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
     let bytes: Vec<u8> = small.values.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
@@ -51,7 +51,7 @@ pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
 }
 
 /// Encodes numbers, `[H, W]` of [`shown_size`], in the colours of a ramp as a data URI of a PNG.
-pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
+pub(crate) fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
     let last = f64::from(STEPS);
     let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
     palette.extend([MISSING, UNKNOWN]);
@@ -64,9 +64,9 @@ pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<S
 }
 
 /// Encodes a picture with a palette as a data URI of a PNG.
-pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]]) -> Result<String> {
+pub(crate) fn indexed(indices: &[u8], size: (u32, u32), palette: &[[u8; 3]]) -> Result<String> {
     let mut out = Vec::new();
-    let mut encoder = png::Encoder::new(&mut out, width, height);
+    let mut encoder = png::Encoder::new(&mut out, size.0, size.1);
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_palette(palette.concat());
@@ -78,7 +78,7 @@ pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]])
 
 /// Returns for every shown pixel the index of its nearest map pixel: maps of numbers are not
 /// averaged.
-pub fn nearest(size: (u32, u32)) -> Vec<usize> {
+pub(crate) fn nearest(size: (u32, u32)) -> Vec<usize> {
     let (width, height) = shown_size(size);
     let along =
         |index: u32, from: u32, to: u32| ((2 * index + 1) as usize * from as usize) / (2 * to as usize);
@@ -90,15 +90,11 @@ pub fn nearest(size: (u32, u32)) -> Vec<usize> {
 }
 
 fn data_uri(kind: &str, bytes: &[u8]) -> String {
-    format!("data:{kind};base64,{}", base64(bytes))
-}
-
-fn base64(bytes: &[u8]) -> String {
-    BASE64_STANDARD.encode(bytes)
+    format!("data:{kind};base64,{}", BASE64_STANDARD.encode(bytes))
 }
 
 /// Returns a CSS gradient of a ramp, from left to right.
-pub fn gradient(ramp: ColorRamp) -> String {
+pub(crate) fn gradient(ramp: ColorRamp) -> String {
     const STOPS: u32 = 24;
     let mut out = "linear-gradient(90deg".to_owned();
     for stop in 0..=STOPS {
@@ -111,22 +107,6 @@ pub fn gradient(ramp: ColorRamp) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bytes_become_letters() {
-        // The test vectors of RFC 4648, section 10.
-        for (bytes, letters) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-        ] {
-            assert_eq!(base64(bytes.as_bytes()), letters);
-        }
-        assert_eq!(base64(&[0xff, 0xfe, 0xfd]), "//79");
-    }
 
     #[test]
     fn large_pictures_are_shown_small() {

@@ -15,10 +15,10 @@ use std::task::{Context, Poll};
 /// Bytes that are read at once.
 const PART: usize = 1 << 16;
 /// Size up to which a content stays in memory, bytes.
-const SMALL: usize = 1 << 17;
+const MAX_BYTES_IN_MEMORY: usize = 1 << 17;
 
 /// A content to send.
-pub struct Download {
+pub(crate) struct Download {
     reader: Box<dyn Read + Send>,
     left: u64,
     /// The owner of the file, which is dropped after it.
@@ -30,7 +30,7 @@ impl Download {
     ///
     /// # Errors
     /// Errors of the system.
-    pub fn open(path: &Path, owner: impl Any + Send) -> io::Result<Self> {
+    pub(crate) fn open(path: &Path, owner: impl Any + Send) -> io::Result<Self> {
         let file = File::open(path)?;
         let left = file.metadata()?.len();
         Ok(Self { reader: Box::new(file), left, _owner: Some(Box::new(owner)) })
@@ -41,9 +41,9 @@ impl Download {
     ///
     /// # Errors
     /// Errors of the system.
-    pub fn of_bytes(bytes: Vec<u8>, folder: &Path) -> io::Result<Self> {
+    pub(crate) fn of_bytes(bytes: Vec<u8>, folder: &Path) -> io::Result<Self> {
         let left = bytes.len() as u64;
-        let reader: Box<dyn Read + Send> = if bytes.len() <= SMALL {
+        let reader: Box<dyn Read + Send> = if bytes.len() <= MAX_BYTES_IN_MEMORY {
             Box::new(Cursor::new(bytes))
         } else {
             let mut file = tempfile::tempfile_in(folder)?;
@@ -55,7 +55,7 @@ impl Download {
     }
 
     /// Returns the response of a content type.
-    pub fn response(self, kind: &'static str) -> Response {
+    pub(crate) fn response(self, kind: &'static str) -> Response {
         ([(header::CONTENT_TYPE, kind)], Body::new(self)).into_response()
     }
 }
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn all_bytes_are_sent_in_parts() {
         let folder = tempfile::tempdir().unwrap();
-        for length in [0, 1, PART, SMALL, SMALL + 1, 3 * PART + 7] {
+        for length in [0, 1, PART, MAX_BYTES_IN_MEMORY, MAX_BYTES_IN_MEMORY + 1, 3 * PART + 7] {
             let bytes: Vec<u8> = (0..length).map(|at| (at % 251) as u8).collect();
             let download = Download::of_bytes(bytes.clone(), folder.path()).unwrap();
             assert_eq!(download.size_hint().exact(), Some(length as u64));

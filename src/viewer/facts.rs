@@ -6,24 +6,23 @@
 //! so that they outlast the program, however it ends.
 
 use super::words::survey_words;
-use crate::choices::SkyChoice;
 use crate::scene::count_of;
 use glam::DVec3;
 use serde::Deserialize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
-use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer};
-use wm_scene::formats::folder::scene_file;
-use wm_scene::formats::{sidecar, sidecar_path, write_sidecar};
-use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, UpSide};
-use wm_scene::{FormatError, Lamp, LitWindow, PhotoSun, Scene};
+use weather_magician::formats::folder::scene_file;
+use weather_magician::formats::{sidecar, sidecar_path, write_sidecar};
+use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer, Scene};
+use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, OwnSky, UpSide};
+use wm_scene::{FormatError, Lamp, LitWindow, PhotoSun};
 use wm_viewer::state::check_point;
 
 /// A change that a client asks for. Points are in scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "action", rename_all = "lowercase", deny_unknown_fields)]
-pub enum FactChange {
+pub(crate) enum FactChange {
     /// Sets up and the ground by three points of the ground.
     Ground {
         /// The points.
@@ -109,7 +108,7 @@ impl FactChange {
 
 /// The reason why a change was not made, in one line.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum FactError {
+pub(crate) enum FactError {
     /// The values cannot be used.
     Refused(String),
     /// It is not possible now.
@@ -128,9 +127,9 @@ impl From<Error> for FactError {
 }
 
 /// The facts that are saved, and the way to change those in use.
-pub struct FactEditor {
+pub(crate) struct FactEditor {
     scene: PathBuf,
-    sky: SkyChoice,
+    sky: OwnSky,
     saved: PlaceFacts,
     saved_words: Vec<String>,
     is_unsaved: bool,
@@ -141,23 +140,23 @@ pub struct FactEditor {
 impl FactEditor {
     /// Returns the editor of a place as it was opened from the path `scene`, with the command-line
     /// words of its facts.
-    pub fn new(scene: PathBuf, sky: SkyChoice, place: &PreparedPlace, words: Vec<String>) -> Self {
+    pub(crate) fn new(scene: PathBuf, sky: OwnSky, place: &PreparedPlace, words: Vec<String>) -> Self {
         Self { scene, sky, saved: place.facts(), saved_words: words, is_unsaved: false, is_warned: false }
     }
 
     /// True if the facts in use differ from those that are saved.
-    pub fn is_unsaved(&self) -> bool {
+    pub(crate) fn is_unsaved(&self) -> bool {
         self.is_unsaved
     }
 
     /// Returns the command-line words of the facts in use.
-    pub fn words(&self, place: &PreparedPlace) -> Vec<String> {
+    pub(crate) fn words(&self, place: &PreparedPlace) -> Vec<String> {
         if self.is_unsaved { survey_words(place.survey()) } else { self.saved_words.clone() }
     }
 
     /// Takes the facts that were changed and not saved when the last viewer of the scene ended, if
     /// there are any, and says so.
-    pub fn restore(&mut self, renderer: &mut Renderer, place: &mut PreparedPlace) {
+    pub(crate) fn restore(&mut self, renderer: &mut Renderer, place: &mut PreparedPlace) {
         let Ok(file) = scene_file(&self.scene) else { return };
         let journal = journal_of(&file);
         let path = sidecar_path(&journal);
@@ -178,7 +177,7 @@ impl FactEditor {
         let mut scene = Scene { metadata, ..Scene::default() };
         scene.set_origin(scene.metadata.origin_or_zero() + place.scene().moved_by);
         let mut facts = PlaceFacts { scene: scene.metadata, given: Metadata::default() };
-        if self.sky != SkyChoice::Keep {
+        if self.sky != OwnSky::Keep {
             facts.scene.airlight = before.scene.airlight;
         }
         // The program may have ended because of these facts.
@@ -198,7 +197,7 @@ impl FactEditor {
     ///
     /// # Errors
     /// [`FactError`]; the facts are as they were then.
-    pub fn apply(
+    pub(crate) fn apply(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
@@ -239,7 +238,7 @@ impl FactEditor {
         given.ground = given.ground.map(|_| place.survey().ground.value);
         let facts = given.or(scene);
         // The light of a sky that the file does not have would be wrong in it.
-        let airlight = facts.airlight.filter(|_| self.sky == SkyChoice::Keep);
+        let airlight = facts.airlight.filter(|_| self.sky == OwnSky::Keep);
         place.scene().metadata_beside_file(Metadata { airlight, ..facts })
     }
 

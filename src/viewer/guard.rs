@@ -18,22 +18,27 @@ const COOKIE: &str = "weather-magician-token";
 
 /// Checks requests.
 #[derive(Clone, Debug)]
-pub struct Guard {
+pub(crate) struct Guard {
     /// The token.
-    pub token: String,
+    pub(crate) token: String,
     /// True if requests must name this computer by a name of its loopback address.
-    pub is_local: bool,
+    pub(crate) is_local: bool,
 }
 
 /// A request that is refused: the status and the reason.
-pub type Refused = (StatusCode, &'static str);
+pub(crate) type Refused = (StatusCode, &'static str);
 
 impl Guard {
     /// Checks that a request is not that of a foreign page.
     ///
     /// # Errors
     /// [`Refused`].
-    pub fn check_origin(&self, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<(), Refused> {
+    pub(crate) fn check_origin(
+        &self,
+        method: &Method,
+        uri: &Uri,
+        headers: &HeaderMap,
+    ) -> Result<(), Refused> {
         let Some(host) = text(headers, header::HOST) else {
             return Err((StatusCode::BAD_REQUEST, "a request must have a Host header"));
         };
@@ -56,7 +61,7 @@ impl Guard {
 
     /// Returns true if a request has the token.
     #[must_use]
-    pub fn is_admitted(&self, headers: &HeaderMap) -> bool {
+    pub(crate) fn is_admitted(&self, headers: &HeaderMap) -> bool {
         let bearer = text(headers, header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
         let name = cookie_name(headers);
         let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
@@ -68,13 +73,13 @@ impl Guard {
 
     /// Returns true if a text is the token.
     #[must_use]
-    pub fn is_token(&self, shown: &str) -> bool {
+    pub(crate) fn is_token(&self, shown: &str) -> bool {
         is_same(shown.as_bytes(), self.token.as_bytes())
     }
 
     /// Returns the cookie for the browser of a request with the token.
     #[must_use]
-    pub fn cookie(&self, headers: &HeaderMap) -> String {
+    pub(crate) fn cookie(&self, headers: &HeaderMap) -> String {
         format!("{}={}; HttpOnly; SameSite=Strict; Path=/", cookie_name(headers), self.token)
     }
 }
@@ -83,7 +88,7 @@ impl Guard {
 ///
 /// # Errors
 /// The system has no source of random numbers.
-pub fn new_token() -> Result<String, getrandom::Error> {
+pub(crate) fn new_token() -> Result<String, getrandom::Error> {
     let mut bytes = [0u8; 16];
     getrandom::fill(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())

@@ -4,13 +4,14 @@
 //! strangers of each address, and when it is taken the oldest of them has to leave: whoever opens
 //! connections and says nothing keeps nobody out.
 
+use super::locked::locked;
 use std::collections::{BTreeMap, VecDeque};
 use std::future::Future;
 use std::io;
 use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -19,7 +20,7 @@ use tokio::sync::Notify;
 use tokio::time::{Instant, Sleep, sleep};
 
 /// Most connections that showed the token. A browser opens six and a WebSocket.
-pub const MAX_MEMBERS: usize = 128;
+const MAX_MEMBERS: usize = 128;
 /// Most strangers, of all addresses and of one.
 const MAX_STRANGERS: usize = 64;
 const MAX_OF_ADDRESS: usize = 16;
@@ -28,7 +29,7 @@ const IDLE_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// All connections.
 #[derive(Default)]
-pub struct Connections(Mutex<Counts>);
+pub(crate) struct Connections(Mutex<Counts>);
 
 #[derive(Default)]
 struct Counts {
@@ -46,7 +47,7 @@ struct Stranger {
 
 impl Connections {
     /// Adds a connection from an address, as a stranger.
-    pub fn add(self: &Arc<Self>, address: IpAddr) -> Arc<Connection> {
+    pub(crate) fn add(self: &Arc<Self>, address: IpAddr) -> Arc<Connection> {
         let address = network_of(address);
         let has_to_leave = Arc::<Notify>::default();
         let mut counts = self.lock();
@@ -65,7 +66,7 @@ impl Connections {
 
     fn lock(&self) -> MutexGuard<'_, Counts> {
         // No critical section leaves the counts half changed when it panics.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
     }
 }
 
@@ -93,7 +94,7 @@ fn network_of(address: IpAddr) -> IpAddr {
 }
 
 /// A connection; it is counted until the value is dropped.
-pub struct Connection {
+pub(crate) struct Connection {
     all: Arc<Connections>,
     id: u64,
     has_to_leave: Arc<Notify>,
@@ -102,13 +103,13 @@ pub struct Connection {
 
 impl Connection {
     /// Waits until another connection needs the place of this one.
-    pub async fn has_to_leave(&self) {
+    pub(crate) async fn has_to_leave(&self) {
         self.has_to_leave.notified().await;
     }
 
     /// Takes a connection that showed the token for a member; returns false if there are too many
     /// of them.
-    pub fn admit(&self) -> bool {
+    pub(crate) fn admit(&self) -> bool {
         let mut counts = self.all.lock();
         if self.is_member.load(Ordering::Relaxed) {
             return true;
@@ -135,7 +136,7 @@ impl Drop for Connection {
 }
 
 /// The stream of a connection, with an idle timeout.
-pub struct TimedStream {
+pub(crate) struct TimedStream {
     stream: TcpStream,
     alarm: Pin<Box<Sleep>>,
     _connection: Arc<Connection>,
@@ -143,7 +144,7 @@ pub struct TimedStream {
 
 impl TimedStream {
     /// Wraps the stream of a connection.
-    pub fn new(stream: TcpStream, connection: Arc<Connection>) -> Self {
+    pub(crate) fn new(stream: TcpStream, connection: Arc<Connection>) -> Self {
         Self { stream, alarm: Box::pin(sleep(IDLE_TIMEOUT)), _connection: connection }
     }
 

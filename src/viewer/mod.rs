@@ -9,16 +9,19 @@
 //! Complete pictures are rendered as `render` does it, so that the command that the page shows
 //! gives the same bytes.
 
+mod client_queue;
+mod context;
 mod download;
 mod facts;
 mod guard;
 mod listener;
+mod locked;
 mod render_worker;
 mod request_queue;
 mod routes;
-pub mod server;
+pub(crate) mod server;
 mod session;
-pub mod training;
+pub(crate) mod training;
 mod videos;
 mod words;
 mod workshop;
@@ -29,146 +32,43 @@ use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use anyhow::Result;
-use axum::body::Bytes;
+use context::{Loaded, ViewerContext};
 use facts::FactEditor;
 use render_worker::RenderWorker;
-use request_queue::RequestQueue;
-use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
-use videos::VideoList;
-use weather_magician::{PreparedPlace, Renderer};
-use wm_scene::survey::Survey;
+use weather_magician::{PreparedPlace, Renderer, Weather};
+use wm_viewer::Catalog;
 use wm_viewer::page::PageKind;
-use wm_viewer::{Catalog, ViewState};
-use wm_weather::{Panorama, Weather};
-use workshop::Workshop;
+use wm_weather::Panorama;
 
 /// Time for which the page of a scene that cannot be read is served, so that it can show the error.
 const FAREWELL: Duration = Duration::from_secs(10);
 
 /// The scene to show, and how.
-pub struct ViewerOptions<'a> {
+pub(crate) struct ViewerOptions<'a> {
     /// The scene file and its facts.
-    pub scene: &'a SceneArgs,
+    pub(crate) scene: &'a SceneArgs,
     /// The treatment of its sky.
-    pub sky: OwnSkyArgs,
+    pub(crate) sky: OwnSkyArgs,
     /// The budget of a scene in levels of detail.
-    pub levels: LevelArgs,
+    pub(crate) levels: LevelArgs,
     /// The camera at the start.
-    pub viewpoint: &'a ViewpointArgs,
+    pub(crate) viewpoint: &'a ViewpointArgs,
     /// The device and other options of the run.
-    pub run: &'a RunArgs,
+    pub(crate) run: &'a RunArgs,
     /// The weather at the start.
-    pub weather: Weather,
+    pub(crate) weather: Weather,
     /// The weather's panoramas and further ones, by the paths that weather files use for them.
-    pub panoramas: BTreeMap<String, Arc<Panorama>>,
-}
-
-/// The scene as clients know it.
-#[derive(Clone)]
-struct Loaded {
-    catalog: Arc<Catalog>,
-    /// The initial state.
-    start: ViewState,
-}
-
-/// State shared by the server and the render worker.
-#[derive(Default)]
-pub struct ViewerContext {
-    queue: RequestQueue,
-    videos: VideoList,
-    workshop: Workshop,
-    /// Set once the scene is loaded, and when its facts change.
-    loaded: RwLock<Option<Loaded>>,
-    /// The error if the scene cannot be loaded.
-    failed: OnceLock<String>,
-    /// The latest state of any client.
-    state: Mutex<Option<ViewState>>,
-    thumbnails: Mutex<BTreeMap<String, Bytes>>,
-}
-
-impl ViewerContext {
-    fn is_loaded(&self) -> bool {
-        self.loaded.read().unwrap_or_else(PoisonError::into_inner).is_some()
-    }
-
-    fn loaded(&self) -> Loaded {
-        let loaded = self.loaded.read().unwrap_or_else(PoisonError::into_inner);
-        loaded.clone().expect("called only after the scene is loaded")
-    }
-
-    fn set_loaded(&self, loaded: Loaded) {
-        *self.loaded.write().unwrap_or_else(PoisonError::into_inner) = Some(loaded);
-    }
-
-    fn catalog(&self) -> Arc<Catalog> {
-        self.loaded().catalog
-    }
-
-    /// Takes other facts of the scene: the initial view is level under the new up, and thumbnails
-    /// are rendered again. Returns the message that tells pages.
-    fn set_facts(&self, survey: &Survey, fact_words: Vec<String>, is_unsaved: bool) -> Value {
-        let Loaded { catalog, mut start } = self.loaded();
-        start.camera = start.camera.levelled(survey.up.value);
-        if *survey != catalog.survey {
-            self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner).clear();
-        }
-        let catalog = Catalog { survey: survey.clone(), fact_words, is_unsaved, ..(*catalog).clone() };
-        let message = json!({ "type": "facts", "facts": catalog.facts(), "start": start.camera });
-        self.set_loaded(Loaded { catalog: Arc::new(catalog), start });
-        message
-    }
-
-    /// The initial state.
-    fn initial_state(&self) -> ViewState {
-        self.loaded().start
-    }
-
-    /// The latest state of any client.
-    fn state(&self) -> ViewState {
-        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        state.clone().unwrap_or_else(|| self.initial_state())
-    }
-
-    fn set_state(&self, state: &ViewState) {
-        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state.clone());
-    }
-
-    /// The reason why there is no scene: it is still loading, or could not be read.
-    fn loading_text(&self) -> String {
-        self.failed.get().cloned().unwrap_or_else(|| "the scene is being read".into())
-    }
-
-    /// The first message to a page.
-    fn greeting(&self) -> String {
-        let kind = match (self.is_loaded(), self.failed.get()) {
-            (true, _) => "ready",
-            (_, Some(_)) => "failed",
-            _ => "loading",
-        };
-        json!({ "type": kind, "text": self.loading_text() }).to_string()
-    }
-
-    fn thumbnail(&self, name: &str) -> Option<Bytes> {
-        self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner).get(name).cloned()
-    }
-
-    fn thumbnail_names(&self) -> Vec<String> {
-        self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner).keys().cloned().collect()
-    }
-
-    fn set_thumbnail(&self, name: String, bytes: Bytes) {
-        self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner).insert(name, bytes);
-    }
+    pub(crate) panoramas: BTreeMap<String, Arc<Panorama>>,
 }
 
 /// Serves the page of a scene until Ctrl-C.
 ///
 /// # Errors
 /// No port is free, or the scene cannot be read; the page shows this error too.
-pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()> {
+pub(crate) fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()> {
     let context = Arc::new(ViewerContext::default());
     let address = server::serve(server, PageKind::Server, routes::routes(Arc::clone(&context)))?;
     println!("{address}");

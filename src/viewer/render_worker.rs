@@ -4,42 +4,37 @@
 //! Assets that take seconds to make (snow covers, shelter maps) are made on a second thread; until
 //! then frames are rendered without them.
 
-use super::ViewerContext;
+mod assets;
+mod video;
+
+use super::context::ViewerContext;
 use super::download::Download;
 use super::facts::{FactChange, FactEditor, FactError};
 use super::request_queue::{
     ClientTask, RequestOutcome, ResponseFormat, ViewRequest, ViewerCommand, WorkerTask,
 };
-use super::videos::{VideoWriter, ViewerVideo};
 use crate::interrupt;
 use anyhow::{Context, Result, anyhow, bail};
+use assets::{AssetOwner, PendingAssets};
 use axum::body::Bytes;
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
-use weather_magician::assets::{Assets, MissingAssets};
+use video::ActiveVideo;
 use weather_magician::output::{PictureFormat, PictureStyle};
-use weather_magician::{
-    CameraMotion, FrameRequest, Patience, PictureLayer, PlaceFacts, PreparedPlace, Progress, Renderer,
-    picture_tags,
-};
+use weather_magician::{Camera, Patience, PictureLayer, PlaceFacts, PreparedPlace, Renderer, picture_tags};
 use wm_media::color::Dither;
-use wm_media::{PictureSize, video};
 #[cfg(feature = "gpu")]
 use wm_render::{RenderError, gpu::GpuError};
 use wm_render::{Stats, at_once};
-use wm_scene::Camera;
 use wm_viewer::encode::jpeg;
-use wm_viewer::lidar::SweepMemory;
 use wm_viewer::paint::{FrameReport, PaintOptions};
+use wm_viewer::sweeps::SweepMemory;
 use wm_viewer::thumbnail::{self, ThumbnailShot, thumbnail_view};
 use wm_viewer::{View, ViewPainter};
-use wm_weather::Weather;
 
 /// Longest wait for a task before the worker checks for Ctrl-C and for finished assets.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -54,7 +49,7 @@ const MAX_WAITING: usize = 64;
 const DRAFT_QUALITY: u8 = 72;
 
 /// Renders for all clients.
-pub struct RenderWorker {
+pub(crate) struct RenderWorker {
     context: Arc<ViewerContext>,
     renderer: Renderer,
     place: PreparedPlace,
@@ -72,19 +67,6 @@ pub struct RenderWorker {
     broken: Option<anyhow::Error>,
 }
 
-/// The owner that is told if assets cannot be made.
-#[derive(Clone, Copy, Debug)]
-enum AssetOwner {
-    /// A client, by its id.
-    Client(u64),
-    /// A command that waits for them, by its place among those that wait.
-    Waiting(usize),
-    /// The running video.
-    Video,
-    /// Nobody: a view that moves asks again.
-    Nobody,
-}
-
 /// A frame for a client.
 struct ServedFrame {
     message: Bytes,
@@ -100,35 +82,9 @@ struct DueSweep {
     since: Instant,
 }
 
-/// Missing assets while they are being made.
-struct PendingAssets {
-    receive: Receiver<Result<Assets, weather_magician::Error>>,
-    owner: AssetOwner,
-    is_stopped: Arc<AtomicBool>,
-}
-
-/// Stops the work of the second thread when its assets are not needed any more.
-struct Stop(Arc<AtomicBool>);
-
-impl Progress for Stop {
-    fn is_stopped(&mut self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
-/// A video that is being rendered.
-struct ActiveVideo {
-    view: Arc<View>,
-    motion: CameraMotion,
-    video: Arc<ViewerVideo>,
-    writer: VideoWriter,
-    next: u32,
-    last: Instant,
-}
-
 impl RenderWorker {
     /// Returns a worker for a loaded scene.
-    pub fn new(
+    pub(crate) fn new(
         context: Arc<ViewerContext>,
         renderer: Renderer,
         place: PreparedPlace,
@@ -154,7 +110,7 @@ impl RenderWorker {
     ///
     /// # Errors
     /// The renderer fails for all clients: the GPU is lost, or the place cannot be made anew.
-    pub fn run(&mut self) -> Result<()> {
+    pub(crate) fn run(&mut self) -> Result<()> {
         while !interrupt::asked() {
             if let Some(error) = self.broken.take() {
                 return Err(error);
@@ -218,97 +174,6 @@ impl RenderWorker {
             Ok(Err(error)) => Some(error.into()),
             Err(panic) => Some(anyhow!("the scene cannot be made anew: {}", words_of(&*panic))),
         };
-    }
-
-    /// Stops making assets. Others are made once the thread has ended, so that there is never more
-    /// than one with its memory; whoever waits for them asks again.
-    fn stop_pending(&mut self) {
-        if let Some(pending) = &self.pending {
-            pending.is_stopped.store(true, Ordering::Relaxed);
-            self.context.queue.broadcast(&json!({ "type": "status", "text": "" }).to_string());
-        }
-        self.context.queue.resume_waiting(None);
-    }
-
-    /// Inserts the assets that the second thread has finished.
-    fn collect_assets(&mut self) {
-        let Some(PendingAssets { receive, owner, is_stopped }) = &self.pending else { return };
-        let (owner, is_stopped) = (*owner, is_stopped.load(Ordering::Relaxed));
-        let made = match receive.try_recv() {
-            Err(TryRecvError::Empty) => return,
-            Err(TryRecvError::Disconnected) => {
-                Err(anyhow!("the program failed while it prepared the scene for this weather"))
-            }
-            Ok(made) => made.map_err(anyhow::Error::from),
-        };
-        self.pending = None;
-        if is_stopped {
-            return self.context.queue.resume_waiting(None);
-        }
-        let insert =
-            |worker: &mut Self, assets| Ok(worker.renderer.insert_assets(&mut worker.place, assets)?);
-        let inserted = made.and_then(|assets| self.attempt(|worker| insert(worker, assets)));
-        if let Err(error) = inserted {
-            self.refuse(owner, &format!("{error:#}"));
-        }
-        self.context.queue.broadcast(&json!({ "type": "status", "text": "" }).to_string());
-        let client = if let AssetOwner::Client(client) = owner { Some(client) } else { None };
-        self.context.queue.resume_waiting(client);
-    }
-
-    /// Tells the owner of assets why there are none.
-    fn refuse(&mut self, owner: AssetOwner, why: &str) {
-        match owner {
-            AssetOwner::Client(client) => self.context.queue.fail_request(client, None, why),
-            AssetOwner::Waiting(index) if index < self.waiting.len() => {
-                self.waiting.remove(index).refuse(why.into());
-            }
-            AssetOwner::Video => {
-                self.video.take().iter().for_each(|active| active.video.end(Err(why.into())));
-            }
-            AssetOwner::Waiting(_) | AssetOwner::Nobody => {}
-        }
-    }
-
-    /// Returns true if all assets for a weather at `time` exist; otherwise starts to make them.
-    fn ensure_assets(
-        &mut self,
-        weather: &Weather,
-        camera: &Camera,
-        time: f64,
-        owner: AssetOwner,
-    ) -> Result<bool> {
-        // What is being made is of the place that the last camera was in.
-        if self.pending.is_some() && !self.place.is_focused(weather, camera) {
-            return Ok(false);
-        }
-        self.renderer.focus(&mut self.place, weather, camera)?;
-        let missing = self.place.missing_assets(weather, time);
-        let is_ready = missing.is_empty();
-        if !is_ready && self.pending.is_none() {
-            self.start_assets(missing, owner)?;
-        }
-        Ok(is_ready)
-    }
-
-    /// Starts to make missing assets, and tells the clients.
-    fn start_assets(&mut self, missing: MissingAssets, owner: AssetOwner) -> Result<()> {
-        self.context.queue.broadcast(&json!({ "type": "status", "text": missing.description() }).to_string());
-        self.spawn_assets(missing, owner)
-    }
-
-    fn spawn_assets(&mut self, mut missing: MissingAssets, owner: AssetOwner) -> Result<()> {
-        let source = self.renderer.asset_source(&mut self.place, &mut missing)?;
-        let (send, receive) = channel();
-        let (context, is_stopped) = (Arc::clone(&self.context), Arc::<AtomicBool>::default());
-        let mut stop = Stop(Arc::clone(&is_stopped));
-        std::thread::Builder::new().name("prepare".into()).spawn(move || {
-            // The worker may have ended, or the facts may be others.
-            let _ = send.send(missing.make(source, &mut stop));
-            context.queue.wake_worker();
-        })?;
-        self.pending = Some(PendingAssets { receive, owner, is_stopped });
-        Ok(())
     }
 
     /// Renders the frame of a client.
@@ -530,11 +395,11 @@ impl RenderWorker {
         }
     }
 
-    /// Returns the point of the nearest surface at `[x, y]`, 0-1, of the picture; `None` where
+    /// Returns the point of the nearest surface at `at` (x and y, 0-1) of the picture; `None` where
     /// there is only sky.
-    fn surface_at(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<DVec3>> {
+    fn surface_at(&mut self, view: &View, at: [f64; 2]) -> Result<Option<DVec3>> {
         let camera = view.camera();
-        let at = [x * f64::from(camera.width), y * f64::from(camera.height)];
+        let at = [at[0] * f64::from(camera.width), at[1] * f64::from(camera.height)];
         Ok(self.renderer.surface_at(&self.place, &camera, at)?)
     }
 
@@ -589,50 +454,6 @@ impl RenderWorker {
         self.context.queue.broadcast(&json!({ "type": "thumbnail", "name": name }).to_string());
         Ok(None)
     }
-
-    fn start_video(&mut self, view: &Arc<View>, video: &Arc<ViewerVideo>) -> Result<()> {
-        let motion = view.motion();
-        let (width, height) = view.size();
-        let mut settings = video::VideoSettings::new(PictureSize::new(width, height), video.rate);
-        settings.tags = self.style(view, &motion.camera(0.0), 0.0).tags;
-        let writer = VideoWriter::new(video::create_video(&video.path(), settings)?, video);
-        let mut view = (**view).clone();
-        view.weather = Arc::new(self.place.weather_of_shot(&view.weather, &motion.camera(0.0)));
-        let (view, video) = (Arc::new(view), Arc::clone(video));
-        self.video = Some(ActiveVideo { view, motion, video, writer, next: 0, last: Instant::now() });
-        Ok(())
-    }
-
-    /// Renders the next frame of the running video, if any.
-    fn render_video_frame(&mut self) {
-        let Some(mut active) = self.video.take() else { return };
-        active.last = Instant::now();
-        if !active.video.is_stopped() && active.next < active.video.frames {
-            match self.attempt(|worker| worker.try_video_frame(&mut active)) {
-                Ok(true) => return self.video = Some(active),
-                // The writer ended, and says why.
-                Ok(false) => {}
-                Err(error) => return active.video.end(Err(format!("{error:#}"))),
-            }
-        }
-        active.video.end(active.writer.finish());
-    }
-
-    /// Renders a frame of the video once its assets exist; returns false if the writer has stopped.
-    fn try_video_frame(&mut self, active: &mut ActiveVideo) -> Result<bool> {
-        let time = active.video.rate.seconds(u64::from(active.next));
-        let camera = active.motion.camera(time);
-        if !self.ensure_assets(&active.view.weather, &camera, time, AssetOwner::Video)? {
-            return Ok(true);
-        }
-        let mut picture = active.writer.blank_picture();
-        let camera = active.motion.at(time, self.place.site().metres_per_unit);
-        let request = FrameRequest::new(&active.view.weather, camera, time);
-        let Self { renderer, place, .. } = self;
-        renderer.render_into(place, &request, &mut picture, &mut ())?;
-        active.next += 1;
-        Ok(active.writer.push_frame(picture))
-    }
 }
 
 /// Returns the words of a panic.
@@ -659,96 +480,4 @@ fn join_message(head: &str, jpeg: &[u8]) -> Bytes {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::choices::SkyChoice;
-    use crate::scene::RunArgs;
-    use crate::viewer::Loaded;
-    use crate::viewer::request_queue::ClientQueue;
-    use tokio::sync::oneshot;
-    use weather_magician::PlaceOptions;
-    use wm_scene::{Metadata, Scene, synthetic};
-    use wm_viewer::testing::{catalog, state};
-
-    fn worker() -> RenderWorker {
-        let run = RunArgs { device: "cpu".parse().unwrap(), ..RunArgs::default() };
-        let mut renderer = run.renderer().unwrap();
-        let metadata = Metadata { up: Some(DVec3::Z), metres_per_unit: Some(1.0), ..Metadata::default() };
-        let scene = Scene { splats: synthetic::table(1).build(), metadata, ..Scene::default() };
-        let place = renderer.load_with(scene, &PlaceOptions::default()).unwrap();
-        let facts = FactEditor::new("no/such/folder/table.ply".into(), SkyChoice::Keep, &place, Vec::new());
-        let context = Arc::<ViewerContext>::default();
-        let catalog = wm_viewer::Catalog { survey: place.survey().clone(), ..catalog() };
-        context.set_loaded(Loaded { catalog: Arc::new(catalog), start: state() });
-        RenderWorker::new(context, renderer, place, facts)
-    }
-
-    /// Returns a view from above, in which rain falls.
-    fn view_of(worker: &RenderWorker) -> Arc<View> {
-        let weather = json!({ "rain": { "rate": 10 }, "wetness": {} });
-        let eye = DVec3::new(0.0, -6.0, 3.0);
-        let camera = Camera::looking((32, 24), 50.0, eye, DVec3::ZERO, DVec3::Z).unwrap();
-        let state = wm_viewer::ViewState {
-            weather,
-            camera: wm_viewer::state::Pose::of(&camera),
-            size: [32, 24],
-            ..state()
-        };
-        Arc::new(View::new(state, &worker.context.catalog(), None).unwrap())
-    }
-
-    fn drawn(worker: &mut RenderWorker, view: &View) -> Vec<u8> {
-        let options = PaintOptions { size: view.size(), patience: Patience::Whole, dither: Dither::Ordered };
-        worker.draw(view, options).unwrap().0
-    }
-
-    #[test]
-    fn after_a_panic_the_next_task_is_done_as_before() {
-        let mut worker = worker();
-        let view = view_of(&worker);
-        let before = drawn(&mut worker, &view);
-        assert!(before.iter().any(|byte| *byte != before[0]));
-        let outcome: Result<()> = worker.attempt(|worker| {
-            // Half of a change.
-            let mut facts = worker.place.facts();
-            facts.scene.up = Some(DVec3::X);
-            worker.renderer.set_facts(&mut worker.place, facts)?;
-            panic!("a fault of {}", "the program");
-        });
-        let error = outcome.unwrap_err().to_string();
-        assert_eq!(error, "the program failed at this: a fault of the program");
-        assert!(worker.broken.is_none());
-        assert!(drawn(&mut worker, &view) == before, "the place is not as it was");
-    }
-
-    #[test]
-    fn who_waits_for_what_cannot_be_made_is_told() {
-        let mut worker = worker();
-        let view = view_of(&worker);
-        let client_queue = Arc::<ClientQueue>::default();
-        let client = worker.context.queue.add_client(Arc::clone(&client_queue)).unwrap();
-        let request = ViewRequest { view: Arc::clone(&view), seq: 3, is_moving: false };
-        worker.context.queue.set_request(client, request);
-        let (reply, mut answer) = oneshot::channel();
-        let picture =
-            |reply| ViewerCommand::Picture { view: Arc::clone(&view), format: ResponseFormat::Jpeg, reply };
-        worker.wait(picture(reply));
-        for owner in [AssetOwner::Client(client), AssetOwner::Waiting(0), AssetOwner::Video] {
-            // The thread that made them is gone.
-            let (_, receive) = channel();
-            worker.pending = Some(PendingAssets { receive, owner, is_stopped: Arc::default() });
-            worker.collect_assets();
-            assert!(worker.pending.is_none(), "{owner:?}");
-        }
-        let why = "the program failed while it prepared the scene for this weather";
-        let (texts, _) = client_queue.take_all();
-        assert_eq!(texts.iter().filter(|text| text.contains(why)).count(), 1, "{texts:?}");
-        assert!(worker.context.queue.next_task(Duration::ZERO).is_none(), "it is served again and again");
-        assert_eq!(answer.try_recv().unwrap().err().as_deref(), Some(why));
-        // Nobody waits for what was abandoned.
-        let (reply, answer) = oneshot::channel();
-        drop(answer);
-        worker.execute(picture(reply));
-        assert!(worker.pending.is_none() && worker.waiting.is_empty());
-    }
-}
+mod tests;

@@ -4,79 +4,41 @@
 //! Only the latest request of each client is kept, and a client that has not displayed its last few
 //! frames gets no new one. Clients take turns; those whose view is moving come first.
 
+use super::client_queue::ClientQueue;
 use super::download::Download;
 use super::facts::{FactChange, FactError};
-use axum::body::Bytes;
+use super::locked::locked;
 use glam::DVec3;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::collections::VecDeque;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::{Notify, oneshot};
+use tokio::sync::oneshot;
 use wm_viewer::View;
 use wm_viewer::pace::Pace;
 
 /// Maximum number of connected clients.
-pub const MAX_CLIENTS: usize = 16;
+pub(crate) const MAX_CLIENTS: usize = 16;
 /// Maximum number of frames that were sent to a client and not acknowledged.
 const MAX_UNSEEN: usize = 3;
-/// Maximum number of messages waiting for a client.
-const MAX_MESSAGES: usize = 64;
 /// Maximum number of waiting commands.
 const MAX_COMMANDS: usize = 32;
 /// Time after which a frame that was not acknowledged counts as lost.
-const LOST: Duration = Duration::from_secs(10);
-
-/// Data to be sent to one client: text messages and the latest frame.
-#[derive(Default)]
-pub struct ClientQueue {
-    content: Mutex<(VecDeque<String>, Option<Bytes>)>,
-    /// Notified when something was added.
-    pub changed: Notify,
-}
-
-impl ClientQueue {
-    /// Appends a text message; drops the oldest one if there are too many.
-    pub fn push_message(&self, text: String) {
-        let mut content = locked(&self.content);
-        if content.0.len() == MAX_MESSAGES {
-            content.0.pop_front();
-        }
-        content.0.push_back(text);
-        drop(content);
-        self.changed.notify_one();
-    }
-
-    /// Appends the message that something failed.
-    pub fn push_error(&self, why: &str) {
-        self.push_message(json!({ "type": "error", "text": why }).to_string());
-    }
-
-    /// Sets the frame to send, in place of one that was not sent yet.
-    pub fn set_picture(&self, bytes: Bytes) {
-        locked(&self.content).1 = Some(bytes);
-        self.changed.notify_one();
-    }
-
-    /// Removes and returns the messages and the frame.
-    pub fn take_all(&self) -> (VecDeque<String>, Option<Bytes>) {
-        std::mem::take(&mut *locked(&self.content))
-    }
-}
+const LOST_AFTER: Duration = Duration::from_secs(10);
 
 /// A view that a client asks to see.
 #[derive(Clone)]
-pub struct ViewRequest {
+pub(crate) struct ViewRequest {
     /// The view to render.
-    pub view: Arc<View>,
+    pub(crate) view: Arc<View>,
     /// The client's sequence number of the request.
-    pub seq: u64,
+    pub(crate) seq: u64,
     /// True while the view is changing: a draft is enough.
-    pub is_moving: bool,
+    pub(crate) is_moving: bool,
 }
 
 /// A request for something other than a client's next frame.
-pub enum ViewerCommand {
+pub(crate) enum ViewerCommand {
     /// Renders a picture as a file.
     Picture {
         /// The view to render.
@@ -131,7 +93,7 @@ pub enum ViewerCommand {
 
 impl ViewerCommand {
     /// Returns true if nobody waits for the answer any more.
-    pub fn is_abandoned(&self) -> bool {
+    pub(crate) fn is_abandoned(&self) -> bool {
         match self {
             Self::Picture { reply, .. } | Self::Points { reply, .. } => reply.is_closed(),
             Self::Surface { reply, .. } => reply.is_closed(),
@@ -140,7 +102,7 @@ impl ViewerCommand {
     }
 
     /// Answers with the reason why the command is not carried out, in one line.
-    pub fn refuse(self, why: String) {
+    pub(crate) fn refuse(self, why: String) {
         // The client may have disconnected.
         match self {
             Self::Picture { reply, .. } | Self::Points { reply, .. } => _ = reply.send(Err(why)),
@@ -155,7 +117,7 @@ impl ViewerCommand {
 
 /// File format of a rendered picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ResponseFormat {
+pub(crate) enum ResponseFormat {
     /// The PNG file that `render` writes.
     Png,
     /// A JPEG of the state's quality.
@@ -163,19 +125,19 @@ pub enum ResponseFormat {
 }
 
 /// The next frame of a client.
-pub struct ClientTask {
+pub(crate) struct ClientTask {
     /// The client's id.
-    pub client: u64,
+    pub(crate) client: u64,
     /// The client's latest request.
-    pub request: ViewRequest,
+    pub(crate) request: ViewRequest,
     /// Receives the frame.
-    pub client_queue: Arc<ClientQueue>,
+    pub(crate) client_queue: Arc<ClientQueue>,
     /// Size of a frame while the view is moving, px.
-    pub small: (u32, u32),
+    pub(crate) small: (u32, u32),
 }
 
 /// The next thing for the render worker to do.
-pub enum WorkerTask {
+pub(crate) enum WorkerTask {
     /// Render a client's frame.
     Client(ClientTask),
     /// Carry out a command.
@@ -198,7 +160,8 @@ struct Client {
 
 impl Client {
     fn can_receive(&self) -> bool {
-        self.unseen.len() < MAX_UNSEEN || self.unseen.front().is_some_and(|(_, sent)| sent.elapsed() > LOST)
+        self.unseen.len() < MAX_UNSEEN
+            || self.unseen.front().is_some_and(|(_, sent)| sent.elapsed() > LOST_AFTER)
     }
 
     fn is_ready(&self, moving: bool) -> bool {
@@ -231,17 +194,17 @@ struct QueueState {
 
 /// Latest request of each client, and waiting commands.
 #[derive(Default)]
-pub struct RequestQueue {
+pub(crate) struct RequestQueue {
     state: Mutex<QueueState>,
     changed: Condvar,
 }
 
 /// Time without requests after which thumbnails are rendered.
-const IDLE: Duration = Duration::from_millis(1500);
+const IDLE_AFTER: Duration = Duration::from_millis(1500);
 
 impl RequestQueue {
     /// Adds a client and returns its id; `None` if there are too many.
-    pub fn add_client(&self, client_queue: Arc<ClientQueue>) -> Option<u64> {
+    pub(crate) fn add_client(&self, client_queue: Arc<ClientQueue>) -> Option<u64> {
         let mut state = locked(&self.state);
         if state.clients.len() >= MAX_CLIENTS {
             return None;
@@ -262,12 +225,12 @@ impl RequestQueue {
     }
 
     /// Removes a client.
-    pub fn remove_client(&self, id: u64) {
+    pub(crate) fn remove_client(&self, id: u64) {
         locked(&self.state).clients.retain(|client| client.id != id);
     }
 
     /// Sets the request of a client, in place of its previous one.
-    pub fn set_request(&self, id: u64, request: ViewRequest) {
+    pub(crate) fn set_request(&self, id: u64, request: ViewRequest) {
         let mut state = locked(&self.state);
         state.asked = Some(Instant::now());
         if let Some(client) = state.clients.iter_mut().find(|client| client.id == id) {
@@ -279,7 +242,7 @@ impl RequestQueue {
     }
 
     /// Records that a client displays the frame `seq`.
-    pub fn acknowledge_frame(&self, id: u64, seq: u64) {
+    pub(crate) fn acknowledge_frame(&self, id: u64, seq: u64) {
         let mut state = locked(&self.state);
         if let Some(client) = state.clients.iter_mut().find(|client| client.id == id) {
             if let Some((_, sent)) = client.unseen.iter().find(|(sent, _)| *sent == seq) {
@@ -295,7 +258,7 @@ impl RequestQueue {
     ///
     /// # Errors
     /// Gives the command back if too many are waiting.
-    pub fn push_command(&self, command: ViewerCommand) -> Result<(), ViewerCommand> {
+    pub(crate) fn push_command(&self, command: ViewerCommand) -> Result<(), ViewerCommand> {
         let mut state = locked(&self.state);
         if state.commands.len() >= MAX_COMMANDS {
             return Err(command);
@@ -308,7 +271,7 @@ impl RequestQueue {
     }
 
     /// Asks for thumbnails of presets, to be rendered when there is nothing else to do.
-    pub fn request_thumbnails(&self, names: impl IntoIterator<Item = String>) {
+    pub(crate) fn request_thumbnails(&self, names: impl IntoIterator<Item = String>) {
         let mut state = locked(&self.state);
         for name in names {
             if !state.thumbnails.contains(&name) {
@@ -321,7 +284,7 @@ impl RequestQueue {
 
     /// Lets requests continue that waited for assets. The client that the assets were made for is
     /// served first, before others need different ones.
-    pub fn resume_waiting(&self, client: Option<u64>) {
+    pub(crate) fn resume_waiting(&self, client: Option<u64>) {
         let mut state = locked(&self.state);
         state.clients.iter_mut().for_each(|client| client.waits = false);
         if let Some(id) = client {
@@ -333,7 +296,7 @@ impl RequestQueue {
 
     /// Returns true if a client waits for the rest of the frame that it was sent for its request
     /// `seq`.
-    pub fn is_waiting(&self, id: u64, seq: u64) -> bool {
+    pub(crate) fn is_waiting(&self, id: u64, seq: u64) -> bool {
         let state = locked(&self.state);
         let client = state.clients.iter().find(|client| client.id == id);
         client.is_some_and(|client| {
@@ -342,25 +305,25 @@ impl RequestQueue {
     }
 
     /// Makes the current or next call of [`Self::next_task`] return without a task.
-    pub fn wake_worker(&self) {
+    pub(crate) fn wake_worker(&self) {
         locked(&self.state).is_woken = true;
         self.changed.notify_all();
     }
 
     /// Sends a text message to every client.
-    pub fn broadcast(&self, text: &str) {
+    pub(crate) fn broadcast(&self, text: &str) {
         for client in &locked(&self.state).clients {
             client.client_queue.push_message(text.to_owned());
         }
     }
 
     /// The number of clients.
-    pub fn client_count(&self) -> usize {
+    pub(crate) fn client_count(&self) -> usize {
         locked(&self.state).clients.len()
     }
 
     /// Records that a frame was sent in answer to the request `seq` of a client.
-    pub fn finish_request(&self, id: u64, seq: u64, outcome: RequestOutcome) {
+    pub(crate) fn finish_request(&self, id: u64, seq: u64, outcome: RequestOutcome) {
         let mut state = locked(&self.state);
         let sharing = state.clients.iter().filter(|client| client.is_moving()).count();
         let Some(client) = state.clients.iter_mut().find(|client| client.id == id) else { return };
@@ -385,7 +348,7 @@ impl RequestQueue {
 
     /// Tells a client why it gets no frame for its request, or none but the draft that it has. A
     /// request that came since is kept if `seq` is given.
-    pub fn fail_request(&self, id: u64, seq: Option<u64>, why: &str) {
+    pub(crate) fn fail_request(&self, id: u64, seq: Option<u64>, why: &str) {
         let mut state = locked(&self.state);
         let Some(client) = state.clients.iter_mut().find(|client| client.id == id) else { return };
         client.client_queue.push_error(why);
@@ -395,7 +358,7 @@ impl RequestQueue {
 
     /// Waits for the next task; `None` if there is none within `timeout`, or after
     /// [`Self::wake_worker`].
-    pub fn next_task(&self, timeout: Duration) -> Option<WorkerTask> {
+    pub(crate) fn next_task(&self, timeout: Duration) -> Option<WorkerTask> {
         let mut state = locked(&self.state);
         let end = Instant::now() + timeout;
         loop {
@@ -415,7 +378,7 @@ impl RequestQueue {
 }
 
 /// Result of rendering a client's request.
-pub enum RequestOutcome {
+pub(crate) enum RequestOutcome {
     /// A draft of a moving view, and the seconds that it took.
     Draft(f64),
     /// A draft, shown until missing assets are made.
@@ -441,7 +404,7 @@ impl QueueState {
             return Some(WorkerTask::Client(task));
         }
         let command = self.commands.pop_front().or_else(|| {
-            let is_idle = self.asked.is_none_or(|asked| asked.elapsed() > IDLE);
+            let is_idle = self.asked.is_none_or(|asked| asked.elapsed() > IDLE_AFTER);
             self.thumbnails.pop_front_if(|_| is_idle).map(ViewerCommand::Thumbnail)
         });
         command.map(WorkerTask::Command)
@@ -463,11 +426,6 @@ impl QueueState {
         self.served = task.client;
         Some(task)
     }
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // No critical section leaves the state half changed when it panics.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -604,7 +562,7 @@ mod tests {
     }
 
     #[test]
-    fn clients_commands_and_messages_are_limited() {
+    fn clients_and_commands_are_limited() {
         let (queue, _) = queue(MAX_CLIENTS);
         assert_eq!(queue.add_client(Arc::default()), None);
         (0..MAX_COMMANDS).for_each(|_| command(&queue));
@@ -614,8 +572,5 @@ mod tests {
                 .push_command(ViewerCommand::Picture { view: view(), format: ResponseFormat::Png, reply })
                 .is_err()
         );
-        let client_queue = ClientQueue::default();
-        (0..1000).for_each(|i| client_queue.push_message(i.to_string()));
-        assert_eq!(client_queue.take_all().0.len(), MAX_MESSAGES);
     }
 }

@@ -1,6 +1,6 @@
 //! The HTTP interface, described in docs/guide/viewer.md.
 
-use super::ViewerContext;
+use super::context::ViewerContext;
 use super::download::Download;
 use super::facts::FactError;
 use super::request_queue::{MAX_CLIENTS, ResponseFormat, ViewerCommand};
@@ -18,19 +18,19 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use tokio::sync::oneshot;
+use weather_magician::Weather;
+use weather_magician::video::FrameRate;
 use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{CameraSpec, parse_size};
-use wm_media::video::FrameRate;
 use wm_scene::{SceneView as Photo, files::text_of};
 use wm_viewer::state::{Follow, Pose, ViewOutput, weather_of_json, weather_to_json};
 use wm_viewer::{FileNames, View, ViewState, link};
-use wm_weather::Weather;
 
 type Shared = State<Arc<ViewerContext>>;
 type Answer = Result<Response, RequestError>;
 
 /// Error of a request: a status and a message.
-pub struct RequestError(StatusCode, String);
+pub(crate) struct RequestError(StatusCode, String);
 
 impl From<String> for RequestError {
     fn from(why: String) -> Self {
@@ -45,7 +45,7 @@ impl IntoResponse for RequestError {
 }
 
 /// Returns all routes, which need the token.
-pub fn routes(context: Arc<ViewerContext>) -> Router {
+pub(crate) fn routes(context: Arc<ViewerContext>) -> Router {
     Router::new()
         .route("/ws", get(socket))
         .route("/parameters", get(parameters))

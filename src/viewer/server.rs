@@ -24,7 +24,7 @@ use tokio::time::{sleep, timeout};
 use wm_viewer::page::{PageKind, files_of};
 
 /// Longest body of a request, and longest message of a WebSocket, bytes.
-pub const MAX_BODY_BYTES: usize = 1 << 18;
+pub(crate) const MAX_BODY_BYTES: usize = 1 << 18;
 /// Longest text that is taken for a token, bytes.
 const MAX_TOKEN_BYTES: usize = 256;
 /// Longest time for the head of a request, or for a login, to arrive, and between two requests of a
@@ -39,28 +39,28 @@ const PORT: u16 = 8787;
 /// Number of ports that are tried after it.
 const PORTS: u16 = 20;
 /// Shortest token that a user may choose.
-const SHORTEST: usize = 16;
+const MIN_TOKEN_BYTES: usize = 16;
 /// The environment variable that holds a token.
 const TOKEN_VARIABLE: &str = "WEATHER_MAGICIAN_TOKEN";
 
 /// Address, port and token of the page.
 #[derive(Args, Clone, Debug)]
-pub struct ServerArgs {
+pub(crate) struct ServerArgs {
     /// Port of the page; 0 for any free port [default: 8787, or the next free one]
     #[arg(long, value_name = "PORT", help_heading = "Server")]
-    pub port: Option<u16>,
+    pub(crate) port: Option<u16>,
     /// Address to listen on. Connections are not encrypted, so prefer to forward the port with ssh
     /// to listening on another address than this computer's own (127.0.0.1)
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Server")]
-    pub host: IpAddr,
+    pub(crate) host: IpAddr,
     /// File whose first line is the token that the page needs, at least 16 letters or digits; the
     /// environment variable WEATHER_MAGICIAN_TOKEN gives it too [default: a new one, which is
     /// printed]
     #[arg(long, value_name = "FILE", help_heading = "Server")]
-    pub token_file: Option<PathBuf>,
+    token_file: Option<PathBuf>,
     /// An option of old versions, which other users of the computer could read; refused.
     #[arg(long, value_name = "TOKEN", hide = true)]
-    pub token: Option<String>,
+    pub(crate) token: Option<String>,
 }
 
 impl ServerArgs {
@@ -68,7 +68,7 @@ impl ServerArgs {
     ///
     /// # Errors
     /// The token is too short or too long, or has other characters; its file cannot be read.
-    pub fn guard(&self) -> Result<Guard> {
+    pub(crate) fn guard(&self) -> Result<Guard> {
         self.guard_with(std::env::var_os(TOKEN_VARIABLE).map(|token| token.to_string_lossy().into_owned()))
     }
 
@@ -85,8 +85,8 @@ impl ServerArgs {
         };
         if let Some((origin, token)) = &chosen {
             let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte));
-            if token.len() < SHORTEST || token.len() > MAX_TOKEN_BYTES || !is_plain {
-                bail!("{origin}: a token is {SHORTEST} to {MAX_TOKEN_BYTES} letters, digits and -_.~");
+            if token.len() < MIN_TOKEN_BYTES || token.len() > MAX_TOKEN_BYTES || !is_plain {
+                bail!("{origin}: a token is {MIN_TOKEN_BYTES} to {MAX_TOKEN_BYTES} letters, digits and -_.~");
             }
         }
         // Who chooses the token may have put a server in front that is called otherwise.
@@ -130,7 +130,7 @@ fn read_token(path: &std::path::Path) -> Result<String> {
 ///
 /// # Errors
 /// No port is free, or the token cannot be used.
-pub fn serve(args: &ServerArgs, page: PageKind, router: Router) -> Result<String> {
+pub(crate) fn serve(args: &ServerArgs, page: PageKind, router: Router) -> Result<String> {
     let guard = args.guard()?;
     let listener = args.listen()?;
     listener.set_nonblocking(true)?;
@@ -257,7 +257,7 @@ const HEADERS: [(header::HeaderName, &str); 5] = [
 ];
 
 /// Returns a response with one line of text.
-pub fn refusal(status: StatusCode, why: impl AsRef<str>) -> Response {
+pub(crate) fn refusal(status: StatusCode, why: impl AsRef<str>) -> Response {
     (status, [(header::CONTENT_TYPE, "text/plain; charset=utf-8")], format!("{}\n", why.as_ref()))
         .into_response()
 }

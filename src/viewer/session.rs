@@ -11,8 +11,9 @@
 //! Text messages are JSON with a `type`: `loading`, `ready`, `failed`, `status`, `error`, `state`,
 //! `facts`, `picked`, `thumbnail`.
 
-use super::ViewerContext;
-use super::request_queue::{ClientQueue, ViewRequest, ViewerCommand};
+use super::client_queue::ClientQueue;
+use super::context::ViewerContext;
+use super::request_queue::{ViewRequest, ViewerCommand};
 use axum::extract::ws::{Message, WebSocket};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -37,7 +38,7 @@ enum ClientMessage {
 }
 
 /// Serves a page until it disconnects.
-pub async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
+pub(crate) async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
     let client_queue = Arc::new(ClientQueue::default());
     let Some(id) = context.queue.add_client(Arc::clone(&client_queue)) else { return };
     let _place = ClientPlace { context: Arc::clone(&context), id };

@@ -1,6 +1,7 @@
 //! The page of a training: its curves, and a rendered picture every few seconds while the page is
 //! open.
 
+use super::locked::locked;
 use super::server::{self, ServerArgs, refusal};
 use anyhow::Result;
 use axum::Router;
@@ -10,9 +11,9 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, put};
 use serde::{Deserialize, Serialize};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
-use wm_media::PictureSize;
+use weather_magician::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
 use wm_viewer::encode::jpeg;
@@ -21,14 +22,14 @@ use wm_viewer::page::PageKind;
 /// Time between pictures.
 const PICTURE_EVERY: Duration = Duration::from_secs(3);
 /// Time after its last request when a page counts as closed.
-const GONE: Duration = Duration::from_secs(4);
+const CLOSED_AFTER: Duration = Duration::from_secs(4);
 /// JPEG quality.
 const QUALITY: u8 = 88;
 
 /// Camera of the training's pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum TrainingCamera {
+pub(crate) enum TrainingCamera {
     /// The camera of a photo.
     #[default]
     Photo,
@@ -69,14 +70,14 @@ struct BoardState {
 
 /// The state of a training and the requests of its page, shared by both.
 #[derive(Clone, Default)]
-pub struct TrainingBoard(Arc<Mutex<BoardState>>);
+pub(crate) struct TrainingBoard(Arc<Mutex<BoardState>>);
 
 impl TrainingBoard {
     /// Serves the page of a training with this number of steps, and prints its address.
     ///
     /// # Errors
     /// No port is free.
-    pub fn serve(args: &ServerArgs, dataset: String, photo: String, steps: u32) -> Result<Self> {
+    pub(crate) fn serve(args: &ServerArgs, dataset: String, photo: String, steps: u32) -> Result<Self> {
         let status = TrainingStatus {
             program: wm_viewer::PROGRAM,
             dataset,
@@ -96,29 +97,29 @@ impl TrainingBoard {
 
     fn lock(&self) -> MutexGuard<'_, BoardState> {
         // No critical section leaves the state half changed when it panics.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
     }
 
     /// Sets the number of completed steps.
-    pub fn set_step(&self, step: u32, splats: usize, seconds: f64) {
+    pub(crate) fn set_step(&self, step: u32, splats: usize, seconds: f64) {
         let status = &mut self.lock().status;
         (status.step, status.splats, status.seconds) = (step, splats, seconds);
     }
 
     /// Adds a point to the curve of the mean loss.
-    pub fn push_loss(&self, step: u32, loss: f64) {
+    pub(crate) fn push_loss(&self, step: u32, loss: f64) {
         self.lock().status.loss.push((step, loss));
     }
 
     /// Adds a point to the curve of the held-out photos' PSNR, dB.
-    pub fn push_held_out(&self, step: u32, psnr: f64) {
+    pub(crate) fn push_held_out(&self, step: u32, psnr: f64) {
         self.lock().status.held_out.push((step, psnr));
     }
 
     /// Returns the camera of the next picture if one is due and the page is open.
-    pub fn due_picture(&self) -> Option<TrainingCamera> {
+    pub(crate) fn due_picture(&self) -> Option<TrainingCamera> {
         let state = self.lock();
-        let is_watched = state.asked.is_some_and(|asked| asked.elapsed() < GONE);
+        let is_watched = state.asked.is_some_and(|asked| asked.elapsed() < CLOSED_AFTER);
         let is_due = state.drawn.is_none_or(|drawn| drawn.elapsed() > PICTURE_EVERY);
         (is_watched && is_due).then_some(state.status.camera)
     }
@@ -127,7 +128,7 @@ impl TrainingBoard {
     ///
     /// # Errors
     /// The picture is too large for a JPEG.
-    pub fn set_picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
+    pub(crate) fn set_picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
         let size = (frame.width, frame.height);
         let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(size.0, size.1), Dither::Ordered);
         let bytes = jpeg(&bytes, size, QUALITY)?;
@@ -139,11 +140,11 @@ impl TrainingBoard {
     }
 
     /// Reports the end of the training to open pages.
-    pub fn finish(&self, text: String) {
+    pub(crate) fn finish(&self, text: String) {
         let is_watched = {
             let mut state = self.lock();
             state.status.end = Some(text);
-            state.asked.is_some_and(|asked| asked.elapsed() < GONE)
+            state.asked.is_some_and(|asked| asked.elapsed() < CLOSED_AFTER)
         };
         if is_watched {
             // Pages poll once a second.

@@ -1,20 +1,21 @@
 //! Videos rendered in the background: their options, progress and files.
 
+use super::locked::locked;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use tempfile::TempDir;
 use weather_magician::Picture;
-use wm_media::video::{FrameRate, VideoSink};
+use weather_magician::video::{FrameRate, VideoSink};
 
 /// Number of videos that are kept; the oldest is removed.
-const KEPT: usize = 4;
+const MAX_VIDEOS: usize = 4;
 /// Maximum length of a video, frames.
-pub const MAX_FRAMES: u32 = 20_000;
+pub(crate) const MAX_FRAMES: u32 = 20_000;
 
 /// State of a video.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,15 +26,15 @@ enum VideoStatus {
 }
 
 /// A video that is or was rendered.
-pub struct ViewerVideo {
+pub(crate) struct ViewerVideo {
     /// Number of the video.
-    pub id: u32,
+    pub(crate) id: u32,
     /// File name for the download.
-    pub name: String,
+    pub(crate) name: String,
     /// Frame rate.
-    pub rate: FrameRate,
+    pub(crate) rate: FrameRate,
     /// Number of frames.
-    pub frames: u32,
+    pub(crate) frames: u32,
     folder: TempDir,
     done: AtomicU32,
     is_stopped: AtomicBool,
@@ -42,38 +43,38 @@ pub struct ViewerVideo {
 
 impl ViewerVideo {
     /// The path of the file.
-    pub fn path(&self) -> PathBuf {
+    pub(crate) fn path(&self) -> PathBuf {
         self.folder.path().join("video.mp4")
     }
 
     /// Returns true if it was stopped by a client.
-    pub fn is_stopped(&self) -> bool {
+    pub(crate) fn is_stopped(&self) -> bool {
         self.is_stopped.load(Ordering::Relaxed)
     }
 
     /// Stops rendering.
-    pub fn stop(&self) {
+    pub(crate) fn stop(&self) {
         self.is_stopped.store(true, Ordering::Relaxed);
     }
 
     /// Sets the outcome.
-    pub fn end(&self, outcome: Result<(), String>) {
+    pub(crate) fn end(&self, outcome: Result<(), String>) {
         let status = outcome.map_or_else(VideoStatus::Failed, |()| VideoStatus::Done);
-        *self.status.lock().unwrap_or_else(PoisonError::into_inner) = status;
+        *locked(&self.status) = status;
     }
 
     /// Returns true if the file is complete.
-    pub fn is_done(&self) -> bool {
-        *self.status.lock().unwrap_or_else(PoisonError::into_inner) == VideoStatus::Done
+    pub(crate) fn is_done(&self) -> bool {
+        *locked(&self.status) == VideoStatus::Done
     }
 
     fn is_running(&self) -> bool {
-        *self.status.lock().unwrap_or_else(PoisonError::into_inner) == VideoStatus::Running
+        *locked(&self.status) == VideoStatus::Running
     }
 
     /// The status and progress as JSON.
-    pub fn json(&self) -> Value {
-        let (state, error) = match &*self.status.lock().unwrap_or_else(PoisonError::into_inner) {
+    pub(crate) fn json(&self) -> Value {
+        let (state, error) = match &*locked(&self.status) {
             VideoStatus::Running => ("running", None),
             VideoStatus::Done => ("done", None),
             VideoStatus::Failed(error) => ("failed", Some(error.clone())),
@@ -85,7 +86,7 @@ impl ViewerVideo {
 
 /// All videos of the viewer.
 #[derive(Default)]
-pub struct VideoList {
+pub(crate) struct VideoList {
     all: Mutex<(u32, BTreeMap<u32, Arc<ViewerVideo>>)>,
 }
 
@@ -94,14 +95,14 @@ impl VideoList {
     ///
     /// # Errors
     /// A video is running.
-    pub fn add(
+    pub(crate) fn add(
         &self,
         name: String,
         rate: FrameRate,
         frames: u32,
         folder: TempDir,
     ) -> Result<Arc<ViewerVideo>, String> {
-        let mut all = self.all.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all = locked(&self.all);
         if all.1.values().any(|video| video.is_running()) {
             return Err("a video is being rendered; wait for it or stop it".into());
         }
@@ -118,20 +119,20 @@ impl VideoList {
             status: Mutex::new(VideoStatus::Running),
         });
         all.1.insert(id, Arc::clone(&video));
-        while all.1.len() > KEPT {
+        while all.1.len() > MAX_VIDEOS {
             all.1.pop_first();
         }
         Ok(video)
     }
 
     /// Returns the video with a number.
-    pub fn get(&self, id: u32) -> Option<Arc<ViewerVideo>> {
-        self.all.lock().unwrap_or_else(PoisonError::into_inner).1.get(&id).cloned()
+    pub(crate) fn get(&self, id: u32) -> Option<Arc<ViewerVideo>> {
+        locked(&self.all).1.get(&id).cloned()
     }
 }
 
 /// Writes the frames of a video on a thread of its own.
-pub struct VideoWriter {
+pub(crate) struct VideoWriter {
     send: Option<SyncSender<Picture>>,
     returned: Receiver<Picture>,
     thread: Option<JoinHandle<Result<(), String>>>,
@@ -139,7 +140,7 @@ pub struct VideoWriter {
 
 impl VideoWriter {
     /// Starts the thread.
-    pub fn new(mut sink: Box<dyn VideoSink>, video: &Arc<ViewerVideo>) -> Self {
+    pub(crate) fn new(mut sink: Box<dyn VideoSink>, video: &Arc<ViewerVideo>) -> Self {
         let (send, receive) = sync_channel::<Picture>(2);
         let (give_back, returned) = channel();
         let video = Arc::clone(video);
@@ -159,17 +160,17 @@ impl VideoWriter {
     }
 
     /// Returns a picture to render into, reused if possible.
-    pub fn blank_picture(&self) -> Picture {
+    pub(crate) fn blank_picture(&self) -> Picture {
         self.returned.try_recv().unwrap_or_default()
     }
 
     /// Adds a frame; returns true if more frames are accepted.
-    pub fn push_frame(&self, picture: Picture) -> bool {
+    pub(crate) fn push_frame(&self, picture: Picture) -> bool {
         self.send.as_ref().is_some_and(|send| send.send(picture).is_ok())
     }
 
     /// Completes the file.
-    pub fn finish(mut self) -> Result<(), String> {
+    pub(crate) fn finish(mut self) -> Result<(), String> {
         drop(self.send.take());
         let thread = self.thread.take().map(JoinHandle::join);
         thread.unwrap_or(Ok(Ok(()))).unwrap_or_else(|_| Err("the writer of the video failed".into()))

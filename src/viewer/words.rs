@@ -1,15 +1,15 @@
 //! The words of the command line that name a scene, its facts and the options of a run.
 
-use crate::choices::SkyChoice;
+use crate::choices::sky_word;
 use crate::scene::{FactArgs, OwnSkyArgs, RunArgs, SceneArgs};
 use glam::DVec3;
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
-use wm_scene::survey::{FactSource, Survey};
+use wm_scene::survey::{FactSource, OwnSky, Survey};
 
 /// Returns the command-line words that name a scene, with its photos' cameras, which influence snow
 /// covers.
-pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&PathBuf>) -> Vec<OsString> {
+pub(crate) fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&PathBuf>) -> Vec<OsString> {
     let mut words = vec![args.scene.clone().into_os_string()];
     let mut add = |option: &str, value: &OsStr| {
         let mut word = OsString::from(format!("--{option}="));
@@ -19,8 +19,8 @@ pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&PathBuf>) -
     if let Some(level) = args.level {
         add("level", level.to_string().as_ref());
     }
-    if sky.sky != SkyChoice::Keep {
-        add("sky", sky.sky.name().as_ref());
+    if sky.sky != OwnSky::Keep {
+        add("sky", sky_word(sky.sky).as_ref());
     }
     if let Some(folder) = views {
         add("views", folder.as_os_str());
@@ -30,12 +30,12 @@ pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&PathBuf>) -
 }
 
 /// Returns the command-line words of the facts that were given with a scene.
-pub fn given_words(facts: &FactArgs) -> Vec<String> {
+pub(crate) fn given_words(facts: &FactArgs) -> Vec<String> {
     fact_words(facts.up, facts.ground, facts.metres_per_unit.or(facts.known_distance))
 }
 
 /// Returns the command-line words that give the facts of a survey, except those that are assumed.
-pub fn survey_words(survey: &Survey) -> Vec<String> {
+pub(crate) fn survey_words(survey: &Survey) -> Vec<String> {
     let scale = survey.metres_per_unit;
     let is_known = scale.source != FactSource::Assumed;
     fact_words(Some(survey.up.value), Some(survey.world_ground()), is_known.then_some(scale.value))
@@ -49,7 +49,7 @@ fn fact_words(up: Option<DVec3>, ground: Option<f64>, metres_per_unit: Option<f6
 }
 
 /// Returns the command-line words of the options of a run that change bytes.
-pub fn run_words(args: &RunArgs) -> Vec<String> {
+pub(crate) fn run_words(args: &RunArgs) -> Vec<String> {
     let default = RunArgs::default();
     let mut words = Vec::new();
     if args.device != default.device {

@@ -1,10 +1,11 @@
 //! The viewer's folder of temporary files: readable by its user alone, and removed at the next
 //! start of a viewer if this one is killed.
 
+use super::locked::locked;
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use tempfile::{Builder, TempDir};
 
 /// The start of the folder's name.
@@ -15,7 +16,7 @@ const LOCK: &str = "lock";
 
 /// The folder, which is created when it is first needed.
 #[derive(Default)]
-pub struct Workshop(Mutex<Option<OpenWorkshop>>);
+pub(crate) struct Workshop(Mutex<Option<OpenWorkshop>>);
 
 struct OpenWorkshop {
     // Dropped first: some systems do not remove a file that is open.
@@ -28,7 +29,7 @@ impl Workshop {
     ///
     /// # Errors
     /// In one line: the system refuses to create it.
-    pub fn open(&self) -> Result<(), String> {
+    pub(crate) fn open(&self) -> Result<(), String> {
         self.subfolder().map(drop)
     }
 
@@ -36,8 +37,8 @@ impl Workshop {
     ///
     /// # Errors
     /// As [`Self::open`].
-    pub fn subfolder(&self) -> Result<TempDir, String> {
-        let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+    pub(crate) fn subfolder(&self) -> Result<TempDir, String> {
+        let mut open = locked(&self.0);
         let inside = |parent: &Path| folder_in(parent, "");
         let parent = std::env::temp_dir();
         let made = match &*open {
@@ -54,8 +55,8 @@ impl Workshop {
     }
 
     /// Removes the folder with all that is in it.
-    pub fn clear(&self) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+    pub(crate) fn clear(&self) {
+        locked(&self.0).take();
     }
 }
 

@@ -6,13 +6,13 @@ use numpy::{Element, IxDyn, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyRea
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use wm_scene::Camera;
+use weather_magician::Camera;
 
 /// Moves values into an array of a shape.
 ///
 /// # Errors
 /// `ValueError` if their number is not that of the shape.
-pub fn moved<'py, T: Element>(
+pub(crate) fn moved<'py, T: Element>(
     py: Python<'py>,
     values: Vec<T>,
     shape: &[usize],
@@ -21,7 +21,7 @@ pub fn moved<'py, T: Element>(
 }
 
 /// Returns a read-only array over values that `owner` holds.
-pub fn view<'py, T: Element, D: Dimension>(
+pub(crate) fn view<'py, T: Element, D: Dimension>(
     owner: Bound<'py, PyAny>,
     values: &[T],
     shape: impl ShapeBuilder<Dim = D> + Into<StrideShape<D>>,
@@ -37,7 +37,10 @@ pub fn view<'py, T: Element, D: Dimension>(
 
 /// Reads numbers of any kind that NumPy converts (arrays, lists, tensors on the CPU) and their
 /// shape.
-pub fn numbers<T: Element + Copy>(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<T>, Vec<usize>)> {
+pub(crate) fn numbers<T: Element + Copy>(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+) -> PyResult<(Vec<T>, Vec<usize>)> {
     let py = value.py();
     let options = PyDict::new(py);
     options.set_item("dtype", numpy::dtype::<T>(py))?;
@@ -49,12 +52,12 @@ pub fn numbers<T: Element + Copy>(value: &Bound<'_, PyAny>, name: &str) -> PyRes
 }
 
 /// The fault of an array of the wrong shape.
-pub fn shape_fault(name: &str, wanted: &str, shape: &[usize]) -> PyErr {
+pub(crate) fn shape_fault(name: &str, wanted: &str, shape: &[usize]) -> PyErr {
     PyValueError::new_err(format!("{name}: must have the shape {wanted}, not {shape:?}"))
 }
 
 /// Reads `[C, 4, 4]`, or `[4, 4]` as one.
-pub fn matrices(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DMat4>> {
+pub(crate) fn matrices(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DMat4>> {
     let (values, shape) = numbers::<f64>(value, name)?;
     if !matches!(shape[..], [4, 4] | [_, 4, 4]) {
         return Err(shape_fault(name, "[C, 4, 4]", &shape));
@@ -65,7 +68,7 @@ pub fn matrices(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DMat4>> {
 }
 
 /// Reads `[C, 3, 3]`, or `[3, 3]` as one: fx, fy, cx and cy of each, px.
-pub fn intrinsics(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f64; 4]>> {
+pub(crate) fn intrinsics(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f64; 4]>> {
     let (values, shape) = numbers::<f64>(value, name)?;
     if !matches!(shape[..], [3, 3] | [_, 3, 3]) {
         return Err(shape_fault(name, "[C, 3, 3]", &shape));
@@ -81,7 +84,7 @@ pub fn intrinsics(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f64; 4]
 }
 
 /// Reads a point.
-pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
+pub(crate) fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     let (values, shape) = numbers::<f64>(value, name)?;
     match values[..] {
         [x, y, z] => Ok(DVec3::new(x, y, z)),
@@ -90,19 +93,19 @@ pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
 }
 
 /// Reads a direction of any length but 0, and returns it at length 1.
-pub fn direction(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
+pub(crate) fn direction(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     let wrong = || PyValueError::new_err(format!("{name}: must be a direction, not a vector without length"));
     vector(value, name)?.try_normalize().ok_or_else(wrong)
 }
 
 /// Returns a matrix as `[4, 4]`.
-pub fn matrix<'py>(py: Python<'py>, matrix: &DMat4) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+pub(crate) fn matrix<'py>(py: Python<'py>, matrix: &DMat4) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     // NumPy's rows are glam's columns.
     moved(py, matrix.transpose().to_cols_array().to_vec(), &[4, 4])
 }
 
 /// Returns `K [3, 3]` of a camera.
-pub fn k_of<'py>(py: Python<'py>, camera: &Camera) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+pub(crate) fn k_of<'py>(py: Python<'py>, camera: &Camera) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let Camera { fx, fy, cx, cy, .. } = *camera;
     moved(py, vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0], &[3, 3])
 }

@@ -1,8 +1,7 @@
 //! Data sets by a plan, block for block.
 
 use crate::error::{Error, Failure, Outcome};
-use crate::process::{CallbackProgress, PerProcess, detached, pool_of};
-use crate::renderer::device_of;
+use crate::process::{CallbackProgress, PerProcess, detached, device_of, pool_of};
 use crate::sample::{SplitFrames, dict_of, layers_of, split_index};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -18,7 +17,7 @@ use weather_magician::{CpuConfig, Renderer};
 
 #[doc = docs!("Batch")]
 #[pyclass(frozen, name = "Batch", module = "weather_magician")]
-pub struct PyBatch {
+pub(crate) struct PyBatch {
     plan: PathBuf,
     out: PathBuf,
     device: String,
@@ -340,7 +339,7 @@ impl PyBatch {
 
 /// Opens a plan that was pickled, and checks that it is the same.
 #[pyfunction]
-pub fn _open_batch(
+pub(crate) fn _open_batch(
     py: Python<'_>,
     plan: PathBuf,
     out: PathBuf,

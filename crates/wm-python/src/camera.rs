@@ -12,8 +12,8 @@ use weather_magician::view::{DEFAULT_SIZE, spec};
 #[doc = docs!("Camera")]
 #[pyclass(frozen, name = "Camera", module = "weather_magician")]
 #[derive(Clone, Copy)]
-pub struct PyCamera {
-    pub camera: wm_scene::Camera,
+pub(crate) struct PyCamera {
+    pub(crate) camera: wm_scene::Camera,
 }
 
 #[pymethods]

@@ -13,7 +13,7 @@ create_exception!(
 );
 
 /// The failure of work without the interpreter.
-pub enum Failure {
+pub(crate) enum Failure {
     /// An error of the library, as a line.
     Library(String),
     /// The work was asked to stop.
@@ -59,10 +59,10 @@ impl From<Failure> for PyErr {
 }
 
 /// The result of work without the interpreter.
-pub type Outcome<T> = Result<T, Failure>;
+pub(crate) type Outcome<T> = Result<T, Failure>;
 
 /// Returns an error with its causes in one line, as the program prints it.
-pub fn line_of(error: &dyn StdError) -> String {
+pub(crate) fn line_of(error: &dyn StdError) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(inner) = cause {

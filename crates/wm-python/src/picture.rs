@@ -16,18 +16,18 @@ use wm_media::png;
 
 /// The outputs of a picture that were asked for.
 #[derive(Clone, Debug)]
-pub struct PictureOutputs {
+pub(crate) struct PictureOutputs {
     /// Bytes for display.
     rgb: bool,
     /// Linear light.
     rgb_linear: bool,
     /// The others, in the order in which they were asked for.
-    pub layers: Vec<PictureLayer>,
+    pub(crate) layers: Vec<PictureLayer>,
 }
 
 impl PictureOutputs {
-    /// Those of their names, as in `--also` with `_` for `-`.
-    pub fn of(names: &[String]) -> PyResult<Self> {
+    /// Finds outputs by their names, which are those of `--also` with `_` for `-`.
+    pub(crate) fn of(names: &[String]) -> PyResult<Self> {
         let mut outputs = Self { rgb: false, rgb_linear: false, layers: Vec::new() };
         for name in names {
             match name.as_str() {
@@ -56,12 +56,12 @@ impl PictureOutputs {
     }
 
     /// The layers to render; the colour is always one of them.
-    pub fn request(&self) -> Layers {
+    pub(crate) fn request(&self) -> Layers {
         self.layers.iter().fold(Layers::COLOR, |layers, layer| layers | (*layer).into())
     }
 
     /// Memory for the outputs of `count` pictures.
-    pub fn stack(&self, count: usize, (width, height): (u32, u32)) -> Outcome<PictureStack> {
+    pub(crate) fn stack(&self, count: usize, width: u32, height: u32) -> Outcome<PictureStack> {
         let pixels =
             (width as usize).checked_mul(height as usize).and_then(|pixels| pixels.checked_mul(count));
         let memory = || {
@@ -95,7 +95,7 @@ impl PictureOutputs {
 }
 
 /// The outputs of some pictures of one size, one after the other.
-pub struct PictureStack {
+pub(crate) struct PictureStack {
     outputs: PictureOutputs,
     shape: [usize; 3],
     rgb: Vec<u8>,
@@ -106,7 +106,7 @@ pub struct PictureStack {
 
 impl PictureStack {
     /// Adds the outputs of a picture.
-    pub fn add(&mut self, picture: &weather_magician::Picture) {
+    pub(crate) fn add(&mut self, picture: &weather_magician::Picture) {
         let frame = &picture.frame;
         if self.outputs.rgb {
             let size = PictureSize::new(frame.width, frame.height);
@@ -130,7 +130,7 @@ impl PictureStack {
     }
 
     /// Returns arrays `[C, H, W, k]` by their names.
-    pub fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    pub(crate) fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let [count, height, width] = self.shape;
         let shape = |channels: usize| [count, height, width, channels];
         let dict = PyDict::new(py);
@@ -153,10 +153,10 @@ impl PictureStack {
 
 #[doc = docs!("Picture")]
 #[pyclass(frozen, name = "Picture", module = "weather_magician")]
-pub struct PyPicture {
-    pub picture: weather_magician::Picture,
-    pub outputs: PictureOutputs,
-    pub camera: wm_scene::Camera,
+pub(crate) struct PyPicture {
+    pub(crate) picture: weather_magician::Picture,
+    pub(crate) outputs: PictureOutputs,
+    pub(crate) camera: wm_scene::Camera,
 }
 
 impl PyPicture {
@@ -172,7 +172,7 @@ impl PyPicture {
         }
         let frame = &self.picture.frame;
         let stack = detached(py, |_| {
-            let mut stack = asked.stack(1, (frame.width, frame.height))?;
+            let mut stack = asked.stack(1, frame.width, frame.height)?;
             stack.add(&self.picture);
             Ok(stack)
         })?;

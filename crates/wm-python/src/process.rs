@@ -10,6 +10,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::Duration;
+use weather_magician::Device;
 use weather_magician::Progress;
 
 /// Time between two questions to the interpreter for signals.
@@ -17,7 +18,10 @@ const SIGNALS: Duration = Duration::from_millis(50);
 
 /// Does `work` on a thread of its own, with the interpreter free for others. Ctrl-C asks it to
 /// stop, and is raised when it has.
-pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce(&StopFlag) -> Outcome<T> + Send) -> PyResult<T> {
+pub(crate) fn detached<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&StopFlag) -> Outcome<T> + Send,
+) -> PyResult<T> {
     let stop = StopFlag::default();
     let (outcome, signal) = py.detach(|| {
         thread::scope(|scope| {
@@ -47,18 +51,18 @@ pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce(&StopFlag) -> Outcome
 
 /// Tells work that it should stop.
 #[derive(Debug, Default)]
-pub struct StopFlag(AtomicBool);
+pub(crate) struct StopFlag(AtomicBool);
 
 impl StopFlag {
     /// Returns true if it should.
-    pub fn is_set(&self) -> bool {
+    pub(crate) fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
 /// Progress of the library as calls of a Python function, and the way in which Ctrl-C reaches the
 /// library.
-pub struct CallbackProgress<'a> {
+pub(crate) struct CallbackProgress<'a> {
     stop: &'a StopFlag,
     /// Called with the steps done, the steps in all or `None`, and the task.
     callback: Option<&'a Py<PyAny>>,
@@ -71,12 +75,12 @@ pub struct CallbackProgress<'a> {
 
 impl<'a> CallbackProgress<'a> {
     /// Progress that goes to `callback`.
-    pub fn new(stop: &'a StopFlag, callback: Option<&'a Py<PyAny>>) -> Self {
+    pub(crate) fn new(stop: &'a StopFlag, callback: Option<&'a Py<PyAny>>) -> Self {
         Self { stop, callback, task: "", steps: None, done: 0, raised: None }
     }
 
     /// Returns the outcome of the work, or the exception of the callback that stopped it.
-    pub fn outcome<T>(&mut self, outcome: Result<T, impl Into<Failure>>) -> Outcome<T> {
+    pub(crate) fn outcome<T>(&mut self, outcome: Result<T, impl Into<Failure>>) -> Outcome<T> {
         match self.raised.take() {
             Some(raised) => Err(Failure::Python(raised)),
             None => outcome.map_err(Into::into),
@@ -84,7 +88,7 @@ impl<'a> CallbackProgress<'a> {
     }
 
     /// Tells that so many steps of a task are done, where other tasks came in between.
-    pub fn reached(&mut self, task: &'static str, done: u64, steps: u64) {
+    pub(crate) fn reached(&mut self, task: &'static str, done: u64, steps: u64) {
         (self.task, self.steps, self.done) = (task, Some(steps), done);
         self.tell();
     }
@@ -114,7 +118,7 @@ impl Progress for CallbackProgress<'_> {
 
 /// A value that each process makes for itself: the threads and the locks of a process are not there
 /// in its forks.
-pub struct PerProcess<T> {
+pub(crate) struct PerProcess<T> {
     first: OnceLock<Box<ProcessSlot<T>>>,
 }
 
@@ -126,12 +130,12 @@ struct ProcessSlot<T> {
 
 impl<T> PerProcess<T> {
     /// Without a value yet.
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { first: OnceLock::new() }
     }
 
     /// Locks the value of this process; `None` where it was not made yet.
-    pub fn lock(&self) -> MutexGuard<'_, Option<T>> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Option<T>> {
         let process = std::process::id();
         let mut at = &self.first;
         loop {
@@ -145,7 +149,7 @@ impl<T> PerProcess<T> {
     }
 
     /// Calls `work` with the value of this process, made by `make` if it was not there.
-    pub fn with<R, E>(
+    pub(crate) fn with<R, E>(
         &self,
         make: impl FnOnce() -> Result<T, E>,
         work: impl FnOnce(&mut T) -> Result<R, E>,
@@ -175,12 +179,17 @@ impl<T> Drop for PerProcess<T> {
 ///
 /// Work that may run beside other work has a pool of its own: while a thread of a pool waits for
 /// another pool, it takes other work of its own, which then has to end first.
-pub fn pool_of(threads: Option<usize>) -> Outcome<Arc<ThreadPool>> {
+pub(crate) fn pool_of(threads: Option<usize>) -> Outcome<Arc<ThreadPool>> {
     let built = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     built.map(Arc::new).map_err(|error| Failure::Library(error.to_string()))
 }
 
 /// Does `work` on threads of its own: rayon's global ones would be dead in a fork.
-pub fn on_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcome<R> {
+pub(crate) fn on_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcome<R> {
     Ok(pool_of(None)?.install(work))
+}
+
+/// The device of a name: auto, cpu, gpu or gpu:NAME.
+pub(crate) fn device_of(name: &str) -> Outcome<Device> {
+    name.parse().map_err(|error| Failure::Library(format!("device: {error}")))
 }

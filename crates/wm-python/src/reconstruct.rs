@@ -1,19 +1,18 @@
 //! Photos to a scene.
 
 use crate::error::{Failure, line_of};
-use crate::process::{StopFlag, detached, on_threads};
-use crate::renderer::device_of;
+use crate::process::{StopFlag, detached, device_of, on_threads};
 use crate::scene::PyScene;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use wm_train::session::{
+use weather_magician::train::session::{
     HeldOutScores, Resume, Session, SessionError, SessionOptions, StepProgress, StepSummary, TrainNotice,
     TrainObserver, TrainReport, TrainWarning,
 };
-use wm_train::{Preset, TrainPlan};
+use weather_magician::train::{Preset, TrainPlan};
 
 /// Events of a training as calls of a Python function.
 struct Events<'a> {
@@ -110,7 +109,7 @@ impl TrainObserver for Events<'_> {
 #[pyfunction]
 #[pyo3(signature = (photos, *, preset="standard", steps=None, max_splats=None, eval_every=0, run_folder=None, resume="never", metres_per_unit=None, camera_height=None, device="auto", threads=None, callback=None))]
 #[allow(clippy::too_many_arguments)] // As many as Python's.
-pub fn reconstruct(
+pub(crate) fn reconstruct(
     py: Python<'_>,
     photos: PathBuf,
     preset: &str,

@@ -1,13 +1,16 @@
 //! A device with a place on it: pictures as arrays, sweeps, videos, bakes and measurements.
 
+mod inputs;
+
 use crate::arrays::{intrinsics, matrices, matrix, moved, numbers, shape_fault};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
 use crate::picture::{PictureOutputs, PyPicture};
-use crate::process::{CallbackProgress, PerProcess, StopFlag, detached, pool_of};
+use crate::process::{CallbackProgress, PerProcess, StopFlag, detached, device_of, pool_of};
 use crate::scene::PyScene;
 use crate::weather::PyWeather;
 use glam::{DAffine3, DMat4};
+use inputs::{CameraInput, finite, times_of, view_options};
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -22,20 +25,14 @@ use weather_magician::measure::{INSTRUMENTS, InstrumentRenderer, MeasureRequest,
 use weather_magician::video::{FrameRate, VideoSettings};
 use weather_magician::view::{ViewOptions, spec};
 use weather_magician::{
-    CameraMotion, CpuConfig, Device, FrameRequest, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
+    CameraMotion, CpuConfig, FrameRequest, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
     PreparedPlace, Progress, VideoFile, picture_tags,
 };
 use wm_scene::SceneView;
-use wm_scene::camera::FOV;
-
-/// The device of a name: auto, cpu, gpu or gpu:NAME.
-pub fn device_of(name: &str) -> Outcome<Device> {
-    name.parse().map_err(|error| Failure::Library(format!("device: {error}")))
-}
 
 #[doc = docs!("Renderer")]
 #[pyclass(frozen, name = "Renderer", module = "weather_magician")]
-pub struct PyRenderer {
+pub(crate) struct PyRenderer {
     source: PlaceSource,
     device: String,
     threads: Option<usize>,
@@ -159,59 +156,6 @@ impl OpenPlace {
         let spec = MotionSpec { camera: spec, ..MotionSpec::default() };
         Ok(spec.start(renderer, place, options, &mut |_| {})?)
     }
-}
-
-/// A camera as functions take it.
-pub enum CameraInput {
-    /// A camera.
-    Camera(wm_scene::Camera),
-    /// Eye and target, a view's name or number, or a file of keyframes.
-    Spec(String),
-    /// One that suits the scene.
-    Chosen,
-}
-
-impl CameraInput {
-    fn of(value: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let Some(value) = value else { return Ok(Self::Chosen) };
-        if let Ok(camera) = value.cast::<PyCamera>() {
-            return Ok(Self::Camera(camera.get().camera));
-        }
-        if let Ok(number) = value.extract::<u32>() {
-            return Ok(Self::Spec(number.to_string()));
-        }
-        if let Ok(spec) = value.extract::<PathBuf>() {
-            return Ok(Self::Spec(spec.to_string_lossy().into_owned()));
-        }
-        let says = "camera: must be a Camera, a text such as \"0,0,2:0,10,2\", the name or the number of a view, or None";
-        Err(PyTypeError::new_err(says))
-    }
-}
-
-fn view_options(size: Option<(u32, u32)>, fov: Option<f64>) -> PyResult<ViewOptions> {
-    if let Some(fov) = fov.filter(|fov| !FOV.contains(fov)) {
-        return Err(PyValueError::new_err(format!("fov {fov}: must be 0.1 to 170 degrees")));
-    }
-    Ok(ViewOptions { size, fov, ..ViewOptions::default() })
-}
-
-fn finite(name: &str, value: f64) -> PyResult<f64> {
-    if value.is_finite() {
-        return Ok(value);
-    }
-    Err(PyValueError::new_err(format!("{name} {value}: must be a number")))
-}
-
-/// The times of `count` frames: one for all, or one each.
-fn times_of(time: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<f64>> {
-    let Some(time) = time else { return Ok(vec![0.0; count]) };
-    let (times, shape) = numbers::<f64>(time, "time")?;
-    let times = match times[..] {
-        [time] => vec![time; count],
-        _ if shape == [count] => times,
-        _ => return Err(shape_fault("time", &format!("[] or [{count}]"), &shape)),
-    };
-    times.into_iter().map(|time| finite("time", time)).collect()
 }
 
 #[pymethods]
@@ -371,7 +315,7 @@ impl PyRenderer {
         let made = self.with(py, |open, stop| {
             let near = near.unwrap_or_else(|| ViewOptions::default().near(open.place.survey()));
             let mut reporter = CallbackProgress::new(stop, progress.as_ref());
-            let mut stack = wanted.stack(count, (width, height))?;
+            let mut stack = wanted.stack(count, width, height)?;
             for index in 0..count {
                 reporter.reached("frames", index as u64, count as u64);
                 if reporter.is_stopped() {

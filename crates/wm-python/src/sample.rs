@@ -11,12 +11,12 @@ use weather_magician::{Layers, PictureLayer};
 use wm_scene::random::bits;
 
 /// The conditions of clips, by their numbers.
-pub fn conditions() -> [&'static str; 6] {
+pub(crate) fn conditions() -> [&'static str; 6] {
     Condition::ALL.map(Condition::name)
 }
 
 /// The layers of their names, with `_` or `-` between words.
-pub fn layers_of(names: Option<Vec<String>>) -> PyResult<Option<Layers>> {
+pub(crate) fn layers_of(names: Option<Vec<String>>) -> PyResult<Option<Layers>> {
     let layer = |name: &String| {
         let layer = name.replace('_', "-").parse::<PictureLayer>();
         layer.map_err(|says| PyValueError::new_err(format!("layers: {}", says.replace('-', "_"))))
@@ -34,11 +34,11 @@ fn place_of(index: isize, count: u64, what: &str) -> PyResult<u64> {
 
 #[doc = docs!("SplitFrames")]
 #[pyclass(frozen, sequence, module = "weather_magician")]
-pub struct SplitFrames {
-    pub name: String,
-    pub clips: SplitClips,
+pub(crate) struct SplitFrames {
+    pub(crate) name: String,
+    pub(crate) clips: SplitClips,
     /// Frames of a clip.
-    pub frames: u64,
+    pub(crate) frames: u64,
 }
 
 impl SplitFrames {
@@ -67,7 +67,7 @@ impl SplitFrames {
 
 #[doc = docs!("Permutation")]
 #[pyclass(frozen, sequence, module = "weather_magician")]
-pub struct Permutation {
+pub(crate) struct Permutation {
     count: u64,
     order: RandomPermutation,
 }
@@ -93,7 +93,7 @@ impl Permutation {
 }
 
 /// A reading as a dictionary.
-pub fn dict_of<'py>(
+pub(crate) fn dict_of<'py>(
     py: Python<'py>,
     frame: u64,
     sample: BatchSample,
@@ -176,7 +176,7 @@ fn points_into(py: Python<'_>, dict: &Bound<'_, PyDict>, points: &[DatasetPoint]
 }
 
 /// The index of a split by its name.
-pub fn split_index(splits: &[(String, f64)], name: &str) -> Outcome<usize> {
+pub(crate) fn split_index(splits: &[(String, f64)], name: &str) -> Outcome<usize> {
     splits.iter().position(|(known, _)| known == name).ok_or_else(|| {
         let known: Vec<&str> = splits.iter().map(|(name, _)| name.as_str()).collect();
         Failure::Library(format!("the plan has no split \"{name}\": it has {}", known.join(", ")))

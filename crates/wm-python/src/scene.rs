@@ -3,8 +3,7 @@
 use crate::arrays::{direction, moved, numbers, shape_fault, vector, view};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
-use crate::process::{CallbackProgress, detached, on_threads};
-use crate::renderer::device_of;
+use crate::process::{CallbackProgress, detached, device_of, on_threads};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,24 +11,24 @@ use pyo3::types::{PyDict, PyTuple};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weather_magician::batch::scene_digest_of;
-use weather_magician::{CpuConfig, CropBox, LengthScale, SceneChange};
+use weather_magician::formats::{DetailLevel, ReadOptions, read_scene};
+use weather_magician::{CpuConfig, CropBox, LengthScale, Metadata, SceneChange};
 use wm_render::AnyDifferentiable;
-use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
 use wm_scene::splats::{LabelKind, logit};
-use wm_scene::{Group, Metadata, Splats as SceneSplats};
+use wm_scene::{Group, Splats as SceneSplats};
 
 #[doc = docs!("Scene")]
 #[pyclass(frozen, name = "Scene", module = "weather_magician")]
 #[derive(Clone)]
-pub struct PyScene {
-    pub scene: Arc<wm_scene::Scene>,
-    pub origin: Option<SceneOrigin>,
+pub(crate) struct PyScene {
+    pub(crate) scene: Arc<wm_scene::Scene>,
+    pub(crate) origin: Option<SceneOrigin>,
 }
 
 /// The file of a scene, and how it was read.
 #[derive(Clone)]
-pub struct SceneOrigin {
-    pub path: PathBuf,
+pub(crate) struct SceneOrigin {
+    pub(crate) path: PathBuf,
     repair: bool,
     level: Option<u32>,
     /// Facts that were changed after it was read.
@@ -38,7 +37,7 @@ pub struct SceneOrigin {
 
 impl PyScene {
     /// Reads a scene, with the errors of the program.
-    pub fn read(path: &Path, repair: bool, level: Option<u32>) -> Outcome<Self> {
+    pub(crate) fn read(path: &Path, repair: bool, level: Option<u32>) -> Outcome<Self> {
         let options = ReadOptions {
             level: level.map_or(DetailLevel::Finest, DetailLevel::Number),
             ..ReadOptions::default()
@@ -55,13 +54,8 @@ impl PyScene {
     }
 
     /// A scene of this process.
-    pub fn made(scene: wm_scene::Scene) -> Self {
+    pub(crate) fn made(scene: wm_scene::Scene) -> Self {
         Self { scene: Arc::new(scene), origin: None }
-    }
-
-    /// Its name in messages and in the words of pictures.
-    pub fn name(&self) -> String {
-        self.origin.as_ref().map_or_else(String::new, |origin| origin.path.display().to_string())
     }
 }
 
@@ -328,7 +322,7 @@ impl PyScene {
 
 /// Opens a scene that was pickled by its path, and checks that the file is the same.
 #[pyfunction]
-pub fn _scene_of_file(
+pub(crate) fn _scene_of_file(
     py: Python<'_>,
     path: PathBuf,
     repair: bool,
@@ -348,7 +342,7 @@ pub fn _scene_of_file(
 
 /// Makes a scene that was pickled by its values.
 #[pyfunction]
-pub fn _scene_of_bytes(bytes: &[u8], views: Vec<(String, PyRef<'_, PyCamera>)>) -> PyResult<PyScene> {
+pub(crate) fn _scene_of_bytes(bytes: &[u8], views: Vec<(String, PyRef<'_, PyCamera>)>) -> PyResult<PyScene> {
     let damaged = || Error::new_err("this pickled scene is damaged");
     let (splats, facts): (SceneSplats, String) = postcard::from_bytes(bytes).map_err(|_| damaged())?;
     let metadata: Metadata = serde_json::from_str(&facts).map_err(|_| damaged())?;
@@ -360,7 +354,7 @@ pub fn _scene_of_bytes(bytes: &[u8], views: Vec<(String, PyRef<'_, PyCamera>)>) 
 
 #[doc = docs!("Splats")]
 #[pyclass(frozen, name = "Splats", module = "weather_magician")]
-pub struct PySplats {
+pub(crate) struct PySplats {
     scene: Arc<wm_scene::Scene>,
 }
 

@@ -14,8 +14,8 @@ use wm_weather::presets::PRESETS;
 #[doc = docs!("Weather")]
 #[pyclass(frozen, name = "Weather", module = "weather_magician")]
 #[derive(Clone)]
-pub struct PyWeather {
-    pub weather: wm_weather::Weather,
+pub(crate) struct PyWeather {
+    pub(crate) weather: wm_weather::Weather,
     notes: Vec<String>,
 }
 
@@ -31,7 +31,7 @@ impl PyWeather {
     }
 
     /// A weather as functions take it: a `PyWeather`, or what makes one; clear air for `None`.
-    pub fn given(value: Option<&Bound<'_, PyAny>>) -> PyResult<wm_weather::Weather> {
+    pub(crate) fn given(value: Option<&Bound<'_, PyAny>>) -> PyResult<wm_weather::Weather> {
         let Some(value) = value else { return Ok(wm_weather::Weather::clear()) };
         if let Ok(weather) = value.cast::<Self>() {
             return Ok(weather.get().weather.clone());
@@ -205,6 +205,6 @@ impl PyWeather {
 
 /// Makes a weather that was pickled.
 #[pyfunction]
-pub fn _weather_of(py: Python<'_>, text: &str, notes: Vec<String>) -> PyResult<PyWeather> {
+pub(crate) fn _weather_of(py: Python<'_>, text: &str, notes: Vec<String>) -> PyResult<PyWeather> {
     detached(py, |_| PyWeather::of(wm_weather::Weather::parse(text, "pickled weather")?, notes))
 }

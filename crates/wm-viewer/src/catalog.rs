@@ -78,7 +78,7 @@ impl Catalog {
     ///
     /// # Errors
     /// The program was not started with a panorama of this path.
-    pub fn load_panoramas(&self, weather: &mut Weather) -> Result<(), String> {
+    fn load_panoramas(&self, weather: &mut Weather) -> Result<(), String> {
         weather.load_images(|path| {
             let known = path.to_str().and_then(|name| self.panoramas.get(name));
             known.cloned().ok_or_else(|| {
@@ -94,7 +94,7 @@ impl Catalog {
     ///
     /// # Errors
     /// The first invalid value, in one line.
-    pub fn camera_path(&self, state: &ViewState) -> Result<(String, CameraPath), String> {
+    pub(crate) fn camera_path(&self, state: &ViewState) -> Result<(String, CameraPath), String> {
         let key = |time, eye, [w, x, y, z]: [f64; 4], fov| {
             let rotation = DQuat::from_xyzw(x, y, z, w);
             let is_turn = rotation.is_finite() && rotation.length() > 1e-9;

@@ -34,7 +34,7 @@ pub fn to_bytes(frame: &Frame, output: ViewOutput, half: f64, dither: Dither) ->
 }
 
 /// Joins `left` and `right`, each `[H, W, 3]` with its width, side by side.
-pub fn join_columns(left: (Vec<u8>, u32), right: (Vec<u8>, u32)) -> Vec<u8> {
+pub(crate) fn join_columns(left: (Vec<u8>, u32), right: (Vec<u8>, u32)) -> Vec<u8> {
     let ((left, left_width), (right, right_width)) = (left, right);
     match (left_width, right_width) {
         (0, _) => right,

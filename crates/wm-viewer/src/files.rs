@@ -1,7 +1,8 @@
 //! Files of a view to save, and the commands that make the same.
 
 use crate::catalog::Catalog;
-use crate::state::{Follow, View, ViewOutput};
+use crate::state::{Follow, ViewOutput};
+use crate::view::View;
 use std::ffi::{OsStr, OsString};
 use wm_media::video::FrameRate;
 

@@ -4,7 +4,7 @@
 //! The program serves the page and renders for it (`src/viewer/`); on a static page the same code
 //! runs inside of the browser.
 //!
-//! - [`page::FILES`]: the files of the page.
+//! - [`page::files_of`]: the files of a page.
 //! - [`Catalog`]: the scene's facts, and the names that a page may use.
 //! - [`ViewState`]: everything except the scene that a picture depends on, as JSON. [`View`] is one
 //!   that was checked.
@@ -17,23 +17,26 @@
 pub mod catalog;
 pub mod encode;
 pub mod files;
-pub mod lidar;
+mod lidar;
 pub mod link;
 pub mod pace;
 pub mod page;
 pub mod paint;
 pub mod site;
 pub mod state;
+pub mod sweeps;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 mod text;
 pub mod thumbnail;
+mod view;
 
 pub use catalog::Catalog;
 pub use files::FileNames;
 pub use paint::ViewPainter;
 pub use site::SiteFile;
-pub use state::{View, ViewState};
+pub use state::ViewState;
+pub use view::View;
 
 /// The name of the program and its version.
 pub const PROGRAM: &str = concat!("weather-magician ", env!("CARGO_PKG_VERSION"));

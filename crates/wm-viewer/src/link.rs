@@ -10,19 +10,20 @@
 //! which [`open`] does.
 
 use crate::catalog::Catalog;
-use crate::state::{Follow, Pose, PoseKey, View, ViewOutput, ViewState, json_of};
+use crate::state::{Follow, Pose, PoseKey, ViewOutput, ViewState, json_of};
 use crate::text::{one_line, shown};
+use crate::view::View;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use serde::de::DeserializeOwned;
 use std::fmt::Write;
 
 /// The version of links that this program writes and reads.
-pub const LINK_VERSION: u32 = 1;
+const LINK_VERSION: u32 = 1;
 /// Longest fragment, bytes.
-pub const MAX_FRAGMENT: usize = 64 << 10;
+const MAX_FRAGMENT: usize = 64 << 10;
 /// Most bytes that a fragment is inflated to, all of its parts together.
-pub const MAX_INFLATED: usize = 256 << 10;
+const MAX_INFLATED: usize = 256 << 10;
 
 /// The keys of a fragment, in the order in which they are written.
 const KEYS: [&str; 9] = ["v", "w", "c", "t", "o", "d", "p", "f", "l"];

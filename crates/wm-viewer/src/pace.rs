@@ -1,15 +1,15 @@
 //! Adaptive resolution of frames while the view is moving: the largest that keeps the frame rate.
 
 /// Least frame rate while the view is moving, frames a second.
-pub const LEAST_RATE: f64 = 15.0;
+const MIN_RATE_HZ: f64 = 15.0;
 /// Share of the time of a frame to aim at; the rest is a margin for variation.
-const AIM: f64 = 0.75;
+const AIMED_SHARE: f64 = 0.75;
 /// Least share of the full width and height.
-const LEAST: f64 = 0.16;
+const MIN_SCALE: f64 = 0.16;
 /// Limits of the factor by which one frame changes the scale.
-const STEP: (f64, f64) = (0.6, 1.12);
+const SCALE_STEP_LIMITS: (f64, f64) = (0.6, 1.12);
 /// Widths are multiples of this, px, so that the size does not change with every frame.
-const GRAIN: f64 = 16.0;
+const WIDTH_STEP_PX: f64 = 16.0;
 
 /// Scale of a client's frames while the view is moving.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,13 +25,14 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// The size of the next frame for a full size of `[width, height]`, px.
-    pub fn size(&self, [width, height]: [u32; 2]) -> (u32, u32) {
+    /// The size of the next frame for a `full` size, px.
+    pub fn size(&self, full: [u32; 2]) -> (u32, u32) {
         if self.scale == 1.0 {
-            return (width, height);
+            return full.into();
         }
-        let (width, height) = (f64::from(width), f64::from(height));
-        let shown = ((width * self.scale / GRAIN).round() * GRAIN).clamp(GRAIN.min(width), width);
+        let [width, height] = full.map(f64::from);
+        let shown = ((width * self.scale / WIDTH_STEP_PX).round() * WIDTH_STEP_PX)
+            .clamp(WIDTH_STEP_PX.min(width), width);
         (shown as u32, (height * shown / width).round().max(1.0) as u32)
     }
 
@@ -42,10 +43,11 @@ impl Pace {
     /// square root of the time.
     pub fn learn(&mut self, seconds: f64, sharing: usize, on_its_way: f64) {
         let took = (seconds * sharing.max(1) as f64).max(on_its_way);
-        let factor = (AIM / LEAST_RATE / took.max(1e-4)).sqrt();
+        let factor = (AIMED_SHARE / MIN_RATE_HZ / took.max(1e-4)).sqrt();
         // Close to the aim the scale stays.
         if !(0.9..1.1).contains(&factor) {
-            self.scale = (self.scale * factor.clamp(STEP.0, STEP.1)).clamp(LEAST, 1.0);
+            self.scale =
+                (self.scale * factor.clamp(SCALE_STEP_LIMITS.0, SCALE_STEP_LIMITS.1)).clamp(MIN_SCALE, 1.0);
         }
     }
 }
@@ -70,10 +72,10 @@ mod tests {
         for (splats, pixels) in [(0.0, 0.001), (0.01, 0.1), (0.03, 0.4), (0.005, 3.0)] {
             for sharing in [1, 2] {
                 let (scale, time) = settled(splats, pixels, sharing);
-                let is_least = scale <= LEAST;
-                assert!(time < 1.0 / LEAST_RATE || is_least, "{splats} {pixels} {sharing}: {scale} {time}");
+                let is_least = scale <= MIN_SCALE;
+                assert!(time < 1.0 / MIN_RATE_HZ || is_least, "{splats} {pixels} {sharing}: {scale} {time}");
                 assert!(
-                    time > 0.5 / LEAST_RATE || scale == 1.0 || is_least,
+                    time > 0.5 / MIN_RATE_HZ || scale == 1.0 || is_least,
                     "{splats} {pixels}: {scale} {time}"
                 );
             }
@@ -86,7 +88,7 @@ mod tests {
         for _ in 0..50 {
             pace.learn(0.001, 1, 0.4);
         }
-        assert_eq!(pace.scale, LEAST);
+        assert_eq!(pace.scale, MIN_SCALE);
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub struct PageFile {
     /// The content.
     pub text: &'static str,
     /// The pages that it belongs to.
-    pub pages: &'static [PageKind],
+    pages: &'static [PageKind],
 }
 
 /// The page that the program serves alone.
@@ -53,7 +53,7 @@ macro_rules! file {
 }
 
 /// The files of all pages. A path may be there more than once, each time for other pages.
-pub const FILES: &[PageFile] = &[
+const FILES: &[PageFile] = &[
     file!("index.html", HTML, SCENE),
     file!("index.html" = "training.html", HTML, TRAINING),
     file!("style.css", CSS, EVERY),

@@ -1,7 +1,8 @@
 //! Draws views as bytes, and says what they show.
 
 use crate::encode::{join_columns, to_bytes};
-use crate::state::{Pose, View, ViewOutput, ViewState};
+use crate::state::{Pose, ViewOutput, ViewState};
+use crate::view::View;
 use serde_json::{Map, Value, json};
 use weather_magician::lidar::PointOverlay;
 use weather_magician::{
@@ -120,8 +121,8 @@ impl ViewPainter {
         Ok(&self.picture)
     }
 
-    /// Returns the point of the scene that is seen at `[x, y]`, 0-1, of the picture; `None` where
-    /// there is nothing.
+    /// Returns the point of the scene that is seen at `at` (x and y, 0-1) of the picture; `None`
+    /// where there is nothing.
     ///
     /// # Errors
     /// As [`Renderer::render_into`].
@@ -130,7 +131,7 @@ impl ViewPainter {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         view: &View,
-        [x, y]: [f64; 2],
+        at: [f64; 2],
     ) -> Result<Option<[f64; 3]>> {
         let [width, height] = view.state.size.map(|side| (side / 4).max(1));
         let camera = view.motion_for((width, height)).camera(view.state.time);
@@ -138,8 +139,8 @@ impl ViewPainter {
         let layers = Layers::COLOR | Layers::DEPTH;
         let request = FrameRequest { layers, ..FrameRequest::new(&clear, camera, view.state.time) };
         renderer.render_async(place, &request, &mut self.clear, &mut ()).await?;
-        let [column, row] =
-            [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
+        let [column, row] = [(at[0], width), (at[1], height)]
+            .map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
         let depth = self.clear.frame.depth[self.clear.frame.index(column, row)];
         let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let reach = f64::from(depth) / ray.dot(camera.forward());
@@ -161,7 +162,7 @@ pub struct FrameReport<'a> {
     pub size: (u32, u32),
     /// True if nothing is missing: no asset, and no sweep.
     pub is_whole: bool,
-    /// What was drawn.
+    /// Statistics of the drawing.
     pub stats: &'a Stats,
     /// Time of drawing and of encoding, s.
     pub seconds: [f64; 2],

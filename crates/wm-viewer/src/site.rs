@@ -1,8 +1,9 @@
 //! The scene of a static page: `place/place.json` of a site.
 
 use crate::catalog::Catalog;
-use crate::state::{View, ViewState};
+use crate::state::ViewState;
 use crate::text::{one_line, shown};
+use crate::view::View;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use wm_scene::survey::Survey;
@@ -169,7 +170,7 @@ impl SiteFile {
 ///
 /// # Errors
 /// The rule that it breaks, which follows its name.
-pub fn check_name(name: &str) -> Result<(), &'static str> {
+fn check_name(name: &str) -> Result<(), &'static str> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     if name.len() > MAX_NAME {
         return Err("is too long");

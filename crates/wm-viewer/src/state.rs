@@ -1,24 +1,12 @@
 //! The state of a view: everything except the scene that a picture depends on, in one value that
 //! clients send and receive.
 
-use crate::catalog::Catalog;
-use crate::lidar::{CheckedLidar, LidarState};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
-use std::sync::Arc;
-use weather_magician::CameraMotion;
-use weather_magician::view::path::CameraPath;
 use wm_scene::Camera;
 use wm_scene::values::FARTHEST;
 use wm_weather::Weather;
-
-/// Longest side of a picture, px.
-const MAX_SIDE: u32 = 4096;
-/// Maximum number of pixels of a picture.
-const MAX_PIXELS: u64 = 3840 * 2160;
-/// Largest absolute time, seconds.
-const MAX_TIME: f64 = 1e6;
 
 /// Checks a point that a client sends: each coordinate is within [`FARTHEST`], as those of splats
 /// are.
@@ -39,9 +27,9 @@ pub fn check_point(what: &str, point: [f64; 3]) -> Result<(), String> {
 #[serde(deny_unknown_fields)]
 pub struct Pose {
     /// The camera centre, world axes, scene units.
-    pub eye: [f64; 3],
+    pub(crate) eye: [f64; 3],
     /// `camera_from_world` as a quaternion wxyz, OpenCV axes.
-    pub rotation: [f64; 4],
+    pub(crate) rotation: [f64; 4],
     /// Vertical field of view, degrees.
     pub fov: f64,
 }
@@ -70,13 +58,13 @@ impl Pose {
 #[serde(deny_unknown_fields)]
 pub struct PoseKey {
     /// Time, seconds.
-    pub time: f64,
+    pub(crate) time: f64,
     /// The camera centre, world axes, scene units.
-    pub eye: [f64; 3],
+    pub(crate) eye: [f64; 3],
     /// `camera_from_world` as a quaternion wxyz, OpenCV axes.
-    pub rotation: [f64; 4],
+    pub(crate) rotation: [f64; 4],
     /// Vertical field of view, degrees.
-    pub fov: f64,
+    pub(crate) fov: f64,
 }
 
 /// The kind of picture to show.
@@ -114,6 +102,57 @@ pub enum Follow {
     Camera,
     /// The field `path` at `time`.
     Path,
+}
+
+/// The lidar of a state, as clients send it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LidarState {
+    /// The name of a preset.
+    pub(crate) model: String,
+    /// The place and the heading; `null` at the camera.
+    #[serde(default)]
+    pub(crate) at: Option<SensorPlace>,
+    /// Rays of a pulse, 1 or 7.
+    #[serde(default = "one_ray")]
+    pub(crate) sub_rays: u8,
+    /// The returns that become points, as `scan --returns` names them.
+    #[serde(default = "usual_returns")]
+    pub(crate) returns: String,
+    /// The colours of points: class, range or intensity.
+    #[serde(default = "usual_colors")]
+    pub(crate) colors: String,
+}
+
+/// The place of a sensor that does not move.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorPlace {
+    /// The origin, world axes, scene units.
+    pub(crate) eye: [f64; 3],
+    /// A point ahead of it.
+    pub(crate) target: [f64; 3],
+}
+
+fn one_ray() -> u8 {
+    1
+}
+
+fn usual_returns() -> String {
+    "strongest".into()
+}
+
+fn usual_colors() -> String {
+    "class".into()
+}
+
+impl SensorPlace {
+    /// Returns the place in a scene of this origin as `scan --at` reads it; bit by bit, if the
+    /// origin is zero.
+    pub(crate) fn text(&self, origin: DVec3) -> String {
+        let world = |point| (DVec3::from_array(point) + origin).to_array();
+        [self.eye, self.target].map(|point| world(point).map(|v| v.to_string()).join(",")).join(":")
+    }
 }
 
 /// Everything except the scene that a picture depends on.
@@ -158,87 +197,6 @@ impl ViewState {
     }
 }
 
-/// A state that was checked and is ready to be rendered.
-#[derive(Clone, Debug)]
-pub struct View {
-    /// The state that was checked.
-    pub state: ViewState,
-    /// The weather, with its panoramas loaded.
-    pub weather: Arc<Weather>,
-    /// The text of the keyframe file for `--camera` or `--path`.
-    pub camera_file: String,
-    /// The lidar of the state.
-    pub lidar: Option<CheckedLidar>,
-    path: CameraPath,
-}
-
-impl View {
-    /// Checks a state; the weather of `before` is reused if it is the same.
-    ///
-    /// # Errors
-    /// The first invalid value, in one line.
-    pub fn new(state: ViewState, catalog: &Catalog, before: Option<&Self>) -> Result<Self, String> {
-        let [width, height] = state.size;
-        let pixels = u64::from(width) * u64::from(height);
-        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
-            return Err(format!(
-                "size {width}x{height}: sides are 1 to {MAX_SIDE} px, {MAX_PIXELS} px in all"
-            ));
-        }
-        if state.time.is_nan() || state.time.abs() > MAX_TIME {
-            return Err(format!("time {}: must be a number of seconds within {MAX_TIME}", state.time));
-        }
-        if !(1..=100).contains(&state.quality) {
-            return Err(format!("quality {}: must be 1 to 100", state.quality));
-        }
-        if state.divider.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
-            return Err("divider: must be a share of the width, 0 to 1, or null".into());
-        }
-        check_point("camera: eye", state.camera.eye)?;
-        state.path.iter().try_for_each(|key| check_point("path: eye", key.eye))?;
-        let weather = match before.filter(|before| before.state.weather == state.weather) {
-            Some(before) => Arc::clone(&before.weather),
-            None => Arc::new(catalog.weather(&state.weather)?),
-        };
-        let (camera_file, path) = catalog.camera_path(&state)?;
-        let lidar =
-            state.lidar.as_ref().map(|lidar| CheckedLidar::new(lidar, &catalog.survey)).transpose()?;
-        let view = Self { state, weather, camera_file, lidar, path };
-        view.camera().check().map_err(|error| error.to_string())?;
-        Ok(view)
-    }
-
-    /// Returns the motion of the camera, as `render` has it with `--camera FILE` or `--path FILE`.
-    pub fn motion(&self) -> CameraMotion {
-        self.motion_for(self.size())
-    }
-
-    /// Returns the motion of the camera for pictures of another size, px.
-    pub fn motion_for(&self, size: (u32, u32)) -> CameraMotion {
-        match self.state.follow {
-            Follow::Camera => self.path.at(self.path.start(), size).into(),
-            Follow::Path => CameraMotion::Along { path: self.path.clone(), size },
-        }
-    }
-
-    /// Returns the camera at the state's time.
-    pub fn camera(&self) -> Camera {
-        self.motion().camera(self.state.time)
-    }
-
-    /// Returns the motion of the lidar, as `scan` has it with `--at` or `--path`; `None` without a
-    /// lidar.
-    pub fn sensor_motion(&self) -> Option<CameraMotion> {
-        let fixed = self.lidar.as_ref()?.fixed;
-        Some(fixed.map_or_else(|| self.motion(), CameraMotion::from))
-    }
-
-    /// Returns the size of the picture, px.
-    pub fn size(&self) -> (u32, u32) {
-        (self.state.size[0], self.state.size[1])
-    }
-}
-
 /// Converts a weather to JSON.
 pub fn weather_to_json(weather: &Weather) -> Value {
     let table: toml::Table =
@@ -280,7 +238,7 @@ pub fn weather_of_json(value: &Value) -> Result<Weather, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{catalog, state};
+    use crate::testing::state;
     use wm_weather::presets::PRESETS;
 
     #[test]
@@ -295,45 +253,6 @@ mod tests {
             odd.set_text(set).unwrap();
         }
         assert_eq!(weather_of_json(&weather_to_json(&odd)), Ok(odd));
-    }
-
-    #[test]
-    fn a_camera_is_the_one_of_its_file() {
-        let mut state = state();
-        // Not of length 1, and not of few digits.
-        state.camera.rotation = [0.7123, 0.31, -0.6000000000000001, 1.0 / 3.0];
-        let view = View::new(state.clone(), &catalog(), None).unwrap();
-        let survey = catalog().survey;
-        let read =
-            CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
-                .unwrap();
-        assert_eq!(read.at(0.0, (60, 40)), view.motion().camera(0.0));
-        // And of a path at an instant of it.
-        let key =
-            |time: f64| PoseKey { time, eye: [time, 0.1, 0.2], rotation: state.camera.rotation, fov: 50.0 };
-        (state.path, state.follow, state.time) = (vec![key(1.0), key(2.7)], Follow::Path, 0.9);
-        let view = View::new(state, &catalog(), None).unwrap();
-        let read =
-            CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
-                .unwrap();
-        assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.motion().camera(0.9));
-    }
-
-    #[test]
-    fn points_beyond_any_place_are_refused() {
-        let pose = |eye| Pose { eye, ..state().camera };
-        let key = |eye| PoseKey { time: 0.0, eye, rotation: [1.0, 0.0, 0.0, 0.0], fov: 50.0 };
-        for bad in [1e11, -1e20, 1e300, f64::INFINITY, f64::NAN] {
-            let eye = [0.0, bad, 0.0];
-            for state in [
-                ViewState { camera: pose(eye), ..state() },
-                ViewState { path: vec![key([0.0; 3]), key(eye)], ..state() },
-            ] {
-                let error = View::new(state, &catalog(), None).unwrap_err();
-                assert!(error.contains("within 1e10 scene units") && error.len() < 200, "{error}");
-            }
-        }
-        assert!(View::new(ViewState { camera: pose([1e10; 3]), ..state() }, &catalog(), None).is_ok());
     }
 
     #[test]

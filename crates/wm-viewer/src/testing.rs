@@ -1,7 +1,8 @@
 //! States and views of an empty scene, for tests.
 
 use crate::catalog::Catalog;
-use crate::state::{View, ViewState};
+use crate::state::ViewState;
+use crate::view::View;
 use glam::DVec3;
 use std::sync::Arc;
 use wm_scene::survey::Survey;

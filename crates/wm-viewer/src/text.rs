@@ -1,13 +1,13 @@
 //! Texts of others in messages.
 
 /// Longest part of a text that is shown, characters.
-const LONGEST: usize = 300;
+const MAX_CHARACTERS: usize = 300;
 
 /// Returns a text on one line, without control characters, and shortened.
 pub fn one_line(text: &str) -> String {
     let mut line = String::new();
     for (count, c) in text.trim().chars().enumerate() {
-        if count == LONGEST {
+        if count == MAX_CHARACTERS {
             line.push('…');
             break;
         }
@@ -26,7 +26,7 @@ pub fn one_line(text: &str) -> String {
 }
 
 /// Returns the beginning of a text that is not understood, as [`one_line`].
-pub fn shown(text: &str) -> String {
+pub(crate) fn shown(text: &str) -> String {
     one_line(&text.chars().take(40).collect::<String>())
 }
 
@@ -37,6 +37,6 @@ mod tests {
     #[test]
     fn texts_are_one_short_line() {
         assert_eq!(one_line("a\nb\u{1b}[0m\u{202e}"), r"a b\u{1b}[0m\u{202e}");
-        assert_eq!(one_line(&"ä".repeat(999)).chars().count(), LONGEST + 1);
+        assert_eq!(one_line(&"ä".repeat(999)).chars().count(), MAX_CHARACTERS + 1);
     }
 }

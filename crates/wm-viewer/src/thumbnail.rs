@@ -1,7 +1,8 @@
 //! Thumbnails of the presets.
 
 use crate::catalog::Catalog;
-use crate::state::{View, ViewState, weather_to_json};
+use crate::state::{ViewState, weather_to_json};
+use crate::view::View;
 use std::sync::Arc;
 use wm_weather::{EffectRole, Weather};
 

@@ -16,12 +16,13 @@ use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::Survey;
 use wm_scene::{Scene, SceneView, files::fetched};
+use wm_viewer::View;
 use wm_viewer::catalog::Catalog;
 use wm_viewer::encode::to_bytes;
 use wm_viewer::pace::Pace;
 use wm_viewer::paint::{FrameReport, PaintOptions, ViewPainter, half_depth};
 use wm_viewer::site::{SiteFile, SiteView};
-use wm_viewer::state::{View, ViewOutput, ViewState};
+use wm_viewer::state::{ViewOutput, ViewState};
 
 /// Memory for the splats of a scene in levels of detail where the site says none, bytes.
 const MEMORY: u64 = 1 << 30;
@@ -31,7 +32,7 @@ const FETCHED_FILES: usize = 8;
 const FETCH_SECONDS: f64 = 2.0;
 
 /// Draws the views of one place.
-pub struct Engine {
+pub(crate) struct Engine {
     page: Page,
     files: SiteFiles,
     renderer: Renderer,
@@ -47,15 +48,15 @@ pub struct Engine {
 }
 
 /// A picture of a view, and its header.
-pub struct Drawn {
+pub(crate) struct Drawn {
     /// The header of the frame.
-    pub head: Value,
+    pub(crate) head: Value,
     /// Width and height, px.
-    pub size: (u32, u32),
+    pub(crate) size: (u32, u32),
     /// Bytes `[H, W, 3]`.
-    pub rgb: Vec<u8>,
+    pub(crate) rgb: Vec<u8>,
     /// Something is missing that [`Engine::prepare`] gets.
-    pub lacks: bool,
+    pub(crate) lacks: bool,
 }
 
 impl Engine {
@@ -63,7 +64,7 @@ impl Engine {
     ///
     /// # Errors
     /// A file cannot be fetched or read, or the device cannot be used, in one line.
-    pub async fn open(
+    pub(crate) async fn open(
         page: Page,
         files: SiteFiles,
         site: &SiteFile,
@@ -109,12 +110,12 @@ impl Engine {
     }
 
     /// The renderer, in words.
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         self.renderer.describe()
     }
 
     /// The facts of the place.
-    pub fn survey(&self) -> &Survey {
+    pub(crate) fn survey(&self) -> &Survey {
         self.place.survey()
     }
 
@@ -122,7 +123,7 @@ impl Engine {
     ///
     /// # Errors
     /// The first invalid value, in one line.
-    pub fn view(&self, state: ViewState, catalog: &Catalog) -> Result<Arc<View>, String> {
+    pub(crate) fn view(&self, state: ViewState, catalog: &Catalog) -> Result<Arc<View>, String> {
         View::new(state, catalog, self.view.as_deref()).map(Arc::new)
     }
 
@@ -130,7 +131,7 @@ impl Engine {
     ///
     /// # Errors
     /// In one line.
-    pub async fn render(&mut self, view: &Arc<View>, seq: u64, moving: bool) -> Result<Drawn, String> {
+    pub(crate) async fn render(&mut self, view: &Arc<View>, seq: u64, moving: bool) -> Result<Drawn, String> {
         let started = Instant::now();
         self.view = Some(Arc::clone(view));
         let lacks = !moving && !self.missing(view)?.is_empty();
@@ -170,7 +171,7 @@ impl Engine {
     ///
     /// # Errors
     /// In one line.
-    pub async fn prepare(&mut self) -> Result<(), String> {
+    pub(crate) async fn prepare(&mut self) -> Result<(), String> {
         let done = self.get_ready().await;
         self.page.status("");
         done
@@ -217,7 +218,7 @@ impl Engine {
     ///
     /// # Errors
     /// In one line.
-    pub async fn pick(&mut self, view: &View, at: [f64; 2]) -> Result<Option<[f64; 3]>, String> {
+    pub(crate) async fn pick(&mut self, view: &View, at: [f64; 2]) -> Result<Option<[f64; 3]>, String> {
         let Self { painter, renderer, place, .. } = self;
         painter.pick(renderer, place, view, at).await.map_err(said)
     }
@@ -226,7 +227,7 @@ impl Engine {
     ///
     /// # Errors
     /// In one line.
-    pub async fn picture(&mut self, view: &Arc<View>) -> Result<Vec<u8>, String> {
+    pub(crate) async fn picture(&mut self, view: &Arc<View>) -> Result<Vec<u8>, String> {
         self.view = Some(Arc::clone(view));
         loop {
             while !self.missing(view)?.is_empty() {

@@ -12,19 +12,19 @@ use wm_viewer::site::SiteFile;
 const AT_ONCE: usize = 8;
 
 /// The page's function that fetches files below `place/`.
-pub struct SiteFiles {
+pub(crate) struct SiteFiles {
     fetch: Function,
     /// The names of prepared assets that the site has.
     prepared: BTreeSet<String>,
 }
 
 impl SiteFiles {
-    pub fn new(fetch: Function) -> Self {
+    pub(crate) fn new(fetch: Function) -> Self {
         Self { fetch, prepared: BTreeSet::new() }
     }
 
     /// Learns what the site has.
-    pub fn of_site(self, site: &SiteFile) -> Self {
+    pub(crate) fn of_site(self, site: &SiteFile) -> Self {
         Self { prepared: site.files.iter().map(|file| file.name.clone()).collect(), ..self }
     }
 
@@ -32,7 +32,7 @@ impl SiteFiles {
     ///
     /// # Errors
     /// The file and the reason, in one line.
-    pub async fn fetch(&self, name: &str) -> Result<Vec<u8>, String> {
+    pub(crate) async fn fetch(&self, name: &str) -> Result<Vec<u8>, String> {
         let promise = self.begin(name)?;
         let bytes = JsFuture::from(promise).await.map_err(|why| fault(name, &why))?;
         bytes_of(name, bytes)
@@ -47,7 +47,7 @@ impl SiteFiles {
     ///
     /// # Errors
     /// The first file that cannot be fetched, in one line.
-    pub async fn keep_all(&self, paths: &[PathBuf]) -> Result<(), String> {
+    pub(crate) async fn keep_all(&self, paths: &[PathBuf]) -> Result<(), String> {
         for paths in paths.chunks(AT_ONCE) {
             let names: Vec<String> = paths.iter().map(|path| path.to_string_lossy().into_owned()).collect();
             let promises = names.iter().map(|name| self.begin(name)).collect::<Result<Vec<_>, _>>()?;
@@ -62,7 +62,7 @@ impl SiteFiles {
 
     /// Fetches those of these prepared assets into the store that the site has; one that cannot be
     /// fetched is made anew. Returns what is there.
-    pub async fn keep_prepared(&self, names: &[String]) -> Vec<PathBuf> {
+    pub(crate) async fn keep_prepared(&self, names: &[String]) -> Vec<PathBuf> {
         let wanted: Vec<String> = names.iter().map(|name| format!("assets/{name}")).collect();
         let has_all = wanted.iter().all(|name| self.prepared.contains(name));
         // What is made is made of surfaces.

@@ -23,7 +23,7 @@ use wm_viewer::catalog::Catalog;
 use wm_viewer::files::FileNames;
 use wm_viewer::link;
 use wm_viewer::site::SiteFile;
-use wm_viewer::state::{View, ViewState};
+use wm_viewer::{View, ViewState};
 
 /// Renders the scene of a site. What draws, [`Self::render`], [`Self::prepare`], [`Self::pick`] and
 /// pictures of [`Self::file`], is called one after the other; the rest answers at any time.

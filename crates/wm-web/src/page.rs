@@ -7,22 +7,22 @@ use wasm_bindgen::JsValue;
 
 /// The page's function that takes messages of the viewer.
 #[derive(Clone)]
-pub struct Page {
+pub(crate) struct Page {
     say: Function,
 }
 
 impl Page {
-    pub fn new(say: Function) -> Self {
+    pub(crate) fn new(say: Function) -> Self {
         Self { say }
     }
 
     /// Says what is being done; nothing is an empty text.
-    pub fn status(&self, text: &str) {
+    pub(crate) fn status(&self, text: &str) {
         self.message("status", text);
     }
 
     /// Says something that the user may want to know.
-    pub fn note(&self, text: &str) {
+    pub(crate) fn note(&self, text: &str) {
         self.message("note", text);
     }
 
@@ -33,7 +33,7 @@ impl Page {
     }
 
     /// Sends the words of a panic, which ends the module, to the page.
-    pub fn report_panics(&self) {
+    pub(crate) fn report_panics(&self) {
         // The module has one thread, and so has the function.
         thread_local! {
             static PAGE: std::cell::RefCell<Option<Page>> = const { std::cell::RefCell::new(None) };
@@ -50,7 +50,7 @@ impl Page {
 }
 
 /// An error for JavaScript, of one line.
-pub fn failure(error: impl Display) -> JsValue {
+pub(crate) fn failure(error: impl Display) -> JsValue {
     Error::new(&one_line(&error.to_string())).into()
 }
 

@@ -5,26 +5,25 @@ use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use std::time::Instant;
 use weather_magician::frame::FrameInputs;
-use weather_magician::{FrameRequest, Picture, PreparedPlace, Renderer};
+use weather_magician::{Camera, FrameRequest, Picture, PreparedPlace, Renderer, Weather};
 use wm_render::{Geometry, MedianDepth, Outputs, RenderConfig, SetId, SetView, Stats};
-use wm_scene::Camera;
 use wm_weather::cover::CoverRequest;
 use wm_weather::paper::PaperCover;
-use wm_weather::{PreparedWeather, Site, Weather};
+use wm_weather::{PreparedWeather, Site};
 
 /// Number of warm-up rounds, in which memory is first touched and clocks rise.
-pub const WARM_UP: u32 = 2;
+pub(crate) const WARM_UP: u32 = 2;
 
 /// Cases that are only in the paper's table.
 const PAPER_FOG: &str = "rgb, fog, paper";
 const PAPER_COVER: &str = "rgb, snow cover, paper";
 
 /// A case of the benchmark: outputs and a weather.
-pub struct BenchCase {
+pub(crate) struct BenchCase {
     /// The outputs and the weather.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// The weather.
-    pub weather: Weather,
+    pub(crate) weather: Weather,
     config: RenderConfig,
     sky: PreparedWeather,
 }
@@ -32,7 +31,7 @@ pub struct BenchCase {
 impl BenchCase {
     /// Returns every case: outputs under a clear sky, weathers with colour alone, and everything at
     /// once.
-    pub fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
+    pub(crate) fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
         use Geometry::{Depth, DepthNormal, None};
         use MedianDepth::{Off, On};
         let weather = |name: &str, sets: &[&str]| -> Result<Weather> {
@@ -41,8 +40,7 @@ impl BenchCase {
             Ok(weather)
         };
         let rain = weather("clear", &["rain.rate=25"])?;
-        // About 100,000 drops in view of the profile scene: a cloudburst, with drops that are drawn
-        // farther.
+        // A cloudburst of about 100,000 drops in view, which are drawn farther than usual.
         let drops = weather("clear", &["rain.rate=60", "rain.size=1.3"])?;
         let snow = weather("clear", &["snowfall.rate=2.5"])?;
         let paper = weather("clear", &["rain.rate=25", "fidelity=paper"])?;
@@ -111,7 +109,7 @@ impl BenchCase {
     ///
     /// # Errors
     /// If one of them is in no name.
-    pub fn named(mut cases: Vec<Self>, texts: &[String]) -> Result<Vec<Self>> {
+    pub(crate) fn named(mut cases: Vec<Self>, texts: &[String]) -> Result<Vec<Self>> {
         let names: Vec<&str> = cases.iter().map(|case| case.name).collect();
         for text in texts {
             ensure!(
@@ -126,68 +124,68 @@ impl BenchCase {
     }
 
     /// Returns true if the case is only measured for the paper's table.
-    pub fn is_of_table(&self) -> bool {
+    pub(crate) fn is_of_table(&self) -> bool {
         [PAPER_FOG, PAPER_COVER].contains(&self.name)
     }
 
     /// The cover of the paper that the weather has, if any.
-    pub fn paper_cover(&self) -> Option<&PaperCover> {
+    pub(crate) fn paper_cover(&self) -> Option<&PaperCover> {
         self.sky.paper_cover()
     }
 
     /// The covers that the weather needs.
-    pub fn cover(&self) -> &[CoverRequest] {
+    pub(crate) fn cover(&self) -> &[CoverRequest] {
         self.sky.cover()
     }
 
     /// Returns true if the weather needs more of the place than its splats: its light, or a thinned
     /// copy for drops on the lens and for water.
-    pub fn needs_place(&self) -> bool {
+    pub(crate) fn needs_place(&self) -> bool {
         let sky = &self.sky;
         sky.light().is_some() || sky.wetness().is_some() || sky.glass().is_some() || sky.flood().is_some()
     }
 
     /// Returns the index of a case in a list; 0 if it is not in it.
-    pub fn position(cases: &[Self], name: &str) -> usize {
+    pub(crate) fn position(cases: &[Self], name: &str) -> usize {
         cases.iter().position(|case| case.name == name).unwrap_or(0)
     }
 }
 
 /// Times of one frame.
 #[derive(Clone, Copy, Debug)]
-pub struct FrameTiming {
+pub(crate) struct FrameTiming {
     /// Wall-clock time, seconds.
-    pub wall: f64,
+    pub(crate) wall: f64,
     /// CPU time of all threads of the process, seconds; the wall-clock time if the system does not
     /// report it.
-    pub cpu: f64,
+    pub(crate) cpu: f64,
     /// Statistics of the renderer.
-    pub stats: Stats,
+    pub(crate) stats: Stats,
 }
 
 /// The frames of one case, one per round.
 #[derive(Clone, Debug, Default)]
-pub struct FrameTimings(pub Vec<FrameTiming>);
+pub(crate) struct FrameTimings(pub(crate) Vec<FrameTiming>);
 
 impl FrameTimings {
     /// Returns the median over the rounds.
-    pub fn median(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
+    pub(crate) fn median(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().map(of).collect())
     }
 
     /// Returns the least value of all rounds, the one that other load on the machine affects least.
-    pub fn best(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
+    pub(crate) fn best(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         self.0.iter().map(of).fold(f64::INFINITY, f64::min)
     }
 
     /// Returns the median of the ratios to the frames of another case in the same rounds.
-    pub fn ratio(&self, to: &Self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
+    pub(crate) fn ratio(&self, to: &Self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().zip(&to.0).map(|(a, b)| of(a) / of(b)).collect())
     }
 }
 
 /// Returns the median; NaN for an empty list.
-pub fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
     match values.len() {
@@ -198,7 +196,7 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// A renderer with a loaded scene.
-pub enum BenchTarget<'a> {
+pub(crate) enum BenchTarget<'a> {
     /// Splats alone, without shelter.
     Sets {
         /// The renderer.
@@ -217,7 +215,7 @@ pub enum BenchTarget<'a> {
 
 impl<'a> BenchTarget<'a> {
     /// Returns a scene without covers.
-    pub fn plain(renderer: &'a mut Renderer, set: SetId) -> Self {
+    pub(crate) fn plain(renderer: &'a mut Renderer, set: SetId) -> Self {
         Self::Sets { renderer, sets: vec![SetView::plain(set)] }
     }
 
@@ -237,7 +235,7 @@ impl<'a> BenchTarget<'a> {
 }
 
 /// Renders the cases of `plan` (target, case) in turns; stops early on Ctrl-C.
-pub fn turns(
+pub(crate) fn turns(
     stands: &mut [BenchTarget<'_>],
     camera: &Camera,
     plan: &[(usize, &BenchCase)],
@@ -254,10 +252,9 @@ pub fn turns(
                 return Ok(measured);
             }
             let (stand, case) = (&mut stands[plan[k].0], plan[k].1);
-            let (cpu, started) = (cpu_seconds(), Instant::now());
+            let clock = Clock::start();
             let stats = stand.render(case, camera, &mut frames[k])?;
-            let wall = started.elapsed().as_secs_f64();
-            let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
+            let Timing { wall, cpu } = clock.stop();
             if round >= WARM_UP {
                 measured[k].0.push(FrameTiming { wall, cpu, stats });
             }
@@ -269,21 +266,50 @@ pub fn turns(
     Ok(measured)
 }
 
+/// Durations, seconds.
+#[derive(Clone, Copy)]
+pub(crate) struct Timing {
+    /// Wall-clock time.
+    pub(crate) wall: f64,
+    /// CPU time of all threads of the process; the wall-clock time if the system does not report it.
+    pub(crate) cpu: f64,
+}
+
+/// Measures wall-clock and CPU time from its start.
+pub(crate) struct Clock {
+    started: Instant,
+    cpu: Option<f64>,
+}
+
+impl Clock {
+    /// Starts a clock.
+    pub(crate) fn start() -> Self {
+        Self { cpu: cpu_seconds(), started: Instant::now() }
+    }
+
+    /// Returns the times since the start.
+    pub(crate) fn stop(&self) -> Timing {
+        let wall = self.started.elapsed().as_secs_f64();
+        let cpu = self.cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
+        Timing { wall, cpu }
+    }
+}
+
 /// CPU time of all threads of this process, seconds.
 #[cfg(unix)]
-pub fn cpu_seconds() -> Option<f64> {
+fn cpu_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
 }
 
 /// CPU time of all threads of this process, seconds.
 #[cfg(not(unix))]
-pub fn cpu_seconds() -> Option<f64> {
+fn cpu_seconds() -> Option<f64> {
     None
 }
 
 /// Returns the peak memory of this process, bytes, if the system reports it.
-pub fn peak_memory() -> Option<u64> {
+pub(crate) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;

@@ -6,7 +6,7 @@
 //! `--sensors` lidar sweeps and fisheyes.
 
 mod measure;
-pub mod paper;
+pub(crate) mod paper;
 mod report;
 mod sensors;
 mod training;
@@ -21,22 +21,23 @@ use clap::Args;
 use glam::DVec3;
 use indicatif::ProgressBar;
 use measure::{BenchCase, BenchTarget, FrameTimings, peak_memory, turns};
-use report::{PathSpeed, SceneReport, ThreadScaling};
+use report::{MeasuredCases, PathSpeed, SceneReport, ThreadScaling};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
+use weather_magician::formats::ReadOptions;
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
-use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
+use weather_magician::{Camera, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
-use wm_render::{Device, RenderBackend, RenderConfig, SetId, SetView};
-use wm_scene::formats::ReadOptions;
-use wm_scene::{Camera, Group, Lamp, Metadata, Scene};
+use wm_render::{RenderBackend, RenderConfig, SetId, SetView};
+use wm_scene::{Group, Lamp};
 use wm_weather::Site;
 use wm_weather::cover::Buried;
 
 /// Options of `bench`.
 #[derive(Args, Clone, Debug)]
-pub struct BenchArgs {
+pub(crate) struct BenchArgs {
     /// Scenes to render, one after the other [default: a synthetic one with --splats]
     scenes: Vec<PathBuf>,
     /// Number of splats of the synthetic scene
@@ -91,7 +92,7 @@ pub struct BenchArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &BenchArgs) -> Result<()> {
+pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     if args.paper {
         return paper::run(args);
     }
@@ -99,29 +100,29 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         let reports = each(args, |name, loaded, camera| {
             training::measure(name, &loaded.place.scene().splats, &camera, args)
         })?;
-        if args.json {
-            println!("{}", serde_json::to_string_pretty(&reports)?);
-        } else {
-            training::print(&reports);
-        }
-        return Ok(());
+        return show(args, &reports, training::print);
     }
     if args.sensors {
         let reports = each(args, |name, loaded, camera| sensors::measure(name, loaded, &camera, args))?;
-        if args.json {
-            println!("{}", serde_json::to_string_pretty(&reports)?);
-        } else {
-            sensors::print(&reports);
-        }
-        return Ok(());
+        return show(args, &reports, sensors::print);
     }
     let reports = each(args, |name, loaded, camera| measure_scene(name, loaded, camera, args))?;
+    show(args, &reports, report::print)
+}
+
+/// Prints reports as JSON, or by `print` for people.
+fn show<R: Serialize>(args: &BenchArgs, reports: &[R], print: impl FnOnce(&[R])) -> Result<()> {
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&reports)?);
+        println!("{}", serde_json::to_string_pretty(reports)?);
     } else {
-        report::print(&reports);
+        print(reports);
     }
     Ok(())
+}
+
+/// The error of a measurement that was stopped.
+fn incomplete() -> anyhow::Error {
+    Interrupted("the measurement is not complete".into()).into()
 }
 
 /// Calls `measure` for each scene with its name, the scene and the camera.
@@ -239,7 +240,7 @@ fn lamps(camera: &Camera, site: &Site) -> Vec<Lamp> {
     [row(-3.0), row(3.0)].concat()
 }
 
-/// Measures the cases, the threads and the SIMD paths of a scene.
+/// Returns the cases of a scene.
 fn cases(loaded: &OpenScene) -> Result<Vec<BenchCase>> {
     let PreparedPlace { background, rasterization, .. } = loaded.place;
     BenchCase::all(loaded.place.site(), |outputs| RenderConfig { outputs, background, rasterization })
@@ -250,7 +251,8 @@ fn in_turns(
     loaded: &mut OpenScene,
     camera: &Camera,
     cases: &[BenchCase],
-    (run, rounds): (&RunArgs, u32),
+    run: &RunArgs,
+    rounds: u32,
     bar: &ProgressBar,
 ) -> Result<Vec<FrameTimings>> {
     // The first target is the bare scene, the second, if there is one, is lit by the weather.
@@ -280,7 +282,7 @@ fn in_turns(
     turns(&mut stands, camera, &plan, rounds, bar)
 }
 
-/// Measures one scene.
+/// Measures the cases, the threads and the SIMD paths of a scene.
 fn measure_scene(
     name: &str,
     loaded: &mut OpenScene,
@@ -307,11 +309,12 @@ fn measure_scene(
     let alone = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();
-    let measured = in_turns(loaded, &camera, &cases, (&args.run, rounds), &bar)?;
+    let measured = in_turns(loaded, &camera, &cases, &args.run, rounds, &bar)?;
     bar.finish_and_clear();
+    let measured = MeasuredCases { cases: &cases, frames: &measured };
     // Threads and SIMD paths are the CPU's.
     if (!args.cases.is_empty() || loaded.renderer.backend().is_gpu()) && !interrupt::asked() {
-        return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));
+        return Ok(SceneReport::new(name, loaded, &camera, measured, None, Vec::new(), memory));
     }
 
     // One thread against all, in the same rounds.
@@ -334,13 +337,13 @@ fn measure_scene(
         let bar = progress::bar(u64::from(rounds.min(8)), "paths");
         let mut stands = [BenchTarget::plain(&mut renderer, set)];
         let plan = [(0, &cases[rgb]), (0, &cases[full])];
-        let measured = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
+        let frames = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
         bar.finish_and_clear();
-        paths.push(PathSpeed::new(path.to_string(), &measured[0], &measured[1]));
+        paths.push(PathSpeed::new(path.to_string(), &frames[0], &frames[1]));
     }
     if interrupt::asked() {
-        return Err(Interrupted("the measurement is not complete".into()).into());
+        return Err(incomplete());
     }
     let threads = ThreadScaling { threads, all: pair[0].clone(), one: pair[1].clone() };
-    Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), Some(&threads), paths, memory))
+    Ok(SceneReport::new(name, loaded, &camera, measured, Some(&threads), paths, memory))
 }

@@ -9,9 +9,8 @@
 //! programs: the table names the machine.
 
 use super::BenchArgs;
-use super::measure::BenchTarget;
-use super::measure::{BenchCase, turns};
-use crate::interrupt::{self, Interrupted};
+use super::measure::{BenchCase, BenchTarget, turns};
+use crate::interrupt;
 use crate::progress;
 use crate::report::plot::{Axis, Plot, Series};
 use crate::scene::{OpenScene, RunArgs};
@@ -19,7 +18,7 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
-use wm_scene::Camera;
+use weather_magician::Camera;
 use wm_scene::files::write_atomically;
 
 /// The columns, with their keys in CSV.
@@ -76,7 +75,7 @@ struct BySize {
 
 /// The table and its plots.
 #[derive(Serialize)]
-pub struct SpeedTable {
+pub(crate) struct SpeedTable {
     size: [u32; 2],
     /// Names of the columns of [`SpeedRow::fps`].
     columns: [&'static str; COLUMNS.len()],
@@ -90,7 +89,7 @@ fn is_in_table(name: &str) -> bool {
 }
 
 /// Measures all scenes on all devices, prints the table and writes it with its plots.
-pub fn run(args: &BenchArgs) -> Result<()> {
+pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     if let Some(folder) = &args.report {
         args.overwrite.check_report(&folder.join(TABLE), &[])?;
     }
@@ -100,9 +99,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     for device in devices {
         let run = RunArgs { device: device.clone(), ..args.run.clone() };
         let args = BenchArgs { run, ..args.clone() };
-        super::each(&args, |name, loaded, camera| {
-            table.add(name, loaded, &camera, (&args.run, args.frames))
-        })?;
+        super::each(&args, |name, loaded, camera| table.add(name, loaded, &camera, &args.run, args.frames))?;
     }
     if args.json {
         println!("{}", serde_json::to_string_pretty(&table)?);
@@ -114,7 +111,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
 
 impl SpeedTable {
     /// Returns a table with the paper's rows, for pictures of `size`, px.
-    pub fn new(size: (u32, u32)) -> Self {
+    pub(crate) fn new(size: (u32, u32)) -> Self {
         let row = |(method, fps): (&str, _)| SpeedRow {
             method: method.into(),
             scene: None,
@@ -127,19 +124,20 @@ impl SpeedTable {
     }
 
     /// Measures a scene and adds its rows.
-    pub fn add(
+    pub(crate) fn add(
         &mut self,
         name: &str,
         loaded: &mut OpenScene,
         camera: &Camera,
-        (run, rounds): (&RunArgs, u32),
+        run: &RunArgs,
+        rounds: u32,
     ) -> Result<()> {
         let cases: Vec<BenchCase> =
             super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
         let bar = progress::bar(u64::from(rounds), "rounds");
-        let measured = super::in_turns(loaded, camera, &cases, (run, rounds), &bar)?;
+        let measured = super::in_turns(loaded, camera, &cases, run, rounds, &bar)?;
         if interrupt::asked() {
-            return Err(Interrupted("the measurement is not complete".into()).into());
+            return Err(super::incomplete());
         }
         let device = loaded.renderer.describe();
         let seconds = |case: &&str| -> Option<f64> {
@@ -175,7 +173,7 @@ impl SpeedTable {
     }
 
     /// Returns the header and the cells of all rows.
-    pub fn cells(&self) -> ([&'static str; 8], Vec<[String; 8]>) {
+    pub(crate) fn cells(&self) -> ([&'static str; 8], Vec<[String; 8]>) {
         let [clear, fog, fall, cover] = COLUMNS.map(|(_, name)| name);
         let row = |row: &SpeedRow| {
             let text = |text: &Option<String>| text.clone().unwrap_or_default();
@@ -190,7 +188,7 @@ impl SpeedTable {
     }
 
     /// Returns the caption of the table.
-    pub fn caption(&self) -> String {
+    pub(crate) fn caption(&self) -> String {
         let [width, height] = self.size;
         format!("Frames a second at {width}x{height} px, by the median time of a frame on the clock.")
     }
@@ -230,7 +228,7 @@ fn csv(table: &SpeedTable) -> String {
 }
 
 /// Returns plots of a clear frame's time over pixels, and over splats if there are several scenes.
-pub fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
+pub(crate) fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
     let by_pixels = table
         .by_pixels
         .iter()

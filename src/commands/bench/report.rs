@@ -3,13 +3,13 @@
 use super::measure::{BenchCase, FrameTiming, FrameTimings};
 use crate::scene::OpenScene;
 use serde::Serialize;
+use weather_magician::Camera;
 use weather_magician::view::spec;
 use wm_render::DeviceWork;
-use wm_scene::Camera;
 
 /// Measurements of one scene. Times are milliseconds.
 #[derive(Serialize)]
-pub struct SceneReport {
+pub(crate) struct SceneReport {
     scene: String,
     splats: usize,
     sh_degree: u8,
@@ -61,14 +61,23 @@ struct Stages {
     composite: f64,
 }
 
+/// Cases, `rgb` first, and the frames of each.
+#[derive(Clone, Copy)]
+pub(crate) struct MeasuredCases<'a> {
+    /// The cases.
+    pub(crate) cases: &'a [BenchCase],
+    /// The frames, in the order of the cases.
+    pub(crate) frames: &'a [FrameTimings],
+}
+
 /// Frames with all threads and with one, in the same rounds.
-pub struct ThreadScaling {
+pub(crate) struct ThreadScaling {
     /// Number of all threads.
-    pub threads: usize,
+    pub(crate) threads: usize,
     /// Frames with all threads.
-    pub all: FrameTimings,
+    pub(crate) all: FrameTimings,
     /// Frames with one thread.
-    pub one: FrameTimings,
+    pub(crate) one: FrameTimings,
 }
 
 #[derive(Serialize)]
@@ -83,7 +92,7 @@ struct ThreadsReport {
 
 /// Speed of a SIMD path on one thread: CPU time of the whole stage, nanoseconds per evaluated pair.
 #[derive(Serialize)]
-pub struct PathSpeed {
+pub(crate) struct PathSpeed {
     path: String,
     rgb_ns_per_pair: f64,
     rgb_depth_normal_ns_per_pair: f64,
@@ -92,7 +101,7 @@ pub struct PathSpeed {
 
 impl PathSpeed {
     /// Computes the speed from the frames of `rgb` and of `rgb+depth+normal`.
-    pub fn new(path: String, rgb: &FrameTimings, full: &FrameTimings) -> Self {
+    pub(crate) fn new(path: String, rgb: &FrameTimings, full: &FrameTimings) -> Self {
         // The stage's share of the frame's CPU time: others' load moves that less than the clock.
         let pair = |FrameTiming { cpu, stats, .. }: &FrameTiming| {
             let stages = [stats.project, stats.medium, stats.intersect, stats.sort, stats.composite];
@@ -109,16 +118,17 @@ impl PathSpeed {
 }
 
 impl SceneReport {
-    /// Builds the report; `measured` is in the order of `cases`, `rgb` first.
-    pub fn new(
+    /// Builds the report.
+    pub(crate) fn new(
         scene: &str,
         loaded: &OpenScene,
         camera: &Camera,
-        (cases, measured): (&[BenchCase], &[FrameTimings]),
+        measured: MeasuredCases<'_>,
         threads: Option<&ThreadScaling>,
         paths: Vec<PathSpeed>,
         peak_memory: Option<u64>,
     ) -> Self {
+        let MeasuredCases { cases, frames: measured } = measured;
         let stats = measured[0].0.first().map(|sample| sample.stats).unwrap_or_default();
         let pixels = f64::from(camera.width) * f64::from(camera.height);
         let cases = cases.iter().zip(measured).map(|(case, frames)| CaseReport {
@@ -225,7 +235,7 @@ impl SceneReport {
 }
 
 /// Prints a table per scene, and the growth of time from the first scene to each of the others.
-pub fn print(reports: &[SceneReport]) {
+pub(crate) fn print(reports: &[SceneReport]) {
     println!("Wall and CPU times are medians, ratios (to rgb) are of CPU time, round by round.");
     println!("Times of the stages are summed over the threads; on a GPU they are by its own clock.");
     for report in reports {

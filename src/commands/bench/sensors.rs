@@ -1,19 +1,16 @@
 //! Sensors of a scene: lidar sweeps, and pictures through a fisheye against those of a pinhole.
 
 use super::BenchArgs;
-use super::measure::{WARM_UP, cpu_seconds, median};
-use crate::interrupt::{self, Interrupted};
+use super::measure::{Clock, Timing, WARM_UP, median};
+use crate::interrupt;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
 use anyhow::Result;
 use indicatif::ProgressBar;
 use serde::Serialize;
-use std::time::Instant;
 use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::lidar::{LidarModel, ScanOptions, SubRays};
-use weather_magician::{CameraMotion, FrameRequest, LensModel, LensView, Picture};
-use wm_scene::Camera;
-use wm_weather::Weather;
+use weather_magician::{Camera, CameraMotion, FrameRequest, LensModel, LensView, Picture, Weather};
 
 /// The lidar: 64 rows of 1800 pulses.
 const LIDAR: &str = "wavelength = 905\ndivergence = 3.0\npulse = 5\nrange = [0.5, 120]\nreference_range = 120\n\
@@ -25,7 +22,7 @@ const RAIN: &str = "rain.rate=25";
 
 /// Sensors of one scene.
 #[derive(Serialize)]
-pub struct SensorReport {
+pub(crate) struct SensorReport {
     scene: String,
     splats: usize,
     renderer: String,
@@ -48,28 +45,6 @@ struct SensorCase {
     points: Option<usize>,
 }
 
-/// Wall-clock and CPU seconds of one round.
-#[derive(Clone, Copy)]
-struct Timing {
-    wall: f64,
-    cpu: f64,
-}
-
-/// A clock of both.
-struct Clock(Instant, Option<f64>);
-
-impl Clock {
-    fn start() -> Self {
-        Self(Instant::now(), cpu_seconds())
-    }
-
-    fn stop(&self) -> Timing {
-        let wall = self.0.elapsed().as_secs_f64();
-        let cpu = self.1.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
-        Timing { wall, cpu }
-    }
-}
-
 impl SensorCase {
     fn new(name: &'static str, rounds: &[Timing], against: Option<&[Timing]>, points: Option<usize>) -> Self {
         let of = |pick: fn(&Timing) -> f64| 1e3 * median(rounds.iter().map(pick).collect());
@@ -86,7 +61,7 @@ impl SensorCase {
 }
 
 /// Measures the sensors of a scene from a camera.
-pub fn measure(
+pub(crate) fn measure(
     name: &str,
     loaded: &mut OpenScene,
     camera: &Camera,
@@ -103,7 +78,7 @@ pub fn measure(
         ("lidar 64x1800, 7 rays", &clear, SubRays::Seven),
         ("lidar, 7 rays, rain 25 mm/h", &rain, SubRays::Seven),
     ] {
-        let (times, points) = sweeps(loaded, camera, (weather, sub_rays), rounds, &bar)?;
+        let (times, points) = sweeps(loaded, camera, weather, sub_rays, rounds, &bar)?;
         cases.push(SensorCase::new(name, &times, None, Some(points)));
     }
     for (weather, names) in [
@@ -116,7 +91,7 @@ pub fn measure(
     }
     bar.finish_and_clear();
     if interrupt::asked() {
-        return Err(Interrupted("the measurement is not complete".into()).into());
+        return Err(super::incomplete());
     }
     Ok(SensorReport {
         scene: name.to_owned(),
@@ -130,7 +105,8 @@ pub fn measure(
 fn sweeps(
     loaded: &mut OpenScene,
     camera: &Camera,
-    (weather, sub_rays): (&Weather, SubRays),
+    weather: &Weather,
+    sub_rays: SubRays,
     rounds: u32,
     bar: &ProgressBar,
 ) -> Result<(Vec<Timing>, usize)> {
@@ -191,7 +167,7 @@ fn pictures(
 }
 
 /// Prints reports as tables.
-pub fn print(reports: &[SensorReport]) {
+pub(crate) fn print(reports: &[SensorReport]) {
     println!(
         "Wall and CPU times are medians; ratios are of CPU time to the pinhole's picture, round by round."
     );

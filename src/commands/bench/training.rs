@@ -1,21 +1,21 @@
 //! Training steps, measured on a scene's own splats.
 
 use super::BenchArgs;
-use super::measure::{WARM_UP, cpu_seconds, median};
-use crate::interrupt::{self, Interrupted};
+use super::measure::{Clock, Timing, WARM_UP, median};
+use crate::interrupt;
 use crate::progress;
 use crate::scene::RunArgs;
 use anyhow::Result;
 use serde::Serialize;
-use std::time::Instant;
-use wm_render::{Device, Frame, StepClock};
-use wm_scene::{Camera, Splats};
-use wm_train::config::{Densify, FixedConfig, RateConfig};
-use wm_train::{Preset, StepTimes, TrainConfig, TrainPhoto, TrainState, Trainer};
+use weather_magician::train::config::{Densify, FixedConfig, RateConfig};
+use weather_magician::train::{Preset, StepTimes, TrainConfig, TrainPhoto, TrainState, Trainer};
+use weather_magician::{Camera, Device};
+use wm_render::{Frame, StepClock};
+use wm_scene::Splats;
 
 /// Steps of one scene. Times are milliseconds, medians.
 #[derive(Serialize)]
-pub struct TrainingReport {
+pub(crate) struct TrainingReport {
     scene: String,
     splats: usize,
     sh_degree: u8,
@@ -101,7 +101,12 @@ fn standing(splats: &Splats, run: &RunArgs) -> Result<Trainer> {
 }
 
 /// Measures steps on one photo: a render of the scene from `camera`, a fifth darker.
-pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -> Result<TrainingReport> {
+pub(crate) fn measure(
+    name: &str,
+    splats: &Splats,
+    camera: &Camera,
+    args: &BenchArgs,
+) -> Result<TrainingReport> {
     let one = RunArgs { device: Device::Cpu, threads: Some(1), simd: args.run.simd };
     let mut trainers = [standing(splats, &args.run)?, standing(splats, &one)?];
     let mut frame = Frame::default();
@@ -113,15 +118,14 @@ pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -
     for round in 0..args.frames + WARM_UP {
         for (trainer, steps) in trainers.iter_mut().zip(&mut steps) {
             if interrupt::asked() {
-                return Err(Interrupted("the measurement is not complete".into()).into());
+                return Err(super::incomplete());
             }
             // A GPU goes on with a step after the call, and the next call waits for it: it must
             // find the rest of a step.
             trainer.step(&truth, 0)?;
-            let (cpu, started) = (cpu_seconds(), Instant::now());
+            let clock = Clock::start();
             let report = trainer.step(&truth, 0)?;
-            let wall = started.elapsed().as_secs_f64();
-            let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
+            let Timing { wall, cpu } = clock.stop();
             if round >= WARM_UP {
                 let clock = trainer.clock();
                 steps.push(Step { wall, cpu, times: report.times, visible: report.visible, clock });
@@ -155,7 +159,7 @@ pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -
 }
 
 /// Prints a line per scene, and the growth of CPU time from the first scene to each of the others.
-pub fn print(reports: &[TrainingReport]) {
+pub(crate) fn print(reports: &[TrainingReport]) {
     println!("Medians over steps of training, ms: L1 and SSIM of the scene's colour against one photo.");
     println!(
         "{:<24} {:>9} {:>9} {:>10} {:>7} {:>7} {:>7} {:>5} {:>8} {:>9} {:>8} {:>7} {:>9}",

@@ -2,31 +2,33 @@
 
 use super::{file_size, folder_size};
 use crate::progress::Reporter;
+use crate::scene::RunArgs;
 use anyhow::Result;
 use std::path::Path;
+use weather_magician::Scene;
 use weather_magician::levels::{LevelBuilder, LevelOptions};
-use wm_scene::Scene;
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::label_sky;
 
 /// Returns true if a path is that of a scene in levels of detail.
-pub fn is_levels(path: &Path) -> bool {
+pub(crate) fn is_levels(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name == INDEX_NAME)
 }
 
 /// Writes `scene` with the index `out`, with so many levels, or as many as suit its leaves; returns
 /// the lines to print.
-pub fn write(
+pub(crate) fn write(
     out: &Path,
     mut scene: Scene,
     notes: Vec<String>,
-    (levels, threads): (Option<u32>, Option<usize>),
+    levels: Option<u32>,
+    run: &RunArgs,
 ) -> Result<String> {
     label_sky(&mut scene.splats);
     let options = LevelOptions {
         levels,
         rasterization: scene.metadata.rasterization,
-        threads,
+        threads: run.threads.map(usize::from),
         ..LevelOptions::for_splats(scene.splats.len() as u64)
     };
     let mut builder = LevelBuilder::create(out, options)?;

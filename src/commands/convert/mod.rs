@@ -1,26 +1,28 @@
 //! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
-pub mod levels;
+pub(crate) mod levels;
 mod tiles;
 
-use crate::choices::SkyChoice;
+use crate::choices::{Choice, SKIES, one_of};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{RunArgs, change_sky, check, read_saying_remarks, save};
 use anyhow::{Context, Result, anyhow, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use glam::DVec3;
 use levels::is_levels;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use weather_magician::formats::{
+    DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost,
+};
 use weather_magician::view::spec;
-use weather_magician::{CropBox, LengthScale, SceneChange};
+use weather_magician::{CropBox, LengthScale, Metadata, Scene, SceneChange};
 use wm_render::Differentiable;
 use wm_scene::files::check_writable;
-use wm_scene::formats::{DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost};
 use wm_scene::levels::MAX_LEVELS;
-use wm_scene::{Metadata, Scene};
+use wm_scene::survey::OwnSky;
 
 /// Options of `convert`.
 #[derive(Args, Debug)]
@@ -34,7 +36,7 @@ use wm_scene::{Metadata, Scene};
                         weather-magician convert town.ply town/lod-meta.json\n\
                         weather-magician convert city/lod-meta.json city-tiles/tileset.json"
 )]
-pub struct ConvertArgs {
+pub(crate) struct ConvertArgs {
     /// Input and output scene; with --to any number of input scenes
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
@@ -61,11 +63,11 @@ pub struct ConvertArgs {
     #[arg(long, value_name = "N|auto", default_value = "auto", help_heading = "Format")]
     lod: LevelCount,
     /// Version of SPZ: 3 (gzip, read by most programs) or 4 (Zstandard)
-    #[arg(long, value_name = "N", default_value = "3", help_heading = "Format")]
-    spz_version: Version,
+    #[arg(long, value_name = "N", value_parser = one_of(SPZ_VERSIONS), default_value = "3", help_heading = "Format")]
+    spz_version: SpzVersion,
     /// Encoding of splats in a glTF: floats or SPZ
-    #[arg(long, value_name = "HOW", default_value = "floats", help_heading = "Format")]
-    gltf: InGltf,
+    #[arg(long, value_name = "HOW", value_parser = one_of(GLTF_SPLATS), default_value = "floats", help_heading = "Format")]
+    gltf: GltfSplats,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -83,8 +85,8 @@ struct ChangeArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up_now: Option<DVec3>,
     /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon
-    #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Change")]
-    sky: SkyChoice,
+    #[arg(long, value_name = "HOW", value_parser = one_of(SKIES), default_value = "keep", help_heading = "Change")]
+    sky: OwnSky,
     /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is
     /// known
     #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
@@ -136,22 +138,14 @@ impl FromStr for LevelCount {
     }
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Version {
-    #[value(name = "3")]
-    Three,
-    #[value(name = "4")]
-    Four,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum InGltf {
-    Floats,
-    Spz,
-}
+/// Versions of SPZ.
+const SPZ_VERSIONS: &[Choice<SpzVersion>] = &[("3", "", SpzVersion::V3), ("4", "", SpzVersion::V4)];
+/// Encodings of splats in a glTF.
+const GLTF_SPLATS: &[Choice<GltfSplats>] =
+    &[("floats", "", GltfSplats::Floats), ("spz", "", GltfSplats::Spz)];
 
 /// Reads a box, as two opposite corners.
-pub fn parse_box(text: &str) -> Result<CropBox, String> {
+pub(crate) fn parse_box(text: &str) -> Result<CropBox, String> {
     let (a, b) = text.split_once(':').ok_or("write two corners, such as -5,-5,0:5,5,3")?;
     Ok(CropBox::between(spec::parse_point(a)?, spec::parse_point(b)?))
 }
@@ -165,7 +159,7 @@ fn parse_scale(text: &str) -> Result<LengthScale, String> {
 }
 
 /// Runs the command.
-pub fn run(args: &ConvertArgs) -> Result<()> {
+pub(crate) fn run(args: &ConvertArgs) -> Result<()> {
     let jobs = jobs(args)?;
     if let Some(folder) = &args.folder {
         std::fs::create_dir_all(folder).map_err(|error| anyhow!("{}: {error}", folder.display()))?;
@@ -251,19 +245,10 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             LevelCount::Auto => None,
             LevelCount::Number(number) => Some(number),
         };
-        return levels::write(out, scene, notes, (levels, args.run.threads.map(usize::from)));
+        return levels::write(out, scene, notes, levels, &args.run);
     }
     let format = format_for(out)?;
-    let options = WriteOptions {
-        spz: match args.spz_version {
-            Version::Three => SpzVersion::V3,
-            Version::Four => SpzVersion::V4,
-        },
-        gltf: match args.gltf {
-            InGltf::Floats => GltfSplats::Floats,
-            InGltf::Spz => GltfSplats::Spz,
-        },
-    };
+    let options = WriteOptions { spz: args.spz_version, gltf: args.gltf };
     notes.extend(lost(&format.loses_with(&options), &scene).into_iter().map(|line| format!("lost: {line}")));
     save(out, &scene, &options)?;
     let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };

@@ -6,13 +6,13 @@ use crate::progress;
 use anyhow::{Result, bail};
 use rayon::prelude::*;
 use std::path::Path;
-use wm_scene::formats::folder::scene_file;
+use weather_magician::formats::folder::scene_file;
 use wm_scene::levels::{LevelIndex, TilePlan};
 use wm_scene::sh::MAX_DEGREE;
 
 /// Tiles that are written one after the other on one thread, so that they share what is read for
 /// them.
-const TOGETHER: usize = 16;
+const TILES_AT_ONCE: usize = 16;
 
 /// Returns true if a path names 3D Tiles.
 pub(super) fn is_tileset(out: &Path) -> bool {
@@ -46,13 +46,13 @@ pub(super) fn write(path: &Path, out: &Path, args: &ConvertArgs) -> Result<Strin
     let plan = TilePlan::new(&index, out, change.sh_degree.unwrap_or(MAX_DEGREE))?;
     let bar = progress::bar(plan.len() as u64, "tiles");
     let threads = args.run.threads.map_or(0, usize::from);
-    let starts: Vec<usize> = (0..plan.len()).step_by(TOGETHER).collect();
+    let starts: Vec<usize> = (0..plan.len()).step_by(TILES_AT_ONCE).collect();
     let written = || {
         starts.par_iter().try_for_each(|start| {
             if interrupt::asked() {
                 bail!(Interrupted(format!("{} of {} tiles are written", bar.position(), plan.len())));
             }
-            let tiles = *start..plan.len().min(start + TOGETHER);
+            let tiles = *start..plan.len().min(start + TILES_AT_ONCE);
             let count = tiles.len() as u64;
             plan.write_tiles(tiles)?;
             bar.inc(count);

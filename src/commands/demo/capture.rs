@@ -1,76 +1,45 @@
 //! `demo --photos --capture`: photos as a real capture leaves them, and what is wrong with them.
 
-use clap::{Args, ValueEnum};
+use crate::choices::{Choice, one_of};
+use clap::Args;
 use wm_street::capture::{CaptureFlaws, CaptureKind, CaptureSettings, ExifFault, ToneCurve};
 use wm_street::dataset::GroundTruth;
 
-/// The way in which a capture is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CaptureChoice {
-    /// A drone that looks straight down.
-    Nadir,
-    /// A drone that looks inwards from a ring, 45 degrees down.
-    Oblique,
-    /// Somebody who walks with a phone.
-    Walk,
-    /// A camera in a car, among traffic and people.
-    Drive,
-}
-
-impl CaptureChoice {
-    /// The library's name for it.
-    pub fn kind(self) -> CaptureKind {
-        match self {
-            Self::Nadir => CaptureKind::Nadir,
-            Self::Oblique => CaptureKind::Oblique,
-            Self::Walk => CaptureKind::Walk,
-            Self::Drive => CaptureKind::Drive,
-        }
-    }
-}
-
-/// A tone curve.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum ToneChoice {
-    /// That of the demo's other photos.
-    #[default]
-    Standard,
-    /// Crushed shadows, clipped lights, strong colours.
-    Hard,
-    /// Grey shadows, dull lights, pale colours.
-    Flat,
-}
-
-/// A lie of EXIF.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum LieChoice {
-    /// A focal length 2.7 times too long.
-    Focal,
-    /// Positions on another continent.
-    Continent,
-    /// Positions at latitude 0, longitude 0.
-    Zero,
-    /// Positions that do not exist.
-    Nonsense,
-    /// A clock that was never set.
-    Time,
-}
+/// Ways in which a capture is made.
+const KINDS: &[Choice<CaptureKind>] = &[
+    ("nadir", "", CaptureKind::Nadir),
+    ("oblique", "", CaptureKind::Oblique),
+    ("walk", "", CaptureKind::Walk),
+    ("drive", "", CaptureKind::Drive),
+];
+/// Tone curves.
+const TONES: &[Choice<ToneCurve>] =
+    &[("standard", "", ToneCurve::Standard), ("hard", "", ToneCurve::Hard), ("flat", "", ToneCurve::Flat)];
+/// Lies of EXIF.
+const LIES: &[Choice<ExifFault>] = &[
+    ("focal", "", ExifFault::Focal),
+    ("continent", "", ExifFault::Continent),
+    ("zero", "", ExifFault::Zero),
+    ("nonsense", "", ExifFault::Nonsense),
+    ("time", "", ExifFault::Time),
+];
 
 /// Options of `demo --photos --capture`.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Captures")]
-pub struct CaptureArgs {
+pub(crate) struct CaptureArgs {
     /// Take the photos as a real capture leaves them, with EXIF and a model in arbitrary axes and
     /// units, and write the truth to truth.json: nadir (a drone looking down), oblique (a drone on
     /// a ring), walk (a phone), drive (a car in traffic)
     #[arg(
         long,
         value_name = "KIND",
+        value_parser = one_of(KINDS),
         requires = "photos",
         conflicts_with = "route",
         hide_possible_values = true
     )]
-    pub capture: Option<CaptureChoice>,
+    pub(crate) capture: Option<CaptureKind>,
     /// Seed of all noise, and of the model's axes
     #[arg(long, value_name = "N", default_value_t = 1, requires = "capture")]
     seed: u64,
@@ -84,16 +53,18 @@ pub struct CaptureArgs {
     #[arg(
         long,
         value_name = "NAME",
+        value_parser = one_of(TONES),
         default_value = "standard",
         requires = "capture",
         hide_possible_values = true
     )]
-    tone_curve: ToneChoice,
+    tone_curve: ToneCurve,
     /// What EXIF lies about: focal, continent, zero, nonsense, time, or several; photos take turns
     /// with wrong positions
     #[arg(
         long,
         value_name = "LIST",
+        value_parser = one_of(LIES),
         value_delimiter = ',',
         num_args = 0..=1,
         require_equals = true,
@@ -101,7 +72,7 @@ pub struct CaptureArgs {
         requires = "capture",
         hide_possible_values = true
     )]
-    wrong_exif: Vec<LieChoice>,
+    wrong_exif: Vec<ExifFault>,
     /// Rain in front of the camera [default rate: 20]
     #[arg(long, value_name = "MM_H", num_args = 0..=1, require_equals = true, default_missing_value = "20", requires = "capture")]
     rain_on_photos: Option<f64>,
@@ -118,22 +89,11 @@ pub struct CaptureArgs {
 
 impl CaptureArgs {
     fn flaws(&self) -> CaptureFlaws {
-        let lie = |choice: &LieChoice| match choice {
-            LieChoice::Focal => ExifFault::Focal,
-            LieChoice::Continent => ExifFault::Continent,
-            LieChoice::Zero => ExifFault::Zero,
-            LieChoice::Nonsense => ExifFault::Nonsense,
-            LieChoice::Time => ExifFault::Time,
-        };
         CaptureFlaws {
             blur: self.blur,
             exposure_jitter: self.exposure_jitter,
-            tone: match self.tone_curve {
-                ToneChoice::Standard => ToneCurve::Standard,
-                ToneChoice::Hard => ToneCurve::Hard,
-                ToneChoice::Flat => ToneCurve::Flat,
-            },
-            exif: self.wrong_exif.iter().map(lie).collect(),
+            tone: self.tone_curve,
+            exif: self.wrong_exif.clone(),
             rain: self.rain_on_photos,
             snow: self.snow_on_photos,
             haze: self.haze_on_photos,
@@ -142,13 +102,13 @@ impl CaptureArgs {
     }
 
     /// The settings of the capture that is asked for, if any.
-    pub fn settings(
+    pub(crate) fn settings(
         &self,
         count: Option<u32>,
         size: (u32, u32),
         truth: GroundTruth,
     ) -> Option<CaptureSettings> {
-        let usual = CaptureSettings::new(self.capture?.kind());
+        let usual = CaptureSettings::new(self.capture?);
         let count = count.unwrap_or(usual.count);
         Some(CaptureSettings { count, size, truth, seed: self.seed, flaws: self.flaws(), ..usual })
     }

@@ -1,7 +1,8 @@
 //! The demo's film: a walk down the street while fog closes in and begins to lift.
 
+use weather_magician::Weather;
 use wm_street::{Street, Viewpoint};
-use wm_weather::{Weather, WeatherError};
+use wm_weather::WeatherError;
 
 /// Speed of the camera as a multiple of walking speed, so that a short film covers some distance.
 const HASTE: f64 = 1.6;
@@ -18,14 +19,14 @@ const HEIGHT: f64 = 150.0;
 
 /// The demo's film.
 #[derive(Clone, Copy, Debug)]
-pub struct FogFilm {
+pub(crate) struct FogFilm {
     /// Length, seconds.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 impl FogFilm {
     /// Returns the camera's position and target at `time`, seconds.
-    pub fn view(&self, time: f64) -> Viewpoint {
+    pub(crate) fn view(&self, time: f64) -> Viewpoint {
         // A long film covers the whole street, at a lower speed.
         let share = (self.seconds * HASTE / Street::WALK_SECONDS).min(1.0);
         Street::dolly(share * time / self.seconds)
@@ -35,7 +36,7 @@ impl FogFilm {
     ///
     /// # Errors
     /// The film is so short that keyframes coincide.
-    pub fn weather(&self) -> Result<Weather, WeatherError> {
+    pub(crate) fn weather(&self) -> Result<Weather, WeatherError> {
         let keys: Vec<String> = (0..=KEYS)
             .map(|key| f64::from(key) / f64::from(KEYS))
             .map(|share| format!("[{}, {:.1}]", share * self.seconds, mor(share)))

@@ -6,10 +6,10 @@
 mod capture;
 mod film;
 mod photos;
-pub mod street;
+pub(crate) mod street;
 
 use super::reconstruct::CHECKPOINT;
-use crate::choices::EncoderChoice;
+use crate::choices::{ENCODERS, one_of};
 use crate::interrupt::{self, Interrupted};
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
@@ -21,14 +21,15 @@ use film::FogFilm;
 use photos::{LightChoice, PhotoRoute, PhotoSession, PhotoSet, PlaceChoice, TruthChoice};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weather_magician::formats::{ReadOptions, read_scene, write_scene};
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
-use weather_magician::{FrameRequest, Picture, picture_tags};
-use wm_media::{PictureSize, color::Dither, png, sheet, video};
-use wm_scene::formats::{ReadOptions, read_scene, write_scene};
-use wm_scene::{Camera, Metadata, Scene};
+use weather_magician::{
+    Camera, FrameRequest, Metadata, Picture, PictureSize, Scene, Weather, picture_tags, video,
+};
+use wm_media::{color::Dither, png, sheet};
 use wm_street::{Street, Viewpoint};
-use wm_weather::{ParamValue, Weather};
+use wm_weather::ParamValue;
 
 /// Frame rate of the film.
 const FPS: u32 = 24;
@@ -55,7 +56,7 @@ const OTHER: &str = "give another folder with --out";
 
 /// Options of `demo`.
 #[derive(Args, Debug)]
-pub struct DemoArgs {
+pub(crate) struct DemoArgs {
     /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ unless --sampled is
     /// given
     #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
@@ -117,8 +118,8 @@ pub struct DemoArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true)]
     only: Vec<DemoOutput>,
     /// Encoder of the film
-    #[arg(long, value_enum, default_value = "builtin")]
-    encoder: EncoderChoice,
+    #[arg(long, value_parser = one_of(ENCODERS), default_value = "builtin")]
+    encoder: video::VideoEncoder,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -164,7 +165,7 @@ impl DemoArgs {
     fn video(&self) -> Result<video::VideoSettings> {
         let rate = video::FrameRate::new(FPS, 1).context("no such frame rate")?;
         let settings = video::VideoSettings::new(PictureSize::new(self.size().0, self.size().1), rate);
-        Ok(video::VideoSettings { encoder: self.encoder.into(), ..settings })
+        Ok(video::VideoSettings { encoder: self.encoder, ..settings })
     }
 
     fn check(&self) -> Result<()> {
@@ -182,7 +183,7 @@ impl DemoArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &DemoArgs) -> Result<()> {
+pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     args.check()?;
     let started = Instant::now();
     if let Some(folder) = &args.photos {

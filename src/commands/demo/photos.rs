@@ -16,7 +16,7 @@ use wm_street::{
 
 /// The place that is photographed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum PlaceChoice {
+pub(crate) enum PlaceChoice {
     /// A village street.
     #[default]
     Street,
@@ -26,7 +26,7 @@ pub enum PlaceChoice {
 
 /// The light that photos are taken in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum LightChoice {
+pub(crate) enum LightChoice {
     /// A summer sun with broken clouds.
     #[default]
     Sunny,
@@ -45,7 +45,7 @@ impl From<LightChoice> for Lighting {
 
 /// Route of the camera that takes photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum PhotoRoute {
+pub(crate) enum PhotoRoute {
     /// Along the place's walk, at eye level.
     #[default]
     Walk,
@@ -55,7 +55,7 @@ pub enum PhotoRoute {
 
 /// Exact depth, normals and sky beside photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum TruthChoice {
+pub(crate) enum TruthChoice {
     /// The maps are written.
     #[default]
     Write,
@@ -72,9 +72,9 @@ impl From<TruthChoice> for GroundTruth {
     }
 }
 
-/// What is written: exact cameras along a route, or a capture as real ones are.
+/// Cameras of photos: exact ones along a route, or those of a capture like real ones.
 #[derive(Clone, Debug)]
-pub enum PhotoSet {
+pub(crate) enum PhotoSet {
     /// Exact, in metres.
     Exact(DatasetOptions),
     /// With everything that goes wrong.
@@ -83,18 +83,18 @@ pub enum PhotoSet {
 
 /// A set of photos of a place.
 #[derive(Clone, Debug)]
-pub struct PhotoSession {
+pub(crate) struct PhotoSession {
     /// The place.
-    pub place: PlaceChoice,
+    pub(crate) place: PlaceChoice,
     /// The light over it.
-    pub light: LightChoice,
+    pub(crate) light: LightChoice,
     /// The photos.
-    pub set: PhotoSet,
+    pub(crate) set: PhotoSet,
 }
 
 impl PhotoSession {
     /// A session along a route.
-    pub fn along(
+    pub(crate) fn along(
         place: PlaceChoice,
         route: PhotoRoute,
         count: u32,
@@ -110,7 +110,7 @@ impl PhotoSession {
     }
 
     /// The number of photos.
-    pub fn count(&self) -> u32 {
+    pub(crate) fn count(&self) -> u32 {
         match &self.set {
             PhotoSet::Exact(options) => options.count,
             PhotoSet::Capture(settings) => settings.flaws.few.unwrap_or(settings.count).min(settings.count),
@@ -118,7 +118,7 @@ impl PhotoSession {
     }
 
     /// Width and height of each, px.
-    pub fn size(&self) -> (u32, u32) {
+    pub(crate) fn size(&self) -> (u32, u32) {
         match &self.set {
             PhotoSet::Exact(options) => options.size,
             PhotoSet::Capture(settings) => settings.size,
@@ -141,7 +141,7 @@ impl PhotoSession {
     ///
     /// # Errors
     /// The options make no photos, the folder cannot be written, or Ctrl-C was pressed.
-    pub fn shoot(&self, folder: &Path, run: &RunArgs) -> Result<()> {
+    pub(crate) fn shoot(&self, folder: &Path, run: &RunArgs) -> Result<()> {
         if let PhotoSet::Capture(settings) = &self.set {
             settings.flaws.check().map_err(anyhow::Error::msg)?;
         }
@@ -206,7 +206,7 @@ struct Words {
 }
 
 /// Returns the run folder of the training of a scene.
-pub fn run_folder(scene: &Path) -> PathBuf {
+pub(crate) fn run_folder(scene: &Path) -> PathBuf {
     scene.with_extension("run")
 }
 
@@ -215,7 +215,7 @@ pub fn run_folder(scene: &Path) -> PathBuf {
 ///
 /// # Errors
 /// Options of `reconstruct`.
-pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Result<()> {
+pub(crate) fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Result<()> {
     let mut words: Vec<std::ffi::OsString> = vec![folder.into(), "--out".into(), scene.into()];
     words.extend(["--overwrite".into(), "--run-folder".into(), run_folder(scene).into()]);
     words.extend(TRAINING.map(Into::into));

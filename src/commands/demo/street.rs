@@ -3,14 +3,14 @@
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Context, Result};
-use wm_scene::Scene;
+use weather_magician::Scene;
 use wm_street::{Lighting, Street};
 
 /// Builds the street in a light and samples it on `threads` (`None` for one per core).
 ///
 /// # Errors
 /// Ctrl-C was pressed, or threads cannot be started.
-pub fn scene(detail: f64, light: Lighting, threads: Option<usize>) -> Result<Scene> {
+pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<usize>) -> Result<Scene> {
     let spinner = progress::spinner("building the street");
     let street = match light {
         Lighting::Sunny => Street::builtin(),

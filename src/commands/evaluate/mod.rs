@@ -27,7 +27,7 @@ use wm_scene::files::{check_writable, write_atomically};
 #[command(mut_arg("scene", |scene| {
     scene.required(false).required_unless_present_any(["pictures", "paper"]).group("SceneArgs")
 }))]
-pub struct EvaluateArgs {
+pub(crate) struct EvaluateArgs {
     #[command(flatten)]
     scene: Option<SceneArgs>,
     /// The data set: a folder with a COLMAP model or a transforms.json, in the axes of the scene
@@ -125,7 +125,7 @@ fn open(args: &EvaluateArgs) -> Result<Dataset> {
 }
 
 /// Runs the command.
-pub fn run(args: &EvaluateArgs) -> Result<()> {
+pub(crate) fn run(args: &EvaluateArgs) -> Result<()> {
     if args.realism.asked() {
         let work = realism::RealismOptions {
             json: args.json.as_deref(),

@@ -3,29 +3,29 @@
 use super::{EvaluateArgs, ExposureFitArg, name_of};
 use crate::dataset::Dataset;
 use serde_json::{Map, Value, json};
-use wm_train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
-use wm_train::metrics::FloaterShare;
+use weather_magician::train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
+use weather_magician::train::metrics::FloaterShare;
 
 /// A column of scores, one number per photo.
-pub struct ScoreColumn {
-    /// Its name in JSON.
-    pub key: &'static str,
-    /// Its name in one line.
-    pub name: &'static str,
-    /// Its name in tables, in two lines.
-    pub head: [&'static str; 2],
+pub(crate) struct ScoreColumn {
+    /// The name in JSON.
+    pub(crate) key: &'static str,
+    /// The name in one line.
+    pub(crate) name: &'static str,
+    /// The name in tables, in two lines.
+    pub(crate) head: [&'static str; 2],
     /// Unit and format.
-    pub unit: ScoreUnit,
+    pub(crate) unit: ScoreUnit,
     /// The tables in which it is shown.
-    pub place: Placement,
+    pub(crate) place: Placement,
     /// Definition of the score.
-    pub what: &'static str,
+    pub(crate) what: &'static str,
     of: fn(&ViewScores) -> Option<f64>,
 }
 
 /// Unit and format of a score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ScoreUnit {
+pub(crate) enum ScoreUnit {
     /// No unit; four decimals.
     Plain,
     /// dB.
@@ -38,7 +38,7 @@ pub enum ScoreUnit {
 
 /// The tables in which a score is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Placement {
+pub(crate) enum Placement {
     /// Also in the tables.
     Table,
     /// Only in the means and the JSON file.
@@ -50,7 +50,7 @@ use ScoreUnit::{Decibels, Degrees, Percent, Plain};
 
 /// All numbers of a photo, in their order.
 #[rustfmt::skip]
-pub const COLUMNS: [ScoreColumn; 18] = [
+pub(crate) const COLUMNS: [ScoreColumn; 18] = [
     ScoreColumn { key: "psnr", name: "PSNR", head: ["PSNR", "dB"], unit: Decibels, place: Table, of: |s| Some(s.psnr),
         what: "peak signal-to-noise ratio of the render against the photo, dB; higher is better" },
     ScoreColumn { key: "ssim", name: "SSIM", head: ["", "SSIM"], unit: Plain, place: Table, of: |s| Some(s.ssim),
@@ -91,12 +91,12 @@ pub const COLUMNS: [ScoreColumn; 18] = [
 
 impl ScoreColumn {
     /// Returns the number of a photo; `None` if it is unknown or infinite.
-    pub fn of(&self, scores: &ViewScores) -> Option<f64> {
+    pub(crate) fn of(&self, scores: &ViewScores) -> Option<f64> {
         (self.of)(scores).filter(|value| value.is_finite())
     }
 
     /// Formats the number; a dash for none.
-    pub fn text(&self, value: Option<f64>) -> String {
+    pub(crate) fn text(&self, value: Option<f64>) -> String {
         match (value, self.unit) {
             (None, _) => "-".into(),
             (Some(value), Plain) => format!("{value:.4}"),
@@ -106,7 +106,7 @@ impl ScoreColumn {
     }
 
     /// Formats the number with its unit.
-    pub fn full_text(&self, value: Option<f64>) -> String {
+    pub(crate) fn full_text(&self, value: Option<f64>) -> String {
         // Not to be broken before the sign.
         let sign = match self.unit {
             _ if value.is_none() => "",
@@ -120,22 +120,22 @@ impl ScoreColumn {
 }
 
 /// All scores of a scene.
-pub struct EvaluationReport {
-    pub scene: String,
-    pub dataset: String,
+pub(crate) struct EvaluationReport {
+    pub(crate) scene: String,
+    pub(crate) dataset: String,
     /// Description of the chosen photos.
-    pub selection: String,
+    pub(crate) selection: String,
     /// The ground truth.
-    pub truth: TruthMaps,
+    pub(crate) truth: TruthMaps,
     /// The scores of each photo.
-    pub views: Vec<PhotoScores>,
+    pub(crate) views: Vec<PhotoScores>,
     /// Splats in front of true surfaces.
-    pub floaters: Option<FloaterShare>,
+    pub(crate) floaters: Option<FloaterShare>,
     args: EvaluateArgs,
 }
 
 impl EvaluationReport {
-    pub fn new(args: &EvaluateArgs, data: &Dataset, truth: TruthMaps, evaluation: Evaluation) -> Self {
+    pub(crate) fn new(args: &EvaluateArgs, data: &Dataset, truth: TruthMaps, evaluation: Evaluation) -> Self {
         let Evaluation { photos: views, floaters } = evaluation;
         let (count, all) = (views.len(), data.capture.views.len());
         let selection = match args.photos.held_out.eval_every {
@@ -152,19 +152,19 @@ impl EvaluationReport {
     }
 
     /// Returns the mean of a column over the photos that have it.
-    pub fn mean(&self, column: &ScoreColumn) -> Option<f64> {
+    pub(crate) fn mean(&self, column: &ScoreColumn) -> Option<f64> {
         let values: Vec<f64> = self.views.iter().filter_map(|view| column.of(&view.scores)).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
     /// Returns the columns that at least one photo has.
-    pub fn columns(&self, place: Option<Placement>) -> impl Iterator<Item = &'static ScoreColumn> {
+    pub(crate) fn columns(&self, place: Option<Placement>) -> impl Iterator<Item = &'static ScoreColumn> {
         let is_shown = move |column: &&ScoreColumn| place.is_none_or(|place| column.place == place);
         COLUMNS.iter().filter(is_shown).filter(|column| self.mean(column).is_some())
     }
 
     /// Returns the notes above the scores, one per line.
-    pub fn notes(&self) -> Vec<String> {
+    pub(crate) fn notes(&self) -> Vec<String> {
         let mut notes = vec![format!("{} against {}: {}", self.scene, self.dataset, self.selection)];
         if self.args.photos.exposure_fit == ExposureFitArg::Affine {
             notes.push("The colours of each render are fitted to its photo.".into());
@@ -183,7 +183,7 @@ impl EvaluationReport {
     }
 
     /// Describes the floaters.
-    pub fn floaters(&self) -> Option<String> {
+    pub(crate) fn floaters(&self) -> Option<String> {
         let found = self.floaters?;
         Some(format!(
             "{:.2} % of splats in view hang in front of the true surface ({} of {}), {:.2} % by opacity and area",
@@ -195,7 +195,7 @@ impl EvaluationReport {
     }
 
     /// Returns everything as JSON, as described in `docs/guide/evaluate.md`.
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let numbers = |of: &dyn Fn(&ScoreColumn) -> Option<f64>| -> Map<String, Value> {
             COLUMNS.iter().filter_map(|column| Some((column.key.to_owned(), json!(of(column)?)))).collect()
         };

@@ -3,7 +3,7 @@
 use super::scores::{EvaluationReport, Placement, ScoreColumn};
 
 /// Prints a line per photo, and the means.
-pub fn print(report: &EvaluationReport) {
+pub(crate) fn print(report: &EvaluationReport) {
     for note in report.notes() {
         println!("{note}");
     }

@@ -4,13 +4,13 @@ use crate::dataset::Dataset;
 use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::PathBuf;
+use weather_magician::train::evaluation::{TruthError, TruthMaps, TruthOptions};
+use weather_magician::train::maps::{DepthForm, DepthUnit, NormalAxes};
 use wm_scene::survey::Survey;
-use wm_train::evaluation::{TruthError, TruthMaps, TruthOptions};
-use wm_train::maps::{DepthForm, DepthUnit, NormalAxes};
 
 /// The folders of ground-truth maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
-pub struct TruthArgs {
+pub(crate) struct TruthArgs {
     /// Folder of true depth, one file per photo and named after it: .png, .tiff, .exr or .npy; of
     /// any size with the photo's aspect ratio [default: truth/depth in the data set, if it exists]
     #[arg(long, value_name = "FOLDER", help_heading = "Truth")]
@@ -39,7 +39,7 @@ pub struct TruthArgs {
 
 impl TruthArgs {
     /// Finds the maps of the photos. Warns on the error stream of photos without one.
-    pub fn open(&self, data: &Dataset, survey: &Survey) -> Result<TruthMaps> {
+    pub(crate) fn open(&self, data: &Dataset, survey: &Survey) -> Result<TruthMaps> {
         let options = TruthOptions {
             depth: self.depth.clone(),
             normal: self.normal.clone(),
@@ -57,7 +57,7 @@ impl TruthArgs {
 }
 
 /// Returns the error as the command prints it, with the options that help.
-pub fn explain(error: TruthError) -> anyhow::Error {
+pub(crate) fn explain(error: TruthError) -> anyhow::Error {
     match &error {
         TruthError::NoFolder { kind, folder } => {
             anyhow!("--{kind} {}: there is no such folder; name the folder of the maps", folder.display())

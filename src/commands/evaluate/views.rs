@@ -9,16 +9,16 @@ use crate::scene::OpenScene;
 use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
-use wm_render::Geometry;
-use wm_train::evaluation::{
+use weather_magician::train::evaluation::{
     EvaluatedPhoto, Evaluation, EvaluationAir, EvaluationError, EvaluationObserver, EvaluationOptions,
     ExposureFit, TruthMaps, evaluate,
 };
-use wm_train::photos::PhotoError;
-use wm_train::session::ObserverError;
+use weather_magician::train::photos::PhotoError;
+use weather_magician::train::session::ObserverError;
+use wm_render::Geometry;
 
 /// Measures the photos of `data`; also returns the panels of `pictures` photos for the report.
-pub fn measure(
+pub(crate) fn measure(
     loaded: OpenScene,
     data: &Dataset,
     truth: &TruthMaps,

@@ -8,10 +8,9 @@ use anyhow::Result;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use weather_magician::PreparedPlace;
 use weather_magician::assets::pack_asset;
 use weather_magician::panorama_file::read_panorama;
-use wm_weather::Weather;
+use weather_magician::{PreparedPlace, Weather};
 use wm_weather::presets::PRESETS;
 
 /// The presets that are prepared without being asked for, the most useful first: light, rain on wet
@@ -22,7 +21,7 @@ const COMMON: [&str; 8] =
 const SURFACES: &str = "surfaces-";
 
 /// Returns the weathers of `--prepare`.
-pub fn weathers(names: &[String]) -> Result<Vec<Weather>> {
+pub(crate) fn weathers(names: &[String]) -> Result<Vec<Weather>> {
     let all = || PRESETS.iter().map(|(name, _)| *name);
     let presets = |names: &mut dyn Iterator<Item = &str>| -> Result<Vec<Weather>> {
         Ok(names.map(Weather::preset).collect::<Result<_, _>>()?)
@@ -46,34 +45,34 @@ pub fn weathers(names: &[String]) -> Result<Vec<Weather>> {
 
 /// A file of a site's folder of prepared data.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PackedAsset {
-    /// Its name, as the cache has it.
-    pub name: String,
-    /// Its size, bytes.
-    pub bytes: u64,
+pub(crate) struct PackedAsset {
+    /// The name that the cache has for it.
+    pub(crate) name: String,
+    /// The size, bytes.
+    pub(crate) bytes: u64,
     /// The weather that it was made for.
-    pub of: String,
+    pub(crate) of: String,
 }
 
 /// Prepared data that a site will have.
 #[derive(Default)]
-pub struct PreparedWeathers {
+pub(crate) struct PreparedWeathers {
     /// The files that belong to the site.
     chosen: Vec<PackedAsset>,
 }
 
 /// The bytes that prepared data may take.
 #[derive(Clone, Copy, Debug)]
-pub struct AssetBudget {
+pub(crate) struct AssetBudget {
     /// The most of them.
-    pub most: u64,
+    pub(crate) most: u64,
     /// The first weather is bound by it too.
-    pub is_strict: bool,
+    pub(crate) is_strict: bool,
 }
 
 /// Prepares what the weathers need, each as far as the budget allows. What is in the folder already
 /// is of the first one.
-pub fn prepare(
+pub(crate) fn prepare(
     loaded: &mut OpenScene,
     first: &Weather,
     others: &[Weather],
@@ -110,7 +109,7 @@ pub fn prepare(
 
 impl PreparedWeathers {
     /// Leaves the files that were chosen in the folder, packed; returns them, the names ascending.
-    pub fn finish(&self, folder: &Path) -> Result<Vec<PackedAsset>> {
+    pub(crate) fn finish(&self, folder: &Path) -> Result<Vec<PackedAsset>> {
         let mut kept = Vec::new();
         for name in names_in(folder)? {
             let path = folder.join(&name);
@@ -127,7 +126,7 @@ impl PreparedWeathers {
     }
 
     /// Returns the presets for which the browser must make something at their beginning.
-    pub fn left(&self, place: &PreparedPlace) -> Vec<&'static str> {
+    pub(crate) fn left(&self, place: &PreparedPlace) -> Vec<&'static str> {
         let has = |name: &String| self.chosen.iter().any(|asset| asset.name == *name);
         let is_whole = |name: &str| {
             let weather = Weather::preset(name).unwrap_or_default();

@@ -23,10 +23,9 @@ use output::{SiteFolder, megabytes};
 use player::PlayerFiles;
 use std::path::{Path, PathBuf};
 use weather_magician::levels::parse_memory;
-use wm_scene::Camera;
+use weather_magician::{Camera, Weather};
 use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
-use wm_weather::Weather;
 
 /// Memory of a page for a scene in levels of detail, bytes: a module of 32 bits has 4 GiB at most,
 /// and phones less.
@@ -38,7 +37,7 @@ const MEMORY: u64 = 1 << 30;
                   weather-magician export-web garden.ply --weather moderate-rain --set wind.speed=6 --single-file --out garden.html\n\n\
                   Put the folder on any static host, or look at it here: python3 -m http.server -d site/\n\
                   docs/guide/web.md says what runs where, and how the player is built.")]
-pub struct ExportWebArgs {
+pub(crate) struct ExportWebArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -137,7 +136,7 @@ impl ExportWebArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &ExportWebArgs) -> Result<()> {
+pub(crate) fn run(args: &ExportWebArgs) -> Result<()> {
     args.check()?;
     let weather = args.weather.read()?;
     check_weather(&weather)?;

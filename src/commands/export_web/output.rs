@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use wm_scene::files::{TempFolder, check_writable, rename, write_atomically, write_staged};
 
 /// The file by which a site of this program is known.
-pub const MARK: &str = "place/place.json";
+pub(crate) const MARK: &str = "place/place.json";
 /// An empty file in the output folder while the site's files are moved there. If the program is
 /// killed then, it stays, and says that the folder belongs to a site and may be written to again.
 const UNFINISHED: &str = ".unfinished-site";
@@ -16,7 +16,7 @@ const UNFINISHED: &str = ".unfinished-site";
 const PARTS: [&str; 2] = ["place", "video.mp4"];
 
 /// A site that is being made.
-pub struct SiteFolder {
+pub(crate) struct SiteFolder {
     made: TempFolder,
     out: PathBuf,
 }
@@ -26,7 +26,7 @@ impl SiteFolder {
     ///
     /// # Errors
     /// `out` cannot be written, or is a folder that holds something else than a site.
-    pub fn new(out: &Path, is_file: bool) -> Result<Self> {
+    pub(crate) fn new(out: &Path, is_file: bool) -> Result<Self> {
         // `site/` is the folder `site`.
         let out: PathBuf = out.components().collect();
         if is_file {
@@ -39,13 +39,13 @@ impl SiteFolder {
     }
 
     /// The folder to write into.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.made.path()
     }
 
     /// Moves the site to its place, and returns its size, bytes. What else lies in a folder with an
     /// older site stays.
-    pub fn finish(self) -> Result<u64> {
+    pub(crate) fn finish(self) -> Result<u64> {
         let (made, out) = (self.made.path(), &self.out);
         let bytes = size_of(made)?;
         at(fs::create_dir_all(out), out)?;
@@ -90,17 +90,17 @@ fn check_folder(out: &Path) -> Result<()> {
 }
 
 /// Writes a file whole or not at all.
-pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Ok(write_atomically(path, |out| Ok(out.write_all(bytes)?))?)
 }
 
 /// Makes a folder.
-pub fn make_folder(path: &Path) -> Result<()> {
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
     at(fs::create_dir_all(path), path)
 }
 
 /// Returns the size of a file, or of all files in a folder, bytes; 0 if it is not there.
-pub fn size_of(path: &Path) -> Result<u64> {
+pub(crate) fn size_of(path: &Path) -> Result<u64> {
     let about = match fs::metadata(path) {
         Ok(about) => about,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(0),
@@ -114,7 +114,7 @@ pub fn size_of(path: &Path) -> Result<u64> {
 }
 
 /// Returns a number of bytes in words, such as "1.2 MB".
-pub fn megabytes(bytes: u64) -> String {
+pub(crate) fn megabytes(bytes: u64) -> String {
     if bytes < 100_000 {
         return format!("{:.1} kB", bytes as f64 / 1e3);
     }

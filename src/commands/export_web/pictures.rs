@@ -8,17 +8,16 @@ use anyhow::{Error, Result};
 use std::path::Path;
 use weather_magician::levels::shot_cameras;
 use weather_magician::sequence::render_and_write;
+use weather_magician::video::{FrameRate, VideoSettings, create_video};
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves;
-use weather_magician::{CameraMotion, FrameRequest, Patience, Picture, picture_tags};
-use wm_media::PictureSize;
+use weather_magician::{
+    Camera, CameraMotion, FrameRequest, Patience, Picture, PictureSize, Weather, picture_tags,
+};
 use wm_media::color::{Dither, quantize_rgb8};
-use wm_media::video::{FrameRate, VideoSettings, create_video};
 use wm_render::Frame;
-use wm_scene::Camera;
 use wm_viewer::encode;
 use wm_viewer::thumbnail::{self, thumbnail_weather};
-use wm_weather::Weather;
 use wm_weather::presets::PRESETS;
 
 /// Width, px, and JPEG quality of the poster.
@@ -31,7 +30,7 @@ const BITRATE: u32 = 3_000_000;
 const WAY: f64 = 0.04;
 
 /// Writes the picture that is shown while the page loads.
-pub fn poster(
+pub(crate) fn poster(
     loaded: &mut OpenScene,
     weather: &Weather,
     start: &Camera,
@@ -49,7 +48,7 @@ pub fn poster(
 
 /// Writes a small picture of each preset into `folder`; returns the names of those that it wrote:
 /// not of a preset that the place cannot be rendered in.
-pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
+pub(crate) fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
     make_folder(folder)?;
     let camera = resized(start, thumbnail::WIDTH);
     let bar = progress::bar(PRESETS.len() as u64, "thumbnails");
@@ -77,7 +76,7 @@ pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Resu
 
 /// Writes a video of a few seconds from the start on, for browsers that cannot run the player. A
 /// program without an encoder writes none.
-pub fn video(
+pub(crate) fn video(
     loaded: &mut OpenScene,
     weather: &Weather,
     start: &Camera,

@@ -2,43 +2,43 @@
 
 use super::output::make_folder;
 use super::{ExportWebArgs, MEMORY, at};
-use crate::choices::SkyChoice;
+use crate::choices::sky_word;
 use crate::commands::convert::levels;
 use crate::progress;
 use crate::scene::{OpenScene, change_sky, check, read_options, read_saying_remarks};
 use anyhow::{Result, bail};
 use std::fs;
 use std::path::Path;
-use weather_magician::PlaceOptions;
+use weather_magician::formats::{ReadOptions, read_scene, write_scene};
 use weather_magician::levels::{LevelBudget, MAX_FRAME_SPLATS};
-use wm_scene::formats::{ReadOptions, read_scene, write_scene};
+use weather_magician::{Metadata, PlaceOptions, Scene};
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
-use wm_scene::survey::{FactSource, Survey, label_sky};
-use wm_scene::{Metadata, Scene, SceneView, capture};
+use wm_scene::survey::{FactSource, OwnSky, Survey, label_sky};
+use wm_scene::{SceneView, capture};
 
 /// The scene as a site has it.
-pub struct SitePlace {
+pub(crate) struct SitePlace {
     /// The name of its file.
-    pub file: &'static str,
+    pub(crate) file: &'static str,
     /// All facts.
-    pub metadata: Metadata,
+    pub(crate) metadata: Metadata,
     /// The cameras of the photos.
-    pub views: Vec<SceneView>,
+    pub(crate) views: Vec<SceneView>,
     /// Command-line words of the scene.
-    pub words: Vec<String>,
+    pub(crate) words: Vec<String>,
     /// True if it is drawn in levels of detail.
-    pub is_in_levels: bool,
+    pub(crate) is_in_levels: bool,
 }
 
 /// Writes the scene into `folder`, and opens what was written.
-pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlace)> {
+pub(crate) fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlace)> {
     let SceneOptions { facts, words } = SceneOptions::of(args)?;
     make_folder(folder)?;
     let source = &args.scene.scene;
     let index = if args.scene.level.is_none() { LevelIndex::of_scene(source)? } else { None };
     // A page draws smaller ones as a whole.
     if let Some(index) = index.filter(|index| index.count_of_level(0) > MAX_FRAME_SPLATS) {
-        if args.sky.sky != SkyChoice::Keep || args.viewpoint.views.is_some() {
+        if args.sky.sky != OwnSky::Keep || args.viewpoint.views.is_some() {
             let option = if args.viewpoint.views.is_some() { "--views" } else { "--sky" };
             bail!(
                 "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
@@ -67,7 +67,7 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
         let written = folder.join("folders");
         let index = written.join(INDEX_NAME);
         make_folder(&written)?;
-        levels::write(&index, scene, Vec::new(), (None, args.run.threads.map(usize::from)))?;
+        levels::write(&index, scene, Vec::new(), None, &args.run)?;
         copy_levels(&LevelIndex::open(&index)?, folder, false)?;
         at(fs::remove_dir_all(&written), &written)?;
         return open_levels(args, folder, facts, words);
@@ -102,7 +102,7 @@ impl SceneOptions {
             words.extend(value.map(|value| format!("--{option}={value}")));
         };
         add("level", args.scene.level.map(|level| level.to_string()));
-        add("sky", (args.sky.sky != SkyChoice::Keep).then(|| args.sky.sky.name().into()));
+        add("sky", (args.sky.sky != OwnSky::Keep).then(|| sky_word(args.sky.sky).into()));
         add("views", args.viewpoint.views.as_ref().map(|folder| folder.display().to_string()));
         add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
         add("ground", facts.ground.map(|height| height.to_string()));

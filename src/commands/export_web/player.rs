@@ -12,11 +12,11 @@ const NAMES: [&str; 2] = ["player.js", "player_bg.wasm"];
 const MAGIC: &[u8] = b"\0asm";
 
 /// The contents of the player's files, in the order of their names.
-pub struct PlayerFiles([Cow<'static, [u8]>; 2]);
+pub(crate) struct PlayerFiles([Cow<'static, [u8]>; 2]);
 
 impl PlayerFiles {
     /// Finds them: in a folder that was given, in the program, or in `web-player` beside it.
-    pub fn find(given: Option<&Path>) -> Result<Self> {
+    pub(crate) fn find(given: Option<&Path>) -> Result<Self> {
         if let Some(folder) = given {
             return Self::read(folder);
         }
@@ -47,7 +47,7 @@ impl PlayerFiles {
     }
 
     /// Writes them into a site.
-    pub fn write(&self, site: &Path) -> Result<()> {
+    pub(crate) fn write(&self, site: &Path) -> Result<()> {
         NAMES.iter().zip(&self.0).try_for_each(|(name, bytes)| output::write(&site.join(name), bytes))
     }
 }

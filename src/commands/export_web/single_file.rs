@@ -15,7 +15,7 @@ const MOST: u64 = 40_000_000;
 /// Files that are in the page itself.
 const IN_PAGE: [&str; 4] = ["index.html", "style.css", "icon.svg", STARTER];
 /// The script that gives the files to the page.
-pub const STARTER: &str = "single.js";
+pub(crate) const STARTER: &str = "single.js";
 /// The content policy: only what is inside of the page is loaded, and the one script that starts
 /// it.
 const POLICY: &str = "default-src 'none'; script-src 'sha256-STARTER' blob: 'wasm-unsafe-eval'; worker-src blob:; \
@@ -23,7 +23,7 @@ const POLICY: &str = "default-src 'none'; script-src 'sha256-STARTER' blob: 'was
                       base-uri 'none'; form-action 'none'";
 
 /// Writes a site as the HTML file `out`; returns its size, bytes.
-pub fn write(folder: &SiteFolder, out: &Path) -> Result<u64> {
+pub(crate) fn write(folder: &SiteFolder, out: &Path) -> Result<u64> {
     let mut names = Vec::new();
     list(folder.path(), "", &mut names)?;
     names.sort();
@@ -101,7 +101,7 @@ fn page(index: &str, style: &str, icon: &str, starter: &str, files: &[(&str, Vec
 }
 
 /// Sets the policy of a page, which its head states.
-pub fn with_policy(html: &str, policy: &str) -> Result<String> {
+pub(crate) fn with_policy(html: &str, policy: &str) -> Result<String> {
     let is_policy = |line: &&str| !line.contains("http-equiv=\"Content-Security-Policy\"");
     let html: String = html.split_inclusive('\n').filter(is_policy).collect();
     let charset = "<meta charset=\"utf-8\">\n";

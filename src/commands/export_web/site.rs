@@ -4,16 +4,15 @@ use super::output::write;
 use super::single_file::{STARTER, with_policy};
 use anyhow::Result;
 use std::path::Path;
-use wm_scene::Camera;
+use weather_magician::{Camera, Weather};
 use wm_viewer::page::{PageKind, files_of};
 use wm_viewer::state::{Follow, Pose, ViewOutput, ViewState, weather_to_json};
-use wm_weather::Weather;
 
 /// JPEG quality of pictures that a viewer sends, which a page that renders for itself does not use.
 const QUALITY: u8 = 90;
 
 /// Returns the initial state of a page.
-pub fn start(camera: &Camera, weather: &Weather, time: f64) -> ViewState {
+pub(crate) fn start(camera: &Camera, weather: &Weather, time: f64) -> ViewState {
     ViewState {
         camera: Pose::of(camera),
         path: Vec::new(),
@@ -35,7 +34,7 @@ const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; 
                       base-uri 'none'; form-action 'none'";
 
 /// Writes the files of the page into a site, with the starter of a single file or without.
-pub fn write_page(folder: &Path, is_single: bool) -> Result<()> {
+pub(crate) fn write_page(folder: &Path, is_single: bool) -> Result<()> {
     for file in files_of(PageKind::Static).filter(|file| is_single || file.path != STARTER) {
         let text = match file.path {
             "index.html" => with_policy(file.text, POLICY)?,

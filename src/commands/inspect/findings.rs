@@ -1,12 +1,13 @@
 //! The findings of `inspect`: every doubt and note about an input, each with what to do.
 
+use weather_magician::Scene;
 use wm_scene::health::{FaultCounts, Health};
 use wm_scene::survey::Survey;
-use wm_scene::{Remark, Scene, Severity};
+use wm_scene::{Remark, Severity};
 
 /// Returns the findings about a scene: those of its reader, of its splats, and of the facts about
 /// the place.
-pub fn of_scene(scene: &Scene, health: &Health, survey: &Survey) -> Vec<Remark> {
+pub(crate) fn of_scene(scene: &Scene, health: &Health, survey: &Survey) -> Vec<Remark> {
     let mut findings = scene.remarks.clone();
     findings.extend(of_splats(health));
     findings.extend(survey.remarks());
@@ -54,7 +55,7 @@ fn of_splats(health: &Health) -> Vec<Remark> {
 }
 
 /// Prints the findings for people, doubts first.
-pub fn print(findings: &[Remark]) {
+pub(crate) fn print(findings: &[Remark]) {
     println!("What is wrong");
     if findings.is_empty() {
         println!("  nothing");

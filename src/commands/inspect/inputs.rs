@@ -5,27 +5,27 @@ use crate::scene::count_of;
 use anyhow::Result;
 use serde_json::{Map, Value, json};
 use std::path::Path;
+use weather_magician::formats::folder::scene_file;
+use weather_magician::reports::{ReportKind, ReportNoteKind, find_weather, recognise};
+use weather_magician::train::DatasetReadOptions;
 use wm_datasets::{DrivingLog, LogOptions};
-use wm_reports::{ReportKind, ReportNoteKind, find_weather, recognise};
 use wm_scene::capture::Capture;
 use wm_scene::files::{LARGE_TEXT, read_text};
-use wm_scene::formats::folder::scene_file;
 use wm_scene::{Problem, Remark};
-use wm_train::DatasetReadOptions;
 
 /// An input and what was found about it.
-pub struct InspectedInput {
+pub(crate) struct InspectedInput {
     /// The kind of input, in a few words.
-    pub kind: String,
+    pub(crate) kind: String,
     /// Counts and names, each with a key for programs.
-    pub facts: Vec<(&'static str, Value)>,
+    pub(crate) facts: Vec<(&'static str, Value)>,
     /// Doubts and notes.
-    pub findings: Vec<Remark>,
+    pub(crate) findings: Vec<Remark>,
 }
 
 impl InspectedInput {
     /// Prints the input for people, without its findings.
-    pub fn print(&self, path: &Path) {
+    pub(crate) fn print(&self, path: &Path) {
         println!("{}", path.display());
         println!("  kind: {}", self.kind);
         for (key, value) in &self.facts {
@@ -35,7 +35,7 @@ impl InspectedInput {
     }
 
     /// Returns the input for programs, without its findings.
-    pub fn report(&self, path: &Path) -> Value {
+    pub(crate) fn report(&self, path: &Path) -> Value {
         let mut fields = Map::from_iter([
             ("input".to_owned(), json!(path.display().to_string())),
             ("kind".to_owned(), json!(self.kind)),
@@ -52,7 +52,7 @@ impl InspectedInput {
 ///
 /// # Errors
 /// The input is damaged.
-pub fn read(path: &Path) -> Result<Option<InspectedInput>> {
+pub(crate) fn read(path: &Path) -> Result<Option<InspectedInput>> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if path.is_dir() {

@@ -4,7 +4,7 @@ use crate::scene::count_of;
 use anyhow::Result;
 use serde_json::{Value, json};
 use std::path::Path;
-use wm_scene::formats::folder::scene_file;
+use weather_magician::formats::folder::scene_file;
 use wm_scene::levels::LevelIndex;
 
 /// Reads the index of a scene in levels; `None` if it has none.

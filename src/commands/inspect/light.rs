@@ -6,16 +6,18 @@ use crate::scene::AssetFolder;
 use anyhow::{Context, Result};
 use std::path::Path;
 use weather_magician::view::{ViewOptions, choose};
-use weather_magician::{FrameRequest, PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
-use wm_media::{PictureSize, color::Dither, png, sheet};
-use wm_scene::{Camera, Metadata, Splats, sh};
+use weather_magician::{
+    Camera, FrameRequest, Metadata, PictureSize, PlaceOptions, PreparedPlace, Renderer, Scene, Weather,
+};
+use wm_media::{color::Dither, png, sheet};
+use wm_scene::{Splats, sh};
 use wm_weather::light::CaptureLight;
 
 /// Size of a panel of the picture, px.
 const PANEL: (u32, u32) = (600, 400);
 
 /// Finds the light of the photos, or reads it from the scene's assets, and prints and draws it.
-pub fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
+pub(crate) fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
     let mut renderer = Renderer::cpu()?;
     let options =
         PlaceOptions { facts, assets: AssetFolder::default().folder(&args.scene), ..PlaceOptions::default() };
@@ -38,7 +40,7 @@ fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight
     clouds.set_text("light.exposure=0")?;
     let mut panels = Vec::new();
     for (weather, label) in [(Weather::clear(), "as captured"), (clouds, "under clouds")] {
-        panels.push((renderer.render(place, &FrameRequest::new(&weather, &camera, 0.0))?.frame.rgb, label));
+        panels.push((renderer.render(place, &FrameRequest::new(&weather, camera, 0.0))?.frame.rgb, label));
     }
     let shares = [
         (light.sun_shares().collect::<Vec<f32>>(), "white: in the sun of the photos"),

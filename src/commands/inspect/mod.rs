@@ -13,16 +13,17 @@ use clap::Args;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use weather_magician::Metadata;
+use weather_magician::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::files::check_writable;
-use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, Health, Histogram};
 use wm_scene::posts::{Post, find_posts};
 use wm_scene::survey::{Sourced, Survey, label_sky};
-use wm_scene::{Group, Metadata, Remark, Severity};
+use wm_scene::{Group, Remark, Severity};
 
 /// Options of `inspect`.
 #[derive(Args, Debug)]
-pub struct InspectArgs {
+pub(crate) struct InspectArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG; or a capture, a driving log, a weather file or a weather report
     scene: PathBuf,
@@ -54,7 +55,7 @@ pub struct InspectArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &InspectArgs) -> Result<()> {
+pub(crate) fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
     if let Some(path) = &args.light_picture {
         args.overwrite.check_report(path, &[&args.scene])?;
@@ -105,10 +106,10 @@ pub fn run(args: &InspectArgs) -> Result<()> {
         light::show(args, scene.clone(), given)?;
     }
     if args.save_metadata {
-        let file = wm_scene::formats::folder::scene_file(&args.scene)?;
+        let file = weather_magician::formats::folder::scene_file(&args.scene)?;
         let metadata = scene.metadata_beside_file(survey.metadata().or(scene.metadata.clone()));
         write_sidecar(&file, &metadata)?;
-        eprintln!("{}: written", wm_scene::formats::sidecar_path(&file).display());
+        eprintln!("{}: written", weather_magician::formats::sidecar_path(&file).display());
     }
     judge(args, &findings)
 }

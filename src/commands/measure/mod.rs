@@ -20,16 +20,16 @@ use weather_magician::measure::{
 };
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
+use weather_magician::{Camera, Metadata, Weather};
 
 use wm_scene::files::{check_writable, write_atomically};
-use wm_scene::{Camera, Metadata};
 use wm_street::{Lighting, Street};
-use wm_weather::{Fidelity, Weather};
+use wm_weather::Fidelity;
 
 /// Options of `measure`.
 #[derive(Args, Debug)]
 #[command(after_long_help = wm_weather::reference_page::help())]
-pub struct MeasureArgs {
+pub(crate) struct MeasureArgs {
     /// The scene to measure at, as for `render` [default: the built-in street]
     scene: Option<PathBuf>,
     #[command(flatten)]
@@ -124,7 +124,7 @@ impl MeasureReport {
 ///
 /// # Errors
 /// A reading is outside of its tolerance; everything is written before.
-pub fn run(args: &MeasureArgs) -> Result<()> {
+pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
@@ -258,7 +258,7 @@ fn name(args: &MeasureArgs) -> String {
 fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<SpeedTable> {
     let mut table = SpeedTable::new(PAPER_SIZE);
     let camera = camera.resized(PAPER_SIZE.0, PAPER_SIZE.1);
-    table.add(&name(args), loaded, &camera, (&args.run, ROUNDS))?;
+    table.add(&name(args), loaded, &camera, &args.run, ROUNDS)?;
     Ok(table)
 }
 

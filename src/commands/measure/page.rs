@@ -12,12 +12,12 @@ use weather_magician::measure::{Finding, Reading, Tolerance};
 const STYLE: &str = include_str!("page.css");
 
 /// Number of plots and pictures of an instrument that are shown; the others are collapsed.
-const FIRST: usize = 3;
+const SHOWN_FIGURES: usize = 3;
 /// Width from which a picture takes the whole page, px.
 const SHEET: u32 = 1300;
 
 /// Returns the page.
-pub fn page(report: &MeasureReport) -> Result<String> {
+pub(crate) fn page(report: &MeasureReport) -> Result<String> {
     let [right, off] = report.verdict();
     let mut out = head(&format!("Weather measured: {}", report.place), STYLE);
     let verdict = if off == 0 {
@@ -149,7 +149,7 @@ fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
             "<figure{class}><img src=\"{source}\" alt=\"{caption}\"><figcaption>{caption}</figcaption></figure>"
         ));
     }
-    folded(out, "figures", &pictures, FIRST, "pictures");
+    folded(out, "figures", &pictures, SHOWN_FIGURES, "pictures");
     out.push_str("</section>\n");
     Ok(())
 }
@@ -243,7 +243,7 @@ fn against(section: &InstrumentSection) -> Vec<Plot> {
 }
 
 /// Returns all plots as files: name and content.
-pub fn plots(report: &MeasureReport) -> Vec<(String, String)> {
+pub(crate) fn plots(report: &MeasureReport) -> Vec<(String, String)> {
     let of = |section: &InstrumentSection| {
         let own = section.findings.iter().flat_map(|finding| finding.plots.clone());
         let all: Vec<Plot> =

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use weather_magician::measure::{Reading, Tolerance};
 
 /// Formats a number with four significant digits.
-pub fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     // A number that is rounded to zero has no sign.
     let (size, value) = (value.abs(), if value.abs() < 5e-4 { 0.0 } else { value });
     match size {
@@ -25,7 +25,7 @@ fn short(value: f64) -> String {
 }
 
 /// Formats the error of a reading with its unit.
-pub fn error(reading: &Reading) -> String {
+pub(crate) fn error(reading: &Reading) -> String {
     let error = reading.error();
     match reading.tolerance {
         _ if !error.is_finite() => "-".into(),
@@ -35,7 +35,7 @@ pub fn error(reading: &Reading) -> String {
 }
 
 /// Formats the tolerance of a reading.
-pub fn tolerance(reading: &Reading) -> String {
+pub(crate) fn tolerance(reading: &Reading) -> String {
     match reading.tolerance {
         Tolerance::Relative(most) => format!("{} %", 100.0 * most),
         Tolerance::Absolute(most) => short(most) + &unit(reading),
@@ -45,7 +45,7 @@ pub fn tolerance(reading: &Reading) -> String {
 }
 
 /// Returns a word for a reading within or outside of its tolerance.
-pub fn verdict(reading: &Reading) -> &'static str {
+pub(crate) fn verdict(reading: &Reading) -> &'static str {
     match (reading.tolerance, reading.passes()) {
         (Tolerance::None, _) => "",
         (_, true) => "pass",
@@ -54,18 +54,18 @@ pub fn verdict(reading: &Reading) -> &'static str {
 }
 
 /// Formats the measured value with its standard error.
-pub fn measured(reading: &Reading) -> String {
+pub(crate) fn measured(reading: &Reading) -> String {
     let error = reading.standard_error.map(|error| format!(" \u{b1} {}", number(error))).unwrap_or_default();
     number(reading.measured) + &error
 }
 
 /// Returns a unit to append to a number.
-pub fn unit(reading: &Reading) -> String {
+pub(crate) fn unit(reading: &Reading) -> String {
     if reading.unit.is_empty() { String::new() } else { format!(" {}", reading.unit) }
 }
 
 /// Returns the readings as text.
-pub fn text(report: &MeasureReport) -> String {
+pub(crate) fn text(report: &MeasureReport) -> String {
     let mut out = format!("{}, {}\n", report.place, report.renderer);
     for section in &report.sections {
         let _ = writeln!(out, "\n{}", section.instrument.title);
@@ -104,7 +104,7 @@ pub fn text(report: &MeasureReport) -> String {
 }
 
 /// Returns the readings as JSON.
-pub fn json(report: &MeasureReport) -> Value {
+pub(crate) fn json(report: &MeasureReport) -> Value {
     let reading = |reading: &Reading| {
         let mut value = json!(reading);
         value["error"] = json!(reading.error());
@@ -168,7 +168,7 @@ fn rows(report: &MeasureReport) -> impl Iterator<Item = [String; 10]> {
 }
 
 /// Returns the readings as CSV (RFC 4180).
-pub fn csv(report: &MeasureReport) -> String {
+pub(crate) fn csv(report: &MeasureReport) -> String {
     let quoted = |cell: &str| match cell.contains([',', '"', '\n']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
         false => cell.to_owned(),
@@ -182,7 +182,7 @@ pub fn csv(report: &MeasureReport) -> String {
 }
 
 /// Returns the readings as Markdown.
-pub fn markdown(report: &MeasureReport) -> String {
+pub(crate) fn markdown(report: &MeasureReport) -> String {
     let mut out = format!("| {} |\n|{}\n", HEAD.join(" | "), "---|".repeat(HEAD.len()));
     for row in rows(report) {
         let _ = writeln!(out, "| {} |", row.each_ref().map(|cell| cell.replace('|', "\\|")).join(" | "));

@@ -12,17 +12,17 @@ use std::path::Path;
               number; 0 uses all photos")
 }))]
 #[command(mut_arg("eval_from", |arg| arg.help("The first photo that is left out, from 0")))]
-pub struct PhotoArgs {
+pub(crate) struct PhotoArgs {
     /// The data set.
     #[command(flatten)]
-    pub set: DatasetArgs,
+    pub(crate) set: DatasetArgs,
     /// The photos without priors.
     #[command(flatten)]
     held_out: HeldOutArgs,
 }
 
 /// Opens a data set. Prints warnings on the error stream.
-pub fn open(dataset: &Path, args: &PhotoArgs) -> Result<Dataset> {
+pub(crate) fn open(dataset: &Path, args: &PhotoArgs) -> Result<Dataset> {
     let (capture, photos) = args.set.open(dataset)?;
     let (_, places) = args.held_out.held_out().split(&photos);
     if places.is_empty() {

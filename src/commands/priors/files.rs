@@ -9,15 +9,15 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use wm_train::maps::{DepthForm, DepthUnit, MapFault, MapFolder, NormalAxes};
-use wm_train::priors::files::{self, DepthFiles, FileMaps, MapsOf};
-use wm_train::priors::fit::{Freedom, fit};
-use wm_train::priors::points::{placed, seen_points};
-use wm_train::priors::relative::{Relative, pairs};
+use weather_magician::train::maps::{DepthForm, DepthUnit, MapFault, MapFolder, NormalAxes};
+use weather_magician::train::priors::files::{self, DepthFiles, FileMaps, MapsOf};
+use weather_magician::train::priors::fit::{Freedom, fit};
+use weather_magician::train::priors::points::{placed, seen_points};
+use weather_magician::train::priors::relative::{Relative, pairs};
 
 /// The folders of maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
-pub struct FileArgs {
+pub(crate) struct FileArgs {
     /// Folder of depth maps, one file per photo and named after it: .png, .tiff, .exr or .npy; of
     /// any size with the photo's aspect ratio
     #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
@@ -91,7 +91,7 @@ enum MapsOfArg {
 
 impl FileArgs {
     /// Returns the name of the first option that was given.
-    pub fn given(&self) -> Option<&'static str> {
+    pub(crate) fn given(&self) -> Option<&'static str> {
         let all = [(&self.depth, "--depth"), (&self.normal, "--normal"), (&self.sky, "--sky")];
         all.into_iter().find(|(folder, _)| folder.is_some()).map(|(_, name)| name)
     }
@@ -118,14 +118,14 @@ impl FileArgs {
 }
 
 /// Maps in folders.
-pub struct PriorMaps {
+pub(crate) struct PriorMaps {
     maps: FileMaps,
     name: String,
 }
 
 /// Opens the folders, and finds the scene's scale if it is needed. Prints warnings on the error
 /// stream.
-pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
+pub(crate) fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
     let given = &args.files;
     given.check()?;
     let (form, scale) = (given.depth_form, given.scale());

@@ -13,15 +13,15 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use weather_magician::train::dataset::orientation;
+use weather_magician::train::priors::folder::{INDEX, Index, PriorsError};
+use weather_magician::train::priors::{FOLDER, PriorsWriter, photos};
 use wm_scene::FormatError;
 use wm_scene::capture::folder_of;
-use wm_train::dataset::orientation;
-use wm_train::priors::folder::{INDEX, Index, PriorsError};
-use wm_train::priors::{FOLDER, PriorsWriter, photos};
 
 /// Options of `priors`.
 #[derive(Args, Clone, Debug)]
-pub struct PriorsArgs {
+pub(crate) struct PriorsArgs {
     /// The data set: a folder with a COLMAP model or a transforms.json
     dataset: PathBuf,
     /// Output folder [default: priors in the data set, where `reconstruct` finds them]
@@ -113,7 +113,7 @@ impl PriorsArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &PriorsArgs) -> Result<()> {
+pub(crate) fn run(args: &PriorsArgs) -> Result<()> {
     let source = args.source()?;
     if !args.resume {
         let other = "add new photos with --resume, give another folder with -o";

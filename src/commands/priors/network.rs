@@ -6,16 +6,16 @@ mod with_networks;
 mod without_networks;
 
 #[cfg(feature = "nets")]
-pub use with_networks::open;
+pub(crate) use with_networks::open;
 #[cfg(not(feature = "nets"))]
-pub use without_networks::open;
+pub(crate) use without_networks::open;
 
 use crate::weights::WeightsArgs;
 use clap::{Args, ValueEnum};
 
 /// The network, and the source of its weights.
 #[derive(Args, Clone, Debug)]
-pub struct NetworkArgs {
+pub(crate) struct NetworkArgs {
     /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335)
     /// [default: the size of --weights, else small]
     #[arg(long, value_name = "SIZE", help_heading = "Network")]
@@ -55,7 +55,7 @@ enum VersionArg {
 
 impl NetworkArgs {
     /// Returns the name of the first option that was given.
-    pub fn given(&self) -> Option<&'static str> {
+    pub(crate) fn given(&self) -> Option<&'static str> {
         self.weights.given().or(self.network.map(|_| "--network"))
     }
 }

@@ -5,11 +5,12 @@ use crate::dataset::Dataset;
 use anyhow::Result;
 use glam::DVec3;
 use std::fs;
+use weather_magician::train::photos::Photo;
+use weather_magician::train::priors::{Prior, Priors, SkyClass};
+use weather_magician::{Camera, PictureSize};
 use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
-use wm_media::{PictureSize, color::Dither, png, ramps};
-use wm_scene::{Camera, FormatError, Problem};
-use wm_train::photos::Photo;
-use wm_train::priors::{Prior, Priors, SkyClass};
+use wm_media::{color::Dither, png, ramps};
+use wm_scene::{FormatError, Problem};
 
 /// Number of photos on the sheet.
 const PHOTOS: usize = 6;
@@ -24,7 +25,7 @@ const SKY: [f32; 3] = [0.1, 0.5, 1.0];
 const UNKNOWN: [f32; 3] = [1.0, 0.75, 0.1];
 
 /// Writes `preview.png`, and a picture of each photo if requested.
-pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
+pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
     let folder = args.out();
     let Some(priors) = Priors::open(&folder)? else { return Ok(()) };
     let with: Vec<usize> = data
@@ -79,7 +80,8 @@ fn both(
 }
 
 fn fitting(camera: &Camera, pixels: usize) -> PictureSize {
-    let (width, height) = wm_train::priors::files::size_within(camera.width, camera.height, pixels);
+    let (width, height) =
+        weather_magician::train::priors::files::size_within(camera.width, camera.height, pixels);
     PictureSize::new(width, height)
 }
 

@@ -7,22 +7,22 @@ use crate::progress;
 use anyhow::Result;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
+use weather_magician::train::dataset::orientation;
+use weather_magician::train::priors::fit::Fit;
+use weather_magician::train::priors::folder::Index;
+use weather_magician::train::priors::given::Given;
+use weather_magician::train::priors::points::{placed, seen_points};
+use weather_magician::train::priors::{Prior, PriorsWriter};
 use wm_scene::capture::CaptureUp;
-use wm_train::dataset::orientation;
-use wm_train::priors::fit::Fit;
-use wm_train::priors::folder::Index;
-use wm_train::priors::given::Given;
-use wm_train::priors::points::{placed, seen_points};
-use wm_train::priors::{Prior, PriorsWriter};
 
 /// Longest time between two updates of the index.
-const NOTE: Duration = Duration::from_secs(20);
+const INDEX_INTERVAL: Duration = Duration::from_secs(20);
 /// Maximum number of photos for which the reason is printed why they are left out; the index has
 /// all reasons.
-const TOLD: usize = 10;
+const MAX_PRINTED_REASONS: usize = 10;
 
 /// The answer of a source for a photo.
-pub enum PriorAnswer {
+pub(crate) enum PriorAnswer {
     /// The estimate.
     Given(Given),
     /// No estimate, with the reason.
@@ -30,7 +30,7 @@ pub enum PriorAnswer {
 }
 
 /// A source of priors.
-pub trait PriorEstimator: Sync {
+pub(crate) trait PriorEstimator: Sync {
     /// Returns a name with everything that changes the estimates, for the index and for resuming.
     fn name(&self) -> String;
 
@@ -48,7 +48,7 @@ pub trait PriorEstimator: Sync {
 type PriorResult = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.
-pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Result<Index> {
+pub(crate) fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Result<Index> {
     let name = format!(
         "{}, photos up to {} px, maps up to {} pixels",
         source.name(),
@@ -73,8 +73,7 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Re
             let all = data.places.len();
             return Err(Interrupted(format!("{done} of {all} photos are done, {advice}")).into());
         }
-        let made =
-            |index: &usize| make(args, data, source, (data.places[*index], up.as_ref()), &seen[*index]);
+        let made = |index: &usize| make(args, data, source, data.places[*index], up.as_ref(), &seen[*index]);
         let made: Vec<Result<PriorResult>> = part.par_iter().map(made).collect();
         for (index, made) in part.iter().zip(made) {
             let name = data.name(data.places[*index]);
@@ -95,7 +94,7 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Re
             }
             bar.inc(1);
         }
-        if noted.elapsed() > NOTE {
+        if noted.elapsed() > INDEX_INTERVAL {
             writer.pause()?;
             noted = Instant::now();
         }
@@ -109,7 +108,8 @@ fn make(
     args: &PriorsArgs,
     data: &Dataset,
     source: &dyn PriorEstimator,
-    (place, up): (usize, Option<&CaptureUp>),
+    place: usize,
+    up: Option<&CaptureUp>,
     seen: &[u32],
 ) -> Result<PriorResult> {
     let photo = match data.photos.get(place, 0) {
@@ -127,11 +127,11 @@ fn make(
 
 fn finish(args: &PriorsArgs, data: &Dataset, writer: PriorsWriter) -> Result<Index> {
     let Index { photos, left_out, .. } = writer.index();
-    for (name, reason) in left_out.iter().take(TOLD) {
+    for (name, reason) in left_out.iter().take(MAX_PRINTED_REASONS) {
         eprintln!("left out: {name}: {reason}");
     }
-    if left_out.len() > TOLD {
-        eprintln!("left out: {} more", left_out.len() - TOLD);
+    if left_out.len() > MAX_PRINTED_REASONS {
+        eprintln!("left out: {} more", left_out.len() - MAX_PRINTED_REASONS);
     }
     if photos.is_empty() {
         let (first, reason) = left_out.iter().next().unzip();

@@ -6,18 +6,17 @@ use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use std::num::NonZero;
 use std::path::Path;
-use weather_magician::CropBox;
-use wm_scene::Scene;
-use wm_train::SessionOptions;
-use wm_train::blocks::{
+use weather_magician::train::SessionOptions;
+use weather_magician::train::blocks::{
     BlockCount, BlockError, BlockOptions, BlockRegion, BlockTraining, PLAN, TrainedBlock, remove,
     remove_block,
 };
-use wm_train::session::CHECKPOINT;
+use weather_magician::train::session::CHECKPOINT;
+use weather_magician::{CropBox, Scene};
 
 /// The part of the place that is trained, and in how many blocks.
 #[derive(Args, Clone, Debug)]
-pub struct BlockArgs {
+pub(crate) struct BlockArgs {
     /// Cut the ground into this many cells, train each with the photos that show it, and join them;
     /// auto takes one for every 400 photos. What is done already is kept, so the same command
     /// continues
@@ -62,12 +61,12 @@ fn parse_step(text: &str) -> Result<BlockStep, String> {
 
 impl BlockArgs {
     /// Returns true if the place is trained in blocks.
-    pub fn is_given(&self) -> bool {
+    pub(crate) fn is_given(&self) -> bool {
         self.blocks.is_some() || self.region.is_some()
     }
 
     /// Returns true if this run writes a scene.
-    pub fn writes_scene(&self) -> bool {
+    pub(crate) fn writes_scene(&self) -> bool {
         matches!(self.block, None | Some(BlockStep::Join))
     }
 
@@ -80,7 +79,7 @@ impl BlockArgs {
 
 /// Does the part of a training in blocks that the options name, or all; returns the scene if there
 /// is one now.
-pub fn train(
+pub(crate) fn train(
     args: &ReconstructArgs,
     dataset: &Path,
     options: &SessionOptions,

@@ -8,18 +8,18 @@ use crate::progress;
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use wm_media::{PictureSize, color::Dither, png};
-use wm_scene::Camera;
-use wm_train::StepTimes;
-use wm_train::colmap;
-use wm_train::session::{
+use weather_magician::train::StepTimes;
+use weather_magician::train::colmap;
+use weather_magician::train::session::{
     HeldOutScores, ImageMoment, MOVERS_FILE, MoverOutcome, ObserverError, Preparation, StepProgress,
     StepSummary, TrainImage, TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
 };
-use wm_train::video::VideoProgress;
+use weather_magician::train::video::VideoProgress;
+use weather_magician::{Camera, PictureSize};
+use wm_media::{color::Dither, png};
 
 /// Shows a training on the terminal, in the run folder and in a browser.
-pub struct TrainingConsole<'a> {
+pub(crate) struct TrainingConsole<'a> {
     args: &'a ReconstructArgs,
     folder: PathBuf,
     colmap: Option<colmap::ColmapStep>,
@@ -29,19 +29,19 @@ pub struct TrainingConsole<'a> {
 }
 
 impl<'a> TrainingConsole<'a> {
-    pub fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
+    pub(crate) fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
         Self { args, folder: folder.to_owned(), colmap: None, bar: None, watch: None, splats: 0 }
     }
 
     /// Removes the progress bar.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
     }
 
     /// Tells the page in the browser that the training is done.
-    pub fn end(&self, out: &Path) {
+    pub(crate) fn end(&self, out: &Path) {
         if let Some(watch) = &self.watch {
             watch.end(format!("Done: {}, {} splats", out.display(), self.splats));
         }

@@ -2,15 +2,15 @@
 
 use crate::interrupt::Interrupted;
 use anyhow::anyhow;
-use wm_train::colmap::ColmapError;
-use wm_train::plan::PlanError;
-use wm_train::session::SessionError;
-use wm_train::video::VideoError;
+use weather_magician::train::colmap::ColmapError;
+use weather_magician::train::plan::PlanError;
+use weather_magician::train::session::SessionError;
+use weather_magician::train::video::VideoError;
 
 const RESUME: &str = "the same command with --resume continues";
 
 /// Returns the error as the command prints it.
-pub fn explain(error: SessionError) -> anyhow::Error {
+pub(crate) fn explain(error: SessionError) -> anyhow::Error {
     match &error {
         SessionError::Colmap(ColmapError::Stopped { step, .. }) => {
             Interrupted(format!("{} is not done, {RESUME}", step.name())).into()

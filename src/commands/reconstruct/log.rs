@@ -1,5 +1,6 @@
 //! Driving logs: the capture and the priors that are made of them before the training.
 
+use crate::choices::first_given;
 use crate::dataset::DatasetArgs;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
@@ -10,18 +11,18 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use weather_magician::Metadata;
+use weather_magician::train::HeldOut;
+use weather_magician::train::maps::{DepthForm, DepthUnit, MapFolder};
+use weather_magician::train::photos::Check;
+use weather_magician::train::priors::files::{DepthFiles, FileMaps, MapsOf};
+use weather_magician::train::priors::fit::Freedom;
+use weather_magician::train::priors::folder::INDEX;
+use weather_magician::train::priors::{FOLDER, PriorsWriter};
 use wm_datasets::logs::LogCaptureStep;
 use wm_datasets::{DrivingLog, LogCaptureOptions, LogOptions};
-use wm_scene::Metadata;
 use wm_scene::capture::CaptureUp;
 use wm_scene::capture::up::UpEvidence;
-use wm_train::HeldOut;
-use wm_train::maps::{DepthForm, DepthUnit, MapFolder};
-use wm_train::photos::Check;
-use wm_train::priors::files::{DepthFiles, FileMaps, MapsOf};
-use wm_train::priors::fit::Freedom;
-use wm_train::priors::folder::INDEX;
-use wm_train::priors::{FOLDER, PriorsWriter};
 
 /// The folder of the capture in the run folder.
 const CAPTURE: &str = "capture";
@@ -34,7 +35,7 @@ const BATCH: usize = 64;
 
 /// The part of a driving log that is read.
 #[derive(Args, Clone, Debug)]
-pub struct LogArgs {
+pub(crate) struct LogArgs {
     /// The log among several in the folder: a scene, a drive or a sequence [default: the first
     /// whose files are there]
     #[arg(long, value_name = "NAME", help_heading = "Driving log")]
@@ -52,11 +53,11 @@ pub struct LogArgs {
 }
 
 /// A log that has become a data set.
-pub struct LogDataset {
+pub(crate) struct LogDataset {
     /// The folder of the capture.
-    pub folder: PathBuf,
+    pub(crate) folder: PathBuf,
     /// Up, scale, north, place and time.
-    pub facts: Metadata,
+    pub(crate) facts: Metadata,
 }
 
 impl LogArgs {
@@ -73,13 +74,12 @@ impl LogArgs {
 
     /// The name of the first option that was given.
     fn given(&self) -> Option<&'static str> {
-        let all = [
+        first_given([
             (self.log_scene.is_some(), "--log-scene"),
             (!self.log_cameras.is_empty(), "--log-cameras"),
             (self.log_every.is_some(), "--log-every"),
             (self.log_seconds.is_some(), "--log-seconds"),
-        ];
-        all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+        ])
     }
 
     /// Opens the log in a folder; `None` if it holds none. Prints warnings on the error stream.
@@ -87,7 +87,7 @@ impl LogArgs {
     ///
     /// # Errors
     /// The log is damaged, or options of logs were given and there is none.
-    pub fn open(&self, dataset: &Path, skip_bad: bool) -> Result<Option<DrivingLog>> {
+    pub(crate) fn open(&self, dataset: &Path, skip_bad: bool) -> Result<Option<DrivingLog>> {
         let Some(log) = DrivingLog::open(dataset, &self.options(skip_bad))? else {
             if let Some(option) = self.given() {
                 bail!("{}: no driving log, which {option} is for; leave it out", dataset.display());
@@ -111,10 +111,11 @@ impl LogArgs {
 ///
 /// # Errors
 /// A file of the log is damaged, the run folder cannot be written to, or Ctrl-C was pressed.
-pub fn prepare(
+pub(crate) fn prepare(
     log: &DrivingLog,
     run_folder: &Path,
-    (keeps, with_priors): (bool, bool),
+    keeps: bool,
+    with_priors: bool,
     photos: &DatasetArgs,
     held_out: HeldOut,
 ) -> Result<LogDataset> {

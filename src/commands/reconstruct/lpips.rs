@@ -2,10 +2,10 @@
 
 use super::ReconstructArgs;
 use anyhow::{Result, bail};
-use wm_train::session::PerceptualMetric;
+use weather_magician::train::session::PerceptualMetric;
 
 /// Reads the weights; `None` if none are given.
-pub fn read(args: &ReconstructArgs) -> Result<Option<Box<dyn PerceptualMetric>>> {
+pub(crate) fn read(args: &ReconstructArgs) -> Result<Option<Box<dyn PerceptualMetric>>> {
     if args.photos.lpips.is_empty() {
         return Ok(None);
     }

@@ -8,7 +8,7 @@ mod lpips;
 mod prepare;
 mod watch;
 
-pub use wm_train::session::CHECKPOINT;
+pub(crate) use weather_magician::train::session::CHECKPOINT;
 
 use crate::commands::convert::levels::{self, is_levels};
 use crate::dataset::{DatasetArgs, DatasetReadOptions, HeldOutArgs};
@@ -22,18 +22,21 @@ use console::TrainingConsole;
 use explain::explain;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use weather_magician::Metadata;
+use weather_magician::train::blocks::PLAN;
+use weather_magician::train::config::{
+    BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution,
+};
+use weather_magician::train::photos::PhotoSize;
+use weather_magician::train::session::{PoorPhotoMode, PriorSource, Resume};
+use weather_magician::train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
+use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
 use wm_scene::formats;
-use wm_scene::{Metadata, Rasterization};
-use wm_train::blocks::PLAN;
-use wm_train::config::{BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution};
-use wm_train::photos::PhotoSize;
-use wm_train::session::{PoorPhotoMode, PriorSource, Resume};
-use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]
-pub struct ReconstructArgs {
+pub(crate) struct ReconstructArgs {
     /// The data set: a folder with a COLMAP model or a transforms.json; a driving log of KITTI,
     /// nuScenes, Argoverse 2 or drivestudio; or a plain folder of photos, or a video, if COLMAP or
     /// pycolmap is installed
@@ -78,7 +81,7 @@ pub struct ReconstructArgs {
     watch: watch::WatchArgs,
     /// Device and threads.
     #[command(flatten)]
-    pub run: RunArgs,
+    pub(crate) run: RunArgs,
 }
 
 /// The photos that are used, and their size.
@@ -327,7 +330,7 @@ impl ReconstructArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &ReconstructArgs) -> Result<()> {
+pub(crate) fn run(args: &ReconstructArgs) -> Result<()> {
     if !(args.checkpoint_every.is_finite() && args.checkpoint_every > 0.0) {
         bail!("--checkpoint-every {}: must be a number of seconds above 0", args.checkpoint_every);
     }
@@ -356,9 +359,9 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         Some(log) => {
             args.check_run_folder(&run_folder)?;
             let keeps = args.resume || (args.blocks.is_given() && !args.overwrite.overwrite);
-            let choices = (keeps, args.geometry.priors.is_none());
+            let with_priors = args.geometry.priors.is_none();
             let (photos, held_out) = (&args.photos.set, args.photos.held_out.held_out());
-            let made = log::prepare(&log, &run_folder, choices, photos, held_out)?;
+            let made = log::prepare(&log, &run_folder, keeps, with_priors, photos, held_out)?;
             (made.folder, facts.or(made.facts))
         }
     };
@@ -383,7 +386,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         done.map_err(explain)?
     };
     if is_levels(&out) {
-        println!("{}", levels::write(&out, scene, Vec::new(), (None, args.run.threads.map(usize::from)))?);
+        println!("{}", levels::write(&out, scene, Vec::new(), None, &args.run)?);
     } else {
         scene.save(&out)?;
         println!("{}: {} splats", out.display(), scene.splats.len());

@@ -13,7 +13,7 @@ const PRESETS: [&str; 2] = ["heavy-rain", "snow-covered"];
 
 /// Makes the assets of rain, clouds and lying snow for the scene of a file. Ctrl-C leaves them out:
 /// weather makes them later.
-pub fn prepare(out: &Path, run: &RunArgs) -> Result<()> {
+pub(crate) fn prepare(out: &Path, run: &RunArgs) -> Result<()> {
     let options = PlaceOptions { assets: AssetFolder::default().folder(out), ..PlaceOptions::default() };
     let mut renderer = run.renderer()?;
     // A scene in levels that does not fit the memory is prepared about the cameras that are there

@@ -13,7 +13,7 @@ mod with_viewer {
 
     /// Options of the training's page.
     #[derive(Args, Clone, Debug)]
-    pub struct WatchArgs {
+    pub(crate) struct WatchArgs {
         /// Show the training in a browser: loss, PSNR and a picture every few seconds
         #[arg(long, help_heading = "Server")]
         view: bool,
@@ -23,18 +23,18 @@ mod with_viewer {
 
     impl WatchArgs {
         /// Checks the options before the work.
-        pub fn check(&self) -> Result<()> {
+        pub(crate) fn check(&self) -> Result<()> {
             self.server.guard().map(drop)
         }
 
         /// Returns true if the training is to be shown.
-        pub fn is_asked(&self) -> bool {
+        pub(crate) fn is_asked(&self) -> bool {
             self.view
         }
     }
 
     /// A training that is shown in a browser.
-    pub struct TrainingView {
+    pub(crate) struct TrainingView {
         board: Option<TrainingBoard>,
         started: Instant,
         /// The distance to the point about which the camera swings, scene units.
@@ -47,32 +47,38 @@ mod with_viewer {
 
     impl TrainingView {
         /// Starts to serve the page of a training.
-        pub fn new(args: &WatchArgs, dataset: String, photo: &str, steps: u32, reach: f64) -> Result<Self> {
+        pub(crate) fn new(
+            args: &WatchArgs,
+            dataset: String,
+            photo: &str,
+            steps: u32,
+            reach: f64,
+        ) -> Result<Self> {
             let serve = || TrainingBoard::serve(&args.server, dataset, photo.to_owned(), steps);
             let board = args.view.then(serve).transpose()?;
             Ok(Self { board, started: Instant::now(), reach })
         }
 
         /// Reports a completed step.
-        pub fn step(&self, step: u32, splats: usize) {
+        pub(crate) fn step(&self, step: u32, splats: usize) {
             if let Some(board) = &self.board {
                 board.set_step(step, splats, self.started.elapsed().as_secs_f64());
             }
         }
 
         /// Reports the mean loss at a step.
-        pub fn loss(&self, step: u32, loss: f64) {
+        pub(crate) fn loss(&self, step: u32, loss: f64) {
             self.board.iter().for_each(|board| board.push_loss(step, loss));
         }
 
         /// Reports the PSNR of the held-out photos, dB.
-        pub fn held_out(&self, step: u32, psnr: f64) {
+        pub(crate) fn held_out(&self, step: u32, psnr: f64) {
             self.board.iter().for_each(|board| board.push_held_out(step, psnr));
         }
 
         /// Returns the camera of the next picture if one is due; `photo` is the camera of the
         /// photo.
-        pub fn due_picture(&self, photo: &Camera) -> Option<Camera> {
+        pub(crate) fn due_picture(&self, photo: &Camera) -> Option<Camera> {
             match self.board.as_ref()?.due_picture()? {
                 TrainingCamera::Photo => Some(*photo),
                 TrainingCamera::Orbit => {
@@ -83,12 +89,12 @@ mod with_viewer {
         }
 
         /// Reports a picture, with its PSNR if it shows the photo's view.
-        pub fn picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
+        pub(crate) fn picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
             self.board.as_ref().map_or(Ok(()), |board| board.set_picture(step, frame, psnr))
         }
 
         /// Reports the end of the training.
-        pub fn end(&self, text: String) {
+        pub(crate) fn end(&self, text: String) {
             self.board.iter().for_each(|board| board.finish(text.clone()));
         }
     }
@@ -130,45 +136,45 @@ mod without_viewer {
 
     /// No options: this program has no viewer.
     #[derive(Args, Clone, Debug)]
-    pub struct WatchArgs {}
+    pub(crate) struct WatchArgs {}
 
     impl WatchArgs {
-        pub fn check(&self) -> Result<()> {
+        pub(crate) fn check(&self) -> Result<()> {
             Ok(())
         }
 
-        pub fn is_asked(&self) -> bool {
+        pub(crate) fn is_asked(&self) -> bool {
             false
         }
     }
 
     /// Does nothing: this program has no viewer.
-    pub struct TrainingView;
+    pub(crate) struct TrainingView;
 
     impl TrainingView {
-        pub fn new(_: &WatchArgs, _: String, _: &str, _: u32, _: f64) -> Result<Self> {
+        pub(crate) fn new(_: &WatchArgs, _: String, _: &str, _: u32, _: f64) -> Result<Self> {
             Ok(Self)
         }
 
-        pub fn step(&self, _: u32, _: usize) {}
+        pub(crate) fn step(&self, _: u32, _: usize) {}
 
-        pub fn loss(&self, _: u32, _: f64) {}
+        pub(crate) fn loss(&self, _: u32, _: f64) {}
 
-        pub fn held_out(&self, _: u32, _: f64) {}
+        pub(crate) fn held_out(&self, _: u32, _: f64) {}
 
-        pub fn due_picture(&self, _: &Camera) -> Option<Camera> {
+        pub(crate) fn due_picture(&self, _: &Camera) -> Option<Camera> {
             None
         }
 
-        pub fn picture(&self, _: u32, _: &Frame, _: Option<f64>) -> Result<()> {
+        pub(crate) fn picture(&self, _: u32, _: &Frame, _: Option<f64>) -> Result<()> {
             Ok(())
         }
 
-        pub fn end(&self, _: String) {}
+        pub(crate) fn end(&self, _: String) {}
     }
 }
 
 #[cfg(feature = "viewer")]
-pub use with_viewer::{TrainingView, WatchArgs};
+pub(crate) use with_viewer::{TrainingView, WatchArgs};
 #[cfg(not(feature = "viewer"))]
-pub use without_viewer::{TrainingView, WatchArgs};
+pub(crate) use without_viewer::{TrainingView, WatchArgs};

@@ -6,71 +6,71 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::levels::shot_cameras;
+use weather_magician::video::FrameRate;
 use weather_magician::view;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
-use weather_magician::{CameraMotion, LensSpec, MotionSpec, MovingCamera};
-use wm_media::video::FrameRate;
+use weather_magician::{Camera, CameraMotion, LensSpec, MotionSpec, MovingCamera};
+use wm_scene::FormatError;
 use wm_scene::camera::FOV;
 use wm_scene::files::check_writable;
-use wm_scene::{Camera, FormatError};
 
 /// Default length of a sequence, seconds.
-const DEFAULT_SECONDS: f64 = 5.0;
+pub(crate) const DEFAULT_SECONDS: f64 = 5.0;
 /// Longest sequence, frames: file names have six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
 /// Options of a camera that does not move.
 #[derive(Args, Clone, Debug)]
-pub struct ViewpointArgs {
+pub(crate) struct ViewpointArgs {
     /// Camera: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
     /// [default: a view chosen automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
-    pub camera: Option<CameraSpec>,
+    pub(crate) camera: Option<CameraSpec>,
     /// COLMAP model with the photos' cameras that --camera may name
     #[arg(long, value_name = "FOLDER", help_heading = "Camera")]
-    pub views: Option<PathBuf>,
+    pub(crate) views: Option<PathBuf>,
     /// Picture size, px [default: 1280x720, or the photo's]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = spec::parse_size, help_heading = "Camera")]
-    pub size: Option<(u32, u32)>,
+    pub(crate) size: Option<(u32, u32)>,
     /// Vertical field of view, degrees [default: 50, or the photo's]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, help_heading = "Camera")]
-    pub fov: Option<f64>,
+    pub(crate) fov: Option<f64>,
     /// Splats nearer than this are not drawn, scene units [default: 0.2, less in small scenes]
     #[arg(long, value_name = "UNITS", allow_negative_numbers = true, help_heading = "Camera")]
-    pub near: Option<f64>,
+    pub(crate) near: Option<f64>,
 }
 
 /// Options of a camera and its motion.
 #[derive(Args, Clone, Debug)]
-pub struct CameraArgs {
+pub(crate) struct CameraArgs {
     #[command(flatten)]
-    pub viewpoint: ViewpointArgs,
+    pub(crate) viewpoint: ViewpointArgs,
     /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes,
     /// ours, nerfstudio's or SuperSplat's
     #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
-    pub path: Option<PathSpec>,
+    pub(crate) path: Option<PathSpec>,
     /// Length of a dolly, metres [default: as far as the way is free]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Camera")]
-    pub distance: Option<f64>,
+    pub(crate) distance: Option<f64>,
     /// Forward speed of a camera without a path, m/s, as in a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
-    pub camera_speed: Option<f64>,
+    pub(crate) camera_speed: Option<f64>,
     /// Lens of the camera instead of a pinhole: fisheye or fisheye:DEGREES (equidistant, a circle
     /// of 180 degrees if not given), equirectangular (a 360 degree panorama), or a TOML file of a
     /// calibrated lens. Depths are distances from the eye then
     #[arg(long, value_name = "LENS", help_heading = "Camera")]
-    pub lens: Option<LensSpec>,
+    pub(crate) lens: Option<LensSpec>,
     /// Write the camera's path to this JSON file: keyframes, or nerfstudio's format for a name that
     /// ends in camera_path.json, or SuperSplat's for settings.json
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
-    pub save_path: Option<PathBuf>,
+    pub(crate) save_path: Option<PathBuf>,
 }
 
 impl ViewpointArgs {
     /// Checks the options that do not depend on the scene.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if let Some(fov) = self.fov
             && !FOV.contains(&fov)
         {
@@ -84,24 +84,29 @@ impl ViewpointArgs {
         {
             bail!("--near {near}: must be finite and above 0");
         }
-        if let Some(CameraSpec::File(file)) = &self.camera {
-            std::fs::metadata(file).map_err(|error| FormatError::reading(file, error))?;
-        }
-        Ok(())
+        check_camera(self.camera.as_ref())
     }
 
     /// Returns the view options that were given.
-    pub fn options(&self) -> view::ViewOptions {
+    pub(crate) fn options(&self) -> view::ViewOptions {
         view::ViewOptions { up: None, fov: self.fov, near: self.near, size: self.size }
     }
 
     /// Returns the camera of the options, or chooses one and prints it on the error stream.
     #[cfg(feature = "viewer")]
-    pub fn start(&self, loaded: &mut OpenScene) -> Result<Camera> {
+    pub(crate) fn start(&self, loaded: &mut OpenScene) -> Result<Camera> {
         let spec = MotionSpec { camera: self.camera.clone(), ..MotionSpec::default() };
         let OpenScene { renderer, place } = loaded;
         Ok(spec.start(renderer, place, &self.options(), &mut say_camera)?)
     }
+}
+
+/// Checks that the file of a camera can be read.
+pub(crate) fn check_camera(camera: Option<&CameraSpec>) -> Result<()> {
+    if let Some(CameraSpec::File(file)) = camera {
+        std::fs::metadata(file).map_err(|error| FormatError::reading(file, error))?;
+    }
+    Ok(())
 }
 
 /// Prints the camera that was chosen.
@@ -111,7 +116,7 @@ fn say_camera(chosen: String) {
 
 impl CameraArgs {
     /// Checks the options that do not depend on the scene.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if let Some(distance) = self.distance
             && !(distance.is_finite() && distance > 0.0)
         {
@@ -140,43 +145,38 @@ impl CameraArgs {
         }
         Ok(())
     }
-}
 
-/// The motion of a camera or of another sensor.
-pub struct MotionArgs<'a> {
-    /// Its path; `None` to stay.
-    pub path: Option<&'a PathSpec>,
-    /// Length of a dolly, m.
-    pub distance: Option<f64>,
-    /// Forward speed without a path, m/s.
-    pub speed: Option<f64>,
-    /// Duration of a path that has none of its own, s.
-    pub seconds: Option<f64>,
-}
-
-impl MotionArgs<'_> {
-    /// Returns the motion from a viewpoint on.
-    pub fn motion(&self, viewpoint: &ViewpointArgs, loaded: &mut OpenScene) -> Result<CameraMotion> {
-        let spec = MotionSpec {
-            camera: viewpoint.camera.clone(),
-            path: self.path.cloned(),
+    /// Returns the motion that is asked for, of the duration of the output if the path has none of
+    /// its own.
+    pub(super) fn spec(&self, output: &OutputArgs) -> MotionSpec {
+        MotionSpec {
+            camera: self.viewpoint.camera.clone(),
+            path: self.path.clone(),
             distance: self.distance,
-            speed: self.speed,
-            seconds: self.seconds.unwrap_or(DEFAULT_SECONDS),
-        };
-        let OpenScene { renderer, place } = loaded;
-        Ok(spec.motion(renderer, place, &viewpoint.options(), &mut say_camera)?)
+            speed: self.camera_speed,
+            seconds: output.seconds.unwrap_or(DEFAULT_SECONDS),
+        }
     }
 }
 
+/// Returns the motion that is asked for in a scene. Prints a camera that was chosen.
+pub(crate) fn motion(
+    spec: &MotionSpec,
+    options: &view::ViewOptions,
+    loaded: &mut OpenScene,
+) -> Result<CameraMotion> {
+    let OpenScene { renderer, place } = loaded;
+    Ok(spec.motion(renderer, place, options, &mut say_camera)?)
+}
+
 /// The camera at each time, and the times of the frames.
-pub struct CameraPlan {
+pub(crate) struct CameraPlan {
     motion: CameraMotion,
     start: f64,
     /// Frames a second.
-    pub rate: FrameRate,
+    pub(crate) rate: FrameRate,
     /// Number of frames.
-    pub frames: u32,
+    pub(crate) frames: u32,
 }
 
 impl CameraPlan {
@@ -187,14 +187,7 @@ impl CameraPlan {
         loaded: &mut OpenScene,
         still: bool,
     ) -> Result<Self> {
-        let moves = MotionArgs {
-            path: args.path.as_ref(),
-            distance: args.distance,
-            speed: args.camera_speed,
-            seconds: output.seconds,
-        };
-        let motion = moves.motion(&args.viewpoint, loaded)?;
-        let length = output.seconds;
+        let motion = motion(&args.spec(output), &args.viewpoint.options(), loaded)?;
         let duration = motion.duration();
         let fps = 1.0 / output.fps.seconds(1);
         if let Some(file) = &args.save_path {
@@ -209,7 +202,7 @@ impl CameraPlan {
                 }
             }
         }
-        let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
+        let seconds = output.seconds.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
         let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };
         if frames > MAX_FRAMES {
             bail!("{frames} frames are too many for one run: the maximum is {MAX_FRAMES}");
@@ -220,47 +213,47 @@ impl CameraPlan {
     }
 
     /// Returns the camera at `time`, seconds.
-    pub fn camera(&self, time: f64) -> Camera {
+    pub(crate) fn camera(&self, time: f64) -> Camera {
         self.motion.camera(time)
     }
 
     /// Returns cameras over all frames of the sequence, whichever of them are rendered; with a
     /// lens, cameras that see all about.
-    pub fn shot(&self, has_lens: bool) -> Vec<Camera> {
+    pub(crate) fn shot(&self, has_lens: bool) -> Vec<Camera> {
         shot_cameras(self.frames, |frame| self.camera(self.time(frame)), has_lens)
     }
 
     /// Returns the camera at `time`, seconds, with its velocity.
-    pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
+    pub(crate) fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
         self.motion.at(time, metres_per_unit)
     }
 
     /// Returns the motion of the camera.
-    pub fn motion(&self) -> &CameraMotion {
+    pub(crate) fn motion(&self) -> &CameraMotion {
         &self.motion
     }
 
     /// Returns the number of the frame at `time`, seconds: the same in a picture and in a sequence.
-    pub fn index(&self, time: f64) -> u32 {
+    pub(crate) fn index(&self, time: f64) -> u32 {
         (time / self.rate.seconds(1)).round() as i64 as u32
     }
 
     /// Returns the time and the camera of the frame after that at `time`, seconds. The camera of a
     /// single picture with a speed moves ahead by it; in a sequence such a camera stays, as its
     /// frames show it.
-    pub fn next(&self, time: f64, metres_per_unit: f64) -> (f64, MovingCamera) {
+    pub(crate) fn next(&self, time: f64, metres_per_unit: f64) -> (f64, MovingCamera) {
         let after = time + self.rate.seconds(1);
         let since = if self.frames == 1 { time } else { after };
         (after, self.motion.driven_since(since, after, metres_per_unit))
     }
 
     /// Returns the time of frame `index`, seconds.
-    pub fn time(&self, index: u32) -> f64 {
+    pub(crate) fn time(&self, index: u32) -> f64 {
         self.start + self.rate.seconds(u64::from(index))
     }
 
     /// Returns a text that differs for different camera plans.
-    pub fn fingerprint(&self) -> String {
+    pub(crate) fn fingerprint(&self) -> String {
         self.motion.fingerprint()
     }
 }

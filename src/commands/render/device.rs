@@ -1,14 +1,14 @@
 //! Options of the camera as a device: shutter, exposure and noise.
 
+use crate::choices::first_given;
 use anyhow::{Result, bail};
 use clap::Args;
-use weather_magician::LensView;
 use weather_magician::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorNoise, Shutter};
-use wm_weather::Weather;
+use weather_magician::{LensView, Weather};
 
 /// Options of shutter, exposure and noise.
 #[derive(Args, Clone, Debug)]
-pub struct DeviceArgs {
+pub(crate) struct DeviceArgs {
     /// Exposure time, seconds, up to 1: the picture of a camera that moves is blurred over it, and
     /// what falls is streaked over it [default: 0, an instant; what falls has the exposure of its
     /// effect]
@@ -36,18 +36,17 @@ pub struct DeviceArgs {
 
 impl DeviceArgs {
     /// The first option that is given.
-    pub fn given(&self) -> Option<&'static str> {
-        let all = [
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        first_given([
             (self.exposure_time.is_some(), "--exposure-time"),
             (self.readout.is_some(), "--readout"),
             (self.exposure.is_some(), "--exposure"),
             (self.iso.is_some(), "--iso"),
-        ];
-        all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+        ])
     }
 
     /// The camera of the options, for a weather.
-    pub fn model(&self, lens: Option<LensView>, weather: &Weather) -> Result<CameraModel> {
+    pub(crate) fn model(&self, lens: Option<LensView>, weather: &Weather) -> Result<CameraModel> {
         let shutter = Shutter {
             exposure: self.exposure_time.unwrap_or(0.0),
             readout: self.readout.unwrap_or(0.0),

@@ -10,14 +10,14 @@ use wm_weather::Site;
 
 /// Size of a scene's file, bytes, and the time of its last change, s since 1970 where the system
 /// knows it.
-pub fn file_facts(scene: &Path) -> Result<(u64, Option<u64>)> {
+pub(crate) fn file_facts(scene: &Path) -> Result<(u64, Option<u64>)> {
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
     let changed = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     Ok((about.len(), changed.map(|time| time.as_secs())))
 }
 
 /// A scene and the facts of its place.
-pub fn scene_facts(scene: &Path, site: &Site) -> Result<Json> {
+pub(crate) fn scene_facts(scene: &Path, site: &Site) -> Result<Json> {
     let (bytes, changed) = file_facts(scene)?;
     Ok(json!({
         "path": scene.display().to_string(),
@@ -32,7 +32,7 @@ pub fn scene_facts(scene: &Path, site: &Site) -> Result<Json> {
 
 /// Makes a folder and writes its manifest; returns an error if it has another one: that it `holds`
 /// such files.
-pub fn keep(folder: &Path, name: &str, manifest: &Json, holds: &str) -> Result<()> {
+pub(crate) fn keep(folder: &Path, name: &str, manifest: &Json, holds: &str) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let path = folder.join(name);

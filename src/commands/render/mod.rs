@@ -1,6 +1,6 @@
 //! `render`: renders a scene under a weather as a picture, a video or a folder of frames.
 
-pub mod camera;
+pub(crate) mod camera;
 mod device;
 mod manifest;
 mod pairs;
@@ -9,7 +9,7 @@ mod rig;
 mod sequence;
 mod stages;
 
-use crate::choices::{DitherChoice, EncoderChoice};
+use crate::choices::{DITHERS, ENCODERS, one_of};
 use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
@@ -25,21 +25,23 @@ use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::output::{LayerFile, LayerPlacement, PictureFormat, PictureStyle, layers_of};
+use weather_magician::video::VideoEncoder;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
 use weather_magician::{
-    Camera, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, picture_tags,
+    Camera, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, Weather,
+    picture_tags,
 };
+use wm_media::color::Dither;
 use wm_media::png::DepthScale;
 use wm_render::{Background, Stats};
 use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
-use wm_weather::Weather;
 
 /// Options of `render`.
 #[derive(Args, Debug)]
 #[command(after_long_help = wm_weather::reference_page::help())]
-pub struct RenderArgs {
+pub(crate) struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -107,7 +109,7 @@ struct OutputArgs {
         default_value = "30",
         help_heading = "Output"
     )]
-    fps: wm_media::video::FrameRate,
+    fps: weather_magician::video::FrameRate,
     /// Length of a video, seconds [default: length of the camera's path, else 5]
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
@@ -130,11 +132,11 @@ struct OutputArgs {
     #[arg(long, value_name = "MODE", value_parser = parse_rasterization, help_heading = "Output")]
     rasterization: Option<Rasterization>,
     /// Quantisation of 8-bit pictures
-    #[arg(long, value_enum, default_value = "ordered", help_heading = "Output")]
-    dither: DitherChoice,
+    #[arg(long, value_parser = one_of(DITHERS), default_value = "ordered", help_heading = "Output")]
+    dither: Dither,
     /// Encoder of videos
-    #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
-    encoder: EncoderChoice,
+    #[arg(long, value_parser = one_of(ENCODERS), default_value = "builtin", help_heading = "Output")]
+    encoder: VideoEncoder,
     /// Bit rate of a video, bits a second [default: constant quality]
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
@@ -144,6 +146,28 @@ impl OutputArgs {
     /// Returns the time of a picture, and of a video's first frame, seconds.
     fn time(&self) -> f64 {
         self.time.unwrap_or(0.0)
+    }
+
+    /// Checks the time, and the duration if it is given.
+    fn check_times(&self) -> Result<()> {
+        if let Some(seconds) = self.seconds.filter(|seconds| !(seconds.is_finite() && *seconds > 0.0)) {
+            bail!("--seconds {seconds}: must be above 0");
+        }
+        if !self.time().is_finite() {
+            bail!("--time {}: must be a number of seconds", self.time());
+        }
+        Ok(())
+    }
+
+    /// Returns the output folder, `name` if none is given; `why` ends the error about a path that
+    /// is no folder.
+    fn folder(&self, name: String, why: &str) -> Result<PathBuf> {
+        let folder = self.out.clone().unwrap_or_else(|| name.into());
+        let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
+        if !folder.is_dir() && (folder.exists() || is_file) {
+            bail!("--out {}: is not a folder; {why}", folder.display());
+        }
+        Ok(folder)
     }
 
     /// Returns true if frames of a sequence are selected.
@@ -178,7 +202,7 @@ impl std::str::FromStr for BackgroundChoice {
     }
 }
 
-pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
+pub(crate) fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
     match text {
         "classic" => Ok(Rasterization::Classic),
         "antialiased" => Ok(Rasterization::Antialiased),
@@ -227,7 +251,7 @@ const LATER_LAYERS: Layers = Layers::FLOW
     .with(Layers::INSTANCE);
 
 /// Runs the command.
-pub fn run(args: &RenderArgs) -> Result<()> {
+pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
     let (weather, weather_files) = args.weather.read_with_files()?;
     if let Some(file) = &args.rig {
@@ -442,7 +466,7 @@ impl RenderJob {
         PictureStyle {
             also: args.output.also.clone(),
             place: if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside },
-            dither: args.output.dither.into(),
+            dither: args.output.dither,
             depth_scale,
             tags,
         }
@@ -489,14 +513,7 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<OutputTarget> {
         Some(path) => path.clone(),
         None => PathBuf::from(format!("{}.{}", name(), if moves { "mp4" } else { "png" })),
     };
-    if let Some(seconds) = args.output.seconds
-        && !(seconds.is_finite() && seconds > 0.0)
-    {
-        bail!("--seconds {seconds}: must be above 0");
-    }
-    if !args.output.time().is_finite() {
-        bail!("--time {}: must be a number of seconds", args.output.time());
-    }
+    args.output.check_times()?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         _ if path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', '\\']) => {

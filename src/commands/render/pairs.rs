@@ -1,6 +1,7 @@
 //! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
 use super::{RenderArgs, manifest};
+use crate::choices::first_given;
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
 use crate::progress::Reporter;
@@ -15,11 +16,10 @@ use weather_magician::output::{PictureFormat, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
 use weather_magician::{
-    FrameRequest, Layers, MovingCamera, Picture, PictureLayer, PreparedPlace, Renderer, picture_tags,
+    Camera, FrameRequest, Layers, MovingCamera, Picture, PictureLayer, PictureSize, Weather, picture_tags,
 };
-use wm_media::PictureSize;
-use wm_scene::{Camera, SceneView};
-use wm_weather::{Fidelity, ParamValue, Weather};
+use wm_scene::SceneView;
+use wm_weather::{Fidelity, ParamValue};
 
 /// The file that describes the pictures of the folder.
 const MANIFEST: &str = "manifest.json";
@@ -34,7 +34,7 @@ const FOLDERS: [(&str, PictureFormat); 5] = [
 
 /// Options of data sets.
 #[derive(Args, Clone, Debug)]
-pub struct PairsArgs {
+pub(crate) struct PairsArgs {
     /// Cameras of --pairs: capture (the scene's photos, or those of --views)
     #[arg(long, value_name = "SET", help_heading = "Camera")]
     cameras: Option<CameraSet>,
@@ -57,7 +57,7 @@ impl PairsArgs {
     ///
     /// # Errors
     /// One of the options is given without the other.
-    pub fn is_asked_for(&self) -> Result<bool> {
+    pub(crate) fn is_asked_for(&self) -> Result<bool> {
         match (self.pairs, self.cameras) {
             (true, None) => bail!("--pairs needs cameras: add --cameras capture for those of the photos"),
             (false, Some(_)) => bail!("--cameras is for data sets: add --pairs, or choose one with --camera"),
@@ -77,7 +77,8 @@ struct PhotoView {
 }
 
 impl PhotoView {
-    fn file(&self, (kind, format): (&str, PictureFormat)) -> String {
+    /// Returns the path of a file of a kind, below the folder.
+    fn file(&self, kind: &str, format: PictureFormat) -> String {
         format!("{kind}/{}.{}", self.name, format.extension())
     }
 }
@@ -87,14 +88,14 @@ const LAYERS: Layers =
     Layers::COLOR.with(Layers::CLEAR).with(Layers::DEPTH).with(Layers::PARTICLES).with(Layers::TRANSMITTANCE);
 
 /// Runs `render --pairs`.
-pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
+pub(crate) fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let folder = check(args, weather)?;
     args.levels.refuse_for("--pairs")?;
     let mut loaded =
         OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
     let shots = shots(&mut loaded, args)?;
     args.output.set_drawing(&mut loaded.place);
-    let manifest = about((&loaded.renderer, &loaded.place), &shots, args, weather)?;
+    let manifest = about(&loaded, &shots, args, weather)?;
     manifest::keep(&folder, MANIFEST, &manifest, "pictures of another run")?;
     let weather = &match shots.first() {
         Some(shot) => loaded.place.weather_of_shot(weather, &shot.camera),
@@ -103,7 +104,9 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     loaded.prepare(weather)?;
     let OpenScene { mut renderer, mut place } = loaded;
 
-    let is_there = |shot: &PhotoView| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
+    let is_there = |shot: &PhotoView| {
+        FOLDERS.iter().all(|(kind, format)| folder.join(shot.file(kind, *format)).exists())
+    };
     let missing: Vec<u32> = (0..shots.len() as u32).filter(|i| !is_there(&shots[*i as usize])).collect();
     let kept = shots.len() - missing.len();
     if kept > 0 {
@@ -112,7 +115,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let (started, time, clear) = (Instant::now(), args.output.time(), Weather::clear());
     let scene = args.scene.scene.display().to_string();
     let style = |weather: &Weather, camera: &Camera| PictureStyle {
-        dither: args.output.dither.into(),
+        dither: args.output.dither,
         tags: picture_tags(&scene, place.site(), renderer.backend(), weather, time, camera),
         ..PictureStyle::default()
     };
@@ -152,7 +155,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
 /// Checks the options that do not depend on the scene; returns the folder.
 fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     let (camera, output) = (&args.camera, &args.output);
-    for (given, option) in [
+    let refused = first_given([
         (camera.viewpoint.camera.is_some(), "--camera"),
         (camera.path.is_some(), "--path"),
         (camera.save_path.is_some(), "--save-path"),
@@ -160,32 +163,24 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
         (output.asks_for_frames(), "--frames and --frame-step"),
         (!output.also.is_empty(), "--also"),
         (output.layers, "--layers"),
-    ] {
-        if given {
-            bail!("--pairs makes the same pictures of every photo at one instant: leave out {option}");
-        }
+    ]);
+    if let Some(option) = refused {
+        bail!("--pairs makes the same pictures of every photo at one instant: leave out {option}");
     }
     camera.check()?;
-    if !output.time().is_finite() {
-        bail!("--time {}: must be a number of seconds", output.time());
-    }
+    output.check_times()?;
     if weather.effects().next().is_none() {
         bail!("--pairs needs a weather: give --weather or --set");
     }
     if weather.fidelity == Fidelity::Paper {
         bail!("--pairs: {NO_AIR}");
     }
-    let name = || format!("{}-{}", stem_of(&args.scene.scene), weather.name);
-    let folder = output.out.clone().unwrap_or_else(|| name().into());
-    let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
-    if folder.exists() && !folder.is_dir() || is_file && !folder.is_dir() {
-        bail!("--out {}: is not a folder; --pairs writes many files and needs one", folder.display());
-    }
-    Ok(folder)
+    let name = format!("{}-{}", stem_of(&args.scene.scene), weather.name);
+    output.folder(name, "--pairs writes many files and needs one")
 }
 
 /// The reason why the paper's fidelity has no parts.
-pub const NO_AIR: &str =
+pub(crate) const NO_AIR: &str =
     "the paper's fog acts on finished pixels and has no transmittance; use --set fidelity=physical";
 
 /// Returns the photos' cameras with unique names.
@@ -246,14 +241,10 @@ fn names(views: &[SceneView]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn write_pair(
-    folder: &Path,
-    shot: &PhotoView,
-    [clear, style]: &[PictureStyle; 2],
-    picture: &Picture,
-) -> Result<()> {
+fn write_pair(folder: &Path, shot: &PhotoView, styles: &[PictureStyle; 2], picture: &Picture) -> Result<()> {
+    let [clear, style] = styles;
     let size = PictureSize::new(shot.camera.width, shot.camera.height);
-    let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
+    let paths = FOLDERS.map(|(kind, format)| folder.join(shot.file(kind, format)));
     for path in &paths {
         let parent = path.parent().unwrap_or(folder);
         std::fs::create_dir_all(parent)
@@ -270,12 +261,8 @@ fn write_pair(
 
 /// Returns the manifest: what the pictures are, and everything that they depend on except the
 /// scene's bytes.
-fn about(
-    (renderer, place): (&Renderer, &PreparedPlace),
-    shots: &[PhotoView],
-    args: &RenderArgs,
-    weather: &Weather,
-) -> Result<Json> {
+fn about(loaded: &OpenScene, shots: &[PhotoView], args: &RenderArgs, weather: &Weather) -> Result<Json> {
+    let OpenScene { renderer, place } = loaded;
     let instant = weather.at(args.output.time());
     let effects: Map<String, Json> = instant
         .effects()
@@ -298,8 +285,10 @@ fn about(
         .iter()
         .map(|shot| {
             let Camera { width, height, fx, fy, cx, cy, viewmat, near } = shot.camera;
-            let files: Map<String, Json> =
-                FOLDERS.iter().map(|kind| (kind.0.to_owned(), shot.file(*kind).into())).collect();
+            let files: Map<String, Json> = FOLDERS
+                .iter()
+                .map(|(kind, format)| ((*kind).to_owned(), shot.file(kind, *format).into()))
+                .collect();
             json!({
                 "photo": shot.photo,
                 "width": width, "height": height,

@@ -6,7 +6,7 @@ use std::num::NonZeroU32;
 
 /// A range of frames, by their numbers in the whole sequence, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameRange {
+pub(crate) struct FrameRange {
     /// The first frame.
     first: u32,
     /// The frame after the last; `None` for the end of the sequence.
@@ -46,7 +46,7 @@ impl fmt::Display for FrameRange {
 ///
 /// # Errors
 /// The range is beyond the sequence.
-pub fn wanted(range: Option<FrameRange>, step: NonZeroU32, all: u32) -> Result<Vec<u32>> {
+pub(crate) fn wanted(range: Option<FrameRange>, step: NonZeroU32, all: u32) -> Result<Vec<u32>> {
     let range = range.unwrap_or(FrameRange { first: 0, end: None });
     let end = range.end.unwrap_or(all);
     if range.first >= all || end > all {

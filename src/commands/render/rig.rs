@@ -1,7 +1,8 @@
 //! Rigs: the pictures and sweeps of all sensors along one path, a folder each.
 
-use super::camera::MotionArgs;
+use super::camera::{DEFAULT_SECONDS, motion};
 use super::{RenderArgs, check_labels, manifest};
+use crate::choices::first_given;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress::{self, Reporter};
@@ -13,21 +14,18 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::camera_model::SensorCamera;
 use weather_magician::lidar::{LidarSweep, ScanOptions};
-use weather_magician::output::{LayerFile, PictureFormat, PictureStyle, layers_of};
+use weather_magician::output::{LayerFile, PictureStyle, layers_of};
 use weather_magician::radar::{RadarScanOptions, RadarSweep};
 use weather_magician::rig::{Rig, RigDevice, RigSensor};
 use weather_magician::{
-    Camera, CameraMotion, Error, FrameRequest, LensView, NextFrame, Picture, picture_tags,
+    Camera, CameraMotion, Error, FrameRequest, LensView, NextFrame, Picture, Weather, picture_tags,
 };
 use wm_media::png::DepthScale;
-use wm_weather::Weather;
 
 /// The file that describes the sensors and their files.
 const MANIFEST: &str = "rig.json";
-/// Duration of a rig that stands, seconds.
-const DEFAULT_SECONDS: f64 = 5.0;
-/// Most pictures and sweeps of a run.
-const MOST: usize = 1_000_000;
+/// Maximum number of pictures and sweeps of a run.
+const MAX_FILES: usize = 1_000_000;
 
 /// The place, the weather and the path of a rig.
 struct RigJob<'a> {
@@ -42,27 +40,21 @@ struct RigJob<'a> {
 }
 
 /// Runs `render --rig`.
-pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
+pub(crate) fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     let rig = Rig::read(file)?;
     let folder = check(args, weather, &rig)?;
     args.levels.refuse_for("--rig")?;
     let mut loaded =
         OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
-    let moves = MotionArgs {
-        path: args.camera.path.as_ref(),
-        distance: args.camera.distance,
-        speed: args.camera.camera_speed,
-        seconds: args.output.seconds,
-    };
-    let base = moves.motion(&args.camera.viewpoint, &mut loaded)?;
+    let base = motion(&args.camera.spec(&args.output), &args.camera.viewpoint.options(), &mut loaded)?;
     let duration = if base.duration() > 0.0 { base.duration() } else { DEFAULT_SECONDS };
     let (start, seconds) = (args.output.time(), args.output.seconds.unwrap_or(duration));
     let base = base.driven(start.max(0.0) + seconds, loaded.place.site().metres_per_unit)?;
     args.output.set_drawing(&mut loaded.place);
     let count: usize =
-        rig.sensors.iter().map(|sensor| sensor.times(start, seconds).take(MOST + 1).count()).sum();
-    if count > MOST {
-        bail!("{}: more than {MOST} pictures and sweeps; give --seconds", file.display());
+        rig.sensors.iter().map(|sensor| sensor.times(start, seconds).take(MAX_FILES + 1).count()).sum();
+    if count > MAX_FILES {
+        bail!("{}: more than {MAX_FILES} pictures and sweeps; give --seconds", file.display());
     }
     check_labels(layers_of(&args.output.also), &loaded.place, &args.scene.scene)?;
     let weather = &loaded.place.weather_of_shot(weather, &base.camera(start));
@@ -91,7 +83,7 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
 /// Checks the options that do not depend on the scene; returns the folder.
 fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
     let (viewpoint, output) = (&args.camera.viewpoint, &args.output);
-    for (is_given, option) in [
+    let refused = first_given([
         (args.camera.lens.is_some(), "--lens"),
         (viewpoint.size.is_some(), "--size"),
         (viewpoint.fov.is_some(), "--fov"),
@@ -102,20 +94,12 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
         (output.asks_for_frames(), "--frames and --frame-step"),
         (output.bitrate.is_some(), "--bitrate"),
         (args.camera.save_path.is_some(), "--save-path"),
-    ] {
-        if is_given {
-            bail!("--rig: each sensor has its own settings in the rig's file; leave out {option}");
-        }
+    ]);
+    if let Some(option) = refused {
+        bail!("--rig: each sensor has its own settings in the rig's file; leave out {option}");
     }
     args.camera.check()?;
-    if let Some(seconds) = output.seconds
-        && !(seconds.is_finite() && seconds > 0.0)
-    {
-        bail!("--seconds {seconds}: must be above 0");
-    }
-    if !output.time().is_finite() {
-        bail!("--time {}: must be a number of seconds", output.time());
-    }
+    output.check_times()?;
     for sensor in &rig.sensors {
         match &sensor.device {
             RigDevice::Camera { model, .. } => {
@@ -123,22 +107,15 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
                 layers_of(&output.also).check(model, weather).context("--also").with_context(named)?;
                 model.check(weather).with_context(named)?;
             }
-            RigDevice::Lidar { .. } if weather.fidelity == wm_weather::Fidelity::Paper => {
-                bail!("sensor \"{}\": a lidar needs --set fidelity=physical", sensor.name);
+            device if weather.fidelity == wm_weather::Fidelity::Paper => {
+                let kind = if matches!(device, RigDevice::Lidar { .. }) { "lidar" } else { "radar" };
+                bail!("sensor \"{}\": a {kind} needs --set fidelity=physical", sensor.name);
             }
-            RigDevice::Radar { .. } if weather.fidelity == wm_weather::Fidelity::Paper => {
-                bail!("sensor \"{}\": a radar needs --set fidelity=physical", sensor.name);
-            }
-            RigDevice::Lidar { .. } | RigDevice::Radar { .. } => {}
+            _ => {}
         }
     }
-    let named = || PathBuf::from(format!("{}-{}-rig", stem_of(&args.scene.scene), weather.name));
-    let folder = output.out.clone().unwrap_or_else(named);
-    let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
-    if !folder.is_dir() && (folder.exists() || is_file) {
-        bail!("--out {}: is not a folder; a rig has a folder a sensor", folder.display());
-    }
-    Ok(folder)
+    let name = format!("{}-{}-rig", stem_of(&args.scene.scene), weather.name);
+    output.folder(name, "a rig has a folder a sensor")
 }
 
 impl RigJob<'_> {
@@ -206,7 +183,7 @@ impl RigJob<'_> {
             tags.push(("sensor".into(), sensor.name.clone()));
             let style = PictureStyle {
                 also: self.args.output.also.clone(),
-                dither: self.args.output.dither.into(),
+                dither: self.args.output.dither,
                 depth_scale: DepthScale::reaching(place.site().far),
                 tags,
                 ..PictureStyle::default()

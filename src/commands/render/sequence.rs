@@ -7,16 +7,16 @@ use anyhow::{Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
-use weather_magician::Picture;
 use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
-use wm_media::{PictureSize, png::DepthScale, video};
+use weather_magician::{Picture, PictureSize, video};
+use wm_media::png::DepthScale;
 
 /// The file that describes the frames of a folder.
 const MANIFEST: &str = "render.json";
 
 /// Renders the frames with the numbers `wanted`, at least one, into an MP4.
-pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
+pub(crate) fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
     if !args.output.also.is_empty() {
         bail!("--also is for pictures and folders of frames: give --out a folder");
     }
@@ -24,9 +24,9 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
     let camera = job.camera(start);
     let mut settings =
         video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.plan.rate);
-    settings.encoder = args.output.encoder.into();
+    settings.encoder = args.output.encoder;
     settings.bitrate = args.output.bitrate;
-    settings.dither = args.output.dither.into();
+    settings.dither = args.output.dither;
     settings.tags = job.style(args, DepthScale::Auto, start).tags;
     let mut sink = video::create_video(path, settings)?;
 
@@ -60,7 +60,7 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
 
 /// Renders the frames with the numbers `wanted` into a folder, one picture per frame; frames that
 /// exist already are kept.
-pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
+pub(crate) fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
     manifest::keep(folder, MANIFEST, &about(job, args)?, "frames of another render")?;
     let extension = args.output.frame_format.extension();
     let name = |index: u32| folder.join(format!("{index:05}.{extension}"));

@@ -3,21 +3,21 @@
 use super::OutputTarget;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
-use weather_magician::Picture;
 use weather_magician::output::{PictureStyle, beside};
-use wm_media::{PictureSize, png};
-use wm_weather::{EffectRole, Fidelity, Weather};
+use weather_magician::{Picture, PictureSize, Weather};
+use wm_media::png;
+use wm_weather::{EffectRole, Fidelity};
 
 /// The names of the steps.
 const NAMES: [&str; 4] = ["noise", "overlay", "filtered", "final"];
 
 /// Returns the files of the steps beside the picture `path`.
-pub fn paths(path: &Path) -> [PathBuf; 4] {
+pub(crate) fn paths(path: &Path) -> [PathBuf; 4] {
     NAMES.map(|name| beside(path, name, "png"))
 }
 
 /// Returns an error for weathers and outputs without such steps.
-pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
+pub(crate) fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
     if weather.fidelity != Fidelity::Paper || !weather.has(EffectRole::Falls) {
         bail!(
             "--stages: shows the steps of the paper's rain and snow; add --set fidelity=paper and --set rain.rate=10, or \
@@ -31,7 +31,7 @@ pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
 }
 
 /// Writes the steps of a picture; returns a line for each file.
-pub fn write(picture: &Picture, style: &PictureStyle, path: &Path) -> Result<Vec<String>> {
+pub(crate) fn write(picture: &Picture, style: &PictureStyle, path: &Path) -> Result<Vec<String>> {
     let (frame, stages) = (&picture.frame, &picture.stages);
     let size = PictureSize::new(frame.width, frame.height);
     let steps = [&stages.noise, &stages.overlay, &stages.filtered, &frame.rgb];

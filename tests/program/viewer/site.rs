@@ -16,11 +16,12 @@ use weather_magician::{Patience, PlaceOptions, PreparedPlace, Renderer, Weather}
 use wm_media::color::Dither;
 use wm_scene::Scene;
 use wm_scene::formats::{ReadOptions, read_scene};
+use wm_viewer::View;
 use wm_viewer::catalog::Catalog;
 use wm_viewer::link;
 use wm_viewer::paint::{PaintOptions, ViewPainter};
 use wm_viewer::site::SiteFile;
-use wm_viewer::state::{View, ViewState, weather_to_json};
+use wm_viewer::state::{ViewState, weather_to_json};
 
 /// Longest wait for a picture: a GPU in software makes its programs first.
 const LONGEST: Duration = Duration::from_secs(400);

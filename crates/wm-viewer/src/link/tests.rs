@@ -67,7 +67,7 @@ fn paths() -> impl Strategy<Value = Vec<PoseKey>> {
     })
 }
 
-fn lidars() -> impl Strategy<Value = Option<crate::lidar::LidarState>> {
+fn lidars() -> impl Strategy<Value = Option<crate::state::LidarState>> {
     let at = proptest::option::of([number(-1e5..1e5), number(-1e5..1e5), number(-1e5..1e5)]);
     let some = (at, any::<bool>(), 0..5_usize).prop_map(|(at, is_one, returns)| {
         let at = at.map(|[x, y, z]| json!({ "eye": [x, y, z], "target": [x + 3.0, y + 0.1, z] }));
@@ -398,7 +398,7 @@ impl Attacker {
 /// The outcome of one kind of attack.
 #[derive(Clone, Copy, Default)]
 struct AttackOutcome {
-    /// Those that are no link, no view, and views.
+    /// Numbers of attacks that are no link, no view, and views.
     counts: [usize; 3],
     /// Time of all and longest time of one, s.
     seconds: f64,

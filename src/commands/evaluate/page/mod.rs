@@ -3,14 +3,14 @@
 
 mod panels;
 
-pub use panels::PhotoPanels;
+pub(crate) use panels::PhotoPanels;
 
 use super::scores::{EvaluationReport, Placement, ScoreColumn};
 use crate::report::{escaped, foot, head, picture};
 use std::fmt::Write;
 
 /// Returns the whole page, with the pictures of `shown`.
-pub fn page(report: &EvaluationReport, shown: &[PhotoPanels]) -> String {
+pub(crate) fn page(report: &EvaluationReport, shown: &[PhotoPanels]) -> String {
     let mut style = String::new();
     for (class, ramp) in panels::RAMPS {
         let _ = writeln!(style, ".{class} {{ background: {}; }}", picture::gradient(ramp));

@@ -4,10 +4,10 @@ use crate::report::escaped;
 use crate::report::picture::{self, MapCell};
 use anyhow::Result;
 use std::fmt::Write;
+use weather_magician::train::evaluation::{EvaluatedPhoto, TrueMaps};
+use weather_magician::train::metrics::{COVERED, SLACK, angle};
 use wm_media::ramps::{self, ColorRamp};
 use wm_render::Frame;
-use wm_train::evaluation::{EvaluatedPhoto, TrueMaps};
-use wm_train::metrics::{COVERED, SLACK, angle};
 
 /// Largest difference of colours on the colour ramp.
 const COLOR_RANGE: f64 = 0.2;
@@ -19,7 +19,7 @@ const ANGLE_RANGE: f64 = 60.0;
 const TAIL: f64 = 0.02;
 
 /// The ramps, with the names of their classes.
-pub const RAMPS: [(&str, ColorRamp); 3] =
+pub(crate) const RAMPS: [(&str, ColorRamp); 3] =
     [("depth", ramps::turbo), ("error", ramps::heat), ("signed", ramps::signed)];
 
 /// The colours of kept and lost surfaces and sky, with their meaning.
@@ -33,9 +33,9 @@ const FATES: [([u8; 3], &str); 6] = [
 ];
 
 /// The pictures of a photo, ready to be written.
-pub struct PhotoPanels {
+pub(crate) struct PhotoPanels {
     /// The photo.
-    pub name: String,
+    pub(crate) name: String,
     size: (u32, u32),
     figures: Vec<PanelPicture>,
 }
@@ -68,7 +68,7 @@ enum Key {
 
 impl PhotoPanels {
     /// Draws the pictures.
-    pub fn new(shown: &EvaluatedPhoto<'_>, metres_per_unit: f64) -> Result<Self> {
+    pub(crate) fn new(shown: &EvaluatedPhoto<'_>, metres_per_unit: f64) -> Result<Self> {
         let EvaluatedPhoto { name, photo, image, frame, solid, truth: maps, .. } = *shown;
         let full = (frame.width, frame.height);
         let mut figures = Vec::new();
@@ -158,7 +158,7 @@ impl PhotoPanels {
     }
 
     /// Writes the figures.
-    pub fn write(&self, out: &mut String) {
+    pub(crate) fn write(&self, out: &mut String) {
         out.push_str("<div class=\"figures\">\n");
         let (width, height) = self.size;
         for PanelPicture { what, picture, key, width: stand } in &self.figures {

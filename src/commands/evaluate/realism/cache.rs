@@ -45,7 +45,7 @@ impl CachedPicture {
 }
 
 /// Embeddings of one picture set.
-pub struct EmbeddingCache {
+pub(crate) struct EmbeddingCache {
     /// Path of the files without extension; `None` if nothing is kept.
     path: Option<PathBuf>,
     identity: u64,
@@ -61,11 +61,11 @@ pub struct EmbeddingCache {
 }
 
 /// The suffix of the files of an unfinished set.
-pub const UNFINISHED: &str = "unfinished";
+pub(crate) const UNFINISHED: &str = "unfinished";
 
 impl EmbeddingCache {
     /// Reads the file if it exists. A file of other embeddings is ignored until it is overwritten.
-    pub fn open(path: Option<PathBuf>, identity: u64, width: usize) -> Result<Self> {
+    pub(crate) fn open(path: Option<PathBuf>, identity: u64, width: usize) -> Result<Self> {
         let mut before = HashMap::new();
         if let Some(path) = &path {
             for path in [path.clone(), named(path, UNFINISHED)] {
@@ -87,7 +87,7 @@ impl EmbeddingCache {
     }
 
     /// Adds the embedding of a file; computes it if it is not in the cache.
-    pub fn add(&mut self, file: &Path, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<()> {
+    pub(crate) fn add(&mut self, file: &Path, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<()> {
         let picture = CachedPicture::of(file)?;
         match self.before.get(&picture) {
             Some(row) => self.values.extend(row),
@@ -104,7 +104,7 @@ impl EmbeddingCache {
     }
 
     /// Writes the embeddings so far and returns the path.
-    pub fn keep(&mut self) -> Result<Option<PathBuf>> {
+    pub(crate) fn keep(&mut self) -> Result<Option<PathBuf>> {
         let Some(path) = &self.path else { return Ok(None) };
         let path = named(path, UNFINISHED);
         if !self.is_kept {
@@ -122,7 +122,7 @@ impl EmbeddingCache {
     }
 
     /// Writes and returns all embeddings, `[pictures, width]`.
-    pub fn finish(self) -> Result<Vec<f32>> {
+    pub(crate) fn finish(self) -> Result<Vec<f32>> {
         if let Some(path) = &self.path {
             self.write(path, self.pictures.clone(), &self.values)?;
             for extension in ["npy", "json"] {

@@ -8,18 +8,18 @@ use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Result, anyhow, bail};
 use std::path::{Path, PathBuf};
+use weather_magician::train::metrics::Embeddings;
+use weather_magician::train::photos::read_picture;
 use wm_scene::capture::header::read_header;
-use wm_train::metrics::Embeddings;
-use wm_train::photos::read_picture;
 
 /// A set of pictures with its embeddings.
-pub struct CollectedSet {
-    pub name: String,
-    pub embeddings: Embeddings,
+pub(crate) struct CollectedSet {
+    pub(crate) name: String,
+    pub(crate) embeddings: Embeddings,
 }
 
 /// The picture sets to embed. All their faults are reported before the first picture is embedded.
-pub struct Collector<'a> {
+pub(crate) struct Collector<'a> {
     args: &'a RealismArgs,
     work: &'a RealismOptions<'a>,
     parts: Vec<(PictureSet, EmbeddingSource)>,
@@ -34,12 +34,12 @@ enum EmbeddingSource {
 }
 
 impl<'a> Collector<'a> {
-    pub fn new(args: &'a RealismArgs, work: &'a RealismOptions<'a>) -> Self {
+    pub(crate) fn new(args: &'a RealismArgs, work: &'a RealismOptions<'a>) -> Self {
         Self { args, work, parts: Vec::new() }
     }
 
     /// Returns an error for two sets of one name, which would share a file.
-    pub fn forbid_one_name(&self, first: &Path, second: &Path) -> Result<()> {
+    pub(crate) fn forbid_one_name(&self, first: &Path, second: &Path) -> Result<()> {
         if self.args.embeddings.is_none() {
             return Ok(());
         }
@@ -51,7 +51,7 @@ impl<'a> Collector<'a> {
     }
 
     /// Adds a set, whose embeddings are kept at `place` in the folder of embeddings.
-    pub fn add(&mut self, part: PictureSet, place: PathBuf) -> Result<()> {
+    pub(crate) fn add(&mut self, part: PictureSet, place: PathBuf) -> Result<()> {
         let wanted = match &part.source {
             PictureSource::Array => EmbeddingSource::Array(Embeddings::read(&part.path)?),
             PictureSource::Pictures(files) => {
@@ -85,7 +85,7 @@ impl<'a> Collector<'a> {
     }
 
     /// Returns all embeddings, in the order in which sets were added.
-    pub fn run(self) -> Result<Vec<CollectedSet>> {
+    pub(crate) fn run(self) -> Result<Vec<CollectedSet>> {
         let is_made = |wanted: &EmbeddingSource| matches!(wanted, EmbeddingSource::Files(..));
         let embedder: Option<Box<Embedder>> = match self.parts.iter().find(|(_, wanted)| is_made(wanted)) {
             Some((part, _)) => Some(network::open(&self.args.weights, &part.path)?),

@@ -7,11 +7,11 @@ use crate::names::stem_of;
 use anyhow::{Result, bail};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use wm_train::photos::photos_in;
+use weather_magician::train::photos::photos_in;
 
 /// A class of weather: a column of the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum WeatherClass {
+pub(crate) enum WeatherClass {
     /// Fog, haze and smog.
     Fog,
     Rain,
@@ -20,10 +20,10 @@ pub enum WeatherClass {
 }
 
 impl WeatherClass {
-    pub const ALL: [Self; 3] = [Self::Fog, Self::Rain, Self::Snow];
+    pub(crate) const ALL: [Self; 3] = [Self::Fog, Self::Rain, Self::Snow];
 
     /// Returns the name of its folder and in files.
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Fog => "fog",
             Self::Rain => "rain",
@@ -32,7 +32,7 @@ impl WeatherClass {
     }
 
     /// Returns the title of its column in the paper.
-    pub const fn title(self) -> &'static str {
+    pub(crate) const fn title(self) -> &'static str {
         match self {
             Self::Fog => "Fog / Haze / Smog",
             Self::Rain => "Rainfall",
@@ -41,7 +41,7 @@ impl WeatherClass {
     }
 
     /// Returns the class for the name of a folder.
-    pub fn of(name: &str) -> Option<Self> {
+    pub(crate) fn of(name: &str) -> Option<Self> {
         match name.to_lowercase().as_str() {
             "fog" | "haze" | "smog" => Some(Self::Fog),
             "rain" | "rainfall" => Some(Self::Rain),
@@ -53,20 +53,20 @@ impl WeatherClass {
 
 /// A set of pictures that is compared as a whole.
 #[derive(Clone, Debug)]
-pub struct PictureSet {
+pub(crate) struct PictureSet {
     /// The name.
-    pub name: String,
+    pub(crate) name: String,
     /// The folder or the array.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// The path relative to the folder of its method, without extension.
-    pub place: PathBuf,
-    pub scene: Option<String>,
-    pub source: PictureSource,
+    pub(crate) place: PathBuf,
+    pub(crate) scene: Option<String>,
+    pub(crate) source: PictureSource,
 }
 
 /// The content of a picture set.
 #[derive(Clone, Debug)]
-pub enum PictureSource {
+pub(crate) enum PictureSource {
     /// Picture files, sorted.
     Pictures(Vec<PathBuf>),
     /// An array of embeddings.
@@ -74,7 +74,7 @@ pub enum PictureSource {
 }
 
 /// Returns the name of a folder of pictures.
-pub fn name_of(path: &Path) -> String {
+pub(crate) fn name_of(path: &Path) -> String {
     stem_of(path)
 }
 
@@ -87,7 +87,7 @@ fn is_array(path: &Path) -> bool {
 
 impl PictureSet {
     /// Opens a folder with all pictures below it, or an array.
-    pub fn whole(path: &Path) -> Result<Self> {
+    pub(crate) fn whole(path: &Path) -> Result<Self> {
         let source = if is_array(path) {
             PictureSource::Array
         } else if path.is_file() {
@@ -113,7 +113,7 @@ impl PictureSet {
 
 /// Returns the picture sets of a method's folder: `fog.npy`, or a folder `fog` with pictures, or
 /// with one folder or array per scene.
-pub fn parts(folder: &Path) -> Result<Vec<(WeatherClass, PictureSet)>> {
+pub(crate) fn parts(folder: &Path) -> Result<Vec<(WeatherClass, PictureSet)>> {
     let mut found = Vec::new();
     for path in entries(folder)? {
         let Some(weather) = path.file_stem().and_then(OsStr::to_str).and_then(WeatherClass::of) else {

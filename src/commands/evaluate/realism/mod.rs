@@ -17,6 +17,7 @@ use with_networks as network;
 #[cfg(not(feature = "nets"))]
 use without_networks as network;
 
+use crate::choices::first_given;
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::weights::WeightsArgs;
@@ -28,8 +29,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tables::{CmmdDistance, Tables};
+use weather_magician::train::metrics::{Collection, Embeddings};
 use wm_scene::files::{check_writable, write_atomically};
-use wm_train::metrics::{Collection, Embeddings};
 
 /// Options that have no meaning when pictures are compared.
 const OF_SCENES: [&str; 10] = [
@@ -47,7 +48,7 @@ const OF_SCENES: [&str; 10] = [
 
 /// The pictures that are compared.
 #[derive(Args, Clone, Debug)]
-pub struct RealismArgs {
+pub(crate) struct RealismArgs {
     /// Compare pictures with photographs by CMMD, instead of a scene with its photos: folders of
     /// pictures (JPEG, PNG) or NPY files of embeddings, each compared with --real
     #[arg(
@@ -59,7 +60,7 @@ pub struct RealismArgs {
         conflicts_with_all = OF_SCENES,
         help_heading = "Realism"
     )]
-    pub pictures: Vec<PathBuf>,
+    pub(crate) pictures: Vec<PathBuf>,
     /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the
     /// paper's own numbers; each contains folders fog, rain and snow with pictures, or with one
     /// folder of pictures per scene (docs/guide/evaluate.md)
@@ -70,7 +71,7 @@ pub struct RealismArgs {
         conflicts_with_all = OF_SCENES,
         help_heading = "Realism"
     )]
-    pub paper: Option<Vec<PathBuf>>,
+    pub(crate) paper: Option<Vec<PathBuf>>,
     /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain
     /// and snow in it
     #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
@@ -93,36 +94,35 @@ pub struct RealismArgs {
 }
 
 /// Options of the comparison of pictures.
-pub struct RealismOptions<'a> {
+pub(crate) struct RealismOptions<'a> {
     /// The file for all numbers.
-    pub json: Option<&'a Path>,
+    pub(crate) json: Option<&'a Path>,
     /// The permission to replace files.
-    pub overwrite: OverwriteArgs,
+    pub(crate) overwrite: OverwriteArgs,
     /// True if pictures that cannot be read are left out.
-    pub skip_bad: bool,
+    pub(crate) skip_bad: bool,
     /// Number of threads; `None` for one per core.
-    pub threads: Option<u16>,
+    pub(crate) threads: Option<u16>,
 }
 
 impl RealismArgs {
     /// Returns true if pictures are compared, not a scene.
-    pub fn asked(&self) -> bool {
+    pub(crate) fn asked(&self) -> bool {
         !self.pictures.is_empty() || self.paper.is_some()
     }
 
     /// Returns an option that was given and has no meaning without pictures.
     fn idle(&self) -> Option<&'static str> {
-        let all = [
+        let own = first_given([
             (self.real.is_some(), "--real"),
             (self.csv.is_some(), "--csv"),
             (self.markdown.is_some(), "--markdown"),
-        ];
-        let own = all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name);
+        ]);
         own.or(self.weights.given())
     }
 
     /// Returns an error for options that have no meaning for a scene.
-    pub fn check_idle(&self) -> Result<()> {
+    pub(crate) fn check_idle(&self) -> Result<()> {
         if let Some(option) = self.idle() {
             bail!("{option} goes with --pictures or --paper; give one of them, or leave it out");
         }
@@ -131,7 +131,7 @@ impl RealismArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
+pub(crate) fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
     for out in [work.json, args.csv.as_deref(), args.markdown.as_deref()].into_iter().flatten() {
         check_writable(out)?;
         work.overwrite.check_report(out, &[])?;

@@ -5,25 +5,25 @@ use super::published;
 use super::uvq::UvqScore;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use wm_train::metrics::{Cmmd, Collection};
+use weather_magician::train::metrics::{Cmmd, Collection};
 
 /// The CMMD of a collection from photographs of real weather.
 #[derive(Clone, Debug)]
-pub struct CmmdDistance {
-    pub method: String,
-    pub weather: Option<WeatherClass>,
+pub(crate) struct CmmdDistance {
+    pub(crate) method: String,
+    pub(crate) weather: Option<WeatherClass>,
     /// `None` for all of a method's pictures of that weather.
-    pub scene: Option<String>,
-    pub cmmd: Cmmd,
+    pub(crate) scene: Option<String>,
+    cmmd: Cmmd,
     /// Number of pictures of the method.
-    pub rendered: usize,
+    pub(crate) rendered: usize,
     /// Number of photographs.
-    pub real: usize,
+    pub(crate) real: usize,
 }
 
 impl CmmdDistance {
     /// Computes the distance.
-    pub fn new(
+    pub(crate) fn new(
         method: String,
         weather: Option<WeatherClass>,
         scene: Option<String>,
@@ -38,11 +38,11 @@ impl CmmdDistance {
 
 /// Everything that was measured or read.
 #[derive(Clone, Debug, Default)]
-pub struct Tables {
-    pub distances: Vec<CmmdDistance>,
-    pub scores: Vec<UvqScore>,
+pub(crate) struct Tables {
+    pub(crate) distances: Vec<CmmdDistance>,
+    pub(crate) scores: Vec<UvqScore>,
     /// True if the paper's tables are made.
-    pub paper: bool,
+    pub(crate) paper: bool,
 }
 
 /// A version of UVQ.
@@ -66,7 +66,7 @@ const NONE: &str = "-";
 
 impl Tables {
     /// Returns all tables as Markdown.
-    pub fn markdown(&self) -> String {
+    pub(crate) fn markdown(&self) -> String {
         let mut parts = Vec::new();
         if self.paper && !self.distances.is_empty() {
             parts.push(self.cmmd_by_weather());
@@ -209,7 +209,7 @@ impl Tables {
     }
 
     /// Returns a CSV file with one number per line.
-    pub fn csv(&self) -> String {
+    pub(crate) fn csv(&self) -> String {
         let mut out = "metric,source,method,weather,scene,value,bias,pictures,photographs\n".to_owned();
         let mut line = |cells: [&str; 5], value: f64, rest: Option<(f64, usize, usize)>| {
             let cells = cells.map(quoted).join(",");
@@ -241,7 +241,7 @@ impl Tables {
     }
 
     /// Returns everything as JSON, as described in `docs/guide/evaluate.md`.
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let distance = |distance: &CmmdDistance| {
             json!({
                 "method": distance.method, "weather": distance.weather.map(WeatherClass::name), "scene": distance.scene,

@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 
 /// Longest file that is read, bytes.
-const MAX: u64 = 1 << 24;
+const MAX_FILE_BYTES: u64 = 1 << 24;
 /// The columns of a CSV file; the last one may be left out.
 const COLUMNS: [&str; 5] = ["method", "weather", "scene", "uvq_1_0", "uvq_1_5"];
 /// The range of scores.
@@ -18,14 +18,14 @@ const RANGE: std::ops::RangeInclusive<f64> = 1.0..=5.0;
 
 /// The scores of a video.
 #[derive(Clone, Debug, PartialEq)]
-pub struct UvqScore {
-    pub method: String,
-    pub weather: WeatherClass,
-    pub scene: String,
+pub(crate) struct UvqScore {
+    pub(crate) method: String,
+    pub(crate) weather: WeatherClass,
+    pub(crate) scene: String,
     /// Score of UVQ 1.0, 1 to 5.
-    pub v1_0: Option<f64>,
+    pub(crate) v1_0: Option<f64>,
     /// Score of UVQ 1.5.
-    pub v1_5: Option<f64>,
+    pub(crate) v1_5: Option<f64>,
 }
 
 /// The columns that are read from the output of the UVQ program.
@@ -45,9 +45,9 @@ enum OneOrMore {
 }
 
 /// Reads scores, CSV or JSON by the file's extension.
-pub fn read(path: &Path) -> Result<Vec<UvqScore>> {
+pub(crate) fn read(path: &Path) -> Result<Vec<UvqScore>> {
     let about = fs::metadata(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    if about.len() > MAX {
+    if about.len() > MAX_FILE_BYTES {
         bail!("{}: is too long for scores; give the CSV or JSON file of them", path.display());
     }
     let text = fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;

@@ -6,10 +6,10 @@ use std::path::Path;
 use wm_nets::Clip;
 
 /// Makes embeddings.
-pub type Embedder = Clip;
+pub(crate) type Embedder = Clip;
 
 /// Reads the weights, after downloading them if necessary. Prints what is downloaded.
-pub fn open(weights: &WeightsArgs, _: &Path) -> Result<Box<Embedder>> {
+pub(crate) fn open(weights: &WeightsArgs, _: &Path) -> Result<Box<Embedder>> {
     let files = weights.files(PublishedWeights {
         name: "CLIP ViT-L/14 at 336 px".into(),
         bytes: Clip::BYTES,

@@ -5,10 +5,10 @@ use anyhow::{Result, bail};
 use std::path::Path;
 
 /// A type without values: this build has no networks.
-pub enum Embedder {}
+pub(crate) enum Embedder {}
 
 /// Returns an error that describes the alternatives.
-pub fn open(_: &WeightsArgs, pictures: &Path) -> Result<Box<Embedder>> {
+pub(crate) fn open(_: &WeightsArgs, pictures: &Path) -> Result<Box<Embedder>> {
     bail!(
         "{}: this build has no neural networks to embed pictures with; build it with `--features nets`, or give an NPY file \
          of embeddings that another program made",
@@ -17,15 +17,15 @@ pub fn open(_: &WeightsArgs, pictures: &Path) -> Result<Box<Embedder>> {
 }
 
 impl Embedder {
-    pub fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         match *self {}
     }
 
-    pub fn identity(&self) -> u64 {
+    pub(crate) fn identity(&self) -> u64 {
         match *self {}
     }
 
-    pub fn embed(&self, _: &[u8], _: usize) -> Result<Vec<f32>> {
+    pub(crate) fn embed(&self, _: &[u8], _: usize) -> Result<Vec<f32>> {
         match *self {}
     }
 }

@@ -6,12 +6,12 @@ use super::{SizeArg, VersionArg};
 use crate::dataset::Dataset;
 use crate::weights::PublishedWeights;
 use anyhow::{Result, bail};
+use weather_magician::train::maps::{Filter, Map};
+use weather_magician::train::priors::files::size_within;
+use weather_magician::train::priors::fit::Freedom;
+use weather_magician::train::priors::given::{Given, GivenDepth, SkyBy};
 use wm_nets::DepthAnything;
 use wm_nets::depth_anything::{DisparityError, ModelSize, Version};
-use wm_train::maps::{Filter, Map};
-use wm_train::priors::files::size_within;
-use wm_train::priors::fit::Freedom;
-use wm_train::priors::given::{Given, GivenDepth, SkyBy};
 
 /// A network with its weights.
 struct Network {
@@ -22,7 +22,7 @@ struct Network {
 }
 
 /// Reads the weights, after downloading them if necessary. Prints what is downloaded.
-pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
+pub(crate) fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let given = &args.network;
     let version = match given.version {
         VersionArg::V1 => Version::V1,

@@ -5,7 +5,7 @@ use super::super::work::PriorEstimator;
 use anyhow::{Result, bail};
 
 /// Returns an error that describes the alternatives.
-pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
+pub(crate) fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let option = args.network.given().unwrap_or("--source network");
     bail!(
         "{option}: this build has no neural networks; build it with `--features nets`, or take --source photos, or \
