@@ -21,7 +21,7 @@ use wm_weather::paper::composite::{self, PaperBlend};
 use wm_weather::shelter::Shelter;
 use wm_weather::splash::SplashGround;
 use wm_weather::water::{MirrorView, WaterBody, WaterEffect, WaterGrid, WaterMap, WaterMotion, WaterSurface};
-use wm_weather::{Observer, PreparedWeather};
+use wm_weather::{Observer, PassWeather, PreparedWeather};
 
 /// The inputs of the plan of one pinhole picture.
 #[derive(Clone, Copy)]
@@ -109,33 +109,24 @@ impl FrameInputs<'_> {
     ) -> Result<Stats, RenderError> {
         picture.stages = PaperStages::default();
         if !self.weather.paper_falls().is_empty() || self.stages {
-            let draw =
-                async |lens: Option<LensPass<'_>>| self.draw_as_paper(lens, backend, memory, picture).await;
-            return self.with_lens(draw).await;
+            return self.draw_as_paper(backend, memory, picture).await;
         }
         picture.water = WaterLayers::default();
-        let camera = &self.camera.camera;
-        let water = self.weather.water(self.puddles).and_then(|map| Water::new(map, self.weather, camera));
+        let water = self.weather.water(self.puddles);
+        let water = water.and_then(|map| Water::new(map, self.weather, &self.camera.camera));
         if let Some(water) = water {
-            let draw = async |lens: Option<LensPass<'_>>| {
-                self.draw_with_water(&water, lens, backend, memory, picture).await
-            };
-            return self.with_lens(draw).await;
+            return self.draw_with_water(&water, backend, memory, picture).await;
         }
-        self.with_lens(async |lens: Option<LensPass<'_>>| {
-            self.with_scene_pass(self.config, async |pass: DrawPass<'_>| {
-                let mut plan = FramePlan::new();
-                let color = plan.draw(pass);
-                let parts =
-                    (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
-                if let Some(lens) = lens {
-                    lens.append(&mut plan, color);
-                }
-                execute(&plan, (color, parts), (backend, memory), picture).await
-            })
-            .await
-        })
-        .await
+        let weather = self.weather.pass(&self.observer());
+        let lens = self.lens_view();
+        let lens = lens.as_ref().map(|view| LensPass::new(self, view));
+        let mut plan = FramePlan::new();
+        let color = plan.draw(self.scene_pass(self.config, &weather));
+        let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
+        if let Some(lens) = &lens {
+            lens.append(&mut plan, color);
+        }
+        execute(&plan, color, parts, backend, memory, picture).await
     }
 
     /// Draws coverage, expected and median depth alone. Water counts as a surface where it hides at
@@ -151,14 +142,12 @@ impl FrameInputs<'_> {
         let config = RenderConfig { outputs, ..*self.config };
         let camera = &self.camera.camera;
         let observer = Observer { lamps: None, splashes: None, is_within: true, ..self.observer() };
-        let draw = async |hooks: Hooks<'_>| {
-            // A sky of the weather takes the place of the scene's own.
-            let hooks = Hooks { background: hooks.background, ..Hooks::default() };
-            let mut plan = FramePlan::new();
-            let drawn = plan.draw(DrawPass::new(self.sets, camera, &config).with_hooks(hooks));
-            execute(&plan, (drawn, None), (backend, memory), picture).await
-        };
-        let stats = self.weather.with_hooks_async(&observer, draw).await?;
+        let weather = self.weather.pass(&observer);
+        // A sky of the weather takes the place of the scene's own.
+        let hooks = Hooks { background: weather.hooks().background, ..Hooks::default() };
+        let mut plan = FramePlan::new();
+        let drawn = plan.draw(DrawPass::new(self.sets, camera, &config).with_hooks(hooks));
+        let stats = execute(&plan, drawn, None, backend, memory, picture).await?;
         picture.water = WaterLayers::default();
         let surface = self.weather.water(self.puddles).and_then(|map| WaterSurface::of(&map, camera));
         let Some(WaterSurface { depth, cover, .. }) = surface else { return Ok(stats) };
@@ -182,7 +171,6 @@ impl FrameInputs<'_> {
     async fn draw_with_water(
         &self,
         water: &Water,
-        lens: Option<LensPass<'_>>,
         backend: &mut dyn RenderBackend,
         memory: &mut Pictures,
         picture: &mut Picture,
@@ -191,75 +179,66 @@ impl FrameInputs<'_> {
         let asked = self.config.outputs;
         let mirror_config =
             self.beyond_the_picture(Outputs { geometry: Geometry::Depth, ..Outputs::default() });
+        let mirror = &water.mirror;
         let mirrored_observer =
-            Observer { camera: &water.mirror.camera, splashes: None, is_within: true, ..self.observer() };
-        let draw = async |hooks: Hooks<'_>| {
-            // The lamps and their glow are mirrored too.
-            let hooks = Hooks { particles: &[], ..hooks };
-            // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats
-            // will do.
-            let is_unclear = water.surface.is_blurred() || water.motion.is_rough();
-            let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.elsewhere);
-            let mirrored = DrawPass {
-                cut: Some(water.mirror.cut),
-                ..DrawPass::new(sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)
-            };
-            let observer = self.observer();
-            let draw = async |hooks: Hooks<'_>| {
-                // They are laid over the water, from a picture of their own.
-                let particles = if hooks.particles.is_empty() { asked.particles } else { ParticlePass::On };
-                // The effects on pixels read depth.
-                let needs_depth = asked.geometry == Geometry::None && !hooks.pixels.is_empty();
-                let geometry = if needs_depth { Geometry::Depth } else { asked.geometry };
-                let config =
-                    RenderConfig { outputs: Outputs { geometry, particles, ..asked }, ..*self.config };
-                let effect = WaterEffect {
-                    map: &water.map,
-                    surface: &water.surface,
-                    mirror: &water.mirror,
-                    motion: &water.motion,
-                    body: water.body,
-                    white: self.weather.brightest(),
-                    camera,
-                    medium: hooks.medium,
-                    effects: hooks.pixels,
-                };
-                let scene = DrawPass {
-                    whole: self.whole,
-                    surface: Some(BlendSurface {
-                        depth: &water.surface.depth,
-                        normal: water.mirror.cut.normal,
-                    }),
-                    ..DrawPass::new(self.sets, camera, &config).with_hooks(Hooks { pixels: &[], ..hooks })
-                };
-                let mut plan = FramePlan::new();
-                let color = plan.draw(scene);
-                let parts =
-                    (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
-                let mirrored = plan.draw(mirrored);
-                plan.apply(&effect, color, &[mirrored]);
-                if let Some(lens) = lens {
-                    lens.append(&mut plan, color);
-                }
-                picture.spare.lend(&mut picture.frame);
-                let stats = execute(&plan, (color, parts), (backend, memory), picture).await?;
-                picture.water = match asked.water {
-                    WaterPass::Off => WaterLayers::default(),
-                    WaterPass::On => water.layers(&picture.frame),
-                };
-                let wants_particles = asked.particles == ParticlePass::On;
-                picture.spare.take(&mut picture.frame, asked.geometry != Geometry::None, wants_particles);
-                Ok(stats)
-            };
-            self.weather.with_hooks_async(&observer, draw).await
+            Observer { camera: &mirror.camera, splashes: None, is_within: true, ..self.observer() };
+        let mirrored_weather = self.weather.pass(&mirrored_observer);
+        // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats will
+        // do. The lamps and their glow are mirrored too.
+        let is_unclear = water.surface.is_blurred() || water.motion.is_rough();
+        let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.elsewhere);
+        let mirrored = DrawPass {
+            cut: Some(mirror.cut),
+            ..DrawPass::new(sets, &mirror.camera, &mirror_config)
+                .with_hooks(Hooks { particles: Vec::new(), ..mirrored_weather.hooks() })
         };
-        self.weather.with_hooks_async(&mirrored_observer, draw).await
+        let weather = self.weather.pass(&self.observer());
+        let hooks = weather.hooks();
+        // Particles are laid over the water, from a picture of their own.
+        let particles = if hooks.particles.is_empty() { asked.particles } else { ParticlePass::On };
+        // The effects on pixels read depth.
+        let needs_depth = asked.geometry == Geometry::None && !hooks.pixels.is_empty();
+        let geometry = if needs_depth { Geometry::Depth } else { asked.geometry };
+        let config = RenderConfig { outputs: Outputs { geometry, particles, ..asked }, ..*self.config };
+        let effect = WaterEffect {
+            map: &water.map,
+            surface: &water.surface,
+            mirror,
+            motion: &water.motion,
+            body: water.body,
+            white: self.weather.brightest(),
+            camera,
+            medium: hooks.medium,
+            effects: &hooks.pixels,
+        };
+        let surface = BlendSurface { depth: &water.surface.depth, normal: mirror.cut.normal };
+        let scene = self.scene_pass(&config, &weather);
+        let scene =
+            DrawPass { surface: Some(surface), hooks: Hooks { pixels: Vec::new(), ..scene.hooks }, ..scene };
+        let lens = self.lens_view();
+        let lens = lens.as_ref().map(|view| LensPass::new(self, view));
+        let mut plan = FramePlan::new();
+        let color = plan.draw(scene);
+        let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
+        let mirrored = plan.draw(mirrored);
+        plan.apply(&effect, color, &[mirrored]);
+        if let Some(lens) = &lens {
+            lens.append(&mut plan, color);
+        }
+        picture.spare.lend(&mut picture.frame);
+        let stats = execute(&plan, color, parts, backend, memory, picture).await?;
+        picture.water = match asked.water {
+            WaterPass::Off => WaterLayers::default(),
+            WaterPass::On => water.layers(&picture.frame),
+        };
+        let wants_particles = asked.particles == ParticlePass::On;
+        picture.spare.take(&mut picture.frame, asked.geometry != Geometry::None, wants_particles);
+        Ok(stats)
     }
 
     /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
     async fn draw_as_paper(
         &self,
-        lens: Option<LensPass<'_>>,
         backend: &mut dyn RenderBackend,
         memory: &mut Pictures,
         picture: &mut Picture,
@@ -285,71 +264,57 @@ impl FrameInputs<'_> {
         let overlays: Vec<Overlay<'_, '_>> =
             clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();
         let finish = Finish(weather);
-        let draw = async |pass: DrawPass<'_>| -> Result<Stats, RenderError> {
-            let mut plan = FramePlan::new();
-            let color = plan.draw(pass);
-            if self.stages {
-                plan.apply(&begin, color, &[]);
+        let pass_weather = weather.pass(&observer);
+        let lens = self.lens_view();
+        let lens = lens.as_ref().map(|view| LensPass::new(self, view));
+        let mut plan = FramePlan::new();
+        let color = plan.draw(self.scene_pass(&config, &pass_weather));
+        if self.stages {
+            plan.apply(&begin, color, &[]);
+        }
+        let mut noise: Option<PictureId> = None;
+        for ((_, clouds), overlay) in clouds.iter().zip(&overlays) {
+            for cloud in clouds {
+                let pass = DrawPass::new(&[SetView::transient(cloud)], camera, &noise_config);
+                let drawn = match noise {
+                    Some(id) => {
+                        plan.draw_into(id, pass);
+                        id
+                    }
+                    None => *noise.insert(plan.draw(pass)),
+                };
+                plan.apply(overlay, color, &[drawn]);
             }
-            let mut noise: Option<PictureId> = None;
-            for ((_, clouds), overlay) in clouds.iter().zip(&overlays) {
-                for cloud in clouds {
-                    let pass = DrawPass::new(&[SetView::transient(cloud)], camera, &noise_config);
-                    let drawn = match noise {
-                        Some(id) => {
-                            plan.draw_into(id, pass);
-                            id
-                        }
-                        None => *noise.insert(plan.draw(pass)),
-                    };
-                    plan.apply(overlay, color, &[drawn]);
-                }
-            }
-            plan.apply(&finish, color, &[]);
-            if let Some(lens) = lens {
-                lens.append(&mut plan, color);
-            }
-            let stats = execute(&plan, (color, None), (backend, memory), picture).await?;
-            if asked == Geometry::None {
-                picture.frame.depth.clear();
-            }
-            Ok(stats)
-        };
-        let stats = self.with_scene_pass(&config, draw).await?;
+        }
+        plan.apply(&finish, color, &[]);
+        if let Some(lens) = &lens {
+            lens.append(&mut plan, color);
+        }
+        let stats = execute(&plan, color, None, backend, memory, picture).await?;
+        drop(plan);
+        if asked == Geometry::None {
+            picture.frame.depth.clear();
+        }
         picture.stages = kept;
         Ok(stats)
     }
 
-    /// Calls `work` with the pass that draws the scene in its weather, whose hooks live as long as
-    /// the call.
-    async fn with_scene_pass<R>(
-        &self,
-        config: &RenderConfig,
-        work: impl AsyncFnOnce(DrawPass<'_>) -> R,
-    ) -> R {
-        let call = async |hooks: Hooks<'_>| {
-            let pass = DrawPass::new(self.sets, &self.camera.camera, config).with_hooks(hooks);
-            work(DrawPass { whole: self.whole, ..pass }).await
-        };
-        self.weather.with_hooks_async(&self.observer(), call).await
+    /// The pass that draws the scene in its weather.
+    fn scene_pass<'s>(&'s self, config: &'s RenderConfig, weather: &'s PassWeather<'_>) -> DrawPass<'s> {
+        let pass = DrawPass::new(self.sets, &self.camera.camera, config).with_hooks(weather.hooks());
+        DrawPass { whole: self.whole, ..pass }
     }
 
-    /// Calls `work` with the passes of the glass before the camera, whose hooks live as long as the
-    /// call; with `None` where it changes no picture.
-    async fn with_lens<R>(&self, work: impl AsyncFnOnce(Option<LensPass<'_>>) -> R) -> R {
-        let Some(glass) = self.weather.glass() else { return work(None).await };
+    /// The view that drops on the glass before the camera show; `None` where they change no picture.
+    fn lens_view(&self) -> Option<LensView<'_>> {
+        let glass = self.weather.glass()?;
         let camera = &self.camera.camera;
-        let wide = wide_camera(camera);
-        let config = self.beyond_the_picture(Outputs::default());
         let effect = LensEffect { glass, camera };
-        let observer = Observer { camera: &wide, lamps: None, splashes: None, ..self.observer() };
-        let call = async |hooks: Hooks<'_>| {
-            let hooks = Hooks { particles: &[], ..hooks };
-            let wide =
-                DrawPass::new(self.thinned.unwrap_or(self.elsewhere), &wide, &config).with_hooks(hooks);
-            work(Some(LensPass { wide, effect: &effect })).await
-        };
-        self.weather.with_hooks_async(&observer, call).await
+        Some(LensView {
+            effect,
+            camera: wide_camera(camera),
+            config: self.beyond_the_picture(Outputs::default()),
+        })
     }
 
     /// The configuration of views that show more than the picture: a scene with a sky of its own
@@ -372,8 +337,10 @@ impl FrameInputs<'_> {
 /// Carries out a plan that draws into `picture`, with the parts of it that are wanted.
 async fn execute(
     plan: &FramePlan<'_>,
-    (color, parts): (PictureId, Option<PartPasses>),
-    (backend, memory): (&mut dyn RenderBackend, &mut Pictures),
+    color: PictureId,
+    parts: Option<PartPasses>,
+    backend: &mut dyn RenderBackend,
+    memory: &mut Pictures,
     picture: &mut Picture,
 ) -> Result<Stats, RenderError> {
     memory.put(color, std::mem::take(&mut picture.frame));
@@ -383,18 +350,33 @@ async fn execute(
     Ok(stats)
 }
 
+/// The wide view that drops on a glass show.
+struct LensView<'a> {
+    effect: LensEffect<'a>,
+    camera: Camera,
+    config: RenderConfig,
+}
+
 /// The glass before the camera as passes of a plan.
 struct LensPass<'a> {
-    /// The wide view that its drops show.
-    wide: DrawPass<'a>,
-    effect: &'a LensEffect<'a>,
+    view: &'a LensView<'a>,
+    sets: &'a [SetView<'a>],
+    weather: PassWeather<'a>,
 }
 
 impl<'a> LensPass<'a> {
+    fn new(inputs: &'a FrameInputs<'a>, view: &'a LensView<'a>) -> Self {
+        let observer = Observer { camera: &view.camera, lamps: None, splashes: None, ..inputs.observer() };
+        let sets = inputs.thinned.unwrap_or(inputs.elsewhere);
+        Self { view, sets, weather: inputs.weather.pass(&observer) }
+    }
+
     /// Lays the glass over a finished picture.
-    fn append(self, plan: &mut FramePlan<'a>, picture: PictureId) {
-        let wide = plan.draw(self.wide);
-        plan.apply(self.effect, picture, &[wide]);
+    fn append<'s>(&'s self, plan: &mut FramePlan<'s>, picture: PictureId) {
+        let hooks = Hooks { particles: Vec::new(), ..self.weather.hooks() };
+        let wide = DrawPass::new(self.sets, &self.view.camera, &self.view.config).with_hooks(hooks);
+        let wide = plan.draw(wide);
+        plan.apply(&self.view.effect, picture, &[wide]);
     }
 }
 

@@ -107,7 +107,7 @@ mod tests {
             wm_scene::Camera::looking((4, 4), 50.0, glam::DVec3::ZERO, glam::DVec3::Y, glam::DVec3::Z);
         let seen = wm_weather::Observer::at_rest(camera.as_ref().unwrap());
         let sky = weather.at(0.0).prepare(&site);
-        sky.with_hooks(&seen, |hooks| hooks.background.unwrap().reference(1e-3, direction))
+        sky.pass(&seen).hooks().background.unwrap().reference(1e-3, direction)
     }
 
     #[test]

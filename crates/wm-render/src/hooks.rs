@@ -1,13 +1,12 @@
-//! The slots in which weather acts on a render, in the physical order in which they act.
+//! The hooks by which weather acts on a pass, in the physical order in which they act.
 //!
-//! | slot | acts on | when | hook |
-//! |---|---|---|---|
-//! | Surface | splats: wet, snow cover | before projection | [`SplatAttributes`] of a splat set |
-//! | Light | splats: relight | when shaded | (none yet) |
-//! | Background | what stands behind all splats | after blending, before the air | [`Backdrop`] |
-//! | Medium | splats and background: extinction, airlight | when shaded | [`Medium`] |
-//! | Particles | pixels: drops, flakes, against depth | after blending and background | [`Particles`] |
-//! | Lens | pixels | last | [`PixelEffect`] |
+//! | acts on | when | hook |
+//! |---|---|---|
+//! | splats: wet, relit, under snow | before projection and when shaded | [`SplatAttributes`] of a splat set |
+//! | what stands behind all splats | after blending, before the air | [`Backdrop`] |
+//! | splats and background: extinction, airlight | when shaded | [`Medium`] |
+//! | pixels: drops, flakes, against depth | after blending and background | [`Particles`] |
+//! | pixels | last | [`PixelEffect`] |
 //!
 //! A hook is a pure function of its own parameters: it has the weather of one instant in it, and is
 //! called from many threads in any order.
@@ -20,49 +19,17 @@ use fearless_simd::{SimdBase, SimdFloat};
 use std::borrow::Cow;
 use wm_scene::Camera;
 
-/// The slots, in the order in which their effects act.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Slot {
-    /// Edits splats before projection.
-    Surface,
-    /// Changes the light on them.
-    Light,
-    /// Stands behind them.
-    Background,
-    /// The air between them and the camera.
-    Medium,
-    /// Falling particles.
-    Particles,
-    /// Effects at and behind the lens.
-    Lens,
-}
-
-impl Slot {
-    /// The name in documentation.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Surface => "surface",
-            Self::Light => "light",
-            Self::Background => "background",
-            Self::Medium => "medium",
-            Self::Particles => "particles",
-            Self::Lens => "lens",
-        }
-    }
-}
-
 /// The weather of one draw pass.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Default)]
 pub struct Hooks<'a> {
     /// The background behind all splats, instead of that of the render's configuration.
     pub background: Option<&'a dyn Backdrop>,
     /// The air: applied to each splat when it is shaded, and to the background.
     pub medium: Option<&'a dyn Medium>,
     /// The particles, in any order.
-    pub particles: &'a [&'a dyn Particles],
+    pub particles: Vec<&'a dyn Particles>,
     /// Applied to finished pixels, in order.
-    pub pixels: &'a [&'a dyn PixelEffect],
+    pub pixels: Vec<&'a dyn PixelEffect>,
 }
 
 impl Hooks<'_> {
@@ -466,4 +433,10 @@ pub struct PixelBatch<'a> {
 pub trait PixelEffect: Sync {
     /// Changes the pixels of one patch.
     fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>);
+}
+
+impl<T: PixelEffect + ?Sized> PixelEffect for &T {
+    fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>) {
+        (**self).apply(path, pixels);
+    }
 }

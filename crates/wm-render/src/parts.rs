@@ -85,9 +85,9 @@ impl PartPasses {
         let is_bare = whole.hooks.particles.is_empty() && whole.hooks.pixels.is_empty();
         let is_clear = whole.hooks.medium.is_none();
         let config = RenderConfig { outputs: Outputs::default(), ..whole.config };
-        let hooks = Hooks { particles: &[], pixels: &[], ..whole.hooks };
+        let hooks = Hooks { particles: Vec::new(), pixels: Vec::new(), ..whole.hooks };
         let through = DrawPass { config, hooks, surface: None, ..whole };
-        let clean = DrawPass { hooks: Hooks { medium: None, ..hooks }, ..through.clone() };
+        let clean = DrawPass { hooks: Hooks { medium: None, ..through.hooks.clone() }, ..through.clone() };
         let wants = |part: PicturePart| wanted.contains(&part) || wanted.contains(&PicturePart::Airlight);
         let mut passes =
             Self { wanted: wanted.to_vec(), picture, clean: None, transmittance: None, through: None };

@@ -200,9 +200,9 @@ impl<'a> DrawPass<'a> {
     }
 
     /// Returns the particles that are drawn: none if the picture holds transmittances.
-    pub(crate) fn particles(&self) -> &'a [&'a dyn Particles] {
+    pub(crate) fn particles(&self) -> &[&'a dyn Particles] {
         match self.shading {
-            Shading::Color => self.hooks.particles,
+            Shading::Color => &self.hooks.particles,
             Shading::Transmittance => &[],
         }
     }

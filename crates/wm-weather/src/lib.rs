@@ -71,5 +71,7 @@ pub use optics::{Atmosphere, CapturedSky, Daylight, EarthPlace, LampLevels, Site
 pub use panorama::{Panorama, PanoramaError};
 pub use param::{Param, ParamInput, ParamKind, ParamValue};
 pub use track::{Keyframe, Track};
-pub use weather::{Fidelity, Observer, PreparedWeather, Weather, WeatherSample};
+pub use weather::{
+    Fidelity, Observer, PassWeather, PixelContribution, PreparedWeather, Weather, WeatherSample,
+};
 pub use wind::Wind;

@@ -17,14 +17,7 @@ pub fn markdown() -> String {
     }
     page.push_str(LOOKS);
     for effect in EFFECTS {
-        _ = writeln!(
-            page,
-            "\n## {}\n\n{}. Role: {}. Slot: {}.\n",
-            effect.name,
-            effect.about,
-            effect.role.name(),
-            effect.slot.name()
-        );
+        _ = writeln!(page, "\n## {}\n\n{}. Role: {}.\n", effect.name, effect.about, effect.role.name());
         page.push_str("| parameter | default | range | unit | meaning |\n|---|---|---|---|---|\n");
         for param in effect.params {
             let (range, unit) = (range(param), if param.unit.is_empty() { "-" } else { param.unit });

@@ -184,7 +184,7 @@ impl CpuRenderer {
                 features: features.count(),
                 background: &background,
                 falling: &self.falling,
-                effects: pass.hooks.pixels,
+                effects: &pass.hooks.pixels,
             },
             workers: &self.workers,
         };

@@ -96,5 +96,5 @@ pub(crate) fn background(
 pub(crate) fn pixel_effects(path: SimdPath, pass: &DrawPass<'_>, frame: &mut Frame, hidden: &[f32]) {
     let Frame { width, rgb, alpha, depth, .. } = frame;
     let depth = if depth.is_empty() { hidden } else { depth };
-    apply_pixel_effects(path, pass.hooks.pixels, *width as usize, rgb, alpha, depth);
+    apply_pixel_effects(path, &pass.hooks.pixels, *width as usize, rgb, alpha, depth);
 }

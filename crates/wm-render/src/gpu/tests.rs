@@ -111,7 +111,7 @@ fn pictures_are_the_cpus() {
             let mut renderer = backend.renderer();
             let set = renderer.load(&splats).unwrap();
             let hooks = Hooks::default();
-            let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+            let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone());
             let mut frame = Frame::default();
             let stats = renderer.render(&pass, &mut frame).unwrap();
             eprintln!("{}: {stats:?}", renderer.describe());
@@ -245,7 +245,7 @@ fn an_air_without_wgsl_is_refused_by_name() {
     let set = renderer.load(&random_splats(50, 0, 1)).unwrap();
     let (camera, config) = (camera(32, 32), RenderConfig::default());
     let hooks = Hooks { medium: Some(&Heavy), ..Hooks::default() };
-    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone());
     let error = renderer.render(&pass, &mut Frame::default()).unwrap_err();
     assert_eq!(error.to_string(), "heavy air has no form for the GPU yet: render with the CPU");
 }

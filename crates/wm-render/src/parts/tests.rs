@@ -107,11 +107,11 @@ fn parts(
     wanted: &[PicturePart],
 ) -> (Frame, PictureParts) {
     let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
-    let hooks = Hooks { medium, particles: &[&Drops], ..Hooks::default() };
+    let hooks = Hooks { medium, particles: vec![&Drops], ..Hooks::default() };
     let pass = DrawPass::new(&[SetView::plain(set)], &camera(77, 52), &config());
     let mut plan = FramePlan::new();
-    let picture = plan.draw(pass.clone().with_hooks(hooks));
-    let red = plan.draw(pass.with_hooks(Hooks { pixels: &[&Red], ..hooks }));
+    let picture = plan.draw(pass.clone().with_hooks(hooks.clone()));
+    let red = plan.draw(pass.with_hooks(Hooks { pixels: vec![&Red], ..hooks }));
     let passes = PartPasses::append(&mut plan, red, wanted);
     let mut pictures = Pictures::default();
     renderer.execute(&plan, &mut pictures).unwrap();
@@ -153,9 +153,9 @@ fn transmittance(backend: Backend) {
     let hooks = Hooks { medium: Some(&AIR), ..Hooks::default() };
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
     let want =
-        reference::frame::render_shaded(&[(&splats, None)], &camera, &config, hooks, Shading::Transmittance);
+        reference::frame::render_shaded(&[(&splats, None)], &camera, &config, hooks.clone(), Shading::Transmittance);
     let set = renderer.load(&splats).unwrap();
-    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone());
     let pass = DrawPass { shading: Shading::Transmittance, ..pass };
     let mut frame = Frame::default();
     renderer.render(&pass, &mut frame).unwrap();
@@ -194,8 +194,8 @@ fn asking_for_what_falls_changes_no_color() {
     let (apart, camera) = (config(), camera(77, 52));
     let plain = RenderConfig { outputs: Outputs::default(), ..apart };
     let [apart, plain] = [apart, plain].map(|config| {
-        let hooks = Hooks { particles: &[&Drops], ..Hooks::default() };
-        let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+        let hooks = Hooks { particles: vec![&Drops], ..Hooks::default() };
+        let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone());
         let mut frame = Frame::default();
         renderer.render(&pass, &mut frame).unwrap();
         frame
@@ -213,7 +213,8 @@ fn a_picture_that_is_a_part_itself_is_not_drawn_again() {
         let [alone, with_effect] =
             [(&[] as &[&dyn PixelEffect], 0), (&[&Red as &dyn PixelEffect], 1)].map(|(pixels, i)| {
                 let mut plan = FramePlan::new();
-                let picture = plan.draw(bare.clone().with_hooks(Hooks { pixels, ..hooks }));
+                let picture =
+                    plan.draw(bare.clone().with_hooks(Hooks { pixels: pixels.to_vec(), ..hooks.clone() }));
                 let parts = PartPasses::append(&mut plan, picture, &ALL);
                 assert_eq!(plan.passes().len(), passes[i]);
                 let mut pictures = Pictures::default();
@@ -237,8 +238,8 @@ fn a_picture_and_its_parts_are_one_submission_where_the_cpu_has_no_part() {
     let pass = DrawPass::new(&[SetView::plain(set)], &camera(400, 300), &config());
     for (particles, wanted) in [(&[] as &[&dyn Particles], 1), (&[&Drops as &dyn Particles], 2)] {
         let mut plan = FramePlan::new();
-        let hooks = Hooks { medium: Some(&AIR), particles, ..Hooks::default() };
-        let picture = plan.draw(pass.clone().with_hooks(hooks));
+        let hooks = Hooks { medium: Some(&AIR), particles: particles.to_vec(), ..Hooks::default() };
+        let picture = plan.draw(pass.clone().with_hooks(hooks.clone()));
         let _ = PartPasses::append(&mut plan, picture, &ALL);
         let mut pictures = Pictures::default();
         // The first one may be made again with more room.

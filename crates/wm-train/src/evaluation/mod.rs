@@ -297,10 +297,11 @@ impl<'a> Views<'a> {
     fn render(&mut self, camera: &Camera) -> Result<(), RenderError> {
         let not_sky = NotSky(self.groups);
         let (renderer, set) = (&mut *self.renderer, self.set);
-        let hooks = Hooks { medium: self.air.as_ref().map(|air| air as &dyn Medium), ..Hooks::default() };
+        let medium = self.air.as_ref().map(|air| air as &dyn Medium);
         let mut render =
             |attributes: Option<&dyn SplatAttributes>, config: &RenderConfig, frame: &mut Frame| {
                 let sets = [SetView::plain(set).with_attributes(attributes)];
+                let hooks = Hooks { medium, ..Hooks::default() };
                 renderer.render(&DrawPass { hooks, ..DrawPass::new(&sets, camera, config) }, frame).map(drop)
             };
         render(None, &self.config, &mut self.frame)?;

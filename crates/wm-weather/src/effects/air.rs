@@ -51,10 +51,15 @@ macro_rules! air {
             role: EffectRole::Air,
             needs: &[],
             precipitation: None,
-            slot: Slot::Medium,
             params: AirParams::PARAMS,
-            act: |now, site| Action::Layer(AirParams::of(now.values).layer(site)),
-            act_as_paper: Some(|now, site| Action::PaperFog(AirParams::of(now.values).paper_fog(site))),
+            contribute: |now, weather| {
+                let layer = AirParams::of(now.values).layer(weather.site());
+                weather.add_air(layer);
+            },
+            contribute_as_paper: Some(|now, weather| {
+                let fog = AirParams::of(now.values).paper_fog(weather.site());
+                weather.add_paper_fog(fog);
+            }),
         };
 
         impl AirParams {
@@ -96,14 +101,13 @@ macro_rules! air {
 
 /// The names that [`air!`] needs in scope.
 pub(super) mod prelude {
-    pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole};
+    pub(in crate::effects) use crate::effects::{Effect, EffectRole};
     pub(in crate::effects) use crate::optics::{
         AirLayer, Site, sigma_of_mor, sigma_of_visual_range, spectrum,
     };
     pub(in crate::effects) use crate::paper::PaperFog;
     pub(in crate::effects) use crate::param::ParamValue;
     pub(in crate::effects) use wm_render::frame::{srgb_decode, srgb_encode};
-    pub(in crate::effects) use wm_render::hooks::Slot;
 }
 
 pub(super) use air;

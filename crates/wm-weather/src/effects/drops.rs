@@ -101,11 +101,10 @@ macro_rules! drops {
             role: EffectRole::Falls,
             needs: &[Need::Shelter],
             precipitation: Some(&$kind),
-            slot: Slot::Particles,
             params: DropsParams::PARAMS,
-            act: |now, site| {
+            contribute: |now, weather| {
                 let own = DropsParams::of(now.values);
-                let airlight = own.airlight.map_or(site.airlight, |color| color.map(srgb_decode));
+                let airlight = own.airlight.map_or(weather.site().airlight, |color| color.map(srgb_decode));
                 let look = ParticleAppearance {
                     seed: own.seed as u64,
                     exposure: own.exposure,
@@ -114,11 +113,12 @@ macro_rules! drops {
                     brightness: own.brightness,
                     radiance: own.color.map(|color| color.map(srgb_decode)),
                 };
-                Action::Precipitation(Box::new(Precipitation::new(&$kind, own.rate, airlight, look)))
+                weather.add_fall(Precipitation::new(&$kind, own.rate, airlight, look));
             },
-            act_as_paper: Some(|now, site| {
+            contribute_as_paper: Some(|now, weather| {
                 let own = DropsParams::of(now.values);
-                Action::PaperFall(Box::new(own.paper_fall(site, now.tracks, now.time)))
+                let fall = own.paper_fall(weather.site(), now.tracks, now.time);
+                weather.add_paper_fall(fall);
             }),
         };
 
@@ -165,14 +165,13 @@ macro_rules! drops {
 pub(super) mod prelude {
     pub(in crate::effects) use crate::effects::ColorGrade;
     pub(in crate::effects) use crate::effects::look::balance;
-    pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole, Need};
+    pub(in crate::effects) use crate::effects::{Effect, EffectRole, Need};
     pub(in crate::effects) use crate::optics::Site;
     pub(in crate::effects) use crate::paper::{PaperFall, PaperFog};
     pub(in crate::effects) use crate::param::ParamValue;
     pub(in crate::effects) use crate::particles::{ParticleAppearance, Precipitation};
     pub(in crate::effects) use crate::track::Track;
     pub(in crate::effects) use wm_render::frame::{srgb_decode, srgb_encode};
-    pub(in crate::effects) use wm_render::hooks::Slot;
 
     /// The paper's "grayish RGB tone".
     pub(in crate::effects) const GREY: [f64; 3] = [0.8; 3];

@@ -5,9 +5,8 @@
 //! it is seen where there is none.
 
 use crate::cover::{CoverRequest, CoverMaterial};
-use crate::effects::{Action, Effect, EffectRole, Need};
+use crate::effects::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
-use wm_render::hooks::Slot;
 use wm_scene::color::srgb_decode;
 
 /// Dry sand, sRGB.
@@ -38,20 +37,19 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Lies,
     needs: &[Need::Cover],
     precipitation: None,
-    slot: Slot::Surface,
     params: DustCoverParams::PARAMS,
-    act: |now, site| {
+    contribute: |now, weather| {
         let DustCoverParams { depth, repose, color } = DustCoverParams::of(now.values);
         let color = color.unwrap_or(SAND);
-        let material = CoverMaterial::at(color.map(srgb_decode), [0.4; 3], f64::INFINITY, site);
-        Action::Cover(CoverRequest {
+        let material = CoverMaterial::at(color.map(srgb_decode), [0.4; 3], f64::INFINITY, weather.site());
+        weather.cover(CoverRequest {
             depth,
             thaw: None,
             wet_fall: 0.0,
             repose: repose.to_radians().tan(),
             threshold: DRIFT_WIND_SPEED,
             material,
-        })
+        });
     },
-    act_as_paper: None,
+    contribute_as_paper: None,
 };

@@ -4,9 +4,8 @@
 //! under it fades with its depth as a Secchi disc does. `wind.speed` makes waves, and drops of
 //! `rain` make rings. The paper has no flood; in fidelity `paper` it is drawn in the same way.
 
-use crate::effects::{Action, Effect, EffectRole};
+use crate::effects::{Effect, EffectRole};
 use crate::param::ParamValue;
-use wm_render::hooks::Slot;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -63,16 +62,15 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Water,
     needs: &[],
     precipitation: None,
-    slot: Slot::Surface,
     params: FloodParams::PARAMS,
-    act: |now, _| {
+    contribute: |now, weather| {
         let FloodParams { level, ground, secchi, tint, fetch, seed } = FloodParams::of(now.values);
         let tint = tint.map(|rgb| {
             let light = rgb.map(wm_render::frame::srgb_decode);
             let most = light.into_iter().fold(1e-6, f64::max);
             light.map(|v| v / most)
         });
-        Action::Flood(Flood { level, ground, secchi, tint, fetch, seed: seed as u64 })
+        weather.set_flood(Flood { level, ground, secchi, tint, fetch, seed: seed as u64 });
     },
-    act_as_paper: None,
+    contribute_as_paper: None,
 };

@@ -10,12 +10,11 @@
 //! 9.4 m/s at 5 mm, 13.4 at 10 mm, 30 at 50 mm (Matson and Huggins 1980 measured C_d from 0.5 to
 //! 0.9). Stones do not bounce. The paper has no hail: in its fidelity it falls in physical units.
 
-use super::{Action, Effect, EffectContext, EffectRole, Need};
-use crate::optics::Site;
+use super::{Effect, EffectContext, EffectRole, Need};
+use crate::weather::WeatherBuilder;
 use crate::param::ParamValue;
 use crate::particles::{ClassSpacing, ParticleAppearance, ParticleShape, Precipitation, PrecipitationKind};
 use wm_render::frame::srgb_decode;
-use wm_render::hooks::Slot;
 
 /// Density of hailstones and of air, kg/m^3, and the drag coefficient of a stone.
 const ICE: f64 = 900.0;
@@ -84,13 +83,12 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Falls,
     needs: &[Need::Shelter],
     precipitation: Some(&HAIL),
-    slot: Slot::Particles,
     params: HailParams::PARAMS,
-    act,
-    act_as_paper: None,
+    contribute,
+    contribute_as_paper: None,
 };
 
-fn act(now: &EffectContext<'_>, site: &Site) -> Action {
+fn contribute(now: &EffectContext<'_>, weather: &mut WeatherBuilder) {
     let own = HailParams::of(now.values);
     let appearance = ParticleAppearance {
         seed: own.seed as u64,
@@ -100,8 +98,8 @@ fn act(now: &EffectContext<'_>, site: &Site) -> Action {
         brightness: own.brightness,
         radiance: own.color.map(|color| color.map(srgb_decode)),
     };
-    let airlight = own.airlight.map_or(site.airlight, |color| color.map(srgb_decode));
-    Action::Precipitation(Box::new(Precipitation::new(&HAIL, own.rate, airlight, appearance)))
+    let airlight = own.airlight.map_or(weather.site().airlight, |color| color.map(srgb_decode));
+    weather.add_fall(Precipitation::new(&HAIL, own.rate, airlight, appearance));
 }
 
 #[cfg(test)]
@@ -153,16 +151,17 @@ mod tests {
         let view = ParticleView::new(&camera);
         let stones = |seed: i32| {
             let weather = Weather::clear().set("hail.rate", 60).unwrap().set("hail.seed", seed).unwrap();
-            weather.at(3.0).prepare(&SITE).with_hooks(&Observer::at_rest(&camera), |hooks| {
-                let mut all = Vec::new();
-                for part in hooks.particles[0].parts(&view) {
-                    let mut take = |group: &ParticleGroup| {
-                        all.extend(group.particles().filter(|one| one.area > 0.0).map(|one| one.offset));
-                    };
-                    hooks.particles[0].gather(SimdPath::available()[0], &view, part, &mut take);
-                }
-                all
-            })
+            let weather = weather.at(3.0).prepare(&SITE);
+            let pass = weather.pass(&Observer::at_rest(&camera));
+            let particles = pass.hooks().particles[0];
+            let mut all = Vec::new();
+            for part in particles.parts(&view) {
+                let mut take = |group: &ParticleGroup| {
+                    all.extend(group.particles().filter(|one| one.area > 0.0).map(|one| one.offset));
+                };
+                particles.gather(SimdPath::available()[0], &view, part, &mut take);
+            }
+            all
         };
         let first = stones(0);
         assert!(first.len() > 20, "{}", first.len());

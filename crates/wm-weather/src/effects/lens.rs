@@ -4,11 +4,10 @@
 //! labels stay those of the scene. In fidelity `paper` it is drawn in the same way: the paper has
 //! no lens.
 
-use crate::effects::{Action, Effect, EffectContext, EffectRole};
+use crate::effects::{Effect, EffectContext, EffectRole};
 use crate::lens::{Glass, GlassRain, Rainfall};
 use crate::param::ParamValue;
 use crate::track::Track;
-use wm_render::hooks::Slot;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -61,10 +60,9 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Lens,
     needs: &[],
     precipitation: None,
-    slot: Slot::Lens,
     params: LensParams::PARAMS,
-    act: |now, _| Action::Lens(Box::new(LensParams::of(now.values).glass(now))),
-    act_as_paper: None,
+    contribute: |now, weather| weather.put_glass(LensParams::of(now.values).glass(now)),
+    contribute_as_paper: None,
 };
 
 impl LensParams {

@@ -15,8 +15,9 @@
 //! does.
 
 use super::sky::{overcast_horizon, overcast_zenith};
+use crate::weather::WeatherBuilder;
 use crate::dome::{Dome, SkyAppearance, level_axes};
-use crate::effects::{Action, Effect, EffectContext, EffectRole, Need};
+use crate::effects::{Effect, EffectContext, EffectRole, Need};
 use crate::light::{CaptureLight, NewLight, OpenLight, SceneLight, SkyGradation, SunPosition};
 use crate::optics::{CapturedSky, Site};
 use crate::param::ParamValue;
@@ -25,7 +26,7 @@ use crate::weather::Weather;
 use glam::DVec3;
 use std::sync::Arc;
 use wm_render::SkyGradient;
-use wm_render::hooks::{SkySplats, Slot};
+use wm_render::hooks::SkySplats;
 use wm_scene::color::{luminance, srgb_decode};
 
 crate::param::words! {
@@ -133,18 +134,21 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Light,
     needs: &[Need::Light],
     precipitation: None,
-    slot: Slot::Light,
     params: LightParams::PARAMS,
-    act: |now, site| Action::Light(LightParams::of(now.values).change(now, site)),
+    contribute: |now, weather| {
+        let change = LightParams::of(now.values).change(now, weather.site());
+        weather.change_light(change);
+    },
     // The paper changes no light; under full clouds its sky is overcast.
-    act_as_paper: Some(|now, site| {
-        let change = LightParams::of(now.values).change(now, site);
+    contribute_as_paper: Some(|now, weather| {
+        let change = LightParams::of(now.values).change(now, weather.site());
         if change.clouds < 1.0 {
-            return Action::Light(LightChange::CAPTURED);
+            return;
         }
         let (zenith, horizon) = (overcast_zenith(), overcast_horizon());
         let look = SkyAppearance::Overcast { zenith, horizon };
-        Action::Sky(Dome::new(look, None, 1.0, site.up, SkySplats::LeftOut))
+        let up = weather.site().up;
+        weather.set_sky(Dome::new(look, None, 1.0, up, SkySplats::LeftOut));
     }),
 };
 
@@ -385,12 +389,14 @@ fn clouds_by_weather(now: &EffectContext<'_>) -> f64 {
 
 /// Optical depth of the air straight up.
 fn depth(now: &EffectContext<'_>, site: &Site) -> [f64; 3] {
-    let mut sum = [0.0; 3];
+    let mut air = WeatherBuilder::new(*site, now.time);
     for (effect, values) in now.weather.effects().filter(|(effect, _)| effect.role == EffectRole::Air) {
-        if let Action::Layer(layer) = (effect.act)(&EffectContext { values, ..*now }, site) {
-            let height = if layer.scale_height.is_finite() { layer.scale_height } else { AIR_HEIGHT_M };
-            (0..3).for_each(|k| sum[k] += layer.sigma_t[k] * height);
-        }
+        (effect.contribute)(&EffectContext { values, ..*now }, &mut air);
+    }
+    let mut sum = [0.0; 3];
+    for layer in air.floating_air() {
+        let height = if layer.scale_height.is_finite() { layer.scale_height } else { AIR_HEIGHT_M };
+        (0..3).for_each(|k| sum[k] += layer.sigma_t[k] * height);
     }
     sum
 }

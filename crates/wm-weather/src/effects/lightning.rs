@@ -3,10 +3,9 @@
 //! By day little is seen of them; by night they are brighter than all else
 //! ([`crate::light::Storm`]). A frame gets the mean over its exposure. The paper has no such thing.
 
-use crate::effects::{Action, Effect, EffectRole, LightChange, Need};
+use crate::effects::{Effect, EffectRole, Need};
 use crate::light::Storm;
 use crate::param::ParamValue;
-use wm_render::hooks::Slot;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -29,11 +28,10 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Light,
     needs: &[Need::Light],
     precipitation: None,
-    slot: Slot::Light,
     params: LightningParams::PARAMS,
-    act: |now, _| {
+    contribute: |now, weather| {
         let LightningParams { rate, distance, exposure, seed } = LightningParams::of(now.values);
-        Action::Lightning(Storm { rate, distance, seed: seed as u64 }.flash(now.time, exposure))
+        weather.flash(Storm { rate, distance, seed: seed as u64 }.flash(now.time, exposure));
     },
-    act_as_paper: Some(|_, _| Action::Light(LightChange::CAPTURED)),
+    contribute_as_paper: Some(|_, _| {}),
 };

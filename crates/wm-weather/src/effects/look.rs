@@ -14,13 +14,13 @@
 //! contrast 0.85 and slightly cooler (temperature -0.2): part of them in fidelity `paper`
 //! ([`crate::paper::composite`]), else to be asked for.
 
-use crate::effects::{Action, Effect, EffectRole};
+use crate::effects::{Effect, EffectRole};
 use crate::param::ParamValue;
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use wm_render::dispatch;
 #[cfg(test)]
 use wm_render::frame::{srgb_decode, srgb_encode};
-use wm_render::hooks::{PATCH_PIXELS, PixelBatch, PixelEffect, Slot};
+use wm_render::hooks::{PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::{Lanes, SimdPath, exp2, log2};
 use wm_scene::color::luminance;
 
@@ -48,10 +48,9 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Lens,
     needs: &[],
     precipitation: None,
-    slot: Slot::Lens,
     params: LookParams::PARAMS,
-    act: |now, _| Action::Grade(LookParams::of(now.values).grade()),
-    act_as_paper: None,
+    contribute: |now, weather| weather.grade(LookParams::of(now.values).grade()),
+    contribute_as_paper: None,
 };
 
 impl LookParams {

@@ -4,27 +4,20 @@
 //! values of its parameters at one instant it makes what the renderer needs. It keeps no state: any
 //! instant can be asked for alone.
 
-use crate::cover::CoverRequest;
-use crate::dome::Dome;
-use crate::lens::Glass;
-use crate::light::Flash;
-use crate::optics::{AirLayer, Site};
-use crate::paper::{PaperCover, PaperFall, PaperFog};
 use crate::param::{Param, ParamKind, ParamValue};
-use crate::particles::{Precipitation, PrecipitationKind};
-use crate::splash::Splash;
+use crate::particles::PrecipitationKind;
 use crate::track::Track;
-use crate::weather::WeatherSample;
-use crate::wetness::WetRequest;
-use crate::wind::Wind;
+use crate::weather::{WeatherBuilder, WeatherSample};
 pub use flood::Flood;
 pub(crate) use light::LightChange;
 pub use light::{LampSource, light_fault};
 pub(crate) use look::ColorGrade;
-use wm_render::hooks::Slot;
 
 mod air;
 mod drops;
+
+/// Adds an effect to a weather at one instant of one place.
+pub(crate) type Contribute = fn(&EffectContext<'_>, &mut WeatherBuilder);
 
 /// One kind of weather.
 pub struct Effect {
@@ -39,15 +32,12 @@ pub struct Effect {
     /// The laws of what falls; `Some` for every effect whose role is [`EffectRole::Falls`], whose
     /// parameter `rate` is then in mm/h of water, and for no other.
     pub precipitation: Option<&'static PrecipitationKind>,
-    /// The stage of the render at which it acts.
-    pub slot: Slot,
     /// Table of parameters.
     pub params: &'static [Param],
-    /// Makes the effect's contribution from its parameters.
-    pub(crate) act: fn(&EffectContext<'_>, &Site) -> Action,
-    /// Makes the contribution in the paper's formulation; `None` if the paper does not have the
-    /// effect.
-    pub(crate) act_as_paper: Option<fn(&EffectContext<'_>, &Site) -> Action>,
+    /// Adds what the effect contributes at the values of its parameters.
+    pub(crate) contribute: Contribute,
+    /// The same by the paper's formulas; `None` if the paper does not have the effect.
+    pub(crate) contribute_as_paper: Option<Contribute>,
 }
 
 /// The kind of an effect.
@@ -112,41 +102,6 @@ pub(crate) struct EffectContext<'a> {
     pub(crate) time: f64,
     /// The whole weather: what one effect leaves may depend on another.
     pub(crate) weather: &'a WeatherSample,
-}
-
-/// The contribution of an effect to the renderer.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Action {
-    /// A layer of air.
-    Layer(AirLayer),
-    /// Fog over finished pixels, as in the paper.
-    PaperFog(PaperFog),
-    /// The sky behind the scene.
-    Sky(Dome),
-    /// The light on the scene.
-    Light(LightChange),
-    /// A flash of lightning, or none at the instant.
-    Lightning(Option<Flash>),
-    /// The wind.
-    Wind(Wind),
-    /// Something that falls.
-    Precipitation(Box<Precipitation>),
-    /// Something that falls, as in the paper.
-    PaperFall(Box<PaperFall>),
-    /// Something that lies.
-    Cover(CoverRequest),
-    /// Wet surfaces.
-    Wetness(Box<WetRequest>),
-    /// Something that lies, as in the paper.
-    PaperCover(Box<PaperCover>),
-    /// Water that stands at one level.
-    Flood(Flood),
-    /// Splashes of the rain.
-    Splash(Splash),
-    /// Exposure and colour of the finished picture.
-    Grade(ColorGrade),
-    /// A glass before the camera.
-    Lens(Box<Glass>),
 }
 
 macro_rules! effects {

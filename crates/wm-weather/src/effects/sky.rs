@@ -11,14 +11,14 @@
 //! The paper has no such thing.
 
 use crate::dome::{Dome, SkyAppearance};
-use crate::effects::{Action, Effect, EffectRole};
+use crate::effects::{Effect, EffectRole};
 use crate::optics::Site;
 use crate::panorama::LowerHemisphere;
 use crate::param::ParamValue;
 use crate::image_file::ImageFile;
 use wm_render::SkyGradient;
 use wm_render::frame::srgb_decode;
-use wm_render::hooks::{SkySplats, Slot};
+use wm_render::hooks::SkySplats;
 
 crate::param::words! {
     /// The appearance of the sky.
@@ -95,10 +95,12 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Sky,
     needs: &[],
     precipitation: None,
-    slot: Slot::Background,
     params: SkyParams::PARAMS,
-    act: |now, site| Action::Sky(SkyParams::of(now.values).dome(site)),
-    act_as_paper: None,
+    contribute: |now, weather| {
+        let dome = SkyParams::of(now.values).dome(weather.site());
+        weather.set_sky(dome);
+    },
+    contribute_as_paper: None,
 };
 
 /// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a

@@ -6,11 +6,10 @@
 //! that looks up.
 
 use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
-use crate::effects::{Action, Effect, EffectRole, Need};
+use crate::effects::{Effect, EffectRole, Need};
 use crate::paper::PaperCover;
 use crate::param::ParamValue;
 use crate::weather::WeatherSample;
-use wm_render::hooks::Slot;
 
 /// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is
 /// wet, degrees Celsius.
@@ -78,14 +77,13 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Lies,
     needs: &[Need::Cover],
     precipitation: None,
-    slot: Slot::Surface,
     params: SnowCoverParams::PARAMS,
-    act: |now, site| {
+    contribute: |now, weather| {
         let SnowCoverParams { depth, repose, albedo, temperature, .. } = SnowCoverParams::of(now.values);
         let pack = snowpack(now.weather).expect("its own").at(now.time);
         // In the shade blue sky is all that is left.
-        let material = CoverMaterial::at([albedo; 3], [0.34, 0.37, 0.44], 0.95, site);
-        Action::Cover(CoverRequest {
+        let material = CoverMaterial::at([albedo; 3], [0.34, 0.37, 0.44], 0.95, weather.site());
+        weather.cover(CoverRequest {
             depth: depth.unwrap_or_else(|| stepped(pack.fell.depth())),
             // What is wet by itself needs no wet ground of the snow's own.
             thaw: pack.thaw().map(|thaw| if now.weather.is_on("wetness") { thaw.dry() } else { thaw }),
@@ -93,12 +91,12 @@ pub(crate) const EFFECT: Effect = Effect {
             repose: repose.to_radians().tan(),
             threshold: DRIFT_WIND_SPEEDS[usize::from(temperature > WET_SNOW_CELSIUS)],
             material,
-        })
+        });
     },
-    act_as_paper: Some(|now, _| {
+    contribute_as_paper: Some(|now, weather| {
         let params = SnowCoverParams::of(now.values);
         let defaults = PaperCover::default();
-        Action::PaperCover(Box::new(PaperCover {
+        weather.cover_as_paper(PaperCover {
             seed_cosine: params.paper_seed_cosine,
             fill_angle: params.paper_fill_angle,
             neighbours: params.paper_k as usize,
@@ -113,7 +111,7 @@ pub(crate) const EFFECT: Effect = Effect {
             color: params.paper_color.map_or(defaults.color, |rgb| rgb.map(|v| v as f32)),
             seed: params.paper_seed as u64,
             ..defaults
-        }))
+        });
     }),
 };
 

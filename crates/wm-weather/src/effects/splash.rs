@@ -4,10 +4,9 @@
 //! `wetness`, and a `flood` is water everywhere; the drops are those of `rain`, with its exposure
 //! and its factors of size, opacity and brightness. The paper has no splashes.
 
-use crate::effects::{Action, Effect, EffectRole, Need};
+use crate::effects::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
 use crate::splash::Splash;
-use wm_render::hooks::Slot;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -25,11 +24,10 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Water,
     needs: &[Need::Shelter],
     precipitation: None,
-    slot: Slot::Particles,
     params: SplashParams::PARAMS,
-    act: |now, _| {
+    contribute: |now, weather| {
         let SplashParams { amount } = SplashParams::of(now.values);
-        Action::Splash(Splash { amount: amount.unwrap_or(1.0) })
+        weather.splash(Splash { amount: amount.unwrap_or(1.0) });
     },
-    act_as_paper: Some(|_, _| Action::Splash(Splash { amount: 0.0 })),
+    contribute_as_paper: Some(|_, _| {}),
 };

@@ -6,7 +6,7 @@
 
 use crate::dome::{from_level, level_axes};
 use crate::effects::snow_cover;
-use crate::effects::{Action, Effect, EffectContext, EffectRole, Need};
+use crate::effects::{Effect, EffectContext, EffectRole, Need};
 use crate::optics::Site;
 use crate::param::ParamValue;
 use crate::track::Track;
@@ -15,7 +15,6 @@ use crate::weather::fall_of;
 use crate::wetness::drying::penman;
 use crate::wetness::timeline::RainHistory;
 use crate::wetness::{SlantedRain, WetRequest, driving_rain};
-use wm_render::hooks::Slot;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -66,10 +65,15 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Water,
     needs: &[Need::Shelter, Need::Light, Need::Water],
     precipitation: None,
-    slot: Slot::Light,
     params: WetnessParams::PARAMS,
-    act: |now, site| Action::Wetness(Box::new(WetnessParams::of(now.values).request(now, site))),
-    act_as_paper: Some(|_, site| Action::Wetness(Box::new(dry(site)))),
+    contribute: |now, weather| {
+        let request = WetnessParams::of(now.values).request(now, weather.site());
+        weather.wet(request);
+    },
+    contribute_as_paper: Some(|_, weather| {
+        let dry = dry(weather.site());
+        weather.wet(dry);
+    }),
 };
 
 /// Net radiation where nothing says what it is, and by night, W/m^2; the share of the light of the

@@ -3,10 +3,9 @@
 //! Formulas: [`crate::wind`]. One wind for all heights: drops take some metres to follow a change
 //! of wind, and those that are seen are near the ground. The paper moves its drops by hand.
 
-use crate::effects::{Action, Effect, EffectRole};
+use crate::effects::{Effect, EffectRole};
 use crate::param::ParamValue;
 use crate::wind::Wind;
-use wm_render::hooks::Slot;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -31,11 +30,10 @@ pub(crate) const EFFECT: Effect = Effect {
     role: EffectRole::Wind,
     needs: &[],
     precipitation: None,
-    slot: Slot::Particles,
     params: WindParams::PARAMS,
-    act: |now, _| {
+    contribute: |now, weather| {
         let WindParams { gusts, seed, .. } = WindParams::of(now.values);
-        Action::Wind(Wind::new(now.tracks[0].clone(), now.tracks[1].clone(), gusts, seed as u64))
+        weather.blow(&Wind::new(now.tracks[0].clone(), now.tracks[1].clone(), gusts, seed as u64));
     },
-    act_as_paper: None,
+    contribute_as_paper: None,
 };

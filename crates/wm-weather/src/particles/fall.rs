@@ -20,6 +20,7 @@ use fearless_simd::{SimdBase, SimdFloat, SimdMask};
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
+use std::sync::Arc;
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
 use wm_render::simd::{Lanes, SimdPath};
@@ -44,7 +45,7 @@ const SLICES: i64 = 6;
 /// Precipitation before a camera.
 pub(crate) struct FallingParticles<'a> {
     precipitation: &'a Precipitation,
-    air: &'a Atmosphere,
+    air: Arc<Atmosphere>,
     shelter: Option<&'a Shelter>,
     lamps: Option<&'a LampsOn<'a>>,
     /// Level axes: two level, and up.
@@ -81,7 +82,7 @@ impl<'a> FallingParticles<'a> {
     pub(crate) fn new(
         precipitation: &'a Precipitation,
         site: &Site,
-        air: &'a Atmosphere,
+        air: Arc<Atmosphere>,
         shelter: Option<&'a Shelter>,
         lamps: Option<&'a LampsOn<'a>>,
         wind_now: WindSample,

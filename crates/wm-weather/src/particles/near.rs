@@ -8,6 +8,7 @@ use crate::optics::{Atmosphere, Site};
 use crate::shelter::Shelter;
 use crate::weather::Observer;
 use std::f64::consts::PI;
+use std::sync::Arc;
 use wm_render::hooks::{Particle, ParticleView, Particles};
 use wm_render::simd::SimdPath;
 
@@ -52,7 +53,8 @@ pub(crate) fn particles(
     let ranges: Vec<f64> =
         bare.classes.iter().map(|class| reach(shape, 1e-3 * kind.kind.seen(class.diameters[1]))).collect();
     let still = [0.0; 3];
-    let fall = FallingParticles::new(&bare, site, air, shelter, None, wind, still, time).within(&ranges);
+    let fall = FallingParticles::new(&bare, site, Arc::new(air.clone()), shelter, None, wind, still, time)
+        .within(&ranges);
     let metres = site.metres_per_unit;
     let mut found = Vec::new();
     for part in fall.parts(view) {
@@ -89,7 +91,16 @@ pub(crate) fn drawn(
     time: f64,
 ) -> Vec<(Particle, [f64; 3])> {
     let view = ParticleView::new(seen.camera);
-    let fall = FallingParticles::new(kind, site, air, seen.shelter, None, wind, seen.velocity, time);
+    let fall = FallingParticles::new(
+        kind,
+        site,
+        Arc::new(air.clone()),
+        seen.shelter,
+        None,
+        wind,
+        seen.velocity,
+        time,
+    );
     // A streak is the way within the exposure.
     let seconds = kind.look.exposure * LINE;
     let velocity = |one: &Particle| one.reach[0].map(|v| f64::from(v) / seconds);
@@ -122,13 +133,11 @@ mod tests {
             let prepared = weather.at(7.25).prepare(&Site::PLAIN);
             let near = prepared.near_particles(path, &view, None, 0.0, 0.0, &|_, _| 3.0);
             let mut seen = Vec::new();
-            prepared.with_hooks(&Observer::at_rest(&camera), |hooks| {
-                for kind in hooks.particles {
-                    for part in kind.parts(&view) {
-                        kind.gather(path, &view, part, &mut |group| seen.extend(group.particles()));
-                    }
+            for kind in prepared.pass(&Observer::at_rest(&camera)).hooks().particles {
+                for part in kind.parts(&view) {
+                    kind.gather(path, &view, part, &mut |group| seen.extend(group.particles()));
                 }
-            });
+            }
             let offset = |offset: [f32; 3]| DVec3::from_array(offset.map(f64::from));
             // Those in front of the middle of the picture; flakes that show their arms are three.
             let is_near = |at: DVec3| at.length() < 1.5 && at.angle_between(DVec3::Y) < 0.3;

@@ -17,6 +17,7 @@ use crate::water::ripples::SIZE;
 use fearless_simd::{SimdBase, SimdFloat};
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
 use wm_render::simd::{Lanes, SimdPath};
@@ -65,7 +66,7 @@ const DRIFT: f64 = 0.5;
 /// Splashes before a camera.
 pub(crate) struct SplashParticles<'a> {
     rain: &'a Precipitation,
-    air: &'a Atmosphere,
+    air: Arc<Atmosphere>,
     lamps: Option<&'a LampsOn<'a>>,
     floor: Floor<'a>,
     axes: [[f64; 3]; 3],
@@ -96,7 +97,7 @@ impl<'a> SplashParticles<'a> {
         rain: &'a Precipitation,
         seed: u64,
         site: &Site,
-        air: &'a Atmosphere,
+        air: Arc<Atmosphere>,
         shelter: Option<&'a Shelter>,
         lamps: Option<&'a LampsOn<'a>>,
         ground: Option<&'a SplashGround<'a>>,

@@ -1,13 +1,15 @@
 //! A weather over time, sampled at an instant and prepared for the renderer.
 
+mod builder;
+mod pass;
 mod prepared;
 mod sample;
 
 use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
-use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
 use crate::effects::{ColorGrade, Flood, LampSource, LightChange};
+use crate::effects::{EFFECTS, Effect, EffectContext, EffectRole, Need};
 use crate::image_file::ImageFile;
 use crate::infrared::InfraredAir;
 use crate::lens::Glass;
@@ -24,14 +26,17 @@ use crate::splash::{Splash, SplashGround, SplashParticles};
 use crate::track::Track;
 use crate::water::{WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
 use crate::wetness::{SkySheen, SlantedRain, WetRequest};
+use crate::wind::Wind;
+pub(crate) use builder::WeatherBuilder;
+pub use pass::{PassWeather, PixelContribution};
 pub use prepared::PreparedWeather;
 pub use sample::WeatherSample;
 pub(crate) use sample::fall_of;
 use std::path::Path;
 use std::sync::Arc;
+use wm_render::Frame;
 use wm_render::hooks::{Backdrop, Hooks, Medium, Particle, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
-use wm_render::{Frame, at_once};
 use wm_scene::color::srgb_decode;
 use wm_scene::{Camera, Splats};
 
@@ -115,7 +120,7 @@ impl Weather {
     #[must_use]
     pub fn needs(&self, need: Need) -> bool {
         let is_physical =
-            |effect: &Effect| self.fidelity == Fidelity::Physical || effect.act_as_paper.is_none();
+            |effect: &Effect| self.fidelity == Fidelity::Physical || effect.contribute_as_paper.is_none();
         self.effects().any(|(effect, _)| is_physical(effect) && effect.needs.contains(&need))
     }
 

@@ -18,7 +18,7 @@ const FLAKE_FALL_SPEED: f64 = 1.0;
 const DRIFTING_SHARE: f64 = 0.6;
 
 /// One instant's weather over one site, ready to render through.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct PreparedWeather {
     /// The air.
     pub air: Atmosphere,
@@ -51,6 +51,8 @@ pub struct PreparedWeather {
     pub(super) splash: Option<Splash>,
     /// The glass before the camera, if it shows.
     pub(super) glass: Option<Box<Glass>>,
+    /// Changes of finished pixels that effects contribute.
+    pub(super) pixels: Vec<Arc<dyn PixelContribution>>,
     /// The strongest wind of the whole time, m/s.
     pub(super) strongest_wind: f64,
 }
@@ -166,7 +168,7 @@ impl PreparedWeather {
         self.falling.iter().flat_map(of_kind).collect()
     }
 
-    /// The paper's rain and snow: overlaid on the picture that [`Self::with_hooks`] gives.
+    /// The paper's rain and snow: overlaid on the picture that [`Self::pass`] gives.
     #[must_use]
     pub fn paper_falls(&self) -> &[PaperFall] {
         &self.paper_falls
@@ -320,72 +322,5 @@ impl PreparedWeather {
     pub fn fall(&self) -> Option<[f64; 3]> {
         let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;
         Some(fall_of(self.wind_now.mean, kind.mean_speed(), self.site.up))
-    }
-
-    /// The splashes before a camera; `None` without rain, or without anything wet that it hits.
-    fn splashes<'a>(&'a self, seen: &Observer<'a>, air: &'a Atmosphere) -> Option<SplashParticles<'a>> {
-        let splash = self.splash?;
-        let rain = self.falling.iter().find(|kind| kind.kind.name == "rain")?;
-        let ground = self.site.ground * self.site.metres_per_unit;
-        let plane = self.flood().map(|flood| ground + flood.height());
-        if plane.is_none() && seen.splashes.is_none() {
-            return None;
-        }
-        let seed = self.flood.map_or(0, |flood| flood.seed);
-        let lamps = seen.lamps.filter(|lamps| !lamps.lights.is_empty());
-        Some(SplashParticles::new(
-            splash,
-            rain,
-            seed,
-            &self.site,
-            air,
-            seen.shelter,
-            lamps,
-            seen.splashes,
-            plane,
-            self.wind_now,
-            seen.velocity,
-            self.time,
-        ))
-    }
-
-    /// Calls `render` with the hooks of this weather for what is `seen`.
-    pub fn with_hooks<R>(&self, seen: &Observer<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
-        at_once(self.with_hooks_async(seen, async |hooks| render(hooks)))
-    }
-
-    /// [`Self::with_hooks`] for what may wait for a GPU.
-    pub async fn with_hooks_async<R>(
-        &self,
-        seen: &Observer<'_>,
-        render: impl AsyncFnOnce(Hooks<'_>) -> R,
-    ) -> R {
-        let mut pixels: Vec<&dyn PixelEffect> =
-            self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
-        // The lens comes last: after the paper's rain, which is not the renderer's.
-        let grade = self.grade.as_ref().filter(|_| self.paper_falls.is_empty() && !seen.is_within);
-        let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
-        let size = f64::from(ParticleView::new(seen.camera).pixels());
-        let air = self.air.clone().without(self.falling.iter().map(|kind| kind.residual(size)).collect());
-        let medium = (!air.is_clear()).then_some(&air as &dyn Medium);
-        let glow = seen.lamps.filter(|lamps| !lamps.lights.is_empty()).map(|lamps| {
-            LampGlow::new(lamps, seen.camera, &air, &self.site, SimdPath::widest(), seen.threads)
-        });
-        pixels.extend(glow.as_ref().map(|glow| glow as &dyn PixelEffect));
-        pixels.extend(grade.map(|grade| grade as &dyn PixelEffect));
-        let (wind, velocity) = (self.wind_now, seen.velocity);
-        let falls: Vec<FallingParticles<'_>> = self
-            .falling
-            .iter()
-            .map(|kind| {
-                let lamps = seen.lamps.filter(|lamps| !lamps.lights.is_empty());
-                FallingParticles::new(kind, &self.site, &air, seen.shelter, lamps, wind, velocity, self.time)
-            })
-            .collect();
-        let splashes = self.splashes(seen, &air);
-        let falls = falls.iter().map(|fall| fall as &dyn Particles);
-        let splashes = splashes.iter().map(|splashes| splashes as &dyn Particles);
-        let particles: Vec<&dyn Particles> = falls.chain(splashes).collect();
-        render(Hooks { background, medium, particles: &particles, pixels: &pixels }).await
     }
 }

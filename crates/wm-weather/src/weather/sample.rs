@@ -41,105 +41,17 @@ impl WeatherSample {
     /// Prepares this weather for one place: the data that a renderer needs.
     #[must_use]
     pub fn prepare(&self, site: &Site) -> PreparedWeather {
-        let (mut site, mut dome, mut light) = (*site, None, None);
-        let (mut layers, mut floating) = (Vec::new(), Vec::new());
-        let mut paper = Vec::new();
-        let (mut falling, mut wind_now, mut grade) = (Vec::new(), WindSample::default(), None);
-        let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), Vec::new(), None);
-        let mut carried = f64::INFINITY;
-        let (mut flash, mut has_lightning) = (None, false);
-        let mut wetness = None;
-        let mut flood = None;
-        let mut splash = None;
-        let mut glass = None;
-        let strongest_wind = self.track("wind", "speed").map_or(0.0, Track::most);
+        let mut weather = WeatherBuilder::new(*site, self.time);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
-            let act = match self.fidelity {
-                Fidelity::Physical => effect.act,
-                Fidelity::Paper => effect.act_as_paper.unwrap_or(effect.act),
+            let contribute = match self.fidelity {
+                Fidelity::Physical => effect.contribute,
+                Fidelity::Paper => effect.contribute_as_paper.unwrap_or(effect.contribute),
             };
-            match act(&EffectContext { values, tracks, time: self.time, weather: self }, &site) {
-                // First of all effects: the light of the others is its.
-                Action::Sky(sky) => {
-                    let is_its = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
-                    site.airlight = sky.airlight().filter(|_| is_its).unwrap_or(site.airlight);
-                    dome = Some(sky);
-                }
-                Action::Light(change) if change.is_nothing() => {}
-                Action::Light(change) => {
-                    // A sky that the weather names stays.
-                    if let (None, Some(sky)) = (&dome, change.dome(&site)) {
-                        site.airlight = sky.airlight().unwrap_or(site.airlight);
-                        dome = Some(sky);
-                    }
-                    site.light = SiteLight::OfWeather;
-                    light = Some(change);
-                }
-                Action::Lightning(now) => {
-                    (flash, has_lightning) = (now, true);
-                    site.light = SiteLight::OfWeather;
-                    light.get_or_insert(LightChange::CAPTURED);
-                }
-                Action::Layer(layer) => {
-                    layers.push(layer);
-                    floating.push(layer);
-                }
-                Action::PaperFog(fog) => paper.push(fog),
-                Action::Wind(wind) => {
-                    wind_now = WindSample {
-                        drift: wind.drift(self.time),
-                        wind: wind.at(self.time),
-                        mean: wind.mean(self.time),
-                    };
-                }
-                Action::Precipitation(kind) if kind.rate < LEAST_RATE => {}
-                Action::Precipitation(kind) => {
-                    layers.push(kind.layer());
-                    falling.push(*kind);
-                }
-                Action::PaperFall(fall) => paper_falls.push(*fall),
-                Action::Cover(asked) => {
-                    carried = carried.min(asked.threshold);
-                    // At a depth of 0 nothing lies.
-                    cover.extend((!asked.is_nothing()).then_some(asked));
-                }
-                Action::Wetness(asked) => wetness = Some(*asked),
-                Action::Flood(water) => flood = Some(water),
-                Action::Splash(asked) => splash = Some(asked).filter(|splash| splash.amount > 0.0),
-                Action::PaperCover(snow) => paper_cover = Some(*snow),
-                Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
-                Action::Lens(before) => glass = Some(before).filter(|glass| !glass.is_clear()),
-            }
+            contribute(&EffectContext { values, tracks, time: self.time, weather: self }, &mut weather);
         }
-        let air = Atmosphere::new(layers, site);
-        let flash = flash.zip(light.as_ref()).map(|(flash, light): (Flash, &LightChange)| {
-            FlashLight::new(&flash, light.display(&site), &level_axes(site.up))
-        });
-        let dome = dome.map(|dome: Dome| dome.lit_by(flash));
-        PreparedWeather {
-            air,
-            flash,
-            has_lightning,
-            site,
-            time: self.time,
-            paper,
-            paper_falls,
-            dome,
-            light,
-            falling,
-            floating,
-            wind_now,
-            grade,
-            cover,
-            carried,
-            paper_cover,
-            wetness,
-            flood,
-            splash,
-            glass,
-            strongest_wind,
-        }
+        let strongest_wind = self.track("wind", "speed").map_or(0.0, Track::most);
+        PreparedWeather { strongest_wind, ..weather.finish() }
     }
 }
 

@@ -90,10 +90,10 @@ fn frame(backend: Backend, camera: &Camera, effects: &[&dyn PixelEffect]) -> Fra
     let set = renderer.load(&random_splats(400, 0, 3)).unwrap();
     let outputs = Outputs { geometry: Geometry::DepthNormal, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
-    let hooks = Hooks { pixels: effects, ..Hooks::default() };
+    let hooks = Hooks { pixels: effects.to_vec(), ..Hooks::default() };
     let mut frame = Frame::default();
     renderer
-        .render(&DrawPass::new(&[SetView::plain(set)], camera, &config).with_hooks(hooks), &mut frame)
+        .render(&DrawPass::new(&[SetView::plain(set)], camera, &config).with_hooks(hooks.clone()), &mut frame)
         .unwrap();
     frame
 }
@@ -202,7 +202,7 @@ fn backdrop(backend: Backend) {
             let mut frame = Frame::default();
             renderer
                 .render(
-                    &DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks),
+                    &DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone()),
                     &mut frame,
                 )
                 .unwrap();

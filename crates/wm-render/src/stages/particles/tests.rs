@@ -61,9 +61,9 @@ fn render(splats: &Splats, list: &List, renderer: &mut dyn RenderBackend) -> Fra
         outputs: Outputs { geometry: Geometry::Depth, ..Outputs::default() },
         ..RenderConfig::default()
     };
-    let hooks = Hooks { particles: &sources, ..Hooks::default() };
+    let hooks = Hooks { particles: sources.to_vec(), ..Hooks::default() };
     let mut frame = Frame::default();
-    let pass = DrawPass::new(&[SetView::plain(set)], &camera(), &config).with_hooks(hooks);
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera(), &config).with_hooks(hooks.clone());
     renderer.render(&pass, &mut frame).unwrap();
     frame
 }

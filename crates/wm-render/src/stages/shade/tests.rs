@@ -130,7 +130,10 @@ fn air(backend: Backend) {
     let set = renderer.load(&splats).unwrap();
     let mut frame = Frame::default();
     renderer
-        .render(&DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks), &mut frame)
+        .render(
+            &DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone()),
+            &mut frame,
+        )
         .unwrap();
     let want = reference::frame::render(&[(&splats, None)], &camera, &config, hooks);
     compare(&frame, &want, 2.0).unwrap();
@@ -167,7 +170,9 @@ fn gains(backend: Backend) {
     let sets = [SetView::plain(set).with_attributes(Some(&Relit))];
     for hooks in [Hooks::default(), Hooks { medium: Some(&Tint), ..Hooks::default() }] {
         let mut frame = Frame::default();
-        renderer.render(&DrawPass::new(&sets, &camera, &config).with_hooks(hooks), &mut frame).unwrap();
+        renderer
+            .render(&DrawPass::new(&sets, &camera, &config).with_hooks(hooks.clone()), &mut frame)
+            .unwrap();
         let want = reference::frame::render(&[(&splats, Some(&Relit))], &camera, &config, hooks);
         compare(&frame, &want, 2.0).unwrap();
     }

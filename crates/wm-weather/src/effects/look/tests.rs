@@ -89,7 +89,10 @@ fn camera() -> Camera {
 fn the_defaults_are_no_effect() {
     let mut weather = Weather::clear();
     weather.set_text("look=on").unwrap();
-    let pixels = |weather: &Weather| weather.at(0.0).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| hooks.pixels.len());
+    let pixels = |weather: &Weather| {
+        let weather = weather.at(0.0).prepare(&SITE);
+        weather.pass(&Observer::at_rest(&camera())).hooks().pixels.len()
+    };
     assert_eq!((weather.effects().count(), pixels(&weather)), (1, 0));
     for text in ["exposure=0.1", "saturation=0.9", "contrast=1.1", "temperature=-0.1"] {
         let mut weather = weather.clone();
@@ -98,11 +101,12 @@ fn the_defaults_are_no_effect() {
     }
     weather.set_text("look.exposure=0:0,2:-1").unwrap();
     let light = |time: f64| {
-        weather.at(time).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| {
-            let mut rgb = [[0.5f32; PATCH_PIXELS]; 3];
-            changed(SimdPath::available()[0], hooks.pixels, &mut rgb);
-            rgb[0][0]
-        })
+        let weather = weather.at(time).prepare(&SITE);
+        let mut rgb = [[0.5f32; PATCH_PIXELS]; 3];
+        let camera = camera();
+        let pass = weather.pass(&Observer::at_rest(&camera));
+        changed(SimdPath::available()[0], &pass.hooks().pixels, &mut rgb);
+        rgb[0][0]
     };
     assert_eq!(light(0.0), 0.5);
     assert!((f64::from(light(2.0)) - srgb_encode(srgb_decode(0.5) / 2.0)).abs() < 1e-5);
@@ -143,10 +147,11 @@ fn it_acts_after_fog_over_pixels() {
         weather.set_text(text).unwrap();
     }
     let mut rgb = [[0.0f32; PATCH_PIXELS]; 3];
-    weather.at(0.0).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| {
-        assert_eq!(hooks.pixels.len(), 2);
-        changed(SimdPath::available()[0], hooks.pixels, &mut rgb);
-    });
+    let (weather, camera) = (weather.at(0.0).prepare(&SITE), camera());
+    let pass = weather.pass(&Observer::at_rest(&camera));
+    let hooks = pass.hooks();
+    assert_eq!(hooks.pixels.len(), 2);
+    changed(SimdPath::available()[0], &hooks.pixels, &mut rgb);
     // Black at 5 m of 300 m under white fog, and half the light of that.
     let foggy = 1.0 - (-5.0f64 / 300.0).exp();
     let want = srgb_encode(srgb_decode(foggy) / 2.0);

@@ -6,6 +6,7 @@ use crate::particles::{ParticleAppearance, PrecipitationKind, RAIN, SNOW};
 use crate::shelter::Occluders;
 use crate::testing;
 use glam::DVec3;
+use std::sync::Arc;
 use wm_scene::Camera;
 
 const SITE: Site = Site { metres_per_unit: 0.5, ..testing::SITE };
@@ -21,7 +22,16 @@ fn air() -> Atmosphere {
 
 /// Particles at time 0 without wind, roofs and lamps.
 fn still<'a>(precipitation: &'a Precipitation, air: &'a Atmosphere) -> FallingParticles<'a> {
-    FallingParticles::new(precipitation, &SITE, air, None, None, WindSample::default(), [0.0; 3], 0.0)
+    FallingParticles::new(
+        precipitation,
+        &SITE,
+        Arc::new(air.clone()),
+        None,
+        None,
+        WindSample::default(),
+        [0.0; 3],
+        0.0,
+    )
 }
 
 fn camera(size: (u32, u32)) -> Camera {
@@ -150,7 +160,16 @@ fn gathered(fall: &FallingParticles<'_>, view: &ParticleView, out: &mut Vec<Part
 /// The drops of a frame.
 fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, wind_now: WindSample) -> Vec<Particle> {
     let air = air();
-    let fall = FallingParticles::new(precipitation, &SITE, &air, None, None, wind_now, [0.0; 3], time);
+    let fall = FallingParticles::new(
+        precipitation,
+        &SITE,
+        Arc::new(air.clone()),
+        None,
+        None,
+        wind_now,
+        [0.0; 3],
+        time,
+    );
     let view = ParticleView::new(camera);
     let mut out = Vec::new();
     gathered(&fall, &view, &mut out);
@@ -262,8 +281,16 @@ fn roofs_keep_dry_what_is_below() {
     let view = ParticleView::new(&camera);
     let [mut open, mut dry] = [Vec::new(), Vec::new()];
     for (out, shelter) in [(&mut open, None), (&mut dry, Some(&shelter))] {
-        let fall =
-            FallingParticles::new(&rain, &SITE, &air, shelter, None, WindSample::default(), [0.0; 3], 1.0);
+        let fall = FallingParticles::new(
+            &rain,
+            &SITE,
+            Arc::new(air.clone()),
+            shelter,
+            None,
+            WindSample::default(),
+            [0.0; 3],
+            1.0,
+        );
         gathered(&fall, &view, out);
     }
     let under = |list: &[Particle]| {

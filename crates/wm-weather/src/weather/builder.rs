@@ -1,0 +1,171 @@
+//! Collects what effects contribute to a weather at one instant of one place.
+
+use super::*;
+
+/// A weather in the making. Effects act in the order of their list: the light of those that follow
+/// is that of the sky and the light before them.
+pub(crate) struct WeatherBuilder {
+    prepared: PreparedWeather,
+    /// The layers of the air, those of what falls among them.
+    layers: Vec<AirLayer>,
+    flash: Option<Flash>,
+}
+
+impl WeatherBuilder {
+    /// A clear instant, in seconds, at a place.
+    pub fn new(site: Site, time: f64) -> Self {
+        let prepared = PreparedWeather {
+            air: Atmosphere::new(Vec::new(), site),
+            site,
+            time,
+            paper: Vec::new(),
+            paper_falls: Vec::new(),
+            falling: Vec::new(),
+            floating: Vec::new(),
+            wind_now: WindSample::default(),
+            dome: None,
+            light: None,
+            flash: None,
+            has_lightning: false,
+            grade: None,
+            cover: Vec::new(),
+            carried: f64::INFINITY,
+            paper_cover: None,
+            wetness: None,
+            flood: None,
+            splash: None,
+            glass: None,
+            pixels: Vec::new(),
+            strongest_wind: 0.0,
+        };
+        Self { prepared, layers: Vec::new(), flash: None }
+    }
+
+    /// The place, with the light of the effects so far.
+    pub fn site(&self) -> &Site {
+        &self.prepared.site
+    }
+
+    /// The layers of the air that float.
+    pub fn floating_air(&self) -> &[AirLayer] {
+        &self.prepared.floating
+    }
+
+    /// Puts a sky behind the scene. The first effect of all, so that the light of the others is that
+    /// of the sky.
+    pub fn set_sky(&mut self, sky: Dome) {
+        let site = &mut self.prepared.site;
+        let lights = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
+        site.airlight = sky.airlight().filter(|_| lights).unwrap_or(site.airlight);
+        self.prepared.dome = Some(sky);
+    }
+
+    /// Changes the light on the scene, and with it the sky if no effect has named one.
+    pub fn change_light(&mut self, change: LightChange) {
+        if change.is_nothing() {
+            return;
+        }
+        let PreparedWeather { site, dome, light, .. } = &mut self.prepared;
+        if let (None, Some(sky)) = (&dome, change.dome(site)) {
+            site.airlight = sky.airlight().unwrap_or(site.airlight);
+            *dome = Some(sky);
+        }
+        site.light = SiteLight::OfWeather;
+        *light = Some(change);
+    }
+
+    /// Adds lightning, which flashes at the instant or does not.
+    pub fn flash(&mut self, flash: Option<Flash>) {
+        self.flash = flash;
+        self.prepared.has_lightning = true;
+        self.prepared.site.light = SiteLight::OfWeather;
+        self.prepared.light.get_or_insert(LightChange::CAPTURED);
+    }
+
+    /// Adds a layer of air that floats.
+    pub fn add_air(&mut self, layer: AirLayer) {
+        self.layers.push(layer);
+        self.prepared.floating.push(layer);
+    }
+
+    /// Adds fog over finished pixels, as in the paper.
+    pub fn add_paper_fog(&mut self, fog: PaperFog) {
+        self.prepared.paper.push(fog);
+    }
+
+    /// Sets the wind.
+    pub fn blow(&mut self, wind: &Wind) {
+        let time = self.prepared.time;
+        self.prepared.wind_now =
+            WindSample { drift: wind.drift(time), wind: wind.at(time), mean: wind.mean(time) };
+    }
+
+    /// Adds something that falls, and its part of the air.
+    pub fn add_fall(&mut self, fall: Precipitation) {
+        if fall.rate >= LEAST_RATE {
+            self.layers.push(fall.layer());
+            self.prepared.falling.push(fall);
+        }
+    }
+
+    /// Adds something that falls, as in the paper.
+    pub fn add_paper_fall(&mut self, fall: PaperFall) {
+        self.prepared.paper_falls.push(fall);
+    }
+
+    /// Adds something that lies, on what lies already.
+    pub fn cover(&mut self, request: CoverRequest) {
+        self.prepared.carried = self.prepared.carried.min(request.threshold);
+        if !request.is_nothing() {
+            self.prepared.cover.push(request);
+        }
+    }
+
+    /// Adds lying snow, as in the paper.
+    pub fn cover_as_paper(&mut self, snow: PaperCover) {
+        self.prepared.paper_cover = Some(snow);
+    }
+
+    /// Wets surfaces.
+    pub fn wet(&mut self, request: WetRequest) {
+        self.prepared.wetness = Some(request);
+    }
+
+    /// Adds water that stands at one level.
+    pub fn set_flood(&mut self, flood: Flood) {
+        self.prepared.flood = Some(flood);
+    }
+
+    /// Has the rain splash.
+    pub fn splash(&mut self, splash: Splash) {
+        self.prepared.splash = Some(splash).filter(|splash| splash.amount > 0.0);
+    }
+
+    /// Grades the finished picture.
+    pub fn grade(&mut self, grade: ColorGrade) {
+        self.prepared.grade = Some(grade).filter(|grade| !grade.is_neutral());
+    }
+
+    /// Puts a glass before the camera.
+    pub fn put_glass(&mut self, glass: Glass) {
+        self.prepared.glass = Some(Box::new(glass)).filter(|glass| !glass.is_clear());
+    }
+
+    /// Adds a change of finished pixels of the effect's own.
+    pub fn add_pixels(&mut self, pixels: Arc<dyn PixelContribution>) {
+        self.prepared.pixels.push(pixels);
+    }
+
+    /// Ends the weather: the air of all layers, and what depends on the light.
+    pub fn finish(self) -> PreparedWeather {
+        let Self { mut prepared, layers, flash } = self;
+        let site = prepared.site;
+        prepared.air = Atmosphere::new(layers, site);
+        prepared.flash = flash
+            .zip(prepared.light.as_ref())
+            .map(|(flash, light)| FlashLight::new(&flash, light.display(&site), &level_axes(site.up)));
+        let flash = prepared.flash;
+        prepared.dome = prepared.dome.map(|dome| dome.lit_by(flash));
+        prepared
+    }
+}
