@@ -152,8 +152,13 @@ fn transmittance(backend: Backend) {
     let (camera, splats) = (camera(77, 52), random_splats(300, 1, 5));
     let hooks = Hooks { medium: Some(&AIR), ..Hooks::default() };
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let want =
-        reference::frame::render_shaded(&[(&splats, None)], &camera, &config, hooks.clone(), Shading::Transmittance);
+    let want = reference::frame::render_shaded(
+        &[(&splats, None)],
+        &camera,
+        &config,
+        hooks.clone(),
+        Shading::Transmittance,
+    );
     let set = renderer.load(&splats).unwrap();
     let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone());
     let pass = DrawPass { shading: Shading::Transmittance, ..pass };

@@ -119,6 +119,26 @@ impl PreparedWeather {
         self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum()
     }
 
+    /// Returns the extinction of the rain, 1/m.
+    pub(crate) fn rain_extinction(&self) -> f64 {
+        let rain = self.falling.iter().filter(|kind| kind.kind.name == "rain");
+        rain.map(|kind| kind.layer().sigma_t[1]).sum()
+    }
+
+    /// Returns the direction to the sun of the weather's own and its irradiance across the beam, by
+    /// channel, in display values of a white board; `None` where the captured light stays.
+    pub(crate) fn sunlight(&self) -> Option<([f64; 3], [f64; 3])> {
+        let change = self.light.as_ref()?;
+        let open = change.open.as_ref()?;
+        let display = change.display(&self.site);
+        Some((open.sun, open.light.sun.map(|light| light * display)))
+    }
+
+    /// The place, with the light of the weather.
+    pub(crate) fn site(&self) -> &Site {
+        &self.site
+    }
+
     /// Returns the velocity of the rain, m/s, world axes: its mean fall by water, and the wind with
     /// its gusts; `None` where no rain falls.
     #[must_use]

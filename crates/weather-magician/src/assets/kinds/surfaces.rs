@@ -11,7 +11,7 @@ pub(crate) struct SceneSurfaces(Option<FusedSurfaces<'static>>);
 /// The surfaces of a scene whose splats are at hand.
 pub(crate) enum SurfacesOf<'a> {
     Fused(&'a FusedSurfaces<'static>),
-    Splats(FusedSurfaces<'a>),
+    Splats(Box<FusedSurfaces<'a>>),
 }
 
 impl<'a> Deref for SurfacesOf<'a> {
@@ -29,7 +29,7 @@ impl SceneSurfaces {
     pub fn of<'a>(&'a self, splats: &'a Splats) -> SurfacesOf<'a> {
         match &self.0 {
             Some(found) => SurfacesOf::Fused(found),
-            None => SurfacesOf::Splats(FusedSurfaces::from_splats(splats)),
+            None => SurfacesOf::Splats(Box::new(FusedSurfaces::from_splats(splats))),
         }
     }
 }
