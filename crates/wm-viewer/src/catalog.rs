@@ -181,7 +181,6 @@ fn effects() -> Value {
             "name": effect.name,
             "about": effect.about,
             "role": effect.role.name(),
-            "slot": format!("{:?}", effect.slot).to_lowercase(),
             "params": effect.params.iter().map(param).collect::<Value>(),
         })
     };

@@ -18,12 +18,45 @@ struct ZipPart {
     size: u64,
 }
 
+/// Most entries of an archive: networks have some thousands of tensors.
+const MAX_ENTRIES: u64 = 100_000;
+/// Length of the end of a file in which the directory of an archive ends, bytes: records of fixed
+/// length and a comment.
+const MAX_DIRECTORY_END_BYTES: u64 = (1 << 16) + 256;
+
+/// Returns an error if a 64-bit archive claims more entries than any network has, since the reader
+/// reserves memory for as many as are claimed.
+fn check_entry_count(file: &mut File, length: u64) -> Result<(), WeightsFault> {
+    let start = length.saturating_sub(MAX_DIRECTORY_END_BYTES);
+    let end = read(file, start, length - start)?;
+    let number = |bytes: &[u8], at: usize| {
+        bytes.get(at..at + 8).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes)
+    };
+    let records = |mark: &'static [u8; 4]| {
+        end.windows(4).enumerate().filter(move |(_, bytes)| *bytes == mark).map(|(at, _)| &end[at..])
+    };
+    // The record itself, and where the locator says that it is.
+    let mut counts: Vec<u64> = records(b"PK\x06\x06").filter_map(|record| number(record, 32)).collect();
+    for at in records(b"PK\x06\x07").filter_map(|locator| number(locator, 8)) {
+        if at.checked_add(56).is_some_and(|record_end| record_end <= length) {
+            counts.extend(number(&read(file, at, 56)?, 32));
+        }
+    }
+    match counts.into_iter().max() {
+        Some(count) if count > MAX_ENTRIES => {
+            Err(damaged(format_args!("a zip archive that claims {count} entries")))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Finds the content of the entries of an archive of `length` bytes, by name.
 fn parts(file: &mut File, length: u64) -> Result<HashMap<String, ZipPart>, WeightsFault> {
     let broken = |error: ZipError| match error {
         ZipError::Io(error) => error.into(),
         error => damaged(format_args!("a zip archive without its end, or with a broken directory ({error})")),
     };
+    check_entry_count(file, length)?;
     let mut archive = ZipArchive::new(file).map_err(broken)?;
     let mut parts = HashMap::new();
     for index in 0..archive.len() {

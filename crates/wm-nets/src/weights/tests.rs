@@ -81,6 +81,22 @@ fn tensors_that_are_not_there_or_other() {
     }
 }
 
+/// An archive of 64 bits that claims so many entries and has none.
+fn claiming_entries(count: u64) -> Vec<u8> {
+    let mut bytes = b"PK\x03\x04".to_vec();
+    let record = bytes.len() as u64;
+    bytes.extend(b"PK\x06\x06");
+    bytes.extend(44u64.to_le_bytes());
+    bytes.extend([45, 0, 45, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    [count, count, 0, 4].iter().for_each(|number: &u64| bytes.extend(number.to_le_bytes()));
+    bytes.extend(b"PK\x06\x07\0\0\0\0");
+    bytes.extend(record.to_le_bytes());
+    bytes.extend(b"\x01\0\0\0PK\x05\x06");
+    bytes.extend([0xff; 16]);
+    bytes.extend([0, 0]);
+    bytes
+}
+
 #[test]
 fn files_that_are_none() {
     let files = Files::new();
@@ -92,6 +108,7 @@ fn files_that_are_none() {
         (b"ply\nformat ascii 1.0\n", "neither "),
         (old, "torch.save(torch.load('"),
         (b"PK\x03\x04", "a zip archive without its end"),
+        (&claiming_entries(u64::MAX)[..], "claims 18446744073709551615 entries"),
         (b"\xff\xff\xff\xff\xff\xff\xff\x7f{}", "a header of 9223372036854775807 bytes in a file of 10"),
         (b"\x02\0\0\0\0\0\0\0{", "a header of 2 bytes in a file of 9"),
     ] {

@@ -28,7 +28,7 @@ const FIRST = {
 };
 
 /** Effects by where in the render they act.  @type {[string, string[]][]} */
-const GROUPS = [["Air", ["medium"]], ["Falling", ["particles"]], ["Lying", ["surface"]], ["Light", ["background", "light", "lens"]]];
+const GROUPS = [["Air", ["air"]], ["Falling", ["falls", "wind"]], ["Lying", ["lies"]], ["Water", ["water"]], ["Light", ["sky", "light", "lens"]]];
 
 /** A name as people write it. @param {string} name */
 export const titled = (name) => (name === "mor" ? "Visibility (MOR)" : name.charAt(0).toUpperCase() + name.slice(1).replaceAll(/[_-]/g, " "));
@@ -41,7 +41,7 @@ export class WeatherPanel {
     this.refreshers = new Map();
     this.name = h("input", { id: "weather-name", value: "", spellcheck: false, maxLength: 60, ariaLabel: "Name of the weather", onchange: () => this.rename() });
     this.presets = h("div", { id: "presets", role: "group", ariaLabel: "Presets" }, ...store.parameters.presets.map((preset) => this.preset(preset)));
-    const groups = GROUPS.map(([title, slots]) => /** @type {[string, Effect[]]} */ ([title, store.parameters.effects.filter((effect) => slots.includes(effect.slot))]));
+    const groups = GROUPS.map(([title, roles]) => /** @type {[string, Effect[]]} */ ([title, store.parameters.effects.filter((effect) => roles.includes(effect.role))]));
     this.effects = h("div", { id: "effects" }, ...groups.flatMap(([title, effects]) => [h("h2", {}, title), ...effects.map((effect) => this.effect(effect))]));
     this.fidelity = this.choice("fidelity", ["physical", "paper"], () => store.state.weather.fidelity ?? "physical", (word) => {
       const { fidelity: _, ...others } = store.state.weather;

@@ -9,7 +9,7 @@
  *
  * @typedef {{name: string, kind: string, words: string[], default: any, least: number | string,
  *   greatest: number | string, unit: string, meaning: string}} Param
- * @typedef {{name: string, about: string, slot: string, params: Param[]}} Effect
+ * @typedef {{name: string, about: string, role: string, params: Param[]}} Effect
  * @typedef {{name: string, about: string, weather: Object<string, any>}} Preset
  * @typedef {{name: string, splats: number, up: number[], center: number[], radius: number, ground: number,
  *   metres_per_unit: number, has_scale: boolean, up_confidence: string, unsaved: boolean, renderer: string, views: {name: string, camera: Pose}[]}} Scene

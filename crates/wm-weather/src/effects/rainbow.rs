@@ -35,7 +35,7 @@ crate::param::params! {
 pub(crate) const EFFECT: Effect = Effect {
     name: "rainbow",
     about: "Primary and secondary bow opposite to the sun, in rain",
-    role: EffectRole::Air,
+    role: EffectRole::Sky,
     needs: &[Need::Light],
     precipitation: None,
     params: RainbowParams::PARAMS,
