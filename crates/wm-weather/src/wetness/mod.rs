@@ -23,7 +23,9 @@
 //! The attribute [`Fade`](wm_render::hooks::Attribute::Fade) takes away what the dry surface
 //! mirrored of another sky.
 //!
-//! [`WaterState`] is the same water as a grid, to be drawn as a surface.
+//! [`WaterState`] is the same water as a grid, to be drawn as a surface. Depths are interpolated
+//! between nodes, so that puddles end in curves within cells, and water fades where the capture
+//! ends.
 
 pub(crate) mod basins;
 pub(crate) mod column;
