@@ -3,6 +3,10 @@
 //! The program as one function, [`run`]: the binary calls it, and so does the Python package, in
 //! its own process. A command reads its options, calls the library and writes the results. See
 //! ARCHITECTURE.md.
+//!
+//! The program is a package of its own, and so is the library, `weather-magician`. One package with
+//! a feature would give every user of the library the dependencies of the program, such as clap,
+//! axum and tokio, unless they knew a feature to turn off.
 
 // First, for its macros; tests use those of std, whose output is captured.
 #[cfg(not(test))]

@@ -4,6 +4,10 @@
 //! Changes act on the pictures at once. They become those of the scene only when the page asks for
 //! it, as `align --overwrite` writes them. Until then they are kept in a journal beside the scene,
 //! so that they outlast the program, however it ends.
+//!
+//! A change happens between two frames: `Renderer::align` surveys the place anew and drops its
+//! assets, the thread that makes assets is stopped, and the catalog that clients are checked with
+//! is replaced as a whole.
 
 use super::words::survey_words;
 use crate::scene::count_of;

@@ -8,6 +8,9 @@
 //!
 //! Complete pictures are rendered as `render` does it, so that the command that the page shows
 //! gives the same bytes.
+//!
+//! Who may ask is decided by the head of a request (`guard.rs`), and how many may wait for that by
+//! `listener.rs`.
 
 mod client_queue;
 mod context;

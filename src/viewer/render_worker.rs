@@ -3,6 +3,11 @@
 //!
 //! Assets that take seconds to make (snow covers, shelter maps) are made on a second thread; until
 //! then frames are rendered without them.
+//!
+//! Only one such asset is made at a time. One whose facts are gone stops between two parts. After a
+//! panic all that was derived from the scene is made anew from the last facts that held. Sweeps of
+//! a lidar are made when the queue is empty, after the picture that waits for them, or at the
+//! latest after a second.
 
 mod assets;
 mod video;

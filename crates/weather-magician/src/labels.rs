@@ -3,6 +3,11 @@
 //! The label of a pixel is that of one splat, the one at the median depth, so labels are never
 //! mixed: an edge between two things lies where half of the light is that of the nearer one. Pixels
 //! of which less than half is covered have none, 0.
+//!
+//! A pass writes the index of that splat where the median depth would be (`MedianDepth::Splat`), so
+//! no kernel knows of labels, and any number of labels takes one pass. The label with the most
+//! weight in a pixel would take a sum a label. Votes need such sums: they are derivatives of
+//! colours, which a backward pass has.
 
 use crate::place::PreparedPlace;
 use crate::{LensView, Renderer, Result};

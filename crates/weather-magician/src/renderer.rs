@@ -1,4 +1,9 @@
 //! The renderer of the library: a device, and the places that it holds.
+//!
+//! `Renderer::load` takes the scene by value, since loading labels its splats of the sky: a copy of
+//! millions of splats would be hidden in it. Frames take `&mut` of the place, since the place keeps
+//! what frames find, such as assets and lying snow, and a mutable place makes that cost visible. A
+//! place names splat sets in the memory of its renderer, so another renderer refuses it.
 
 use crate::assets::{AssetSource, Assets, MissingAssets};
 use crate::frame::FrameInputs;

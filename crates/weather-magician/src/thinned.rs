@@ -1,5 +1,9 @@
 //! A scene with few splats, for views in which more could not be told apart: small ones and blurred
 //! ones.
+//!
+//! Splats that look small are kept by chance, and those that are kept grow denser and wider, so
+//! that they cover about as much as all. The wide view of drops on the lens draws such a scene, and
+//! so do the mirrored views of films and waves.
 
 use wm_render::SetId;
 use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};

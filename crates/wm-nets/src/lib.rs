@@ -4,6 +4,9 @@
 //! downloads them with the feature `fetch`. Files are read with limits on what their headers may
 //! claim, and a wrong file is named with advice.
 //!
+//! This is a crate and a feature of the program (`nets`) of its own, since it takes as long to
+//! build as everything else.
+//!
 //! The types to know:
 //! - [`DepthAnything`]: relative depth of a photo.
 //! - [`Lpips`]: the distance of two images as people see it.

@@ -4,6 +4,9 @@
 //! Everything with many products is one of candle's matrix products. A convolution is one over the
 //! neighbours of each pixel, for a bounded number of pixels at a time. All sums are in an order of
 //! their own, whoever adds them, so the number of threads does not change the result.
+//!
+//! Networks use candle for matrix products alone: resizes, position embeddings, GELU and epsilons
+//! of candle-transformers differ from the published code.
 
 use candle_core::{Device, Storage, Tensor};
 use rayon::prelude::*;

@@ -2,6 +2,19 @@
 //!
 //! Classes hold the library's values; arrays are moved into NumPy. What they are for is told in
 //! `weather_magician/_native.pyi`.
+//!
+//! - Classes are frozen. Arrays of a scene are views into it (`arrays.rs`), the only `unsafe` code
+//!   but for that of PyO3's macros.
+//! - Work has a thread of its own (`process.rs`). The caller's thread waits without the GIL and
+//!   asks the interpreter for signals 20 times a second, since only the main thread is told of
+//!   Ctrl-C. It sets a flag that the library's `Progress` reads.
+//! - A fork has no threads. So renderers and pools are `PerProcess`: a child finds a slot of its
+//!   own empty, makes its own, and never touches the locks of its parent. All work runs in such a
+//!   pool, so that rayon's global pool, which would be dead in a fork, is never started.
+//! - Docstrings are written once, in the stub file; `build.rs` gives them to the extension.
+//! - The program is in the extension too (`run_program`), so a wheel has one binary.
+//! - Sets on many machines are made in Python (`weather_magician/cluster/`), by a runner of tasks
+//!   that knows nothing of sets. Only small messages go through Ray, files do not.
 
 // The docstrings of the stub file, as `docs!`.
 include!(concat!(env!("OUT_DIR"), "/docs.rs"));

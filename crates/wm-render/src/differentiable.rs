@@ -2,6 +2,11 @@
 //!
 //! A step is [`forward`](Differentiable::forward), a loss on the frame, and
 //! [`backward`](Differentiable::backward) with the loss's derivative by each picture.
+//!
+//! The trainer knows no other interface. A back end on a GPU also offers [`Resident`]: the splats
+//! stay on the device with what the optimiser remembers of them;
+//! [`optimize`](crate::stages::optimize) moves them there, [`compare`](crate::stages::compare)
+//! compares pictures with photos and priors there, and only sums come back.
 
 use crate::even_air::EvenAir;
 use crate::frame::{Arrays, ColorEncoding, Frame};

@@ -1,4 +1,7 @@
 //! The label of a splat: scene, sky or snow.
+//!
+//! The sky is a group, since it is infinitely far for weather, fixed in place and the same from
+//! everywhere. Densification of a training leaves it alone.
 
 use serde::{Deserialize, Serialize};
 

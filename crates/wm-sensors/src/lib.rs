@@ -50,6 +50,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # How a sweep is made
+//! A lidar is another reader of the prepared weather. A pulse is one ray or seven through the
+//! splats ([`wm_render::RayTracer`], on the renderer's device), each with an origin and a time of
+//! its own. All that comes back is an echo, power at a distance (`echo.rs`): surfaces with the
+//! reflectance that water and snow leave them (`surface.rs`), what wet ground mirrors, the air by
+//! bins of half a pulse (`air.rs`), and particles (`drops.rs`). Echoes within half a pulse add up;
+//! noise decides which are detected.
+//!
+//! The weather gives what only it knows: extinction and backscatter in the near infrared
+//! ([`wm_weather::InfraredAir`]), and the particles near the sensor. The extinction is that of all
+//! that falls, so particles add echoes and take nothing away. Echoes are not outputs of a render,
+//! so a sweep is no pass of a frame plan.
+//!
 //! # Limits
 //! Reflectances come from colours unless lying snow or water says more, so intensities are of an
 //! order of magnitude. Ranges are as good as the splats: those trained on photos alone are

@@ -4,6 +4,10 @@
 //! With a device, the population in memory falls behind and is read back ([`Learner::sync`]) when
 //! it is needed: for checkpoints and at the end. Densification does not read everything back: the
 //! values that decide are read, and the rest is rearranged on the device.
+//!
+//! The population in memory is also read back after some hundreds of steps, so that a training goes
+//! on from there on the CPU if the GPU fails. A term of the loss that the device cannot compute
+//! says so (`LossTerm::reads`); then the pictures are read back for it.
 
 use crate::densify::{self, Population, ScreenGradients};
 use crate::random::Random;

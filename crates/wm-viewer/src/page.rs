@@ -1,4 +1,7 @@
 //! The files of the pages, as they are served.
+//!
+//! A page consists of plain JavaScript modules, which are built into the program. The panels of the
+//! page are made from the tables of the effects.
 
 /// A page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

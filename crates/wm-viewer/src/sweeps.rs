@@ -1,4 +1,6 @@
 //! The sweeps that were made last, whose points are drawn over the picture.
+//!
+//! A sweep is kept by what it depends on: the weather, the time, the sensor and its place.
 
 use crate::state::LidarState;
 use crate::view::View;

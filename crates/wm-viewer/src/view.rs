@@ -1,4 +1,7 @@
 //! A state that was checked against the scene.
+//!
+//! The weather of a state is the content of a weather file, and the camera goes through the text of
+//! a keyframe file. So `render` gives the same bytes from the files that a view saves.
 
 use crate::catalog::Catalog;
 use crate::lidar::CheckedLidar;

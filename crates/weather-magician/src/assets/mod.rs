@@ -6,6 +6,12 @@
 //! weather at an instant asks for keys; [`MissingAssets`] are those that are not there, with what
 //! they are made of, [`AssetSource`] holds what they are made from, and [`MissingAssets::make`]
 //! makes them, on any thread. [`AssetCache`] keeps them on disk.
+//!
+//! [`PreparedPlace::missing_assets`](crate::PreparedPlace::missing_assets) tells what a frame
+//! lacks, and [`Renderer::insert_assets`](crate::Renderer::insert_assets) adds what was made. The
+//! viewer makes assets on a second thread and draws drafts meanwhile
+//! ([`Patience::Draft`](crate::Patience::Draft)); everyone else waits. To delete the files on disk
+//! changes no picture.
 
 mod cache;
 mod kind;

@@ -1,4 +1,7 @@
 //! Renders the views of a scene's photos, which tell its surfaces from haze.
+//!
+//! Maps of shelter need less detail than the ground under snow, so their views are smaller and
+//! fewer (`ViewDetail`).
 
 use crate::Result;
 use glam::DVec3;

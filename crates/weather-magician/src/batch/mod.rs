@@ -33,6 +33,22 @@
 //! assert_eq!(clips.clip(&plan, 42)?.weather.weather, clips.clip(&plan, 42)?.weather.weather);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # How a set is made
+//! A plan (`plan/`) numbers clips by scenes, weathers and paths, frames by clips, and blocks by
+//! runs of frames of one scene (`clips.rs`). Each is found by its number. So are samples, since a
+//! Latin hypercube is a keyed permutation (`hypercube.rs`). So a block depends on the plan alone,
+//! and shards know nothing of each other.
+//!
+//! `shots.rs` renders and scans what the sensors of a block read, and `writers.rs` writes it on a
+//! second thread, into the folder `.work`. `store.rs` renames the files into place and writes the
+//! marker of the block last, in the folder `done`. Markers hold poses and times, from which
+//! `merge.rs` makes the tables of all layouts without a scene. A reading that is asked for alone
+//! (`sample.rs`) goes through `shots.rs` too; `places.rs` keeps the scenes open that were used
+//! last.
+//!
+//! A layout ([`wm_datasets::Layout`]) knows only [`wm_datasets::SetInfo`],
+//! [`wm_datasets::ClipInfo`] and [`wm_datasets::SensorReading`], not the renderer.
 
 mod clips;
 mod condition;

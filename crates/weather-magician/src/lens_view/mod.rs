@@ -6,6 +6,9 @@
 //! into the other: the two differ a little where splats are large, since each is flattened along
 //! its own view. Each side has as many pixels an angle in its middle as the lens has, and more
 //! towards its edges; they are sampled by cubic convolution.
+//!
+//! Rays through splats (`wm_render::stages::rays`) would draw the splats of a fisheye exactly, but
+//! air, particles, snow and water would need a second body each.
 
 mod spec;
 

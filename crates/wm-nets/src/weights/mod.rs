@@ -3,6 +3,8 @@
 //! Headers are not trusted: their claims are compared with the file's length, and the shape of a
 //! tensor with that of the network, before memory is allocated. Only the requested tensors of a
 //! large file are read.
+//!
+//! Files of PyTorch are read here and not by candle, whose reader allocates what a file claims.
 
 #[cfg(feature = "fetch")]
 pub mod fetch;

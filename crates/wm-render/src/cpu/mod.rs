@@ -4,6 +4,16 @@
 //! shade, intersect, all while 256 splats are in the first cache. Then the lists of the tiles are
 //! laid out and filled. `back` runs over tiles: sort, blend, finish, each tile in the first cache.
 //! No value depends on which thread did what, so the bytes are the same for any number of threads.
+//!
+//! | sweep | stage | work |
+//! |---|---|---|
+//! | clusters of 256 splats | [`project`](crate::stages::project) | culls; makes 2D Gaussians |
+//! | | [`shade`](crate::stages::shade) | colours by direction, relit, then through the air |
+//! | | [`intersect`](crate::stages::intersect) | tests splats against tiles and their patches |
+//! | before the tiles | [`particles`](crate::stages::particles) | the drops in view, by the patches that they touch |
+//! | tiles of 32x32 px | [`sort`](crate::stages::sort) | by depth |
+//! | | [`rasterize`](crate::stages::rasterize) | blends colour, depth and normal in one pass, block by block |
+//! | | [`composite`](crate::stages::composite) | background, particles, pixel effects, output |
 
 mod back;
 mod differentiable;

@@ -19,12 +19,20 @@
 //! Everything is summed in an order that is fixed, so a frame is the same, byte by byte, each time
 //! on one adapter. Ties in depth are broken as on the CPU, since splats are in the same order.
 //!
+//! Tiles have 16x16 px, a thread a pixel. The splats in view are sorted by depth first; the sort of
+//! the entries by tile is stable, so that each list is in the order of depth.
+//!
 //! Rays from anywhere ([`GpuRaySplats`], stage [`rays`](crate::stages::rays)) find their splats as
 //! tiles do, packet by packet, and are no frame.
 //!
 //! Hooks: the air runs on the GPU if it has a [`WgslSource`](crate::hooks::WgslSource); otherwise
 //! the frame is refused. Attributes of splats, backgrounds of several colours and pixel effects are
 //! still computed by the CPU, and uploaded or applied to the picture that came back.
+//!
+//! A program has at most eight storage buffers, and models are in pieces that fit one binding, so
+//! any adapter will do. Constants are written into the WGSL from those of the Rust code
+//! (`source.rs`). Tests hold structures of both against each other, and parse and validate every
+//! program without an adapter.
 
 #[cfg(any(test, feature = "testing"))]
 mod air;

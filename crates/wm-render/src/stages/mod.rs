@@ -21,6 +21,12 @@
 //! | [`shade_backward`] | pulls on colours | gradients by coefficients and directions |
 //! | [`project_backward`] | pulls on 2D Gaussians | gradients by the stored parameters |
 //! | [`optimize`] | gradients | parameters, moved |
+//!
+//! The GPU's body of a stage is `gpu.rs`, with its WGSL beside it. The contract says the formula,
+//! the shapes, the cutoffs, and the tolerance with its derivation. The parity tests run every back
+//! end and every SIMD path against [`mod@crate::reference`], which knows nothing of tiles; the
+//! macro `parity!` lists them. Without an adapter the tests of the GPU are skipped, or fail with
+//! `WM_REQUIRE_GPU=1`. One kernel source serves all SIMD paths ([`crate::simd`]).
 
 pub mod compare;
 pub(crate) mod composite;

@@ -4,6 +4,11 @@
 //! For each value the best source wins: given by hand, the scene's own metadata, the photographed
 //! views, an estimate from the splats, and last an assumption. The source is kept with the value.
 //! All estimates come from a fixed sample of the splats, so they are the same every time.
+//!
+//! Facts belong to the scene and are stored with it. No weather guesses them from a frame, so a pan
+//! changes no colour. Scale is measured or unknown: it comes from the user, from GPS, or from the
+//! ground under the level cameras of a person ([`crate::capture::ground`]); else one unit counts as
+//! one metre, with one warning.
 
 mod airlight;
 mod align;

@@ -1,4 +1,6 @@
 //! The ground under a point: local, where [`super::ground`] has one height for the scene.
+//!
+//! That ground is the plane of the lowest large level surface about the foot of the point.
 
 use super::linear::{horizontals, quantile};
 use super::sample::point;

@@ -44,6 +44,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # How a sweep is made
+//! The weather gives the rate and the velocity of the rain alone. Rays make scatterers (`sweep.rs`)
+//! by a law of angles (`surface.rs`); cells (`cells.rs`) add them up with rain (`rain.rs`) and
+//! noise, and are held against those around them. The cells of one azimuth are one array, made on
+//! one thread; a random number is a function of its cell. Only detections look up their scatterers
+//! once more, for elevation and class, so that no cell keeps them.
+//!
 //! # Limits
 //! RCS is of an order of magnitude: there are no materials, no corners that reflect back, no
 //! polarisation and no multipath. Nothing moves but the sensor and the rain. Side lobes,

@@ -15,6 +15,10 @@
 //! A block learns all that its photos show, not only what lies in its core: what surrounds it is
 //! learnt too, and dropped at the join. So photos near a border are explained on both sides of it,
 //! and both sides meet there.
+//!
+//! Nothing is masked and nothing is frozen. Blocks share no splats but those of the sky, which do
+//! not learn. Whatever each block would find differently by itself (brightness, haze, sky, up,
+//! scale) is found once, before the trainings or after them.
 
 mod cells;
 mod error;

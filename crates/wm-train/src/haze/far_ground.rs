@@ -7,6 +7,9 @@
 //! and its sky reaches as far down as they do ([`FarGround::lowest`]). In the finished scene level
 //! ground lies there, of the mean colour of what is known. It does not learn: of what haze hides,
 //! steps of the optimiser are a random walk.
+//!
+//! Ground that lay there from the start would grow over the sky, whose light through haze is the
+//! same.
 
 use super::PhotoHaze;
 use super::settle::{mean_color, nearest};

@@ -6,6 +6,16 @@
 //! day can be made. But points of the reconstruction are seen from several distances, and how their
 //! colours change with these tells `beta` and A ([`PhotoHaze::measured`]). Splats are then drawn
 //! through such air while they learn ([`wm_render::EvenAir`]), so that they learn J.
+//!
+//! Each splat is seen through the air at its own distance, so silhouettes have no halos, as they
+//! have in photos that are cleared pixel by pixel.
+//!
+//! Cameras compress bright light, so no single extinction suits near and far. Renders use that of
+//! far sightings, since an error of 5 % costs what is far 1 to 2 dB (`PhotoHaze::shown`); the MOR
+//! is that of all sightings.
+//!
+//! Surfaces that the haze hides are made at the end of a training and not learnt (`far_ground.rs`,
+//! `settle.rs`).
 
 mod far_ground;
 mod fit;

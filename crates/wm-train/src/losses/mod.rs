@@ -3,6 +3,11 @@
 //! The trainer knows no single term: it renders the images that the terms read, adds up their
 //! gradients and takes a step. A term may ask for a render of its own, with other opacities and
 //! with gradients for some parameters only.
+//!
+//! Terms of geometry act in the same step of the optimiser: the gradients of a render of their own
+//! (`LossTerm::own_render`) are added to those of the picture, and terms that ask for equal renders
+//! share one. Coverage is learnt without the splats of the sky: else nothing tells a wall from a
+//! wall that the sky shines through.
 
 mod beliefs;
 mod depth;

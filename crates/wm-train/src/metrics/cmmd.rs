@@ -9,6 +9,9 @@
 //!
 //! That program adds up kernels, which are all within 2 % of 1, in f32. Here `1 - k` is added up in
 //! f64, so that nothing is lost where they cancel.
+//!
+//! Pictures become an array of embeddings once, by the feature `nets` or another program. The
+//! distance is a formula over two arrays, which every build has.
 
 use rayon::prelude::*;
 use std::path::Path;

@@ -8,6 +8,10 @@
 //! stereo found matches of its colour nearby. Differences that change sign within a few pixels are
 //! misregistered texture.
 //!
+//! The depth of a training that is half done would not do: it has ghosts of the movers in it, and
+//! the residuals of the training are larger on leaves than on cars. Masks are a function of photos
+//! and priors, so a training that is resumed makes them again.
+//!
 //! - [`view`]: photos at the size of the search, with the filled depth and what misregistration may
 //!   do to colours.
 //! - [`consensus`]: the verdict on each pixel.

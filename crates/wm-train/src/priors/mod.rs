@@ -7,6 +7,12 @@
 //!   points.
 //! - [`sky`]: which pixels are the sky.
 //! - [`folder`]: priors on disk.
+//!
+//! Photos tell most of what a training needs to know of depth, without a network: stereo over the
+//! known cameras, the points of the reconstruction where stereo is silent, and the sky by its look.
+//! A network or maps give the same kind of prior. Relative depth is fitted to the points when
+//! priors are made (`fit.rs`), not in the loss: training sees one kind of prior, and what does not
+//! fit is named before it starts.
 
 pub mod files;
 pub mod fit;

@@ -8,6 +8,8 @@
 //! lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and what
 //! is left on walls, falls through leaves or is blown away.
 //!
+//! Nothing lies on open water ([`crate::open_water`]).
+//!
 //! # Several
 //! Snow lies on sand: each slides and melts by itself on the bare ground, and the later is laid on
 //! top of the earlier, that is seen as far as the later does not cover it. The wind carries them

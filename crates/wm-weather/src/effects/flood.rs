@@ -3,6 +3,10 @@
 //! [`crate::water`] computes where the water stands, what it mirrors and how it moves. The ground
 //! under it fades with its depth as a Secchi disc does. `wind.speed` makes waves, and drops of
 //! `rain` make rings. The paper has no flood; in fidelity `paper` it is drawn in the same way.
+//!
+//! With `flood.ground = "auto"` the level is over the ground under the camera: the plane of the
+//! lowest large level surface about its foot, which `wm_scene::survey` finds. Over a shot the
+//! ground is found once, for the first camera.
 
 use crate::effects::{Effect, EffectRole};
 use crate::param::ParamValue;

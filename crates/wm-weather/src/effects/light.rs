@@ -11,8 +11,8 @@
 //! Cloud cover `N` takes the beam `1 - N` of the sun, and brings the CIE's overcast sky as a share
 //! `N` of the sky. What floats in the air dims the beam by its own optical depth along it; what it
 //! takes comes back from all of the sky. Exposure follows the light of level ground in the open,
-//! not the frame: pans and zooms change no brightness. By night it stays behind, as a camera's
-//! does.
+//! by sun, sky and lamps, not the frame: pans and zooms change no brightness. By night it stays
+//! behind, as a camera's does.
 
 use super::sky::{overcast_horizon, overcast_zenith};
 use crate::weather::WeatherBuilder;

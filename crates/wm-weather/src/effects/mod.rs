@@ -3,6 +3,12 @@
 //! An effect says what it is, where in the render it acts, and what parameters it has; from the
 //! values of its parameters at one instant it makes what the renderer needs. It keeps no state: any
 //! instant can be asked for alone.
+//!
+//! The shortest one is fog (`fog.rs`), one that falls is hail (`hail.rs`). An effect declares its
+//! role ([`EffectRole`]), what a place must have prepared for it ([`Need`]) and, if it falls, a
+//! table of laws ([`PrecipitationKind`]: sizes, speeds, shapes). Nobody infers these from a hook or
+//! a name. The weather file, `--set`, `--help`, the viewer and `docs/reference/weather.md` are made
+//! from the table of parameters of each effect.
 
 use crate::param::{Param, ParamKind, ParamValue};
 use crate::particles::PrecipitationKind;

@@ -4,6 +4,10 @@
 //! It lies at infinity, is seen through the air as all else, and shows where no splat covers it.
 //! Formulas and directions: [`crate::dome`]; panoramas: [`crate::panorama`].
 //!
+//! A sky by elevation is evaluated at coarse nodes of the picture, a panorama at every pixel.
+//! Whoever knows file formats reads the panorama that `sky` names
+//! ([`crate::Weather::load_images`]).
+//!
 //! Weather must not look at frames, so the airlight of fog, haze and smog is taken from this sky,
 //! near its horizon, where the scene has neither a sky nor an airlight of its own; and wherever the
 //! scene's sky is replaced.

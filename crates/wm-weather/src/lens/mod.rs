@@ -11,6 +11,9 @@
 //! reflect the light back inside are dark. [`LensEffect`] draws drops into a layer as coarse as the
 //! aperture blurs the glass, blurs it by the disc of the aperture, and lays it over the picture in
 //! linear light.
+//!
+//! The glass is the last picture pass. The wide picture has 256x256 px, is taken from the same eye,
+//! and shows fewer splats than the scene has.
 
 mod drops;
 mod effect;

@@ -3,6 +3,9 @@
 //! Around each lamp the fused surfaces of the place are drawn on the six faces of a cube: what is
 //! behind the first of them is in its shadow. The ground under a lamp is a light of its own, since
 //! it returns a fifth.
+//!
+//! Each splat gets the sum of the light of all lamps once; frames only add light that moves
+//! (`moving.rs`). The light of lamps in the air is in `lamp_glow/`.
 
 use super::capture::CaptureLight;
 use super::lamps::{LampKind, LampLight, LampLights};

@@ -20,6 +20,9 @@
 //! that wide, so that they keep cover and motion. Both end over a zone and not at once. What is not
 //! drawn is the air's ([`residual`]): together they follow one law at every distance.
 //!
+//! A frame evaluates the cells in view, sixteen drops at a time. Coverage is added in whole
+//! numbers, so that the order of drops does not count.
+//!
 //! # Departures from the paper
 //! Its drops are bound to random places of the scene, moved by hand from frame to frame, and
 //! rendered as splats over splats in k layers. Here they are in physical units and tested against

@@ -5,6 +5,10 @@
 //! Each cell holds how far along the fall the first surface stands that stops what falls, as a
 //! distance from a plane through the middle of the scene, or infinity where nothing does.
 //!
+//! A map is made once for a scene and a direction of fall. In a scene with photos it is made from
+//! [fused surfaces](crate::fused_surfaces), not from the splats: trained splats look right from the
+//! photos alone, fused surfaces are right from above too.
+//!
 //! A splat projects along the fall to a 2D Gaussian of covariance `C = A S A^T`, with `S` its 3D
 //! covariance and `A` the two axes of the grid. A cell sees it through a filter of variance 0.3
 //! cell^2, as a pixel does: `C' = C + 0.3 I`, its opacity times `sqrt(|C| / |C'|)`, so that a leaf

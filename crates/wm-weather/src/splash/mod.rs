@@ -19,6 +19,11 @@
 //! the ground is known. So spray is the same drops from near to far, follows the ground and stays
 //! away from under roofs, which a layer of the air could not.
 //!
+//! # Eaves
+//! A share of the water that runs off of roofs can fall from their eaves (`eaves.rs` of
+//! [`crate::wetness`]) in drops of numbered slots of time (`drips.rs`), which splash as the others
+//! do.
+//!
 //! All of it is a function of time and place: any frame can be had alone.
 
 mod drips;

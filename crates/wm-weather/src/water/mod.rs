@@ -8,9 +8,17 @@
 //! front stays in the encoding that splats are blended in, so that silhouettes keep their edges;
 //! the rest is computed in linear light.
 //!
+//! The mirrored picture is a draw pass of half the size, or a quarter where only films mirror,
+//! without what lies below the water ([`wm_render::DrawPass::cut`]). [`WaterEffect`] runs on the
+//! CPU for both back ends, as pixel effects do; particles are laid over the water from a picture of
+//! their own.
+//!
 //! Waves of the wind and of drops are slopes on tiles that are fixed to the world ([`waves`],
 //! [`ripples`]), a pure function of time. What a pixel is too wide to show of them counts as
 //! roughness.
+//!
+//! Foam (`foam.rs`) lies where the slopes are steepest. On slopes of the ground, water that runs
+//! off comes together (`run_off.rs` of [`crate::wetness`]) in streams (`rills.rs`).
 
 mod body;
 mod effect;

@@ -1,4 +1,7 @@
 //! Slopes of a water surface on a tile that repeats, at every fineness.
+//!
+//! A coarser level has the means of the slopes and of their squares. The squares tell how rough a
+//! pixel is that is too wide to show the waves.
 
 use super::fft::SIDE;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x4, f32x8};

@@ -9,6 +9,10 @@
 //! then ([`timeline`]), and depends on nothing else. Snow that melts ([`crate::cover::snowpack`])
 //! is water in the same steps: where a share of the rain falls the same share of the snow does.
 //!
+//! Columns of ground for sixteen shares of the rain pass all steps, and a splat looks up its own
+//! share between them. The rain has one direction for all times, that of the heaviest rain in the
+//! wind of the start, so that no dry edge jumps.
+//!
 //! # How it looks
 //! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the
 //! light, so that both compose. What a splat is wetted by is found once a direction of the rain; a
@@ -16,7 +20,12 @@
 //! a part of the same factor, since what depends on the direction is gone from a wet splat, so that
 //! its light is known.
 //!
-//! [`WaterState`] is the same water as a grid, to be drawn as a surface.
+//! The attribute [`Fade`](wm_render::hooks::Attribute::Fade) takes away what the dry surface
+//! mirrored of another sky.
+//!
+//! [`WaterState`] is the same water as a grid, to be drawn as a surface. Depths are interpolated
+//! between nodes, so that puddles end in curves within cells, and water fades where the capture
+//! ends.
 
 pub(crate) mod basins;
 pub(crate) mod column;

@@ -2,6 +2,9 @@
 //! videos") from its own program: its networks are not run here. The paper's score is
 //! `compression_content_distortion` of version 1.0; version 1.5 is another network on another
 //! scale, and its scores go into tables of their own.
+//!
+//! To run them here, three networks with the padding of another framework would have to agree to
+//! the digit with the published ones.
 
 use super::layout::WeatherClass;
 use anyhow::{Context, Result, anyhow, bail};

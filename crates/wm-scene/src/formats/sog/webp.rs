@@ -5,6 +5,8 @@
 //! left or from green where they have less entropy, a Huffman code a channel, and runs. That is as
 //! small as what libwebp makes of the pictures of SOG, in a tenth of its time; the `image-webp`
 //! crate, whose encoder always subtracts green and the pixel above, makes a fifth more.
+//!
+//! Pictures are read with that crate.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 

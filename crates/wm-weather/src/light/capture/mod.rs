@@ -9,6 +9,19 @@
 //!    edges of shadows, from the colour: what makes the reflectance that of the sure surfaces of
 //!    the same material around.
 //! 6. Each splat takes the light of the surface nearest to it.
+//!
+//! The sun comes from the metadata, from the survey (place, time and north), or from a search over
+//! directions (`sun_search.rs`): over those of the sun's elevation alone, if place and time are
+//! known and north is not. Where no photo shows the way from level ground to the sun, reflectances
+//! tell whether the sun is seen (`unseen_casters.rs`); along the edges of shadows the colours do
+//! (`shadow_edges.rs`). In scenes without photos the shares of splats at an edge go beyond full
+//! shade and full sun, since a sharp edge in a picture is the mean of splats that go beyond it.
+//! Photos show walls from one side: what is behind a wall is solid for all light
+//! ([`crate::fused_surfaces`], `backing.rs`).
+//!
+//! A split that leaves more than a quarter of the contrast across shadow edges is not used
+//! ([`CaptureLight::is_split`]). Reflectances are colours over a white card in the captured light
+//! (`white_card.rs`).
 
 mod split;
 

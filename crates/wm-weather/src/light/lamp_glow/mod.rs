@@ -16,6 +16,10 @@
 //! patches of pixels, linear between them. Every fourth corner is summed up; those between are too,
 //! unless the light around them is nearly even. A lamp is a disc that is blurred by the pixel, with
 //! all of its light.
+//!
+//! A column has twenty nodes, the eye first and then ever farther ones, and holds the light that
+//! the air scatters once on the way to each, with the shadows of the lamps. Patches near a lamp
+//! have finer tables.
 
 mod scene;
 
