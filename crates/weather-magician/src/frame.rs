@@ -107,24 +107,39 @@ impl FrameInputs<'_> {
         memory: &mut Pictures,
         picture: &mut Picture,
     ) -> Result<Stats, RenderError> {
-        picture.stages = PaperStages::default();
-        if !self.weather.paper_falls().is_empty() || self.stages {
-            return self.draw_as_paper(backend, memory, picture).await;
+        picture.metres_per_unit = self.weather.site().metres_per_unit;
+        (picture.stages, picture.water) = (PaperStages::default(), WaterLayers::default());
+        let stats = if self.weather.paper_falls().is_empty() {
+            self.draw_in_blend(backend, memory, picture).await?
+        } else {
+            self.draw_as_paper(backend, memory, picture).await?
+        };
+        if self.stages && self.weather.paper_falls().is_empty() {
+            picture.stages.begin(&picture.frame);
         }
-        picture.water = WaterLayers::default();
+        Ok(stats)
+    }
+
+    /// Draws the frame with everything that falls in the blend.
+    async fn draw_in_blend(
+        &self,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+    ) -> Result<Stats, RenderError> {
         let water = self.weather.water(self.puddles);
         let water = water.and_then(|map| Water::new(map, self.weather, &self.camera.camera));
         if let Some(water) = water {
             return self.draw_with_water(&water, backend, memory, picture).await;
         }
         let weather = self.weather.pass(&self.observer());
-        let lens = self.lens_view();
-        let lens = lens.as_ref().map(|view| LensPass::new(self, view));
+        let drops = self.drops_view();
+        let drops = drops.as_ref().map(|view| DropsPass::new(self, view));
         let mut plan = FramePlan::new();
         let color = plan.draw(self.scene_pass(self.config, &weather));
         let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
-        if let Some(lens) = &lens {
-            lens.append(&mut plan, color);
+        if let Some(drops) = &drops {
+            drops.append(&mut plan, color);
         }
         execute(&plan, color, parts, backend, memory, picture).await
     }
@@ -215,15 +230,15 @@ impl FrameInputs<'_> {
         let scene = self.scene_pass(&config, &weather);
         let scene =
             DrawPass { surface: Some(surface), hooks: Hooks { pixels: Vec::new(), ..scene.hooks }, ..scene };
-        let lens = self.lens_view();
-        let lens = lens.as_ref().map(|view| LensPass::new(self, view));
+        let drops = self.drops_view();
+        let drops = drops.as_ref().map(|view| DropsPass::new(self, view));
         let mut plan = FramePlan::new();
         let color = plan.draw(scene);
         let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
         let mirrored = plan.draw(mirrored);
         plan.apply(&effect, color, &[mirrored]);
-        if let Some(lens) = &lens {
-            lens.append(&mut plan, color);
+        if let Some(drops) = &drops {
+            drops.append(&mut plan, color);
         }
         picture.spare.lend(&mut picture.frame);
         let stats = execute(&plan, color, parts, backend, memory, picture).await?;
@@ -265,8 +280,8 @@ impl FrameInputs<'_> {
             clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();
         let finish = Finish(weather);
         let pass_weather = weather.pass(&observer);
-        let lens = self.lens_view();
-        let lens = lens.as_ref().map(|view| LensPass::new(self, view));
+        let drops = self.drops_view();
+        let drops = drops.as_ref().map(|view| DropsPass::new(self, view));
         let mut plan = FramePlan::new();
         let color = plan.draw(self.scene_pass(&config, &pass_weather));
         if self.stages {
@@ -287,8 +302,8 @@ impl FrameInputs<'_> {
             }
         }
         plan.apply(&finish, color, &[]);
-        if let Some(lens) = &lens {
-            lens.append(&mut plan, color);
+        if let Some(drops) = &drops {
+            drops.append(&mut plan, color);
         }
         let stats = execute(&plan, color, None, backend, memory, picture).await?;
         drop(plan);
@@ -306,11 +321,11 @@ impl FrameInputs<'_> {
     }
 
     /// The view that drops on the glass before the camera show; `None` where they change no picture.
-    fn lens_view(&self) -> Option<LensView<'_>> {
+    fn drops_view(&self) -> Option<DropsView<'_>> {
         let glass = self.weather.glass()?;
         let camera = &self.camera.camera;
         let effect = LensEffect { glass, camera };
-        Some(LensView {
+        Some(DropsView {
             effect,
             camera: wide_camera(camera),
             config: self.beyond_the_picture(Outputs::default()),
@@ -351,21 +366,21 @@ async fn execute(
 }
 
 /// The wide view that drops on a glass show.
-struct LensView<'a> {
+struct DropsView<'a> {
     effect: LensEffect<'a>,
     camera: Camera,
     config: RenderConfig,
 }
 
 /// The glass before the camera as passes of a plan.
-struct LensPass<'a> {
-    view: &'a LensView<'a>,
+struct DropsPass<'a> {
+    view: &'a DropsView<'a>,
     sets: &'a [SetView<'a>],
     weather: PassWeather<'a>,
 }
 
-impl<'a> LensPass<'a> {
-    fn new(inputs: &'a FrameInputs<'a>, view: &'a LensView<'a>) -> Self {
+impl<'a> DropsPass<'a> {
+    fn new(inputs: &'a FrameInputs<'a>, view: &'a DropsView<'a>) -> Self {
         let observer = Observer { camera: &view.camera, lamps: None, splashes: None, ..inputs.observer() };
         let sets = inputs.thinned.unwrap_or(inputs.elsewhere);
         Self { view, sets, weather: inputs.weather.pass(&observer) }
@@ -445,7 +460,7 @@ impl PictureEffect for Overlay<'_, '_> {
     }
 }
 
-/// The last step of the paper's rain and snow, and the lens.
+/// The last step of the paper's rain and snow: fog, blur and grade.
 struct Finish<'a>(&'a PreparedWeather);
 
 impl PictureEffect for Finish<'_> {

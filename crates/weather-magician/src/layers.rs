@@ -31,17 +31,17 @@ pub enum PictureLayer {
     /// Depth of the surfaces, metres, without what falls and without the scene's own sky: the
     /// expected depth where it agrees with the median, else the median; 0 in the sky.
     SurfaceDepth,
-    /// Normals, world axes.
+    /// Normals, world axes, as blended: length 1 on one flat surface.
     Normal,
-    /// Coverage.
+    /// Coverage, 0-1.
     Alpha,
     /// The share of the scene's light that the air lets through.
     Transmittance,
     /// Falling particles, and their coverage.
     Particles,
-    /// The scene without air and without falling particles.
+    /// The scene without air and without falling particles, linear RGB.
     Clean,
-    /// The light that the air adds.
+    /// The light that the air adds, linear RGB.
     Airlight,
     /// Visible water: the share of a pixel that its surface covers, 0-1.
     Water,
@@ -57,7 +57,7 @@ pub enum PictureLayer {
     ParticleFlow,
     /// The label of what each pixel shows, 0 for none.
     Label,
-    /// The number of the thing that each pixel shows, 0 for none.
+    /// The instance ID of the object that each pixel shows, 0 for none.
     Instance,
 }
 
@@ -103,8 +103,8 @@ pub(crate) enum LayerForm {
     Flow,
     /// States of optical flow.
     States,
-    /// Names of 16 bits.
-    Names,
+    /// IDs of 16 bits.
+    Ids,
 }
 
 /// The values of a layer, `[H, W, C]`.
@@ -168,8 +168,8 @@ static ROWS: [Row; 19] = {
         row(P::ParticleFlow, "particle-flow", &["U", "V"], Later(L::ParticleFlow), F::Flow, |p| {
             p.particle_flow.as_slice().into()
         }),
-        row(P::Label, "label", &["ID"], Later(L::Labels), F::Names, |p| numbers(&p.labels.label)),
-        row(P::Instance, "instance", &["ID"], Later(L::Labels), F::Names, |p| numbers(&p.labels.instance)),
+        row(P::Label, "label", &["ID"], Later(L::Labels), F::Ids, |p| ids_as_f32(&p.labels.label)),
+        row(P::Instance, "instance", &["ID"], Later(L::Labels), F::Ids, |p| ids_as_f32(&p.labels.instance)),
         row(P::SurfaceDepth, "surface-depth", &["Z"], Later(L::SurfaceDepth), F::Depth, |p| {
             p.metres(&p.surface_depth)
         }),
@@ -188,8 +188,8 @@ const fn row(
     Row { layer, name, channels, source, form, values }
 }
 
-/// Names of 16 bits as floats, which hold them exactly.
-fn numbers(names: &[u16]) -> Cow<'_, [f32]> {
+/// IDs of 16 bits as floats, which represent them exactly.
+fn ids_as_f32(names: &[u16]) -> Cow<'_, [f32]> {
     names.iter().map(|name| f32::from(*name)).collect()
 }
 
@@ -267,7 +267,8 @@ impl PictureLayer {
 impl Picture {
     /// Returns the values of a layer that was rendered, `[H, W, C]` with the channels of
     /// [`PictureLayer::channels`]: metres, world axes, shares, px, names, and linear light but for
-    /// the colours, which have the encoding of the frame. Empty if it was not asked for.
+    /// the colours, which have the encoding of the frame. Empty if it was not asked
+    /// for; layers of water are zeros in a picture that has none.
     #[must_use]
     pub fn layer(&self, layer: PictureLayer) -> Cow<'_, [f32]> {
         (layer.row().values)(self)
@@ -404,7 +405,8 @@ impl FromIterator<PictureLayer> for Layers {
 
 impl fmt::Debug for Layers {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_set().entries(self.iter().map(PictureLayer::name)).finish()
+        let stages = self.contains(Self::PAPER_STAGES).then_some("paper-stages");
+        f.debug_set().entries(self.iter().map(PictureLayer::name).chain(stages)).finish()
     }
 }
 
@@ -478,6 +480,14 @@ impl Layers {
                 "layer particle-flow: rain and snow of fidelity paper have none; use fidelity physical",
             );
         }
+        if !passes.parts.is_empty() && weather.fidelity == Fidelity::Paper {
+            return fault(
+                "layers transmittance, clean and airlight: weather of fidelity paper has none; use fidelity physical",
+            );
+        }
+        if passes.stages && weather.fidelity != Fidelity::Paper {
+            return fault("the steps of the paper's rain and snow need fidelity paper");
+        }
         if (passes.flow || passes.particle_flow || passes.labels) && !model.shutter.is_instant() {
             return fault(
                 "layers flow and label are those of one instant: use no exposure time and no readout",
@@ -520,5 +530,8 @@ mod tests {
         assert_eq!(set.without(Layers::COLOR), Layers::DEPTH);
         assert_eq!(Layers::default(), Layers::COLOR);
         assert!(PictureLayer::all().all(|layer| layer.name().parse() == Ok(layer)));
+        // Every variant has one row.
+        let all: Layers = PictureLayer::all().collect();
+        assert_eq!(all.0, (1 << (PictureLayer::Instance as u32 + 1)) - 1);
     }
 }

@@ -39,7 +39,7 @@
 //! | up, ground and scale set by hand | [`Renderer::align`], [`Renderer::surface_at`] |
 //! | depth, normals, flow, labels | [`FrameRequest::layers`] |
 //! | a lens, a shutter, noise | [`camera_model::SensorCamera`] |
-//! | frames of splats of your own | [`frame::FrameInputs`] |
+//! | frames from your own splats | [`frame::FrameInputs`] |
 //! | sweeps of a lidar in weather | [`Renderer::scan`], [`lidar`] |
 //! | sweeps of a radar in rain | [`Renderer::scan_radar`], [`radar`] |
 //! | data sets of many weathers, in the layouts of nuScenes, KITTI and others | [`batch`] |
@@ -101,8 +101,10 @@ pub use request::{FrameCamera, FrameRequest, MovingCamera, NextFrame, Patience};
 pub use sequence::VideoFile;
 pub use tags::picture_tags;
 pub use wm_media::{PictureSize, video};
+// Types of these crates stand in public signatures.
 pub use wm_render::{CpuConfig, Device};
 pub use wm_reports as reports;
 pub use wm_scene::{Camera, LensModel, LookAt, Metadata, Scene, formats};
 pub use wm_train as train;
 pub use wm_weather::{EFFECTS, Weather};
+pub use {wm_render, wm_scene, wm_weather};

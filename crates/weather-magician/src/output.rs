@@ -278,7 +278,7 @@ impl PictureStyle {
                 png::write_numbers(path, &names(&values), size, png::ChannelBits::Eight, tags)?;
                 ", 0 visible, 1 occluded, 2 outside, 3 unknown".into()
             }
-            LayerForm::Names => {
+            LayerForm::Ids => {
                 png::write_numbers(path, &names(&values), size, png::ChannelBits::Sixteen, tags)?;
                 ", 0 for none".into()
             }

@@ -40,8 +40,8 @@ pub struct Picture {
     pub tags: Vec<(String, String)>,
     /// Arrays that the frame was made with and nobody asked for: memory for the next one.
     pub(crate) spare: SpareArrays,
-    /// The particles of a frame of [`crate::FrameContent::Particles`], with their velocity relative
-    /// to the camera, scene units a second.
+    /// The particles of a picture that shows nothing else (`PinholeContent::Particles`), with their
+    /// velocity relative to the camera, scene units a second.
     pub(crate) falling: Vec<(Particle, [f64; 3])>,
 }
 

@@ -4,7 +4,7 @@ mod levels;
 
 use crate::assets::{
     AnyAsset, AssetCache, AssetDigest, AssetKey, AssetNeeds, AssetSource, AssetStore, Assets, Keep, LyingKey,
-    MissingAssets, SurfaceViews, ViewDetail, WithoutSky, lock, photo_views, scene_digest,
+    MissingAssets, SurfaceViews, ViewDetail, WithoutSky, lock, photo_views, scene_digest, uses_thinned,
 };
 use crate::frame::FrameInputs;
 use crate::lamps::PlaceLamps;
@@ -423,6 +423,8 @@ impl PreparedPlace {
         let digest = self.assets.as_ref().map(|_| scene_digest(&self.scene, &survey, &backend.arithmetic()));
         self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
         self.store = AssetStore::default();
+        // Assets that are being made with the old facts are not taken.
+        self.scene_number += 1;
         let lamps = PlaceLamps::of(&self.scene, &survey);
         self.site = site_of(&survey, &lamps);
         self.light = PlaceLight::new(lamps);
@@ -547,7 +549,7 @@ impl PreparedPlace {
     #[must_use]
     pub fn asset_files(&self, weather: &Weather, time: f64) -> Vec<String> {
         let prepared = self.prepare_weather(weather, time);
-        let mut keys = self.asset_keys(weather, &prepared);
+        let mut keys = self.asset_keys(weather, &prepared, true);
         if !prepared.cover().is_empty() {
             // Snow is laid out on ground that is on disk.
             keys.extend(AssetNeeds::of(weather, &self.site).cover.map(AssetKey::Cover));
@@ -559,15 +561,14 @@ impl PreparedPlace {
         names
     }
 
-    /// The assets that an instant of a weather uses, in the order in which they are made.
-    fn asset_keys(&self, weather: &Weather, prepared: &PreparedWeather) -> Vec<AssetKey> {
+    /// The assets that an instant of a weather uses, in the order in which they are made. The light
+    /// of the capture is among them if the surfaces that get wet are to be found by it.
+    fn asset_keys(&self, weather: &Weather, prepared: &PreparedWeather, finds_wet: bool) -> Vec<AssetKey> {
         let needs = AssetNeeds::of(weather, &self.site);
         let wet = prepared.wetness().filter(|_| needs.wetness.is_some());
         let mut keys = Vec::new();
         let change = prepared.light();
-        // The surfaces that get wet are told by the light, which says more of the site too.
-        let tells_wet = wet.is_some() && !self.store.has(&AssetKey::Wet(()));
-        if needs.light && (change.is_some() || tells_wet) {
+        if needs.light && (change.is_some() || wet.is_some() && finds_wet) {
             keys.push(AssetKey::Light(()));
         }
         if let Some(change) = change {
@@ -591,7 +592,7 @@ impl PreparedPlace {
 
     /// The assets that a prepared instant of a weather needs and that are not made yet.
     fn lacking(&self, weather: &Weather, prepared: &PreparedWeather) -> MissingAssets {
-        let keys = self.asset_keys(weather, prepared);
+        let keys = self.asset_keys(weather, prepared, !self.store.has(&AssetKey::Wet(())));
         MissingAssets::of(keys.into_iter().filter(|key| !self.is_laid(key)), &self.store)
     }
 
@@ -704,10 +705,7 @@ impl PreparedPlace {
                         self.lay(backend, what, lying)?;
                     }
                 }
-                key => {
-                    self.warnings.extend(doubts_of_asset(&asset));
-                    self.take_asset(key, asset);
-                }
+                key => self.take_asset(key, asset),
             }
         }
         Ok(())
@@ -715,6 +713,7 @@ impl PreparedPlace {
 
     /// Keeps an asset, and what it says of the place.
     fn take_asset(&mut self, key: AssetKey, asset: AnyAsset) {
+        self.warnings.extend(doubts_of_asset(&asset));
         if let Some(light) = asset.downcast_ref::<CaptureLight>() {
             self.take_light(light);
         }
@@ -769,7 +768,7 @@ impl PreparedPlace {
         if self.levels.is_some() && !self.focus_on_shot(backend)? {
             return Ok(());
         }
-        if weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name)) {
+        if uses_thinned(weather) {
             self.make_thinned(backend)?;
         }
         if flood_follows_camera(weather) {
@@ -785,8 +784,7 @@ impl PreparedPlace {
             keys.push(AssetKey::Casters(()));
         }
         let lamps = |source| Some(AssetKey::Lamps(self.light.lamps.get(source)?.clone()));
-        let lamps = weather.lamp_sources().into_iter().filter_map(lamps).find(|key| !self.store.has(key));
-        keys.extend(lamps);
+        keys.extend(weather.lamp_sources().into_iter().filter_map(lamps));
         if let Some(fall) = needs.wetness {
             // Ground that is dry at first may get wet later.
             keys.extend([AssetKey::Shelter(fall), AssetKey::Wet(())]);
@@ -947,6 +945,9 @@ impl PreparedPlace {
         let time = *time;
         camera.check()?;
         self.check_light(weather)?;
+        if flood_follows_camera(weather) && self.near_ground.is_none() {
+            self.check_splats()?;
+        }
         let mut patience = shot.patience;
         if patience == Patience::Whole {
             self.focus(backend, weather, camera)?;
@@ -1157,6 +1158,8 @@ impl PreparedPlace {
         let missing = self.missing_assets(weather, time);
         let missing = missing.only(|key| !matches!(key, AssetKey::Lying(_)));
         self.prepare(backend, missing, progress)?;
+        // The light of the photos says more of the site.
+        let prepared = self.prepare_weather(weather, time);
         self.relight(&prepared, backend.threads());
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let relit = self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats));

@@ -10,10 +10,11 @@ use crate::{Error, FrameCamera, FrameRequest, LensView, NextFrame, Picture, Prog
 use wm_render::parts::PictureParts;
 use wm_render::{Frame, Outputs, Stats, at_once};
 use wm_weather::Weather;
+use wm_weather::paper::PaperStages;
 
 impl Renderer {
-    /// Renders a frame. What the weather needs of the place and is not there yet, such as the
-    /// ground that snow lies on, is made first; that takes seconds once.
+    /// Renders a frame. Assets that the weather needs and the place does not have yet, such as the
+    /// ground under snow, are made first. This takes seconds, once.
     ///
     /// # Errors
     /// [`crate::Error`] if the camera or the place cannot be rendered with, or cannot have a layer.
@@ -26,7 +27,7 @@ impl Renderer {
     }
 
     /// Renders a frame into `picture`, whose memory is used again and whose tags stay, and returns
-    /// what it took.
+    /// what its colour took.
     ///
     /// # Errors
     /// As [`Self::render`]; [`crate::Error::Stopped`] if `progress` asks to stop.
@@ -58,6 +59,12 @@ impl Renderer {
             _ => request.layers.check(&CameraModel::default(), request.weather)?,
         }
         let passes = LayerPasses::of(request.layers);
+        if (passes.flow || passes.particle_flow) && request.next.is_none() {
+            return Err(Error::Unsupported(
+                "layers flow, flow-mask and particle-flow need the next frame: name its time and camera"
+                    .into(),
+            ));
+        }
         let FrameRequest { weather, camera, time, index, patience, .. } = *request;
         let shot = PinholeShot {
             weather,
@@ -78,16 +85,10 @@ impl Renderer {
             let size = lens.map_or(&shot.camera.camera, LensView::intrinsics);
             picture.frame = Frame { width: size.width, height: size.height, ..Frame::default() };
             (picture.parts, picture.water) = (PictureParts::default(), WaterLayers::default());
+            picture.stages = PaperStages::default();
         }
         picture.metres_per_unit = place.site().metres_per_unit;
-        let needs_next = passes.flow || passes.particle_flow;
         let next = request.next.map(|NextFrame { time, camera }| PinholeShot { time, camera, ..shot });
-        if needs_next && next.is_none() {
-            return Err(Error::Unsupported(
-                "layers flow, flow-mask and particle-flow need the next frame: name its time and camera"
-                    .into(),
-            ));
-        }
         picture.particle_flow.clear();
         if let Some(next) = next.as_ref().filter(|_| passes.particle_flow) {
             picture.particle_flow = self.particle_flow(place, &shot, next, progress).await?;

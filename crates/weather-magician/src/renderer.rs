@@ -186,8 +186,7 @@ impl Renderer {
     }
 
     /// Replaces the facts of a place, such as by those that [`PreparedPlace::facts`] returned
-    /// before. Assets of the old facts are not used any more; do not insert those that are still
-    /// being made.
+    /// before. Assets of the old facts are not used any more, nor those that are still being made.
     ///
     /// # Errors
     /// [`crate::Error::Unsupported`] after [`PreparedPlace::release_splats`].

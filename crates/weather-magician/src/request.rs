@@ -16,7 +16,7 @@ const MAX_SPEED: f64 = 1000.0;
 pub struct MovingCamera {
     /// The camera.
     pub camera: Camera,
-    /// m/s, world axes: particles are streaked by it.
+    /// Velocity, m/s, world axes. Falling particles are streaked by it.
     pub velocity: [f64; 3],
 }
 

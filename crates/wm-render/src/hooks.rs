@@ -1,4 +1,4 @@
-//! The hooks by which weather acts on a pass, in the physical order in which they act.
+//! The hooks by which weather acts on a pass.
 //!
 //! | acts on | when | hook |
 //! |---|---|---|
@@ -429,7 +429,8 @@ pub struct PixelBatch<'a> {
     pub depth_sum: &'a [f32; PATCH_PIXELS],
 }
 
-/// A change of finished pixels.
+/// A change of each finished pixel by itself, by its colour and its depth. A change that reads
+/// neighbours is a [`PictureEffect`](crate::PictureEffect).
 pub trait PixelEffect: Sync {
     /// Changes the pixels of one patch.
     fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>);

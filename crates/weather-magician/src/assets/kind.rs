@@ -44,7 +44,7 @@ pub(crate) trait Asset: Any + Send + Sync + Sized {
     /// The work, in words for a progress bar.
     const WORK: &'static str;
     const KEEP: Keep;
-    /// A small picture looks right without it, or with another one of its kind.
+    /// Draft pictures look right without it, or with another asset of its kind.
     const DRAFTS_DO_WITHOUT: bool = false;
     /// The file is written after everything else is made, since making the rest changes the asset.
     const FILE_COMES_LAST: bool = false;
@@ -83,8 +83,7 @@ pub(crate) struct AssetFile {
     pub numbers: Vec<f64>,
 }
 
-/// Lists the kinds, those first whose work is the longest to wait for: a progress bar shows the
-/// first that is missing.
+/// Lists the kinds, the slowest first: a progress bar shows the first that is missing.
 macro_rules! kinds {
     ($($kind:ident($key:ty) => $asset:ty,)*) => {
         /// An asset of a place: its kind, and the numbers that tell it from others of the kind.

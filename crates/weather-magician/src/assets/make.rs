@@ -117,12 +117,21 @@ impl MissingAssets {
         missing
     }
 
-    /// Those of some keys, with what they are made of.
+    /// Keeps the assets that `is_wanted` accepts, with what they are made of.
     pub(crate) fn only(self, is_wanted: impl Fn(&AssetKey) -> bool) -> Self {
         let mut asked = self.asked;
         asked.retain(is_wanted);
-        // More than they need is listed, which only a description would tell.
-        Self { asked, needed: self.needed }
+        let mut needed = Vec::new();
+        let mut open = asked.clone();
+        while let Some(key) = open.pop() {
+            for need in key.needs() {
+                if self.needed.contains(&need) && !needed.contains(&need) {
+                    needed.push(need.clone());
+                    open.push(need);
+                }
+            }
+        }
+        Self { asked, needed }
     }
 
     fn all(&self) -> impl Iterator<Item = &AssetKey> {

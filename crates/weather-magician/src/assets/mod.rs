@@ -54,9 +54,7 @@ impl AssetNeeds {
     /// Returns true if frames of the weather, whose needs they are, use splats or assets beside the
     /// scene that is drawn.
     pub(crate) fn any(&self, weather: &Weather) -> bool {
-        let thins =
-            || weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name));
-        *self != Self::default() || thins()
+        *self != Self::default() || uses_thinned(weather)
     }
 
     /// The needs of a weather at a site.
@@ -74,6 +72,12 @@ impl AssetNeeds {
         let light = weather.needs(Need::Light) && (changes_light || wetness.is_some());
         Self { shelter, cover: lies.then(|| prepared.airflow()), paper_cover, light, wetness }
     }
+}
+
+/// Returns true if a weather is drawn with a thinned copy of the scene: in drops on the lens, and in
+/// what water mirrors.
+pub(crate) fn uses_thinned(weather: &Weather) -> bool {
+    weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name))
 }
 
 #[cfg(test)]

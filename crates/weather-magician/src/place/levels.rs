@@ -475,6 +475,7 @@ impl PreparedPlace {
         self.survey.captured_sky = captured_sky;
         self.site.captured_sky = captured_sky;
         self.scene_number += 1;
+        (self.near_ground, self.last_ground) = (None, None);
         self.clear_cover(backend);
         if let Some(thin) = self.thinned.take() {
             backend.unload(thin.set);

@@ -16,7 +16,7 @@ Progress: TypeAlias = "Callable[[int, int | None, str], object]"
 """Called with the steps done, all steps (None if that is not known) and the task. An exception stops the work."""
 Output: TypeAlias = Literal[
     "rgb", "rgb_linear", "depth", "median_depth", "normal", "alpha", "transmittance", "particles", "clean",
-    "airlight", "water", "reflection", "water_depth", "label", "instance",
+    "airlight", "water", "reflection", "water_depth", "label", "instance", "surface_depth", "clear",
 ]
 """Outputs of a picture:
 
@@ -38,6 +38,8 @@ name               k    type      meaning
 ``water_depth``    1    float32   depth of the water's surface, m
 ``label``          1    uint16    class of the surface, 0 for none
 ``instance``       1    uint16    thing that the surface belongs to, 0 for none
+``surface_depth``  1    float32   depth of surfaces without what falls, m; 0 in the sky
+``clear``          3    float32   the same view without any weather, sRGB, 1 = display white
 =================  ===  ========  =====================================================================
 """
 

@@ -42,7 +42,7 @@ pub(crate) const EFFECT: Effect = Effect {
         let DustCoverParams { depth, repose, color } = DustCoverParams::of(now.values);
         let color = color.unwrap_or(SAND);
         let material = CoverMaterial::at(color.map(srgb_decode), [0.4; 3], f64::INFINITY, weather.site());
-        weather.cover(CoverRequest {
+        weather.add_cover(CoverRequest {
             depth,
             thaw: None,
             wet_fall: 0.0,

@@ -1,4 +1,4 @@
-//! Fog: water droplets of 5 to 20 um, in ranges below 1 km.
+//! Fog: water droplets of 5 to 20 um that reduce visibility to less than 1 km.
 //!
 //! Droplets that large scatter all of visible light alike and absorb almost none of it, so fog is
 //! grey and as bright as the sky that feeds it. Classes by meteorological optical range (WMO): fog

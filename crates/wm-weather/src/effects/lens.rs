@@ -61,7 +61,7 @@ pub(crate) const EFFECT: Effect = Effect {
     needs: &[],
     precipitation: None,
     params: LensParams::PARAMS,
-    contribute: |now, weather| weather.put_glass(LensParams::of(now.values).glass(now)),
+    contribute: |now, weather| weather.set_glass(LensParams::of(now.values).glass(now)),
     contribute_as_paper: None,
 };
 

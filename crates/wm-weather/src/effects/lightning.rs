@@ -31,7 +31,7 @@ pub(crate) const EFFECT: Effect = Effect {
     params: LightningParams::PARAMS,
     contribute: |now, weather| {
         let LightningParams { rate, distance, exposure, seed } = LightningParams::of(now.values);
-        weather.flash(Storm { rate, distance, seed: seed as u64 }.flash(now.time, exposure));
+        weather.set_flash(Storm { rate, distance, seed: seed as u64 }.flash(now.time, exposure));
     },
     contribute_as_paper: Some(|_, _| {}),
 };

@@ -49,7 +49,7 @@ pub(crate) const EFFECT: Effect = Effect {
     needs: &[],
     precipitation: None,
     params: LookParams::PARAMS,
-    contribute: |now, weather| weather.grade(LookParams::of(now.values).grade()),
+    contribute: |now, weather| weather.set_grade(LookParams::of(now.values).grade()),
     contribute_as_paper: None,
 };
 

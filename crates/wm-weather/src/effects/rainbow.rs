@@ -1,8 +1,8 @@
 //! Rainbows: sunlight that comes back from drops after one and two reflections inside of them.
 //!
-//! Seen from the eye, drops that send a colour back stand on circles about the point opposite to
-//! the sun: red at 42.4 and violet at 40.5 degrees (primary bow), and the other way round between
-//! 50 and 54 degrees (secondary bow). The phase function `p` of the two paths through a sphere of
+//! The drops that return one colour lie on circles around the antisolar point: red at 42.4 and violet
+//! at 40.6 degrees (primary bow), with the colours reversed between 50.4 and 53.5 degrees (secondary
+//! bow). The phase function `p` of the two paths through a sphere of
 //! water is found by tracing rays (Descartes; Fresnel's equations for both polarisations) and
 //! smoothed by the sun's disc and by the waves of light in drops of about 1 mm. With the extinction
 //! of the rain `s_r`, twice what the drops' area blocks, and that of all air `s`, a pixel at the
@@ -10,7 +10,8 @@
 //!
 //! `E p(angle) s_r / (2 s) (1 - e^(-s d))`
 //!
-//! by the sun's irradiance `E`. All rain before the pixel is taken to be in the sun.
+//! by the sun's irradiance `E`. All rain in front of the pixel is assumed to be
+//! sunlit, and the air to be as at the eye.
 
 use crate::effects::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
@@ -46,7 +47,7 @@ pub(crate) const EFFECT: Effect = Effect {
     contribute_as_paper: Some(|_, _| {}),
 };
 
-/// Distance of the rain behind which there is nothing, m.
+/// Depth of the rain where no surface is seen, m.
 const FAR_M: f64 = 20_000.0;
 
 /// Bows of a brightness.
@@ -125,9 +126,8 @@ impl PixelEffect for BowBeforeCamera {
 
 /// Width of a bin of the table, degrees.
 const BIN_DEG: f64 = 0.05;
-/// Angles of the table from the point opposite to the sun, degrees: below and above, the light of
-/// the bows is that of an even sky.
-const ANGLES_DEG: [f64; 2] = [0.0, 62.0];
+/// Largest angle in the table, degrees from the antisolar point. The bows are negligible beyond it.
+const MAX_ANGLE_DEG: f64 = 62.0;
 /// Radius of the sun, degrees.
 const SUN_RADIUS_DEG: f64 = 0.266;
 /// Standard deviation by which waves smooth the bows of drops of 1 mm, degrees.
@@ -147,7 +147,7 @@ static PHASE: LazyLock<BowPhase> = LazyLock::new(BowPhase::new);
 impl BowPhase {
     /// Traces rays through a sphere of water at wavelengths of 400 to 700 nm.
     fn new() -> Self {
-        let count = ((ANGLES_DEG[1] - ANGLES_DEG[0]) / BIN_DEG) as usize;
+        let count = (MAX_ANGLE_DEG / BIN_DEG) as usize;
         let mut bins = vec![[0.0; 3]; count];
         let weights: Vec<(f64, [f64; 3])> =
             (0..31).map(|k| 400.0 + 10.0 * f64::from(k)).map(|nm| (nm, channels(nm))).collect();
@@ -177,7 +177,7 @@ impl BowPhase {
             }
         }
         let bins = smoothed(&bins);
-        let cosines = ANGLES_DEG[1].to_radians().cos()..2.0;
+        let cosines = MAX_ANGLE_DEG.to_radians().cos()..2.0;
         Self { bins, cosines }
     }
 
@@ -186,8 +186,6 @@ impl BowPhase {
         let at = (degrees / BIN_DEG - 0.5).clamp(0.0, (self.bins.len() - 1) as f64);
         let (first, share) = (at as usize, at.fract());
         let next = (first + 1).min(self.bins.len() - 1);
-        // What lies between the bows and inside of them is a part of the even light of the rain,
-        // which the air has already.
         std::array::from_fn(|k| {
             (self.bins[first][k] * (1.0 - share) + self.bins[next][k] * share).max(0.0)
         })

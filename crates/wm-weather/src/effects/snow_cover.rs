@@ -83,7 +83,7 @@ pub(crate) const EFFECT: Effect = Effect {
         let pack = snowpack(now.weather).expect("its own").at(now.time);
         // In the shade blue sky is all that is left.
         let material = CoverMaterial::at([albedo; 3], [0.34, 0.37, 0.44], 0.95, weather.site());
-        weather.cover(CoverRequest {
+        weather.add_cover(CoverRequest {
             depth: depth.unwrap_or_else(|| stepped(pack.fell.depth())),
             // What is wet by itself needs no wet ground of the snow's own.
             thaw: pack.thaw().map(|thaw| if now.weather.is_on("wetness") { thaw.dry() } else { thaw }),
@@ -96,7 +96,7 @@ pub(crate) const EFFECT: Effect = Effect {
     contribute_as_paper: Some(|now, weather| {
         let params = SnowCoverParams::of(now.values);
         let defaults = PaperCover::default();
-        weather.cover_as_paper(PaperCover {
+        weather.set_paper_cover(PaperCover {
             seed_cosine: params.paper_seed_cosine,
             fill_angle: params.paper_fill_angle,
             neighbours: params.paper_k as usize,

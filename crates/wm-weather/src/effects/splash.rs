@@ -27,7 +27,7 @@ pub(crate) const EFFECT: Effect = Effect {
     params: SplashParams::PARAMS,
     contribute: |now, weather| {
         let SplashParams { amount } = SplashParams::of(now.values);
-        weather.splash(Splash { amount: amount.unwrap_or(1.0) });
+        weather.set_splash(Splash { amount: amount.unwrap_or(1.0) });
     },
     contribute_as_paper: Some(|_, _| {}),
 };

@@ -68,11 +68,11 @@ pub(crate) const EFFECT: Effect = Effect {
     params: WetnessParams::PARAMS,
     contribute: |now, weather| {
         let request = WetnessParams::of(now.values).request(now, weather.site());
-        weather.wet(request);
+        weather.set_wetness(request);
     },
     contribute_as_paper: Some(|_, weather| {
         let dry = dry(weather.site());
-        weather.wet(dry);
+        weather.set_wetness(dry);
     }),
 };
 

@@ -33,7 +33,7 @@ pub(crate) const EFFECT: Effect = Effect {
     params: WindParams::PARAMS,
     contribute: |now, weather| {
         let WindParams { gusts, seed, .. } = WindParams::of(now.values);
-        weather.blow(&Wind::new(now.tracks[0].clone(), now.tracks[1].clone(), gusts, seed as u64));
+        weather.set_wind(&Wind::new(now.tracks[0].clone(), now.tracks[1].clone(), gusts, seed as u64));
     },
     contribute_as_paper: None,
 };

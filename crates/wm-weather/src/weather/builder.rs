@@ -51,8 +51,8 @@ impl WeatherBuilder {
         &self.prepared.floating
     }
 
-    /// Puts a sky behind the scene. The first effect of all, so that the light of the others is that
-    /// of the sky.
+    /// Puts a sky behind the scene. It must come before all other effects, so that they are lit by
+    /// this sky.
     pub fn set_sky(&mut self, sky: Dome) {
         let site = &mut self.prepared.site;
         let lights = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
@@ -75,7 +75,7 @@ impl WeatherBuilder {
     }
 
     /// Adds lightning, which flashes at the instant or does not.
-    pub fn flash(&mut self, flash: Option<Flash>) {
+    pub fn set_flash(&mut self, flash: Option<Flash>) {
         self.flash = flash;
         self.prepared.has_lightning = true;
         self.prepared.site.light = SiteLight::OfWeather;
@@ -94,7 +94,7 @@ impl WeatherBuilder {
     }
 
     /// Sets the wind.
-    pub fn blow(&mut self, wind: &Wind) {
+    pub fn set_wind(&mut self, wind: &Wind) {
         let time = self.prepared.time;
         self.prepared.wind_now =
             WindSample { drift: wind.drift(time), wind: wind.at(time), mean: wind.mean(time) };
@@ -114,7 +114,7 @@ impl WeatherBuilder {
     }
 
     /// Adds something that lies, on what lies already.
-    pub fn cover(&mut self, request: CoverRequest) {
+    pub fn add_cover(&mut self, request: CoverRequest) {
         self.prepared.carried = self.prepared.carried.min(request.threshold);
         if !request.is_nothing() {
             self.prepared.cover.push(request);
@@ -122,12 +122,12 @@ impl WeatherBuilder {
     }
 
     /// Adds lying snow, as in the paper.
-    pub fn cover_as_paper(&mut self, snow: PaperCover) {
+    pub fn set_paper_cover(&mut self, snow: PaperCover) {
         self.prepared.paper_cover = Some(snow);
     }
 
     /// Wets surfaces.
-    pub fn wet(&mut self, request: WetRequest) {
+    pub fn set_wetness(&mut self, request: WetRequest) {
         self.prepared.wetness = Some(request);
     }
 
@@ -137,17 +137,17 @@ impl WeatherBuilder {
     }
 
     /// Has the rain splash.
-    pub fn splash(&mut self, splash: Splash) {
+    pub fn set_splash(&mut self, splash: Splash) {
         self.prepared.splash = Some(splash).filter(|splash| splash.amount > 0.0);
     }
 
     /// Grades the finished picture.
-    pub fn grade(&mut self, grade: ColorGrade) {
+    pub fn set_grade(&mut self, grade: ColorGrade) {
         self.prepared.grade = Some(grade).filter(|grade| !grade.is_neutral());
     }
 
     /// Puts a glass before the camera.
-    pub fn put_glass(&mut self, glass: Glass) {
+    pub fn set_glass(&mut self, glass: Glass) {
         self.prepared.glass = Some(Box::new(glass)).filter(|glass| !glass.is_clear());
     }
 

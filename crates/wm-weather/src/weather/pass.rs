@@ -3,8 +3,10 @@
 use super::*;
 use std::fmt;
 
-/// A change of finished pixels that an effect contributes to every pass. It acts after the air and
-/// before lamps glow and the picture is graded.
+/// A change of finished pixels that an effect contributes to every pass that draws colour: the
+/// picture, the mirrored view, the view through drops. It acts after the air and before lamps glow
+/// and the picture is graded, on each pixel by itself; for a change that reads neighbours see
+/// [`wm_render::PictureEffect`].
 pub trait PixelContribution: fmt::Debug + Send + Sync {
     /// Returns the change for one eye; `None` where there is none. The weather has everything else
     /// that the instant brings: light, air, what falls.

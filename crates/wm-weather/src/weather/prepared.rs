@@ -134,8 +134,9 @@ impl PreparedWeather {
         Some((open.sun, open.light.sun.map(|light| light * display)))
     }
 
-    /// The place, with the light of the weather.
-    pub(crate) fn site(&self) -> &Site {
+    /// The facts of the place, with the light of the weather.
+    #[must_use]
+    pub fn site(&self) -> &Site {
         &self.site
     }
 

@@ -3,11 +3,14 @@
 use super::*;
 use wm_weather::light::{CaptureLight, LampLights, LampShadows};
 
+/// Lamps whose light is kept: those of the scene, and those that are guessed along the path.
+const MAX_LAMP_SOURCES: usize = 2;
+
 impl Asset for LampShadows {
     type Key = LampLights;
 
     const WORK: &'static str = "casting the shadows of the lamps";
-    const KEEP: Keep = Keep::Last(1);
+    const KEEP: Keep = Keep::Last(MAX_LAMP_SOURCES);
     const DRAFTS_DO_WITHOUT: bool = true;
 
     fn needs(_: &LampLights) -> Vec<AssetKey> {
