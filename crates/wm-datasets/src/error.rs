@@ -6,6 +6,7 @@ use wm_scene::FormatError;
 
 /// Why a data set cannot be written or read.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SetError {
     /// A layout cannot hold a set.
     #[error("layout {layout}: {problem}")]

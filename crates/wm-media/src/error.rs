@@ -8,6 +8,7 @@ use wm_scene::files::WriteFault;
 
 /// A picture or video that could not be written.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum MediaError {
     /// The system refuses the file.
     #[error("{}: {fault}", path.display())]

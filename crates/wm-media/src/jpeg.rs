@@ -7,6 +7,7 @@ pub use jpeg_encoder::SamplingFactor;
 
 /// The reason why a picture could not be encoded as a JPEG.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum JpegError {
     /// A side is longer than the format allows.
     #[error("{0}x{1} px are too many for a JPEG: a side has at most 65,535")]

@@ -62,6 +62,7 @@ pub struct Disparity {
 
 /// A reason why a photo has no disparity.
 #[derive(Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DisparityError {
     /// The photo is smaller than a patch.
     #[error(

@@ -422,6 +422,7 @@ impl Add for Stats {
 
 /// Why a render failed.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum RenderError {
     /// The camera cannot be rendered with.
     #[error(transparent)]

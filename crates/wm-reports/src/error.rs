@@ -7,6 +7,7 @@ use wm_weather::WeatherError;
 
 /// Why a report is not read.
 #[derive(Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ReportError {
     /// A file cannot be read.
     #[error("{}: cannot read the weather report: {reason}", path.display())]

@@ -50,6 +50,7 @@ pub struct Camera {
 
 /// The reason why numbers do not make a camera.
 #[derive(Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum CameraError {
     /// A side is 0 or too long, or there are too many pixels.
     #[error("picture size {width}x{height}: each side must be 1 to {MAX_SIDE} px, {MAX_PIXELS} px in all")]

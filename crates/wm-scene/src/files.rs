@@ -45,6 +45,7 @@ const BUFFER_BYTES: usize = 1 << 18;
 
 /// The reason why a file cannot be written, and the remedy; printed after its path.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum WriteFault {
     /// The folder to write into does not exist.
     #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]

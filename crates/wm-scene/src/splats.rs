@@ -60,6 +60,7 @@ impl LabelKind {
 
 /// The reason why arrays do not make a set of splats.
 #[derive(Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SplatsError {
     /// An array has another length than `means`.
     #[error("`{array}` has {found} values, {expected} expected for {splats} splats")]

@@ -23,6 +23,7 @@ const MAX_HEAD: u64 = 1 << 24;
 
 /// A reason why a checkpoint cannot be used.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum CheckpointError {
     /// It cannot be read.
     #[error("{}: cannot read the checkpoint: {source}", path.display())]

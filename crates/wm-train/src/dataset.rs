@@ -45,6 +45,7 @@ impl Default for DatasetReadOptions {
 
 /// A reason why the photos of a data set cannot be opened.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum DatasetError {
     /// The capture has no photos.
     #[error("{}: there are no photos in it; choose another data set", .0.display())]

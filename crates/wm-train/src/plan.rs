@@ -66,6 +66,7 @@ impl Default for TrainPlan {
 
 /// A reason why a plan makes no configuration.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum PlanError {
     /// There is no such strategy.
     #[error("there is no densification strategy `{name}`; choose one of {}", Densify::NAMES.join(", "))]

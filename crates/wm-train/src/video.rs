@@ -61,6 +61,7 @@ const DONE_FILE: &str = "frames.txt";
 
 /// A reason why a video gives no photos.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum VideoError {
     /// There is no ffmpeg.
     #[error("{}: a video needs ffmpeg, which is not installed; install it with `{INSTALL}`, or give a folder of photos", .0.display())]

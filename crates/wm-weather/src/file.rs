@@ -32,6 +32,7 @@ mod write;
 
 /// Why a weather cannot be used.
 #[derive(Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum WeatherError {
     /// The file cannot be read.
     #[error("{}: cannot read the weather file: {reason}", path.display())]

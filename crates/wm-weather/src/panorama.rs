@@ -33,6 +33,7 @@ const ASPECT: f64 = 0.01;
 
 /// Why a picture is no panorama.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PanoramaError {
     /// It is not twice as wide as high.
     #[error("{width}x{height} px is no panorama of all directions: it must be twice as wide as high")]

@@ -72,6 +72,6 @@ pub(crate) fn explain(error: TruthError) -> anyhow::Error {
             "{}: holds whole numbers and does not say what one of them is; give --depth-unit, such as mm",
             path.display()
         ),
-        TruthError::Map(_) => error.into(),
+        _ => error.into(),
     }
 }

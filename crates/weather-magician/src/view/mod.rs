@@ -104,6 +104,7 @@ impl ViewSearch<'_> {
 
 /// The error of a camera or path that cannot be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ViewError {
     /// A text on the command line cannot be understood.
     #[error("{what} \"{text}\": {problem}")]

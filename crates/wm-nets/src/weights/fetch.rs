@@ -95,6 +95,7 @@ const INSTEAD: &str = "or get the file in another way and give its path";
 
 /// A fault of a download.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum FetchFault {
     /// There is no way to the server.
     #[error("cannot be reached ({0}); try again with a connection, {INSTEAD}")]

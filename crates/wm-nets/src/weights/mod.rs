@@ -42,6 +42,7 @@ fn names(files: &[PathBuf]) -> String {
 
 /// A fault of weights.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum WeightsFault {
     /// The system cannot read it.
     #[error("cannot be read: {0}")]

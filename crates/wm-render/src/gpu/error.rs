@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Why a GPU cannot be used, or failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum GpuError {
     /// There is no GPU, or none of that name.
     #[error("no GPU {wanted}: there is {found}")]

@@ -20,6 +20,7 @@ const FILE_TOLERANCE: f64 = 1e-3;
 
 /// The reason why a matrix is not a rotation, or a pose is not rigid. Rows are numbered from 1.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum PoseFault {
     /// An element is NaN or infinite.
     #[error("it holds the number {0}, which is not finite")]

@@ -97,6 +97,7 @@ pub struct CaptureGround {
 
 /// The reason why no ground is found.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum CaptureGroundError {
     /// Too few cameras, or all in one place.
     #[error("{0} photos from different places are too few")]

@@ -59,6 +59,7 @@ pub enum GivenScale {
 
 /// The reason why an alignment cannot be used.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum AlignError {
     /// Nothing is given.
     #[error("nothing to set: give up, the ground, the scale, or flip")]

@@ -326,6 +326,7 @@ impl Survey {
 
 /// The reason why two points and a distance give no scale.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum ScaleError {
     /// The distance is not finite and above 0.
     #[error("a known distance of {0} m gives no scale: it must be finite and above 0")]

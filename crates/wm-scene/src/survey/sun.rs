@@ -25,6 +25,7 @@ pub struct SurveyedSun {
 
 /// The reason why place and time give no sun.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum SunFault {
     /// The photos took so long that the sun moved, s.
     #[error("the photos were taken over {:.1} hours, in which it moved", .0 / 3600.0)]

@@ -67,6 +67,7 @@ impl ToneCurve {
 
 /// A lie of EXIF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ExifFault {
     /// A focal length that is 2.7 times too long.
     Focal,

@@ -9,6 +9,7 @@ use wm_scene::FormatError;
 
 /// A reason why a training in blocks ends without a scene.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum BlockError {
     /// The data set cannot be used, or the training of a block ended early.
     #[error(transparent)]

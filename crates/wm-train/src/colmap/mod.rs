@@ -140,6 +140,7 @@ impl ColmapStep {
 
 /// A reason why COLMAP makes no capture.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ColmapError {
     /// There is neither COLMAP nor pycolmap.
     #[error(

@@ -160,6 +160,7 @@ impl EvaluationObserver for () {}
 
 /// A reason why a scene cannot be evaluated.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum EvaluationError {
     /// A photo is damaged.
     #[error(transparent)]

@@ -43,6 +43,7 @@ impl Default for TruthOptions {
 
 /// A reason why ground-truth maps cannot be used.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum TruthError {
     /// A folder that was named does not exist.
     #[error("{kind} maps: {}: there is no such folder; name the folder of the maps", folder.display())]

@@ -15,6 +15,7 @@ pub struct MapError {
 
 /// A fault of a map.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum MapFault {
     /// The system refuses it.
     #[error("cannot be read: {0}")]

@@ -39,6 +39,7 @@ pub struct Embeddings {
 
 /// A reason why numbers are no embeddings.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum EmbeddingFault {
     /// No rows of numbers.
     #[error("an array of shape {0:?}, not [pictures, numbers a picture]; save one row a picture")]
@@ -66,6 +67,7 @@ pub enum EmbeddingFault {
 
 /// A file of embeddings that cannot be used.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum EmbeddingError {
     /// It is no array, or cannot be read.
     #[error(transparent)]

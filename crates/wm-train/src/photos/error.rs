@@ -16,6 +16,7 @@ pub struct PhotoError {
 
 /// A fault of a photo.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PhotoFault {
     /// There is no file.
     #[error("the photo is missing; --images names the folder of the photos")]

@@ -50,6 +50,7 @@ pub struct Fit {
 
 /// A reason why there is no fit.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum FitError {
     /// Too few points are seen.
     #[error("{0} points fall on known depth, {MIN_POINTS} are needed")]

@@ -104,6 +104,7 @@ pub struct Entry {
 
 /// A reason why priors cannot be used.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum PriorsError {
     /// A file cannot be read or written.
     #[error(transparent)]

@@ -23,6 +23,7 @@ const DEPTH_ERROR: f32 = 0.01;
 
 /// A reason why no priors can be estimated.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum PhotoPriorsError {
     /// A photo is damaged.
     #[error(transparent)]

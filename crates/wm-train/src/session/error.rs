@@ -17,6 +17,7 @@ use wm_scene::FormatError;
 
 /// A reason why a session ends without a scene.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SessionError {
     /// The capture, the scene or another file cannot be read or written.
     #[error(transparent)]

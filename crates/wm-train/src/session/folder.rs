@@ -205,6 +205,7 @@ impl Metrics {
 
 /// A configuration file that cannot be used.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ConfigFileError {
     /// It cannot be read.
     #[error("{}: cannot be read: {reason}", path.display())]
