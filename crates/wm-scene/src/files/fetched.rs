@@ -175,7 +175,8 @@ mod tests {
         for path in files_below(&root) {
             remove(&path);
         }
-        assert_eq!((store().bytes, exists(&dir)), (held, false));
+        let left = store().bytes;
+        assert_eq!((left, exists(&dir)), (held, false));
         assert_eq!(read_if_there(&bundle).unwrap(), None);
         assert_eq!(read(&bundle).unwrap_err().kind(), NotFound);
         (0..MAX_WANTED + 9).for_each(|number| want(&root.join(number.to_string())));

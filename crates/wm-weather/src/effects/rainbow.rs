@@ -26,8 +26,9 @@ use wm_scene::color::{srgb_decode, srgb_encode};
 crate::param::params! {
     /// The parameters of the effect.
     struct RainbowParams {
-        /// Factor on the brightness of the bows; 1 is that of nature. They need rain, and a sun of
-        /// the weather's own (`light.model = clear`).
+        /// Factor on the brightness of the bows; 1 is that of nature. They need rain, a sun of the
+        /// weather's own (`light.model = clear`), and clouds that let it through (`light.clouds`
+        /// below 1, since rain brings full clouds).
         brightness: f64 = ParamValue::Number(1.0), 0.0 => 10.0, "";
     }
 }
@@ -278,7 +279,8 @@ mod tests {
     #[test]
     fn a_picture_gains_the_light_of_the_formula() {
         let mut weather = Weather::clear();
-        for text in ["light.model=clear", "light.sun_elevation=20", "light.sun_azimuth=0", "rain.rate=10", "rainbow=on"] {
+        for text in ["light.model=clear", "light.sun_elevation=20", "light.sun_azimuth=0",
+            "light.clouds=0.3", "rain.rate=10", "rainbow=on"] {
             weather.set_text(text).unwrap();
         }
         let prepared = weather.at(0.0).prepare(&SITE);
@@ -304,7 +306,7 @@ mod tests {
             let all = prepared.air.extinction_at([0.0; 3])[1];
             let share = 0.5 * prepared.rain_extinction() / all;
             let want = PI * light[0] * PHASE.at(degrees)[0] * share;
-            assert!((gain / want - 1.0).abs() < 0.03, "{degrees}: {gain} is not {want}");
+            assert!((gain - want).abs() < 0.03 * want + 1e-6, "{degrees}: {gain} is not {want}");
             gains.push(gain);
         }
         assert!(gains[1] > 4.0 * gains[2] && gains[1] > 2.0 * gains[0], "{gains:?}");
