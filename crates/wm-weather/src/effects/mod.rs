@@ -119,7 +119,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, light, lightning, dust_cover, snow_cover, wetness, flood, wind, fog, haze, smog, rain, snowfall, hail, splash, rainbow, look, lens }
+effects! { sky, light, lightning, dust_cover, snow_cover, wetness, flood, wind, fog, haze, smog, rain, snowfall, hail, splash, look, lens, rainbow }
 
 impl Effect {
     /// The effect of a name.
