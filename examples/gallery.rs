@@ -5,9 +5,9 @@
 
 use weather_magician::view::{ViewOptions, choose::choose};
 use weather_magician::{FrameRequest, Renderer, Scene, Weather};
-use wm_media::color::Dither;
-use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
-use wm_media::{PictureSize, png};
+use wm_image::color::Dither;
+use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
+use wm_image::{PictureSize, png};
 
 /// Size of each picture, px, and pictures in a row.
 const SIZE: (u32, u32) = (400, 300);

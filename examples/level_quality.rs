@@ -148,6 +148,6 @@ fn compare(a: &Frame, b: &Frame) -> (f64, f64, f64) {
 }
 
 fn save(frame: &Frame, path: &Path) -> Result<(), Box<dyn Error>> {
-    let size = wm_media::PictureSize::new(frame.width, frame.height);
-    Ok(wm_media::png::write_rgb(path, &frame.rgb, size, wm_media::color::Dither::Ordered, &[])?)
+    let size = wm_image::PictureSize::new(frame.width, frame.height);
+    Ok(wm_image::png::write_rgb(path, &frame.rgb, size, wm_image::color::Dither::Ordered, &[])?)
 }

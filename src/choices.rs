@@ -2,7 +2,7 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use weather_magician::video::VideoEncoder;
-use wm_media::color::Dither;
+use wm_image::color::Dither;
 use wm_scene::survey::OwnSky;
 
 /// Returns the name of the first option that is given, of options with whether they are.

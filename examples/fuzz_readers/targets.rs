@@ -17,7 +17,7 @@ use weather_magician::view::{ViewOptions, path::CameraPath};
 use weather_magician::{Weather, reports};
 use wm_datasets::logs::mini::MINI_LOGS;
 use wm_datasets::{DrivingLog, LogCaptureOptions, LogOptions};
-use wm_media::{PictureSize, exr, jpeg, png};
+use wm_image::{PictureSize, exr, jpeg, png};
 use wm_scene::capture::colmap::write::{ColmapStorage, write};
 use wm_scene::capture::{self, Capture, CaptureOptions, CaptureUp};
 use wm_scene::formats::{GltfSplats, ReadOptions, SpzVersion, WriteOptions, read_scene, write_scene_with};
@@ -26,8 +26,8 @@ use wm_scene::survey::{Survey, label_sky};
 use wm_scene::synthetic::rippled;
 use wm_scene::testing::taken_if;
 use wm_scene::{Camera, Health, LensModel, Metadata, Scene, SceneView, npy};
-use wm_train::maps::read_map;
-use wm_train::photos::read_picture;
+use wm_image::maps::read_map;
+use wm_image::photo::read_photo;
 
 /// A reader that is fuzzed.
 pub struct Target {
@@ -173,7 +173,7 @@ pub const TARGETS: &[Target] = &[
         read_log,
     ),
     reader("photos", &[photo_png, photo_jpeg], |path| {
-        read_picture(path, &|width, height| match u64::from(width) * u64::from(height) {
+        read_photo(path, &|width, height| match u64::from(width) * u64::from(height) {
             0..=1_000_000 => Ok(()),
             _ => Err("too large".into()),
         })

@@ -20,7 +20,7 @@ use weather_magician::{
     Camera, CameraMotion, FrameRequest, LensSpec, Metadata, MovingCamera, Patience, Picture, PlaceOptions,
     PreparedPlace, Renderer, Scene, Weather,
 };
-use wm_media::color::Dither;
+use wm_image::color::Dither;
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::synthetic::Builder;
 use wm_sensors::LidarModel;

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weather_magician::formats::{Retention, WriteOptions, format_for};
 use weather_magician::labels::{LabelKind, LabelVotes, VotedLabels};
-use weather_magician::train::maps::{Filter, MapFolder, read_map};
+use weather_magician::wm_image::maps::{Filter, MapFolder, read_map};
 use weather_magician::train::photos::PhotoSize;
 use weather_magician::{Camera, Scene};
 use wm_scene::capture;

@@ -24,7 +24,7 @@ use weather_magician::radar::{
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
-use wm_media::MediaError;
+use wm_image::MediaError;
 use wm_scene::files::check_writable;
 
 /// Options of `scan`.

@@ -21,7 +21,7 @@ use weather_magician::train::priors::points::{inside, seen_points};
 use weather_magician::train::priors::sky::{SkyInput, below_horizon, classify};
 use weather_magician::view::spec;
 use weather_magician::{Camera, PictureSize};
-use wm_media::{color::Dither, png::write_rgb};
+use wm_image::{color::Dither, png::write_rgb};
 use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;

@@ -4,9 +4,9 @@ use anyhow::Result;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use std::fmt::Write;
-use weather_magician::train::maps::{Filter, Map};
-use wm_media::jpeg::{self, SamplingFactor};
-use wm_media::ramps::{ColorRamp, MISSING, UNKNOWN};
+use weather_magician::wm_image::maps::{Filter, Map};
+use wm_image::jpeg::{self, SamplingFactor};
+use wm_image::ramps::{ColorRamp, MISSING, UNKNOWN};
 
 /// Maximum width of a picture beside others, px.
 pub(crate) const WIDEST: u32 = 480;
@@ -119,7 +119,7 @@ mod tests {
         );
         let cells = [MapCell::At(0.0), MapCell::At(9.0), MapCell::Missing, MapCell::Unknown];
         assert!(
-            numbers(&cells, (4, 1), wm_media::ramps::heat)
+            numbers(&cells, (4, 1), wm_image::ramps::heat)
                 .unwrap()
                 .starts_with("data:image/png;base64,iVBOR")
         );

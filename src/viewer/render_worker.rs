@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 use video::ActiveVideo;
 use weather_magician::output::{PictureFormat, PictureStyle};
 use weather_magician::{Camera, Patience, PictureLayer, PlaceFacts, PreparedPlace, Renderer, picture_tags};
-use wm_media::color::Dither;
+use wm_image::color::Dither;
 #[cfg(feature = "gpu")]
 use wm_render::{RenderError, gpu::GpuError};
 use wm_render::{Stats, at_once};

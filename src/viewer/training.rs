@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use weather_magician::PictureSize;
-use wm_media::color::{Dither, quantize_rgb8};
+use wm_image::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
 use wm_viewer::encode::jpeg;
 use wm_viewer::page::PageKind;

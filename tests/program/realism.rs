@@ -265,7 +265,7 @@ mod network {
     use super::*;
     use std::fs::{File, FileTimes};
     use wm_nets::Clip;
-    use wm_train::photos::read_picture;
+    use wm_image::photo::read_photo;
 
     fn fixtures(name: &str) -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/wm-nets/fixtures").join(name)
@@ -299,8 +299,8 @@ mod network {
 
     fn embedded(clip: &Clip, files: &[PathBuf]) -> Embeddings {
         let row = |file: &PathBuf| {
-            let (width, _, rgb) = read_picture(file, &|_, _| Ok(())).unwrap();
-            clip.embed(&rgb, width as usize).unwrap()
+            let photo = read_photo(file, &|_, _| Ok(())).unwrap();
+            clip.embed(&photo.rgb, photo.width as usize).unwrap()
         };
         Embeddings::new(files.iter().flat_map(row).collect(), clip.width()).unwrap()
     }

@@ -3,7 +3,7 @@
 use crate::panorama_file::PanoramaFileError;
 use crate::view::ViewError;
 use thiserror::Error;
-use wm_media::MediaError;
+use wm_image::MediaError;
 use wm_render::RenderError;
 use wm_scene::survey::AlignError;
 use wm_scene::{CameraError, FormatError};

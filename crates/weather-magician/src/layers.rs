@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::ops::{BitOr, BitOrAssign};
 use std::str::FromStr;
-use wm_media::png::ChannelBits;
+use wm_image::png::ChannelBits;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
 use wm_scene::splats::LabelKind;

@@ -100,7 +100,7 @@ pub use renderer::Renderer;
 pub use request::{FrameCamera, FrameRequest, MovingCamera, NextFrame, Patience};
 pub use sequence::VideoFile;
 pub use tags::picture_tags;
-pub use wm_media::{PictureSize, video};
+pub use wm_image::{PictureSize, video};
 // Types of these crates stand in public signatures.
 pub use wm_render::{CpuConfig, Device};
 pub use wm_reports as reports;

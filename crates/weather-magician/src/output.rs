@@ -6,8 +6,8 @@ use crate::{Error, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use wm_media::color::Dither;
-use wm_media::{MediaError, PictureSize, exr, flow, png};
+use wm_image::color::Dither;
+use wm_image::{MediaError, PictureSize, exr, flow, png};
 use wm_render::frame::{ColorEncoding, srgb_decode, srgb_encode};
 use wm_scene::npy;
 

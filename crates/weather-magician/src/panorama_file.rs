@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 use wm_scene::color::srgb_encode;
-use wm_train::maps::{MapFault, Stored, read_map};
-use wm_train::photos::{PhotoFault, read_picture};
+use wm_image::maps::{MapFault, Stored, read_map};
+use wm_image::photo::{DecodeFault, read_photo};
 use wm_weather::Panorama;
 use wm_weather::panorama::check_size;
 
@@ -52,13 +52,14 @@ fn damaged(what: &str) -> String {
 }
 
 fn jpeg(path: &Path) -> Result<Panorama, String> {
-    let picture = read_picture(path, &|width, height| check_size(width, height).map_err(|e| e.to_string()));
-    let (width, height, rgb) = picture.map_err(|error| match error.fault {
-        PhotoFault::Damaged(what) => damaged(&what),
+    let photo = read_photo(path, &|width, height| check_size(width, height).map_err(|e| e.to_string()));
+    let photo = photo.map_err(|error| match error.fault {
+        DecodeFault::Damaged(what) => damaged(&what),
         fault => fault.to_string(),
     })?;
     let byte = |value: u8| f32::from(value) / 255.0;
-    Panorama::new(width, height, |i| [rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]].map(byte))
+    let rgb = &photo.rgb;
+    Panorama::new(photo.width, photo.height, |i| [rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]].map(byte))
         .map_err(|fault| fault.to_string())
 }
 
@@ -83,10 +84,10 @@ fn map(path: &Path) -> Result<Panorama, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_media::PictureSize;
-    use wm_media::color::Dither;
-    use wm_media::exr::{ExrPlanes, write_exr};
-    use wm_media::png::write_rgb;
+    use wm_image::PictureSize;
+    use wm_image::color::Dither;
+    use wm_image::exr::{ExrPlanes, write_exr};
+    use wm_image::png::write_rgb;
     use wm_weather::Weather;
 
     /// Red ahead, green to the right, blue behind, white to the left; darker below the horizon.

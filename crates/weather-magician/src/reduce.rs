@@ -20,7 +20,7 @@ use std::num::NonZero;
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, Group, Metadata, Scene, Splats};
-use wm_train::metrics::psnr;
+use wm_image::quality::psnr;
 
 /// Longest side of the pictures, px.
 const MAX_VIEW_SIDE_PX: u32 = 720;

@@ -8,8 +8,8 @@ use crate::tags::picture_tags;
 use crate::{Error, FrameRequest, Picture, Progress, Renderer, Result};
 use std::path::Path;
 use std::sync::mpsc::{channel, sync_channel};
-use wm_media::PictureSize;
-use wm_media::video::{VideoReport, VideoSettings, create_video};
+use wm_image::PictureSize;
+use wm_image::video::{VideoReport, VideoSettings, create_video};
 use wm_weather::Weather;
 
 /// Frames between renderer and writer; more would only take memory.

@@ -1,8 +1,8 @@
 //! Pictures as files in memory.
 
 use crate::{CameraInfo, SensorInfo, SetError};
-use wm_media::PictureSize;
-use wm_media::jpeg::{self, SamplingFactor};
+use wm_image::PictureSize;
+use wm_image::jpeg::{self, SamplingFactor};
 
 /// Quality of JPEG files, 1-100; public data sets store pictures of vehicles at 80 to 95.
 const JPEG_QUALITY: u8 = 92;
@@ -11,7 +11,7 @@ const JPEG_QUALITY: u8 = 92;
 pub(crate) fn png(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, SetError> {
     check_size(sensor, camera, rgb)?;
     let (width, height) = camera.size;
-    wm_media::png::encode_rgb8(rgb, PictureSize::new(width, height)).map_err(|error| problem(sensor, &error))
+    wm_image::png::encode_rgb8(rgb, PictureSize::new(width, height)).map_err(|error| problem(sensor, &error))
 }
 
 /// Encodes `rgb [H, W, 3]` as a JPEG. Chroma has the full resolution: for half of it, the encoder

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 use weather_magician::PictureSize;
 use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
 use weather_magician::{Layers, PictureLayer};
-use wm_media::color::{Dither, quantize_rgb8};
-use wm_media::png;
+use wm_image::color::{Dither, quantize_rgb8};
+use wm_image::png;
 
 /// The outputs of a picture that were asked for.
 #[derive(Clone, Debug)]

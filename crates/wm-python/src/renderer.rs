@@ -397,7 +397,7 @@ impl PyRenderer {
         if !(seconds > 0.0 && seconds.is_finite()) {
             return Err(PyValueError::new_err(format!("seconds {seconds}: must be above 0")));
         }
-        let wrong = |error: wm_media::MediaError| PyValueError::new_err(format!("fps {fps}: {error}"));
+        let wrong = |error: wm_image::MediaError| PyValueError::new_err(format!("fps {fps}: {error}"));
         let rate: FrameRate = fps.to_string().parse().map_err(wrong)?;
         let name = self.source.name();
         self.with(py, |open, stop| {

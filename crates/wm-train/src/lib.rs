@@ -37,7 +37,7 @@
 //! Modules, from photos to scores:
 //! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]:
 //!   cameras of plain photos; [`video`]: photos out of a video.
-//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: the same, fitted to the
+//! - [`wm_image::maps`]: depth, normals and masks of photos in files; [`priors`]: the same, fitted to the
 //!   scene before a training.
 //! - [`config`], [`plan`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`blocks`]: trainings of the parts of a large place, and their join.
@@ -62,7 +62,6 @@ mod fill;
 mod haze;
 mod learner;
 mod losses;
-pub mod maps;
 pub mod metrics;
 mod movers;
 mod overlap;

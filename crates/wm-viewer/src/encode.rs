@@ -2,10 +2,10 @@
 
 use crate::state::ViewOutput;
 use std::sync::LazyLock;
-use wm_media::PictureSize;
-use wm_media::color::{Dither, quantize_rgb8};
-use wm_media::jpeg::{JpegError, SamplingFactor};
-use wm_media::ramps::turbo;
+use wm_image::PictureSize;
+use wm_image::color::{Dither, quantize_rgb8};
+use wm_image::jpeg::{JpegError, SamplingFactor};
+use wm_image::ramps::turbo;
 use wm_render::Frame;
 
 /// JPEG quality from which on chroma is not subsampled.
@@ -58,7 +58,7 @@ pub(crate) fn join_columns(left: (Vec<u8>, u32), right: (Vec<u8>, u32)) -> Vec<u
 /// The picture is too large for a JPEG.
 pub fn jpeg(rgb: &[u8], size: (u32, u32), quality: u8) -> Result<Vec<u8>, JpegError> {
     let sampling = if quality >= WHOLE_COLORS { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
-    wm_media::jpeg::encode(rgb, size, quality, sampling)
+    wm_image::jpeg::encode(rgb, size, quality, sampling)
 }
 
 #[cfg(test)]

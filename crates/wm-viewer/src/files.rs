@@ -4,7 +4,7 @@ use crate::catalog::Catalog;
 use crate::state::{Follow, ViewOutput};
 use crate::view::View;
 use std::ffi::{OsStr, OsString};
-use wm_media::video::FrameRate;
+use wm_image::video::FrameRate;
 
 /// A text to save.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use weather_magician::lidar::PointOverlay;
 use weather_magician::{
     FrameRequest, Layers, MovingCamera, Patience, Picture, PictureLayer, PreparedPlace, Renderer, Result,
 };
-use wm_media::color::Dither;
+use wm_image::color::Dither;
 use wm_render::{Frame, Stats};
 use wm_scene::Camera;
 use wm_scene::survey::Survey;

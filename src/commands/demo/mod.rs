@@ -27,7 +27,7 @@ use weather_magician::view::spec;
 use weather_magician::{
     Camera, FrameRequest, Metadata, Picture, PictureSize, Scene, Weather, picture_tags, video,
 };
-use wm_media::{color::Dither, png, sheet};
+use wm_image::{color::Dither, png, sheet};
 use wm_street::{Street, Viewpoint};
 use wm_weather::ParamValue;
 

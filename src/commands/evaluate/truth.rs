@@ -5,7 +5,7 @@ use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::train::evaluation::{TruthError, TruthMaps, TruthOptions};
-use weather_magician::train::maps::{DepthForm, DepthUnit, NormalAxes};
+use weather_magician::wm_image::maps::{DepthForm, DepthUnit, NormalAxes};
 use wm_scene::survey::Survey;
 
 /// The folders of ground-truth maps, and the meaning of their numbers.

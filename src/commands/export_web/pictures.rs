@@ -14,7 +14,7 @@ use weather_magician::view::moves;
 use weather_magician::{
     Camera, CameraMotion, FrameRequest, Patience, Picture, PictureSize, Weather, picture_tags,
 };
-use wm_media::color::{Dither, quantize_rgb8};
+use wm_image::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
 use wm_viewer::encode;
 use wm_viewer::thumbnail::{self, thumbnail_weather};

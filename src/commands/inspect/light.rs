@@ -9,7 +9,7 @@ use weather_magician::view::{ViewOptions, choose};
 use weather_magician::{
     Camera, FrameRequest, Metadata, PictureSize, PlaceOptions, PreparedPlace, Renderer, Scene, Weather,
 };
-use wm_media::{color::Dither, png, sheet};
+use wm_image::{color::Dither, png, sheet};
 use wm_scene::{Splats, sh};
 use wm_weather::light::CaptureLight;
 

@@ -8,8 +8,8 @@ use std::fs;
 use weather_magician::train::photos::Photo;
 use weather_magician::train::priors::{Prior, Priors, SkyClass};
 use weather_magician::{Camera, PictureSize};
-use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
-use wm_media::{color::Dither, png, ramps};
+use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
+use wm_image::{color::Dither, png, ramps};
 use wm_scene::{FormatError, Problem};
 
 /// Number of photos on the sheet.

@@ -16,7 +16,7 @@ use weather_magician::train::session::{
 };
 use weather_magician::train::video::VideoProgress;
 use weather_magician::{Camera, PictureSize};
-use wm_media::{color::Dither, png};
+use wm_image::{color::Dither, png};
 
 /// Shows a training on the terminal, in the run folder and in a browser.
 pub(crate) struct TrainingConsole<'a> {

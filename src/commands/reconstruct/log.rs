@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::Metadata;
 use weather_magician::train::HeldOut;
-use weather_magician::train::maps::{DepthForm, DepthUnit, MapFolder};
+use weather_magician::wm_image::maps::{DepthForm, DepthUnit, MapFolder};
 use weather_magician::train::photos::Check;
 use weather_magician::train::priors::files::{DepthFiles, FileMaps, MapsOf};
 use weather_magician::train::priors::fit::Freedom;

@@ -32,8 +32,8 @@ use weather_magician::{
     Camera, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, Weather,
     picture_tags,
 };
-use wm_media::color::Dither;
-use wm_media::png::DepthScale;
+use wm_image::color::Dither;
+use wm_image::png::DepthScale;
 use wm_render::{Background, Stats};
 use wm_scene::Rasterization;
 use wm_scene::files::check_writable;

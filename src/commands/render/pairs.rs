@@ -251,7 +251,7 @@ fn write_pair(folder: &Path, shot: &PhotoView, styles: &[PictureStyle; 2], pictu
             .with_context(|| format!("cannot create the folder {}", parent.display()))?;
     }
     let [clean, weather, depth, transmittance, particles] = paths;
-    wm_media::png::write_rgb(&clean, &picture.clear, size, clear.dither, &clear.tags)?;
+    wm_image::png::write_rgb(&clean, &picture.clear, size, clear.dither, &clear.tags)?;
     style.write(picture, &weather)?;
     style.write_layer(PictureLayer::Depth, PictureFormat::Npy, picture, &depth)?;
     style.write_layer(PictureLayer::Transmittance, PictureFormat::Npy, picture, &transmittance)?;

@@ -20,7 +20,7 @@ use weather_magician::rig::{Rig, RigDevice, RigSensor};
 use weather_magician::{
     Camera, CameraMotion, Error, FrameRequest, LensView, NextFrame, Picture, Weather, picture_tags,
 };
-use wm_media::png::DepthScale;
+use wm_image::png::DepthScale;
 
 /// The file that describes the sensors and their files.
 const MANIFEST: &str = "rig.json";

@@ -10,7 +10,7 @@ use std::time::Instant;
 use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use weather_magician::{Picture, PictureSize, video};
-use wm_media::png::DepthScale;
+use wm_image::png::DepthScale;
 
 /// The file that describes the frames of a folder.
 const MANIFEST: &str = "render.json";

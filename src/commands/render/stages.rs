@@ -5,7 +5,7 @@ use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
 use weather_magician::output::{PictureStyle, beside};
 use weather_magician::{Picture, PictureSize, Weather};
-use wm_media::png;
+use wm_image::png;
 use wm_weather::{EffectRole, Fidelity};
 
 /// The names of the steps.

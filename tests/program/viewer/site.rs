@@ -13,7 +13,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use weather_magician::{Patience, PlaceOptions, PreparedPlace, Renderer, Weather};
-use wm_media::color::Dither;
+use wm_image::color::Dither;
 use wm_scene::Scene;
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_viewer::View;

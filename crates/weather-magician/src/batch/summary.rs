@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 use wm_datasets::ClipInfo;
-use wm_media::jpeg::{SamplingFactor, encode};
+use wm_image::jpeg::{SamplingFactor, encode};
 use wm_scene::files::write_atomically;
 
 /// The page.

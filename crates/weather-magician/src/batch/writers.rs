@@ -10,8 +10,8 @@ use crate::rig::{Rig, RigDevice};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use wm_datasets::{BlockInfo, BlockWriter, PictureReading, ReadingData, ReadingInfo, SensorReading, SetInfo};
-use wm_media::PictureSize;
-use wm_media::png::{DepthScale, write_rgb8};
+use wm_image::PictureSize;
+use wm_image::png::{DepthScale, write_rgb8};
 
 /// The depth that 16-bit depths of all scenes reach, m: one scale for the whole set.
 const MAX_DEPTH_M: f64 = 500.0;

@@ -1,7 +1,7 @@
 //! Colours of points.
 
 use std::str::FromStr;
-use wm_media::ramps;
+use wm_image::ramps;
 use wm_sensors::{EchoClass, LidarPoint, LidarSweep};
 
 /// The property that colours points.

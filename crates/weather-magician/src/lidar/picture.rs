@@ -4,7 +4,7 @@ use super::colors::{class_color, intensity_color, lowest, range_color};
 use super::in_sensor;
 use std::path::Path;
 use std::str::FromStr;
-use wm_media::{MediaError, PictureSize, png};
+use wm_image::{MediaError, PictureSize, png};
 use wm_sensors::{EchoClass, LidarPoint, LidarSweep};
 
 /// A way to look at a sweep.

@@ -15,8 +15,8 @@ use super::{
 };
 use crate::Picture;
 use crate::{Error, FrameRequest, Layers, Result};
-use wm_media::PictureSize;
-use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
+use wm_image::PictureSize;
+use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
 use wm_scene::Camera;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::str::FromStr;
-use wm_media::{MediaError, PictureSize, png, ramps};
+use wm_image::{MediaError, PictureSize, png, ramps};
 use wm_sensors::radar::{RadarClass, RadarDetection, RadarSweep};
 
 /// A way to look at a radar's sweep, from above, the sensor below the middle and ahead of it above.

@@ -11,7 +11,7 @@ use crate::dataset::Dataset;
 use crate::haze::PhotoHaze;
 use crate::metrics::{
     DepthErrors, FloaterShare, Floaters, NormalErrors, Ssim, SurfaceLost, depth_errors, fit_exposure,
-    normal_errors, psnr, sharpness, sky_covered, surface_lost,
+    normal_errors, sharpness, sky_covered, surface_lost,
 };
 use crate::photos::{BadPhotos, Photo, PhotoError};
 use crate::session::ObserverError;

@@ -1,7 +1,7 @@
 //! Ground-truth maps of a data set: where they are, and what their numbers mean.
 
 use crate::dataset::Dataset;
-use crate::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
+use wm_image::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -7,7 +7,6 @@ mod coverage;
 mod depth;
 mod floaters;
 mod normal;
-mod psnr;
 mod sharpness;
 
 pub use crate::ssim::Ssim;
@@ -21,5 +20,4 @@ pub use floaters::FloaterShare;
 pub(crate) use floaters::Floaters;
 pub(crate) use normal::normal_errors;
 pub use normal::{NormalErrors, angle};
-pub use psnr::psnr;
 pub(crate) use sharpness::sharpness;

@@ -2,7 +2,7 @@
 
 use std::{fmt, path::PathBuf};
 use thiserror::Error;
-use wm_scene::FormatError;
+use wm_image::photo::{DecodeError, DecodeFault};
 
 /// A photo that cannot be used.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -99,9 +99,12 @@ impl fmt::Display for PhotoErrors {
     }
 }
 
-impl PhotoError {
-    /// The fault of a file that could not be read.
-    pub(super) fn reading(error: &FormatError) -> Self {
-        Self { path: error.path.clone(), fault: PhotoFault::Unreadable(error.problem.to_string()) }
+impl From<DecodeError> for PhotoError {
+    fn from(DecodeError { path, fault }: DecodeError) -> Self {
+        let fault = match fault {
+            DecodeFault::Damaged(what) => PhotoFault::Damaged(what),
+            other => PhotoFault::Unreadable(other.to_string()),
+        };
+        Self { path, fault }
     }
 }

@@ -20,7 +20,6 @@
 //! Black is left out, white counts; a transparent part of a PNG photo is left out too.
 
 pub(crate) mod cache;
-mod decode;
 mod error;
 mod folder;
 mod picture;
@@ -31,9 +30,10 @@ mod undistort;
 
 pub use error::{PhotoError, PhotoErrors, PhotoFault};
 pub use folder::photos_in;
-pub use picture::{Photo, read_picture};
+pub use picture::Photo;
 
-use crate::maps::{Filter, Map, MapFault};
+use wm_image::photo::DecodeError;
+use wm_image::maps::{Filter, Map, MapFault};
 use cache::Cache;
 use picture::{Entry, Lens, is_scaled, reduced_camera};
 use rayon::prelude::*;
@@ -405,7 +405,7 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     let Some(file) = capture.photo(index) else {
         return Err(PhotoError { path: capture.images.join(&view.file), fault: PhotoFault::Missing });
     };
-    let mut header = read_header(&file).map_err(|e| PhotoError::reading(&e))?;
+    let mut header = read_header(&file).map_err(|e| DecodeError::of_header(&e))?;
     if let Some(original) = view.original.as_ref().and_then(|file| read_header(file).ok()) {
         header.gps = header.gps.or(original.gps);
         header.taken = header.taken.or(original.taken);

@@ -3,15 +3,12 @@
 use super::{
     MIN_SIDE_PX,
     cache::Weigh,
-    decode::{Decoded, decode},
     error::{PhotoError, PhotoFault},
     resize::{reduce, resize},
     undistort::undistort,
 };
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
+use wm_image::photo::{DecodeError, Decoded, decode_photo};
 use wm_scene::{
     Camera,
     capture::{
@@ -87,25 +84,6 @@ pub(super) fn reduced_camera(camera: &Camera, level: u8) -> Camera {
     }
 }
 
-/// A JPEG or PNG as it is stored: width, height, `[H, W, 3]`.
-///
-/// `fits` may refuse its size before it is decoded.
-///
-/// # Errors
-/// [`PhotoError`] if it cannot be read, does not decode, or is refused ([`PhotoFault::Unreadable`]
-/// with the words of `fits`).
-pub fn read_picture(
-    path: &Path,
-    fits: &dyn Fn(u32, u32) -> Result<(), String>,
-) -> Result<(u32, u32, Vec<u8>), PhotoError> {
-    let fault = |fault| PhotoError { path: path.into(), fault };
-    let header = read_header(path).map_err(|e| PhotoError::reading(&e))?;
-    fits(header.width, header.height).map_err(|why| fault(PhotoFault::Unreadable(why)))?;
-    let bytes = fs::read(path).map_err(|e| fault(PhotoFault::Unreadable(format!("cannot be read: {e}"))))?;
-    let decoded = decode(&bytes, header.kind).map_err(|what| fault(PhotoFault::Damaged(what)))?;
-    Ok((decoded.width, decoded.height, decoded.rgb))
-}
-
 /// The cameras before and after a lens is undone.
 #[derive(Clone, Debug)]
 pub(super) struct Lens {
@@ -160,7 +138,7 @@ impl Entry {
 
     /// The mask: black is left out, white counts. Of coloured ones red says it.
     fn load_mask(&self, path: &Path) -> Result<Vec<u8>, PhotoError> {
-        let header = read_header(path).map_err(|e| PhotoError::reading(&e))?;
+        let header = read_header(path).map_err(|e| DecodeError::of_header(&e))?;
         let size = (header.width, header.height);
         // A mask is turned as the photo is if it lies as the stored photo does.
         let is_stored = size == self.stored || size != self.upright() && is_scaled(size, self.stored);
@@ -190,12 +168,10 @@ impl Entry {
 
     /// The picture of a file, upright.
     fn decoded(&self, path: &Path, kind: PhotoKind) -> Result<Decoded, PhotoError> {
-        let fault = |fault| PhotoError { path: path.into(), fault };
-        let bytes =
-            fs::read(path).map_err(|e| fault(PhotoFault::Unreadable(format!("cannot be read: {e}"))))?;
-        let decoded = decode(&bytes, kind).map_err(|what| fault(PhotoFault::Damaged(what)))?;
+        let decoded = decode_photo(path, kind)?;
         if (decoded.width, decoded.height) != self.stored {
-            return Err(fault(PhotoFault::Damaged("its size is not that of its header".into())));
+            let fault = PhotoFault::Damaged("its size is not that of its header".into());
+            return Err(PhotoError { path: path.into(), fault });
         }
         Ok(if self.orientation == Orientation::Upright {
             decoded

@@ -1,7 +1,7 @@
 //! Removes the distortion of lenses from photos and maps.
 
 use super::picture::Lens;
-use crate::maps::{Filter, Map};
+use wm_image::maps::{Filter, Map};
 use wm_scene::{Camera, capture::Distortion};
 
 /// The four pixels around a point of an image, and how far between them the point is.

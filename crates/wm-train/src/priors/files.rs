@@ -3,7 +3,7 @@
 use super::SkyClass;
 use super::fit::Freedom;
 use super::given::{Given, GivenDepth, SkyBy};
-use crate::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
+use wm_image::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
 use crate::photos::Photos;
 use std::path::PathBuf;
 use wm_scene::Camera;

@@ -4,7 +4,7 @@ use super::fit::{Fit, FitError, Freedom};
 use super::relative::{self, Relative, SeenPoint};
 use super::sky::{SkyInput, below_horizon, classify};
 use super::{Prior, SkyClass};
-use crate::maps::{Filter, Map};
+use wm_image::maps::{Filter, Map};
 use crate::photos::Photo;
 use thiserror::Error;
 use wm_scene::capture::CaptureUp;

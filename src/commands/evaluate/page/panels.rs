@@ -6,7 +6,7 @@ use anyhow::Result;
 use std::fmt::Write;
 use weather_magician::train::evaluation::{EvaluatedPhoto, TrueMaps};
 use weather_magician::train::metrics::{COVERED, SLACK, angle};
-use wm_media::ramps::{self, ColorRamp};
+use wm_image::ramps::{self, ColorRamp};
 use wm_render::Frame;
 
 /// Largest difference of colours on the colour ramp.

@@ -9,7 +9,7 @@ use crate::progress;
 use anyhow::{Result, anyhow, bail};
 use std::path::{Path, PathBuf};
 use weather_magician::train::metrics::Embeddings;
-use weather_magician::train::photos::read_picture;
+use weather_magician::wm_image::photo::read_photo;
 use wm_scene::capture::header::read_header;
 
 /// A set of pictures with its embeddings.
@@ -147,8 +147,8 @@ impl<'a> Collector<'a> {
                 return Err(stopped(part, index, files.len(), cache.keep()?).into());
             }
             let added = cache.add(file, || {
-                let (width, _, rgb) = read_picture(file, &|_, _| Ok(()))?;
-                embedder.embed(&rgb, width as usize).map_err(|error| anyhow!("{}: {error}", file.display()))
+                let photo = read_photo(file, &|_, _| Ok(()))?;
+                embedder.embed(&photo.rgb, photo.width as usize).map_err(|error| anyhow!("{}: {error}", file.display()))
             });
             match added {
                 Ok(()) => count += 1,

@@ -6,7 +6,7 @@ use super::{SizeArg, VersionArg};
 use crate::dataset::Dataset;
 use crate::weights::PublishedWeights;
 use anyhow::{Result, bail};
-use weather_magician::train::maps::{Filter, Map};
+use weather_magician::wm_image::maps::{Filter, Map};
 use weather_magician::train::priors::files::size_within;
 use weather_magician::train::priors::fit::Freedom;
 use weather_magician::train::priors::given::{Given, GivenDepth, SkyBy};

@@ -70,7 +70,7 @@ pub(super) fn write(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSi
     }));
     maps.write(set, files)?;
     // The devkit opens the map's picture; one black pixel is nothing known.
-    let pixel = wm_media::png::encode_rgb8(&[0; 3], wm_media::PictureSize::new(1, 1)).map_err(|error| {
+    let pixel = wm_image::png::encode_rgb8(&[0; 3], wm_image::PictureSize::new(1, 1)).map_err(|error| {
         SetError::Layout { layout: "nuscenes", problem: format!("the map cannot be written: {error}") }
     })?;
     files.write(&map_path, &pixel)?;

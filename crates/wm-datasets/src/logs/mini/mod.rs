@@ -13,7 +13,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use wm_media::jpeg::{SamplingFactor, encode};
+use wm_image::jpeg::{SamplingFactor, encode};
 
 /// Width and height of the photos, px.
 pub(crate) const SIZE: (u32, u32) = (80, 60);

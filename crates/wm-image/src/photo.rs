@@ -1,34 +1,93 @@
-//! JPEG and PNG to 8-bit RGB, as stored: colour profiles are not looked at, sRGB is taken for
-//! granted.
+//! Decodes photos: JPEG and PNG to 8-bit RGB, as stored. Colour profiles are not looked at, sRGB is
+//! taken for granted.
 
 use std::{
+    fs,
     io::Cursor,
     panic::{AssertUnwindSafe, catch_unwind},
+    path::{Path, PathBuf},
 };
+use thiserror::Error;
+use wm_scene::FormatError;
 use wm_scene::camera::MAX_SIDE;
-use wm_scene::capture::header::PhotoKind;
+use wm_scene::capture::header::{PhotoKind, read_header};
 use zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions};
 use zune_jpeg::JpegDecoder;
 
 /// Most pixels of a photo: 256 million, 768 MiB decoded.
-pub(super) const MAX_PIXELS: u64 = 1 << 28;
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// A photo that cannot be read.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{}: {fault}", path.display())]
+pub struct DecodeError {
+    /// The file.
+    pub path: PathBuf,
+    /// The fault.
+    pub fault: DecodeFault,
+}
+
+/// A fault of a photo file.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DecodeFault {
+    /// It cannot be read, is no JPEG or PNG, or is refused for its size.
+    #[error("{0}")]
+    Unreadable(String),
+    /// It does not decode.
+    #[error("the photo is damaged ({0}); copy it again")]
+    Damaged(String),
+}
+
+impl DecodeError {
+    /// Returns the fault of a file whose header cannot be read.
+    #[must_use]
+    pub fn of_header(error: &FormatError) -> Self {
+        Self { path: error.path.clone(), fault: DecodeFault::Unreadable(error.problem.to_string()) }
+    }
+}
 
 /// A picture as the file has it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Decoded {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    /// `[H, W, 3]`.
-    pub(crate) rgb: Vec<u8>,
-    /// `[H, W]`, if any pixel is not opaque.
-    pub(crate) alpha: Option<Vec<u8>>,
+pub struct Decoded {
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+    /// Colours `[H, W, 3]`.
+    pub rgb: Vec<u8>,
+    /// Opacities `[H, W]`, if any pixel is not opaque.
+    pub alpha: Option<Vec<u8>>,
 }
 
-/// Decodes a photo.
+/// Reads a JPEG or PNG as it is stored. `fits` may refuse its size before it is decoded.
 ///
 /// # Errors
-/// What is wrong with it, in a few words.
-pub(super) fn decode(bytes: &[u8], kind: PhotoKind) -> Result<Decoded, String> {
+/// [`DecodeError`] if it cannot be read, does not decode, or is refused
+/// ([`DecodeFault::Unreadable`] with the words of `fits`).
+pub fn read_photo(
+    path: &Path,
+    fits: &dyn Fn(u32, u32) -> Result<(), String>,
+) -> Result<Decoded, DecodeError> {
+    let header = read_header(path).map_err(|e| DecodeError::of_header(&e))?;
+    fits(header.width, header.height)
+        .map_err(|why| DecodeError { path: path.into(), fault: DecodeFault::Unreadable(why) })?;
+    decode_photo(path, header.kind)
+}
+
+/// Decodes a photo of a known kind.
+///
+/// # Errors
+/// [`DecodeError`] if it cannot be read or does not decode.
+pub fn decode_photo(path: &Path, kind: PhotoKind) -> Result<Decoded, DecodeError> {
+    let fault = |fault| DecodeError { path: path.into(), fault };
+    let bytes =
+        fs::read(path).map_err(|e| fault(DecodeFault::Unreadable(format!("cannot be read: {e}"))))?;
+    decode(&bytes, kind).map_err(|what| fault(DecodeFault::Damaged(what)))
+}
+
+/// Decodes a photo, or says in a few words what is wrong with it.
+fn decode(bytes: &[u8], kind: PhotoKind) -> Result<Decoded, String> {
     let decoder = match kind {
         PhotoKind::Jpeg => jpeg,
         PhotoKind::Png => png,

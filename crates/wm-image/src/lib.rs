@@ -1,4 +1,5 @@
-//! Pictures and videos out of pixels: PNG, EXR, MP4, and contact sheets.
+//! Reads and writes pictures and videos: photos ([`photo`]), depth, normal and mask maps ([`maps`]),
+//! PNG, EXR, MP4, and contact sheets.
 //!
 //! Everything takes plain slices, so that nothing here knows a renderer:
 //!
@@ -22,7 +23,10 @@ mod error;
 pub mod exr;
 pub mod flow;
 pub mod jpeg;
+pub mod maps;
+pub mod photo;
 pub mod png;
+pub mod quality;
 pub mod ramps;
 pub mod sheet;
 pub mod video;

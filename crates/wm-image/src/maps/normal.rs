@@ -43,7 +43,7 @@ impl NormalAxes {
     ///
     /// # Errors
     /// [`MapFault::Channels`] if there are fewer than three.
-    pub(crate) fn to_world(self, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
+    pub fn to_world(self, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
         let world_from_camera = camera.rotation().transpose();
         let mut out = Vec::with_capacity(3 * map.pixels());
         for values in map.triples()? {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use wm_scene::file_index::{FileIndex, FileKind};
 
 /// Extensions of maps, in lower case.
-pub(crate) const EXTENSIONS: [&str; 5] = ["npy", "exr", "tiff", "tif", "png"];
+pub const EXTENSIONS: [&str; 5] = ["npy", "exr", "tiff", "tif", "png"];
 
 /// Names of maps: those of their photos, perhaps with an ending.
 const MAP: FileKind = FileKind {
@@ -28,7 +28,7 @@ impl MapFolder {
 
     /// The folder.
     #[must_use]
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         self.0.folder()
     }
 

@@ -41,7 +41,7 @@ impl DepthForm {
     ///
     /// # Errors
     /// [`MapFault::Channels`] if the map has not one channel.
-    pub(crate) fn to_view_z(self, scale: f64, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
+    pub fn to_view_z(self, scale: f64, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
         let mut values = map.grey()?;
         let camera = camera.resized(map.width, map.height);
         let width = map.width as usize;

@@ -42,7 +42,7 @@ use std::{
 use wm_scene::camera::MAX_SIDE;
 
 /// Most numbers of a map: 1 GiB of them, such as three channels of 89 million pixels.
-pub(crate) const MAX_VALUES: u64 = 1 << 28;
+pub const MAX_VALUES: u64 = 1 << 28;
 /// Longest file that is read, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 31;
 /// Most bytes that one byte of a compressed file can stand for: deflate reaches 1032, LZW of 12
@@ -95,7 +95,7 @@ impl Map {
 
     /// Number of pixels.
     #[must_use]
-    pub(crate) fn pixels(&self) -> usize {
+    pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
     }
 
@@ -115,7 +115,7 @@ impl Map {
     ///
     /// # Errors
     /// [`MapFault::Aspect`] if the aspect ratios differ by more than 1 %.
-    pub(crate) fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
+    pub fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
         let across = f64::from(self.width) * f64::from(photo_height);
         let down = f64::from(self.height) * f64::from(photo_width);
         if (across / down - 1.0).abs() <= ASPECT_TOLERANCE && (down / across - 1.0).abs() <= ASPECT_TOLERANCE
@@ -130,7 +130,7 @@ impl Map {
     ///
     /// Of coloured pictures red says it. Counts that are all 0 and 1 are taken as such.
     #[must_use]
-    pub(crate) fn to_mask(&self) -> Vec<f32> {
+    pub fn to_mask(&self) -> Vec<f32> {
         let is_tiny = self.values.iter().all(|v| *v <= 1.0);
         let full = match self.stored {
             Stored::Counts(full) if !is_tiny => full,

@@ -1,4 +1,4 @@
-//! Peak signal-to-noise ratio.
+//! Compares pictures: the peak signal-to-noise ratio.
 
 /// `-10 log10` of the mean squared difference, dB, for values 0-1 that are clamped to that range
 /// first; infinite for equal pictures. With a mask, `[H, W]`, over the pixels that count.
