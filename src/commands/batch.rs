@@ -13,7 +13,7 @@ use std::str::FromStr;
 use std::time::Instant;
 use weather_magician::assets::AssetCache;
 use weather_magician::batch::{
-    BatchPlan, BatchRun, BatchStore, FRAMES_LAYOUT, PAGE, datasets::LAYOUTS, merge, missing_blocks, runs_of,
+    BatchPlan, BatchRun, BatchStore, FRAMES_LAYOUT, LAYOUTS, PAGE, merge, missing_blocks, runs_of,
 };
 use weather_magician::{Error, Progress};
 

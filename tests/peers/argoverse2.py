@@ -2,7 +2,7 @@
 """Holds the layout `argoverse2` against Argoverse's own reader: logs of the synthetic set are read by `av2`, and counts, times, poses,
 intrinsics, points and the pixel of a known point must be those of `truth.json`.
 
-    cargo run -p wm-datasets --features testing --example synthetic_set -- argoverse2 FOLDER
+    cargo run -p wm-batch --features testing --example synthetic_set -- argoverse2 FOLDER
     python3 -m venv VENV && VENV/bin/pip install av2
     VENV/bin/python tests/peers/argoverse2.py FOLDER
 

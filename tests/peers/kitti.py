@@ -3,7 +3,7 @@
 and label readers of OpenPCDet, and compares counts, intrinsics, poses, times, points and pixels with `truth.json`, the set's own numbers.
 
     for LAYOUT in kitti-raw kitti-odometry kitti-object; do
-        cargo run -p wm-datasets --features testing --example synthetic_set -- $LAYOUT SETS/$LAYOUT; done
+        cargo run -p wm-batch --features testing --example synthetic_set -- $LAYOUT SETS/$LAYOUT; done
     python3 -m venv VENV && VENV/bin/pip install pykitti==0.3.1 opencv-python-headless
     git clone --depth 1 https://github.com/open-mmlab/OpenPCDet        # for kitti-object; nothing of it is built
     VENV/bin/python tests/peers/kitti.py SETS [OpenPCDet]

@@ -2,7 +2,7 @@
 """Holds the layout `nuscenes` against nuscenes-devkit: loads a set with it and compares counts, intrinsics, poses, times, points and pixels with
 `truth.json`, the set's own numbers, then draws points into a picture and joins sweeps as trainings do.
 
-    cargo run -p wm-datasets --features testing --example synthetic_set -- nuscenes SET
+    cargo run -p wm-batch --features testing --example synthetic_set -- nuscenes SET
     python3 -m venv VENV && VENV/bin/pip install nuscenes-devkit==1.2.0 'numpy<2'
     VENV/bin/python tests/peers/nuscenes.py SET
 

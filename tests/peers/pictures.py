@@ -3,7 +3,7 @@
 set, each in a folder of its name below FOLDER.
 
     for layout in tartanair nerfstudio colmap acdc foggy-cityscapes; do
-        cargo run -p wm-datasets --features testing --example synthetic_set -- $layout FOLDER/$layout
+        cargo run -p wm-batch --features testing --example synthetic_set -- $layout FOLDER/$layout
     done
     python3 -m venv VENV && VENV/bin/pip install pycolmap cityscapesscripts numpy pillow
     VENV/bin/python tests/peers/pictures.py FOLDER

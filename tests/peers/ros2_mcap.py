@@ -3,7 +3,7 @@
 definitions in them, and bags by `rosbags`, by its own definitions of Humble; counts, transforms, CameraInfo, points and the pixel of a
 known point must be those of `truth.json`.
 
-    cargo run -p wm-datasets --features testing --example synthetic_set -- ros2-mcap FOLDER
+    cargo run -p wm-batch --features testing --example synthetic_set -- ros2-mcap FOLDER
     python3 -m venv VENV && VENV/bin/pip install mcap-ros2-support==0.6.0 rosbags==0.11.9 numpy pillow
     VENV/bin/python tests/peers/ros2_mcap.py FOLDER
 

@@ -3,7 +3,7 @@
 `generate_sequential.py`, counts classes with its `content.py` and its configuration, and compares with `truth.json`, the set's own numbers.
 
     for LAYOUT in semantic-kitti wads; do
-        cargo run -p wm-datasets --features testing --example synthetic_set -- $LAYOUT SETS/$LAYOUT; done
+        cargo run -p wm-batch --features testing --example synthetic_set -- $LAYOUT SETS/$LAYOUT; done
     python3 -m venv VENV && VENV/bin/pip install numpy pyyaml
     git clone --depth 1 https://github.com/PRBonn/semantic-kitti-api API
     VENV/bin/python tests/peers/semantic_kitti.py SETS API

@@ -50,61 +50,16 @@
 //! on the CPU, on any number of threads. The library prints nothing. Warnings come back as values
 //! ([`PreparedPlace::take_warnings`]), and long work reports to a [`Progress`].
 
-pub mod assets;
-mod bake;
-pub mod batch;
-pub mod camera_model;
 mod convert;
-mod error;
-pub mod flow;
-pub mod frame;
-pub mod labels;
-pub mod lamps;
-mod layers;
-mod lens_view;
-pub mod levels;
-pub mod lidar;
-pub mod measure;
-mod moments;
-mod motion;
-mod motion_spec;
-pub mod output;
-pub mod panorama_file;
-mod picture;
-mod place;
-mod place_light;
-mod place_water;
-mod progress;
-pub mod radar;
-pub mod reduce;
-mod render;
-mod renderer;
-mod request;
-pub mod rig;
-pub mod sequence;
-mod tags;
-mod thinned;
-pub mod view;
 
-pub use bake::BakedScene;
 pub use convert::{CropBox, LengthScale, SceneChange};
-pub use error::{Error, Result};
-pub use layers::{Layers, PictureLayer};
-pub use lens_view::{LensSpec, LensView};
-pub use motion::{CameraMotion, Mount};
-pub use motion_spec::MotionSpec;
-pub use picture::Picture;
-pub use place::{LevelCounts, PlaceFacts, PlaceOptions, PreparedPlace};
-pub use progress::Progress;
-pub use renderer::Renderer;
-pub use request::{FrameCamera, FrameRequest, MovingCamera, NextFrame, Patience};
-pub use sequence::VideoFile;
-pub use tags::picture_tags;
+pub use wm_batch as batch;
+pub use wm_capture as capture;
 pub use wm_image::{PictureSize, video};
-// Types of these crates stand in public signatures.
-pub use wm_render::{CpuConfig, Device};
+pub use wm_measure as measure;
+pub use wm_place::*;
 pub use wm_reports as reports;
-pub use wm_scene::{Camera, LensModel, LookAt, Metadata, Scene, formats};
+pub use wm_scene::formats;
 pub use wm_train as train;
-pub use wm_weather::{EFFECTS, Weather};
-pub use {wm_render, wm_scene, wm_weather};
+pub use wm_weather::EFFECTS;
+pub use {wm_image, wm_place, wm_render, wm_scene, wm_sensors, wm_weather};

@@ -8,7 +8,7 @@ use std::path::Path;
 use weather_magician::formats::folder::scene_file;
 use weather_magician::reports::{ReportKind, ReportNoteKind, find_weather, recognise};
 use weather_magician::train::DatasetReadOptions;
-use wm_datasets::{DrivingLog, LogOptions};
+use wm_capture::{DrivingLog, LogOptions};
 use wm_scene::capture::Capture;
 use wm_scene::files::{LARGE_TEXT, read_text};
 use wm_scene::{Problem, Remark};

@@ -19,8 +19,8 @@ use weather_magician::train::priors::files::{DepthFiles, FileMaps, MapsOf};
 use weather_magician::train::priors::fit::Freedom;
 use weather_magician::train::priors::folder::INDEX;
 use weather_magician::train::priors::{FOLDER, PriorsWriter};
-use wm_datasets::logs::LogCaptureStep;
-use wm_datasets::{DrivingLog, LogCaptureOptions, LogOptions};
+use wm_capture::logs::LogCaptureStep;
+use wm_capture::{DrivingLog, LogCaptureOptions, LogOptions};
 use wm_scene::capture::CaptureUp;
 use wm_scene::capture::up::UpEvidence;
 

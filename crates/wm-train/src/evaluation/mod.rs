@@ -14,6 +14,7 @@ use crate::metrics::{
     normal_errors, sharpness, sky_covered, surface_lost,
 };
 use crate::photos::{BadPhotos, Photo, PhotoError};
+use wm_image::quality::psnr;
 use crate::session::ObserverError;
 use serde::Serialize;
 use std::ops::ControlFlow;

@@ -1,0 +1,124 @@
+//! Transmittance along the rays of the place itself.
+//!
+//! A view of the place gives, a pixel, the depth of what it shows and the share of its light that
+//! the air lets through. The logarithm of that share must be the expected extinction, integrated
+//! along the ray to that depth: numerically, since the air may thin with height. Pixels on edges,
+//! where a pixel shows two depths, are left out: expected and median depth must agree; and so is
+//! the sky, whose splats stand for what is endlessly far: it is what even the thinnest fog hides.
+//!
+//! Tolerance 3 %: of the median of measured over asked optical depth, over all rays between 0.03
+//! and 4, and of how far single rays are off. A splat is dimmed by the length of its own ray; on
+//! slanted surfaces the splats of a pixel are nearer and farther than its depth.
+
+use super::plot::{Axis, Plot, Series};
+use super::{
+    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
+    clear, expected, median,
+};
+use wm_place::Result;
+use wm_place::{FrameRequest, Picture};
+use glam::DVec3;
+
+/// The instrument.
+pub(crate) const INSTRUMENT: Instrument = Instrument {
+    name: "rays",
+    title: "Transmittance along rays",
+    about: "A view of the place itself: at each pixel the share of light that the air lets through, against the extinction that is asked \
+            for, integrated along that ray to the depth that it shows. Heights count, where the air thins upwards.",
+    applies: |weather, time| !expected::airs(weather, time).is_empty(),
+    read,
+    sweep: &[
+        &["fog.mor=50"],
+        &["fog.mor=100"],
+        &["fog.mor=200"],
+        &["fog.mor=500"],
+        &["fog.mor=60", "fog.scale_height=10"],
+        &["haze.mor=1000"],
+    ],
+};
+
+/// Optical depths that are told from nothing and from everything.
+const OPTICAL_DEPTH_RANGE: std::ops::Range<f64> = 0.03..4.0;
+/// Largest relative difference of expected and median depth.
+const DEPTH_TOLERANCE: f64 = 0.02;
+/// Range of the thin air that tells the sky, in sizes of the place.
+const THIN_AIR_RANGE_SIZES: f64 = 100.0;
+/// Distance of the pixels that are taken, px.
+const PIXEL_STEP: usize = 3;
+
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let site = rig.site();
+    let [camera, _] = rig.views()?;
+    let weather = request.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
+    let mut picture = Picture::default();
+    let view = FrameRequest { layers: AIR, ..FrameRequest::new(&weather, camera, request.time) };
+    rig.draw(ShotSubject::Place, &view, &mut picture)?;
+    let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
+    // Air that is as good as clear as far as the place goes, and takes all light from what is
+    // endlessly far.
+    let (mut thin, mut sky) = (clear(), Picture::default());
+    thin.set_text(&format!("fog.mor={}", (THIN_AIR_RANGE_SIZES * site.far).max(1.0)))?;
+    let thin_view = FrameRequest { weather: &thin, ..view };
+    rig.draw(ShotSubject::Place, &thin_view, &mut sky)?;
+    let nearness = &sky.parts.transmittance;
+    let airs = expected::airs(&weather, request.time);
+    let up = DVec3::from_array(site.up);
+    let height = (camera.center().dot(up) - site.ground) * site.metres_per_unit;
+    let mut points = Vec::new();
+    for y in (0..camera.height as usize).step_by(PIXEL_STEP) {
+        for x in (0..camera.width as usize).step_by(PIXEL_STEP) {
+            let at = y * camera.width as usize + x;
+            let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));
+            let is_sharp = (other / z - 1.0).abs() < DEPTH_TOLERANCE;
+            if frame.alpha[at] < 0.99 || !is_sharp || nearness[3 * at + 1] < 0.8 {
+                continue;
+            }
+            let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
+            let metres = z / ray.dot(camera.forward()) * site.metres_per_unit;
+            let wanted: f64 =
+                airs.iter().map(|air| air.sigma_t[1] * air.length(height, ray.dot(up), metres)).sum();
+            let found = -f64::from(shares[3 * at + 1]).ln();
+            if OPTICAL_DEPTH_RANGE.contains(&wanted) && found.is_finite() {
+                points.push([wanted, found]);
+            }
+        }
+    }
+    // The median: some edges slip through.
+    let ratio = median(points.iter().map(|p| p[1] / p[0]).collect());
+    let off = median(points.iter().map(|p| (p[1] / p[0] - 1.0).abs()).collect());
+    let mut finding = Finding::default();
+    let reading = |quantity: String, asked, measured, tolerance| {
+        request.reading(quantity, "", [asked, measured], tolerance)
+    };
+    let count = points.len();
+    finding.readings.push(reading(
+        format!("optical depth over the integral, median of {count} rays"),
+        1.0,
+        if count < 100 { f64::NAN } else { ratio },
+        Tolerance::Relative(0.03),
+    ));
+    finding.readings.push(reading(
+        "single rays are off by, median".into(),
+        0.0,
+        off,
+        Tolerance::Absolute(0.03),
+    ));
+    let few = points.iter().step_by((count / 600).max(1)).copied().collect();
+    finding.plots.push(Plot {
+        title: format!("Optical depth of rays, {}", request.setting),
+        x: Axis::linear("asked: integral along the ray"),
+        y: Axis::linear("measured: -ln of the transmittance"),
+        series: vec![
+            Series::line("equal", vec![[0.0; 2], [OPTICAL_DEPTH_RANGE.end; 2]]),
+            Series::points("rays of one view", few),
+        ],
+    });
+    let size = (camera.width, camera.height);
+    finding.pictures.push(MeasuredPicture::of(request.setting.to_owned(), frame));
+    finding.pictures.push(MeasuredPicture::grey(
+        format!("{}: transmittance, white is all", request.setting),
+        shares.iter().skip(1).step_by(3).copied(),
+        size,
+    ));
+    Ok(finding)
+}

@@ -1,0 +1,139 @@
+//! Radar sweeps of places in rain, and pictures of them: plausible, not validated.
+//!
+//! ```
+//! use wm_place::radar::{RadarModel, RadarScanOptions};
+//! use wm_place::{Camera, CameraMotion, LookAt, PlaceView, Renderer, Weather};
+//!
+//! # let scene = wm_street::Street::builtin().sampling(0.1).scene(&|_| true).unwrap();
+//! let mut renderer = Renderer::cpu()?;
+//! let mut place = renderer.load(scene)?;
+//! let view = Camera::look_at([4.0, -20.0, 0.6], [4.0, -10.0, 0.6]).camera_at(&place)?;
+//! let weather = Weather::preset("heavy-rain")?;
+//! let radar = RadarModel::find("long-range-77")?;
+//! let motion = CameraMotion::from(view.camera);
+//! let sweep = renderer.scan_radar_once(&mut place, &weather, &radar, &motion, &RadarScanOptions::default())?;
+//! assert!(!sweep.detections.is_empty());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod picture;
+
+pub use picture::{RadarPicture, RadarView};
+pub use wm_sensors::radar::{RADAR_PRESETS, RadarClass, RadarDetection, RadarFormat, RadarModel, RadarSweep};
+pub use wm_sensors::{PointFrame, SensorError, about};
+
+use crate::lidar::UprightMotion;
+use crate::motion::CameraMotion;
+use crate::place::{PreparedPlace, check_owner};
+use crate::{Error, Progress, Renderer, Result};
+use std::sync::Arc;
+use wm_scene::Group;
+use wm_sensors::radar::{RadarOptions, RadarScene, radar_sweep};
+use wm_weather::{Fidelity, Weather};
+
+/// Options of a scan by radar.
+#[derive(Clone, Copy, Debug)]
+pub struct RadarScanOptions {
+    /// Start of sweep 0, s: of the weather, and along the path.
+    pub time: f64,
+    /// The first sweep to make.
+    pub first: u32,
+    /// Number of sweeps, one after the other.
+    pub sweeps: u32,
+    /// The seed of noise, speckle and rays.
+    pub seed: u64,
+    /// The number of the radar on its rig: its noise depends on it.
+    pub sensor: u8,
+    /// The axes of the detections.
+    pub frame: PointFrame,
+}
+
+impl Default for RadarScanOptions {
+    fn default() -> Self {
+        Self { time: 0.0, first: 0, sweeps: 1, seed: 0, sensor: 0, frame: PointFrame::default() }
+    }
+}
+
+impl Renderer {
+    /// Makes one sweep of a radar that is where the camera of `motion` is: upright, and ahead as
+    /// the camera looks, or as it is mounted on a rig. The shelter of the rain is found first.
+    ///
+    /// # Errors
+    /// As [`Self::scan_radar`].
+    pub fn scan_radar_once(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        radar: &RadarModel,
+        motion: &CameraMotion,
+        options: &RadarScanOptions,
+    ) -> Result<RadarSweep> {
+        let mut made = None;
+        let options = RadarScanOptions { sweeps: 1, ..*options };
+        let mut take = |sweep| {
+            made = Some(sweep);
+            Ok(())
+        };
+        self.scan_radar(place, weather, radar, motion, &options, &mut take, &mut ())?;
+        made.ok_or(Error::Stopped)
+    }
+
+    /// Makes sweeps one after the other, as [`Self::scan_radar_once`] makes one, and hands each to
+    /// `take`. Returns their number: fewer than asked for if `progress` asked to stop. Sweep `i`
+    /// begins `i` periods after the start and is the same if made alone.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were
+    /// released; the errors of `take`.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each is a thing of its own: place, weather, sensor, path, sink"
+    )]
+    pub fn scan_radar(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        radar: &RadarModel,
+        motion: &CameraMotion,
+        options: &RadarScanOptions,
+        take: &mut dyn FnMut(RadarSweep) -> Result<()>,
+        progress: &mut dyn Progress,
+    ) -> Result<u32> {
+        check_owner(place, self.id())?;
+        if weather.fidelity == Fidelity::Paper {
+            let fault = "a radar needs weather in physical units: use fidelity `physical`";
+            return Err(Error::Unsupported(fault.into()));
+        }
+        self.focus_along(place, motion)?;
+        let site = *place.site();
+        let motion = UprightMotion::new(motion, &site, options.time);
+        let scene = Arc::clone(place.scene());
+        let splats = &scene.splats;
+        let is_met = |index: usize| splats.groups[index] != Group::Sky;
+        let mut rays = self.backend_mut().ray_splats(splats, is_met, |_| 0.0)?;
+        for index in options.first..options.first.saturating_add(options.sweeps) {
+            if progress.is_stopped() {
+                return Ok(index - options.first);
+            }
+            let path = self.backend().path();
+            let own = RadarOptions {
+                time: options.time + f64::from(index) * radar.period(),
+                index,
+                seed: options.seed,
+                sensor: options.sensor,
+                frame: options.frame,
+            };
+            let scan = |pool: &rayon::ThreadPool, prepared: &_, shelter: Option<&_>| {
+                let scene = RadarScene { splats: &rays, weather: prepared, site: &site, shelter, path };
+                pool.install(|| radar_sweep(radar, &motion, &scene, &own))
+            };
+            let made = place.for_radars(self.backend_mut(), weather, own.time, progress, scan)?;
+            self.backend_mut().check_rays(&mut rays)?;
+            take(made)?;
+        }
+        Ok(options.sweeps)
+    }
+}
+
+#[cfg(test)]
+mod tests;

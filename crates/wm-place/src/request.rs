@@ -1,0 +1,187 @@
+//! The description of one frame.
+
+use crate::camera_model::SensorCamera;
+use crate::layers::Layers;
+use crate::view::ViewOptions;
+use crate::{Error, LensView, PreparedPlace, Result};
+use wm_scene::{Camera, LookAt};
+use wm_weather::Weather;
+
+/// Fastest camera, m/s: the streaks of what falls, and the volume that they are drawn from, grow
+/// with the speed.
+const MAX_SPEED: f64 = 1000.0;
+
+/// A camera and its motion.
+#[derive(Clone, Copy, Debug)]
+pub struct MovingCamera {
+    /// The camera.
+    pub camera: Camera,
+    /// Velocity, m/s, world axes. Falling particles are streaked by it.
+    pub velocity: [f64; 3],
+}
+
+impl MovingCamera {
+    /// Checks that what falls can be drawn before the camera.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if it is faster than 1000 m/s.
+    pub fn check_speed(&self) -> Result<()> {
+        let speed = glam::DVec3::from_array(self.velocity).length();
+        if speed <= MAX_SPEED {
+            return Ok(());
+        }
+        Err(Error::Unsupported(format!(
+            "the camera moves at {speed:.4e} m/s: rain and snow can be drawn up to {MAX_SPEED} m/s; check the times of the path \
+             and the metres per unit"
+        )))
+    }
+}
+
+impl From<Camera> for MovingCamera {
+    /// A camera at rest.
+    fn from(camera: Camera) -> Self {
+        Self { camera, velocity: [0.0; 3] }
+    }
+}
+
+/// The treatment of assets that are not made yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Patience {
+    /// Every frame is complete: what is missing is made first.
+    #[default]
+    Whole,
+    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of
+    /// another instant, and roofs may not stop the rain.
+    Draft,
+}
+
+/// The camera of a frame.
+#[derive(Clone, Copy, Debug)]
+pub enum FrameCamera<'a> {
+    /// A pinhole.
+    Pinhole(MovingCamera),
+    /// A pinhole that looks at a point; the place decides where up is, and the near plane.
+    LookAt(LookAt),
+    /// A camera as a device, where its motion has it at the time of the frame.
+    Device(&'a SensorCamera),
+}
+
+impl From<Camera> for FrameCamera<'_> {
+    fn from(camera: Camera) -> Self {
+        Self::Pinhole(camera.into())
+    }
+}
+
+impl From<&Camera> for FrameCamera<'_> {
+    fn from(camera: &Camera) -> Self {
+        Self::from(*camera)
+    }
+}
+
+impl From<MovingCamera> for FrameCamera<'_> {
+    fn from(camera: MovingCamera) -> Self {
+        Self::Pinhole(camera)
+    }
+}
+
+impl From<LookAt> for FrameCamera<'_> {
+    fn from(look: LookAt) -> Self {
+        Self::LookAt(look)
+    }
+}
+
+impl From<&LookAt> for FrameCamera<'_> {
+    fn from(look: &LookAt) -> Self {
+        Self::LookAt(*look)
+    }
+}
+
+impl<'a> From<&'a SensorCamera> for FrameCamera<'a> {
+    fn from(camera: &'a SensorCamera) -> Self {
+        Self::Device(camera)
+    }
+}
+
+impl FrameCamera<'_> {
+    /// Returns the lens; `None` for a pinhole.
+    pub(crate) fn lens(&self) -> Option<&LensView> {
+        match self {
+            Self::Device(camera) => camera.model.lens.as_ref(),
+            Self::Pinhole(_) | Self::LookAt(_) => None,
+        }
+    }
+
+    /// Returns the pose, the intrinsics and the velocity at a time (s) in a place.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] if the numbers make no camera.
+    pub fn at(&self, time: f64, place: &PreparedPlace) -> Result<MovingCamera> {
+        match self {
+            Self::Pinhole(camera) => Ok(*camera),
+            Self::LookAt(look) => {
+                let survey = place.survey();
+                let near = ViewOptions::default().near(survey);
+                Ok(look.camera(survey.up.value, near)?.into())
+            }
+            Self::Device(camera) => Ok(camera.motion().at(time, place.site().metres_per_unit)),
+        }
+    }
+}
+
+/// The frame that optical flow leads to.
+#[derive(Clone, Copy, Debug)]
+pub struct NextFrame {
+    /// The instant of the weather, s.
+    pub time: f64,
+    /// The camera; the lens is that of the request.
+    pub camera: MovingCamera,
+}
+
+/// The description of one frame: what is rendered, from where, when, and what is wanted of it.
+///
+/// ```
+/// use wm_place::{Camera, FrameRequest, Layers, PictureLayer, Renderer, Weather};
+///
+/// # let scene = wm_street::Street::builtin().sampling(0.1).scene(&|_| true).unwrap();
+/// let mut renderer = Renderer::cpu()?;
+/// let mut place = renderer.load(scene)?;
+/// let weather = Weather::preset("fog")?;
+/// let camera = Camera::look_at([4.0, -20.0, 1.8], [4.0, -30.0, 1.8]).size(96, 64);
+/// let layers = Layers::COLOR | Layers::DEPTH;
+/// let request = FrameRequest { layers, ..FrameRequest::new(&weather, camera, 0.0) };
+/// let picture = renderer.render(&mut place, &request)?;
+/// assert_eq!(picture.layer(PictureLayer::Depth).len(), 96 * 64); // metres
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct FrameRequest<'a> {
+    /// The weather.
+    pub weather: &'a Weather,
+    /// The camera.
+    pub camera: FrameCamera<'a>,
+    /// The instant of the weather, s: for a device the middle of the exposure of the first line.
+    pub time: f64,
+    /// The number of the frame: the noise of a device depends on it.
+    pub index: u32,
+    /// The layers of the picture.
+    pub layers: Layers,
+    /// The next frame, for the layers that lead to it.
+    pub next: Option<NextFrame>,
+    /// The treatment of assets that are not made yet.
+    pub patience: Patience,
+}
+
+impl<'a> FrameRequest<'a> {
+    /// A complete frame with the colour alone.
+    pub fn new(weather: &'a Weather, camera: impl Into<FrameCamera<'a>>, time: f64) -> Self {
+        Self {
+            weather,
+            camera: camera.into(),
+            time,
+            index: 0,
+            layers: Layers::COLOR,
+            next: None,
+            patience: Patience::Whole,
+        }
+    }
+}
