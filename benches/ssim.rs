@@ -3,7 +3,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use wm_render::simd::SimdPath;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_train::metrics::Ssim;
 
 fn ssim(c: &mut Criterion) {

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::time::Instant;
 use weather_magician::levels::{LevelBuilder, LevelOptions};
 use weather_magician::{Metadata, Scene};
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::similarity::Similarity;
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::{Group, Splats, sh};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use thiserror::Error;
-use wm_scene::files::abandon_temporaries;
+use wm_base::files::abandon_temporaries;
 
 /// The time of the first signal of this run.
 static FIRST_SIGNAL_AT: Mutex<Option<Instant>> = Mutex::new(None);

@@ -5,7 +5,7 @@
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
-use wm_scene::error::printable;
+use wm_base::error::printable;
 
 macro_rules! println {
     () => { $crate::say::line(format_args!("")) };
@@ -23,7 +23,7 @@ pub(crate) fn line(text: Arguments<'_>) {
         && error.kind() != ErrorKind::BrokenPipe
     {
         aside(format_args!("error: cannot print: {error}; send the output elsewhere"));
-        wm_scene::files::abandon_temporaries();
+        wm_base::files::abandon_temporaries();
         std::process::exit(1);
     }
 }

@@ -2,7 +2,7 @@
 
 use sirocco::{Format, deflate, inflate};
 use std::io::Read;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Random choices of one run.
 pub struct Draws {

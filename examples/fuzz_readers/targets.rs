@@ -25,7 +25,8 @@ use wm_scene::levels::{LevelFileJob, LevelWriteOptions, LevelWriter, NewLeaf};
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::synthetic::rippled;
 use wm_scene::testing::taken_if;
-use wm_scene::{Camera, Health, LensModel, Metadata, Scene, SceneView, npy};
+use wm_base::npy;
+use wm_scene::{Camera, Health, LensModel, Metadata, Scene, SceneView};
 use wm_image::maps::read_map;
 use wm_image::photo::read_photo;
 

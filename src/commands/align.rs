@@ -12,7 +12,7 @@ use weather_magician::formats::{ReadOptions, WriteOptions, format_for, lost, sid
 use weather_magician::lamps::{lamps_along_photos, lamps_on_posts};
 use weather_magician::view::spec;
 use weather_magician::{Metadata, Scene};
-use wm_scene::files::check_writable;
+use wm_base::files::check_writable;
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, Survey, align};
 use wm_scene::{Lamp, LitWindow, PhotoSun};
 

@@ -10,7 +10,7 @@ use clap::Args;
 use std::path::PathBuf;
 use weather_magician::BakedScene;
 use weather_magician::formats::{format_for, lost};
-use wm_scene::files::check_writable;
+use wm_base::files::check_writable;
 
 /// Options of `bake`.
 #[derive(Args, Debug)]

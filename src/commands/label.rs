@@ -14,7 +14,7 @@ use weather_magician::wm_image::maps::{Filter, MapFolder, read_map};
 use weather_magician::train::photos::PhotoSize;
 use weather_magician::{Camera, Scene};
 use wm_scene::capture;
-use wm_scene::files::check_writable;
+use wm_base::files::check_writable;
 
 /// Longest side of the pictures in which splats vote, px.
 const MAX_PICTURE_SIDE_PX: u32 = 1280;

@@ -25,7 +25,7 @@ use weather_magician::view::ViewOptions;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
 use wm_image::MediaError;
-use wm_scene::files::check_writable;
+use wm_base::files::check_writable;
 
 /// Options of `scan`.
 #[derive(Args, Debug)]

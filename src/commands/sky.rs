@@ -23,8 +23,8 @@ use weather_magician::view::spec;
 use weather_magician::{Camera, PictureSize};
 use wm_image::{color::Dither, png::write_rgb};
 use wm_scene::capture::{self, CaptureOptions};
-use wm_scene::color::{luminance, srgb_decode};
-use wm_scene::files::check_writable;
+use wm_base::color::{luminance, srgb_decode};
+use wm_base::files::check_writable;
 use wm_weather::dome::level_axes;
 
 /// Longest side of the photos as they are read, px.

@@ -10,7 +10,7 @@ use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use weather_magician::panorama_file::read_panorama;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_viewer::catalog::{panorama_name, panoramas_of};
 
 /// Options of `view`.

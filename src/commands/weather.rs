@@ -5,7 +5,7 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use weather_magician::reports::{ReportNoteKind, ReportOptions, WeatherReport, looks_like_path};
-use wm_scene::files::{check_writable, write_atomically};
+use wm_base::files::{check_writable, write_atomically};
 
 /// Options of `weather`.
 #[derive(Args, Debug)]

@@ -20,7 +20,8 @@ use weather_magician::formats::folder::scene_file;
 use weather_magician::formats::{sidecar, sidecar_path, write_sidecar};
 use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer, Scene};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, OwnSky, UpSide};
-use wm_scene::{FormatError, Lamp, LitWindow, PhotoSun};
+use wm_base::FormatError;
+use wm_scene::{Lamp, LitWindow, PhotoSun};
 use wm_viewer::state::check_point;
 
 /// A change that a client asks for. Points are in scene units.

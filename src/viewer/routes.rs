@@ -22,7 +22,8 @@ use weather_magician::Weather;
 use weather_magician::video::FrameRate;
 use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{CameraSpec, parse_size};
-use wm_scene::{SceneView as Photo, files::text_of};
+use wm_base::files::text_of;
+use wm_scene::SceneView as Photo;
 use wm_viewer::state::{Follow, Pose, ViewOutput, weather_of_json, weather_to_json};
 use wm_viewer::{FileNames, View, ViewState, link};
 

@@ -151,7 +151,7 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     }
     let work = folder.join(".work/000000");
     std::fs::create_dir_all(&work).unwrap();
-    let lock = wm_scene::files::lock_folder(&work).unwrap();
+    let lock = wm_base::files::lock_folder(&work).unwrap();
     fails(&mut batch(&workshop, "shards", ""), &["another process makes block 0"], &["note: block 2"]);
     drop(lock);
     let made = finish(&mut batch(&workshop, "shards", ""));

@@ -11,7 +11,8 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_scene::formats::write_scene;
-use wm_scene::{Scene, Splats, npy};
+use wm_base::npy;
+use wm_scene::{Scene, Splats};
 use wm_street::{
     Street,
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},

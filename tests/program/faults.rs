@@ -349,7 +349,7 @@ jobs! {
             let labels: Vec<f32> = (0..width * height).map(|at| (at % width / 24) as f32).collect();
             for photo in 0..DatasetOptions::TINY.count {
                 let path = folder.join(format!("masks/{photo:05}.npy"));
-                wm_scene::npy::write(&path, &labels, &[height as usize, width as usize]).unwrap();
+                wm_base::npy::write(&path, &labels, &[height as usize, width as usize]).unwrap();
             }
         },
         [with_failing_files, with_signals];

@@ -5,7 +5,7 @@ use crate::common::*;
 use glam::DVec3;
 use std::path::PathBuf;
 use weather_magician::{FrameRequest, Picture, Renderer, Weather};
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_scene::{Lamp, LitWindow, Metadata, Scene};
 
 const SIZE: (u32, u32) = (72, 48);

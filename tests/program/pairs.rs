@@ -6,7 +6,8 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_scene::formats::folder::{cameras_path, write_cameras};
-use wm_scene::{Camera, SceneView, Splats, npy};
+use wm_base::npy;
+use wm_scene::{Camera, SceneView, Splats};
 
 const SIZE: (u32, u32) = (96, 64);
 const WEATHER: &str = "--set fog.mor=60 --set rain.rate=60 --set snowfall.rate=4 --set rain.seed=5";

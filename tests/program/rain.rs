@@ -7,7 +7,8 @@
 
 use crate::common::*;
 use glam::DVec3;
-use wm_scene::{Metadata, Splats, npy};
+use wm_base::npy;
+use wm_scene::{Metadata, Splats};
 
 const SIZE: (u32, u32) = (480, 320);
 const EYE: DVec3 = DVec3::new(0.0, 0.0, 2.0);

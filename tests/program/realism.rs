@@ -7,8 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
-use wm_scene::npy;
-use wm_scene::random::uniform;
+use wm_base::npy;
+use wm_base::random::uniform;
 use wm_train::metrics::{Collection, Embeddings};
 
 /// Numbers an embedding.

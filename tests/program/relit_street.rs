@@ -2,7 +2,7 @@
 //! changed to.
 
 use weather_magician::{FrameRequest, Picture, Renderer, Weather};
-use wm_scene::color::{luminance, srgb_decode};
+use wm_base::color::{luminance, srgb_decode};
 use wm_scene::{Camera, Scene};
 use wm_street::{Lighting, Place, Street};
 

@@ -74,7 +74,7 @@ fn the_particles_of_dry_air_over_wet_ground_are_none() {
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     for set in ["wetness.amount=1", "flood.level=0.2"] {
         workshop.render(&scene, &view, "a.png", &format!("--set {set} --also particles.npy"));
-        let (values, shape) = wm_scene::npy::read(&workshop.path("a.particles.npy")).unwrap();
+        let (values, shape) = wm_base::npy::read(&workshop.path("a.particles.npy")).unwrap();
         assert_eq!(shape, [SIZE.1 as usize, SIZE.0 as usize, 4]);
         assert!(values.iter().all(|value| *value == 0.0), "{set}");
         std::fs::remove_file(workshop.path("a.png")).unwrap();

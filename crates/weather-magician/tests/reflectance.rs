@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use weather_magician::{Metadata, Renderer, Scene};
-use wm_scene::color::{luminance, srgb_decode};
+use wm_base::color::{luminance, srgb_decode};
 use wm_scene::{Group, Splats, sh};
 use wm_street::{Lighting, Park, Place, Street};
 
@@ -18,7 +18,7 @@ fn taken(splats: &mut Splats, [exposure, exponent]: [f64; 2]) {
         for value in &mut splats.sh[index * stride..index * stride + 3] {
             let shown = (0.5 + sh::C0 * f64::from(*value)).clamp(0.0, 1.0);
             let linear = (exposure * srgb_decode(shown)).min(1.0);
-            *value = sh::dc_of(wm_scene::color::srgb_encode(linear).powf(exponent)) as f32;
+            *value = sh::dc_of(wm_base::color::srgb_encode(linear).powf(exponent)) as f32;
         }
     }
 }

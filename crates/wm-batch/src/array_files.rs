@@ -1,6 +1,6 @@
 //! Arrays for NumPy in memory, format version 1.0.
 
-use wm_scene::npy::header;
+use wm_base::npy::header;
 
 /// An array of f32 of a shape, the last axis fastest.
 pub(crate) fn floats(values: impl Iterator<Item = f32>, shape: &[usize]) -> Vec<u8> {
@@ -26,7 +26,7 @@ mod tests {
         let path = folder.path().join("a.npy");
         let values: Vec<f32> = (0..24u8).map(f32::from).collect();
         std::fs::write(&path, floats(values.iter().copied(), &[3, 4, 2])).unwrap();
-        assert_eq!(wm_scene::npy::read(&path).unwrap(), (values, vec![3, 4, 2]));
+        assert_eq!(wm_base::npy::read(&path).unwrap(), (values, vec![3, 4, 2]));
         assert_eq!(bytes(&[1, 2], &[1, 2]).len(), 130);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use thiserror::Error;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// Why a data set cannot be written or read.
 #[derive(Debug, Error)]

@@ -5,7 +5,7 @@
 //! rounds on the smallest even number of bits that holds N, walked until it lands below N (Black
 //! and Rogaway 2002), so that it takes no memory.
 
-use wm_scene::random::{bits, mix, uniform};
+use wm_base::random::{bits, mix, uniform};
 
 /// Rounds of the network.
 const ROUNDS: u64 = 4;

@@ -10,8 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
 use crate::{ClipRecord, ReadingInfo, SensorInfoKind, SetError};
-use wm_scene::FormatError;
-use wm_scene::files::{WriteFault, write_atomically, write_whole};
+use wm_base::FormatError;
+use wm_base::files::{WriteFault, write_atomically, write_whole};
 
 /// The file that describes a set.
 pub const MANIFEST: &str = "manifest.json";

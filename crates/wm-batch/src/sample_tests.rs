@@ -10,7 +10,8 @@ use wm_image::PictureSize;
 use wm_image::png::write_rgb8;
 use wm_scene::formats::write_scene;
 use wm_scene::synthetic::Builder;
-use wm_scene::{Metadata, Scene, npy};
+use wm_base::npy;
+use wm_scene::{Metadata, Scene};
 
 /// A camera with a rolling shutter, an exposure of its own and noise, twice as fast as the frames,
 /// and a lidar.

@@ -14,7 +14,7 @@ use crate::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
 use wm_image::PictureSize;
 use wm_image::color::{Dither, quantize_rgb8};
 use wm_scene::Camera;
-use wm_scene::random::bits;
+use wm_base::random::bits;
 use wm_weather::Weather;
 
 /// A part of a clip while it is made.

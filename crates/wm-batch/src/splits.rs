@@ -1,7 +1,7 @@
 //! The parts of a set, such as `train` and `val`: a clip belongs to one by its number alone.
 
 use super::plan::BatchPlan;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Clips that are counted together: a clip of a part is found within one such run.
 const RUN_CLIPS: u64 = 1024;

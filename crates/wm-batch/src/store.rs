@@ -13,7 +13,7 @@ use std::fs;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use crate::{ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo};
-use wm_scene::files::{WriteFault, lock_folder, rename, write_durably, write_staged};
+use wm_base::files::{WriteFault, lock_folder, rename, write_durably, write_staged};
 use wm_scene::levels::INDEX_NAME;
 
 /// The folder of markers.
@@ -437,7 +437,7 @@ impl FileSink for TableFiles<'_> {
                 |error: std::io::Error| SetError::Write { path: folder.into(), problem: error.to_string() };
             fs::create_dir_all(folder).map_err(problem)?;
         }
-        wm_scene::files::write_atomically(&own, |out| Ok(out.write_all(bytes)?))?;
+        wm_base::files::write_atomically(&own, |out| Ok(out.write_all(bytes)?))?;
         self.files.push(MarkedFile::new(path, bytes));
         Ok(())
     }

@@ -7,7 +7,7 @@ use std::fmt::Write;
 use std::path::Path;
 use crate::ClipInfo;
 use wm_image::jpeg::{SamplingFactor, encode};
-use wm_scene::files::write_atomically;
+use wm_base::files::write_atomically;
 
 /// The page.
 pub const PAGE: &str = "summary.html";

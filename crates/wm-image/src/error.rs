@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
-use wm_scene::files::WriteFault;
+use wm_base::files::WriteFault;
 
 /// A picture or video that could not be written.
 #[derive(Debug, Error)]

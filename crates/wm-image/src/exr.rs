@@ -21,7 +21,7 @@ use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, 
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Chromaticities, LineOrder, Text};
 use exr::meta::header::{LayerAttributes, standard_names};
-use wm_scene::color::srgb_decode;
+use wm_base::color::srgb_decode;
 
 use super::{MediaError, PictureSize, Tags, write_file};
 

@@ -12,7 +12,7 @@
 //!
 //! Rows run from top to bottom. A slice whose length does not fit its shape is a bug of the caller
 //! and panics; whatever can go wrong outside the program is a [`MediaError`] of one line. Every
-//! file is written beside its final name and then renamed ([`wm_scene::files`]), so that a file
+//! file is written beside its final name and then renamed ([`wm_base::files`]), so that a file
 //! under its final name is always whole.
 //!
 //! The same pixels give the same bytes, on any number of threads.
@@ -35,7 +35,7 @@ pub use error::MediaError;
 
 use std::io::BufWriter;
 use std::path::Path;
-use wm_scene::files::{TempFile, write_whole};
+use wm_base::files::{TempFile, write_whole};
 
 /// Width and height of a picture, pixels, both above 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

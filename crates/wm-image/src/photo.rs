@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 use thiserror::Error;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::camera::MAX_SIDE;
 use wm_scene::capture::header::{PhotoKind, read_header};
 use zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions};

@@ -16,7 +16,7 @@ use super::{
 use wm_place::Result;
 use wm_scene::Splats;
 use wm_scene::card::Card;
-use wm_scene::color::srgb_encode;
+use wm_base::color::srgb_encode;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {

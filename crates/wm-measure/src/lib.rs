@@ -78,6 +78,7 @@ use wm_place::{CameraMotion, FrameRequest, Layers, Picture, Result};
 use glam::DVec3;
 use plot::Plot;
 use serde::Serialize;
+use wm_base::statistics;
 use wm_render::Frame;
 use wm_scene::{Camera, Lamp, Splats};
 use wm_weather::dome::level_axes;
@@ -439,8 +440,7 @@ const PARTICLES: Layers = Layers::COLOR.with(Layers::PARTICLES);
 
 /// Returns the median; NaN if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    statistics::median(&mut values).unwrap_or(f64::NAN)
 }
 
 /// Returns the mean; NaN if there are no values.

@@ -4,9 +4,10 @@
 use super::{InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject};
 use wm_place::{FrameRequest, Picture, Result};
 use glam::{DMat3, DQuat};
-use wm_scene::color::{luminance, srgb_encode};
+use wm_base::color::{luminance, srgb_encode};
 use wm_scene::splats::{Splat, logit};
-use wm_scene::{Camera, Group, Splats, random};
+use wm_base::random;
+use wm_scene::{Camera, Group, Splats};
 use wm_weather::Weather;
 
 /// Changes that leave nothing in a weather but light: no air, nothing that falls or lies.

@@ -21,7 +21,7 @@ use super::{
 use wm_place::Result;
 use std::f64::consts::PI;
 use wm_scene::Splats;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_weather::Weather;
 
 /// The instrument.

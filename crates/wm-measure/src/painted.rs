@@ -6,7 +6,7 @@
 //! are dots at random places. Noise and flakes are drawn anew for each frame, as a generator draws
 //! them. It stands for no program in particular: it is what is left without depth, pose and time.
 
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// A frame, linear light, `[H, W, 3]`.
 pub(crate) struct PaintedFog {

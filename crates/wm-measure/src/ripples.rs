@@ -32,7 +32,7 @@ use super::{
 use wm_place::Result;
 use glam::DVec3;
 use wm_scene::card::Card;
-use wm_scene::color::srgb_encode;
+use wm_base::color::srgb_encode;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 

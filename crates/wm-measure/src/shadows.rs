@@ -24,7 +24,7 @@ use super::{
 use wm_place::{FrameRequest, Layers, Picture, Result};
 use glam::{DQuat, DVec3};
 use wm_scene::Camera;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_weather::{CapturedSky, Site, Weather};
 
 /// The instrument.

@@ -6,7 +6,8 @@ use thiserror::Error;
 use wm_image::MediaError;
 use wm_render::RenderError;
 use wm_scene::survey::AlignError;
-use wm_scene::{CameraError, FormatError};
+use wm_base::FormatError;
+use wm_scene::CameraError;
 use wm_sensors::SensorError;
 use wm_weather::WeatherError;
 

@@ -6,7 +6,7 @@
 //! grows instead: else walls and roads get holes.
 
 use glam::{DMat3, DQuat, DVec3};
-use wm_scene::jacobi::jacobi;
+use wm_base::jacobi::jacobi;
 use wm_scene::splats::{logit, shortest_axis};
 use wm_scene::{Splats, quat};
 

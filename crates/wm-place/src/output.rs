@@ -9,7 +9,7 @@ use std::str::FromStr;
 use wm_image::color::Dither;
 use wm_image::{MediaError, PictureSize, exr, flow, png};
 use wm_render::frame::{ColorEncoding, srgb_decode, srgb_encode};
-use wm_scene::npy;
+use wm_base::npy;
 
 /// A file format of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
-use wm_scene::color::srgb_encode;
+use wm_base::color::srgb_encode;
 use wm_image::maps::{MapFault, Stored, read_map};
 use wm_image::photo::{DecodeFault, read_photo};
 use wm_weather::Panorama;

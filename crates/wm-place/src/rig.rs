@@ -189,7 +189,7 @@ impl Rig {
         if length > MAX_BYTES {
             return Err(fault("too long for a rig; give a TOML file".into()));
         }
-        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT)
+        let text = wm_base::files::read_text(path, wm_base::files::SMALL_TEXT)
             .map_err(|error| fault(format!("cannot be read: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::of_text(&text, &path.display().to_string(), folder)

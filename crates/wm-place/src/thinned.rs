@@ -8,7 +8,7 @@
 use wm_render::SetId;
 use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
 use wm_scene::Splats;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::splats::logit;
 
 /// Approximate number of splats of a thinned scene: the large ones and a share of the others.

@@ -43,7 +43,7 @@ macro_rules! failures {
 }
 
 failures! {
-    wm_scene::FormatError, wm_weather::WeatherError, wm_render::RenderError, wm_scene::CameraError,
+    wm_base::FormatError, wm_weather::WeatherError, wm_render::RenderError, wm_scene::CameraError,
     weather_magician::panorama_file::PanoramaFileError, std::io::Error, weather_magician::view::ViewError,
     weather_magician::lidar::SensorError, wm_image::MediaError,
 }

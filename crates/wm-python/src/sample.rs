@@ -8,7 +8,7 @@ use pyo3::types::PyDict;
 use weather_magician::batch::{Condition, DatasetPoint, SensorInfoKind, SetInfo};
 use weather_magician::batch::{BatchSample, RandomPermutation, SampleData, SampleValues, SplitClips};
 use weather_magician::{Layers, PictureLayer};
-use wm_scene::random::bits;
+use wm_base::random::bits;
 
 /// The conditions of clips, by their numbers.
 pub(crate) fn conditions() -> [&'static str; 6] {

@@ -178,7 +178,7 @@ impl PyWeather {
 
     #[doc = docs!("Weather.save")]
     fn save(&self, path: PathBuf) -> PyResult<()> {
-        let written = wm_scene::files::write_atomically(&path, |out| {
+        let written = wm_base::files::write_atomically(&path, |out| {
             Ok(out.write_all(self.weather.to_toml().as_bytes())?)
         });
         Ok(written.map_err(|error| failed(&error))?)

@@ -1,7 +1,7 @@
 //! A scene of any size for measuring speed: made of numbers, and as hard as a trained one.
 
 use glam::DVec3;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::{Camera, Group, Splats, splats::logit};
 
 /// A scene like a trained one of any size: flat splats on surfaces all round the origin, 2 to 40

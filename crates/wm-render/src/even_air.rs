@@ -17,7 +17,7 @@ use crate::hooks::{AirGroup, AirOnRay, GROUP, Medium, ShadeGroup};
 use crate::simd::{self, Lanes, SimdPath, exp2, powf};
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use std::f32::consts::LOG2_E;
-use wm_scene::color::srgb_encode;
+use wm_base::color::srgb_encode;
 
 /// Linear light of the grey at which the line touches the curve.
 pub(crate) const GREY: f64 = 0.18;

@@ -2,7 +2,7 @@
 
 use crate::hooks::GROUP;
 use crate::renderer::RenderError;
-pub use wm_scene::color::{srgb_decode, srgb_encode};
+pub use wm_base::color::{srgb_decode, srgb_encode};
 
 /// The encoding of `Frame::rgb`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

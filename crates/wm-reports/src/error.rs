@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use thiserror::Error;
-use wm_scene::nearest;
+use wm_base::nearest;
 use wm_weather::WeatherError;
 
 /// Why a report is not read.

@@ -180,7 +180,7 @@ impl WeatherReport {
     /// # Errors
     /// As [`Self::read`], and [`ReportError::Read`] if there is no such file or it is no text.
     pub fn read_file(path: &Path, options: &ReportOptions) -> Result<Self, ReportError> {
-        let text = wm_scene::files::read_text(path, wm_scene::files::LARGE_TEXT).map_err(|error| {
+        let text = wm_base::files::read_text(path, wm_base::files::LARGE_TEXT).map_err(|error| {
             let reason = match error.kind() {
                 std::io::ErrorKind::NotFound => "no such file; check the path".into(),
                 std::io::ErrorKind::IsADirectory => "it is a folder; give a file".into(),

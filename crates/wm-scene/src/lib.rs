@@ -13,8 +13,7 @@
 //! - [`Metadata`]: the facts that weather needs: metres per unit, up, ground, light of the sky.
 //! - [`survey::Survey`]: the same facts for any scene, estimated where the metadata is silent.
 //!
-//! Random numbers of production code are in [`random`], arrays on disk in [`npy`]. The feature
-//! `testing` adds synthetic scenes for tests and benches.
+//! The feature `testing` adds synthetic scenes for tests and benches.
 //!
 //! ```
 //! use wm_scene::survey::{FactSource, Survey};
@@ -50,30 +49,21 @@
 pub mod camera;
 pub mod capture;
 pub mod card;
-pub mod color;
-pub mod error;
-pub mod file_index;
-pub mod files;
 pub mod formats;
 mod group;
 pub mod health;
-pub mod jacobi;
 pub mod lamps;
 pub mod levels;
 pub mod metadata;
 pub mod morton;
-mod nearest;
-pub mod npy;
 pub mod origin;
 pub mod posts;
 pub mod quat;
-pub mod random;
 pub mod reflectance;
 mod remark;
 mod scene;
 pub mod sh;
 pub mod similarity;
-mod source;
 pub mod splats;
 pub mod sun;
 pub mod survey;
@@ -84,12 +74,10 @@ pub mod testing;
 pub mod values;
 
 pub use camera::{Camera, CameraError, LensModel, LookAt};
-pub use error::{FormatError, Location, Problem};
 pub use group::Group;
 pub use health::{Health, NonFiniteSplats};
 pub use lamps::{Lamp, LitWindow};
 pub use metadata::{Metadata, PhotoSun, Rasterization};
-pub use nearest::nearest;
 pub use remark::{Remark, Severity};
 pub use scene::{Scene, SceneView};
 pub use splats::{Splats, SplatsError};

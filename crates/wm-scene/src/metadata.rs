@@ -235,7 +235,7 @@ impl Metadata {
     pub(crate) fn from_entry(key: &str, value: &str) -> Option<Result<Self, String>> {
         Self::KEYS.contains(&key).then(|| {
             let metadata: Self = toml::from_str(&format!("{key} = {value}"))
-                .map_err(|e| format!("{key}: {}", crate::error::one_line(e.message())))?;
+                .map_err(|e| format!("{key}: {}", wm_base::error::one_line(e.message())))?;
             metadata.fault().map_or(Ok(metadata), Err)
         })
     }

@@ -3,7 +3,8 @@
 use crate::formats::folder::{cameras_path, write_cameras};
 use crate::formats::{ReadOptions, read_scene, write_scene};
 use crate::health::{NonFiniteSplats, Repairs};
-use crate::{Camera, FormatError, Metadata, Problem, Remark, Splats};
+use wm_base::{FormatError, Problem};
+use crate::{Camera, Metadata, Remark, Splats};
 use glam::DVec3;
 use std::path::Path;
 
@@ -62,7 +63,7 @@ impl Scene {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let path = path.as_ref();
         let scene = read_scene(path, &ReadOptions::default())?;
-        scene.splats.check_finite().map_err(|e| FormatError::whole(path, Problem::NonFinite(e.into())))?;
+        scene.splats.check_finite().map_err(|e| FormatError::whole(path, Problem::NonFinite(e.to_string())))?;
         Ok(scene)
     }
 
@@ -143,8 +144,7 @@ mod tests {
         scene.save(&path).unwrap();
         let error = Scene::open(&path).unwrap_err();
         assert_eq!(error.path, path);
-        let Problem::NonFinite(found) = &error.problem else { panic!("{error}") };
-        assert_eq!((found.faulty, found.splats, found.counts.mean), (1, 10, 1));
+        assert!(matches!(error.problem, Problem::NonFinite(_)), "{error}");
         assert!(
             error
                 .to_string()

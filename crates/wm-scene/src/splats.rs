@@ -3,6 +3,7 @@
 use crate::{Group, sh};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+use wm_base::Problem;
 
 /// A set of Gaussians in stored form: what training learns and files keep.
 ///
@@ -77,6 +78,12 @@ pub enum SplatsError {
     /// `sh_degree` is above 3.
     #[error("SH degree {0} is not supported, the highest is 3")]
     Degree(u8),
+}
+
+impl From<SplatsError> for Problem {
+    fn from(error: SplatsError) -> Self {
+        Self::Splats(error.to_string())
+    }
 }
 
 /// One splat in stored form, for code that makes scenes splat by splat.

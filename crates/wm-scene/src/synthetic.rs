@@ -3,7 +3,8 @@
 //! They have what makes real scenes hard to judge: walls as large as the ground, normals that
 //! scatter, strays above and below, and surfaces only where a camera could have seen them.
 
-use crate::{Group, Splats, quat, random::uniform, similarity::Similarity, splats::Splat, splats::logit};
+use wm_base::random::uniform;
+use crate::{Group, Splats, quat, similarity::Similarity, splats::Splat, splats::logit};
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 

@@ -7,7 +7,7 @@
 
 use crate::echo::{Echo, EchoClass, MIN_ECHO_POWER};
 use crate::model::LidarModel;
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 use wm_weather::InfraredAir;
 
 /// Degrees of freedom of the speckle.

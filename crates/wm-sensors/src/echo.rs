@@ -2,7 +2,7 @@
 
 use crate::model::LidarModel;
 use std::str::FromStr;
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 
 /// The source of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

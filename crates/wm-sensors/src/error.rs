@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use thiserror::Error;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// The errors of this crate; each message is one line.
 #[derive(Debug, Error)]

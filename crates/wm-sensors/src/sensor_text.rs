@@ -4,7 +4,7 @@ use crate::error::SensorError;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 use std::path::Path;
-use wm_scene::nearest;
+use wm_base::nearest;
 
 /// A kind of sensor.
 pub(crate) struct SensorKind {
@@ -50,7 +50,7 @@ impl SensorKind {
             return preset;
         }
         let unread = |error| SensorError::Read { path: path.into(), error };
-        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT).map_err(unread)?;
+        let text = wm_base::files::read_text(path, wm_base::files::SMALL_TEXT).map_err(unread)?;
         let found = SensorText {
             text: text.into(),
             name: path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),

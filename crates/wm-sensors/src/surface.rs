@@ -8,7 +8,7 @@
 
 use wm_render::RaySplats;
 use wm_scene::Splats;
-use wm_scene::color::{luminance, srgb_decode};
+use wm_base::color::{luminance, srgb_decode};
 use wm_weather::water::{WATER_INDEX, fresnel};
 use wm_weather::wetness::optics::{BACK, pores_factor};
 

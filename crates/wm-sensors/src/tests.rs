@@ -5,8 +5,9 @@ use crate::reflecting_splats;
 use crate::*;
 use glam::DVec3;
 use wm_render::simd::SimdPath;
-use wm_scene::color::srgb_encode;
-use wm_scene::{Splats, random, sh};
+use wm_base::color::srgb_encode;
+use wm_base::random;
+use wm_scene::{Splats, sh};
 use wm_weather::particles::RAIN;
 use wm_weather::{Site, Weather};
 

@@ -13,8 +13,8 @@
 use rayon::prelude::*;
 use std::f64::consts::{LN_10, TAU};
 use std::path::{Path, PathBuf};
-use wm_scene::npy;
-use wm_scene::random::uniform;
+use wm_base::npy;
+use wm_base::random::uniform;
 
 /// Parts of the picture's width over which the smooth error is alike.
 const PARTS: f64 = 6.0;

@@ -8,6 +8,7 @@
 use crate::photos::Photos;
 use crate::priors::points::{inside, seen_points};
 use rayon::prelude::*;
+use wm_base::statistics;
 use wm_scene::capture::Capture;
 
 /// Longest side of the photos in which colours are read, px.
@@ -158,14 +159,13 @@ fn solve(shown: &[Vec<PointColor>], points: usize) -> Option<PhotoGains> {
 
 /// Returns the median, 0 if there are no values; reorders them.
 pub(crate) fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    statistics::median(values).unwrap_or(0.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     /// Photos along a way, each with the points of its neighbours, noise and some strays.
     #[test]

@@ -7,7 +7,8 @@ use thiserror::Error;
 use wm_scene::capture::gps::{self, GpsFit};
 use wm_scene::capture::up::{CaptureUp, UpEvidence};
 use wm_scene::capture::{self, Capture, CaptureOptions, CaptureSite};
-use wm_scene::{Camera, FormatError};
+use wm_base::FormatError;
+use wm_scene::Camera;
 
 /// Options for opening a data set: the places of its parts, and how its photos are read.
 #[derive(Clone, Debug, PartialEq)]

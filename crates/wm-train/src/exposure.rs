@@ -190,7 +190,7 @@ impl Mix {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     /// One of two photos is brighter and bluer than the scene, and the other darker by as much.
     #[test]

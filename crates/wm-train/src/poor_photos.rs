@@ -10,6 +10,7 @@ use crate::brightness;
 use crate::photos::{Photo, Photos};
 use crate::priors::points::{inside, seen_points};
 use rayon::prelude::*;
+use wm_base::statistics;
 use wm_scene::capture::Capture;
 
 /// Longest side of the photos in which detail is read, and of those whose white and black pixels
@@ -198,13 +199,13 @@ fn clipped(photo: &Photo) -> [f64; 2] {
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
-    (!values.is_empty()).then(|| brightness::median(&mut values))
+    statistics::median(&mut values)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     /// Photos along a way that show their neighbours' points, with noise, from changing distances.
     fn walk(blurred: &[usize]) -> Vec<Vec<PointDetail>> {

@@ -1,6 +1,6 @@
-//! The purposes for which a training draws random numbers; the generator is [`wm_scene::random`].
+//! The purposes for which a training draws random numbers; the generator is [`wm_base::random`].
 
-pub(crate) use wm_scene::random::RandomStream as Random;
+pub(crate) use wm_base::random::RandomStream as Random;
 
 /// The purpose of a training's random numbers. Each has a stream of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::UNIX_EPOCH;
 use thiserror::Error;
-use wm_scene::FormatError;
-use wm_scene::files::write_atomically;
+use wm_base::FormatError;
+use wm_base::files::write_atomically;
 
 /// Most frames that are chosen.
 pub(crate) const MAX_FRAMES: usize = 250;

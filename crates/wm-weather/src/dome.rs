@@ -23,7 +23,7 @@ use std::sync::Arc;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
 use wm_render::{Background, SkyGradient};
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_scene::survey::{SkyPatch, airlight_of_sky};
 
 /// Gradation of the CIE's clear skies.

@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
-use wm_scene::{error::escaped, nearest};
+use wm_base::{error::escaped, nearest};
 
 mod write;
 
@@ -101,7 +101,7 @@ impl Weather {
     /// # Errors
     /// [`WeatherError`] if it cannot be read or is wrong.
     pub fn read(path: &Path) -> Result<Self, WeatherError> {
-        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT).map_err(|error| {
+        let text = wm_base::files::read_text(path, wm_base::files::SMALL_TEXT).map_err(|error| {
             let reason = match error.kind() {
                 std::io::ErrorKind::NotFound => "no such file; check the path".into(),
                 std::io::ErrorKind::IsADirectory => "it is a folder; give a TOML file".into(),

@@ -3,7 +3,7 @@
 use crate::file::{WeatherError, meant};
 use crate::weather::Weather;
 use std::path::Path;
-use wm_scene::error::escaped;
+use wm_base::error::escaped;
 
 macro_rules! presets {
     ($($name:literal),+ $(,)?) => {

@@ -9,7 +9,7 @@
 use crate::param::ParamValue;
 use crate::track::Track;
 use std::f64::consts::TAU;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Waves in each direction.
 const WAVES: usize = 12;

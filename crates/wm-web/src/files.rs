@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use wm_scene::files::fetched;
+use wm_base::files::fetched;
 use wm_viewer::site::SiteFile;
 
 /// Files that are fetched at once.

@@ -19,7 +19,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
 use weather_magician::Camera;
-use wm_scene::files::write_atomically;
+use wm_base::files::write_atomically;
 
 /// The columns, with their keys in CSV.
 const COLUMNS: [(&str, &str); 4] = [

@@ -7,7 +7,8 @@ use crate::scene::RunArgs;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, ValueEnum};
 use std::path::{Path, PathBuf};
-use wm_scene::{FormatError, capture::Capture};
+use wm_base::FormatError;
+use wm_scene::capture::Capture;
 use wm_street::{
     Lighting, Park, Place, Street,
     capture::{self, CaptureSettings},

@@ -18,7 +18,7 @@ use clap::{Args, ValueEnum};
 use scores::EvaluationReport;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use wm_scene::files::{check_writable, write_atomically};
+use wm_base::files::{check_writable, write_atomically};
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]

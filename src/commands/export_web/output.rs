@@ -5,7 +5,7 @@ use anyhow::{Result, bail};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use wm_scene::files::{TempFolder, check_writable, rename, write_atomically, write_staged};
+use wm_base::files::{TempFolder, check_writable, rename, write_atomically, write_staged};
 
 /// The file by which a site of this program is known.
 pub(crate) const MARK: &str = "place/place.json";

@@ -10,8 +10,9 @@ use weather_magician::reports::{ReportKind, ReportNoteKind, find_weather, recogn
 use weather_magician::train::DatasetReadOptions;
 use wm_capture::{DrivingLog, LogOptions};
 use wm_scene::capture::Capture;
-use wm_scene::files::{LARGE_TEXT, read_text};
-use wm_scene::{Problem, Remark};
+use wm_base::files::{LARGE_TEXT, read_text};
+use wm_base::Problem;
+use wm_scene::Remark;
 
 /// An input and what was found about it.
 pub(crate) struct InspectedInput {

@@ -15,7 +15,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use weather_magician::Metadata;
 use weather_magician::formats::{SceneFormat, read_scene_and_format, write_sidecar};
-use wm_scene::files::check_writable;
+use wm_base::files::check_writable;
 use wm_scene::health::{Bounds, Health, Histogram};
 use wm_scene::posts::{Post, find_posts};
 use wm_scene::survey::{Sourced, Survey, label_sky};

@@ -22,7 +22,7 @@ use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 use weather_magician::{Camera, Metadata, Weather};
 
-use wm_scene::files::{check_writable, write_atomically};
+use wm_base::files::{check_writable, write_atomically};
 use wm_street::{Lighting, Street};
 use wm_weather::Fidelity;
 

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use weather_magician::train::dataset::orientation;
 use weather_magician::train::priors::folder::{INDEX, Index, PriorsError};
 use weather_magician::train::priors::{FOLDER, PriorsWriter, photos};
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::capture::folder_of;
 
 /// Options of `priors`.

@@ -12,9 +12,9 @@ use weather_magician::view::moves::PathSpec;
 use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::{Camera, CameraMotion, LensSpec, MotionSpec, MovingCamera};
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::camera::FOV;
-use wm_scene::files::check_writable;
+use wm_base::files::check_writable;
 
 /// Default length of a sequence, seconds.
 pub(crate) const DEFAULT_SECONDS: f64 = 5.0;

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::{Value as Json, json};
 use std::path::Path;
 use std::time::UNIX_EPOCH;
-use wm_scene::files::write_atomically;
+use wm_base::files::write_atomically;
 use wm_weather::Site;
 
 /// Size of a scene's file, bytes, and the time of its last change, s since 1970 where the system

@@ -36,7 +36,7 @@ use wm_image::color::Dither;
 use wm_image::png::DepthScale;
 use wm_render::{Background, Stats};
 use wm_scene::Rasterization;
-use wm_scene::files::check_writable;
+use wm_base::files::check_writable;
 
 /// Options of `render`.
 #[derive(Args, Debug)]

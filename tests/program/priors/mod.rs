@@ -13,7 +13,7 @@ use std::sync::{Arc, OnceLock};
 use tempfile::TempDir;
 use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_scene::capture::{Capture, CaptureOptions};
-use wm_scene::npy;
+use wm_base::npy;
 use wm_street::{
     Street,
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},

@@ -116,7 +116,7 @@ fn a_training_is_gone_on_with_as_it_began() {
         &["scene.ply.run: there is no training to go on with; leave out --resume"],
     );
     fs::create_dir(place.at("scene.ply.run")).unwrap();
-    let lock = wm_scene::files::lock_folder(&place.at("scene.ply.run")).unwrap();
+    let lock = wm_base::files::lock_folder(&place.at("scene.ply.run")).unwrap();
     place.refused("set", &[], &["scene.ply.run: another training runs in this folder"]);
     drop(lock);
     place.trained(&[]);

@@ -136,7 +136,7 @@ pub trait FileSink {
 pub fn find_layout(name: &str) -> Result<&'static dyn Layout, SetError> {
     let names: Vec<&str> = LAYOUTS.iter().map(|layout| layout.name()).collect();
     LAYOUTS.iter().copied().find(|layout| layout.name() == name).ok_or_else(|| {
-        let near = wm_scene::nearest(name, names.iter().copied(), 1);
+        let near = wm_base::nearest(name, names.iter().copied(), 1);
         SetError::UnknownLayout {
             name: name.into(),
             near: near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?")),

@@ -124,7 +124,7 @@ impl BatchPlan {
         if about.len() > MAX_BYTES {
             return Err(fault("too long for a plan; give a TOML file".into()));
         }
-        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT)
+        let text = wm_base::files::read_text(path, wm_base::files::SMALL_TEXT)
             .map_err(|error| fault(format!("cannot be read: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
-use wm_scene::nearest;
+use wm_base::nearest;
 use wm_weather::{EFFECTS, Weather};
 
 /// The variables and rules of samples that give none of their own.

@@ -4,7 +4,7 @@ use crate::distribution::Distribution;
 use crate::hypercube::LatinHypercube;
 use std::collections::BTreeMap;
 use toml::Value;
-use wm_scene::random::bits;
+use wm_base::random::bits;
 use wm_weather::Weather;
 
 /// Seeds are whole numbers that a float holds.

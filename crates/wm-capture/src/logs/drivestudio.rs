@@ -20,7 +20,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::capture::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].

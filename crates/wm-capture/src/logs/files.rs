@@ -7,7 +7,7 @@ use std::fs::{self, File};
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use wm_scene::camera::rotation_of;
-use wm_scene::{FormatError, Location, Problem, files};
+use wm_base::{FormatError, Location, Problem, files};
 
 use crate::RigidPose;
 

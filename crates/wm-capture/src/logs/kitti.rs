@@ -10,7 +10,7 @@ use crate::RigidPose;
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::capture::Distortion;
 
 /// A file of lines `KEY: NUMBERS`.

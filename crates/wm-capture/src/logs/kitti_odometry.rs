@@ -15,7 +15,7 @@ use super::{
 };
 use crate::RigidPose;
 use std::path::{Path, PathBuf};
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI odometry", read };

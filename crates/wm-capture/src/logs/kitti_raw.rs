@@ -21,7 +21,7 @@ use crate::RigidPose;
 use glam::{DQuat, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI raw", read };

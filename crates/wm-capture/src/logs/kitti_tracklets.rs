@@ -9,7 +9,7 @@ use super::track::{LogBox, LogTrack};
 use crate::RigidPose;
 use glam::{DQuat, DVec3};
 use std::path::Path;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// Deepest nesting, and most tracks and boxes.
 const MAX_NESTING: usize = 16;

@@ -25,7 +25,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_scene::capture::Distortion;
 use wm_scene::capture::header::read_header;
-use wm_scene::{Camera, FormatError};
+use wm_base::FormatError;
+use wm_scene::Camera;
 
 pub use capture::{LogCaptureOptions, LogCaptureStep, LogCaptureSummary};
 pub use sweep::{LogPoint, LogSweep};

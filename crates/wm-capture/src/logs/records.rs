@@ -8,7 +8,7 @@ use super::files::{fault, folders_in, name_of, shown};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use wm_scene::{FormatError, Problem};
+use wm_base::{FormatError, Problem};
 
 /// Length, m, and speed, m/s, within which a vehicle goes from one of its poses to the next.
 const MAX_STEP_M: f64 = 100.0;

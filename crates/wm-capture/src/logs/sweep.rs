@@ -8,7 +8,7 @@ use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// Farthest that a point may be from its lidar, m.
 const MAX_RANGE_M: f64 = 1000.0;

@@ -128,7 +128,7 @@ fn points_have_the_colour_of_their_pixel_and_depth_their_distance() {
     let picture = &log.pictures[2];
     let camera = log.cameras[0].camera(&picture.world_from_camera);
     let name = picture.file.strip_prefix("/").unwrap_or(&picture.file);
-    let (map, shape) = wm_scene::npy::read(&out.join("depth").join(name).with_extension("npy")).unwrap();
+    let (map, shape) = wm_base::npy::read(&out.join("depth").join(name).with_extension("npy")).unwrap();
     assert_eq!(shape, [SIZE.1 as usize, SIZE.0 as usize]);
     let mut found = 0;
     for (landmark, pixel) in mini.landmarks.iter().zip(expected(&mini, &picture.file)) {

@@ -3,7 +3,7 @@
 use super::{MapError, MapFault};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use wm_scene::file_index::{FileIndex, FileKind};
+use wm_base::file_index::{FileIndex, FileKind};
 
 /// Extensions of maps, in lower case.
 pub const EXTENSIONS: [&str; 5] = ["npy", "exr", "tiff", "tif", "png"];
@@ -38,7 +38,7 @@ impl MapFolder {
     /// # Errors
     /// [`MapFault::Ambiguous`] if two files could be the map.
     pub fn find(&self, photo: &str) -> Result<Option<PathBuf>, MapError> {
-        let fault = |error: wm_scene::file_index::Ambiguity| MapError {
+        let fault = |error: wm_base::file_index::Ambiguity| MapError {
             path: self.path().into(),
             fault: MapFault::Ambiguous(error.to_string()),
         };

@@ -2,7 +2,7 @@
 
 use super::{Map, MapFault, check_size};
 use std::path::Path;
-use wm_scene::npy;
+use wm_base::npy;
 
 pub(super) fn decode(path: &Path) -> Result<Map, MapFault> {
     // Its size is believed only if the file has it: nothing is compressed.
@@ -21,7 +21,7 @@ pub(super) fn decode(path: &Path) -> Result<Map, MapFault> {
 }
 
 /// Returns the error of the reader, without the advice at its end.
-fn words(problem: &wm_scene::Problem) -> MapFault {
+fn words(problem: &wm_base::Problem) -> MapFault {
     let text = problem.to_string();
     MapFault::Unsupported(text.split(';').next().unwrap_or_default().to_owned())
 }

@@ -54,7 +54,7 @@ fn exr(names: &[&str], values: &[f32]) -> Vec<u8> {
 fn npy(shape: &[usize], values: &[f32]) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.npy");
-    wm_scene::npy::write(&path, values, shape).unwrap();
+    wm_base::npy::write(&path, values, shape).unwrap();
     std::fs::read(path).unwrap()
 }
 

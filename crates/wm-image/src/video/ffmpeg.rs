@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, Command, ExitStatus, Stdio};
 use std::thread::{self, JoinHandle};
 
-use wm_scene::files::TempFile;
+use wm_base::files::TempFile;
 
 use super::yuv::Yuv420;
 use super::{VideoReport, VideoSettings, VideoSink, temporary};

@@ -17,7 +17,7 @@ mod yuv;
 use std::path::{Path, PathBuf};
 
 pub use frame_rate::FrameRate;
-use wm_scene::files::TempFile;
+use wm_base::files::TempFile;
 
 use super::color::Dither;
 use super::{MediaError, PictureSize, Tags};

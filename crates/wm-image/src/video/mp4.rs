@@ -23,7 +23,7 @@ use shiguredo_mp4::boxes::{
 use shiguredo_mp4::{
     BoxHeader, BoxSize, BoxType, Either, Encode, FixedPointNumber, LanguageCode, Mp4FileTime,
 };
-use wm_scene::files::TempFile;
+use wm_base::files::TempFile;
 
 use super::{FrameRate, temporary};
 use crate::{MediaError, PictureSize, Tags};

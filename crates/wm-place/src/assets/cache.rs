@@ -22,7 +22,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::SystemTime;
-use wm_scene::files::{self, write_atomically};
+use wm_base::files::{self, write_atomically};
 use wm_scene::survey::Survey;
 use wm_scene::{Metadata, Scene};
 

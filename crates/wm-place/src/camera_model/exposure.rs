@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::str::FromStr;
 use wm_render::Frame;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 
 /// Target of the mean luminance, linear light.
 const MIDDLE_GREY: f64 = 0.18;

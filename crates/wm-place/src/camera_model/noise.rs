@@ -8,8 +8,8 @@
 use rayon::prelude::*;
 use wm_render::Frame;
 use wm_render::frame::ColorEncoding;
-use wm_scene::color::{srgb_decode, srgb_encode};
-use wm_scene::random::{self, RandomStream};
+use wm_base::color::{srgb_decode, srgb_encode};
+use wm_base::random::{self, RandomStream};
 
 /// Electrons above which a Poisson variate is taken for a normal one: its skewness is below 0.16
 /// then.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use wm_render::bytes_of_set;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::levels::LevelIndex;
 
 /// The memory and the splats that rendering a scene in levels of detail may take.

@@ -12,7 +12,8 @@ use std::sync::Arc;
 use wm_render::{AnyRenderer, RenderBackend, SetId};
 use wm_scene::levels::{LevelIndex, LevelRun};
 use wm_scene::survey::SkyRegion;
-use wm_scene::{Camera, FormatError, Group, Metadata, Splats, files};
+use wm_base::{FormatError, files};
+use wm_scene::{Camera, Group, Metadata, Splats};
 
 /// A leaf at a level: the number of the leaf, and the place of the level in
 /// [`wm_scene::levels::LevelLeaf::runs`].

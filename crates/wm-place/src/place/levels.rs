@@ -27,7 +27,8 @@ use wm_render::{AnyRenderer, RenderBackend, SetId, bytes_of_set};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{CapturedSky, SkyRegion, label_sky};
-use wm_scene::{Camera, FormatError, Problem, Rasterization, Scene, Splats, files};
+use wm_base::{FormatError, Problem, files};
+use wm_scene::{Camera, Rasterization, Scene, Splats};
 use wm_weather::Weather;
 
 /// Cameras of a shot by which is told what is hidden, at most.

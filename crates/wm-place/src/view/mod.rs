@@ -24,7 +24,8 @@ use thiserror::Error;
 use wm_render::{
     DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, RenderError, SetId, SetView,
 };
-use wm_scene::{Camera, CameraError, FormatError, Scene, survey::Survey};
+use wm_base::FormatError;
+use wm_scene::{Camera, CameraError, Scene, survey::Survey};
 
 /// Default vertical field of view, degrees.
 pub const DEFAULT_FOV: f64 = 50.0;

@@ -9,7 +9,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use wm_render::Frame;
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, SceneView, nearest};
+use wm_base::nearest;
+use wm_scene::{Camera, SceneView};
 
 /// A camera path by name or file, as `--path` takes it.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use super::candidates::room;
 use glam::DVec3;
 use wm_render::Frame;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, Group, Splats};
 

@@ -14,7 +14,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use wm_scene::camera::{MAX_PIXELS, MAX_SIDE};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, SceneView, nearest};
+use wm_base::nearest;
+use wm_scene::{Camera, SceneView};
 
 /// A camera, as `--camera` takes it.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,7 +12,7 @@ use crate::stages::project::ProjectCamera;
 use crate::stages::rays::packets::{CHILDREN, RayGroup};
 use std::f32::consts::LOG2_E;
 use std::ops::Range;
-use wm_scene::random::SEED_FACTOR;
+use wm_base::random::SEED_FACTOR;
 use wm_scene::splats::logit;
 use wm_scene::{Camera, Rasterization};
 
@@ -430,7 +430,7 @@ pub(crate) fn learn(learn: Learn) -> Uniform {
 /// `Noise` of `explore.wgsl`.
 #[must_use]
 pub(crate) fn noise(noise: &Noise) -> Uniform {
-    // What `wm_scene::random::uniform` multiplies a seed with.
+    // What `wm_base::random::uniform` multiplies a seed with.
     let seed = noise.seed.wrapping_mul(SEED_FACTOR);
     Uniform::default()
         .whole("seed", seed as u32)

@@ -10,7 +10,7 @@ use crate::simd::SimdPath;
 use crate::testing::comparison::{ALL_OUTPUTS, compare};
 use crate::testing::{Backend, camera, random_splats};
 use crate::{CpuRenderer, reference};
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 crate::parity! {
     the_parts_make_up_the_picture => recombination;

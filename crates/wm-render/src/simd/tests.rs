@@ -80,7 +80,7 @@ fn exp2_without_fused_multiplication_has_the_same_bytes_on_all_paths() {
 
 #[test]
 fn rough_colors_are_within_a_twentieth_of_a_step_of_8_bits() {
-    use wm_scene::color::srgb_encode as encode;
+    use wm_base::color::srgb_encode as encode;
     // Linear light has one curve from 0 to some light 50 times as bright as white.
     let light = || [grid(0.0, 0.05), grid(0.0, 1.4), grid(1.0, 50.0)].concat();
     check!(map_encode_rough, light(), |x, y| (y - encode(x)).abs() < 2e-4 * encode(x).max(1.0));

@@ -6,7 +6,7 @@ use crate::frame::Frame;
 use crate::reference::backward::{self, Parameters, ReferenceGradients};
 use crate::reference::frame::ReferenceFrame;
 use crate::renderer::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::{Camera, Splats, splats::logit};
 
 /// Kinds of splats that break renderers.

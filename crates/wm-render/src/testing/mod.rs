@@ -283,7 +283,7 @@ macro_rules! tests_of_paths {
 }
 
 pub use crate::bench_scene::{shell_camera, shell_splats};
-pub use wm_scene::random::uniform;
+pub use wm_base::random::uniform;
 
 /// `count` random splats in a box of side 4 about the origin.
 #[must_use]

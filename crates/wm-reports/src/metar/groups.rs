@@ -13,7 +13,7 @@ use super::{
     WeatherPhenomenon,
 };
 use crate::error::{ReportError, meant, quoted};
-use wm_scene::nearest;
+use wm_base::nearest;
 
 /// The forms of groups, with examples that say what each looks like.
 const FORMS: &[(&str, &[&str])] = &[

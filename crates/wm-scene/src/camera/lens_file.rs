@@ -2,8 +2,8 @@
 
 use super::{Camera, LensModel};
 use crate::capture::Distortion;
-use crate::error::{FormatError, Location, Problem, one_line};
-use crate::files;
+use wm_base::error::{FormatError, Location, Problem, one_line};
+use wm_base::files;
 use crate::formats::sidecar::line_column;
 use serde::Deserialize;
 use std::path::Path;

@@ -101,7 +101,7 @@ fn check_rotation(matrix: &DMat3, tolerance: f64) -> Result<(), PoseFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::uniform;
+    use wm_base::random::uniform;
     use crate::synthetic::rotation;
 
     #[test]

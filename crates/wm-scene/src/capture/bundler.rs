@@ -10,12 +10,8 @@ use super::{
     Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints, find_main,
     header, places,
 };
-use crate::{
-    Camera, FormatError, Problem,
-    camera::{rotation_of, viewmat_of},
-    error::{number, one_line},
-    source::Source,
-};
+use wm_base::{FormatError, Problem, error::{number, one_line}, source::Source};
+use crate::{Camera, camera::{rotation_of, viewmat_of}};
 use glam::{DMat3, DMat4, DVec3};
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,8 @@
 //! Checks of what every format reads: points and names that no capture has.
 
 use super::{Capture, CaptureView, Observation, SparsePoints};
-use crate::{FormatError, Problem, Remark};
+use wm_base::{FormatError, Problem};
+use crate::Remark;
 use std::collections::HashSet;
 
 /// Largest coordinate of a point or camera, scene units: a hundred times the Earth's radius in

@@ -1,7 +1,7 @@
 //! Captures of other programs that are not read, by the names of their files, and how to convert
 //! them.
 
-use crate::{FormatError, Problem};
+use wm_base::{FormatError, Problem};
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};

@@ -5,8 +5,8 @@
 //! with quaternions), first from three cameras at a time for one that most agree with (RANSAC),
 //! then from all of them with weights that let outliers fade (Geman and McClure).
 
-use crate::jacobi::jacobi;
-use crate::survey::linear::{horizontals, outer};
+use wm_base::jacobi::jacobi;
+use wm_base::linear::{horizontals, outer};
 use glam::{DMat3, DQuat, DVec3};
 
 /// A place on Earth, WGS 84.
@@ -191,7 +191,7 @@ fn fit_checked(both: &[(DVec3, Gps)]) -> Option<(GpsFit, Vec<usize>)> {
     let mut best: Option<(f64, Similarity)> = None;
     for trial in 0..TRIALS {
         let pick = |turn: u64| {
-            (crate::random::uniform(trial as u64, turn) * pairs.len() as f64) as usize % pairs.len()
+            (wm_base::random::uniform(trial as u64, turn) * pairs.len() as f64) as usize % pairs.len()
         };
         let triple = [pick(0), pick(1), pick(2)];
         if triple[0] == triple[1] || triple[1] == triple[2] || triple[0] == triple[2] {
@@ -346,7 +346,7 @@ fn horn_rotation(product: [[f64; 3]; 3]) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::uniform;
+    use wm_base::random::uniform;
 
     const LUND: Gps = Gps { latitude: 55.7047, longitude: 13.191, altitude: Some(50.0) };
 

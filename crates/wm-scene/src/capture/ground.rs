@@ -16,7 +16,8 @@
 //! tell a person from a drone that flies level and looks ahead.
 
 use super::Capture;
-use crate::survey::linear::{horizontals, outer, quantile};
+use wm_base::linear::{horizontals, outer};
+use wm_base::statistics::quantile;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use thiserror::Error;
 

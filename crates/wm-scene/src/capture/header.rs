@@ -9,11 +9,7 @@
 //! frame header; kamadak-exif reads a whole PNG in search of EXIF. Neither has a limit.
 
 use super::{Gps, exif::Tags};
-use crate::{
-    FormatError, Problem,
-    error::excerpt,
-    files::{LFS_REFUSED, MARK_BYTES, is_lfs_pointer},
-};
+use wm_base::{FormatError, Problem, error::excerpt, files::{LFS_REFUSED, MARK_BYTES, is_lfs_pointer}};
 use std::{
     fs::File,
     io::{BufReader, Read, Seek, SeekFrom},

@@ -24,7 +24,8 @@ mod tests;
 mod transforms;
 pub mod up;
 
-use crate::{Camera, FormatError, Problem, Remark, SceneView, error::json_fault, files, origin};
+use wm_base::{FormatError, Problem, error::json_fault, files};
+use crate::{Camera, Remark, SceneView, origin};
 use glam::DVec3;
 use serde::de::DeserializeOwned;
 use std::{

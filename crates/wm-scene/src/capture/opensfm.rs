@@ -9,11 +9,8 @@
 use super::{
     Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, places, read_json,
 };
-use crate::{
-    Camera, FormatError, Problem, Remark,
-    camera::viewmat_of,
-    error::{excerpt, one_line},
-};
+use wm_base::{FormatError, Problem, error::{excerpt, one_line}};
+use crate::{Camera, Remark, camera::viewmat_of};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use std::{

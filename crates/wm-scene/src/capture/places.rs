@@ -1,8 +1,9 @@
 //! The folders in which data sets keep their photos, masks and originals, and the files in them.
 
 use super::{CaptureOptions, CaptureView};
-use crate::file_index::{Ambiguity, FileIndex, FileKind, FilePlace, plain};
-use crate::{FormatError, Problem, Remark};
+use wm_base::file_index::{Ambiguity, FileIndex, FileKind, FilePlace, plain};
+use wm_base::{FormatError, Problem};
+use crate::Remark;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 

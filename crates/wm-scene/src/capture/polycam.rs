@@ -7,8 +7,9 @@
 
 use super::transforms::viewmat;
 use super::{Capture, CaptureOptions, CaptureView, Distortion, ReadScope, places};
-use crate::error::{json_fault, one_line};
-use crate::{Camera, FormatError, Problem, Remark, files};
+use wm_base::error::{json_fault, one_line};
+use wm_base::{FormatError, Problem, files};
+use crate::{Camera, Remark};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -4,7 +4,8 @@
 use super::Gps;
 use super::gps::{GpsFit, fit_with_outliers};
 use crate::Metadata;
-use crate::survey::linear::{horizontals, quantile};
+use wm_base::linear::horizontals;
+use wm_base::statistics::quantile;
 use glam::{DVec2, DVec3};
 
 /// Facts about a capture that its photos state; `None` for what they do not state well enough.

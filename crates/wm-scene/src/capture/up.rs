@@ -3,7 +3,7 @@
 use super::gps::GpsFit;
 use crate::Camera;
 use crate::survey::habits::{Habit, HabitKind, habits};
-use crate::survey::linear::horizontals;
+use wm_base::linear::horizontals;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use std::fmt;
 

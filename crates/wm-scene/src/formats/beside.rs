@@ -1,6 +1,6 @@
 //! Files beside a scene file, also where the scene file is a symbolic link.
 
-use crate::files;
+use wm_base::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! A file in memory, read from front to back, and what may be unpacked from it.
 
-use crate::error::Problem;
+use wm_base::error::Problem;
 use sirocco::inflate;
 use std::io::{self, Read};
 
@@ -106,7 +106,7 @@ pub(crate) fn unpack_exact(reader: &mut dyn Read, out: &mut [u8], what: &str) ->
         }
         _ => Problem::Header(format!(
             "{what} cannot be unpacked ({})",
-            crate::error::one_line(&error.to_string())
+            wm_base::error::one_line(&error.to_string())
         )),
     })
 }

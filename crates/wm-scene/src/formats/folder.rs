@@ -5,12 +5,8 @@
 //! `cameras.json` in the folder of the training holds the photographed views, if it exists.
 
 use super::beside::places;
-use crate::{
-    Camera, FormatError, Problem, SceneView,
-    camera::{rotation_of, viewmat_at},
-    error::json_fault,
-    files::{self, write_atomically},
-};
+use wm_base::{FormatError, Problem, error::json_fault, files::{self, write_atomically}};
+use crate::{Camera, SceneView, camera::{rotation_of, viewmat_at}};
 use glam::{DMat3, DVec3};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};

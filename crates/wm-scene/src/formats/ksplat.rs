@@ -22,7 +22,8 @@ use super::{
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
 };
-use crate::{Scene, Splats, error::Problem, morton, sh};
+use wm_base::error::Problem;
+use crate::{Scene, Splats, morton, sh};
 use half::f16;
 use std::io::Write;
 

@@ -25,13 +25,8 @@ mod loss;
 mod pack;
 pub mod sidecar;
 
-use crate::{
-    Scene,
-    error::{FormatError, Problem, excerpt},
-    files::{self, TempFile, write_atomically},
-    origin,
-    source::Source,
-};
+use wm_base::{error::{FormatError, Problem, excerpt}, files::{self, TempFile, write_atomically}, source::Source};
+use crate::{Scene, origin};
 pub use axes::Axes;
 use loss::ANY_SCALE;
 pub use loss::{FormatLosses, Retention, lost};

@@ -12,11 +12,8 @@ use super::{
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
 };
-use crate::{
-    Scene, Splats,
-    error::{FormatError, Problem},
-    source::Source,
-};
+use wm_base::{error::{FormatError, Problem}, source::Source};
+use crate::{Scene, Splats};
 use std::io::Write;
 
 /// The entry of [`FORMATS`](super::FORMATS).

@@ -25,7 +25,8 @@ use super::{
     bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
     pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
 };
-use crate::{Metadata, Rasterization, Remark, Scene, Splats, error::Problem, origin, sh};
+use wm_base::error::Problem;
+use crate::{Metadata, Rasterization, Remark, Scene, Splats, origin, sh};
 use half::f16;
 use ruzstd::{
     decoding::StreamingDecoder,

@@ -2,14 +2,11 @@
 //! a request.
 
 use super::LevelIndex;
-use crate::{
-    FormatError, Problem,
-    files::{self, write_atomically},
-    formats::sog::{
+use wm_base::{FormatError, Problem, files::{self, write_atomically}};
+use crate::formats::sog::{
         read::{below, fault, is_bundle, parse, picture_names, read_file},
         zip,
-    },
-};
+    };
 use serde_json::Value;
 use std::path::Path;
 

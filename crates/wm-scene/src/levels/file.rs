@@ -1,9 +1,7 @@
 //! One file of a scene in levels: the splats of many leaves at one level.
 
-use crate::{
-    FormatError, Metadata, Remark, Splats,
-    formats::sog::read::{SogPictures, read_pictures},
-};
+use wm_base::FormatError;
+use crate::{Metadata, Remark, Splats, formats::sog::read::{SogPictures, read_pictures}};
 use std::path::{Path, PathBuf};
 
 /// A decoded file of a [`super::LevelIndex`]: 28 bytes a splat, and its palette. Splats are made of

@@ -1,18 +1,13 @@
 //! `lod-meta.json`: the leaves of a scene in levels, and where their splats are.
 
 use super::{LevelFile, tree::Extent};
-use crate::{
-    FormatError, Group, Metadata, Problem, Scene, Splats,
-    error::excerpt,
-    files,
-    formats::{
+use wm_base::{FormatError, Problem, error::excerpt, files};
+use crate::{Group, Metadata, Scene, Splats, formats::{
         DetailLevel,
         folder::scene_file,
         sidecar,
         sog::read::{below, fault, parse, picture_names},
-    },
-    remark::add_new,
-};
+    }, remark::add_new};
 use serde::Deserialize;
 use serde_json::Value;
 use std::{

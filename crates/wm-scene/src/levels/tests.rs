@@ -1,9 +1,8 @@
 //! Scenes in levels, written and read.
 
 use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf, TilePlan};
-use crate::{
-    FormatError, Metadata, Rasterization, Scene, Splats, formats::DetailLevel, morton, testing::Dice,
-};
+use wm_base::FormatError;
+use crate::{Metadata, Rasterization, Scene, Splats, formats::DetailLevel, morton, testing::Dice};
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 use std::{

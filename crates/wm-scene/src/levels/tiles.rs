@@ -18,12 +18,8 @@ use super::{
     tree::{BoxTree, Extent},
     writer::ellipsoids,
 };
-use crate::{
-    FormatError, Metadata, Problem, Scene, Splats,
-    capture::Gps,
-    files::write_atomically,
-    formats::{GltfSplats, WriteOptions, write_scene_with},
-};
+use wm_base::{FormatError, Problem, files::write_atomically};
+use crate::{Metadata, Scene, Splats, capture::Gps, formats::{GltfSplats, WriteOptions, write_scene_with}};
 use glam::{DMat3, DMat4, DVec3};
 use serde_json::{Value, json};
 use std::{

@@ -4,19 +4,14 @@ use super::{
     LevelIndex, LevelRun, MAX_LEVELS,
     tree::{BoxTree, Extent},
 };
-use crate::{
-    FormatError, Metadata, Problem, Rasterization, Scene, Splats,
-    files::write_atomically,
-    formats::{
+use wm_base::{FormatError, Problem, files::write_atomically};
+use crate::{Metadata, Rasterization, Scene, Splats, formats::{
         sog::{
             read::below,
             write::{Arrangement, files_with},
         },
         write_files,
-    },
-    morton,
-    quat::to_matrix,
-};
+    }, morton, quat::to_matrix};
 use serde::{Serialize, Serializer};
 use std::{
     collections::BTreeMap,

@@ -2,7 +2,7 @@ use super::*;
 use crate::formats::{
     FORMATS, ReadOptions, Views, folder, lost, read_scene, read_scene_from, write_scene, write_sidecar,
 };
-use crate::random::uniform;
+use wm_base::random::uniform;
 use crate::{Camera, Lamp, Severity};
 use glam::{DMat3, DQuat};
 use proptest::prelude::*;

@@ -3,10 +3,10 @@
 //! In daylight it is about the mean radiance of the sky near the horizon. Where a scene has a sky,
 //! its splats say it; where not, the brightest surfaces give a measure of the daylight.
 
-use super::linear::quantile;
+use wm_base::statistics::quantile;
 use super::sample::SurveySample;
 use super::sky::SkyRegion;
-use crate::color::{luminance, srgb_decode};
+use wm_base::color::{luminance, srgb_decode};
 use crate::{Splats, sh};
 use glam::DVec3;
 

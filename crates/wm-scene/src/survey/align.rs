@@ -3,7 +3,7 @@
 //!
 //! The geometry of a scene stays as it is; its metadata say how it stands.
 
-use super::linear::quantile;
+use wm_base::statistics::quantile;
 use super::report::{Decimal, origin};
 use super::sample::SurveySample;
 use super::sky::SkyRegion;

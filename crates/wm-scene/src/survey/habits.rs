@@ -4,7 +4,7 @@
 //! in roll. A drone that surveys an area looks straight down while it flies back and forth in a
 //! level plane; its pictures' up is then a level direction and says nothing.
 
-use super::linear::{eigen, outer};
+use wm_base::linear::{eigen, outer};
 use crate::Camera;
 use glam::{DMat3, DVec3};
 

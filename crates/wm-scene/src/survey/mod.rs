@@ -14,7 +14,6 @@ mod airlight;
 mod align;
 mod ground;
 pub(crate) mod habits;
-pub(crate) mod linear;
 mod near_ground;
 mod own_sky;
 mod plan;

@@ -2,7 +2,8 @@
 //!
 //! That ground is the plane of the lowest large level surface about the foot of the point.
 
-use super::linear::{horizontals, quantile};
+use wm_base::linear::horizontals;
+use wm_base::statistics::quantile;
 use super::sample::point;
 use super::sky::SkyRegion;
 use crate::{Splats, quat};
@@ -228,7 +229,7 @@ fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
             if off.abs() < 1.0 {
                 let weight = area * (1.0 - off * off).powi(2);
                 let row = DVec3::new(1.0, *x, *y);
-                known += super::linear::outer(row, weight);
+                known += wm_base::linear::outer(row, weight);
                 sum += row * (weight * height);
                 used += 1;
             }

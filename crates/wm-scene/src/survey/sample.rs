@@ -1,6 +1,7 @@
 //! A fair sample of the splats: enough for every estimate of a survey, few enough to be quick.
 
-use super::linear::{horizontals, quantile};
+use wm_base::linear::horizontals;
+use wm_base::statistics::quantile;
 use super::sky::SkyRegion;
 use crate::Splats;
 use glam::DVec3;

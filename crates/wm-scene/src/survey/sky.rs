@@ -9,7 +9,8 @@
 //! - seen from the middle they cover a wide piece of the heavens: stray splats are too few for it,
 //!   and distant buildings cover but a strip along the horizon.
 
-use super::linear::{direction, eigen, outer, quantile};
+use wm_base::linear::{direction, eigen, outer};
+use wm_base::statistics::quantile;
 use super::sample::{center_of, strided};
 use crate::{Group, Splats};
 use glam::{DMat3, DVec3};

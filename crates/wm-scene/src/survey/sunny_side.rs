@@ -4,7 +4,7 @@
 //! Rays go from a few surfaces near the ground and the cameras towards suns all around, through
 //! cells that hold as much surface as closes half of them.
 
-use super::linear::horizontals;
+use wm_base::linear::horizontals;
 use super::sample::{SurveyPoint, SurveySample, strided};
 use crate::SceneView;
 use glam::DVec3;

@@ -366,9 +366,9 @@ fn airlight_is_that_of_the_horizon() {
     // White at the horizon, blue above: the mean to 20 degrees is nearer to white.
     let found = survey(with_sky(street(7), 300.0, 10_000));
     // From 0 to 20 degrees the mean share of white is 0.6: (0.67, 0.76, 0.89) on a display.
-    let seen = [0.67, 0.76, 0.89].map(crate::color::srgb_decode);
+    let seen = [0.67, 0.76, 0.89].map(wm_base::color::srgb_decode);
     // As bright, and no bluer than daylight fog: 1.1 times the red.
-    let grey = crate::color::luminance(seen);
+    let grey = wm_base::color::luminance(seen);
     let share = (seen[2] - 1.1 * seen[0]) / (seen[2] - 1.1 * seen[0] + 0.1 * grey);
     let expected = seen.map(|v| (1.0 - share) * v + share * grey);
     for (got, want) in found.airlight.value.into_iter().zip(expected) {

@@ -17,7 +17,8 @@
 //! likely direction is taken. No axis overrules what is seen.
 
 use super::habits::{self, Habit, HabitKind};
-use super::linear::{direction, eigen, horizontals, outer, quantile};
+use wm_base::linear::{direction, eigen, horizontals, outer};
+use wm_base::statistics::quantile;
 use super::sample::{SurveyPoint, SurveySample, strided};
 use super::sky::SkyRegion;
 use super::{Confidence, FactSource, MIN_POINTS, ground, plan};

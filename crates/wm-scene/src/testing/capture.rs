@@ -2,7 +2,7 @@
 
 use crate::Camera;
 use crate::capture::{Capture, CaptureView, Distortion, Observation, SparsePoints};
-use crate::random::uniform;
+use wm_base::random::uniform;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
 /// Random numbers between bounds, drawn one after the other.

@@ -5,7 +5,7 @@ use crate::echo::EchoClass;
 use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};
 use std::path::Path;
-use wm_scene::files::write_atomically;
+use wm_base::files::write_atomically;
 
 /// Metres of a step of a coordinate.
 const STEP_M: f64 = 0.001;

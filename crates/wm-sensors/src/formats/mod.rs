@@ -16,8 +16,8 @@ use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};
 use std::io::Write;
 use std::path::Path;
-use wm_scene::files::write_atomically;
-use wm_scene::{Problem, npy};
+use wm_base::files::write_atomically;
+use wm_base::{Problem, npy};
 
 /// A format of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@
 
 use super::model::RadarModel;
 use std::f64::consts::{LN_2, TAU};
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 
 /// Width of the response at half power, cells, and its reach.
 const RESPONSE_WIDTH_CELLS: f64 = 1.44;

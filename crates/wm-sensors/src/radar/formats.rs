@@ -12,8 +12,8 @@ use super::sweep::{RadarDetection, RadarSweep};
 use crate::error::SensorError;
 use crate::formats::format_of;
 use std::path::Path;
-use wm_scene::files::write_atomically;
-use wm_scene::npy;
+use wm_base::files::write_atomically;
+use wm_base::npy;
 
 /// A format of detections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use wm_render::RaySplats;
 use wm_render::simd::SimdPath;
 use wm_scene::Splats;
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 use wm_weather::{Site, Weather};
 
 /// A small radar that sees far, so that noise does not count.
@@ -221,7 +221,7 @@ fn files_have_eleven_columns() {
         assert_eq!(all[start + 40], made.detections[0].class as u8);
     }
     made.save(&path("a.npy")).unwrap();
-    let (values, shape) = wm_scene::npy::read(&path("a.npy")).unwrap();
+    let (values, shape) = wm_base::npy::read(&path("a.npy")).unwrap();
     assert_eq!(shape, [made.detections.len(), 11]);
     assert_eq!([values[3], values[8]], [made.detections[0].range, made.detections[0].rcs]);
     let error = made.save(&path("a.las")).unwrap_err().to_string();

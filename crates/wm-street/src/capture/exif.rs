@@ -4,7 +4,7 @@ use super::{CaptureKind, CaptureSettings, ExifFault, shots::Shot};
 use crate::Place;
 use crate::sky;
 use wm_scene::capture::Gps;
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 
 /// Diagonal of a full frame, mm.
 const FULL_FRAME_DIAGONAL_MM: f64 = 43.266_615;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use std::f64::consts::PI;
 use wm_scene::Camera;
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 
 /// Exposure, s.
 const EXPOSURE_S: f64 = 0.004;

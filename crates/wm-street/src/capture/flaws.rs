@@ -4,7 +4,7 @@ use crate::display_of;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 
 /// Flaws of the photos of a capture; none by default. They combine.
 #[derive(Clone, Debug, Default, PartialEq)]

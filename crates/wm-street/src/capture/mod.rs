@@ -47,9 +47,10 @@ use wm_scene::capture::{
     Capture, CaptureView, Distortion, Gps,
     colmap::write::{self as colmap, ColmapStorage},
 };
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 use wm_scene::similarity::Similarity;
-use wm_scene::{Camera, FormatError, Problem};
+use wm_base::{FormatError, Problem};
+use wm_scene::Camera;
 
 /// The way in which a capture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use wm_scene::Camera;
 use wm_scene::capture::{Observation, SparsePoints};
-use wm_scene::random::{RandomStream, uniform};
+use wm_base::random::{RandomStream, uniform};
 
 /// Standard deviation of a sighting along each axis, px.
 const SIGHTING_NOISE_PX: f64 = 0.5;

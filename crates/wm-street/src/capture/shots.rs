@@ -5,7 +5,7 @@ use crate::Place;
 use crate::ground::along;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::TAU;
-use wm_scene::random::RandomStream;
+use wm_base::random::RandomStream;
 use wm_scene::{Camera, CameraError};
 
 /// A photo to be taken.

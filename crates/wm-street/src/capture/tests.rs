@@ -9,7 +9,8 @@ use std::sync::OnceLock;
 use tempfile::tempdir;
 use wm_scene::capture::{CaptureOptions, CaptureSite, gps, header, header::read_header, read};
 use wm_scene::survey::Survey;
-use wm_scene::{Metadata, Scene, npy};
+use wm_base::npy;
+use wm_scene::{Metadata, Scene};
 
 fn park() -> &'static Place {
     static PARK: OnceLock<Place> = OnceLock::new();

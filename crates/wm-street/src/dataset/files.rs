@@ -2,7 +2,8 @@
 
 use crate::PhotoPixel;
 use std::{io, path::Path};
-use wm_scene::{Camera, FormatError, files::write_atomically, npy};
+use wm_base::{FormatError, files::write_atomically, npy};
+use wm_scene::Camera;
 
 /// Writes a picture of `(width, height)` px, sRGB bytes, with a block of EXIF.
 pub(crate) fn write_png(

@@ -18,15 +18,11 @@ use crate::{PhotoPixel, Place, display_of};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use std::{fs, path::Path};
-use wm_scene::{
-    Camera, CameraError, FormatError, Problem,
-    capture::{
+use wm_base::{FormatError, Problem, files::write_atomically, random::uniform};
+use wm_scene::{Camera, CameraError, capture::{
         Capture, CaptureView, Distortion, Observation, SparsePoints,
         colmap::write::{self, ColmapStorage},
-    },
-    files::write_atomically,
-    random::uniform,
-};
+    }};
 
 /// The positions from which the photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -254,10 +250,8 @@ mod tests {
     use crate::Street;
     use std::io;
     use tempfile::tempdir;
-    use wm_scene::{
-        capture::{CaptureOptions, read},
-        npy,
-    };
+    use wm_base::npy;
+    use wm_scene::capture::{CaptureOptions, read};
 
     /// Width and height of a PNG file, px, and the number of bytes of its pixels.
     fn decoded(path: &Path) -> (u32, u32, usize) {

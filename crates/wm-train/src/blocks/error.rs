@@ -5,7 +5,7 @@ use crate::session::SessionError;
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// A reason why a training in blocks ends without a scene.
 #[derive(Debug, Error)]

@@ -12,7 +12,7 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
 use std::sync::Arc;
-use wm_scene::files::write_durably;
+use wm_base::files::write_durably;
 use wm_scene::formats::write_scene;
 use wm_scene::{Group, Scene, Splats};
 

@@ -40,10 +40,10 @@ use std::{
 };
 use thiserror::Error;
 use tool::{RunPaths, SCRIPT, SCRIPT_NAME, StepCommands};
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::capture::header::read_header;
 use wm_scene::capture::{self, CaptureOptions};
-use wm_scene::files::write_atomically;
+use wm_base::files::write_atomically;
 
 /// Options of COLMAP.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -18,7 +18,7 @@ use crate::priors::{Prior, SkyClass};
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
 use wm_scene::capture::SparsePoints;
-use wm_scene::color::srgb_encode;
+use wm_base::color::srgb_encode;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 

@@ -38,7 +38,7 @@ use std::ops::Range;
 use wm_render::EvenAir;
 use wm_scene::Metadata;
 use wm_scene::capture::{Capture, SparsePoints};
-use wm_scene::color::{srgb_decode, srgb_encode};
+use wm_base::color::{srgb_decode, srgb_encode};
 use wm_scene::metadata::MOR_DEPTH;
 
 /// Fewest tracks from which haze is measured.

@@ -9,7 +9,7 @@ use crate::priors::points::inside;
 use rayon::prelude::*;
 use std::sync::LazyLock;
 use wm_scene::capture::Capture;
-use wm_scene::color::srgb_decode;
+use wm_base::color::srgb_decode;
 
 /// A point as a photo shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]

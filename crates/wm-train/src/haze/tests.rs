@@ -1,6 +1,6 @@
 use super::sightings::Sighting;
 use super::*;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Points along a road as photos from a car show them.
 struct Road {

@@ -199,7 +199,7 @@ mod tests {
     use wm_render::testing::{Backend, gpu_differentiable, shell_camera, shell_splats};
     use wm_render::training::NO_EXPOSURE;
     use wm_render::{ForwardConfig, Resident};
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     const SIZE: (u32, u32) = (12, 8);
 

@@ -254,7 +254,7 @@ fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, s
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     const PATCHES: Patches = Patches { width: 12, height: 9, side: 4 };
 

@@ -16,7 +16,7 @@
 use rayon::prelude::*;
 use std::path::Path;
 use thiserror::Error;
-use wm_scene::{FormatError, npy};
+use wm_base::{FormatError, npy};
 
 /// Width of the kernel.
 const SIGMA: f64 = 10.0;
@@ -251,7 +251,7 @@ fn squared_distance(x: &[f32], y: &[f32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     /// Rows of noise about `center` in all numbers, of length 1.
     fn made_up(count: usize, width: usize, seed: u64, center: f64) -> Embeddings {

@@ -1,6 +1,6 @@
 use super::*;
 use glam::DVec3;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 const SIZE: (u32, u32) = (96, 72);
 

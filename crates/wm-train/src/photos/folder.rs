@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// The photos in a folder and those below it, by their names (`.jpg`, `.jpeg`, `.png`), sorted; and
 /// how many other files there are.

@@ -43,13 +43,10 @@ use std::{
     thread::JoinHandle,
 };
 use undistort::undistort_map;
-use wm_scene::{
-    Camera,
-    capture::{
+use wm_scene::{Camera, capture::{
         Capture, Distortion, Gps,
         header::{Orientation, PhotoHeader, read_header},
-    },
-};
+    }};
 
 /// The size at which photos are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

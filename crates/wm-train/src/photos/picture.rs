@@ -9,13 +9,10 @@ use super::{
 };
 use std::path::{Path, PathBuf};
 use wm_image::photo::{DecodeError, Decoded, decode_photo};
-use wm_scene::{
-    Camera,
-    capture::{
+use wm_scene::{Camera, capture::{
         Distortion,
         header::{Orientation, PhotoKind, read_header},
-    },
-};
+    }};
 
 /// A photo, decoded, resized and undistorted.
 #[derive(Clone, Debug, PartialEq)]

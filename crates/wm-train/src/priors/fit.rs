@@ -179,7 +179,7 @@ fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     /// Points 3 to 60 units away under a relative depth of `scale` and `shift`, a share of them
     /// anywhere.

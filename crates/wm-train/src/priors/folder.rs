@@ -12,8 +12,9 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use std::{fmt, fs};
 use thiserror::Error;
-use wm_scene::files::write_atomically;
-use wm_scene::{Camera, FormatError, Problem, npy};
+use wm_base::files::write_atomically;
+use wm_base::{FormatError, Problem, npy};
+use wm_scene::Camera;
 
 /// The file that says what the folder holds.
 pub const INDEX: &str = "priors.json";

@@ -67,7 +67,7 @@ pub(crate) fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f
 mod tests {
     use super::*;
     use glam::DVec3;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     #[test]
     fn the_normal_of_a_noisy_plane_is_found() {

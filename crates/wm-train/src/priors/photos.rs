@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 use thiserror::Error;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::capture::{Capture, CaptureUp};
 
 /// The value of `source` in the index.

@@ -20,8 +20,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use wm_scene::capture::gps::GpsFit;
 use wm_scene::capture::{Capture, CaptureUp, SparsePoints};
-use wm_scene::files::write_atomically;
-use wm_scene::{Camera, FormatError, Problem, SceneView, Severity};
+use wm_base::files::write_atomically;
+use wm_base::{FormatError, Problem};
+use wm_scene::{Camera, SceneView, Severity};
 
 /// The picture of the poor photos in the run folder.
 const POOR_PHOTOS_FILE: &str = "poor-photos.png";

@@ -13,7 +13,7 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 use wm_render::RenderError;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 
 /// A reason why a session ends without a scene.
 #[derive(Debug, Error)]

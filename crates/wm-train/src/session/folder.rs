@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use thiserror::Error;
-use wm_scene::files::{lock_folder, write_atomically};
+use wm_base::files::{lock_folder, write_atomically};
 
 /// The name of the checkpoint in a run folder.
 pub const CHECKPOINT: &str = "checkpoint.wmtrain";
@@ -240,7 +240,7 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigFileError`] says what is wrong with the file.
     pub fn read(path: &Path) -> Result<Self, ConfigFileError> {
-        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT)
+        let text = wm_base::files::read_text(path, wm_base::files::SMALL_TEXT)
             .map_err(|reason| ConfigFileError::Read { path: path.to_owned(), reason })?;
         let config: Self = serde_json::from_str(&text)
             .map_err(|reason| ConfigFileError::Json { path: path.to_owned(), reason })?;

@@ -10,7 +10,7 @@ use crate::movers::{self, MoverMask, MoverOutcome, MoverView, sheet};
 use crate::photos::Photo;
 use crate::priors::{Prior, Priors, photos};
 use std::sync::Arc;
-use wm_scene::files::write_atomically;
+use wm_base::files::write_atomically;
 
 /// Searches the training photos for movers, by the depth that stereo found, and makes the priors
 /// forget them. Returns a mask for each photo, or none if there are no movers: a function of photos

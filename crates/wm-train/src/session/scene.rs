@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 use wm_scene::capture::ground::{CARRIED_HEIGHT_M, CaptureGround, CaptureGroundError, ground};
 use wm_scene::capture::up::{CaptureUp, UpEvidence};
-use wm_scene::color::srgb_decode;
+use wm_base::color::srgb_decode;
 use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Camera, Metadata, Scene, Splats};
 

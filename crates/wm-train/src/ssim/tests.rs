@@ -1,7 +1,7 @@
 //! SSIM against its definition, in f64.
 
 use super::*;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 fn picture(width: usize, height: usize, seed: u64) -> Vec<f32> {
     (0..width * height * 3).map(|i| uniform(seed, i as u64) as f32).collect()

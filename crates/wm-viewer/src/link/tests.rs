@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use serde_json::{Value, json};
 use std::time::Instant;
-use wm_scene::random::RandomSequence;
+use wm_base::random::RandomSequence;
 use wm_weather::param::ParamKind;
 use wm_weather::presets::PRESETS;
 use wm_weather::{EFFECTS, Weather};

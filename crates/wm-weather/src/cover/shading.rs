@@ -3,7 +3,7 @@
 use super::ground::GroundGrid;
 use crate::threads::map;
 use wm_scene::Splats;
-use wm_scene::color::{luminance, srgb_decode};
+use wm_base::color::{luminance, srgb_decode};
 
 /// Rounds of averaging over neighbouring cells: dark paint is not shade.
 const ROUNDS: usize = 6;

@@ -5,7 +5,7 @@ use crate::optics::{Site, SiteLight};
 use crate::particles::random::RandomSequence;
 use crate::threads::map;
 use glam::{DMat3, DQuat, DVec3};
-use wm_scene::color::srgb_encode;
+use wm_base::color::srgb_encode;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Group, Splats};
 

@@ -7,7 +7,7 @@
 use crate::cover::{CoverRequest, CoverMaterial};
 use crate::effects::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
-use wm_scene::color::srgb_decode;
+use wm_base::color::srgb_decode;
 
 /// Dry sand, sRGB.
 const SAND: [f64; 3] = [0.76, 0.647, 0.467];

@@ -27,7 +27,7 @@ use glam::DVec3;
 use std::sync::Arc;
 use wm_render::SkyGradient;
 use wm_render::hooks::SkySplats;
-use wm_scene::color::{luminance, srgb_decode};
+use wm_base::color::{luminance, srgb_decode};
 
 crate::param::words! {
     /// The source of the light.

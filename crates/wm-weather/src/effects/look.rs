@@ -22,7 +22,7 @@ use wm_render::dispatch;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::{Lanes, SimdPath, exp2, log2};
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 
 crate::param::params! {
     /// The parameters of the effect.

@@ -21,7 +21,7 @@ use std::sync::{Arc, LazyLock};
 use wm_render::hooks::{PATCH, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
-use wm_scene::color::{srgb_decode, srgb_encode};
+use wm_base::color::{srgb_decode, srgb_encode};
 
 crate::param::params! {
     /// The parameters of the effect.

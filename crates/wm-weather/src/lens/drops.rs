@@ -3,7 +3,7 @@
 use super::{Glass, GlassRain};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-use wm_scene::random::{RandomSequence, bits};
+use wm_base::random::{RandomSequence, bits};
 
 /// Sides of the cells in which sitting and running drops land, m. A slot of their clocks is as long
 /// as one lands in a cell.

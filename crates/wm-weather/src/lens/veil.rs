@@ -6,7 +6,7 @@ use super::wide::WideView;
 use rayon::prelude::*;
 use wm_render::Frame;
 use wm_scene::Camera;
-use wm_scene::random::bits;
+use wm_base::random::bits;
 
 /// Rings at which the veil is looked up: from 1 degree on, each twice as far as the one before.
 const RINGS: usize = 5;

@@ -10,7 +10,7 @@ use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
 use glam::Vec3;
 use std::f64::consts::TAU;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Number of waves.
 const WAVES: u64 = 24;

@@ -9,7 +9,7 @@
 use super::clear_sky::ClearSky;
 use super::irradiance::{SceneLight, SkyGradation};
 use std::f64::consts::PI;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 
 /// Luminous efficacy, lm/W.
 const EFFICACY: f64 = 683.0;

@@ -7,7 +7,7 @@
 //! over its exposure.
 
 use glam::Vec3;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Luminous exposure of level ground by one stroke at 1 km, lx s.
 const STROKE: f64 = 5.0;

@@ -12,7 +12,7 @@
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 
 /// Share of the light that surfaces return, on average.
 const MEAN_REFLECTANCE: f64 = 0.25;

@@ -7,7 +7,7 @@ use super::headlamps::Headlamps;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_scene::{Lamp, LitWindow};
 
 /// Colour temperature that is shown as white by lamplight, K.

@@ -5,7 +5,7 @@ use crate::fused_surfaces::places::PlaceMap;
 use crate::threads::map;
 use glam::{IVec3, Vec3};
 use std::ops::Range;
-use wm_scene::color::srgb_decode;
+use wm_base::color::srgb_decode;
 use wm_scene::splats::shortest_axis;
 use wm_scene::{Group, Splats, quat};
 
@@ -157,7 +157,7 @@ mod tests {
     fn a_grid_finds_what_a_search_of_all_finds() {
         let points: Vec<Vec3> = (0..500u64)
             .map(|i| {
-                let at = |k: u64| wm_scene::random::uniform(7, 3 * i + k) as f32 * 4.0 - 2.0;
+                let at = |k: u64| wm_base::random::uniform(7, 3 * i + k) as f32 * 4.0 - 2.0;
                 Vec3::new(at(0), at(1), at(2))
             })
             .collect();

@@ -11,7 +11,7 @@ use super::places::{PointGrid, Surfaces};
 use super::sun_search::same_material;
 use crate::threads::map;
 use glam::Vec3;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_scene::{Splats, quat};
 
 /// Most neighbours of a surface.
@@ -241,7 +241,7 @@ mod tests {
     use super::*;
     use crate::cover::surfel;
     use glam::DVec3;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     /// Distance between the surfaces, and by how much the map's shadow is too wide, m.
     const STEP: f32 = 0.1;

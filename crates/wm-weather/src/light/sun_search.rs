@@ -15,7 +15,7 @@ use crate::threads::map;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-use wm_scene::random::{self, RandomStream};
+use wm_base::random::{self, RandomStream};
 
 /// Distances between the points of a pair, m: narrow ones tell the direction finely, wide ones from
 /// afar.

@@ -8,8 +8,8 @@ use crate::optics::{CapturedSky, Site};
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::testing;
 use glam::DVec3;
-use wm_scene::color::{luminance, srgb_encode};
-use wm_scene::random::uniform;
+use wm_base::color::{luminance, srgb_encode};
+use wm_base::random::uniform;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Splats};
 

@@ -187,7 +187,7 @@ pub(super) fn amend(
 mod tests {
     use super::*;
     use crate::testing;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     /// Distance between the surfaces, m.
     const STEP: f32 = 0.1;

@@ -12,7 +12,7 @@ use crate::optics::{CapturedSky, Site};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use wm_scene::Metadata;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 
 /// Usual reflectances and the error of each, as a standard deviation of its logarithm: the median
 /// of ground that is not green, of walls, and of what is green, and the brightest twentieth of all

@@ -5,8 +5,8 @@ use crate::cover::surfel;
 use crate::optics::Site;
 use glam::DVec3;
 use std::f64::consts::PI;
-use wm_scene::color::srgb_encode;
-use wm_scene::random::uniform;
+use wm_base::color::srgb_encode;
+use wm_base::random::uniform;
 use wm_scene::{Group, LitWindow, Splats, splats::Splat};
 
 /// Splats along the longer edge of a window.

@@ -104,7 +104,7 @@ fn agree(backend: Backend, atmosphere: &Atmosphere, seed: u64) {
 /// transmittance, up to two trips through the display's encoding.
 #[test]
 fn transmittance_and_airlight_agree_with_f64_and_with_colors() {
-    let uniform = |k: u64| wm_scene::random::uniform(9, k);
+    let uniform = |k: u64| wm_base::random::uniform(9, k);
     let origin = [1.0f32, 2.0, 3.0];
     let mut rays = [ShadeGroup::default(); 16];
     for i in 0..256 {

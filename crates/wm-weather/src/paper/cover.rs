@@ -41,7 +41,7 @@ use glam::{DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::f64::consts::TAU;
 use std::num::NonZero;
-use wm_scene::jacobi::jacobi;
+use wm_base::jacobi::jacobi;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::values::MAX_LOG_SCALE;
 use wm_scene::{Group, Splats, quat};

@@ -284,7 +284,7 @@ mod tests {
             }
             let (mut seen, mut all) = (0, 0);
             for i in 0..60_000u64 {
-                let p = [0, 1, 2].map(|k| 14.0 * wm_scene::random::uniform(k, i) - 7.0);
+                let p = [0, 1, 2].map(|k| 14.0 * wm_base::random::uniform(k, i) - 7.0);
                 all += 1;
                 let is_near = p.iter().map(|v| v * v).sum::<f64>() < 36.0;
                 let Some((x, y, _)) = camera.project(eye + DVec3::from_array(p)).filter(|_| is_near) else {

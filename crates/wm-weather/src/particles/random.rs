@@ -1,12 +1,12 @@
-//! Random numbers of particles, on vector lanes: the SIMD form of [`wm_scene::random::pcg4d`].
+//! Random numbers of particles, on vector lanes: the SIMD form of [`wm_base::random::pcg4d`].
 
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
-use wm_scene::random::PCG;
+use wm_base::random::PCG;
 
-pub use wm_scene::random::RandomSequence;
+pub use wm_base::random::RandomSequence;
 
-/// [`wm_scene::random::pcg4d`] on every lane.
+/// [`wm_base::random::pcg4d`] on every lane.
 #[inline(always)]
 pub(crate) fn pcg4d<S: Lanes>(simd: S, mut v: [S::U; 4]) -> [S::U; 4] {
     for k in 0..4 {
@@ -101,7 +101,7 @@ mod tests {
             for i in 0..512u32 {
                 let from = [i % 8, i / 8 % 8, i / 64, 77];
                 let before = dispatch!(path, s => hashed(s, from));
-                assert_eq!(before, wm_scene::random::pcg4d(from), "{path}");
+                assert_eq!(before, wm_base::random::pcg4d(from), "{path}");
                 for bit in 0..128 {
                     let mut other = from;
                     other[bit / 32] ^= 1 << (bit % 32);

@@ -4,7 +4,7 @@ use super::*;
 use crate::optics::Site;
 use glam::DVec3;
 use proptest::prelude::*;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::synthetic::{Builder, moved, rotation};
 use wm_scene::{Group, Splats, testing::data};

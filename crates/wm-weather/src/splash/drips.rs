@@ -1,6 +1,6 @@
 //! Drops that fall from eaves, one by one: each is a function of its eave and its number.
 
-use wm_scene::random::{RandomSequence, mix};
+use wm_base::random::{RandomSequence, mix};
 
 /// Diameters of drops that let go of an edge, m.
 const DIAMETERS: [f64; 2] = [4.2e-3, 5.4e-3];

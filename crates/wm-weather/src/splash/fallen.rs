@@ -6,7 +6,7 @@
 
 use crate::particles::Precipitation;
 use crate::water::ripples::{self, SIZE};
-use wm_scene::random::{RandomSequence, bits, uniform};
+use wm_base::random::{RandomSequence, bits, uniform};
 
 /// Diameter from which drops make rings, mm, and from which some splash, mm.
 const MIN_RING_DIAMETER_MM: f64 = 2.0;

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
 use wm_render::simd::{Lanes, SimdPath};
-use wm_scene::random::{RandomSequence, mix};
+use wm_base::random::{RandomSequence, mix};
 
 /// Farthest and nearest distance at which splashes are drawn, m.
 const MAX_DISTANCE_M: f64 = 45.0;

@@ -5,7 +5,7 @@
 //! of the ground shift it; so a wave is a function of place and time alone.
 
 use std::f64::consts::TAU;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Lengths of the waves, m, the speed at which they run, m/s, and their slopes, amplitudes.
 const WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 0.25, 0.035]];

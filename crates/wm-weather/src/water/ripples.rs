@@ -14,7 +14,7 @@ use crate::particles::RAIN;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Wave number of rings, rad/m.
 pub(crate) const WAVE_NUMBER: f64 = 200.0;

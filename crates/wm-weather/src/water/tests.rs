@@ -11,7 +11,7 @@ use std::sync::Arc;
 use wm_render::dispatch;
 use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::Camera;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 const SITE: Site = Site::PLAIN;
 

@@ -12,7 +12,7 @@ use super::tile::SlopeTile;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::{Arc, Mutex, PoisonError};
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Acceleration of free fall, m/s^2.
 pub(super) const GRAVITY: f64 = 9.81;

@@ -37,7 +37,7 @@ use std::sync::Arc;
 use wm_render::Frame;
 use wm_render::hooks::{Backdrop, Hooks, Medium, Particle, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
-use wm_scene::color::srgb_decode;
+use wm_base::color::srgb_decode;
 use wm_scene::{Camera, Splats};
 
 /// Whose formulas are used.

@@ -2,7 +2,7 @@
 //! damp ground their patches, which are plausible and not surveyed.
 
 use std::sync::LazyLock;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Widths of the bumps, m, and the height of each kind, rms, m.
 const KINDS: [[f64; 2]; 3] = [[0.5, 0.002_2], [0.25, 0.001_7], [0.12, 0.001_1]];

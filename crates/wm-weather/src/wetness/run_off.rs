@@ -8,7 +8,7 @@
 use super::basins::{Front, NO_BASIN, OrderedHeight};
 use super::surfaces::{WetShares, WetSurfaces};
 use std::cmp::Reverse;
-use wm_scene::random;
+use wm_base::random;
 
 /// Manning's roughness of paving, s/m^(1/3).
 const MANNING: f64 = 0.015;

@@ -20,7 +20,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use wm_render::hooks::{Attribute, AttributeBlock};
 use wm_scene::Splats;
-use wm_scene::color::srgb_decode;
+use wm_base::color::srgb_decode;
 use wm_scene::sh;
 
 /// Bounds of reflectances.

@@ -8,8 +8,8 @@ use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, UNIX_EPOCH};
-use wm_scene::files::write_atomically;
-use wm_scene::npy;
+use wm_base::files::write_atomically;
+use wm_base::npy;
 
 /// Longest time before new embeddings are written.
 const PATIENCE: Duration = Duration::from_secs(30);

@@ -30,7 +30,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tables::{CmmdDistance, Tables};
 use weather_magician::train::metrics::{Collection, Embeddings};
-use wm_scene::files::{check_writable, write_atomically};
+use wm_base::files::{check_writable, write_atomically};
 
 /// Options that have no meaning when pictures are compared.
 const OF_SCENES: [&str; 10] = [

@@ -20,7 +20,7 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_scene::capture::Distortion;
-use wm_scene::{FormatError, Location, Problem};
+use wm_base::{FormatError, Location, Problem};
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "Argoverse 2", read };

@@ -25,7 +25,8 @@ use points::{CleanSweep, VoxelCloud};
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use wm_scene::{FormatError, Metadata, Problem};
+use wm_base::{FormatError, Problem};
+use wm_scene::Metadata;
 
 /// Options of making a capture of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -352,7 +353,7 @@ impl Frames<'_> {
                 if let Some(map) = view.depth() {
                     let path = map_path(&self.folder.join(DEPTH), &name, "npy");
                     make(path.parent().unwrap_or(self.folder))?;
-                    wm_scene::npy::write(&path, &map, &[size.1 as usize, size.0 as usize])?;
+                    wm_base::npy::write(&path, &map, &[size.1 as usize, size.0 as usize])?;
                     self.depth_maps += 1;
                 }
                 if let Some(file) = &picture.masks.sky {

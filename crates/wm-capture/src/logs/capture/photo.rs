@@ -3,7 +3,7 @@
 use crate::logs::files::{MAX_BINARY_BYTES, fault, read_bytes};
 use std::io::Cursor;
 use std::path::Path;
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;

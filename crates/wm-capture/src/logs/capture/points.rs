@@ -8,7 +8,8 @@ use crate::logs::{DrivingLog, LogPoint, LogSweep};
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
 use wm_scene::capture::Distortion;
-use wm_scene::{Camera, FormatError};
+use wm_base::FormatError;
+use wm_scene::Camera;
 
 /// Most voxels.
 pub(super) const MAX_VOXELS: usize = 20_000_000;

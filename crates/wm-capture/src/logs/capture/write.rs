@@ -8,8 +8,9 @@ use serde::Serialize;
 use std::io;
 use std::path::Path;
 use wm_scene::capture::Distortion;
-use wm_scene::files::write_atomically;
-use wm_scene::{Camera, FormatError, Metadata, Problem};
+use wm_base::files::write_atomically;
+use wm_base::{FormatError, Problem};
+use wm_scene::{Camera, Metadata};
 
 /// A frame of `transforms.json`.
 #[derive(Serialize)]

@@ -22,9 +22,9 @@ use tables::{
     AnnotationRecord, CalibratedRecord, DataRecord, FileRecord, InstanceRecord, MapLogRecord, NamedRecord,
     PoseRecord, SampleRecord, SceneRecord, SensorRecord,
 };
-use wm_scene::FormatError;
+use wm_base::FormatError;
 use wm_scene::capture::Distortion;
-use wm_scene::file_index::{FileIndex, FileKind, FilePlace, FoundFile};
+use wm_base::file_index::{FileIndex, FileKind, FilePlace, FoundFile};
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "nuScenes", read };

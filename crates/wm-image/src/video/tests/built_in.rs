@@ -3,7 +3,7 @@
 use shiguredo_mp4::Either;
 use shiguredo_mp4::boxes::StszBox;
 
-use wm_scene::files::WriteFault;
+use wm_base::files::WriteFault;
 
 use super::parsed::{Parsed, vui_colour};
 use super::*;

@@ -5,7 +5,7 @@ use crate::differentiable::{ForwardConfig, Resident};
 use crate::frame::Frame;
 use crate::stages::optimize::tests::LearntState;
 use crate::testing::{Backend, camera, gpu_differentiable, random_splats};
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Two by two tiles, none of them whole.
 const SIZE: (usize, usize) = (29, 21);

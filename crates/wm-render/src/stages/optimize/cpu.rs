@@ -184,7 +184,7 @@ impl Piece<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     fn splats(count: usize) -> Splats {
         let mut splats = Splats::with_capacity(count, 1);

@@ -188,7 +188,7 @@ pub struct Step {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// The seed of its random numbers, three normal ones a splat: see
-    /// [`wm_scene::random::uniform`].
+    /// [`wm_base::random::uniform`].
     pub seed: u64,
     /// Size of the noise, in units of a splat's variance.
     pub size: f64,

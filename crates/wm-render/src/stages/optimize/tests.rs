@@ -176,7 +176,7 @@ fn noise_is_the_cpus() {
             continue;
         }
         let gate = 1.0 / (1.0 + (100.0 * (opacity - 0.005)).exp());
-        let u = |k: u64| wm_scene::random::uniform(noise.seed, 4 * i as u64 + k);
+        let u = |k: u64| wm_base::random::uniform(noise.seed, 4 * i as u64 + k);
         let radius = |k: u64| (-2.0 * (1.0 - u(k)).ln()).sqrt();
         let angle = |k: u64| std::f64::consts::TAU * u(k);
         let normal = [radius(0) * angle(1).cos(), radius(0) * angle(1).sin(), radius(2) * angle(3).cos()];

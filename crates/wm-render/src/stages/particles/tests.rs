@@ -9,7 +9,7 @@ use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
 use crate::{CpuRenderer, Frame};
 use glam::DVec3;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::{Camera, Splats};
 
 /// A list, in parts of a given length.

@@ -10,7 +10,7 @@ use crate::simd::SimdPath;
 use crate::testing::{Backend, gpu_renderer, random_splats, small_gpu};
 use std::sync::Arc;
 use wm_scene::Splats;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Any GPU, unless there is none.
 fn gpu() -> Option<Arc<Gpu>> {

@@ -9,7 +9,7 @@ use crate::testing::{Backend, random_splats};
 use crate::{DrawPass, Frame, SetView};
 use glam::DVec3;
 use proptest::prelude::*;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::{Camera, Splats};
 
 pub(super) const ALL: RayOutputs = RayOutputs { color: true, normal: true, value: true };

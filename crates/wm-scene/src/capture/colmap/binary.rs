@@ -4,7 +4,7 @@ use super::{
     Cameras, Images, MAX_PARAMETERS, MODELS, NumberedPoints, Places, SparsePoints, add_camera, add_point,
     cut, observation, parameters, value, view,
 };
-use crate::{FormatError, Problem, error::excerpt, source::Source};
+use wm_base::{FormatError, Problem, error::excerpt, source::Source};
 use std::collections::HashMap;
 
 /// Longest image name, bytes: that of a path.

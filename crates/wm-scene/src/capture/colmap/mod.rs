@@ -16,7 +16,8 @@ use super::{
     Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints,
     foreign::model_below, places,
 };
-use crate::{Camera, FormatError, Problem, Remark, camera::viewmat_of, source::Source};
+use wm_base::{FormatError, Problem, source::Source};
+use crate::{Camera, Remark, camera::viewmat_of};
 use glam::{DMat3, DQuat, DVec3};
 use std::{
     collections::{BTreeMap, HashMap},

@@ -5,11 +5,7 @@ use super::{
     Cameras, CaptureView, Images, MAX_PARAMETERS, NumberedPoints, Observation, Places, SparsePoints,
     add_camera, add_point, cut, observation, parameters, value, view,
 };
-use crate::{
-    FormatError, Problem,
-    error::{excerpt, number},
-    source::Source,
-};
+use wm_base::{FormatError, Problem, error::{excerpt, number}, source::Source};
 use std::collections::HashMap;
 
 /// A camera: number, model, width, height, parameters.

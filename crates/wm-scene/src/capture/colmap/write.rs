@@ -1,7 +1,7 @@
 //! Writes a [`Capture`] as a COLMAP model, binary or text.
 
 use super::super::{Capture, Distortion};
-use crate::{FormatError, Problem, files::write_atomically};
+use wm_base::{FormatError, Problem, files::write_atomically};
 use glam::{DQuat, DVec3};
 use std::{fs, io::Write, path::Path};
 

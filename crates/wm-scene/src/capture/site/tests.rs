@@ -1,5 +1,5 @@
 use super::*;
-use crate::random::uniform;
+use wm_base::random::uniform;
 use glam::{DMat3, DQuat};
 
 const LUND: Gps = Gps { latitude: 55.7047, longitude: 13.191, altitude: Some(50.0) };

@@ -14,13 +14,8 @@ use super::{
     Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, header, places,
     read_json,
 };
-use crate::{
-    Camera, FormatError, Problem, Remark,
-    camera::{rotation_of, viewmat_at},
-    error::one_line,
-    file_index::{self, FileIndex, FileKind},
-    formats::ply::read_points,
-};
+use wm_base::{FormatError, Problem, error::one_line, file_index::{self, FileIndex, FileKind}};
+use crate::{Camera, Remark, camera::{rotation_of, viewmat_at}, formats::ply::read_points};
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -247,7 +242,7 @@ fn check_model(model: Option<&str>) -> Result<(), String> {
             Ok(())
         }
         Some(other) => {
-            let other = crate::error::excerpt(other.as_bytes());
+            let other = wm_base::error::excerpt(other.as_bytes());
             Err(format!("its camera model {other} is not read; {UNDISTORT}"))
         }
     }

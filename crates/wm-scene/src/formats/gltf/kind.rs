@@ -1,6 +1,7 @@
 //! The kind of splats that the extension states: colour space, kernel, projection and order.
 
-use crate::{Remark, Splats, color::srgb_encode, error::excerpt, sh};
+use wm_base::{color::srgb_encode, error::excerpt};
+use crate::{Remark, Splats, sh};
 use serde_json::Value;
 
 /// Brings the colours of splats to those of a [`crate::Scene`], and says what of the extension is

@@ -1,16 +1,12 @@
 //! Writing a GLB.
 
 use super::{BIN, FLOAT, FORMAT, JSON, MAGIC, SPLATTING, SPZ, UNSIGNED_BYTE, attribute, sh_attribute};
-use crate::{
-    Group, Scene, Splats,
-    error::Problem,
-    formats::{
+use wm_base::error::Problem;
+use crate::{Group, Scene, Splats, formats::{
         GltfSplats, SpzVersion, WriteOptions,
         pack::{byte_of_dc, byte_of_logit, unit},
         spz,
-    },
-    splats::sigmoid,
-};
+    }, splats::sigmoid};
 use serde_json::{Map, Value, json};
 use std::io::Write;
 

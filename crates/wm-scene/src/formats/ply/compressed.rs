@@ -20,17 +20,12 @@ use super::{
     header::{Header, Kind, Scalar},
     write::metadata_lines,
 };
-use crate::{
-    Scene, Splats,
-    error::{FormatError, Problem},
-    formats::{
+use wm_base::{error::{FormatError, Problem}, source::Source};
+use crate::{Scene, Splats, formats::{
         Axes, FormatLosses, Retention, SceneFormat, Writer,
         bytes::rows,
         pack::{byte_of_logit, from_smallest_three, logit_of_byte, ranged, smallest_three, unit, unorm},
-    },
-    morton, sh,
-    source::Source,
-};
+    }, morton, sh};
 use std::fmt::Write as _;
 
 /// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too,
@@ -168,7 +163,7 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
             name => {
                 let what = format!(
                     "the element {} is not the one that is known",
-                    crate::error::excerpt(name.as_bytes())
+                    wm_base::error::excerpt(name.as_bytes())
                 );
                 return Err(fault(source, &what));
             }

@@ -14,13 +14,8 @@ use super::{
     header::{Element, Header, Kind, Property, Scalar},
     layout::{Rows, missing, property},
 };
-use crate::{
-    Remark, Splats,
-    error::{Problem, excerpt},
-    sh,
-    splats::{logit, sigmoid},
-    values::FARTHEST,
-};
+use wm_base::error::{Problem, excerpt};
+use crate::{Remark, Splats, sh, splats::{logit, sigmoid}, values::FARTHEST};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
 

@@ -1,11 +1,8 @@
 //! The PLY header: elements, properties and the metadata in its comments.
 
 use super::{PlyEncoding, layout::Endian};
-use crate::{
-    Metadata, Rasterization,
-    error::{FormatError, Problem, excerpt, one_line},
-    source::Source,
-};
+use wm_base::{error::{FormatError, Problem, excerpt, one_line}, source::Source};
+use crate::{Metadata, Rasterization};
 use glam::DVec3;
 
 /// Longest header, bytes: what it declares is kept in memory.

@@ -6,7 +6,8 @@ use super::{
     header::{Element, Header, Kind, Scalar},
 };
 use crate::splats::LabelKind;
-use crate::{Group, Splats, error::Problem, sh};
+use wm_base::error::Problem;
+use crate::{Group, Splats, sh};
 
 /// Byte order of a binary file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -34,12 +34,8 @@ mod text;
 mod write;
 
 use super::{Axes, FormatLosses, ReadOptions, SceneFormat, Writer};
-use crate::{
-    Scene,
-    error::{FormatError, Problem},
-    origin,
-    source::Source,
-};
+use wm_base::{error::{FormatError, Problem}, source::Source};
+use crate::{Scene, origin};
 use header::Header;
 use layout::{Endian, Layout};
 pub(crate) use points::read_points;

@@ -5,7 +5,8 @@ use super::{
     header::{Element, Header, Kind, Property, Scalar},
     layout::Endian,
 };
-use crate::{FormatError, Problem, Remark, capture::SparsePoints, error::number, source::Source};
+use wm_base::{FormatError, Problem, error::number, source::Source};
+use crate::{Remark, capture::SparsePoints};
 use std::path::Path;
 
 /// Colour of points that have none.

@@ -2,7 +2,8 @@
 
 use super::PlyEncoding;
 use crate::splats::LabelKind;
-use crate::{Group, Metadata, Scene, error::Problem};
+use wm_base::error::Problem;
+use crate::{Group, Metadata, Scene};
 use std::{fmt::Write as _, io::Write};
 
 /// Bytes gathered before they are written.

@@ -28,12 +28,8 @@ pub(crate) mod write;
 pub(crate) mod zip;
 
 use super::{ANY_SCALE, Axes, FormatLosses, ReadOptions, Retention, SceneFormat, Writer, has_ending};
-use crate::{
-    Scene,
-    error::{FormatError, Problem},
-    levels::LevelIndex,
-    source::Source,
-};
+use wm_base::{error::{FormatError, Problem}, source::Source};
+use crate::{Scene, levels::LevelIndex};
 
 #[cfg(test)]
 pub(super) use {

@@ -1,17 +1,12 @@
 //! Reading: `meta.json` and the pictures that it names.
 
 use super::{Problem, rotation::from_bytes, zip};
-use crate::{
-    Metadata, Rasterization, Remark, Scene, Splats,
-    error::{excerpt, one_line},
-    files,
-    formats::{
+use wm_base::{error::{excerpt, one_line}, files};
+use crate::{Metadata, Rasterization, Remark, Scene, Splats, formats::{
         beside::beside,
         bytes::{check_unpacked, unpacked_limit},
         pack::logit_of_byte,
-    },
-    sh,
-};
+    }, sh};
 use image_webp::WebPDecoder;
 use serde::Deserialize;
 use std::{

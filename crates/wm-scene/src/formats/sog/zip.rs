@@ -2,10 +2,8 @@
 //!
 //! No ZIP64, encryption or several disks. What is written is stored: WebP does not shrink further.
 
-use crate::{
-    error::Problem,
-    formats::bytes::{check_unpacked, unpack_exact},
-};
+use wm_base::error::Problem;
+use crate::formats::bytes::{check_unpacked, unpack_exact};
 use sirocco::inflate;
 use std::io::Write;
 

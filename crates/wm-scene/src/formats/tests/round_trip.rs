@@ -1,7 +1,8 @@
 //! Scenes come back from every format within the rounding that it states.
 
 use super::*;
-use crate::{Group, Rasterization, formats::pack::unit, morton, random::uniform, sh, splats::sigmoid};
+use wm_base::random::uniform;
+use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid};
 
 /// Numbers of `-1..1` that follow from their place.
 pub struct Noise {

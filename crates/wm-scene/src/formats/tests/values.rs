@@ -165,7 +165,7 @@ fn linear_colours_become_srgb() {
         for direction in [[0.6, 0.0, 0.8], [0.0, -1.0, 0.0], [-0.48, 0.64, 0.6]] {
             let shown = crate::sh::color(linear.splats.sh_of(index), direction);
             let expected =
-                crate::sh::color(scene.splats.sh_of(index), direction).map(crate::color::srgb_encode);
+                crate::sh::color(scene.splats.sh_of(index), direction).map(wm_base::color::srgb_encode);
             // What is the same from everywhere is exact; else SH of that degree come near.
             let most = if index == 1 { 1e-6 } else { 0.02 };
             assert!(shown.iter().zip(expected).all(|(a, b)| (a - b).abs() < most), "{shown:?} {expected:?}");

@@ -354,7 +354,7 @@ mod tests {
     use crate::photos::PhotoOptions;
     use std::path::Path;
     use wm_scene::capture::{CaptureView, Distortion, Observation, SparsePoints};
-    use wm_scene::random::uniform;
+    use wm_base::random::uniform;
 
     const SIZE: (u32, u32) = (120, 90);
 

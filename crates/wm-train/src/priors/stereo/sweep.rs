@@ -2,7 +2,7 @@
 //! and are varied.
 
 use super::matching::{MAX_COST, Plane, StereoImage, StereoSource, Window, inverse_depth};
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 
 /// Offsets of the neighbours whose planes a pixel tries: those of the other colour of a
 /// chessboard.

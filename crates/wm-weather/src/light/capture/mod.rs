@@ -42,7 +42,7 @@ use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use split::Split;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 use wm_scene::{Camera, Group, Splats};
 
 /// Distance within which a splat takes the light of a surface, m.

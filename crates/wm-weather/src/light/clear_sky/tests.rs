@@ -1,5 +1,5 @@
 use super::*;
-use wm_scene::color::luminance;
+use wm_base::color::luminance;
 
 /// Elevations of the IES's clear sky in the design, degrees.
 const ELEVATIONS: [f64; 5] = [10.0, 20.0, 30.0, 45.0, 60.0];

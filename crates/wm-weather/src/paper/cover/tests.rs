@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing;
 use glam::DQuat;
-use wm_scene::random::uniform;
+use wm_base::random::uniform;
 use wm_scene::synthetic::{Builder, moved};
 
 const SITE: Site = Site { airlight: [0.7; 3], far: 60.0, ..testing::SITE };

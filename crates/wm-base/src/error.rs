@@ -1,6 +1,6 @@
 //! Errors of files, printed in one line: the place, the problem and the remedy.
 
-use crate::{SplatsError, files::WriteFault, health::NonFiniteSplats};
+use crate::files::WriteFault;
 use std::{
     borrow::Cow,
     fmt, io,
@@ -130,7 +130,7 @@ pub enum Problem {
     ShCount(usize),
     /// Splats hold numbers that are not finite.
     #[error("{0}; export the scene again, or repair it, which leaves them out")]
-    NonFinite(Box<NonFiniteSplats>),
+    NonFinite(String),
     /// There is no splat.
     #[error("there are no splats in it; nothing can be shown")]
     NoSplats,
@@ -147,7 +147,7 @@ pub enum Problem {
     Value(String),
     /// The arrays of a scene to be written do not fit each other.
     #[error("not written: {0}")]
-    Splats(#[from] SplatsError),
+    Splats(String),
     /// The folder has no capture.
     #[error(
         "no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here: of COLMAP cameras.bin and images.bin (or both as .txt) are needed \
@@ -207,14 +207,14 @@ impl FormatError {
 }
 
 /// Bytes of a file as text for a message: escaped, at most 32 of them.
-pub(crate) fn excerpt(bytes: &[u8]) -> String {
+pub fn excerpt(bytes: &[u8]) -> String {
     let cut = &bytes[..bytes.len().min(32)];
     let more = if cut.len() < bytes.len() { "..." } else { "" };
     format!("{}{more}", cut.escape_ascii())
 }
 
 /// The error of reading JSON from `path`; `advice` says how to correct its content.
-pub(crate) fn json_fault(path: &Path, error: &serde_json::Error, advice: &str) -> FormatError {
+pub fn json_fault(path: &Path, error: &serde_json::Error, advice: &str) -> FormatError {
     if let Some(kind) = error.io_error_kind() {
         return FormatError::reading(path, kind.into());
     }
@@ -226,13 +226,13 @@ pub(crate) fn json_fault(path: &Path, error: &serde_json::Error, advice: &str) -
 }
 
 /// The number that `word` spells; `what` says in the message what it is for.
-pub(crate) fn number<T: FromStr>(word: &[u8], what: &str) -> Result<T, Problem> {
+pub fn number<T: FromStr>(word: &[u8], what: &str) -> Result<T, Problem> {
     let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
     parsed.ok_or_else(|| Problem::Number { text: excerpt(word), what: excerpt(what.as_bytes()) })
 }
 
 /// The message of another library on one line, control characters escaped.
-pub(crate) fn one_line(message: &str) -> String {
+pub fn one_line(message: &str) -> String {
     let parts: Vec<&str> =
         message.split(['\n', '\r']).map(str::trim).filter(|part| !part.is_empty()).collect();
     escaped(&parts.join(", "))

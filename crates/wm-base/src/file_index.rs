@@ -40,7 +40,7 @@ pub struct FileKind {
 
 impl FileKind {
     /// Photos. Folders of masks and maps are not looked into, whose files have the names of photos.
-    pub(crate) const PHOTO: Self = Self {
+    pub const PHOTO: Self = Self {
         extensions: &["jpg", "jpeg", "png"],
         endings: &[],
         #[rustfmt::skip]
@@ -50,13 +50,13 @@ impl FileKind {
         ],
     };
     /// Masks.
-    pub(crate) const MASK: Self = Self {
+    pub const MASK: Self = Self {
         extensions: &["png", "jpg", "jpeg"],
         endings: &["_mask", ".mask", "-mask", "_masks"],
         skipped: &[],
     };
     /// Masks that lie among the photos, and are known by their endings.
-    pub(crate) const MASK_BESIDE: Self = Self { extensions: &[], ..Self::MASK };
+    pub const MASK_BESIDE: Self = Self { extensions: &[], ..Self::MASK };
 }
 
 /// The place of a file that was found, the nearest last.
@@ -160,7 +160,7 @@ impl FileIndex {
     /// The paths of all files in the folder, sorted, with `/` between their parts. Hidden files and
     /// folders are left out.
     #[must_use]
-    pub(crate) fn files(&self) -> &[String] {
+    pub fn files(&self) -> &[String] {
         &self.listing().files
     }
 
@@ -177,7 +177,7 @@ impl FileIndex {
     ///
     /// # Errors
     /// [`Ambiguity`] if two files fit a name equally well, or two names a file.
-    pub(crate) fn find_all(&self, names: &[&str]) -> Result<Vec<Option<FoundFile>>, Ambiguity> {
+    pub fn find_all(&self, names: &[&str]) -> Result<Vec<Option<FoundFile>>, Ambiguity> {
         let mut found: Vec<Option<(PathBuf, Fit)>> =
             names.iter().map(|name| self.search(name)).collect::<Result<_, _>>()?;
         let mut best: HashMap<PathBuf, usize> = HashMap::new();
@@ -326,7 +326,7 @@ fn fit(folders: &str, file: &str, own_stem: &str, found: &str, ending: Ending) -
 
 /// A path with `/` between its parts, without a scheme, a root, and parts that lead elsewhere.
 #[must_use]
-pub(crate) fn plain(name: &str) -> String {
+pub fn plain(name: &str) -> String {
     let name = name.trim().replace('\\', "/");
     let name = name.strip_prefix("file://").unwrap_or(&name);
     let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | "." | "..")).collect();

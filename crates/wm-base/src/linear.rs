@@ -4,7 +4,7 @@ use crate::jacobi::jacobi;
 use glam::{DMat3, DVec3};
 
 /// Eigenvalues and unit eigenvectors of a symmetric matrix, the smallest value first.
-pub(crate) fn eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
+pub fn eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
     let (values, vectors) = jacobi(matrix.to_cols_array_2d());
     let mut pairs = [0, 1, 2].map(|k| (values[k], DVec3::from_array(vectors[k])));
     pairs.sort_by(|x, y| x.0.total_cmp(&y.0));
@@ -12,33 +12,26 @@ pub(crate) fn eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
 }
 
 /// `weight v v^T`, to sum up second moments.
-pub(crate) fn outer(v: DVec3, weight: f64) -> DMat3 {
+pub fn outer(v: DVec3, weight: f64) -> DMat3 {
     DMat3::from_cols(v * (v.x * weight), v * (v.y * weight), v * (v.z * weight))
 }
 
 /// Two unit vectors that make a right-handed frame with `up` as the third.
 ///
 /// They follow the world axes where `up` does, so that sizes are told along them.
-pub(crate) fn horizontals(up: DVec3) -> (DVec3, DVec3) {
+pub fn horizontals(up: DVec3) -> (DVec3, DVec3) {
     let least = up.abs().min_position();
     let x = (DVec3::AXES[least] - up * up[least]).normalize();
     (x, up.cross(x))
 }
 
 /// `count` directions spread evenly over the sphere (a Fibonacci spiral), the index-th of them.
-pub(crate) fn direction(index: usize, count: usize) -> DVec3 {
+pub fn direction(index: usize, count: usize) -> DVec3 {
     let z = 1.0 - (2 * index + 1) as f64 / count as f64;
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let (sin, cos) = (golden * index as f64).sin_cos();
     let r = (1.0 - z * z).sqrt();
     DVec3::new(r * cos, r * sin, z)
-}
-
-/// The value below which the share `q` of `values` lies; their order changes. 0 if there are none.
-pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-    let rank = (q * last as f64).round() as usize;
-    *values.select_nth_unstable_by(rank.min(last), f64::total_cmp).1
 }
 
 #[cfg(test)]
@@ -71,13 +64,5 @@ mod tests {
             let (x, y) = horizontals(up);
             prop_assert!(x.dot(up).abs() < 1e-12 && y.dot(up).abs() < 1e-12 && (x.cross(y) - up).length() < 1e-9);
         }
-    }
-
-    #[test]
-    fn quantiles_of_few_values() {
-        assert_eq!(quantile(&mut [], 0.5), 0.0);
-        assert_eq!(quantile(&mut [3.0], 0.9), 3.0);
-        assert_eq!(quantile(&mut [3.0, 1.0, 2.0], 0.5), 2.0);
-        assert_eq!(quantile(&mut [3.0, 1.0, 2.0], 1.0), 3.0);
     }
 }

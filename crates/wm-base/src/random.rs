@@ -17,7 +17,7 @@
 //! and tests pin them. None of the generators is cryptographic.
 //!
 //! ```
-//! use wm_scene::random::{RandomStream, uniform};
+//! use wm_base::random::{RandomStream, uniform};
 //!
 //! assert_eq!(uniform(7, 3), uniform(7, 3));
 //! assert!((0.0..1.0).contains(&uniform(7, 4)));
@@ -31,9 +31,9 @@ use std::f64::consts::TAU;
 /// seeds in [`bits`].
 pub const SEED_FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
 /// The factor of indices in [`bits`].
-pub(crate) const INDEX_FACTOR: u64 = 0xd1b5_4a32_d192_ed03;
+pub const INDEX_FACTOR: u64 = 0xd1b5_4a32_d192_ed03;
 /// The factors of the two rounds of [`mix`].
-pub(crate) const MIX_FACTORS: [u64; 2] = [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb];
+pub const MIX_FACTORS: [u64; 2] = [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb];
 /// Multiplier and increment of the first step of [`pcg4d`] (Numerical Recipes).
 pub const PCG: [u32; 2] = [1_664_525, 1_013_904_223];
 
@@ -66,7 +66,7 @@ pub fn uniform(seed: u64, index: u64) -> f64 {
 /// The random numbers of one purpose at one time, each known by its index.
 ///
 /// ```
-/// use wm_scene::random::RandomStream;
+/// use wm_base::random::RandomStream;
 ///
 /// let noise = RandomStream::new(1, 4u64, 600);
 /// assert_eq!(noise.uniform(12), noise.uniform(12));

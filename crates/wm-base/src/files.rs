@@ -21,7 +21,7 @@ mod reading;
 
 use crate::error::{FormatError, Problem};
 use faults::Operation;
-pub(crate) use reading::{
+pub use reading::{
     BYTE_ORDER_MARK, LFS_REFUSED, MARK_BYTES, is_file, is_lacking, is_lfs_pointer, is_there, open,
     read_if_there, refused_text, without_byte_order_mark,
 };
@@ -231,7 +231,7 @@ impl TempFile {
     ///
     /// # Errors
     /// The system's refusals.
-    pub(crate) fn flush_to_disk(&self) -> Result<(), WriteFault> {
+    pub fn flush_to_disk(&self) -> Result<(), WriteFault> {
         faults::check(Operation::Flush)?;
         Ok(self.file().sync_all()?)
     }

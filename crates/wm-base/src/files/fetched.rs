@@ -82,7 +82,7 @@ pub fn files_below(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Notes that a file is looked for, unless it is there or noted already.
-pub(crate) fn want(path: &Path) {
+pub fn want(path: &Path) {
     let (path, mut store) = (plain(path), store());
     if !store.files.contains_key(&path) {
         store.want(path);

@@ -13,10 +13,10 @@ use std::{
 const BLOCK_BYTES: usize = 1 << 20;
 
 /// Longest line that is looked at, bytes; longer ones can only be skipped.
-pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
+pub const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// A byte stream with one block in memory, its position, and its length if that is known.
-pub(crate) struct Source<'a> {
+pub struct Source<'a> {
     path: PathBuf,
     reader: Box<dyn Read + 'a>,
     /// Bytes in all, where the stream is a regular file.
@@ -44,7 +44,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If it cannot be opened, or is a Git LFS pointer.
-    pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
+    pub fn open(path: &Path) -> Result<Self, FormatError> {
         let opened = files::open(path).map_err(|e| FormatError::reading(path, e))?;
         let mut source = Self::new(path, opened.reader, opened.length);
         source.fill(MARK_BYTES)?;
@@ -55,7 +55,7 @@ impl<'a> Source<'a> {
     }
 
     /// A stream of which `path` is the name in messages.
-    pub(crate) fn new(path: &Path, reader: Box<dyn Read + 'a>, length: Option<u64>) -> Self {
+    pub fn new(path: &Path, reader: Box<dyn Read + 'a>, length: Option<u64>) -> Self {
         let block = length.map_or(BLOCK_BYTES, |l| l.clamp(256, BLOCK_BYTES as u64) as usize);
         let buffer = vec![0; block];
         let path = path.into();
@@ -63,22 +63,22 @@ impl<'a> Source<'a> {
     }
 
     /// The name in messages.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Bytes from here to the end, if the length is known.
-    pub(crate) fn remaining(&self) -> Option<u64> {
+    pub fn remaining(&self) -> Option<u64> {
         self.length.map(|length| length.saturating_sub(self.offset))
     }
 
     /// Offset of the next byte.
-    pub(crate) fn offset(&self) -> u64 {
+    pub fn offset(&self) -> u64 {
         self.offset
     }
 
     /// The bytes in memory from here on; [`Self::fill`] makes more.
-    pub(crate) fn bytes(&self) -> &[u8] {
+    pub fn bytes(&self) -> &[u8] {
         &self.buffer[self.start..self.end]
     }
 
@@ -86,7 +86,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub(crate) fn fill(&mut self, wanted: usize) -> Result<bool, FormatError> {
+    pub fn fill(&mut self, wanted: usize) -> Result<bool, FormatError> {
         if self.end - self.start >= wanted {
             return Ok(true);
         }
@@ -111,7 +111,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails, or the text is in UTF-16 or a Git LFS pointer.
-    pub(crate) fn skip_byte_order_mark(&mut self) -> Result<(), FormatError> {
+    pub fn skip_byte_order_mark(&mut self) -> Result<(), FormatError> {
         if self.offset > 0 {
             return Ok(());
         }
@@ -126,7 +126,7 @@ impl<'a> Source<'a> {
     }
 
     /// Steps over `count` bytes of [`Self::bytes`].
-    pub(crate) fn consume(&mut self, count: usize) {
+    pub fn consume(&mut self, count: usize) {
         assert!(count <= self.end - self.start, "{count} bytes consumed, fewer are there");
         self.start += count;
         self.offset += count as u64;
@@ -136,7 +136,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub(crate) fn skip(&mut self, count: u128) -> Result<u128, FormatError> {
+    pub fn skip(&mut self, count: u128) -> Result<u128, FormatError> {
         let mut left = count;
         while left > 0 && self.fill(1)? {
             let step = self.bytes().len().min(usize::try_from(left).unwrap_or(usize::MAX));
@@ -150,7 +150,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub(crate) fn take<const N: usize>(&mut self) -> Result<Option<[u8; N]>, FormatError> {
+    pub fn take<const N: usize>(&mut self) -> Result<Option<[u8; N]>, FormatError> {
         if !self.fill(N)? {
             return Ok(None);
         }
@@ -163,7 +163,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails or they do not fit into memory.
-    pub(crate) fn rest(&mut self) -> Result<Vec<u8>, FormatError> {
+    pub fn rest(&mut self) -> Result<Vec<u8>, FormatError> {
         let mut rest = Vec::new();
         // A length is that of a file: its bytes are there, unless it changes at this moment.
         let length = usize::try_from(self.remaining().unwrap_or(0)).unwrap_or(usize::MAX);
@@ -180,7 +180,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails or the line is longer than [`MAX_LINE_BYTES`].
-    pub(crate) fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
+    pub fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
         self.skip_byte_order_mark()?;
         let mut searched = 0;
         let length = loop {
@@ -212,7 +212,7 @@ impl<'a> Source<'a> {
     }
 
     /// Returns true if the line taken last has no ending: it may be a part of one.
-    pub(crate) fn is_cut(&self) -> bool {
+    pub fn is_cut(&self) -> bool {
         self.ending == Ending::EndOfFile
     }
 
@@ -220,7 +220,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub(crate) fn skip_line(&mut self) -> Result<Option<u64>, FormatError> {
+    pub fn skip_line(&mut self) -> Result<Option<u64>, FormatError> {
         self.skip_byte_order_mark()?;
         if !self.fill(1)? {
             return Ok(None);
@@ -249,7 +249,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails or the word is longer than 256 bytes.
-    pub(crate) fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
+    pub fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
         self.skip_byte_order_mark()?;
         const MAX_WORD_BYTES: usize = 256;
         loop {
@@ -296,22 +296,22 @@ impl<'a> Source<'a> {
     }
 
     /// A problem with the whole stream.
-    pub(crate) fn whole(&self, problem: Problem) -> FormatError {
+    pub fn whole(&self, problem: Problem) -> FormatError {
         FormatError::whole(&self.path, problem)
     }
 
     /// A problem in the line of which [`Self::word`] gave the last word.
-    pub(crate) fn in_line(&self, problem: Problem) -> FormatError {
+    pub fn in_line(&self, problem: Problem) -> FormatError {
         FormatError::at(&self.path, Location::Line(self.lines + 1), problem)
     }
 
     /// A problem in the line that was taken last.
-    pub(crate) fn at_line(&self, problem: Problem) -> FormatError {
+    pub fn at_line(&self, problem: Problem) -> FormatError {
         FormatError::at(&self.path, Location::Line(self.lines), problem)
     }
 
     /// A problem at a byte.
-    pub(crate) fn at_byte(&self, byte: u64, problem: Problem) -> FormatError {
+    pub fn at_byte(&self, byte: u64, problem: Problem) -> FormatError {
         FormatError::at(&self.path, Location::Byte(byte), problem)
     }
 }

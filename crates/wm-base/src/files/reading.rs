@@ -10,9 +10,9 @@ use std::{
 };
 
 /// A file that is open, and its length where that is known.
-pub(crate) struct Opened {
-    pub(crate) reader: Box<dyn Read>,
-    pub(crate) length: Option<u64>,
+pub struct Opened {
+    pub reader: Box<dyn Read>,
+    pub length: Option<u64>,
 }
 
 /// The disk or the store of fetched files, one of which has a path.
@@ -49,23 +49,23 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 }
 
 /// The byte order mark of UTF-8, with which some programs begin a text.
-pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// The message for text in UTF-16 where only UTF-8 is read.
-pub(crate) const UTF_16_REFUSED: &str = "text in UTF-16; save it as UTF-8";
+pub const UTF_16_REFUSED: &str = "text in UTF-16; save it as UTF-8";
 /// The message for a file that was never downloaded.
-pub(crate) const LFS_REFUSED: &str = "a Git LFS pointer; get the file itself with `git lfs pull`";
+pub const LFS_REFUSED: &str = "a Git LFS pointer; get the file itself with `git lfs pull`";
 
 /// Bytes from the beginning of a file that tell how its text is encoded and whether it is a Git LFS
 /// pointer.
-pub(crate) const MARK_BYTES: usize = 32;
+pub const MARK_BYTES: usize = 32;
 
 /// Returns true if a file begins as the text that Git LFS leaves in place of a file.
-pub(crate) fn is_lfs_pointer(start: &[u8]) -> bool {
+pub fn is_lfs_pointer(start: &[u8]) -> bool {
     start.starts_with(b"version https://git-lfs")
 }
 
 /// The message for a file whose first bytes show that it cannot be read as UTF-8 text.
-pub(crate) fn refused_text(start: &[u8]) -> Option<&'static str> {
+pub fn refused_text(start: &[u8]) -> Option<&'static str> {
     match start {
         [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some(UTF_16_REFUSED),
         _ if is_lfs_pointer(start) => Some(LFS_REFUSED),
@@ -74,7 +74,7 @@ pub(crate) fn refused_text(start: &[u8]) -> Option<&'static str> {
 }
 
 /// Bytes of text without the byte order mark that they may begin with.
-pub(crate) fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
+pub fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
 }
 
@@ -159,7 +159,7 @@ pub fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 ///
 /// # Errors
 /// Those of the system.
-pub(crate) fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
+pub fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
     match place_of(path) {
         Place::Disk => match fs::read(path) {
             Ok(bytes) => Ok(Some(bytes)),
@@ -174,7 +174,7 @@ pub(crate) fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
 ///
 /// # Errors
 /// As [`read`].
-pub(crate) fn open(path: &Path) -> io::Result<Opened> {
+pub fn open(path: &Path) -> io::Result<Opened> {
     match place_of(path) {
         Place::Disk => {
             let file = File::open(path)?;
@@ -208,7 +208,7 @@ pub fn is_folder(path: &Path) -> io::Result<bool> {
 ///
 /// # Errors
 /// Those of the system; [`ErrorKind::NotFound`] of a file that was not fetched. Nothing is noted.
-pub(crate) fn is_file(path: &Path) -> io::Result<bool> {
+pub fn is_file(path: &Path) -> io::Result<bool> {
     match place_of(path) {
         Place::Disk => Ok(fs::metadata(path)?.is_file()),
         Place::Store(Some(_)) => Ok(true),
@@ -219,7 +219,7 @@ pub(crate) fn is_file(path: &Path) -> io::Result<bool> {
 
 /// Returns true if there is a file or a folder with a path. Nothing is noted.
 #[must_use]
-pub(crate) fn is_there(path: &Path) -> bool {
+pub fn is_there(path: &Path) -> bool {
     match place_of(path) {
         Place::Disk => path.exists(),
         Place::Store(file) => file.is_some() || fetched::is_folder(path),
@@ -228,7 +228,7 @@ pub(crate) fn is_there(path: &Path) -> bool {
 
 /// Returns true if a file has to be fetched before it can be read. Nothing is noted.
 #[must_use]
-pub(crate) fn is_lacking(path: &Path) -> bool {
+pub fn is_lacking(path: &Path) -> bool {
     matches!(place_of(path), Place::Store(None))
 }
 
