@@ -2,8 +2,8 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
-use wm_render::simd::SimdPath;
 use wm_base::random::uniform;
+use wm_render::simd::SimdPath;
 use wm_train::metrics::Ssim;
 
 fn ssim(c: &mut Criterion) {

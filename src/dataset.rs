@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use weather_magician::train::Preset;
 use weather_magician::train::photos::{BadPhotos, Check, PhotoSize, Photos};
 pub(crate) use weather_magician::train::{Dataset, DatasetReadOptions, HeldOut};
-use wm_scene::capture::Capture;
+use wm_capture::Capture;
 
 /// The folders of the photos, and the size at which they are used.
 #[derive(Args, Clone, Debug)]

@@ -16,10 +16,11 @@ use weather_magician::formats::{
 };
 use weather_magician::view::{self, spec};
 use weather_magician::{CpuConfig, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
+use wm_capture as capture;
 use wm_render::simd::SimdChoice;
 use wm_render::{AnyDifferentiable, RenderError};
+use wm_scene::Remark;
 use wm_scene::survey::{OwnSky, known_distance};
-use wm_scene::{Remark, capture};
 
 /// The scene file and its facts.
 #[derive(Args, Clone, Debug)]

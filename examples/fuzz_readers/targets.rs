@@ -15,20 +15,20 @@ use weather_magician::panorama_file::read_panorama;
 use weather_magician::rig::Rig;
 use weather_magician::view::{ViewOptions, path::CameraPath};
 use weather_magician::{Weather, reports};
+use wm_base::npy;
+use wm_capture::colmap::write::{ColmapStorage, write};
 use wm_capture::logs::mini::MINI_LOGS;
+use wm_capture::testing::taken_if;
+use wm_capture::{self as capture, Capture, CaptureOptions, CaptureUp};
 use wm_capture::{DrivingLog, LogCaptureOptions, LogOptions};
+use wm_image::maps::read_map;
+use wm_image::photo::read_photo;
 use wm_image::{PictureSize, exr, jpeg, png};
-use wm_scene::capture::colmap::write::{ColmapStorage, write};
-use wm_scene::capture::{self, Capture, CaptureOptions, CaptureUp};
 use wm_scene::formats::{GltfSplats, ReadOptions, SpzVersion, WriteOptions, read_scene, write_scene_with};
 use wm_scene::levels::{LevelFileJob, LevelWriteOptions, LevelWriter, NewLeaf};
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::synthetic::rippled;
-use wm_scene::testing::taken_if;
-use wm_base::npy;
 use wm_scene::{Camera, Health, LensModel, Metadata, Scene, SceneView};
-use wm_image::maps::read_map;
-use wm_image::photo::read_photo;
 
 /// A reader that is fuzzed.
 pub struct Target {
@@ -179,7 +179,7 @@ pub const TARGETS: &[Target] = &[
             _ => Err("too large".into()),
         })
         .map_err(|error| error.to_string())?;
-        capture::header::read_header(path).map(drop).map_err(|error| error.to_string())
+        wm_image::header::read_header(path).map(drop).map_err(|error| error.to_string())
     }),
     reader("maps", &[map_png, map_exr, map_npy, map_tiff], |path| {
         let map = read_map(path).map_err(|error| error.to_string())?;

@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weather_magician::formats::{Retention, WriteOptions, format_for};
 use weather_magician::labels::{LabelKind, LabelVotes, VotedLabels};
-use weather_magician::wm_image::maps::{Filter, MapFolder, read_map};
 use weather_magician::train::photos::PhotoSize;
+use weather_magician::wm_image::maps::{Filter, MapFolder, read_map};
 use weather_magician::{Camera, Scene};
-use wm_scene::capture;
 use wm_base::files::check_writable;
+use wm_capture as capture;
 
 /// Longest side of the pictures in which splats vote, px.
 const MAX_PICTURE_SIDE_PX: u32 = 1280;

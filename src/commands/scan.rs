@@ -24,8 +24,8 @@ use weather_magician::radar::{
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
-use wm_image::MediaError;
 use wm_base::files::check_writable;
+use wm_image::MediaError;
 
 /// Options of `scan`.
 #[derive(Args, Debug)]

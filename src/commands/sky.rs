@@ -21,10 +21,10 @@ use weather_magician::train::priors::points::{inside, seen_points};
 use weather_magician::train::priors::sky::{SkyInput, below_horizon, classify};
 use weather_magician::view::spec;
 use weather_magician::{Camera, PictureSize};
-use wm_image::{color::Dither, png::write_rgb};
-use wm_scene::capture::{self, CaptureOptions};
 use wm_base::color::{luminance, srgb_decode};
 use wm_base::files::check_writable;
+use wm_capture::{self as capture, CaptureOptions};
+use wm_image::{color::Dither, png::write_rgb};
 use wm_weather::dome::level_axes;
 
 /// Longest side of the photos as they are read, px.

@@ -19,8 +19,8 @@ use std::time::SystemTime;
 use weather_magician::formats::folder::scene_file;
 use weather_magician::formats::{sidecar, sidecar_path, write_sidecar};
 use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer, Scene};
-use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, OwnSky, UpSide};
 use wm_base::FormatError;
+use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, OwnSky, UpSide};
 use wm_scene::{Lamp, LitWindow, PhotoSun};
 use wm_viewer::state::check_point;
 

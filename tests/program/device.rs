@@ -1,9 +1,9 @@
 //! The choice of a device, and that a GPU draws every weather as the CPU does.
 
 use crate::common::*;
+use wm_capture::colmap::write::ColmapStorage;
 use wm_render::gpu::adapters;
 use wm_render::testing::Backend;
-use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_scene::{Lamp, Metadata};
 use wm_street::{
     Street,

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use tempfile::TempDir;
-use wm_scene::capture::colmap::write::ColmapStorage;
-use wm_scene::formats::write_scene;
 use wm_base::npy;
+use wm_capture::colmap::write::ColmapStorage;
+use wm_scene::formats::write_scene;
 use wm_scene::{Scene, Splats};
 use wm_street::{
     Street,

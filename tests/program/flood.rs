@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use weather_magician::{FrameRequest, Metadata, Picture, PreparedPlace, Renderer, Weather};
-use wm_render::{CpuConfig, Device};
 use wm_base::color::{srgb_decode, srgb_encode};
+use wm_render::{CpuConfig, Device};
 use wm_scene::splats::Splat;
 use wm_scene::{Camera, Group, Scene, Splats};
 use wm_street::{Place, Street, display_of};

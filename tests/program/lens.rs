@@ -7,7 +7,7 @@ use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::{
     Camera, FrameCamera, FrameRequest, Layers, LensModel, LensView, Picture, Renderer, Scene, Weather,
 };
-use wm_scene::capture::Distortion;
+use wm_scene::camera::Distortion;
 
 const SIZE: (u32, u32) = (144, 96);
 

@@ -5,8 +5,8 @@ use crate::process::{refuses, said};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_base::npy;
+use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::{Camera, SceneView, Splats};
 
 const SIZE: (u32, u32) = (96, 64);

@@ -264,8 +264,8 @@ fn a_build_without_networks_says_so() {
 mod network {
     use super::*;
     use std::fs::{File, FileTimes};
-    use wm_nets::Clip;
     use wm_image::photo::read_photo;
+    use wm_nets::Clip;
 
     fn fixtures(name: &str) -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/wm-nets/fixtures").join(name)

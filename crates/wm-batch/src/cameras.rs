@@ -86,7 +86,7 @@ pub(crate) fn wxyz_and_translation(pose: &RigidPose) -> [f64; 7] {
 pub(crate) fn check_capture(folder: &std::path::Path) -> usize {
     use crate::testing;
     let set = testing::set();
-    let capture = wm_scene::capture::read(folder, &wm_scene::capture::CaptureOptions::default()).unwrap();
+    let capture = wm_capture::read(folder, &wm_capture::CaptureOptions::default()).unwrap();
     let readings = testing::readings(&set);
     let mut seen = 0;
     assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);

@@ -8,8 +8,8 @@ use super::condition::condition_of;
 use super::plan::{BatchPlan, MAX_FRAMES, PlanPathKind, PlanRig, slug};
 use super::splits::split_of;
 use super::weathers::{PlannedWeather, SamplePlace, seeded};
-use wm_place::{Error, Result};
 use std::ops::Range;
+use wm_place::{Error, Result};
 use wm_scene::{Camera, SceneView};
 
 /// Seconds between the end of a clip and the start of the next.

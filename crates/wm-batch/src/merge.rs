@@ -4,14 +4,14 @@ use super::run::BatchRun;
 use super::store::{BatchStore, BlockMarker, MarkedClip, MarkedFile, TableFiles, digest_of};
 use super::summary::SetSummary;
 use super::writers::frame_files;
-use wm_place::{Error, Progress, Result};
+use crate::{ClipRecord, ReadingInfo, SensorInfoKind, SetError};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
-use crate::{ClipRecord, ReadingInfo, SensorInfoKind, SetError};
 use wm_base::FormatError;
 use wm_base::files::{WriteFault, write_atomically, write_whole};
+use wm_place::{Error, Progress, Result};
 
 /// The file that describes a set.
 pub const MANIFEST: &str = "manifest.json";

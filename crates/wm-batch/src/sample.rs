@@ -3,10 +3,10 @@
 use super::run::BatchRun;
 use super::shots::{ReadingBuffer, Shots};
 use super::weathers::meant;
+use crate::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo, SensorInfo};
+use std::collections::BTreeMap;
 use wm_place::rig::RigDevice;
 use wm_place::{Error, Layers, PictureLayer, Result};
-use std::collections::BTreeMap;
-use crate::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo, SensorInfo};
 use wm_weather::Weather;
 
 /// The reading that is wanted of a frame.

@@ -2,15 +2,15 @@
 
 use super::splits::split_of;
 use super::*;
-use wm_place::{CpuConfig, Device, Renderer};
-use wm_place::{Layers, PictureLayer};
 use glam::DVec3;
 use std::path::Path;
+use wm_base::npy;
 use wm_image::PictureSize;
 use wm_image::png::write_rgb8;
+use wm_place::{CpuConfig, Device, Renderer};
+use wm_place::{Layers, PictureLayer};
 use wm_scene::formats::write_scene;
 use wm_scene::synthetic::Builder;
-use wm_base::npy;
 use wm_scene::{Metadata, Scene};
 
 /// A camera with a rolling shutter, an exposure of its own and noise, twice as fast as the frames,

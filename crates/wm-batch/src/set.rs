@@ -4,13 +4,16 @@ use super::clips::{BatchClips, BlockPart, PlannedClip};
 use super::condition::{condition_of, is_night, visibility_of};
 use super::plan::{BatchPlan, PlanRig};
 use super::weathers::value_of;
-use wm_place::lidar::LidarSweep;
+use crate::{
+    CameraInfo, ClipInfo, DatasetDetection, DatasetPoint, PlaceInfo, PointSource, ReadingInfo, RigidPose,
+    SensorInfo, SensorInfoKind, SetInfo, WeatherInfo,
+};
+use glam::{DMat3, DVec3};
 use wm_place::CameraMotion;
+use wm_place::lidar::LidarSweep;
 use wm_place::radar::RadarSweep;
 use wm_place::rig::{Rig, RigDevice, RigSensor};
 use wm_place::{LensView, PreparedPlace, Result};
-use glam::{DMat3, DVec3};
-use crate::{CameraInfo, ClipInfo, DatasetDetection, DatasetPoint, PlaceInfo, PointSource, ReadingInfo, RigidPose, SensorInfo, SensorInfoKind, SetInfo, WeatherInfo};
 use wm_scene::Camera;
 use wm_sensors::EchoClass;
 use wm_sensors::radar::RadarClass;

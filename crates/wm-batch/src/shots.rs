@@ -3,18 +3,20 @@
 use super::clips::{BlockPart, PlannedClip};
 use super::set::{detections_of, points_of};
 use super::weathers::PlannedWeather;
-use wm_place::camera_model::{CameraModel, SensorCamera};
-use wm_place::lidar::{LidarSweep, ScanOptions};
-use wm_place::CameraMotion;
-use wm_place::radar::{RadarScanOptions, RadarSweep};
-use wm_place::rig::{Rig, RigDevice, RigSensor};
-use wm_place::{Error, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, Result};
-use std::collections::VecDeque;
 use crate::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
+use std::collections::VecDeque;
+use wm_base::random::bits;
 use wm_image::PictureSize;
 use wm_image::color::{Dither, quantize_rgb8};
+use wm_place::CameraMotion;
+use wm_place::camera_model::{CameraModel, SensorCamera};
+use wm_place::lidar::{LidarSweep, ScanOptions};
+use wm_place::radar::{RadarScanOptions, RadarSweep};
+use wm_place::rig::{Rig, RigDevice, RigSensor};
+use wm_place::{
+    Error, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, Result,
+};
 use wm_scene::Camera;
-use wm_base::random::bits;
 use wm_weather::Weather;
 
 /// A part of a clip while it is made.

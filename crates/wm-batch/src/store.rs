@@ -4,7 +4,9 @@
 //! A marker is written last. So a block without one is made again, from the beginning, and a second
 //! run gives the same bytes.
 
-use wm_place::{Error, Result};
+use crate::{
+    ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo,
+};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -12,8 +14,8 @@ use std::ffi::OsStr;
 use std::fs;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
-use crate::{ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo};
 use wm_base::files::{WriteFault, lock_folder, rename, write_durably, write_staged};
+use wm_place::{Error, Result};
 use wm_scene::levels::INDEX_NAME;
 
 /// The folder of markers.

@@ -1,13 +1,13 @@
 //! A page that shows what a set holds: pictures of some clips, counts, and how values are spread.
 
 use super::plan::BatchPlan;
-use wm_place::{Error, Result};
+use crate::ClipInfo;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
-use crate::ClipInfo;
-use wm_image::jpeg::{SamplingFactor, encode};
 use wm_base::files::write_atomically;
+use wm_image::jpeg::{SamplingFactor, encode};
+use wm_place::{Error, Result};
 
 /// The page.
 pub const PAGE: &str = "summary.html";

@@ -1,6 +1,10 @@
 //! A small synthetic set: a car with three cameras, a lidar and a radar that drives a curve, twice.
 
-use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, FileSink, Layout, PictureReading, PlaceInfo, PointSource, ReadingData, ReadingInfo, RigidPose, SensorInfo, SensorInfoKind, SensorReading, SetError, SetInfo, WeatherInfo};
+use crate::{
+    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, FileSink, Layout,
+    PictureReading, PlaceInfo, PointSource, ReadingData, ReadingInfo, RigidPose, SensorInfo, SensorInfoKind,
+    SensorReading, SetError, SetInfo, WeatherInfo,
+};
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

@@ -6,9 +6,9 @@ use super::plan::slug;
 use super::set::{readings_of, rig_of};
 use super::store::scene_digest_of;
 use super::*;
+use crate::RigidPose;
 use glam::{DQuat, DVec3};
 use std::path::Path;
-use crate::RigidPose;
 use wm_scene::{Camera, SceneView};
 
 /// A folder with two scenes that nobody opens.

@@ -4,14 +4,14 @@ use super::plan::{BatchPlan, FRAMES_LAYOUT};
 use super::shots::{ActivePart, ReadingBuffer};
 use super::store::BlockFiles;
 use super::summary::{is_shown, thumbnail};
+use crate::{BlockInfo, BlockWriter, PictureReading, ReadingData, ReadingInfo, SensorReading, SetInfo};
+use std::path::Path;
+use std::time::{Duration, Instant};
+use wm_image::PictureSize;
+use wm_image::png::{DepthScale, write_rgb8};
 use wm_place::Result;
 use wm_place::output::{PictureStyle, beside};
 use wm_place::rig::{Rig, RigDevice};
-use std::path::Path;
-use std::time::{Duration, Instant};
-use crate::{BlockInfo, BlockWriter, PictureReading, ReadingData, ReadingInfo, SensorReading, SetInfo};
-use wm_image::PictureSize;
-use wm_image::png::{DepthScale, write_rgb8};
 
 /// The depth that 16-bit depths of all scenes reach, m: one scale for the whole set.
 const MAX_DEPTH_M: f64 = 500.0;

@@ -20,8 +20,10 @@
 pub mod color;
 mod dither;
 mod error;
+mod exif;
 pub mod exr;
 pub mod flow;
+pub mod header;
 pub mod jpeg;
 pub mod maps;
 pub mod photo;

@@ -1,6 +1,7 @@
 //! Decodes photos: JPEG and PNG to 8-bit RGB, as stored. Colour profiles are not looked at, sRGB is
 //! taken for granted.
 
+use crate::header::{PhotoKind, read_header};
 use std::{
     fs,
     io::Cursor,
@@ -10,7 +11,6 @@ use std::{
 use thiserror::Error;
 use wm_base::FormatError;
 use wm_scene::camera::MAX_SIDE;
-use wm_scene::capture::header::{PhotoKind, read_header};
 use zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions};
 use zune_jpeg::JpegDecoder;
 
@@ -81,8 +81,7 @@ pub fn read_photo(
 /// [`DecodeError`] if it cannot be read or does not decode.
 pub fn decode_photo(path: &Path, kind: PhotoKind) -> Result<Decoded, DecodeError> {
     let fault = |fault| DecodeError { path: path.into(), fault };
-    let bytes =
-        fs::read(path).map_err(|e| fault(DecodeFault::Unreadable(format!("cannot be read: {e}"))))?;
+    let bytes = fs::read(path).map_err(|e| fault(DecodeFault::Unreadable(format!("cannot be read: {e}"))))?;
     decode(&bytes, kind).map_err(|what| fault(DecodeFault::Damaged(what)))
 }
 
@@ -227,7 +226,7 @@ mod tests {
     #[test]
     fn real_jpegs_are_decoded_and_cut_ones_told() {
         let Some(path) = data("photos/sceaux-castle/images/100_7100.jpg") else { return };
-        let bytes = std::fs::read(path).unwrap();
+        let bytes = fs::read(path).unwrap();
         let photo = decode(&bytes, PhotoKind::Jpeg).unwrap();
         assert_eq!((photo.width, photo.height), (1200, 887));
         let mean = photo.rgb.iter().map(|v| u64::from(*v)).sum::<u64>() as f64 / photo.rgb.len() as f64;

@@ -13,10 +13,10 @@ use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES, Reading,
     ShotSubject, Tolerance, clear, expected, mean, median, streaks,
 };
-use wm_place::Picture;
-use wm_place::{Error, FrameRequest, Layers, Result};
 use wm_image::PictureSize;
 use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
+use wm_place::Picture;
+use wm_place::{Error, FrameRequest, Layers, Result};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
 use wm_scene::Camera;

@@ -9,9 +9,9 @@
 use super::blobs::{BlobSplit, ParticleBlob, blobs};
 use super::expected::{self, effect, falling};
 use super::{InstrumentRenderer, LevelFrame, MeasuredPicture, PARTICLES};
+use std::f64::consts::PI;
 use wm_place::Result;
 use wm_place::{FrameRequest, Picture};
-use std::f64::consts::PI;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 use wm_weather::Weather;

@@ -13,10 +13,10 @@ use super::plot::{Axis, Plot, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
+use wm_base::color::srgb_encode;
 use wm_place::Result;
 use wm_scene::Splats;
 use wm_scene::card::Card;
-use wm_base::color::srgb_encode;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {

@@ -23,8 +23,8 @@ use super::plot::{Axis, Plot, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, MeasureRequest, Reading, Tolerance, expected, mean, median,
 };
-use wm_place::Result;
 use std::ops::Range;
+use wm_place::Result;
 use wm_weather::particles::{ParticleShape, PrecipitationKind, RAIN};
 
 /// The instrument.

@@ -19,8 +19,8 @@ use super::plot::{Axis, Plot, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance,
 };
-use wm_place::Result;
 use std::f64::consts::PI;
+use wm_place::Result;
 use wm_scene::{Camera, Lamp, Splats};
 
 /// The instrument.

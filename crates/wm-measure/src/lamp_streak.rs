@@ -13,9 +13,9 @@ use super::lit::{LightPicture, overcast_card, paint_card};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
-use wm_place::Result;
 use glam::DVec3;
 use std::f64::consts::TAU;
+use wm_place::Result;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 

@@ -73,12 +73,12 @@ mod wet_card;
 
 pub use place_renderer::PlaceRenderer;
 
-use wm_place::lidar::{LidarModel, LidarSweep};
-use wm_place::{CameraMotion, FrameRequest, Layers, Picture, Result};
 use glam::DVec3;
 use plot::Plot;
 use serde::Serialize;
 use wm_base::statistics;
+use wm_place::lidar::{LidarModel, LidarSweep};
+use wm_place::{CameraMotion, FrameRequest, Layers, Picture, Result};
 use wm_render::Frame;
 use wm_scene::{Camera, Lamp, Splats};
 use wm_weather::dome::level_axes;

@@ -23,9 +23,9 @@ use super::lidar::{
 use super::lit::paint_card;
 use super::plot::{Axis, Plot, Series};
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
+use std::f64::consts::PI;
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarModel, LidarPoint};
-use std::f64::consts::PI;
 use wm_scene::Splats;
 
 /// The instrument.

@@ -15,9 +15,9 @@ use super::lidar::{
 };
 use super::lit::paint_card;
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance};
+use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use wm_place::Result;
 use wm_place::lidar::EchoClass;
-use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use wm_scene::Splats;
 
 /// The instrument.

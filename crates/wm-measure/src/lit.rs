@@ -2,11 +2,11 @@
 //! light.
 
 use super::{InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject};
-use wm_place::{FrameRequest, Picture, Result};
 use glam::{DMat3, DQuat};
 use wm_base::color::{luminance, srgb_encode};
-use wm_scene::splats::{Splat, logit};
 use wm_base::random;
+use wm_place::{FrameRequest, Picture, Result};
+use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 use wm_weather::Weather;
 

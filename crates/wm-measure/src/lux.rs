@@ -18,10 +18,10 @@ use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
     Tolerance, expected, lit,
 };
-use wm_place::Result;
 use std::f64::consts::PI;
-use wm_scene::Splats;
 use wm_base::color::luminance;
+use wm_place::Result;
+use wm_scene::Splats;
 use wm_weather::Weather;
 
 /// The instrument.

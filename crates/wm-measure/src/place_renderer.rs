@@ -5,11 +5,11 @@
 //! does it for scenes.
 
 use super::{InstrumentRenderer, InstrumentScan, LevelFrame, ShadowReport, ShotSubject};
-use wm_place::frame::FrameInputs;
+use glam::DVec3;
 use wm_place::LayerPasses;
+use wm_place::frame::FrameInputs;
 use wm_place::lidar::{LidarSweep, ReturnMode, ScanOptions, SubRays};
 use wm_place::{Error, FrameRequest, Picture, PreparedPlace, Renderer, Result};
-use glam::DVec3;
 use wm_render::{Background, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::{Camera, Lamp, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};

@@ -15,9 +15,9 @@ use super::{
     AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
     clear, expected, median,
 };
+use glam::DVec3;
 use wm_place::Result;
 use wm_place::{FrameRequest, Picture};
-use glam::DVec3;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {

@@ -29,10 +29,10 @@ use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
     expected,
 };
-use wm_place::Result;
 use glam::DVec3;
-use wm_scene::card::Card;
 use wm_base::color::srgb_encode;
+use wm_place::Result;
+use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 

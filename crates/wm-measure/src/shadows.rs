@@ -21,10 +21,10 @@ use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, SURFACES,
     ShadowReport, ShotSubject, Tolerance, clear, expected, fov_of, mean, median,
 };
-use wm_place::{FrameRequest, Layers, Picture, Result};
 use glam::{DQuat, DVec3};
-use wm_scene::Camera;
 use wm_base::color::luminance;
+use wm_place::{FrameRequest, Layers, Picture, Result};
+use wm_scene::Camera;
 use wm_weather::{CapturedSky, Site, Weather};
 
 /// The instrument.

@@ -21,8 +21,8 @@ use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
     Tolerance, expected, mean,
 };
-use wm_place::Result;
 use std::f64::consts::{PI, TAU};
+use wm_place::Result;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
 

@@ -10,10 +10,10 @@ use super::{
     Finding, INSTRUMENTS, InstrumentRenderer, InstrumentScan, MeasureRequest, ShadowReport, ShotSubject,
     expected,
 };
-use wm_place::lidar::LidarSweep;
-use wm_place::{FrameCamera, FrameRequest, Picture, Renderer, Result};
 use glam::DVec3;
 use wm_base::color::{srgb_decode, srgb_encode};
+use wm_place::lidar::LidarSweep;
+use wm_place::{FrameCamera, FrameRequest, Picture, Renderer, Result};
 use wm_scene::{Camera, Lamp, Splats, quat, sh};
 use wm_street::Street;
 use wm_weather::wetness::WaterState;

@@ -3,11 +3,11 @@
 use crate::panorama_file::PanoramaFileError;
 use crate::view::ViewError;
 use thiserror::Error;
+use wm_base::FormatError;
 use wm_image::MediaError;
 use wm_render::RenderError;
-use wm_scene::survey::AlignError;
-use wm_base::FormatError;
 use wm_scene::CameraError;
+use wm_scene::survey::AlignError;
 use wm_sensors::SensorError;
 use wm_weather::WeatherError;
 

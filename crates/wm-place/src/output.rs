@@ -6,10 +6,10 @@ use crate::{Error, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use wm_base::npy;
 use wm_image::color::Dither;
 use wm_image::{MediaError, PictureSize, exr, flow, png};
 use wm_render::frame::{ColorEncoding, srgb_decode, srgb_encode};
-use wm_base::npy;
 
 /// A file format of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

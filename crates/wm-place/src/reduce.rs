@@ -17,10 +17,10 @@ use crate::{Error, Progress, Result};
 use glam::{DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
+use wm_image::quality::psnr;
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, Group, Metadata, Scene, Splats};
-use wm_image::quality::psnr;
 
 /// Longest side of the pictures, px.
 const MAX_VIEW_SIDE_PX: u32 = 720;

@@ -5,10 +5,10 @@
 //! that they cover about as much as all. The wide view of drops on the lens draws such a scene, and
 //! so do the mirrored views of films and waves.
 
+use wm_base::random::uniform;
 use wm_render::SetId;
 use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
 use wm_scene::Splats;
-use wm_base::random::uniform;
 use wm_scene::splats::logit;
 
 /// Approximate number of splats of a thinned scene: the large ones and a share of the others.

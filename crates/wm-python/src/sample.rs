@@ -5,8 +5,8 @@ use crate::error::{Failure, Outcome};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use weather_magician::batch::{Condition, DatasetPoint, SensorInfoKind, SetInfo};
 use weather_magician::batch::{BatchSample, RandomPermutation, SampleData, SampleValues, SplitClips};
+use weather_magician::batch::{Condition, DatasetPoint, SensorInfoKind, SetInfo};
 use weather_magician::{Layers, PictureLayer};
 use wm_base::random::bits;
 

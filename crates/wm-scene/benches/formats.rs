@@ -9,7 +9,11 @@ use std::{
     path::{Path, PathBuf},
     time::Instant,
 };
-use wm_scene::{Scene, formats::{FORMATS, ReadOptions, read_scene, write_scene}, synthetic::rippled};
+use wm_scene::{
+    Scene,
+    formats::{FORMATS, ReadOptions, read_scene, write_scene},
+    synthetic::rippled,
+};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -4,7 +4,12 @@
 //! surveyed. Run as a test it does so once.
 
 use std::{path::PathBuf, time::Instant};
-use wm_scene::{Metadata, Scene, formats::{ReadOptions, read_scene}, survey::{Survey, label_sky}, synthetic};
+use wm_scene::{
+    Metadata, Scene,
+    formats::{ReadOptions, read_scene},
+    survey::{Survey, label_sky},
+    synthetic,
+};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -1,15 +1,16 @@
 //! A pinhole camera: intrinsics, pose and near plane.
 
+mod distortion;
 mod lens;
 mod lens_file;
 mod look_at;
 mod rigid;
 
+pub use distortion::Distortion;
 pub use lens::LensModel;
 pub use look_at::LookAt;
 use rigid::check_rigid;
-pub(crate) use rigid::viewmat_at;
-pub use rigid::{PoseFault, rotation_of};
+pub use rigid::{PoseFault, rotation_of, viewmat_at};
 
 use crate::values::FARTHEST;
 use glam::{DMat3, DMat4, DVec3};
@@ -156,7 +157,7 @@ impl Camera {
 
     /// A camera at the origin that looks along z, with the default near plane. The numbers, all in
     /// px, are not checked.
-    pub(crate) fn pinhole(size: (u32, u32), focal: [f64; 2], center: [f64; 2]) -> Self {
+    pub fn pinhole(size: (u32, u32), focal: [f64; 2], center: [f64; 2]) -> Self {
         Self {
             width: size.0,
             height: size.1,

@@ -1,6 +1,10 @@
 //! The health of a set of splats: faults, the spread of its values, and the repair.
 
-use crate::{Group, Splats, splats::sigmoid, values::{FARTHEST, Faults}};
+use crate::{
+    Group, Splats,
+    splats::sigmoid,
+    values::{FARTHEST, Faults},
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use thiserror::Error;
@@ -286,7 +290,10 @@ fn hash(values: impl IntoIterator<Item = f32>) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{splats::{Splat, logit}, testing::{any_scene, bits, data}};
+    use crate::{
+        splats::{Splat, logit},
+        testing::{any_scene, bits, data},
+    };
     use proptest::prelude::*;
 
     /// 200 splats on the diagonal from 0 to 199, of standard deviation 0.1.

@@ -47,9 +47,9 @@
 //! ```
 
 pub mod camera;
-pub mod capture;
 pub mod card;
 pub mod formats;
+pub mod gps;
 mod group;
 pub mod health;
 pub mod lamps;
@@ -57,6 +57,7 @@ pub mod levels;
 pub mod metadata;
 pub mod morton;
 pub mod origin;
+pub mod points;
 pub mod posts;
 pub mod quat;
 pub mod reflectance;
@@ -74,10 +75,12 @@ pub mod testing;
 pub mod values;
 
 pub use camera::{Camera, CameraError, LensModel, LookAt};
+pub use gps::Gps;
 pub use group::Group;
 pub use health::{Health, NonFiniteSplats};
 pub use lamps::{Lamp, LitWindow};
 pub use metadata::{Metadata, PhotoSun, Rasterization};
+pub use points::SparsePoints;
 pub use remark::{Remark, Severity};
 pub use scene::{Scene, SceneView};
 pub use splats::{Splats, SplatsError};

@@ -56,7 +56,7 @@ pub(crate) fn float_step(coordinate: f64) -> f64 {
 /// The origin is rounded to a power of ten above the extent of the positions, a unit at least, so
 /// that captures and scenes of one place mostly have the same.
 #[must_use]
-pub(crate) fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
+pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
     let step = positions.len().div_ceil(SAMPLE_SIZE).max(1);
     let finite: Vec<DVec3> = positions.iter().step_by(step).copied().filter(|p| p.is_finite()).collect();
     // One position has no extent that it could be far against.

@@ -3,10 +3,10 @@
 use crate::formats::folder::{cameras_path, write_cameras};
 use crate::formats::{ReadOptions, read_scene, write_scene};
 use crate::health::{NonFiniteSplats, Repairs};
-use wm_base::{FormatError, Problem};
 use crate::{Camera, Metadata, Remark, Splats};
 use glam::DVec3;
 use std::path::Path;
+use wm_base::{FormatError, Problem};
 
 /// The content of a scene file or folder.
 ///
@@ -63,7 +63,10 @@ impl Scene {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let path = path.as_ref();
         let scene = read_scene(path, &ReadOptions::default())?;
-        scene.splats.check_finite().map_err(|e| FormatError::whole(path, Problem::NonFinite(e.to_string())))?;
+        scene
+            .splats
+            .check_finite()
+            .map_err(|e| FormatError::whole(path, Problem::NonFinite(e.to_string())))?;
         Ok(scene)
     }
 

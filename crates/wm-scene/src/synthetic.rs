@@ -3,10 +3,10 @@
 //! They have what makes real scenes hard to judge: walls as large as the ground, normals that
 //! scatter, strays above and below, and surfaces only where a camera could have seen them.
 
-use wm_base::random::uniform;
 use crate::{Group, Splats, quat, similarity::Similarity, splats::Splat, splats::logit};
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
+use wm_base::random::uniform;
 
 /// Builds a place out of surfaces.
 #[derive(Clone, Debug)]

@@ -2,14 +2,12 @@
 
 #[cfg(test)]
 mod any;
-mod capture;
 
 #[cfg(test)]
 pub use any::{any_scene, bits};
 
-pub use capture::{Dice, rolled, taken_if};
-
 use std::path::PathBuf;
+use wm_base::random::uniform;
 
 /// A file or folder of the real data; `None`, said on stderr, where it is not there.
 ///
@@ -26,4 +24,25 @@ pub fn data(path: &str) -> Option<PathBuf> {
     }
     eprintln!("skipped: {} is not there", path.display());
     None
+}
+
+/// Random numbers between bounds, drawn one after the other.
+#[derive(Clone, Debug)]
+pub struct Dice {
+    seed: u64,
+    drawn: u64,
+}
+
+impl Dice {
+    /// Starts the numbers of a seed.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        Self { seed, drawn: 0 }
+    }
+
+    /// Draws the next number between `low` and `high`.
+    pub fn draw(&mut self, low: f64, high: f64) -> f64 {
+        self.drawn += 1;
+        low + (high - low) * uniform(self.seed, self.drawn)
+    }
 }

@@ -6,9 +6,9 @@
 //! bright, `T = 1 - R` by Fresnel at the beam's own angle, and the share `R` is mirrored away: a
 //! wet road vanishes where the beam is flat.
 
+use wm_base::color::{luminance, srgb_decode};
 use wm_render::RaySplats;
 use wm_scene::Splats;
-use wm_base::color::{luminance, srgb_decode};
 use wm_weather::water::{WATER_INDEX, fresnel};
 use wm_weather::wetness::optics::{BACK, pores_factor};
 

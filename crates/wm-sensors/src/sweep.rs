@@ -17,9 +17,9 @@ use crate::surface::{self, SurfaceState, SurfaceStates};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use wm_base::random::RandomStream;
 use wm_render::simd::SimdPath;
 use wm_render::{RayHits, RayOutputs, RayTracer, Rays};
-use wm_base::random::RandomStream;
 use wm_weather::shelter::Shelter;
 use wm_weather::{InfraredAir, PreparedWeather, Site};
 

@@ -6,7 +6,7 @@ use crate::ground::along;
 use crate::sampling::Audience;
 use crate::views::{Sights, Viewpoint};
 use glam::{DVec2, DVec3};
-use wm_scene::capture::Gps;
+use wm_scene::Gps;
 
 /// Height of a walker's eyes, m.
 const EYE_HEIGHT_M: f64 = 1.6;

@@ -5,7 +5,7 @@ use crate::build::{self, Builder};
 use crate::sampling::Audience;
 use crate::views::{Sights, Viewpoint};
 use glam::{DVec2, DVec3};
-use wm_scene::capture::Gps;
+use wm_scene::Gps;
 
 /// The plan of the built-in street, a village street that runs along +y; [`Street::builtin`] builds
 /// it.

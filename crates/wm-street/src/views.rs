@@ -3,7 +3,8 @@
 use crate::Place;
 use crate::sampling::Audience;
 use glam::{DVec2, DVec3};
-use wm_scene::{Camera, CameraError, capture::Gps};
+use wm_scene::Gps;
+use wm_scene::{Camera, CameraError};
 
 /// A named eye and what it looks at, metres, world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]

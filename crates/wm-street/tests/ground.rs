@@ -1,10 +1,11 @@
 //! The ground that a capture of the built-in street tells, against the street itself.
 
 use glam::DVec3;
+use wm_capture::ground::ground;
+use wm_capture::testing::{rolled, taken_if};
 use wm_scene::Camera;
-use wm_scene::capture::ground::ground;
 use wm_scene::synthetic::rotation;
-use wm_scene::testing::{Dice, rolled, taken_if};
+use wm_scene::testing::Dice;
 use wm_street::Street;
 
 /// The built-in street, in metres, with true occlusion, however many photos are taken.

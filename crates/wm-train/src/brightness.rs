@@ -9,7 +9,7 @@ use crate::photos::Photos;
 use crate::priors::points::{inside, seen_points};
 use rayon::prelude::*;
 use wm_base::statistics;
-use wm_scene::capture::Capture;
+use wm_capture::Capture;
 
 /// Longest side of the photos in which colours are read, px.
 const MAX_SIDE_PX: u32 = 500;

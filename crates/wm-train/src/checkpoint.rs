@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use wm_render::training::Moments;
-use wm_base::files::write_durably;
 use wm_base::FormatError;
+use wm_base::files::write_durably;
+use wm_render::training::Moments;
 use wm_scene::{Group, Splats, sh};
 
 const MAGIC: &[u8; 8] = b"WMTRAIN3";

@@ -4,10 +4,10 @@ use crate::photos::{BadPhotos, Check, PhotoErrors, PhotoOptions, PhotoSize, Phot
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use wm_scene::capture::gps::{self, GpsFit};
-use wm_scene::capture::up::{CaptureUp, UpEvidence};
-use wm_scene::capture::{self, Capture, CaptureOptions, CaptureSite};
 use wm_base::FormatError;
+use wm_capture::gps::{self, GpsFit};
+use wm_capture::up::{CaptureUp, UpEvidence};
+use wm_capture::{self as capture, Capture, CaptureOptions, CaptureSite};
 use wm_scene::Camera;
 
 /// Options for opening a data set: the places of its parts, and how its photos are read.

@@ -11,7 +11,7 @@ use crate::priors::Prior;
 use glam::DVec3;
 use std::collections::HashSet;
 use wm_scene::Camera;
-use wm_scene::capture::SparsePoints;
+use wm_scene::SparsePoints;
 
 /// Approximate number of photos that show a surface: of as many pixels with known depth one is a
 /// new point.

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use wm_scene::Camera;
-use wm_scene::capture::SparsePoints;
+use wm_scene::SparsePoints;
 
 /// Approximate number of sampled points of the reconstruction.
 const MAX_POINTS: usize = 4000;

@@ -6,12 +6,11 @@
 //! with that of the other photos that show the point from a similar distance. A photo is blurred if
 //! most of its points have less than half of the detail that the others show.
 
-use crate::brightness;
 use crate::photos::{Photo, Photos};
 use crate::priors::points::{inside, seen_points};
 use rayon::prelude::*;
 use wm_base::statistics;
-use wm_scene::capture::Capture;
+use wm_capture::Capture;
 
 /// Longest side of the photos in which detail is read, and of those whose white and black pixels
 /// are counted, px.

@@ -20,10 +20,10 @@ use crate::panorama::{LowerHemisphere, Panorama, smooth};
 use glam::DMat3;
 use std::f64::consts::PI;
 use std::sync::Arc;
+use wm_base::color::luminance;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
 use wm_render::{Background, SkyGradient};
-use wm_base::color::luminance;
 use wm_scene::survey::{SkyPatch, airlight_of_sky};
 
 /// Gradation of the CIE's clear skies.

@@ -19,8 +19,8 @@ use weather_magician::formats::{
 };
 use weather_magician::view::spec;
 use weather_magician::{CropBox, LengthScale, Metadata, Scene, SceneChange};
-use wm_render::Differentiable;
 use wm_base::files::check_writable;
+use wm_render::Differentiable;
 use wm_scene::levels::MAX_LEVELS;
 use wm_scene::survey::OwnSky;
 

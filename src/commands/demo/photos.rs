@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Parser, ValueEnum};
 use std::path::{Path, PathBuf};
 use wm_base::FormatError;
-use wm_scene::capture::Capture;
+use wm_capture::Capture;
 use wm_street::{
     Lighting, Park, Place, Street,
     capture::{self, CaptureSettings},

@@ -12,9 +12,10 @@ use std::path::Path;
 use weather_magician::formats::{ReadOptions, read_scene, write_scene};
 use weather_magician::levels::{LevelBudget, MAX_FRAME_SPLATS};
 use weather_magician::{Metadata, PlaceOptions, Scene};
+use wm_capture as capture;
+use wm_scene::SceneView;
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::{FactSource, OwnSky, Survey, label_sky};
-use wm_scene::{SceneView, capture};
 
 /// The scene as a site has it.
 pub(crate) struct SitePlace {

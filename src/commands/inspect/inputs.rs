@@ -8,10 +8,10 @@ use std::path::Path;
 use weather_magician::formats::folder::scene_file;
 use weather_magician::reports::{ReportKind, ReportNoteKind, find_weather, recognise};
 use weather_magician::train::DatasetReadOptions;
-use wm_capture::{DrivingLog, LogOptions};
-use wm_scene::capture::Capture;
-use wm_base::files::{LARGE_TEXT, read_text};
 use wm_base::Problem;
+use wm_base::files::{LARGE_TEXT, read_text};
+use wm_capture::Capture;
+use wm_capture::{DrivingLog, LogOptions};
 use wm_scene::Remark;
 
 /// An input and what was found about it.

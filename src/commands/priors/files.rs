@@ -9,11 +9,11 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use weather_magician::wm_image::maps::{DepthForm, DepthUnit, MapFault, MapFolder, NormalAxes};
 use weather_magician::train::priors::files::{self, DepthFiles, FileMaps, MapsOf};
 use weather_magician::train::priors::fit::{Freedom, fit};
 use weather_magician::train::priors::points::{placed, seen_points};
 use weather_magician::train::priors::relative::{Relative, pairs};
+use weather_magician::wm_image::maps::{DepthForm, DepthUnit, MapFault, MapFolder, NormalAxes};
 
 /// The folders of maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]

@@ -17,7 +17,7 @@ use weather_magician::train::dataset::orientation;
 use weather_magician::train::priors::folder::{INDEX, Index, PriorsError};
 use weather_magician::train::priors::{FOLDER, PriorsWriter, photos};
 use wm_base::FormatError;
-use wm_scene::capture::folder_of;
+use wm_capture::folder_of;
 
 /// Options of `priors`.
 #[derive(Args, Clone, Debug)]

@@ -8,9 +8,9 @@ use std::fs;
 use weather_magician::train::photos::Photo;
 use weather_magician::train::priors::{Prior, Priors, SkyClass};
 use weather_magician::{Camera, PictureSize};
+use wm_base::{FormatError, Problem};
 use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_image::{color::Dither, png, ramps};
-use wm_base::{FormatError, Problem};
 
 /// Number of photos on the sheet.
 const PHOTOS: usize = 6;

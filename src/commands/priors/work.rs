@@ -13,7 +13,7 @@ use weather_magician::train::priors::folder::Index;
 use weather_magician::train::priors::given::Given;
 use weather_magician::train::priors::points::{placed, seen_points};
 use weather_magician::train::priors::{Prior, PriorsWriter};
-use wm_scene::capture::CaptureUp;
+use wm_capture::CaptureUp;
 
 /// Longest time between two updates of the index.
 const INDEX_INTERVAL: Duration = Duration::from_secs(20);

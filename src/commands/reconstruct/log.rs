@@ -13,16 +13,16 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::Metadata;
 use weather_magician::train::HeldOut;
-use weather_magician::wm_image::maps::{DepthForm, DepthUnit, MapFolder};
 use weather_magician::train::photos::Check;
 use weather_magician::train::priors::files::{DepthFiles, FileMaps, MapsOf};
 use weather_magician::train::priors::fit::Freedom;
 use weather_magician::train::priors::folder::INDEX;
 use weather_magician::train::priors::{FOLDER, PriorsWriter};
+use weather_magician::wm_image::maps::{DepthForm, DepthUnit, MapFolder};
+use wm_capture::CaptureUp;
 use wm_capture::logs::LogCaptureStep;
+use wm_capture::up::UpEvidence;
 use wm_capture::{DrivingLog, LogCaptureOptions, LogOptions};
-use wm_scene::capture::CaptureUp;
-use wm_scene::capture::up::UpEvidence;
 
 /// The folder of the capture in the run folder.
 const CAPTURE: &str = "capture";

@@ -30,8 +30,8 @@ use weather_magician::train::config::{
 use weather_magician::train::photos::PhotoSize;
 use weather_magician::train::session::{PoorPhotoMode, PriorSource, Resume};
 use weather_magician::train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
-use wm_scene::Rasterization;
 use wm_base::files::check_writable;
+use wm_scene::Rasterization;
 use wm_scene::formats;
 
 /// Options of `reconstruct`.

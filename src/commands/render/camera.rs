@@ -13,8 +13,8 @@ use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::{Camera, CameraMotion, LensSpec, MotionSpec, MovingCamera};
 use wm_base::FormatError;
-use wm_scene::camera::FOV;
 use wm_base::files::check_writable;
+use wm_scene::camera::FOV;
 
 /// Default length of a sequence, seconds.
 pub(crate) const DEFAULT_SECONDS: f64 = 5.0;

@@ -32,11 +32,11 @@ use weather_magician::{
     Camera, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, Weather,
     picture_tags,
 };
+use wm_base::files::check_writable;
 use wm_image::color::Dither;
 use wm_image::png::DepthScale;
 use wm_render::{Background, Stats};
 use wm_scene::Rasterization;
-use wm_base::files::check_writable;
 
 /// Options of `render`.
 #[derive(Args, Debug)]

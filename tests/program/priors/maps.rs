@@ -1,8 +1,8 @@
 //! Maps whose truth is known.
 
 use super::*;
-use wm_scene::capture::Distortion;
-use wm_scene::capture::colmap::write;
+use wm_capture::colmap::write;
+use wm_scene::camera::Distortion;
 use wm_train::photos::{PhotoOptions, Photos};
 use wm_train::priors::SkyClass;
 

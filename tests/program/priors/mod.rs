@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::{Arc, OnceLock};
 use tempfile::TempDir;
-use wm_scene::capture::colmap::write::ColmapStorage;
-use wm_scene::capture::{Capture, CaptureOptions};
 use wm_base::npy;
+use wm_capture::colmap::write::ColmapStorage;
+use wm_capture::{Capture, CaptureOptions};
 use wm_street::{
     Street,
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
@@ -45,7 +45,7 @@ fn shared() -> &'static Path {
 }
 
 fn capture(dataset: &Path) -> Capture {
-    wm_scene::capture::read(dataset, &CaptureOptions::default()).unwrap()
+    wm_capture::read(dataset, &CaptureOptions::default()).unwrap()
 }
 
 /// A folder to write into, where the program runs.

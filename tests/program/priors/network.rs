@@ -14,10 +14,11 @@ fn a_build_without_networks_says_so() {
 #[cfg(feature = "nets")]
 mod with_networks {
     use super::*;
+    use wm_capture::Observation;
+    use wm_capture::colmap::write;
     use wm_nets::DepthAnything;
     use wm_nets::depth_anything::Version;
-    use wm_scene::capture::colmap::write;
-    use wm_scene::capture::{Observation, SparsePoints};
+    use wm_scene::SparsePoints;
     use wm_train::photos::{PhotoOptions, Photos};
     use wm_train::priors::SkyClass;
 

@@ -17,7 +17,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
-use wm_scene::capture::colmap::write::ColmapStorage;
+use wm_capture::colmap::write::ColmapStorage;
 use wm_street::{
     Street,
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},

@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn lenses_have_their_models() {
         let camera = |lens| CameraInfo { size: (4, 3), focal: [2.0, 2.5], center: [2.0, 1.5], lens };
-        let perspective = |values| Some(LensModel::Perspective(wm_scene::capture::Distortion::of(values)));
+        let perspective = |values| Some(LensModel::Perspective(wm_scene::camera::Distortion::of(values)));
         let name = |lens| model(&camera(lens)).map(|(name, parameters)| (name, parameters.len()));
         assert_eq!(name(None), Some(("PINHOLE", 4)));
         assert_eq!(name(perspective([0.1, 0.0, 0.0, 0.0, 0.0])), Some(("OPENCV", 8)));

@@ -1,8 +1,14 @@
 //! The TOML file of a plan: reading, defaults and checks.
 
 use super::{BatchPlan, FRAMES_LAYOUT, PlanPath, PlanPathKind, PlanRig, PlanScene, slug};
-use wm_place::MotionSpec;
 use crate::weathers::{FindWeather, WeatherEntry, WeatherSource, meant};
+use crate::{LAYOUTS, Layout};
+use glam::DVec3;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+use wm_place::MotionSpec;
 use wm_place::levels::{LevelBudget, parse_memory};
 use wm_place::output::{LayerFile, PictureFormat};
 use wm_place::panorama_file::read_panorama;
@@ -10,12 +16,6 @@ use wm_place::rig::Rig;
 use wm_place::view::moves::PathSpec;
 use wm_place::view::spec::CameraSpec;
 use wm_place::{Error, Result};
-use glam::DVec3;
-use serde::Deserialize;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use toml::Spanned;
-use crate::{LAYOUTS, Layout};
 use wm_scene::Metadata;
 use wm_scene::camera::FOV;
 use wm_weather::{Fidelity, Weather};

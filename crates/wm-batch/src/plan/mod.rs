@@ -4,13 +4,13 @@ mod file;
 
 use super::store::hex;
 use super::weathers::WeatherSource;
+use crate::{LayerNeeds, Layout};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
 use wm_place::levels::LevelBudget;
 use wm_place::output::{LayerFile, PictureFormat, layers_of};
 use wm_place::rig::Rig;
 use wm_place::{Layers, MotionSpec};
-use sha2::{Digest, Sha256};
-use std::path::{Path, PathBuf};
-use crate::{LayerNeeds, Layout};
 use wm_scene::Metadata;
 
 /// Most frames of a set: file names have eight digits.

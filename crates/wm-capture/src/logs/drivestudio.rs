@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use wm_base::FormatError;
-use wm_scene::capture::Distortion;
+use wm_scene::camera::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "drivestudio", read };

@@ -6,8 +6,8 @@ use std::fmt;
 use std::fs::{self, File};
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
-use wm_scene::camera::rotation_of;
 use wm_base::{FormatError, Location, Problem, files};
+use wm_scene::camera::rotation_of;
 
 use crate::RigidPose;
 

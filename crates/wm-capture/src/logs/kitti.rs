@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_base::FormatError;
-use wm_scene::capture::Distortion;
+use wm_scene::camera::Distortion;
 
 /// A file of lines `KEY: NUMBERS`.
 pub(super) struct KittiCalibration {

@@ -23,10 +23,10 @@ use glam::{DVec3, dvec3};
 use records::Records;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use wm_scene::capture::Distortion;
-use wm_scene::capture::header::read_header;
 use wm_base::FormatError;
+use wm_image::header::read_header;
 use wm_scene::Camera;
+use wm_scene::camera::Distortion;
 
 pub use capture::{LogCaptureOptions, LogCaptureStep, LogCaptureSummary};
 pub use sweep::{LogPoint, LogSweep};

@@ -2,10 +2,10 @@
 
 use super::mini::{FRAMES, MINI_LOGS, MiniLog, SIZE, color_at};
 use super::*;
+use crate::{self as capture, CaptureOptions};
 use proptest::prelude::*;
 use std::ops::ControlFlow;
 use tempfile::{TempDir, tempdir};
-use wm_scene::capture::{self, CaptureOptions};
 
 pub(super) fn made(index: usize) -> (TempDir, MiniLog) {
     let folder = tempdir().unwrap();

@@ -8,8 +8,8 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::str::FromStr;
-use wm_render::Frame;
 use wm_base::color::luminance;
+use wm_render::Frame;
 
 /// Target of the mean luminance, linear light.
 const MIDDLE_GREY: f64 = 0.18;

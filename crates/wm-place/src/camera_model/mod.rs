@@ -38,9 +38,9 @@ use exposure::LightMeter;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::{LazyLock, Mutex, PoisonError};
+use wm_base::color::{srgb_decode, srgb_encode};
 use wm_render::frame::ColorEncoding;
 use wm_render::{Outputs, Stats};
-use wm_base::color::{srgb_decode, srgb_encode};
 use wm_scene::{Camera, LensModel};
 use wm_weather::{Fidelity, Weather};
 

@@ -6,10 +6,10 @@
 //! a function of (seed, frame, pixel, channel).
 
 use rayon::prelude::*;
-use wm_render::Frame;
-use wm_render::frame::ColorEncoding;
 use wm_base::color::{srgb_decode, srgb_encode};
 use wm_base::random::{self, RandomStream};
+use wm_render::Frame;
+use wm_render::frame::ColorEncoding;
 
 /// Electrons above which a Poisson variate is taken for a normal one: its skewness is below 0.16
 /// then.

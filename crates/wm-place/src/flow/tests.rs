@@ -3,7 +3,7 @@
 use super::*;
 use crate::{FrameRequest, Layers, NextFrame};
 use wm_render::{CpuConfig, Device};
-use wm_scene::capture::Distortion;
+use wm_scene::camera::Distortion;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Scene, Splats};
 use wm_weather::Weather;

@@ -530,7 +530,7 @@ mod tests {
         let wide = Camera { width: 128, height: 64, ..round };
         let near = Camera { fx: 90.0, fy: 90.0, ..round };
         let bent =
-            LensModel::Perspective(wm_scene::capture::Distortion::of([-0.1, 0.02, 0.001, 0.002, 0.001]));
+            LensModel::Perspective(wm_scene::camera::Distortion::of([-0.1, 0.02, 0.001, 0.002, 0.001]));
         for (lens, camera, count) in
             [(fisheye, round, 6), (LensModel::Equirectangular, wide, 6), (bent, near, 1)]
         {

@@ -1,8 +1,8 @@
 //! The memory of a place in levels of detail, shared out.
 
 use std::path::Path;
-use wm_render::bytes_of_set;
 use wm_base::FormatError;
+use wm_render::bytes_of_set;
 use wm_scene::levels::LevelIndex;
 
 /// The memory and the splats that rendering a scene in levels of detail may take.

@@ -11,7 +11,10 @@
 use super::coverage;
 use rayon::prelude::*;
 use std::{cmp::Ordering, cmp::Reverse, collections::BinaryHeap};
-use wm_scene::{Camera, levels::{LevelIndex, LevelLeaf, LevelRun}};
+use wm_scene::{
+    Camera,
+    levels::{LevelIndex, LevelLeaf, LevelRun},
+};
 
 /// Error of a leaf's pictures with a share `s` of its splats where the index states none: this
 /// times `1 - sqrt(s)`.

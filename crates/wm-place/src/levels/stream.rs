@@ -9,10 +9,10 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
+use wm_base::{FormatError, files};
 use wm_render::{AnyRenderer, RenderBackend, SetId};
 use wm_scene::levels::{LevelIndex, LevelRun};
 use wm_scene::survey::SkyRegion;
-use wm_base::{FormatError, files};
 use wm_scene::{Camera, Group, Metadata, Splats};
 
 /// A leaf at a level: the number of the leaf, and the place of the level in

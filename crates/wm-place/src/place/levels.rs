@@ -23,11 +23,11 @@ use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
+use wm_base::{FormatError, Problem, files};
 use wm_render::{AnyRenderer, RenderBackend, SetId, bytes_of_set};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{CapturedSky, SkyRegion, label_sky};
-use wm_base::{FormatError, Problem, files};
 use wm_scene::{Camera, Rasterization, Scene, Splats};
 use wm_weather::Weather;
 

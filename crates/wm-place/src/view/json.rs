@@ -4,9 +4,13 @@ use super::path::{CameraPath, PathKey};
 use super::{DEFAULT_FOV, ViewError, ViewOptions, foreign};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
-use wm_scene::survey::Survey;
-use wm_base::{FormatError, Location, Problem, files::{LARGE_TEXT, read_text, write_atomically}, nearest};
+use wm_base::{
+    FormatError, Location, Problem,
+    files::{LARGE_TEXT, read_text, write_atomically},
+    nearest,
+};
 use wm_scene::Camera;
+use wm_scene::survey::Survey;
 
 /// Every key that a file may have.
 const KEYS: [&str; 9] = ["keyframes", "up", "fov", "near", "time", "eye", "target", "rotation", "fov"];

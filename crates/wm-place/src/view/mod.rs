@@ -21,10 +21,10 @@ mod testing;
 
 use glam::DVec3;
 use thiserror::Error;
+use wm_base::FormatError;
 use wm_render::{
     DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, RenderError, SetId, SetView,
 };
-use wm_base::FormatError;
 use wm_scene::{Camera, CameraError, Scene, survey::Survey};
 
 /// Default vertical field of view, degrees.

@@ -7,9 +7,9 @@ use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 use std::str::FromStr;
+use wm_base::nearest;
 use wm_render::Frame;
 use wm_scene::survey::Survey;
-use wm_base::nearest;
 use wm_scene::{Camera, SceneView};
 
 /// A camera path by name or file, as `--path` takes it.

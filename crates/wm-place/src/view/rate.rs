@@ -2,8 +2,8 @@
 
 use super::candidates::room;
 use glam::DVec3;
-use wm_render::Frame;
 use wm_base::color::luminance;
+use wm_render::Frame;
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, Group, Splats};
 

@@ -12,9 +12,9 @@ use super::{DEFAULT_FOV, ViewError, ViewOptions};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::str::FromStr;
+use wm_base::nearest;
 use wm_scene::camera::{MAX_PIXELS, MAX_SIDE};
 use wm_scene::survey::Survey;
-use wm_base::nearest;
 use wm_scene::{Camera, SceneView};
 
 /// A camera, as `--camera` takes it.

@@ -1,8 +1,8 @@
 //! Lenses that are no pinholes: where a direction is seen in the picture, and the direction of a
 //! picture point.
 
+use super::distortion::Distortion;
 use super::{Camera, CameraError};
-use crate::capture::Distortion;
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -1,12 +1,12 @@
 //! Lenses in TOML files: a model by its COLMAP name, and its numbers.
 
+use super::distortion::Distortion;
 use super::{Camera, LensModel};
-use crate::capture::Distortion;
-use wm_base::error::{FormatError, Location, Problem, one_line};
-use wm_base::files;
 use crate::formats::sidecar::line_column;
 use serde::Deserialize;
 use std::path::Path;
+use wm_base::error::{FormatError, Location, Problem, one_line};
+use wm_base::files;
 
 /// Longest file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 16;

@@ -75,7 +75,7 @@ pub fn rotation_of(matrix: &DMat3) -> Result<DMat3, PoseFault> {
 }
 
 /// `camera_from_world` of a camera with the rotation `camera_from_world` at `center`, world axes.
-pub(crate) fn viewmat_at(rotation: DMat3, center: DVec3) -> DMat4 {
+pub fn viewmat_at(rotation: DMat3, center: DVec3) -> DMat4 {
     viewmat_of(rotation, -(rotation * center))
 }
 
@@ -101,8 +101,8 @@ fn check_rotation(matrix: &DMat3, tolerance: f64) -> Result<(), PoseFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_base::random::uniform;
     use crate::synthetic::rotation;
+    use wm_base::random::uniform;
 
     #[test]
     fn rotations_of_files_pass_and_faults_are_named() {

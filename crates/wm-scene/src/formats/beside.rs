@@ -1,8 +1,8 @@
 //! Files beside a scene file, also where the scene file is a symbolic link.
 
-use wm_base::files;
 use std::fs;
 use std::path::{Path, PathBuf};
+use wm_base::files;
 
 /// Returns the places of a scene file, beside which its further files are looked for in this order:
 /// its path, then, behind symbolic links, the file itself.

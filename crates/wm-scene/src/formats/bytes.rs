@@ -1,8 +1,8 @@
 //! A file in memory, read from front to back, and what may be unpacked from it.
 
-use wm_base::error::Problem;
 use sirocco::inflate;
 use std::io::{self, Read};
+use wm_base::error::Problem;
 
 /// Bytes that are taken from the front.
 #[derive(Clone, Copy, Debug)]

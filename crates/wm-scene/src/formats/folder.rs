@@ -5,8 +5,10 @@
 //! `cameras.json` in the folder of the training holds the photographed views, if it exists.
 
 use super::beside::places;
-use wm_base::{FormatError, Problem, error::json_fault, files::{self, write_atomically}};
-use crate::{Camera, SceneView, camera::{rotation_of, viewmat_at}};
+use crate::{
+    Camera, SceneView,
+    camera::{rotation_of, viewmat_at},
+};
 use glam::{DMat3, DVec3};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -14,6 +16,11 @@ use std::{
     fs,
     io::ErrorKind::{NotADirectory, NotFound, Unsupported},
     path::{Path, PathBuf},
+};
+use wm_base::{
+    FormatError, Problem,
+    error::json_fault,
+    files::{self, write_atomically},
 };
 
 /// The scene file that `path` means: itself, or the splats in it if it is a folder.

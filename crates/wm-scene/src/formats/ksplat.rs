@@ -22,10 +22,10 @@ use super::{
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
 };
-use wm_base::error::Problem;
 use crate::{Scene, Splats, morton, sh};
 use half::f16;
 use std::io::Write;
+use wm_base::error::Problem;
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub(super) const FORMAT: SceneFormat = SceneFormat {

@@ -25,11 +25,19 @@ mod loss;
 mod pack;
 pub mod sidecar;
 
-use wm_base::{error::{FormatError, Problem, excerpt}, files::{self, TempFile, write_atomically}, source::Source};
 use crate::{Scene, origin};
+use wm_base::{
+    error::{FormatError, Problem, excerpt},
+    files::{self, TempFile, write_atomically},
+    source::Source,
+};
+#[cfg(test)]
+mod fetched_tests;
+
 pub use axes::Axes;
 use loss::ANY_SCALE;
 pub use loss::{FormatLosses, Retention, lost};
+pub use ply::read_points;
 pub use sidecar::{sidecar_path, write_sidecar};
 use std::{
     io::{Read, Write},

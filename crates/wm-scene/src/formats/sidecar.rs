@@ -3,9 +3,15 @@
 //! For formats that have no room for it, and for corrections by hand. The keys are the fields of
 //! [`Metadata`]; unknown ones are errors.
 
-use wm_base::{error::{FormatError, Location, Problem, one_line}, files::{self, write_atomically}};
-use crate::{Metadata, formats::{beside::places, folder::scene_file}};
+use crate::{
+    Metadata,
+    formats::{beside::places, folder::scene_file},
+};
 use std::path::{Path, PathBuf};
+use wm_base::{
+    error::{FormatError, Location, Problem, one_line},
+    files::{self, write_atomically},
+};
 
 /// The path of the metadata beside a scene file.
 #[must_use]

@@ -12,9 +12,12 @@ use super::{
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
 };
-use wm_base::{error::{FormatError, Problem}, source::Source};
 use crate::{Scene, Splats};
 use std::io::Write;
+use wm_base::{
+    error::{FormatError, Problem},
+    source::Source,
+};
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub(super) const FORMAT: SceneFormat = SceneFormat {

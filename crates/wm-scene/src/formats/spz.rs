@@ -25,7 +25,6 @@ use super::{
     bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
     pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
 };
-use wm_base::error::Problem;
 use crate::{Metadata, Rasterization, Remark, Scene, Splats, origin, sh};
 use half::f16;
 use ruzstd::{
@@ -37,6 +36,7 @@ use std::{
     borrow::Cow,
     io::{self, Read, Write},
 };
+use wm_base::error::Problem;
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub(super) const FORMAT: SceneFormat = SceneFormat {

@@ -2,13 +2,16 @@
 //! a request.
 
 use super::LevelIndex;
-use wm_base::{FormatError, Problem, files::{self, write_atomically}};
 use crate::formats::sog::{
-        read::{below, fault, is_bundle, parse, picture_names, read_file},
-        zip,
-    };
+    read::{below, fault, is_bundle, parse, picture_names, read_file},
+    zip,
+};
 use serde_json::Value;
 use std::path::Path;
+use wm_base::{
+    FormatError, Problem,
+    files::{self, write_atomically},
+};
 
 /// The bundle that stands for the file of an index: that of its folder.
 fn bundle_of(name: &str) -> String {

@@ -1,8 +1,11 @@
 //! One file of a scene in levels: the splats of many leaves at one level.
 
-use wm_base::FormatError;
-use crate::{Metadata, Remark, Splats, formats::sog::read::{SogPictures, read_pictures}};
+use crate::{
+    Metadata, Remark, Splats,
+    formats::sog::read::{SogPictures, read_pictures},
+};
 use std::path::{Path, PathBuf};
+use wm_base::FormatError;
 
 /// A decoded file of a [`super::LevelIndex`]: 28 bytes a splat, and its palette. Splats are made of
 /// any run of it.

@@ -1,19 +1,23 @@
 //! `lod-meta.json`: the leaves of a scene in levels, and where their splats are.
 
 use super::{LevelFile, tree::Extent};
-use wm_base::{FormatError, Problem, error::excerpt, files};
-use crate::{Group, Metadata, Scene, Splats, formats::{
+use crate::{
+    Group, Metadata, Scene, Splats,
+    formats::{
         DetailLevel,
         folder::scene_file,
         sidecar,
         sog::read::{below, fault, parse, picture_names},
-    }, remark::add_new};
+    },
+    remark::add_new,
+};
 use serde::Deserialize;
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::{Component, Path, PathBuf},
 };
+use wm_base::{FormatError, Problem, error::excerpt, files};
 
 /// The name of an index.
 pub const INDEX_NAME: &str = "lod-meta.json";

@@ -1,7 +1,6 @@
 //! Scenes in levels, written and read.
 
 use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf, TilePlan};
-use wm_base::FormatError;
 use crate::{Metadata, Rasterization, Scene, Splats, formats::DetailLevel, morton, testing::Dice};
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
@@ -11,6 +10,7 @@ use std::{
     path::{Path, PathBuf},
 };
 use tempfile::tempdir;
+use wm_base::FormatError;
 
 /// Splats about `middle`, within 2 units of it but for their tails.
 fn some(dice: &mut Dice, middle: [f32; 3], count: usize) -> Splats {

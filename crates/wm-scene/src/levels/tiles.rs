@@ -18,8 +18,10 @@ use super::{
     tree::{BoxTree, Extent},
     writer::ellipsoids,
 };
-use wm_base::{FormatError, Problem, files::write_atomically};
-use crate::{Metadata, Scene, Splats, capture::Gps, formats::{GltfSplats, WriteOptions, write_scene_with}};
+use crate::{
+    Gps, Metadata, Scene, Splats,
+    formats::{GltfSplats, WriteOptions, write_scene_with},
+};
 use glam::{DMat3, DMat4, DVec3};
 use serde_json::{Value, json};
 use std::{
@@ -28,6 +30,7 @@ use std::{
     ops::Range,
     path::{Path, PathBuf},
 };
+use wm_base::{FormatError, Problem, files::write_atomically};
 
 /// The tiles of a scene in levels, to be written in any order and on any threads, and then their
 /// `tileset.json`.

@@ -4,14 +4,18 @@ use super::{
     LevelIndex, LevelRun, MAX_LEVELS,
     tree::{BoxTree, Extent},
 };
-use wm_base::{FormatError, Problem, files::write_atomically};
-use crate::{Metadata, Rasterization, Scene, Splats, formats::{
+use crate::{
+    Metadata, Rasterization, Scene, Splats,
+    formats::{
         sog::{
             read::below,
             write::{Arrangement, files_with},
         },
         write_files,
-    }, morton, quat::to_matrix};
+    },
+    morton,
+    quat::to_matrix,
+};
 use serde::{Serialize, Serializer};
 use std::{
     collections::BTreeMap,
@@ -19,6 +23,7 @@ use std::{
     io::ErrorKind,
     path::{Path, PathBuf},
 };
+use wm_base::{FormatError, Problem, files::write_atomically};
 
 /// Options of writing a scene in levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

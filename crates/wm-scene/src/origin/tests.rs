@@ -2,13 +2,13 @@ use super::*;
 use crate::formats::{
     FORMATS, ReadOptions, Views, folder, lost, read_scene, read_scene_from, write_scene, write_sidecar,
 };
-use wm_base::random::uniform;
 use crate::{Camera, Lamp, Severity};
 use glam::{DMat3, DQuat};
 use proptest::prelude::*;
 use std::fs;
 use std::path::Path;
 use tempfile::tempdir;
+use wm_base::random::uniform;
 
 const UTM: DVec3 = DVec3::new(500_000.0, 4_000_000.0, 100.0);
 

@@ -3,12 +3,12 @@
 //! In daylight it is about the mean radiance of the sky near the horizon. Where a scene has a sky,
 //! its splats say it; where not, the brightest surfaces give a measure of the daylight.
 
-use wm_base::statistics::quantile;
 use super::sample::SurveySample;
 use super::sky::SkyRegion;
-use wm_base::color::{luminance, srgb_decode};
 use crate::{Splats, sh};
 use glam::DVec3;
+use wm_base::color::{luminance, srgb_decode};
+use wm_base::statistics::quantile;
 
 /// Brightest airlight: photos show a burned-out sky as "white or more", and fog at display white
 /// would show no shape and no snow in front of it.

@@ -3,7 +3,6 @@
 //!
 //! The geometry of a scene stays as it is; its metadata say how it stands.
 
-use wm_base::statistics::quantile;
 use super::report::{Decimal, origin};
 use super::sample::SurveySample;
 use super::sky::SkyRegion;
@@ -11,6 +10,7 @@ use super::{ScaleError, Survey, known_distance};
 use crate::Scene;
 use glam::DVec3;
 use thiserror::Error;
+use wm_base::statistics::quantile;
 
 /// Least ratio of the height of the triangle of three points to its longest side with which they
 /// determine a plane: an error of 1 % of the side tilts it by 11 degrees there.

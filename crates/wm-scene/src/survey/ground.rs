@@ -5,11 +5,11 @@
 //! cells of a grid they lie. The lowest height with a fair share of the best counts of both is the
 //! ground: floaters below it have no surface, a cellar or a pond has few cells.
 
-use wm_base::linear::{eigen, horizontals, outer};
-use wm_base::statistics::quantile;
 use super::sample::{SurveyPoint, SurveySample};
 use crate::SceneView;
 use glam::{DMat3, DVec3};
+use wm_base::linear::{eigen, horizontals, outer};
+use wm_base::statistics::quantile;
 
 /// Layers of height per scene radius.
 const LAYERS_PER_RADIUS: f64 = 200.0;

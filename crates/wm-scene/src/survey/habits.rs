@@ -4,24 +4,24 @@
 //! in roll. A drone that surveys an area looks straight down while it flies back and forth in a
 //! level plane; its pictures' up is then a level direction and says nothing.
 
-use wm_base::linear::{eigen, outer};
 use crate::Camera;
 use glam::{DMat3, DVec3};
+use wm_base::linear::{eigen, outer};
 
 /// A direction that is up if photos were taken by this habit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Habit {
+pub struct Habit {
     /// The habit.
-    pub(crate) kind: HabitKind,
+    pub kind: HabitKind,
     /// Up, length 1.
-    pub(crate) up: DVec3,
+    pub up: DVec3,
     /// Natural logarithm of how likely the habit is, given the poses.
-    pub(crate) log_odds: f64,
+    pub log_odds: f64,
 }
 
 /// A habit of taking photos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum HabitKind {
+pub enum HabitKind {
     /// Cameras are held upright.
     Upright,
     /// Cameras look straight down from a level plane.
@@ -52,14 +52,14 @@ const MIN_CAMERAS: usize = 6;
 impl Habit {
     /// Standard deviation of its up, degrees.
     #[must_use]
-    pub(crate) fn error(&self) -> f64 {
+    pub fn error(&self) -> f64 {
         UP_ERRORS_DEG[usize::from(self.kind == HabitKind::LookingDown)]
     }
 }
 
 /// The habits by which these photos may have been taken; empty if their poses tell nothing.
 #[must_use]
-pub(crate) fn habits(cameras: &[Camera]) -> Vec<Habit> {
+pub fn habits(cameras: &[Camera]) -> Vec<Habit> {
     let down = looking_down(cameras);
     let odds = if down.is_some() { [FACADE_SHARE, 1.0 - FACADE_SHARE] } else { [1.0, 0.0] };
     let upright = held(cameras).map(|up| Habit { kind: HabitKind::Upright, up, log_odds: odds[0].ln() });
@@ -69,7 +69,7 @@ pub(crate) fn habits(cameras: &[Camera]) -> Vec<Habit> {
 
 /// Logarithm of how well `up` fits the habits, at most 0; 0 without any.
 #[must_use]
-pub(crate) fn fit(up: DVec3, habits: &[Habit]) -> f64 {
+pub fn fit(up: DVec3, habits: &[Habit]) -> f64 {
     let one = |habit: &Habit| {
         let off = up.angle_between(habit.up).to_degrees() / habit.error();
         habit.log_odds - (0.5 * off * off).min(MAX_PENALTY_NATS)

@@ -7,13 +7,13 @@
 //!
 //! Facts belong to the scene and are stored with it. No weather guesses them from a frame, so a pan
 //! changes no colour. Scale is measured or unknown: it comes from the user, from GPS, or from the
-//! ground under the level cameras of a person ([`crate::capture::ground`]); else one unit counts as
+//! ground under the level cameras of a person (`wm_capture::ground`); else one unit counts as
 //! one metre, with one warning.
 
 mod airlight;
 mod align;
 mod ground;
-pub(crate) mod habits;
+pub mod habits;
 mod near_ground;
 mod own_sky;
 mod plan;

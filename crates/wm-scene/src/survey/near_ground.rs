@@ -2,12 +2,12 @@
 //!
 //! That ground is the plane of the lowest large level surface about the foot of the point.
 
-use wm_base::linear::horizontals;
-use wm_base::statistics::quantile;
 use super::sample::point;
 use super::sky::SkyRegion;
 use crate::{Splats, quat};
 use glam::{DMat3, DVec3};
+use wm_base::linear::horizontals;
+use wm_base::statistics::quantile;
 
 /// Radii about a point in which its ground is searched, the next where one has too little of it, m.
 const SEARCH_RADII_M: [f64; 4] = [2.5, 5.0, 10.0, 20.0];

@@ -5,10 +5,10 @@
 //! along each direction that may be plumb. Where walls stand along it, their points meet in few
 //! cells of a level grid, and the sum of the squares of what cells hold is the greatest.
 
-use wm_base::linear::horizontals;
-use wm_base::statistics::quantile;
 use super::sample::{SurveySample, strided};
 use glam::{DVec2, DVec3, Vec2};
+use wm_base::linear::horizontals;
+use wm_base::statistics::quantile;
 
 /// Most points of upright surfaces that are used.
 const MAX_POINTS: usize = 8000;

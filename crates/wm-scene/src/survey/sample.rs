@@ -1,10 +1,10 @@
 //! A fair sample of the splats: enough for every estimate of a survey, few enough to be quick.
 
-use wm_base::linear::horizontals;
-use wm_base::statistics::quantile;
 use super::sky::SkyRegion;
 use crate::Splats;
 use glam::DVec3;
+use wm_base::linear::horizontals;
+use wm_base::statistics::quantile;
 
 /// Most splats in a sample. The error of a share or a quantile is about `1 / (2 sqrt(30000))` = 0.3
 /// %, far below what any decision here depends on.

@@ -9,12 +9,12 @@
 //! - seen from the middle they cover a wide piece of the heavens: stray splats are too few for it,
 //!   and distant buildings cover but a strip along the horizon.
 
-use wm_base::linear::{direction, eigen, outer};
-use wm_base::statistics::quantile;
 use super::sample::{center_of, strided};
 use crate::{Group, Splats};
 use glam::{DMat3, DVec3};
 use std::ops::Range;
+use wm_base::linear::{direction, eigen, outer};
+use wm_base::statistics::quantile;
 
 /// Layers per doubling of the radius.
 const LAYERS_PER_OCTAVE: f64 = 8.0;

@@ -4,11 +4,11 @@
 //! Rays go from a few surfaces near the ground and the cameras towards suns all around, through
 //! cells that hold as much surface as closes half of them.
 
-use wm_base::linear::horizontals;
 use super::sample::{SurveyPoint, SurveySample, strided};
 use crate::SceneView;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
+use wm_base::linear::horizontals;
 
 /// Elevations of the suns that are tried, degrees: low, afternoon and noon.
 const ELEVATIONS_DEG: [f64; 3] = [8.0, 25.0, 45.0];

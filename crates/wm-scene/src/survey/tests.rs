@@ -276,21 +276,6 @@ fn level_cameras_bound_the_roll_of_sloping_ground() {
 }
 
 #[test]
-fn photographers_hold_their_cameras_level() {
-    // A plane through the points of the road, and one through those of the facade, which is plumb.
-    // The castle was photographed from below: the mean of the ups alone is 11 degrees off.
-    let (road, facade) = (DVec3::new(-0.003, -1.0, 0.001), DVec3::new(0.231, -0.159, -0.960));
-    let found = |name: &str| {
-        let views = crate::capture::read_views(&data(&format!("photos/{name}"))?).unwrap();
-        Some(Survey::of(&Scene { views, ..Scene::default() }, &Metadata::default()).up)
-    };
-    let Some(street) = found("lund-street") else { return };
-    assert!(street.value.angle_between(road).to_degrees() < 3.0 && street.source == FactSource::Cameras);
-    let Some(castle) = found("sceaux-castle") else { return };
-    assert!((castle.value.angle_between(facade).to_degrees() - 90.0).abs() < 4.0, "{castle:?}");
-}
-
-#[test]
 fn the_ground_is_no_cellar_and_no_roof() {
     let mut place = street(9);
     let dark = |_: f64, _: f64| [0.1; 3];

@@ -17,13 +17,13 @@
 //! likely direction is taken. No axis overrules what is seen.
 
 use super::habits::{self, Habit, HabitKind};
-use wm_base::linear::{direction, eigen, horizontals, outer};
-use wm_base::statistics::quantile;
 use super::sample::{SurveyPoint, SurveySample, strided};
 use super::sky::SkyRegion;
 use super::{Confidence, FactSource, MIN_POINTS, ground, plan};
 use crate::{Camera, SceneView, Splats};
 use glam::{DMat3, DVec3};
+use wm_base::linear::{direction, eigen, horizontals, outer};
+use wm_base::statistics::quantile;
 
 /// Directions over the half sphere in which surfaces are counted: 7 degrees apart.
 const DIRECTIONS: usize = 400;

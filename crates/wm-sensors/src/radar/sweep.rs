@@ -19,9 +19,9 @@ use crate::sweep::PointFrame;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_4;
+use wm_base::random::RandomStream;
 use wm_render::simd::SimdPath;
 use wm_render::{RayOutputs, RayTracer, Rays};
-use wm_base::random::RandomStream;
 use wm_weather::shelter::Shelter;
 use wm_weather::{PreparedWeather, Site};
 

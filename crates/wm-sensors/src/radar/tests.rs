@@ -7,10 +7,10 @@ use super::sweep::FanView;
 use super::*;
 use crate::{EvenMotion, PointFrame, SensorPose};
 use glam::{DQuat, DVec3};
+use wm_base::random::RandomStream;
 use wm_render::RaySplats;
 use wm_render::simd::SimdPath;
 use wm_scene::Splats;
-use wm_base::random::RandomStream;
 use wm_weather::{Site, Weather};
 
 /// A small radar that sees far, so that noise does not count.

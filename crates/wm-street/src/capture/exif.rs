@@ -3,8 +3,8 @@
 use super::{CaptureKind, CaptureSettings, ExifFault, shots::Shot};
 use crate::Place;
 use crate::sky;
-use wm_scene::capture::Gps;
 use wm_base::random::RandomStream;
+use wm_scene::Gps;
 
 /// Diagonal of a full frame, mm.
 const FULL_FRAME_DIAGONAL_MM: f64 = 43.266_615;

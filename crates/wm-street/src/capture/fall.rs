@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use std::f64::consts::PI;
-use wm_scene::Camera;
 use wm_base::random::RandomStream;
+use wm_scene::Camera;
 
 /// Exposure, s.
 const EXPOSURE_S: f64 = 0.004;

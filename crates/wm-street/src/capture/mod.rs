@@ -43,14 +43,15 @@ use glam::{DMat3, DQuat, DVec3};
 use shots::Shot;
 use std::borrow::Cow;
 use std::{fs, path::Path};
-use wm_scene::capture::{
-    Capture, CaptureView, Distortion, Gps,
+use wm_base::random::RandomStream;
+use wm_base::{FormatError, Problem};
+use wm_capture::{
+    Capture, CaptureView,
     colmap::write::{self as colmap, ColmapStorage},
 };
-use wm_base::random::RandomStream;
-use wm_scene::similarity::Similarity;
-use wm_base::{FormatError, Problem};
 use wm_scene::Camera;
+use wm_scene::similarity::Similarity;
+use wm_scene::{Gps, camera::Distortion};
 
 /// The way in which a capture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,9 +7,10 @@ use crate::place::SHARED_BUDGET;
 use crate::{Material, Place, display_of};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
-use wm_scene::Camera;
-use wm_scene::capture::{Observation, SparsePoints};
 use wm_base::random::{RandomStream, uniform};
+use wm_capture::Observation;
+use wm_scene::Camera;
+use wm_scene::SparsePoints;
 
 /// Standard deviation of a sighting along each axis, px.
 const SIGHTING_NOISE_PX: f64 = 0.5;

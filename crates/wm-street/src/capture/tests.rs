@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::tempdir;
-use wm_scene::capture::{CaptureOptions, CaptureSite, gps, header, header::read_header, read};
-use wm_scene::survey::Survey;
 use wm_base::npy;
+use wm_capture::{CaptureOptions, CaptureSite, gps, read};
+use wm_image::{header, header::read_header};
+use wm_scene::survey::Survey;
 use wm_scene::{Metadata, Scene};
 
 fn park() -> &'static Place {

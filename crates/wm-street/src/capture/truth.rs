@@ -7,9 +7,9 @@ use crate::{Label, Place, exposed, sky};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::Path;
-use wm_scene::capture::Gps;
-use wm_scene::similarity::Similarity;
 use wm_base::{FormatError, Problem, files::write_atomically};
+use wm_scene::Gps;
+use wm_scene::similarity::Similarity;
 
 /// Writes `truth.json`.
 pub(super) fn write(

@@ -19,10 +19,12 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use std::{fs, path::Path};
 use wm_base::{FormatError, Problem, files::write_atomically, random::uniform};
-use wm_scene::{Camera, CameraError, capture::{
-        Capture, CaptureView, Distortion, Observation, SparsePoints,
-        colmap::write::{self, ColmapStorage},
-    }};
+use wm_capture::{
+    Capture, CaptureView, Observation,
+    colmap::write::{self, ColmapStorage},
+};
+use wm_scene::{Camera, CameraError};
+use wm_scene::{SparsePoints, camera::Distortion};
 
 /// The positions from which the photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -251,7 +253,7 @@ mod tests {
     use std::io;
     use tempfile::tempdir;
     use wm_base::npy;
-    use wm_scene::capture::{CaptureOptions, read};
+    use wm_capture::{CaptureOptions, read};
 
     /// Width and height of a PNG file, px, and the number of bytes of its pixels.
     fn decoded(path: &Path) -> (u32, u32, usize) {

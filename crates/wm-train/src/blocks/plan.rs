@@ -15,8 +15,8 @@ use std::fs;
 use std::io;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use wm_scene::Scene;
 use wm_base::files::write_durably;
+use wm_scene::Scene;
 use wm_scene::formats::write_scene;
 
 /// The version of the plan's format.

@@ -41,9 +41,9 @@ use std::{
 use thiserror::Error;
 use tool::{RunPaths, SCRIPT, SCRIPT_NAME, StepCommands};
 use wm_base::FormatError;
-use wm_scene::capture::header::read_header;
-use wm_scene::capture::{self, CaptureOptions};
 use wm_base::files::write_atomically;
+use wm_capture::{self as capture, CaptureOptions};
+use wm_image::header::read_header;
 
 /// Options of COLMAP.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

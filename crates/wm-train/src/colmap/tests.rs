@@ -8,7 +8,7 @@ use std::{
     time::Duration,
 };
 use tempfile::{TempDir, tempdir};
-use wm_scene::capture::{self, CaptureOptions};
+use wm_capture::{self as capture, CaptureOptions};
 
 /// Stands in for COLMAP: writes its arguments to `calls`, says what the real one says, and copies a
 /// model of three photos. `$1` is the command; `BREAK` in the folder of the photos names one that

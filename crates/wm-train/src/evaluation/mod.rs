@@ -14,11 +14,11 @@ use crate::metrics::{
     normal_errors, sharpness, sky_covered, surface_lost,
 };
 use crate::photos::{BadPhotos, Photo, PhotoError};
-use wm_image::quality::psnr;
 use crate::session::ObserverError;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use thiserror::Error;
+use wm_image::quality::psnr;
 use wm_render::hooks::{Attribute, AttributeBlock, Hooks, Medium, SplatAttributes};
 use wm_render::{
     AnyRenderer, DrawPass, EvenAir, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig,

@@ -1,13 +1,15 @@
 //! Ground-truth maps of a data set: where they are, and what their numbers mean.
 
 use crate::dataset::Dataset;
-use wm_image::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+use wm_capture::folder_of;
+use wm_image::maps::{
+    DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map,
+};
 use wm_scene::Camera;
-use wm_scene::capture::folder_of;
 use wm_scene::survey::{FactSource, Survey};
 
 /// The folders of ground-truth maps and the meaning of their numbers.

@@ -17,8 +17,8 @@ use crate::photos::Photo;
 use crate::priors::{Prior, SkyClass};
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
-use wm_scene::capture::SparsePoints;
 use wm_base::color::srgb_encode;
+use wm_scene::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 

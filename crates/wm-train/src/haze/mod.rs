@@ -35,10 +35,11 @@ use rayon::prelude::*;
 use sightings::{PointTrack, tracks};
 use std::collections::BTreeMap;
 use std::ops::Range;
+use wm_base::color::{srgb_decode, srgb_encode};
+use wm_capture::Capture;
 use wm_render::EvenAir;
 use wm_scene::Metadata;
-use wm_scene::capture::{Capture, SparsePoints};
-use wm_base::color::{srgb_decode, srgb_encode};
+use wm_scene::SparsePoints;
 use wm_scene::metadata::MOR_DEPTH;
 
 /// Fewest tracks from which haze is measured.

@@ -8,8 +8,8 @@ use crate::photos::{Photo, Photos};
 use crate::priors::points::inside;
 use rayon::prelude::*;
 use std::sync::LazyLock;
-use wm_scene::capture::Capture;
 use wm_base::color::srgb_decode;
+use wm_capture::Capture;
 
 /// A point as a photo shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -196,10 +196,10 @@ mod tests {
     use crate::densify::Population;
     use crate::priors::SkyClass;
     use glam::DVec3;
+    use wm_base::random::uniform;
     use wm_render::testing::{Backend, gpu_differentiable, shell_camera, shell_splats};
     use wm_render::training::NO_EXPOSURE;
     use wm_render::{ForwardConfig, Resident};
-    use wm_base::random::uniform;
 
     const SIZE: (u32, u32) = (12, 8);
 

@@ -32,8 +32,6 @@ pub use error::{PhotoError, PhotoErrors, PhotoFault};
 pub use folder::photos_in;
 pub use picture::Photo;
 
-use wm_image::photo::DecodeError;
-use wm_image::maps::{Filter, Map, MapFault};
 use cache::Cache;
 use picture::{Entry, Lens, is_scaled, reduced_camera};
 use rayon::prelude::*;
@@ -43,10 +41,12 @@ use std::{
     thread::JoinHandle,
 };
 use undistort::undistort_map;
-use wm_scene::{Camera, capture::{
-        Capture, Distortion, Gps,
-        header::{Orientation, PhotoHeader, read_header},
-    }};
+use wm_capture::Capture;
+use wm_image::header::{Orientation, PhotoHeader, read_header};
+use wm_image::maps::{Filter, Map, MapFault};
+use wm_image::photo::DecodeError;
+use wm_scene::Camera;
+use wm_scene::{Gps, camera::Distortion};
 
 /// The size at which photos are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -329,7 +329,7 @@ impl Photos {
     }
 
     /// Returns the position of each view of the capture, `[V]`, as its photo says; see
-    /// [`wm_scene::capture::gps::fit`].
+    /// [`wm_capture::gps::fit`].
     #[must_use]
     pub(crate) fn gps(&self) -> &[Option<Gps>] {
         &self.gps

@@ -8,11 +8,10 @@ use super::{
     undistort::undistort,
 };
 use std::path::{Path, PathBuf};
+use wm_image::header::{Orientation, PhotoKind, read_header};
 use wm_image::photo::{DecodeError, Decoded, decode_photo};
-use wm_scene::{Camera, capture::{
-        Distortion,
-        header::{Orientation, PhotoKind, read_header},
-    }};
+use wm_scene::Camera;
+use wm_scene::camera::Distortion;
 
 /// A photo, decoded, resized and undistorted.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +48,7 @@ impl Photo {
 
     /// All colours, `[H, W, 3]`, 0-1, sRGB.
     #[must_use]
-    pub(crate) fn rgb_f32(&self) -> Vec<f32> {
+    pub fn rgb_f32(&self) -> Vec<f32> {
         self.rgb.iter().map(|v| f32::from(*v) / 255.0).collect()
     }
 

@@ -1,7 +1,7 @@
 use super::*;
 use std::{fs, path::Path};
 use tempfile::{TempDir, tempdir};
-use wm_scene::capture::{self, CaptureOptions};
+use wm_capture::{self as capture, CaptureOptions};
 use wm_scene::testing::data;
 
 /// A PNG of a ramp: red grows to the right, green downwards, blue is 7.

@@ -2,7 +2,8 @@
 
 use super::picture::Lens;
 use wm_image::maps::{Filter, Map};
-use wm_scene::{Camera, capture::Distortion};
+use wm_scene::Camera;
+use wm_scene::camera::Distortion;
 
 /// The four pixels around a point of an image, and how far between them the point is.
 struct Corners {

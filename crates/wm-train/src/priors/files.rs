@@ -3,9 +3,11 @@
 use super::SkyClass;
 use super::fit::Freedom;
 use super::given::{Given, GivenDepth, SkyBy};
-use wm_image::maps::{DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map};
 use crate::photos::Photos;
 use std::path::PathBuf;
+use wm_image::maps::{
+    DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map,
+};
 use wm_scene::Camera;
 
 /// The start of `source` in the index.

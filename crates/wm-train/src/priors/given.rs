@@ -4,10 +4,10 @@ use super::fit::{Fit, FitError, Freedom};
 use super::relative::{self, Relative, SeenPoint};
 use super::sky::{SkyInput, below_horizon, classify};
 use super::{Prior, SkyClass};
-use wm_image::maps::{Filter, Map};
 use crate::photos::Photo;
 use thiserror::Error;
-use wm_scene::capture::CaptureUp;
+use wm_capture::CaptureUp;
+use wm_image::maps::{Filter, Map};
 
 /// Holes in depth above which it does not tell the sky, as a share.
 const MAX_HOLE_SHARE: f64 = 0.01;

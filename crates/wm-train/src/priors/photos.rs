@@ -14,7 +14,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 use thiserror::Error;
 use wm_base::FormatError;
-use wm_scene::capture::{Capture, CaptureUp};
+use wm_capture::{Capture, CaptureUp};
 
 /// The value of `source` in the index.
 pub const SOURCE: &str = "photos";

@@ -4,8 +4,8 @@ use super::relative::SeenPoint;
 use crate::photos::Photos;
 use glam::DVec3;
 use rayon::prelude::*;
+use wm_capture::Capture;
 use wm_scene::Camera;
-use wm_scene::capture::Capture;
 
 /// Returns true if the capture says which photo shows which point.
 #[must_use]

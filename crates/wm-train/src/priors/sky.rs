@@ -10,8 +10,8 @@
 use super::SkyClass;
 use glam::DVec3;
 use std::collections::VecDeque;
+use wm_capture::CaptureUp;
 use wm_scene::Camera;
-use wm_scene::capture::CaptureUp;
 
 /// Largest step of brightness from one pixel of the sky to the next, 0-1.
 const MAX_SKY_STEP: f32 = 0.035;
@@ -226,7 +226,7 @@ fn blur_border(width: usize, classes: &mut [SkyClass]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::capture::up::UpEvidence;
+    use wm_capture::up::UpEvidence;
 
     /// A blue sky with a hard-edged cloud over a red wall with a white, sky-coloured window.
     fn photo() -> Vec<u8> {

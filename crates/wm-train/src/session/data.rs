@@ -18,10 +18,11 @@ use crate::video;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-use wm_scene::capture::gps::GpsFit;
-use wm_scene::capture::{Capture, CaptureUp, SparsePoints};
 use wm_base::files::write_atomically;
 use wm_base::{FormatError, Problem};
+use wm_capture::gps::GpsFit;
+use wm_capture::{Capture, CaptureUp};
+use wm_scene::SparsePoints;
 use wm_scene::{Camera, SceneView, Severity};
 
 /// The picture of the poor photos in the run folder.

@@ -12,8 +12,8 @@ use crate::video::VideoError;
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
-use wm_render::RenderError;
 use wm_base::FormatError;
+use wm_render::RenderError;
 
 /// A reason why a session ends without a scene.
 #[derive(Debug, Error)]

@@ -12,8 +12,8 @@ use std::fmt;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use thiserror::Error as Display;
+use wm_capture::ground::CaptureGroundError;
 use wm_render::Frame;
-use wm_scene::capture::ground::CaptureGroundError;
 use wm_scene::{Camera, Remark};
 
 /// An error of an observer, which ends the session.

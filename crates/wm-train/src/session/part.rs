@@ -7,7 +7,8 @@ use crate::haze::PhotoHaze;
 use crate::photos::Photos;
 use crate::priors::points::{has_tracks, inside};
 use std::collections::{HashMap, HashSet};
-use wm_scene::capture::{Capture, Observation, SparsePoints};
+use wm_capture::{Capture, Observation};
+use wm_scene::SparsePoints;
 use wm_scene::{Group, Splats};
 
 /// A part of a data set, and the values that its training shares with those of the other parts:

@@ -9,7 +9,7 @@ use crate::photos::BadPhotos;
 use crate::priors::stereo::{self, StereoOptions};
 use crate::priors::{self, FOLDER, Priors};
 use std::path::Path;
-use wm_scene::capture::folder_of;
+use wm_capture::folder_of;
 
 /// The largest number of photos whose priors are estimated unasked: two minutes on two cores.
 const MAX_AUTO_PHOTOS: usize = 300;

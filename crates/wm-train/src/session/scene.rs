@@ -19,9 +19,9 @@ use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
-use wm_scene::capture::ground::{CARRIED_HEIGHT_M, CaptureGround, CaptureGroundError, ground};
-use wm_scene::capture::up::{CaptureUp, UpEvidence};
 use wm_base::color::srgb_decode;
+use wm_capture::ground::{CARRIED_HEIGHT_M, CaptureGround, CaptureGroundError, ground};
+use wm_capture::up::{CaptureUp, UpEvidence};
 use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Camera, Metadata, Scene, Splats};
 

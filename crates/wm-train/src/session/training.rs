@@ -14,7 +14,6 @@ use crate::exposure::Exposures;
 use crate::haze::{PhotoHaze, without_hidden};
 use crate::losses::TrainPhoto;
 use crate::metrics::Ssim;
-use wm_image::quality::psnr;
 use crate::movers::MoverMask;
 use crate::photos::{BadPhotos, Photo};
 use crate::priors::{Prior, Priors};
@@ -25,6 +24,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Instant;
+use wm_image::quality::psnr;
 use wm_render::{Differentiable, Frame, RenderError};
 use wm_scene::{Camera, Scene, Splats};
 

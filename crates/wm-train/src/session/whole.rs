@@ -15,7 +15,7 @@ use crate::priors::{FOLDER, Priors};
 use glam::DVec3;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use wm_scene::capture::Capture;
+use wm_capture::Capture;
 use wm_scene::{Camera, Scene, Splats};
 
 /// A data set that is open, and its priors.

@@ -13,7 +13,7 @@ use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
-use wm_scene::capture::SparsePoints;
+use wm_scene::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 

@@ -8,7 +8,7 @@ use crate::priors::SkyClass;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
-use wm_scene::capture::SparsePoints;
+use wm_scene::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 

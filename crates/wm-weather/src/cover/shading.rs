@@ -2,8 +2,8 @@
 
 use super::ground::GroundGrid;
 use crate::threads::map;
-use wm_scene::Splats;
 use wm_base::color::{luminance, srgb_decode};
+use wm_scene::Splats;
 
 /// Rounds of averaging over neighbouring cells: dark paint is not shade.
 const ROUNDS: usize = 6;

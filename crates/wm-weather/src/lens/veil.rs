@@ -4,9 +4,9 @@ use super::Glass;
 use super::geometry::GlassView;
 use super::wide::WideView;
 use rayon::prelude::*;
+use wm_base::random::bits;
 use wm_render::Frame;
 use wm_scene::Camera;
-use wm_base::random::bits;
 
 /// Rings at which the veil is looked up: from 1 degree on, each twice as far as the one before.
 const RINGS: usize = 5;

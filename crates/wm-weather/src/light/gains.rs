@@ -8,8 +8,8 @@ use super::placed::PlacedSurfaces;
 use super::sun_shadows::SunShadows;
 use crate::threads::map;
 use glam::Vec3;
-use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_base::color::{luminance, srgb_decode, srgb_encode};
+use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_scene::{Splats, sh};
 
 /// Largest factor on the light of a splat.

@@ -12,12 +12,12 @@ use fearless_simd::SimdBase;
 use glam::{DVec3, Vec3};
 use std::array::from_fn;
 use std::f64::consts::PI;
+use wm_base::color::srgb_decode;
+use wm_base::random;
 use wm_render::dispatch;
 use wm_render::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::{Lanes, SimdPath};
-use wm_base::color::srgb_decode;
 use wm_scene::splats::Splat;
-use wm_base::random;
 use wm_scene::{Camera, Group, Lamp, Splats};
 
 const SITE: Site = Site { captured_sky: CapturedSky::Overcast, ..Site::PLAIN };

@@ -11,8 +11,8 @@ use super::quantile::quantile;
 use crate::optics::{CapturedSky, Site};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use wm_scene::Metadata;
 use wm_base::color::luminance;
+use wm_scene::Metadata;
 
 /// Usual reflectances and the error of each, as a standard deviation of its logarithm: the median
 /// of ground that is not green, of walls, and of what is green, and the brightest twentieth of all

@@ -1,8 +1,8 @@
 //! Random numbers of particles, on vector lanes: the SIMD form of [`wm_base::random::pcg4d`].
 
 use fearless_simd::{SimdBase, SimdFloat};
-use wm_render::simd::Lanes;
 use wm_base::random::PCG;
+use wm_render::simd::Lanes;
 
 pub use wm_base::random::RandomSequence;
 

@@ -18,10 +18,10 @@ use fearless_simd::{SimdBase, SimdFloat};
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
+use wm_base::random::{RandomSequence, mix};
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
 use wm_render::simd::{Lanes, SimdPath};
-use wm_base::random::{RandomSequence, mix};
 
 /// Farthest and nearest distance at which splashes are drawn, m.
 const MAX_DISTANCE_M: f64 = 45.0;

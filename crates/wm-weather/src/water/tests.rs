@@ -8,10 +8,10 @@ use crate::Site;
 use crate::wetness::WaterState;
 use crate::wetness::state::WaterBudget;
 use std::sync::Arc;
+use wm_base::random::uniform;
 use wm_render::dispatch;
 use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::Camera;
-use wm_base::random::uniform;
 
 const SITE: Site = Site::PLAIN;
 

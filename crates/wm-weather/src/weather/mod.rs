@@ -34,10 +34,10 @@ pub use sample::WeatherSample;
 pub(crate) use sample::fall_of;
 use std::path::Path;
 use std::sync::Arc;
+use wm_base::color::srgb_decode;
 use wm_render::Frame;
 use wm_render::hooks::{Backdrop, Hooks, Medium, Particle, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
-use wm_base::color::srgb_decode;
 use wm_scene::{Camera, Splats};
 
 /// Whose formulas are used.

@@ -18,9 +18,9 @@ use crate::shelter::Shelter;
 use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use wm_base::color::srgb_decode;
 use wm_render::hooks::{Attribute, AttributeBlock};
 use wm_scene::Splats;
-use wm_base::color::srgb_decode;
 use wm_scene::sh;
 
 /// Bounds of reflectances.

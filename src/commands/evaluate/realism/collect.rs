@@ -10,7 +10,7 @@ use anyhow::{Result, anyhow, bail};
 use std::path::{Path, PathBuf};
 use weather_magician::train::metrics::Embeddings;
 use weather_magician::wm_image::photo::read_photo;
-use wm_scene::capture::header::read_header;
+use wm_image::header::read_header;
 
 /// A set of pictures with its embeddings.
 pub(crate) struct CollectedSet {
@@ -148,7 +148,9 @@ impl<'a> Collector<'a> {
             }
             let added = cache.add(file, || {
                 let photo = read_photo(file, &|_, _| Ok(()))?;
-                embedder.embed(&photo.rgb, photo.width as usize).map_err(|error| anyhow!("{}: {error}", file.display()))
+                embedder
+                    .embed(&photo.rgb, photo.width as usize)
+                    .map_err(|error| anyhow!("{}: {error}", file.display()))
             });
             match added {
                 Ok(()) => count += 1,

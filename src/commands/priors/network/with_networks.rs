@@ -6,10 +6,10 @@ use super::{SizeArg, VersionArg};
 use crate::dataset::Dataset;
 use crate::weights::PublishedWeights;
 use anyhow::{Result, bail};
-use weather_magician::wm_image::maps::{Filter, Map};
 use weather_magician::train::priors::files::size_within;
 use weather_magician::train::priors::fit::Freedom;
 use weather_magician::train::priors::given::{Given, GivenDepth, SkyBy};
+use weather_magician::wm_image::maps::{Filter, Map};
 use wm_nets::DepthAnything;
 use wm_nets::depth_anything::{DisparityError, ModelSize, Version};
 

@@ -2,7 +2,9 @@
 
 use super::KittiRig;
 use crate::picture_files;
-use crate::{BlockInfo, BlockWriter, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, SetError};
+use crate::{
+    BlockInfo, BlockWriter, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, SetError,
+};
 
 /// A file of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

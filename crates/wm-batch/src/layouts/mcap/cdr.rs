@@ -280,7 +280,7 @@ mod tests {
             // Header to 14, size to 24, the model and the count of its numbers.
             camera(0, "a", &info)[4 + 24..].to_vec()
         };
-        let lens = wm_scene::capture::Distortion::of([0.1, 0.2, 0.3, 0.4, 0.5]);
+        let lens = wm_scene::camera::Distortion::of([0.1, 0.2, 0.3, 0.4, 0.5]);
         let bytes = info(Some(LensModel::Perspective(lens)));
         assert_eq!(&bytes[4..14], b"plumb_bob\0");
         assert_eq!(bytes[16], 5);

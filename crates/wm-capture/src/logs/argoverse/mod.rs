@@ -19,7 +19,7 @@ use crate::feather::FeatherTable;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use wm_scene::capture::Distortion;
+use wm_scene::camera::Distortion;
 use wm_base::{FormatError, Location, Problem};
 
 /// The entry of [`super::LOG_FORMATS`].

@@ -8,9 +8,9 @@ use crate::logs::files::fault;
 use crate::logs::{LogBox, LogCamera};
 use glam::{DVec2, DVec3, dvec2};
 use std::path::Path;
-use wm_scene::capture::Distortion;
 use wm_base::FormatError;
 use wm_scene::Camera;
+use wm_scene::camera::Distortion;
 
 /// The plane at which boxes are cut, m before the camera.
 const NEAR_PLANE_M: f64 = 0.1;

@@ -7,9 +7,9 @@ use crate::logs::sweep::SweepPoints;
 use crate::logs::{DrivingLog, LogPoint, LogSweep};
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
-use wm_scene::capture::Distortion;
 use wm_base::FormatError;
 use wm_scene::Camera;
+use wm_scene::camera::Distortion;
 
 /// Most voxels.
 pub(super) const MAX_VOXELS: usize = 20_000_000;

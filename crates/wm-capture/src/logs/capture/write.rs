@@ -7,9 +7,9 @@ use glam::DMat3;
 use serde::Serialize;
 use std::io;
 use std::path::Path;
-use wm_scene::capture::Distortion;
 use wm_base::files::write_atomically;
 use wm_base::{FormatError, Problem};
+use wm_scene::camera::Distortion;
 use wm_scene::{Camera, Metadata};
 
 /// A frame of `transforms.json`.

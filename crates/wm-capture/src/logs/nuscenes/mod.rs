@@ -23,7 +23,7 @@ use tables::{
     PoseRecord, SampleRecord, SceneRecord, SensorRecord,
 };
 use wm_base::FormatError;
-use wm_scene::capture::Distortion;
+use wm_scene::camera::Distortion;
 use wm_base::file_index::{FileIndex, FileKind, FilePlace, FoundFile};
 
 /// The entry of [`super::LOG_FORMATS`].

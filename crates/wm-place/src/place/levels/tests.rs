@@ -5,8 +5,8 @@ use glam::DVec3;
 use std::fs;
 use std::path::PathBuf;
 use tempfile::TempDir;
-use wm_scene::Group;
 use wm_base::files::fetched;
+use wm_scene::Group;
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
 use wm_scene::levels::{LevelWriteOptions, LevelWriter, NewLeaf};
 

@@ -9,8 +9,8 @@ use crate::renderer::RenderError;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, gpu_renderer, random_splats, small_gpu};
 use std::sync::Arc;
-use wm_scene::Splats;
 use wm_base::random::uniform;
+use wm_scene::Splats;
 
 /// Any GPU, unless there is none.
 fn gpu() -> Option<Arc<Gpu>> {

@@ -1,8 +1,8 @@
 //! The kind of splats that the extension states: colour space, kernel, projection and order.
 
-use wm_base::{color::srgb_encode, error::excerpt};
 use crate::{Remark, Splats, sh};
 use serde_json::Value;
+use wm_base::{color::srgb_encode, error::excerpt};
 
 /// Brings the colours of splats to those of a [`crate::Scene`], and says what of the extension is
 /// not as it states.

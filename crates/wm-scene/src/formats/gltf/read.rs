@@ -1,12 +1,19 @@
 //! Reading: JSON, buffers, nodes, accessors.
 
 use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, attribute, kind::interpret, sh_attribute};
-use wm_base::{error::{Problem, excerpt, one_line}, files};
-use crate::{Group, Metadata, Remark, Scene, Splats, formats::{
+use crate::{
+    Group, Metadata, Remark, Scene, Splats,
+    formats::{
         beside::beside,
         bytes::{Bytes, check_unpacked},
         spz,
-    }, origin, remark::add_new, sh, similarity::Similarity, splats::logit};
+    },
+    origin,
+    remark::add_new,
+    sh,
+    similarity::Similarity,
+    splats::logit,
+};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
@@ -15,6 +22,10 @@ use std::{
     borrow::Cow,
     collections::BTreeMap,
     path::{Component, Path},
+};
+use wm_base::{
+    error::{Problem, excerpt, one_line},
+    files,
 };
 
 #[derive(Deserialize)]

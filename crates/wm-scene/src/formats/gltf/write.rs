@@ -1,14 +1,18 @@
 //! Writing a GLB.
 
 use super::{BIN, FLOAT, FORMAT, JSON, MAGIC, SPLATTING, SPZ, UNSIGNED_BYTE, attribute, sh_attribute};
-use wm_base::error::Problem;
-use crate::{Group, Scene, Splats, formats::{
+use crate::{
+    Group, Scene, Splats,
+    formats::{
         GltfSplats, SpzVersion, WriteOptions,
         pack::{byte_of_dc, byte_of_logit, unit},
         spz,
-    }, splats::sigmoid};
+    },
+    splats::sigmoid,
+};
 use serde_json::{Map, Value, json};
 use std::io::Write;
+use wm_base::error::Problem;
 
 /// A value of a splat that is an attribute.
 struct Attribute {

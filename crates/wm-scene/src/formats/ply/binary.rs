@@ -4,7 +4,10 @@ use super::{
     header::{Element, Header, Kind},
     layout::{Endian, Layout, Rows},
 };
-use wm_base::{error::{FormatError, Problem, excerpt}, source::Source};
+use wm_base::{
+    error::{FormatError, Problem, excerpt},
+    source::Source,
+};
 
 /// Rows that arrays begin with where nothing confirms their number.
 const FIRST_ROWS: u64 = 1 << 10;

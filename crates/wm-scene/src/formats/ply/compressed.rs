@@ -20,13 +20,20 @@ use super::{
     header::{Header, Kind, Scalar},
     write::metadata_lines,
 };
-use wm_base::{error::{FormatError, Problem}, source::Source};
-use crate::{Scene, Splats, formats::{
+use crate::{
+    Scene, Splats,
+    formats::{
         Axes, FormatLosses, Retention, SceneFormat, Writer,
         bytes::rows,
         pack::{byte_of_logit, from_smallest_three, logit_of_byte, ranged, smallest_three, unit, unorm},
-    }, morton, sh};
+    },
+    morton, sh,
+};
 use std::fmt::Write as _;
+use wm_base::{
+    error::{FormatError, Problem},
+    source::Source,
+};
 
 /// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too,
 /// where comments hide what it is.

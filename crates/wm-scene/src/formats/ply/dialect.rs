@@ -14,10 +14,14 @@ use super::{
     header::{Element, Header, Kind, Property, Scalar},
     layout::{Rows, missing, property},
 };
-use wm_base::error::{Problem, excerpt};
-use crate::{Remark, Splats, sh, splats::{logit, sigmoid}, values::FARTHEST};
+use crate::{
+    Remark, Splats, sh,
+    splats::{logit, sigmoid},
+    values::FARTHEST,
+};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
+use wm_base::error::{Problem, excerpt};
 
 /// The parts of a splat that a file has, and in which form.
 #[derive(Debug)]

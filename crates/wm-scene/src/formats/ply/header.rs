@@ -1,9 +1,12 @@
 //! The PLY header: elements, properties and the metadata in its comments.
 
 use super::{PlyEncoding, layout::Endian};
-use wm_base::{error::{FormatError, Problem, excerpt, one_line}, source::Source};
 use crate::{Metadata, Rasterization};
 use glam::DVec3;
+use wm_base::{
+    error::{FormatError, Problem, excerpt, one_line},
+    source::Source,
+};
 
 /// Longest header, bytes: what it declares is kept in memory.
 const MAX_HEADER_BYTES: u64 = 1 << 20;

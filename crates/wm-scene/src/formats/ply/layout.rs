@@ -6,8 +6,8 @@ use super::{
     header::{Element, Header, Kind, Scalar},
 };
 use crate::splats::LabelKind;
-use wm_base::error::Problem;
 use crate::{Group, Splats, sh};
+use wm_base::error::Problem;
 
 /// Byte order of a binary file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

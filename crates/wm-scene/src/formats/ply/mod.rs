@@ -34,11 +34,14 @@ mod text;
 mod write;
 
 use super::{Axes, FormatLosses, ReadOptions, SceneFormat, Writer};
-use wm_base::{error::{FormatError, Problem}, source::Source};
 use crate::{Scene, origin};
 use header::Header;
 use layout::{Endian, Layout};
-pub(crate) use points::read_points;
+pub use points::read_points;
+use wm_base::{
+    error::{FormatError, Problem},
+    source::Source,
+};
 pub(crate) use write::write;
 
 /// The entry of [`FORMATS`](super::FORMATS).

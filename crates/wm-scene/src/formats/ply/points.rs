@@ -5,9 +5,9 @@ use super::{
     header::{Element, Header, Kind, Property, Scalar},
     layout::Endian,
 };
-use wm_base::{FormatError, Problem, error::number, source::Source};
-use crate::{Remark, capture::SparsePoints};
+use crate::{Remark, SparsePoints};
 use std::path::Path;
+use wm_base::{FormatError, Problem, error::number, source::Source};
 
 /// Colour of points that have none.
 const GREY: [u8; 3] = [128; 3];
@@ -20,7 +20,7 @@ const GREY: [u8; 3] = [128; 3];
 ///
 /// # Errors
 /// [`FormatError`] if the file is missing, cut off, or not a PLY with points.
-pub(crate) fn read_points(path: &Path) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
+pub fn read_points(path: &Path) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
     read_points_from(&mut Source::open(path)?)
 }
 

@@ -4,7 +4,10 @@ use super::{
     header::{Element, Header, Kind},
     layout::{Array, Layout, Rows, put, residue, values},
 };
-use wm_base::{error::{FormatError, Problem, number}, source::Source};
+use wm_base::{
+    error::{FormatError, Problem, number},
+    source::Source,
+};
 
 /// Reads the splats that follow the header. Empty lines are stepped over.
 ///

@@ -2,9 +2,9 @@
 
 use super::PlyEncoding;
 use crate::splats::LabelKind;
-use wm_base::error::Problem;
 use crate::{Group, Metadata, Scene};
 use std::{fmt::Write as _, io::Write};
+use wm_base::error::Problem;
 
 /// Bytes gathered before they are written.
 const BLOCK_BYTES: usize = 1 << 20;

@@ -28,8 +28,11 @@ pub(crate) mod write;
 pub(crate) mod zip;
 
 use super::{ANY_SCALE, Axes, FormatLosses, ReadOptions, Retention, SceneFormat, Writer, has_ending};
-use wm_base::{error::{FormatError, Problem}, source::Source};
 use crate::{Scene, levels::LevelIndex};
+use wm_base::{
+    error::{FormatError, Problem},
+    source::Source,
+};
 
 #[cfg(test)]
 pub(super) use {

@@ -1,18 +1,25 @@
 //! Reading: `meta.json` and the pictures that it names.
 
 use super::{Problem, rotation::from_bytes, zip};
-use wm_base::{error::{excerpt, one_line}, files};
-use crate::{Metadata, Rasterization, Remark, Scene, Splats, formats::{
+use crate::{
+    Metadata, Rasterization, Remark, Scene, Splats,
+    formats::{
         beside::beside,
         bytes::{check_unpacked, unpacked_limit},
         pack::logit_of_byte,
-    }, sh};
+    },
+    sh,
+};
 use image_webp::WebPDecoder;
 use serde::Deserialize;
 use std::{
     io::Cursor,
     ops::Range,
     path::{Component, Path, PathBuf},
+};
+use wm_base::{
+    error::{excerpt, one_line},
+    files,
 };
 
 /// The content of the file with a name, `None` if there is none.

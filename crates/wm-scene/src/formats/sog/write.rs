@@ -13,10 +13,16 @@ use super::{
     rotation::Rounded,
     webp::{self, MAX_SIDE},
 };
-use crate::{Rasterization, Scene, Splats, formats::{
+use crate::{
+    Rasterization, Scene, Splats,
+    formats::{
         FileSink, NamedFile,
         pack::{byte_of_logit, ranged},
-    }, morton, origin::{coarse_line, float_step}, values::FLAT_LOG_SCALE};
+    },
+    morton,
+    origin::{coarse_line, float_step},
+    values::FLAT_LOG_SCALE,
+};
 use serde_json::json;
 
 /// Entries of a row of the palette of SH.

@@ -2,10 +2,10 @@
 //!
 //! No ZIP64, encryption or several disks. What is written is stored: WebP does not shrink further.
 
-use wm_base::error::Problem;
 use crate::formats::bytes::{check_unpacked, unpack_exact};
 use sirocco::inflate;
 use std::io::Write;
+use wm_base::error::Problem;
 
 const LOCAL: u32 = 0x0403_4b50;
 const CENTRAL: u32 = 0x0201_4b50;

@@ -1,8 +1,8 @@
 //! Scenes come back from every format within the rounding that it states.
 
 use super::*;
-use wm_base::random::uniform;
 use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid};
+use wm_base::random::uniform;
 
 /// Numbers of `-1..1` that follow from their place.
 pub struct Noise {

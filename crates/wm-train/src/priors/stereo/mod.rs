@@ -21,8 +21,8 @@ use matching::{StereoImage, StereoSource};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use sweep::{MAX_SOURCES, PlaneMap, Reference, Round, SourceChoice, doubled};
+use wm_capture::Capture;
 use wm_scene::Camera;
-use wm_scene::capture::Capture;
 
 /// Options of stereo.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -353,8 +353,9 @@ mod tests {
     use super::*;
     use crate::photos::PhotoOptions;
     use std::path::Path;
-    use wm_scene::capture::{CaptureView, Distortion, Observation, SparsePoints};
     use wm_base::random::uniform;
+    use wm_capture::{CaptureView, Observation};
+    use wm_scene::{SparsePoints, camera::Distortion};
 
     const SIZE: (u32, u32) = (120, 90);
 

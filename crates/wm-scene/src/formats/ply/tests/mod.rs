@@ -5,7 +5,12 @@ mod faults;
 mod foreign;
 
 use super::*;
-use crate::{Group, Metadata, Splats, formats::read_scene_from, splats::Splat, testing::{any_scene, bits, data}};
+use crate::{
+    Group, Metadata, Splats,
+    formats::read_scene_from,
+    splats::Splat,
+    testing::{any_scene, bits, data},
+};
 use glam::DVec3;
 use proptest::prelude::*;
 use std::path::Path;

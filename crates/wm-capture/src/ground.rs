@@ -16,10 +16,10 @@
 //! tell a person from a drone that flies level and looks ahead.
 
 use super::Capture;
-use wm_base::linear::{horizontals, outer};
-use wm_base::statistics::quantile;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use thiserror::Error;
+use wm_base::linear::{horizontals, outer};
+use wm_base::statistics::quantile;
 
 /// Height above the ground at which people hold cameras, m: that of the eyes of an adult.
 pub const CARRIED_HEIGHT_M: f64 = 1.6;

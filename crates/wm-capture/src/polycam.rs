@@ -6,12 +6,13 @@
 //! confidence and meshes are not read. There are no points.
 
 use super::transforms::viewmat;
-use super::{Capture, CaptureOptions, CaptureView, Distortion, ReadScope, places};
-use wm_base::error::{json_fault, one_line};
-use wm_base::{FormatError, Problem, files};
-use crate::{Camera, Remark};
+use super::{Capture, CaptureOptions, CaptureView, ReadScope, places};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use wm_base::error::{json_fault, one_line};
+use wm_base::{FormatError, Problem, files};
+use wm_scene::camera::Distortion;
+use wm_scene::{Camera, Remark};
 
 #[derive(Deserialize)]
 struct Shot {
@@ -108,7 +109,7 @@ fn json_files(folder: &Path) -> Vec<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture;
+    use crate as capture;
     use glam::DVec3;
     use std::fs;
     use tempfile::tempdir;

@@ -10,15 +10,23 @@
 #[cfg(test)]
 mod tests;
 
-use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, header, places,
-    read_json,
-};
-use wm_base::{FormatError, Problem, error::one_line, file_index::{self, FileIndex, FileKind}};
-use crate::{Camera, Remark, camera::{rotation_of, viewmat_at}, formats::ply::read_points};
+use super::{Capture, CaptureOptions, CaptureView, ReadScope, find_main, places, read_json};
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use wm_base::{
+    FormatError, Problem,
+    error::one_line,
+    file_index::{self, FileIndex, FileKind},
+};
+use wm_image::header;
+use wm_scene::SparsePoints;
+use wm_scene::camera::Distortion;
+use wm_scene::{
+    Camera, Remark,
+    camera::{rotation_of, viewmat_at},
+    formats::read_points,
+};
 
 /// Names of the file, the likeliest first.
 const FILES: [&str; 2] = ["transforms.json", "transforms_train.json"];

@@ -1,12 +1,12 @@
 //! Place, north and time of a capture, as its photos state them: what the direction of the sun over
 //! it follows from.
 
-use super::Gps;
 use super::gps::{GpsFit, fit_with_outliers};
-use crate::Metadata;
+use glam::{DVec2, DVec3};
 use wm_base::linear::horizontals;
 use wm_base::statistics::quantile;
-use glam::{DVec2, DVec3};
+use wm_scene::Gps;
+use wm_scene::Metadata;
 
 /// Facts about a capture that its photos state; `None` for what they do not state well enough.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -8,13 +8,18 @@
 //! picture, refuses JPEGs with padded markers, and goes on into the data of a picture without a
 //! frame header; kamadak-exif reads a whole PNG in search of EXIF. Neither has a limit.
 
-use super::{Gps, exif::Tags};
-use wm_base::{FormatError, Problem, error::excerpt, files::{LFS_REFUSED, MARK_BYTES, is_lfs_pointer}};
+use crate::exif::Tags;
 use std::{
     fs::File,
     io::{BufReader, Read, Seek, SeekFrom},
     path::Path,
 };
+use wm_base::{
+    FormatError, Problem,
+    error::excerpt,
+    files::{LFS_REFUSED, MARK_BYTES, is_lfs_pointer},
+};
+use wm_scene::Gps;
 
 /// The facts about a photo that its first bytes tell.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,6 +2,9 @@ use super::*;
 use glam::DQuat;
 use std::fs;
 use tempfile::tempdir;
+use wm_scene::survey::{FactSource, Survey};
+use wm_scene::testing::data;
+use wm_scene::{Metadata, Scene};
 
 /// A COLMAP model of views with these names in `sparse/0`, without points.
 fn dataset(folder: &Path, names: &[&str]) {
@@ -257,4 +260,19 @@ fn far_captures_have_an_origin() {
         .unwrap();
     let views = read_views(folder.path()).unwrap();
     assert!(views[1].camera.center().distance(far_views[1].camera.center()) < 1e-6);
+}
+
+#[test]
+fn photographers_hold_their_cameras_level() {
+    // A plane through the points of the road, and one through those of the facade, which is plumb.
+    // The castle was photographed from below: the mean of the ups alone is 11 degrees off.
+    let (road, facade) = (DVec3::new(-0.003, -1.0, 0.001), DVec3::new(0.231, -0.159, -0.960));
+    let found = |name: &str| {
+        let views = read_views(&data(&format!("photos/{name}"))?).unwrap();
+        Some(Survey::of(&Scene { views, ..Scene::default() }, &Metadata::default()).up)
+    };
+    let Some(street) = found("lund-street") else { return };
+    assert!(street.value.angle_between(road).to_degrees() < 3.0 && street.source == FactSource::Cameras);
+    let Some(castle) = found("sceaux-castle") else { return };
+    assert!((castle.value.angle_between(facade).to_degrees() - 90.0).abs() < 4.0, "{castle:?}");
 }

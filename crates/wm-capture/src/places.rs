@@ -1,11 +1,11 @@
 //! The folders in which data sets keep their photos, masks and originals, and the files in them.
 
 use super::{CaptureOptions, CaptureView};
-use wm_base::file_index::{Ambiguity, FileIndex, FileKind, FilePlace, plain};
-use wm_base::{FormatError, Problem};
-use crate::Remark;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use wm_base::file_index::{Ambiguity, FileIndex, FileKind, FilePlace, plain};
+use wm_base::{FormatError, Problem};
+use wm_scene::Remark;
 
 /// The usual folders of photos in a data set, the likeliest first; the last is the data set itself.
 pub(super) const IMAGES: [&str; 8] =

@@ -1,10 +1,10 @@
 //! Captures of other programs that are not read, by the names of their files, and how to convert
 //! them.
 
-use wm_base::{FormatError, Problem};
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use wm_base::{FormatError, Problem};
 
 /// A format that is known and not read.
 struct Foreign {
@@ -182,7 +182,7 @@ pub(super) fn model_below(dataset: &Path) -> Option<PathBuf> {
 
 #[cfg(test)]
 mod tests {
-    use crate::capture::{CaptureOptions, read};
+    use crate::{CaptureOptions, read};
     use std::fs;
     use tempfile::tempdir;
 

@@ -1,11 +1,12 @@
 //! `cameras.bin`, `images.bin` and `points3D.bin`: little endian, no padding, a count first.
 
 use super::{
-    Cameras, Images, MAX_PARAMETERS, MODELS, NumberedPoints, Places, SparsePoints, add_camera, add_point,
-    cut, observation, parameters, value, view,
+    Cameras, Images, MAX_PARAMETERS, MODELS, NumberedPoints, Places, add_camera, add_point, cut, observation,
+    parameters, value, view,
 };
-use wm_base::{FormatError, Problem, error::excerpt, source::Source};
 use std::collections::HashMap;
+use wm_base::{FormatError, Problem, error::excerpt, source::Source};
+use wm_scene::SparsePoints;
 
 /// Longest image name, bytes: that of a path.
 const MAX_NAME_BYTES: usize = 4096;

@@ -1,6 +1,6 @@
 use super::*;
-use wm_base::random::uniform;
 use glam::{DMat3, DQuat};
+use wm_base::random::uniform;
 
 const LUND: Gps = Gps { latitude: 55.7047, longitude: 13.191, altitude: Some(50.0) };
 const SYDNEY: Gps = Gps { latitude: -33.86, longitude: 151.21, altitude: Some(20.0) };

@@ -6,17 +6,20 @@
 //! principal point is measured from the middle. Of the projections perspective, simple_radial,
 //! radial and brown are read.
 
-use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, places, read_json,
-};
-use wm_base::{FormatError, Problem, error::{excerpt, one_line}};
-use crate::{Camera, Remark, camera::viewmat_of};
+use super::{Capture, CaptureOptions, CaptureView, ReadScope, find_main, places, read_json};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
 };
+use wm_base::{
+    FormatError, Problem,
+    error::{excerpt, one_line},
+};
+use wm_scene::SparsePoints;
+use wm_scene::camera::Distortion;
+use wm_scene::{Camera, Remark, camera::viewmat_of};
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
@@ -152,7 +155,7 @@ pub(super) fn read(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture;
+    use crate as capture;
     use std::fs;
     use tempfile::tempdir;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::capture::{self, read_views};
+use crate::{self as capture, read_views};
 use proptest::prelude::*;
 use std::fs;
 use tempfile::{TempDir, tempdir};

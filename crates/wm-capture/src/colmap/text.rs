@@ -2,11 +2,16 @@
 //! an image two lines.
 
 use super::{
-    Cameras, CaptureView, Images, MAX_PARAMETERS, NumberedPoints, Observation, Places, SparsePoints,
-    add_camera, add_point, cut, observation, parameters, value, view,
+    Cameras, CaptureView, Images, MAX_PARAMETERS, NumberedPoints, Observation, Places, add_camera, add_point,
+    cut, observation, parameters, value, view,
 };
-use wm_base::{FormatError, Problem, error::{excerpt, number}, source::Source};
 use std::collections::HashMap;
+use wm_base::{
+    FormatError, Problem,
+    error::{excerpt, number},
+    source::Source,
+};
+use wm_scene::SparsePoints;
 
 /// A camera: number, model, width, height, parameters.
 pub(super) fn read_cameras(source: &mut Source) -> Result<Cameras, FormatError> {

@@ -1,11 +1,11 @@
 //! Up of a capture, from its cameras and the positions of its photos, before there are any splats.
 
 use super::gps::GpsFit;
-use crate::Camera;
-use crate::survey::habits::{Habit, HabitKind, habits};
-use wm_base::linear::horizontals;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use std::fmt;
+use wm_base::linear::horizontals;
+use wm_scene::Camera;
+use wm_scene::survey::habits::{Habit, HabitKind, habits};
 
 /// Up of a capture, and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,10 +6,11 @@
 //! (kamadak-exif) reads the block: it checks all offsets and reads each directory once. It is given
 //! blocks of at most 64 KB, as its own search in files is without a limit.
 
-use super::{Gps, header::Orientation};
+use crate::header::Orientation;
 use ::exif::{In, Tag, Value};
 use serde::Deserialize;
 use std::ops::RangeInclusive;
+use wm_scene::Gps;
 
 /// The tags of EXIF that are looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,8 +1,9 @@
 use super::*;
-use crate::{capture, capture::read_views, testing::data};
+use crate::{self as capture, read_views};
 use proptest::prelude::*;
 use std::fs;
 use tempfile::{TempDir, tempdir};
+use wm_scene::testing::data;
 
 /// A model in memory, to be written in either form.
 #[derive(Clone, Debug)]

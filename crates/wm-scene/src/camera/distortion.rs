@@ -62,7 +62,7 @@ impl Distortion {
     ///
     /// # Errors
     /// A message, if a coefficient is not finite.
-    pub(super) fn from_file(lens: [f64; 5]) -> Result<Self, String> {
+    pub fn from_file(lens: [f64; 5]) -> Result<Self, String> {
         match lens.iter().find(|v| !v.is_finite()) {
             Some(bad) => Err(format!("a coefficient of its distortion is {bad}: must be finite")),
             None => Ok(Self::of(lens)),

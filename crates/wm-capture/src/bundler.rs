@@ -6,14 +6,21 @@
 //! whose size is read from its header. A camera with a focal length of 0 was not registered. Points
 //! have a place, a colour, and where they were seen, from the middle of the photo with y up.
 
-use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints, find_main,
-    header, places,
-};
-use wm_base::{FormatError, Problem, error::{number, one_line}, source::Source};
-use crate::{Camera, camera::{rotation_of, viewmat_of}};
+use super::{Capture, CaptureOptions, CaptureView, Observation, ReadScope, find_main, places};
 use glam::{DMat3, DMat4, DVec3};
 use std::path::{Path, PathBuf};
+use wm_base::{
+    FormatError, Problem,
+    error::{number, one_line},
+    source::Source,
+};
+use wm_image::header;
+use wm_scene::SparsePoints;
+use wm_scene::camera::Distortion;
+use wm_scene::{
+    Camera,
+    camera::{rotation_of, viewmat_of},
+};
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 3] = ["bundle.out", "bundle/bundle.out", "bundle.rd.out"];
@@ -84,7 +91,7 @@ pub(super) fn read(
         view.camera = Camera { viewmat, ..Camera::pinhole((size.width, size.height), [focal; 2], center) };
         view.distortion = distortion;
         view.camera_id = index as u32 + 1;
-        let fault = |e: crate::CameraError| {
+        let fault = |e: wm_scene::CameraError| {
             FormatError::whole(
                 &path,
                 Problem::Value(format!("camera {index}, {}: {e}", one_line(&view.name))),
@@ -229,7 +236,7 @@ impl Words<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture;
+    use crate as capture;
     use std::fs;
     use tempfile::{TempDir, tempdir};
 

@@ -12,17 +12,16 @@ mod tests;
 mod text;
 pub mod write;
 
-use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints,
-    foreign::model_below, places,
-};
-use wm_base::{FormatError, Problem, source::Source};
-use crate::{Camera, Remark, camera::viewmat_of};
+use super::{Capture, CaptureOptions, CaptureView, Observation, ReadScope, foreign::model_below, places};
 use glam::{DMat3, DQuat, DVec3};
 use std::{
     collections::{BTreeMap, HashMap},
     path::{Path, PathBuf},
 };
+use wm_base::{FormatError, Problem, source::Source};
+use wm_scene::SparsePoints;
+use wm_scene::camera::Distortion;
+use wm_scene::{Camera, Remark, camera::viewmat_of};
 
 /// The folders below the given one that may hold a model, in the order in which they are tried.
 /// `*` stands for all folders, of which the one with most photos is taken.

@@ -1,9 +1,10 @@
 //! Writes a [`Capture`] as a COLMAP model, binary or text.
 
-use super::super::{Capture, Distortion};
-use wm_base::{FormatError, Problem, files::write_atomically};
+use super::super::Capture;
 use glam::{DQuat, DVec3};
 use std::{fs, io::Write, path::Path};
+use wm_base::{FormatError, Problem, files::write_atomically};
+use wm_scene::camera::Distortion;
 
 /// The encoding of the files of a model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,9 +1,10 @@
 //! Checks of what every format reads: points and names that no capture has.
 
-use super::{Capture, CaptureView, Observation, SparsePoints};
-use wm_base::{FormatError, Problem};
-use crate::Remark;
+use super::{Capture, CaptureView, Observation};
 use std::collections::HashSet;
+use wm_base::{FormatError, Problem};
+use wm_scene::Remark;
+use wm_scene::SparsePoints;
 
 /// Largest coordinate of a point or camera, scene units: a hundred times the Earth's radius in
 /// millimetres.

@@ -1,30 +1,9 @@
 //! Captures of known points and cameras.
 
-use crate::Camera;
-use crate::capture::{Capture, CaptureView, Distortion, Observation, SparsePoints};
-use wm_base::random::uniform;
+use crate::{Capture, CaptureView, Observation};
 use glam::{DMat3, DMat4, DQuat, DVec3};
-
-/// Random numbers between bounds, drawn one after the other.
-#[derive(Clone, Debug)]
-pub struct Dice {
-    seed: u64,
-    drawn: u64,
-}
-
-impl Dice {
-    /// Starts the numbers of a seed.
-    #[must_use]
-    pub fn new(seed: u64) -> Self {
-        Self { seed, drawn: 0 }
-    }
-
-    /// Draws the next number between `low` and `high`.
-    pub fn draw(&mut self, low: f64, high: f64) -> f64 {
-        self.drawn += 1;
-        low + (high - low) * uniform(self.seed, self.drawn)
-    }
-}
+use wm_scene::Camera;
+use wm_scene::{SparsePoints, camera::Distortion};
 
 /// A camera turned about its optical axis, radians.
 #[must_use]

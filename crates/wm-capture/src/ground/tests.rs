@@ -1,10 +1,12 @@
 use super::*;
-use crate::Camera;
-use crate::capture::{CaptureOptions, read};
-use crate::synthetic::rotation;
-use crate::testing::{Dice, data, rolled, taken_if};
+use crate::testing::{rolled, taken_if};
+use crate::{CaptureOptions, read};
 use glam::{DMat4, DQuat};
 use proptest::prelude::*;
+use wm_scene::Camera;
+use wm_scene::synthetic::rotation;
+use wm_scene::testing::Dice;
+use wm_scene::testing::data;
 
 /// Points between two corners of a box, `count` of them.
 fn scatter(dice: &mut Dice, low: [f64; 3], high: [f64; 3], count: usize) -> Vec<DVec3> {
