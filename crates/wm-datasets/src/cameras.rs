@@ -9,6 +9,11 @@ pub(crate) fn refuse(layout: &'static str, problem: impl Into<String>) -> SetErr
     SetError::Layout { layout, problem: problem.into() }
 }
 
+/// The error of a layout that has no place for a lens that shows all directions.
+pub(crate) fn refuse_equirectangular(layout: &'static str, sensor: &SensorInfo) -> SetError {
+    refuse(layout, format!("camera \"{}\" is equirectangular; give it another lens", sensor.name))
+}
+
 /// The cameras of a set with their indices.
 pub(crate) fn cameras(set: &SetInfo) -> impl Iterator<Item = (usize, &SensorInfo, &CameraInfo)> {
     set.sensors.iter().enumerate().filter_map(|(index, sensor)| match &sensor.kind {
@@ -36,13 +41,11 @@ pub(crate) fn distortion(camera: &CameraInfo) -> Option<[f64; 5]> {
 
 /// Checks that all cameras are pinholes.
 pub(crate) fn check_pinholes(layout: &'static str, set: &SetInfo) -> Result<(), SetError> {
-    match cameras(set).find(|(_, _, camera)| distortion(camera) != Some([0.0; 5])) {
-        None => Ok(()),
-        Some((_, sensor, _)) => Err(refuse(
-            layout,
-            format!("it has no place for the lens of camera \"{}\"; give it no lens", sensor.name),
-        )),
-    }
+    let Some((_, sensor, _)) = cameras(set).find(|(.., camera)| distortion(camera) != Some([0.0; 5])) else {
+        return Ok(());
+    };
+    let name = &sensor.name;
+    Err(refuse(layout, format!("it has no place for the lens of camera \"{name}\"; give it no lens")))
 }
 
 /// The picture of a reading with the camera that took it; `None` for readings of other sensors.
@@ -80,13 +83,16 @@ pub(crate) fn wxyz_and_translation(pose: &RigidPose) -> [f64; 7] {
     [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
 }
 
-/// Reads a capture of the synthetic set's first clip and checks that its cameras show the spot
-/// where the set's own do; returns the number of pictures that show it.
+/// Writes the synthetic set in a layout, reads its first clip as a capture and checks that its
+/// cameras show the spot where the set's own do.
 #[cfg(test)]
-pub(crate) fn check_capture(folder: &std::path::Path) -> usize {
+pub(crate) fn check_capture(layout: &crate::Layout) {
     use crate::testing;
+    let root = tempfile::tempdir().unwrap();
+    testing::write(layout, &mut testing::FolderSink(root.path().into())).unwrap();
     let set = testing::set();
-    let capture = wm_scene::capture::read(folder, &wm_scene::capture::CaptureOptions::default()).unwrap();
+    let folder = root.path().join(crate::stills::folder(&set, &testing::clips()[0]));
+    let capture = wm_scene::capture::read(&folder, &wm_scene::capture::CaptureOptions::default()).unwrap();
     let readings = testing::readings(&set);
     let mut seen = 0;
     assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
@@ -103,7 +109,7 @@ pub(crate) fn check_capture(folder: &std::path::Path) -> usize {
         assert!(capture.images.join(&view.file).is_file());
         seen += usize::from(testing::pixel(camera, spot).is_some());
     }
-    seen
+    assert!(seen > 10, "{seen} pictures show the spot");
 }
 
 #[cfg(test)]
@@ -113,7 +119,7 @@ mod tests {
     #[test]
     fn files_of_readings_do_not_depend_on_blocks() {
         for name in ["argoverse2", "tartanair"] {
-            let layout = crate::find_layout(name).unwrap();
+            let layout = testing::layout(name);
             let [short, long] = [3, 20].map(|frames| {
                 let mut files = MemorySink::default();
                 testing::write_in_blocks(layout, frames, &mut files).unwrap();

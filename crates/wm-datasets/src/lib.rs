@@ -27,7 +27,7 @@ pub mod testing;
 mod utc;
 
 pub use error::SetError;
-pub use layouts::{BlockWriter, ClipStream, FileSink, LAYOUTS, LayerNeeds, Layout, find_layout};
+pub use layouts::{BlockWriter, ClipStream, FileSink, LAYOUTS, LayerNeeds, Layout};
 pub use logs::{DrivingLog, LogCaptureOptions, LogCaptureSummary, LogOptions};
 pub use pose::RigidPose;
 pub use set::{

@@ -74,7 +74,7 @@ fn names_that_ros_has_no_place_for_are_refused() {
     let says = |name: &str| {
         let mut set = testing::set();
         set.sensors[1].name = name.into();
-        LAYOUT.check(&set).map_err(|error| error.to_string())
+        check(&set)
     };
     assert!(says("2nd").unwrap_err().contains("begin its name with a letter"));
     assert!(says("base-link").unwrap_err().contains("rename"));
