@@ -1,9 +1,9 @@
 //! A small synthetic set: a car with three cameras, a lidar and a radar that drives a curve, twice.
 
 use crate::{
-    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, FileSink, LAYOUTS, Layout,
-    PictureReading, PlaceInfo, PointSource, ReadingData, ReadingInfo, RigidPose, SensorInfo, SensorInfoKind,
-    SensorReading, SetError, SetInfo, WeatherInfo,
+    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, FileSink,
+    LAYOUTS, Layout, PictureReading, PlaceInfo, PointSource, ReadingData, ReadingInfo, RigidPose, SensorInfo,
+    SensorInfoKind, SensorReading, SetError, SetInfo, WeatherInfo,
 };
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -170,7 +170,8 @@ pub(crate) fn write_in_blocks(
         readings(&set).into_iter().map(|info| ReadingInfo { block: info.frame / frames, ..info }).collect();
     for clip in &clips {
         for own in all.chunk_by(|a, b| a.block == b.block) {
-            let mut block = (layout.block)(BlockInfo { set: &set, clip, number: own[0].block, readings: own });
+            let mut block =
+                (layout.block)(BlockInfo { set: &set, clip, number: own[0].block, readings: own });
             for info in own {
                 with_data(&set, *info, &mut |reading| block.write(reading, files))?;
             }

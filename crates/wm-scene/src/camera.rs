@@ -156,7 +156,7 @@ impl Camera {
 
     /// A camera at the origin that looks along z, with the default near plane. The numbers, all in
     /// px, are not checked.
-    pub(crate) fn pinhole(size: (u32, u32), focal: [f64; 2], center: [f64; 2]) -> Self {
+    pub fn pinhole(size: (u32, u32), focal: [f64; 2], center: [f64; 2]) -> Self {
         Self {
             width: size.0,
             height: size.1,

@@ -49,10 +49,7 @@ impl LensModel {
     pub fn read(path: &Path) -> Result<(Self, Camera), FormatError> {
         let length = std::fs::metadata(path).map_err(|error| FormatError::reading(path, error))?.len();
         if length > MAX_BYTES {
-            return Err(FormatError::whole(
-                path,
-                Problem::Value("too long for a lens; give a TOML file".into()),
-            ));
+            return Err(FormatError::value(path, "too long for a lens; give a TOML file"));
         }
         let text =
             files::read_text(path, files::SMALL_TEXT).map_err(|error| FormatError::reading(path, error))?;

@@ -1,7 +1,7 @@
 //! Checks of what every format reads: points and names that no capture has.
 
 use super::{Capture, CaptureView, Observation, SparsePoints};
-use crate::{FormatError, Problem, Remark};
+use crate::{FormatError, Remark};
 use std::collections::HashSet;
 
 /// Largest coordinate of a point or camera, scene units: a hundred times the Earth's radius in
@@ -21,7 +21,7 @@ const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 1e-2..=1e4;
 pub(super) fn clean(capture: &mut Capture) -> Result<(), FormatError> {
     if let Some((view, what)) = capture.views.iter().find_map(|view| Some((view, absurd(view)?))) {
         let what = format!("the camera of {:?} {what}; reconstruct or export the capture again", view.name);
-        return Err(FormatError::whole(&capture.source, Problem::Value(what)));
+        return Err(FormatError::value(&capture.source, what));
     }
     let absurd = leave_out_absurd(&mut capture.points, &mut capture.observations);
     if absurd > 0 {

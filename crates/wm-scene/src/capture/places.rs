@@ -98,7 +98,7 @@ fn drive(path: &str) -> bool {
 }
 
 fn refused(folder: &Path, error: &Ambiguity) -> FormatError {
-    FormatError::whole(folder, Problem::Value(error.to_string()))
+    FormatError::value(folder, error.to_string())
 }
 
 /// The error of a folder that was asked for and has no file of any view.
@@ -108,7 +108,7 @@ fn none_in(folder: &Path, kind: &str, names: &[&str]) -> FormatError {
         "no {kind} of any of the {} photos is in it, such as of {first:?}; name another folder",
         names.len()
     );
-    FormatError::whole(folder, Problem::Value(what))
+    FormatError::value(folder, what)
 }
 
 /// The folder of photos that has most of the names; if none has any, the first that is there, so

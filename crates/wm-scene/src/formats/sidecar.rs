@@ -72,7 +72,7 @@ pub(crate) fn line_column(text: &str, byte: usize) -> Location {
 pub fn write_sidecar(scene: &Path, metadata: &Metadata) -> Result<(), FormatError> {
     let file = if scene.is_dir() { scene_file(scene)? } else { scene.into() };
     let path = sidecar_path(&file);
-    let value = |message| FormatError::whole(&path, Problem::Value(format!("not written: {message}")));
+    let value = |message| FormatError::value(&path, format!("not written: {message}"));
     let entries = metadata.entries().map_err(value)?;
     let text: String = entries.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
     write_atomically(&path, |out| Ok(out.write_all(text.as_bytes())?))

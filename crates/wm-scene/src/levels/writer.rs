@@ -161,7 +161,7 @@ impl LevelWriter {
         let number = self.leaves.len();
         let extent = extent_of(&leaf).map_err(|problem| {
             let what = format!("not written: leaf {number}: {problem}");
-            FormatError::whole(&self.main, Problem::Value(what))
+            FormatError::value(&self.main, what)
         })?;
         if let Some(coarsest) = leaf.levels.iter().rposition(|splats| !splats.is_empty()) {
             let coarsest = leaf.levels[coarsest].clone();

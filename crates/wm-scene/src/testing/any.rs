@@ -23,14 +23,9 @@ pub fn any_scene(most: usize) -> impl Strategy<Value = Scene> {
         let groups = prop::collection::vec(0..if grouped { 3u8 } else { 1 }, count);
         (values, groups, any_metadata()).prop_map(move |(values, groups, metadata)| {
             let mut splats = Splats::with_capacity(count, degree);
-            for row in values.chunks_exact(width) {
-                splats.means.push([row[0], row[1], row[2]]);
-                splats.quats.push([row[3], row[4], row[5], row[6]]);
-                splats.log_scales.push([row[7], row[8], row[9]]);
-                splats.logit_opacities.push(row[10]);
-                splats.sh.extend(&row[11..]);
+            for (row, group) in values.chunks_exact(width).zip(groups) {
+                push_row(&mut splats, row, Group::from_number(group).unwrap());
             }
-            splats.groups.extend(groups.into_iter().map(|g| Group::from_number(g).unwrap()));
             let mut scene = Scene { splats, metadata, ..Scene::default() };
             // One that is far from zero is read relative to an origin, if it states none.
             if origin::is_far(&scene.splats) {
@@ -39,6 +34,16 @@ pub fn any_scene(most: usize) -> impl Strategy<Value = Scene> {
             scene
         })
     })
+}
+
+/// Appends a splat of the numbers of its mean, quaternion, scales, opacity and SH.
+pub fn push_row(splats: &mut Splats, row: &[f32], group: Group) {
+    splats.means.push([row[0], row[1], row[2]]);
+    splats.quats.push([row[3], row[4], row[5], row[6]]);
+    splats.log_scales.push([row[7], row[8], row[9]]);
+    splats.logit_opacities.push(row[10]);
+    splats.sh.extend(&row[11..]);
+    splats.groups.push(group);
 }
 
 fn any_metadata() -> impl Strategy<Value = Metadata> {

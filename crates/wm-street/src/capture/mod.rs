@@ -179,7 +179,7 @@ pub fn write(
     settings: &CaptureSettings,
     progress: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Capture>, FormatError> {
-    let fault = |what: String| FormatError::whole(folder, Problem::Value(what));
+    let fault = |what: String| FormatError::value(folder, what);
     settings.flaws.check().map_err(fault)?;
     let shots = shots::shots(place, settings).map_err(|e| fault(e.to_string()))?;
     let images = folder.join("images");

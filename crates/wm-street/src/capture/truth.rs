@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use wm_scene::capture::Gps;
 use wm_scene::similarity::Similarity;
-use wm_scene::{FormatError, Problem, files::write_atomically};
+use wm_scene::{FormatError, files::write_atomically};
 
 /// Writes `truth.json`.
 pub(super) fn write(
@@ -20,7 +20,7 @@ pub(super) fn write(
     taken: &[TakenPhoto],
 ) -> Result<(), FormatError> {
     let text = serde_json::to_string_pretty(&truth(place, settings, model_from_world, taken));
-    let text = text.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
+    let text = text.map_err(|e| FormatError::value(folder, e.to_string()))?;
     write_atomically(&folder.join(TRUTH), |out| Ok(out.write_all(text.as_bytes())?))
 }
 

@@ -149,7 +149,7 @@ pub fn write(
     progress: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Capture>, FormatError> {
     let cameras = cameras(place, options);
-    let cameras = cameras.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
+    let cameras = cameras.map_err(|e| FormatError::value(folder, e.to_string()))?;
     let images = folder.join("images");
     let mut folders = vec![images.clone()];
     if options.truth == GroundTruth::Write {

@@ -50,7 +50,8 @@ pub(super) enum KittiNeed {
 pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Result<(), SetError> {
     let refuse = |problem: String| Err(SetError::Layout { layout, problem });
     let rig = KittiRig::new(set);
-    let count = |is: fn(&SensorInfoKind) -> bool| set.sensors.iter().filter(|sensor| is(&sensor.kind)).count();
+    let count =
+        |is: fn(&SensorInfoKind) -> bool| set.sensors.iter().filter(|sensor| is(&sensor.kind)).count();
     let lidars = count(|kind| matches!(kind, SensorInfoKind::Lidar { .. }));
     let cameras = count(|kind| matches!(kind, SensorInfoKind::Camera(_)));
     if cameras > SLOTS.len() {

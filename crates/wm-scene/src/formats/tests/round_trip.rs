@@ -175,12 +175,7 @@ fn every_format_gives_back_what_it_states() {
     for format in FORMATS.iter().filter(|f| !f.extensions.is_empty()) {
         for degree in 0..=3 {
             let scene = plausible(700, degree);
-            let ending = format.extensions[0];
-            let path = folder.path().join(if ending.contains(".json") {
-                ending.into()
-            } else {
-                format!("a.{ending}")
-            });
+            let path = values::path_of(&folder, format.extensions[0]);
             write_scene(&path, &scene).unwrap();
             let (back, found) = read_scene_and_format(&path, &ReadOptions::default()).unwrap();
             assert_eq!(back.metadata, scene.metadata, "{}", format.name);
