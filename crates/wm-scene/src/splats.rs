@@ -148,6 +148,10 @@ impl Splats {
         self.logit_opacities.resize(count, 0.0);
         self.sh.resize(sh_size, 0.0);
         self.groups.resize(count, Group::default());
+        self.resize_names(count);
+    }
+
+    fn resize_names(&mut self, count: usize) {
         for kind in LabelKind::ALL {
             if !self.names(kind).is_empty() {
                 self.names_mut(kind).resize(count, 0);
@@ -288,12 +292,7 @@ impl Splats {
         self.sh.extend(splat.rgb.map(|c| sh::dc_of(f64::from(c)) as f32));
         self.sh.extend(std::iter::repeat_n(0.0, self.sh_stride() - 3));
         self.groups.push(splat.group);
-        let count = self.len();
-        for kind in LabelKind::ALL {
-            if !self.names(kind).is_empty() {
-                self.names_mut(kind).resize(count, 0);
-            }
-        }
+        self.resize_names(self.len());
     }
 
     /// Checks that all arrays fit each other.

@@ -2,9 +2,9 @@
 
 use super::{Camera, LensModel};
 use crate::capture::Distortion;
-use crate::error::{FormatError, Location, Problem, one_line};
+use crate::error::{FormatError, Location, Problem};
 use crate::files;
-use crate::formats::sidecar::line_column;
+use crate::formats::sidecar::parse_toml;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -60,10 +60,7 @@ impl LensModel {
 }
 
 fn parse(text: &str) -> Result<(LensModel, Camera), (Location, String)> {
-    let file: LensFile = toml::from_str(text).map_err(|error| {
-        let place = error.span().map_or(Location::Whole, |span| line_column(text, span.start));
-        (place, one_line(error.message()))
-    })?;
+    let file: LensFile = parse_toml(text)?;
     let of_key = |key: &str| {
         let at = text.lines().position(|line| line.trim_start().starts_with(key));
         at.map_or(Location::Whole, |line| Location::LineColumn(line as u64 + 1, 1))

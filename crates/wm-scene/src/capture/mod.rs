@@ -155,7 +155,8 @@ impl SparsePoints {
 impl CaptureView {
     /// A view of a photo, by its path in the folder of the photos; `/` divides the name, whatever
     /// divides the path.
-    pub(crate) fn new(file: &str, camera: Camera, distortion: Distortion, camera_id: u32) -> Self {
+    #[must_use]
+    pub fn new(file: &str, camera: Camera, distortion: Distortion, camera_id: u32) -> Self {
         let (name, file) = (file.replace('\\', "/"), file.into());
         Self { name, camera, distortion, camera_id, file, mask: None, original: None }
     }

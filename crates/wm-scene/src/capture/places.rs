@@ -137,15 +137,10 @@ fn usual_images(roots: &[&Path], usual: &[&str], names: &[&str]) -> FileIndex {
             }
         }
     }
-    best.map_or_else(
-        || {
-            FileIndex::new(
-                roots.first().map_or_else(PathBuf::new, |root| root.join(IMAGES[0])),
-                FileKind::PHOTO,
-            )
-        },
-        |(_, index)| index,
-    )
+    best.map(|(_, index)| index).unwrap_or_else(|| {
+        let usual = roots.first().map_or_else(PathBuf::new, |root| root.join(IMAGES[0]));
+        FileIndex::new(usual, FileKind::PHOTO)
+    })
 }
 
 /// The folder that has all of the files in it or below.

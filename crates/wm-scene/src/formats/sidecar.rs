@@ -39,10 +39,7 @@ pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
 }
 
 fn parse(text: &str) -> Result<Metadata, (Location, String)> {
-    let metadata: Metadata = toml::from_str(text).map_err(|error| {
-        let place = error.span().map_or(Location::Whole, |span| line_column(text, span.start));
-        (place, one_line(error.message()))
-    })?;
+    let metadata: Metadata = parse_toml(text)?;
     // A value of the right type that cannot be used: found again by its key to name the place.
     if let Some(fault) = metadata.fault() {
         let key = fault.split(' ').next().unwrap_or_default();
@@ -56,8 +53,16 @@ fn parse(text: &str) -> Result<Metadata, (Location, String)> {
     Ok(metadata)
 }
 
+/// Reads a value from TOML; its errors have a place.
+pub(crate) fn parse_toml<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, (Location, String)> {
+    toml::from_str(text).map_err(|error| {
+        let place = error.span().map_or(Location::Whole, |span| line_column(text, span.start));
+        (place, one_line(error.message()))
+    })
+}
+
 /// Line and column (in characters) of a byte of `text`.
-pub(crate) fn line_column(text: &str, byte: usize) -> Location {
+fn line_column(text: &str, byte: usize) -> Location {
     let before = &text[..text.floor_char_boundary(byte)];
     let line = before.matches('\n').count() + 1;
     let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;

@@ -1,9 +1,9 @@
 //! The files of a scene in levels as SOG bundles: one file in place of a folder, where each file is
 //! a request.
 
-use super::LevelIndex;
+use super::{LevelIndex, writer::write_json};
 use crate::{
-    FormatError, Problem,
+    FormatError,
     files::{self, write_atomically},
     formats::sog::{
         read::{below, fault, is_bundle, parse, picture_names, read_file},
@@ -69,10 +69,6 @@ impl LevelIndex {
         if let Some(name) = &self.environment {
             fields.insert("environment".into(), bundle_of(name).into());
         }
-        write_atomically(main, |out| {
-            serde_json::to_writer(&mut *out, &index)
-                .map_err(|error| Problem::from(std::io::Error::from(error)))?;
-            Ok(out.write_all(b"\n")?)
-        })
+        write_json(main, &index)
     }
 }

@@ -1,9 +1,11 @@
 //! Small captures against their truth.
 
 use super::*;
-use crate::{Park, PhotoPixel, Street, sky};
+use crate::tests::street;
+use crate::{Park, PhotoPixel, sky};
 use glam::DVec2;
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::tempdir;
@@ -14,11 +16,6 @@ use wm_scene::{Metadata, Scene, npy};
 fn park() -> &'static Place {
     static PARK: OnceLock<Place> = OnceLock::new();
     PARK.get_or_init(Park::builtin)
-}
-
-fn street() -> &'static Place {
-    static STREET: OnceLock<Place> = OnceLock::new();
-    STREET.get_or_init(Street::builtin)
 }
 
 fn small(kind: CaptureKind, count: u32) -> CaptureSettings {

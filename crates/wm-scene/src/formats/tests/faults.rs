@@ -1,6 +1,7 @@
 //! Files that are cut, damaged, or lie about their size.
 
-use super::{round_trip::Noise, round_trip::plausible, values::glb_parts, values::read_gltf, *};
+use super::{round_trip::below, round_trip::plausible, values::glb_parts, values::read_gltf, *};
+use crate::testing::Dice;
 
 /// Bytes of a small scene in a format that is one file, and its name.
 fn small(format: &SceneFormat) -> Option<(PathBuf, Vec<u8>, Scene)> {
@@ -59,12 +60,12 @@ fn every_length_of_every_format_is_refused_or_whole() {
 fn flipped_bytes_do_no_harm() {
     // `examples/fuzz_readers` damages a million files of each format.
     for (name, bytes, _) in FORMATS.iter().filter_map(small) {
-        let mut noise = Noise::new(1);
+        let mut dice = Dice::new(1);
         for _ in 0..1500 {
             let mut damaged = bytes.clone();
-            for _ in 0..=noise.below(4) {
-                let at = noise.below(damaged.len());
-                damaged[at] = noise.below(256) as u8;
+            for _ in 0..=below(&mut dice, 4) {
+                let at = below(&mut dice, damaged.len());
+                damaged[at] = below(&mut dice, 256) as u8;
             }
             survives(&name, &damaged);
         }
@@ -136,11 +137,11 @@ fn pictures_of_sog_that_are_damaged_or_missing_are_named() {
     for name in names {
         let file = folder.path().join(&name);
         let bytes = fs::read(&file).unwrap();
-        let mut noise = Noise::new(2);
+        let mut dice = Dice::new(2);
         for round in 0..300 {
             let mut damaged = bytes.clone();
-            let at = noise.below(damaged.len());
-            damaged[at] = noise.below(256) as u8;
+            let at = below(&mut dice, damaged.len());
+            damaged[at] = below(&mut dice, 256) as u8;
             if round % 3 == 0 {
                 damaged.truncate(at);
             }

@@ -1,49 +1,25 @@
 //! Scenes come back from every format within the rounding that it states.
 
 use super::*;
-use crate::{Group, Rasterization, formats::pack::unit, morton, random::uniform, sh, splats::sigmoid};
+use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid, testing::Dice};
 
-/// Numbers of `-1..1` that follow from their place.
-pub struct Noise {
-    seed: u64,
-    drawn: u64,
-}
-
-impl Noise {
-    pub fn new(seed: u64) -> Self {
-        Self { seed, drawn: 0 }
-    }
-
-    fn unit(&mut self) -> f64 {
-        self.drawn += 1;
-        uniform(self.seed, self.drawn)
-    }
-
-    /// A whole number below `most`.
-    pub fn below(&mut self, most: usize) -> usize {
-        (self.unit() * most as f64) as usize % most
-    }
-
-    fn next(&mut self) -> f32 {
-        (2.0 * self.unit() - 1.0) as f32
-    }
-
-    fn array<const N: usize>(&mut self, scale: f32) -> [f32; N] {
-        std::array::from_fn(|_| scale * self.next())
-    }
+/// A random whole number below `most`.
+pub fn below(dice: &mut Dice, most: usize) -> usize {
+    dice.draw(0.0, most as f64) as usize % most
 }
 
 /// A scene as trainings make them: means within 30 units, scales of e^-7 to e^-1, SH within 1.
 pub fn plausible(count: usize, degree: u8) -> Scene {
-    let mut noise = Noise::new(count as u64);
+    let mut dice = Dice::new(count as u64);
+    let mut next = || dice.draw(-1.0, 1.0) as f32;
     let mut splats = Splats::with_capacity(count, degree);
     for _ in 0..count {
-        splats.means.push(noise.array(30.0));
-        splats.quats.push(unit(noise.array(1.0)));
-        splats.log_scales.push(noise.array(3.0).map(|v: f32| v - 4.0));
-        splats.logit_opacities.push(4.0 * noise.next());
-        splats.sh.extend((0..3).map(|_| 1.7 * noise.next()));
-        splats.sh.extend((3..sh::coefficients(degree) * 3).map(|_| 0.9 * noise.next()));
+        splats.means.push([(); 3].map(|()| 30.0 * next()));
+        splats.quats.push(unit([(); 4].map(|()| next())));
+        splats.log_scales.push([(); 3].map(|()| 3.0 * next() - 4.0));
+        splats.logit_opacities.push(4.0 * next());
+        splats.sh.extend((0..3).map(|_| 1.7 * next()));
+        splats.sh.extend((3..sh::coefficients(degree) * 3).map(|_| 0.9 * next()));
         splats.groups.push(Group::Scene);
     }
     let metadata = Metadata {
