@@ -376,16 +376,10 @@ pub fn shortest_axis(scales: [f32; 3]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::SPLAT;
 
     fn one() -> Splat {
-        Splat {
-            mean: [1.0, 2.0, 3.0],
-            quat: [1.0, 0.0, 0.0, 0.0],
-            log_scale: [-1.0, -3.0, -2.0],
-            logit_opacity: 0.0,
-            rgb: [0.25, 0.5, 0.75],
-            group: Group::Sky,
-        }
+        Splat { mean: [1.0, 2.0, 3.0], log_scale: [-1.0, -3.0, -2.0], group: Group::Sky, ..SPLAT }
     }
 
     #[test]

@@ -2,9 +2,19 @@
 
 use crate::reflectance::LabelReflectance;
 use crate::survey::Confidence;
-use crate::{Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, origin, sh};
+use crate::{Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, origin, sh, splats::Splat};
 use glam::DVec3;
 use proptest::prelude::*;
+
+/// A grey ball at the origin, as something to change.
+pub const SPLAT: Splat = Splat {
+    mean: [0.0; 3],
+    quat: [1.0, 0.0, 0.0, 0.0],
+    log_scale: [0.0; 3],
+    logit_opacity: 0.0,
+    rgb: [0.5; 3],
+    group: Group::Scene,
+};
 
 /// Any bit pattern that ASCII can carry: all but NaNs with a payload.
 pub fn any_f32() -> impl Strategy<Value = f32> {

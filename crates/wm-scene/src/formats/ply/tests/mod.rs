@@ -9,7 +9,7 @@ use crate::{
     Group, Metadata, Splats,
     formats::read_scene_from,
     splats::Splat,
-    testing::{any_scene, bits, data, push_row},
+    testing::{SPLAT, any_scene, bits, data, push_row},
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -167,14 +167,7 @@ fn real_points_are_balls() {
 fn labels_come_back() {
     let mut scene = Scene { splats: Splats::with_capacity(3, 0), ..Scene::default() };
     for _ in 0..3 {
-        scene.splats.push(&Splat {
-            mean: [0.0; 3],
-            quat: [1.0, 0.0, 0.0, 0.0],
-            log_scale: [0.0; 3],
-            logit_opacity: 0.0,
-            rgb: [0.5; 3],
-            group: Group::Scene,
-        });
+        scene.splats.push(&SPLAT);
     }
     scene.splats.labels = vec![0, 300, 65535];
     for encoding in PlyEncoding::ALL {
