@@ -5,7 +5,7 @@ mod any;
 mod capture;
 
 #[cfg(test)]
-pub use any::{SPLAT, any_scene, bits, push_row};
+pub use any::{SPLAT, any_scene, bits, full, push_row};
 
 pub use capture::{Dice, rolled, taken_if};
 

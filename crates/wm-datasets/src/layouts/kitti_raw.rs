@@ -13,7 +13,7 @@
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig, KittiTrajectory};
 use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
-use crate::utc::UtcTime;
+use crate::utc;
 use crate::{BlockInfo, ClipInfo, SetError, SetInfo};
 use std::collections::BTreeSet;
 
@@ -43,7 +43,7 @@ fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Res
     for record in clips {
         let record = record?;
         let (clip, drive) = (&record.clip, drive_folder(&record.clip));
-        let (day, calibrated) = (UtcTime::new(clip.start).date('_'), UtcTime::new(clip.start).to_string());
+        let (day, calibrated) = (utc::date(clip.start, '_'), utc::text(clip.start));
         if days.insert(day.clone()) {
             for (name, text) in [
                 ("cam_to_cam", rig.cam_to_cam_file(&calibrated)),
@@ -77,12 +77,12 @@ fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Res
 }
 
 fn drive_folder(clip: &ClipInfo) -> String {
-    let day = UtcTime::new(clip.start).date('_');
+    let day = utc::date(clip.start, '_');
     format!("{day}/{day}_drive_{:04}_sync", clip.number)
 }
 
 /// Times with nine decimals, each with a newline: pykitti cuts four characters and reads
 /// microseconds.
 fn lines(times: impl Iterator<Item = i64>) -> String {
-    times.map(|time| format!("{}\n", UtcTime::new(time))).collect()
+    times.map(|time| utc::text(time) + "\n").collect()
 }

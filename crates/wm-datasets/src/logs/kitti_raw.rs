@@ -21,6 +21,7 @@ use glam::{DQuat, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use wm_scene::FormatError;
+use wm_scene::calendar::days;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI raw", read };
@@ -282,13 +283,6 @@ fn nanoseconds(text: &str) -> Option<i64> {
         .then(|| ((days(year, month, day) * 24 + hours) * 60 + minutes) * 60 + whole)?
         .checked_mul(1_000_000_000)?
         .checked_add(part)
-}
-
-/// Days from 1970-01-01, Gregorian: years are counted from March, so that leap days come last.
-fn days(year: i64, month: i64, day: i64) -> i64 {
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let of_year = (153 * month + 2) / 5 + day - 1;
-    365 * year + year / 4 - year / 100 + year / 400 + of_year - 719_468
 }
 
 #[cfg(test)]

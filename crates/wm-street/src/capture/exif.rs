@@ -3,6 +3,7 @@
 use super::{CaptureKind, CaptureSettings, ExifFault, shots::Shot};
 use crate::Place;
 use crate::sky;
+use wm_scene::calendar::date_and_time;
 use wm_scene::capture::Gps;
 use wm_scene::random::RandomStream;
 
@@ -72,27 +73,6 @@ pub(super) fn facts(
         });
     }
     facts
-}
-
-/// Year, month, day, hour, minute and second of seconds since 1970, UTC.
-pub(super) fn calendar(time: i64) -> [i64; 6] {
-    // Days since 1 March of year 0, in years that begin with March (Hinnant's algorithm).
-    let days = time.div_euclid(86_400) + 719_468;
-    let era = days.div_euclid(146_097);
-    let day = days.rem_euclid(146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let of_year = day - (365 * year + year / 4 - year / 100);
-    let shifted = (5 * of_year + 2) / 153;
-    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
-    let second = time.rem_euclid(86_400);
-    [
-        year + era * 400 + i64::from(month <= 2),
-        month,
-        of_year - (153 * shifted + 2) / 5 + 1,
-        second / 3600,
-        second / 60 % 60,
-        second % 60,
-    ]
 }
 
 /// A directory of EXIF and the values that do not fit into its entries.
@@ -167,7 +147,7 @@ impl Directory {
 impl ExifFacts {
     /// The block of EXIF, as a PNG's `eXIf` chunk has it.
     pub(super) fn to_bytes(&self) -> Vec<u8> {
-        let [year, month, day, hour, minute, second] = calendar(self.time);
+        let [year, month, day, hour, minute, second] = date_and_time(self.time);
         let time = format!("{year:04}:{month:02}:{day:02} {hour:02}:{minute:02}:{second:02}");
         let mut first = Directory::default();
         first.text(0x010F, self.maker);
@@ -213,17 +193,5 @@ impl ExifFacts {
             gps.write(&mut out);
         }
         out
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn days_are_those_of_the_calendar() {
-        assert_eq!(calendar(0), [1970, 1, 1, 0, 0, 0]);
-        assert_eq!(calendar(951_782_400), [2000, 2, 29, 0, 0, 0]);
-        assert_eq!(calendar(1_717_059_369), [2024, 5, 30, 8, 56, 9]);
     }
 }

@@ -167,7 +167,7 @@ fn times_of_exif_come_back() {
     let truth = json(folder.path());
     for view in 0..3 {
         let taken = read_header(&capture.photo(view).unwrap()).unwrap().taken.unwrap();
-        let [year, month, day, hour, minute, second] = exif::calendar(taken as i64);
+        let [year, month, day, hour, minute, second] = wm_scene::calendar::date_and_time(taken as i64);
         let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
         assert_eq!(truth["photos"][view]["time_utc"], text);
     }

@@ -1,12 +1,13 @@
 //! `truth.json`: what a pipeline must find out about a capture.
 
-use super::{CaptureKind, CaptureSettings, TRUTH, TakenPhoto, air, exif::calendar};
+use super::{CaptureKind, CaptureSettings, TRUTH, TakenPhoto, air};
 use crate::air::Air;
 use crate::dataset::GroundTruth;
 use crate::{Label, Place, exposed, sky};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::Path;
+use wm_scene::calendar::date_and_time;
 use wm_scene::capture::Gps;
 use wm_scene::similarity::Similarity;
 use wm_scene::{FormatError, files::write_atomically};
@@ -87,7 +88,7 @@ fn maps(settings: &CaptureSettings) -> Value {
 
 fn facts(place: &Place, photo: &TakenPhoto) -> Value {
     let eye = photo.shot.camera.center();
-    let [year, month, day, hour, minute, second] = calendar(sky::SUN_TIME_S + photo.shot.time.round() as i64);
+    let [year, month, day, hour, minute, second] = date_and_time(sky::SUN_TIME_S + photo.shot.time.round() as i64);
     let forward = photo.shot.camera.forward();
     json!({
         "name": photo.name,
