@@ -83,38 +83,41 @@ pub(crate) fn wxyz_and_translation(pose: &RigidPose) -> [f64; 7] {
     [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
 }
 
-/// Writes the synthetic set in a layout, reads its first clip as a capture and checks that its
-/// cameras show the spot where the set's own do.
-#[cfg(test)]
-pub(crate) fn check_capture(layout: &crate::Layout) {
-    use crate::testing;
-    let root = tempfile::tempdir().unwrap();
-    testing::write(layout, &mut testing::FolderSink(root.path().into())).unwrap();
-    let set = testing::set();
-    let folder = root.path().join(crate::stills::folder(&set, &testing::clips()[0]));
-    let capture = wm_scene::capture::read(&folder, &wm_scene::capture::CaptureOptions::default()).unwrap();
-    let readings = testing::readings(&set);
-    let mut seen = 0;
-    assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
-    for view in &capture.views {
-        let [name, index] = [0, 1].map(|part| view.name.rsplit('/').nth(1 - part).unwrap());
-        let (sensor, _, camera) = cameras(&set).find(|(_, sensor, _)| sensor.name == name).unwrap();
-        let index: u32 = index.trim_end_matches(".jpg").parse().unwrap();
-        let info = readings.iter().find(|info| info.sensor == sensor && info.index == index).unwrap();
-        let local = view.camera.viewmat.transform_point3(testing::SPOT);
-        let spot = info.world_from_sensor(&set).inverse().point(testing::SPOT);
-        assert!(local.distance(spot) < 1e-9, "{}: {local} is not {spot}", view.name);
-        let intrinsics = [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy];
-        assert_eq!(intrinsics[..], [camera.focal, camera.center].concat());
-        assert!(capture.images.join(&view.file).is_file());
-        seen += usize::from(testing::pixel(camera, spot).is_some());
-    }
-    assert!(seen > 10, "{seen} pictures show the spot");
-}
-
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::testing::{self, MemorySink};
+
+    /// The first clip, read as a capture, has cameras that show the spot where the set's own do.
+    #[test]
+    fn our_own_reader_finds_the_spot() {
+        for name in ["colmap", "nerfstudio"] {
+            let root = tempfile::tempdir().unwrap();
+            testing::write(testing::layout(name), &mut testing::FolderSink(root.path().into())).unwrap();
+            let set = testing::set();
+            let folder = root.path().join(crate::stills::folder(&set, &testing::clips()[0]));
+            let capture =
+                wm_scene::capture::read(&folder, &wm_scene::capture::CaptureOptions::default()).unwrap();
+            let readings = testing::readings(&set);
+            let mut seen = 0;
+            assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
+            for view in &capture.views {
+                let [sensor_name, index] = [0, 1].map(|part| view.name.rsplit('/').nth(1 - part).unwrap());
+                let (sensor, _, camera) =
+                    cameras(&set).find(|(_, sensor, _)| sensor.name == sensor_name).unwrap();
+                let index: u32 = index.trim_end_matches(".jpg").parse().unwrap();
+                let info = readings.iter().find(|info| info.sensor == sensor && info.index == index).unwrap();
+                let local = view.camera.viewmat.transform_point3(testing::SPOT);
+                let spot = info.world_from_sensor(&set).inverse().point(testing::SPOT);
+                assert!(local.distance(spot) < 1e-9, "{}: {local} is not {spot}", view.name);
+                let intrinsics = [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy];
+                assert_eq!(intrinsics[..], [camera.focal, camera.center].concat());
+                assert!(capture.images.join(&view.file).is_file());
+                seen += usize::from(testing::pixel(camera, spot).is_some());
+            }
+            assert!(seen > 10, "{seen} pictures show the spot");
+        }
+    }
 
     #[test]
     fn files_of_readings_do_not_depend_on_blocks() {

@@ -17,7 +17,7 @@ pub(crate) fn folder(set: &SetInfo, clip: &ClipInfo) -> String {
     if is_still(set, clip) {
         format!("{}/{}-{}", clip.split, clip.place.name, clip.weather.name)
     } else {
-        format!("{}/{}", clip.split, clip.name)
+        clip.folder()
     }
 }
 

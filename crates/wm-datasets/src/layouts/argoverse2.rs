@@ -26,7 +26,7 @@
 use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
 use crate::feather::{FeatherColumn, feather};
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetPoint, ReadingData, SensorReading, SetError, SetInfo};
+use crate::{BlockInfo, ClipRecord, DatasetPoint, ReadingData, SensorReading, SetError, SetInfo};
 use crate::{SensorInfo, SensorInfoKind, picture_files};
 use glam::{DVec3, Vec3};
 use half::f16;
@@ -93,7 +93,7 @@ fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Res
     let (poses, intrinsics) = (calibration(set), intrinsics(set));
     for record in clips {
         let ClipRecord { clip, readings } = record?;
-        let folder = folder(&clip);
+        let folder = clip.folder();
         let mut times: Vec<_> =
             readings.iter().map(|info| (info.timestamp(&clip), info.world_from_rig)).collect();
         times.sort_by_key(|(time, _)| *time);
@@ -107,11 +107,6 @@ fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Res
         write(files, format!("{folder}/annotations.feather"), &annotations())?;
     }
     Ok(())
-}
-
-/// The folder of a clip.
-fn folder(clip: &ClipInfo) -> String {
-    format!("{}/{}", clip.split, clip.name)
 }
 
 /// Lidars with their rings.
@@ -152,7 +147,7 @@ fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
     let BlockInfo { set, clip, .. } = block;
     let names = camera_names(set);
     Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
-        let (folder, time) = (folder(clip), reading.info.timestamp(clip));
+        let (folder, time) = (clip.folder(), reading.info.timestamp(clip));
         if let Some((sensor, camera, picture)) = picture(set, reading) {
             let bytes = picture_files::jpeg(sensor, camera, picture.rgb)?;
             let name = &names[reading.info.sensor];
@@ -282,7 +277,7 @@ mod tests {
         let mut files = MemorySink::default();
         testing::write(&LAYOUT, &mut files).unwrap();
         let (set, clip) = (testing::set(), &testing::clips()[0]);
-        let log = folder(clip);
+        let log = clip.folder();
         let named = |name| [&[name], &POSE[..]].concat();
         let mut track = table(&files, &format!("{log}/city_SE3_egovehicle.feather"), &named("timestamp_ns"));
         let (stamps, world_from_rig) = (track.ints("timestamp_ns").unwrap(), poses(&mut track));

@@ -98,11 +98,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn our_own_reader_finds_the_spot() {
-        crate::cameras::check_capture(&LAYOUT);
-    }
-
-    #[test]
     fn lenses_have_their_models() {
         let camera = |lens| CameraInfo { size: (4, 3), focal: [2.0, 2.5], center: [2.0, 1.5], lens };
         let perspective = |values| Some(LensModel::Perspective(wm_scene::capture::Distortion::of(values)));

@@ -98,11 +98,6 @@ mod tests {
     use crate::testing;
 
     #[test]
-    fn our_own_reader_finds_the_spot() {
-        crate::cameras::check_capture(&LAYOUT);
-    }
-
-    #[test]
     fn mixed_lenses_are_refused() {
         let mut set = testing::set();
         let crate::SensorInfoKind::Camera(camera) = &mut set.sensors[1].kind else { unreachable!() };

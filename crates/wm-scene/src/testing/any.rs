@@ -2,7 +2,9 @@
 
 use crate::reflectance::LabelReflectance;
 use crate::survey::Confidence;
-use crate::{Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, origin, sh, splats::Splat};
+use crate::{
+    Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, origin, sh, splats::Splat,
+};
 use glam::DVec3;
 use proptest::prelude::*;
 

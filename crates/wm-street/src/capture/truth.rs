@@ -88,7 +88,8 @@ fn maps(settings: &CaptureSettings) -> Value {
 
 fn facts(place: &Place, photo: &TakenPhoto) -> Value {
     let eye = photo.shot.camera.center();
-    let [year, month, day, hour, minute, second] = date_and_time(sky::SUN_TIME_S + photo.shot.time.round() as i64);
+    let [year, month, day, hour, minute, second] =
+        date_and_time(sky::SUN_TIME_S + photo.shot.time.round() as i64);
     let forward = photo.shot.camera.forward();
     json!({
         "name": photo.name,

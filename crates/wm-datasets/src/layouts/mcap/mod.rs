@@ -108,16 +108,11 @@ fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Res
     for record in clips {
         let record = record?;
         if !record.readings.is_empty() {
-            let path = format!("{}/metadata.yaml", folder(&record.clip));
+            let path = format!("{}/metadata.yaml", record.clip.folder());
             files.write(&path, metadata::of(set, &record).as_bytes())?;
         }
     }
     Ok(())
-}
-
-/// The folder of a clip.
-fn folder(clip: &ClipInfo) -> String {
-    format!("{}/{}", clip.split, clip.name)
 }
 
 /// The name of the file of a block.
@@ -221,7 +216,7 @@ impl BlockWriter for BagFile<'_> {
     fn finish(self: Box<Self>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { clip, number, .. } = self.block;
         let Some(file) = self.file else { return Ok(()) };
-        files.write(&format!("{}/{}", folder(clip), file_name(clip, number)), &file.file.finish())
+        files.write(&format!("{}/{}", clip.folder(), file_name(clip, number)), &file.file.finish())
     }
 }
 

@@ -305,7 +305,8 @@ fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
         let pixels =
             landmarks().iter().map(|p| pixel(camera_from_world * p.extend(1.0), &projection(2))).collect();
         photos.push((name, pixels));
-        let points = swept(&(rig(at(frame)) * rig_from_lidar()), at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]);
+        let points =
+            swept(&(rig(at(frame)) * rig_from_lidar()), at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]);
         write(&sequence.join(format!("velodyne/{frame:06}.bin")), floats(points))?;
         // Vegetation, and moving cars with a number of their own.
         let (fixed, moving) = (landmarks().len(), mover_points(at(frame)).len());
@@ -407,7 +408,10 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         ("sample_annotation", boxes),
         ("instance", ["i-car", "i-parked"].map(instance).to_vec()),
         ("category", vec![json!({"token": "k-car", "name": "vehicle.car", "description": ""})]),
-        ("attribute", [("a-moving", "vehicle.moving"), ("a-parked", "vehicle.parked")].map(attribute).to_vec()),
+        (
+            "attribute",
+            [("a-moving", "vehicle.moving"), ("a-parked", "vehicle.parked")].map(attribute).to_vec(),
+        ),
     ];
     for (name, records) in tables {
         write(&version.join(format!("{name}.json")), serde_json::to_vec_pretty(&records)?)?;
@@ -530,8 +534,7 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
         }
         let points: Vec<f64> = if is_waymo {
             write(&scene.join(format!("ego_pose/{frame:03}.txt")), text(&pose))?;
-            let own =
-                |p: DVec3| [0.9, 0.0, 1.7, p.x, p.y, p.z, 0.0, 0.0, 0.0, -1.0, 0.0, 0.25, 0.0, 0.0];
+            let own = |p: DVec3| [0.9, 0.0, 1.7, p.x, p.y, p.z, 0.0, 0.0, 0.0, -1.0, 0.0, 0.25, 0.0, 0.0];
             swept(&rig(at(frame)), at(frame)).flat_map(own).collect()
         } else {
             let lidar = rig(at(frame)) * rig_from_lidar();

@@ -4,7 +4,11 @@ mod round_trip;
 mod values;
 
 use super::*;
-use crate::{Camera, Metadata, Splats, splats::Splat, testing::{SPLAT, bits}};
+use crate::{
+    Camera, Metadata, Splats,
+    splats::Splat,
+    testing::{SPLAT, bits},
+};
 use glam::DVec3;
 use proptest::prelude::*;
 use std::{fs, path::PathBuf};

@@ -182,7 +182,10 @@ fn what_is_no_splat_is_named() {
         let expected = format!("a.ply: the property {name} is a list, not one number a splat{hint}");
         assert_eq!(say(&header(&properties)), expected);
 
-        assert_eq!(say(&header(&floats([name.into()]))), format!("a.ply: the property {name} is declared twice{hint}"));
+        assert_eq!(
+            say(&header(&floats([name.into()]))),
+            format!("a.ply: the property {name} is declared twice{hint}")
+        );
     }
     assert_eq!(
         say(b"ply\nformat ascii 1.0\nend_header\n"),
