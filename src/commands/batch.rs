@@ -100,7 +100,7 @@ fn layouts_help() -> String {
         "Layouts (`layouts = [...]` of the plan):\n  {FRAMES_LAYOUT:18} this program's own files (default)\n"
     );
     for layout in LAYOUTS {
-        let _ = writeln!(text, "  {:18} {}", layout.name(), layout.about());
+        let _ = writeln!(text, "  {:18} {}", layout.name, layout.about);
     }
     text
 }

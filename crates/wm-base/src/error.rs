@@ -189,6 +189,12 @@ impl FormatError {
         Self { path: path.into(), location: Location::Whole, problem }
     }
 
+    /// An error of a file as a whole, in words.
+    #[must_use]
+    pub fn value(path: &Path, what: impl Into<String>) -> Self {
+        Self::whole(path, Problem::Value(what.into()))
+    }
+
     /// The problem at a place.
     #[must_use]
     pub fn at(path: &Path, location: Location, problem: Problem) -> Self {

@@ -173,7 +173,7 @@ pub fn abandon_temporaries() {
     let mut pending = pending();
     for path in pending.drain(..) {
         // What cannot be removed stays; there is nobody left to be told.
-        let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        let _ = remove(&path);
     }
     std::mem::forget(pending);
 }
@@ -212,11 +212,7 @@ impl TempFile {
                     return Ok(Self { path: Some(path), file: Some(file), target: target.into(), resolved });
                 }
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                Err(error) => {
-                    let folder = folder_of(&resolved);
-                    let is_missing = error.kind() == ErrorKind::NotFound && !folder.is_dir();
-                    return Err(if is_missing { WriteFault::NoFolder(folder.into()) } else { error.into() });
-                }
+                Err(error) => return Err(not_made(&resolved, error)),
             }
         }
     }
@@ -328,11 +324,7 @@ impl TempFolder {
                     return Ok(Self { path, lock });
                 }
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                Err(error) => {
-                    let folder = folder_of(&path);
-                    let is_missing = error.kind() == ErrorKind::NotFound && !folder.is_dir();
-                    return Err(if is_missing { WriteFault::NoFolder(folder.into()) } else { error.into() });
-                }
+                Err(error) => return Err(not_made(&path, error)),
             }
         }
     }
@@ -475,10 +467,21 @@ fn sweep(folder: &Path) {
         let age = entry.metadata().and_then(|about| about.modified()).ok().and_then(|at| at.elapsed().ok());
         let is_dead = || File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
         if age.is_some_and(|age| age > MIN_AGE) && is_dead() {
-            let path = entry.path();
-            let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+            let _ = remove(&entry.path());
         }
     }
+}
+
+/// The fault of a file or folder that could not be made.
+fn not_made(path: &Path, error: io::Error) -> WriteFault {
+    let folder = folder_of(path);
+    let is_missing = error.kind() == ErrorKind::NotFound && !folder.is_dir();
+    if is_missing { WriteFault::NoFolder(folder.into()) } else { error.into() }
+}
+
+/// Removes a file, or a folder with all that is in it.
+fn remove(path: &Path) -> io::Result<()> {
+    if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
 }
 
 fn folder_of(path: &Path) -> &Path {

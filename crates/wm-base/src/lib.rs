@@ -7,6 +7,7 @@
 //! - [`color`]: sRGB and linear light. [`npy`]: arrays for NumPy.
 //! - [`statistics`]: the median and other quantiles. [`linear`], [`jacobi`]: eigenvectors.
 
+pub mod calendar;
 pub mod color;
 pub mod error;
 pub mod file_index;

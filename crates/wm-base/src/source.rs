@@ -176,6 +176,18 @@ impl<'a> Source<'a> {
         Ok(rest)
     }
 
+    /// What `parse` makes of all bytes from here on and the path.
+    ///
+    /// # Errors
+    /// Those of [`Self::rest`] and `parse`.
+    pub fn parsed<T>(
+        &mut self,
+        parse: impl FnOnce(&[u8], &Path) -> Result<T, Problem>,
+    ) -> Result<T, FormatError> {
+        let bytes = self.rest()?;
+        parse(&bytes, &self.path).map_err(|problem| self.whole(problem))
+    }
+
     /// The next line without its LF or CRLF; `None` at the end. The last line may lack its ending.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 //! it with other programs:
 //! `cargo run -p wm-batch --features testing --example synthetic_set -- LAYOUT FOLDER`.
 
-use wm_batch::{find_layout, testing};
+use wm_batch::testing;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -10,8 +10,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Err("usage: synthetic_set LAYOUT FOLDER".into());
     };
     let mut files = testing::FolderSink(folder.into());
-    testing::write(find_layout(&layout)?, &mut files)?;
+    testing::write(testing::layout(&layout), &mut files)?;
     let truth = serde_json::to_vec_pretty(&testing::truth(&testing::set()))?;
-    crate::FileSink::write(&mut files, "truth.json", &truth)?;
+    wm_batch::FileSink::write(&mut files, "truth.json", &truth)?;
     Ok(())
 }

@@ -1,12 +1,19 @@
 //! Questions that several layouts ask of cameras and of what they took.
 
-use crate::{CameraInfo, ReadingData, SensorInfo, SensorInfoKind, SensorReading, SetError, SetInfo};
-use crate::{PictureReading, RigidPose};
+use crate::{
+    CameraInfo, PictureReading, ReadingData, RigidPose, SensorInfo, SensorInfoKind, SensorReading, SetError,
+    SetInfo,
+};
 use wm_scene::LensModel;
 
 /// The error of a layout that cannot hold a set.
 pub(crate) fn refuse(layout: &'static str, problem: impl Into<String>) -> SetError {
     SetError::Layout { layout, problem: problem.into() }
+}
+
+/// The error of a layout that has no place for a lens that shows all directions.
+pub(crate) fn refuse_equirectangular(layout: &'static str, sensor: &SensorInfo) -> SetError {
+    refuse(layout, format!("camera \"{}\" is equirectangular; give it another lens", sensor.name))
 }
 
 /// The cameras of a set with their indices.
@@ -36,13 +43,11 @@ pub(crate) fn distortion(camera: &CameraInfo) -> Option<[f64; 5]> {
 
 /// Checks that all cameras are pinholes.
 pub(crate) fn check_pinholes(layout: &'static str, set: &SetInfo) -> Result<(), SetError> {
-    match cameras(set).find(|(_, _, camera)| distortion(camera) != Some([0.0; 5])) {
-        None => Ok(()),
-        Some((_, sensor, _)) => Err(refuse(
-            layout,
-            format!("it has no place for the lens of camera \"{}\"; give it no lens", sensor.name),
-        )),
-    }
+    let Some((_, sensor, _)) = cameras(set).find(|(.., camera)| distortion(camera) != Some([0.0; 5])) else {
+        return Ok(());
+    };
+    let name = &sensor.name;
+    Err(refuse(layout, format!("it has no place for the lens of camera \"{name}\"; give it no lens")))
 }
 
 /// The picture of a reading with the camera that took it; `None` for readings of other sensors.
@@ -80,40 +85,45 @@ pub(crate) fn wxyz_and_translation(pose: &RigidPose) -> [f64; 7] {
     [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
 }
 
-/// Reads a capture of the synthetic set's first clip and checks that its cameras show the spot
-/// where the set's own do; returns the number of pictures that show it.
-#[cfg(test)]
-pub(crate) fn check_capture(folder: &std::path::Path) -> usize {
-    use crate::testing;
-    let set = testing::set();
-    let capture = wm_capture::read(folder, &wm_capture::CaptureOptions::default()).unwrap();
-    let readings = testing::readings(&set);
-    let mut seen = 0;
-    assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
-    for view in &capture.views {
-        let [name, index] = [0, 1].map(|part| view.name.rsplit('/').nth(1 - part).unwrap());
-        let (sensor, _, camera) = cameras(&set).find(|(_, sensor, _)| sensor.name == name).unwrap();
-        let index: u32 = index.trim_end_matches(".jpg").parse().unwrap();
-        let info = readings.iter().find(|info| info.sensor == sensor && info.index == index).unwrap();
-        let local = view.camera.viewmat.transform_point3(testing::SPOT);
-        let spot = info.world_from_sensor(&set).inverse().point(testing::SPOT);
-        assert!(local.distance(spot) < 1e-9, "{}: {local} is not {spot}", view.name);
-        let intrinsics = [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy];
-        assert_eq!(intrinsics[..], [camera.focal, camera.center].concat());
-        assert!(capture.images.join(&view.file).is_file());
-        seen += usize::from(testing::pixel(camera, spot).is_some());
-    }
-    seen
-}
-
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::testing::{self, MemorySink};
+
+    /// The first clip, read as a capture, has cameras that show the spot where the set's own do.
+    #[test]
+    fn our_own_reader_finds_the_spot() {
+        for name in ["colmap", "nerfstudio"] {
+            let root = tempfile::tempdir().unwrap();
+            testing::write(testing::layout(name), &mut testing::FolderSink(root.path().into())).unwrap();
+            let set = testing::set();
+            let folder = root.path().join(crate::stills::folder(&set, &testing::clips()[0]));
+            let capture = wm_capture::read(&folder, &wm_capture::CaptureOptions::default()).unwrap();
+            let readings = testing::readings(&set);
+            let mut seen = 0;
+            assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
+            for view in &capture.views {
+                let [sensor_name, index] = [0, 1].map(|part| view.name.rsplit('/').nth(1 - part).unwrap());
+                let (sensor, _, camera) =
+                    cameras(&set).find(|(_, sensor, _)| sensor.name == sensor_name).unwrap();
+                let index: u32 = index.trim_end_matches(".jpg").parse().unwrap();
+                let info = readings.iter().find(|info| info.sensor == sensor && info.index == index).unwrap();
+                let local = view.camera.viewmat.transform_point3(testing::SPOT);
+                let spot = info.world_from_sensor(&set).inverse().point(testing::SPOT);
+                assert!(local.distance(spot) < 1e-9, "{}: {local} is not {spot}", view.name);
+                let intrinsics = [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy];
+                assert_eq!(intrinsics[..], [camera.focal, camera.center].concat());
+                assert!(capture.images.join(&view.file).is_file());
+                seen += usize::from(testing::pixel(camera, spot).is_some());
+            }
+            assert!(seen > 10, "{seen} pictures show the spot");
+        }
+    }
 
     #[test]
     fn files_of_readings_do_not_depend_on_blocks() {
         for name in ["argoverse2", "tartanair"] {
-            let layout = crate::find_layout(name).unwrap();
+            let layout = testing::layout(name);
             let [short, long] = [3, 20].map(|frames| {
                 let mut files = MemorySink::default();
                 testing::write_in_blocks(layout, frames, &mut files).unwrap();

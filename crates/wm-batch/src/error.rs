@@ -16,16 +16,6 @@ pub enum SetError {
         /// The part of the set that it cannot hold, and what to do.
         problem: String,
     },
-    /// There is no layout of a name.
-    #[error("there is no layout `{name}`{near}; the layouts are {all}")]
-    UnknownLayout {
-        /// The name.
-        name: String,
-        /// The nearest name, in words, or nothing.
-        near: String,
-        /// All names.
-        all: String,
-    },
     /// A picture could not be encoded.
     #[error("a picture of sensor \"{sensor}\" cannot be encoded: {problem}")]
     Picture {

@@ -85,7 +85,7 @@ mod tests;
 pub use clips::{BatchClips, PlannedBlock, PlannedClip};
 pub use error::SetError;
 pub use hypercube::RandomPermutation;
-pub use layouts::{BlockWriter, ClipStream, FileSink, LAYOUTS, LayerNeeds, Layout, find_layout};
+pub use layouts::{BlockWriter, ClipStream, FileSink, LAYOUTS, LayerNeeds, Layout};
 pub use merge::{FRAMES, MANIFEST, MergedSet, merge, missing_blocks, runs_of};
 pub use plan::{BatchPlan, FRAMES_LAYOUT, PlanScene};
 pub use records::{

@@ -114,9 +114,9 @@ pub fn merge(
     }
     let mut tables: Vec<MarkedFile> = Vec::new();
     for layout in &run.plan.layouts {
-        let mut files = TableFiles { folder: store.folder(), name: layout.name(), files: Vec::new() };
+        let mut files = TableFiles { folder: store.folder(), name: layout.name, files: Vec::new() };
         let mut records = ClipRecords { run, store, block: 0, waiting: Vec::new(), open: None };
-        layout.tables(&run.set, &mut records, &mut files)?;
+        (layout.tables)(&run.set, &mut records, &mut files)?;
         tables.append(&mut files.files);
     }
     merged.bytes += tables.iter().map(|file| file.bytes).sum::<u64>();
@@ -372,7 +372,7 @@ fn manifest(
         "renderers": renderers,
         "scenes": scenes,
         "sensors": sensors,
-        "layouts": run.plan.layouts.iter().map(|layout| layout.name()).chain(run.plan.writes_frames.then_some("frames")).collect::<Vec<_>>(),
+        "layouts": run.plan.layouts.iter().map(|layout| layout.name).chain(run.plan.writes_frames.then_some("frames")).collect::<Vec<_>>(),
         "clips": clips,
         "frames": frames,
         "readings": readings,

@@ -88,6 +88,13 @@ pub struct ClipInfo {
     pub weather: WeatherInfo,
 }
 
+impl ClipInfo {
+    /// The folder of its own, in that of its split.
+    pub(crate) fn folder(&self) -> String {
+        format!("{}/{}", self.split, self.name)
+    }
+}
+
 /// The place of a clip.
 #[derive(Clone, Debug)]
 pub struct PlaceInfo {

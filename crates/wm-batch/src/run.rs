@@ -66,12 +66,12 @@ impl BatchRun {
         let rig = rig_of(&plan, &clips)?;
         let set = set_of(&plan, &rig);
         for layout in &plan.layouts {
-            layout.check(&set)?;
-            if clips.cameras.len() > 1 && layout.needs_every_sensor() {
+            (layout.check)(&set)?;
+            if clips.cameras.len() > 1 && layout.needs_every_sensor {
                 return Err(Error::Unsupported(format!(
                     "layout {}: the photos have {} different cameras, and it has one reading a camera and frame: give size and \
                      fov in [rig]",
-                    layout.name(),
+                    layout.name,
                     clips.cameras.len()
                 )));
             }

@@ -3,7 +3,8 @@
 
 use crate::cameras::picture;
 use crate::layouts::{BlockWriter, ClipStream, FileSink};
-use crate::{BlockInfo, ClipInfo, ClipRecord, ReadingInfo, SensorReading, SetError, SetInfo, picture_files};
+use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, ReadingInfo, SensorInfoKind, SensorReading};
+use crate::{SetError, SetInfo, picture_files};
 use std::collections::BTreeMap;
 
 /// Returns true if clips have one frame each.
@@ -16,7 +17,7 @@ pub(crate) fn folder(set: &SetInfo, clip: &ClipInfo) -> String {
     if is_still(set, clip) {
         format!("{}/{}-{}", clip.split, clip.place.name, clip.weather.name)
     } else {
-        format!("{}/{}", clip.split, clip.name)
+        clip.folder()
     }
 }
 
@@ -55,17 +56,24 @@ pub(crate) fn for_each_scene(
     stills.iter().try_for_each(|(folder, records)| take(folder, records))
 }
 
-/// Writes the pictures of all cameras of a block as JPEG, into `images/` of their scenes.
-pub(crate) struct ScenePhotos<'a> {
-    /// The block.
-    pub(crate) block: BlockInfo<'a>,
+/// The pictures of clips with what took them, in order.
+pub(crate) fn readings<'a>(
+    set: &'a SetInfo,
+    records: &'a [ClipRecord],
+) -> impl Iterator<Item = (&'a ClipInfo, &'a ReadingInfo, &'a CameraInfo)> {
+    let all = records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
+    all.filter_map(|(clip, info)| match &set.sensors[info.sensor].kind {
+        SensorInfoKind::Camera(camera) => Some((clip, info, camera)),
+        _ => None,
+    })
 }
 
-impl BlockWriter for ScenePhotos<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let BlockInfo { set, clip, .. } = self.block;
+/// Writes the pictures of all cameras of a block as JPEG, into `images/` of their scenes.
+pub(crate) fn scene_photos(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let BlockInfo { set, clip, .. } = block;
+    Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let jpeg = picture_files::jpeg(sensor, camera, picture.rgb)?;
         files.write(&format!("{}/images/{}", folder(set, clip), photo(set, clip, &reading.info)), &jpeg)
-    }
+    })
 }

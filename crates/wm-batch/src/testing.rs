@@ -1,9 +1,9 @@
 //! A small synthetic set: a car with three cameras, a lidar and a radar that drives a curve, twice.
 
 use crate::{
-    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, FileSink, Layout,
-    PictureReading, PlaceInfo, PointSource, ReadingData, ReadingInfo, RigidPose, SensorInfo, SensorInfoKind,
-    SensorReading, SetError, SetInfo, WeatherInfo,
+    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, FileSink,
+    LAYOUTS, Layout, PictureReading, PlaceInfo, PointSource, ReadingData, ReadingInfo, RigidPose, SensorInfo,
+    SensorInfoKind, SensorReading, SetError, SetInfo, WeatherInfo,
 };
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -137,11 +137,20 @@ pub fn readings(set: &SetInfo) -> Vec<ReadingInfo> {
 /// A point of the world that all lidars hit and pictures show as a red spot, m.
 pub(crate) const SPOT: DVec3 = DVec3::new(30.0, 2.0, 1.0);
 
+/// The layout of a name.
+///
+/// # Panics
+/// If there is none.
+#[must_use]
+pub fn layout(name: &str) -> &'static Layout {
+    LAYOUTS.iter().find(|layout| layout.name == name).expect("a layout of this name")
+}
+
 /// Writes the set in a layout, eight frames a block.
 ///
 /// # Errors
 /// Those of the layout.
-pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), SetError> {
+pub fn write(layout: &Layout, files: &mut dyn FileSink) -> Result<(), SetError> {
     write_in_blocks(layout, BLOCK, files)
 }
 
@@ -150,18 +159,19 @@ pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), SetErr
 /// # Errors
 /// Those of the layout.
 pub(crate) fn write_in_blocks(
-    layout: &dyn Layout,
+    layout: &Layout,
     frames: u32,
     files: &mut dyn FileSink,
 ) -> Result<(), SetError> {
     let set = set();
-    layout.check(&set)?;
+    (layout.check)(&set)?;
     let clips = clips();
     let all: Vec<ReadingInfo> =
         readings(&set).into_iter().map(|info| ReadingInfo { block: info.frame / frames, ..info }).collect();
     for clip in &clips {
         for own in all.chunk_by(|a, b| a.block == b.block) {
-            let mut block = layout.block(BlockInfo { set: &set, clip, number: own[0].block, readings: own });
+            let mut block =
+                (layout.block)(BlockInfo { set: &set, clip, number: own[0].block, readings: own });
             for info in own {
                 with_data(&set, *info, &mut |reading| block.write(reading, files))?;
             }
@@ -169,7 +179,7 @@ pub(crate) fn write_in_blocks(
         }
     }
     let mut records = clips.into_iter().map(|clip| Ok(ClipRecord { clip, readings: all.clone() }));
-    layout.tables(&set, &mut records, files)
+    (layout.tables)(&set, &mut records, files)
 }
 
 /// The set as numbers for scripts that read its files with other programs: sensors with

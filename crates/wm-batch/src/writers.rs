@@ -97,13 +97,13 @@ impl<'a> BlockWriters<'a> {
             self.close()?;
             let own =
                 BlockInfo { set, clip: &active.info, number: active.part.number, readings: &active.readings };
-            self.open = Some((part, plan.layouts.iter().map(|layout| layout.block(own)).collect()));
+            self.open = Some((part, plan.layouts.iter().map(|layout| (layout.block)(own)).collect()));
         }
         let info = active.readings[index];
         let reading = SensorReading { info, data: self.data(&info, buffer) };
         if let Some((_, writers)) = &mut self.open {
             for (layout, writer) in plan.layouts.iter().zip(writers) {
-                writer.write(&reading, &mut self.files.layout(layout.name()))?;
+                writer.write(&reading, &mut self.files.layout(layout.name))?;
             }
         }
         if plan.writes_frames {
@@ -165,7 +165,7 @@ impl<'a> BlockWriters<'a> {
     fn close(&mut self) -> Result<()> {
         let Some((_, writers)) = self.open.take() else { return Ok(()) };
         for (layout, writer) in self.target.plan.layouts.iter().zip(writers) {
-            writer.finish(&mut self.files.layout(layout.name()))?;
+            writer.finish(&mut self.files.layout(layout.name))?;
         }
         Ok(())
     }

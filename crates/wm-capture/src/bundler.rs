@@ -48,7 +48,7 @@ pub(super) fn read(
     let Some(list) = lists.into_iter().find(|list| list.is_file()).or_else(|| with_extension(beside, "lst"))
     else {
         let what = "the list of its photos, list.txt or imagelist.lst, is not beside it; export it too";
-        return Err(FormatError::whole(&path, Problem::Value(what.into())));
+        return Err(FormatError::value(&path, what));
     };
     let names = read_list(&list)?;
     let mut source = Source::open(&path)?;
@@ -57,19 +57,10 @@ pub(super) fn read(
     let point_count: u64 = words.next("the number of points")?;
     if count != names.len() {
         let what = format!("it has {count} cameras, {} names {} photos", list.display(), names.len());
-        return Err(FormatError::whole(&path, Problem::Value(one_line(&what))));
+        return Err(FormatError::value(&path, one_line(&what)));
     }
     // Photos are looked for before their cameras are known: their size is part of those.
-    let unsized_view = |name: &String| CaptureView {
-        name: name.replace('\\', "/"),
-        camera: Camera::posed((1, 1), 50.0, DVec3::ZERO, DMat3::IDENTITY),
-        distortion: Distortion::None,
-        camera_id: 1,
-        file: PathBuf::from(name),
-        mask: None,
-        original: None,
-    };
-    let mut all: Vec<CaptureView> = names.iter().map(unsized_view).collect();
+    let mut all: Vec<CaptureView> = names.iter().map(|name| CaptureView::without_camera(name)).collect();
     let (images, remarks) = places::find(&[&folder, beside], options, &places::IMAGES, &mut all)?;
     let mut views = Vec::new();
     // Which view each camera of the file is.
@@ -81,10 +72,8 @@ pub(super) fn read(
             continue;
         };
         let photo = places::photo(&images, &view).ok_or_else(|| {
-            FormatError::whole(
-                &images.join(&view.file),
-                Problem::Photo("the photo is missing, whose size is needed".into()),
-            )
+            let problem = Problem::Photo("the photo is missing, whose size is needed".into());
+            FormatError::whole(&images.join(&view.file), problem)
         })?;
         let size = header::read_header(&photo)?;
         let center = [0.5 * f64::from(size.width), 0.5 * f64::from(size.height)];
@@ -92,10 +81,7 @@ pub(super) fn read(
         view.distortion = distortion;
         view.camera_id = index as u32 + 1;
         let fault = |e: wm_scene::CameraError| {
-            FormatError::whole(
-                &path,
-                Problem::Value(format!("camera {index}, {}: {e}", one_line(&view.name))),
-            )
+            FormatError::value(&path, format!("camera {index}, {}: {e}", one_line(&view.name)))
         };
         view.camera.check().map_err(fault)?;
         places_of.push(Some(views.len()));
@@ -110,17 +96,9 @@ pub(super) fn read(
     }
     if views.is_empty() {
         let what = "no photo is registered in it; reconstruct the capture again";
-        return Err(FormatError::whole(&path, Problem::Value(what.into())));
+        return Err(FormatError::value(&path, what));
     }
-    Ok(Some(Capture {
-        source: dataset.into(),
-        images,
-        views,
-        points,
-        observations,
-        remarks,
-        ..Capture::default()
-    }))
+    Ok(Some(Capture { images, views, points, observations, remarks, ..Capture::default() }))
 }
 
 /// The only file in a folder with an extension.
@@ -133,10 +111,7 @@ fn with_extension(folder: &Path, extension: &str) -> Option<PathBuf> {
 
 /// Returns true if a file begins as Bundler's.
 fn is_bundle(path: &Path) -> bool {
-    let mut source = match Source::open(path) {
-        Ok(source) => source,
-        Err(_) => return false,
-    };
+    let Ok(mut source) = Source::open(path) else { return false };
     matches!(source.line(), Ok(Some(line)) if line.to_ascii_lowercase().starts_with(b"# bundle file"))
 }
 

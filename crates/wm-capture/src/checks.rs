@@ -2,9 +2,8 @@
 
 use super::{Capture, CaptureView, Observation};
 use std::collections::HashSet;
-use wm_base::{FormatError, Problem};
-use wm_scene::Remark;
-use wm_scene::SparsePoints;
+use wm_base::FormatError;
+use wm_scene::{Remark, SparsePoints};
 
 /// Largest coordinate of a point or camera, scene units: a hundred times the Earth's radius in
 /// millimetres.
@@ -23,7 +22,7 @@ const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 1e-2..=1e4;
 pub(super) fn clean(capture: &mut Capture) -> Result<(), FormatError> {
     if let Some((view, what)) = capture.views.iter().find_map(|view| Some((view, absurd(view)?))) {
         let what = format!("the camera of {:?} {what}; reconstruct or export the capture again", view.name);
-        return Err(FormatError::whole(&capture.source, Problem::Value(what)));
+        return Err(FormatError::value(&capture.source, what));
     }
     let absurd = leave_out_absurd(&mut capture.points, &mut capture.observations);
     if absurd > 0 {

@@ -90,7 +90,7 @@ const FOREIGN: [Foreign; 27] = [
 /// The error of a folder or file that is no capture that can be read: it says what it is and what
 /// to do.
 pub(super) fn refusal(dataset: &Path) -> FormatError {
-    let fault = |what: String| FormatError::whole(dataset, Problem::Value(what));
+    let fault = |what: String| FormatError::value(dataset, what);
     let (folder, names) = if dataset.is_dir() {
         (dataset, names_in(dataset))
     } else {

@@ -398,12 +398,7 @@ mod tests {
     #[test]
     fn places_that_say_nothing_give_nothing() {
         let line = |step: f64, count: usize| -> (Vec<DVec3>, Vec<Option<Gps>>) {
-            (0..count)
-                .map(|i| {
-                    let at = DVec3::new(step * i as f64, 0.0, 0.0);
-                    (at, Some(place(at)))
-                })
-                .unzip()
+            (0..count).map(|i| DVec3::X * step * i as f64).map(|at| (at, Some(place(at)))).unzip()
         };
         let (centers, places) = line(10.0, 2);
         assert_eq!(fit(&centers, &places), None);

@@ -30,17 +30,16 @@ mod tests;
 mod transforms;
 pub mod up;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde::de::DeserializeOwned;
 use std::{
     fs::{self, File},
     io::BufReader,
     path::{Path, PathBuf},
 };
-use wm_base::{FormatError, Problem, error::json_fault, files};
-use wm_scene::SparsePoints;
+use wm_base::{FormatError, error::json_fault, files};
 use wm_scene::camera::Distortion;
-use wm_scene::{Camera, Remark, SceneView, origin};
+use wm_scene::{Camera, Remark, SceneView, SparsePoints, origin};
 
 pub use ground::{CaptureGround, CaptureGroundError};
 pub use logs::{DrivingLog, LogCaptureOptions, LogCaptureSummary, LogOptions};
@@ -127,6 +126,19 @@ pub struct Observation {
 }
 
 impl CaptureView {
+    /// A view of a photo, by its path in the folder of the photos; `/` divides the name, whatever
+    /// divides the path.
+    #[must_use]
+    pub fn new(file: &str, camera: Camera, distortion: Distortion, camera_id: u32) -> Self {
+        let (name, file) = (file.replace('\\', "/"), file.into());
+        Self { name, camera, distortion, camera_id, file, mask: None, original: None }
+    }
+
+    /// A view whose camera is not known before its photo is found.
+    fn without_camera(file: &str) -> Self {
+        Self::new(file, Camera::posed((1, 1), 50.0, DVec3::ZERO, DMat3::IDENTITY), Distortion::None, 1)
+    }
+
     /// The pinhole camera of the photo without its distortion; see [`Distortion::undistorted`].
     #[must_use]
     pub fn undistorted(&self) -> Option<Camera> {
@@ -158,7 +170,7 @@ impl Capture {
     /// # Errors
     /// [`FormatError`] says which it lacks.
     pub fn check_trainable(&self) -> Result<(), FormatError> {
-        let fault = |what: String| Err(FormatError::whole(&self.source, Problem::Value(what)));
+        let fault = |what: String| Err(FormatError::value(&self.source, what));
         match self.views.len() {
             count @ 0..=2 => fault(format!(
                 "{count} of the photos {} registered, at least 3 are needed; take more, with overlap, and \
@@ -261,7 +273,7 @@ pub fn read_views(dataset: &Path) -> Result<Vec<SceneView>, FormatError> {
     let capture = read_as(dataset, &CaptureOptions::default(), ReadScope::Views)?;
     let ideal = capture.views.into_iter().map(|view| match view.undistorted() {
         Some(camera) => Ok(SceneView { name: view.name, camera }),
-        None => Err(FormatError::whole(dataset, Problem::Value(folds(&view.name)))),
+        None => Err(FormatError::value(dataset, folds(&view.name))),
     });
     ideal.collect()
 }
@@ -301,6 +313,8 @@ fn read_as(dataset: &Path, options: &CaptureOptions, scope: ReadScope) -> Result
     }
     for reader in READERS {
         if let Some(mut capture) = reader(dataset, options, scope)? {
+            capture.source = dataset.into();
+            capture.observations.resize(capture.views.len(), Vec::new());
             capture.sort();
             checks::clean(&mut capture)?;
             // Views are wanted as they are, to be put into scenes that have origins of their own.

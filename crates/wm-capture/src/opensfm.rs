@@ -9,17 +9,12 @@
 use super::{Capture, CaptureOptions, CaptureView, ReadScope, find_main, places, read_json};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
-use wm_base::{
-    FormatError, Problem,
-    error::{excerpt, one_line},
-};
-use wm_scene::SparsePoints;
-use wm_scene::camera::Distortion;
-use wm_scene::{Camera, Remark, camera::viewmat_of};
+use std::collections::BTreeMap;
+use std::path::Path;
+use wm_base::FormatError;
+use wm_base::error::{excerpt, one_line};
+use wm_scene::camera::{Distortion, viewmat_of};
+use wm_scene::{Camera, Remark, SparsePoints};
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
@@ -100,7 +95,7 @@ pub(super) fn read(
     let is_main = |path: &Path| path.file_name().is_some_and(|name| name == FILES[0]);
     let Some((path, folder)) = find_main(dataset, &FILES, is_main) else { return Ok(None) };
     let all: Vec<Reconstruction> = read_json(&path)?;
-    let fault = |what: String| FormatError::whole(&path, Problem::Value(one_line(&what)));
+    let fault = |what: String| FormatError::value(&path, one_line(&what));
     let (parts, shots) = (all.len(), all.iter().map(|one| one.shots.len()).sum::<usize>());
     // Of equal ones the first.
     let largest = all.into_iter().rev().max_by_key(|one| one.shots.len()).filter(|one| !one.shots.is_empty());
@@ -129,8 +124,10 @@ pub(super) fn read(
         let rotation = DMat3::from_quat(DQuat::from_scaled_axis(shot.rotation));
         let camera = Camera { viewmat: viewmat_of(rotation, shot.translation), ..camera };
         camera.check().map_err(|e| fault(e.to_string()))?;
-        let (name, file) = (name.clone(), PathBuf::from(name));
-        views.push(CaptureView { name, camera, distortion, camera_id, file, mask: None, original: None });
+        views.push(CaptureView {
+            name: name.clone(),
+            ..CaptureView::new(name, camera, distortion, camera_id)
+        });
     }
     let mut points = SparsePoints::default();
     if scope == ReadScope::Everything {
@@ -140,16 +137,7 @@ pub(super) fn read(
     }
     let (images, found) = places::find(&[&folder], options, &places::IMAGES, &mut views)?;
     remarks.extend(found);
-    let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture {
-        source: dataset.into(),
-        images,
-        views,
-        points,
-        observations,
-        remarks,
-        ..Capture::default()
-    }))
+    Ok(Some(Capture { images, views, points, remarks, ..Capture::default() }))
 }
 
 #[cfg(test)]

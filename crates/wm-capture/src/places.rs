@@ -99,7 +99,7 @@ fn drive(path: &str) -> bool {
 }
 
 fn refused(folder: &Path, error: &Ambiguity) -> FormatError {
-    FormatError::whole(folder, Problem::Value(error.to_string()))
+    FormatError::value(folder, error.to_string())
 }
 
 /// The error of a folder that was asked for and has no file of any view.
@@ -109,7 +109,7 @@ fn none_in(folder: &Path, kind: &str, names: &[&str]) -> FormatError {
         "no {kind} of any of the {} photos is in it, such as of {first:?}; name another folder",
         names.len()
     );
-    FormatError::whole(folder, Problem::Value(what))
+    FormatError::value(folder, what)
 }
 
 /// The folder of photos that has most of the names; if none has any, the first that is there, so
@@ -138,15 +138,10 @@ fn usual_images(roots: &[&Path], usual: &[&str], names: &[&str]) -> FileIndex {
             }
         }
     }
-    best.map_or_else(
-        || {
-            FileIndex::new(
-                roots.first().map_or_else(PathBuf::new, |root| root.join(IMAGES[0])),
-                FileKind::PHOTO,
-            )
-        },
-        |(_, index)| index,
-    )
+    best.map(|(_, index)| index).unwrap_or_else(|| {
+        let usual = roots.first().map_or_else(PathBuf::new, |root| root.join(IMAGES[0]));
+        FileIndex::new(usual, FileKind::PHOTO)
+    })
 }
 
 /// The folder that has all of the files in it or below.

@@ -10,7 +10,7 @@ use super::{Capture, CaptureOptions, CaptureView, ReadScope, places};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use wm_base::error::{json_fault, one_line};
-use wm_base::{FormatError, Problem, files};
+use wm_base::{FormatError, files};
 use wm_scene::camera::Distortion;
 use wm_scene::{Camera, Remark};
 
@@ -49,18 +49,14 @@ pub(super) fn read(
 ) -> Result<Option<Capture>, FormatError> {
     let folders = [dataset.join("keyframes"), dataset.to_path_buf()];
     let kinds = [("corrected_cameras", "corrected_images"), ("cameras", "images")];
-    let mut found = None;
-    for (folder, (cameras, images)) in folders.iter().flat_map(|folder| kinds.map(|kind| (folder, kind))) {
-        let files = json_files(&folder.join(cameras));
-        if !files.is_empty() && folder.join(images).is_dir() {
-            found = Some((folder, files, images));
-            break;
-        }
-    }
+    let places = folders.iter().flat_map(|folder| kinds.map(|kind| (folder, kind)));
+    let mut found =
+        places.map(|(folder, (cameras, images))| (folder, json_files(&folder.join(cameras)), images));
+    let found = found.find(|(folder, files, images)| !files.is_empty() && folder.join(images).is_dir());
     let Some((folder, files, images)) = found else { return Ok(None) };
     let mut views = Vec::with_capacity(files.len());
     for (index, path) in files.iter().enumerate() {
-        let fault = |what: String| FormatError::whole(path, Problem::Value(one_line(&what)));
+        let fault = |what: String| FormatError::value(path, one_line(&what));
         let text =
             files::read_text(path, files::SMALL_TEXT).map_err(|error| FormatError::reading(path, error))?;
         let shot: Shot = serde_json::from_str(&text)
@@ -71,17 +67,7 @@ pub(super) fn read(
         let camera = Camera { viewmat: viewmat(&rows).map_err(fault)?, ..pinhole };
         camera.check().map_err(|error| fault(format!("{error}; export the raw data again")))?;
         let name = format!("{}.jpg", path.file_stem().unwrap_or_default().to_string_lossy());
-        let file = PathBuf::from(&name);
-        let camera_id = index as u32 + 1;
-        views.push(CaptureView {
-            name,
-            camera,
-            distortion: Distortion::None,
-            camera_id,
-            file,
-            mask: None,
-            original: None,
-        });
+        views.push(CaptureView::new(&name, camera, Distortion::None, index as u32 + 1));
     }
     let mut remarks = Vec::new();
     if images == kinds[1].1 {
@@ -93,8 +79,7 @@ pub(super) fn read(
     }
     let (images, found) = places::find(&[folder], options, &[images], &mut views)?;
     remarks.extend(found);
-    let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, views, observations, remarks, ..Capture::default() }))
+    Ok(Some(Capture { images, views, remarks, ..Capture::default() }))
 }
 
 /// The JSON files of a folder, sorted by name; none if there is no such folder.

@@ -47,16 +47,7 @@ pub fn taken_if(
             let viewmat = DMat4::from_mat3(rotation) * DMat4::from_translation(-center);
             let name = format!("{index:03}.jpg");
             let camera = Camera { viewmat, ..*camera };
-            let file = name.clone().into();
-            CaptureView {
-                name,
-                camera,
-                distortion: Distortion::None,
-                camera_id: 1,
-                file,
-                mask: None,
-                original: None,
-            }
+            CaptureView::new(&name, camera, Distortion::None, 1)
         })
         .collect();
     Capture { source: "made up".into(), views, points: stored, observations, ..Capture::default() }

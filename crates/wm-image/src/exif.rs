@@ -10,6 +10,7 @@ use crate::header::Orientation;
 use ::exif::{In, Tag, Value};
 use serde::Deserialize;
 use std::ops::RangeInclusive;
+use wm_base::calendar;
 use wm_scene::Gps;
 
 /// The tags of EXIF that are looked at.
@@ -184,19 +185,10 @@ fn of_day(hour: f64, minute: f64, second: f64) -> Option<f64> {
 fn days(date: &[u8]) -> Option<i64> {
     let [y3, y2, y1, y0, b':' | b'-', m1, m0, b':' | b'-', d1, d0] = *date else { return None };
     let (year, month, day) = (number(&[y3, y2, y1, y0])?, number(&[m1, m0])?, number(&[d1, d0])?);
-    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-    let length = match month {
-        2 => 28 + i64::from(is_leap),
-        4 | 6 | 9 | 11 => 30,
-        1..=12 => 31,
-        _ => return None,
-    };
-    if !YEARS.contains(&year) || !(1..=length).contains(&day) {
-        return None;
-    }
-    // Years that begin with March end with the leap day (Hinnant's algorithm).
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    Some(365 * year + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5 + day - 1 - 719_468)
+    let days = calendar::days(year, month, day);
+    // A day that the month lacks is another date.
+    let is_date = calendar::date_and_time(days * SECONDS_A_DAY)[..3] == [year, month, day];
+    (YEARS.contains(&year) && is_date).then_some(days)
 }
 
 /// Seconds by which a clock is ahead of UTC, of a text such as `+02:00`.

@@ -133,29 +133,24 @@ pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
 /// # Errors
 /// [`Problem`] as [`read_header`] has it.
 pub fn parse(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
-    let mut start = [0; MARK_BYTES];
-    let length = read_up_to(input, &mut start)?;
-    let start = &start[..length];
-    let kind = match start {
+    let mut start = Vec::new();
+    input.by_ref().take(MARK_BYTES as u64).read_to_end(&mut start).map_err(Problem::Read)?;
+    let (kind, mark) = match &start[..] {
         [] => return Err(Problem::Empty),
-        [0xff, 0xd8, ..] => PhotoKind::Jpeg,
-        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => PhotoKind::Png,
-        _ => return Err(Problem::Photo(unknown(start))),
+        [0xff, 0xd8, ..] => (PhotoKind::Jpeg, 2),
+        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => (PhotoKind::Png, 8),
+        start => return Err(Problem::Photo(unknown(start))),
     };
-    let header = match kind {
-        PhotoKind::Jpeg => {
-            input.seek(SeekFrom::Start(2)).map_err(Problem::Read)?;
-            jpeg(input)?
-        }
-        PhotoKind::Png => {
-            input.seek(SeekFrom::Start(8)).map_err(Problem::Read)?;
-            png(input)?
-        }
+    input.seek(SeekFrom::Start(mark)).map_err(Problem::Read)?;
+    let (width, height, tags) = match kind {
+        PhotoKind::Jpeg => jpeg(input)?,
+        PhotoKind::Png => png(input)?,
     };
-    if header.width == 0 || header.height == 0 {
+    if width == 0 || height == 0 {
         return Err(Problem::Photo("its header gives it no width or no height; export it again".into()));
     }
-    Ok(header)
+    let Tags { orientation, gps, taken } = tags;
+    Ok(PhotoHeader { kind, width, height, orientation, gps, taken })
 }
 
 fn unknown(start: &[u8]) -> String {
@@ -170,7 +165,8 @@ fn unknown(start: &[u8]) -> String {
     format!("{known}; photos must be JPEG or PNG, convert it")
 }
 
-fn jpeg(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
+/// Width, height and tags.
+fn jpeg(input: &mut (impl Read + Seek)) -> Result<(u32, u32, Tags), Problem> {
     let mut tags = Tags::default();
     for _ in 0..MAX_PARTS {
         let mut marker = [0];
@@ -199,14 +195,7 @@ fn jpeg(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
             take(input, &mut frame)?;
             let [_, h1, h0, w1, w0] = frame;
             let (width, height) = (u16::from_be_bytes([w1, w0]), u16::from_be_bytes([h1, h0]));
-            return Ok(PhotoHeader {
-                kind: PhotoKind::Jpeg,
-                width: width.into(),
-                height: height.into(),
-                orientation: tags.orientation,
-                gps: tags.gps,
-                taken: tags.taken,
-            });
+            return Ok((width.into(), height.into(), tags));
         }
         if marker == 0xe1 {
             let mut segment = vec![0; usize::from(length)];
@@ -221,7 +210,8 @@ fn jpeg(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
     Err(Problem::Photo("a JPEG without a frame header; it is damaged".into()))
 }
 
-fn png(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
+/// Width, height and tags.
+fn png(input: &mut (impl Read + Seek)) -> Result<(u32, u32, Tags), Problem> {
     let mut size = None;
     let mut tags = Tags::default();
     for _ in 0..MAX_PARTS {
@@ -237,10 +227,7 @@ fn png(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
                 size = Some((u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h])));
                 input.seek_relative(i64::from(length) - 8 + 4).map_err(Problem::Read)?;
             }
-            (b"IDAT" | b"IEND", Some((width, height))) => {
-                let Tags { orientation, gps, taken } = tags;
-                return Ok(PhotoHeader { kind: PhotoKind::Png, width, height, orientation, gps, taken });
-            }
+            (b"IDAT" | b"IEND", Some((width, height))) => return Ok((width, height, tags)),
             (b"eXIf", Some(_)) if length <= 1 << 16 => {
                 let mut exif = vec![0; length as usize];
                 take(input, &mut exif)?;
@@ -259,19 +246,6 @@ fn take(input: &mut impl Read, out: &mut [u8]) -> Result<(), Problem> {
         std::io::ErrorKind::UnexpectedEof => Problem::Photo("cut off in its header; copy it again".into()),
         _ => Problem::Read(error),
     })
-}
-
-fn read_up_to(input: &mut impl Read, out: &mut [u8]) -> Result<usize, Problem> {
-    let mut done = 0;
-    while done < out.len() {
-        match input.read(&mut out[done..]) {
-            Ok(0) => break,
-            Ok(count) => done += count,
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(Problem::Read(error)),
-        }
-    }
-    Ok(done)
 }
 
 #[cfg(test)]

@@ -292,7 +292,7 @@ mod tests {
     use super::*;
     use crate::{
         splats::{Splat, logit},
-        testing::{any_scene, bits, data},
+        testing::{SPLAT, any_scene, bits, data},
     };
     use proptest::prelude::*;
 
@@ -302,11 +302,10 @@ mod tests {
         for index in 0..200 {
             splats.push(&Splat {
                 mean: [index as f32; 3],
-                quat: [1.0, 0.0, 0.0, 0.0],
                 log_scale: [0.1f32.ln(), -4.0, -5.0],
                 logit_opacity: logit(0.52) as f32,
-                rgb: [0.5; 3],
                 group: if index == 199 { Group::Sky } else { Group::Scene },
+                ..SPLAT
             });
         }
         splats

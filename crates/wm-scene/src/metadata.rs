@@ -243,46 +243,34 @@ impl Metadata {
     /// `self` where it says something, `other` elsewhere. The source and the confidence of a fact
     /// go with the fact.
     #[must_use]
-    pub fn or(self, other: Self) -> Self {
+    pub fn or(self, mut other: Self) -> Self {
         // The other's word on a fact goes with its fact.
-        fn note<N, T>(own: Option<N>, other: Option<N>, facts: (&Option<T>, &Option<T>)) -> Option<N> {
-            let is_replaced = facts.0.is_some() && facts.1.is_some();
-            own.or(other.filter(|_| !is_replaced))
+        if self.metres_per_unit.is_some() && other.metres_per_unit.is_some() {
+            (other.scale_source, other.scale_confidence) = (None, None);
         }
-        let scale = (&self.metres_per_unit, &other.metres_per_unit);
-        let (up, ground) = ((&self.up, &other.up), (&self.ground, &other.ground));
-        let (north, captured) = ((&self.north, &other.north), (&self.captured, &other.captured));
-        let haze = (&self.haze_extinction, &other.haze_extinction);
-        Self {
-            scale_source: note(self.scale_source, other.scale_source, scale),
-            scale_confidence: note(self.scale_confidence, other.scale_confidence, scale),
-            up_source: note(self.up_source, other.up_source, up),
-            up_confidence: note(self.up_confidence, other.up_confidence, up),
-            north_source: note(self.north_source, other.north_source, north),
-            captured_span: note(self.captured_span, other.captured_span, captured),
-            ground_confidence: note(self.ground_confidence, other.ground_confidence, ground),
-            origin: self.origin.or(other.origin),
-            metres_per_unit: self.metres_per_unit.or(other.metres_per_unit),
-            up: self.up.or(other.up),
-            north: self.north.or(other.north),
-            location: self.location.or(other.location),
-            captured: self.captured.or(other.captured),
-            sun: self.sun.or(other.sun),
-            ground: self.ground.or(other.ground),
-            camera_height: self.camera_height.or(other.camera_height),
-            airlight: self.airlight.or(other.airlight),
-            white_card: self.white_card.or(other.white_card),
-            haze_extinction_error: note(self.haze_extinction_error, other.haze_extinction_error, haze),
-            haze_extinction: self.haze_extinction.or(other.haze_extinction),
-            haze_shown_extinction: note(self.haze_shown_extinction, other.haze_shown_extinction, haze),
-            haze_airlight: self.haze_airlight.or(other.haze_airlight),
-            water: self.water.or(other.water),
-            water_labels: self.water_labels.or(other.water_labels),
-            lamps: self.lamps.or(other.lamps),
-            windows: self.windows.or(other.windows),
-            reflectances: self.reflectances.or(other.reflectances),
-            rasterization: self.rasterization.or(other.rasterization),
-            provenance: self.provenance.or(other.provenance),
+        if self.up.is_some() && other.up.is_some() {
+            (other.up_source, other.up_confidence) = (None, None);
+        }
+        if self.north.is_some() && other.north.is_some() {
+            other.north_source = None;
+        }
+        if self.captured.is_some() && other.captured.is_some() {
+            other.captured_span = None;
+        }
+        if self.ground.is_some() && other.ground.is_some() {
+            other.ground_confidence = None;
+        }
+        if self.haze_extinction.is_some() && other.haze_extinction.is_some() {
+            (other.haze_extinction_error, other.haze_shown_extinction) = (None, None);
+        }
+        macro_rules! merged {
+            ($($field:ident)*) => { Self { $($field: self.$field.or(other.$field)),* } };
+        }
+        merged! {
+            origin metres_per_unit scale_source scale_confidence up up_source up_confidence north
+            north_source location captured captured_span sun ground ground_confidence camera_height
+            airlight white_card haze_extinction haze_extinction_error haze_shown_extinction
+            haze_airlight water water_labels lamps windows reflectances rasterization provenance
         }
     }
 
@@ -329,53 +317,8 @@ pub(crate) fn leveled(north: DVec3, up: DVec3) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::full;
     use proptest::prelude::*;
-
-    fn full() -> Metadata {
-        Metadata {
-            origin: Some(DVec3::new(500_000.0, 4_000_000.0, -0.125)),
-            metres_per_unit: Some(16.4),
-            scale_source: Some("a tape".into()),
-            scale_confidence: Some(Confidence::Likely),
-            up: Some(DVec3::NEG_Y),
-            up_source: Some("a plumb line".into()),
-            up_confidence: Some(Confidence::Guess),
-            north: Some(DVec3::new(0.6, 0.0, -0.8)),
-            north_source: Some("a compass".into()),
-            location: Some([52.0851, -5.1683]),
-            captured: Some(1_717_059_360.0),
-            captured_span: Some(95.5),
-            sun: Some(PhotoSun::Towards(DVec3::new(0.0, 0.8, 0.6))),
-            ground: Some(-1.5),
-            ground_confidence: Some(Confidence::Likely),
-            camera_height: Some(0.1),
-            airlight: Some([0.7, 0.75, 0.8]),
-            white_card: Some(1.5),
-            haze_extinction: Some(0.4),
-            haze_extinction_error: Some(0.03),
-            haze_shown_extinction: Some(0.42),
-            haze_airlight: Some([0.5, 0.55, 0.6]),
-            water: Some(vec![vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]]]),
-            water_labels: Some(vec![3, 21]),
-            lamps: Some(vec![
-                Lamp::new([0.5, -1.5, 6.0]),
-                Lamp { aim: Some([0.0, 0.0, -1.0]), beam: 90.0, ..Lamp::new([1.5, 2.0, 6.0]) },
-            ]),
-            windows: Some(vec![LitWindow {
-                corner: [0.0, 1.0, 2.0],
-                across: [1.5, 0.0, 0.0],
-                upwards: [0.0, 0.0, 1.0],
-                luminance: 20.0,
-                kelvin: 2700.0,
-            }]),
-            reflectances: Some(vec![
-                LabelReflectance { label: 7, reflectance: 0.25, wavelength: None },
-                LabelReflectance { label: 7, reflectance: 0.5, wavelength: Some(905.0) },
-            ]),
-            rasterization: Some(Rasterization::Antialiased),
-            provenance: Some("a test".into()),
-        }
-    }
 
     #[test]
     fn the_list_of_keys_is_that_of_the_fields() {

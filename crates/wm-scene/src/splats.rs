@@ -155,6 +155,10 @@ impl Splats {
         self.logit_opacities.resize(count, 0.0);
         self.sh.resize(sh_size, 0.0);
         self.groups.resize(count, Group::default());
+        self.resize_names(count);
+    }
+
+    fn resize_names(&mut self, count: usize) {
         for kind in LabelKind::ALL {
             if !self.names(kind).is_empty() {
                 self.names_mut(kind).resize(count, 0);
@@ -295,12 +299,7 @@ impl Splats {
         self.sh.extend(splat.rgb.map(|c| sh::dc_of(f64::from(c)) as f32));
         self.sh.extend(std::iter::repeat_n(0.0, self.sh_stride() - 3));
         self.groups.push(splat.group);
-        let count = self.len();
-        for kind in LabelKind::ALL {
-            if !self.names(kind).is_empty() {
-                self.names_mut(kind).resize(count, 0);
-            }
-        }
+        self.resize_names(self.len());
     }
 
     /// Checks that all arrays fit each other.
@@ -384,16 +383,10 @@ pub fn shortest_axis(scales: [f32; 3]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::SPLAT;
 
     fn one() -> Splat {
-        Splat {
-            mean: [1.0, 2.0, 3.0],
-            quat: [1.0, 0.0, 0.0, 0.0],
-            log_scale: [-1.0, -3.0, -2.0],
-            logit_opacity: 0.0,
-            rgb: [0.25, 0.5, 0.75],
-            group: Group::Sky,
-        }
+        Splat { mean: [1.0, 2.0, 3.0], log_scale: [-1.0, -3.0, -2.0], group: Group::Sky, ..SPLAT }
     }
 
     #[test]

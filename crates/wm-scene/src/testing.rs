@@ -4,7 +4,7 @@
 mod any;
 
 #[cfg(test)]
-pub use any::{any_scene, bits};
+pub use any::{SPLAT, any_scene, bits, full, push_row};
 
 use std::path::PathBuf;
 use wm_base::random::uniform;

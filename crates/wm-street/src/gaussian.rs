@@ -70,12 +70,10 @@ impl SplatSampling<'_> {
             // Renderers draw nothing finer than a pixel: what is finer is made paler instead.
             Cell::Rod => 0.95 * (sigmas[0] / (0.0007 * spot.point.distance(viewer))).clamp(0.2, 1.0),
         };
+        let turn = DQuat::from_mat3(&axes);
         Some(Splat {
             mean: mean.as_vec3().to_array(),
-            quat: {
-                let q = DQuat::from_mat3(&axes);
-                [q.w, q.x, q.y, q.z].map(|v| v as f32)
-            },
+            quat: [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32),
             log_scale: sigmas.map(|sigma| sigma.max(1e-5).ln() as f32),
             logit_opacity: splats::logit(opacity) as f32,
             rgb: display_of(radiance.to_array()).map(|v| v as f32),

@@ -7,7 +7,7 @@ use hash::Dice;
 use std::sync::OnceLock;
 use wm_scene::{Camera, Group, Splats};
 
-fn street() -> &'static Place {
+pub(crate) fn street() -> &'static Place {
     static STREET: OnceLock<Place> = OnceLock::new();
     STREET.get_or_init(Street::builtin)
 }

@@ -16,47 +16,23 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, layer, picture};
-use crate::{BlockInfo, SensorReading, SetError, SetInfo, picture_files};
+use crate::{BlockInfo, SensorReading, picture_files};
 
 const NAME: &str = "acdc";
 
-pub(super) const LAYOUT: Acdc = Acdc;
+pub(super) const LAYOUT: Layout = Layout {
+    name: NAME,
+    about: "ACDC's names: PNG by condition, each with the same view without weather",
+    needs: LayerNeeds { clean: true, ..LayerNeeds::NONE },
+    needs_every_sensor: false,
+    check: |set| check_cameras(NAME, set),
+    block,
+    tables: |_, _, _| Ok(()),
+};
 
-pub(super) struct Acdc;
-
-impl Layout for Acdc {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn about(&self) -> &'static str {
-        "ACDC's names: PNG by condition, each with the same view without weather"
-    }
-
-    fn needs(&self) -> LayerNeeds {
-        LayerNeeds { clean: true, ..LayerNeeds::default() }
-    }
-
-    fn needs_every_sensor(&self) -> bool {
-        false
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        check_cameras(NAME, set)
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(Pairs { block })
-    }
-}
-
-struct Pairs<'a> {
-    block: BlockInfo<'a>,
-}
-
-impl BlockWriter for Pairs<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let BlockInfo { set, clip, .. } = self.block;
+fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let BlockInfo { set, clip, .. } = block;
+    Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let sequence = match cameras(set).count() {
             1 => clip.name.clone(),
@@ -69,7 +45,7 @@ impl BlockWriter for Pairs<'_> {
         let clean = layer(sensor, camera, picture.clean, 3, "picture without weather")?;
         files.write(&path(split, "rgb"), &picture_files::png(sensor, camera, picture.rgb)?)?;
         files.write(&path(&format!("{split}_ref"), "rgb_ref"), &picture_files::png(sensor, camera, clean)?)
-    }
+    })
 }
 
 #[cfg(test)]

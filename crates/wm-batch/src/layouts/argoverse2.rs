@@ -23,11 +23,10 @@
 //!
 //! Source: the public API (github.com/argoverse/av2-api, MIT) and a real log.
 
-use super::{BlockWriter, ClipStream, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
 use wm_capture::feather::{FeatherColumn, feather};
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetPoint, ReadingData, SensorReading, SetError, SetInfo};
-use crate::{SensorInfo, SensorInfoKind, picture_files};
+use crate::{BlockInfo, ClipRecord, DatasetPoint, ReadingData, SensorInfo, SensorInfoKind, SensorReading, SetError, SetInfo, picture_files};
 use glam::{DVec3, Vec3};
 use half::f16;
 use std::path::PathBuf;
@@ -51,90 +50,62 @@ const RING_TOLERANCE_DEG: f64 = 25.0;
 /// The names of the two lidars.
 const LIDARS: [&str; 2] = ["up_lidar", "down_lidar"];
 
-pub(super) const LAYOUT: Argoverse2 = Argoverse2;
+pub(super) const LAYOUT: Layout = Layout {
+    name: NAME,
+    about: "Argoverse 2 sensor logs: Feather tables and JPEG; without radars, boxes and maps",
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: true,
+    check: |set| check(set).map_err(|problem| refuse(NAME, problem)),
+    block,
+    tables,
+};
 
-pub(super) struct Argoverse2;
-
-impl Layout for Argoverse2 {
-    fn name(&self) -> &'static str {
-        NAME
+fn check(set: &SetInfo) -> Result<(), String> {
+    let lidars: Vec<_> = lidars(set).collect();
+    if lidars.len() > 1 {
+        let names = lidars.iter().map(|(sensor, _)| sensor.name.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(format!("it holds one lidar and the rig has {names}; keep one of them"));
     }
-
-    fn about(&self) -> &'static str {
-        "Argoverse 2 sensor logs: Feather tables and JPEG; without radars, boxes and maps"
+    if let Some((sensor, rings)) = lidars.iter().find(|(_, rings)| *rings > 256) {
+        let name = &sensor.name;
+        return Err(format!("lidar \"{name}\" has {rings} rings; choose a model with at most 256"));
     }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        let lidars: Vec<_> = lidars(set).collect();
-        if lidars.len() > 1 {
-            let names = lidars.iter().map(|(sensor, _)| sensor.name.as_str()).collect::<Vec<_>>().join(", ");
-            return Err(refuse(
-                NAME,
-                format!("it holds one lidar and the rig has {names}; keep one of them"),
-            ));
-        }
-        if let Some((sensor, rings)) = lidars.iter().find(|(_, rings)| *rings > 256) {
-            let name = &sensor.name;
-            return Err(refuse(
-                NAME,
-                format!("lidar \"{name}\" has {rings} rings; choose a model with at most 256"),
-            ));
-        }
-        if lidars.is_empty() && cameras(set).next().is_none() {
-            return Err(refuse(NAME, "the rig has neither a camera nor a lidar; add one"));
-        }
-        for (_, sensor, camera) in cameras(set) {
-            let name = &sensor.name;
-            let Some([_, _, p1, p2, _]) = distortion(camera) else {
-                return Err(refuse(
-                    NAME,
-                    format!("camera \"{name}\" is no pinhole with distortion; change its lens"),
-                ));
-            };
-            if p1 != 0.0 || p2 != 0.0 {
-                return Err(refuse(
-                    NAME,
-                    format!("it has no place for p1 and p2 of camera \"{name}\"; set them to 0"),
-                ));
-            }
-            if camera.size.0.max(camera.size.1) > u32::from(u16::MAX) {
-                return Err(refuse(
-                    NAME,
-                    format!("camera \"{name}\" has a side of more than 65535 px; make it smaller"),
-                ));
-            }
-        }
-        Ok(())
+    if lidars.is_empty() && cameras(set).next().is_none() {
+        return Err("the rig has neither a camera nor a lidar; add one".into());
     }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(LogBlock { block, names: camera_names(block.set) })
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let (poses, intrinsics) = (calibration(set), intrinsics(set));
-        for record in clips {
-            let ClipRecord { clip, readings } = record?;
-            let folder = folder(&clip);
-            let mut times: Vec<_> =
-                readings.iter().map(|info| (info.timestamp(&clip), info.world_from_rig)).collect();
-            times.sort_by_key(|(time, _)| *time);
-            times.dedup_by_key(|(time, _)| *time);
-            let stamps = FeatherColumn::new("timestamp_ns", times.iter().map(|(time, _)| *time));
-            let rows: Vec<_> = times.iter().map(|(_, pose)| wxyz_and_translation(pose)).collect();
-            let columns: Vec<_> = [stamps].into_iter().chain(pose_columns(&rows)).collect();
-            write(files, format!("{folder}/city_SE3_egovehicle.feather"), &columns)?;
-            write(files, format!("{folder}/calibration/egovehicle_SE3_sensor.feather"), &poses)?;
-            write(files, format!("{folder}/calibration/intrinsics.feather"), &intrinsics)?;
-            write(files, format!("{folder}/annotations.feather"), &annotations())?;
+    for (_, sensor, camera) in cameras(set) {
+        let name = &sensor.name;
+        let Some([_, _, p1, p2, _]) = distortion(camera) else {
+            return Err(format!("camera \"{name}\" is no pinhole with distortion; change its lens"));
+        };
+        if p1 != 0.0 || p2 != 0.0 {
+            return Err(format!("it has no place for p1 and p2 of camera \"{name}\"; set them to 0"));
         }
-        Ok(())
+        if camera.size.0.max(camera.size.1) > u32::from(u16::MAX) {
+            return Err(format!("camera \"{name}\" has a side of more than 65535 px; make it smaller"));
+        }
     }
+    Ok(())
 }
 
-/// The folder of a clip.
-fn folder(clip: &ClipInfo) -> String {
-    format!("{}/{}", clip.split, clip.name)
+fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+    let (poses, intrinsics) = (calibration(set), intrinsics(set));
+    for record in clips {
+        let ClipRecord { clip, readings } = record?;
+        let folder = clip.folder();
+        let mut times: Vec<_> =
+            readings.iter().map(|info| (info.timestamp(&clip), info.world_from_rig)).collect();
+        times.sort_by_key(|(time, _)| *time);
+        times.dedup_by_key(|(time, _)| *time);
+        let stamps = FeatherColumn::new("timestamp_ns", times.iter().map(|(time, _)| *time));
+        let rows: Vec<_> = times.iter().map(|(_, pose)| wxyz_and_translation(pose)).collect();
+        let columns: Vec<_> = [stamps].into_iter().chain(pose_columns(&rows)).collect();
+        write(files, format!("{folder}/city_SE3_egovehicle.feather"), &columns)?;
+        write(files, format!("{folder}/calibration/egovehicle_SE3_sensor.feather"), &poses)?;
+        write(files, format!("{folder}/calibration/intrinsics.feather"), &intrinsics)?;
+        write(files, format!("{folder}/annotations.feather"), &annotations())?;
+    }
+    Ok(())
 }
 
 /// Lidars with their rings.
@@ -171,18 +142,14 @@ fn camera_names(set: &SetInfo) -> Vec<String> {
     names
 }
 
-struct LogBlock<'a> {
-    block: BlockInfo<'a>,
-    names: Vec<String>,
-}
-
-impl BlockWriter for LogBlock<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let BlockInfo { set, clip, .. } = self.block;
-        let (folder, time) = (folder(clip), reading.info.timestamp(clip));
+fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let BlockInfo { set, clip, .. } = block;
+    let names = camera_names(set);
+    Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
+        let (folder, time) = (clip.folder(), reading.info.timestamp(clip));
         if let Some((sensor, camera, picture)) = picture(set, reading) {
             let bytes = picture_files::jpeg(sensor, camera, picture.rgb)?;
-            let name = &self.names[reading.info.sensor];
+            let name = &names[reading.info.sensor];
             files.write(&format!("{folder}/sensors/cameras/{name}/{time}.jpg"), &bytes)?;
         }
         if let ReadingData::Points(points) = reading.data {
@@ -190,7 +157,7 @@ impl BlockWriter for LogBlock<'_> {
             write(files, format!("{folder}/sensors/lidar/{time}.feather"), &columns)?;
         }
         Ok(())
-    }
+    })
 }
 
 /// The columns of a sweep.
@@ -309,7 +276,7 @@ mod tests {
         let mut files = MemorySink::default();
         testing::write(&LAYOUT, &mut files).unwrap();
         let (set, clip) = (testing::set(), &testing::clips()[0]);
-        let log = folder(clip);
+        let log = clip.folder();
         let named = |name| [&[name], &POSE[..]].concat();
         let mut track = table(&files, &format!("{log}/city_SE3_egovehicle.feather"), &named("timestamp_ns"));
         let (stamps, world_from_rig) = (track.ints("timestamp_ns").unwrap(), poses(&mut track));
@@ -369,7 +336,7 @@ mod tests {
     fn what_it_cannot_hold_is_refused() {
         let mut set = testing::set();
         set.sensors.push(set.sensors[3].clone());
-        let says = |set: &SetInfo| LAYOUT.check(set).unwrap_err().to_string();
+        let says = |set: &SetInfo| check(set).unwrap_err();
         assert!(says(&set).contains("keep one"), "{}", says(&set));
         let mut set = testing::set();
         let SensorInfoKind::Camera(camera) = &mut set.sensors[0].kind else { unreachable!() };

@@ -13,57 +13,42 @@
 //!
 //! Source: colmap.github.io, "Output format".
 
-use super::{BlockWriter, ClipStream, FileSink, Layout};
-use crate::cameras::{cameras, check_cameras, distortion, refuse, wxyz_and_translation};
-use crate::stills::{ScenePhotos, for_each_scene, photo};
-use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
+use super::{ClipStream, FileSink, LayerNeeds, Layout};
+use crate::cameras::{cameras, check_cameras, distortion, refuse_equirectangular, wxyz_and_translation};
+use crate::stills::{for_each_scene, photo, readings, scene_photos};
+use crate::{CameraInfo, ClipRecord, SetError, SetInfo};
 use std::fmt::Write;
 use wm_scene::LensModel;
 
 const NAME: &str = "colmap";
 
-pub(super) const LAYOUT: Colmap = Colmap;
+pub(super) const LAYOUT: Layout = Layout {
+    name: NAME,
+    about: "COLMAP models without points and JPEG of all cameras; a model is a clip, or all stills of a place and weather",
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: false,
+    check,
+    block: scene_photos,
+    tables,
+};
 
-pub(super) struct Colmap;
+fn check(set: &SetInfo) -> Result<(), SetError> {
+    check_cameras(NAME, set)?;
+    cameras(set).try_for_each(|(_, sensor, camera)| match model(camera) {
+        Some(_) => Ok(()),
+        None => Err(refuse_equirectangular(NAME, sensor)),
+    })
+}
 
-impl Layout for Colmap {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn about(&self) -> &'static str {
-        "COLMAP models without points and JPEG of all cameras; a model is a clip, or all stills of a place and weather"
-    }
-
-    fn needs_every_sensor(&self) -> bool {
-        false
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        check_cameras(NAME, set)?;
-        match cameras(set).find(|(_, _, camera)| model(camera).is_none()) {
-            None => Ok(()),
-            Some((_, sensor, _)) => {
-                let problem = format!("camera \"{}\" is equirectangular; give it another lens", sensor.name);
-                Err(refuse(NAME, problem))
-            }
-        }
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(ScenePhotos { block })
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let cameras = camera_table(set);
-        for_each_scene(set, clips, &mut |folder, records| {
-            let folder = format!("{folder}/sparse/0");
-            files.write(&format!("{folder}/cameras.txt"), cameras.as_bytes())?;
-            files.write(&format!("{folder}/images.txt"), image_table(set, records).as_bytes())?;
-            let points = b"# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
-            files.write(&format!("{folder}/points3D.txt"), points)
-        })
-    }
+fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+    let cameras = camera_table(set);
+    for_each_scene(set, clips, &mut |folder, records| {
+        let folder = format!("{folder}/sparse/0");
+        files.write(&format!("{folder}/cameras.txt"), cameras.as_bytes())?;
+        files.write(&format!("{folder}/images.txt"), image_table(set, records).as_bytes())?;
+        let points = b"# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
+        files.write(&format!("{folder}/points3D.txt"), points)
+    })
 }
 
 /// The model of a camera and its parameters; `None` if there is none.
@@ -98,11 +83,7 @@ fn image_table(set: &SetInfo, records: &[ClipRecord]) -> String {
     let mut out =
         "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as X, Y, POINT3D_ID\n"
             .to_owned();
-    let is_camera: Vec<bool> =
-        (0..set.sensors.len()).map(|sensor| cameras(set).any(|(index, _, _)| index == sensor)).collect();
-    let readings =
-        records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
-    for (place, (clip, info)) in readings.filter(|(_, info)| is_camera[info.sensor]).enumerate() {
+    for (place, (clip, info, _)) in readings(set, records).enumerate() {
         let pose = wxyz_and_translation(&info.world_from_sensor(set).inverse());
         out.push_str(&(place + 1).to_string());
         pose.iter().for_each(|value| out.push_str(&format!(" {value}")));
@@ -115,17 +96,6 @@ fn image_table(set: &SetInfo, records: &[ClipRecord]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stills::folder;
-    use crate::testing;
-
-    #[test]
-    fn our_own_reader_finds_the_spot() {
-        let root = tempfile::tempdir().unwrap();
-        testing::write(&LAYOUT, &mut testing::FolderSink(root.path().into())).unwrap();
-        let clip = &testing::clips()[0];
-        let seen = crate::cameras::check_capture(&root.path().join(folder(&testing::set(), clip)));
-        assert!(seen > 10, "{seen} pictures show the spot");
-    }
 
     #[test]
     fn lenses_have_their_models() {

@@ -31,41 +31,25 @@ const NAME: &str = "foggy-cityscapes";
 /// `-ln 0.05`: the optical depth at the visibility.
 const OPTICAL_DEPTH: f64 = 2.995_732_273_553_991;
 
-pub(super) const LAYOUT: FoggyCityscapes = FoggyCityscapes;
+pub(super) const LAYOUT: Layout = Layout {
+    name: NAME,
+    about: "Foggy Cityscapes' names: PNG by density of fog, the same view without weather, camera files",
+    needs: LayerNeeds { clean: true, ..LayerNeeds::NONE },
+    needs_every_sensor: false,
+    check,
+    block,
+    tables: |_, _, _| Ok(()),
+};
 
-pub(super) struct FoggyCityscapes;
-
-impl Layout for FoggyCityscapes {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn about(&self) -> &'static str {
-        "Foggy Cityscapes' names: PNG by density of fog, the same view without weather, camera files"
-    }
-
-    fn needs(&self) -> LayerNeeds {
-        LayerNeeds { clean: true, ..LayerNeeds::default() }
-    }
-
-    fn needs_every_sensor(&self) -> bool {
-        false
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        check_cameras(NAME, set)?;
-        check_pinholes(NAME, set)?;
-        let names: Vec<_> = cameras(set).map(|(_, sensor, _)| word(&sensor.name)).collect();
-        match (1..names.len()).find(|index| names[..*index].contains(&names[*index])) {
-            None => Ok(()),
-            Some(index) => {
-                Err(refuse(NAME, format!("two cameras are \"{}\" in its names; rename one", names[index])))
-            }
+fn check(set: &SetInfo) -> Result<(), SetError> {
+    check_cameras(NAME, set)?;
+    check_pinholes(NAME, set)?;
+    let names: Vec<_> = cameras(set).map(|(_, sensor, _)| word(&sensor.name)).collect();
+    match (1..names.len()).find(|index| names[..*index].contains(&names[*index])) {
+        None => Ok(()),
+        Some(index) => {
+            Err(refuse(NAME, format!("two cameras are \"{}\" in its names; rename one", names[index])))
         }
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(Pairs { block })
     }
 }
 
@@ -95,15 +79,7 @@ fn calibration(camera: &CameraInfo, rig_from_camera: &RigidPose) -> Value {
     let (yaw, pitch, roll) = axes.to_euler(EulerRot::ZYX);
     let [x, y, z] = rig_from_camera.translation.to_array();
     json!({
-        "extrinsic": {
-            "baseline": 0.0,
-            "pitch": pitch,
-            "roll": roll,
-            "x": x,
-            "y": y,
-            "yaw": yaw,
-            "z": z,
-        },
+        "extrinsic": { "baseline": 0.0, "pitch": pitch, "roll": roll, "yaw": yaw, "x": x, "y": y, "z": z },
         "intrinsic": {
             "fx": camera.focal[0],
             "fy": camera.focal[1],
@@ -113,13 +89,9 @@ fn calibration(camera: &CameraInfo, rig_from_camera: &RigidPose) -> Value {
     })
 }
 
-struct Pairs<'a> {
-    block: BlockInfo<'a>,
-}
-
-impl BlockWriter for Pairs<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let BlockInfo { set, clip, .. } = self.block;
+fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let BlockInfo { set, clip, .. } = block;
+    Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let mut city = word(&clip.place.name);
         if cameras(set).count() > 1 {
@@ -134,7 +106,7 @@ impl BlockWriter for Pairs<'_> {
         let mut json = calibration(camera, &sensor.rig_from_sensor).to_string();
         json.push('\n');
         files.write(&path("camera", "camera.json"), json.as_bytes())
-    }
+    })
 }
 
 #[cfg(test)]

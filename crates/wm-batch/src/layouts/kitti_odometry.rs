@@ -9,42 +9,28 @@
 //! Source: KITTI's development kit for odometry, checked with pykitti 0.3.1
 //! (`tests/peers/kitti.py`).
 
-use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
-use super::{BlockWriter, ClipStream, FileSink, Layout};
-use crate::{BlockInfo, SetError, SetInfo};
+use super::kitti::{self, KittiFile, KittiFiles, KittiNeed};
+use super::{BlockWriter, LayerNeeds, Layout};
+use crate::BlockInfo;
 
-pub(super) const LAYOUT: KittiOdometry = KittiOdometry;
+pub(super) const LAYOUT: Layout = Layout {
+    name: "kitti-odometry",
+    about: "KITTI odometry benchmark: sequences of up to four pinhole cameras as PNG and one lidar, with poses; no radars",
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: true,
+    check: |set| kitti::check("kitti-odometry", KittiNeed::Any, set),
+    block,
+    tables: |set, clips, files| {
+        kitti::sequence_tables(set, clips, files, |sequence| format!("poses/{sequence}.txt"))
+    },
+};
 
-pub(super) struct KittiOdometry;
-
-impl Layout for KittiOdometry {
-    fn name(&self) -> &'static str {
-        "kitti-odometry"
-    }
-
-    fn about(&self) -> &'static str {
-        "KITTI odometry benchmark: sequences of up to four pinhole cameras as PNG and one lidar, with poses; no radars"
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        kitti::check(self.name(), KittiNeed::Any, set)
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        let folder = kitti::sequence_folder(block.clip);
-        let path = move |file: KittiFile, frame: u32| match file {
-            KittiFile::Picture(slot) => Some(format!("{folder}/image_{slot}/{frame:06}.png")),
-            KittiFile::Points => Some(format!("{folder}/velodyne/{frame:06}.bin")),
-            KittiFile::Labels => None,
-        };
-        Box::new(KittiFiles::new(block, path))
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let rig = KittiRig::new(set);
-        kitti::sequence_tables(&rig, clips, files, |record, trajectory, files| {
-            let path = format!("poses/{}.txt", kitti::sequence_name(&record.clip));
-            files.write(&path, trajectory.pose_lines(&rig).as_bytes())
-        })
-    }
+fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let folder = kitti::sequence_folder(block.clip);
+    let path = move |file: KittiFile, frame: u32| match file {
+        KittiFile::Picture(slot) => Some(format!("{folder}/image_{slot}/{frame:06}.png")),
+        KittiFile::Points => Some(format!("{folder}/velodyne/{frame:06}.bin")),
+        KittiFile::Labels => None,
+    };
+    Box::new(KittiFiles::new(block, path))
 }

@@ -12,87 +12,77 @@
 //! (`tests/peers/kitti.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig, KittiTrajectory};
-use super::{BlockWriter, ClipStream, FileSink, Layout};
-use crate::utc::UtcTime;
+use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
+use crate::utc;
 use crate::{BlockInfo, ClipInfo, SetError, SetInfo};
 use std::collections::BTreeSet;
 
-pub(super) const LAYOUT: KittiRaw = KittiRaw;
+pub(super) const LAYOUT: Layout = Layout {
+    name: "kitti-raw",
+    about: "KITTI raw data: up to four pinhole cameras as PNG, one lidar, GPS/IMU packets and calibration; no radars, no boxes",
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: true,
+    check: |set| kitti::check("kitti-raw", KittiNeed::Any, set),
+    block,
+    tables,
+};
 
-pub(super) struct KittiRaw;
+fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let drive = drive_folder(block.clip);
+    let path = move |file: KittiFile, frame: u32| match file {
+        KittiFile::Picture(slot) => Some(format!("{drive}/image_{slot:02}/data/{frame:010}.png")),
+        KittiFile::Points => Some(format!("{drive}/velodyne_points/data/{frame:010}.bin")),
+        KittiFile::Labels => None,
+    };
+    Box::new(KittiFiles::new(block, path))
+}
 
-impl Layout for KittiRaw {
-    fn name(&self) -> &'static str {
-        "kitti-raw"
-    }
-
-    fn about(&self) -> &'static str {
-        "KITTI raw data: up to four pinhole cameras as PNG, one lidar, GPS/IMU packets and calibration; no radars, no boxes"
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        kitti::check(self.name(), KittiNeed::Any, set)
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        let drive = drive_folder(block.clip);
-        let path = move |file: KittiFile, frame: u32| match file {
-            KittiFile::Picture(slot) => Some(format!("{drive}/image_{slot:02}/data/{frame:010}.png")),
-            KittiFile::Points => Some(format!("{drive}/velodyne_points/data/{frame:010}.bin")),
-            KittiFile::Labels => None,
-        };
-        Box::new(KittiFiles::new(block, path))
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let rig = KittiRig::new(set);
-        let mut days = BTreeSet::new();
-        for record in clips {
-            let record = record?;
-            let (clip, drive) = (&record.clip, drive_folder(&record.clip));
-            if days.insert(UtcTime::new(clip.start).date('_')) {
-                let (day, calibrated) =
-                    (UtcTime::new(clip.start).date('_'), UtcTime::new(clip.start).to_string());
-                for (name, text) in [
-                    ("cam_to_cam", rig.cam_to_cam_file(&calibrated)),
-                    ("velo_to_cam", rig.velo_to_cam_file(&calibrated)),
-                    ("imu_to_velo", rig.imu_to_velo_file(&calibrated)),
-                ] {
-                    files.write(&format!("{day}/calib_{name}.txt"), text.as_bytes())?;
-                }
-            }
-            for (sensor, slot) in rig.slots() {
-                let times = lines(kitti::times(&record, Some(sensor)));
-                files.write(&format!("{drive}/image_{slot:02}/timestamps.txt"), times.as_bytes())?;
-            }
-            if let Some(lidar) = rig.lidar() {
-                let starts = kitti::times(&record, Some(lidar));
-                let sweep = (1e9 / set.sensors[lidar].rate).round() as i64;
-                let ends = lines(starts.clone().map(|time| time + sweep));
-                let starts = lines(starts);
-                // Points are in the axes of the start of the sweep, which is thus the time of the
-                // whole.
-                for (name, text) in [("", &starts), ("_start", &starts), ("_end", &ends)] {
-                    files.write(&format!("{drive}/velodyne_points/timestamps{name}.txt"), text.as_bytes())?;
-                }
-            }
-            let trajectory = KittiTrajectory::new(&rig, &record);
-            files.write(&format!("{drive}/oxts/timestamps.txt"), lines(trajectory.times(clip)).as_bytes())?;
-            for (frame, line) in kitti::oxts_lines(&record, &trajectory).iter().enumerate() {
-                files.write(&format!("{drive}/oxts/data/{frame:010}.txt"), line.as_bytes())?;
+fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+    let rig = KittiRig::new(set);
+    let mut days = BTreeSet::new();
+    for record in clips {
+        let record = record?;
+        let (clip, drive) = (&record.clip, drive_folder(&record.clip));
+        let (day, calibrated) = (utc::date(clip.start, '_'), utc::text(clip.start));
+        if days.insert(day.clone()) {
+            for (name, text) in [
+                ("cam_to_cam", rig.cam_to_cam_file(&calibrated)),
+                ("velo_to_cam", rig.velo_to_cam_file(&calibrated)),
+                ("imu_to_velo", rig.imu_to_velo_file(&calibrated)),
+            ] {
+                files.write(&format!("{day}/calib_{name}.txt"), text.as_bytes())?;
             }
         }
-        Ok(())
+        for (sensor, slot) in rig.slots() {
+            let times = lines(kitti::times(&record, Some(sensor)));
+            files.write(&format!("{drive}/image_{slot:02}/timestamps.txt"), times.as_bytes())?;
+        }
+        if let Some(lidar) = rig.lidar {
+            let starts = kitti::times(&record, Some(lidar));
+            let sweep = (1e9 / set.sensors[lidar].rate).round() as i64;
+            let ends = lines(starts.clone().map(|time| time + sweep));
+            let starts = lines(starts);
+            // Points are in the axes of the start of the sweep, which is thus the time of the whole.
+            for (name, text) in [("", &starts), ("_start", &starts), ("_end", &ends)] {
+                files.write(&format!("{drive}/velodyne_points/timestamps{name}.txt"), text.as_bytes())?;
+            }
+        }
+        let trajectory = KittiTrajectory::new(&rig, &record);
+        files.write(&format!("{drive}/oxts/timestamps.txt"), lines(trajectory.times(clip)).as_bytes())?;
+        for (frame, line) in kitti::oxts_lines(&record, &trajectory).iter().enumerate() {
+            files.write(&format!("{drive}/oxts/data/{frame:010}.txt"), line.as_bytes())?;
+        }
     }
+    Ok(())
 }
 
 fn drive_folder(clip: &ClipInfo) -> String {
-    let day = UtcTime::new(clip.start).date('_');
+    let day = utc::date(clip.start, '_');
     format!("{day}/{day}_drive_{:04}_sync", clip.number)
 }
 
 /// Times with nine decimals, each with a newline: pykitti cuts four characters and reads
 /// microseconds.
 fn lines(times: impl Iterator<Item = i64>) -> String {
-    times.map(|time| format!("{}\n", UtcTime::new(time))).collect()
+    times.map(|time| utc::text(time) + "\n").collect()
 }

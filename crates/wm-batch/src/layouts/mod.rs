@@ -7,7 +7,7 @@ macro_rules! layouts {
         $(mod $name;)*
 
         /// Every layout, in the order in which they are listed.
-        pub const LAYOUTS: &[&dyn Layout] = &[$(&$name::LAYOUT),*];
+        pub const LAYOUTS: &[Layout] = &[$($name::LAYOUT),*];
     };
 }
 
@@ -34,50 +34,22 @@ layouts! {
 pub type ClipStream<'a> = &'a mut dyn Iterator<Item = Result<ClipRecord, SetError>>;
 
 /// A layout of a data set.
-pub trait Layout: Sync {
+#[derive(Debug)]
+pub struct Layout {
     /// The name in plans and of its folder.
-    fn name(&self) -> &'static str;
-
+    pub name: &'static str,
     /// A description in one line.
-    fn about(&self) -> &'static str;
-
+    pub about: &'static str,
     /// The layers of pictures that it needs beside the colour.
-    fn needs(&self) -> LayerNeeds {
-        LayerNeeds::default()
-    }
-
-    /// Returns true if every sensor must have a reading in every frame.
-    fn needs_every_sensor(&self) -> bool {
-        true
-    }
-
-    /// Checks that it can hold a set.
-    ///
-    /// # Errors
-    /// [`SetError::Layout`] with what it cannot hold.
-    fn check(&self, set: &SetInfo) -> Result<(), SetError>;
-
+    pub needs: LayerNeeds,
+    /// True if every sensor must have a reading in every frame.
+    pub needs_every_sensor: bool,
+    /// Checks that it can hold a set; [`SetError::Layout`] has what it cannot hold.
+    pub check: fn(&SetInfo) -> Result<(), SetError>,
     /// Begins the files of a block. They depend on the block alone.
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a>;
-
+    pub block: for<'a> fn(BlockInfo<'a>) -> Box<dyn BlockWriter + 'a>,
     /// Writes the tables over all clips. A layout of pictures alone has none.
-    ///
-    /// # Errors
-    /// Those of `clips` and `files`.
-    fn tables(
-        &self,
-        _set: &SetInfo,
-        _clips: ClipStream<'_>,
-        _files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
-        Ok(())
-    }
-}
-
-impl std::fmt::Debug for dyn Layout + '_ {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
+    pub tables: fn(&SetInfo, ClipStream<'_>, &mut dyn FileSink) -> Result<(), SetError>,
 }
 
 /// Layers of pictures beside the colour.
@@ -92,6 +64,9 @@ pub struct LayerNeeds {
 }
 
 impl LayerNeeds {
+    /// The colour alone.
+    pub(crate) const NONE: Self = Self { clean: false, depth: false, flow: false };
+
     /// The layers that one or the other needs.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
@@ -120,6 +95,13 @@ pub trait BlockWriter: Send {
     }
 }
 
+/// A writer of files that belong to one reading each.
+impl<F: FnMut(&SensorReading<'_>, &mut dyn FileSink) -> Result<(), SetError> + Send> BlockWriter for F {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+        self(reading, files)
+    }
+}
+
 /// Takes the files of a layout.
 pub trait FileSink {
     /// Writes a file; `path` is relative to the folder of the layout, with `/` between its parts.
@@ -127,20 +109,4 @@ pub trait FileSink {
     /// # Errors
     /// [`SetError::Write`].
     fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError>;
-}
-
-/// The layout of a name.
-///
-/// # Errors
-/// [`SetError::UnknownLayout`] with the nearest name.
-pub fn find_layout(name: &str) -> Result<&'static dyn Layout, SetError> {
-    let names: Vec<&str> = LAYOUTS.iter().map(|layout| layout.name()).collect();
-    LAYOUTS.iter().copied().find(|layout| layout.name() == name).ok_or_else(|| {
-        let near = wm_base::nearest(name, names.iter().copied(), 1);
-        SetError::UnknownLayout {
-            name: name.into(),
-            near: near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?")),
-            all: names.join(", "),
-        }
-    })
 }

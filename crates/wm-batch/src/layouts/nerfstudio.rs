@@ -13,66 +13,48 @@
 //!
 //! Source: docs.nerf.studio, "Data conventions".
 
-use super::{BlockWriter, ClipStream, FileSink, Layout};
-use crate::cameras::{cameras, check_cameras, distortion, refuse};
-use crate::stills::{ScenePhotos, for_each_scene, photo};
-use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
+use super::{ClipStream, FileSink, LayerNeeds, Layout};
+use crate::cameras::{cameras, check_cameras, distortion, refuse, refuse_equirectangular};
+use crate::stills::{for_each_scene, photo, readings, scene_photos};
+use crate::{CameraInfo, ClipRecord, SetError, SetInfo};
 use glam::{DMat4, DVec4};
 use serde_json::{Value, json};
 use wm_scene::LensModel;
 
 const NAME: &str = "nerfstudio";
 
-pub(super) const LAYOUT: Nerfstudio = Nerfstudio;
+pub(super) const LAYOUT: Layout = Layout {
+    name: NAME,
+    about: "nerfstudio scenes: transforms.json and JPEG of all cameras; a scene is a clip, or all stills of a place and weather",
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: false,
+    check,
+    block: scene_photos,
+    tables,
+};
 
-pub(super) struct Nerfstudio;
-
-impl Layout for Nerfstudio {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn about(&self) -> &'static str {
-        "nerfstudio scenes: transforms.json and JPEG of all cameras; a scene is a clip, or all stills of a place and weather"
-    }
-
-    fn needs_every_sensor(&self) -> bool {
-        false
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        check_cameras(NAME, set)?;
-        let mut first = None;
-        for (_, sensor, camera) in cameras(set) {
+fn check(set: &SetInfo) -> Result<(), SetError> {
+    check_cameras(NAME, set)?;
+    let mut first = None;
+    for (_, sensor, camera) in cameras(set) {
+        let Some((model, _)) = lens(camera) else { return Err(refuse_equirectangular(NAME, sensor)) };
+        if *first.get_or_insert(model) != model {
             let name = &sensor.name;
-            let Some((model, _)) = lens(camera) else {
-                return Err(refuse(
-                    NAME,
-                    format!("camera \"{name}\" is equirectangular; give it another lens"),
-                ));
-            };
-            if *first.get_or_insert(model) != model {
-                let problem =
-                    format!("all cameras must be fisheyes or none; change the lens of camera \"{name}\"");
-                return Err(refuse(NAME, problem));
-            }
+            let problem = format!("all cameras must be fisheyes or none; change the lens of camera \"{name}\"");
+            return Err(refuse(NAME, problem));
         }
-        Ok(())
     }
+    Ok(())
+}
 
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(ScenePhotos { block })
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        for_each_scene(set, clips, &mut |folder, records| {
-            let path = format!("{folder}/transforms.json");
-            let mut bytes = serde_json::to_vec_pretty(&transforms(set, records))
-                .map_err(|error| SetError::Write { path: path.clone().into(), problem: error.to_string() })?;
-            bytes.push(b'\n');
-            files.write(&path, &bytes)
-        })
-    }
+fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+    for_each_scene(set, clips, &mut |folder, records| {
+        let path = format!("{folder}/transforms.json");
+        let mut bytes = serde_json::to_vec_pretty(&transforms(set, records))
+            .map_err(|error| SetError::Write { path: path.clone().into(), problem: error.to_string() })?;
+        bytes.push(b'\n');
+        files.write(&path, &bytes)
+    })
 }
 
 /// The model of a lens and its numbers.
@@ -87,13 +69,7 @@ fn lens(camera: &CameraInfo) -> Option<(&'static str, Vec<(&'static str, f64)>)>
 /// The table of a scene.
 fn transforms(set: &SetInfo, records: &[ClipRecord]) -> Value {
     let model = cameras(set).find_map(|(_, _, camera)| lens(camera)).map_or("OPENCV", |(model, _)| model);
-    let by_sensor: Vec<Option<&CameraInfo>> = (0..set.sensors.len())
-        .map(|sensor| cameras(set).find(|(index, _, _)| *index == sensor).map(|(_, _, camera)| camera))
-        .collect();
-    let readings =
-        records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
-    let frames = readings.filter_map(|(clip, info)| {
-        let camera = by_sensor[info.sensor]?;
+    let frames = readings(set, records).filter_map(|(clip, info, camera)| {
         // OpenGL's axes: y and z the other way.
         let axes = DMat4::from_diagonal(DVec4::new(1.0, -1.0, -1.0, 1.0));
         let matrix = info.world_from_sensor(set).matrix() * axes;
@@ -119,23 +95,13 @@ fn transforms(set: &SetInfo, records: &[ClipRecord]) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stills::folder;
     use crate::testing;
-
-    #[test]
-    fn our_own_reader_finds_the_spot() {
-        let root = tempfile::tempdir().unwrap();
-        testing::write(&LAYOUT, &mut testing::FolderSink(root.path().into())).unwrap();
-        let clip = &testing::clips()[0];
-        let seen = crate::cameras::check_capture(&root.path().join(folder(&testing::set(), clip)));
-        assert!(seen > 10, "{seen} pictures show the spot");
-    }
 
     #[test]
     fn mixed_lenses_are_refused() {
         let mut set = testing::set();
         let crate::SensorInfoKind::Camera(camera) = &mut set.sensors[1].kind else { unreachable!() };
         camera.lens = Some(LensModel::Fisheye { radial: [0.0; 4], widest: 1.5 });
-        assert!(LAYOUT.check(&set).unwrap_err().to_string().contains("fisheyes or none"));
+        assert!(check(&set).unwrap_err().to_string().contains("fisheyes or none"));
     }
 }

@@ -11,62 +11,43 @@
 //! Source: semantic-kitti-api, `config/semantic-kitti.yaml` and `auxiliary/laserscan.py`, checked
 //! with them (`tests/peers/semantic_kitti.py`).
 
-use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
+use super::kitti::{self, KittiFile, KittiFiles, KittiNeed};
 use super::surface_classes::semantic_kitti_classes;
-use super::{BlockWriter, ClipStream, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::{BlockInfo, DatasetPoint, PointSource, SetError, SetInfo};
 
-pub(super) const LAYOUT: SemanticKitti = SemanticKitti {
+pub(super) const LAYOUT: Layout = Layout {
     name: "semantic-kitti",
     about: "SemanticKITTI: points of one lidar with a class each, weather as outliers (1); no cameras, no radars",
-    snowflake: OUTLIER,
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: true,
+    check: |set| kitti::check("semantic-kitti", KittiNeed::Lidar, set),
+    block: |block| with_classes(block, OUTLIER),
+    tables,
 };
 
 /// Points that are no surfaces.
 const OUTLIER: u16 = 1;
 
-/// SemanticKITTI, or a data set with the same files and further classes.
-pub(super) struct SemanticKitti {
-    pub(super) name: &'static str,
-    pub(super) about: &'static str,
-    /// The class of flakes in the air.
-    pub(super) snowflake: u16,
+/// The files of a block, with the class that flakes in the air have.
+pub(super) fn with_classes(block: BlockInfo<'_>, snowflake: u16) -> Box<dyn BlockWriter + '_> {
+    let folder = kitti::sequence_folder(block.clip);
+    let path = move |file: KittiFile, frame: u32| match file {
+        KittiFile::Picture(_) => None,
+        KittiFile::Points => Some(format!("{folder}/velodyne/{frame:06}.bin")),
+        KittiFile::Labels => Some(format!("{folder}/labels/{frame:06}.label")),
+    };
+    let classes = semantic_kitti_classes(&block.set.labels);
+    let class = move |point: &DatasetPoint| match point.source {
+        PointSource::Surface => classes.get(usize::from(point.label)).copied().unwrap_or(0),
+        PointSource::Snow => snowflake,
+        PointSource::Rain | PointSource::Air | PointSource::Ghost => OUTLIER,
+    };
+    let mut files = KittiFiles::new(block, path);
+    files.class = Some(Box::new(class));
+    Box::new(files)
 }
 
-impl Layout for SemanticKitti {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn about(&self) -> &'static str {
-        self.about
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        kitti::check(self.name(), KittiNeed::Lidar, set)
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        let folder = kitti::sequence_folder(block.clip);
-        let path = move |file: KittiFile, frame: u32| match file {
-            KittiFile::Picture(_) => None,
-            KittiFile::Points => Some(format!("{folder}/velodyne/{frame:06}.bin")),
-            KittiFile::Labels => Some(format!("{folder}/labels/{frame:06}.label")),
-        };
-        let classes = semantic_kitti_classes(&block.set.labels);
-        let class = move |point: &DatasetPoint| match point.source {
-            PointSource::Surface => classes.get(usize::from(point.label)).copied().unwrap_or(0),
-            PointSource::Snow => self.snowflake,
-            PointSource::Rain | PointSource::Air | PointSource::Ghost => OUTLIER,
-        };
-        Box::new(KittiFiles::new(block, path).with_labels(class))
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let rig = KittiRig::new(set);
-        kitti::sequence_tables(&rig, clips, files, |record, trajectory, files| {
-            let path = format!("{}/poses.txt", kitti::sequence_folder(&record.clip));
-            files.write(&path, trajectory.pose_lines(&rig).as_bytes())
-        })
-    }
+pub(super) fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+    kitti::sequence_tables(set, clips, files, |sequence| format!("sequences/{sequence}/poses.txt"))
 }

@@ -37,58 +37,41 @@ const SKY_DEPTH_M: f32 = 10_000.0;
 /// the right.
 const STEREO_TOLERANCE: f64 = 1e-3;
 
-pub(super) const LAYOUT: TartanAir = TartanAir;
+pub(super) const LAYOUT: Layout = Layout {
+    name: NAME,
+    about: "TartanAir trajectories: pictures, depth, flow and poses of one camera and its stereo partner",
+    needs: LayerNeeds { depth: true, flow: true, ..LayerNeeds::NONE },
+    needs_every_sensor: true,
+    check: |set| check_cameras(NAME, set).and_then(|()| check_pinholes(NAME, set)),
+    block,
+    tables,
+};
 
-pub(super) struct TartanAir;
-
-impl Layout for TartanAir {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn about(&self) -> &'static str {
-        "TartanAir trajectories: pictures, depth, flow and poses of one camera and its stereo partner"
-    }
-
-    fn needs(&self) -> LayerNeeds {
-        LayerNeeds { depth: true, flow: true, ..LayerNeeds::default() }
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        check_cameras(NAME, set)?;
-        check_pinholes(NAME, set)
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(Pictures { block, eyes: eyes(block.set) })
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        for record in clips {
-            let ClipRecord { clip, readings } = record?;
-            let folder = folder(&clip);
-            let eyes = eyes(set);
-            for (sensor, side) in &eyes {
-                let mut text = String::new();
-                for info in readings.iter().filter(|info| info.sensor == *sensor) {
-                    let pose = ned(&info.world_from_sensor(set));
-                    let numbers = pose.translation.to_array().into_iter().chain(pose.rotation.to_array());
-                    let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
-                    let _ = writeln!(text, "{}", numbers.join(" "));
-                }
-                files.write(&format!("{folder}/pose_{side}.txt"), text.as_bytes())?;
+fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+    for record in clips {
+        let ClipRecord { clip, readings } = record?;
+        let folder = folder(&clip);
+        let eyes = eyes(set);
+        for (sensor, side) in &eyes {
+            let mut text = String::new();
+            for info in readings.iter().filter(|info| info.sensor == *sensor) {
+                let pose = ned(&info.world_from_sensor(set));
+                let numbers = pose.translation.to_array().into_iter().chain(pose.rotation.to_array());
+                let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
+                let _ = writeln!(text, "{}", numbers.join(" "));
             }
-            if let Some((_, _, CameraInfo { focal: [fx, fy], center: [cx, cy], .. })) = cameras(set).next() {
-                let baseline = match eyes[..] {
-                    [(left, _), (right, _)] => to_right(&set.sensors[left], &set.sensors[right]).x,
-                    _ => 0.0,
-                };
-                let text = format!("{fx} {fy} {cx} {cy} {baseline}\n");
-                files.write(&format!("{folder}/intrinsics.txt"), text.as_bytes())?;
-            }
+            files.write(&format!("{folder}/pose_{side}.txt"), text.as_bytes())?;
         }
-        Ok(())
+        if let Some((_, _, CameraInfo { focal: [fx, fy], center: [cx, cy], .. })) = cameras(set).next() {
+            let baseline = match eyes[..] {
+                [(left, _), (right, _)] => to_right(&set.sensors[left], &set.sensors[right]).x,
+                _ => 0.0,
+            };
+            let text = format!("{fx} {fy} {cx} {cy} {baseline}\n");
+            files.write(&format!("{folder}/intrinsics.txt"), text.as_bytes())?;
+        }
     }
+    Ok(())
 }
 
 /// The folder of a clip.
@@ -124,16 +107,12 @@ fn ned(world_from_camera: &RigidPose) -> RigidPose {
     RigidPose::new(axes, ned_from_world * world_from_camera.translation)
 }
 
-struct Pictures<'a> {
-    block: BlockInfo<'a>,
-    eyes: Vec<(usize, &'static str)>,
-}
-
-impl BlockWriter for Pictures<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let BlockInfo { set, clip, .. } = self.block;
+fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let BlockInfo { set, clip, .. } = block;
+    let eyes = eyes(set);
+    Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
         let info = &reading.info;
-        let Some((_, side)) = self.eyes.iter().find(|(eye, _)| *eye == info.sensor) else { return Ok(()) };
+        let Some((_, side)) = eyes.iter().find(|(eye, _)| *eye == info.sensor) else { return Ok(()) };
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let (folder, index) = (folder(clip), info.index);
         let (width, height) = (camera.size.0 as usize, camera.size.1 as usize);
@@ -162,7 +141,7 @@ impl BlockWriter for Pictures<'_> {
             files.write(&format!("{name}_mask.npy"), &array_files::bytes(&mask, &[height, width]))?;
         }
         Ok(())
-    }
+    })
 }
 
 #[cfg(test)]

@@ -405,21 +405,21 @@ impl PlanFile {
         Ok(paths)
     }
 
-    fn layouts(&self) -> Result<(Vec<&'static dyn Layout>, bool), PlanFault> {
+    fn layouts(&self) -> Result<(Vec<&'static Layout>, bool), PlanFault> {
         let Some(names) = &self.layouts else { return Ok((Vec::new(), true)) };
         let fault = |says: String| PlanFault::new(None, "layouts", says);
         if names.is_empty() {
             return Err(fault("the list is empty: leave it out for the program's own".into()));
         }
-        let mut found: Vec<&'static dyn Layout> = Vec::new();
+        let mut found: Vec<&'static Layout> = Vec::new();
         let mut writes_frames = false;
         for name in names {
             if name == FRAMES_LAYOUT {
                 writes_frames = true;
                 continue;
             }
-            let all = || LAYOUTS.iter().map(|layout| layout.name()).chain([FRAMES_LAYOUT]);
-            let Some(layout) = LAYOUTS.iter().copied().find(|layout| layout.name() == name) else {
+            let all = || LAYOUTS.iter().map(|layout| layout.name).chain([FRAMES_LAYOUT]);
+            let Some(layout) = LAYOUTS.iter().find(|layout| layout.name == name) else {
                 let near = meant(name, all());
                 let all: Vec<&str> = all().collect();
                 return Err(fault(format!(
@@ -427,7 +427,7 @@ impl PlanFile {
                     all.join(", ")
                 )));
             };
-            if found.iter().any(|other| other.name() == name) {
+            if found.iter().any(|other| other.name == name) {
                 return Err(fault(format!("`{name}` is there twice")));
             }
             found.push(layout);

@@ -38,7 +38,7 @@ pub struct BatchPlan {
     /// The time of the first frame, seconds since 1970 (UTC).
     pub(crate) start: i64,
     /// The layouts that are written, apart from [`FRAMES_LAYOUT`].
-    pub layouts: Vec<&'static dyn Layout>,
+    pub layouts: Vec<&'static Layout>,
     /// True if the layout [`FRAMES_LAYOUT`] is written.
     pub(crate) writes_frames: bool,
     /// The format of its pictures.
@@ -120,7 +120,7 @@ impl BatchPlan {
     #[must_use]
     pub(crate) fn layers(&self) -> Layers {
         let mut layers = layers_of(&self.also);
-        let layouts = self.layouts.iter().map(|layout| layout.needs());
+        let layouts = self.layouts.iter().map(|layout| layout.needs);
         let needs = layouts.fold(LayerNeeds::default(), LayerNeeds::or);
         for (layer, is_needed) in [
             (Layers::CLEAR, needs.clean || self.pairs),
@@ -149,7 +149,7 @@ impl BatchPlan {
     /// A digest of all that frames follow from, but for the scenes: of what was read, not of how it
     /// was written.
     fn own_digest(&self, folder: &Path) -> String {
-        let layouts: Vec<&str> = self.layouts.iter().map(|layout| layout.name()).collect();
+        let layouts: Vec<&str> = self.layouts.iter().map(|layout| layout.name).collect();
         let scenes: Vec<_> =
             self.scenes.iter().map(|scene| (&scene.name, &scene.facts, scene.budget)).collect();
         let text = format!(

@@ -128,15 +128,7 @@ pub(super) fn read(
     let roots: Vec<&Path> = std::iter::once(dataset).chain(full.ancestors().skip(1).take(2)).collect();
     let (images, found) = places::find(&roots, options, &places::IMAGES, &mut views)?;
     remarks.extend(found);
-    Ok(Some(Capture {
-        source: dataset.into(),
-        images,
-        views,
-        points,
-        observations,
-        remarks,
-        ..Capture::default()
-    }))
+    Ok(Some(Capture { images, views, points, observations, remarks, ..Capture::default() }))
 }
 
 /// Reads the points of a model alone.
@@ -220,7 +212,7 @@ fn choose_model(dataset: &Path, options: &CaptureOptions) -> Result<Option<Model
     if let Some(other) = model_below(dataset) {
         what += &format!("; there is one in {}", dataset.join(other).display());
     }
-    Err(FormatError::whole(&dataset.join(folder), Problem::Value(what)))
+    Err(FormatError::value(&dataset.join(folder), what))
 }
 
 /// The folders in a folder, numbers by their value and before other names; none if it does not
@@ -310,9 +302,7 @@ fn view(cameras: &Cameras, name: &str, camera_id: u32, pose: [f64; 7]) -> Result
     let camera = Camera { viewmat: viewmat_of(rotation, DVec3::new(tx, ty, tz)), ..*camera };
     camera.check().map_err(|error| value(format!("the image {name:?}: {error}")))?;
     // Models that were made on Windows may have its separator in subfolders.
-    let name = name.replace('\\', "/");
-    let file = PathBuf::from(&name);
-    Ok(CaptureView { name, camera, distortion: *distortion, camera_id, file, mask: None, original: None })
+    Ok(CaptureView::new(&name.replace('\\', "/"), camera, *distortion, camera_id))
 }
 
 /// Adds a 3D point of number `id`.

@@ -67,11 +67,6 @@ fn append_table(out: &mut Vec<u8>, fields: &[FlatField]) -> usize {
     out.extend(table);
     for (field, place) in fields.iter().zip(places) {
         let to = match field {
-            FlatField::Absent
-            | FlatField::Byte(_)
-            | FlatField::Short(_)
-            | FlatField::Int(_)
-            | FlatField::Long(_) => continue,
             FlatField::Text(text) => {
                 let to = append_count(out, text.len(), 4);
                 out.extend(text.as_bytes());
@@ -94,6 +89,8 @@ fn append_table(out: &mut Vec<u8>, fields: &[FlatField]) -> usize {
                 }
                 to
             }
+            // Nothing or a number, which the table itself has.
+            _ => continue,
         };
         point(out, at + place, to);
     }

@@ -9,10 +9,10 @@
 
 use super::files::{all_numbers, fault, files_in, name_of, pose_of_rows, read_json};
 use super::records::{Records, choose_folder};
-use super::sweep::{SweepMotion, SweepRecords};
+use super::sweep::SweepRecords;
 use super::{
     DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
-    empty_log, is_asked, moved, size_of_first,
+    is_asked, moved, size_of_first,
 };
 use crate::RigidPose;
 use glam::{DMat3, DQuat, DVec3};
@@ -47,7 +47,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let path = path.as_path();
     let mut records = Records::new(options.skip_bad);
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
-    let mut log = empty_log(path, name_of(&whole));
+    let mut log = DrivingLog { source: path.into(), name: name_of(&whole), ..DrivingLog::default() };
     log.warnings.extend(note);
     let rigs = poses(&path.join("ego_pose"), &mut records)?;
     let lidars = poses(&path.join("lidar_pose"), &mut records)?;
@@ -194,19 +194,11 @@ impl Extrinsics {
 
 fn camera(path: &Path, name: &str, size: (u32, u32)) -> Result<LogCamera, FormatError> {
     let numbers = all_numbers(path)?;
-    let [fx, fy, cx, cy, lens @ ..] = numbers.as_slice() else {
-        return Err(fault(
-            path,
-            format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len()),
-        ));
-    };
     let mut coefficients = [0.0; 5];
-    if lens.len() > coefficients.len() {
-        return Err(fault(
-            path,
-            format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len()),
-        ));
-    }
+    let ([fx, fy, cx, cy, lens @ ..], 4..=9) = (numbers.as_slice(), numbers.len()) else {
+        let what = format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len());
+        return Err(fault(path, what));
+    };
     coefficients[..lens.len()].copy_from_slice(lens);
     let distortion = Distortion::of(coefficients);
     Ok(LogCamera { name: name.into(), size, focal: [*fx, *fy], center: [cx + 0.5, cy + 0.5], distortion })
@@ -234,10 +226,8 @@ fn sweeps(
         .copied()
         .reduce(|best, next| if fitting(next) > fitting(best) { next } else { best });
     let Some(columns) = columns.filter(|columns| 2 * fitting(*columns) >= files.len()) else {
-        return Err(fault(
-            &folder,
-            format!("its files hold no whole number of points of {candidates:?} floats; make them again"),
-        ));
+        let what = format!("its files hold no whole number of points of {candidates:?} floats; make them again");
+        return Err(fault(&folder, what));
     };
     let (position, intensity, white) = match columns {
         14 => (3, Some(11), 1.0),
@@ -251,15 +241,7 @@ fn sweeps(
             records.lost("sweeps have no pose", 1);
             continue;
         };
-        let world_from_own = moved(pose, log.origin);
-        log.sweeps.push(LogSweep {
-            file,
-            labels: None,
-            timestamp: time_of(frame),
-            center: world_from_own.translation,
-            records: layout,
-            motion: SweepMotion::Still(world_from_own),
-        });
+        log.sweeps.push(LogSweep::still(file, time_of(frame), moved(pose, log.origin), layout));
     }
     Ok(())
 }

@@ -24,7 +24,7 @@ const MAX_DISTANCE_M: f64 = 5e7;
 
 /// A fault of a file as a whole.
 pub(super) fn fault(path: &Path, what: impl Into<String>) -> FormatError {
-    FormatError::whole(path, Problem::Value(one_line(&what.into())))
+    FormatError::value(path, one_line(&what.into()))
 }
 
 /// A fault in a line of a file, from 1.
@@ -127,12 +127,10 @@ pub(super) fn all_numbers(path: &Path) -> Result<Vec<f64>, FormatError> {
 /// # Errors
 /// The fault, in words.
 pub(super) fn pose_of_rows(numbers: &[f64]) -> Result<RigidPose, String> {
-    let [a, b, c, x, d, e, f, y, g, h, i, z, rest @ ..] = numbers else {
+    let ([a, b, c, x, d, e, f, y, g, h, i, z] | [a, b, c, x, d, e, f, y, g, h, i, z, _, _, _, _]) = numbers
+    else {
         return Err(format!("a pose has 12 or 16 numbers, not {}", numbers.len()));
     };
-    if !(rest.is_empty() || rest.len() == 4) {
-        return Err(format!("a pose has 12 or 16 numbers, not {}", numbers.len()));
-    }
     let axes = DMat3::from_cols_array(&[*a, *d, *g, *b, *e, *h, *c, *f, *i]);
     pose_of(&axes, DVec3::new(*x, *y, *z))
 }
@@ -184,7 +182,6 @@ pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String
         let path = entry.map_err(reading)?.path();
         let has_extension = path
             .extension()
-            .and_then(|extension| extension.to_str())
             .is_some_and(|extension| extensions.iter().any(|known| extension.eq_ignore_ascii_case(known)));
         let stem = path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
         if let (true, Some(stem)) = (has_extension, stem) {
@@ -199,6 +196,11 @@ pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String
         by_number.then_with(|| a.cmp(b))
     });
     Ok(files)
+}
+
+/// Returns true if a folder has a file with one of the extensions.
+pub(super) fn has_files(folder: &Path, extensions: &[&str]) -> bool {
+    files_in(folder, extensions).is_ok_and(|files| !files.is_empty())
 }
 
 /// The folders in a folder, sorted by name; none if it cannot be read.

@@ -13,10 +13,10 @@ fn edit(path: &Path, change: impl Fn(&str) -> String) {
     fs::write(path, change(&fs::read_to_string(path).unwrap())).unwrap();
 }
 
-/// Empties a line of a file, from 0.
-fn empty_line(path: &Path, number: usize) {
+/// Replaces a line of a file, from 0.
+fn set_line(path: &Path, number: usize, new: &str) {
     edit(path, |text| {
-        let line = |(index, line): (usize, &str)| format!("{}\n", if index == number { "" } else { line });
+        let line = |(index, line): (usize, &str)| format!("{}\n", if index == number { new } else { line });
         text.lines().enumerate().map(line).collect()
     });
 }
@@ -63,7 +63,7 @@ fn an_empty_line_of_times_is_a_missing_record() {
     ]) {
         for is_lost in [true, false] {
             let (_folder, mini) = made(0);
-            empty_line(&mini.path.join(sensor), 2);
+            set_line(&mini.path.join(sensor), 2, "");
             if is_lost {
                 fs::remove_file(mini.path.join(file)).unwrap();
             }
@@ -111,7 +111,7 @@ fn line_ends_and_marks_of_other_systems_are_nothing() {
 fn an_empty_line_of_poses_is_a_missing_frame() {
     for name in ["times.txt", "../../poses/07.txt"] {
         let (_folder, mini) = made(1);
-        empty_line(&mini.path.join(name), 3);
+        set_line(&mini.path.join(name), 3, "");
         let log = open(&mini);
         assert_eq!((log.pictures.len(), log.sweeps.len()), (FRAMES - 1, FRAMES - 1));
         assert!(says(&log.warnings, "1 pictures of image_2 have no pose or time"), "{:?}", log.warnings);
@@ -120,7 +120,7 @@ fn an_empty_line_of_poses_is_a_missing_frame() {
     }
     // Without times, too.
     let (_folder, mini) = made(1);
-    empty_line(&mini.path.join("../../poses/07.txt"), 0);
+    set_line(&mini.path.join("../../poses/07.txt"), 0, "");
     fs::remove_file(mini.path.join("times.txt")).unwrap();
     let log = open(&mini);
     assert_eq!((log.pictures.len(), log.pictures[0].timestamp), (FRAMES - 1, 100_000_000));
@@ -161,10 +161,7 @@ fn cut(mini: &MiniLog, name: &str) {
 
 /// Replaces the fourth line.
 fn line(mini: &MiniLog, name: &str, text: &str) {
-    edit(&mini.path.join(name), |all| {
-        let line = |(index, own): (usize, &str)| format!("{}\n", if index == 3 { text } else { own });
-        all.lines().enumerate().map(line).collect()
-    });
+    set_line(&mini.path.join(name), 3, text);
 }
 
 fn first_file(mini: &MiniLog, folder: &str) -> String {

@@ -15,7 +15,7 @@ use wm_scene::camera::Distortion;
 
 /// A file of lines `KEY: NUMBERS`.
 pub(super) struct KittiCalibration {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     /// Line and numbers by key.
     values: BTreeMap<String, (usize, Vec<f64>)>,
 }
@@ -37,18 +37,11 @@ impl KittiCalibration {
         Ok(Self { path: path.into(), values })
     }
 
-    /// The file.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// The numbers of a key.
     pub(super) fn get<const N: usize>(&self, key: &str) -> Result<[f64; N], FormatError> {
         let Some((line, values)) = self.values.get(key) else {
-            return Err(fault(
-                &self.path,
-                format!("it has no line \"{key}:\"; unpack the calibration again"),
-            ));
+            let what = format!("it has no line \"{key}:\"; unpack the calibration again");
+            return Err(fault(&self.path, what));
         };
         values.as_slice().try_into().map_err(|_| {
             let count = values.len();

@@ -6,13 +6,11 @@
 //! SemanticKITTI's `labels` say which points move. Sweeps are in the axes of their frame: their own
 //! motion has been taken out already.
 
-use super::files::{fault_in_line, files_in, folders_in, line_records, numbers, pose_of_rows};
+use super::files::{fault_in_line, files_in, folders_in, has_files, line_records, numbers, pose_of_rows};
 use super::kitti::KittiCalibration;
 use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
-use super::{
-    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log,
-    is_asked, size_of_first,
-};
+use super::sweep::SweepRecords;
+use super::{DrivingLog, LogFormat, LogOptions, LogSweep, check_cameras, is_asked, size_of_first};
 use crate::RigidPose;
 use std::path::{Path, PathBuf};
 use wm_base::FormatError;
@@ -33,7 +31,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let camera_from_rig = calibration.pose("Tr", None)?;
     let rig_from_camera = camera_from_rig.inverse();
 
-    let mut log = empty_log(path, name);
+    let mut log = DrivingLog { source: path.into(), name, ..DrivingLog::default() };
     log.warnings.extend(note);
     let lines = line_records(&poses, |line, text| {
         let pose =
@@ -42,18 +40,11 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     })?;
     let empty = lines.iter().filter(|line| line.is_none()).count();
     records.lost("lines of the poses are empty, whose frames are missing", empty);
-    let mut found = Vec::with_capacity(lines.len());
-    for (index, line) in lines.into_iter().enumerate() {
-        found.extend(
-            line.map(|pose| records.sound("poses", pose)).transpose()?.flatten().map(|pose| (index, pose)),
-        );
-    }
-    let times = times(
-        &path.join("times.txt"),
-        found.last().map_or(0, |(index, _)| index + 1),
-        &mut log,
-        &mut records,
-    )?;
+    let lines = records.sound_lines("poses", lines)?;
+    let found: Vec<(usize, RigidPose)> =
+        lines.into_iter().enumerate().filter_map(|(index, pose)| Some((index, pose?))).collect();
+    let frames = found.last().map_or(0, |(index, _)| index + 1);
+    let times = times(&path.join("times.txt"), frames, &mut log, &mut records)?;
     let timed = |(index, pose): (usize, RigidPose)| Some((index, (*times.get(index)?)?, pose));
     let timed = found.into_iter().filter_map(timed).collect();
     let mut frames = vec![None; times.len()];
@@ -67,7 +58,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let has_colour = CAMERAS[2..].iter().any(|name| path.join(name).is_dir());
     for (number, name) in CAMERAS.into_iter().enumerate() {
         let folder = path.join(name);
-        let is_usual = if has_colour { number >= 2 } else { true };
+        let is_usual = !has_colour || number >= 2;
         let is_wanted = if options.cameras.is_empty() { is_usual } else { is_asked(options, name) };
         if !(is_wanted && folder.is_dir()) {
             continue;
@@ -76,16 +67,11 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let Some(size) = size_of_first(&files, &mut records)? else { continue };
         let (camera, first_from_camera) = calibration.camera(&format!("P{number}"), name, size)?;
         let rig_from_camera = rig_from_camera.then(&first_from_camera);
-        for (stem, file) in files {
-            let Some((timestamp, world_from_rig)) = at(&stem) else {
-                records.lost(format!("pictures of {name} have no pose or time"), 1);
-                continue;
-            };
-            let world_from_camera = world_from_rig.then(&rig_from_camera);
-            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
-            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
-        }
-        log.cameras.push(camera);
+        let world_from_camera = |stem: &str| {
+            at(stem).map(|(time, world_from_rig)| (time, world_from_rig.then(&rig_from_camera)))
+        };
+        let lost = format!("pictures of {name} have no pose or time");
+        log.add_camera(camera, files, world_from_camera, &lost, &mut records);
     }
     let sweeps = path.join("velodyne");
     if sweeps.is_dir() {
@@ -98,7 +84,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
             };
             let labels = Some(folder.join(format!("{stem}.label"))).filter(|labels| labels.is_file());
             unlabelled += usize::from(labels.is_none());
-            log.sweeps.push(LogSweep { labels, ..LogSweep::kitti(file, timestamp, world_from_rig) });
+            let sweep = LogSweep::still(file, timestamp, world_from_rig, SweepRecords::KITTI);
+            log.sweeps.push(LogSweep { labels, ..sweep });
         }
         if folder.is_dir() && unlabelled > 0 {
             log.warnings
@@ -128,9 +115,7 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>,
     let mut candidates = Vec::with_capacity(sequences.len());
     for sequence in sequences {
         let (name, poses) = named(&sequence)?;
-        let has_photos = |camera: &&str| {
-            files_in(&sequence.join(camera), &["png", "jpg"]).is_ok_and(|files| !files.is_empty())
-        };
+        let has_photos = |camera: &&str| has_files(&sequence.join(camera), &["png", "jpg"]);
         let lacks =
             match (CAMERAS.iter().any(has_photos), sequence.join("calib.txt").is_file(), poses.is_file()) {
                 (false, ..) => Some("no pictures".into()),
@@ -170,8 +155,5 @@ fn times(
         [seconds] if seconds.abs() < 4e9 => Ok((seconds * 1e9).round() as i64),
         _ => Err(fault_in_line(path, line, "a line must be one time, seconds")),
     })?;
-    let time = |line: Option<Result<i64, FormatError>>| {
-        Ok(line.map(|time| records.sound("times", time)).transpose()?.flatten())
-    };
-    lines.into_iter().map(time).collect()
+    records.sound_lines("times", lines)
 }

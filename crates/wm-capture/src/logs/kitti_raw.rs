@@ -7,21 +7,21 @@
 //! cameras are triggered; its points are moved to where they were at their own time. Times have no
 //! time zone, so that the time of day is not taken from them.
 
-use super::files::{fault, fault_in_line, files_in, folders_in, line_records, name_of, numbers, read_text};
+use super::files::{
+    fault, fault_in_line, files_in, folders_in, has_files, line_records, name_of, numbers, read_text,
+};
 use super::kitti::KittiCalibration;
 use super::kitti_tracklets::read_tracklets;
 use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
-use super::sweep::SweepMotion;
+use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
-use super::{
-    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log,
-    is_asked, moved, size_of_first,
-};
+use super::{DrivingLog, LogFormat, LogOptions, LogSweep, check_cameras, is_asked, moved, size_of_first};
 use crate::RigidPose;
 use glam::{DQuat, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use wm_base::FormatError;
+use wm_base::calendar::days;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI raw", read };
@@ -50,7 +50,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let rectified = RigidPose { translation: DVec3::ZERO, ..rotation(&cams, "R_rect_00")? };
     let rig_from_rectified = rectified.then(&cam0_from_lidar).then(&lidar_from_rig).inverse();
 
-    let mut log = empty_log(&drive, name_of(&whole));
+    let mut log = DrivingLog { source: drive.clone(), name: name_of(&whole), ..DrivingLog::default() };
     log.warnings.extend(note);
     let (track, times) = poses(&drive, &mut log, &mut records)?;
     let track = Arc::new(track);
@@ -68,18 +68,12 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let (camera, rectified_from_camera) = cams.camera(&key, name, size)?;
         let rig_from_camera = rig_from_rectified.then(&rectified_from_camera);
         let own = times_of(&drive, &format!("{name}/timestamps.txt"), &mut records)?;
-        for (stem, file) in files {
-            let time = time_at(&stem, &own, &times);
-            let Some((timestamp, world_from_rig)) = time.and_then(|time| Some((time, track.at(time)?)))
-            else {
-                records.lost(format!("pictures of {name} have no time or no pose in oxts"), 1);
-                continue;
-            };
-            let world_from_camera = world_from_rig.then(&rig_from_camera);
-            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
-            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
-        }
-        log.cameras.push(camera);
+        let world_from_camera = |stem: &str| {
+            let time = time_at(stem, &own, &times)?;
+            Some((time, track.at(time)?.then(&rig_from_camera)))
+        };
+        let lost = format!("pictures of {name} have no time or no pose in oxts");
+        log.add_camera(camera, files, world_from_camera, &lost, &mut records);
     }
     log.sweeps = sweeps(&drive, &times, &track, rig_from_lidar, &mut records)?;
     let tracks = read_tracklets(&drive.join("tracklet_labels.xml"), |frame| {
@@ -108,11 +102,9 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>,
         return Ok(None);
     }
     let candidate = |drive: PathBuf| {
-        let has = |folder: PathBuf, extensions: &[&str]| {
-            files_in(&folder, extensions).is_ok_and(|files| !files.is_empty())
-        };
-        let has_photos = CAMERAS.iter().any(|camera| has(drive.join(camera).join("data"), &["png", "jpg"]));
-        let lacks = match (has(drive.join("oxts/data"), &["txt"]), has_photos) {
+        let has_photos =
+            CAMERAS.iter().any(|camera| has_files(&drive.join(camera).join("data"), &["png", "jpg"]));
+        let lacks = match (has_files(&drive.join("oxts/data"), &["txt"]), has_photos) {
             (false, _) => Some("no poses in oxts/data".into()),
             (_, false) => Some("no pictures".into()),
             _ => None,
@@ -127,7 +119,7 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>,
 fn rotation(cams: &KittiCalibration, key: &str) -> Result<RigidPose, FormatError> {
     let [a, b, c, d, e, f, g, h, i] = cams.get::<9>(key)?;
     let numbers = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0];
-    super::files::pose_of_rows(&numbers).map_err(|what| fault(cams.path(), format!("{key}: {what}")))
+    super::files::pose_of_rows(&numbers).map_err(|what| fault(&cams.path, format!("{key}: {what}")))
 }
 
 /// The time of a record by its number: its own where its sensor has times, else that of the frame.
@@ -151,11 +143,8 @@ impl Oxts {
             return Err(fault_in_line(path, 1, format!("{} numbers, at least 6 are needed", values.len())));
         };
         if latitude.abs() > 89.0 || longitude.abs() > 360.0 || altitude.abs() > 1e5 || yaw.abs() > 1e3 {
-            return Err(fault_in_line(
-                path,
-                1,
-                format!("{latitude}, {longitude}, {altitude} is no place on the Earth"),
-            ));
+            let what = format!("{latitude}, {longitude}, {altitude} is no place on the Earth");
+            return Err(fault_in_line(path, 1, what));
         }
         let rotation =
             DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
@@ -165,11 +154,8 @@ impl Oxts {
     /// East, north and up by the Mercator projection of a scale, m.
     fn position(&self, scale: f64) -> DVec3 {
         let north = (0.25 * std::f64::consts::PI + 0.5 * self.latitude.to_radians()).tan().ln();
-        DVec3::new(
-            scale * EARTH_RADIUS_M * self.longitude.to_radians(),
-            scale * EARTH_RADIUS_M * north,
-            self.altitude,
-        )
+        let east = scale * EARTH_RADIUS_M * self.longitude.to_radians();
+        DVec3::new(east, scale * EARTH_RADIUS_M * north, self.altitude)
     }
 
     fn scale(&self) -> f64 {
@@ -249,7 +235,8 @@ fn sweeps(
             Some(span) => SweepMotion::Turning { track: Arc::clone(track), rig_from_lidar, span },
             None => SweepMotion::Still(world_from_lidar),
         };
-        sweeps.push(LogSweep { motion, ..LogSweep::kitti(file, timestamp, world_from_lidar) });
+        let still = LogSweep::still(file, timestamp, world_from_lidar, SweepRecords::KITTI);
+        sweeps.push(LogSweep { motion, ..still });
     }
     Ok(sweeps)
 }
@@ -271,12 +258,7 @@ fn times_of(drive: &Path, name: &str, records: &mut Records) -> Result<Times, Fo
         let empty = lines.iter().filter(|line| line.is_none()).count();
         records.lost(format!("lines of {name} are empty, whose records are missing"), empty);
     }
-    let mut times = Vec::with_capacity(lines.len());
-    for line in lines {
-        let time = line.map(|time| records.sound("times", time)).transpose()?.flatten();
-        times.push(time);
-    }
-    Ok(times)
+    records.sound_lines("times", lines)
 }
 
 /// Nanoseconds since 1970 of a date and a time of day, both UTC.
@@ -303,13 +285,6 @@ fn nanoseconds(text: &str) -> Option<i64> {
         .checked_add(part)
 }
 
-/// Days from 1970-01-01, Gregorian: years are counted from March, so that leap days come last.
-fn days(year: i64, month: i64, day: i64) -> i64 {
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let of_year = (153 * month + 2) / 5 + day - 1;
-    365 * year + year / 4 - year / 100 + year / 400 + of_year - 719_468
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -319,14 +294,8 @@ mod tests {
         assert_eq!(nanoseconds("2011-09-26 13:02:25.594360375"), Some(1_317_042_145_594_360_375));
         assert_eq!(nanoseconds("1970-01-01 00:00:00"), Some(0));
         assert_eq!(nanoseconds("2024-02-29 00:00:00.5"), Some(1_709_164_800_500_000_000));
-        for bad in [
-            "",
-            "2011-09-26",
-            "2011-13-26 13:02:25",
-            "2011-09-26 13:02",
-            "2011-09-26 13:02:25.x",
-            "99999999999-1-1 1:1:1",
-        ] {
+        let bad = ["", "2011-09-26", "2011-13-26 13:02:25", "2011-09-26 13:02", "2011-09-26 13:02:25.x"];
+        for bad in bad.into_iter().chain(["99999999999-1-1 1:1:1"]) {
             assert_eq!(nanoseconds(bad), None, "{bad}");
         }
     }

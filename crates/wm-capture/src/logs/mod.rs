@@ -93,7 +93,7 @@ impl Default for LogOptions {
 }
 
 /// A driving log, in no format's terms: metres, z up, x of boxes ahead. Cameras have OpenCV's axes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DrivingLog {
     /// The folder that was read.
     pub source: PathBuf,
@@ -165,16 +165,8 @@ impl LogCamera {
     /// The pinhole camera of a picture taken at a pose, before the lens bends it.
     #[must_use]
     pub fn camera(&self, world_from_camera: &RigidPose) -> Camera {
-        Camera {
-            width: self.size.0,
-            height: self.size.1,
-            fx: self.focal[0],
-            fy: self.focal[1],
-            cx: self.center[0],
-            cy: self.center[1],
-            viewmat: world_from_camera.inverse().matrix(),
-            near: Camera::DEFAULT_NEAR,
-        }
+        let viewmat = world_from_camera.inverse().matrix();
+        Camera { viewmat, ..Camera::pinhole(self.size, self.focal, self.center) }
     }
 }
 
@@ -227,19 +219,15 @@ impl DrivingLog {
         for camera in &self.cameras {
             let fault = |what: String| files::fault(&self.source, format!("camera {}: {what}", camera.name));
             // Written so that NaN is refused.
+            let ([fx, fy], [cx, cy]) = (camera.focal, camera.center);
             let is_within =
                 |[low, high]: [f64; 2], values: [f64; 2]| values.iter().all(|v| (low..=high).contains(v));
+            let damaged = |what: String| Err(fault(format!("{what} px; its calibration is damaged")));
             if !is_within(FOCAL_RANGE_PX, camera.focal) {
-                let [fx, fy] = camera.focal;
-                return Err(fault(format!(
-                    "focal lengths of {fx:e} and {fy:e} px; its calibration is damaged"
-                )));
+                return damaged(format!("focal lengths of {fx:e} and {fy:e}"));
             }
             if !is_within(CENTER_RANGE_PX, camera.center) {
-                let [cx, cy] = camera.center;
-                return Err(fault(format!(
-                    "a principal point at {cx:e}, {cy:e} px; its calibration is damaged"
-                )));
+                return damaged(format!("a principal point at {cx:e}, {cy:e}"));
             }
             camera.camera(&RigidPose::IDENTITY).check().map_err(|e| fault(e.to_string()))?;
             if camera.distortion.coefficients().iter().any(|v| !v.is_finite()) {
@@ -271,6 +259,28 @@ impl DrivingLog {
         }
     }
 
+    /// Adds a camera and its pictures without masks. `at` gives the time, ns, and
+    /// `world_from_camera` of a picture by the stem of its file; those without are counted as
+    /// `lost`.
+    fn add_camera(
+        &mut self,
+        camera: LogCamera,
+        files: Vec<(String, PathBuf)>,
+        at: impl Fn(&str) -> Option<(i64, RigidPose)>,
+        lost: &str,
+        records: &mut Records,
+    ) {
+        for (stem, file) in files {
+            let Some((timestamp, world_from_camera)) = at(&stem) else {
+                records.lost(lost, 1);
+                continue;
+            };
+            let (camera, masks) = (self.cameras.len(), LogPictureMasks::default());
+            self.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
+        }
+        self.cameras.push(camera);
+    }
+
     /// The times of the first and the last picture, ns.
     #[must_use]
     pub fn span(&self) -> (i64, i64) {
@@ -282,24 +292,6 @@ impl DrivingLog {
     #[must_use]
     fn movers_at(&self, time: i64) -> Vec<LogBox> {
         self.tracks.iter().filter(|track| track.is_mover).filter_map(|track| track.at(time)).collect()
-    }
-}
-
-/// An empty log, which formats fill.
-fn empty_log(source: &Path, name: String) -> DrivingLog {
-    DrivingLog {
-        source: source.into(),
-        format: "",
-        name,
-        cameras: Vec::new(),
-        pictures: Vec::new(),
-        sweeps: Vec::new(),
-        tracks: Vec::new(),
-        origin: DVec3::ZERO,
-        location: None,
-        is_north_known: false,
-        captured: None,
-        warnings: Vec::new(),
     }
 }
 

@@ -58,6 +58,20 @@ impl Records {
         }
     }
 
+    /// The values of a file with one record a line, `None` for those that are missing, or damaged and
+    /// left out.
+    ///
+    /// # Errors
+    /// As [`Records::sound`].
+    pub(super) fn sound_lines<T>(
+        &mut self,
+        kind: &'static str,
+        lines: Vec<Option<Result<T, FormatError>>>,
+    ) -> Result<Vec<Option<T>>, FormatError> {
+        let sound = |line: Option<_>| line.map_or(Ok(None), |record| self.sound(kind, record));
+        lines.into_iter().map(sound).collect()
+    }
+
     /// Drops poses to which the vehicle cannot have come from the others. `place` gives the time,
     /// ns, and the position, m, of an entry.
     ///

@@ -89,17 +89,21 @@ pub(super) struct SweepPoints {
     pub(crate) unusable: usize,
 }
 
+impl SweepRecords {
+    /// Records of KITTI: x y z and intensity as floats.
+    pub(super) const KITTI: Self = Self::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 };
+}
+
 impl LogSweep {
-    /// A sweep of KITTI, x y z and intensity of each point as floats, whose lidar stands still.
-    pub(super) fn kitti(file: PathBuf, timestamp: i64, world_from_lidar: RigidPose) -> Self {
-        Self {
-            file,
-            timestamp,
-            center: world_from_lidar.translation,
-            labels: None,
-            records: SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 },
-            motion: SweepMotion::Still(world_from_lidar),
-        }
+    /// A sweep whose points are all in the axes of the lidar, or of the vehicle, at one time.
+    pub(super) fn still(
+        file: PathBuf,
+        timestamp: i64,
+        world_from_own: RigidPose,
+        records: SweepRecords,
+    ) -> Self {
+        let (center, motion) = (world_from_own.translation, SweepMotion::Still(world_from_own));
+        Self { file, timestamp, center, labels: None, records, motion }
     }
 
     /// Reads the points. Those that are not finite, at the lidar itself or farther than a kilometre

@@ -15,7 +15,7 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use wm_base::{
-    FormatError, Problem,
+    FormatError,
     error::one_line,
     file_index::{self, FileIndex, FileKind},
 };
@@ -126,7 +126,7 @@ pub(super) fn read(
     let transforms: Transforms = read_json(&path)?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
-        return Err(FormatError::whole(&path, Problem::Value(problem.into())));
+        return Err(FormatError::value(&path, problem));
     }
     // Photos are looked for before their cameras are known, which may lack their size.
     let mut views: Vec<CaptureView> = transforms.frames.iter().map(Frame::named).collect();
@@ -136,7 +136,7 @@ pub(super) fn read(
     for (frame, view) in transforms.frames.iter().zip(&mut views) {
         let fault = |what: String| {
             let what = one_line(&format!("the frame {:?}: {what}", frame.file_path));
-            FormatError::whole(&path, Problem::Value(what))
+            FormatError::value(&path, what)
         };
         let model = frame.camera_model.as_deref().or(transforms.camera_model.as_deref());
         check_model(model).map_err(&fault)?;
@@ -147,16 +147,7 @@ pub(super) fn read(
         ReadScope::Everything => points_of(&transforms, &folder, &path, &mut remarks)?,
     };
     remarks.extend(unused(&transforms, &path));
-    let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture {
-        source: dataset.into(),
-        images,
-        views,
-        points,
-        observations,
-        remarks,
-        ..Capture::default()
-    }))
+    Ok(Some(Capture { images, views, points, remarks, ..Capture::default() }))
 }
 
 impl Frame {
@@ -164,12 +155,8 @@ impl Frame {
     fn named(&self) -> CaptureView {
         CaptureView {
             name: self.file_path.trim_start_matches("./").replace('\\', "/"),
-            camera: Camera::posed((1, 1), 50.0, DVec3::ZERO, DMat3::IDENTITY),
-            distortion: Distortion::None,
-            camera_id: 1,
-            file: PathBuf::from(&self.file_path),
             mask: self.mask_path.as_ref().map(PathBuf::from),
-            original: None,
+            ..CaptureView::without_camera(&self.file_path)
         }
     }
 }
@@ -279,7 +266,7 @@ fn points_of(
 ) -> Result<SparsePoints, FormatError> {
     let named = transforms.ply_file_path.as_deref().map(|name| {
         let index = FileIndex::new(folder, FileKind { extensions: &["ply"], endings: &[], skipped: &[] });
-        let found = index.find(name).map_err(|e| FormatError::whole(path, Problem::Value(e.to_string())))?;
+        let found = index.find(name).map_err(|e| FormatError::value(path, e.to_string()))?;
         Ok(found.map_or_else(|| folder.join(file_index::plain(name)), |found| found.path))
     });
     let model = folder.join("colmap");
@@ -303,7 +290,7 @@ fn points_of(
     if let Some(rows) = &transforms.applied_transform {
         let &([a, b, c] | [a, b, c, _]) = rows.as_slice() else {
             let what = "applied_transform needs 3 or 4 rows";
-            return Err(FormatError::whole(path, Problem::Value(what.into())));
+            return Err(FormatError::value(path, what));
         };
         for [x, y, z] in &mut points.positions {
             let moved = [a, b, c].map(|[p, q, r, t]| p * *x + q * *y + r * *z + t);

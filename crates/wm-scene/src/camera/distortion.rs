@@ -176,20 +176,10 @@ fn side(low: f64, high: f64, photo: f64) -> Option<(u32, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DMat4;
     use proptest::prelude::*;
 
     fn camera() -> Camera {
-        Camera {
-            width: 640,
-            height: 480,
-            fx: 500.0,
-            fy: 510.0,
-            cx: 310.0,
-            cy: 250.0,
-            viewmat: DMat4::IDENTITY,
-            near: 0.2,
-        }
+        Camera::pinhole((640, 480), [500.0, 510.0], [310.0, 250.0])
     }
 
     #[test]

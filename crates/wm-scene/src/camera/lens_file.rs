@@ -2,10 +2,10 @@
 
 use super::distortion::Distortion;
 use super::{Camera, LensModel};
-use crate::formats::sidecar::line_column;
+use crate::formats::sidecar::parse_toml;
 use serde::Deserialize;
 use std::path::Path;
-use wm_base::error::{FormatError, Location, Problem, one_line};
+use wm_base::error::{FormatError, Location, Problem};
 use wm_base::files;
 
 /// Longest file that is read, bytes.
@@ -49,10 +49,7 @@ impl LensModel {
     pub fn read(path: &Path) -> Result<(Self, Camera), FormatError> {
         let length = std::fs::metadata(path).map_err(|error| FormatError::reading(path, error))?.len();
         if length > MAX_BYTES {
-            return Err(FormatError::whole(
-                path,
-                Problem::Value("too long for a lens; give a TOML file".into()),
-            ));
+            return Err(FormatError::value(path, "too long for a lens; give a TOML file"));
         }
         let text =
             files::read_text(path, files::SMALL_TEXT).map_err(|error| FormatError::reading(path, error))?;
@@ -63,10 +60,7 @@ impl LensModel {
 }
 
 fn parse(text: &str) -> Result<(LensModel, Camera), (Location, String)> {
-    let file: LensFile = toml::from_str(text).map_err(|error| {
-        let place = error.span().map_or(Location::Whole, |span| line_column(text, span.start));
-        (place, one_line(error.message()))
-    })?;
+    let file: LensFile = parse_toml(text)?;
     let of_key = |key: &str| {
         let at = text.lines().position(|line| line.trim_start().starts_with(key));
         at.map_or(Location::Whole, |line| Location::LineColumn(line as u64 + 1, 1))

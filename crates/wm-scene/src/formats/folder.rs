@@ -79,7 +79,7 @@ pub fn write_cameras(path: &Path, views: &[SceneView]) -> Result<(), FormatError
     let entries: Vec<serde_json::Value> =
         views.iter().enumerate().map(|(id, view)| entry(id, view)).collect();
     let text = serde_json::to_string_pretty(&entries)
-        .map_err(|error| FormatError::whole(path, Problem::Value(error.to_string())))?;
+        .map_err(|error| FormatError::value(path, error.to_string()))?;
     write_atomically(path, |out| Ok(writeln!(out, "{text}")?))
 }
 
@@ -165,9 +165,7 @@ struct Raw {
     rotation: [[f64; 3]; 3],
     fx: f64,
     fy: f64,
-    #[serde(default)]
     cx: Option<f64>,
-    #[serde(default)]
     cy: Option<f64>,
 }
 

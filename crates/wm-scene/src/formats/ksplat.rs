@@ -45,10 +45,7 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
         coarse: super::loss::coarse_floats,
     },
     sniff: |start| has_ending(start.path, "ksplat"),
-    read: |source, _| {
-        let bytes = source.rest()?;
-        read(&bytes).map_err(|problem| source.whole(problem))
-    },
+    read: |source, _| source.parsed(|bytes, _| read(bytes)),
     write: Writer::Stream(|out, scene, _| write(out, scene)),
 };
 

@@ -41,10 +41,7 @@ pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
 }
 
 fn parse(text: &str) -> Result<Metadata, (Location, String)> {
-    let metadata: Metadata = toml::from_str(text).map_err(|error| {
-        let place = error.span().map_or(Location::Whole, |span| line_column(text, span.start));
-        (place, one_line(error.message()))
-    })?;
+    let metadata: Metadata = parse_toml(text)?;
     // A value of the right type that cannot be used: found again by its key to name the place.
     if let Some(fault) = metadata.fault() {
         let key = fault.split(' ').next().unwrap_or_default();
@@ -58,8 +55,16 @@ fn parse(text: &str) -> Result<Metadata, (Location, String)> {
     Ok(metadata)
 }
 
+/// Reads a value from TOML; its errors have a place.
+pub(crate) fn parse_toml<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, (Location, String)> {
+    toml::from_str(text).map_err(|error| {
+        let place = error.span().map_or(Location::Whole, |span| line_column(text, span.start));
+        (place, one_line(error.message()))
+    })
+}
+
 /// Line and column (in characters) of a byte of `text`.
-pub(crate) fn line_column(text: &str, byte: usize) -> Location {
+fn line_column(text: &str, byte: usize) -> Location {
     let before = &text[..text.floor_char_boundary(byte)];
     let line = before.matches('\n').count() + 1;
     let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
@@ -74,7 +79,7 @@ pub(crate) fn line_column(text: &str, byte: usize) -> Location {
 pub fn write_sidecar(scene: &Path, metadata: &Metadata) -> Result<(), FormatError> {
     let file = if scene.is_dir() { scene_file(scene)? } else { scene.into() };
     let path = sidecar_path(&file);
-    let value = |message| FormatError::whole(&path, Problem::Value(format!("not written: {message}")));
+    let value = |message| FormatError::value(&path, format!("not written: {message}"));
     let entries = metadata.entries().map_err(value)?;
     let text: String = entries.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
     write_atomically(&path, |out| Ok(out.write_all(text.as_bytes())?))

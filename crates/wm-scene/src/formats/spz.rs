@@ -56,10 +56,7 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
         coarse: |splats| coarse_steps(splats, fractional_bits(splats)),
     },
     sniff: |start| start.bytes.starts_with(&MAGIC) || start.bytes.starts_with(&[0x1f, 0x8b]),
-    read: |source, _| {
-        let bytes = source.rest()?;
-        read(&bytes).map_err(|problem| source.whole(problem))
-    },
+    read: |source, _| source.parsed(|bytes, _| read(bytes)),
     write: Writer::Stream(write),
 };
 

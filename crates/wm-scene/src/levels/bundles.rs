@@ -2,14 +2,13 @@
 //! a request.
 
 use super::LevelIndex;
-use crate::formats::sog::{
-    read::{below, fault, is_bundle, parse, picture_names, read_file},
-    zip,
-};
+use super::writer::write_json;
+use crate::formats::sog::read::{below, fault, is_bundle, parse, picture_names, read_file};
+use crate::formats::sog::zip;
 use serde_json::Value;
 use std::path::Path;
 use wm_base::{
-    FormatError, Problem,
+    FormatError,
     files::{self, write_atomically},
 };
 
@@ -69,10 +68,6 @@ impl LevelIndex {
         if let Some(name) = &self.environment {
             fields.insert("environment".into(), bundle_of(name).into());
         }
-        write_atomically(main, |out| {
-            serde_json::to_writer(&mut *out, &index)
-                .map_err(|error| Problem::from(std::io::Error::from(error)))?;
-            Ok(out.write_all(b"\n")?)
-        })
+        write_json(main, &index)
     }
 }

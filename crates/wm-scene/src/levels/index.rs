@@ -90,14 +90,12 @@ impl LevelLeaf {
 
 #[derive(Deserialize)]
 struct RawIndex {
-    #[serde(default)]
     version: Option<u32>,
     #[serde(rename = "lodLevels")]
     levels: u32,
     /// True if every leaf has errors.
     #[serde(rename = "lodErrors", default)]
     has_errors: Value,
-    #[serde(default)]
     environment: Option<String>,
     filenames: Vec<String>,
     tree: RawNode,
@@ -119,9 +117,7 @@ struct RawNode {
 
 #[derive(Deserialize, Default)]
 struct RawBound {
-    #[serde(default)]
     min: Option<[f32; 3]>,
-    #[serde(default)]
     max: Option<[f32; 3]>,
 }
 

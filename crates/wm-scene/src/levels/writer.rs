@@ -160,8 +160,7 @@ impl LevelWriter {
     pub fn add(&mut self, mut leaf: NewLeaf) -> Result<Vec<LevelFileJob>, FormatError> {
         let number = self.leaves.len();
         let extent = extent_of(&leaf).map_err(|problem| {
-            let what = format!("not written: leaf {number}: {problem}");
-            FormatError::whole(&self.main, Problem::Value(what))
+            FormatError::value(&self.main, format!("not written: leaf {number}: {problem}"))
         })?;
         if let Some(coarsest) = leaf.levels.iter().rposition(|splats| !splats.is_empty()) {
             let coarsest = leaf.levels[coarsest].clone();
@@ -184,10 +183,8 @@ impl LevelWriter {
                 self.names.push(format!("{level}_{}/meta.json", pending.before));
                 pending.before += 1;
             }
-            let order: Vec<usize> =
-                morton::order(&splats.means).into_iter().map(|index| index as usize).collect();
             let (offset, count) = (pending.splats.len() as u64, splats.len() as u64);
-            pending.splats = Splats::joined(std::mem::take(&mut pending.splats), splats.select(&order));
+            pending.splats = Splats::joined(std::mem::take(&mut pending.splats), ordered(&splats));
             self.counts[level] += count;
             runs.push(LevelRun { level: level as u32, file: pending.file, offset, count, error: None });
             if pending.splats.len() >= self.options.splats_per_file {
@@ -241,21 +238,11 @@ impl LevelWriter {
         }
         let boxes: Vec<Extent> = self.leaves.iter().map(|leaf| leaf.extent).collect();
         let tree = BoxTree::of(&boxes).ok_or_else(|| fault(Problem::NoSplats))?;
-        let is_begun = |pending: &Pending| !pending.splats.is_empty();
-        let begun: Vec<usize> = self
-            .pending
-            .iter()
-            .enumerate()
-            .filter(|(_, pending)| is_begun(pending))
-            .map(|(level, _)| level)
-            .collect();
+        let is_begun = |level: &usize| !self.pending[*level].splats.is_empty();
+        let begun: Vec<usize> = (0..self.pending.len()).filter(is_begun).collect();
         let mut jobs: Vec<LevelFileJob> = begun.into_iter().map(|level| self.job(level)).collect();
         let name = environment.is_some().then(|| "env/meta.json".to_owned());
-        jobs.extend(environment.map(|splats| {
-            let order: Vec<usize> =
-                morton::order(&splats.means).into_iter().map(|index| index as usize).collect();
-            self.job_of("env/meta.json", splats.select(&order))
-        }));
+        jobs.extend(environment.map(|splats| self.job_of("env/meta.json", ordered(&splats))));
         let mut metadata = metadata.clone();
         metadata.rasterization = self.options.rasterization.or(metadata.rasterization);
         let levels = self.counts.len();
@@ -301,12 +288,23 @@ impl LevelEnd {
             let path = self.main.with_file_name(name);
             fs::metadata(&path).map_err(|error| FormatError::reading(&path, error))?;
         }
-        write_atomically(&self.main, |out| {
-            serde_json::to_writer(&mut *out, &self.index)
-                .map_err(|error| Problem::from(std::io::Error::from(error)))?;
-            Ok(out.write_all(b"\n")?)
-        })
+        write_json(&self.main, &self.index)
     }
+}
+
+/// Splats along a Morton curve.
+fn ordered(splats: &Splats) -> Splats {
+    let order: Vec<usize> = morton::order(&splats.means).into_iter().map(|index| index as usize).collect();
+    splats.select(&order)
+}
+
+/// Writes a file of JSON on one line.
+pub(super) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FormatError> {
+    write_atomically(path, |out| {
+        serde_json::to_writer(&mut *out, value)
+            .map_err(|error| Problem::from(std::io::Error::from(error)))?;
+        Ok(out.write_all(b"\n")?)
+    })
 }
 
 /// Removes an index, then the files that it names; one that cannot be read only itself.

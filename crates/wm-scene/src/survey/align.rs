@@ -269,12 +269,11 @@ pub fn align(scene: &mut Scene, by: &Alignment) -> Result<Aligned, AlignError> {
     }
     let along = up.unwrap_or(before.up.value);
     if let Some(ground) = by.ground {
-        (metadata.ground_confidence, metadata.ground) = match ground {
-            GivenGround::Height(height) => (None, Some(height)),
-            GivenGround::Points(points) => {
-                (None, Some(points.map(|p| p.dot(along)).iter().sum::<f64>() / 3.0))
-            }
-        };
+        metadata.ground_confidence = None;
+        metadata.ground = Some(match ground {
+            GivenGround::Height(height) => height,
+            GivenGround::Points(points) => points.map(|p| p.dot(along)).iter().sum::<f64>() / 3.0,
+        });
         // A height is along this up and no other.
         metadata.up = Some(along);
         if up.is_none() {

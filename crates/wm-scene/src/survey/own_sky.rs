@@ -198,20 +198,11 @@ mod tests {
         let turn = glam::DQuat::from_rotation_arc(DVec3::Z, axis);
         let dome = moved(&dome.build(), turn, 1.0, DVec3::ZERO);
         let first = splats.len();
-        append(&mut splats, &dome);
+        splats.append(&dome);
         splats.groups[first..].fill(Group::Sky);
         let mut scene = Scene { splats, ..Scene::default() };
         scene.metadata.airlight = Some([0.53, 0.45, 0.52]);
         scene
-    }
-
-    fn append(splats: &mut Splats, more: &Splats) {
-        splats.means.extend(&more.means);
-        splats.quats.extend(&more.quats);
-        splats.log_scales.extend(&more.log_scales);
-        splats.logit_opacities.extend(&more.logit_opacities);
-        splats.sh.extend(&more.sh);
-        splats.groups.extend(&more.groups);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use super::{sky::SkyRegion, *};
 use crate::synthetic::{Builder, aerial, moved, rotation, street, table};
-use crate::testing::data;
-use crate::{Camera, Group, SceneView, Splats};
+use crate::testing::{SPLAT, data};
+use crate::{Camera, Group, SceneView, Splats, splats::Splat};
 use glam::DQuat;
 use proptest::prelude::*;
 
@@ -216,14 +216,7 @@ fn distant_things_are_no_sky() {
     let sky = place.build();
     let mut all = towers;
     let before = all.len();
-    for index in (0..sky.len()).skip(sky.len() - 4000) {
-        all.means.push(sky.means[index]);
-        all.quats.push(sky.quats[index]);
-        all.log_scales.push(sky.log_scales[index]);
-        all.logit_opacities.push(sky.logit_opacities[index]);
-        all.sh.extend(sky.sh_of(index));
-        all.groups.push(Group::Scene);
-    }
+    all.append(&sky.select(&(sky.len() - 4000..sky.len()).collect::<Vec<_>>()));
     assert_eq!(label_sky(&mut all), 4000);
     assert!(all.groups[..before].iter().all(|g| *g == Group::Scene));
 }
@@ -426,19 +419,18 @@ fn an_object_without_ground_has_no_more_than_a_guess_of_up() {
             let z = 1.0 - (2.0 * i as f64 + 1.0) / 4000.0;
             let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
             let normal = DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
-            let turn = DQuat::from_rotation_arc(DVec3::Z, normal);
-            splats.push(&crate::splats::Splat {
-                mean: (normal * DVec3::new(1.0, 1.0, stretch)).to_array().map(|v| v as f32),
-                quat: [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32),
-                log_scale: [-3.2, -3.2, -6.0],
-                logit_opacity: 3.0,
-                rgb: [0.5; 3],
-                group: Group::Scene,
-            });
+            flat(&mut splats, normal * DVec3::new(1.0, 1.0, stretch), normal, [-3.2, -3.2, -6.0]);
         }
         let found = survey(splats);
         assert_eq!(found.up.confidence, Confidence::Guess, "{stretch}: {:?}", found.up);
     }
+}
+
+/// Adds a splat whose z axis is the normal.
+fn flat(splats: &mut Splats, mean: DVec3, normal: DVec3, log_scale: [f32; 3]) {
+    let turn = DQuat::from_rotation_arc(DVec3::Z, normal);
+    let quat = [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32);
+    splats.push(&Splat { mean: mean.as_vec3().to_array(), quat, log_scale, logit_opacity: 3.0, ..SPLAT });
 }
 
 /// Flat splats on a surface that a function of two numbers of -1 to 1 gives, with its normal.
@@ -447,15 +439,7 @@ fn sheet(side: u64, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Splats {
     let number = |i: u64| 2.0 * (i as f64 + 0.5) / side as f64 - 1.0;
     for (u, v) in (0..side * side).map(|i| (number(i % side), number(i / side))) {
         let (mean, normal) = at(u, v);
-        let turn = DQuat::from_rotation_arc(DVec3::Z, normal.normalize());
-        splats.push(&crate::splats::Splat {
-            mean: mean.to_array().map(|v| v as f32),
-            quat: [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32),
-            log_scale: [-5.0, -5.0, -7.0],
-            logit_opacity: 3.0,
-            rgb: [0.5; 3],
-            group: Group::Scene,
-        });
+        flat(&mut splats, mean, normal.normalize(), [-5.0, -5.0, -7.0]);
     }
     splats
 }

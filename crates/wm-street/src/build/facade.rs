@@ -66,12 +66,7 @@ pub(super) fn wall(b: &mut Builder, frame: &Frame, size: (f64, f64), openings: &
         let mut z = 0.0;
         for (low, high) in over.iter().map(|o| (o.z, o.z + o.height)).chain([(height, height)]) {
             if low - z > 1e-9 {
-                b.quad(
-                    frame.at(x0, 0.0, z),
-                    frame.along(x1 - x0, 0.0, 0.0),
-                    DVec3::Z * (low - z),
-                    finish.wall,
-                );
+                b.upright(frame, [x0, 0.0, z], x1 - x0, low - z, finish.wall);
             }
             z = high;
         }
@@ -101,19 +96,14 @@ fn reveal(b: &mut Builder, frame: &Frame, opening: &Opening, finish: &Finish) {
 
 /// A bar of a frame in the plane of the filling.
 fn bar(b: &mut Builder, at: &Frame, low: (f64, f64), high: (f64, f64), proud: f64, paint: PaintId) {
-    b.block(
-        at,
-        [low.0, REVEAL_DEPTH_M - proud, low.1],
-        [high.0, REVEAL_DEPTH_M, high.1],
-        paint,
-        faces::FIXED,
-    );
+    let (front, back) = ([low.0, REVEAL_DEPTH_M - proud, low.1], [high.0, REVEAL_DEPTH_M, high.1]);
+    b.block(at, front, back, paint, faces::FIXED);
 }
 
 /// Frame, bars, panes and sill; `at` is the lower left corner of the hole.
 pub(super) fn window(b: &mut Builder, at: &Frame, size: (f64, f64), filling: Filling, finish: &Finish) {
     let (w, h) = size;
-    b.quad(at.at(0.0, REVEAL_DEPTH_M, 0.0), at.along(w, 0.0, 0.0), DVec3::Z * h, finish.glass);
+    b.upright(at, [0.0, REVEAL_DEPTH_M, 0.0], w, h, finish.glass);
     let paint = finish.frame;
     let edge = 0.06;
     bar(b, at, (0.0, 0.0), (edge, h), 0.05, paint);
@@ -163,19 +153,9 @@ fn door(b: &mut Builder, at: &Frame, size: (f64, f64), finish: &Finish) {
     bar(b, at, (w - edge, 0.0), (w, h), 0.07, finish.frame);
     bar(b, at, (edge, leaf), (w - edge, leaf + 0.06), 0.07, finish.frame);
     bar(b, at, (edge, h - 0.06), (w - edge, h), 0.07, finish.frame);
-    b.quad(
-        at.at(edge, REVEAL_DEPTH_M, leaf),
-        at.along(w - 2.0 * edge, 0.0, 0.0),
-        DVec3::Z * (h - leaf),
-        finish.glass,
-    );
-    b.quad(
-        at.at(edge, REVEAL_DEPTH_M, 0.0),
-        at.along(w - 2.0 * edge, 0.0, 0.0),
-        DVec3::Z * leaf,
-        finish.door,
-    );
     let inner = w - 2.0 * edge;
+    b.upright(at, [edge, REVEAL_DEPTH_M, leaf], inner, h - leaf, finish.glass);
+    b.upright(at, [edge, REVEAL_DEPTH_M, 0.0], inner, leaf, finish.door);
     for (z0, z1) in [(0.18, 0.80), (0.95, 1.88)] {
         for side in [0.0, 1.0] {
             let x0 = edge + inner * (0.10 + 0.44 * side);
@@ -189,7 +169,7 @@ fn door(b: &mut Builder, at: &Frame, size: (f64, f64), finish: &Finish) {
 fn shop(b: &mut Builder, at: &Frame, size: (f64, f64), finish: &Finish) {
     let (w, h) = size;
     let foot = 0.55;
-    b.quad(at.at(0.0, REVEAL_DEPTH_M, foot), at.along(w, 0.0, 0.0), DVec3::Z * (h - foot), finish.glass);
+    b.upright(at, [0.0, REVEAL_DEPTH_M, foot], w, h - foot, finish.glass);
     bar(b, at, (0.0, 0.0), (w, foot), 0.05, finish.door);
     for part in 0..3 {
         let x = w * (0.03 + 0.32 * f64::from(part));

@@ -36,12 +36,8 @@ pub(super) fn build(b: &mut Builder, p: &Palette, low: DVec2, high: DVec2, near:
     }
     // The road goes on to the village.
     for (from, to) in [(high.y, 325.0), (-300.0, low.y)] {
-        b.quad(
-            DVec3::new(-2.75, from, FIELD_HEIGHT_M + 0.02),
-            DVec3::X * 5.5,
-            DVec3::Y * (to - from),
-            p.asphalt,
-        );
+        let corner = DVec3::new(-2.75, from, FIELD_HEIGHT_M + 0.02);
+        b.quad(corner, DVec3::X * 5.5, DVec3::Y * (to - from), p.asphalt);
     }
     b.labelled(Label::Building, |b| {
         church(b, p, &finishes[0]);

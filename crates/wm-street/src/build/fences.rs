@@ -15,21 +15,11 @@ pub(super) fn pickets(b: &mut Builder, frame: &Frame, length: f64, gate: Option<
             continue;
         }
         let high = 0.86 + 0.02 * ((index * 7) % 5) as f64 * 0.4;
-        b.block(
-            frame,
-            [x, -0.022, 0.06],
-            [x + 0.075, 0.0, high],
-            paint,
-            faces::ALL & !faces::BOTTOM & !faces::TOP,
-        );
-        let peak = frame.along(0.0375, 0.0, 0.06);
-        b.triangle(frame.at(x, -0.022, high), frame.along(0.075, 0.0, 0.0), peak, paint);
-        b.triangle(
-            frame.at(x + 0.075, 0.0, high),
-            frame.along(-0.075, 0.0, 0.0),
-            frame.along(-0.0375, 0.0, 0.06),
-            paint,
-        );
+        b.block(frame, [x, -0.022, 0.06], [x + 0.075, 0.0, high], paint, faces::STANDING & !faces::TOP);
+        for (corner, sign) in [(frame.at(x, -0.022, high), 1.0), (frame.at(x + 0.075, 0.0, high), -1.0)] {
+            let peak = frame.along(sign * 0.0375, 0.0, 0.06);
+            b.triangle(corner, frame.along(sign * 0.075, 0.0, 0.0), peak, paint);
+        }
     }
     let spans = gate.map_or(vec![(0.0, length)], |(from, to)| vec![(0.0, from), (to, length)]);
     for (from, to) in spans {

@@ -79,12 +79,8 @@ pub(super) fn bin(b: &mut Builder, foot: DVec3, p: &Palette) {
 pub(super) fn tub(b: &mut Builder, foot: DVec3, radius: f64, p: &Palette) -> f64 {
     let high = 1.5 * radius;
     b.stump(foot, foot + DVec3::Z * high, [0.75 * radius, radius], p.terracotta);
-    b.stump(
-        foot + DVec3::Z * (high - 0.07),
-        foot + DVec3::Z * high,
-        [radius + 0.02, radius + 0.025],
-        p.terracotta,
-    );
+    let rim = foot + DVec3::Z * (high - 0.07);
+    b.stump(rim, foot + DVec3::Z * high, [radius + 0.02, radius + 0.025], p.terracotta);
     b.labelled(Label::Object, |b| b.disc(foot + DVec3::Z * (high - 0.03), DVec3::Z, radius, p.soil));
     high
 }

@@ -48,31 +48,17 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     f::low_wall(b, &left(83.6).moved(0.0, 0.1, 0.0), 3.3, 1.6, p.plinth, p);
     g::hedge(b, &right(71.4).moved(0.0, 0.2, 0.0), [7.8, 0.7, 1.5], 0.14, p, 60);
     f::low_wall(b, &right(18.9).moved(0.0, 0.1, 0.0), 3.1, 1.9, p.brown_brick, p);
-    for (index, (from, to)) in [
-        (
-            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 37.0, PLOT_HEIGHT_M),
-            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 46.0, PLOT_HEIGHT_M),
-        ),
-        (
-            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 49.0, PLOT_HEIGHT_M),
-            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 56.0, PLOT_HEIGHT_M),
-        ),
-        (
-            DVec3::new(PAVEMENT_EDGE_M + 0.05, 29.2, PLOT_HEIGHT_M),
-            DVec3::new(PAVEMENT_EDGE_M + 0.05, 37.2, PLOT_HEIGHT_M),
-        ),
-        (
-            DVec3::new(-PAVEMENT_EDGE_M + 0.0, 14.4, PLOT_HEIGHT_M),
-            DVec3::new(-PAVEMENT_EDGE_M + 0.0, 24.0, PLOT_HEIGHT_M),
-        ),
-        (
-            DVec3::new(-PAVEMENT_EDGE_M - 2.5, 38.0, PLOT_HEIGHT_M),
-            DVec3::new(-PAVEMENT_EDGE_M - 2.0, 56.0, PLOT_HEIGHT_M),
-        ),
+    for (index, (x0, y0, x1, y1)) in [
+        (-PAVEMENT_EDGE_M - 0.02, 37.0, -PAVEMENT_EDGE_M - 0.02, 46.0),
+        (-PAVEMENT_EDGE_M - 0.02, 49.0, -PAVEMENT_EDGE_M - 0.02, 56.0),
+        (PAVEMENT_EDGE_M + 0.05, 29.2, PAVEMENT_EDGE_M + 0.05, 37.2),
+        (-PAVEMENT_EDGE_M + 0.0, 14.4, -PAVEMENT_EDGE_M + 0.0, 24.0),
+        (-PAVEMENT_EDGE_M - 2.5, 38.0, -PAVEMENT_EDGE_M - 2.0, 56.0),
     ]
     .into_iter()
     .enumerate()
     {
+        let (from, to) = (DVec3::new(x0, y0, PLOT_HEIGHT_M), DVec3::new(x1, y1, PLOT_HEIGHT_M));
         let wide = if index == 4 { 0.9 } else { 0.07 };
         g::tufts(b, from, to, wide, 26.0, 0.13, p.blade, 70 + index as u64);
     }

@@ -75,12 +75,8 @@ impl House {
             .collect();
         wall(b, &back, (w, h), &rear, &self.finish);
         // Turned down: whatever looks at it from within knows that it is inside.
-        b.quad(
-            frame.at(0.0, d, 0.015),
-            frame.along(w, 0.0, 0.0),
-            frame.along(0.0, -d, 0.0),
-            self.finish.plinth,
-        );
+        let (right, ahead) = (frame.along(w, 0.0, 0.0), frame.along(0.0, -d, 0.0));
+        b.quad(frame.at(0.0, d, 0.015), right, ahead, self.finish.plinth);
         self.plinth(b, frame, &front);
         let roof = self.roof();
         let roof_frame = self.roof_frame(frame);
@@ -143,13 +139,8 @@ impl House {
                     openings.push(self.opening(middle - 0.5 * size, floor, size));
                 } else if column == self.door {
                     let height = self.storey - 0.45;
-                    openings.push(Opening {
-                        x: middle - 0.55,
-                        z: GROUND_FLOOR_HEIGHT_M,
-                        width: 1.1,
-                        height,
-                        filling: Filling::Door,
-                    });
+                    let (x, z, filling) = (middle - 0.55, GROUND_FLOOR_HEIGHT_M, Filling::Door);
+                    openings.push(Opening { x, z, width: 1.1, height, filling });
                 }
             }
         }
@@ -173,30 +164,15 @@ impl House {
         let doors = front.iter().filter(|o| o.z < z).map(|o| (o.x, o.x + o.width));
         let mut spans: Vec<(f64, f64)> = doors.chain([(w, w)]).collect();
         spans.sort_by(|one, two| one.0.total_cmp(&two.0));
+        let mut part = |x: f64, high: [f64; 3], faces: u8| {
+            b.block(frame, [x, -0.04, 0.0], high, self.finish.plinth, faces);
+        };
         for (from, to) in spans {
-            b.block(
-                frame,
-                [at, -0.04, 0.0],
-                [from, 0.0, z],
-                self.finish.plinth,
-                faces::FIXED & !faces::BOTTOM,
-            );
+            part(at, [from, 0.0, z], faces::FIXED & !faces::BOTTOM);
             at = to;
         }
-        b.block(
-            frame,
-            [-0.04, -0.04, 0.0],
-            [0.0, d, z],
-            self.finish.plinth,
-            faces::LEFT | faces::FRONT | faces::TOP,
-        );
-        b.block(
-            frame,
-            [w, -0.04, 0.0],
-            [w + 0.04, d, z],
-            self.finish.plinth,
-            faces::RIGHT | faces::FRONT | faces::TOP,
-        );
+        part(-0.04, [0.0, d, z], faces::LEFT | faces::FRONT | faces::TOP);
+        part(w, [w + 0.04, d, z], faces::RIGHT | faces::FRONT | faces::TOP);
     }
 
     /// Steps up to the doors.
@@ -204,13 +180,8 @@ impl House {
         for door in front.iter().filter(|o| o.filling == Filling::Door) {
             let (x0, x1) = (door.x - 0.12, door.x + door.width + 0.12);
             b.block(frame, [x0, -0.34, 0.0], [x1, 0.10, 0.16], self.finish.stone, faces::STANDING);
-            b.block(
-                frame,
-                [door.x, -0.06, 0.16],
-                [door.x + door.width, 0.14, GROUND_FLOOR_HEIGHT_M],
-                self.finish.stone,
-                faces::STANDING,
-            );
+            let top = [door.x + door.width, 0.14, GROUND_FLOOR_HEIGHT_M];
+            b.block(frame, [door.x, -0.06, 0.16], top, self.finish.stone, faces::STANDING);
         }
     }
 
@@ -230,34 +201,19 @@ impl House {
         match self.dress {
             Dress::Plain => {}
             Dress::Bands => {
+                let mut band = |low: [f64; 3], x: f64, z: f64| {
+                    b.block(frame, low, [x, 0.0, z], self.finish.stone, faces::FIXED);
+                };
                 for floor in 1..self.storeys {
                     let z = GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey;
-                    b.block(
-                        frame,
-                        [0.0, -0.045, z - 0.09],
-                        [self.width, 0.0, z + 0.09],
-                        self.finish.stone,
-                        faces::FIXED,
-                    );
+                    band([0.0, -0.045, z - 0.09], self.width, z + 0.09);
                 }
                 for o in front.iter().filter(|o| o.filling != Filling::Shop) {
                     let z = o.z + o.height;
-                    b.block(
-                        frame,
-                        [o.x - 0.12, -0.03, z],
-                        [o.x + o.width + 0.12, 0.0, z + 0.2],
-                        self.finish.stone,
-                        faces::FIXED,
-                    );
+                    band([o.x - 0.12, -0.03, z], o.x + o.width + 0.12, z + 0.2);
                 }
                 let z = self.eaves();
-                b.block(
-                    frame,
-                    [0.0, -0.09, z - 0.20],
-                    [self.width, 0.0, z - 0.02],
-                    self.finish.stone,
-                    faces::FIXED,
-                );
+                band([0.0, -0.09, z - 0.20], self.width, z - 0.02);
             }
             Dress::Shutters(paint) => {
                 for opening in windows() {
@@ -279,25 +235,19 @@ impl House {
         let free = |x: f64, z: f64| {
             !front.iter().any(|o| x > o.x - 0.10 && x < o.x + o.width + 0.10 && z > o.z && z < o.z + o.height)
         };
-        for floor in 0..=self.storeys {
-            let z = if floor == self.storeys {
-                top - wide
-            } else {
-                foot.max(GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey)
-            };
-            if floor > 0 {
-                beam((0.0, z), (w, z + wide));
-            }
+        // The lower edge of the beam at the floor of a storey, and of the lowest part above it.
+        let floor_beam = |floor: u32| match floor {
+            _ if floor == self.storeys => top - wide,
+            _ => GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey,
+        };
+        let above = |floor: u32| if floor == 0 { foot } else { floor_beam(floor) + wide };
+        for floor in 1..=self.storeys {
+            let z = if floor == self.storeys { floor_beam(floor) } else { foot.max(floor_beam(floor)) };
+            beam((0.0, z), (w, z + wide));
         }
         let pitch = w / f64::from(self.columns);
         for floor in 0..self.storeys {
-            let z0 =
-                if floor == 0 { foot } else { GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey + wide };
-            let z1 = if floor + 1 == self.storeys {
-                top - wide
-            } else {
-                GROUND_FLOOR_HEIGHT_M + f64::from(floor + 1) * self.storey
-            };
+            let (z0, z1) = (above(floor), floor_beam(floor + 1));
             for post in 0..=self.columns {
                 let x = (pitch * f64::from(post) - 0.5 * wide).clamp(0.0, w - wide);
                 beam((x, z0), (x + wide, z1));
@@ -312,8 +262,7 @@ impl House {
         }
         // Braces in the free corners of each storey, as slanted boards.
         for floor in 0..self.storeys {
-            let z0 =
-                if floor == 0 { foot } else { GROUND_FLOOR_HEIGHT_M + f64::from(floor) * self.storey + wide };
+            let z0 = above(floor);
             let z1 = z0 + 1.15;
             for (x0, x1) in [(0.16, 0.78), (w - 0.16, w - 0.78)] {
                 if free(x1, z0 + 0.4) {

@@ -2,42 +2,26 @@
 
 use super::facade::Filling;
 use super::house::{Dress, House, Ridge};
-use super::palette::Palette;
+use super::palette::{Palette, paints};
 use super::porch::Porch;
 use super::street::{left, right};
 use super::{Builder, Frame, furniture, props};
 use crate::paint::{Material, PaintId};
 use glam::DVec3;
 
-/// Paints of the walls, doors and cloths of the houses.
-struct HousePaints {
-    white: PaintId,
-    ochre: PaintId,
-    rose: PaintId,
-    blue: PaintId,
-    sage: PaintId,
-    red_door: PaintId,
-    green: PaintId,
-    navy: PaintId,
-    beam: PaintId,
-    awning: PaintId,
-}
-
-impl HousePaints {
-    fn new(b: &mut Builder) -> Self {
-        use Material as M;
-        Self {
-            white: b.paint(M::Plaster, 0xEAE4D6, 0xCFC8B8),
-            ochre: b.paint(M::Plaster, 0xD8BE93, 0xB89860),
-            rose: b.paint(M::Plaster, 0xD0BAAC, 0xB48872),
-            blue: b.paint(M::Plaster, 0xB9C0C2, 0x8A969C),
-            sage: b.paint(M::Boards, 0xD2CFC2, 0x98A28C),
-            red_door: b.paint(M::Timber, 0x7E2A27, 0x7E2A27),
-            green: b.paint(M::Timber, 0x2F5646, 0x2F5646),
-            navy: b.paint(M::Timber, 0x2C4562, 0x2C4562),
-            beam: b.paint(M::Timber, 0x4A3526, 0x4A3526),
-            awning: b.paint(M::Cloth, 0xE9E2D0, 0xB3473A),
-        }
+paints! {
+    /// Paints of the walls, doors and cloths of the houses.
+    HousePaints {
+        white: Plaster, 0xEAE4D6, 0xCFC8B8;
+        ochre: Plaster, 0xD8BE93, 0xB89860;
+        rose: Plaster, 0xD0BAAC, 0xB48872;
+        blue: Plaster, 0xB9C0C2, 0x8A969C;
+        sage: Boards, 0xD2CFC2, 0x98A28C;
+        red_door: Timber, 0x7E2A27, 0x7E2A27;
+        green: Timber, 0x2F5646, 0x2F5646;
+        navy: Timber, 0x2C4562, 0x2C4562;
+        beam: Timber, 0x4A3526, 0x4A3526;
+        awning: Cloth, 0xE9E2D0, 0xB3473A;
     }
 }
 

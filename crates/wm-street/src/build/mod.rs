@@ -152,6 +152,12 @@ impl Builder {
         self.add(Shape::Flat { corner, u, v, outline: Outline::Parallelogram }, paint);
     }
 
+    /// Adds an upright rectangle along the front of a frame.
+    fn upright(&mut self, frame: &Frame, corner: [f64; 3], width: f64, height: f64, paint: PaintId) {
+        let [x, y, z] = corner;
+        self.quad(frame.at(x, y, z), frame.along(width, 0.0, 0.0), DVec3::Z * height, paint);
+    }
+
     fn triangle(&mut self, corner: DVec3, u: DVec3, v: DVec3, paint: PaintId) {
         self.add(Shape::Flat { corner, u, v, outline: Outline::Triangle }, paint);
     }

@@ -118,12 +118,8 @@ fn car(b: &mut Builder, at: &Frame, p: &Paints, pick: f64) {
         b.quad(a, u, v, p.glass);
         b.stump(corner(side * wide, foot[1], low), corner(side * narrow, head[1], high), [0.035, 0.03], body);
         b.stump(corner(side * wide, foot[0], low), corner(side * narrow, head[0], high), [0.05, 0.04], body);
-        b.stump(
-            corner(side * (wide - 0.02), -0.35, low),
-            corner(side * narrow, -0.4, high),
-            [0.04, 0.04],
-            body,
-        );
+        let (sill, eave) = (corner(side * (wide - 0.02), -0.35, low), corner(side * narrow, -0.4, high));
+        b.stump(sill, eave, [0.04, 0.04], body);
         b.ball(corner(side * 0.62, length - 0.02, 0.62), DVec3::new(0.16, 0.08, 0.09), p.light);
         b.ball(corner(side * 0.66, -length + 0.01, 0.66), DVec3::new(0.13, 0.06, 0.08), p.red);
     }
@@ -141,13 +137,8 @@ fn van(b: &mut Builder, at: &Frame, p: &Paints) {
     b.quad(a, wide, at.along(0.0, -0.9, 1.1), p.glass);
     for x in [-0.55, 0.55] {
         b.block(at, [x - 0.36, -2.62, 1.45], [x + 0.36, -2.6, 2.0], p.glass, faces::ALL);
-        b.block(
-            at,
-            [x.signum() * 0.84 - 0.08, -2.63, 0.9],
-            [x.signum() * 0.84 + 0.08, -2.6, 1.25],
-            p.red,
-            faces::ALL,
-        );
+        let lamp = x.signum() * 0.84;
+        b.block(at, [lamp - 0.08, -2.63, 0.9], [lamp + 0.08, -2.6, 1.25], p.red, faces::ALL);
     }
     b.block(at, [-0.26, -2.63, 0.62], [0.26, -2.6, 0.74], p.light, faces::ALL);
     for y in [-1.6, 1.7] {
@@ -163,19 +154,13 @@ fn person(b: &mut Builder, at: &Frame, p: &Paints, time: f64, dice: &mut Dice) {
     let swing = 0.32 * (std::f64::consts::TAU * time * 0.95).sin();
     let point = |x: f64, y: f64, z: f64| at.at(x, y, z * tall);
     for (side, swing) in [(-1.0, swing), (1.0, -swing)] {
-        let (hip, knee, foot) = (
-            point(side * 0.09, 0.0, 0.88),
-            point(side * 0.10, 0.55 * swing + 0.04, 0.48),
-            point(side * 0.10, swing, 0.07),
-        );
+        let (hip, knee) = (point(side * 0.09, 0.0, 0.88), point(side * 0.10, 0.55 * swing + 0.04, 0.48));
+        let foot = point(side * 0.10, swing, 0.07);
         b.stump(hip, knee, [0.085, 0.065], trousers);
         b.stump(knee, foot, [0.065, 0.05], trousers);
         b.ball(foot + at.back * 0.06 - DVec3::Z * 0.02, DVec3::new(0.10, 0.10, 0.05), p.hair);
-        let (shoulder, elbow, hand) = (
-            point(side * 0.19, 0.0, 1.40),
-            point(side * 0.25, -0.35 * swing, 1.12),
-            point(side * 0.24, -0.8 * swing + 0.05, 0.88),
-        );
+        let (shoulder, elbow) = (point(side * 0.19, 0.0, 1.40), point(side * 0.25, -0.35 * swing, 1.12));
+        let hand = point(side * 0.24, -0.8 * swing + 0.05, 0.88);
         b.stump(shoulder, elbow, [0.06, 0.05], coat);
         b.stump(elbow, hand, [0.05, 0.035], coat);
         b.ball(hand, DVec3::splat(0.045), p.skin);

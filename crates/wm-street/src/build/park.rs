@@ -81,17 +81,13 @@ pub(crate) fn build(b: &mut Builder) {
     terrain::build(b, lawn, water);
     let strip = |line, half, paint, verge| Strip { line, half, paint, verge };
     let corner = DVec2::splat(TERRAIN_HALF_WIDTH_M);
+    let road = vec![DVec2::new(0.0, -TERRAIN_HALF_WIDTH_M), DVec2::new(0.0, TERRAIN_HALF_WIDTH_M)];
     b.cover = GroundCover::new(
         -corner,
         corner,
         (lawn, worn),
         vec![
-            strip(
-                vec![DVec2::new(0.0, -TERRAIN_HALF_WIDTH_M), DVec2::new(0.0, TERRAIN_HALF_WIDTH_M)],
-                ROAD_HALF_WIDTH_M,
-                p.asphalt,
-                0.25,
-            ),
+            strip(road, ROAD_HALF_WIDTH_M, p.asphalt, 0.25),
             strip(line(&EAST_PATH), PATH_HALF_WIDTH_M, gravel, 0.45),
             strip(line(&WEST_PATH), PATH_HALF_WIDTH_M, gravel, 0.45),
             strip(line(&HILL_PATH), 0.7, worn, 0.5),
@@ -218,12 +214,8 @@ fn trees(b: &mut Builder, p: &Palette) {
         seed += 1;
         // No two of a kind are equally high.
         let size = 0.82 + 0.36 * crate::hash::unit(b.seed, seed);
-        let kind = Kind {
-            height: kind.height * size,
-            radius: kind.radius * size,
-            trunk: kind.trunk * size,
-            ..*kind
-        };
+        let (height, radius, trunk) = (kind.height * size, kind.radius * size, kind.trunk * size);
+        let kind = Kind { height, radius, trunk, ..*kind };
         tree(b, on_ground(DVec2::new(x, y)) - DVec3::Z * 0.04, &kind, seed);
     };
     for y in [-54.0, -44.0, -12.0, 2.0, 13.0, 24.0, 44.0, 55.0] {

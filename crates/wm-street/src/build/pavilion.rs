@@ -49,7 +49,7 @@ pub(super) fn shed(b: &mut Builder, at: &Frame, boards: PaintId, p: &Palette) {
     b.block(at, [0.52, -0.05, 0.15], [0.6, 0.0, 2.13], p.white, faces::FIXED);
     b.block(at, [1.5, -0.05, 0.15], [1.58, 0.0, 2.13], p.white, faces::FIXED);
     b.block(at, [2.3, -0.05, 1.0], [3.3, 0.0, 1.8], p.white, faces::FIXED);
-    b.quad(at.at(2.37, -0.055, 1.07), at.along(0.86, 0.0, 0.0), glam::DVec3::Z * 0.66, p.glass);
+    b.upright(at, [2.37, -0.055, 1.07], 0.86, 0.66, p.glass);
     let roof = Roof {
         length: long,
         span: deep,

@@ -19,13 +19,8 @@ impl Porch {
     /// Builds a lean-to on posts before the wall of a frame.
     pub(super) fn build(&self, b: &mut Builder, frame: &Frame, roof: PaintId, p: &Palette) {
         let (x0, x1, d, floor) = (self.from, self.to, self.depth, self.floor);
-        b.block(
-            frame,
-            [x0, -d, 0.0],
-            [x1, 0.0, floor - 0.04],
-            p.plinth,
-            faces::FRONT | faces::LEFT | faces::RIGHT,
-        );
+        let walls = faces::FRONT | faces::LEFT | faces::RIGHT;
+        b.block(frame, [x0, -d, 0.0], [x1, 0.0, floor - 0.04], p.plinth, walls);
         b.block(frame, [x0 - 0.05, -d - 0.05, floor - 0.04], [x1 + 0.05, -0.0, floor], p.deck, faces::FIXED);
         let (low, high) = (floor + 2.25, floor + 3.05);
         let middle = 0.5 * (x0 + x1);
@@ -34,13 +29,8 @@ impl Porch {
             let at = frame.moved(x, -d + 0.12, floor);
             b.block(&at, [-0.07, -0.07, 0.0], [0.07, 0.07, low - floor], p.white, faces::STANDING);
             b.block(&at, [-0.10, -0.10, 0.0], [0.10, 0.10, 0.14], p.white, faces::STANDING);
-            b.block(
-                &at,
-                [-0.095, -0.095, low - floor - 0.12],
-                [0.095, 0.095, low - floor],
-                p.white,
-                faces::ALL,
-            );
+            let top = low - floor;
+            b.block(&at, [-0.095, -0.095, top - 0.12], [0.095, 0.095, top], p.white, faces::ALL);
             for side in [-1.0, 1.0] {
                 let (foot, head) =
                     (at.at(side * 0.06, 0.0, 1.75), at.at(side * 0.46, 0.0, low - floor + 0.03));
@@ -56,13 +46,8 @@ impl Porch {
         // Steps between the two middle posts.
         let steps = [(0.30, floor - 0.16), (0.60, floor - 0.31)];
         for (reach, top) in steps {
-            b.block(
-                frame,
-                [middle - 0.75, -d - reach - 0.05, 0.0],
-                [middle + 0.75, -d, top.max(0.05)],
-                p.stone,
-                faces::STANDING,
-            );
+            let (low, high) = ([middle - 0.75, -d - reach - 0.05, 0.0], [middle + 0.75, -d, top.max(0.05)]);
+            b.block(frame, low, high, p.stone, faces::STANDING);
         }
         let bulb = frame.at(middle + 0.5, -0.55 * d, low + 0.12);
         b.stump(bulb + DVec3::Z * 0.5, bulb + DVec3::Z * 0.12, [0.008, 0.008], p.iron);

@@ -59,28 +59,22 @@ impl Roof {
             b.quad(low.at(0.0, -0.012, -0.05), u, DVec3::Z * (lift + 0.02), self.trim);
             // Boards up the gables, on both their faces.
             for (x, outward) in [(0.0, -1.0), (across, 1.0)] {
-                let (foot, up) = (low.at(x, 0.0, -0.06), DVec3::Z * (lift + 0.075));
-                if outward > 0.0 {
-                    b.quad(foot + half.along(0.012, 0.0, 0.0), v, up, self.trim);
-                } else {
-                    b.quad(foot - half.along(0.012, 0.0, 0.0), up, v, self.trim);
-                }
+                let (foot, up, inner_up) =
+                    (low.at(x, 0.0, -0.06), DVec3::Z * (lift + 0.075), DVec3::Z * 0.07);
                 let inner = foot - half.along(outward * 0.035, 0.0, 0.0);
                 if outward > 0.0 {
-                    b.quad(inner, DVec3::Z * 0.07, v, self.trim);
+                    b.quad(foot + half.along(0.012, 0.0, 0.0), v, up, self.trim);
+                    b.quad(inner, inner_up, v, self.trim);
                 } else {
-                    b.quad(inner, v, DVec3::Z * 0.07, self.trim);
+                    b.quad(foot - half.along(0.012, 0.0, 0.0), up, v, self.trim);
+                    b.quad(inner, v, inner_up, self.trim);
                 }
             }
         }
         let ridge = self.ridge() + lift - 0.045;
         let y = 0.5 * self.span;
-        b.stump(
-            frame.at(-self.verge, y, ridge),
-            frame.at(self.length + self.verge, y, ridge),
-            [0.10; 2],
-            self.paint,
-        );
+        let (from, to) = (frame.at(-self.verge, y, ridge), frame.at(self.length + self.verge, y, ridge));
+        b.stump(from, to, [0.10; 2], self.paint);
     }
 
     /// The triangle of wall under the slopes at x = 0; `finish.wall` on its outside.
@@ -138,14 +132,9 @@ impl Roof {
         let at = frame.moved(x - half, y, z);
         let depth = (high + 0.35) / self.slope() + 0.6;
         let sides = Frame { origin: at.at(0.0, 0.0, -0.3), ..at };
-        b.block(
-            &sides,
-            [0.0, 0.02, 0.0],
-            [2.0 * half, depth, high + 0.3],
-            finish.wall,
-            faces::LEFT | faces::RIGHT,
-        );
-        b.quad(sides.at(0.0, 0.0, 0.0), at.along(2.0 * half, 0.0, 0.0), DVec3::Z * (high + 0.3), finish.wall);
+        let walls = faces::LEFT | faces::RIGHT;
+        b.block(&sides, [0.0, 0.02, 0.0], [2.0 * half, depth, high + 0.3], finish.wall, walls);
+        b.upright(&sides, [0.0; 3], 2.0 * half, high + 0.3, finish.wall);
         let pane = at.moved(0.22, -0.26, 0.15);
         b.block(&at, [0.16, -0.12, 0.09], [2.0 * half - 0.16, 0.0, high - 0.02], finish.frame, faces::FIXED);
         window(b, &pane, (2.0 * half - 0.44, high - 0.25), Filling::Casement, finish);

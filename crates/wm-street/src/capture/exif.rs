@@ -1,8 +1,8 @@
 //! EXIF of the photos: camera, time, focal length, position.
 
 use super::{CaptureKind, CaptureSettings, ExifFault, shots::Shot};
-use crate::Place;
-use crate::sky;
+use crate::{Place, sky};
+use wm_base::calendar::date_and_time;
 use wm_base::random::RandomStream;
 use wm_scene::Gps;
 
@@ -74,60 +74,32 @@ pub(super) fn facts(
     facts
 }
 
-/// Year, month, day, hour, minute and second of seconds since 1970, UTC.
-pub(super) fn calendar(time: i64) -> [i64; 6] {
-    // Days since 1 March of year 0, in years that begin with March (Hinnant's algorithm).
-    let days = time.div_euclid(86_400) + 719_468;
-    let era = days.div_euclid(146_097);
-    let day = days.rem_euclid(146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let of_year = day - (365 * year + year / 4 - year / 100);
-    let shifted = (5 * of_year + 2) / 153;
-    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
-    let second = time.rem_euclid(86_400);
-    [
-        year + era * 400 + i64::from(month <= 2),
-        month,
-        of_year - (153 * shifted + 2) / 5 + 1,
-        second / 3600,
-        second / 60 % 60,
-        second % 60,
-    ]
-}
-
 /// A directory of EXIF and the values that do not fit into its entries.
+#[derive(Default)]
 struct Directory {
     /// Tag, type, number of values, and the value or its bytes.
     entries: Vec<(u16, u16, u32, Vec<u8>)>,
 }
 
 impl Directory {
-    const BYTE: u16 = 1;
-    const TEXT: u16 = 2;
-    const SHORT: u16 = 3;
-    const LONG: u16 = 4;
-    const RATIONAL: u16 = 5;
-
-    fn new() -> Self {
-        Self { entries: Vec::new() }
+    fn add(&mut self, tag: u16, kind: u16, count: usize, bytes: Vec<u8>) {
+        self.entries.push((tag, kind, count as u32, bytes));
     }
 
     fn text(&mut self, tag: u16, text: &str) {
-        let mut bytes = text.as_bytes().to_vec();
-        bytes.push(0);
-        self.entries.push((tag, Self::TEXT, bytes.len() as u32, bytes));
+        self.add(tag, 2, text.len() + 1, [text.as_bytes(), &[0]].concat());
     }
 
     fn bytes(&mut self, tag: u16, bytes: &[u8]) {
-        self.entries.push((tag, Self::BYTE, bytes.len() as u32, bytes.to_vec()));
+        self.add(tag, 1, bytes.len(), bytes.to_vec());
     }
 
     fn short(&mut self, tag: u16, value: u16) {
-        self.entries.push((tag, Self::SHORT, 1, value.to_le_bytes().to_vec()));
+        self.add(tag, 3, 1, value.to_le_bytes().to_vec());
     }
 
     fn long(&mut self, tag: u16, value: u32) {
-        self.entries.push((tag, Self::LONG, 1, value.to_le_bytes().to_vec()));
+        self.add(tag, 4, 1, value.to_le_bytes().to_vec());
     }
 
     /// Numbers of 0 and above, each with its denominator.
@@ -136,15 +108,13 @@ impl Directory {
             let above = (value * f64::from(*below)).round().clamp(0.0, f64::from(u32::MAX)) as u32;
             [above.to_le_bytes(), below.to_le_bytes()].concat()
         });
-        self.entries.push((tag, Self::RATIONAL, values.len() as u32, bytes.collect()));
+        self.add(tag, 5, values.len(), bytes.collect());
     }
 
     /// The number of bytes that it takes.
     fn size(&self) -> usize {
-        let values = self
-            .entries
-            .iter()
-            .map(|(.., bytes)| if bytes.len() > 4 { bytes.len().next_multiple_of(2) } else { 0 });
+        let value = |bytes: &Vec<u8>| if bytes.len() > 4 { bytes.len().next_multiple_of(2) } else { 0 };
+        let values = self.entries.iter().map(|(.., bytes)| value(bytes));
         2 + 12 * self.entries.len() + 4 + values.sum::<usize>()
     }
 
@@ -162,9 +132,7 @@ impl Directory {
             if bytes.len() > 4 {
                 inline = (place as u32).to_le_bytes().to_vec();
                 values.extend(bytes);
-                if bytes.len() % 2 == 1 {
-                    values.push(0);
-                }
+                values.resize(values.len().next_multiple_of(2), 0);
                 place += bytes.len().next_multiple_of(2);
             }
             inline.resize(4, 0);
@@ -178,20 +146,20 @@ impl Directory {
 impl ExifFacts {
     /// The block of EXIF, as a PNG's `eXIf` chunk has it.
     pub(super) fn to_bytes(&self) -> Vec<u8> {
-        let [year, month, day, hour, minute, second] = calendar(self.time);
+        let [year, month, day, hour, minute, second] = date_and_time(self.time);
         let time = format!("{year:04}:{month:02}:{day:02} {hour:02}:{minute:02}:{second:02}");
-        let mut first = Directory::new();
+        let mut first = Directory::default();
         first.text(0x010F, self.maker);
         first.text(0x0110, self.model);
         first.short(0x0112, 1);
         first.text(0x0132, &time);
-        let mut photo = Directory::new();
+        let mut photo = Directory::default();
         photo.text(0x9003, &time);
         photo.text(0x9011, "+00:00");
         photo.rationals(0x920A, &[(self.focal / 5.6, 1000)]);
         photo.short(0xA405, self.focal.round() as u16);
         let gps = self.gps.map(|gps| {
-            let mut directory = Directory::new();
+            let mut directory = Directory::default();
             directory.bytes(0x0000, &[2, 3, 0, 0]);
             for (reference, angle, letters) in [(1, gps.latitude, ["N", "S"]), (3, gps.longitude, ["E", "W"])]
             {
@@ -224,17 +192,5 @@ impl ExifFacts {
             gps.write(&mut out);
         }
         out
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn days_are_those_of_the_calendar() {
-        assert_eq!(calendar(0), [1970, 1, 1, 0, 0, 0]);
-        assert_eq!(calendar(951_782_400), [2000, 2, 29, 0, 0, 0]);
-        assert_eq!(calendar(1_717_059_369), [2024, 5, 30, 8, 56, 9]);
     }
 }

@@ -42,16 +42,15 @@ use fall::Fall;
 use glam::{DMat3, DQuat, DVec3};
 use shots::Shot;
 use std::borrow::Cow;
-use std::{fs, path::Path};
+use std::path::Path;
+use wm_base::FormatError;
 use wm_base::random::RandomStream;
-use wm_base::{FormatError, Problem};
-use wm_capture::{
-    Capture, CaptureView,
-    colmap::write::{self as colmap, ColmapStorage},
-};
-use wm_scene::Camera;
+use wm_capture::colmap::write as colmap;
+use wm_capture::colmap::write::ColmapStorage;
+use wm_capture::{Capture, CaptureView};
+use wm_scene::camera::Distortion;
 use wm_scene::similarity::Similarity;
-use wm_scene::{Gps, camera::Distortion};
+use wm_scene::{Camera, Gps};
 
 /// The way in which a capture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,18 +180,11 @@ pub fn write(
     settings: &CaptureSettings,
     progress: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Capture>, FormatError> {
-    let fault = |what: String| FormatError::whole(folder, Problem::Value(what));
+    let fault = |what: String| FormatError::value(folder, what);
     settings.flaws.check().map_err(fault)?;
     let shots = shots::shots(place, settings).map_err(|e| fault(e.to_string()))?;
-    let images = folder.join("images");
-    let mut folders = vec![images.clone()];
-    if settings.truth == GroundTruth::Write {
-        folders.extend(maps(settings).map(|name| folder.join("truth").join(name)));
-    }
-    crate::dataset::mark(folder, ABOUT)?;
-    for folder in folders {
-        fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
-    }
+    let truth = (settings.truth == GroundTruth::Write).then(|| maps(settings));
+    let images = crate::dataset::prepare(folder, ABOUT, truth.into_iter().flatten())?;
     let model_from_world = axes(settings.seed);
     let (mut taken, mut masks) = (Vec::new(), Vec::new());
     for (index, shot) in shots.into_iter().enumerate() {
@@ -208,23 +200,12 @@ pub fn write(
     for position in &mut points.positions {
         *position = model_from_world.point(DVec3::from_array(*position)).to_array();
     }
-    let view = |photo: &TakenPhoto| CaptureView {
-        name: photo.name.clone(),
-        camera: model_from_world.camera(&photo.shot.camera),
-        distortion: Distortion::None,
-        camera_id: 1,
-        file: photo.name.clone().into(),
-        mask: None,
-        original: None,
+    let view = |photo: &TakenPhoto| {
+        let camera = model_from_world.camera(&photo.shot.camera);
+        CaptureView::new(&photo.name, camera, Distortion::None, 1)
     };
-    let capture = Capture {
-        source: folder.into(),
-        images,
-        views: taken.iter().map(view).collect(),
-        points,
-        observations,
-        ..Capture::default()
-    };
+    let (source, views) = (folder.into(), taken.iter().map(view).collect());
+    let capture = Capture { source, images, views, points, observations, ..Capture::default() };
     colmap::write(&capture, &folder.join("sparse/0"), settings.storage)?;
     truth::write(place, folder, settings, &model_from_world, &taken)?;
     Ok(Some(capture))
@@ -270,12 +251,8 @@ fn take(
         _ => Cow::Borrowed(place),
     };
     let air = air(place, settings);
-    let casting = RaySettings {
-        samples: settings.samples.max(1),
-        budget: SAMPLE_BUDGET,
-        plain: SINGLE_RAY_BUDGET,
-        air,
-    };
+    let samples = settings.samples.max(1);
+    let casting = RaySettings { samples, budget: SAMPLE_BUDGET, plain: SINGLE_RAY_BUDGET, air };
     let pixels = scene.picture(&camera, &casting);
     let mut light: Vec<DVec3> = pixels.iter().map(|pixel| DVec3::from_array(pixel.radiance)).collect();
     for (fall, rate) in [(Fall::Rain, settings.flaws.rain), (Fall::Snow, settings.flaws.snow)] {
@@ -294,13 +271,8 @@ fn take(
     let name = format!("{index:05}.png");
     let gps = position(place, settings, index, &camera);
     let facts = exif::facts(place, settings, index, &shot, gps);
-    files::write_png(
-        &folder.join("images").join(&name),
-        settings.size.0,
-        settings.size.1,
-        &rgb,
-        Some(&facts.to_bytes()),
-    )?;
+    let photo = folder.join("images").join(&name);
+    files::write_png(&photo, settings.size, &rgb, Some(&facts.to_bytes()))?;
     if settings.truth == GroundTruth::Write {
         let folder = folder.join("truth");
         files::write_maps(&folder, &format!("{index:05}"), &camera, &pixels)?;
@@ -310,14 +282,15 @@ fn take(
             let shares = pixels.iter().map(|pixel| pixel.moving as f32);
             files::write_map(&folder, "movers", &format!("{index:05}"), &camera, shares)?;
         }
-        let clean = match settings.kind {
-            CaptureKind::Drive => place.picture(&camera, &RaySettings { air: None, ..casting }),
-            _ if casting.air.is_some() => place.picture(&camera, &RaySettings { air: None, ..casting }),
-            _ => pixels.clone(),
+        let is_clean = settings.kind != CaptureKind::Drive && casting.air.is_none();
+        let clean = if is_clean {
+            pixels.clone()
+        } else {
+            place.picture(&camera, &RaySettings { air: None, ..casting })
         };
         let light: Vec<DVec3> = clean.iter().map(|pixel| DVec3::from_array(pixel.radiance)).collect();
         let rgb = flaws::developed(&light, 0.0, ToneCurve::Standard);
-        files::write_png(&folder.join("clean").join(&name), settings.size.0, settings.size.1, &rgb, None)?;
+        files::write_png(&folder.join("clean").join(&name), settings.size, &rgb, None)?;
     }
     let moving = pixels.iter().map(|pixel| pixel.moving).sum::<f64>() / pixels.len() as f64;
     let mask = pixels.iter().map(|pixel| pixel.moving > 0.0).collect();

@@ -1,9 +1,11 @@
 //! Small captures against their truth.
 
 use super::*;
-use crate::{Park, PhotoPixel, Street, sky};
+use crate::tests::street;
+use crate::{Park, PhotoPixel, sky};
 use glam::DVec2;
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::tempdir;
@@ -16,11 +18,6 @@ use wm_scene::{Metadata, Scene};
 fn park() -> &'static Place {
     static PARK: OnceLock<Place> = OnceLock::new();
     PARK.get_or_init(Park::builtin)
-}
-
-fn street() -> &'static Place {
-    static STREET: OnceLock<Place> = OnceLock::new();
-    STREET.get_or_init(Street::builtin)
 }
 
 fn small(kind: CaptureKind, count: u32) -> CaptureSettings {
@@ -172,7 +169,7 @@ fn times_of_exif_come_back() {
     let truth = json(folder.path());
     for view in 0..3 {
         let taken = read_header(&capture.photo(view).unwrap()).unwrap().taken.unwrap();
-        let [year, month, day, hour, minute, second] = exif::calendar(taken as i64);
+        let [year, month, day, hour, minute, second] = wm_base::calendar::date_and_time(taken as i64);
         let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
         assert_eq!(truth["photos"][view]["time_utc"], text);
     }

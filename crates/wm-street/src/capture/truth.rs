@@ -1,13 +1,15 @@
 //! `truth.json`: what a pipeline must find out about a capture.
 
-use super::{CaptureKind, CaptureSettings, TRUTH, TakenPhoto, air, exif::calendar};
+use super::{CaptureKind, CaptureSettings, TRUTH, TakenPhoto, air};
 use crate::air::Air;
 use crate::dataset::GroundTruth;
 use crate::{Label, Place, exposed, sky};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::Path;
-use wm_base::{FormatError, Problem, files::write_atomically};
+use wm_base::FormatError;
+use wm_base::calendar::date_and_time;
+use wm_base::files::write_atomically;
 use wm_scene::Gps;
 use wm_scene::similarity::Similarity;
 
@@ -20,7 +22,7 @@ pub(super) fn write(
     taken: &[TakenPhoto],
 ) -> Result<(), FormatError> {
     let text = serde_json::to_string_pretty(&truth(place, settings, model_from_world, taken));
-    let text = text.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
+    let text = text.map_err(|e| FormatError::value(folder, e.to_string()))?;
     write_atomically(&folder.join(TRUTH), |out| Ok(out.write_all(text.as_bytes())?))
 }
 
@@ -87,7 +89,8 @@ fn maps(settings: &CaptureSettings) -> Value {
 
 fn facts(place: &Place, photo: &TakenPhoto) -> Value {
     let eye = photo.shot.camera.center();
-    let [year, month, day, hour, minute, second] = calendar(sky::SUN_TIME_S + photo.shot.time.round() as i64);
+    let [year, month, day, hour, minute, second] =
+        date_and_time(sky::SUN_TIME_S + photo.shot.time.round() as i64);
     let forward = photo.shot.camera.forward();
     json!({
         "name": photo.name,

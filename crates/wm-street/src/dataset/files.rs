@@ -8,13 +8,12 @@ use wm_scene::Camera;
 /// Writes a picture of `(width, height)` px, sRGB bytes, with a block of EXIF.
 pub(crate) fn write_png(
     path: &Path,
-    width: u32,
-    height: u32,
+    size: (u32, u32),
     rgb: &[u8],
     exif: Option<&[u8]>,
 ) -> Result<(), FormatError> {
     write_atomically(path, |out| {
-        let mut encoder = png::Encoder::new(out, width, height);
+        let mut encoder = png::Encoder::new(out, size.0, size.1);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
@@ -36,8 +35,7 @@ pub(crate) fn write_maps(
     pixels: &[PhotoPixel],
 ) -> Result<(), FormatError> {
     write_map(folder, "depth", stem, camera, pixels.iter().map(|pixel| pixel.depth as f32))?;
-    let normal = pixels.iter().flat_map(|pixel| pixel.normal.as_vec3().to_array());
-    let normal: Vec<f32> = normal.collect();
+    let normal: Vec<f32> = pixels.iter().flat_map(|pixel| pixel.normal.as_vec3().to_array()).collect();
     let shape = [camera.height as usize, camera.width as usize, 3];
     npy::write(&folder.join("normal").join(format!("{stem}.npy")), &normal, &shape)?;
     write_map(folder, "sky", stem, camera, pixels.iter().map(|pixel| f32::from(u8::from(pixel.is_sky))))

@@ -17,14 +17,15 @@ pub(crate) mod files;
 use crate::{PhotoPixel, Place, display_of};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
-use std::{fs, path::Path};
-use wm_base::{FormatError, Problem, files::write_atomically, random::uniform};
-use wm_capture::{
-    Capture, CaptureView, Observation,
-    colmap::write::{self, ColmapStorage},
-};
-use wm_scene::{Camera, CameraError};
-use wm_scene::{SparsePoints, camera::Distortion};
+use std::fs;
+use std::path::{Path, PathBuf};
+use wm_base::files::write_atomically;
+use wm_base::random::uniform;
+use wm_base::{FormatError, Problem};
+use wm_capture::colmap::write;
+use wm_capture::colmap::write::ColmapStorage;
+use wm_capture::{Capture, CaptureView, Observation};
+use wm_scene::{Camera, CameraError, SparsePoints, camera::Distortion};
 
 /// The positions from which the photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -147,16 +148,9 @@ pub fn write(
     progress: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Capture>, FormatError> {
     let cameras = cameras(place, options);
-    let cameras = cameras.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
-    let images = folder.join("images");
-    let mut folders = vec![images.clone()];
-    if options.truth == GroundTruth::Write {
-        folders.extend(["depth", "normal", "sky"].map(|name| folder.join("truth").join(name)));
-    }
-    mark(folder, ABOUT)?;
-    for folder in folders {
-        fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
-    }
+    let cameras = cameras.map_err(|e| FormatError::value(folder, e.to_string()))?;
+    let truth = if options.truth == GroundTruth::Write { &["depth", "normal", "sky"][..] } else { &[] };
+    let images = prepare(folder, ABOUT, truth.iter().copied())?;
     let mut views = Vec::with_capacity(cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let rows = (0..camera.height).into_par_iter();
@@ -165,20 +159,11 @@ pub fn write(
         let stem = format!("{index:05}");
         let name = format!("{stem}.png");
         let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
-        files::write_png(&images.join(&name), options.size.0, options.size.1, &rgb, None)?;
+        files::write_png(&images.join(&name), options.size, &rgb, None)?;
         if options.truth == GroundTruth::Write {
             files::write_maps(&folder.join("truth"), &stem, camera, &pixels)?;
         }
-        let file = name.clone().into();
-        views.push(CaptureView {
-            name,
-            camera: *camera,
-            distortion: Distortion::None,
-            camera_id: 1,
-            file,
-            mask: None,
-            original: None,
-        });
+        views.push(CaptureView::new(&name, *camera, Distortion::None, 1));
         if !progress(index + 1) {
             return Ok(None);
         }
@@ -190,11 +175,25 @@ pub fn write(
     Ok(Some(capture))
 }
 
-/// Makes a folder and the file [`MARK`] in it, before any photo: without the file the photos are
-/// taken for somebody else's.
-pub(crate) fn mark(folder: &Path, about: &str) -> Result<(), FormatError> {
-    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
-    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(about.as_bytes())?))
+/// Makes the folder of a data set with the folders of its photos and of its `truth`; returns that of
+/// the photos. The file [`MARK`] comes before any photo: without it the photos are taken for
+/// somebody else's.
+pub(crate) fn prepare(
+    folder: &Path,
+    about: &str,
+    truth: impl Iterator<Item = &'static str>,
+) -> Result<PathBuf, FormatError> {
+    let make = |folder: &Path| {
+        fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))
+    };
+    make(folder)?;
+    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(about.as_bytes())?))?;
+    let images = folder.join("images");
+    make(&images)?;
+    for name in truth {
+        make(&folder.join("truth").join(name))?;
+    }
+    Ok(images)
 }
 
 /// Points on surfaces that two cameras see at least, and where each sees which.
@@ -207,13 +206,8 @@ fn points(place: &Place, cameras: &[Camera], most: usize) -> (SparsePoints, Vec<
         let (x, y) = (random(1) * f64::from(camera.width), random(2) * f64::from(camera.height));
         let (eye, direction) = (camera.center(), camera.ray(x, y));
         let hit = place.cast(eye, direction)?;
-        let seen: Vec<(usize, [f32; 2])> = cameras
-            .iter()
-            .enumerate()
-            .filter_map(|(index, camera)| {
-                Some((index, sees(place, camera, hit.point, VISIBILITY_TOLERANCE_M)?))
-            })
-            .collect();
+        let seen = |(index, camera)| Some((index, sees(place, camera, hit.point, VISIBILITY_TOLERANCE_M)?));
+        let seen: Vec<(usize, [f32; 2])> = cameras.iter().enumerate().filter_map(seen).collect();
         let color = display_of(hit.radiance).map(to_byte);
         (seen.len() >= 2).then_some((hit.point, color, seen))
     };
@@ -271,15 +265,9 @@ mod tests {
             [(CameraRoute::Walk, ColmapStorage::Binary), (CameraRoute::Orbit, ColmapStorage::Text)]
         {
             let folder = tempdir().unwrap();
-            let options = DatasetOptions {
-                route,
-                count: 6,
-                size: (60, 40),
-                samples: 1,
-                points: 200,
-                storage,
-                truth: GroundTruth::Write,
-            };
+            let truth = GroundTruth::Write;
+            let options =
+                DatasetOptions { route, size: (60, 40), points: 200, storage, truth, ..DatasetOptions::TINY };
             let mut done = 0;
             let mut progress = |count| {
                 done = count;

@@ -11,7 +11,7 @@ pub(in super::super) struct KittiRig<'a> {
     /// Indices of the cameras, at most four, in the order of [`SLOTS`].
     pub(super) cameras: Vec<usize>,
     /// Index of the lidar.
-    pub(super) lidar: Option<usize>,
+    pub(in super::super) lidar: Option<usize>,
     /// The axes of "camera 0, rectified".
     pub(super) rig_from_camera0: RigidPose,
     /// The axes of points; those of the rig without a lidar.
@@ -45,11 +45,6 @@ impl<'a> KittiRig<'a> {
     /// Sensors with their folders' numbers.
     pub(in super::super) fn slots(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.cameras.iter().copied().zip(SLOTS)
-    }
-
-    /// Index of the lidar.
-    pub(in super::super) fn lidar(&self) -> Option<usize> {
-        self.lidar
     }
 
     /// The camera of a folder's number, or the first where the rig has none: files list all four.
@@ -90,22 +85,23 @@ impl<'a> KittiRig<'a> {
         self.rig_from_velodyne.inverse()
     }
 
+    /// `P0` to `P3`.
+    fn projection_lines(&self) -> String {
+        let mut text = String::new();
+        (0..SLOTS.len()).for_each(|slot| line(&mut text, &format!("P{slot}"), &self.projection(slot)));
+        text
+    }
+
     /// `calib.txt` of a sequence: `P0` to `P3`, and `Tr`, camera 0 from velodyne.
     pub(in super::super) fn sequence_file(&self) -> String {
-        let mut text = String::new();
-        for slot in 0..SLOTS.len() {
-            line(&mut text, &format!("P{slot}"), &self.projection(slot));
-        }
+        let mut text = self.projection_lines();
         line(&mut text, "Tr", &pose_rows(&self.camera0_from_velodyne()));
         text
     }
 
     /// The file of a frame of the object benchmark.
     pub(in super::super) fn object_file(&self) -> String {
-        let mut text = String::new();
-        for slot in 0..SLOTS.len() {
-            line(&mut text, &format!("P{slot}"), &self.projection(slot));
-        }
+        let mut text = self.projection_lines();
         line(&mut text, "R0_rect", &matrix_rows(DMat3::IDENTITY));
         line(&mut text, "Tr_velo_to_cam", &pose_rows(&self.camera0_from_velodyne()));
         line(&mut text, "Tr_imu_to_velo", &pose_rows(&self.velodyne_from_rig()));

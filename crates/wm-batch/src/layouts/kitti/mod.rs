@@ -27,7 +27,7 @@ mod trajectory;
 pub(super) use calibration::KittiRig;
 pub(super) use oxts::oxts_lines;
 pub(super) use readings::{KittiFile, KittiFiles};
-pub(super) use sequences::{sequence_folder, sequence_name, sequence_tables};
+pub(super) use sequences::{sequence_folder, sequence_tables};
 pub(super) use trajectory::{KittiTrajectory, times};
 
 use crate::{SensorInfoKind, SetError, SetInfo};
@@ -50,10 +50,10 @@ pub(super) enum KittiNeed {
 pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Result<(), SetError> {
     let refuse = |problem: String| Err(SetError::Layout { layout, problem });
     let rig = KittiRig::new(set);
-    let lidars =
-        set.sensors.iter().filter(|sensor| matches!(sensor.kind, SensorInfoKind::Lidar { .. })).count();
-    let cameras =
-        set.sensors.iter().filter(|sensor| matches!(sensor.kind, SensorInfoKind::Camera(_))).count();
+    let count =
+        |is: fn(&SensorInfoKind) -> bool| set.sensors.iter().filter(|sensor| is(&sensor.kind)).count();
+    let lidars = count(|kind| matches!(kind, SensorInfoKind::Lidar { .. }));
+    let cameras = count(|kind| matches!(kind, SensorInfoKind::Camera(_)));
     if cameras > SLOTS.len() {
         return refuse(format!(
             "it holds 4 cameras and the rig has {cameras}: leave cameras out, or take the layout nuscenes"
@@ -64,15 +64,13 @@ pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Res
             "it holds 1 lidar and the rig has {lidars}: leave lidars out, or take the layout nuscenes"
         ));
     }
-    match need {
-        KittiNeed::Camera if cameras == 0 => {
-            return refuse("it needs a camera: add one to the rig".into());
-        }
-        KittiNeed::Lidar if lidars == 0 => return refuse("it needs a lidar: add one to the rig".into()),
-        KittiNeed::Any if lidars + cameras == 0 => {
-            return refuse("it needs a camera or a lidar: add one to the rig".into());
-        }
-        _ => {}
+    let (there, needed) = match need {
+        KittiNeed::Camera => (cameras, "a camera"),
+        KittiNeed::Lidar => (lidars, "a lidar"),
+        KittiNeed::Any => (lidars + cameras, "a camera or a lidar"),
+    };
+    if there == 0 {
+        return refuse(format!("it needs {needed}: add one to the rig"));
     }
     for sensor in rig.cameras.iter().chain(&rig.lidar).map(|index| &set.sensors[*index]) {
         let ratio = sensor.rate / set.frame_rate;

@@ -27,17 +27,12 @@ pub(in super::super) struct KittiFiles<'a, P> {
     /// The path of a file of a frame of the clip; `None` if the layout has none.
     path: P,
     /// The classes of points, if the layout has them.
-    class: Option<PointClass<'a>>,
+    pub(in super::super) class: Option<PointClass<'a>>,
 }
 
 impl<'a, P: Fn(KittiFile, u32) -> Option<String>> KittiFiles<'a, P> {
     pub(in super::super) fn new(block: BlockInfo<'a>, path: P) -> Self {
         Self { rig: KittiRig::new(block.set), block, path, class: None }
-    }
-
-    pub(in super::super) fn with_labels(mut self, class: impl Fn(&DatasetPoint) -> u16 + Send + 'a) -> Self {
-        self.class = Some(Box::new(class));
-        self
     }
 }
 

@@ -1,13 +1,13 @@
 //! The synthetic set, read back by code that knows the files alone.
 
 use crate::testing::{self, MemorySink, SPOT};
-use crate::{ClipRecord, SensorInfoKind, SetInfo, find_layout};
+use crate::{ClipRecord, SensorInfoKind, SetInfo};
 use glam::{DVec3, DVec4};
 use std::collections::BTreeMap;
 
 fn written(layout: &str, frames: u32) -> BTreeMap<String, Vec<u8>> {
     let mut files = MemorySink::default();
-    testing::write_in_blocks(find_layout(layout).unwrap(), frames, &mut files).unwrap();
+    testing::write_in_blocks(testing::layout(layout), frames, &mut files).unwrap();
     files.0
 }
 
@@ -148,7 +148,7 @@ fn clips_of_objects_that_are_not_equally_long_are_refused() {
         Ok(ClipRecord { clip, readings: readings.clone() })
     });
     let mut files = MemorySink::default();
-    let error = find_layout("kitti-object").unwrap().tables(&set, &mut records, &mut files).unwrap_err();
+    let error = (testing::layout("kitti-object").tables)(&set, &mut records, &mut files).unwrap_err();
     let line = error.to_string();
     assert!(
         line.contains("\"000001-bend-snow\" has 30 frames") && line.ends_with("make all clips equally long"),
@@ -168,7 +168,7 @@ fn sets_that_do_not_fit_are_refused_with_a_remedy() {
     let refusal = |layout: &str, change: fn(&mut SetInfo)| {
         let mut set = testing::set();
         change(&mut set);
-        find_layout(layout).unwrap().check(&set).map_err(|error| error.to_string()).unwrap_err()
+        (testing::layout(layout).check)(&set).map_err(|error| error.to_string()).unwrap_err()
     };
     type Change = fn(&mut SetInfo);
     let changes: [(&str, Change, &str); 10] = [

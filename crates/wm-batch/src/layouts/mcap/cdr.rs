@@ -145,11 +145,6 @@ impl Message {
         self.0.extend(value.to_le_bytes());
     }
 
-    fn i32(&mut self, value: i32) {
-        self.align(4);
-        self.0.extend(value.to_le_bytes());
-    }
-
     fn f64s(&mut self, values: &[f64]) {
         for value in values {
             self.align(8);
@@ -170,7 +165,8 @@ impl Message {
 
     /// A header; `time` in nanoseconds since 1970.
     fn header(&mut self, time: i64, frame: &str) {
-        self.i32(time.div_euclid(1_000_000_000) as i32);
+        // Signed, of the same bytes.
+        self.u32(time.div_euclid(1_000_000_000) as i32 as u32);
         self.u32(time.rem_euclid(1_000_000_000) as u32);
         self.string(frame);
     }

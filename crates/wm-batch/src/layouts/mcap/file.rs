@@ -36,6 +36,7 @@ enum Kind {
 type TimeSpan = (u64, u64);
 
 /// A file that is being written.
+#[derive(Default)]
 pub(super) struct McapFile {
     out: Vec<u8>,
     chunk: Chunk,
@@ -64,17 +65,7 @@ impl McapFile {
     pub(super) fn new(profile: &str, library: &str) -> Self {
         let mut out = MAGIC.to_vec();
         record(&mut out, Kind::Header, &[&string(profile), &string(library)]);
-        Self {
-            out,
-            chunk: Chunk::default(),
-            schemas: Vec::new(),
-            channels: Vec::new(),
-            schema_count: 0,
-            chunk_indexes: Vec::new(),
-            chunk_count: 0,
-            message_counts: Vec::new(),
-            times: None,
-        }
+        Self { out, ..Self::default() }
     }
 
     /// Adds the schema of a type of messages and returns its number, from 1.
@@ -139,17 +130,9 @@ impl McapFile {
         let numbers = [first, last, size].map(u64::to_le_bytes).concat();
         let compression = string("");
         let start = self.out.len() as u64;
-        record(
-            &mut self.out,
-            Kind::Chunk,
-            &[
-                &numbers,
-                &crc32fast::hash(&records).to_le_bytes(),
-                &compression,
-                &size.to_le_bytes(),
-                &records,
-            ],
-        );
+        let checksum = crc32fast::hash(&records).to_le_bytes();
+        let parts: [&[u8]; 5] = [&numbers, &checksum, &compression, &size.to_le_bytes(), &records];
+        record(&mut self.out, Kind::Chunk, &parts);
         let end = self.out.len() as u64;
         let mut places = Vec::new();
         for (channel, index) in indexes {
@@ -213,11 +196,8 @@ impl McapFile {
         out.extend(offsets);
         // The checksum of the summary covers the footer up to itself.
         let footer = out.len();
-        record(
-            &mut out,
-            Kind::Footer,
-            &[&(summary as u64).to_le_bytes(), &offsets_start.to_le_bytes(), &[0; 4]],
-        );
+        let starts = [summary as u64, offsets_start].map(u64::to_le_bytes).concat();
+        record(&mut out, Kind::Footer, &[&starts, &[0; 4]]);
         debug_assert_eq!(out.len() - footer, 29);
         let end = out.len() - 4;
         let checksum = crc32fast::hash(&out[summary..end]);

@@ -31,7 +31,7 @@ mod cdr;
 mod file;
 mod metadata;
 
-use super::{BlockWriter, ClipStream, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::cameras::{picture, refuse};
 use crate::{BlockInfo, ClipInfo, DatasetDetection, DatasetPoint, ReadingData, SensorReading, SetError};
 use crate::{ReadingInfo, RigidPose, SensorInfoKind, SetInfo, picture_files};
@@ -68,76 +68,51 @@ const RADAR_FIELDS: [Field; 6] = [
     ("snr", FieldKind::F32),
 ];
 
-pub(super) const LAYOUT: RosBags = RosBags;
+pub(super) const LAYOUT: Layout = Layout {
+    name: NAME,
+    about: "ROS 2 bags as MCAP: tf, JPEG with CameraInfo, PointCloud2 of lidars and radars",
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: true,
+    check: |set| check(set).map_err(|problem| refuse(NAME, problem)),
+    block: |block| Box::new(BagFile { block, file: None }),
+    tables,
+};
 
-pub(super) struct RosBags;
-
-impl Layout for RosBags {
-    fn name(&self) -> &'static str {
-        NAME
+fn check(set: &SetInfo) -> Result<(), String> {
+    if set.sensors.is_empty() {
+        return Err("the rig has no sensor; add one".into());
     }
-
-    fn about(&self) -> &'static str {
-        "ROS 2 bags as MCAP: tf, JPEG with CameraInfo, PointCloud2 of lidars and radars"
-    }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        if set.sensors.is_empty() {
-            return Err(refuse(NAME, "the rig has no sensor; add one"));
+    for (index, sensor) in set.sensors.iter().enumerate() {
+        let (name, frame) = (&sensor.name, frame(set, index));
+        let begins = frame.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !begins || frame.contains("__") || frame.ends_with('_') {
+            return Err(format!(
+                "sensor \"{name}\" cannot be part of a topic; begin its name with a letter, without __ or an end in _"
+            ));
         }
-        for (index, sensor) in set.sensors.iter().enumerate() {
-            let (name, frame) = (&sensor.name, frame(set, index));
-            if !frame.starts_with(|c: char| c.is_ascii_alphabetic())
-                || frame.contains("__")
-                || frame.ends_with('_')
-            {
-                let problem = format!(
-                    "sensor \"{name}\" cannot be part of a topic; begin its name with a letter, without __ or an end in _"
-                );
-                return Err(refuse(NAME, problem));
-            }
-            if FRAMES.contains(&frame.as_str()) {
-                return Err(refuse(
-                    NAME,
-                    format!("\"{name}\" is a frame of its own in ROS; rename the sensor"),
-                ));
-            }
-            if (0..index).any(|other| self::frame(set, other) == frame) {
-                return Err(refuse(
-                    NAME,
-                    format!("two sensors are \"{frame}\" in ROS; rename sensor \"{name}\""),
-                ));
-            }
-            if let SensorInfoKind::Camera(camera) = &sensor.kind
-                && matches!(camera.lens, Some(LensModel::Equirectangular))
-            {
-                let problem =
-                    format!("CameraInfo has no equirectangular lens; change that of camera \"{name}\"");
-                return Err(refuse(NAME, problem));
-            }
+        if FRAMES.contains(&frame.as_str()) {
+            return Err(format!("\"{name}\" is a frame of its own in ROS; rename the sensor"));
         }
-        Ok(())
-    }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(BagFile { block, file: None })
-    }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        for record in clips {
-            let record = record?;
-            if !record.readings.is_empty() {
-                let path = format!("{}/metadata.yaml", folder(&record.clip));
-                files.write(&path, metadata::of(set, &record).as_bytes())?;
-            }
+        if (0..index).any(|other| self::frame(set, other) == frame) {
+            return Err(format!("two sensors are \"{frame}\" in ROS; rename sensor \"{name}\""));
         }
-        Ok(())
+        if matches!(&sensor.kind, SensorInfoKind::Camera(camera) if camera.lens == Some(LensModel::Equirectangular))
+        {
+            return Err(format!("CameraInfo has no equirectangular lens; change that of camera \"{name}\""));
+        }
     }
+    Ok(())
 }
 
-/// The folder of a clip.
-fn folder(clip: &ClipInfo) -> String {
-    format!("{}/{}", clip.split, clip.name)
+fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+    for record in clips {
+        let record = record?;
+        if !record.readings.is_empty() {
+            let path = format!("{}/metadata.yaml", record.clip.folder());
+            files.write(&path, metadata::of(set, &record).as_bytes())?;
+        }
+    }
+    Ok(())
 }
 
 /// The name of the file of a block.
@@ -241,7 +216,7 @@ impl BlockWriter for BagFile<'_> {
     fn finish(self: Box<Self>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { clip, number, .. } = self.block;
         let Some(file) = self.file else { return Ok(()) };
-        files.write(&format!("{}/{}", folder(clip), file_name(clip, number)), &file.file.finish())
+        files.write(&format!("{}/{}", clip.folder(), file_name(clip, number)), &file.file.finish())
     }
 }
 

@@ -28,7 +28,7 @@ fn the_spot_is_where_messages_say() {
     let (mut rig, mut world) = (None, None);
     let mut seen = 0;
     for block in 0..3 {
-        let bytes = &files.0[&format!("{}/{}", folder(clip), file_name(clip, block))];
+        let bytes = &files.0[&format!("{}/{}", clip.folder(), file_name(clip, block))];
         for message in ::mcap::MessageStream::new(bytes).unwrap() {
             let message = message.unwrap();
             let data = &message.data;
@@ -59,7 +59,7 @@ fn the_spot_is_where_messages_say() {
     }
     assert!(seen > 10, "{seen} pictures show the spot");
     assert!(files.0 == bag().0, "other bytes the second time");
-    let metadata = String::from_utf8(files.0[&format!("{}/metadata.yaml", folder(clip))].clone()).unwrap();
+    let metadata = String::from_utf8(files.0[&format!("{}/metadata.yaml", clip.folder())].clone()).unwrap();
     let total: usize = found.values().sum();
     assert!(metadata.contains(&format!("\n  message_count: {total}\n")), "{metadata}");
     for (topic, count) in found {
@@ -74,7 +74,7 @@ fn names_that_ros_has_no_place_for_are_refused() {
     let says = |name: &str| {
         let mut set = testing::set();
         set.sensors[1].name = name.into();
-        LAYOUT.check(&set).map_err(|error| error.to_string())
+        check(&set)
     };
     assert!(says("2nd").unwrap_err().contains("begin its name with a letter"));
     assert!(says("base-link").unwrap_err().contains("rename"));

@@ -2,8 +2,7 @@
 
 use super::{channels, classes_path, is_key, reading_path, reading_token};
 use crate::layouts::surface_classes::lidarseg_classes;
-use crate::picture_files;
-use crate::{BlockInfo, BlockWriter, DatasetDetection, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, SetError};
+use crate::{BlockInfo, BlockWriter, DatasetDetection, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, picture_files};
 use std::fmt::Write;
 
 /// Points of the weather.
@@ -12,31 +11,17 @@ const NOISE: u8 = 0;
 /// Detections that move less, m/s, are stationary.
 const STATIONARY: f32 = 1.0;
 
-pub(super) struct NuScenesFiles<'a> {
-    block: BlockInfo<'a>,
-    channels: Vec<String>,
-    /// Indices of nuScenes-lidarseg by label.
-    classes: Vec<u8>,
-}
-
-impl<'a> NuScenesFiles<'a> {
-    pub(super) fn new(block: BlockInfo<'a>) -> Self {
-        Self { block, channels: channels(block.set), classes: lidarseg_classes(&block.set.labels) }
-    }
-
-    fn class(&self, point: &DatasetPoint) -> u8 {
-        if point.source.is_weather() {
-            return NOISE;
-        }
-        self.classes.get(usize::from(point.label)).copied().unwrap_or(self.classes[0])
-    }
-}
-
-impl BlockWriter for NuScenesFiles<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let (info, BlockInfo { set, clip, .. }) = (&reading.info, self.block);
+pub(super) fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
+    let BlockInfo { set, clip, .. } = block;
+    let (channels, classes) = (channels(set), lidarseg_classes(&set.labels));
+    let class = move |point: &DatasetPoint| match point.source.is_weather() {
+        true => NOISE,
+        false => classes.get(usize::from(point.label)).copied().unwrap_or(classes[0]),
+    };
+    Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
+        let info = &reading.info;
         let sensor = &set.sensors[info.sensor];
-        let path = reading_path(set, clip, &self.channels[info.sensor], info);
+        let path = reading_path(set, clip, &channels[info.sensor], info);
         match (&reading.data, &sensor.kind) {
             (ReadingData::Picture(picture), SensorInfoKind::Camera(camera)) => {
                 files.write(&path, &picture_files::jpeg(sensor, camera, picture.rgb)?)
@@ -44,7 +29,7 @@ impl BlockWriter for NuScenesFiles<'_> {
             (ReadingData::Points(points), SensorInfoKind::Lidar { rings, .. }) => {
                 files.write(&path, &lidar(points, *rings))?;
                 if is_key(set, info) {
-                    let classes: Vec<u8> = points.iter().map(|point| self.class(point)).collect();
+                    let classes: Vec<u8> = points.iter().map(&class).collect();
                     let token = reading_token(set, clip, info.sensor, info.index);
                     files.write(&classes_path(set, &token), &classes)?;
                 }
@@ -55,7 +40,7 @@ impl BlockWriter for NuScenesFiles<'_> {
             }
             _ => Ok(()),
         }
-    }
+    })
 }
 
 /// `[N, 5]`, f32: x right, y forward, z up, m, intensity 0-255 and ring, the lowest is 0.

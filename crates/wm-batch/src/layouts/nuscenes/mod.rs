@@ -37,67 +37,48 @@ mod tables;
 #[cfg(test)]
 mod tests;
 
-use super::{BlockWriter, ClipStream, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ReadingInfo, SensorInfoKind, SetError, SetInfo};
+use super::{LayerNeeds, Layout};
+use crate::{ClipInfo, ReadingInfo, SensorInfoKind, SetError, SetInfo};
 use channels::channels;
 use sha2::{Digest, Sha256};
-
-pub(super) const LAYOUT: NuScenes = NuScenes;
-
-pub(super) struct NuScenes;
 
 /// Samples a second.
 const SAMPLE_RATE: f64 = 2.0;
 
-impl Layout for NuScenes {
-    fn name(&self) -> &'static str {
-        "nuscenes"
-    }
+pub(super) const LAYOUT: Layout = Layout {
+    name: "nuscenes",
+    about: "nuScenes v1.0: pinhole cameras as JPEG, lidars with nuScenes-lidarseg, radars, samples at 2 Hz and sweeps; no boxes, nothing moves",
+    needs: LayerNeeds::NONE,
+    needs_every_sensor: true,
+    check: |set| check(set).map_err(|problem| SetError::Layout { layout: "nuscenes", problem }),
+    block: files::block,
+    tables: tables::write,
+};
 
-    fn about(&self) -> &'static str {
-        "nuScenes v1.0: pinhole cameras as JPEG, lidars with nuScenes-lidarseg, radars, samples at 2 Hz and sweeps; no boxes, nothing moves"
+fn check(set: &SetInfo) -> Result<(), String> {
+    if set.sensors.is_empty() {
+        return Err("it needs a sensor: add one to the rig".into());
     }
-
-    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
-        let refuse = |problem: String| Err(SetError::Layout { layout: self.name(), problem });
-        if set.sensors.is_empty() {
-            return refuse("it needs a sensor: add one to the rig".into());
+    for sensor in &set.sensors {
+        let name = &sensor.name;
+        if matches!(&sensor.kind, SensorInfoKind::Camera(camera) if camera.lens.is_some()) {
+            return Err(format!("camera \"{name}\" has a lens, but its cameras are pinholes: give it none"));
         }
-        for sensor in &set.sensors {
-            if let SensorInfoKind::Camera(camera) = &sensor.kind
-                && camera.lens.is_some()
-            {
-                return refuse(format!(
-                    "camera \"{}\" has a lens, but its cameras are pinholes: give it none",
-                    sensor.name
-                ));
-            }
-            let rate = set.frame_rate / f64::from(key_interval(set));
-            if sensor.rate < rate * (1.0 - 1e-9) {
-                return refuse(format!(
-                    "sensor \"{}\" has {} Hz and samples {rate} Hz, but each has a reading of each sensor: raise its rate",
-                    sensor.name, sensor.rate
-                ));
-            }
-        }
-        let mut names = channels(set);
-        names.sort();
-        if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return refuse(format!(
-                "two sensors would be channel {}: rename one, capitals do not count",
-                pair[0]
+        let rate = set.frame_rate / f64::from(key_interval(set));
+        if sensor.rate < rate * (1.0 - 1e-9) {
+            let own = sensor.rate;
+            return Err(format!(
+                "sensor \"{name}\" has {own} Hz and samples {rate} Hz, but each has a reading of each sensor: raise its rate"
             ));
         }
-        Ok(())
     }
-
-    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(files::NuScenesFiles::new(block))
+    let mut names = channels(set);
+    names.sort();
+    if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+        let name = &pair[0];
+        return Err(format!("two sensors would be channel {name}: rename one, capitals do not count"));
     }
-
-    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        tables::write(set, clips, files)
-    }
+    Ok(())
 }
 
 /// Frames from a sample to the next, at least 1.

@@ -2,8 +2,7 @@
 
 use super::{channels, classes_path, is_key, microseconds, reading_path, reading_token, token, version};
 use crate::layouts::surface_classes::LIDARSEG_NAMES;
-use crate::utc::UtcTime;
-use crate::{CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetError, SetInfo, WeatherInfo};
+use crate::{CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetError, SetInfo, WeatherInfo, utc};
 use glam::DQuat;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -118,7 +117,7 @@ impl<'a> ClipTables<'a> {
         let [log, scene] = ["log", "scene"].map(|table| token(set, &[table, &clip.name]));
         self.logs.push(&json!({
             "token": log, "logfile": clip.name, "vehicle": set.name,
-            "date_captured": UtcTime::new(clip.start).date('-'), "location": clip.place.name,
+            "date_captured": utc::date(clip.start, '-'), "location": clip.place.name,
         }));
         self.scenes.push(&json!({
             "token": scene, "log_token": log, "nbr_samples": samples.len(),

@@ -6,13 +6,12 @@
 //! makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes
 //! are in the vehicle's axes at their time.
 
-use super::files::{MAX_BINARY_BYTES, fault, files_in, folders_in, name_of, pose_of_quaternion, read_bytes};
+use super::files::{MAX_BINARY_BYTES, fault, files_in, folders_in, has_files, name_of, pose_of_quaternion, read_bytes};
 use super::records::{ChosenLog, Records, choose_folder};
-use super::sweep::{SweepMotion, SweepRecords};
+use super::sweep::SweepRecords;
 use super::track::EgoTrack;
 use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
-    displaced, empty_log, moved,
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogSweep, LogTrack, displaced, moved,
 };
 use crate::RigidPose;
 use crate::feather::FeatherTable;
@@ -46,7 +45,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let path = path.as_path();
     let mut records = Records::new(options.skip_bad);
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
-    let mut log = empty_log(path, name_of(&whole));
+    let mut log = DrivingLog { source: path.into(), name: name_of(&whole), ..DrivingLog::default() };
     log.warnings.extend(note);
     let track = ego_track(&path.join(POSES_FILE), &mut log, &mut records)?;
     cameras(path, options, &track, &mut log, &mut records)?;
@@ -58,15 +57,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
                 records.lost("sweeps have no pose", 1);
                 continue;
             };
-            let (layout, motion) = (SweepRecords::Feather, SweepMotion::Still(pose));
-            log.sweeps.push(LogSweep {
-                file,
-                labels: None,
-                timestamp,
-                center: pose.translation,
-                records: layout,
-                motion,
-            });
+            log.sweeps.push(LogSweep::still(file, timestamp, pose, SweepRecords::Feather));
         }
     }
     log.tracks = tracks(&path.join("annotations.feather"), &track, &mut records)?;
@@ -78,11 +69,10 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 
 fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
     let lacks = |log: &Path| {
-        let has_photos =
-            |folder: PathBuf| files_in(&folder, &["jpg", "png"]).is_ok_and(|files| !files.is_empty());
+        let has_photos = |folder: &PathBuf| has_files(folder, &["jpg", "png"]);
         if !log.join(INTRINSICS_FILE).is_file() {
             Some(format!("no {INTRINSICS_FILE}"))
-        } else if !folders_in(&log.join("sensors/cameras")).into_iter().any(has_photos) {
+        } else if !folders_in(&log.join("sensors/cameras")).iter().any(has_photos) {
             Some("no pictures".into())
         } else {
             None
@@ -178,30 +168,24 @@ fn cameras(
             continue;
         }
         let Some(rig_from_camera) = poses.get(name) else {
-            return Err(fault(
-                &file,
-                format!("camera {name:?} has no pose in egovehicle_SE3_sensor.feather"),
-            ));
+            let what = format!("camera {name:?} has no pose in egovehicle_SE3_sensor.feather");
+            return Err(fault(&file, what));
         };
         let at = |column: usize| values[column].get(row).copied().unwrap_or(f64::NAN);
         let side = |value: f64| if (1.0..=32_768.0).contains(&value) { value as u32 } else { 0 };
-        for (stem, file) in files_in(&own, &["jpg", "png"])? {
-            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?)))
-            else {
-                records.lost(format!("pictures of {name} have no pose"), 1);
-                continue;
-            };
-            let world_from_camera = pose.then(rig_from_camera);
-            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
-            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
-        }
-        log.cameras.push(LogCamera {
+        let camera = LogCamera {
             name: name.clone(),
             size: (side(at(4)), side(at(5))),
             focal: [at(0), at(1)],
             center: [at(2) + 0.5, at(3) + 0.5],
             distortion: Distortion::None,
-        });
+        };
+        let world_from_camera = |stem: &str| {
+            let time = stem.parse().ok()?;
+            Some((time, track.at(time)?.then(rig_from_camera)))
+        };
+        let lost = format!("pictures of {name} have no pose");
+        log.add_camera(camera, files_in(&own, &["jpg", "png"])?, world_from_camera, &lost, records);
     }
     Ok(())
 }

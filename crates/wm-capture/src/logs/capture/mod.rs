@@ -156,7 +156,7 @@ impl DrivingLog {
         if let Err(e) = std::fs::remove_file(&transforms)
             && e.kind() != std::io::ErrorKind::NotFound
         {
-            return Err(FormatError::whole(&transforms, Problem::Write(e)).into());
+            return Err(FormatError::whole(&transforms, Problem::Write(e.into())));
         }
         let mut warnings = self.warnings.clone();
         let mut cloud = VoxelCloud::new(VOXEL_SIZE_M);

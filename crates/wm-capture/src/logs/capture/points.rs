@@ -206,19 +206,21 @@ impl ColoredPoints {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_voxel_keeps_the_mean() {
-        let at = |x: f64| LogPoint {
-            position: DVec3::new(x, 1.0, -1.0),
-            range: 5.0,
-            intensity: 0.5,
-            timestamp: 0,
-            moves: false,
-        };
-        let points = vec![at(0.01), at(0.03), at(0.08), at(-0.01), LogPoint { range: 200.0, ..at(7.0) }];
+    fn at(x: f64) -> LogPoint {
+        let position = DVec3::new(x, 1.0, -1.0);
+        LogPoint { position, range: 5.0, intensity: 0.5, timestamp: 0, moves: false }
+    }
+
+    fn thinned(points: Vec<LogPoint>, most: usize) -> ColoredPoints {
         let mut cloud = VoxelCloud::new(0.07);
         cloud.add(&CleanSweep { points, ..CleanSweep::default() }, 100.0);
-        let points = cloud.points(10);
+        cloud.points(most)
+    }
+
+    #[test]
+    fn a_voxel_keeps_the_mean() {
+        let points = vec![at(0.01), at(0.03), at(0.08), at(-0.01), LogPoint { range: 200.0, ..at(7.0) }];
+        let points = thinned(points, 10);
         let x: Vec<f64> = points.positions.iter().map(|p| (p.x * 1e6).round() / 1e6).collect();
         assert_eq!(x, [0.02, 0.08, -0.01]);
         assert!((points.positions[0].y - 1.0).abs() < 1e-6);
@@ -226,18 +228,7 @@ mod tests {
 
     #[test]
     fn too_many_points_are_thinned_evenly() {
-        let points = (0..1000)
-            .map(|k| LogPoint {
-                position: DVec3::new(f64::from(k), 0.0, 0.0),
-                range: 5.0,
-                intensity: 0.5,
-                timestamp: 0,
-                moves: false,
-            })
-            .collect();
-        let mut cloud = VoxelCloud::new(0.07);
-        cloud.add(&CleanSweep { points, ..CleanSweep::default() }, 100.0);
-        let points = cloud.points(100);
+        let points = thinned((0..1000).map(|k| at(f64::from(k))).collect(), 100);
         assert_eq!(points.len(), 100);
         let steps = points.positions.windows(2).map(|pair| pair[1].x - pair[0].x);
         assert!(steps.into_iter().all(|step| (step - 10.0).abs() < 0.01));

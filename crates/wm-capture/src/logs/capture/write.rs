@@ -7,8 +7,8 @@ use glam::DMat3;
 use serde::Serialize;
 use std::io;
 use std::path::Path;
+use wm_base::FormatError;
 use wm_base::files::write_atomically;
-use wm_base::{FormatError, Problem};
 use wm_scene::camera::Distortion;
 use wm_scene::{Camera, Metadata};
 
@@ -89,13 +89,13 @@ pub(super) fn transforms(path: &Path, frames: Vec<Frame>) -> Result<(), FormatEr
 /// Writes JSON.
 pub(super) fn json(path: &Path, value: &impl Serialize) -> Result<(), FormatError> {
     let text = serde_json::to_vec_pretty(value)
-        .map_err(|e| FormatError::whole(path, Problem::Value(format!("cannot be written as JSON: {e}"))))?;
+        .map_err(|e| FormatError::value(path, format!("cannot be written as JSON: {e}")))?;
     write_atomically(path, |out| Ok(out.write_all(&text)?))
 }
 
 /// Writes facts as TOML.
 pub(super) fn facts(path: &Path, facts: &Metadata) -> Result<(), FormatError> {
-    let entries = facts.entries().map_err(|what| FormatError::whole(path, Problem::Value(what)))?;
+    let entries = facts.entries().map_err(|what| FormatError::value(path, what))?;
     let text: String = entries.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
     write_atomically(path, |out| Ok(out.write_all(text.as_bytes())?))
 }

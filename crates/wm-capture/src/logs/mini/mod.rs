@@ -107,6 +107,12 @@ fn mover_points(time: i64) -> Vec<DVec3> {
         .collect()
 }
 
+/// Landmarks and the other vehicle in the coordinates of a sensor.
+fn swept(world_from_sensor: &DMat4, time: i64) -> impl Iterator<Item = DVec3> + use<> {
+    let own = world_from_sensor.inverse();
+    landmarks().into_iter().chain(mover_points(time)).map(move |p| own.transform_point3(p))
+}
+
 fn at(frame: usize) -> i64 {
     START + frame as i64 * 100_000_000
 }
@@ -184,24 +190,20 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     let lidar_from_rig = rig_from_lidar().inverse();
     let cam0_from_lidar = rig_from_camera(0.0).inverse() * rig_from_lidar();
     let rectification = DMat4::from_rotation_x(0.01) * DMat4::from_rotation_y(-0.02);
+    let r = |pose: &DMat4| words(&DMat3::from_mat4(*pose).transpose().to_cols_array());
     let rt = |pose: &DMat4| {
-        let r: Vec<f64> = (0..3).flat_map(|row| pose.row(row).truncate().to_array()).collect();
-        format!(
-            "calib_time: 15-Mar-2012 11:37:16\nR: {}\nT: {}\n",
-            words(&r),
-            words(&pose.col(3).truncate().to_array())
-        )
+        let t = words(&pose.col(3).truncate().to_array());
+        format!("calib_time: 15-Mar-2012 11:37:16\nR: {}\nT: {t}\n", r(pose))
     };
     write(&day.join("calib_imu_to_velo.txt"), rt(&lidar_from_rig))?;
     write(&day.join("calib_velo_to_cam.txt"), rt(&cam0_from_lidar))?;
-    let r_rect: Vec<f64> = (0..3).flat_map(|row| rectification.row(row).truncate().to_array()).collect();
     let projection = |camera: usize| {
         let number = camera as f64;
         projection(dvec3(-FOCAL * 0.27 * number, 0.2 * number, 0.003 * number))
     };
     let mut calibration = format!(
         "calib_time: 09-Jan-2012 13:57:47\ncorner_dist: 9.950000e-02\nR_rect_00: {}\n",
-        words(&r_rect)
+        r(&rectification)
     );
     for camera in 0..4 {
         calibration += &format!("P_rect_0{camera}: {}\n", words(&rows(&projection(camera), 3)));
@@ -303,21 +305,14 @@ fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
         let pixels =
             landmarks().iter().map(|p| pixel(camera_from_world * p.extend(1.0), &projection(2))).collect();
         photos.push((name, pixels));
-        let lidar_from_world = (rig(at(frame)) * rig_from_lidar()).inverse();
-        let points = landmarks().into_iter().chain(mover_points(at(frame))).flat_map(|p| {
-            let own = lidar_from_world.transform_point3(p);
-            [own.x, own.y, own.z, 0.25]
-        });
+        let points =
+            swept(&(rig(at(frame)) * rig_from_lidar()), at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]);
         write(&sequence.join(format!("velodyne/{frame:06}.bin")), floats(points))?;
         // Vegetation, and moving cars with a number of their own.
-        let labels = landmarks()
-            .into_iter()
-            .map(|_| 70u32)
-            .chain(mover_points(at(frame)).into_iter().map(|_| 7 << 16 | 252));
-        write(
-            &sequence.join(format!("labels/{frame:06}.label")),
-            labels.flat_map(u32::to_le_bytes).collect::<Vec<u8>>(),
-        )?;
+        let (fixed, moving) = (landmarks().len(), mover_points(at(frame)).len());
+        let labels = [vec![70u32; fixed], vec![7 << 16 | 252; moving]].concat();
+        let labels: Vec<u8> = labels.into_iter().flat_map(u32::to_le_bytes).collect();
+        write(&sequence.join(format!("labels/{frame:06}.label")), labels)?;
     }
     write(&sequence.join("times.txt"), times)?;
     write(&folder.join("poses/07.txt"), poses)?;
@@ -394,23 +389,16 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         }
         let file = format!("{kind}/LIDAR_TOP/log__LIDAR_TOP__{}.pcd.bin", micro(at(frame)));
         add("lidar", at(frame), &file, json!([null, null]));
-        let lidar_from_world = (rig(at(frame)) * lidar).inverse();
-        let points = landmarks().into_iter().chain(mover_points(at(frame))).flat_map(|p| {
-            let own = lidar_from_world.transform_point3(p);
-            [own.x, own.y, own.z, 64.0, 3.0]
-        });
+        let points = swept(&(rig(at(frame)) * lidar), at(frame)).flat_map(|p| [p.x, p.y, p.z, 64.0, 3.0]);
         write(&folder.join(file), floats(points))?;
     }
     data.push(json!({"token": "other", "sample_token": "of another scene", "ego_pose_token": "", "calibrated_sensor_token": "c-lidar",
         "timestamp": 0, "height": null, "width": null, "filename": "x"}));
+    let scene = |(token, name)| json!({"token": token, "name": name, "log_token": "log", "description": ""});
+    let instance = |token| json!({"token": token, "category_token": "k-car"});
+    let attribute = |(token, name)| json!({"token": token, "name": name});
     let tables: [(&str, Vec<Value>); 11] = [
-        (
-            "scene",
-            vec![
-                json!({"token": "scene-b", "name": "scene-0002", "log_token": "log", "description": ""}),
-                json!({"token": "scene-c", "name": "scene-0003", "log_token": "log", "description": ""}),
-            ],
-        ),
+        ("scene", [("scene-b", "scene-0002"), ("scene-c", "scene-0003")].map(scene).to_vec()),
         ("log", vec![json!({"token": "log", "location": "boston-seaport", "vehicle": "n015"})]),
         ("sample", samples),
         ("sample_data", data),
@@ -418,20 +406,11 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         ("sensor", sensors),
         ("calibrated_sensor", calibrated),
         ("sample_annotation", boxes),
-        (
-            "instance",
-            vec![
-                json!({"token": "i-car", "category_token": "k-car"}),
-                json!({"token": "i-parked", "category_token": "k-car"}),
-            ],
-        ),
+        ("instance", ["i-car", "i-parked"].map(instance).to_vec()),
         ("category", vec![json!({"token": "k-car", "name": "vehicle.car", "description": ""})]),
         (
             "attribute",
-            vec![
-                json!({"token": "a-moving", "name": "vehicle.moving"}),
-                json!({"token": "a-parked", "name": "vehicle.parked"}),
-            ],
+            [("a-moving", "vehicle.moving"), ("a-parked", "vehicle.parked")].map(attribute).to_vec(),
         ),
     ];
     for (name, records) in tables {
@@ -504,11 +483,7 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
             write_photo(&log.join(&file))?;
             photos.push((file, seen(&(rig(time) * rig_from_camera(angle)).inverse(), &landmarks())));
         }
-        let points: Vec<DVec3> = landmarks()
-            .into_iter()
-            .chain(mover_points(time))
-            .map(|p| rig(time).inverse().transform_point3(p))
-            .collect();
+        let points: Vec<DVec3> = swept(&rig(time), time).collect();
         let axis =
             |name, axis: usize| FeatherColumn::new(name, points.iter().map(|p| f16::from_f64(p[axis])));
         let table = [
@@ -543,42 +518,28 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
                 write(&scene.join(format!("extrinsics/{frame:03}_{camera}.txt")), text(&(pose * own)))?;
             }
             let numbers = [FOCAL, FOCAL, CENTER[0], CENTER[1], 0.0, 0.0, 0.0, 0.0, 0.0];
-            write(
-                &scene.join(format!("intrinsics/{camera}.txt")),
-                numbers.map(|v| format!("{v}\n")).concat(),
-            )?;
+            let numbers = numbers.map(|v| format!("{v}\n")).concat();
+            write(&scene.join(format!("intrinsics/{camera}.txt")), numbers)?;
             let name = format!("images/{frame:03}_{camera}.jpg");
             write_photo(&scene.join(&name))?;
             photos.push((name, seen(&(rig(at(frame)) * own).inverse(), &landmarks())));
-            let upper: Vec<u8> =
-                (0..SIZE.0 * SIZE.1).map(|pixel| if pixel < 10 * SIZE.0 { 255 } else { 0 }).collect();
-            write(
-                &scene.join(format!("sky_masks/{frame:03}_{camera}.png")),
-                png_bytes(png::ColorType::Grayscale, &upper)?,
-            )?;
-            let left: Vec<u8> =
-                (0..SIZE.0 * SIZE.1).map(|pixel| if pixel % SIZE.0 < 4 { 255 } else { 0 }).collect();
-            write(
-                &scene.join(format!("dynamic_masks/all/{frame:03}_{camera}.png")),
-                png_bytes(png::ColorType::Grayscale, &left)?,
-            )?;
+            let mask = |kind: &str, is_set: fn(u32) -> bool| {
+                let bytes: Vec<u8> =
+                    (0..SIZE.0 * SIZE.1).map(|pixel| if is_set(pixel) { 255 } else { 0 }).collect();
+                let path = scene.join(format!("{kind}/{frame:03}_{camera}.png"));
+                write(&path, png_bytes(png::ColorType::Grayscale, &bytes)?)
+            };
+            mask("sky_masks", |pixel| pixel < 10 * SIZE.0)?;
+            mask("dynamic_masks/all", |pixel| pixel % SIZE.0 < 4)?;
         }
-        let all = landmarks().into_iter().chain(mover_points(at(frame)));
         let points: Vec<f64> = if is_waymo {
             write(&scene.join(format!("ego_pose/{frame:03}.txt")), text(&pose))?;
-            let own = |p: DVec3| {
-                let p = rig(at(frame)).inverse().transform_point3(p);
-                [0.9, 0.0, 1.7, p.x, p.y, p.z, 0.0, 0.0, 0.0, -1.0, 0.0, 0.25, 0.0, 0.0]
-            };
-            all.flat_map(own).collect()
+            let own = |p: DVec3| [0.9, 0.0, 1.7, p.x, p.y, p.z, 0.0, 0.0, 0.0, -1.0, 0.0, 0.25, 0.0, 0.0];
+            swept(&rig(at(frame)), at(frame)).flat_map(own).collect()
         } else {
             let lidar = rig(at(frame)) * rig_from_lidar();
             write(&scene.join(format!("lidar_pose/{frame:03}.txt")), text(&(world * lidar)))?;
-            let own = |p: DVec3| {
-                let p = lidar.inverse().transform_point3(p);
-                [p.x, p.y, p.z, 0.25]
-            };
-            all.flat_map(own).collect()
+            swept(&lidar, at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]).collect()
         };
         write(&scene.join(format!("lidar/{frame:03}.bin")), floats(points))?;
         let box_ = world * DMat4::from_translation(mover(at(frame)));

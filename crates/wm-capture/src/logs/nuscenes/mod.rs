@@ -9,10 +9,10 @@ mod tables;
 
 use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
 use super::records::{Candidate, Records, choose};
-use super::sweep::{SweepMotion, SweepRecords};
+use super::sweep::SweepRecords;
 use super::{
     DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
-    displaced, empty_log, is_asked, moved,
+    displaced, is_asked, moved,
 };
 use crate::RigidPose;
 use glam::DVec3;
@@ -68,8 +68,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let files = FileIndex::new(&root, SENSOR_FILES);
     let (version, scene, notes) = scene(&versions, &files, options)?;
     let mut records = Records::new(options.skip_bad);
-    let mut log = empty_log(path, scene.name.clone());
-    log.warnings = notes;
+    let (source, name) = (path.into(), scene.name.clone());
+    let mut log = DrivingLog { source, name, warnings: notes, ..DrivingLog::default() };
     let map = map_of(&version, &scene)?;
     let samples = samples(&version, &scene)?;
     log.captured = samples.values().nth(samples.len() / 2).map(|time| *time as f64 * 1e-6);
@@ -349,10 +349,8 @@ fn assemble(
             .any(|part| !matches!(part, Component::Normal(_) | Component::CurDir))
         {
             let name = super::files::excerpt(&record.filename);
-            return Err(fault(
-                &version.join("sample_data.json"),
-                format!("the file name \"{name}\" leaves the data set"),
-            ));
+            let what = format!("the file name \"{name}\" leaves the data set");
+            return Err(fault(&version.join("sample_data.json"), what));
         }
         let found = files.find(&record.filename).map_err(|e| fault(files.folder(), e.to_string()));
         let Some(found) = records.sound("names of files", found)? else { continue };
@@ -365,28 +363,19 @@ fn assemble(
         let world_from_sensor = moved(*world_from_rig, log.origin).then(&sensor.rig_from_sensor);
         let timestamp = nanoseconds(record.timestamp);
         if sensor.is_camera {
-            let camera = match cameras.get(&record.calibrated_sensor_token) {
-                Some(camera) => *camera,
-                None => {
-                    let camera = camera(sensor, &record).map_err(|what| {
-                        fault(&version.join("calibrated_sensor.json"), format!("{}: {what}", sensor.channel))
-                    })?;
-                    log.cameras.push(camera);
-                    cameras.insert(record.calibrated_sensor_token.clone(), log.cameras.len() - 1);
-                    log.cameras.len() - 1
-                }
-            };
+            let known = cameras.get(&record.calibrated_sensor_token).copied();
+            let camera = known.unwrap_or(log.cameras.len());
+            if known.is_none() {
+                log.cameras.push(self::camera(sensor, &record).map_err(|what| {
+                    fault(&version.join("calibrated_sensor.json"), format!("{}: {what}", sensor.channel))
+                })?);
+                cameras.insert(record.calibrated_sensor_token.clone(), camera);
+            }
             let (world_from_camera, masks) = (world_from_sensor, LogPictureMasks::default());
             log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
         } else {
-            log.sweeps.push(LogSweep {
-                file,
-                labels: None,
-                timestamp,
-                center: world_from_sensor.translation,
-                records: SweepRecords::Floats { columns: 5, position: 0, intensity: Some(3), white: 255.0 },
-                motion: SweepMotion::Still(world_from_sensor),
-            });
+            let layout = SweepRecords::Floats { columns: 5, position: 0, intensity: Some(3), white: 255.0 };
+            log.sweeps.push(LogSweep::still(file, timestamp, world_from_sensor, layout));
         }
     }
     if elsewhere > 0 {
@@ -396,13 +385,11 @@ fn assemble(
     match missing {
         Some(first) if log.pictures.is_empty() => {
             let what = format!(
-                "no such file; of scene {} none of the pictures is there, of {all} pictures and sweeps",
+                "no such file; of scene {} none of the pictures is there, of {all} pictures and sweeps; unpack that part of \
+                 the data set, or name another with --log-scene",
                 log.name
             );
-            Err(fault(
-                &first,
-                format!("{what}; unpack that part of the data set, or name another with --log-scene"),
-            ))
+            Err(fault(&first, what))
         }
         _ => Ok(()),
     }
@@ -441,11 +428,7 @@ fn tracks(
         if path.is_file() {
             read_table::<NamedRecord>(&path, |record| {
                 names.insert(record.token, record.name);
-                if names.len() > MAX_SCENE_RECORDS {
-                    Err("there are too many records".into())
-                } else {
-                    Ok(())
-                }
+                if names.len() > MAX_SCENE_RECORDS { Err("there are too many records".into()) } else { Ok(()) }
             })?;
         }
         Ok(names)

@@ -36,11 +36,7 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
         ..FormatLosses::NOTHING
     },
     sniff: |start| start.bytes.starts_with(MAGIC) || has_ending(start.path, "gltf"),
-    read: |source, _| {
-        let path = source.path().to_owned();
-        let bytes = source.rest()?;
-        read::read(&bytes, &path).map_err(|problem| source.whole(problem))
-    },
+    read: |source, _| source.parsed(read::read),
     write: Writer::Stream(write::write),
 };
 

@@ -71,11 +71,9 @@ struct Root {
 
 #[derive(Deserialize)]
 struct Node {
-    #[serde(default)]
     mesh: Option<usize>,
     #[serde(default)]
     children: Vec<usize>,
-    #[serde(default)]
     matrix: Option<[f64; 16]>,
     #[serde(default)]
     translation: [f64; 3],
@@ -109,7 +107,6 @@ struct Primitive {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Accessor {
-    #[serde(default)]
     buffer_view: Option<usize>,
     #[serde(default)]
     byte_offset: u64,
@@ -119,7 +116,6 @@ struct Accessor {
     count: u64,
     #[serde(rename = "type")]
     kind: String,
-    #[serde(default)]
     sparse: Option<Value>,
 }
 
@@ -130,13 +126,11 @@ struct BufferView {
     #[serde(default)]
     byte_offset: u64,
     byte_length: u64,
-    #[serde(default)]
     byte_stride: Option<u64>,
 }
 
 #[derive(Deserialize)]
 struct Buffer {
-    #[serde(default)]
     uri: Option<String>,
 }
 
@@ -286,6 +280,11 @@ fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, main: &Path) -> Resul
 /// Fewest bytes of a splat in memory.
 const MIN_SPLAT_BYTES: u64 = 56;
 
+/// An entry of a list of the file.
+fn listed<'a, T>(list: &'a [T], index: usize, kind: &str) -> Result<&'a T, Problem> {
+    list.get(index).ok_or_else(|| fault(format!("there is no {kind} {index}")))
+}
+
 struct Reader<'a> {
     gltf: &'a Gltf,
     buffers: Vec<Cow<'a, [u8]>>,
@@ -305,8 +304,7 @@ impl Reader<'_> {
         // are refused.
         let mut waiting = vec![(index, *above)];
         while let Some((index, above)) = waiting.pop() {
-            let node =
-                self.gltf.nodes.get(index).ok_or_else(|| fault(format!("there is no node {index}")))?;
+            let node = listed(&self.gltf.nodes, index, "node")?;
             if std::mem::replace(&mut met[index], true) {
                 return Err(fault(format!("node {index} stands at two places")));
             }
@@ -314,9 +312,7 @@ impl Reader<'_> {
                 fault(format!("node {index} is not scaled alike in all directions, or mirrored"))
             })?);
             if let Some(mesh) = node.mesh {
-                let mesh =
-                    self.gltf.meshes.get(mesh).ok_or_else(|| fault(format!("there is no mesh {mesh}")))?;
-                self.mesh(mesh, &here, read)?;
+                self.mesh(listed(&self.gltf.meshes, mesh, "mesh")?, &here, read)?;
             }
             waiting.extend(node.children.iter().rev().map(|child| (*child, here)));
         }
@@ -433,21 +429,13 @@ impl Reader<'_> {
     }
 
     fn accessor(&self, index: usize) -> Result<&Accessor, Problem> {
-        self.gltf.accessors.get(index).ok_or_else(|| fault(format!("there is no accessor {index}")))
+        listed(&self.gltf.accessors, index, "accessor")
     }
 
     /// A buffer view and its bytes.
     fn view(&self, index: usize) -> Result<(&BufferView, &[u8]), Problem> {
-        let view = self
-            .gltf
-            .buffer_views
-            .get(index)
-            .ok_or_else(|| fault(format!("there is no buffer view {index}")))?;
-        let buffer = self
-            .buffers
-            .get(view.buffer)
-            .ok_or_else(|| fault(format!("there is no buffer {}", view.buffer)))?;
-        let mut bytes = Bytes::new(buffer, "a buffer of the glTF");
+        let view = listed(&self.gltf.buffer_views, index, "buffer view")?;
+        let mut bytes = Bytes::new(listed(&self.buffers, view.buffer, "buffer")?, "a buffer of the glTF");
         bytes.take(view.byte_offset)?;
         Ok((view, bytes.take(view.byte_length)?))
     }

@@ -14,73 +14,51 @@ use serde_json::{Map, Value, json};
 use std::io::Write;
 use wm_base::error::Problem;
 
-/// A value of a splat that is an attribute.
-struct Attribute {
+/// A value of a splat that is an attribute: type, component type and bytes of the accessor, and the
+/// bytes of the splat of an index.
+struct Attribute<'a> {
     name: String,
-    kind: AttributeKind,
+    accessor: (&'static str, u32, u64),
+    write: Box<dyn Fn(usize, &mut Vec<u8>) + 'a>,
 }
 
-enum AttributeKind {
-    Position,
-    /// Bytes, for programs that know no splats.
-    Color,
-    Rotation,
-    Scale,
-    Opacity,
-    Sh(usize),
-    Group,
-}
-
-impl Attribute {
-    /// Type, component type and bytes of the accessor.
-    fn accessor_type(&self) -> (&'static str, u32, u64) {
-        match self.kind {
-            AttributeKind::Position | AttributeKind::Scale | AttributeKind::Sh(_) => ("VEC3", FLOAT, 12),
-            AttributeKind::Rotation => ("VEC4", FLOAT, 16),
-            AttributeKind::Opacity | AttributeKind::Group => ("SCALAR", FLOAT, 4),
-            AttributeKind::Color => ("VEC4", UNSIGNED_BYTE, 4),
-        }
-    }
-
-    fn write(&self, splats: &Splats, index: usize, signs: &[f32; 16], out: &mut Vec<u8>) {
-        let axes = FORMAT.axes;
-        let mut floats = |values: &[f32]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
-        match self.kind {
-            AttributeKind::Position => floats(&axes.vector(splats.means[index])),
-            AttributeKind::Rotation => {
-                let [w, x, y, z] = unit(axes.quat(splats.quats[index]));
-                floats(&[x, y, z, w]);
-            }
-            AttributeKind::Scale => floats(&splats.log_scales[index].map(f32::exp)),
-            AttributeKind::Opacity => floats(&[sigmoid(f64::from(splats.logit_opacities[index])) as f32]),
-            AttributeKind::Sh(k) => {
-                let sh = &splats.sh_of(index)[k * 3..];
-                floats(&[sh[0] * signs[k], sh[1] * signs[k], sh[2] * signs[k]]);
-            }
-            AttributeKind::Group => floats(&[f32::from(splats.groups[index] as u8)]),
-            AttributeKind::Color => {
-                out.extend(splats.sh_of(index)[..3].iter().map(|v| byte_of_dc(*v)));
-                out.push(byte_of_logit(splats.logit_opacities[index]));
-            }
-        }
+fn floats<'a, const N: usize>(
+    name: impl Into<String>,
+    values: impl Fn(usize) -> [f32; N] + 'a,
+) -> Attribute<'a> {
+    let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][N - 1];
+    Attribute {
+        name: name.into(),
+        accessor: (kind, FLOAT, 4 * N as u64),
+        write: Box::new(move |index, out| values(index).iter().for_each(|v| out.extend(v.to_le_bytes()))),
     }
 }
 
-fn attributes(splats: &Splats) -> Vec<Attribute> {
-    let own = |name: &str, kind| Attribute { name: attribute(name), kind };
-    let plain = |name: &str, kind| Attribute { name: name.into(), kind };
+fn attributes(splats: &Splats) -> Vec<Attribute<'_>> {
+    let axes = FORMAT.axes;
+    let signs = axes.sh_signs();
+    let color = |index: usize, out: &mut Vec<u8>| {
+        out.extend(splats.sh_of(index)[..3].iter().map(|v| byte_of_dc(*v)));
+        out.push(byte_of_logit(splats.logit_opacities[index]));
+    };
+    let rotation = move |index: usize| {
+        let [w, x, y, z] = unit(axes.quat(splats.quats[index]));
+        [x, y, z, w]
+    };
+    let opacity = |index: usize| [sigmoid(f64::from(splats.logit_opacities[index])) as f32];
     let mut all = vec![
-        plain("POSITION", AttributeKind::Position),
-        plain("COLOR_0", AttributeKind::Color),
-        own("ROTATION", AttributeKind::Rotation),
-        own("SCALE", AttributeKind::Scale),
-        own("OPACITY", AttributeKind::Opacity),
+        floats(POSITION, move |index| axes.vector(splats.means[index])),
+        // Bytes, for programs that know no splats.
+        Attribute { name: COLOR.into(), accessor: ("VEC4", UNSIGNED_BYTE, 4), write: Box::new(color) },
+        floats(attribute("ROTATION"), rotation),
+        floats(attribute("SCALE"), |index| splats.log_scales[index].map(f32::exp)),
+        floats(attribute("OPACITY"), opacity),
     ];
-    all.extend(
-        (0..splats.sh_stride() / 3).map(|k| Attribute { name: sh_attribute(k), kind: AttributeKind::Sh(k) }),
-    );
+    all.extend((0..splats.sh_stride() / 3).map(|k| {
+        floats(sh_attribute(k), move |index| [0, 1, 2].map(|c| splats.sh_of(index)[k * 3 + c] * signs[k]))
+    }));
     if splats.groups.iter().any(|group| *group != Group::Scene) {
-        all.push(plain("_GROUP", AttributeKind::Group));
+        all.push(floats(GROUP, |index| [f32::from(splats.groups[index] as u8)]));
     }
     all
 }
@@ -93,14 +71,13 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     let mut all = attributes(splats);
     match options.gltf {
         GltfSplats::Floats => {
-            let sizes: Vec<u64> = all.iter().map(|a| a.accessor_type().2 * splats.len() as u64).collect();
+            let sizes: Vec<u64> = all.iter().map(|a| a.accessor.2 * splats.len() as u64).collect();
             let binary = sizes.iter().sum();
             head(out, &document(scene, &all, &sizes, options.gltf), binary)?;
-            let signs = FORMAT.axes.sh_signs();
             let mut bytes = Vec::new();
             for attribute in &all {
                 for index in 0..splats.len() {
-                    attribute.write(splats, index, &signs, &mut bytes);
+                    (attribute.write)(index, &mut bytes);
                     if bytes.len() >= PART_BYTES {
                         out.write_all(&bytes)?;
                         bytes.clear();
@@ -114,9 +91,8 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             let inner = WriteOptions { spz: SpzVersion::V3, ..*options };
             if options.gltf == GltfSplats::SpzCesium {
                 // It has the opacity and the first coefficients of SH in COLOR_0.
-                all.retain(|a| {
-                    !matches!(a.kind, AttributeKind::Opacity | AttributeKind::Sh(0) | AttributeKind::Group)
-                });
+                let inside = [attribute("OPACITY"), sh_attribute(0), GROUP.into()];
+                all.retain(|a| !inside.contains(&a.name));
                 let mut turned = scene.clone();
                 FORMAT.axes.turn(&mut turned);
                 spz::FORMAT.axes.turn(&mut turned);
@@ -128,9 +104,8 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             packed.resize(packed.len().next_multiple_of(4), 0);
             // The groups, which an SPZ has no room for, come behind it.
             let mut groups = Vec::new();
-            if let Some(attribute) = all.iter().find(|a| matches!(a.kind, AttributeKind::Group)) {
-                let signs = FORMAT.axes.sh_signs();
-                (0..splats.len()).for_each(|index| attribute.write(splats, index, &signs, &mut groups));
+            if let Some(attribute) = all.iter().find(|a| a.name == GROUP) {
+                (0..splats.len()).for_each(|index| (attribute.write)(index, &mut groups));
             }
             let sizes = [length, groups.len() as u64];
             let sizes = &sizes[..if groups.is_empty() { 1 } else { 2 }];
@@ -142,6 +117,9 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     }
 }
 
+const POSITION: &str = "POSITION";
+const COLOR: &str = "COLOR_0";
+const GROUP: &str = "_GROUP";
 /// Bytes gathered before they are written.
 const PART_BYTES: usize = 1 << 18;
 
@@ -190,20 +168,16 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
     let mut names = Map::new();
     let mut accessors = Vec::new();
     for (index, attribute) in all.iter().enumerate() {
-        let (kind, component, _) = attribute.accessor_type();
+        let (kind, component, _) = attribute.accessor;
         let mut accessor = json!({ "componentType": component, "count": splats.len(), "type": kind });
-        match attribute.kind {
-            AttributeKind::Group if is_packed => accessor["bufferView"] = json!(1),
-            _ if !is_packed => accessor["bufferView"] = json!(index),
-            _ => {}
+        if !is_packed || attribute.name == GROUP {
+            accessor["bufferView"] = json!(if is_packed { 1 } else { index });
         }
-        match attribute.kind {
-            AttributeKind::Position => {
-                accessor["min"] = json!(low);
-                accessor["max"] = json!(high);
-            }
-            AttributeKind::Color => accessor["normalized"] = json!(true),
-            _ => {}
+        if attribute.name == POSITION {
+            accessor["min"] = json!(low);
+            accessor["max"] = json!(high);
+        } else if attribute.name == COLOR {
+            accessor["normalized"] = json!(true);
         }
         names.insert(attribute.name.clone(), json!(index));
         accessors.push(accessor);

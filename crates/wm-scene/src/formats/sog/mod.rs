@@ -65,11 +65,7 @@ pub(super) mod bundle {
         axes: Axes::Ply,
         loses: LOSES,
         sniff: |start| read::is_bundle(start.bytes),
-        read: |source, _| {
-            let bytes = source.rest()?;
-            let archive = zip::Archive::new(&bytes).map_err(|problem| source.whole(problem))?;
-            read::read(&archive).map_err(|problem| source.whole(problem))
-        },
+        read: |source, _| source.parsed(|bytes, _| read::read(&zip::Archive::new(bytes)?)),
         write: Writer::Stream(|out, scene, _| {
             let mut archive = zip::Writer::new(out);
             write::files(scene, &mut |file| archive.add(file.name, &file.bytes))?;
@@ -90,11 +86,7 @@ pub(super) mod folder {
         axes: Axes::Ply,
         loses: LOSES,
         sniff: |start| has_ending(start.path, "meta.json"),
-        read: |source, _| {
-            let main = source.path().to_owned();
-            let meta = source.rest()?;
-            read::read_folder(&main, &meta).map_err(|problem| source.whole(problem))
-        },
+        read: |source, _| source.parsed(|meta, main| read::read_folder(main, meta)),
         write: Writer::Files(write::files),
     };
 }
@@ -116,8 +108,7 @@ pub(super) mod levels {
     };
 
     fn read(source: &mut Source, options: &ReadOptions) -> Result<Scene, FormatError> {
-        let main = source.path().to_owned();
-        let index = LevelIndex::parse(&main, &source.rest()?).map_err(|problem| source.whole(problem))?;
+        let index = source.parsed(|text, main| LevelIndex::parse(main, text))?;
         index.read_level(options.level)
     }
 }

@@ -27,9 +27,7 @@ type Files<'a> = &'a dyn Fn(&str) -> Result<Option<Vec<u8>>, Problem>;
 
 #[derive(Deserialize)]
 struct Meta {
-    #[serde(default)]
     version: Option<u32>,
-    #[serde(default)]
     count: Option<u64>,
     #[serde(default)]
     antialias: bool,
@@ -73,10 +71,8 @@ struct Plain {
 #[derive(Deserialize)]
 struct Palette {
     /// Entries of the palette.
-    #[serde(default)]
     count: Option<f64>,
     /// Highest degree of the SH in it.
-    #[serde(default)]
     bands: Option<f64>,
     #[serde(default)]
     codebook: Vec<Option<f32>>,

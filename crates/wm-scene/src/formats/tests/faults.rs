@@ -1,6 +1,7 @@
 //! Files that are cut, damaged, or lie about their size.
 
-use super::{round_trip::Noise, round_trip::plausible, *};
+use super::{round_trip::below, round_trip::plausible, values::glb_parts, values::read_gltf, *};
+use crate::testing::Dice;
 
 /// Bytes of a small scene in a format that is one file, and its name.
 fn small(format: &SceneFormat) -> Option<(PathBuf, Vec<u8>, Scene)> {
@@ -59,12 +60,12 @@ fn every_length_of_every_format_is_refused_or_whole() {
 fn flipped_bytes_do_no_harm() {
     // `examples/fuzz_readers` damages a million files of each format.
     for (name, bytes, _) in FORMATS.iter().filter_map(small) {
-        let mut noise = Noise::new(1);
+        let mut dice = Dice::new(1);
         for _ in 0..1500 {
             let mut damaged = bytes.clone();
-            for _ in 0..=noise.below(4) {
-                let at = noise.below(damaged.len());
-                damaged[at] = noise.below(256) as u8;
+            for _ in 0..=below(&mut dice, 4) {
+                let at = below(&mut dice, damaged.len());
+                damaged[at] = below(&mut dice, 256) as u8;
             }
             survives(&name, &damaged);
         }
@@ -119,18 +120,10 @@ fn nodes_that_share_splats_are_no_bomb() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("a.glb");
     write_scene(&path, &plausible(2000, 0)).unwrap();
-    let bytes = fs::read(&path).unwrap();
-    let length = u32::from_le_bytes(*bytes[12..].first_chunk().unwrap()) as usize;
-    let mut json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let (mut json, buffer) = glb_parts(&fs::read(&path).unwrap());
     json["scenes"][0]["nodes"] = (0..2000).collect();
     json["nodes"] = vec![serde_json::json!({ "mesh": 0 }); 2000].into();
-    let json = json.to_string();
-    let mut bomb = bytes[..12].to_vec();
-    bomb.extend((json.len() as u32).to_le_bytes());
-    bomb.extend(&bytes[16..20]);
-    bomb.extend(json.bytes());
-    bomb.extend(&bytes[20 + length..]);
-    let error = read_bytes(Path::new("a.glb"), &bomb).unwrap_err().to_string();
+    let error = read_gltf(&folder, json, &buffer).unwrap_err().to_string();
     assert!(error.contains("whose nodes share splats"), "{error}");
 }
 
@@ -144,11 +137,11 @@ fn pictures_of_sog_that_are_damaged_or_missing_are_named() {
     for name in names {
         let file = folder.path().join(&name);
         let bytes = fs::read(&file).unwrap();
-        let mut noise = Noise::new(2);
+        let mut dice = Dice::new(2);
         for round in 0..300 {
             let mut damaged = bytes.clone();
-            let at = noise.below(damaged.len());
-            damaged[at] = noise.below(256) as u8;
+            let at = below(&mut dice, damaged.len());
+            damaged[at] = below(&mut dice, 256) as u8;
             if round % 3 == 0 {
                 damaged.truncate(at);
             }

@@ -1,7 +1,7 @@
 //! Files that other programs write and this one does not: older versions, levels of detail, nodes
 //! that turn.
 
-use super::{round_trip::plausible, *};
+use super::{round_trip::plausible, values::glb_parts, values::read_gltf, *};
 use crate::testing::data;
 
 fn spz(version: u32, body: &[u8]) -> Vec<u8> {
@@ -112,18 +112,13 @@ fn nodes_of_a_gltf_move_their_splats() {
     let path = folder.path().join("a.glb");
     let scene = plausible(20, 2);
     write_scene(&path, &scene).unwrap();
-    let bytes = fs::read(&path).unwrap();
-    let length = u32::from_le_bytes(*bytes[12..].first_chunk().unwrap()) as usize;
-    let mut json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let (mut json, buffer) = glb_parts(&fs::read(&path).unwrap());
     // A quarter turn about y in glTF's axes, twice the size, then moved.
     json["nodes"] = serde_json::json!([
         { "children": [1], "translation": [1.0, 2.0, 3.0] },
         { "mesh": 0, "rotation": [0.0, 0.5f64.sqrt(), 0.0, 0.5f64.sqrt()], "scale": [2.0, 2.0, 2.0] },
     ]);
-    json["buffers"][0]["uri"] = "a.bin".into();
-    fs::write(folder.path().join("a.gltf"), json.to_string()).unwrap();
-    fs::write(folder.path().join("a.bin"), &bytes[28 + length..]).unwrap();
-    let moved = read(&folder.path().join("a.gltf")).unwrap().splats;
+    let moved = read_gltf(&folder, json.clone(), &buffer).unwrap().splats;
     for (a, b) in scene.splats.means.iter().zip(&moved.means) {
         // In glTF's axes (-x, -y, z); the turn takes (x, y, z) to (z, y, -x).
         let [x, y, z] = [-a[0], -a[1], a[2]];
@@ -132,8 +127,7 @@ fn nodes_of_a_gltf_move_their_splats() {
     }
     assert!((moved.log_scales[0][0] - scene.splats.log_scales[0][0] - 2f32.ln()).abs() < 1e-5);
     json["nodes"][1]["scale"] = serde_json::json!([1.0, 2.0, 1.0]);
-    fs::write(folder.path().join("a.gltf"), json.to_string()).unwrap();
-    let message = say(&folder, read(&folder.path().join("a.gltf")));
+    let message = say(&folder, read_gltf(&folder, json, &buffer));
     assert!(message.contains("node 1 is not scaled alike"), "{message}");
 }
 

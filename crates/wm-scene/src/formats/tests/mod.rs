@@ -4,7 +4,11 @@ mod round_trip;
 mod values;
 
 use super::*;
-use crate::{Camera, Metadata, Splats, splats::Splat, testing::bits};
+use crate::{
+    Camera, Metadata, Splats,
+    splats::Splat,
+    testing::{SPLAT, bits},
+};
 use glam::DVec3;
 use proptest::prelude::*;
 use std::{fs, path::PathBuf};
@@ -12,14 +16,8 @@ use tempfile::{TempDir, tempdir};
 
 fn scene(metres_per_unit: f64) -> Scene {
     let mut splats = Splats::with_capacity(1, 0);
-    splats.push(&Splat {
-        mean: [1.0, 2.0, metres_per_unit as f32],
-        quat: [1.0, 0.0, 0.0, 0.0],
-        log_scale: [-1.0; 3],
-        logit_opacity: 0.0,
-        rgb: [0.5; 3],
-        group: crate::Group::Sky,
-    });
+    let mean = [1.0, 2.0, metres_per_unit as f32];
+    splats.push(&Splat { mean, log_scale: [-1.0; 3], group: crate::Group::Sky, ..SPLAT });
     let metadata = Metadata { metres_per_unit: Some(metres_per_unit), ..Metadata::default() };
     Scene { splats, metadata, ..Scene::default() }
 }

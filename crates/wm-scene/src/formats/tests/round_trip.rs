@@ -1,50 +1,28 @@
 //! Scenes come back from every format within the rounding that it states.
 
 use super::*;
-use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid};
-use wm_base::random::uniform;
+use crate::formats::pack::unit;
+use crate::splats::sigmoid;
+use crate::testing::Dice;
+use crate::{Group, Rasterization, morton, sh};
 
-/// Numbers of `-1..1` that follow from their place.
-pub struct Noise {
-    seed: u64,
-    drawn: u64,
-}
-
-impl Noise {
-    pub fn new(seed: u64) -> Self {
-        Self { seed, drawn: 0 }
-    }
-
-    fn unit(&mut self) -> f64 {
-        self.drawn += 1;
-        uniform(self.seed, self.drawn)
-    }
-
-    /// A whole number below `most`.
-    pub fn below(&mut self, most: usize) -> usize {
-        (self.unit() * most as f64) as usize % most
-    }
-
-    fn next(&mut self) -> f32 {
-        (2.0 * self.unit() - 1.0) as f32
-    }
-
-    fn array<const N: usize>(&mut self, scale: f32) -> [f32; N] {
-        std::array::from_fn(|_| scale * self.next())
-    }
+/// A random whole number below `most`.
+pub fn below(dice: &mut Dice, most: usize) -> usize {
+    dice.draw(0.0, most as f64) as usize % most
 }
 
 /// A scene as trainings make them: means within 30 units, scales of e^-7 to e^-1, SH within 1.
 pub fn plausible(count: usize, degree: u8) -> Scene {
-    let mut noise = Noise::new(count as u64);
+    let mut dice = Dice::new(count as u64);
+    let mut next = || dice.draw(-1.0, 1.0) as f32;
     let mut splats = Splats::with_capacity(count, degree);
     for _ in 0..count {
-        splats.means.push(noise.array(30.0));
-        splats.quats.push(unit(noise.array(1.0)));
-        splats.log_scales.push(noise.array(3.0).map(|v: f32| v - 4.0));
-        splats.logit_opacities.push(4.0 * noise.next());
-        splats.sh.extend((0..3).map(|_| 1.7 * noise.next()));
-        splats.sh.extend((3..sh::coefficients(degree) * 3).map(|_| 0.9 * noise.next()));
+        splats.means.push([(); 3].map(|()| 30.0 * next()));
+        splats.quats.push(unit([(); 4].map(|()| next())));
+        splats.log_scales.push([(); 3].map(|()| 3.0 * next() - 4.0));
+        splats.logit_opacities.push(4.0 * next());
+        splats.sh.extend((0..3).map(|_| 1.7 * next()));
+        splats.sh.extend((3..sh::coefficients(degree) * 3).map(|_| 0.9 * next()));
         splats.groups.push(Group::Scene);
     }
     let metadata = Metadata {
@@ -176,12 +154,7 @@ fn every_format_gives_back_what_it_states() {
     for format in FORMATS.iter().filter(|f| !f.extensions.is_empty()) {
         for degree in 0..=3 {
             let scene = plausible(700, degree);
-            let ending = format.extensions[0];
-            let path = folder.path().join(if ending.contains(".json") {
-                ending.into()
-            } else {
-                format!("a.{ending}")
-            });
+            let path = values::path_of(&folder, format.extensions[0]);
             write_scene(&path, &scene).unwrap();
             let (back, found) = read_scene_and_format(&path, &ReadOptions::default()).unwrap();
             assert_eq!(back.metadata, scene.metadata, "{}", format.name);

@@ -8,7 +8,7 @@ fn endings() -> impl Iterator<Item = &'static str> {
     FORMATS.iter().filter_map(|format| format.extensions.first()).copied()
 }
 
-fn path_of(folder: &TempDir, ending: &str) -> PathBuf {
+pub(super) fn path_of(folder: &TempDir, ending: &str) -> PathBuf {
     folder.path().join(if ending.contains(".json") { ending.into() } else { format!("a.{ending}") })
 }
 
@@ -132,13 +132,17 @@ fn what_a_sog_states_wrongly_is_doubted() {
 }
 
 /// The JSON and the binary chunk of a GLB.
-fn glb_parts(bytes: &[u8]) -> (serde_json::Value, Vec<u8>) {
+pub(super) fn glb_parts(bytes: &[u8]) -> (serde_json::Value, Vec<u8>) {
     let length = u32::from_le_bytes(*bytes[12..].first_chunk().unwrap()) as usize;
     (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), bytes[28 + length..].to_vec())
 }
 
 /// Reads a glTF of JSON whose one buffer lies beside it.
-fn read_gltf(folder: &TempDir, mut json: serde_json::Value, buffer: &[u8]) -> Result<Scene, FormatError> {
+pub(super) fn read_gltf(
+    folder: &TempDir,
+    mut json: serde_json::Value,
+    buffer: &[u8],
+) -> Result<Scene, FormatError> {
     json["buffers"][0]["uri"] = "a.bin".into();
     let path = folder.path().join("a.gltf");
     fs::write(&path, json.to_string()).unwrap();

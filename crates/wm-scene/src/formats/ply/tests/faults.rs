@@ -154,48 +154,38 @@ fn a_promise_of_10_to_the_12_splats_takes_no_memory() {
 }
 
 /// A header of `properties` with 1 splat and no body.
-fn header(properties: &[&str]) -> Vec<u8> {
+fn header(properties: &[impl std::fmt::Display]) -> Vec<u8> {
     let lines: String = properties.iter().map(|p| format!("property {p}\n")).collect();
     format!("ply\nformat ascii 1.0\nelement vertex 1\n{lines}end_header\n").into_bytes()
 }
 
-const NEEDED: [&str; 14] = [
-    "float x",
-    "float y",
-    "float z",
-    "float f_dc_0",
-    "float f_dc_1",
-    "float f_dc_2",
-    "float opacity",
-    "float scale_0",
-    "float scale_1",
-    "float scale_2",
-    "float rot_0",
-    "float rot_1",
-    "float rot_2",
-    "float rot_3",
-];
+const NEEDED: &str = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+
+/// [`NEEDED`] and other properties of floats.
+fn floats(more: impl IntoIterator<Item = String>) -> Vec<String> {
+    NEEDED.split(' ').map(Into::into).chain(more).map(|name| format!("float {name}")).collect()
+}
 
 #[test]
 fn what_is_no_splat_is_named() {
     let hint = "; a 3DGS file has x y z f_dc_0..2 opacity scale_0..2 rot_0..3";
-    for (index, needed) in NEEDED.into_iter().enumerate() {
-        let mut properties = NEEDED.to_vec();
+    for (index, name) in NEEDED.split(' ').enumerate() {
+        let mut properties = floats([]);
         properties.remove(index);
-        let name = needed.strip_prefix("float ").unwrap();
         // Without its last scale a splat is flat.
         if name != "scale_2" {
             let expected = format!("a.ply: the vertex element has no property {name}{hint}");
             assert_eq!(say(&header(&properties)), expected);
         }
 
-        let list = format!("list uchar float {name}");
-        properties.push(&list);
+        properties.push(format!("list uchar float {name}"));
         let expected = format!("a.ply: the property {name} is a list, not one number a splat{hint}");
         assert_eq!(say(&header(&properties)), expected);
 
-        let twice = [&NEEDED[..], &[needed]].concat();
-        assert_eq!(say(&header(&twice)), format!("a.ply: the property {name} is declared twice{hint}"));
+        assert_eq!(
+            say(&header(&floats([name.into()]))),
+            format!("a.ply: the property {name} is declared twice{hint}")
+        );
     }
     assert_eq!(
         say(b"ply\nformat ascii 1.0\nend_header\n"),
@@ -206,15 +196,13 @@ fn what_is_no_splat_is_named() {
         "a.ply: compressed PLY: only binary_little_endian is read; export the file again"
     );
     for count in [1, 3, 10, 27, 44, 46, 71] {
-        let rest: Vec<String> = (0..count).map(|i| format!("float f_rest_{i}")).collect();
-        let all: Vec<&str> = NEEDED.into_iter().chain(rest.iter().map(String::as_str)).collect();
+        let all = floats((0..count).map(|i| format!("f_rest_{i}")));
         let expected = format!(
             "a.ply: {count} f_rest properties fit no SH degree: 0, 9, 24, 45 or 72 do; export the file again"
         );
         assert_eq!(say(&header(&all)), expected);
     }
-    let gap: Vec<String> = (1..10).map(|i| format!("float f_rest_{i}")).collect();
-    let all: Vec<&str> = NEEDED.into_iter().chain(gap.iter().map(String::as_str)).collect();
+    let all = floats((1..10).map(|i| format!("f_rest_{i}")));
     assert_eq!(say(&header(&all)), format!("a.ply: the vertex element has no property f_rest_0{hint}"));
 }
 
@@ -266,13 +254,13 @@ fn headers_that_are_not_understood_are_named() {
 
 #[test]
 fn no_splats_are_an_error() {
-    let bytes = String::from_utf8(header(&NEEDED)).unwrap().replace("vertex 1", "vertex 0");
+    let bytes = String::from_utf8(header(&floats([]))).unwrap().replace("vertex 1", "vertex 0");
     assert_eq!(say(bytes.as_bytes()), "a.ply: there are no splats in it; nothing can be shown");
 }
 
 #[test]
 fn bad_rows_of_ascii_have_their_line() {
-    let text = |row: &str| [&header(&NEEDED)[..], b"\n", row.as_bytes(), b"\n"].concat();
+    let text = |row: &str| [&header(&floats([]))[..], b"\n", row.as_bytes(), b"\n"].concat();
     let row = ["1"; 14];
     assert!(read_bytes(&text(&row.join(" "))).is_ok());
     let mut bad = row;
@@ -296,7 +284,7 @@ fn bad_rows_of_ascii_have_their_line() {
 fn a_negative_list_has_its_byte() {
     let text = "ply\nformat binary_big_endian 1.0\nelement face 2\nproperty list short int a\n\
                 element vertex 1\n";
-    let lines: String = NEEDED.iter().map(|p| format!("property {p}\n")).collect();
+    let lines: String = floats([]).iter().map(|p| format!("property {p}\n")).collect();
     let mut bytes = format!("{text}{lines}end_header\n").into_bytes();
     let at = bytes.len() + 6;
     bytes.extend([0, 1, 0, 0, 0, 7, 0xff, 0xfe]);

@@ -112,13 +112,9 @@ fn splat_table() -> impl Strategy<Value = (Table, Splats)> {
                 let mut splats = Splats::with_capacity(rows.len(), degree);
                 let mut cells = Vec::new();
                 for row in &rows {
-                    let value = |i: usize| f32::from(row[i]);
-                    splats.means.push([value(0), value(1), value(2)]);
-                    splats.quats.push([value(3), value(4), value(5), value(6)]);
-                    splats.log_scales.push([value(7), value(8), value(9)]);
-                    splats.logit_opacities.push(value(10));
-                    splats.sh.extend((11..width - 1).map(value));
-                    splats.groups.push(Group::from_number(row[width - 1]).unwrap_or_default());
+                    let values: Vec<f32> = row[..width - 1].iter().map(|v| f32::from(*v)).collect();
+                    let group = Group::from_number(row[width - 1]).unwrap_or_default();
+                    push_row(&mut splats, &values, group);
                     let mut all: Vec<Vec<u8>> = row.iter().map(|v| vec![*v]).collect();
                     all.extend([vec![1], vec![2], vec![row[0]; if list.is_some() { 3 } else { 1 }]]);
                     cells.push(order.iter().map(|i| all[*i].clone()).collect());

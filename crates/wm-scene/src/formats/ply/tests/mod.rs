@@ -9,7 +9,7 @@ use crate::{
     Group, Metadata, Splats,
     formats::read_scene_from,
     splats::Splat,
-    testing::{any_scene, bits, data},
+    testing::{SPLAT, any_scene, bits, data, push_row},
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -65,13 +65,8 @@ fn many_rows_cross_the_blocks() {
     // 20,000 rows of 248 bytes are five blocks, and a block holds no whole number of rows.
     let mut splats = Splats::with_capacity(20_000, 3);
     for index in 0..20_000u32 {
-        let value = |i: u32| (index * 64 + i) as f32;
-        splats.means.push([value(0), value(1), value(2)]);
-        splats.quats.push([value(3), value(4), value(5), value(6)]);
-        splats.log_scales.push([value(7), value(8), value(9)]);
-        splats.logit_opacities.push(value(10));
-        splats.sh.extend((11..59).map(value));
-        splats.groups.push(Group::ALL[index as usize % 3]);
+        let row: [f32; 59] = std::array::from_fn(|i| (index * 64 + i as u32) as f32);
+        push_row(&mut splats, &row, Group::ALL[index as usize % 3]);
     }
     let scene = Scene { splats, ..Scene::default() };
     for encoding in PlyEncoding::ALL {
@@ -172,14 +167,7 @@ fn real_points_are_balls() {
 fn labels_come_back() {
     let mut scene = Scene { splats: Splats::with_capacity(3, 0), ..Scene::default() };
     for _ in 0..3 {
-        scene.splats.push(&Splat {
-            mean: [0.0; 3],
-            quat: [1.0, 0.0, 0.0, 0.0],
-            log_scale: [0.0; 3],
-            logit_opacity: 0.0,
-            rgb: [0.5; 3],
-            group: Group::Scene,
-        });
+        scene.splats.push(&SPLAT);
     }
     scene.splats.labels = vec![0, 300, 65535];
     for encoding in PlyEncoding::ALL {
