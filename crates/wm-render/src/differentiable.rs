@@ -309,7 +309,7 @@ pub enum Channels {
 
 impl Channels {
     /// Every combination.
-    #[cfg(feature = "gpu")]
+    #[cfg(all(feature = "gpu", any(test, feature = "testing")))]
     pub(crate) const ALL: [Self; 4] = [Self::Color, Self::ColorDepth, Self::ColorDepthNormal, Self::Depth];
 
     /// Number of sums blended.

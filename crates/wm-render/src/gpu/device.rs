@@ -380,14 +380,14 @@ impl Gpu {
             return pipeline.clone();
         }
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(program.entry()),
+            label: Some(program.entry),
             source: wgpu::ShaderSource::Wgsl(program.text().into()),
         });
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(program.entry()),
+            label: Some(program.entry),
             layout: None,
             module: &module,
-            entry_point: Some(program.entry()),
+            entry_point: Some(program.entry),
             compilation_options: wgpu::PipelineCompilationOptions {
                 // Every stage writes what it reads of it.
                 zero_initialize_workgroup_memory: false,

@@ -212,7 +212,7 @@ impl GpuRenderer {
             let mut blocks = vec![0u32; BLOCK_WORDS as usize * extent.blocks as usize];
             let mut units = vec![0u32; capacity.visible as usize];
             let parts = [&mut counters[..], &mut blocks, &mut units].map(bytemuck::cast_slice_mut);
-            let buffers = [&room.counters, &room.blocks, &room.counts];
+            let buffers = [&room.lists.counters, &room.lists.blocks, &room.lists.counts];
             let mut parts: Vec<Part<'_>> =
                 buffers.into_iter().zip(parts).map(|(buffer, part)| (buffer, 0, part)).collect();
             copy(gpu, recorder, &mut memory.staging, &mut parts)?;

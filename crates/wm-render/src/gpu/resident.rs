@@ -147,13 +147,13 @@ impl Resident for GpuDifferentiable {
                     config: view.config,
                     gradients: gradients.fit(&gpu, "gradients", bytes.0, READ_BACK)?,
                     by_sh: by_sh.fit(&gpu, "gradients of colours", bytes.1, READ_BACK)?,
-                    blocks: blocks.fit(&gpu, "blocks of splats", view.room.blocks.size(), WRITTEN)?,
+                    blocks: blocks.fit(&gpu, "blocks of splats", view.room.lists.blocks.size(), WRITTEN)?,
                 };
                 let to = (&last.gradients, &last.by_sh);
                 let mut recorder =
                     view.record_backward(&gpu, self.clock.as_ref(), &self.model, upstream, to.0, to.1);
-                let size = view.room.blocks.size();
-                recorder.encoder().copy_buffer_to_buffer(&view.room.blocks, 0, &last.blocks, 0, size);
+                let size = view.room.lists.blocks.size();
+                recorder.encoder().copy_buffer_to_buffer(&view.room.lists.blocks, 0, &last.blocks, 0, size);
                 recorder.submit();
                 self.rows.last = Some(last);
             }

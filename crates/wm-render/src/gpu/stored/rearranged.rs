@@ -8,7 +8,7 @@ use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Groups, Recorder, Stage, with_buffers};
 use crate::gpu::source::WORKGROUP;
 use crate::gpu::uniforms::{MomentReset, SLOT, Uniform, bytes_of, rearrangement};
-use crate::stages::optimize::gpu::OptimizeProgram;
+use crate::stages::optimize::gpu::REARRANGE;
 use crate::stages::optimize::{Changed, DensifyStats, Origin, Shapes};
 use crate::stages::project::gpu::{ROW_OPACITY, ROWS};
 use std::ops::Range;
@@ -139,7 +139,7 @@ impl Moving<'_> {
             let bindings =
                 with_buffers(vec![(0, recorder.uniform(slot))], [self.sources, &before[then], &after[now]]);
             let groups = (ranges[now].len() as u32).div_ceil(WORKGROUP);
-            recorder.dispatch(OptimizeProgram::Rearrange, Groups::Direct(groups), bindings);
+            recorder.dispatch(REARRANGE, Groups::Direct(groups), bindings);
         }
         recorder.submit();
         // Before the next array, or all of them would be there twice.
