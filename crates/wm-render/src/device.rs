@@ -249,6 +249,17 @@ impl AnyRenderer {
         }
     }
 
+    /// Does something again on the CPU where the GPU fails.
+    fn retried<T>(
+        &mut self,
+        mut work: impl FnMut(&mut dyn RenderBackend) -> Result<T, RenderError>,
+    ) -> Result<T, RenderError> {
+        work(self.renderer()).or_else(|error| {
+            self.fall_back(error)?;
+            work(self.renderer())
+        })
+    }
+
     /// Continues on the CPU, if `error` is the GPU's and the splats were kept.
     #[cfg(feature = "gpu")]
     fn fall_back(&mut self, error: RenderError) -> Result<(), RenderError> {
@@ -335,13 +346,7 @@ impl RenderBackend for AnyRenderer {
     }
 
     fn load(&mut self, splats: &Splats) -> Result<SetId, RenderError> {
-        let set = match self.renderer().load(splats) {
-            Ok(set) => set,
-            Err(error) => {
-                self.fall_back(error)?;
-                return self.renderer().load(splats);
-            }
-        };
+        let set = self.retried(|renderer| renderer.load(splats))?;
         #[cfg(feature = "gpu")]
         if let Body::Gpu { kept: Some(kept), .. } = &mut self.body {
             kept.resize(kept.len().max(set.0 + 1), None);
@@ -372,23 +377,11 @@ impl RenderBackend for AnyRenderer {
     }
 
     fn weigh(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError> {
-        match self.renderer().weigh(pass, weights) {
-            Err(error) => {
-                self.fall_back(error)?;
-                self.renderer().weigh(pass, weights)
-            }
-            done => done,
-        }
+        self.retried(|renderer| renderer.weigh(pass, weights))
     }
 
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
-        match self.renderer().execute(plan, pictures) {
-            Err(error) => {
-                self.fall_back(error)?;
-                self.renderer().execute(plan, pictures)
-            }
-            done => done,
-        }
+        self.retried(|renderer| renderer.execute(plan, pictures))
     }
 
     #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
@@ -483,13 +476,10 @@ impl Differentiable for AnyDifferentiable {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError> {
         self.last = Some((*camera, *config));
-        match self.body.forward(splats, camera, config, frame) {
-            Err(error) => {
-                self.fall_back(error)?;
-                self.body.forward(splats, camera, config, frame)
-            }
-            done => done,
-        }
+        self.body.forward(splats, camera, config, frame).or_else(|error| {
+            self.fall_back(error)?;
+            self.body.forward(splats, camera, config, frame)
+        })
     }
 
     fn backward(

@@ -251,9 +251,7 @@ mod tests {
 
     #[test]
     fn what_is_known_outlives_the_device() {
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let (renderer, gpu) = fallible_differentiable(|_| {});
         let mut learner = Learner::new(Box::new(renderer));
         let known = population(1);
@@ -268,9 +266,7 @@ mod tests {
     /// Bit by bit, in one piece and in many.
     #[test]
     fn splats_come_and_go_on_a_device_as_here() {
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let at = |step, extent| {
             let random = Random::new(3, Purpose::Sample, step);
             DensifyTime { step, photos: 4, extent, random }

@@ -9,9 +9,10 @@ use super::model::GpuModel;
 use super::readback::Source;
 use super::recorder::{Recorder, Stage};
 use super::source::{BLOCK_WORDS, WORKGROUP};
-use super::uniforms::{self, AttributeUse, Capacity, Uniform, ViewParameters};
+use super::uniforms::{self, Capacity, Uniform, ViewParameters};
 use crate::attributes::SplatAttributes;
 use crate::cpu::{self, Features};
+use crate::differentiable::Opacity;
 use crate::frame::{Arrays, FRONT, Frame, splat_name};
 use crate::hooks::{ParticleView, WgslSource};
 use crate::plan::{DrawPass, SplatSource};
@@ -30,8 +31,8 @@ const BACKGROUND: &str = "the background";
 /// A draw pass with its inputs in the GPU's memory.
 pub(crate) struct GpuPass<'a> {
     pass: &'a DrawPass<'a>,
-    /// The sets, each with the attributes of its splats and their use.
-    sets: Vec<(&'a GpuModel, wgpu::Buffer, AttributeUse)>,
+    /// The sets, each with the attributes of its splats.
+    sets: Vec<(&'a GpuModel, wgpu::Buffer, Option<&'a dyn SplatAttributes>)>,
     features: Features,
     pub(crate) arrays: Arrays,
     air: Option<(WgslSource, wgpu::Buffer)>,
@@ -76,7 +77,7 @@ impl<'a> GpuPass<'a> {
                 Some(buffer) => buffer,
                 None => memory.attributes.write(gpu, "attributes of splats", &numbers())?,
             };
-            sets.push((model, buffer, AttributeUse::of(view.attributes)));
+            sets.push((model, buffer, view.attributes));
         }
         let air = match pass.hooks.medium {
             None => None,
@@ -192,8 +193,10 @@ impl<'a> GpuPass<'a> {
         for (model, _, attributes) in &self.sets {
             for chunk in &model.chunks {
                 let (blocks, first_splat) = (chunk.blocks, chunk.first_splat);
-                let piece = uniforms::Piece::whole(first_block, blocks, first_splat, model.sh_rows);
-                uniforms.push(uniforms::chunk(piece, *attributes));
+                // Padded with what is never drawn.
+                let (splats, sh_rows) = (WORKGROUP * blocks, model.sh_rows);
+                let piece = uniforms::Piece { first_block, blocks, first_splat, splats, sh_rows };
+                uniforms.push(uniforms::chunk(piece, sh_rows, *attributes, Opacity::Stored));
                 first_block += blocks;
             }
         }

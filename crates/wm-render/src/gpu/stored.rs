@@ -347,7 +347,7 @@ impl StoredModel {
         // No colour, no coefficients.
         let degree = if config.channels == Channels::Depth { 0 } else { config.sh_degree };
         let used = 3 * sh::coefficients(degree) as u32 - 3;
-        let uniform = |part: &Part| uniforms::training_chunk(part.piece, used, config.opacity);
+        let uniform = |part: &Part| uniforms::chunk(part.piece, used, None, config.opacity);
         self.parts.iter().map(uniform).collect()
     }
 

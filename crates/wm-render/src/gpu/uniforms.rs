@@ -1,6 +1,6 @@
 //! Small structures for the GPU, laid out as WGSL does; a test holds them against the WGSL.
 
-use super::source::{TILE_SIDE, WORKGROUP};
+use super::source::TILE_SIDE;
 use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opacity};
 use crate::even_air::EvenAir;
 use crate::hooks::{SkySplats, SplatAttributes};
@@ -217,16 +217,7 @@ pub(crate) fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity
 pub(crate) fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
     let (fx, fy, cx, cy) = (1.0, 1.0, 0.5, 0.5);
     let camera = Camera { width: 1, height: 1, fx, fy, cx, cy, viewmat: glam::DMat4::IDENTITY, near: 0.1 };
-    let sight = ViewParameters {
-        camera: &camera,
-        rasterization: Rasterization::default(),
-        sky: SkySplats::Kept,
-        air: None,
-        cut: None,
-        median: MedianDepth::Off,
-        whole: None,
-        split: None,
-    };
+    let sight = ViewParameters::of_training(&camera, &ForwardConfig::default());
     view(&sight, blocks, 0, capacity).replaced("tiles", lists)
 }
 
@@ -269,51 +260,15 @@ pub(crate) struct Piece {
     pub(crate) sh_rows: u32,
 }
 
-impl Piece {
-    /// Whole blocks of splats that are padded with what is never drawn.
-    #[must_use]
-    pub(crate) fn whole(first_block: u32, blocks: u32, first_splat: u32, sh_rows: u32) -> Self {
-        Self { first_block, blocks, first_splat, splats: WORKGROUP * blocks, sh_rows }
-    }
-}
-
-/// The attributes of the splats of a set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AttributeUse {
-    /// They have none.
-    Unused,
-    /// The light stays that of the capture.
-    Surface,
-    /// The light changes.
-    SurfaceAndLight,
-}
-
-impl AttributeUse {
-    /// Finds the use of attributes for a set that may have some.
-    #[must_use]
-    pub(crate) fn of(attributes: Option<&dyn SplatAttributes>) -> Self {
-        match attributes {
-            None => Self::Unused,
-            Some(attributes) if attributes.changes_light() => Self::SurfaceAndLight,
-            Some(_) => Self::Surface,
-        }
-    }
-}
-
-/// `Chunk` of `pieces.wgsl`, for rendering.
+/// `Chunk` of `pieces.wgsl`: a piece, how many rows of its coefficients are in use, the attributes
+/// of its splats, and where opacities come from.
 #[must_use]
-pub(crate) fn chunk(piece: Piece, attributes: AttributeUse) -> Uniform {
-    any_chunk(piece, piece.sh_rows, attributes, Opacity::Stored)
-}
-
-/// Makes the structure of a piece for training: how many rows of coefficients are in use, and where
-/// opacities come from.
-#[must_use]
-pub(crate) fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
-    any_chunk(piece, sh_used, AttributeUse::Unused, opacity)
-}
-
-fn any_chunk(piece: Piece, sh_used: u32, attributes: AttributeUse, opacity: Opacity) -> Uniform {
+pub(crate) fn chunk(
+    piece: Piece,
+    sh_used: u32,
+    attributes: Option<&dyn SplatAttributes>,
+    opacity: Opacity,
+) -> Uniform {
     let fixed = match opacity {
         Opacity::Stored => None,
         Opacity::Fixed(value) => Some(value.max(1e-30).log2()),
@@ -325,8 +280,8 @@ fn any_chunk(piece: Piece, sh_used: u32, attributes: AttributeUse, opacity: Opac
         .whole("splats", piece.splats)
         .whole("sh_rows", piece.sh_rows)
         .whole("sh_used", sh_used)
-        .whole("has_attributes", u32::from(attributes != AttributeUse::Unused))
-        .whole("changes_light", u32::from(attributes == AttributeUse::SurfaceAndLight))
+        .whole("has_attributes", u32::from(attributes.is_some()))
+        .whole("changes_light", u32::from(attributes.is_some_and(SplatAttributes::changes_light)))
         .whole("fixed", u32::from(fixed.is_some()))
         .real("fixed_log2_opacity", fixed.unwrap_or(0.0))
 }

@@ -4,11 +4,10 @@
 use super::{Projected, projected};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::{srgb_decode, srgb_encode};
-use crate::hooks::{AirOnRay, Hooks, SkySplats};
-use crate::plan::{BlendSurface, CutPlane, Shading};
-use crate::renderer::RenderConfig;
+use crate::hooks::{AirOnRay, SkySplats};
+use crate::plan::{DrawPass, Shading};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
-use wm_scene::{Camera, Group, Splats, sh};
+use wm_scene::{Group, Splats, sh};
 
 impl Projected {
     /// log2 of alpha at the picture point `(x, y)`.
@@ -78,47 +77,19 @@ pub(crate) const SLOPE_BAND: f64 = 0.01;
 /// Relative difference in view z within which either order is right: a few ulp of f32 sums.
 pub(crate) const ORDER_BAND: f64 = 2e-6;
 
-/// Renders `sets` (splats and their attributes) in f64.
+/// Draws sets as a pass does whose own sets do not count.
 #[must_use]
 pub(crate) fn render(
     sets: &[(&Splats, Option<&dyn SplatAttributes>)],
-    camera: &Camera,
-    config: &RenderConfig,
-    hooks: Hooks<'_>,
+    pass: &DrawPass<'_>,
 ) -> ReferenceFrame {
-    render_shaded(sets, camera, config, hooks, Shading::Color)
-}
-
-/// Renders `sets` in f64 with colours of one kind.
-#[must_use]
-pub(crate) fn render_shaded(
-    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
-    camera: &Camera,
-    config: &RenderConfig,
-    hooks: Hooks<'_>,
-    shading: Shading,
-) -> ReferenceFrame {
-    render_split(sets, camera, config, hooks, shading, None, None)
-}
-
-/// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`)
-/// and a plane below which nothing is drawn.
-#[must_use]
-pub(crate) fn render_split(
-    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
-    camera: &Camera,
-    config: &RenderConfig,
-    hooks: Hooks<'_>,
-    shading: Shading,
-    surface: Option<BlendSurface<'_>>,
-    cut: Option<CutPlane>,
-) -> ReferenceFrame {
+    let DrawPass { camera, config, hooks, shading, surface, cut, .. } = pass;
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
     let pixel_angle = camera.widest_pixel();
     let is_drawn = |group: Group| group != Group::Sky || hooks.sky_splats() == SkySplats::Kept;
     let mut drawn = Vec::new();
-    let shade = |direction: [f64; 3], distance: f64, rgb: [f64; 3]| match (shading, hooks.medium) {
+    let shade = |direction: [f64; 3], distance: f64, rgb: [f64; 3]| match (*shading, hooks.medium) {
         (Shading::Color, None) => rgb,
         (Shading::Color, Some(medium)) => medium.reference(origin, direction, distance, rgb),
         (Shading::Transmittance, medium) => {

@@ -1,8 +1,12 @@
 //! Comparisons with the reference, and splats that are hard to draw.
 
 use super::{Backend, RandomLoss, random_splats};
+use crate::attributes::SplatAttributes;
 use crate::differentiable::{ForwardConfig, Gradients, Learn};
 use crate::frame::Frame;
+use crate::hooks::{AirGroup, GROUP, Medium, ShadeGroup};
+use crate::plan::{DrawPass, SetView};
+use crate::reference;
 use crate::reference::backward::{self, Parameters, ReferenceGradients};
 use crate::reference::frame::ReferenceFrame;
 use crate::renderer::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
@@ -131,6 +135,46 @@ pub(crate) fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) 
     }
     let mean = mean / (3 * frame.pixels()) as f64;
     if mean < 1e-5 { Ok(()) } else { Err(format!("mean difference {mean:.2e}, bound 1e-5")) }
+}
+
+/// Renders sets with their attributes as `pass` says, and compares the frame with the reference's.
+///
+/// # Errors
+/// As of [`compare`].
+pub(crate) fn rendered(
+    backend: Backend,
+    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
+    pass: &DrawPass<'_>,
+) -> Result<Frame, String> {
+    let mut renderer = backend.renderer();
+    let mut view = |(set, attributes): &(&Splats, _)| {
+        SetView::plain(renderer.load(set).unwrap()).with_attributes(*attributes)
+    };
+    let views: Vec<SetView<'_>> = sets.iter().map(&mut view).collect();
+    let mut frame = Frame::default();
+    renderer.render(&DrawPass { sets: views, ..pass.clone() }, &mut frame).unwrap();
+    compare(&frame, &reference::frame::render(sets, pass), 2.0)?;
+    Ok(frame)
+}
+
+/// Evaluates an air by its reference.
+pub(crate) fn evaluate_by_reference(
+    medium: &dyn Medium,
+    origin: [f32; 3],
+    rays: &[ShadeGroup],
+    out: &mut [AirGroup],
+) {
+    for (rays, out) in rays.iter().zip(out) {
+        for lane in 0..GROUP {
+            let direction = [0, 1, 2].map(|k| f64::from(rays.direction[k][lane]));
+            let distance = f64::from(rays.distance[lane]);
+            let air = medium.evaluate_reference(origin.map(f64::from), direction, distance);
+            for k in 0..3 {
+                out.transmittance[k][lane] = air.transmittance[k] as f32;
+                out.airlight[k][lane] = air.airlight[k] as f32;
+            }
+        }
+    }
 }
 
 /// Gradients of a random loss by the back end and by the reference. The loss counts only the pixels

@@ -137,6 +137,18 @@ impl Place {
     }
 }
 
+/// Of the four steps the last message says that all is done.
+fn assert_steps(told: &[ColmapProgress]) {
+    for (step, total) in [
+        (ColmapStep::Features, 3),
+        (ColmapStep::Matches, 1),
+        (ColmapStep::Cameras, 3),
+        (ColmapStep::Undistortion, 3),
+    ] {
+        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
+    }
+}
+
 fn write_photo(path: &Path, width: u32, height: u32) {
     let mut encoder = png::Encoder::new(File::create(path).unwrap(), width, height);
     encoder.set_color(png::ColorType::Grayscale);
@@ -163,14 +175,7 @@ fn the_four_commands_make_a_capture() {
              DIR/run/dataset --output_type COLMAP",
         ]
     );
-    for (step, total) in [
-        (ColmapStep::Features, 3),
-        (ColmapStep::Matches, 1),
-        (ColmapStep::Cameras, 3),
-        (ColmapStep::Undistortion, 3),
-    ] {
-        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
-    }
+    assert_steps(&told);
     let capture = capture::read(&made.dataset, &CaptureOptions::default()).unwrap();
     assert_eq!(capture.views.len(), 3);
     assert!(capture.photo(0).is_some());
@@ -197,14 +202,7 @@ fn pycolmap_makes_the_same_capture() {
             "undistort DIR/my photos DIR/run/models/1 DIR/run/dataset",
         ]
     );
-    for (step, total) in [
-        (ColmapStep::Features, 3),
-        (ColmapStep::Matches, 1),
-        (ColmapStep::Cameras, 3),
-        (ColmapStep::Undistortion, 3),
-    ] {
-        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
-    }
+    assert_steps(&told);
     // The photos of the database that are not in the model, with those that they share most with.
     let missing: Vec<String> = made.unregistered.iter().map(ToString::to_string).collect();
     assert_eq!(missing.len(), 40);

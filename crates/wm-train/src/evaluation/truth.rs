@@ -11,7 +11,7 @@ use wm_scene::capture::folder_of;
 use wm_scene::survey::{FactSource, Survey};
 
 /// The folders of ground-truth maps and the meaning of their numbers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TruthOptions {
     /// Folder of depth maps, one per photo and named after it; `None` takes `truth/depth` in the
     /// data set if it exists.
@@ -26,19 +26,6 @@ pub struct TruthOptions {
     pub depth_form: DepthForm,
     /// The axes of normal maps.
     pub normal_axes: NormalAxes,
-}
-
-impl Default for TruthOptions {
-    fn default() -> Self {
-        Self {
-            depth: None,
-            normal: None,
-            sky: None,
-            depth_unit: None,
-            depth_form: DepthForm::Z,
-            normal_axes: NormalAxes::World,
-        }
-    }
 }
 
 /// A reason why ground-truth maps cannot be used.

@@ -371,9 +371,7 @@ mod tests {
 
     #[test]
     fn a_device_compares_as_terms_do() {
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let config = TrainConfig::preset(Preset::Quick);
         let of = |pass| PatchDepthTerm::new(&config, pass).own_render();
         // Coarser than the picture one way and finer the other, as no prior is, and as most are.

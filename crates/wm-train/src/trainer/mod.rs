@@ -21,9 +21,7 @@ use crate::random::{Purpose, Random};
 use crate::schedule;
 use step::Work;
 use wm_render::simd::SimdPath;
-use wm_render::{
-    Channels, Differentiable, DrawnSplats, EvenAir, ForwardConfig, Frame, Opacity, RenderError, StepClock,
-};
+use wm_render::{Differentiable, EvenAir, ForwardConfig, Frame, RenderError, StepClock};
 use wm_scene::{Camera, Splats};
 
 /// Steps between reads of the splats from a device, from which the training continues if the
@@ -271,13 +269,10 @@ impl Trainer {
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
         let config = ForwardConfig {
-            channels: Channels::Color,
-            background: [0.0; 3],
             rasterization: self.config.rasterization,
-            opacity: Opacity::Stored,
-            drawn: DrawnSplats::All,
             sh_degree: self.config.sh_degree,
             air,
+            ..ForwardConfig::default()
         };
         if let Err(error) = self.learner.forward(&self.state.population, camera, &config, frame) {
             self.go_back(error)?;

@@ -9,7 +9,7 @@ use crate::schedule;
 use std::time::Instant;
 use wm_render::training::{Compared, Comparison, NO_EXPOSURE};
 use wm_render::training::{SplatTerms, Step};
-use wm_render::{Channels, DepthAlpha, DrawnSplats, ForwardConfig, Frame, Opacity, RenderError};
+use wm_render::{Channels, DepthAlpha, ForwardConfig, Frame, RenderError};
 
 /// Memory of one step.
 #[derive(Default)]
@@ -68,10 +68,9 @@ impl Trainer {
             channels: channels.unwrap_or(Channels::Color),
             background,
             rasterization: self.config.rasterization,
-            opacity: Opacity::Stored,
-            drawn: DrawnSplats::All,
             sh_degree: schedule::sh_degree(&self.config, step),
             air: self.air,
+            ..ForwardConfig::default()
         };
         let seen = self.see(truth, photo, None, &forward, &mut report)?;
         report.visible = seen.visible;

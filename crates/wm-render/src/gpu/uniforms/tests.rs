@@ -42,11 +42,7 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
             "View",
             view(&ViewParameters::of(&pass), 0, 0, Capacity::default()),
         ),
-        (
-            cull_program(ParameterForm::Activated),
-            "Chunk",
-            chunk(Piece::default(), AttributeUse::SurfaceAndLight),
-        ),
+        (cull_program(ParameterForm::Activated), "Chunk", chunk(Piece::default(), 0, None, Opacity::Stored)),
         (finish_program(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
         (COLORS_BACKWARD, "Comparison", comparison(&photo, 5, 4.0, 2)),
         (PATCH_TOTALS, "Geometry", geometry(&photo, 5, (2, 6))),

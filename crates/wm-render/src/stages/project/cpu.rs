@@ -12,7 +12,7 @@ use std::f32::consts::LN_2;
 use wm_scene::Rasterization;
 
 /// The projections of sixteen splats, one array a number; see [`super::Record`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[repr(C, align(64))]
 pub struct ProjectedGroup {
     /// Centre, px.
@@ -44,28 +44,6 @@ pub struct ProjectedGroup {
     pub(crate) slopes: [u32; GROUP],
     /// A bit for each splat that is in view.
     pub(crate) mask: u32,
-}
-
-impl Default for ProjectedGroup {
-    fn default() -> Self {
-        let zero = [0.0; GROUP];
-        Self {
-            x: zero,
-            y: zero,
-            ux: zero,
-            vx: zero,
-            vy: zero,
-            log2_opacity: zero,
-            depth: zero,
-            slope_y: zero,
-            slope_x: zero,
-            columns: [[0; GROUP]; 2],
-            rows: [[0; GROUP]; 2],
-            normal: [zero; 3],
-            slopes: [0; GROUP],
-            mask: 0,
-        }
-    }
 }
 
 /// The places and shapes of splats in the picture: one vector a number.

@@ -30,9 +30,7 @@ proptest! {
 #[cfg(feature = "gpu")]
 #[test]
 fn the_gpu_sorts_and_keeps_the_order_of_equal_keys() {
-    if crate::testing::Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = crate::testing::Backend::gpu() else { return };
     let renderer = crate::testing::gpu_renderer();
     for (count, bits, spread) in [
         (0, 32, 0),
