@@ -146,11 +146,11 @@ impl AnyRenderer {
     #[must_use]
     pub fn pool(&self) -> &rayon::ThreadPool {
         match &self.body {
-            Body::Cpu(cpu) => cpu.pool(),
+            Body::Cpu(cpu) => &cpu.pool,
             #[cfg(feature = "gpu")]
-            Body::Gpu { gpu, .. } => gpu.pool(),
+            Body::Gpu { gpu, .. } => &gpu.pool,
             #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
-            Body::Browser { cpu, .. } => cpu.pool(),
+            Body::Browser { cpu, .. } => &cpu.pool,
         }
     }
 
@@ -173,7 +173,7 @@ impl AnyRenderer {
         match &self.body {
             Body::Cpu(_) => None,
             #[cfg(feature = "gpu")]
-            Body::Gpu { gpu, .. } => gpu.gpu().memory(),
+            Body::Gpu { gpu, .. } => gpu.gpu.memory(),
             #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
             Body::Browser { .. } => None,
         }
@@ -184,7 +184,7 @@ impl AnyRenderer {
     #[must_use]
     pub fn arithmetic(&self) -> String {
         match &self.body {
-            Body::Cpu(cpu) => format!("cpu, {}", cpu.path()),
+            Body::Cpu(cpu) => format!("cpu, {}", cpu.path),
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
             #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
@@ -209,7 +209,7 @@ impl AnyRenderer {
         let mut rays = self.pool().install(|| AnyRaySplats::on_cpu(splats, is_met, value));
         #[cfg(feature = "gpu")]
         if let Body::Gpu { gpu, kept } = &self.body
-            && let Err(error) = gpu.pool().install(|| rays.move_to(gpu.gpu()))
+            && let Err(error) = gpu.pool.install(|| rays.move_to(&gpu.gpu))
         {
             let error = RenderError::from(error);
             if kept.is_none() {

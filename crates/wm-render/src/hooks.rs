@@ -34,7 +34,6 @@ pub struct Hooks<'a> {
 
 impl Hooks<'_> {
     /// The treatment of the splats of a scene's own sky.
-    #[must_use]
     pub(crate) fn sky_splats(&self) -> SkySplats {
         self.background.map_or(SkySplats::Kept, Backdrop::sky_splats)
     }

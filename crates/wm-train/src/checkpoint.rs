@@ -78,7 +78,6 @@ pub(crate) struct TrainedPhoto {
 
 impl CheckpointHead {
     /// Returns the head for the state of a training.
-    #[must_use]
     pub(crate) fn new(
         config: &TrainConfig,
         photos: Vec<TrainedPhoto>,

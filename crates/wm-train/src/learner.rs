@@ -21,7 +21,7 @@ use wm_scene::{Camera, Splats};
 
 /// A back end, and the state of its copy of the population.
 pub(crate) struct Learner {
-    renderer: Box<dyn Differentiable>,
+    pub(crate) renderer: Box<dyn Differentiable>,
     /// The gradients of a population in memory: the step's, and those of terms with a render of
     /// their own.
     gradients: Gradients,
@@ -47,11 +47,6 @@ impl Learner {
     pub(crate) fn new(renderer: Box<dyn Differentiable>) -> Self {
         let (gradients, own) = (Gradients::default(), Gradients::default());
         Self { renderer, gradients, own, device: Device::Other, count: None }
-    }
-
-    /// Returns the back end.
-    pub(crate) fn renderer(&self) -> &dyn Differentiable {
-        &*self.renderer
     }
 
     /// Switches to another device after `error`, if there is one, with the population in memory.

@@ -101,7 +101,6 @@ struct PointDetail {
 
 /// Returns the poor photos among `places` (indices in `photos`) with their defects, in that order.
 /// Damaged photos are not judged.
-#[must_use]
 pub(crate) fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<(usize, PhotoDefect)> {
     let seen = seen_points(capture, photos, places);
     let of = |(place, seen): (&usize, Vec<u32>)| {

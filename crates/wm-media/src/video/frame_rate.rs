@@ -53,7 +53,6 @@ impl FrameRate {
     }
 
     /// Frames per second.
-    #[must_use]
     pub(crate) fn hz(self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)
     }

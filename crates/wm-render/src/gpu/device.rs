@@ -167,14 +167,14 @@ fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
 pub struct Gpu {
     name: String,
     backend: String,
-    kind: AdapterKind,
+    pub(crate) kind: AdapterKind,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
-    most_binding: u64,
+    pub(crate) most_binding: u64,
     most_buffer: u64,
-    subgroups: Subgroups,
+    pub(crate) subgroups: Subgroups,
     /// Nanoseconds of a tick, where stages can be timed.
-    tick: Option<f32>,
+    pub(crate) tick: Option<f32>,
     faults: Arc<Mutex<Option<String>>>,
     lost: Arc<OnceLock<String>>,
     pipelines: Mutex<HashMap<Program, wgpu::ComputePipeline>>,
@@ -299,33 +299,8 @@ impl Gpu {
     }
 
     /// Returns the name and the interface of the adapter.
-    #[must_use]
     pub(crate) fn describe(&self) -> String {
         format!("gpu, {} ({})", self.name, self.backend)
-    }
-
-    /// Returns the kind of the adapter.
-    #[must_use]
-    pub(crate) fn kind(&self) -> AdapterKind {
-        self.kind
-    }
-
-    /// Most bytes of one array.
-    #[must_use]
-    pub(crate) fn most_binding(&self) -> u64 {
-        self.most_binding
-    }
-
-    /// The use of its subgroups.
-    #[must_use]
-    pub(crate) fn subgroups(&self) -> Subgroups {
-        self.subgroups
-    }
-
-    /// Nanoseconds of a tick of its clock, where stages can be timed.
-    #[must_use]
-    pub(crate) fn tick(&self) -> Option<f32> {
-        self.tick
     }
 
     /// The error since the last call.
@@ -345,7 +320,6 @@ impl Gpu {
     }
 
     /// Returns the work of all renderers that share the device, so far.
-    #[must_use]
     pub(crate) fn work(&self) -> DeviceWork {
         *held(&self.work)
     }
@@ -355,7 +329,6 @@ impl Gpu {
     }
 
     /// Returns the memory that is allocated on the device, bytes, where its interface tells.
-    #[must_use]
     pub(crate) fn memory(&self) -> Option<u64> {
         self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }

@@ -130,12 +130,6 @@ impl GpuDifferentiable {
         })
     }
 
-    /// The GPU.
-    #[cfg(test)]
-    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
-        &self.gpu
-    }
-
     /// The times of the last step by the GPU's clock: of backward passes and moves those before the
     /// last forward pass.
     pub(super) fn step_clock(&self) -> Option<StepClock> {
@@ -209,7 +203,7 @@ impl GpuDifferentiable {
         let gpu = Arc::clone(&self.gpu);
         self.forget();
         gpu.check()?;
-        let (each, most) = (each(config), gpu.most_binding());
+        let (each, most) = (each(config), gpu.most_binding);
         self.capacity.start(self.model.len(), most, each);
         let sight = ViewParameters::of_training(camera, config);
         let channels = config.channels;

@@ -53,9 +53,9 @@ impl GpuModel {
         let model = CpuModel::new(splats)?;
         let sh_rows = model.sh_rows();
         let block_bytes = (4 * CLUSTER * ROWS.max(sh_rows as u32) as usize) as u64;
-        let most = (gpu.most_binding() / block_bytes).min(u64::from(u32::MAX)) as usize;
+        let most = (gpu.most_binding / block_bytes).min(u64::from(u32::MAX)) as usize;
         if most == 0 {
-            let (what, most) = ("256 splats", gpu.most_binding());
+            let (what, most) = ("256 splats", gpu.most_binding);
             return Err(GpuError::TooLarge { what, bytes: block_bytes, most }.into());
         }
         let blocks = model.clusters.len();
@@ -109,7 +109,6 @@ impl GpuModel {
     }
 
     /// Returns the number of blocks of 256 splats.
-    #[must_use]
     pub(crate) fn blocks(&self) -> u32 {
         (self.source.len() / CLUSTER) as u32
     }

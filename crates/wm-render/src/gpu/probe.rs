@@ -27,7 +27,7 @@ impl Probe {
     /// Renders `pass` and looks.
     pub(crate) fn of(renderer: &mut GpuRenderer, pass: &DrawPass<'_>) -> Self {
         let stats = renderer.render(pass, &mut Frame::default()).unwrap();
-        let gpu = renderer.gpu().clone();
+        let gpu = renderer.gpu.clone();
         let room = renderer.room().expect("a frame was drawn");
         let words = read(&gpu, &room.records);
         let numbers = words.as_chunks::<16>().0.iter().take(stats.visible as usize);

@@ -131,7 +131,7 @@ impl GpuRaySplats {
         let buffer = gpu.buffer("splats for rays", size_of_val(words) as u64, WRITTEN)?;
         gpu.write(&buffer, 0, bytemuck::cast_slice(words));
         let stride = splats.sh_stride();
-        let most = COLOR_BYTES.min(gpu.most_binding()) / (4 * stride as u64);
+        let most = COLOR_BYTES.min(gpu.most_binding) / (4 * stride as u64);
         let mut colors: Vec<ColorPiece> = Vec::new();
         for piece in records.chunks((most as usize).max(1)) {
             let of = |record: &[u32; RECORD_WORDS]| splats.sh_of(record[RECORD_INDEX] as usize);
@@ -192,7 +192,7 @@ impl GpuRaySplats {
         let sums = RaySums::of(asked);
         let packets = Packets::no_wider(rays, widest);
         let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
-        let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MAX_PACKETS)) as u32;
+        let most = (self.gpu.most_binding / ray_bytes).clamp(1, u64::from(MAX_PACKETS)) as u32;
         let mut made = Vec::new();
         for group in &packets.groups {
             let cones = cones(group);
@@ -224,14 +224,13 @@ impl GpuRaySplats {
         made: &mut Vec<u32>,
     ) -> Result<TraceOutcome, GpuError> {
         // One packet has at most one entry per splat, for which the lists always have room.
-        let most = (self.gpu.most_binding() / 4).min(u64::from(self.most_entries)) as u32;
+        let most = (self.gpu.most_binding / 4).min(u64::from(self.most_entries)) as u32;
         let most = most.max(self.count);
         working.entries = working.entries.max(self.count.max(1 << 16)).min(most);
         loop {
             let (needed, longest) = self.attempt(working, part, rays, made)?;
             if needed <= working.entries {
-                let is_too_long =
-                    longest > MAX_ENTRIES_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
+                let is_too_long = longest > MAX_ENTRIES_IN_SOFTWARE && self.gpu.kind == AdapterKind::Software;
                 return Ok(if is_too_long { TraceOutcome::TooLong } else { TraceOutcome::Whole });
             }
             if needed > most {

@@ -55,7 +55,7 @@ impl Clock {
 
     /// A clock, where the adapter has one.
     pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
-        let Some(tick) = gpu.tick() else { return Ok(None) };
+        let Some(tick) = gpu.tick else { return Ok(None) };
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("times of stages"),
             ty: wgpu::QueryType::Timestamp,
@@ -150,7 +150,7 @@ impl<'a> Recorder<'a> {
 
     /// The use of subgroups by programs.
     pub(crate) fn subgroups(&self) -> Subgroups {
-        self.gpu.subgroups()
+        self.gpu.subgroups
     }
 
     /// The structure `View`.

@@ -111,7 +111,7 @@ impl Resident for GpuDifferentiable {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError> {
         assert!(self.model.learns(), "splats are loaded first");
-        config.check_view(self.model.sh_degree(), camera, frame)?;
+        config.check_view(self.model.sh_degree, camera, frame)?;
         let pool = Arc::clone(&self.pool);
         pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Read(frame)))
             .map(|(stats, _)| stats)
@@ -126,7 +126,7 @@ impl Resident for GpuDifferentiable {
         assert!(self.model.learns(), "splats are loaded first");
         let pixels = camera.width as usize * camera.height as usize;
         assert_eq!(comparison.rgb.len(), 3 * pixels, "a photo of the picture's size");
-        config.check_camera(self.model.sh_degree(), camera)?;
+        config.check_camera(self.model.sh_degree, camera)?;
         let pool = Arc::clone(&self.pool);
         pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Compared(comparison)))
     }

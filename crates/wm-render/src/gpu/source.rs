@@ -75,14 +75,12 @@ impl Program {
     }
 
     /// Adds a text that is made, or chosen.
-    #[must_use]
     pub(crate) fn with(mut self, text: impl Into<Cow<'static, str>>) -> Self {
         self.variant.push(text.into());
         self
     }
 
     /// The whole text.
-    #[must_use]
     pub(crate) fn text(&self) -> String {
         let mut text = constants();
         let variant = self.variant.iter().map(|part| &**part);
@@ -118,7 +116,6 @@ pub(crate) fn switches(channels: Channels) -> String {
 }
 
 /// The constants that Rust and WGSL share, as WGSL.
-#[must_use]
 pub(crate) fn constants() -> String {
     let mut text = String::new();
     macro_rules! whole {

@@ -42,7 +42,7 @@ pub(crate) struct StoredModel {
     parts: Vec<Part>,
     known: Option<wgpu::Buffer>,
     len: usize,
-    sh_degree: u8,
+    pub(crate) sh_degree: u8,
 }
 
 /// A field of the splats: an array with its stride, and the rows that the GPU keeps it in.
@@ -157,9 +157,9 @@ fn most_in_part(gpu: &Gpu, rest: usize, learns: bool) -> Result<usize, GpuError>
     // Of moments there are two.
     let largest = (ROWS as usize).max(rest) * if learns { 2 } else { 1 };
     let block_bytes = 4 * u64::from(WORKGROUP) * largest as u64;
-    let most = (gpu.most_binding() / block_bytes).min(u64::from(u32::MAX / WORKGROUP)) as usize;
+    let most = (gpu.most_binding / block_bytes).min(u64::from(u32::MAX / WORKGROUP)) as usize;
     if most == 0 {
-        let (what, most) = ("256 splats", gpu.most_binding());
+        let (what, most) = ("256 splats", gpu.most_binding);
         return Err(GpuError::TooLarge { what, bytes: block_bytes, most });
     }
     Ok(most * WORKGROUP as usize)
@@ -189,11 +189,6 @@ impl StoredModel {
     /// Number of splats.
     pub(crate) fn len(&self) -> usize {
         self.len
-    }
-
-    /// Degree of their colours.
-    pub(crate) fn sh_degree(&self) -> u8 {
-        self.sh_degree
     }
 
     /// Returns true if they learn here.

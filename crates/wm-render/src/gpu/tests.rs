@@ -171,7 +171,7 @@ fn a_lost_device_is_an_error_and_no_panic() {
     let (camera, splats) = (camera(64, 48), random_splats(500, 1, 6));
     let mut renderer = own(None);
     render(&mut renderer, &splats, &camera).unwrap();
-    renderer.gpu().lose();
+    renderer.gpu.lose();
     for _ in 0..2 {
         let error = render(&mut renderer, &splats, &camera).unwrap_err().to_string();
         assert!(error.starts_with("the GPU was lost") && !error.contains('\n'), "{error}");
@@ -203,7 +203,7 @@ fn a_gpu_that_is_not_there_is_named() {
     assert!(error.contains("`no such GPU`") && !error.contains('\n'), "{error}");
     // One in software is never taken unasked.
     if let Ok(gpu) = Gpu::open(&GpuConfig::default()) {
-        assert_ne!(gpu.kind(), AdapterKind::Software);
+        assert_ne!(gpu.kind, AdapterKind::Software);
     }
 }
 
@@ -295,7 +295,7 @@ fn a_training_that_does_not_fit_or_loses_its_gpu_is_told_so() {
     let mut trainer = own_trainer(None);
     let few = random_splats(500, 1, 6);
     learn(&mut trainer, &few, &camera).unwrap();
-    trainer.gpu().lose();
+    trainer.gpu.lose();
     let error = learn(&mut trainer, &few, &camera).unwrap_err().to_string();
     assert!(error.starts_with("the GPU was lost") && !error.contains('\n'), "{error}");
     let none = vec![0.0; 20_000];
@@ -309,6 +309,6 @@ fn a_training_that_does_not_fit_or_loses_its_gpu_is_told_so() {
             &mut Frame::default(),
         )
         .unwrap();
-    trainer.gpu().lose();
+    trainer.gpu.lose();
     assert!(trainer.backward(&few, &upstream, Learn::ALL, &mut Gradients::default()).is_err());
 }

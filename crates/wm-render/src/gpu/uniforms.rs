@@ -130,7 +130,6 @@ pub(crate) struct ViewParameters<'a> {
 
 impl<'a> ViewParameters<'a> {
     /// Collects the parameters of a draw pass.
-    #[must_use]
     pub(crate) fn of(pass: &'a DrawPass<'_>) -> Self {
         let (rasterization, sky) = (pass.config.rasterization, pass.hooks.sky_splats());
         Self {
@@ -146,7 +145,6 @@ impl<'a> ViewParameters<'a> {
     }
 
     /// Collects the parameters of a step of training.
-    #[must_use]
     pub(crate) fn of_training(camera: &'a Camera, config: &ForwardConfig) -> Self {
         let sky = match config.drawn {
             DrawnSplats::All => SkySplats::Kept,
@@ -165,13 +163,11 @@ impl<'a> ViewParameters<'a> {
     }
 
     /// Columns and rows of tiles.
-    #[must_use]
     pub(crate) fn tiles(&self) -> (u32, u32) {
         (self.camera.width.div_ceil(TILE_SIDE), self.camera.height.div_ceil(TILE_SIDE))
     }
 
     /// Their number.
-    #[must_use]
     pub(crate) fn tile_count(&self) -> u32 {
         let (columns, rows) = self.tiles();
         columns * rows
@@ -179,7 +175,6 @@ impl<'a> ViewParameters<'a> {
 }
 
 /// `View` of `common.wgsl`; `blocks` are those of all sets, `drops` what falls.
-#[must_use]
 pub(crate) fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
     let camera = ProjectCamera::new(sight.camera).part_of(sight.whole);
     let [rotation_x, rotation_y, rotation_z] = camera.rotation;
@@ -213,7 +208,6 @@ pub(crate) fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity
 
 /// `View` of lists of something else than tiles, which no camera sees: their number, blocks of what
 /// they list, and room.
-#[must_use]
 pub(crate) fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
     let (fx, fy, cx, cy) = (1.0, 1.0, 0.5, 0.5);
     let camera = Camera { width: 1, height: 1, fx, fy, cx, cy, viewmat: glam::DMat4::IDENTITY, near: 0.1 };
@@ -222,7 +216,6 @@ pub(crate) fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Unif
 }
 
 /// Makes `RayTask` of `records.wgsl`: a range of packets of a group, and the number of records.
-#[must_use]
 pub(crate) fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emits: bool) -> Uniform {
     let all = group.packets.len() as u32;
     let top = group.levels.len() as u32 - 1;
@@ -240,7 +233,6 @@ pub(crate) fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emi
 }
 
 /// `ColorPiece` of `features.wgsl`: the first of its records, their number, and numbers of each.
-#[must_use]
 pub(crate) fn color_piece(first: u32, count: u32, stride: u32) -> Uniform {
     Uniform::default().whole("first", first).whole("count", count).whole("stride", stride)
 }
@@ -262,7 +254,6 @@ pub(crate) struct Piece {
 
 /// `Chunk` of `pieces.wgsl`: a piece, how many rows of its coefficients are in use, the attributes
 /// of its splats, and where opacities come from.
-#[must_use]
 pub(crate) fn chunk(
     piece: Piece,
     sh_used: u32,
@@ -287,7 +278,6 @@ pub(crate) fn chunk(
 }
 
 /// `Training` of `training.wgsl`.
-#[must_use]
 pub(crate) fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
     Uniform::default()
         .vector("background", background)
@@ -296,7 +286,6 @@ pub(crate) fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform
 
 /// `Comparison` of `photo.wgsl`, one a channel: `pixels` are those of the picture, `counted` what
 /// they count together.
-#[must_use]
 pub(crate) fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
     let row = |row: usize| [0, 1, 2, 3].map(|k| comparison.exposure[4 * row + k]);
     let [l1, dssim] = [Term::L1, Term::Dssim].map(|term| comparison.weight(term));
@@ -311,7 +300,6 @@ pub(crate) fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64,
 
 /// `Geometry` of `geometry.wgsl`: `pixels` are those of the picture; columns and number of the
 /// patches.
-#[must_use]
 pub(crate) fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, u32)) -> Uniform {
     let Comparison { believed, patches: plan, .. } = comparison;
     let (columns, rows) = believed.map_or((0, 0), |believed| believed.grid);
@@ -334,7 +322,6 @@ pub(crate) fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, 
 }
 
 /// `Pass` of `sort.wgsl`.
-#[must_use]
 pub(crate) fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform {
     Uniform::default()
         .whole("shift", shift)
@@ -343,13 +330,11 @@ pub(crate) fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform
 }
 
 /// `Task` of `intersect.wgsl`.
-#[must_use]
 pub(crate) fn intersect_task(emits: bool) -> Uniform {
     Uniform::default().whole("emits", u32::from(emits))
 }
 
 /// `Step` of `optimize.wgsl`, for `splats` splats.
-#[must_use]
 pub(crate) fn optimize_step(step: &Step, splats: usize) -> Uniform {
     let Step { number, rates, terms, size } = step;
     let correction = |beta: f32| (1.0 - f64::from(beta).powf(f64::from(*number))) as f32;
@@ -371,7 +356,6 @@ pub(crate) fn optimize_step(step: &Step, splats: usize) -> Uniform {
 }
 
 /// `Learn` of `add.wgsl`.
-#[must_use]
 pub(crate) fn learn(learn: Learn) -> Uniform {
     let share = |learns: bool| if learns { 1.0 } else { 0.0 };
     Uniform::default()
@@ -383,7 +367,6 @@ pub(crate) fn learn(learn: Learn) -> Uniform {
 }
 
 /// `Noise` of `explore.wgsl`.
-#[must_use]
 pub(crate) fn noise(noise: &Noise) -> Uniform {
     // What `wm_scene::random::uniform` multiplies a seed with.
     let seed = noise.seed.wrapping_mul(SEED_FACTOR);
@@ -395,7 +378,6 @@ pub(crate) fn noise(noise: &Noise) -> Uniform {
 }
 
 /// Makes `Move` of `rearrange.wgsl`: moves splats `before` to splats `now`, `rows` rows each.
-#[must_use]
 pub(crate) fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: MomentReset) -> Uniform {
     let (row, period) = match forgets {
         MomentReset::Row(row, period) => (row, period),
@@ -424,7 +406,6 @@ pub(crate) enum MomentReset {
 }
 
 /// Structures as they lie in a buffer, one a slot.
-#[must_use]
 pub(crate) fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
     let mut bytes = vec![0; SLOT as usize * uniforms.len()];
     for (slot, uniform) in bytes.chunks_exact_mut(SLOT as usize).zip(uniforms) {

@@ -202,7 +202,7 @@ fn a_picture_that_is_a_part_itself_is_not_drawn_again() {
                 let picture =
                     plan.draw(bare.clone().with_hooks(Hooks { pixels: pixels.to_vec(), ..hooks.clone() }));
                 let parts = PartPasses::append(&mut plan, picture, &ALL);
-                assert_eq!(plan.passes().len(), passes[i]);
+                assert_eq!(plan.passes.len(), passes[i]);
                 let mut pictures = Pictures::default();
                 renderer.execute(&plan, &mut pictures).unwrap();
                 parts.finish(&pictures)

@@ -11,7 +11,6 @@ use wm_scene::{Group, Splats, sh};
 
 impl Projected {
     /// log2 of alpha at the picture point `(x, y)`.
-    #[must_use]
     pub(crate) fn log2_alpha(&self, x: f64, y: f64) -> f64 {
         let (dx, dy) = (x - self.mean2d[0], y - self.mean2d[1]);
         let [xx, xy, _] = self.cov2d;
@@ -78,7 +77,6 @@ pub(crate) const SLOPE_BAND: f64 = 0.01;
 pub(crate) const ORDER_BAND: f64 = 2e-6;
 
 /// Draws sets as a pass does whose own sets do not count.
-#[must_use]
 pub(crate) fn render(
     sets: &[(&Splats, Option<&dyn SplatAttributes>)],
     pass: &DrawPass<'_>,

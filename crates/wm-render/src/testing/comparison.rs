@@ -48,7 +48,6 @@ impl HardSplats {
     ];
 
     /// `count` splats of this kind, for [`camera`].
-    #[must_use]
     pub(crate) fn splats(self, count: usize, seed: u64) -> Splats {
         let mut splats = random_splats(count, 1, seed);
         for i in 0..count {
@@ -182,7 +181,6 @@ pub(crate) fn evaluate_by_reference(
 ///
 /// # Panics
 /// If the renderer cannot be started, or more than a few pixels are not steady.
-#[must_use]
 pub(crate) fn gradients_of(
     backend: Backend,
     splats: &Splats,
@@ -203,7 +201,6 @@ pub(crate) fn gradients_of(
 }
 
 /// Relative L2 distance of each array of gradients from the reference's.
-#[must_use]
 pub(crate) fn gradient_errors(got: &Gradients, want: &ReferenceGradients) -> Vec<(&'static str, f64)> {
     let mut want = want.clone();
     let stride = want.parameters.sh.len() / want.weights.len().max(1);

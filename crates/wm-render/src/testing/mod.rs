@@ -178,7 +178,6 @@ fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
 #[cfg(feature = "gpu")]
-#[must_use]
 pub(crate) fn gpu_renderer() -> GpuRenderer {
     let gpu = shared_gpu().clone().expect("a GPU");
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")

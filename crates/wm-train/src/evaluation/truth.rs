@@ -187,7 +187,6 @@ impl TruthMaps {
     }
 
     /// Returns true if there are no maps.
-    #[must_use]
     pub(crate) fn is_empty(&self) -> bool {
         self.depth.is_none() && self.normal.is_none() && self.sky.is_none()
     }

@@ -22,7 +22,6 @@ pub(crate) struct DepthTerm {
 
 impl DepthTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig) -> Self {
         Self { geometry: config.loss.geometry, steps: config.steps }
     }

@@ -38,7 +38,6 @@ use wm_render::{Channels, DepthAlpha, DrawnSplats, Frame, Learn, Opacity, Upstre
 use wm_scene::Camera;
 
 /// The terms of a configuration.
-#[must_use]
 pub(crate) fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
     vec![
         Box::new(L1Term { weight: config.loss.l1 }),
@@ -68,7 +67,6 @@ pub struct TrainPhoto<'a> {
 
 impl TrainPhoto<'_> {
     /// Returns width and height, px.
-    #[must_use]
     pub(crate) fn size(&self) -> (u32, u32) {
         (self.camera.width, self.camera.height)
     }
@@ -124,7 +122,6 @@ impl LossGradients {
     }
 
     /// Returns the derivatives in the form that the renderer takes.
-    #[must_use]
     pub(crate) fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
         Upstream { rgb: &self.rgb, alpha: &self.alpha, depth: &self.depth, normal: &self.normal, depth_alpha }
     }

@@ -56,7 +56,6 @@ struct Work {
 
 impl PatchDepthTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig, pass: PatchPass) -> Self {
         let (geometry, steps, seed) = (config.loss.geometry, config.steps, config.seed);
         Self { pass, steps, geometry, seed, work: Work::default() }

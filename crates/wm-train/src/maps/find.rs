@@ -27,7 +27,6 @@ impl MapFolder {
     }
 
     /// The folder.
-    #[must_use]
     pub(crate) fn path(&self) -> &Path {
         self.0.folder()
     }

@@ -94,7 +94,6 @@ impl Map {
     }
 
     /// Number of pixels.
-    #[must_use]
     pub(crate) fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
     }
@@ -129,7 +128,6 @@ impl Map {
     /// The map as a mask, `[H, W]`, 0-1; what is not finite is 0.
     ///
     /// Of coloured pictures red says it. Counts that are all 0 and 1 are taken as such.
-    #[must_use]
     pub(crate) fn to_mask(&self) -> Vec<f32> {
         let is_tiny = self.values.iter().all(|v| *v <= 1.0);
         let full = match self.stored {

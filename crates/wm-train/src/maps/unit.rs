@@ -16,7 +16,6 @@ pub enum DepthUnit {
 impl DepthUnit {
     /// The unit of a map: the one that is given, else what the file says, else metres for floats;
     /// `None` for counts that do not say.
-    #[must_use]
     pub(crate) fn of(given: Option<Self>, map: &Map) -> Option<Self> {
         let said = given.or(map.metres_per_step.map(Self::Metres));
         said.or_else(|| matches!(map.stored, Stored::Floats).then_some(Self::Metres(1.0)))

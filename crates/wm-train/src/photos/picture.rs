@@ -54,7 +54,6 @@ impl Photo {
     }
 
     /// All colours, `[H, W, 3]`, 0-1, sRGB.
-    #[must_use]
     pub(crate) fn rgb_f32(&self) -> Vec<f32> {
         self.rgb.iter().map(|v| f32::from(*v) / 255.0).collect()
     }

@@ -92,9 +92,8 @@ fn originals_state_place_and_time_for_photos_that_lost_them() {
         capture::read(folder.path(), &options)
     };
     let photos = Photos::open(&read(&originals).unwrap(), &PhotoOptions::default()).unwrap();
-    assert_eq!(photos.taken(), [None, None, Some(1_717_059_369.0)]);
-    let places: Vec<_> =
-        photos.gps().iter().map(|gps| gps.map(|gps| (gps.latitude, gps.longitude))).collect();
+    assert_eq!(photos.taken, [None, None, Some(1_717_059_369.0)]);
+    let places: Vec<_> = photos.gps.iter().map(|gps| gps.map(|gps| (gps.latitude, gps.longitude))).collect();
     assert_eq!(places, [None, None, Some((55.7, 13.2))]);
     let missing = read(&folder.path().join("nowhere")).unwrap_err().to_string();
     assert!(missing.contains("nowhere"), "{missing}");

@@ -27,7 +27,7 @@ use wm_scene::{Camera, FormatError, Problem, SceneView, Severity};
 const POOR_PHOTOS_FILE: &str = "poor-photos.png";
 
 /// A data set that is open, and which photos it trains on.
-pub(super) struct TrainData {
+pub(crate) struct TrainData {
     /// The training photos.
     pub(crate) set: Dataset,
     /// Indices in the photos of those that are held out.

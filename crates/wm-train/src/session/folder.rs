@@ -36,7 +36,7 @@ pub enum Resume {
 }
 
 /// The place where a session keeps its files.
-pub(super) enum RunFolder {
+pub(crate) enum RunFolder {
     /// In a folder of the user's.
     Kept {
         path: PathBuf,
@@ -50,7 +50,7 @@ pub(super) enum RunFolder {
 
 /// The beginning of a training in a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Start {
+pub(crate) enum Start {
     /// The first step.
     Anew,
     /// The first step again, since the training was ended before its first checkpoint.

@@ -128,7 +128,7 @@ impl Training {
         let mut trainer = match folder.resumed()? {
             Some((head, state)) => {
                 let trainer = Trainer::resumed(config, renderer, state, extent, photos);
-                let same = head.config == *trainer.config()
+                let same = head.config == trainer.config
                     && head.photos == data.taught()
                     && head.simd == trainer.path().to_string();
                 if !same {
@@ -152,7 +152,7 @@ impl Training {
             }
         };
         trainer.set_air(haze.map(|haze| haze.air()));
-        let (step, steps) = (trainer.steps_done(), trainer.config().steps);
+        let (step, steps) = (trainer.steps_done(), trainer.config.steps);
         let last_level = data.set.photos.last_level(MIN_COARSE_SIDE_PX);
         let photo = data.set.name(data.shown());
         let start = TrainStart { step, steps, photo, extent };
@@ -162,7 +162,7 @@ impl Training {
             // before.
             write_checkpoint(&path, &mut trainer, &data)?;
         }
-        folder.write_config(trainer.config())?;
+        folder.write_config(&trainer.config)?;
         let metrics = folder.metrics(step, steps)?;
         Ok(Self {
             trainer,
@@ -204,7 +204,7 @@ impl Training {
     pub(crate) fn run_to_end(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
         let started = Instant::now();
         self.saved = started;
-        let steps = self.trainer.config().steps;
+        let steps = self.trainer.config.steps;
         while !self.trainer.is_done() {
             if observer.proceed().is_break() {
                 self.save(observer)?;
@@ -223,7 +223,7 @@ impl Training {
     /// # Errors
     /// [`SessionError`]; where a checkpoint can be written, what was learnt is saved first.
     pub fn step(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
-        let steps = self.trainer.config().steps;
+        let steps = self.trainer.config.steps;
         let loss = self.train(observer)?;
         let (step, splats) = (self.trainer.steps_done(), self.trainer.len());
         observer.on_step(&StepProgress { step, steps, splats, loss });
@@ -291,7 +291,7 @@ impl Training {
     /// [`SessionError`] if the device fails.
     pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
         let splats = self.splats()?;
-        let (config, haze) = (self.trainer.config(), self.haze.as_ref());
+        let (config, haze) = (&self.trainer.config, self.haze.as_ref());
         scene::finish(splats, config, &self.data, &self.options, self.priors.as_ref(), haze, observer)
     }
 
@@ -307,7 +307,7 @@ impl Training {
     /// Takes one step and returns its loss.
     fn train(&mut self, observer: &mut dyn TrainObserver) -> Result<f64, SessionError> {
         let step = self.trainer.steps_done();
-        let last = self.trainer.config().steps.saturating_sub(1);
+        let last = self.trainer.config.steps.saturating_sub(1);
         for ahead in step + 1..=(step + PREFETCHED_STEPS).min(last) {
             let place = self.data.set.places[self.trainer.photo_at(ahead)];
             self.data.set.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
@@ -395,7 +395,7 @@ impl Training {
         error: impl FnOnce(u32, u32) -> SessionError,
     ) -> SessionError {
         let saved = self.save(observer);
-        let error = error(self.trainer.steps_done(), self.trainer.config().steps);
+        let error = error(self.trainer.steps_done(), self.trainer.config.steps);
         match saved {
             Ok(()) => error,
             Err(checkpoint) => {
@@ -475,7 +475,7 @@ impl Training {
         if let Some(line) = held_out.json() {
             self.metrics.add(&line)?;
         }
-        let steps = self.trainer.config().steps;
+        let steps = self.trainer.config.steps;
         if let (Some((step, before)), Some(now)) = (self.best, held_out.mean())
             && was_better(&before, &now)
         {
@@ -487,7 +487,7 @@ impl Training {
             });
         }
         observer.on_finish(&TrainReport {
-            steps: self.trainer.config().steps - self.begun,
+            steps: self.trainer.config.steps - self.begun,
             seconds,
             times: self.sums.times,
             backend: self.trainer.describe(),
@@ -504,7 +504,7 @@ fn write_checkpoint(path: &Path, trainer: &mut Trainer, data: &TrainData) -> Res
         Err(error) if error.is_of_gpu() => {}
         done => done?,
     }
-    let (config, simd) = (trainer.config().clone(), trainer.path().to_string());
+    let (config, simd) = (trainer.config.clone(), trainer.path().to_string());
     let state = trainer.known_state();
     let head = CheckpointHead::new(&config, data.taught(), simd, state);
     checkpoint::write(path, &head, state).map_err(|error| SessionError::Unsaved(Box::new(error)))?;

@@ -30,7 +30,7 @@ const READ_BACK_STEPS: u32 = 500;
 
 /// A training in progress.
 pub struct Trainer {
-    config: TrainConfig,
+    pub(crate) config: TrainConfig,
     terms: Vec<Box<dyn LossTerm>>,
     learner: Learner,
     state: TrainState,
@@ -111,7 +111,6 @@ impl Trainer {
     }
 
     /// Returns true if photos have exposures of their own.
-    #[must_use]
     pub(crate) fn has_exposures(&self) -> bool {
         !self.state.exposures.changes.is_empty()
     }
@@ -127,14 +126,7 @@ impl Trainer {
         self.air = air;
     }
 
-    /// Returns the configuration.
-    #[must_use]
-    pub(crate) fn config(&self) -> &TrainConfig {
-        &self.config
-    }
-
     /// Steps that are done.
-    #[must_use]
     pub(crate) fn steps_done(&self) -> u32 {
         self.state.step
     }
@@ -185,15 +177,13 @@ impl Trainer {
     }
 
     /// Returns the SIMD path in use.
-    #[must_use]
     pub(crate) fn path(&self) -> SimdPath {
-        self.learner.renderer().path()
+        self.learner.renderer.path()
     }
 
     /// Returns the back end in words.
-    #[must_use]
     pub(crate) fn describe(&self) -> String {
-        self.learner.renderer().describe()
+        self.learner.renderer.describe()
     }
 
     /// Returns the times of the last step by the clock of the device, if it has one.
@@ -204,7 +194,7 @@ impl Trainer {
     /// Returns the number of threads in use.
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.learner.renderer().pool().current_num_threads()
+        self.learner.renderer.pool().current_num_threads()
     }
 
     /// Returns true if all steps are done.
@@ -215,7 +205,6 @@ impl Trainer {
 
     /// Returns the index of the photo of step `step` (from 0): each photo occurs once per epoch,
     /// in a random order.
-    #[must_use]
     pub(crate) fn photo_at(&mut self, step: u32) -> usize {
         let count = self.photos as u32;
         let epoch = step / count;
@@ -228,7 +217,6 @@ impl Trainer {
     }
 
     /// Returns how often the sides of photos are halved for step `step`.
-    #[must_use]
     pub(crate) fn level_at(&self, step: u32, last_level: u8) -> u8 {
         schedule::level(&self.config, step, last_level)
     }
@@ -239,7 +227,7 @@ impl Trainer {
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
     pub fn step(&mut self, truth: &TrainPhoto<'_>, photo: usize) -> Result<StepReport, RenderError> {
-        let pool = std::sync::Arc::clone(self.learner.renderer().pool());
+        let pool = std::sync::Arc::clone(self.learner.renderer.pool());
         match pool.install(|| self.step_on_pool(truth, photo)) {
             Err(error) => Ok(StepReport { lost: self.go_back(error)?, ..StepReport::default() }),
             done => done,

@@ -80,7 +80,7 @@ impl Trainer {
             match &seen.compared {
                 Some(compared) => exposures.step(photo, &compared.by_exposure, rate),
                 None => {
-                    let path = self.learner.renderer().path();
+                    let path = self.learner.renderer.path();
                     exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate);
                 }
             }
@@ -138,7 +138,7 @@ impl Trainer {
         config: &ForwardConfig,
         report: &mut StepReport,
     ) -> Result<RenderResult, RenderError> {
-        let (started, step, path) = (Instant::now(), self.state.step, self.learner.renderer().path());
+        let (started, step, path) = (Instant::now(), self.state.step, self.learner.renderer.path());
         // Only common renders have the photo's exposure.
         let exposed = own.is_none() && !self.state.exposures.changes.is_empty();
         let beliefs = || losses::beliefs(truth);

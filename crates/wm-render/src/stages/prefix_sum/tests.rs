@@ -15,7 +15,7 @@ fn sums_are_those_before_and_the_total_is_cut_off_at_the_room() {
                 total - sum
             })
             .collect();
-        let (got, counts) = scanned(renderer.gpu(), &sums, 10_000);
+        let (got, counts) = scanned(&renderer.gpu, &sums, 10_000);
         assert!(got == want && counts == [total.min(10_000), total], "{count}: {counts:?}, want {total}");
     }
 }
@@ -25,7 +25,7 @@ fn what_is_more_than_a_word_holds_is_no_small_number() {
     let Some(_) = Backend::gpu() else { return };
     let renderer = gpu_renderer();
     for sums in [vec![1 << 23; 1000], vec![1 << 25, 3, 4]] {
-        let (_, counts) = scanned(renderer.gpu(), &sums, 10_000);
+        let (_, counts) = scanned(&renderer.gpu, &sums, 10_000);
         assert_eq!(counts, [10_000, u32::MAX]);
     }
 }

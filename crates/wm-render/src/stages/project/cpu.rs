@@ -337,7 +337,6 @@ pub fn project_group<S: Lanes>(
 impl Record {
     /// The sixteen records of a group, whose splats are numbered from `first`.
     #[inline(always)]
-    #[must_use]
     pub(crate) fn transposed<S: Lanes>(
         simd: S,
         from: &ProjectedGroup,
@@ -440,7 +439,6 @@ pub(crate) struct ClusterCull {
 
 impl ClusterCull {
     /// The test for one camera.
-    #[must_use]
     pub(crate) fn new(camera: &ProjectCamera) -> Self {
         // sqrt(2 ln(255)), and with the dilation; a little more against rounding.
         let sigmas = (2.0 * (255.0f32).ln() + 0.01).sqrt();
@@ -466,7 +464,6 @@ impl ClusterCull {
 
     /// Returns true if no splat of the cluster can be in view.
     #[inline]
-    #[must_use]
     pub(crate) fn culls(&self, cluster: &Cluster) -> bool {
         let d: [f32; 3] = std::array::from_fn(|k| cluster.center[k] - self.center[k]);
         let support = |n: &[f32; 3]| -> (f32, f32) {

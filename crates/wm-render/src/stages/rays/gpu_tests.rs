@@ -14,7 +14,7 @@ use wm_scene::random::uniform;
 
 /// Any GPU, unless there is none.
 fn gpu() -> Option<Arc<Gpu>> {
-    Backend::gpu().map(|_| Arc::clone(gpu_renderer().gpu()))
+    Backend::gpu().map(|_| Arc::clone(&gpu_renderer().gpu))
 }
 
 fn traced(gpu: &Arc<Gpu>, splats: &Splats, rays: &Rays, asked: RayOutputs) -> RayHits {

@@ -40,7 +40,6 @@ pub(crate) enum AirText {
 
 impl AirText {
     /// The program's part for an air.
-    #[must_use]
     pub(crate) fn new(shading: Shading, air: Option<&WgslSource>) -> Self {
         match (shading, air.map(|air| air.wgsl.clone())) {
             (Shading::Color, None) => Self::Clear,

@@ -74,7 +74,6 @@ const START_RADIUS_PX: isize = 12;
 
 /// Returns how often the sides of photos are halved: until the largest has no more pixels than the
 /// options allow, or the smallest would have sides too short.
-#[must_use]
 pub(crate) fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, 0)).collect();
     let is_enough = |level: &u8| {
