@@ -327,11 +327,6 @@ impl View {
         Rows { gradients: &self.own.gradients, by_sh: &self.own.by_sh, blocks: &self.room.lists.blocks }
     }
 
-    /// The slot of the structure `Learn`.
-    pub(crate) fn learn_slot(&self, model: &StoredModel) -> usize {
-        CHUNKS + model.piece_count() + 1
-    }
-
     /// Records the commands of a backward pass, which writes rows of gradients to `gradients` and
     /// `of_colors`; nothing is read back.
     pub(crate) fn record_backward<'a>(

@@ -160,7 +160,8 @@ impl Resident for GpuDifferentiable {
             Target::Added(learn) => {
                 let last = self.rows.last.as_ref().expect("it is added to the gradients of a step");
                 let learn = uniforms::learn(view.config.learns(learn));
-                let (slot, other) = (view.learn_slot(&self.model), view.rows());
+                // The structure `Learn`.
+                let (slot, other) = (super::lists::CHUNKS + self.model.parts.len() + 1, view.rows());
                 gpu.write(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
                 let to = (other.gradients, other.by_sh);
                 let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to.0, to.1);

@@ -26,7 +26,7 @@ const KNOWN: usize = 4;
 const USAGE: BufferUsages = READ_BACK.union(BufferUsages::COPY_DST);
 
 /// Whole blocks of 256 splats, the last one padded.
-struct Part {
+pub(super) struct Part {
     splats: wgpu::Buffer,
     sh_rest: wgpu::Buffer,
     /// Moments of both, where they learn here.
@@ -39,7 +39,7 @@ struct Part {
 pub(crate) struct StoredModel {
     kept: Vec<[GrowingBuffer; 4]>,
     kept_known: GrowingBuffer,
-    parts: Vec<Part>,
+    pub(super) parts: Vec<Part>,
     known: Option<wgpu::Buffer>,
     len: usize,
     pub(crate) sh_degree: u8,
@@ -330,11 +330,6 @@ impl StoredModel {
     /// Blocks of 256 splats in it.
     pub(crate) fn blocks(&self) -> u32 {
         self.parts.iter().map(|part| part.piece.blocks).sum()
-    }
-
-    /// Number of its pieces.
-    pub(crate) fn piece_count(&self) -> usize {
-        self.parts.len()
     }
 
     /// The structures of its pieces.

@@ -13,16 +13,11 @@ impl Projected {
     /// log2 of alpha at the picture point `(x, y)`.
     pub(crate) fn log2_alpha(&self, x: f64, y: f64) -> f64 {
         let (dx, dy) = (x - self.mean2d[0], y - self.mean2d[1]);
-        let [xx, xy, _] = self.cov2d;
+        let [xx, xy, yy] = self.cov2d;
         // By the Cholesky factor: the conic's form cancels for needles even in f64.
         let u = dx / xx.sqrt();
-        let v = (dy - xy / xx * dx) / self.spread_given_x().sqrt();
+        let v = (dy - xy / xx * dx) / (yy - xy * xy / xx).sqrt();
         self.opacity.log2() - 0.5 * std::f64::consts::LOG2_E * (u * u + v * v)
-    }
-
-    /// Variance of y for given x, px^2.
-    fn spread_given_x(&self) -> f64 {
-        self.cov2d[2] - self.cov2d[1] * self.cov2d[1] / self.cov2d[0]
     }
 }
 

@@ -1,4 +1,5 @@
 use super::*;
+use crate::photos::encode_png;
 use std::{
     os::unix::fs::PermissionsExt,
     sync::{
@@ -150,10 +151,8 @@ fn assert_steps(told: &[ColmapProgress]) {
 }
 
 fn write_photo(path: &Path, width: u32, height: u32) {
-    let mut encoder = png::Encoder::new(File::create(path).unwrap(), width, height);
-    encoder.set_color(png::ColorType::Grayscale);
     let pixels = vec![9; (width * height) as usize];
-    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+    fs::write(path, encode_png(width, height, png::ColorType::Grayscale, &pixels)).unwrap();
 }
 
 #[test]

@@ -284,7 +284,7 @@ mod tests {
                     assert!(
                         off < 2e-3 + 0.02 * found.abs(),
                         "{} {array} {i}: {found} {}",
-                        term_name(array),
+                        ["alpha", "depth", "normal"][array],
                         wanted[i]
                     );
                     compared += usize::from(wanted[i] != 0.0);
@@ -292,10 +292,6 @@ mod tests {
             }
             assert!(compared >= 15, "{compared}");
         }
-    }
-
-    fn term_name(array: usize) -> &'static str {
-        ["alpha", "depth", "normal"][array]
     }
 
     /// The terms give the same values and derivatives on a device as here.

@@ -29,6 +29,8 @@ mod resize;
 mod tests;
 mod undistort;
 
+#[cfg(test)]
+pub(crate) use decode::tests::encode as encode_png;
 pub use error::{PhotoError, PhotoErrors, PhotoFault};
 pub use folder::photos_in;
 pub use picture::{Photo, read_picture};

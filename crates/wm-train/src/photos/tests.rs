@@ -12,10 +12,7 @@ fn write_ramp(path: &Path, width: u32, height: u32) {
 
 fn write_png(path: &Path, width: u32, height: u32, color: png::ColorType, pixels: Vec<u8>) {
     fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let mut encoder = png::Encoder::new(fs::File::create(path).unwrap(), width, height);
-    encoder.set_color(color);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+    fs::write(path, encode_png(width, height, color, &pixels)).unwrap();
 }
 
 /// A data set of `names` with one camera of 40 x 30 px and photos that fit it.

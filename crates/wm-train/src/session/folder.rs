@@ -194,7 +194,7 @@ fn is_begun(folder: &Path) -> bool {
 }
 
 /// Appends JSON objects to the metrics, one a line.
-pub(super) struct Metrics(Option<(File, PathBuf)>);
+pub(crate) struct Metrics(Option<(File, PathBuf)>);
 
 impl Metrics {
     pub(crate) fn add(&mut self, value: &Value) -> Result<(), SessionError> {

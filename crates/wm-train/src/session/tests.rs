@@ -208,10 +208,8 @@ fn spoil(path: &std::path::Path, change: impl Fn(&[u8], usize) -> Vec<u8>) {
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut pixels).unwrap();
     let changed = change(&pixels, 3 * info.width as usize);
-    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), info.width, info.height);
-    encoder.set_color(info.color_type);
-    encoder.set_depth(info.bit_depth);
-    encoder.write_header().unwrap().write_image_data(&changed).unwrap();
+    let bytes = crate::photos::encode_png(info.width, info.height, info.color_type, &changed);
+    std::fs::write(path, bytes).unwrap();
 }
 
 #[test]

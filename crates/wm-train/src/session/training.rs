@@ -145,13 +145,13 @@ impl Training {
                     scene::start(&dataset, &config, &data, known, haze.as_ref(), gains, extent, part)?;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if let Some(found) = gains {
-                    trainer.set_exposures(Exposures::with_gains(&found.gains));
+                    trainer.state.exposures = Exposures::with_gains(&found.gains);
                     observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
                 }
                 trainer
             }
         };
-        trainer.set_air(haze.map(|haze| haze.air()));
+        trainer.air = haze.map(|haze| haze.air());
         let (step, steps) = (trainer.steps_done(), trainer.config.steps);
         let last_level = data.set.photos.last_level(MIN_COARSE_SIDE_PX);
         let photo = data.set.name(data.shown());
@@ -414,7 +414,7 @@ impl Training {
     /// they do not, since haze changes their brightness too.
     fn gain(&self, place: usize) -> [f32; 3] {
         let at = self.data.held_out.iter().position(|held_out| *held_out == place);
-        at.filter(|_| self.trainer.has_exposures() && self.haze.is_none())
+        at.filter(|_| !self.trainer.state.exposures.changes.is_empty() && self.haze.is_none())
             .map_or([1.0; 3], |at| self.data.held_out_gains()[at])
     }
 

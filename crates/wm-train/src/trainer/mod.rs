@@ -33,7 +33,7 @@ pub struct Trainer {
     pub(crate) config: TrainConfig,
     terms: Vec<Box<dyn LossTerm>>,
     learner: Learner,
-    state: TrainState,
+    pub(crate) state: TrainState,
     /// The number of steps that `state` contains; a device may be ahead.
     known: u32,
     extent: f64,
@@ -41,7 +41,7 @@ pub struct Trainer {
     photos: usize,
     work: Work,
     /// The haze of the photos, which the scene does not contain.
-    air: Option<EvenAir>,
+    pub(crate) air: Option<EvenAir>,
     /// The orders of the last two epochs in use: prefetched steps may belong to the next epoch.
     orders: [Order; 2],
 }
@@ -108,22 +108,6 @@ impl Trainer {
         let (learner, known) = (Learner::new(renderer), state.step);
         let (work, orders) = (Work::default(), Default::default());
         Self { config, terms, learner, state, known, extent, photos, work, air: None, orders }
-    }
-
-    /// Returns true if photos have exposures of their own.
-    pub(crate) fn has_exposures(&self) -> bool {
-        !self.state.exposures.changes.is_empty()
-    }
-
-    /// Sets the exposures of the photos, which are trained from then on. By default photos have
-    /// exposures of their own only with [`ExposureMode::Photo`].
-    pub(crate) fn set_exposures(&mut self, exposures: Exposures) {
-        self.state.exposures = exposures;
-    }
-
-    /// Sets the haze of the photos: splats are rendered through it and learn their clear colours.
-    pub(crate) fn set_air(&mut self, air: Option<EvenAir>) {
-        self.air = air;
     }
 
     /// Steps that are done.

@@ -393,10 +393,8 @@ mod tests {
                 rgb.extend([value; 3]);
             }
             let name = format!("{index}.png");
-            let file = std::fs::File::create(folder.join(&name)).unwrap();
-            let mut encoder = png::Encoder::new(file, SIZE.0, SIZE.1);
-            encoder.set_color(png::ColorType::Rgb);
-            encoder.write_header().unwrap().write_image_data(&rgb).unwrap();
+            let bytes = crate::photos::encode_png(SIZE.0, SIZE.1, png::ColorType::Rgb, &rgb);
+            std::fs::write(folder.join(&name), bytes).unwrap();
             let seen = |point: u32| {
                 let at = DVec3::from_array(capture.points.positions[point as usize]);
                 let (x, y, _) = camera.project(at)?;
