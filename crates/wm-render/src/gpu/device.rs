@@ -1,5 +1,6 @@
 //! The choice of a GPU, and the device on it.
 
+use super::buffers::WRITTEN;
 use super::error::GpuError;
 use super::source::{MIN_SUBGROUP, Program, Subgroups, WORKGROUP};
 use crate::at_once::ready;
@@ -403,6 +404,17 @@ impl Gpu {
         if ready(memory.pop()).flatten().is_some() {
             return Err(GpuError::Memory { what, bytes });
         }
+        Ok(buffer)
+    }
+
+    /// Makes a buffer for programs to read, with these bytes.
+    ///
+    /// # Errors
+    /// [`GpuError`] if it is larger than a program can bind, or memory is short.
+    pub(crate) fn upload(&self, what: &'static str, bytes: &[u8]) -> Result<wgpu::Buffer, GpuError> {
+        self.check_binding(what, bytes.len() as u64)?;
+        let buffer = self.buffer(what, bytes.len() as u64, WRITTEN)?;
+        self.write(&buffer, 0, bytes);
         Ok(buffer)
     }
 

@@ -8,7 +8,6 @@ use crate::hooks::GROUP;
 use crate::renderer::RenderError;
 use crate::stages::project::gpu::ROWS;
 use std::sync::{Mutex, PoisonError};
-use wgpu::BufferUsages;
 use wm_scene::Splats;
 
 /// Whole blocks of 256 splats.
@@ -65,8 +64,8 @@ impl GpuModel {
             let groups = first * GROUPS..(first + count) * GROUPS;
             let rest = groups.start * sh_rows..groups.end * sh_rows;
             chunks.push(Chunk {
-                splats: upload(gpu, "splats", &rows(&model, groups))?,
-                sh_rest: upload(gpu, "coefficients of colour", model.sh_rest[rest].as_flattened())?,
+                splats: gpu.upload("splats", bytemuck::cast_slice(&rows(&model, groups)))?,
+                sh_rest: gpu.upload("coefficients of colour", bytemuck::cast_slice(&model.sh_rest[rest]))?,
                 first_splat: (first * CLUSTER) as u32,
                 blocks: count as u32,
             });
@@ -103,7 +102,7 @@ impl GpuModel {
         }
         // A buffer of its own: the last one may still be read by passes that are about to be
         // submitted.
-        let buffer = upload(gpu, "attributes of splats", &numbers())?;
+        let buffer = gpu.upload("attributes of splats", bytemuck::cast_slice(&numbers()))?;
         kept.uploaded = Some((revision, buffer.clone()));
         Ok(Some(buffer))
     }
@@ -126,11 +125,4 @@ fn rows(model: &CpuModel, groups: std::ops::Range<usize>) -> Vec<f32> {
         rows.extend((0..GROUP).map(|lane| f32::from(sky >> lane & 1)));
     }
     rows
-}
-
-fn upload(gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-    let bytes: &[u8] = bytemuck::cast_slice(numbers);
-    let buffer = gpu.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-    gpu.write(&buffer, 0, bytes);
-    Ok(buffer)
 }

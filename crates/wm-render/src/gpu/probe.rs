@@ -3,6 +3,7 @@
 use super::buffers::{BufferPool, GrowingBuffer, ListNames, Lists};
 use super::device::Gpu;
 use super::lists::listed;
+use super::readback::copy;
 use super::recorder::{Recorder, Stage};
 use super::renderer::GpuRenderer;
 use super::source::{DISPATCH_ROW, SORT_BLOCK, WORKGROUP};
@@ -42,14 +43,10 @@ impl Probe {
 
 /// All words of a buffer.
 pub(crate) fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
-    let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-    let staging = GrowingBuffer::default().fit_unbound(gpu, "a look", buffer.size(), usage).unwrap();
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
-    gpu.queue.submit([encoder.finish()]);
-    super::readback::wait(gpu, &staging, buffer.size()).unwrap();
-    let view = staging.slice(..buffer.size()).get_mapped_range().unwrap();
-    bytemuck::pod_collect_to_vec(&view)
+    let mut words = vec![0; buffer.size() as usize / 4];
+    let mut parts = [(buffer, 0, bytemuck::cast_slice_mut(&mut words[..]))];
+    copy(gpu, Recorder::new(gpu, buffer, None), &mut GrowingBuffer::default(), &mut parts).unwrap();
+    words
 }
 
 fn words(words: &[u32]) -> Vec<u8> {

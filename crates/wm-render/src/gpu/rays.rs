@@ -127,18 +127,14 @@ impl GpuRaySplats {
         let records: Vec<[u32; RECORD_WORDS]> =
             morton_order(&splats.means).par_iter().filter_map(of).collect();
         let words = records.as_flattened();
-        gpu.check_binding("splats for rays", size_of_val(words) as u64)?;
-        let buffer = gpu.buffer("splats for rays", size_of_val(words) as u64, WRITTEN)?;
-        gpu.write(&buffer, 0, bytemuck::cast_slice(words));
+        let buffer = gpu.upload("splats for rays", bytemuck::cast_slice(words))?;
         let stride = splats.sh_stride();
         let most = COLOR_BYTES.min(gpu.most_binding) / (4 * stride as u64);
         let mut colors: Vec<ColorPiece> = Vec::new();
         for piece in records.chunks((most as usize).max(1)) {
             let of = |record: &[u32; RECORD_WORDS]| splats.sh_of(record[RECORD_INDEX] as usize);
             let numbers: Vec<f32> = piece.iter().flat_map(of).copied().collect();
-            let bytes: &[u8] = bytemuck::cast_slice(&numbers);
-            let sh = gpu.buffer("colours for rays", bytes.len() as u64, WRITTEN)?;
-            gpu.write(&sh, 0, bytes);
+            let sh = gpu.upload("colours for rays", bytemuck::cast_slice(&numbers))?;
             // What waits to be copied goes with the first submission: not all of a large scene at
             // once.
             gpu.queue.submit([]);
