@@ -34,11 +34,8 @@ pub enum CheckpointError {
         source: io::Error,
     },
     /// It is not a checkpoint of this version.
-    #[error("{}: no checkpoint of this version; start anew with another --out", path.display())]
-    Version {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: no checkpoint of this version; start anew with another --out", .0.display())]
+    Version(PathBuf),
     /// It is not whole.
     #[error("{}: the checkpoint is damaged ({reason}); start anew, or use a copy", path.display())]
     Damaged {
@@ -154,7 +151,7 @@ fn damaged(path: &Path, reason: &str) -> CheckpointError {
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<(CheckpointHead, TrainState), CheckpointError> {
     let cut = || damaged(path, "it is cut off");
-    let version = || CheckpointError::Version { path: path.to_owned() };
+    let version = || CheckpointError::Version(path.to_owned());
     if bytes.get(..MAGIC.len()) != Some(MAGIC) {
         return Err(version());
     }

@@ -108,7 +108,7 @@ impl FromStr for FrameRate {
             },
             None => text.trim().parse().ok().and_then(Self::from_hz),
         };
-        rate.ok_or_else(|| MediaError::FrameRate { text: text.to_owned() })
+        rate.ok_or_else(|| MediaError::FrameRate(text.to_owned()))
     }
 }
 

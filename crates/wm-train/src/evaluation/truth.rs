@@ -86,12 +86,9 @@ pub enum TruthWarning {
     },
     /// Maps are taken to be of the photo without its lens distortion.
     #[error(
-        "{photo}: its lens is undone before it is compared; the maps are taken to be of the picture without the lens"
+        "{0}: its lens is undone before it is compared; the maps are taken to be of the picture without the lens"
     )]
-    Lens {
-        /// The first photo whose lens distorts.
-        photo: String,
-    },
+    Lens(String),
 }
 
 /// A folder of maps that is used.
@@ -181,7 +178,7 @@ impl TruthMaps {
         if !truth.is_empty()
             && let Some(place) = data.places.iter().find(|place| data.photos.is_bent(**place))
         {
-            warnings.push(TruthWarning::Lens { photo: data.name(*place).to_owned() });
+            warnings.push(TruthWarning::Lens(data.name(*place).to_owned()));
         }
         Ok((truth, warnings))
     }

@@ -243,5 +243,5 @@ fn blurred_and_white_photos_are_left_out() {
     let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["00002.png", "00007.png"], "{found:?}");
     assert!(matches!(found[0].1, PhotoDefect::White { share, .. } if share == 1.0));
-    assert!(matches!(found[1].1, PhotoDefect::Blurred { detail } if detail < 0.5), "{found:?}");
+    assert!(matches!(found[1].1, PhotoDefect::Blurred(detail) if detail < 0.5), "{found:?}");
 }

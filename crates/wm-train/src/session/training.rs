@@ -146,7 +146,7 @@ impl Training {
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if let Some(found) = gains {
                     trainer.state.exposures = Exposures::with_gains(&found.gains);
-                    observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
+                    observer.on_notice(&TrainNotice::ExposuresDiffer(found.spread));
                 }
                 trainer
             }
@@ -339,7 +339,7 @@ impl Training {
             observer.on_warning(&TrainWarning::StepsLost(report.lost));
         }
         if !report.loss.is_finite() {
-            return Err(SessionError::NotFinite { step });
+            return Err(SessionError::NotFinite(step));
         }
         self.sums.add(&report);
         Ok(report.loss)

@@ -254,7 +254,7 @@ fn nothing_is_left_of_a_video_given_up() {
     drop(sink);
     assert!(is_empty(directory.path()));
     let error = create_video(&path, settings(size, "30")).unwrap().finish().unwrap_err();
-    assert!(matches!(error, MediaError::NoFrames { .. }), "{error}");
+    assert!(matches!(error, MediaError::NoFrames(_)), "{error}");
     assert!(is_empty(directory.path()));
     let missing = create_video(&directory.path().join("no/a.mp4"), settings(size, "30")).err().unwrap();
     assert!(matches!(missing, MediaError::Write { fault: WriteFault::NoFolder(_), .. }), "{missing}");
