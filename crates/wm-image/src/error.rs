@@ -65,22 +65,16 @@ pub enum MediaError {
         height: u32,
     },
     /// A frame rate that is no positive number, or out of reach of the container.
-    #[error("{text:?} is not a frame rate: use frames per second such as 30, 29.97 or 24000/1001")]
-    FrameRate {
-        /// The text that was given.
-        text: String,
-    },
+    #[error("{0:?} is not a frame rate: use frames per second such as 30, 29.97 or 24000/1001")]
+    FrameRate(String),
     /// This build has no encoder of its own.
     #[cfg(not(feature = "h264"))]
     #[error(
         "{}: this program was built without its H.264 encoder: use --encoder ffmpeg, write PNG frames, \
          or build it with `--features h264`",
-        path.display()
+        .0.display()
     )]
-    NoBuiltinEncoder {
-        /// The file to be written.
-        path: PathBuf,
-    },
+    NoBuiltinEncoder(PathBuf),
     /// `--encoder ffmpeg` without ffmpeg.
     #[error("{}: cannot start ffmpeg ({reason}): install it, or use --encoder builtin", path.display())]
     NoFfmpeg {
@@ -103,11 +97,8 @@ pub enum MediaError {
         reason: String,
     },
     /// A video without a frame.
-    #[error("{}: no frame to write: a video needs at least one", path.display())]
-    NoFrames {
-        /// The file to be written.
-        path: PathBuf,
-    },
+    #[error("{}: no frame to write: a video needs at least one", .0.display())]
+    NoFrames(PathBuf),
 }
 
 impl MediaError {

@@ -183,7 +183,7 @@ fn words(error: &dyn std::fmt::Debug) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use proptest::prelude::*;
     use wm_scene::testing::data;
@@ -194,9 +194,7 @@ mod tests {
         let mut encoder = png::Encoder::new(&mut out, width, height);
         encoder.set_color(color);
         encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header().unwrap();
-        writer.write_image_data(pixels).unwrap();
-        drop(writer);
+        encoder.write_header().unwrap().write_image_data(pixels).unwrap();
         out
     }
 

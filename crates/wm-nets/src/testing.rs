@@ -4,7 +4,10 @@ use crate::ops::numbers;
 use crate::weights::{Weights, WeightsError};
 use ::safetensors::SafeTensors;
 use ::safetensors::tensor::TensorView;
+use ::zip::write::SimpleFileOptions;
+use ::zip::{CompressionMethod, ZipWriter};
 use std::fs::{self, File};
+use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 /// A tensor: name, shape, numbers.
@@ -84,25 +87,15 @@ pub(crate) fn pth(tensors: &[Named]) -> Vec<u8> {
     zip(&all)
 }
 
-/// An uncompressed zip archive; its checksums are 0.
+/// An uncompressed zip archive.
 pub(crate) fn zip(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
-    let (mut out, mut directory) = (Vec::new(), Vec::new());
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     for (name, content) in entries {
-        let (at, size) = ((out.len() as u32).to_le_bytes(), (content.len() as u32).to_le_bytes());
-        let name_length = (name.len() as u16).to_le_bytes();
-        // Version, flags, method, time, date, checksum.
-        let about = [0; 14];
-        out.extend([b"PK\x03\x04", &about[..], &size, &size, &name_length, &[0; 2]].concat());
-        out.extend(name.as_bytes());
-        out.extend(content);
-        directory.extend([b"PK\x01\x02\0\0", &about[..], &size, &size, &name_length, &[0; 12], &at].concat());
-        directory.extend(name.as_bytes());
+        writer.start_file(name.as_str(), options).unwrap();
+        writer.write_all(content).unwrap();
     }
-    let (start, size) = ((out.len() as u32).to_le_bytes(), (directory.len() as u32).to_le_bytes());
-    let count = (entries.len() as u16).to_le_bytes();
-    out.extend(directory);
-    out.extend([b"PK\x05\x06\0\0\0\0", &count[..], &count, &size, &start, &[0; 2]].concat());
-    out
+    writer.finish().unwrap().into_inner()
 }
 
 fn text(pickle: &mut Vec<u8>, text: &str) {

@@ -35,7 +35,6 @@ impl Attribute {
     pub(crate) const COUNT: usize = Self::ALL.len();
 
     /// The value that changes nothing.
-    #[must_use]
     pub(crate) const fn neutral(self) -> f32 {
         match self {
             Self::Visibility | Self::GainRed | Self::GainGreen | Self::GainBlue => 1.0,
@@ -45,7 +44,6 @@ impl Attribute {
 
     /// The name of the column's number in WGSL.
     #[cfg(feature = "gpu")]
-    #[must_use]
     pub(crate) const fn wgsl_name(self) -> &'static str {
         match self {
             Self::Visibility => "ATTRIBUTE_VISIBILITY",

@@ -146,11 +146,11 @@ impl AnyRenderer {
     #[must_use]
     pub fn pool(&self) -> &rayon::ThreadPool {
         match &self.body {
-            Body::Cpu(cpu) => cpu.pool(),
+            Body::Cpu(cpu) => &cpu.pool,
             #[cfg(feature = "gpu")]
-            Body::Gpu { gpu, .. } => gpu.pool(),
+            Body::Gpu { gpu, .. } => &gpu.pool,
             #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
-            Body::Browser { cpu, .. } => cpu.pool(),
+            Body::Browser { cpu, .. } => &cpu.pool,
         }
     }
 
@@ -173,7 +173,7 @@ impl AnyRenderer {
         match &self.body {
             Body::Cpu(_) => None,
             #[cfg(feature = "gpu")]
-            Body::Gpu { gpu, .. } => gpu.gpu().memory(),
+            Body::Gpu { gpu, .. } => gpu.gpu.memory(),
             #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
             Body::Browser { .. } => None,
         }
@@ -184,7 +184,7 @@ impl AnyRenderer {
     #[must_use]
     pub fn arithmetic(&self) -> String {
         match &self.body {
-            Body::Cpu(cpu) => format!("cpu, {}", cpu.path()),
+            Body::Cpu(cpu) => format!("cpu, {}", cpu.path),
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
             #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
@@ -209,7 +209,7 @@ impl AnyRenderer {
         let mut rays = self.pool().install(|| AnyRaySplats::on_cpu(splats, is_met, value));
         #[cfg(feature = "gpu")]
         if let Body::Gpu { gpu, kept } = &self.body
-            && let Err(error) = gpu.pool().install(|| rays.move_to(gpu.gpu()))
+            && let Err(error) = gpu.pool.install(|| rays.move_to(&gpu.gpu))
         {
             let error = RenderError::from(error);
             if kept.is_none() {
@@ -247,6 +247,17 @@ impl AnyRenderer {
             #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
             Body::Browser { cpu, .. } => &mut **cpu,
         }
+    }
+
+    /// Does something again on the CPU where the GPU fails.
+    fn retried<T>(
+        &mut self,
+        mut work: impl FnMut(&mut dyn RenderBackend) -> Result<T, RenderError>,
+    ) -> Result<T, RenderError> {
+        work(self.renderer()).or_else(|error| {
+            self.fall_back(error)?;
+            work(self.renderer())
+        })
     }
 
     /// Continues on the CPU, if `error` is the GPU's and the splats were kept.
@@ -335,13 +346,7 @@ impl RenderBackend for AnyRenderer {
     }
 
     fn load(&mut self, splats: &Splats) -> Result<SetId, RenderError> {
-        let set = match self.renderer().load(splats) {
-            Ok(set) => set,
-            Err(error) => {
-                self.fall_back(error)?;
-                return self.renderer().load(splats);
-            }
-        };
+        let set = self.retried(|renderer| renderer.load(splats))?;
         #[cfg(feature = "gpu")]
         if let Body::Gpu { kept: Some(kept), .. } = &mut self.body {
             kept.resize(kept.len().max(set.0 + 1), None);
@@ -372,23 +377,11 @@ impl RenderBackend for AnyRenderer {
     }
 
     fn weigh(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError> {
-        match self.renderer().weigh(pass, weights) {
-            Err(error) => {
-                self.fall_back(error)?;
-                self.renderer().weigh(pass, weights)
-            }
-            done => done,
-        }
+        self.retried(|renderer| renderer.weigh(pass, weights))
     }
 
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
-        match self.renderer().execute(plan, pictures) {
-            Err(error) => {
-                self.fall_back(error)?;
-                self.renderer().execute(plan, pictures)
-            }
-            done => done,
-        }
+        self.retried(|renderer| renderer.execute(plan, pictures))
     }
 
     #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
@@ -483,13 +476,10 @@ impl Differentiable for AnyDifferentiable {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError> {
         self.last = Some((*camera, *config));
-        match self.body.forward(splats, camera, config, frame) {
-            Err(error) => {
-                self.fall_back(error)?;
-                self.body.forward(splats, camera, config, frame)
-            }
-            done => done,
-        }
+        self.body.forward(splats, camera, config, frame).or_else(|error| {
+            self.fall_back(error)?;
+            self.body.forward(splats, camera, config, frame)
+        })
     }
 
     fn backward(

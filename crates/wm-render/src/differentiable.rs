@@ -309,7 +309,7 @@ pub enum Channels {
 
 impl Channels {
     /// Every combination.
-    #[cfg(feature = "gpu")]
+    #[cfg(all(feature = "gpu", any(test, feature = "testing")))]
     pub(crate) const ALL: [Self; 4] = [Self::Color, Self::ColorDepth, Self::ColorDepthNormal, Self::Depth];
 
     /// Number of sums blended.
@@ -324,13 +324,11 @@ impl Channels {
     }
 
     /// Returns true if there is colour.
-    #[must_use]
     pub(crate) const fn has_color(self) -> bool {
         !matches!(self, Self::Depth)
     }
 
     /// The index of view z among the blended sums.
-    #[must_use]
     pub(crate) const fn depth(self) -> Option<usize> {
         match self {
             Self::Color => None,
@@ -340,7 +338,6 @@ impl Channels {
     }
 
     /// Returns true if there are normals.
-    #[must_use]
     pub(crate) const fn has_normal(self) -> bool {
         matches!(self, Self::ColorDepthNormal)
     }
@@ -474,7 +471,6 @@ pub struct Gradients {
 
 impl Gradients {
     /// Values of `sh` a row: 3 K.
-    #[must_use]
     pub(crate) fn sh_stride(&self) -> usize {
         3 * sh::coefficients(self.sh_degree)
     }

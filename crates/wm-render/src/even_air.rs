@@ -41,7 +41,6 @@ impl EvenAir {
 
     /// The factor and the summand of displayed colours through air that lets `transmittance`
     /// through: the reference.
-    #[must_use]
     pub(crate) fn line(&self, transmittance: f64) -> [(f64, f64); 3] {
         let grey = srgb_encode(GREY);
         self.airlight.map(|airlight| {

@@ -34,7 +34,6 @@ pub struct Hooks<'a> {
 
 impl Hooks<'_> {
     /// The treatment of the splats of a scene's own sky.
-    #[must_use]
     pub(crate) fn sky_splats(&self) -> SkySplats {
         self.background.map_or(SkySplats::Kept, Backdrop::sky_splats)
     }
@@ -278,7 +277,7 @@ pub struct Particle {
 }
 
 /// Sixteen particles, one array a number; see [`Particle`]. Lanes without one have no area.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
 pub struct ParticleGroup {
     /// From the camera's centre, world axes, scene units, one array an axis.
@@ -291,13 +290,6 @@ pub struct ParticleGroup {
     pub area: [f32; GROUP],
     /// Radiance as seen through the air, linear RGB, one array a channel.
     pub rgb: [[f32; GROUP]; 3],
-}
-
-impl Default for ParticleGroup {
-    fn default() -> Self {
-        let zero = [0.0; GROUP];
-        Self { offset: [zero; 3], sigma: zero, reach: [[zero; 3]; 2], area: zero, rgb: [zero; 3] }
-    }
 }
 
 impl ParticleGroup {

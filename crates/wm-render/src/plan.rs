@@ -46,8 +46,8 @@ use wm_scene::{Camera, Splats};
 /// starts from nothing: what pictures hold from the frame before is memory, not input.
 #[derive(Clone, Default)]
 pub struct FramePlan<'a> {
-    passes: Vec<FramePass<'a>>,
-    pictures: usize,
+    pub(crate) passes: Vec<FramePass<'a>>,
+    pub(crate) pictures: usize,
 }
 
 /// One pass of a [`FramePlan`].
@@ -104,25 +104,12 @@ impl<'a> FramePlan<'a> {
         }));
     }
 
-    /// The passes in order.
-    #[must_use]
-    pub(crate) fn passes(&self) -> &[FramePass<'a>] {
-        &self.passes
-    }
-
     /// The last draw pass into a picture.
-    #[must_use]
     pub(crate) fn draw_of(&self, picture: PictureId) -> Option<&DrawPass<'a>> {
         self.passes.iter().rev().find_map(|pass| match pass {
             FramePass::Draw { target, pass } if *target == picture => Some(&**pass),
             _ => None,
         })
-    }
-
-    /// The number of pictures that the passes write to.
-    #[must_use]
-    pub(crate) fn pictures(&self) -> usize {
-        self.pictures
     }
 
     fn check(&self, id: PictureId) {

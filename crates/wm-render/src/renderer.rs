@@ -354,7 +354,6 @@ pub struct DeviceWork {
 impl DeviceWork {
     /// The work since `before`.
     #[cfg(feature = "gpu")]
-    #[must_use]
     pub(crate) fn since(self, before: Self) -> Self {
         Self {
             dispatches: self.dispatches - before.dispatches,

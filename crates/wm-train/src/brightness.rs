@@ -40,7 +40,6 @@ const MAX_RESIDUAL_RATIO: f64 = 0.7;
 
 impl PhotoGains {
     /// Returns true if photos differ so much that each should have an exposure of its own.
-    #[must_use]
     pub(crate) fn differ(&self) -> bool {
         self.spread > MIN_SPREAD && self.differences[1] < MAX_RESIDUAL_RATIO * self.differences[0]
     }
@@ -55,7 +54,6 @@ struct PointColor {
 
 /// Returns the gains of the photos `places`; `None` if they share too few points. Photos that share
 /// few, and damaged ones, have a gain of 1.
-#[must_use]
 pub(crate) fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Option<PhotoGains> {
     let seen = seen_points(capture, photos, places);
     let shown: Vec<Vec<PointColor>> = places

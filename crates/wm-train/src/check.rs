@@ -26,7 +26,6 @@ pub(crate) struct ConfigValue {
 
 impl ConfigValue {
     /// Returns `value` under its name in the configuration file, such as `densify.every`.
-    #[must_use]
     pub(crate) fn new(name: &'static str, value: impl Into<f64>, range: RangeInclusive<f64>) -> Self {
         Self { name, value: value.into(), range }
     }

@@ -35,11 +35,8 @@ pub enum CheckpointError {
         source: io::Error,
     },
     /// It is not a checkpoint of this version.
-    #[error("{}: no checkpoint of this version; start anew with another --out", path.display())]
-    Version {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: no checkpoint of this version; start anew with another --out", .0.display())]
+    Version(PathBuf),
     /// It is not whole.
     #[error("{}: the checkpoint is damaged ({reason}); start anew, or use a copy", path.display())]
     Damaged {
@@ -79,7 +76,6 @@ pub(crate) struct TrainedPhoto {
 
 impl CheckpointHead {
     /// Returns the head for the state of a training.
-    #[must_use]
     pub(crate) fn new(
         config: &TrainConfig,
         photos: Vec<TrainedPhoto>,
@@ -147,25 +143,18 @@ pub fn write(path: &Path, head: &CheckpointHead, state: &TrainState) -> Result<(
 pub fn read(path: &Path) -> Result<(CheckpointHead, TrainState), CheckpointError> {
     let bytes =
         std::fs::read(path).map_err(|source| CheckpointError::Read { path: path.to_owned(), source })?;
-    parse(&bytes).map_err(|fault| match fault {
-        Fault::Version => CheckpointError::Version { path: path.to_owned() },
-        Fault::Damaged(reason) => damaged(path, &reason),
-    })
-}
-
-enum Fault {
-    Version,
-    Damaged(String),
+    parse(path, &bytes)
 }
 
 fn damaged(path: &Path, reason: &str) -> CheckpointError {
     CheckpointError::Damaged { path: path.to_owned(), reason: reason.to_owned() }
 }
 
-fn parse(bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Fault> {
-    let cut = || Fault::Damaged("it is cut off".into());
+fn parse(path: &Path, bytes: &[u8]) -> Result<(CheckpointHead, TrainState), CheckpointError> {
+    let cut = || damaged(path, "it is cut off");
+    let version = || CheckpointError::Version(path.to_owned());
     if bytes.get(..MAGIC.len()) != Some(MAGIC) {
-        return Err(Fault::Version);
+        return Err(version());
     }
     let (body, sum) = bytes.split_last_chunk::<8>().ok_or_else(cut)?;
     let mut rest = body.get(MAGIC.len()..).ok_or_else(cut)?;
@@ -177,31 +166,31 @@ fn parse(bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Fault> {
     }
     let (text, mut rest) = rest.split_at(length as usize);
     if hash(FNV_START, body) != u64::from_le_bytes(*sum) {
-        return Err(Fault::Damaged("its checksum is wrong, or it is cut off".into()));
+        return Err(damaged(path, "its checksum is wrong, or it is cut off"));
     }
     // If the checksum is right, an unreadable head is of another version.
-    let head: CheckpointHead = serde_json::from_slice(text).map_err(|_| Fault::Version)?;
+    let head: CheckpointHead = serde_json::from_slice(text).map_err(|_| version())?;
     let degree = head.config.sh_degree;
     if degree > sh::MAX_DEGREE {
-        return Err(Fault::Version);
+        return Err(version());
     }
     // Bytes per splat: parameters with two moments each, three sums of screen-space gradients, and
     // the last step in view.
     let per_splat = 4 * (3 * (11 + 3 * sh::coefficients(degree)) + 4);
     let expected = head.splats.checked_mul(per_splat).zip(head.exposures.checked_mul(4 * (3 * NUMBERS + 1)));
     if expected.and_then(|(a, b)| a.checked_add(b)) != Some(rest.len()) {
-        return Err(Fault::Damaged("its size is not what its head says".into()));
+        return Err(damaged(path, "its size is not what its head says"));
     }
     let mut groups = Vec::with_capacity(head.splats);
     for (number, count) in &head.groups {
-        let group = Group::from_number(*number).ok_or(Fault::Version)?;
+        let group = Group::from_number(*number).ok_or_else(version)?;
         if *count > head.splats - groups.len() {
-            return Err(Fault::Damaged("groups are more than splats".into()));
+            return Err(damaged(path, "groups are more than splats"));
         }
         groups.resize(groups.len() + count, group);
     }
     if groups.len() != head.splats {
-        return Err(Fault::Damaged("groups are fewer than splats".into()));
+        return Err(damaged(path, "groups are fewer than splats"));
     }
     let splats = Splats {
         means: vec![[0.0; 3]; head.splats],
@@ -324,12 +313,15 @@ mod tests {
         write(&path, &head, &state).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         for length in (0..bytes.len()).step_by(97).chain(bytes.len() - 9..bytes.len()) {
-            assert!(parse(&bytes[..length]).is_err(), "{length} bytes are no checkpoint");
+            assert!(parse(&path, &bytes[..length]).is_err(), "{length} bytes are no checkpoint");
         }
         for at in (8..bytes.len()).step_by(131) {
             let mut changed = bytes.clone();
             changed[at] ^= 4;
-            assert!(matches!(parse(&changed), Err(Fault::Damaged(_))), "byte {at} may not change");
+            assert!(
+                matches!(parse(&path, &changed), Err(CheckpointError::Damaged { .. })),
+                "byte {at} may not change"
+            );
         }
         std::fs::write(&path, b"WMTRAIN0 something").unwrap();
         let message = read(&path).unwrap_err().to_string();

@@ -173,20 +173,17 @@ impl GeometryConfig {
     };
 
     /// The first step at which depth changes more than means.
-    #[must_use]
     pub(crate) fn depth_from(&self, steps: u32) -> u32 {
         (self.depth_from * f64::from(steps)) as u32
     }
 
     /// Returns the share of the weights of depth that counts at a step: 1 at the first,
     /// [`Self::depth_last`] at the last.
-    #[must_use]
     pub(crate) fn depth_share(&self, step: u32, steps: u32) -> f64 {
         self.depth_last.powf(f64::from(step) / f64::from(steps.max(1)))
     }
 
     /// The first step at which normals count.
-    #[must_use]
     pub(crate) fn normal_from(&self, steps: u32) -> u32 {
         (self.normal_from * f64::from(steps)) as u32
     }
@@ -329,7 +326,6 @@ impl Preset {
 
     /// The number of steps for so many photos: at most 100 a photo, but those of [`Preset::Quick`]
     /// in any case.
-    #[must_use]
     pub(crate) fn steps_for(self, photos: usize) -> u32 {
         let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_PER_PHOTO);
         self.steps().min(most.max(Self::Quick.steps()))
@@ -337,7 +333,6 @@ impl Preset {
 
     /// Most splats for photos of which so many pixels confirm what two others show; see
     /// the module `overlap`.
-    #[must_use]
     pub(crate) fn max_splats_for(self, confirmed: u64) -> usize {
         let told_apart = usize::try_from(confirmed / PIXELS_PER_SPLAT).unwrap_or(usize::MAX);
         self.max_splats().min(told_apart.max(1000))

@@ -128,7 +128,7 @@ pub fn orientation(
 ) -> (Option<CaptureUp>, Option<GpsFit>) {
     let cameras: Vec<Camera> = capture.views.iter().map(|view| view.camera).collect();
     let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
-    let gps = gps::fit(&centers, photos.gps());
+    let gps = gps::fit(&centers, &photos.gps);
     let up = match given {
         Some(up) => Some(CaptureUp { up: up.normalize(), error: 0.0, evidence: UpEvidence::Given }),
         None => CaptureUp::of(&cameras, gps.as_ref()),
@@ -141,15 +141,14 @@ pub fn orientation(
 #[must_use]
 pub fn site(capture: &Capture, photos: &Photos, up: DVec3) -> CaptureSite {
     let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();
-    CaptureSite::of(&centers, photos.gps(), photos.taken(), up)
+    CaptureSite::of(&centers, &photos.gps, &photos.taken, up)
 }
 
 /// Names of the photos whose stated place is far from where the others put their cameras, or is no
 /// place on Earth; [`orientation`] leaves them out.
-#[must_use]
 pub(crate) fn misplaced(capture: &Capture, photos: &Photos) -> Vec<String> {
     let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();
-    let (_, outliers) = gps::fit_with_outliers(&centers, photos.gps());
+    let (_, outliers) = gps::fit_with_outliers(&centers, &photos.gps);
     outliers.into_iter().map(|view| capture.views[view].file.display().to_string()).collect()
 }
 

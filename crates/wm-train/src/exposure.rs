@@ -26,7 +26,6 @@ pub(crate) struct Exposures {
 
 impl Exposures {
     /// Returns identity transforms for `photos` photos.
-    #[must_use]
     pub(crate) fn new(photos: usize) -> Self {
         Self {
             changes: vec![NO_EXPOSURE; photos],
@@ -37,7 +36,6 @@ impl Exposures {
 
     /// Returns transforms that multiply red, green and blue by gains, whose mean over the photos
     /// should be 1.
-    #[must_use]
     pub(crate) fn with_gains(gains: &[[f32; 3]]) -> Self {
         let mut exposures = Self::new(gains.len());
         for (change, gain) in exposures.changes.iter_mut().zip(gains) {
@@ -47,7 +45,6 @@ impl Exposures {
     }
 
     /// Returns the transform of photo `photo`.
-    #[must_use]
     pub(crate) fn of(&self, photo: usize) -> Exposure {
         self.changes.get(photo).copied().unwrap_or(NO_EXPOSURE)
     }

@@ -21,7 +21,7 @@ use wm_scene::{Camera, Splats};
 
 /// A back end, and the state of its copy of the population.
 pub(crate) struct Learner {
-    renderer: Box<dyn Differentiable>,
+    pub(crate) renderer: Box<dyn Differentiable>,
     /// The gradients of a population in memory: the step's, and those of terms with a render of
     /// their own.
     gradients: Gradients,
@@ -47,11 +47,6 @@ impl Learner {
     pub(crate) fn new(renderer: Box<dyn Differentiable>) -> Self {
         let (gradients, own) = (Gradients::default(), Gradients::default());
         Self { renderer, gradients, own, device: Device::Other, count: None }
-    }
-
-    /// Returns the back end.
-    pub(crate) fn renderer(&self) -> &dyn Differentiable {
-        &*self.renderer
     }
 
     /// Switches to another device after `error`, if there is one, with the population in memory.
@@ -251,9 +246,7 @@ mod tests {
 
     #[test]
     fn what_is_known_outlives_the_device() {
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let (renderer, gpu) = fallible_differentiable(|_| {});
         let mut learner = Learner::new(Box::new(renderer));
         let known = population(1);
@@ -268,9 +261,7 @@ mod tests {
     /// Bit by bit, in one piece and in many.
     #[test]
     fn splats_come_and_go_on_a_device_as_here() {
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let at = |step, extent| {
             let random = Random::new(3, Purpose::Sample, step);
             DensifyTime { step, photos: 4, extent, random }

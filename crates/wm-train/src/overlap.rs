@@ -18,7 +18,6 @@ const MIN_CONFIRMED_SHARE: f64 = 0.25;
 /// The photo that shows a point at the highest resolution counts as 1, and another one as its
 /// resolution relative to that: a street seen from its far end is not seen again. Occlusion is not
 /// considered.
-#[must_use]
 pub(crate) fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
     let every = points.len().div_ceil(MAX_POINTS).max(1);
     let (mut sum, mut count) = (0.0, 0);
@@ -43,7 +42,6 @@ pub(crate) fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> 
 /// Returns the share of the pixels of photos that confirm what two others show: of n photos that
 /// show a surface, n - 2 do. `overlap` is this n, if it is known. A quarter, at least: next to
 /// nothing would be learnt with no splats.
-#[must_use]
 pub(crate) fn confirmed_share(overlap: Option<f64>) -> f64 {
     overlap.map_or(MIN_CONFIRMED_SHARE, |photos| (1.0 - SHOWING_PHOTOS / photos).max(MIN_CONFIRMED_SHARE))
 }

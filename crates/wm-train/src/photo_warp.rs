@@ -17,7 +17,6 @@ pub(crate) struct PhotoWarp {
 
 impl PhotoWarp {
     /// Makes the map from the pixels of `from` to those of `to`.
-    #[must_use]
     pub(crate) fn new(from: &Camera, to: &Camera) -> Self {
         let relative = to.viewmat * from.viewmat.inverse();
         let matrix =
@@ -33,7 +32,6 @@ impl PhotoWarp {
     /// Returns the image point, px, and the inverse view z in the other photo of the point at
     /// inverse view z `inverse` behind image point (x, y), px; `None` behind the other camera.
     #[inline(always)]
-    #[must_use]
     pub(crate) fn point(&self, x: f32, y: f32, inverse: f32) -> Option<(f32, f32, f32)> {
         let row =
             |r: usize| self.base[r][0] * x + self.base[r][1] * y + self.base[r][2] + self.lift[r] * inverse;

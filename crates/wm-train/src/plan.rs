@@ -69,11 +69,8 @@ impl Default for TrainPlan {
 #[non_exhaustive]
 pub enum PlanError {
     /// There is no such strategy.
-    #[error("there is no densification strategy `{name}`; choose one of {}", Densify::NAMES.join(", "))]
-    Strategy {
-        /// The name that was given.
-        name: String,
-    },
+    #[error("there is no densification strategy `{0}`; choose one of {known}", known = Densify::NAMES.join(", "))]
+    Strategy(String),
     /// There is no loss term, or number of one, of that name.
     #[error("{name}: no term of that name; there are l1, ssim and {}", known.join(", "))]
     Term {
@@ -114,7 +111,7 @@ impl TrainPlan {
         config.set_steps(self.steps.unwrap_or_else(|| self.preset.steps_for(photos)));
         let most = self.max_splats.unwrap_or_else(|| self.preset.max_splats_for(confirmed));
         let strategy = Densify::named(&self.densify, config.steps, most);
-        config.densify = strategy.ok_or_else(|| PlanError::Strategy { name: self.densify.clone() })?;
+        config.densify = strategy.ok_or_else(|| PlanError::Strategy(self.densify.clone()))?;
         config.sh_degree = self.sh_degree;
         config.resolution = self.resolution.unwrap_or(config.resolution);
         config.exposure = self.exposure;

@@ -52,10 +52,7 @@ pub enum PoorPhotoMode {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PhotoDefect {
     /// Blurred.
-    Blurred {
-        /// Median detail relative to other photos of the same points.
-        detail: f64,
-    },
+    Blurred(f64),
     /// White over much of the picture.
     White {
         /// Share of the pixels.
@@ -76,7 +73,7 @@ impl std::fmt::Display for PhotoDefect {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let percent = |share: f64| (100.0 * share).round();
         match self {
-            Self::Blurred { detail } => {
+            Self::Blurred(detail) => {
                 write!(f, "blurred, with {} % of the detail that other photos show", percent(*detail))
             }
             Self::White { share, usual } => {
@@ -101,7 +98,6 @@ struct PointDetail {
 
 /// Returns the poor photos among `places` (indices in `photos`) with their defects, in that order.
 /// Damaged photos are not judged.
-#[must_use]
 pub(crate) fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<(usize, PhotoDefect)> {
     let seen = seen_points(capture, photos, places);
     let of = |(place, seen): (&usize, Vec<u32>)| {
@@ -120,7 +116,7 @@ pub(crate) fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) 
         } else if black > usual[1] + MAX_CLIPPED_SHARE {
             Some(PhotoDefect::Black { share: black, usual: usual[1] })
         } else {
-            details[index].map(|detail| PhotoDefect::Blurred { detail })
+            details[index].map(PhotoDefect::Blurred)
         }
     };
     places.iter().enumerate().filter_map(|(index, place)| Some((*place, defect(index)?))).collect()

@@ -4,7 +4,6 @@ use crate::config::{RateConfig, Resolution, TrainConfig};
 use wm_render::training::Rates;
 
 /// Returns the step lengths at a step, for a scene of `extent` units.
-#[must_use]
 pub(crate) fn rates(config: &RateConfig, step: u32, steps: u32, extent: f64) -> Rates {
     let at = f64::from(step) / f64::from(steps.max(1));
     let means = (config.means_first.ln() * (1.0 - at) + config.means_last.ln() * at).exp();
@@ -23,13 +22,11 @@ pub(crate) fn rates(config: &RateConfig, step: u32, steps: u32, extent: f64) -> 
 ///
 /// Through haze the gradients of colours are small, but Adam's steps have the same length: colours
 /// that the haze hides would be noisy.
-#[must_use]
 pub(crate) fn colors_in_haze(step: u32, steps: u32) -> f64 {
     0.5 * 0.1f64.powf(f64::from(step) / f64::from(steps.max(1)))
 }
 
 /// Returns the degree of the spherical harmonics in use at a step.
-#[must_use]
 pub(crate) fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
     let grown = step / config.sh_every.max(1);
     config.sh_degree.min(u8::try_from(grown).unwrap_or(u8::MAX))
@@ -37,7 +34,6 @@ pub(crate) fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
 
 /// Returns how often the sides of photos are halved at a step: twice in the first tenth of the
 /// steps, once in the next two, but never below `last_level`.
-#[must_use]
 pub(crate) fn level(config: &TrainConfig, step: u32, last_level: u8) -> u8 {
     let at = f64::from(step) / f64::from(config.steps.max(1));
     let wanted = match config.resolution {

@@ -134,7 +134,6 @@ pub struct VideoProgress {
 }
 
 /// Returns true if the path is a file with the extension of a video.
-#[must_use]
 pub(crate) fn is_video(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     path.is_file() && EXTENSIONS.iter().any(|known| known.eq_ignore_ascii_case(extension))

@@ -65,7 +65,7 @@ impl TrainObserver for TrainingConsole<'_> {
 
     fn on_notice(&mut self, notice: &TrainNotice) {
         match notice {
-            TrainNotice::FramesChosen { .. } | TrainNotice::PriorsMade(_) => {
+            TrainNotice::FramesChosen(_) | TrainNotice::PriorsMade(_) => {
                 self.clear();
                 eprintln!("{notice}");
             }
@@ -74,7 +74,7 @@ impl TrainObserver for TrainingConsole<'_> {
                 eprintln!("{notice}: {}", self.folder.join(MOVERS_FILE).display());
             }
             TrainNotice::Movers { outcome: MoverOutcome::None | MoverOutcome::TooFewJudged(_), .. } => {}
-            TrainNotice::Haze { .. } => eprintln!("{notice} (--haze keep leaves it in)"),
+            TrainNotice::Haze(_) => eprintln!("{notice} (--haze keep leaves it in)"),
             notice => eprintln!("{notice}"),
         }
     }

@@ -106,7 +106,7 @@ impl VideoSink for FfmpegSink {
     fn finish(mut self: Box<Self>) -> Result<VideoReport, MediaError> {
         let path = self.output.target().to_path_buf();
         if self.frames == 0 {
-            return Err(MediaError::NoFrames { path });
+            return Err(MediaError::NoFrames(path));
         }
         match self.end() {
             Some((Ok(status), _)) if status.success() => {}

@@ -53,7 +53,6 @@ impl FrameRate {
     }
 
     /// Frames per second.
-    #[must_use]
     pub(crate) fn hz(self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
@@ -109,7 +108,7 @@ impl FromStr for FrameRate {
             },
             None => text.trim().parse().ok().and_then(Self::from_hz),
         };
-        rate.ok_or_else(|| MediaError::FrameRate { text: text.to_owned() })
+        rate.ok_or_else(|| MediaError::FrameRate(text.to_owned()))
     }
 }
 

@@ -116,7 +116,7 @@ impl VideoSink for H264Sink {
         let Self { settings, mp4, sets, .. } = *self;
         let (path, frames) = (mp4.target().to_path_buf(), mp4.count());
         let Some(sets) = sets else {
-            return Err(MediaError::NoFrames { path });
+            return Err(MediaError::NoFrames(path));
         };
         let bytes = mp4.finish(&sets, &settings.tags)?;
         let seconds = settings.frame_rate.seconds(frames);

@@ -113,7 +113,7 @@ pub fn create_video(path: &Path, settings: VideoSettings) -> Result<Box<dyn Vide
         #[cfg(feature = "h264")]
         VideoEncoder::Builtin => Ok(Box::new(h264::H264Sink::create(path, settings)?)),
         #[cfg(not(feature = "h264"))]
-        VideoEncoder::Builtin => Err(MediaError::NoBuiltinEncoder { path: path.to_path_buf() }),
+        VideoEncoder::Builtin => Err(MediaError::NoBuiltinEncoder(path.to_path_buf())),
         VideoEncoder::Ffmpeg => Ok(Box::new(ffmpeg::FfmpegSink::create(path, settings)?)),
     }
 }

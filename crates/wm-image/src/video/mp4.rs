@@ -100,7 +100,7 @@ impl Mp4Writer {
             reason: error.to_string(),
         };
         if self.sizes.is_empty() {
-            return Err(MediaError::NoFrames { path: target });
+            return Err(MediaError::NoFrames(target));
         }
         let head = self.head(sets, tags).map_err(refused)?;
         let total = head.len() as u64 + self.length;

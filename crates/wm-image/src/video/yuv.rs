@@ -48,7 +48,6 @@ const BLOCK: usize = 4;
 
 impl Yuv420 {
     /// For frames of `size`, which has even sides.
-    #[must_use]
     pub(crate) fn new(size: PictureSize, dither: Dither) -> Self {
         assert!(size.width.is_multiple_of(2) && size.height.is_multiple_of(2), "an odd side: {size:?}");
         let width = size.width as usize;
@@ -82,14 +81,12 @@ impl Yuv420 {
     }
 
     /// All three planes, one after the other.
-    #[must_use]
     pub(crate) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
     /// Y `[H, W]`, Cb and Cr `[H/2, W/2]`.
     #[cfg(any(feature = "h264", test))]
-    #[must_use]
     pub(super) fn planes(&self) -> [&[u8]; 3] {
         let pixels = self.size.pixels();
         let (y, chroma) = self.bytes.split_at(pixels);

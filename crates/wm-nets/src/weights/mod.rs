@@ -157,7 +157,6 @@ impl Weights {
     }
 
     /// Returns the shape of a tensor in the first file that has it.
-    #[must_use]
     pub(crate) fn shape(&self, name: &str) -> Option<&[usize]> {
         self.files.iter().find_map(|file| file.entries.get(name)).map(|entry| &entry.shape[..])
     }

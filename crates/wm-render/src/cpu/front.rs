@@ -61,7 +61,7 @@ impl<'a> Unit<'a> {
 /// The results of the first sweep for one unit; kept from frame to frame for its memory.
 #[derive(Debug, Default)]
 pub(crate) struct Part {
-    pairs: Pairs,
+    pub(crate) pairs: Pairs,
     visible: u64,
     project: f64,
     medium: f64,
@@ -72,11 +72,6 @@ impl Part {
     /// Number of its records.
     pub(crate) fn visible(&self) -> usize {
         self.visible as usize
-    }
-
-    /// The pairs of tiles and splats.
-    pub(crate) fn pairs(&mut self) -> &mut Pairs {
-        &mut self.pairs
     }
 
     /// Adds counts and times to the frame's.

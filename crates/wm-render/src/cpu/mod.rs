@@ -47,8 +47,8 @@ use wm_scene::Splats;
 
 /// The CPU back end. It keeps its working memory from frame to frame.
 pub struct CpuRenderer {
-    path: SimdPath,
-    pool: Arc<rayon::ThreadPool>,
+    pub(crate) path: SimdPath,
+    pub(crate) pool: Arc<rayon::ThreadPool>,
     models: Models<CpuModel>,
     records: Vec<Record>,
     parts: Vec<Part>,
@@ -104,22 +104,9 @@ impl CpuRenderer {
         })
     }
 
-    /// The SIMD path in use.
-    #[must_use]
-    pub(crate) fn path(&self) -> SimdPath {
-        self.path
-    }
-
     /// Number of threads in use.
-    #[must_use]
     pub(crate) fn threads(&self) -> usize {
         self.pool.current_num_threads()
-    }
-
-    /// The threads, for work of the same caller between frames.
-    #[must_use]
-    pub(crate) fn pool(&self) -> &rayon::ThreadPool {
-        &self.pool
     }
 
     fn draw(&mut self, pass: &DrawPass<'_>, target: Target<'_>) -> Result<Stats, RenderError> {
@@ -167,7 +154,7 @@ impl CpuRenderer {
             part.add_to(&mut stats);
         }
         let laying = Instant::now();
-        intersect::offsets(grid.tiles(), self.parts.iter_mut().map(Part::pairs), &mut self.bounds);
+        intersect::offsets(grid.tiles(), self.parts.iter_mut().map(|part| &mut part.pairs), &mut self.bounds);
         let pairs = self.bounds[grid.tiles()] as usize;
         grow(&mut self.keys, pairs, AtomicU64::default);
         stats.intersections = pairs as u64;
@@ -270,8 +257,8 @@ impl RenderBackend for CpuRenderer {
         pool.install(|| {
             let started = Instant::now();
             let mut stats = Stats::default();
-            pictures.fit(plan.pictures());
-            for pass in plan.passes() {
+            pictures.fit(plan.pictures);
+            for pass in &plan.passes {
                 match pass {
                     FramePass::Draw { target, pass } => {
                         stats += self.draw(pass, Target::Picture(&mut pictures[*target]))?;

@@ -44,9 +44,7 @@ mod with_gpu {
     #[test]
     fn what_the_gpu_cannot_the_cpu_draws_with_one_warning() {
         static WARNINGS: AtomicU32 = AtomicU32::new(0);
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let mut renderer = fallible(|_| {
             WARNINGS.fetch_add(1, Ordering::Relaxed);
         });
@@ -75,9 +73,7 @@ mod with_gpu {
     #[test]
     fn what_a_lost_gpu_leaves_the_cpu_derives_with_one_warning() {
         static WARNINGS: AtomicU32 = AtomicU32::new(0);
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
         let (splats, camera) = (random_splats(300, 1, 4), camera(64, 48));
         let config = ForwardConfig { sh_degree: 1, ..ForwardConfig::default() };

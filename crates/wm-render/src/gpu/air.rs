@@ -22,7 +22,7 @@ impl GpuRenderer {
         origin: [f32; 3],
         groups: &mut [ShadeGroup],
     ) -> Result<(), RenderError> {
-        let gpu = self.gpu();
+        let gpu = &self.gpu;
         let source = medium.wgsl(origin).ok_or(GpuError::Effect(medium.name()))?;
         let mut words = Vec::new();
         for group in &*groups {

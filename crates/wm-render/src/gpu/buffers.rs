@@ -46,9 +46,7 @@ impl GrowingBuffer {
         self.buffer = Some(buffer.clone());
         Ok(buffer)
     }
-}
 
-impl GrowingBuffer {
     /// Returns the buffer with `numbers` at its beginning.
     pub(crate) fn write(
         &mut self,
@@ -64,24 +62,75 @@ impl GrowingBuffer {
     }
 }
 
-/// Room for a frame: handles to the kept buffers.
-pub(crate) struct Room {
-    /// Structures, one a slot.
-    pub(crate) uniforms: wgpu::Buffer,
+/// The buffers by which splats find the lists that they are in: those of tiles, or of packets of
+/// rays.
+pub(crate) struct Lists {
     pub(crate) counters: wgpu::Buffer,
     pub(crate) dispatches: wgpu::Buffer,
     /// `Block` of `geometry.wgsl`.
     pub(crate) blocks: wgpu::Buffer,
-    pub(crate) records: wgpu::Buffer,
     /// Depths and names of the splats in view, twice.
     pub(crate) depth_pairs: [[wgpu::Buffer; 2]; 2],
     pub(crate) counts: wgpu::Buffer,
     pub(crate) sums: wgpu::Buffer,
-    /// Tiles and names of the entries, twice.
+    /// Lists and names of the entries, twice.
     pub(crate) entry_pairs: [[wgpu::Buffer; 2]; 2],
     pub(crate) histogram: wgpu::Buffer,
     pub(crate) totals: wgpu::Buffer,
-    pub(crate) tile_offsets: wgpu::Buffer,
+    pub(crate) offsets: wgpu::Buffer,
+}
+
+/// The names of some buffers of [`Lists`], for errors.
+pub(crate) struct ListNames {
+    /// Of each half of the pairs.
+    pub(crate) depths: [&'static str; 2],
+    pub(crate) counts: &'static str,
+    pub(crate) entries: &'static str,
+    pub(crate) offsets: &'static str,
+}
+
+impl Lists {
+    /// Makes room for `count` lists of splats in so many blocks.
+    pub(crate) fn fit(
+        gpu: &Gpu,
+        kept: &mut BufferPool,
+        names: &ListNames,
+        blocks: u32,
+        capacity: Capacity,
+        count: u32,
+    ) -> Result<Self, GpuError> {
+        let (visible, entries) = (u64::from(capacity.visible), u64::from(capacity.entries));
+        let (digits, block_words) = (u64::from(DIGITS), u64::from(BLOCK_WORDS) * u64::from(blocks));
+        let sort_blocks = visible.max(entries).div_ceil(u64::from(SORT_BLOCK));
+        let mut fit = |what: &'static str, words: u64, more| kept.fit(gpu, what, 4 * words, READ_BACK | more);
+        let none = BufferUsages::empty();
+        Ok(Self {
+            counters: fit("counters", COUNTER_WORDS, BufferUsages::COPY_DST)?,
+            dispatches: fit("dispatch sizes", DISPATCH_WORDS, BufferUsages::INDIRECT)?,
+            blocks: fit("blocks of splats", block_words, none)?,
+            depth_pairs: [
+                [fit(names.depths[0], visible, none)?, fit(names.depths[1], visible, none)?],
+                [fit(names.depths[0], visible, none)?, fit(names.depths[1], visible, none)?],
+            ],
+            counts: fit(names.counts, visible, BufferUsages::COPY_DST)?,
+            sums: fit("sums", visible.div_ceil(u64::from(WORKGROUP)), none)?,
+            entry_pairs: [
+                [fit(names.entries, entries, none)?, fit(names.entries, entries, none)?],
+                [fit(names.entries, entries, none)?, fit(names.entries, entries, none)?],
+            ],
+            histogram: fit("counts of digits", digits * sort_blocks, none)?,
+            totals: fit("totals of digits", digits, none)?,
+            offsets: fit(names.offsets, u64::from(count) + 1, none)?,
+        })
+    }
+}
+
+/// Room for a frame: handles to the kept buffers.
+pub(crate) struct Room {
+    /// Structures, one a slot.
+    pub(crate) uniforms: wgpu::Buffer,
+    pub(crate) records: wgpu::Buffer,
+    pub(crate) lists: Lists,
     pub(crate) rgb: wgpu::Buffer,
     pub(crate) alpha: wgpu::Buffer,
     pub(crate) depths: wgpu::Buffer,
@@ -125,116 +174,92 @@ impl Extent {
 /// The buffers that are kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Memory {
-    kept: [GrowingBuffer; 24],
+    kept: BufferPool,
     /// Each of these holds numbers for one pass, or for one set of one pass.
-    attributes: BufferPool,
-    air: BufferPool,
-    drops: BufferPool,
-    backgrounds: BufferPool,
+    pub(crate) attributes: BufferPool,
+    pub(crate) air: BufferPool,
+    pub(crate) drops: BufferPool,
+    pub(crate) backgrounds: BufferPool,
     pub(crate) staging: GrowingBuffer,
 }
 
-/// Buffers of one kind, handed out one after the other.
+/// Buffers that are handed out one after the other, in the same order each time.
 #[derive(Default)]
-struct BufferPool {
+pub(crate) struct BufferPool {
     buffers: Vec<GrowingBuffer>,
     used: usize,
 }
 
 impl BufferPool {
-    fn write(&mut self, gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+    /// Starts with the first buffer again, when nothing reads what they hold any more.
+    pub(crate) fn restart(&mut self) {
+        self.used = 0;
+    }
+
+    /// Returns the next buffer with at least `bytes` bytes.
+    pub(crate) fn fit(
+        &mut self,
+        gpu: &Gpu,
+        what: &'static str,
+        bytes: u64,
+        usage: BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
         if self.used == self.buffers.len() {
             self.buffers.push(GrowingBuffer::default());
         }
         self.used += 1;
-        self.buffers[self.used - 1].write(gpu, what, numbers, WRITTEN)
+        self.buffers[self.used - 1].fit(gpu, what, bytes, usage)
+    }
+
+    /// Returns the next buffer with `numbers` at its beginning.
+    pub(crate) fn write(
+        &mut self,
+        gpu: &Gpu,
+        what: &'static str,
+        numbers: &[f32],
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let buffer = self.fit(gpu, what, size_of_val(numbers) as u64, WRITTEN)?;
+        gpu.write(&buffer, 0, bytemuck::cast_slice(numbers));
+        Ok(buffer)
     }
 }
 
 impl Memory {
-    /// Starts with the first buffers again, when nothing reads what they hold any more.
+    /// Starts with the first buffers of numbers again.
     pub(crate) fn start_batch(&mut self) {
-        for buffers in [&mut self.attributes, &mut self.air, &mut self.drops, &mut self.backgrounds] {
-            buffers.used = 0;
+        for pool in [&mut self.attributes, &mut self.air, &mut self.drops, &mut self.backgrounds] {
+            pool.restart();
         }
-    }
-
-    /// Uploads the attributes of the splats of one set.
-    pub(crate) fn attributes(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.attributes.write(gpu, "attributes of splats", numbers)
-    }
-
-    /// Uploads the parameters of the air.
-    pub(crate) fn air(&mut self, gpu: &Gpu, parameters: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.air.write(gpu, "the air", parameters)
-    }
-
-    /// Uploads particles.
-    pub(crate) fn drops(&mut self, gpu: &Gpu, drops: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.drops.write(gpu, "particles", drops)
-    }
-
-    /// Uploads a background.
-    pub(crate) fn background(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.backgrounds.write(gpu, "the background", numbers)
     }
 
     /// Room for a frame of this extent.
     pub(crate) fn room(&mut self, gpu: &Gpu, extent: &Extent) -> Result<Room, GpuError> {
-        let mut kept = self.kept.iter_mut();
-        let mut fit = |what: &'static str, bytes: u64, usage: BufferUsages| match kept.next() {
-            Some(growing) => growing.fit(gpu, what, bytes, usage),
-            None => gpu.buffer(what, bytes, usage),
+        const NAMES: ListNames = ListNames {
+            depths: ["depths", "the order by depth"],
+            counts: "tiles of splats",
+            entries: "tile lists",
+            offsets: "offsets of tile lists",
         };
-        let Capacity { visible, entries } = extent.capacity;
-        let (visible, entries) = (u64::from(visible), u64::from(entries));
-        let sort_blocks = visible.max(entries).div_ceil(u64::from(SORT_BLOCK));
-        let picture = |there: bool, channels: u64| if there { 4 * channels * extent.pixels } else { 0 };
+        let &Extent { slots, blocks, capacity, tiles, pixels, planes, normal, particles } = extent;
+        let kept = &mut self.kept;
+        kept.restart();
+        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let uniforms = kept.fit(gpu, "structures", SLOT * slots as u64, uniform)?;
+        let records = kept.fit(gpu, "the splats in view", 64 * u64::from(capacity.visible), READ_BACK)?;
+        let lists = Lists::fit(gpu, kept, &NAMES, blocks, capacity, tiles)?;
+        let mut fit = |what, channels, usage| kept.fit(gpu, what, 4 * channels * pixels, usage);
+        let falling = if particles == ParticleBlend::None { 0 } else { 4 };
+        let apart = if particles >= ParticleBlend::Separate { 4 } else { 0 };
         Ok(Room {
-            uniforms: fit(
-                "structures",
-                SLOT * extent.slots as u64,
-                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-            )?,
-            counters: fit("counters", 4 * COUNTER_WORDS, READ_BACK | BufferUsages::COPY_DST)?,
-            dispatches: fit("dispatch sizes", 4 * DISPATCH_WORDS, READ_BACK | BufferUsages::INDIRECT)?,
-            blocks: fit(
-                "blocks of splats",
-                4 * u64::from(BLOCK_WORDS) * u64::from(extent.blocks),
-                READ_BACK,
-            )?,
-            records: fit("the splats in view", 64 * visible, READ_BACK)?,
-            depth_pairs: [
-                [fit("depths", 4 * visible, READ_BACK)?, fit("the order by depth", 4 * visible, READ_BACK)?],
-                [fit("depths", 4 * visible, READ_BACK)?, fit("the order by depth", 4 * visible, READ_BACK)?],
-            ],
-            counts: fit("tiles of splats", 4 * visible, READ_BACK | BufferUsages::COPY_DST)?,
-            sums: fit("sums", 4 * visible.div_ceil(u64::from(WORKGROUP)), READ_BACK)?,
-            entry_pairs: [
-                [fit("tile lists", 4 * entries, READ_BACK)?, fit("tile lists", 4 * entries, READ_BACK)?],
-                [fit("tile lists", 4 * entries, READ_BACK)?, fit("tile lists", 4 * entries, READ_BACK)?],
-            ],
-            histogram: fit("counts of digits", 4 * u64::from(DIGITS) * sort_blocks, READ_BACK)?,
-            totals: fit("totals of digits", 4 * u64::from(DIGITS), READ_BACK)?,
-            tile_offsets: fit("offsets of tile lists", 4 * (u64::from(extent.tiles) + 1), READ_BACK)?,
-            rgb: fit("the picture", picture(true, 3), READ_BACK)?,
-            alpha: fit("the picture's coverage", picture(true, 1), READ_BACK)?,
-            depths: fit(
-                "the picture's depths",
-                picture(true, extent.planes),
-                READ_BACK | BufferUsages::COPY_DST,
-            )?,
-            normal: fit("the picture's normals", picture(extent.normal, 3), READ_BACK)?,
-            falling: fit(
-                "what falls in the picture",
-                picture(extent.particles != ParticleBlend::None, 4),
-                WRITTEN,
-            )?,
-            apart: fit(
-                "the picture of what falls",
-                picture(extent.particles >= ParticleBlend::Separate, 4),
-                READ_BACK,
-            )?,
+            uniforms,
+            records,
+            lists,
+            rgb: fit("the picture", 3, READ_BACK)?,
+            alpha: fit("the picture's coverage", 1, READ_BACK)?,
+            depths: fit("the picture's depths", planes, READ_BACK | BufferUsages::COPY_DST)?,
+            normal: fit("the picture's normals", 3 * u64::from(normal), READ_BACK)?,
+            falling: fit("what falls in the picture", falling, WRITTEN)?,
+            apart: fit("the picture of what falls", apart, READ_BACK)?,
         })
     }
 }

@@ -1,5 +1,6 @@
 //! The choice of a GPU, and the device on it.
 
+use super::buffers::WRITTEN;
 use super::error::GpuError;
 use super::source::{MIN_SUBGROUP, Program, Subgroups, WORKGROUP};
 use crate::at_once::ready;
@@ -167,14 +168,14 @@ fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
 pub struct Gpu {
     name: String,
     backend: String,
-    kind: AdapterKind,
+    pub(crate) kind: AdapterKind,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
-    most_binding: u64,
+    pub(crate) most_binding: u64,
     most_buffer: u64,
-    subgroups: Subgroups,
+    pub(crate) subgroups: Subgroups,
     /// Nanoseconds of a tick, where stages can be timed.
-    tick: Option<f32>,
+    pub(crate) tick: Option<f32>,
     faults: Arc<Mutex<Option<String>>>,
     lost: Arc<OnceLock<String>>,
     pipelines: Mutex<HashMap<Program, wgpu::ComputePipeline>>,
@@ -299,33 +300,8 @@ impl Gpu {
     }
 
     /// Returns the name and the interface of the adapter.
-    #[must_use]
     pub(crate) fn describe(&self) -> String {
         format!("gpu, {} ({})", self.name, self.backend)
-    }
-
-    /// Returns the kind of the adapter.
-    #[must_use]
-    pub(crate) fn kind(&self) -> AdapterKind {
-        self.kind
-    }
-
-    /// Most bytes of one array.
-    #[must_use]
-    pub(crate) fn most_binding(&self) -> u64 {
-        self.most_binding
-    }
-
-    /// The use of its subgroups.
-    #[must_use]
-    pub(crate) fn subgroups(&self) -> Subgroups {
-        self.subgroups
-    }
-
-    /// Nanoseconds of a tick of its clock, where stages can be timed.
-    #[must_use]
-    pub(crate) fn tick(&self) -> Option<f32> {
-        self.tick
     }
 
     /// The error since the last call.
@@ -345,7 +321,6 @@ impl Gpu {
     }
 
     /// Returns the work of all renderers that share the device, so far.
-    #[must_use]
     pub(crate) fn work(&self) -> DeviceWork {
         *held(&self.work)
     }
@@ -355,7 +330,6 @@ impl Gpu {
     }
 
     /// Returns the memory that is allocated on the device, bytes, where its interface tells.
-    #[must_use]
     pub(crate) fn memory(&self) -> Option<u64> {
         self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }
@@ -380,14 +354,14 @@ impl Gpu {
             return pipeline.clone();
         }
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(program.entry()),
+            label: Some(program.entry),
             source: wgpu::ShaderSource::Wgsl(program.text().into()),
         });
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(program.entry()),
+            label: Some(program.entry),
             layout: None,
             module: &module,
-            entry_point: Some(program.entry()),
+            entry_point: Some(program.entry),
             compilation_options: wgpu::PipelineCompilationOptions {
                 // Every stage writes what it reads of it.
                 zero_initialize_workgroup_memory: false,
@@ -430,6 +404,17 @@ impl Gpu {
         if ready(memory.pop()).flatten().is_some() {
             return Err(GpuError::Memory { what, bytes });
         }
+        Ok(buffer)
+    }
+
+    /// Makes a buffer for programs to read, with these bytes.
+    ///
+    /// # Errors
+    /// [`GpuError`] if it is larger than a program can bind, or memory is short.
+    pub(crate) fn upload(&self, what: &'static str, bytes: &[u8]) -> Result<wgpu::Buffer, GpuError> {
+        self.check_binding(what, bytes.len() as u64)?;
+        let buffer = self.buffer(what, bytes.len() as u64, WRITTEN)?;
+        self.write(&buffer, 0, bytes);
         Ok(buffer)
     }
 

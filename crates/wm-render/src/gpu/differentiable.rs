@@ -12,7 +12,7 @@
 //!
 //! No number is added by atomics, so gradients are the same, bit by bit, each time on one adapter.
 
-use super::buffers::{Extent, GrowingBuffer, Memory, READ_BACK, Room, WRITTEN};
+use super::buffers::{BufferPool, Extent, Memory, READ_BACK, Room, WRITTEN};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::lists::{self, CHUNKS, Entries};
@@ -32,12 +32,12 @@ use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::gpu::{self as compare, Comparer, Pictures};
 use crate::stages::compare::{Compared, Comparison};
-use crate::stages::composite::gpu::{Finish, ParticleBlend};
+use crate::stages::composite::gpu::{ParticleBlend, finish};
 use crate::stages::optimize::gpu::Rows;
-use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
-use crate::stages::rasterize::gpu::Rasterize;
+use crate::stages::project_backward::gpu::{self as rows, gather, project_backward};
+use crate::stages::rasterize::gpu::{rasterize, sums_program};
 use crate::stages::rasterize_backward::GradientSlot;
-use crate::stages::rasterize_backward::gpu::{ForwardPictures, RasterizeBackward, by_sums};
+use crate::stages::rasterize_backward::gpu::{by_sums, rasterize_backward};
 use std::sync::Arc;
 use web_time::Instant;
 use wm_scene::{Camera, Splats, sh};
@@ -53,7 +53,7 @@ pub struct GpuDifferentiable {
     pub(super) pool: Arc<rayon::ThreadPool>,
     pub(super) model: StoredModel,
     pub(super) memory: Memory,
-    kept: [GrowingBuffer; 10],
+    kept: BufferPool,
     pub(super) capacity: Capacity,
     comparer: Comparer,
     pub(super) clock: Option<Clock>,
@@ -120,7 +120,7 @@ impl GpuDifferentiable {
             pool,
             model: StoredModel::default(),
             memory: Memory::default(),
-            kept: Default::default(),
+            kept: BufferPool::default(),
             capacity: Capacity::default(),
             comparer: Comparer::default(),
             clock,
@@ -128,12 +128,6 @@ impl GpuDifferentiable {
             last: None,
             rows: StepRows::default(),
         })
-    }
-
-    /// The GPU.
-    #[cfg(test)]
-    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
-        &self.gpu
     }
 
     /// The times of the last step by the GPU's clock: of backward passes and moves those before the
@@ -181,11 +175,8 @@ impl GpuDifferentiable {
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let channels = config.channels;
         let picture = |there: bool, numbers: u64| if there { 4 * numbers * pixels } else { 0 };
-        let mut kept = self.kept.iter_mut();
-        let mut fit = |what: &'static str, bytes: u64, usage| match kept.next() {
-            Some(growing) => growing.fit(gpu, what, bytes, usage),
-            None => gpu.buffer(what, bytes, usage),
-        };
+        self.kept.restart();
+        let mut fit = |what, bytes, usage| self.kept.fit(gpu, what, bytes, usage);
         let coefficients = 3 * sh::coefficients(config.sh_degree) as u64;
         Ok(OwnRoom {
             names: fit("tile lists", 4 * entries, READ_BACK)?,
@@ -212,7 +203,7 @@ impl GpuDifferentiable {
         let gpu = Arc::clone(&self.gpu);
         self.forget();
         gpu.check()?;
-        let (each, most) = (each(config), gpu.most_binding());
+        let (each, most) = (each(config), gpu.most_binding);
         self.capacity.start(self.model.len(), most, each);
         let sight = ViewParameters::of_training(camera, config);
         let channels = config.channels;
@@ -253,7 +244,8 @@ impl GpuDifferentiable {
                 record_forward(&gpu, self.clock.as_ref(), &self.model, &room, &own, &sight, config);
             let mut counters = [0u32; COUNTER_WORDS as usize];
             let mut totals = compare::Room::totals();
-            let mut parts: Vec<Part<'_>> = vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
+            let mut parts: Vec<Part<'_>> =
+                vec![(&room.lists.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
             if let Some(clock) = &self.clock {
                 parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut self.ticks)));
             }
@@ -332,12 +324,7 @@ impl View {
 
     /// The rows of gradients that go with it.
     pub(crate) fn rows(&self) -> Rows<'_> {
-        Rows { gradients: &self.own.gradients, by_sh: &self.own.by_sh, blocks: &self.room.blocks }
-    }
-
-    /// The slot of the structure `Learn`.
-    pub(crate) fn learn_slot(&self, model: &StoredModel) -> usize {
-        CHUNKS + model.piece_count() + 1
+        Rows { gradients: &self.own.gradients, by_sh: &self.own.by_sh, blocks: &self.room.lists.blocks }
     }
 
     /// Records the commands of a backward pass, which writes rows of gradients to `gradients` and
@@ -375,34 +362,14 @@ impl View {
         }
         recorder.begin(Stage::RasterizeBackward);
         let training = recorder.uniform(slot);
-        by_sums(&mut recorder, pixels, channels, training, kept(room), &own.upstream, &own.states);
-        let rasterize = RasterizeBackward {
-            tile_offsets: &room.tile_offsets,
-            pairs: lists::listed(room, tiles),
-            names: &own.names,
-            records: &room.records,
-            states: &own.states,
-            slots: &own.slots,
-        };
-        rasterize.record(&mut recorder, tiles, channels);
+        by_sums(&mut recorder, pixels, channels, training, room, &own.upstream, &own.states);
+        let OwnRoom { names, states, slots, pulls, .. } = own;
+        let pairs = lists::listed(room, tiles);
+        rasterize_backward(&mut recorder, tiles, channels, room, pairs, names, states, slots);
         recorder.begin(Stage::ProjectBackward);
-        let gather = Gather {
-            counters: &room.counters,
-            dispatches: &room.dispatches,
-            order: lists::order(room),
-            ends: &room.counts,
-            slots: &own.slots,
-            pulls: &own.pulls,
-        };
-        gather.record(&mut recorder);
-        let project = ProjectBackward {
-            blocks: &room.blocks,
-            records: &room.records,
-            pulls: &own.pulls,
-            gradients,
-            by_sh: of_colors,
-        };
-        pieces.iter().for_each(|piece| project.record(&mut recorder, piece, channels));
+        gather(&mut recorder, &room.lists, lists::order(room), slots, pulls);
+        let rows = Rows { gradients, by_sh: of_colors, blocks: &room.lists.blocks };
+        pieces.iter().for_each(|piece| project_backward(&mut recorder, piece, channels, room, pulls, rows));
         recorder
     }
 }
@@ -418,32 +385,19 @@ fn record_forward<'a>(
     config: &ForwardConfig,
 ) -> Recorder<'a> {
     let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
-    recorder.encoder().clear_buffer(&room.counters, 0, None);
+    recorder.encoder().clear_buffer(&room.lists.counters, 0, None);
     let pieces = model.pieces(&recorder, CHUNKS);
     lists::front(&mut recorder, room, &pieces, Shading::Color, None);
     let tiles = sight.tile_count();
     let (_, pairs) = lists::lists(&mut recorder, room, tiles, Entries::Pairs(&own.names));
     recorder.begin(Stage::Rasterize);
-    let rasterize = Rasterize {
-        tile_offsets: &room.tile_offsets,
-        entries: pairs,
-        records: &room.records,
-        rgb: &room.rgb,
-        alpha: &room.alpha,
-        depths: &room.depths,
-        normal: &room.normal,
-    };
-    rasterize.record_sums(&mut recorder, tiles, config.channels, &own.names);
+    rasterize(&mut recorder, tiles, sums_program(config.channels), room, pairs, &own.names);
     recorder.begin(Stage::Composite);
-    let finish = Finish { kept: kept(room), rgb: &own.rgb, depths: &own.depths, normal: &own.normal };
     let pixels = sight.camera.width * sight.camera.height;
     let training = recorder.uniform(CHUNKS + pieces.len());
-    finish.record(&mut recorder, pixels, config.channels, training);
+    let pictures = [&own.rgb, &own.depths, &own.normal];
+    finish(&mut recorder, pixels, config.channels, training, room, pictures);
     recorder
-}
-
-fn kept(room: &Room) -> ForwardPictures<'_> {
-    ForwardPictures { rgb: &room.rgb, alpha: &room.alpha, depths: &room.depths, normal: &room.normal }
 }
 
 /// Returns `N` numbers of a row from `first` on.

@@ -38,7 +38,7 @@ const _: () = assert!(PATCH == TILE_SIDE as usize, "patches are those of `nodes.
 
 /// Chooses the form in which a background goes to the GPU.
 pub(crate) fn background_form(view: &BackgroundView<'_>) -> BackgroundForm {
-    match (view.uniform(), view.nodes()) {
+    match (view.uniform, view.nodes()) {
         (Some(_), _) => BackgroundForm::Color,
         (None, Some(nodes)) => BackgroundForm::Nodes(nodes as u32),
         (None, None) => BackgroundForm::Picture,
@@ -62,7 +62,7 @@ pub(crate) fn background(
     };
     let mut background = vec![0.0; numbers];
     match form {
-        BackgroundForm::Color => background.copy_from_slice(&view.uniform().unwrap_or_default()),
+        BackgroundForm::Color => background.copy_from_slice(&view.uniform.unwrap_or_default()),
         BackgroundForm::Nodes(nodes) => {
             let of_patch = (nodes * nodes) as usize;
             let columns = width.div_ceil(PATCH);

@@ -6,10 +6,10 @@ use super::source::{ENTRY_SORT, VISIBLE_SORT};
 use super::uniforms::{self, Uniform};
 use crate::hooks::WgslSource;
 use crate::plan::Shading;
-use crate::stages::intersect::gpu::{Intersect, ranges};
-use crate::stages::prefix_sum::gpu::{PrefixSumProgram, spine};
+use crate::stages::intersect::gpu::{intersect, ranges};
+use crate::stages::prefix_sum::gpu::{SPINE_ENTRIES, SPINE_VISIBLE, spine};
 use crate::stages::project::gpu::{Piece, cull, project};
-use crate::stages::sort::gpu::{Pairs, Sort, passes};
+use crate::stages::sort::gpu::{Pairs, passes, sort};
 
 /// Bits of a depth.
 const DEPTH_BITS: u32 = 32;
@@ -54,11 +54,11 @@ pub(crate) fn front(
 ) {
     recorder.begin(Stage::Project);
     for piece in pieces {
-        cull(recorder, piece, &room.blocks);
+        cull(recorder, piece, &room.lists.blocks);
     }
-    spine(recorder, PrefixSumProgram::Visible, &room.blocks, &room.counters, &room.dispatches);
+    spine(recorder, SPINE_VISIBLE, &room.lists, &room.lists.blocks);
     for piece in pieces {
-        project(recorder, piece, &room.blocks, &room.records, &room.depth_pairs[0][0], shading, air);
+        project(recorder, piece, room, shading, air);
     }
 }
 
@@ -70,41 +70,30 @@ pub(crate) fn lists<'r>(
     tiles: u32,
     entries: Entries<'r>,
 ) -> Pairs<'r> {
-    let (counters, dispatches) = (&room.counters, &room.dispatches);
-    let sort = |pairs: &'r [[wgpu::Buffer; 2]; 2], size: u32| Sort {
-        pairs: pairs.each_ref().map(|[keys, values]| (keys, values)),
-        counters,
-        dispatches,
-        size,
-        histogram: &room.histogram,
-        totals: &room.totals,
-    };
+    let lists = &room.lists;
     recorder.begin(Stage::Sort);
     let slots = DEPTH_PASSES..DEPTH_PASSES + passes(DEPTH_BITS) as usize;
-    let (_, order) = sort(&room.depth_pairs, VISIBLE_SORT).record(recorder, slots);
+    let (_, order) = sort(recorder, lists, &lists.depth_pairs, VISIBLE_SORT, slots);
     recorder.begin(Stage::Intersect);
-    let [keys, values] = &room.entry_pairs[0];
     let entries = match entries {
-        Entries::Records => values,
+        Entries::Records => &lists.entry_pairs[0][1],
         Entries::Pairs(names) => names,
     };
-    let (records, counts, sums) = (&room.records, &room.counts, &room.sums);
-    let intersect = Intersect { counters, dispatches, records, order, counts, sums, tiles: keys, entries };
-    intersect.record(recorder, COUNT_TASK);
-    spine(recorder, PrefixSumProgram::Entries, sums, counters, dispatches);
-    intersect.record(recorder, WRITE_TASK);
+    intersect(recorder, COUNT_TASK, room, order, entries);
+    spine(recorder, SPINE_ENTRIES, lists, &lists.sums);
+    intersect(recorder, WRITE_TASK, room, order, entries);
     let slots = TILE_PASSES..TILE_PASSES + passes(u32::BITS - tiles.leading_zeros()) as usize;
-    let lists = sort(&room.entry_pairs, ENTRY_SORT).record(recorder, slots);
-    ranges(recorder, tiles, counters, lists.0, &room.tile_offsets);
-    lists
+    let sorted = sort(recorder, lists, &lists.entry_pairs, ENTRY_SORT, slots);
+    ranges(recorder, tiles, lists, sorted.0);
+    sorted
 }
 
 /// Returns the buffer in which [`lists`] leaves the records in the order of their depth.
 pub(crate) fn order(room: &Room) -> &wgpu::Buffer {
-    &room.depth_pairs[passes(DEPTH_BITS) as usize % 2][1]
+    &room.lists.depth_pairs[passes(DEPTH_BITS) as usize % 2][1]
 }
 
 /// Returns the buffer in which [`lists`] leaves the entries of `tiles` tiles.
 pub(crate) fn listed(room: &Room, tiles: u32) -> &wgpu::Buffer {
-    &room.entry_pairs[passes(u32::BITS - tiles.leading_zeros()) as usize % 2][1]
+    &room.lists.entry_pairs[passes(u32::BITS - tiles.leading_zeros()) as usize % 2][1]
 }

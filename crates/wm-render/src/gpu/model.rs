@@ -8,7 +8,6 @@ use crate::hooks::GROUP;
 use crate::renderer::RenderError;
 use crate::stages::project::gpu::ROWS;
 use std::sync::{Mutex, PoisonError};
-use wgpu::BufferUsages;
 use wm_scene::Splats;
 
 /// Whole blocks of 256 splats.
@@ -53,9 +52,9 @@ impl GpuModel {
         let model = CpuModel::new(splats)?;
         let sh_rows = model.sh_rows();
         let block_bytes = (4 * CLUSTER * ROWS.max(sh_rows as u32) as usize) as u64;
-        let most = (gpu.most_binding() / block_bytes).min(u64::from(u32::MAX)) as usize;
+        let most = (gpu.most_binding / block_bytes).min(u64::from(u32::MAX)) as usize;
         if most == 0 {
-            let (what, most) = ("256 splats", gpu.most_binding());
+            let (what, most) = ("256 splats", gpu.most_binding);
             return Err(GpuError::TooLarge { what, bytes: block_bytes, most }.into());
         }
         let blocks = model.clusters.len();
@@ -65,8 +64,8 @@ impl GpuModel {
             let groups = first * GROUPS..(first + count) * GROUPS;
             let rest = groups.start * sh_rows..groups.end * sh_rows;
             chunks.push(Chunk {
-                splats: upload(gpu, "splats", &rows(&model, groups))?,
-                sh_rest: upload(gpu, "coefficients of colour", model.sh_rest[rest].as_flattened())?,
+                splats: gpu.upload("splats", bytemuck::cast_slice(&rows(&model, groups)))?,
+                sh_rest: gpu.upload("coefficients of colour", bytemuck::cast_slice(&model.sh_rest[rest]))?,
                 first_splat: (first * CLUSTER) as u32,
                 blocks: count as u32,
             });
@@ -103,13 +102,12 @@ impl GpuModel {
         }
         // A buffer of its own: the last one may still be read by passes that are about to be
         // submitted.
-        let buffer = upload(gpu, "attributes of splats", &numbers())?;
+        let buffer = gpu.upload("attributes of splats", bytemuck::cast_slice(&numbers()))?;
         kept.uploaded = Some((revision, buffer.clone()));
         Ok(Some(buffer))
     }
 
     /// Returns the number of blocks of 256 splats.
-    #[must_use]
     pub(crate) fn blocks(&self) -> u32 {
         (self.source.len() / CLUSTER) as u32
     }
@@ -127,11 +125,4 @@ fn rows(model: &CpuModel, groups: std::ops::Range<usize>) -> Vec<f32> {
         rows.extend((0..GROUP).map(|lane| f32::from(sky >> lane & 1)));
     }
     rows
-}
-
-fn upload(gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-    let bytes: &[u8] = bytemuck::cast_slice(numbers);
-    let buffer = gpu.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-    gpu.write(&buffer, 0, bytes);
-    Ok(buffer)
 }

@@ -9,26 +9,30 @@ use super::model::GpuModel;
 use super::readback::Source;
 use super::recorder::{Recorder, Stage};
 use super::source::{BLOCK_WORDS, WORKGROUP};
-use super::uniforms::{self, AttributeUse, Capacity, Uniform, ViewParameters};
+use super::uniforms::{self, Capacity, Uniform, ViewParameters};
 use crate::attributes::SplatAttributes;
 use crate::cpu::{self, Features};
+use crate::differentiable::Opacity;
 use crate::frame::{Arrays, FRONT, Frame, splat_name};
 use crate::hooks::{ParticleView, WgslSource};
 use crate::plan::{DrawPass, SplatSource};
 use crate::renderer::{Geometry, MedianDepth, Models, RenderError, WEIGHT_UNITS};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
-use crate::stages::composite::gpu::{BackgroundForm, Composite, ParticleBlend};
+use crate::stages::composite::gpu::{BackgroundForm, ParticleBlend, composite};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::particles::gpu::fall;
 use crate::stages::project::gpu::Piece;
-use crate::stages::rasterize::gpu::{Rasterize, SURFACE_PLANE};
+use crate::stages::rasterize::gpu::{SURFACE_PLANE, frame_program, rasterize, weigh};
+
+/// The name of backgrounds, for errors.
+const BACKGROUND: &str = "the background";
 
 /// A draw pass with its inputs in the GPU's memory.
 pub(crate) struct GpuPass<'a> {
     pass: &'a DrawPass<'a>,
-    /// The sets, each with the attributes of its splats and their use.
-    sets: Vec<(&'a GpuModel, wgpu::Buffer, AttributeUse)>,
+    /// The sets, each with the attributes of its splats.
+    sets: Vec<(&'a GpuModel, wgpu::Buffer, Option<&'a dyn SplatAttributes>)>,
     features: Features,
     pub(crate) arrays: Arrays,
     air: Option<(WgslSource, wgpu::Buffer)>,
@@ -39,19 +43,6 @@ pub(crate) struct GpuPass<'a> {
     drops: Option<(wgpu::Buffer, u32)>,
     /// The first slot of the pass among those of all passes that are submitted together.
     pub(crate) first_slot: usize,
-}
-
-/// Returns the buffers that blending works on, with the lists `entries`.
-fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> {
-    Rasterize {
-        tile_offsets: &room.tile_offsets,
-        entries,
-        records: &room.records,
-        rgb: &room.rgb,
-        alpha: &room.alpha,
-        depths: &room.depths,
-        normal: &room.normal,
-    }
 }
 
 impl<'a> GpuPass<'a> {
@@ -84,16 +75,16 @@ impl<'a> GpuPass<'a> {
             };
             let buffer = match kept {
                 Some(buffer) => buffer,
-                None => memory.attributes(gpu, &numbers())?,
+                None => memory.attributes.write(gpu, "attributes of splats", &numbers())?,
             };
-            sets.push((model, buffer, AttributeUse::of(view.attributes)));
+            sets.push((model, buffer, view.attributes));
         }
         let air = match pass.hooks.medium {
             None => None,
             Some(medium) => {
                 let origin = pass.camera.center().to_array().map(|v| v as f32);
                 let source = medium.wgsl(origin).ok_or(GpuError::Effect(medium.name()))?;
-                let buffer = memory.air(gpu, &source.parameters)?;
+                let buffer = memory.air.write(gpu, "the air", &source.parameters)?;
                 Some((source, buffer))
             }
         };
@@ -101,11 +92,12 @@ impl<'a> GpuPass<'a> {
         let backdrop = BackgroundView::of(pass, path);
         let (width, height) = (pass.camera.width, pass.camera.height);
         let form = hosted::background_form(&backdrop);
-        let buffer = match form {
+        let numbers = match form {
             // The picture is painted later, while the GPU draws splats.
-            BackgroundForm::Picture => memory.background(gpu, &[])?,
-            form => memory.background(gpu, &hosted::background(&backdrop, form, width, height))?,
+            BackgroundForm::Picture => Vec::new(),
+            form => hosted::background(&backdrop, form, width, height),
         };
+        let buffer = memory.backgrounds.write(gpu, BACKGROUND, &numbers)?;
         Ok(Self {
             pass,
             sets,
@@ -164,13 +156,13 @@ impl<'a> GpuPass<'a> {
         if self.background.0 == BackgroundForm::Picture {
             let (form, width, height) = (BackgroundForm::Picture, camera.width, camera.height);
             let picture = hosted::background(&self.backdrop, form, width, height);
-            self.background.1 = memory.background(gpu, &picture)?;
+            self.background.1 = memory.backgrounds.write(gpu, BACKGROUND, &picture)?;
         }
         if self.pass.particles().is_empty() {
             return Ok(0.0);
         }
         let seconds = falling.fill(path, self.pass.particles(), &ParticleView::new(camera))?;
-        self.drops = Some((memory.drops(gpu, &falling.words())?, falling.len() as u32));
+        self.drops = Some((memory.drops.write(gpu, "particles", &falling.words())?, falling.len() as u32));
         Ok(seconds)
     }
 
@@ -201,8 +193,10 @@ impl<'a> GpuPass<'a> {
         for (model, _, attributes) in &self.sets {
             for chunk in &model.chunks {
                 let (blocks, first_splat) = (chunk.blocks, chunk.first_splat);
-                let piece = uniforms::Piece::whole(first_block, blocks, first_splat, model.sh_rows);
-                uniforms.push(uniforms::chunk(piece, *attributes));
+                // Padded with what is never drawn.
+                let (splats, sh_rows) = (WORKGROUP * blocks, model.sh_rows);
+                let piece = uniforms::Piece { first_block, blocks, first_splat, splats, sh_rows };
+                uniforms.push(uniforms::chunk(piece, sh_rows, *attributes, Opacity::Stored));
                 first_block += blocks;
             }
         }
@@ -245,28 +239,28 @@ impl<'a> GpuPass<'a> {
 
     /// Records the commands up to the picture of the splats.
     pub(crate) fn record_splats(&self, recorder: &mut Recorder<'_>, room: &Room) {
-        recorder.encoder().clear_buffer(&room.counters, 0, None);
+        recorder.encoder().clear_buffer(&room.lists.counters, 0, None);
         let air = self.air.as_ref().map(|(source, parameters)| (source, parameters));
         let pieces = self.pieces(recorder);
         lists::front(recorder, room, &pieces, self.pass.shading, air);
         let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
         recorder.begin(Stage::Rasterize);
-        let rasterize = rasterize_of(room, listed.1);
-        let (Features { geometry, median }, is_split) = (self.features, self.pass.surface.is_some());
-        rasterize.record(recorder, self.tiles(), geometry, median, is_split, &room.counters);
+        let Features { geometry, median } = self.features;
+        let program = frame_program(geometry, median, self.pass.surface.is_some());
+        rasterize(recorder, self.tiles(), program, room, listed.1, &room.lists.counters);
     }
 
     /// Records the commands up to the weights of the records in view, which are in the room of
     /// their counts of tiles then.
     pub(crate) fn record_weights(&self, recorder: &mut Recorder<'_>, room: &Room) {
-        recorder.encoder().clear_buffer(&room.counters, 0, None);
+        recorder.encoder().clear_buffer(&room.lists.counters, 0, None);
         let pieces = self.pieces(recorder);
         lists::front(recorder, room, &pieces, self.pass.shading, None);
         let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
         // The lists are complete, and nothing reads the counts any more.
-        recorder.encoder().clear_buffer(&room.counts, 0, None);
+        recorder.encoder().clear_buffer(&room.lists.counts, 0, None);
         recorder.begin(Stage::Rasterize);
-        rasterize_of(room, listed.1).record_weights(recorder, self.tiles(), &room.counts);
+        weigh(recorder, self.tiles(), room, listed.1);
     }
 
     /// The weights of the splats, set after set and as they were loaded: `blocks` are those of the
@@ -300,18 +294,11 @@ impl<'a> GpuPass<'a> {
         }
         recorder.begin(Stage::Fall);
         if let Some((drops, count)) = &self.drops {
-            fall(recorder, drops, *count, &room.alpha, &room.depths, &room.falling);
+            fall(recorder, drops, *count, room);
         }
         recorder.begin(Stage::Composite);
         let (form, background) = &self.background;
-        let composite = Composite {
-            rgb: &room.rgb,
-            alpha: &room.alpha,
-            background,
-            falling: &room.falling,
-            apart: &room.apart,
-        };
-        composite.record(recorder, self.pixels(), *form, self.particles);
+        composite(recorder, self.pixels(), *form, self.particles, room, background);
     }
 
     /// The pictures that come back, in the order of [`super::readback::ReadbackResults`], of no bytes

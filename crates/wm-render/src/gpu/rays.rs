@@ -1,23 +1,21 @@
 //! Splats for rays in the GPU's memory, see [`crate::stages::rays`].
 
-use super::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
+use super::buffers::{BufferPool, GrowingBuffer, ListNames, Lists, READ_BACK, WRITTEN};
 use super::device::{AdapterKind, Gpu};
 use super::error::GpuError;
 use super::readback::copy;
 use super::recorder::{Recorder, Stage};
-use super::source::{
-    BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, ENTRY_SORT, SORT_BLOCK, VISIBLE_SORT, WORKGROUP,
-};
+use super::source::{COUNTER_WORDS, ENTRY_SORT, VISIBLE_SORT, WORKGROUP};
 use super::uniforms::{self, Capacity, SLOT, Uniform, bytes_of};
 use crate::cpu::model::morton_order;
 use crate::stages::intersect::gpu::ranges;
-use crate::stages::prefix_sum::gpu::{PrefixSumProgram, spine};
+use crate::stages::prefix_sum::gpu::{SPINE_ENTRIES, SPINE_VISIBLE, spine};
 use crate::stages::rays::gpu::{
     CONE_WORDS, HIT_WORDS, RAY_WORDS, RECORD_INDEX, RECORD_WORDS, RayBuffers, RaySums, WRITE_TASK, record,
 };
 use crate::stages::rays::packets::{CHILDREN, PACKET, Packets, RayGroup};
 use crate::stages::rays::{RayHits, RayOutputs, Rays};
-use crate::stages::sort::gpu::{Sort, passes};
+use crate::stages::sort::gpu::{passes, sort};
 use rayon::prelude::*;
 use std::fmt;
 use std::ops::Range;
@@ -46,6 +44,14 @@ const DISTANCE_PASSES: usize = WRITE_TASK + 1;
 const PACKET_PASSES: usize = DISTANCE_PASSES + 4;
 const PIECES: usize = PACKET_PASSES + 4;
 
+/// The names of the lists' buffers.
+const NAMES: ListNames = ListNames {
+    depths: ["splats by distance"; 2],
+    counts: "packets of splats",
+    entries: "lists of packets",
+    offsets: "offsets of lists",
+};
+
 /// Splats that rays can meet, in the memory of a GPU: the twin of [`RaySplats`](crate::RaySplats).
 pub struct GpuRaySplats {
     gpu: Arc<Gpu>,
@@ -70,7 +76,7 @@ struct ColorPiece {
 /// Memory that is kept from call to call.
 #[derive(Default)]
 struct Working {
-    kept: [GrowingBuffer; 19],
+    kept: BufferPool,
     staging: GrowingBuffer,
     /// Capacity of the lists, entries.
     entries: u32,
@@ -121,18 +127,14 @@ impl GpuRaySplats {
         let records: Vec<[u32; RECORD_WORDS]> =
             morton_order(&splats.means).par_iter().filter_map(of).collect();
         let words = records.as_flattened();
-        gpu.check_binding("splats for rays", size_of_val(words) as u64)?;
-        let buffer = gpu.buffer("splats for rays", size_of_val(words) as u64, WRITTEN)?;
-        gpu.write(&buffer, 0, bytemuck::cast_slice(words));
+        let buffer = gpu.upload("splats for rays", bytemuck::cast_slice(words))?;
         let stride = splats.sh_stride();
-        let most = COLOR_BYTES.min(gpu.most_binding()) / (4 * stride as u64);
+        let most = COLOR_BYTES.min(gpu.most_binding) / (4 * stride as u64);
         let mut colors: Vec<ColorPiece> = Vec::new();
         for piece in records.chunks((most as usize).max(1)) {
             let of = |record: &[u32; RECORD_WORDS]| splats.sh_of(record[RECORD_INDEX] as usize);
             let numbers: Vec<f32> = piece.iter().flat_map(of).copied().collect();
-            let bytes: &[u8] = bytemuck::cast_slice(&numbers);
-            let sh = gpu.buffer("colours for rays", bytes.len() as u64, WRITTEN)?;
-            gpu.write(&sh, 0, bytes);
+            let sh = gpu.upload("colours for rays", bytemuck::cast_slice(&numbers))?;
             // What waits to be copied goes with the first submission: not all of a large scene at
             // once.
             gpu.queue.submit([]);
@@ -186,7 +188,7 @@ impl GpuRaySplats {
         let sums = RaySums::of(asked);
         let packets = Packets::no_wider(rays, widest);
         let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
-        let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MAX_PACKETS)) as u32;
+        let most = (self.gpu.most_binding / ray_bytes).clamp(1, u64::from(MAX_PACKETS)) as u32;
         let mut made = Vec::new();
         for group in &packets.groups {
             let cones = cones(group);
@@ -218,14 +220,13 @@ impl GpuRaySplats {
         made: &mut Vec<u32>,
     ) -> Result<TraceOutcome, GpuError> {
         // One packet has at most one entry per splat, for which the lists always have room.
-        let most = (self.gpu.most_binding() / 4).min(u64::from(self.most_entries)) as u32;
+        let most = (self.gpu.most_binding / 4).min(u64::from(self.most_entries)) as u32;
         let most = most.max(self.count);
         working.entries = working.entries.max(self.count.max(1 << 16)).min(most);
         loop {
             let (needed, longest) = self.attempt(working, part, rays, made)?;
             if needed <= working.entries {
-                let is_too_long =
-                    longest > MAX_ENTRIES_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
+                let is_too_long = longest > MAX_ENTRIES_IN_SOFTWARE && self.gpu.kind == AdapterKind::Software;
                 return Ok(if is_too_long { TraceOutcome::TooLong } else { TraceOutcome::Whole });
             }
             if needed > most {
@@ -267,88 +268,48 @@ impl GpuRaySplats {
         let packets = part.packets.len() as u32;
         let capacity = Capacity { visible: self.count, entries: working.entries };
         let structures = self.uniforms(part, capacity);
-        let mut kept = working.kept.iter_mut();
-        let mut fit = |what: &'static str, bytes: u64, usage: BufferUsages| match kept.next() {
-            Some(growing) => growing.fit(gpu, what, bytes, usage),
-            None => gpu.buffer(what, bytes, usage),
-        };
-        let (count, entries) = (u64::from(self.count), u64::from(working.entries));
-        let blocks = count.div_ceil(u64::from(WORKGROUP));
-        let sort_blocks = count.max(entries).div_ceil(u64::from(SORT_BLOCK));
         let hit_words = HIT_WORDS + part.sums.features();
         let ray_count = packets as usize * PACKET;
+        let kept = &mut working.kept;
+        kept.restart();
+        let lists = Lists::fit(gpu, kept, &NAMES, self.count.div_ceil(WORKGROUP), capacity, packets)?;
+        let mut fit = |what, bytes, usage| kept.fit(gpu, what, bytes, usage);
         let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniforms = fit("structures", SLOT * structures.len() as u64, uniform)?;
-        let counters = fit("counters", 4 * COUNTER_WORDS, READ_BACK | BufferUsages::COPY_DST)?;
-        let dispatches = fit("dispatch sizes", 4 * DISPATCH_WORDS, READ_BACK | BufferUsages::INDIRECT)?;
         let cones = fit("cones of rays", size_of_val(part.cones) as u64, WRITTEN)?;
-        let counts = fit("packets of splats", 4 * count, READ_BACK)?;
-        let block_sums = fit("blocks of splats", 4 * u64::from(BLOCK_WORDS) * blocks, READ_BACK)?;
-        let sums = fit("sums", 4 * blocks, READ_BACK)?;
-        let mut pairs = |what: &'static str, items: u64| -> Result<[wgpu::Buffer; 4], GpuError> {
-            let mut one = || fit(what, 4 * items, READ_BACK);
-            Ok([one()?, one()?, one()?, one()?])
-        };
-        let by_distance = pairs("splats by distance", count)?;
-        let by_packet = pairs("lists of packets", entries)?;
-        let histogram = fit("counts of digits", 4 * u64::from(DIGITS) * sort_blocks, READ_BACK)?;
-        let totals = fit("totals of digits", 4 * u64::from(DIGITS), READ_BACK)?;
-        let features = fit("colours of splats", 4 * part.sums.features() as u64 * count, READ_BACK)?;
+        let feature_bytes = 4 * part.sums.features() as u64 * u64::from(self.count);
+        let features = fit("colours of splats", feature_bytes, READ_BACK)?;
         let ray_buffer = fit("rays", size_of_val(rays) as u64, WRITTEN)?;
         let hits = fit("hits of rays", 4 * (hit_words * ray_count) as u64, READ_BACK)?;
-        let offsets = fit("offsets of lists", 4 * (u64::from(packets) + 1), READ_BACK)?;
         gpu.write(&uniforms, 0, &bytes_of(&structures));
         gpu.write(&cones, 0, bytemuck::cast_slice(part.cones));
         gpu.write(&ray_buffer, 0, bytemuck::cast_slice(rays));
 
-        let buffers = RayBuffers {
-            counters: &counters,
-            dispatches: &dispatches,
-            records: &self.records,
-            cones: &cones,
-            counts: &counts,
-            blocks: &block_sums,
-            sums: &sums,
-            distances: (&by_distance[0], &by_distance[1]),
-            entries: (&by_packet[0], &by_packet[1]),
-            features: &features,
-        };
-        let sort = |pairs: &'_ [wgpu::Buffer; 4], size: u32, recorder: &mut Recorder<'_>, slots| {
-            let sort = Sort {
-                pairs: [(&pairs[0], &pairs[1]), (&pairs[2], &pairs[3])],
-                counters: &counters,
-                dispatches: &dispatches,
-                size,
-                histogram: &histogram,
-                totals: &totals,
-            };
-            let (keys, values) = sort.record(recorder, slots);
-            (keys.clone(), values.clone())
-        };
-        let counted = (&counters, &dispatches);
+        let buffers =
+            RayBuffers { lists: &lists, records: &self.records, cones: &cones, features: &features };
         let mut recorder = Recorder::new(gpu, &uniforms, None);
-        recorder.encoder().clear_buffer(&counters, 0, None);
+        recorder.encoder().clear_buffer(&lists.counters, 0, None);
         recorder.begin(Stage::Intersect);
         buffers.count(&mut recorder, self.count);
-        spine(&mut recorder, PrefixSumProgram::Visible, &block_sums, counted.0, counted.1);
+        spine(&mut recorder, SPINE_VISIBLE, &lists, &lists.blocks);
         buffers.list(&mut recorder, self.count);
         let slots = DISTANCE_PASSES..DISTANCE_PASSES + passes(DISTANCE_BITS) as usize;
-        let (_, order) = sort(&by_distance, VISIBLE_SORT, &mut recorder, slots);
-        buffers.sum(&mut recorder, &order);
-        spine(&mut recorder, PrefixSumProgram::Entries, &sums, counted.0, counted.1);
-        buffers.write(&mut recorder, &order);
+        let (_, order) = sort(&mut recorder, &lists, &lists.depth_pairs, VISIBLE_SORT, slots);
+        buffers.sum(&mut recorder, order);
+        spine(&mut recorder, SPINE_ENTRIES, &lists, &lists.sums);
+        buffers.write(&mut recorder, order);
         let slots = PACKET_PASSES..PACKET_PASSES + passes(u32::BITS - packets.leading_zeros()) as usize;
-        let (keys, lists) = sort(&by_packet, ENTRY_SORT, &mut recorder, slots);
-        ranges(&mut recorder, packets, &counters, &keys, &offsets);
+        let (keys, listed) = sort(&mut recorder, &lists, &lists.entry_pairs, ENTRY_SORT, slots);
+        ranges(&mut recorder, packets, &lists, keys);
         if part.sums.has_color() {
             for (at, piece) in self.colors.iter().enumerate() {
-                buffers.see(&mut recorder, part.sums, PIECES + at, &order, &piece.sh);
+                buffers.see(&mut recorder, part.sums, PIECES + at, order, &piece.sh);
             }
         } else if part.sums.has_normal() {
             // Without colours one piece covers all records, and its coefficients are not read.
-            buffers.see(&mut recorder, part.sums, PIECES, &order, &counts);
+            buffers.see(&mut recorder, part.sums, PIECES, order, &lists.counts);
         }
-        buffers.blend(&mut recorder, part.sums, packets, &offsets, &lists, &ray_buffer, &hits);
+        buffers.blend(&mut recorder, part.sums, packets, listed, &ray_buffer, &hits);
         let mut numbers = [0u32; COUNTER_WORDS as usize];
         made.resize(hit_words * ray_count, 0);
         copy(
@@ -356,7 +317,7 @@ impl GpuRaySplats {
             recorder,
             &mut working.staging,
             &mut [
-                (&counters, 0, bytemuck::cast_slice_mut(&mut numbers)),
+                (&lists.counters, 0, bytemuck::cast_slice_mut(&mut numbers)),
                 (&hits, 0, bytemuck::cast_slice_mut(made)),
             ],
         )?;

@@ -67,7 +67,7 @@ impl Readback {
         self.recorded += 1;
         recorder.tell_times();
         let times = recorder.times().map(|times| (times, 0, size_of::<Ticks>() as u64));
-        let sources = [(&room.counters, 0, Self::COUNTERS)].into_iter().chain(times);
+        let sources = [(&room.lists.counters, 0, Self::COUNTERS)].into_iter().chain(times);
         for (buffer, offset, bytes) in sources.chain(pass.pictures(room)) {
             if bytes > 0 {
                 recorder.encoder().copy_buffer_to_buffer(buffer, offset, &self.staging, at, bytes);

@@ -32,21 +32,8 @@ pub(crate) enum Stage {
 }
 
 impl Stage {
-    const ALL: [Self; 11] = [
-        Self::Project,
-        Self::Sort,
-        Self::Intersect,
-        Self::Rasterize,
-        Self::Fall,
-        Self::Composite,
-        Self::Compare,
-        Self::RasterizeBackward,
-        Self::ProjectBackward,
-        Self::Optimize,
-        Self::Explore,
-    ];
     /// Number of stages.
-    const COUNT: usize = Self::ALL.len();
+    const COUNT: usize = Self::Explore as usize + 1;
 }
 
 /// Timestamps of the begin and end of stages, by the GPU's clock.
@@ -68,7 +55,7 @@ impl Clock {
 
     /// A clock, where the adapter has one.
     pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
-        let Some(tick) = gpu.tick() else { return Ok(None) };
+        let Some(tick) = gpu.tick else { return Ok(None) };
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("times of stages"),
             ty: wgpu::QueryType::Timestamp,
@@ -102,6 +89,15 @@ pub(crate) fn with_buffers<'a, const N: usize>(
 ) -> Bindings<'a> {
     let next = first.last().map_or(0, |(number, _)| number + 1);
     first.extend((next..).zip(buffers.map(wgpu::Buffer::as_entire_binding)));
+    first
+}
+
+/// Returns `first` followed by whole buffers, each with its number.
+pub(crate) fn with_numbered<'a, const N: usize>(
+    mut first: Bindings<'a>,
+    buffers: [(u32, &'a wgpu::Buffer); N],
+) -> Bindings<'a> {
+    first.extend(buffers.map(|(number, buffer)| (number, buffer.as_entire_binding())));
     first
 }
 
@@ -154,7 +150,7 @@ impl<'a> Recorder<'a> {
 
     /// The use of subgroups by programs.
     pub(crate) fn subgroups(&self) -> Subgroups {
-        self.gpu.subgroups()
+        self.gpu.subgroups
     }
 
     /// The structure `View`.
@@ -172,22 +168,16 @@ impl<'a> Recorder<'a> {
     }
 
     /// Records one dispatch, unless it has no workgroups.
-    pub(crate) fn dispatch(
-        &mut self,
-        program: impl Into<Program>,
-        groups: Groups<'_>,
-        bindings: Bindings<'_>,
-    ) {
+    pub(crate) fn dispatch(&mut self, program: Program, groups: Groups<'_>, bindings: Bindings<'_>) {
         if let Groups::Direct(0) = groups {
             return;
         }
         let Some(pass) = &mut self.pass else { return };
-        let program = program.into();
         let pipeline = self.gpu.pipeline(&program);
         let entries: Vec<BindGroupEntry<'_>> =
             bindings.into_iter().map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
         let bind_group = self.gpu.device.create_bind_group(&BindGroupDescriptor {
-            label: Some(program.entry()),
+            label: Some(program.entry),
             layout: &pipeline.get_bind_group_layout(0),
             entries: &entries,
         });

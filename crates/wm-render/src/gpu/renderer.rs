@@ -29,10 +29,10 @@ const MAX_READBACK_BYTES: u64 = 256 << 20;
 
 /// The GPU back end. It keeps its working memory from frame to frame.
 pub struct GpuRenderer {
-    gpu: Arc<Gpu>,
+    pub(crate) gpu: Arc<Gpu>,
     /// The SIMD path of the CPU's part of a frame.
     path: SimdPath,
-    pool: Arc<rayon::ThreadPool>,
+    pub(crate) pool: Arc<rayon::ThreadPool>,
     models: Models<GpuModel>,
     memory: Memory,
     /// The buffers of the last frame.
@@ -63,18 +63,6 @@ impl GpuRenderer {
         })
     }
 
-    /// The GPU.
-    #[must_use]
-    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
-        &self.gpu
-    }
-
-    /// The threads of the CPU's part.
-    #[must_use]
-    pub(crate) fn pool(&self) -> &rayon::ThreadPool {
-        &self.pool
-    }
-
     /// The buffers of the last frame.
     #[cfg(test)]
     pub(crate) fn room(&self) -> Option<&Room> {
@@ -95,8 +83,8 @@ impl GpuRenderer {
         self.gpu.check()?;
         let before = self.gpu.work();
         let mut stats = Stats::default();
-        pictures.fit(plan.pictures());
-        let mut passes = plan.passes();
+        pictures.fit(plan.pictures);
+        let mut passes = &plan.passes[..];
         while !passes.is_empty() {
             let (batch, later) = passes.split_at(batch_length(passes));
             self.run(batch, pictures, &mut stats).await?;
@@ -117,7 +105,7 @@ impl GpuRenderer {
         stats: &mut Stats,
     ) -> Result<(), RenderError> {
         let Self { gpu, path, models, memory, room: last, capacity, clock, falling, .. } = self;
-        let (clock, most) = (clock.as_ref(), gpu.most_binding());
+        let (clock, most) = (clock.as_ref(), gpu.most_binding);
         let draws: Vec<&DrawPass<'_>> = passes.iter().filter_map(drawn).collect();
         let transient = transient(gpu, &draws)?;
         memory.start_batch();
@@ -190,7 +178,7 @@ impl GpuRenderer {
         check_weighed(&pass.camera)?;
         let before = self.gpu.work();
         let Self { gpu, path, models, memory, room: last, capacity, clock, .. } = self;
-        let (clock, most) = (clock.as_ref(), gpu.most_binding());
+        let (clock, most) = (clock.as_ref(), gpu.most_binding);
         // Weather does not count.
         let pass = DrawPass { hooks: Hooks::default(), ..pass.clone() };
         let transient = transient(gpu, &[&pass])?;
@@ -212,7 +200,7 @@ impl GpuRenderer {
             let mut blocks = vec![0u32; BLOCK_WORDS as usize * extent.blocks as usize];
             let mut units = vec![0u32; capacity.visible as usize];
             let parts = [&mut counters[..], &mut blocks, &mut units].map(bytemuck::cast_slice_mut);
-            let buffers = [&room.counters, &room.blocks, &room.counts];
+            let buffers = [&room.lists.counters, &room.lists.blocks, &room.lists.counts];
             let mut parts: Vec<Part<'_>> =
                 buffers.into_iter().zip(parts).map(|(buffer, part)| (buffer, 0, part)).collect();
             copy(gpu, recorder, &mut memory.staging, &mut parts)?;

@@ -111,7 +111,7 @@ impl Resident for GpuDifferentiable {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError> {
         assert!(self.model.learns(), "splats are loaded first");
-        config.check_view(self.model.sh_degree(), camera, frame)?;
+        config.check_view(self.model.sh_degree, camera, frame)?;
         let pool = Arc::clone(&self.pool);
         pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Read(frame)))
             .map(|(stats, _)| stats)
@@ -126,7 +126,7 @@ impl Resident for GpuDifferentiable {
         assert!(self.model.learns(), "splats are loaded first");
         let pixels = camera.width as usize * camera.height as usize;
         assert_eq!(comparison.rgb.len(), 3 * pixels, "a photo of the picture's size");
-        config.check_camera(self.model.sh_degree(), camera)?;
+        config.check_camera(self.model.sh_degree, camera)?;
         let pool = Arc::clone(&self.pool);
         pool.install(|| self.forward_on_pool(camera, config, ForwardTarget::Compared(comparison)))
     }
@@ -147,20 +147,21 @@ impl Resident for GpuDifferentiable {
                     config: view.config,
                     gradients: gradients.fit(&gpu, "gradients", bytes.0, READ_BACK)?,
                     by_sh: by_sh.fit(&gpu, "gradients of colours", bytes.1, READ_BACK)?,
-                    blocks: blocks.fit(&gpu, "blocks of splats", view.room.blocks.size(), WRITTEN)?,
+                    blocks: blocks.fit(&gpu, "blocks of splats", view.room.lists.blocks.size(), WRITTEN)?,
                 };
                 let to = (&last.gradients, &last.by_sh);
                 let mut recorder =
                     view.record_backward(&gpu, self.clock.as_ref(), &self.model, upstream, to.0, to.1);
-                let size = view.room.blocks.size();
-                recorder.encoder().copy_buffer_to_buffer(&view.room.blocks, 0, &last.blocks, 0, size);
+                let size = view.room.lists.blocks.size();
+                recorder.encoder().copy_buffer_to_buffer(&view.room.lists.blocks, 0, &last.blocks, 0, size);
                 recorder.submit();
                 self.rows.last = Some(last);
             }
             Target::Added(learn) => {
                 let last = self.rows.last.as_ref().expect("it is added to the gradients of a step");
                 let learn = uniforms::learn(view.config.learns(learn));
-                let (slot, other) = (view.learn_slot(&self.model), view.rows());
+                // The structure `Learn`.
+                let (slot, other) = (super::lists::CHUNKS + self.model.parts.len() + 1, view.rows());
                 gpu.write(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
                 let to = (other.gradients, other.by_sh);
                 let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to.0, to.1);

@@ -8,12 +8,11 @@ use crate::frame;
 use crate::hooks::GROUP;
 use crate::stages::project::{self, gpu as splats};
 use crate::stages::project_backward::gpu as gradients;
-use crate::stages::rasterize_backward::{self, GradientSlot};
-use crate::stages::{
-    compare, composite, intersect, optimize, particles, prefix_sum, rasterize, rays, shade, sort,
-};
+use crate::stages::rasterize_backward::GradientSlot;
+use crate::stages::{compare, optimize, particles, rasterize};
 use std::borrow::Cow;
 use std::fmt::Write as _;
+use std::hash::{Hash, Hasher};
 use wm_scene::sh;
 
 /// Threads of a workgroup in every stage.
@@ -52,90 +51,41 @@ pub(crate) const DISPATCH_WORDS: u64 = 9;
 /// Distance of the sky, scene units: WGSL promises no infinity.
 pub(crate) const FAR_AWAY: f32 = 1e30;
 
-/// The programs of one stage. A stage lists its own; [`Program`] lists the stages.
-pub(crate) trait StagePrograms: Sized {
-    /// Every program of the stage, but for those with the text of a weather's air.
-    #[allow(dead_code, reason = "tests compile every program")]
-    fn all() -> Vec<Self>;
-
+/// A program of the GPU.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Program {
     /// The entry point.
-    fn entry(&self) -> &'static str;
-
-    /// The texts, behind the constants and `common.wgsl`.
-    fn parts(&self) -> Vec<Cow<'static, str>>;
+    pub(crate) entry: &'static str,
+    /// The texts behind the constants and `common.wgsl`.
+    texts: &'static [&'static str],
+    /// The texts of a variant: switches, the air.
+    variant: Vec<Cow<'static, str>>,
 }
 
-/// Texts that do not change.
-pub(crate) fn texts<const N: usize>(parts: [&'static str; N]) -> Vec<Cow<'static, str>> {
-    parts.map(Cow::Borrowed).to_vec()
-}
-
-macro_rules! programs {
-    ($($stage:ident($programs:ty),)*) => {
-        /// A program of the GPU.
-        #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-        pub(crate) enum Program {
-            $(
-                #[doc = concat!("One of `", stringify!($programs), "`.")]
-                $stage($programs),
-            )*
-        }
-
-        $(impl From<$programs> for Program {
-            fn from(program: $programs) -> Self {
-                Self::$stage(program)
-            }
-        })*
-
-        impl Program {
-            /// Every program, but for those with the text of a weather's air.
-            #[allow(dead_code, reason = "tests compile every program")]
-            pub(crate) fn all() -> Vec<Self> {
-                let mut all = Vec::new();
-                $(all.extend(<$programs>::all().into_iter().map(Self::$stage));)*
-                all
-            }
-
-            /// The entry point.
-            #[must_use]
-            pub(crate) fn entry(&self) -> &'static str {
-                match self {
-                    $(Self::$stage(program) => program.entry(),)*
-                }
-            }
-
-            fn parts(&self) -> Vec<Cow<'static, str>> {
-                match self {
-                    $(Self::$stage(program) => program.parts(),)*
-                }
-            }
-        }
-    };
-}
-
-programs! {
-    Project(splats::ProjectProgram),
-    Shade(shade::gpu::ShadeProgram),
-    PrefixSum(prefix_sum::gpu::PrefixSumProgram),
-    Sort(sort::gpu::SortProgram),
-    Intersect(intersect::gpu::IntersectProgram),
-    Rasterize(rasterize::gpu::RasterizeProgram),
-    Particles(particles::gpu::ParticleProgram),
-    Composite(composite::gpu::CompositeProgram),
-    Compare(compare::gpu::CompareProgram),
-    RasterizeBackward(rasterize_backward::gpu::RasterizeBackwardProgram),
-    ProjectBackward(gradients::ProjectBackwardProgram),
-    Optimize(optimize::gpu::OptimizeProgram),
-    Rays(rays::gpu::RaysProgram),
+impl Hash for Program {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        // A few programs share an entry point, and the texts are long.
+        self.entry.hash(state);
+    }
 }
 
 impl Program {
+    pub(crate) const fn new(entry: &'static str, texts: &'static [&'static str]) -> Self {
+        Self { entry, texts, variant: Vec::new() }
+    }
+
+    /// Adds a text that is made, or chosen.
+    pub(crate) fn with(mut self, text: impl Into<Cow<'static, str>>) -> Self {
+        self.variant.push(text.into());
+        self
+    }
+
     /// The whole text.
-    #[must_use]
     pub(crate) fn text(&self) -> String {
         let mut text = constants();
-        for part in [Cow::Borrowed(COMMON)].into_iter().chain(self.parts()) {
-            text.push_str(&part);
+        let variant = self.variant.iter().map(|part| &**part);
+        for part in [COMMON].into_iter().chain(self.texts.iter().copied()).chain(variant) {
+            text.push_str(part);
             text.push('\n');
         }
         text
@@ -160,13 +110,12 @@ pub(crate) enum Subgroups {
 }
 
 /// The switches of the blended sums, as WGSL.
-pub(crate) fn switches(channels: Channels) -> Cow<'static, str> {
+pub(crate) fn switches(channels: Channels) -> String {
     let (color, depth, normal) = (channels.has_color(), channels.depth().is_some(), channels.has_normal());
-    format!("const COLOR = {color};\nconst DEPTH = {depth};\nconst NORMAL = {normal};").into()
+    format!("const COLOR = {color};\nconst DEPTH = {depth};\nconst NORMAL = {normal};")
 }
 
 /// The constants that Rust and WGSL share, as WGSL.
-#[must_use]
 pub(crate) fn constants() -> String {
     let mut text = String::new();
     macro_rules! whole {

@@ -26,7 +26,7 @@ const KNOWN: usize = 4;
 const USAGE: BufferUsages = READ_BACK.union(BufferUsages::COPY_DST);
 
 /// Whole blocks of 256 splats, the last one padded.
-struct Part {
+pub(super) struct Part {
     splats: wgpu::Buffer,
     sh_rest: wgpu::Buffer,
     /// Moments of both, where they learn here.
@@ -39,10 +39,10 @@ struct Part {
 pub(crate) struct StoredModel {
     kept: Vec<[GrowingBuffer; 4]>,
     kept_known: GrowingBuffer,
-    parts: Vec<Part>,
+    pub(super) parts: Vec<Part>,
     known: Option<wgpu::Buffer>,
     len: usize,
-    sh_degree: u8,
+    pub(crate) sh_degree: u8,
 }
 
 /// A field of the splats: an array with its stride, and the rows that the GPU keeps it in.
@@ -157,9 +157,9 @@ fn most_in_part(gpu: &Gpu, rest: usize, learns: bool) -> Result<usize, GpuError>
     // Of moments there are two.
     let largest = (ROWS as usize).max(rest) * if learns { 2 } else { 1 };
     let block_bytes = 4 * u64::from(WORKGROUP) * largest as u64;
-    let most = (gpu.most_binding() / block_bytes).min(u64::from(u32::MAX / WORKGROUP)) as usize;
+    let most = (gpu.most_binding / block_bytes).min(u64::from(u32::MAX / WORKGROUP)) as usize;
     if most == 0 {
-        let (what, most) = ("256 splats", gpu.most_binding());
+        let (what, most) = ("256 splats", gpu.most_binding);
         return Err(GpuError::TooLarge { what, bytes: block_bytes, most });
     }
     Ok(most * WORKGROUP as usize)
@@ -189,11 +189,6 @@ impl StoredModel {
     /// Number of splats.
     pub(crate) fn len(&self) -> usize {
         self.len
-    }
-
-    /// Degree of their colours.
-    pub(crate) fn sh_degree(&self) -> u8 {
-        self.sh_degree
     }
 
     /// Returns true if they learn here.
@@ -337,17 +332,12 @@ impl StoredModel {
         self.parts.iter().map(|part| part.piece.blocks).sum()
     }
 
-    /// Number of its pieces.
-    pub(crate) fn piece_count(&self) -> usize {
-        self.parts.len()
-    }
-
     /// The structures of its pieces.
     pub(crate) fn uniforms(&self, config: &ForwardConfig) -> Vec<Uniform> {
         // No colour, no coefficients.
         let degree = if config.channels == Channels::Depth { 0 } else { config.sh_degree };
         let used = 3 * sh::coefficients(degree) as u32 - 3;
-        let uniform = |part: &Part| uniforms::training_chunk(part.piece, used, config.opacity);
+        let uniform = |part: &Part| uniforms::chunk(part.piece, used, None, config.opacity);
         self.parts.iter().map(uniform).collect()
     }
 

@@ -42,9 +42,7 @@ fn render(renderer: &mut GpuRenderer, splats: &Splats, camera: &Camera) -> Resul
 /// 150 of them fill every tile: more entries than the first guess has room for.
 #[test]
 fn room_that_is_too_small_grows_and_the_frame_is_whole() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let camera = camera(600, 400);
     let splats = HardSplats::Huge.splats(150, 4);
     let mut renderer = gpu_renderer();
@@ -99,9 +97,7 @@ fn assert_alike(one: &Frame, two: &Frame) {
 /// A scene like a trained one.
 #[test]
 fn pictures_are_the_cpus() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let camera = shell_camera(400, 266);
     let cpu = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
     for (count, cover, degree) in [(20_000, 30.0, 3), (60_000, 60.0, 0)] {
@@ -124,24 +120,20 @@ fn pictures_are_the_cpus() {
 /// Sets in many pieces are drawn as in one, bit by bit.
 #[test]
 fn pieces_make_no_difference() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let (camera, splats) = (camera(75, 53), random_splats(5000, 3, 6));
     let whole = render(&mut gpu_renderer(), &splats, &camera).unwrap();
     // 256 splats of degree 3 take 46 kB, those in view 64 bytes each.
     let pieces = render(&mut own(Some(330_000)), &splats, &camera).unwrap();
     assert!(whole == pieces);
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let want = reference::frame::render(&[(&splats, None)], &camera, &config, Hooks::default());
+    let want = reference::frame::render(&[(&splats, None)], &DrawPass::new(&[], &camera, &config));
     compare(&whole, &want, 2.0).unwrap();
 }
 
 #[test]
 fn what_does_not_fit_is_named() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let many = random_splats(5000, 3, 6);
     for (most, what, splats, size) in [
         (10_000, "256 splats", &many, (64, 48)),
@@ -164,9 +156,7 @@ fn what_does_not_fit_is_named() {
 
 #[test]
 fn frames_are_the_same_each_time() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let (camera, splats) = (camera(333, 217), random_splats(20_000, 1, 60));
     let mut renderer = gpu_renderer();
     let first = render(&mut renderer, &splats, &camera).unwrap();
@@ -177,13 +167,11 @@ fn frames_are_the_same_each_time() {
 
 #[test]
 fn a_lost_device_is_an_error_and_no_panic() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let (camera, splats) = (camera(64, 48), random_splats(500, 1, 6));
     let mut renderer = own(None);
     render(&mut renderer, &splats, &camera).unwrap();
-    renderer.gpu().lose();
+    renderer.gpu.lose();
     for _ in 0..2 {
         let error = render(&mut renderer, &splats, &camera).unwrap_err().to_string();
         assert!(error.starts_with("the GPU was lost") && !error.contains('\n'), "{error}");
@@ -194,9 +182,7 @@ fn a_lost_device_is_an_error_and_no_panic() {
 /// WebGL's limits of compute are too low; WebGPU's default limits suffice, by the tests above.
 #[test]
 fn an_adapter_that_lacks_something_is_told_so() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let webgl = wgpu::Limits::downlevel_defaults();
     let storage = wgpu::Limits { max_compute_workgroup_storage_size: 16_384, ..webgl.clone() };
     for (limits, lack) in [
@@ -217,7 +203,7 @@ fn a_gpu_that_is_not_there_is_named() {
     assert!(error.contains("`no such GPU`") && !error.contains('\n'), "{error}");
     // One in software is never taken unasked.
     if let Ok(gpu) = Gpu::open(&GpuConfig::default()) {
-        assert_ne!(gpu.kind(), AdapterKind::Software);
+        assert_ne!(gpu.kind, AdapterKind::Software);
     }
 }
 
@@ -238,9 +224,7 @@ impl Medium for Heavy {
 
 #[test]
 fn an_air_without_wgsl_is_refused_by_name() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let mut renderer = gpu_renderer();
     let set = renderer.load(&random_splats(50, 0, 1)).unwrap();
     let (camera, config) = (camera(32, 32), RenderConfig::default());
@@ -273,9 +257,7 @@ fn own_trainer(most_binding: Option<u64>) -> GpuDifferentiable {
 /// With splats about which all threads of a workgroup search the tiles, and others.
 #[test]
 fn gradients_are_the_same_each_time() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let mut splats = HardSplats::Huge.splats(60, 4);
     splats.append(&random_splats(8000, 0, 5));
     let camera = camera(333, 217);
@@ -292,9 +274,7 @@ fn gradients_are_the_same_each_time() {
 /// Room that grows, and splats in many pieces, change no bit.
 #[test]
 fn gradients_do_not_depend_on_room_or_pieces() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let (camera, splats) = (camera(600, 400), HardSplats::Huge.splats(150, 4));
     let mut trainer = own_trainer(None);
     let grown = learn(&mut trainer, &splats, &camera).unwrap();
@@ -308,16 +288,14 @@ fn gradients_do_not_depend_on_room_or_pieces() {
 
 #[test]
 fn a_training_that_does_not_fit_or_loses_its_gpu_is_told_so() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let (camera, splats) = (camera(200, 100), HardSplats::Huge.splats(2000, 4));
     let error = learn(&mut own_trainer(Some(3_000_000)), &splats, &camera).unwrap_err().to_string();
     assert!(error.starts_with("no room on the GPU for what pixels pull: "), "{error}");
     let mut trainer = own_trainer(None);
     let few = random_splats(500, 1, 6);
     learn(&mut trainer, &few, &camera).unwrap();
-    trainer.gpu().lose();
+    trainer.gpu.lose();
     let error = learn(&mut trainer, &few, &camera).unwrap_err().to_string();
     assert!(error.starts_with("the GPU was lost") && !error.contains('\n'), "{error}");
     let none = vec![0.0; 20_000];
@@ -331,6 +309,6 @@ fn a_training_that_does_not_fit_or_loses_its_gpu_is_told_so() {
             &mut Frame::default(),
         )
         .unwrap();
-    trainer.gpu().lose();
+    trainer.gpu.lose();
     assert!(trainer.backward(&few, &upstream, Learn::ALL, &mut Gradients::default()).is_err());
 }

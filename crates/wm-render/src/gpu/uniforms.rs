@@ -1,6 +1,6 @@
 //! Small structures for the GPU, laid out as WGSL does; a test holds them against the WGSL.
 
-use super::source::{TILE_SIDE, WORKGROUP};
+use super::source::TILE_SIDE;
 use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opacity};
 use crate::even_air::EvenAir;
 use crate::hooks::{SkySplats, SplatAttributes};
@@ -130,7 +130,6 @@ pub(crate) struct ViewParameters<'a> {
 
 impl<'a> ViewParameters<'a> {
     /// Collects the parameters of a draw pass.
-    #[must_use]
     pub(crate) fn of(pass: &'a DrawPass<'_>) -> Self {
         let (rasterization, sky) = (pass.config.rasterization, pass.hooks.sky_splats());
         Self {
@@ -146,7 +145,6 @@ impl<'a> ViewParameters<'a> {
     }
 
     /// Collects the parameters of a step of training.
-    #[must_use]
     pub(crate) fn of_training(camera: &'a Camera, config: &ForwardConfig) -> Self {
         let sky = match config.drawn {
             DrawnSplats::All => SkySplats::Kept,
@@ -165,13 +163,11 @@ impl<'a> ViewParameters<'a> {
     }
 
     /// Columns and rows of tiles.
-    #[must_use]
     pub(crate) fn tiles(&self) -> (u32, u32) {
         (self.camera.width.div_ceil(TILE_SIDE), self.camera.height.div_ceil(TILE_SIDE))
     }
 
     /// Their number.
-    #[must_use]
     pub(crate) fn tile_count(&self) -> u32 {
         let (columns, rows) = self.tiles();
         columns * rows
@@ -179,7 +175,6 @@ impl<'a> ViewParameters<'a> {
 }
 
 /// `View` of `common.wgsl`; `blocks` are those of all sets, `drops` what falls.
-#[must_use]
 pub(crate) fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
     let camera = ProjectCamera::new(sight.camera).part_of(sight.whole);
     let [rotation_x, rotation_y, rotation_z] = camera.rotation;
@@ -213,25 +208,14 @@ pub(crate) fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity
 
 /// `View` of lists of something else than tiles, which no camera sees: their number, blocks of what
 /// they list, and room.
-#[must_use]
 pub(crate) fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
     let (fx, fy, cx, cy) = (1.0, 1.0, 0.5, 0.5);
     let camera = Camera { width: 1, height: 1, fx, fy, cx, cy, viewmat: glam::DMat4::IDENTITY, near: 0.1 };
-    let sight = ViewParameters {
-        camera: &camera,
-        rasterization: Rasterization::default(),
-        sky: SkySplats::Kept,
-        air: None,
-        cut: None,
-        median: MedianDepth::Off,
-        whole: None,
-        split: None,
-    };
+    let sight = ViewParameters::of_training(&camera, &ForwardConfig::default());
     view(&sight, blocks, 0, capacity).replaced("tiles", lists)
 }
 
 /// Makes `RayTask` of `records.wgsl`: a range of packets of a group, and the number of records.
-#[must_use]
 pub(crate) fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emits: bool) -> Uniform {
     let all = group.packets.len() as u32;
     let top = group.levels.len() as u32 - 1;
@@ -249,7 +233,6 @@ pub(crate) fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emi
 }
 
 /// `ColorPiece` of `features.wgsl`: the first of its records, their number, and numbers of each.
-#[must_use]
 pub(crate) fn color_piece(first: u32, count: u32, stride: u32) -> Uniform {
     Uniform::default().whole("first", first).whole("count", count).whole("stride", stride)
 }
@@ -269,51 +252,14 @@ pub(crate) struct Piece {
     pub(crate) sh_rows: u32,
 }
 
-impl Piece {
-    /// Whole blocks of splats that are padded with what is never drawn.
-    #[must_use]
-    pub(crate) fn whole(first_block: u32, blocks: u32, first_splat: u32, sh_rows: u32) -> Self {
-        Self { first_block, blocks, first_splat, splats: WORKGROUP * blocks, sh_rows }
-    }
-}
-
-/// The attributes of the splats of a set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AttributeUse {
-    /// They have none.
-    Unused,
-    /// The light stays that of the capture.
-    Surface,
-    /// The light changes.
-    SurfaceAndLight,
-}
-
-impl AttributeUse {
-    /// Finds the use of attributes for a set that may have some.
-    #[must_use]
-    pub(crate) fn of(attributes: Option<&dyn SplatAttributes>) -> Self {
-        match attributes {
-            None => Self::Unused,
-            Some(attributes) if attributes.changes_light() => Self::SurfaceAndLight,
-            Some(_) => Self::Surface,
-        }
-    }
-}
-
-/// `Chunk` of `pieces.wgsl`, for rendering.
-#[must_use]
-pub(crate) fn chunk(piece: Piece, attributes: AttributeUse) -> Uniform {
-    any_chunk(piece, piece.sh_rows, attributes, Opacity::Stored)
-}
-
-/// Makes the structure of a piece for training: how many rows of coefficients are in use, and where
-/// opacities come from.
-#[must_use]
-pub(crate) fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
-    any_chunk(piece, sh_used, AttributeUse::Unused, opacity)
-}
-
-fn any_chunk(piece: Piece, sh_used: u32, attributes: AttributeUse, opacity: Opacity) -> Uniform {
+/// `Chunk` of `pieces.wgsl`: a piece, how many rows of its coefficients are in use, the attributes
+/// of its splats, and where opacities come from.
+pub(crate) fn chunk(
+    piece: Piece,
+    sh_used: u32,
+    attributes: Option<&dyn SplatAttributes>,
+    opacity: Opacity,
+) -> Uniform {
     let fixed = match opacity {
         Opacity::Stored => None,
         Opacity::Fixed(value) => Some(value.max(1e-30).log2()),
@@ -325,14 +271,13 @@ fn any_chunk(piece: Piece, sh_used: u32, attributes: AttributeUse, opacity: Opac
         .whole("splats", piece.splats)
         .whole("sh_rows", piece.sh_rows)
         .whole("sh_used", sh_used)
-        .whole("has_attributes", u32::from(attributes != AttributeUse::Unused))
-        .whole("changes_light", u32::from(attributes == AttributeUse::SurfaceAndLight))
+        .whole("has_attributes", u32::from(attributes.is_some()))
+        .whole("changes_light", u32::from(attributes.is_some_and(SplatAttributes::changes_light)))
         .whole("fixed", u32::from(fixed.is_some()))
         .real("fixed_log2_opacity", fixed.unwrap_or(0.0))
 }
 
 /// `Training` of `training.wgsl`.
-#[must_use]
 pub(crate) fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
     Uniform::default()
         .vector("background", background)
@@ -341,7 +286,6 @@ pub(crate) fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform
 
 /// `Comparison` of `photo.wgsl`, one a channel: `pixels` are those of the picture, `counted` what
 /// they count together.
-#[must_use]
 pub(crate) fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
     let row = |row: usize| [0, 1, 2, 3].map(|k| comparison.exposure[4 * row + k]);
     let [l1, dssim] = [Term::L1, Term::Dssim].map(|term| comparison.weight(term));
@@ -356,7 +300,6 @@ pub(crate) fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64,
 
 /// `Geometry` of `geometry.wgsl`: `pixels` are those of the picture; columns and number of the
 /// patches.
-#[must_use]
 pub(crate) fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, u32)) -> Uniform {
     let Comparison { believed, patches: plan, .. } = comparison;
     let (columns, rows) = believed.map_or((0, 0), |believed| believed.grid);
@@ -379,7 +322,6 @@ pub(crate) fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, 
 }
 
 /// `Pass` of `sort.wgsl`.
-#[must_use]
 pub(crate) fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform {
     Uniform::default()
         .whole("shift", shift)
@@ -388,13 +330,11 @@ pub(crate) fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform
 }
 
 /// `Task` of `intersect.wgsl`.
-#[must_use]
 pub(crate) fn intersect_task(emits: bool) -> Uniform {
     Uniform::default().whole("emits", u32::from(emits))
 }
 
 /// `Step` of `optimize.wgsl`, for `splats` splats.
-#[must_use]
 pub(crate) fn optimize_step(step: &Step, splats: usize) -> Uniform {
     let Step { number, rates, terms, size } = step;
     let correction = |beta: f32| (1.0 - f64::from(beta).powf(f64::from(*number))) as f32;
@@ -416,7 +356,6 @@ pub(crate) fn optimize_step(step: &Step, splats: usize) -> Uniform {
 }
 
 /// `Learn` of `add.wgsl`.
-#[must_use]
 pub(crate) fn learn(learn: Learn) -> Uniform {
     let share = |learns: bool| if learns { 1.0 } else { 0.0 };
     Uniform::default()
@@ -428,7 +367,6 @@ pub(crate) fn learn(learn: Learn) -> Uniform {
 }
 
 /// `Noise` of `explore.wgsl`.
-#[must_use]
 pub(crate) fn noise(noise: &Noise) -> Uniform {
     // What `wm_base::random::uniform` multiplies a seed with.
     let seed = noise.seed.wrapping_mul(SEED_FACTOR);
@@ -440,7 +378,6 @@ pub(crate) fn noise(noise: &Noise) -> Uniform {
 }
 
 /// Makes `Move` of `rearrange.wgsl`: moves splats `before` to splats `now`, `rows` rows each.
-#[must_use]
 pub(crate) fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: MomentReset) -> Uniform {
     let (row, period) = match forgets {
         MomentReset::Row(row, period) => (row, period),
@@ -469,7 +406,6 @@ pub(crate) enum MomentReset {
 }
 
 /// Structures as they lie in a buffer, one a slot.
-#[must_use]
 pub(crate) fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
     let mut bytes = vec![0; SLOT as usize * uniforms.len()];
     for (slot, uniform) in bytes.chunks_exact_mut(SLOT as usize).zip(uniforms) {

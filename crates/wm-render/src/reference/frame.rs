@@ -4,27 +4,20 @@
 use super::{Projected, projected};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::{srgb_decode, srgb_encode};
-use crate::hooks::{AirOnRay, Hooks, SkySplats};
-use crate::plan::{BlendSurface, CutPlane, Shading};
-use crate::renderer::RenderConfig;
+use crate::hooks::{AirOnRay, SkySplats};
+use crate::plan::{DrawPass, Shading};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
-use wm_scene::{Camera, Group, Splats, sh};
+use wm_scene::{Group, Splats, sh};
 
 impl Projected {
     /// log2 of alpha at the picture point `(x, y)`.
-    #[must_use]
     pub(crate) fn log2_alpha(&self, x: f64, y: f64) -> f64 {
         let (dx, dy) = (x - self.mean2d[0], y - self.mean2d[1]);
-        let [xx, xy, _] = self.cov2d;
+        let [xx, xy, yy] = self.cov2d;
         // By the Cholesky factor: the conic's form cancels for needles even in f64.
         let u = dx / xx.sqrt();
-        let v = (dy - xy / xx * dx) / self.spread_given_x().sqrt();
+        let v = (dy - xy / xx * dx) / (yy - xy * xy / xx).sqrt();
         self.opacity.log2() - 0.5 * std::f64::consts::LOG2_E * (u * u + v * v)
-    }
-
-    /// Variance of y for given x, px^2.
-    fn spread_given_x(&self) -> f64 {
-        self.cov2d[2] - self.cov2d[1] * self.cov2d[1] / self.cov2d[0]
     }
 }
 
@@ -78,47 +71,18 @@ pub(crate) const SLOPE_BAND: f64 = 0.01;
 /// Relative difference in view z within which either order is right: a few ulp of f32 sums.
 pub(crate) const ORDER_BAND: f64 = 2e-6;
 
-/// Renders `sets` (splats and their attributes) in f64.
-#[must_use]
+/// Draws sets as a pass does whose own sets do not count.
 pub(crate) fn render(
     sets: &[(&Splats, Option<&dyn SplatAttributes>)],
-    camera: &Camera,
-    config: &RenderConfig,
-    hooks: Hooks<'_>,
+    pass: &DrawPass<'_>,
 ) -> ReferenceFrame {
-    render_shaded(sets, camera, config, hooks, Shading::Color)
-}
-
-/// Renders `sets` in f64 with colours of one kind.
-#[must_use]
-pub(crate) fn render_shaded(
-    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
-    camera: &Camera,
-    config: &RenderConfig,
-    hooks: Hooks<'_>,
-    shading: Shading,
-) -> ReferenceFrame {
-    render_split(sets, camera, config, hooks, shading, None, None)
-}
-
-/// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`)
-/// and a plane below which nothing is drawn.
-#[must_use]
-pub(crate) fn render_split(
-    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
-    camera: &Camera,
-    config: &RenderConfig,
-    hooks: Hooks<'_>,
-    shading: Shading,
-    surface: Option<BlendSurface<'_>>,
-    cut: Option<CutPlane>,
-) -> ReferenceFrame {
+    let DrawPass { camera, config, hooks, shading, surface, cut, .. } = pass;
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
     let pixel_angle = camera.widest_pixel();
     let is_drawn = |group: Group| group != Group::Sky || hooks.sky_splats() == SkySplats::Kept;
     let mut drawn = Vec::new();
-    let shade = |direction: [f64; 3], distance: f64, rgb: [f64; 3]| match (shading, hooks.medium) {
+    let shade = |direction: [f64; 3], distance: f64, rgb: [f64; 3]| match (*shading, hooks.medium) {
         (Shading::Color, None) => rgb,
         (Shading::Color, Some(medium)) => medium.reference(origin, direction, distance, rgb),
         (Shading::Transmittance, medium) => {

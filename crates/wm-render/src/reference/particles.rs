@@ -22,7 +22,6 @@ pub(crate) struct ParticleCover {
 
 impl ParticleCover {
     /// A display-referred colour behind it.
-    #[must_use]
     pub(crate) fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
         if self.tau <= 0.0 {
             return rgb;
@@ -35,7 +34,6 @@ impl ParticleCover {
 
 /// The cover of the middle of pixel `(x, y)` before a scene of that coverage and sum of weight
 /// times view z.
-#[must_use]
 pub(crate) fn cover(
     particles: &[Particle],
     camera: &Camera,

@@ -37,7 +37,6 @@ struct MetSplat {
 
 /// Traces one ray through the splats for which `is_met` returns true. `center` is the middle of the
 /// origins of its group.
-#[must_use]
 pub(crate) fn trace(
     splats: &Splats,
     is_met: impl Fn(usize) -> bool,

@@ -162,7 +162,6 @@ impl SimdPath {
 
     /// The path with half as wide vectors where this one has AVX-512, else this one: for code that
     /// only moves numbers about.
-    #[must_use]
     pub(crate) fn narrow(self) -> Self {
         match self {
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
@@ -172,7 +171,6 @@ impl SimdPath {
     }
 
     /// Number of lanes of its vectors.
-    #[must_use]
     pub(crate) fn lanes(self) -> usize {
         match self {
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]

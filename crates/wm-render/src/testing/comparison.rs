@@ -1,8 +1,12 @@
 //! Comparisons with the reference, and splats that are hard to draw.
 
 use super::{Backend, RandomLoss, random_splats};
+use crate::attributes::SplatAttributes;
 use crate::differentiable::{ForwardConfig, Gradients, Learn};
 use crate::frame::Frame;
+use crate::hooks::{AirGroup, GROUP, Medium, ShadeGroup};
+use crate::plan::{DrawPass, SetView};
+use crate::reference;
 use crate::reference::backward::{self, Parameters, ReferenceGradients};
 use crate::reference::frame::ReferenceFrame;
 use crate::renderer::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
@@ -44,7 +48,6 @@ impl HardSplats {
     ];
 
     /// `count` splats of this kind, for [`camera`].
-    #[must_use]
     pub(crate) fn splats(self, count: usize, seed: u64) -> Splats {
         let mut splats = random_splats(count, 1, seed);
         for i in 0..count {
@@ -133,12 +136,51 @@ pub(crate) fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) 
     if mean < 1e-5 { Ok(()) } else { Err(format!("mean difference {mean:.2e}, bound 1e-5")) }
 }
 
+/// Renders sets with their attributes as `pass` says, and compares the frame with the reference's.
+///
+/// # Errors
+/// As of [`compare`].
+pub(crate) fn rendered(
+    backend: Backend,
+    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
+    pass: &DrawPass<'_>,
+) -> Result<Frame, String> {
+    let mut renderer = backend.renderer();
+    let mut view = |(set, attributes): &(&Splats, _)| {
+        SetView::plain(renderer.load(set).unwrap()).with_attributes(*attributes)
+    };
+    let views: Vec<SetView<'_>> = sets.iter().map(&mut view).collect();
+    let mut frame = Frame::default();
+    renderer.render(&DrawPass { sets: views, ..pass.clone() }, &mut frame).unwrap();
+    compare(&frame, &reference::frame::render(sets, pass), 2.0)?;
+    Ok(frame)
+}
+
+/// Evaluates an air by its reference.
+pub(crate) fn evaluate_by_reference(
+    medium: &dyn Medium,
+    origin: [f32; 3],
+    rays: &[ShadeGroup],
+    out: &mut [AirGroup],
+) {
+    for (rays, out) in rays.iter().zip(out) {
+        for lane in 0..GROUP {
+            let direction = [0, 1, 2].map(|k| f64::from(rays.direction[k][lane]));
+            let distance = f64::from(rays.distance[lane]);
+            let air = medium.evaluate_reference(origin.map(f64::from), direction, distance);
+            for k in 0..3 {
+                out.transmittance[k][lane] = air.transmittance[k] as f32;
+                out.airlight[k][lane] = air.airlight[k] as f32;
+            }
+        }
+    }
+}
+
 /// Gradients of a random loss by the back end and by the reference. The loss counts only the pixels
 /// at which both must decide alike ([`backward::Decisions::steady`]).
 ///
 /// # Panics
 /// If the renderer cannot be started, or more than a few pixels are not steady.
-#[must_use]
 pub(crate) fn gradients_of(
     backend: Backend,
     splats: &Splats,
@@ -159,7 +201,6 @@ pub(crate) fn gradients_of(
 }
 
 /// Relative L2 distance of each array of gradients from the reference's.
-#[must_use]
 pub(crate) fn gradient_errors(got: &Gradients, want: &ReferenceGradients) -> Vec<(&'static str, f64)> {
     let mut want = want.clone();
     let stride = want.parameters.sh.len() / want.weights.len().max(1);

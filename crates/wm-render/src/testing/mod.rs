@@ -2,6 +2,8 @@
 
 #[cfg(test)]
 pub(crate) mod comparison;
+#[cfg(feature = "gpu")]
+pub(crate) mod programs;
 
 #[cfg(feature = "gpu")]
 use crate::device::AnyDifferentiable;
@@ -176,7 +178,6 @@ fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
 #[cfg(feature = "gpu")]
-#[must_use]
 pub(crate) fn gpu_renderer() -> GpuRenderer {
     let gpu = shared_gpu().clone().expect("a GPU");
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")
@@ -186,7 +187,7 @@ pub(crate) fn gpu_renderer() -> GpuRenderer {
 #[cfg(feature = "gpu")]
 #[must_use]
 pub fn program_texts() -> Vec<String> {
-    Program::all().iter().map(Program::text).collect()
+    programs::all().iter().map(Program::text).collect()
 }
 
 /// Checks that an air's WGSL is valid where the renderer puts it; needs no GPU.
@@ -195,15 +196,8 @@ pub fn program_texts() -> Vec<String> {
 /// A message with the place in the text.
 #[cfg(feature = "gpu")]
 pub fn check_air(air: &WgslSource) -> Result<(), String> {
-    use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
-    use crate::stages::shade::gpu::{AirText, ShadeProgram};
     use wgpu::naga::{front::wgsl, valid};
-    let project = |text| Program::from(ProjectProgram::Project(ParameterForm::Activated, text));
-    for program in [
-        project(AirText::Color(air.wgsl.clone())),
-        project(AirText::Share(air.wgsl.clone())),
-        ShadeProgram::Groups(air.wgsl.clone()).into(),
-    ] {
+    for program in programs::air_programs(&air.wgsl) {
         let text = program.text();
         let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;
         let mut validator =

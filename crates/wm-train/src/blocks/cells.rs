@@ -36,7 +36,6 @@ pub(crate) struct GroundAxes {
 impl GroundAxes {
     /// Returns the axes of a ground with this up, the first along the direction in which `points`
     /// reach farthest.
-    #[must_use]
     pub(crate) fn of(up: DVec3, points: &[DVec3]) -> Self {
         let (mut x, mut y) = up.any_orthonormal_pair();
         let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
@@ -53,7 +52,6 @@ impl GroundAxes {
     }
 
     /// Returns the place of a point on the ground.
-    #[must_use]
     pub(crate) fn place(&self, point: DVec3) -> DVec2 {
         DVec2::new(point.dot(DVec3::from_array(self.x)), point.dot(DVec3::from_array(self.y)))
     }
@@ -76,7 +74,6 @@ pub(crate) struct GroundCell {
 
 impl GroundCell {
     /// Returns true if a place lies in the cell.
-    #[must_use]
     pub(crate) fn holds(&self, place: DVec2) -> bool {
         let place = place.to_array();
         (0..2).all(|axis| {
@@ -102,7 +99,6 @@ impl GroundCell {
 }
 
 /// Cuts the ground into `count` cells with about equal numbers of `places`, each with its reach.
-#[must_use]
 pub(crate) fn cells(places: &[DVec2], count: usize) -> Vec<(GroundCell, GroundCell)> {
     let mut cells = Vec::with_capacity(count);
     let all = (0..places.len()).collect();
@@ -146,7 +142,6 @@ pub(crate) struct PlacedPhoto<'a> {
 /// Returns the photos, as indices, that join a block: those of whose points its reach holds enough,
 /// and others as long as they show points of its core that too few of those show. `in_core` and
 /// `in_reach` say of each point whether it is there.
-#[must_use]
 pub(crate) fn joining(
     photos: &[PlacedPhoto<'_>],
     core: &GroundCell,

@@ -90,11 +90,8 @@ pub enum BlockError {
         blocks: Vec<usize>,
     },
     /// The blocks have no splats.
-    #[error("{}: no block has a splat in its cell; the photos show nothing there", folder.display())]
-    Empty {
-        /// The run folder.
-        folder: PathBuf,
-    },
+    #[error("{}: no block has a splat in its cell; the photos show nothing there", .0.display())]
+    Empty(PathBuf),
     /// A file has another number of splats than was written.
     #[error("{}: has {found} splats and should have {expected}; plan again with --overwrite", path.display())]
     Splats {

@@ -117,7 +117,7 @@ impl BlockTraining {
             steps += block.config.steps;
         }
         if splats.is_empty() {
-            return Err(BlockError::Empty { folder: self.folder.clone() });
+            return Err(BlockError::Empty(self.folder.clone()));
         }
         splats.append(&self.sky()?);
         if self.whole.is_none() {
@@ -125,7 +125,7 @@ impl BlockTraining {
         }
         let haze = self.plan.haze.as_ref().map(PlannedHaze::haze);
         let (Some(whole), Some(first)) = (&self.whole, self.plan.blocks.first()) else {
-            return Err(BlockError::Empty { folder: self.folder.clone() });
+            return Err(BlockError::Empty(self.folder.clone()));
         };
         let mut scene = whole.finish(splats, &first.config, haze.as_ref(), observer)?;
         scene.metadata.provenance = Some(format!(

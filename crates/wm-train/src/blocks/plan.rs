@@ -47,7 +47,6 @@ pub struct BlockRegion {
 
 impl BlockRegion {
     /// Returns true if a point is inside.
-    #[must_use]
     pub(crate) fn holds(&self, point: DVec3) -> bool {
         let point = point.to_array();
         (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&point[axis]))
@@ -132,7 +131,6 @@ impl PlannedGains {
     }
 
     /// Returns those of some photos, in their order.
-    #[must_use]
     pub(crate) fn of(&self, photos: &[String]) -> PhotoGains {
         let gain = |name: &String| self.gains.get(name).copied().unwrap_or([1.0; 3]);
         let gains = photos.iter().map(gain).collect();
@@ -158,7 +156,6 @@ pub(crate) struct PlannedHaze {
 
 impl PlannedHaze {
     /// Returns it as trainings take it.
-    #[must_use]
     pub(crate) fn haze(&self) -> PhotoHaze {
         let Self { extinction, error, shown, airlight, .. } = *self;
         PhotoHaze { extinction, error, shown, airlight }
@@ -234,7 +231,6 @@ impl BlockPlan {
     }
 
     /// Returns true if a point belongs to the core of a block.
-    #[must_use]
     pub(crate) fn is_core(&self, block: &TrainBlock, point: DVec3) -> bool {
         block.core.holds(self.ground.place(point))
             && self.region.is_none_or(|region| region.holds(point + self.origin))
@@ -265,7 +261,7 @@ pub(super) fn make(
     folder: &Path,
     observer: &mut dyn TrainObserver,
 ) -> Result<BlockPlan, BlockError> {
-    let (taught, held_out) = whole.places();
+    let (taught, held_out) = (&whole.data.set.places[..], &whole.data.held_out[..]);
     let count = match blocks.count {
         BlockCount::Auto => taught.len().div_ceil(PHOTOS_PER_BLOCK).max(1),
         BlockCount::Number(count) => count.get() as usize,
@@ -275,31 +271,26 @@ pub(super) fn make(
         return Err(BlockError::TooMany { wanted: count, photos, fewest: MIN_PHOTOS, most });
     }
     let points: Vec<DVec3> =
-        whole.capture().points.positions.iter().map(|point| DVec3::from_array(*point)).collect();
-    let origin = whole.capture().origin;
+        whole.data.set.capture.points.positions.iter().map(|point| DVec3::from_array(*point)).collect();
+    let origin = whole.data.set.capture.origin;
     let is_inside: Vec<bool> =
         points.iter().map(|point| blocks.region.is_none_or(|region| region.holds(*point + origin))).collect();
     if !points.is_empty() && !is_inside.contains(&true) {
         return Err(BlockError::EmptyRegion);
     }
     let seen = [whole.seen_points(taught), whole.seen_points(held_out)];
-    let middles: Vec<DVec3> = taught
-        .iter()
-        .zip(&seen[0])
-        .map(|(place, seen)| middle(&points, seen).unwrap_or_else(|| whole.camera(*place).center()))
-        .collect();
+    let center = |place: &usize, seen: &[u32]| {
+        middle(&points, seen).unwrap_or_else(|| whole.data.set.photos.camera(*place, 0).center())
+    };
+    let middles: Vec<DVec3> = taught.iter().zip(&seen[0]).map(|(place, seen)| center(place, seen)).collect();
     let ground = GroundAxes::of(up(whole, taught), &middles);
     let on_ground: Vec<DVec2> = points.iter().map(|point| ground.place(*point)).collect();
     let places: Vec<DVec2> = middles.iter().map(|middle| ground.place(*middle)).collect();
     let photos: Vec<PlacedPhoto<'_>> =
         places.iter().zip(&seen[0]).map(|(place, seen)| PlacedPhoto { place: *place, seen }).collect();
-    let measured: Vec<PlacedPhoto<'_>> = held_out
-        .iter()
-        .zip(&seen[1])
-        .map(|(place, seen)| {
-            let middle = middle(&points, seen).unwrap_or_else(|| whole.camera(*place).center());
-            PlacedPhoto { place: ground.place(middle), seen }
-        })
+    let measured = held_out.iter().zip(&seen[1]);
+    let measured: Vec<PlacedPhoto<'_>> = measured
+        .map(|(place, seen)| PlacedPhoto { place: ground.place(center(place, seen)), seen })
         .collect();
     // Cells are cut where there is something to train.
     let own: Vec<DVec2> = match blocks.region {
@@ -329,11 +320,11 @@ pub(super) fn make(
             points: in_core.iter().filter(|inside| **inside).count(),
             confirmed,
             config: config_of(options, index, joined.len(), confirmed)?,
-            held_out: shown.map(|(_, place)| whole.name(*place).to_owned()).collect(),
-            cameras: joined.into_iter().map(|place| whole.name(place).to_owned()).collect(),
+            held_out: shown.map(|(_, place)| whole.data.set.name(*place).to_owned()).collect(),
+            cameras: joined.into_iter().map(|place| whole.data.set.name(place).to_owned()).collect(),
         });
     }
-    let names: Vec<String> = taught.iter().map(|place| whole.name(*place).to_owned()).collect();
+    let names: Vec<String> = taught.iter().map(|place| whole.data.set.name(*place).to_owned()).collect();
     let config = config_of(options, 0, taught.len(), confirmed_of(whole, taught))?;
     let haze = whole.haze(config.haze, observer)?;
     let splats = whole.sky(&config, haze.as_ref())?;
@@ -349,9 +340,9 @@ pub(super) fn make(
         ground,
         origin,
         region: blocks.region,
-        priors: whole.priors().map(|priors| match priors.strip_prefix(folder) {
+        priors: whole.priors.as_ref().map(|priors| match priors.folder.strip_prefix(folder) {
             Ok(inside) => inside.to_owned(),
-            Err(_) => std::path::absolute(&priors).unwrap_or(priors),
+            Err(_) => std::path::absolute(&priors.folder).unwrap_or_else(|_| priors.folder.clone()),
         }),
         sky,
         haze: haze.map(|(haze, gains)| PlannedHaze {
@@ -361,15 +352,15 @@ pub(super) fn make(
             airlight: haze.airlight,
             gains: PlannedGains::new(&gains, &names),
         }),
-        gains: whole.gains().map(|gains| PlannedGains::new(gains, &names)),
+        gains: whole.data.gains().map(|gains| PlannedGains::new(gains, &names)),
         blocks: planned,
     })
 }
 
 /// Returns up, which need not be exact here: that of the capture, or the cameras' own in the mean.
 fn up(whole: &WholeSession, places: &[usize]) -> DVec3 {
-    let held = || places.iter().map(|place| whole.camera(*place).up()).sum::<DVec3>();
-    whole.up().unwrap_or_else(held).try_normalize().unwrap_or(DVec3::Z)
+    let held = || places.iter().map(|place| whole.data.set.photos.camera(*place, 0).up()).sum::<DVec3>();
+    whole.data.up.map(|up| up.up).unwrap_or_else(held).try_normalize().unwrap_or(DVec3::Z)
 }
 
 /// Returns the median of the points that a photo shows, axis by axis; `None` if it shows none that

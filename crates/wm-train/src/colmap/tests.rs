@@ -1,4 +1,5 @@
 use super::*;
+use crate::photos::encode_png;
 use std::{
     os::unix::fs::PermissionsExt,
     sync::{
@@ -137,11 +138,21 @@ impl Place {
     }
 }
 
+/// Of the four steps the last message says that all is done.
+fn assert_steps(told: &[ColmapProgress]) {
+    for (step, total) in [
+        (ColmapStep::Features, 3),
+        (ColmapStep::Matches, 1),
+        (ColmapStep::Cameras, 3),
+        (ColmapStep::Undistortion, 3),
+    ] {
+        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
+    }
+}
+
 fn write_photo(path: &Path, width: u32, height: u32) {
-    let mut encoder = png::Encoder::new(File::create(path).unwrap(), width, height);
-    encoder.set_color(png::ColorType::Grayscale);
     let pixels = vec![9; (width * height) as usize];
-    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+    fs::write(path, encode_png(width, height, png::ColorType::Grayscale, &pixels)).unwrap();
 }
 
 #[test]
@@ -163,14 +174,7 @@ fn the_four_commands_make_a_capture() {
              DIR/run/dataset --output_type COLMAP",
         ]
     );
-    for (step, total) in [
-        (ColmapStep::Features, 3),
-        (ColmapStep::Matches, 1),
-        (ColmapStep::Cameras, 3),
-        (ColmapStep::Undistortion, 3),
-    ] {
-        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
-    }
+    assert_steps(&told);
     let capture = capture::read(&made.dataset, &CaptureOptions::default()).unwrap();
     assert_eq!(capture.views.len(), 3);
     assert!(capture.photo(0).is_some());
@@ -197,14 +201,7 @@ fn pycolmap_makes_the_same_capture() {
             "undistort DIR/my photos DIR/run/models/1 DIR/run/dataset",
         ]
     );
-    for (step, total) in [
-        (ColmapStep::Features, 3),
-        (ColmapStep::Matches, 1),
-        (ColmapStep::Cameras, 3),
-        (ColmapStep::Undistortion, 3),
-    ] {
-        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
-    }
+    assert_steps(&told);
     // The photos of the database that are not in the model, with those that they share most with.
     let missing: Vec<String> = made.unregistered.iter().map(ToString::to_string).collect();
     assert_eq!(missing.len(), 40);

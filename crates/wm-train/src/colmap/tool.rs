@@ -22,7 +22,6 @@ pub(super) const SCRIPT_NAME: &str = "find_cameras.py";
 impl CameraTool {
     /// Returns the program that the environment variable `COLMAP` names, else the first COLMAP on
     /// `PATH`, else the first Python on `PATH` that can import pycolmap.
-    #[must_use]
     pub(crate) fn find() -> Option<Self> {
         if let Some(given) = std::env::var_os("COLMAP").filter(|given| !given.is_empty()) {
             return Some(Self::Colmap(given.into()));

@@ -10,7 +10,6 @@ pub struct FixedConfig {}
 
 impl FixedConfig {
     /// Returns the strategy; the number of steps and the limit do not matter.
-    #[must_use]
     pub(crate) fn for_steps(_steps: u32, _max_splats: usize) -> Self {
         Self {}
     }

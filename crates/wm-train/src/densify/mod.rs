@@ -97,7 +97,6 @@ macro_rules! strategies {
 
             /// Returns the strategy called `name` with its usual parameters for a training of
             /// `steps` steps and at most `max_splats` splats; `None` if there is no such strategy.
-            #[must_use]
             pub(crate) fn named(name: &str, steps: u32, max_splats: usize) -> Option<Self> {
                 match name {
                     $($name => Some(Self::$variant(<$config>::for_steps(steps, max_splats))),)+
@@ -106,7 +105,6 @@ macro_rules! strategies {
             }
 
             /// Returns the strategy.
-            #[must_use]
             pub(crate) fn strategy(&self) -> &dyn DensifyStrategy {
                 match self {
                     $(Self::$variant(config) => config,)+
@@ -178,7 +176,6 @@ struct Origins {
 
 impl Population {
     /// Returns a new population, sorted for locality.
-    #[must_use]
     pub(crate) fn new(splats: Splats) -> Self {
         let mut population = Self::unsorted(splats);
         population.sort();
@@ -186,7 +183,6 @@ impl Population {
     }
 
     /// Returns a new population whose splats keep their order.
-    #[must_use]
     pub(crate) fn unsorted(splats: Splats) -> Self {
         let (moments, pulls, seen) =
             (Moments::new(&splats), DensifyStats::new(splats.len()), vec![0; splats.len()]);
@@ -194,7 +190,6 @@ impl Population {
     }
 
     /// Returns a population whose moments and coefficients above degree 0 stay on a device.
-    #[must_use]
     pub(crate) fn of_shapes(shapes: Shapes) -> Self {
         let Shapes { splats, pulls, seen } = shapes;
         let rows = (0..splats.len() as u32).map(|row| Origin { row, forgotten: false }).collect();
@@ -206,7 +201,6 @@ impl Population {
     ///
     /// # Panics
     /// If it is not one of shapes.
-    #[must_use]
     pub(crate) fn changed(&self) -> Changed<'_> {
         let Origins { rows, forgets_opacities } = self.origins.as_ref().expect("a population of shapes");
         let Self { splats, pulls, seen, .. } = self;
@@ -214,13 +208,11 @@ impl Population {
     }
 
     /// Returns the number of splats.
-    #[must_use]
     pub(crate) fn len(&self) -> usize {
         self.splats.len()
     }
 
     /// Borrows all of it for a device.
-    #[must_use]
     pub(crate) fn learnt(&self) -> Learnt<'_> {
         Learnt { splats: &self.splats, moments: &self.moments, pulls: &self.pulls, seen: &self.seen }
     }
@@ -240,7 +232,6 @@ impl Population {
 
     /// Returns the splats that any render can show: the others are below the least alpha that is
     /// drawn.
-    #[must_use]
     pub(crate) fn drawn(&self) -> Splats {
         let splats = &self.splats;
         let shown: Vec<usize> =

@@ -50,7 +50,7 @@ pub enum EvaluationAir {
 }
 
 /// Options of an evaluation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EvaluationOptions {
     /// The correction of colours.
     pub exposure_fit: ExposureFit,
@@ -60,17 +60,6 @@ pub struct EvaluationOptions {
     pub geometry: Geometry,
     /// The air between cameras and scene.
     pub air: EvaluationAir,
-}
-
-impl Default for EvaluationOptions {
-    fn default() -> Self {
-        Self {
-            exposure_fit: ExposureFit::None,
-            bad: BadPhotos::Refuse,
-            geometry: Geometry::None,
-            air: EvaluationAir::Photos,
-        }
-    }
 }
 
 /// The scores of one view.

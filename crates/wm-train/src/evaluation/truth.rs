@@ -13,7 +13,7 @@ use wm_scene::Camera;
 use wm_scene::survey::{FactSource, Survey};
 
 /// The folders of ground-truth maps and the meaning of their numbers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TruthOptions {
     /// Folder of depth maps, one per photo and named after it; `None` takes `truth/depth` in the
     /// data set if it exists.
@@ -28,19 +28,6 @@ pub struct TruthOptions {
     pub depth_form: DepthForm,
     /// The axes of normal maps.
     pub normal_axes: NormalAxes,
-}
-
-impl Default for TruthOptions {
-    fn default() -> Self {
-        Self {
-            depth: None,
-            normal: None,
-            sky: None,
-            depth_unit: None,
-            depth_form: DepthForm::Z,
-            normal_axes: NormalAxes::World,
-        }
-    }
 }
 
 /// A reason why ground-truth maps cannot be used.
@@ -101,12 +88,9 @@ pub enum TruthWarning {
     },
     /// Maps are taken to be of the photo without its lens distortion.
     #[error(
-        "{photo}: its lens is undone before it is compared; the maps are taken to be of the picture without the lens"
+        "{0}: its lens is undone before it is compared; the maps are taken to be of the picture without the lens"
     )]
-    Lens {
-        /// The first photo whose lens distorts.
-        photo: String,
-    },
+    Lens(String),
 }
 
 /// A folder of maps that is used.
@@ -196,13 +180,12 @@ impl TruthMaps {
         if !truth.is_empty()
             && let Some(place) = data.places.iter().find(|place| data.photos.is_bent(**place))
         {
-            warnings.push(TruthWarning::Lens { photo: data.name(*place).to_owned() });
+            warnings.push(TruthWarning::Lens(data.name(*place).to_owned()));
         }
         Ok((truth, warnings))
     }
 
     /// Returns true if there are no maps.
-    #[must_use]
     pub(crate) fn is_empty(&self) -> bool {
         self.depth.is_none() && self.normal.is_none() && self.sky.is_none()
     }

@@ -68,7 +68,6 @@ pub(crate) struct FarGround<'a> {
 impl<'a> FarGround<'a> {
     /// Returns the ground under `cameras`, of which `points` tell the height; `None` if the cameras
     /// are not above it.
-    #[must_use]
     pub(crate) fn new(
         cameras: &'a [Camera],
         points: &SparsePoints,
@@ -89,7 +88,6 @@ impl<'a> FarGround<'a> {
     }
 
     /// Returns the sine of the elevation below which no photo shows endless haze.
-    #[must_use]
     pub(crate) fn lowest(&self) -> f64 {
         let highest = self.cameras.iter().map(|camera| self.up.dot(camera.center() - self.center));
         let highest = self.height + highest.fold(0.0, f64::max);
@@ -136,7 +134,6 @@ impl<'a> FarGround<'a> {
 
 /// Returns a photo's prior with class unknown where the photo shows the airlight and depth is not
 /// known.
-#[must_use]
 pub(crate) fn without_hidden(prior: &Prior, photo: &Photo, haze: &PhotoHaze) -> Prior {
     let mut prior = prior.clone();
     let light = haze.airlight.map(|light| 255.0 * srgb_encode(light));

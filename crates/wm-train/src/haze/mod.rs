@@ -86,7 +86,6 @@ impl PhotoHaze {
     /// `horizon` is the sky just above the horizon, linear RGB: the light of endless haze, if
     /// photos show it. Without it the light is fitted too, which tells less of the extinction:
     /// thick haze of little light dims as thin haze of much light does.
-    #[must_use]
     pub(crate) fn measured(
         capture: &Capture,
         photos: &Photos,
@@ -100,7 +99,6 @@ impl PhotoHaze {
 
     /// Returns haze of a given extinction (1 / scene unit) and the gains of the photos `places`.
     /// The airlight is that of `horizon`, or is fitted. `None` if the photos share too few points.
-    #[must_use]
     pub(crate) fn given(
         capture: &Capture,
         photos: &Photos,
@@ -114,7 +112,6 @@ impl PhotoHaze {
     }
 
     /// Returns the haze stated in a scene's metadata.
-    #[must_use]
     pub(crate) fn of(metadata: &Metadata) -> Option<Self> {
         let (extinction, airlight) = (metadata.haze_extinction?, metadata.haze_airlight?);
         let shown = metadata.haze_shown_extinction.unwrap_or(extinction);
@@ -130,26 +127,22 @@ impl PhotoHaze {
     }
 
     /// Returns the extinction for a meteorological optical range, in the reciprocal of its unit.
-    #[must_use]
     pub(crate) fn extinction_of(mor: f64) -> f64 {
         MOR_DEPTH / mor
     }
 
     /// Returns the medium for rendering.
-    #[must_use]
     pub(crate) fn air(&self) -> EvenAir {
         EvenAir { extinction: self.shown as f32, airlight: self.airlight.map(|v| v as f32) }
     }
 
     /// Returns the transmittance over `distance`, scene units, as photos show it.
-    #[must_use]
     pub(crate) fn transmittance(&self, distance: f64) -> f64 {
         (-self.shown * distance).exp()
     }
 
     /// Returns the clear colour (sRGB) of a surface that a photo shows as `rgb` through haze of the
     /// given transmittance.
-    #[must_use]
     pub(crate) fn clear_color(&self, rgb: [u8; 3], transmittance: f64) -> [u8; 3] {
         // A smaller divisor would amplify noise.
         let kept = transmittance.max(MIN_DIVISOR);

@@ -48,7 +48,6 @@ static LIGHT: LazyLock<[f32; 256]> =
 
 /// Returns the tracks of the points that at least two of the photos `places` show, by the
 /// observations of the capture.
-#[must_use]
 pub(crate) fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
     let levels: Vec<u8> = places.iter().map(|place| photos.level_within(*place, MAX_SIDE_PX)).collect();
     let seen: Vec<Vec<(u32, PlacedPoint)>> = places

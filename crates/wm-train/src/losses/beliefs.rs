@@ -6,7 +6,6 @@ use crate::priors::Prior;
 use wm_render::training::{GridPriors, PixelPrior};
 
 /// Returns `prior` in the form for a device; `pixels` are [`beliefs`].
-#[must_use]
 pub(crate) fn believed<'a>(
     truth: &TrainPhoto<'_>,
     prior: &Prior,
@@ -17,7 +16,6 @@ pub(crate) fn believed<'a>(
 }
 
 /// Returns the weight of each pixel of the photo, `[H, W]`.
-#[must_use]
 pub(crate) fn beliefs(truth: &TrainPhoto<'_>) -> Vec<PixelPrior> {
     let (width, height) = truth.size();
     let mut beliefs = vec![PixelPrior::NONE; width as usize * height as usize];

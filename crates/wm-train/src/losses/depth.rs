@@ -16,23 +16,14 @@ use wm_render::training::{Comparison, MIN_COVERAGE, MIN_RELATIVE_SIGMA, Term};
 /// The term `depth`.
 #[derive(Clone, Debug)]
 pub(crate) struct DepthTerm {
-    weight: f64,
-    from: u32,
-    steps: u32,
     geometry: GeometryConfig,
+    steps: u32,
 }
 
 impl DepthTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig) -> Self {
-        let geometry = config.loss.geometry;
-        Self {
-            weight: geometry.depth,
-            from: geometry.depth_from(config.steps),
-            steps: config.steps,
-            geometry,
-        }
+        Self { geometry: config.loss.geometry, steps: config.steps }
     }
 }
 
@@ -42,8 +33,10 @@ impl LossTerm for DepthTerm {
     }
 
     fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
-        let is_on = step >= self.from && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
-        if is_on { self.weight * self.geometry.depth_share(step, self.steps) } else { 0.0 }
+        let Self { geometry, steps } = self;
+        let is_on = step >= geometry.depth_from(*steps)
+            && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
+        if is_on { geometry.depth * geometry.depth_share(step, *steps) } else { 0.0 }
     }
 
     fn channels(&self) -> Channels {

@@ -17,7 +17,6 @@ pub(crate) struct FlatTerm {
 
 impl FlatTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig) -> Self {
         Self { weight: config.loss.geometry.flat }
     }

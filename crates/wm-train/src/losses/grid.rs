@@ -15,7 +15,6 @@ pub(crate) struct Grid {
 
 impl Grid {
     /// Returns the grid for a frame of `size` and a prior of the same view.
-    #[must_use]
     pub(crate) fn new(size: (u32, u32), prior: &Prior) -> Self {
         let pairs = |frame: u32, prior: u32| -> Vec<(u32, u32)> {
             let count = frame.min(prior);
@@ -30,14 +29,12 @@ impl Grid {
     }
 
     /// Returns the number of pairs.
-    #[must_use]
     pub(crate) fn len(&self) -> usize {
         self.width * self.height
     }
 
     /// Returns the indices of a pair in one-channel arrays of the frame and of the prior.
     #[inline(always)]
-    #[must_use]
     pub(crate) fn at(&self, column: usize, row: usize) -> (usize, usize) {
         let ((x, u), (y, v)) = (self.columns[column], self.rows[row]);
         ((y + x) as usize, (v + u) as usize)

@@ -38,7 +38,6 @@ use wm_render::{Channels, DepthAlpha, DrawnSplats, Frame, Learn, Opacity, Upstre
 use wm_scene::Camera;
 
 /// The terms of a configuration.
-#[must_use]
 pub(crate) fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
     vec![
         Box::new(L1Term { weight: config.loss.l1 }),
@@ -68,7 +67,6 @@ pub struct TrainPhoto<'a> {
 
 impl TrainPhoto<'_> {
     /// Returns width and height, px.
-    #[must_use]
     pub(crate) fn size(&self) -> (u32, u32) {
         (self.camera.width, self.camera.height)
     }
@@ -124,7 +122,6 @@ impl LossGradients {
     }
 
     /// Returns the derivatives in the form that the renderer takes.
-    #[must_use]
     pub(crate) fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
         Upstream { rgb: &self.rgb, alpha: &self.alpha, depth: &self.depth, normal: &self.normal, depth_alpha }
     }
@@ -287,7 +284,7 @@ mod tests {
                     assert!(
                         off < 2e-3 + 0.02 * found.abs(),
                         "{} {array} {i}: {found} {}",
-                        term_name(array),
+                        ["alpha", "depth", "normal"][array],
                         wanted[i]
                     );
                     compared += usize::from(wanted[i] != 0.0);
@@ -295,10 +292,6 @@ mod tests {
             }
             assert!(compared >= 15, "{compared}");
         }
-    }
-
-    fn term_name(array: usize) -> &'static str {
-        ["alpha", "depth", "normal"][array]
     }
 
     /// The terms give the same values and derivatives on a device as here.
@@ -371,9 +364,7 @@ mod tests {
 
     #[test]
     fn a_device_compares_as_terms_do() {
-        if Backend::gpu().is_none() {
-            return;
-        }
+        let Some(_) = Backend::gpu() else { return };
         let config = TrainConfig::preset(Preset::Quick);
         let of = |pass| PatchDepthTerm::new(&config, pass).own_render();
         // Coarser than the picture one way and finer the other, as no prior is, and as most are.

@@ -20,7 +20,6 @@ pub(crate) struct NormalTerm {
 
 impl NormalTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.normal, from: geometry.normal_from(config.steps) }

@@ -37,11 +37,6 @@ pub(crate) enum PatchPass {
 #[derive(Clone, Debug)]
 pub(crate) struct PatchDepthTerm {
     pass: PatchPass,
-    weight: f64,
-    local: f64,
-    margin: f64,
-    every: u32,
-    from: u32,
     steps: u32,
     geometry: GeometryConfig,
     seed: u64,
@@ -61,26 +56,9 @@ struct Work {
 
 impl PatchDepthTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig, pass: PatchPass) -> Self {
-        let geometry = config.loss.geometry;
-        let (weight, from) = match pass {
-            PatchPass::Hard => (geometry.depth_hard, 0),
-            PatchPass::Soft => (geometry.depth_soft, geometry.depth_from(config.steps)),
-        };
-        let (local, margin, every) = (geometry.depth_local, geometry.depth_margin, geometry.every.max(1));
-        Self {
-            pass,
-            weight,
-            local,
-            margin,
-            every,
-            from,
-            steps: config.steps,
-            geometry,
-            seed: config.seed,
-            work: Work::default(),
-        }
+        let (geometry, steps, seed) = (config.loss.geometry, config.steps, config.seed);
+        Self { pass, steps, geometry, seed, work: Work::default() }
     }
 
     /// Returns the side of the patches at a step, for a grid of `rows` rows.
@@ -102,14 +80,16 @@ impl LossTerm for PatchDepthTerm {
     }
 
     fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
-        let is_on = step >= self.from
-            && step.is_multiple_of(self.every)
+        let Self { pass, steps, geometry, .. } = self;
+        let (weight, from) = match pass {
+            PatchPass::Hard => (geometry.depth_hard, 0),
+            PatchPass::Soft => (geometry.depth_soft, geometry.depth_from(*steps)),
+        };
+        let every = geometry.every.max(1);
+        let is_on = step >= from
+            && step.is_multiple_of(every)
             && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
-        if is_on {
-            self.weight * self.geometry.depth_share(step, self.steps) * f64::from(self.every)
-        } else {
-            0.0
-        }
+        if is_on { weight * geometry.depth_share(step, *steps) * f64::from(every) } else { 0.0 }
     }
 
     fn own_render(&self) -> Option<OwnRender> {
@@ -125,8 +105,8 @@ impl LossTerm for PatchDepthTerm {
         let rows = comparison.believed.map_or(0, |believed| believed.grid.1 as usize);
         comparison.patches = training::Patches {
             side: self.side(step, rows) as u32,
-            local: self.local as f32,
-            margin: self.margin as f32,
+            local: self.geometry.depth_local as f32,
+            margin: self.geometry.depth_margin as f32,
         };
         Reads::Device(Term::Patches)
     }
@@ -135,7 +115,7 @@ impl LossTerm for PatchDepthTerm {
         let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
         let grid = Grid::new(input.truth.size(), prior);
         let side = self.side(input.step, grid.height);
-        let Work { x, y, slope } = &mut self.work;
+        let (Work { x, y, slope }, geometry) = (&mut self.work, &self.geometry);
         x.clear();
         y.clear();
         for (at, theirs) in grid.pairs() {
@@ -145,7 +125,7 @@ impl LossTerm for PatchDepthTerm {
             y.push(f64::from(believed));
         }
         let patches = Patches { width: grid.width, height: grid.height, side };
-        let value = normalised(x, y, patches, self.local, self.margin, slope);
+        let value = normalised(x, y, patches, geometry.depth_local, geometry.depth_margin, slope);
         for (i, (at, _)) in grid.pairs().enumerate() {
             if slope[i] != 0.0 {
                 // dr/dD = -r^2.

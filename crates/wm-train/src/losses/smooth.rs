@@ -17,7 +17,6 @@ pub(crate) struct SmoothTerm {
 
 impl SmoothTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.smooth, from: geometry.depth_from(config.steps) }

@@ -15,7 +15,6 @@ pub(crate) struct SsimTerm {
 
 impl SsimTerm {
     /// Returns the term with a weight, on a SIMD path.
-    #[must_use]
     pub(crate) fn new(weight: f64, path: SimdPath) -> Self {
         Self { weight, ssim: Ssim::new(path) }
     }

@@ -23,7 +23,6 @@ pub(crate) struct SurfaceTerm {
 
 impl SurfaceTerm {
     /// Returns the term with its weight in `config`.
-    #[must_use]
     pub(crate) fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
         Self { weight: geometry.surface, every: geometry.every.max(1) }

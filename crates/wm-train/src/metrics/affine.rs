@@ -12,7 +12,6 @@ const RIDGE_WEIGHT: f64 = 1e-6;
 ///
 /// # Panics
 /// If the sizes differ.
-#[must_use]
 pub(crate) fn fit_exposure(rgb: &[f32], photo: &[f32], mask: Option<&[f32]>) -> Vec<f32> {
     assert_eq!(rgb.len(), photo.len(), "two pictures of one size");
     let color = |p: &[f32]| DVec4::new(p[0].into(), p[1].into(), p[2].into(), 1.0);

@@ -48,11 +48,8 @@ pub enum EmbeddingFault {
     #[error("there is no embedding in it; embed at least two pictures")]
     None,
     /// A number is none.
-    #[error("row {row} holds NaN or infinite numbers; embed its picture again")]
-    NotFinite {
-        /// From 0.
-        row: usize,
-    },
+    #[error("row {0} holds NaN or infinite numbers; embed its picture again")]
+    NotFinite(usize),
     /// CMMD is defined for unit vectors alone.
     #[error(
         "row {row} has length {length:.3}, and CMMD takes embeddings of length 1; divide each row by its length"
@@ -98,7 +95,7 @@ impl Embeddings {
         }
         for (row, embedding) in values.chunks_exact(width).enumerate() {
             if !embedding.iter().all(|value| value.is_finite()) {
-                return Err(EmbeddingFault::NotFinite { row });
+                return Err(EmbeddingFault::NotFinite(row));
             }
             let length = embedding.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
             if (length - 1.0).abs() > LENGTH_TOLERANCE {
@@ -357,7 +354,7 @@ mod tests {
     fn what_is_no_embedding_is_told() {
         let of = |values: &[f32], width| Embeddings::new(values.to_vec(), width).unwrap_err();
         assert_eq!(of(&[], 3), EmbeddingFault::None);
-        assert_eq!(of(&[1.0, 0.0, f32::NAN, 0.0], 2), EmbeddingFault::NotFinite { row: 1 });
+        assert_eq!(of(&[1.0, 0.0, f32::NAN, 0.0], 2), EmbeddingFault::NotFinite(1));
         let long = of(&[1.0, 0.0, 0.6, 0.6], 2).to_string();
         assert!(long.starts_with("row 1 has length 0.849, and CMMD takes"), "{long}");
         let folder = tempfile::tempdir().unwrap();

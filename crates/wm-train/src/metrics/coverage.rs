@@ -33,7 +33,6 @@ impl SurfaceLost {
 ///
 /// # Panics
 /// If the sizes differ.
-#[must_use]
 pub(crate) fn surface_lost(coverage: &[f32], median_depth: &[f32], truth: &[f32]) -> Option<SurfaceLost> {
     assert!(coverage.len() == truth.len() && median_depth.len() == truth.len(), "maps of one size");
     let (mut pixels, mut open, mut behind) = (0usize, 0usize, 0usize);
@@ -59,7 +58,6 @@ pub(crate) fn surface_lost(coverage: &[f32], median_depth: &[f32], truth: &[f32]
 ///
 /// # Panics
 /// If the sizes differ.
-#[must_use]
 pub(crate) fn sky_covered(coverage: &[f32], sky: &[f32]) -> Option<f64> {
     assert_eq!(coverage.len(), sky.len(), "two maps of one size");
     let sky = coverage.iter().zip(sky).filter(|(_, sky)| **sky > 0.5);

@@ -24,7 +24,6 @@ pub(crate) const DELTA: f32 = 1.25;
 ///
 /// # Panics
 /// If the sizes differ.
-#[must_use]
 pub(crate) fn depth_errors(depth: &[f32], truth: &[f32]) -> Option<DepthErrors> {
     assert_eq!(depth.len(), truth.len(), "two maps of one size");
     let known = depth.iter().zip(truth).filter(|(_, truth)| is_known(**truth));

@@ -59,7 +59,6 @@ enum SplatPlace {
 
 impl<'a> Floaters<'a> {
     /// Begins with no view.
-    #[must_use]
     pub(crate) fn new(splats: &'a Splats, rasterization: Rasterization) -> Self {
         Self { splats, rasterization, seen: vec![SplatPlace::Nowhere; splats.len()], weights: [0.0; 2] }
     }
@@ -106,7 +105,6 @@ impl<'a> Floaters<'a> {
     }
 
     /// Returns the numbers; `None` if no splat is in any view.
-    #[must_use]
     pub(crate) fn share(&self) -> Option<FloaterShare> {
         let count = |least: SplatPlace| self.seen.iter().filter(|seen| **seen >= least).count();
         let splats = count(SplatPlace::Sound);

@@ -28,7 +28,6 @@ pub fn angle(a: &[f32], b: &[f32]) -> Option<f32> {
 ///
 /// # Panics
 /// If the sizes differ.
-#[must_use]
 pub(crate) fn normal_errors(normals: &[f32], truth: &[f32]) -> Option<NormalErrors> {
     assert_eq!(normals.len(), truth.len(), "two maps of one size");
     let (mut angles, mut missing) = (Vec::new(), 0usize);

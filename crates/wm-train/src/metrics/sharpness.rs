@@ -7,7 +7,6 @@
 ///
 /// # Panics
 /// If the sizes differ.
-#[must_use]
 pub(crate) fn sharpness(x: &[f32], y: &[f32], mask: Option<&[f32]>, width: usize) -> Option<f64> {
     assert_eq!(x.len(), y.len(), "two pictures of one size");
     let [ours, theirs] = [x, y].map(|picture| mean_gradient(picture, mask, width));

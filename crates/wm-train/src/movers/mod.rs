@@ -64,13 +64,11 @@ pub(crate) struct MoverMask {
 
 impl MoverMask {
     /// Returns true if no pixel shows a mover.
-    #[must_use]
     pub(crate) fn is_empty(&self) -> bool {
         !self.moves.contains(&true)
     }
 
     /// Returns the indices of the pixels that show movers, in a photo of this size.
-    #[must_use]
     pub(crate) fn pixels(&self, width: u32, height: u32) -> Vec<usize> {
         if self.is_empty() {
             return Vec::new();
@@ -108,7 +106,6 @@ pub enum MoverOutcome {
 }
 
 /// Returns how often the sides of photos are halved for the search.
-#[must_use]
 pub(crate) fn level(cameras: &[Camera]) -> u8 {
     let is_enough = |level: &u8| {
         let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= MAX_PIXELS;
@@ -121,7 +118,6 @@ pub(crate) fn level(cameras: &[Camera]) -> u8 {
 /// Searches photos for movers; returns a mask for each where there are some, else no mask.
 ///
 /// The result does not depend on the number of threads.
-#[must_use]
 pub(crate) fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
     if views.len() < MIN_PHOTOS {
         return (MoverOutcome::TooFewJudged(0.0), Vec::new());

@@ -27,7 +27,6 @@ const MAX_HOLE_SHARE: f64 = 0.5;
 const RIM_PX: usize = 1;
 
 /// Returns the mask of a photo, `[H, W]`; empty if no mover is in it.
-#[must_use]
 pub(crate) fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     let (width, height) = view.size();
     let weak = one_way(verdicts, width);
@@ -133,7 +132,6 @@ fn dilated(of: &[bool], width: usize, radius: usize) -> Vec<bool> {
 }
 
 /// Returns the share of set pixels in the window of `radius` about each pixel.
-#[must_use]
 pub(crate) fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
     let height = of.len() / width;
     let side = |at: usize, count: usize| (at + radius + 1).min(count) - at.saturating_sub(radius);

@@ -57,7 +57,6 @@ impl MoverView {
     ///
     /// # Panics
     /// If the arrays have not the size of the camera.
-    #[must_use]
     pub(crate) fn new(camera: Camera, colors: &[[f32; 3]], stereo: &[f32]) -> Self {
         let (width, height) = (camera.width as usize, camera.height as usize);
         assert!(
@@ -85,7 +84,6 @@ impl MoverView {
     }
 
     /// Returns width and height, px.
-    #[must_use]
     pub(crate) fn size(&self) -> (usize, usize) {
         (self.scales[0].width, self.scales[0].height)
     }

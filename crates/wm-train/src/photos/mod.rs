@@ -31,6 +31,8 @@ mod undistort;
 pub use error::{PhotoError, PhotoErrors, PhotoFault};
 pub use folder::photos_in;
 pub use picture::Photo;
+#[cfg(test)]
+pub(crate) use tests::encode_png;
 
 use cache::Cache;
 use picture::{Entry, Lens, is_scaled, reduced_camera};
@@ -136,8 +138,8 @@ pub struct Photos {
     shared: Arc<Shared>,
     loaders: Vec<JoinHandle<()>>,
     skipped: Vec<PhotoError>,
-    gps: Vec<Option<Gps>>,
-    taken: Vec<Option<f64>>,
+    pub(crate) gps: Vec<Option<Gps>>,
+    pub(crate) taken: Vec<Option<f64>>,
 }
 
 struct Shared {
@@ -274,7 +276,6 @@ impl Photos {
     }
 
     /// The highest level at which no photo has a side shorter than `shortest` px; 0 at least.
-    #[must_use]
     pub(crate) fn last_level(&self, shortest: u32) -> u8 {
         let sides = self.shared.entries.iter().map(|e| e.lens.ideal.width.min(e.lens.ideal.height));
         let least = sides.min().unwrap_or(1);
@@ -286,7 +287,6 @@ impl Photos {
     ///
     /// # Panics
     /// If there is no such photo.
-    #[must_use]
     pub(crate) fn level_within(&self, index: usize, longest: u32) -> u8 {
         let camera = self.camera(index, 0);
         let side = camera.width.max(camera.height);
@@ -326,20 +326,6 @@ impl Photos {
     #[must_use]
     pub fn skipped(&self) -> &[PhotoError] {
         &self.skipped
-    }
-
-    /// Returns the position of each view of the capture, `[V]`, as its photo says; see
-    /// [`wm_capture::gps::fit`].
-    #[must_use]
-    pub(crate) fn gps(&self) -> &[Option<Gps>] {
-        &self.gps
-    }
-
-    /// Returns the time of each view of the capture, `[V]`, seconds since 1970, UTC, where its
-    /// photo says it with a time zone.
-    #[must_use]
-    pub(crate) fn taken(&self) -> &[Option<f64>] {
-        &self.taken
     }
 }
 

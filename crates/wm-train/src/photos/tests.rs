@@ -4,6 +4,16 @@ use tempfile::{TempDir, tempdir};
 use wm_capture::{self as capture, CaptureOptions};
 use wm_scene::testing::data;
 
+/// A PNG file of 8 bits.
+pub(crate) fn encode_png(width: u32, height: u32, color: png::ColorType, pixels: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(color);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.write_header().unwrap().write_image_data(pixels).unwrap();
+    bytes
+}
+
 /// A PNG of a ramp: red grows to the right, green downwards, blue is 7.
 fn write_ramp(path: &Path, width: u32, height: u32) {
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x as u8, y as u8, 7])).flatten().collect();
@@ -12,10 +22,7 @@ fn write_ramp(path: &Path, width: u32, height: u32) {
 
 fn write_png(path: &Path, width: u32, height: u32, color: png::ColorType, pixels: Vec<u8>) {
     fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let mut encoder = png::Encoder::new(fs::File::create(path).unwrap(), width, height);
-    encoder.set_color(color);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+    fs::write(path, encode_png(width, height, color, &pixels)).unwrap();
 }
 
 /// A data set of `names` with one camera of 40 x 30 px and photos that fit it.
@@ -92,9 +99,8 @@ fn originals_state_place_and_time_for_photos_that_lost_them() {
         capture::read(folder.path(), &options)
     };
     let photos = Photos::open(&read(&originals).unwrap(), &PhotoOptions::default()).unwrap();
-    assert_eq!(photos.taken(), [None, None, Some(1_717_059_369.0)]);
-    let places: Vec<_> =
-        photos.gps().iter().map(|gps| gps.map(|gps| (gps.latitude, gps.longitude))).collect();
+    assert_eq!(photos.taken, [None, None, Some(1_717_059_369.0)]);
+    let places: Vec<_> = photos.gps.iter().map(|gps| gps.map(|gps| (gps.latitude, gps.longitude))).collect();
     assert_eq!(places, [None, None, Some((55.7, 13.2))]);
     let missing = read(&folder.path().join("nowhere")).unwrap_err().to_string();
     assert!(missing.contains("nowhere"), "{missing}");

@@ -144,7 +144,7 @@ impl Weigh for Prior {
 
 /// Priors of a data set, read when they are asked for.
 pub struct Priors {
-    folder: PathBuf,
+    pub(crate) folder: PathBuf,
     index: Index,
     /// By the place of the name among all.
     cache: Cache<usize, Prior>,
@@ -221,14 +221,7 @@ impl Priors {
         &self.index
     }
 
-    /// The folder.
-    #[must_use]
-    pub(crate) fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// Returns true if any photo shows the sky.
-    #[must_use]
     pub(crate) fn has_sky(&self) -> bool {
         self.index.photos.values().any(|entry| entry.sky && entry.sky_share > 0.0)
     }

@@ -67,7 +67,6 @@ pub enum SkyClass {
 
 impl Prior {
     /// Bytes that it takes.
-    #[must_use]
     pub(crate) fn bytes(&self) -> usize {
         4 * self.disparity.len() + 12 * self.normal.len() + self.sky.len()
     }

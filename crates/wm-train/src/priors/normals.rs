@@ -14,7 +14,6 @@ const MIN_KNOWN_SHARE: f64 = 0.4;
 /// Returns normals, `[H, W, 3]`, world axes, towards the camera, from inverse depth `[H, W]` in
 /// windows of `2 radius + 1` px; 0 where too little is known and in the sky. `camera` has the size
 /// of the image.
-#[must_use]
 pub(crate) fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let world_from_camera = camera.rotation().transpose();

@@ -8,7 +8,6 @@ use wm_capture::Capture;
 use wm_scene::Camera;
 
 /// Returns true if the capture says which photo shows which point.
-#[must_use]
 pub(crate) fn has_tracks(capture: &Capture) -> bool {
     capture.observations.iter().any(|seen| !seen.is_empty())
 }

@@ -31,7 +31,6 @@ pub struct SeenPoint {
 
 impl SeenPoint {
     /// Returns the image point in an image of this size, px.
-    #[must_use]
     pub(crate) fn pixel(&self, width: usize, height: usize) -> [f32; 2] {
         [(self.at[0] * width as f64) as f32, (self.at[1] * height as f64) as f32]
     }

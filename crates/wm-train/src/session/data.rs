@@ -29,7 +29,7 @@ use wm_scene::{Camera, SceneView, Severity};
 const POOR_PHOTOS_FILE: &str = "poor-photos.png";
 
 /// A data set that is open, and which photos it trains on.
-pub(super) struct TrainData {
+pub(crate) struct TrainData {
     /// The training photos.
     pub(crate) set: Dataset,
     /// Indices in the photos of those that are held out.
@@ -240,7 +240,7 @@ fn open_capture(
             Err(error) => return Err(error.into()),
         }
         if let Some(model) = &wanted.model {
-            return Err(SessionError::NoModel { model: dataset.join(model) });
+            return Err(SessionError::NoModel(dataset.join(model)));
         }
         register(dataset, Matching::Auto, folder, observer)?
     };
@@ -260,7 +260,7 @@ fn frames(
     let mut progress = |progress| shared.borrow_mut().on_preparation(&Preparation::Video(progress));
     let is_stopped = || shared.borrow_mut().proceed().is_break();
     let count = video::write_frames(video, &frames, &mut progress, &is_stopped)?;
-    shared.into_inner().on_notice(&TrainNotice::FramesChosen { frames: count });
+    shared.into_inner().on_notice(&TrainNotice::FramesChosen(count));
     Ok((frames, count))
 }
 

@@ -35,11 +35,8 @@ pub enum SessionError {
     #[error(transparent)]
     Video(#[from] VideoError),
     /// The folder holds plain photos, and a model in it was named.
-    #[error("{}: there is no model that COLMAP wrote", model.display())]
-    NoModel {
-        /// The folder that was named.
-        model: PathBuf,
-    },
+    #[error("{}: there is no model that COLMAP wrote", .0.display())]
+    NoModel(PathBuf),
     /// Too few photos are left to train on.
     #[error(
         "{}: {left} of {photos} photos are left to learn from, at least 3 are needed; take more photos, or hold out fewer",
@@ -179,11 +176,8 @@ pub enum SessionError {
     #[error(transparent)]
     Render(#[from] RenderError),
     /// The loss is not finite.
-    #[error("the training came to numbers that are not finite at step {step}: report this with the photos")]
-    NotFinite {
-        /// The step.
-        step: u32,
-    },
+    #[error("the training came to numbers that are not finite at step {0}: report this with the photos")]
+    NotFinite(u32),
     /// The observer stopped the session before the first step.
     #[error("stopped: no step is done yet")]
     StoppedEarly,

@@ -36,7 +36,7 @@ pub enum Resume {
 }
 
 /// The place where a session keeps its files.
-pub(super) enum RunFolder {
+pub(crate) enum RunFolder {
     /// In a folder of the user's.
     Kept {
         path: PathBuf,
@@ -50,7 +50,7 @@ pub(super) enum RunFolder {
 
 /// The beginning of a training in a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Start {
+pub(crate) enum Start {
     /// The first step.
     Anew,
     /// The first step again, since the training was ended before its first checkpoint.
@@ -194,7 +194,7 @@ fn is_begun(folder: &Path) -> bool {
 }
 
 /// Appends JSON objects to the metrics, one a line.
-pub(super) struct Metrics(Option<(File, PathBuf)>);
+pub(crate) struct Metrics(Option<(File, PathBuf)>);
 
 impl Metrics {
     pub(crate) fn add(&mut self, value: &Value) -> Result<(), SessionError> {

@@ -280,8 +280,7 @@ impl Session {
         }
         let mut folder = RunFolder::open(options.run_folder.as_deref(), options.resume)?;
         if folder.starts_again() {
-            let folder = folder.path().to_owned();
-            observer.on_notice(&TrainNotice::StartsAgain { folder });
+            observer.on_notice(&TrainNotice::StartsAgain(folder.path().to_owned()));
         }
         let data = TrainData::open(&dataset, &options, &folder, observer)?;
         if let Some(metric) = &metric {

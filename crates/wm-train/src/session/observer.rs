@@ -188,10 +188,7 @@ fn unregistered(photos: &[UnregisteredPhoto]) -> String {
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrainNotice {
     /// Photos were taken out of a video.
-    FramesChosen {
-        /// Frames that were chosen.
-        frames: usize,
-    },
+    FramesChosen(usize),
     /// Something about how the capture was read.
     Capture(Remark),
     /// COLMAP found the cameras of some of the photos.
@@ -205,10 +202,7 @@ pub enum TrainNotice {
     PriorsMade(PriorsSummary),
     /// The points of the reconstruction are brighter in some photos than in others, so every photo
     /// has an exposure of its own.
-    ExposuresDiffer {
-        /// Root mean square of the logarithms of the photos' gains.
-        spread: f64,
-    },
+    ExposuresDiffer(f64),
     /// The training takes fewer steps than its preset has, since it has few photos.
     FewerSteps {
         /// The steps that it takes.
@@ -226,11 +220,7 @@ pub enum TrainNotice {
         photos: usize,
     },
     /// The photos were taken in haze, and the scene will be without it.
-    Haze {
-        /// The meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says
-        /// it.
-        range: String,
-    },
+    Haze(String),
     /// Not every photo has priors.
     PriorsIncomplete {
         /// The folder of the priors.
@@ -249,10 +239,7 @@ pub enum TrainNotice {
     },
     /// The training in the run folder was ended before its first checkpoint, and starts from its
     /// first step.
-    StartsAgain {
-        /// The run folder.
-        folder: PathBuf,
-    },
+    StartsAgain(PathBuf),
     /// The height of the cameras gives no scale.
     NoScaleFromHeight(CaptureGroundError),
     /// The scale of the scene was found.
@@ -267,13 +254,13 @@ pub enum TrainNotice {
 impl fmt::Display for TrainNotice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::FramesChosen { frames } => write!(f, "video: {frames} frames were chosen"),
+            Self::FramesChosen(frames) => write!(f, "video: {frames} frames were chosen"),
             Self::Registered { registered, photos } => {
                 write!(f, "colmap: the cameras of {registered} of {photos} photos were found")
             }
             Self::Capture(remark) => write!(f, "capture: {}", remark.text),
             Self::PriorsMade(summary) => write!(f, "geometry: {summary}"),
-            Self::ExposuresDiffer { spread } => {
+            Self::ExposuresDiffer(spread) => {
                 write!(f, "exposure: one for each photo, their brightness differs by {:.0} %", 100.0 * spread)
             }
             Self::FewerSteps { steps, of, photos } => {
@@ -291,14 +278,14 @@ impl fmt::Display for TrainNotice {
                 ),
                 MoverOutcome::None | MoverOutcome::TooFewJudged(_) => write!(f, "movers: none were found"),
             },
-            Self::Haze { range } => {
+            Self::Haze(range) => {
                 write!(f, "haze: the photos were taken in haze of {range}; it is taken out")
             }
             Self::PriorsIncomplete { folder, found, photos } => {
                 write!(f, "{}: {found} of {photos} photos have priors", folder.display())
             }
             Self::Resumed { folder, step } => write!(f, "{}: continuing after step {step}", folder.display()),
-            Self::StartsAgain { folder } => {
+            Self::StartsAgain(folder) => {
                 write!(f, "{}: no checkpoint was written yet, starting from the first step", folder.display())
             }
             Self::NoScaleFromHeight(reason) => {

@@ -84,7 +84,7 @@ fn check(priors: &Priors, data: &TrainData, observer: &mut dyn TrainObserver) ->
         found += usize::from(priors.index().photos.contains_key(data.set.name(*place)));
         priors.get(data.set.name(*place), &data.set.photos.camera(*place, 0))?;
     }
-    let folder = priors.folder().to_owned();
+    let folder = priors.folder.clone();
     if found == 0 {
         return Err(SessionError::OtherPriors(folder));
     }

@@ -207,7 +207,7 @@ pub(super) fn haze(
         Some((haze, _)) => {
             let mut known = Metadata { metres_per_unit: metres_per_unit(), ..Metadata::default() };
             haze.note(&mut known);
-            observer.on_notice(&TrainNotice::Haze { range: known.haze().unwrap_or_default() });
+            observer.on_notice(&TrainNotice::Haze(known.haze().unwrap_or_default()));
         }
         None if matches!(mode, HazeMode::Mor(_)) => observer.on_warning(&TrainWarning::NoHaze),
         None => {}

@@ -129,7 +129,7 @@ impl Training {
         let mut trainer = match folder.resumed()? {
             Some((head, state)) => {
                 let trainer = Trainer::resumed(config, renderer, state, extent, photos);
-                let same = head.config == *trainer.config()
+                let same = head.config == trainer.config
                     && head.photos == data.taught()
                     && head.simd == trainer.path().to_string();
                 if !same {
@@ -146,14 +146,14 @@ impl Training {
                     scene::start(&dataset, &config, &data, known, haze.as_ref(), gains, extent, part)?;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if let Some(found) = gains {
-                    trainer.set_exposures(Exposures::with_gains(&found.gains));
-                    observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
+                    trainer.state.exposures = Exposures::with_gains(&found.gains);
+                    observer.on_notice(&TrainNotice::ExposuresDiffer(found.spread));
                 }
                 trainer
             }
         };
-        trainer.set_air(haze.map(|haze| haze.air()));
-        let (step, steps) = (trainer.steps_done(), trainer.config().steps);
+        trainer.air = haze.map(|haze| haze.air());
+        let (step, steps) = (trainer.steps_done(), trainer.config.steps);
         let last_level = data.set.photos.last_level(MIN_COARSE_SIDE_PX);
         let photo = data.set.name(data.shown());
         let start = TrainStart { step, steps, photo, extent };
@@ -163,7 +163,7 @@ impl Training {
             // before.
             write_checkpoint(&path, &mut trainer, &data)?;
         }
-        folder.write_config(trainer.config())?;
+        folder.write_config(&trainer.config)?;
         let metrics = folder.metrics(step, steps)?;
         Ok(Self {
             trainer,
@@ -205,7 +205,7 @@ impl Training {
     pub(crate) fn run_to_end(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
         let started = Instant::now();
         self.saved = started;
-        let steps = self.trainer.config().steps;
+        let steps = self.trainer.config.steps;
         while !self.trainer.is_done() {
             if observer.proceed().is_break() {
                 self.save(observer)?;
@@ -224,7 +224,7 @@ impl Training {
     /// # Errors
     /// [`SessionError`]; where a checkpoint can be written, what was learnt is saved first.
     pub fn step(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
-        let steps = self.trainer.config().steps;
+        let steps = self.trainer.config.steps;
         let loss = self.train(observer)?;
         let (step, splats) = (self.trainer.steps_done(), self.trainer.len());
         observer.on_step(&StepProgress { step, steps, splats, loss });
@@ -292,7 +292,7 @@ impl Training {
     /// [`SessionError`] if the device fails.
     pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
         let splats = self.splats()?;
-        let (config, haze) = (self.trainer.config(), self.haze.as_ref());
+        let (config, haze) = (&self.trainer.config, self.haze.as_ref());
         scene::finish(splats, config, &self.data, &self.options, self.priors.as_ref(), haze, observer)
     }
 
@@ -308,7 +308,7 @@ impl Training {
     /// Takes one step and returns its loss.
     fn train(&mut self, observer: &mut dyn TrainObserver) -> Result<f64, SessionError> {
         let step = self.trainer.steps_done();
-        let last = self.trainer.config().steps.saturating_sub(1);
+        let last = self.trainer.config.steps.saturating_sub(1);
         for ahead in step + 1..=(step + PREFETCHED_STEPS).min(last) {
             let place = self.data.set.places[self.trainer.photo_at(ahead)];
             self.data.set.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
@@ -340,7 +340,7 @@ impl Training {
             observer.on_warning(&TrainWarning::StepsLost(report.lost));
         }
         if !report.loss.is_finite() {
-            return Err(SessionError::NotFinite { step });
+            return Err(SessionError::NotFinite(step));
         }
         self.sums.add(&report);
         Ok(report.loss)
@@ -396,7 +396,7 @@ impl Training {
         error: impl FnOnce(u32, u32) -> SessionError,
     ) -> SessionError {
         let saved = self.save(observer);
-        let error = error(self.trainer.steps_done(), self.trainer.config().steps);
+        let error = error(self.trainer.steps_done(), self.trainer.config.steps);
         match saved {
             Ok(()) => error,
             Err(checkpoint) => {
@@ -415,7 +415,7 @@ impl Training {
     /// they do not, since haze changes their brightness too.
     fn gain(&self, place: usize) -> [f32; 3] {
         let at = self.data.held_out.iter().position(|held_out| *held_out == place);
-        at.filter(|_| self.trainer.has_exposures() && self.haze.is_none())
+        at.filter(|_| !self.trainer.state.exposures.changes.is_empty() && self.haze.is_none())
             .map_or([1.0; 3], |at| self.data.held_out_gains()[at])
     }
 
@@ -476,7 +476,7 @@ impl Training {
         if let Some(line) = held_out.json() {
             self.metrics.add(&line)?;
         }
-        let steps = self.trainer.config().steps;
+        let steps = self.trainer.config.steps;
         if let (Some((step, before)), Some(now)) = (self.best, held_out.mean())
             && was_better(&before, &now)
         {
@@ -488,7 +488,7 @@ impl Training {
             });
         }
         observer.on_finish(&TrainReport {
-            steps: self.trainer.config().steps - self.begun,
+            steps: self.trainer.config.steps - self.begun,
             seconds,
             times: self.sums.times,
             backend: self.trainer.describe(),
@@ -505,7 +505,7 @@ fn write_checkpoint(path: &Path, trainer: &mut Trainer, data: &TrainData) -> Res
         Err(error) if error.is_of_gpu() => {}
         done => done?,
     }
-    let (config, simd) = (trainer.config().clone(), trainer.path().to_string());
+    let (config, simd) = (trainer.config.clone(), trainer.path().to_string());
     let state = trainer.known_state();
     let head = CheckpointHead::new(&config, data.taught(), simd, state);
     checkpoint::write(path, &head, state).map_err(|error| SessionError::Unsaved(Box::new(error)))?;

@@ -12,17 +12,15 @@ use crate::config::{HazeMode, TrainConfig};
 use crate::haze::PhotoHaze;
 use crate::priors::points::seen_points;
 use crate::priors::{FOLDER, Priors};
-use glam::DVec3;
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
-use wm_capture::Capture;
+use std::path::Path;
 use wm_scene::{Camera, Scene, Splats};
 
 /// A data set that is open, and its priors.
 pub(crate) struct WholeSession {
     options: SessionOptions,
-    data: TrainData,
-    priors: Option<Priors>,
+    pub(crate) data: TrainData,
+    pub(crate) priors: Option<Priors>,
 }
 
 impl WholeSession {
@@ -48,44 +46,9 @@ impl WholeSession {
         Ok(Self { options, data, priors })
     }
 
-    /// Returns cameras and points.
-    pub(crate) fn capture(&self) -> &Capture {
-        &self.data.set.capture
-    }
-
-    /// Returns up, if something tells it.
-    pub(crate) fn up(&self) -> Option<DVec3> {
-        self.data.up.map(|up| up.up)
-    }
-
-    /// Returns the indices of the photos to learn from, and of those that are held out.
-    pub(crate) fn places(&self) -> (&[usize], &[usize]) {
-        (&self.data.set.places, &self.data.held_out)
-    }
-
-    /// Returns the name of a photo.
-    pub(crate) fn name(&self, place: usize) -> &str {
-        self.data.set.name(place)
-    }
-
-    /// Returns the camera of a photo in the size in use.
-    pub(crate) fn camera(&self, place: usize) -> Camera {
-        self.data.set.photos.camera(place, 0)
-    }
-
     /// Returns the points that each of the photos shows, as indices into the capture's.
     pub(crate) fn seen_points(&self, places: &[usize]) -> Vec<Vec<u32>> {
         seen_points(&self.data.set.capture, &self.data.set.photos, places)
-    }
-
-    /// Returns the folder of the priors, if there are any.
-    pub(crate) fn priors(&self) -> Option<PathBuf> {
-        self.priors.as_ref().map(|priors| priors.folder().to_owned())
-    }
-
-    /// Returns the brightness of the training photos beside each other.
-    pub(crate) fn gains(&self) -> Option<&PhotoGains> {
-        self.data.gains()
     }
 
     /// Returns the haze of the training photos, and their gains.
@@ -121,8 +84,8 @@ impl WholeSession {
 
 /// Returns the number of pixels of the photos `places` that confirm what two others of them show.
 pub(crate) fn confirmed_of(whole: &WholeSession, places: &[usize]) -> u64 {
-    let names: HashSet<&str> = places.iter().map(|place| whole.name(*place)).collect();
-    let part = capture_of(whole.capture(), |name| names.contains(name), |_| true);
-    let cameras: Vec<Camera> = places.iter().map(|place| whole.camera(*place)).collect();
+    let names: HashSet<&str> = places.iter().map(|place| whole.data.set.name(*place)).collect();
+    let part = capture_of(&whole.data.set.capture, |name| names.contains(name), |_| true);
+    let cameras: Vec<Camera> = places.iter().map(|place| whole.data.set.photos.camera(*place, 0)).collect();
     confirmed_pixels(&part.points, &cameras)
 }

@@ -90,7 +90,6 @@ impl Ssim {
     ///
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
-    #[must_use]
     pub(crate) fn masked_value(&mut self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
         assert_eq!(x.len(), CHANNELS * mask.len(), "a picture and its mask");
         let counted: f64 = mask.iter().map(|v| f64::from(*v)).sum();

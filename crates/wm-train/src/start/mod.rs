@@ -42,7 +42,6 @@ pub(crate) struct StartConfig {
 
 /// Returns the extent of a scene, scene units: 1.1 times the largest distance of a camera from the
 /// mean position.
-#[must_use]
 pub(crate) fn extent(cameras: &[Camera]) -> f64 {
     let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
     let mean = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
@@ -52,7 +51,6 @@ pub(crate) fn extent(cameras: &[Camera]) -> f64 {
 }
 
 /// Returns splats at the points, one for equal points.
-#[must_use]
 pub(crate) fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> Splats {
     let mut kept: Vec<([f32; 3], [u8; 3])> = points
         .positions
@@ -88,7 +86,6 @@ pub(crate) fn from_points(points: &SparsePoints, extent: f64, config: &StartConf
 
 /// Returns grey splats along random rays of the cameras, from a tenth of the extent to ten times
 /// it.
-#[must_use]
 pub(crate) fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
     let random = Random::new(config.seed, Purpose::Start, 0);
     let mut points = SparsePoints::default();

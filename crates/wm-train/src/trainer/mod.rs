@@ -21,9 +21,7 @@ use crate::random::{Purpose, Random};
 use crate::schedule;
 use step::Work;
 use wm_render::simd::SimdPath;
-use wm_render::{
-    Channels, Differentiable, DrawnSplats, EvenAir, ForwardConfig, Frame, Opacity, RenderError, StepClock,
-};
+use wm_render::{Differentiable, EvenAir, ForwardConfig, Frame, RenderError, StepClock};
 use wm_scene::{Camera, Splats};
 
 /// Steps between reads of the splats from a device, from which the training continues if the
@@ -32,10 +30,10 @@ const READ_BACK_STEPS: u32 = 500;
 
 /// A training in progress.
 pub struct Trainer {
-    config: TrainConfig,
+    pub(crate) config: TrainConfig,
     terms: Vec<Box<dyn LossTerm>>,
     learner: Learner,
-    state: TrainState,
+    pub(crate) state: TrainState,
     /// The number of steps that `state` contains; a device may be ahead.
     known: u32,
     extent: f64,
@@ -43,7 +41,7 @@ pub struct Trainer {
     photos: usize,
     work: Work,
     /// The haze of the photos, which the scene does not contain.
-    air: Option<EvenAir>,
+    pub(crate) air: Option<EvenAir>,
     /// The orders of the last two epochs in use: prefetched steps may belong to the next epoch.
     orders: [Order; 2],
 }
@@ -112,31 +110,7 @@ impl Trainer {
         Self { config, terms, learner, state, known, extent, photos, work, air: None, orders }
     }
 
-    /// Returns true if photos have exposures of their own.
-    #[must_use]
-    pub(crate) fn has_exposures(&self) -> bool {
-        !self.state.exposures.changes.is_empty()
-    }
-
-    /// Sets the exposures of the photos, which are trained from then on. By default photos have
-    /// exposures of their own only with [`ExposureMode::Photo`].
-    pub(crate) fn set_exposures(&mut self, exposures: Exposures) {
-        self.state.exposures = exposures;
-    }
-
-    /// Sets the haze of the photos: splats are rendered through it and learn their clear colours.
-    pub(crate) fn set_air(&mut self, air: Option<EvenAir>) {
-        self.air = air;
-    }
-
-    /// Returns the configuration.
-    #[must_use]
-    pub(crate) fn config(&self) -> &TrainConfig {
-        &self.config
-    }
-
     /// Steps that are done.
-    #[must_use]
     pub(crate) fn steps_done(&self) -> u32 {
         self.state.step
     }
@@ -187,15 +161,13 @@ impl Trainer {
     }
 
     /// Returns the SIMD path in use.
-    #[must_use]
     pub(crate) fn path(&self) -> SimdPath {
-        self.learner.renderer().path()
+        self.learner.renderer.path()
     }
 
     /// Returns the back end in words.
-    #[must_use]
     pub(crate) fn describe(&self) -> String {
-        self.learner.renderer().describe()
+        self.learner.renderer.describe()
     }
 
     /// Returns the times of the last step by the clock of the device, if it has one.
@@ -206,7 +178,7 @@ impl Trainer {
     /// Returns the number of threads in use.
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.learner.renderer().pool().current_num_threads()
+        self.learner.renderer.pool().current_num_threads()
     }
 
     /// Returns true if all steps are done.
@@ -217,7 +189,6 @@ impl Trainer {
 
     /// Returns the index of the photo of step `step` (from 0): each photo occurs once per epoch,
     /// in a random order.
-    #[must_use]
     pub(crate) fn photo_at(&mut self, step: u32) -> usize {
         let count = self.photos as u32;
         let epoch = step / count;
@@ -230,7 +201,6 @@ impl Trainer {
     }
 
     /// Returns how often the sides of photos are halved for step `step`.
-    #[must_use]
     pub(crate) fn level_at(&self, step: u32, last_level: u8) -> u8 {
         schedule::level(&self.config, step, last_level)
     }
@@ -241,7 +211,7 @@ impl Trainer {
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
     pub fn step(&mut self, truth: &TrainPhoto<'_>, photo: usize) -> Result<StepReport, RenderError> {
-        let pool = std::sync::Arc::clone(self.learner.renderer().pool());
+        let pool = std::sync::Arc::clone(self.learner.renderer.pool());
         match pool.install(|| self.step_on_pool(truth, photo)) {
             Err(error) => Ok(StepReport { lost: self.go_back(error)?, ..StepReport::default() }),
             done => done,
@@ -271,13 +241,10 @@ impl Trainer {
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
         let config = ForwardConfig {
-            channels: Channels::Color,
-            background: [0.0; 3],
             rasterization: self.config.rasterization,
-            opacity: Opacity::Stored,
-            drawn: DrawnSplats::All,
             sh_degree: self.config.sh_degree,
             air,
+            ..ForwardConfig::default()
         };
         if let Err(error) = self.learner.forward(&self.state.population, camera, &config, frame) {
             self.go_back(error)?;

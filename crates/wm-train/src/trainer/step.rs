@@ -9,7 +9,7 @@ use crate::schedule;
 use std::time::Instant;
 use wm_render::training::{Compared, Comparison, NO_EXPOSURE};
 use wm_render::training::{SplatTerms, Step};
-use wm_render::{Channels, DepthAlpha, DrawnSplats, ForwardConfig, Frame, Opacity, RenderError};
+use wm_render::{Channels, DepthAlpha, ForwardConfig, Frame, RenderError};
 
 /// Memory of one step.
 #[derive(Default)]
@@ -68,10 +68,9 @@ impl Trainer {
             channels: channels.unwrap_or(Channels::Color),
             background,
             rasterization: self.config.rasterization,
-            opacity: Opacity::Stored,
-            drawn: DrawnSplats::All,
             sh_degree: schedule::sh_degree(&self.config, step),
             air: self.air,
+            ..ForwardConfig::default()
         };
         let seen = self.see(truth, photo, None, &forward, &mut report)?;
         report.visible = seen.visible;
@@ -81,7 +80,7 @@ impl Trainer {
             match &seen.compared {
                 Some(compared) => exposures.step(photo, &compared.by_exposure, rate),
                 None => {
-                    let path = self.learner.renderer().path();
+                    let path = self.learner.renderer.path();
                     exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate);
                 }
             }
@@ -139,7 +138,7 @@ impl Trainer {
         config: &ForwardConfig,
         report: &mut StepReport,
     ) -> Result<RenderResult, RenderError> {
-        let (started, step, path) = (Instant::now(), self.state.step, self.learner.renderer().path());
+        let (started, step, path) = (Instant::now(), self.state.step, self.learner.renderer.path());
         // Only common renders have the photo's exposure.
         let exposed = own.is_none() && !self.state.exposures.changes.is_empty();
         let beliefs = || losses::beliefs(truth);

@@ -9,7 +9,7 @@ use glam::DVec3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use wm_render::testing::{Backend, fallible_differentiable, random_splats, uniform};
-use wm_render::{CpuConfig, CpuDifferentiable, DepthAlpha, Learn};
+use wm_render::{Channels, CpuConfig, CpuDifferentiable, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 const SIZE: (u32, u32) = (48, 32);
 
@@ -201,9 +201,7 @@ fn losing(gpu_at: u32, config: &TrainConfig) -> (Trainer, Vec<(u32, u32)>) {
 /// again.
 #[test]
 fn a_training_goes_on_without_its_gpu() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let mut config = config(40);
     let chain = McmcConfig { from: 1, until: 30, every: 5, ..McmcConfig::for_steps(40, 40) };
     config.densify = Densify::Mcmc(chain);

@@ -254,7 +254,7 @@ fn nothing_is_left_of_a_video_given_up() {
     drop(sink);
     assert!(is_empty(directory.path()));
     let error = create_video(&path, settings(size, "30")).unwrap().finish().unwrap_err();
-    assert!(matches!(error, MediaError::NoFrames { .. }), "{error}");
+    assert!(matches!(error, MediaError::NoFrames(_)), "{error}");
     assert!(is_empty(directory.path()));
     let missing = create_video(&directory.path().join("no/a.mp4"), settings(size, "30")).err().unwrap();
     assert!(matches!(missing, MediaError::Write { fault: WriteFault::NoFolder(_), .. }), "{missing}");
@@ -265,35 +265,4 @@ fn nothing_is_left_of_a_video_given_up() {
     let error = sink.finish().unwrap_err();
     assert!(matches!(error, MediaError::Write { fault: WriteFault::IsFolder, .. }), "{error}");
     assert_eq!(fs::read_dir(&directory).unwrap().count(), 1);
-}
-
-/// Resident memory of this process, MiB.
-#[cfg(target_os = "linux")]
-fn memory() -> f64 {
-    let status = fs::read_to_string("/proc/self/status").unwrap();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
-    line.trim().trim_end_matches(" kB").parse::<f64>().unwrap() / 1024.0
-}
-
-#[cfg(target_os = "linux")]
-#[test]
-#[ignore = "measures; run alone: cargo test --release -- --ignored --nocapture measure"]
-fn measure_speed_and_memory() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("a.mp4");
-    for (size, count) in [(PictureSize::new(1200, 800), 120), (PictureSize::new(640, 360), 2000)] {
-        let frames: Vec<_> = (0..30).map(|i| foggy(size, i as f32 / 30.0)).collect();
-        let mut sink = create_video(&path, settings(size, "30")).unwrap();
-        let start = std::time::Instant::now();
-        for at in 0..count {
-            sink.frame(&frames[at % frames.len()]).unwrap();
-            if [10, 100, 500, 1000, 1500, 1999].contains(&at) {
-                println!("{size:?}, frame {at}: {:.1} MiB", memory());
-            }
-        }
-        let report = sink.finish().unwrap();
-        let rate = count as f64 / start.elapsed().as_secs_f64();
-        let bitrate = report.bytes as f64 * 8e-6 / report.seconds;
-        println!("{size:?}: {rate:.1} frames/s, {bitrate:.2} Mbit/s, {:.1} MiB after", memory());
-    }
 }

@@ -88,6 +88,6 @@ fn says_what_is_wrong_in_one_line_and_cleans_up() {
     sink.frame(&foggy(size, 0.0)).unwrap();
     drop(sink);
     let error = create_video(&path, settings).unwrap().finish().unwrap_err();
-    assert!(matches!(error, MediaError::NoFrames { .. }), "{error}");
+    assert!(matches!(error, MediaError::NoFrames(_)), "{error}");
     assert!(is_empty(directory.path()));
 }

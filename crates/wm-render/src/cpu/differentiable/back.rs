@@ -34,30 +34,6 @@ pub(crate) struct Tiles<'a> {
     config: &'a ForwardConfig,
 }
 
-/// Calls `$call` with `C` the number of sums of `$channels`.
-macro_rules! with_channels {
-    ($channels:expr, $c:ident => $call:expr) => {
-        match $channels {
-            Channels::Color => {
-                const $c: usize = Channels::Color.count();
-                $call
-            }
-            Channels::ColorDepth => {
-                const $c: usize = Channels::ColorDepth.count();
-                $call
-            }
-            Channels::ColorDepthNormal => {
-                const $c: usize = Channels::ColorDepthNormal.count();
-                $call
-            }
-            Channels::Depth => {
-                const $c: usize = Channels::Depth.count();
-                $call
-            }
-        }
-    };
-}
-
 impl<'a> Tiles<'a> {
     /// The tiles of one view.
     pub(crate) fn new(
@@ -236,7 +212,17 @@ impl<'a> Tiles<'a> {
             dispatch!(self.path, s => prepare_patch(s, pictures, kept, x, y, patch, scratch));
         }
         let (left, top) = (left as f32, top as f32);
-        with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(s, self.records, keys, left, top, inside, scratch, &mut *slots, own_places)));
+        macro_rules! back {
+            ($sums:literal) => {
+                dispatch!(self.path, s => blend_tile_backward::<_, $sums>(s, self.records, keys, left, top, inside, scratch, &mut *slots, own_places))
+            };
+        }
+        match count {
+            1 => back!(1),
+            3 => back!(3),
+            4 => back!(4),
+            _ => back!(7),
+        };
         for (key, place) in keys.iter().zip(own_places) {
             let place = if *place == NO_SLOT { NO_SLOT } else { list.start as u32 + *place };
             places[(*key >> 32) as usize].store(place, Relaxed);

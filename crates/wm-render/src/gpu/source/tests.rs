@@ -1,30 +1,22 @@
 //! Without any adapter: every text is valid WGSL, and mirrors the structures of the Rust code.
 
 use super::*;
-use crate::stages::optimize::gpu::OptimizeProgram;
+use crate::stages::optimize::gpu::{EXPLORE, OPTIMIZE};
 use crate::stages::project::Record;
-use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
-use crate::stages::rasterize_backward::gpu::RasterizeBackwardProgram;
+use crate::stages::project::gpu::{ParameterForm, cull_program, project_program};
+use crate::stages::rasterize_backward::gpu::backward_program;
 use crate::stages::shade::gpu::AirText;
+use crate::testing::programs::{air_programs, all};
 use wgpu::naga::front::wgsl;
 use wgpu::naga::proc::Layouter;
 use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
 use wgpu::naga::{AddressSpace, Module, ScalarKind, StorageAccess, TypeInner};
 
-/// An air as weather brings one.
-fn some_air() -> [Program; 3] {
+fn every() -> Vec<Program> {
     let air = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
         return AirOnRay(vec3<f32>(exp(-air[0] * min(distance, FAR_AWAY))), direction);
     }";
-    let project = |text| ProjectProgram::Project(ParameterForm::Activated, text).into();
-    let groups = shade::gpu::ShadeProgram::Groups(air.into()).into();
-    [project(AirText::Color(air.into())), project(AirText::Share(air.into())), groups]
-}
-
-fn every() -> Vec<Program> {
-    let mut all = Program::all();
-    all.extend(some_air());
-    all
+    [all(), air_programs(&air.into()).into()].concat()
 }
 
 fn parsed(program: &Program) -> Module {
@@ -36,16 +28,15 @@ fn parsed(program: &Program) -> Module {
 fn every_program_is_valid() {
     for program in every() {
         let module = parsed(&program);
-        let capabilities = match program {
-            Program::RasterizeBackward(RasterizeBackwardProgram::Backward(_, Subgroups::Used)) => {
-                Capabilities::SUBGROUP
-            }
-            _ => Capabilities::empty(),
+        let uses_subgroups = Channels::ALL.map(|channels| backward_program(channels, Subgroups::Used));
+        let capabilities = match uses_subgroups.contains(&program) {
+            true => Capabilities::SUBGROUP,
+            false => Capabilities::empty(),
         };
         Validator::new(ValidationFlags::all(), capabilities)
             .validate(&module)
             .unwrap_or_else(|error| panic!("{program:?}: {}", error.emit_to_string(&program.text())));
-        assert!(module.entry_points.iter().any(|point| point.name == program.entry()), "{program:?}");
+        assert!(module.entry_points.iter().any(|point| point.name == program.entry), "{program:?}");
     }
 }
 
@@ -73,7 +64,7 @@ fn every_program_fits_small_adapters() {
 #[test]
 fn no_program_writes_the_splats() {
     // But those by which they learn.
-    let learn = [OptimizeProgram::Optimize, OptimizeProgram::Explore].map(Program::Optimize);
+    let learn = [OPTIMIZE, EXPLORE];
     for program in every().into_iter().filter(|program| !learn.contains(program)) {
         for (_, variable) in parsed(&program).global_variables.iter() {
             let AddressSpace::Storage { access } = variable.space else { continue };
@@ -88,7 +79,7 @@ fn no_program_writes_the_splats() {
 /// `Record` is the CPU's, number for number.
 #[test]
 fn records_are_as_long_as_the_cpus() {
-    let module = parsed(&ProjectProgram::Project(ParameterForm::Activated, AirText::Clear).into());
+    let module = parsed(&project_program(ParameterForm::Activated, &AirText::Clear));
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let (handle, record) =
@@ -106,7 +97,7 @@ fn records_are_as_long_as_the_cpus() {
 
 #[test]
 fn sizes_of_counted_structures_are_what_rust_says() {
-    let module = parsed(&ProjectProgram::Cull(ParameterForm::Activated).into());
+    let module = parsed(&cull_program(ParameterForm::Activated));
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let size = |name: &str| {

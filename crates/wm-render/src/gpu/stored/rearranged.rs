@@ -3,12 +3,12 @@
 
 use super::{Part, StoredModel, USAGE, back, most_in_part, piece, shapes, skies, ungroup_shapes};
 use crate::gpu::Gpu;
-use crate::gpu::buffers::{GrowingBuffer, WRITTEN};
+use crate::gpu::buffers::GrowingBuffer;
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Groups, Recorder, Stage, with_buffers};
 use crate::gpu::source::WORKGROUP;
 use crate::gpu::uniforms::{MomentReset, SLOT, Uniform, bytes_of, rearrangement};
-use crate::stages::optimize::gpu::OptimizeProgram;
+use crate::stages::optimize::gpu::REARRANGE;
 use crate::stages::optimize::{Changed, DensifyStats, Origin, Shapes};
 use crate::stages::project::gpu::{ROW_OPACITY, ROWS};
 use std::ops::Range;
@@ -51,10 +51,7 @@ impl StoredModel {
             (0..self.len).step_by(most).map(|first| first..(first + most).min(self.len)).collect();
         let word = |origin: &Origin| origin.row | if origin.forgotten { FORGOTTEN } else { 0 };
         let words: Vec<u32> = origins.iter().map(word).collect();
-        let bytes: &[u8] = bytemuck::cast_slice(&words);
-        gpu.check_binding("where splats come from", bytes.len() as u64)?;
-        let sources = gpu.buffer("where splats come from", bytes.len() as u64, WRITTEN)?;
-        gpu.write(&sources, 0, bytes);
+        let sources = gpu.upload("where splats come from", bytemuck::cast_slice(&words))?;
 
         let (mut places, mut rests, mut moments, mut sh_moments) = (vec![], vec![], vec![], vec![]);
         for part in self.parts.drain(..) {
@@ -139,7 +136,7 @@ impl Moving<'_> {
             let bindings =
                 with_buffers(vec![(0, recorder.uniform(slot))], [self.sources, &before[then], &after[now]]);
             let groups = (ranges[now].len() as u32).div_ceil(WORKGROUP);
-            recorder.dispatch(OptimizeProgram::Rearrange, Groups::Direct(groups), bindings);
+            recorder.dispatch(REARRANGE, Groups::Direct(groups), bindings);
         }
         recorder.submit();
         // Before the next array, or all of them would be there twice.

@@ -2,19 +2,18 @@
 
 use super::*;
 use crate::differentiable::Channels;
-use crate::gpu::source::Program;
 use crate::renderer::RenderConfig;
 use crate::stages::compare::NO_EXPOSURE;
-use crate::stages::compare::gpu::CompareProgram;
-use crate::stages::composite::gpu::CompositeProgram;
-use crate::stages::intersect::gpu::IntersectProgram;
-use crate::stages::optimize::gpu::OptimizeProgram;
+use crate::stages::compare::gpu::{COLORS_BACKWARD, PATCH_TOTALS};
+use crate::stages::composite::gpu::finish_program;
+use crate::stages::intersect::gpu::INTERSECT;
+use crate::stages::optimize::gpu::{ADD_GRADIENTS, EXPLORE, OPTIMIZE, REARRANGE};
 use crate::stages::optimize::{Rates, SplatTerms};
-use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
+use crate::stages::project::gpu::{ParameterForm, cull_program};
 use crate::stages::rays::Rays;
-use crate::stages::rays::gpu::{RaySums, RaysProgram};
+use crate::stages::rays::gpu::{RaySums, features_program, touch_program};
 use crate::stages::rays::packets::Packets;
-use crate::stages::sort::gpu::SortProgram;
+use crate::stages::sort::gpu::COUNT;
 use crate::testing::camera;
 use wgpu::naga::front::wgsl;
 use wgpu::naga::{Module, TypeInner};
@@ -39,31 +38,23 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
     let packets = Packets::new(&Rays::from_one([0.0; 3], vec![[1.0, 0.0, 0.0]]));
     for (program, name, uniform) in [
         (
-            Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
+            cull_program(ParameterForm::Activated),
             "View",
             view(&ViewParameters::of(&pass), 0, 0, Capacity::default()),
         ),
-        (
-            Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
-            "Chunk",
-            chunk(Piece::default(), AttributeUse::SurfaceAndLight),
-        ),
-        (
-            CompositeProgram::Finish(Channels::Color).into(),
-            "Training",
-            training([0.5; 3], DepthAlpha::Learns),
-        ),
-        (CompareProgram::ColorsBackward.into(), "Comparison", comparison(&photo, 5, 4.0, 2)),
-        (CompareProgram::PatchTotals.into(), "Geometry", geometry(&photo, 5, (2, 6))),
-        (OptimizeProgram::Optimize.into(), "Step", optimize_step(&step, 5)),
-        (OptimizeProgram::AddGradients.into(), "Learn", learn(Learn::ALL)),
-        (OptimizeProgram::Explore.into(), "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
-        (OptimizeProgram::Rearrange.into(), "Move", rearrangement(3..5, 0..7, 14, MomentReset::Row(10, 14))),
-        (SortProgram::Count.into(), "Pass", sort_pass(8, true, false)),
-        (IntersectProgram::Entries.into(), "Task", intersect_task(true)),
-        (RaysProgram::Touch.into(), "View", view_of_lists(3, 0, Capacity::default())),
-        (RaysProgram::Touch.into(), "RayTask", ray_task(&packets.groups[0], &(0..1), 5, true)),
-        (RaysProgram::Features(RaySums::Color).into(), "ColorPiece", color_piece(0, 5, 3)),
+        (cull_program(ParameterForm::Activated), "Chunk", chunk(Piece::default(), 0, None, Opacity::Stored)),
+        (finish_program(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
+        (COLORS_BACKWARD, "Comparison", comparison(&photo, 5, 4.0, 2)),
+        (PATCH_TOTALS, "Geometry", geometry(&photo, 5, (2, 6))),
+        (OPTIMIZE, "Step", optimize_step(&step, 5)),
+        (ADD_GRADIENTS, "Learn", learn(Learn::ALL)),
+        (EXPLORE, "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
+        (REARRANGE, "Move", rearrangement(3..5, 0..7, 14, MomentReset::Row(10, 14))),
+        (COUNT, "Pass", sort_pass(8, true, false)),
+        (INTERSECT, "Task", intersect_task(true)),
+        (touch_program(), "View", view_of_lists(3, 0, Capacity::default())),
+        (touch_program(), "RayTask", ray_task(&packets.groups[0], &(0..1), 5, true)),
+        (features_program(RaySums::Color), "ColorPiece", color_piece(0, 5, 3)),
     ] {
         let module = wgsl::parse_str(&program.text()).unwrap();
         let (wanted, span) = members(&module, name);

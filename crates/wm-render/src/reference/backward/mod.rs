@@ -37,7 +37,6 @@ pub(crate) struct Parameters {
 
 impl Parameters {
     /// The parameters of `splats`.
-    #[must_use]
     pub(crate) fn of(splats: &Splats) -> Self {
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect();
         Self {
@@ -51,7 +50,6 @@ impl Parameters {
     }
 
     /// Number of splats.
-    #[must_use]
     pub(crate) fn len(&self) -> usize {
         self.logit_opacities.len()
     }
@@ -105,7 +103,6 @@ pub(crate) struct ReferencePictures {
 
 impl ReferencePictures {
     /// The loss whose derivative is `upstream`: the sum of each value times its own.
-    #[must_use]
     pub(crate) fn loss(&self, upstream: &Upstream<'_>) -> f64 {
         let dot = |values: &[f64], weights: &[f32]| -> f64 {
             values.iter().zip(weights).map(|(value, weight)| value * f64::from(*weight)).sum()
@@ -133,7 +130,6 @@ pub(crate) struct ReferenceGradients {
 }
 
 /// Takes all decisions of a view.
-#[must_use]
 pub(crate) fn decide(parameters: &Parameters, camera: &Camera, config: &ForwardConfig) -> Decisions {
     let seen: Vec<Option<Splat>> =
         (0..parameters.len()).map(|i| Splat::new(parameters, i, camera, config, None)).collect();
@@ -255,7 +251,6 @@ fn project(
 }
 
 /// Renders under kept decisions.
-#[must_use]
 pub(crate) fn render(
     parameters: &Parameters,
     camera: &Camera,
@@ -282,7 +277,6 @@ pub(crate) fn render(
 }
 
 /// The gradients of the loss whose derivative by each pixel is `upstream`.
-#[must_use]
 pub(crate) fn gradients(
     parameters: &Parameters,
     camera: &Camera,
@@ -392,7 +386,6 @@ fn pixel_gradients(
 
 /// The derivatives of the 16 basis functions of [`sh::basis`], taken as polynomials, at
 /// `direction`.
-#[must_use]
 pub(crate) fn basis_slopes(direction: [f64; 3]) -> [[f64; 3]; 16] {
     use sh::{C1, C2, C3};
     let [x, y, z] = direction;

@@ -1,7 +1,7 @@
 use super::*;
 use crate::differentiable::Opacity;
 use crate::even_air::EvenAir;
-use crate::hooks::Hooks;
+use crate::plan::DrawPass;
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
 use crate::testing::comparison::HardSplats;
@@ -190,7 +190,7 @@ fn the_picture_is_the_one_of_the_reference() {
         let got = render(&parameters, &camera, &config, &decide(&parameters, &camera, &config));
         let background = Background::Color(background);
         let want = RenderConfig { background, rasterization, ..RenderConfig::default() };
-        let want = reference::frame::render(&[(&splats, None)], &camera, &want, Hooks::default());
+        let want = reference::frame::render(&[(&splats, None)], &DrawPass::new(&[], &camera, &want));
         for i in 0..got.alpha.len() {
             assert!((got.alpha[i] - want.alpha[i]).abs() < 1e-12);
             assert!((got.depth[i] * got.alpha[i] - want.depth_sum[i]).abs() < 1e-11);

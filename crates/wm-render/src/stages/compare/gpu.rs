@@ -3,12 +3,11 @@
 use super::{Compared, Comparison, PixelPrior, Term};
 use crate::differentiable::Channels;
 use crate::gpu::Gpu;
-use crate::gpu::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
+use crate::gpu::buffers::{BufferPool, READ_BACK, WRITTEN};
 use crate::gpu::error::GpuError;
-use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage};
-use crate::gpu::source::{StagePrograms, WORKGROUP, switches, texts};
+use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage, with_buffers, with_numbered};
+use crate::gpu::source::{Program, WORKGROUP, switches};
 use crate::gpu::uniforms::{self, Uniform};
-use std::borrow::Cow;
 use std::collections::HashMap;
 use wgpu::{BindingResource, BufferBinding, BufferSize};
 
@@ -31,85 +30,40 @@ const GRID: &str = include_str!("grid.wgsl");
 const MOMENTS: &str = include_str!("moments.wgsl");
 const PATCH: &str = include_str!("patch.wgsl");
 
-/// The programs of losses.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum CompareProgram {
-    /// Compares one channel with a photo.
-    Similarity,
-    /// The derivative of that.
-    SimilarityBackward,
-    /// Adds up the derivatives of the colour terms and takes them back through the exposure.
-    ColorsBackward,
-    /// Depth, normals and coverage against the priors of each pixel.
-    PixelsBackward(Channels),
-    /// Mean and spread of inverse depths.
-    GridMoments,
-    /// Mean and spread of inverse depths of patches, and the distance of patches from the priors.
-    Patches,
-    /// Adds up the patches.
-    PatchTotals,
-    /// The derivative of that.
-    PatchesBackward,
-    /// The sum of inverse depths.
-    InverseDepths,
-    /// Differences of inverse depths of neighbours.
-    SmoothBackward,
-}
+/// Compares one channel with a photo.
+pub(crate) const SIMILARITY: Program =
+    Program::new("similarity", &[PHOTO, WINDOWS, include_str!("similarity.wgsl")]);
+/// The derivative of that.
+pub(crate) const SIMILARITY_BACKWARD: Program =
+    Program::new("similarity_backward", &[PHOTO, WINDOWS, include_str!("similarity_backward.wgsl")]);
+/// Adds up the derivatives of the colour terms and takes them back through the exposure.
+pub(crate) const COLORS_BACKWARD: Program =
+    Program::new("colors_backward", &[PHOTO, SUMS, include_str!("colors_backward.wgsl")]);
+/// Mean and spread of inverse depths.
+pub(crate) const GRID_MOMENTS: Program =
+    Program::new("grid_moments", &[GEOMETRY, BELIEFS, GRID, MOMENTS, include_str!("grid_moments.wgsl")]);
+/// Mean and spread of inverse depths of patches, and the distance of patches from the priors.
+pub(crate) const PATCHES: Program =
+    Program::new("patches", &[GEOMETRY, BELIEFS, GRID, MOMENTS, PATCH, SUMS, include_str!("patches.wgsl")]);
+/// Adds up the patches.
+pub(crate) const PATCH_TOTALS: Program =
+    Program::new("patch_totals", &[GEOMETRY, SUMS, include_str!("patch_totals.wgsl")]);
+/// The derivative of that.
+pub(crate) const PATCHES_BACKWARD: Program = Program::new(
+    "patches_backward",
+    &[GEOMETRY, BELIEFS, GRID, PATCH, SUMS, include_str!("patches_backward.wgsl")],
+);
+/// The sum of inverse depths.
+pub(crate) const INVERSE_DEPTHS: Program =
+    Program::new("inverse_depths", &[GEOMETRY, SUMS, include_str!("inverse_depths.wgsl")]);
+/// Differences of inverse depths of neighbours.
+pub(crate) const SMOOTH_BACKWARD: Program =
+    Program::new("smooth_backward", &[GEOMETRY, SUMS, include_str!("smooth_backward.wgsl")]);
 
-impl StagePrograms for CompareProgram {
-    fn all() -> Vec<Self> {
-        let mut all = vec![
-            Self::Similarity,
-            Self::SimilarityBackward,
-            Self::ColorsBackward,
-            Self::GridMoments,
-            Self::Patches,
-            Self::PatchTotals,
-            Self::PatchesBackward,
-            Self::InverseDepths,
-            Self::SmoothBackward,
-        ];
-        all.extend(Channels::ALL.map(Self::PixelsBackward));
-        all
-    }
-
-    fn entry(&self) -> &'static str {
-        match self {
-            Self::Similarity => "similarity",
-            Self::SimilarityBackward => "similarity_backward",
-            Self::ColorsBackward => "colors_backward",
-            Self::PixelsBackward(_) => "pixels_backward",
-            Self::GridMoments => "grid_moments",
-            Self::Patches => "patches",
-            Self::PatchTotals => "patch_totals",
-            Self::PatchesBackward => "patches_backward",
-            Self::InverseDepths => "inverse_depths",
-            Self::SmoothBackward => "smooth_backward",
-        }
-    }
-
-    fn parts(&self) -> Vec<Cow<'static, str>> {
-        match self {
-            Self::Similarity => texts([PHOTO, WINDOWS, include_str!("similarity.wgsl")]),
-            Self::SimilarityBackward => texts([PHOTO, WINDOWS, include_str!("similarity_backward.wgsl")]),
-            Self::ColorsBackward => texts([PHOTO, SUMS, include_str!("colors_backward.wgsl")]),
-            Self::PixelsBackward(channels) => {
-                let mut parts = vec![switches(*channels)];
-                parts.extend(texts([GEOMETRY, BELIEFS, SUMS, include_str!("pixels_backward.wgsl")]));
-                parts
-            }
-            Self::GridMoments => texts([GEOMETRY, BELIEFS, GRID, MOMENTS, include_str!("grid_moments.wgsl")]),
-            Self::Patches => {
-                texts([GEOMETRY, BELIEFS, GRID, MOMENTS, PATCH, SUMS, include_str!("patches.wgsl")])
-            }
-            Self::PatchTotals => texts([GEOMETRY, SUMS, include_str!("patch_totals.wgsl")]),
-            Self::PatchesBackward => {
-                texts([GEOMETRY, BELIEFS, GRID, PATCH, SUMS, include_str!("patches_backward.wgsl")])
-            }
-            Self::InverseDepths => texts([GEOMETRY, SUMS, include_str!("inverse_depths.wgsl")]),
-            Self::SmoothBackward => texts([GEOMETRY, SUMS, include_str!("smooth_backward.wgsl")]),
-        }
-    }
+/// Depth, normals and coverage against the priors of each pixel.
+pub(crate) fn pixels_program(channels: Channels) -> Program {
+    let texts = &[GEOMETRY, BELIEFS, SUMS, include_str!("pixels_backward.wgsl")];
+    Program::new("pixels_backward", texts).with(switches(channels))
 }
 
 /// Sums that are read back: one set per workgroup, from `first` on.
@@ -163,7 +117,7 @@ pub(crate) struct Comparer {
     photos: HashMap<(usize, u32, u32), Photo>,
     /// Counts comparisons.
     clock: u64,
-    kept: [GrowingBuffer; 5],
+    kept: BufferPool,
 }
 
 /// A photo on the device.
@@ -236,16 +190,17 @@ impl Comparer {
         let has_patches = beliefs.is_some() && comparison.weight(Term::Patches) != 0.0;
         let patch_count = if has_patches { cut(comparison).1 } else { 0 };
         let bytes = 12 * u64::from(pixels);
-        let [slopes, sums, groups, patches, totals] = &mut self.kept;
+        self.kept.restart();
+        let mut fit = |what, bytes, usage| self.kept.fit(gpu, what, bytes, usage);
         Ok(Room {
             photo,
             beliefs,
             counted,
-            slopes: slopes.fit(gpu, "slopes of similarity", bytes, WRITTEN)?,
-            sums: sums.fit(gpu, "sums of similarity", 12 * u64::from(tiles), WRITTEN)?,
-            groups: groups.fit(gpu, "sums of depth", 32 * u64::from(GROUPS), WRITTEN)?,
-            patches: patches.fit(gpu, "sums of patches", 48 * u64::from(patch_count), WRITTEN)?,
-            totals: totals.fit(gpu, "sums of a picture", 4 * Sums::ALL as u64, READ_BACK)?,
+            slopes: fit("slopes of similarity", bytes, WRITTEN)?,
+            sums: fit("sums of similarity", 12 * u64::from(tiles), WRITTEN)?,
+            groups: fit("sums of depth", 32 * u64::from(GROUPS), WRITTEN)?,
+            patches: fit("sums of patches", 48 * u64::from(patch_count), WRITTEN)?,
+            totals: fit("sums of a picture", 4 * Sums::ALL as u64, READ_BACK)?,
             pixels,
             tiles,
             patch_count,
@@ -344,91 +299,49 @@ impl Room {
         let Pictures { rgb, upstream, .. } = pictures;
         let (view, structures) =
             (recorder.view(), std::array::from_fn::<_, 3, _>(|channel| recorder.uniform(slot + channel)));
+        let tiles = Groups::Direct(self.tiles);
         let shared = |channel: usize| {
-            vec![
-                (0, view.clone()),
-                (1, structures[channel].clone()),
-                (2, rgb.as_entire_binding()),
-                (3, self.photo.as_entire_binding()),
-            ]
+            let first = vec![(0, view.clone()), (1, structures[channel].clone())];
+            with_buffers(first, [rgb, &self.photo])
         };
         for channel in 0..3 {
-            let mut bindings = shared(channel);
-            bindings.extend([(4, self.slopes.as_entire_binding()), (5, self.sums.as_entire_binding())]);
-            recorder.dispatch(CompareProgram::Similarity, Groups::Direct(self.tiles), bindings);
-            let mut bindings = shared(channel);
-            bindings.extend([(4, self.slopes.as_entire_binding()), (6, upstream.as_entire_binding())]);
-            recorder.dispatch(CompareProgram::SimilarityBackward, Groups::Direct(self.tiles), bindings);
+            let bindings = with_numbered(shared(channel), [(4, &self.slopes), (5, &self.sums)]);
+            recorder.dispatch(SIMILARITY, tiles, bindings);
+            let bindings = with_numbered(shared(channel), [(4, &self.slopes), (6, upstream)]);
+            recorder.dispatch(SIMILARITY_BACKWARD, tiles, bindings);
         }
-        let mut bindings = shared(0);
-        bindings.extend([
-            (5, self.sums.as_entire_binding()),
-            (6, upstream.as_entire_binding()),
-            (7, Sums::COLORS.within(&self.totals)),
-        ]);
-        recorder.dispatch(CompareProgram::ColorsBackward, Groups::Direct(GROUPS), bindings);
+        let mut bindings = with_numbered(shared(0), [(5, &self.sums), (6, upstream)]);
+        bindings.push((7, Sums::COLORS.within(&self.totals)));
+        recorder.dispatch(COLORS_BACKWARD, Groups::Direct(GROUPS), bindings);
     }
 
     fn record_geometry<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
         let Pictures { channels, alpha, depths, normal, upstream, .. } = pictures;
         let (view, structure) = (recorder.view(), recorder.uniform(slot));
-        let with = |bindings: Bindings<'a>| {
-            let mut all = vec![
-                (0, view.clone()),
-                (1, structure.clone()),
-                (2, alpha.as_entire_binding()),
-                (3, depths.as_entire_binding()),
-            ];
-            all.extend(bindings);
-            all
-        };
+        let seen = || with_buffers(vec![(0, view.clone()), (1, structure.clone())], [alpha, depths]);
+        let summed =
+            |bindings: Bindings<'a>, sums: Sums| [bindings, vec![(7, sums.within(&self.totals))]].concat();
+        let all = Groups::Direct(GROUPS);
+        let (groups, patches) = (&self.groups, &self.patches);
         if let Some(beliefs) = &self.beliefs {
-            let beliefs = || beliefs.as_entire_binding();
-            let bindings = with(vec![
-                (4, normal.as_entire_binding()),
-                (5, beliefs()),
-                (6, upstream.as_entire_binding()),
-                (7, Sums::PIXELS.within(&self.totals)),
-            ]);
-            recorder.dispatch(CompareProgram::PixelsBackward(channels), Groups::Direct(GROUPS), bindings);
+            let bindings = with_buffers(seen(), [normal, beliefs, upstream]);
+            recorder.dispatch(pixels_program(channels), all, summed(bindings, Sums::PIXELS));
             if self.has_patches {
                 let each = Groups::Direct(self.patch_count);
-                let (groups, patches) = (&self.groups, &self.patches);
-                let totals = || Sums::PATCHES.within(&self.totals);
-                let bindings = with(vec![(5, beliefs()), (7, groups.as_entire_binding())]);
-                recorder.dispatch(CompareProgram::GridMoments, Groups::Direct(GROUPS), bindings);
-                let bindings = with(vec![
-                    (4, groups.as_entire_binding()),
-                    (5, beliefs()),
-                    (7, patches.as_entire_binding()),
-                ]);
-                recorder.dispatch(CompareProgram::Patches, each, bindings);
-                let bindings = vec![(1, structure.clone()), (4, patches.as_entire_binding()), (7, totals())];
-                recorder.dispatch(CompareProgram::PatchTotals, Groups::Direct(1), bindings);
-                let bindings = with(vec![
-                    (4, patches.as_entire_binding()),
-                    (5, beliefs()),
-                    (6, upstream.as_entire_binding()),
-                    (7, totals()),
-                ]);
-                recorder.dispatch(CompareProgram::PatchesBackward, each, bindings);
+                recorder.dispatch(GRID_MOMENTS, all, with_numbered(seen(), [(5, beliefs), (7, groups)]));
+                let bindings = with_numbered(seen(), [(4, groups), (5, beliefs), (7, patches)]);
+                recorder.dispatch(PATCHES, each, bindings);
+                let bindings = with_numbered(vec![(1, structure.clone())], [(4, patches)]);
+                recorder.dispatch(PATCH_TOTALS, Groups::Direct(1), summed(bindings, Sums::PATCHES));
+                let bindings = with_buffers(seen(), [patches, beliefs, upstream]);
+                recorder.dispatch(PATCHES_BACKWARD, each, summed(bindings, Sums::PATCHES));
             }
         }
         if self.is_smooth {
-            let bindings = vec![
-                (0, view.clone()),
-                (2, alpha.as_entire_binding()),
-                (3, depths.as_entire_binding()),
-                (7, self.groups.as_entire_binding()),
-            ];
-            recorder.dispatch(CompareProgram::InverseDepths, Groups::Direct(GROUPS), bindings);
-            let bindings = with(vec![
-                (4, self.groups.as_entire_binding()),
-                (5, self.photo.as_entire_binding()),
-                (6, upstream.as_entire_binding()),
-                (7, Sums::SMOOTH.within(&self.totals)),
-            ]);
-            recorder.dispatch(CompareProgram::SmoothBackward, Groups::Direct(GROUPS), bindings);
+            let bindings = with_numbered(vec![(0, view.clone())], [(2, alpha), (3, depths), (7, groups)]);
+            recorder.dispatch(INVERSE_DEPTHS, all, bindings);
+            let bindings = with_buffers(seen(), [groups, &self.photo, upstream]);
+            recorder.dispatch(SMOOTH_BACKWARD, all, summed(bindings, Sums::SMOOTH));
         }
     }
 

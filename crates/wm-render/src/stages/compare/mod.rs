@@ -173,7 +173,6 @@ pub struct Comparison<'a> {
 impl Comparison<'_> {
     /// The weight of a term.
     #[cfg(feature = "gpu")]
-    #[must_use]
     pub(crate) fn weight(&self, term: Term) -> f64 {
         self.weights[term as usize]
     }

@@ -16,7 +16,7 @@ pub(crate) struct BackgroundView<'a> {
     medium: Option<&'a dyn Medium>,
     shading: Shading,
     /// The colour where it is the same everywhere.
-    uniform: Option<[f32; 3]>,
+    pub(crate) uniform: Option<[f32; 3]>,
     origin: [f32; 3],
     /// A ray through picture point (x, y) px: `axes[0] x + axes[1] y + axes[2]`, world axes.
     axes: [[f32; 3]; 3],
@@ -43,13 +43,11 @@ impl Default for BackgroundScratch {
 
 impl<'a> BackgroundView<'a> {
     /// The background of a pass.
-    #[must_use]
     pub(crate) fn of(pass: &'a DrawPass<'_>, path: SimdPath) -> Self {
         Self::new(pass.backdrop(), pass.hooks.medium, pass.shading, &pass.camera, path)
     }
 
     /// `backdrop` behind `medium` for one view.
-    #[must_use]
     pub(crate) fn new(
         backdrop: &'a dyn Backdrop,
         medium: Option<&'a dyn Medium>,
@@ -82,13 +80,6 @@ impl<'a> BackgroundView<'a> {
             nodes,
             path,
         }
-    }
-
-    /// The colour where it is the same everywhere.
-    #[cfg(feature = "gpu")]
-    #[must_use]
-    pub(crate) fn uniform(&self) -> Option<[f32; 3]> {
-        self.uniform
     }
 
     /// Writes the background of the pixels of one patch, row by row, one array a channel.
@@ -164,7 +155,6 @@ impl<'a> BackgroundView<'a> {
     /// Nodes along a side of a patch, between which the background is mixed; `None` where there is
     /// one a pixel or more.
     #[cfg(feature = "gpu")]
-    #[must_use]
     pub(crate) fn nodes(&self) -> Option<usize> {
         (self.detail == Detail::Smooth && self.nodes < PATCH).then_some(self.nodes)
     }

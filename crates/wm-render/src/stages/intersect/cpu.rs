@@ -39,7 +39,6 @@ pub(crate) struct Ellipse {
 impl Record {
     /// The ellipse in which its alpha is drawn, with some slack.
     #[inline(always)]
-    #[must_use]
     pub(crate) fn ellipse(&self) -> Ellipse {
         let Self { x, y, ux, vx, vy, slope_y, slope_x, log2_opacity, .. } = *self;
         Ellipse { x, y, ux, vx, vy, slope_y, slope_x, reach: log2_opacity - (LOG2_MIN_ALPHA - TEST_SLACK) }
@@ -208,7 +207,6 @@ impl Pairs {
 
 impl Pairs {
     /// Number of pairs.
-    #[must_use]
     pub(crate) fn len(&self) -> usize {
         self.len
     }

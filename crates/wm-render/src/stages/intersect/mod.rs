@@ -41,7 +41,6 @@ pub fn key(depth_bits: u32, record: u32, patches: u32) -> u64 {
 
 /// The record of a key.
 #[inline(always)]
-#[must_use]
 pub(crate) fn record_of(key: u64) -> usize {
     (key as u32 >> 4) as usize
 }
@@ -57,13 +56,11 @@ pub(crate) struct TileGrid {
 
 impl TileGrid {
     /// The tiles of a picture of `width` x `height` px.
-    #[must_use]
     pub(crate) fn new(width: u32, height: u32) -> Self {
         Self { columns: width.div_ceil(TILE as u32), rows: height.div_ceil(TILE as u32) }
     }
 
     /// Number of tiles.
-    #[must_use]
     pub(crate) fn tiles(&self) -> usize {
         self.columns as usize * self.rows as usize
     }

@@ -39,23 +39,13 @@ fn project(path: SimdPath, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
     for group in &model.groups {
         let (mut p, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
         dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, None, None, &mut p, &mut shade));
+        let transposed = dispatch!(path, s => Record::transposed(s, &p, &shade, 0));
         for lane in (0..GROUP).filter(|lane| p.mask >> lane & 1 == 1) {
             boxes.push(PatchBox {
                 columns: p.columns.map(|ends| ends[lane] as u16),
                 rows: p.rows.map(|ends| ends[lane] as u16),
             });
-            records.push(Record {
-                x: p.x[lane],
-                y: p.y[lane],
-                ux: p.ux[lane],
-                vx: p.vx[lane],
-                vy: p.vy[lane],
-                log2_opacity: p.log2_opacity[lane],
-                depth: p.depth[lane],
-                slope_y: p.slope_y[lane],
-                slope_x: p.slope_x[lane],
-                ..Record::default()
-            });
+            records.push(transposed[lane]);
         }
     }
     (records, boxes)

@@ -53,17 +53,6 @@ pub fn hold_sky(splats: &Splats, gradients: &mut Gradients) {
     }
 }
 
-/// The numbers that one parameter needs for a step.
-struct Update<'a> {
-    parameters: &'a mut [f32],
-    pair: &'a mut Pair,
-    /// Values a splat in `parameters` and in the moments.
-    width: usize,
-    gradients: &'a [f32],
-    /// Step length of each value of a row of gradients; its length is that of a row.
-    rates: &'a [f32],
-}
-
 /// A run of rows: arrays from row `first` on.
 struct Piece<'a> {
     first: usize,
@@ -83,81 +72,64 @@ pub fn step(
     rates: &Rates,
     step: u32,
 ) {
-    let width = splats.sh_stride();
     let mut sh_rates = vec![rates.sh_rest as f32; gradients.sh_stride()];
     sh_rates[..3].fill(rates.sh_dc as f32);
-    let updates = [
-        Update {
-            parameters: splats.means.as_flattened_mut(),
-            pair: &mut moments.means,
-            width: 3,
-            gradients: gradients.means.as_flattened(),
-            rates: &[rates.means as f32; 3],
-        },
-        Update {
-            parameters: splats.quats.as_flattened_mut(),
-            pair: &mut moments.quats,
-            width: 4,
-            gradients: gradients.quats.as_flattened(),
-            rates: &[rates.quats as f32; 4],
-        },
-        Update {
-            parameters: splats.log_scales.as_flattened_mut(),
-            pair: &mut moments.log_scales,
-            width: 3,
-            gradients: gradients.log_scales.as_flattened(),
-            rates: &[rates.log_scales as f32; 3],
-        },
-        Update {
-            parameters: &mut splats.logit_opacities,
-            pair: &mut moments.logit_opacities,
-            width: 1,
-            gradients: &gradients.logit_opacities,
-            rates: &[rates.logit_opacities as f32],
-        },
-        Update {
-            parameters: &mut splats.sh,
-            pair: &mut moments.sh,
-            width,
-            gradients: &gradients.sh,
-            rates: &sh_rates,
-        },
-    ];
     let corrections = [BETA1, BETA2].map(|beta| (1.0 - f64::from(beta).powf(f64::from(step))) as f32);
-    for update in updates {
-        if !update.gradients.is_empty() {
-            update.run(path, &gradients.visible, corrections);
+    let (visible, count) = (&gradients.visible[..], splats.len());
+    let update = |parameters: &mut [f32], pair: &mut Pair, gradients: &[f32], rates: &[f32]| {
+        if !gradients.is_empty() {
+            update(path, parameters, pair, count, visible, gradients, rates, corrections);
         }
-    }
+    };
+    let Gradients { means, quats, log_scales, logit_opacities, sh, .. } = gradients;
+    let [of_means, of_quats] = [rates.means as f32, rates.quats as f32];
+    let [of_scales, of_opacities] = [rates.log_scales as f32, rates.logit_opacities as f32];
+    update(splats.means.as_flattened_mut(), &mut moments.means, means.as_flattened(), &[of_means; 3]);
+    update(splats.quats.as_flattened_mut(), &mut moments.quats, quats.as_flattened(), &[of_quats; 4]);
+    let (parameters, pair) = (splats.log_scales.as_flattened_mut(), &mut moments.log_scales);
+    update(parameters, pair, log_scales.as_flattened(), &[of_scales; 3]);
+    update(&mut splats.logit_opacities, &mut moments.logit_opacities, logit_opacities, &[of_opacities]);
+    update(&mut splats.sh, &mut moments.sh, sh, &sh_rates);
 }
 
-impl Update<'_> {
-    fn run(self, path: SimdPath, visible: &[u32], corrections: [f32; 2]) {
-        let Self { mut parameters, pair, width, gradients, rates } = self;
-        let (mut first, mut second) = (&mut pair.first[..], &mut pair.second[..]);
-        let row = rates.len();
-        let mut pieces = Vec::with_capacity(visible.len().div_ceil(CHUNK));
-        let mut begun = 0;
-        // Indices ascend, so that each run of them has rows of its own.
-        for (visible, gradients) in visible.chunks(CHUNK).zip(gradients.chunks(CHUNK * row)) {
-            let end = visible[visible.len() - 1] as usize + 1;
-            let size = (end - begun) * width;
-            let own = parameters.split_at_mut(size);
-            let own_first = first.split_at_mut(size);
-            let own_second = second.split_at_mut(size);
-            pieces.push(Piece {
-                first: begun,
-                visible,
-                gradients,
-                parameters: own.0,
-                moments: [own_first.0, own_second.0],
-            });
-            (parameters, first, second, begun) = (own.1, own_first.1, own_second.1, end);
-        }
-        pieces.into_par_iter().for_each(|piece| {
-            dispatch!(path, _simd => piece.run(width, rates, corrections[0], corrections[1]));
+/// Takes a step along the gradients of one parameter of `count` splats. `rates` has the step length
+/// of each value of a row of gradients.
+#[allow(clippy::too_many_arguments, reason = "one caller; a struct would only repeat the names")]
+fn update(
+    path: SimdPath,
+    mut parameters: &mut [f32],
+    pair: &mut Pair,
+    count: usize,
+    visible: &[u32],
+    gradients: &[f32],
+    rates: &[f32],
+    corrections: [f32; 2],
+) {
+    let (mut first, mut second) = (&mut pair.first[..], &mut pair.second[..]);
+    // Values a splat in the parameters and in the moments.
+    let width = parameters.len() / count.max(1);
+    let row = rates.len();
+    let mut pieces = Vec::with_capacity(visible.len().div_ceil(CHUNK));
+    let mut begun = 0;
+    // Indices ascend, so that each run of them has rows of its own.
+    for (visible, gradients) in visible.chunks(CHUNK).zip(gradients.chunks(CHUNK * row)) {
+        let end = visible[visible.len() - 1] as usize + 1;
+        let size = (end - begun) * width;
+        let own = parameters.split_at_mut(size);
+        let own_first = first.split_at_mut(size);
+        let own_second = second.split_at_mut(size);
+        pieces.push(Piece {
+            first: begun,
+            visible,
+            gradients,
+            parameters: own.0,
+            moments: [own_first.0, own_second.0],
         });
+        (parameters, first, second, begun) = (own.1, own_first.1, own_second.1, end);
     }
+    pieces.into_par_iter().for_each(|piece| {
+        dispatch!(path, _simd => piece.run(width, rates, corrections[0], corrections[1]));
+    });
 }
 
 impl Piece<'_> {

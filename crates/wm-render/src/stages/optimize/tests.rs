@@ -136,9 +136,7 @@ fn assert_alike(got: &LearntState, want: &LearntState) {
 
 #[test]
 fn what_learns_on_a_gpu_learns_the_same() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     for degree in [0, 2] {
         let start = LearntState::new(splats(degree));
         let (mut want, mut got) = (start.clone(), start.clone());
@@ -163,9 +161,7 @@ fn what_learns_on_a_gpu_learns_the_same() {
 /// By the formula in f64, with the CPU's random numbers.
 #[test]
 fn noise_is_the_cpus() {
-    if Backend::gpu().is_none() {
-        return;
-    }
+    let Some(_) = Backend::gpu() else { return };
     let mut start = LearntState::new(splats(1));
     start.splats.logit_opacities.iter_mut().step_by(2).for_each(|logit| *logit = -6.0);
     let noise = Noise { seed: 0xfeed_beef_0123_4567, size: 40.0, most: 0.1 };

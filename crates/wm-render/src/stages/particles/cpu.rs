@@ -299,20 +299,17 @@ pub(crate) struct Falling {
 
 impl Falling {
     /// Returns true if there are no particles.
-    #[must_use]
     pub(crate) fn is_empty(&self) -> bool {
         self.count == 0
     }
 
     /// Number of particles in the picture.
-    #[must_use]
     pub(crate) fn len(&self) -> usize {
         self.count
     }
 
     /// The particles as the GPU takes them, sixteen numbers each.
     #[cfg(feature = "gpu")]
-    #[must_use]
     pub(crate) fn words(&self) -> Vec<f32> {
         self.drops[..self.count].iter().flat_map(ProjectedDrop::words).collect()
     }

@@ -12,7 +12,7 @@ use std::f32::consts::LN_2;
 use wm_scene::Rasterization;
 
 /// The projections of sixteen splats, one array a number; see [`super::Record`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[repr(C, align(64))]
 pub struct ProjectedGroup {
     /// Centre, px.
@@ -44,28 +44,6 @@ pub struct ProjectedGroup {
     pub(crate) slopes: [u32; GROUP],
     /// A bit for each splat that is in view.
     pub(crate) mask: u32,
-}
-
-impl Default for ProjectedGroup {
-    fn default() -> Self {
-        let zero = [0.0; GROUP];
-        Self {
-            x: zero,
-            y: zero,
-            ux: zero,
-            vx: zero,
-            vy: zero,
-            log2_opacity: zero,
-            depth: zero,
-            slope_y: zero,
-            slope_x: zero,
-            columns: [[0; GROUP]; 2],
-            rows: [[0; GROUP]; 2],
-            normal: [zero; 3],
-            slopes: [0; GROUP],
-            mask: 0,
-        }
-    }
 }
 
 /// The places and shapes of splats in the picture: one vector a number.
@@ -359,7 +337,6 @@ pub fn project_group<S: Lanes>(
 impl Record {
     /// The sixteen records of a group, whose splats are numbered from `first`.
     #[inline(always)]
-    #[must_use]
     pub(crate) fn transposed<S: Lanes>(
         simd: S,
         from: &ProjectedGroup,
@@ -462,7 +439,6 @@ pub(crate) struct ClusterCull {
 
 impl ClusterCull {
     /// The test for one camera.
-    #[must_use]
     pub(crate) fn new(camera: &ProjectCamera) -> Self {
         // sqrt(2 ln(255)), and with the dilation; a little more against rounding.
         let sigmas = (2.0 * (255.0f32).ln() + 0.01).sqrt();
@@ -488,7 +464,6 @@ impl ClusterCull {
 
     /// Returns true if no splat of the cluster can be in view.
     #[inline]
-    #[must_use]
     pub(crate) fn culls(&self, cluster: &Cluster) -> bool {
         let d: [f32; 3] = std::array::from_fn(|k| cluster.center[k] - self.center[k]);
         let support = |n: &[f32; 3]| -> (f32, f32) {

@@ -2,12 +2,12 @@
 //! blocks of 256 a second one writes their records in the order of the splats, so that nothing
 //! depends on which workgroup came first.
 
-use crate::gpu::recorder::{Bindings, Groups, Recorder};
-use crate::gpu::source::{COLOR, StagePrograms, texts};
+use crate::gpu::buffers::Room;
+use crate::gpu::recorder::{Bindings, Groups, Recorder, with_numbered};
+use crate::gpu::source::{COLOR, Program};
 use crate::hooks::WgslSource;
 use crate::plan::Shading;
 use crate::stages::shade::gpu::{AirText, SHADE};
-use std::borrow::Cow;
 
 /// Rows of sixteen numbers of a group of splats on the GPU, see `geometry.wgsl`.
 pub(crate) const ROWS: u32 = 15;
@@ -48,45 +48,15 @@ impl ParameterForm {
     }
 }
 
-/// The programs of the projection.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum ProjectProgram {
-    /// Finds the splats in view.
-    Cull(ParameterForm),
-    /// Writes their records, with colours through the air.
-    Project(ParameterForm, AirText),
+/// Finds the splats in view.
+pub(crate) fn cull_program(form: ParameterForm) -> Program {
+    Program::new("cull", &[PIECES, COLOR, GEOMETRY, include_str!("cull.wgsl")]).with(form.text())
 }
 
-impl StagePrograms for ProjectProgram {
-    fn all() -> Vec<Self> {
-        let project = Self::Project;
-        vec![
-            Self::Cull(ParameterForm::Activated),
-            Self::Cull(ParameterForm::Stored),
-            project(ParameterForm::Activated, AirText::Clear),
-            project(ParameterForm::Activated, AirText::FullShare),
-            project(ParameterForm::Stored, AirText::Photos),
-        ]
-    }
-
-    fn entry(&self) -> &'static str {
-        match self {
-            Self::Cull(_) => "cull",
-            Self::Project(..) => "project_visible",
-        }
-    }
-
-    fn parts(&self) -> Vec<Cow<'static, str>> {
-        match self {
-            Self::Cull(form) => texts([PIECES, COLOR, form.text(), GEOMETRY, include_str!("cull.wgsl")]),
-            Self::Project(form, air) => {
-                let mut parts =
-                    texts([PIECES, COLOR, form.text(), GEOMETRY, SHADE, include_str!("project.wgsl")]);
-                parts.extend(air.parts());
-                parts
-            }
-        }
-    }
+/// Writes their records, with colours through the air.
+pub(crate) fn project_program(form: ParameterForm, air: &AirText) -> Program {
+    let texts = &[PIECES, COLOR, GEOMETRY, SHADE, include_str!("project.wgsl")];
+    air.added_to(Program::new("project_visible", texts).with(form.text()))
 }
 
 /// One piece of a set with what changes of it from frame to frame.
@@ -110,12 +80,8 @@ impl Piece<'_> {
 
     /// The bindings that all programs over splats share.
     pub(crate) fn bindings<'a>(&'a self, recorder: &Recorder<'a>, blocks: &'a wgpu::Buffer) -> Bindings<'a> {
-        let mut bindings = vec![
-            (0, recorder.view()),
-            (1, self.uniform.clone()),
-            (2, self.splats.as_entire_binding()),
-            (4, blocks.as_entire_binding()),
-        ];
+        let structures = vec![(0, recorder.view()), (1, self.uniform.clone())];
+        let mut bindings = with_numbered(structures, [(2, self.splats), (4, blocks)]);
         bindings.extend(self.attributes.map(|attributes| (3, attributes.as_entire_binding())));
         bindings
     }
@@ -124,29 +90,23 @@ impl Piece<'_> {
 /// Finds which splats of a piece are in view.
 pub(crate) fn cull(recorder: &mut Recorder<'_>, piece: &Piece<'_>, blocks: &wgpu::Buffer) {
     let bindings = piece.bindings(recorder, blocks);
-    recorder.dispatch(ProjectProgram::Cull(piece.form()), Groups::Direct(piece.blocks), bindings);
+    recorder.dispatch(cull_program(piece.form()), Groups::Direct(piece.blocks), bindings);
 }
 
 /// Writes the records and depths of those in view, through the air.
 pub(crate) fn project(
     recorder: &mut Recorder<'_>,
     piece: &Piece<'_>,
-    blocks: &wgpu::Buffer,
-    records: &wgpu::Buffer,
-    depths: &wgpu::Buffer,
+    room: &Room,
     shading: Shading,
     air: Option<(&WgslSource, &wgpu::Buffer)>,
 ) {
-    let mut bindings = piece.bindings(recorder, blocks);
-    bindings.extend([
-        (5, piece.sh_rest.as_entire_binding()),
-        (6, records.as_entire_binding()),
-        (7, depths.as_entire_binding()),
-    ]);
+    let own = [(5, piece.sh_rest), (6, &room.records), (7, &room.lists.depth_pairs[0][0])];
+    let mut bindings = with_numbered(piece.bindings(recorder, &room.lists.blocks), own);
     bindings.extend(air.map(|(_, parameters)| (8, parameters.as_entire_binding())));
     let air = match piece.form() {
         ParameterForm::Activated => AirText::new(shading, air.map(|(air, _)| air)),
         ParameterForm::Stored => AirText::Photos,
     };
-    recorder.dispatch(ProjectProgram::Project(piece.form(), air), Groups::Direct(piece.blocks), bindings);
+    recorder.dispatch(project_program(piece.form(), &air), Groups::Direct(piece.blocks), bindings);
 }

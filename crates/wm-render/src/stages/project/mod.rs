@@ -93,14 +93,12 @@ pub struct Record {
 /// Packs slopes of the reciprocal depth along x and y, 1/(scene units px), into one word: the upper
 /// half of each number.
 #[inline(always)]
-#[must_use]
 pub(crate) fn pack_slopes(x: f32, y: f32) -> u32 {
     (x.to_bits() & 0xffff_0000) | (y.to_bits() >> 16)
 }
 
 /// Reads what [`pack_slopes`] wrote.
 #[inline(always)]
-#[must_use]
 pub(crate) fn unpack_slopes(word: u32) -> [f32; 2] {
     [f32::from_bits(word & 0xffff_0000), f32::from_bits(word << 16)]
 }
@@ -153,7 +151,6 @@ impl ProjectCamera {
 
     /// Makes the projection of a camera that shows a part of the picture of `whole`, whose limits
     /// of the Jacobian it takes.
-    #[must_use]
     pub(crate) fn part_of(self, whole: Option<&Camera>) -> Self {
         match whole.map(Self::new) {
             Some(Self { low, high, .. }) => Self { low, high, ..self },

@@ -12,7 +12,7 @@ use std::f32::consts::LN_2;
 use wm_scene::Rasterization;
 
 /// The gradients of sixteen splats, one array a number.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[repr(C, align(64))]
 pub(crate) struct SplatGradients {
     /// By the mean.
@@ -29,21 +29,6 @@ pub(crate) struct SplatGradients {
     pub(crate) absgrad: [[f32; GROUP]; 2],
     /// Three standard deviations along the longest axis, px.
     pub(crate) radius: [f32; GROUP],
-}
-
-impl Default for SplatGradients {
-    fn default() -> Self {
-        let zero = [0.0; GROUP];
-        Self {
-            mean: [zero; 3],
-            quat: [zero; 4],
-            log_scale: [zero; 3],
-            logit_opacity: zero,
-            mean2d: [zero; 2],
-            absgrad: [zero; 2],
-            radius: zero,
-        }
-    }
 }
 
 /// The rays from the camera to sixteen splats, without their colours.

@@ -3,11 +3,12 @@
 //! same program.
 
 use crate::differentiable::Channels;
-use crate::gpu::recorder::{Groups, Recorder, with_buffers};
-use crate::gpu::source::{COLOR, StagePrograms, VISIBLE_GROUPS, switches, texts};
+use crate::gpu::buffers::{Lists, Room};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers, with_numbered};
+use crate::gpu::source::{COLOR, Program, VISIBLE_GROUPS, switches};
+use crate::stages::optimize::gpu::Rows;
 use crate::stages::project::gpu::{GEOMETRY, PIECES, ParameterForm, Piece};
 use crate::stages::shade::gpu::{PHOTO_AIR, SHADE};
-use std::borrow::Cow;
 
 /// Numbers of a splat in view, see `project_backward.wgsl`.
 pub(crate) const ROW: u32 = 18;
@@ -33,86 +34,39 @@ pub(crate) const INDEX: u32 = 17;
 /// The text that derives the shading of one splat.
 const SHADE_BACKWARD: &str = include_str!("../shade_backward/shade_backward.wgsl");
 
-/// The programs of the derivative of the projection.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum ProjectBackwardProgram {
-    /// Adds up the derivatives of all tiles.
-    Gather,
-    /// Turns them into gradients by the stored parameters.
-    Backward(Channels),
+/// Adds up the derivatives of all tiles.
+pub(crate) const GATHER: Program = Program::new("gather", &[include_str!("gather.wgsl")]);
+
+/// Turns them into gradients by the stored parameters.
+pub(crate) fn backward_program(channels: Channels) -> Program {
+    const OWN: &str = include_str!("project_backward.wgsl");
+    let texts = &[PIECES, GEOMETRY, SHADE, COLOR, PHOTO_AIR, SHADE_BACKWARD, OWN];
+    Program::new("project_backward", texts).with(switches(channels)).with(ParameterForm::Stored.text())
 }
 
-impl StagePrograms for ProjectBackwardProgram {
-    fn all() -> Vec<Self> {
-        let mut all = vec![Self::Gather];
-        all.extend(Channels::ALL.map(Self::Backward));
-        all
-    }
-
-    fn entry(&self) -> &'static str {
-        match self {
-            Self::Gather => "gather",
-            Self::Backward(_) => "project_backward",
-        }
-    }
-
-    fn parts(&self) -> Vec<Cow<'static, str>> {
-        match self {
-            Self::Gather => texts([include_str!("gather.wgsl")]),
-            Self::Backward(channels) => {
-                let mut parts = vec![switches(*channels)];
-                parts.extend(texts([PIECES, ParameterForm::Stored.text(), GEOMETRY, SHADE]));
-                parts.extend(texts([COLOR, PHOTO_AIR, SHADE_BACKWARD]));
-                parts.extend(texts([include_str!("project_backward.wgsl")]));
-                parts
-            }
-        }
-    }
+/// Adds the slots of all splats in view. The counts of the lists are those after entries were
+/// written: the ends of the slots.
+pub(crate) fn gather(
+    recorder: &mut Recorder<'_>,
+    lists: &Lists,
+    order: &wgpu::Buffer,
+    slots: &wgpu::Buffer,
+    pulls: &wgpu::Buffer,
+) {
+    let bindings = with_buffers(vec![], [&lists.counters, order, &lists.counts, slots, pulls]);
+    recorder.dispatch(GATHER, Groups::Indirect(&lists.dispatches, VISIBLE_GROUPS), bindings);
 }
 
-/// The buffers that `gather.wgsl` reads and writes.
-pub(crate) struct Gather<'a> {
-    pub(crate) counters: &'a wgpu::Buffer,
-    pub(crate) dispatches: &'a wgpu::Buffer,
-    pub(crate) order: &'a wgpu::Buffer,
-    /// `counts` of `intersect.wgsl`, after entries were written.
-    pub(crate) ends: &'a wgpu::Buffer,
-    pub(crate) slots: &'a wgpu::Buffer,
-    pub(crate) pulls: &'a wgpu::Buffer,
-}
-
-impl Gather<'_> {
-    /// Adds the slots of all splats in view.
-    pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
-        let bindings = with_buffers(vec![], [self.counters, self.order, self.ends, self.slots, self.pulls]);
-        recorder.dispatch(
-            ProjectBackwardProgram::Gather,
-            Groups::Indirect(self.dispatches, VISIBLE_GROUPS),
-            bindings,
-        );
-    }
-}
-
-/// The buffers that `project_backward.wgsl` and `shade_backward.wgsl` read and write.
-pub(crate) struct ProjectBackward<'a> {
-    pub(crate) blocks: &'a wgpu::Buffer,
-    pub(crate) records: &'a wgpu::Buffer,
-    pub(crate) pulls: &'a wgpu::Buffer,
-    pub(crate) gradients: &'a wgpu::Buffer,
-    pub(crate) by_sh: &'a wgpu::Buffer,
-}
-
-impl ProjectBackward<'_> {
-    /// Derives the splats of one piece.
-    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, piece: &Piece<'_>, channels: Channels) {
-        let mut bindings = piece.bindings(recorder, self.blocks);
-        bindings.extend([
-            (5, piece.sh_rest.as_entire_binding()),
-            (6, self.records.as_entire_binding()),
-            (7, self.pulls.as_entire_binding()),
-            (8, self.gradients.as_entire_binding()),
-            (9, self.by_sh.as_entire_binding()),
-        ]);
-        recorder.dispatch(ProjectBackwardProgram::Backward(channels), Groups::Direct(piece.blocks), bindings);
-    }
+/// Derives the splats of one piece, and writes their rows.
+pub(crate) fn project_backward(
+    recorder: &mut Recorder<'_>,
+    piece: &Piece<'_>,
+    channels: Channels,
+    room: &Room,
+    pulls: &wgpu::Buffer,
+    rows: Rows<'_>,
+) {
+    let own = [(5, piece.sh_rest), (6, &room.records), (7, pulls), (8, rows.gradients), (9, rows.by_sh)];
+    let bindings = with_numbered(piece.bindings(recorder, &room.lists.blocks), own);
+    recorder.dispatch(backward_program(channels), Groups::Direct(piece.blocks), bindings);
 }

@@ -1,9 +1,8 @@
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
-use crate::hooks::Hooks;
-use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView, Shading};
+use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
-use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare};
+use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare, rendered};
 use crate::testing::{Backend, camera, random_splats};
 use crate::{
     Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT, ForwardConfig, Frame,
@@ -70,18 +69,10 @@ fn check(backend: Backend, sets: &[Splats], rasterization: Rasterization) {
         let camera = camera(width, height);
         let background = Background::Color([0.2, 0.4, 0.6]);
         let config = RenderConfig { outputs: ALL_OUTPUTS, background, rasterization };
-        let mut renderer = backend.renderer();
-        let views: Vec<SetView<'_>> = sets
-            .iter()
-            .map(|set| SetView::plain(renderer.load(set).unwrap()).with_attributes(attributes))
-            .collect();
-        let pass = DrawPass::new(&views, &camera, &config);
-        let mut frame = Frame::default();
-        renderer.render(&pass, &mut frame).unwrap();
         let sets: Vec<(&Splats, Option<&dyn SplatAttributes>)> =
             sets.iter().map(|set| (set, attributes)).collect();
-        let want = reference::frame::render(&sets, &camera, &config, Hooks::default());
-        compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}, {width}x{height}: {error}"));
+        rendered(backend, &sets, &DrawPass::new(&[], &camera, &config))
+            .unwrap_or_else(|error| panic!("{backend:?}, {width}x{height}: {error}"));
     }
 }
 
@@ -227,19 +218,12 @@ fn split(backend: Backend, splats: &Splats) {
         renderer.render(&pass, &mut whole).unwrap();
         let depth = slanted(&camera);
         let surface = BlendSurface { depth: &depth, normal: [0.0, 0.6, 0.8] };
-        renderer.render(&DrawPass { surface: Some(surface), ..pass.clone() }, &mut frame).unwrap();
+        let split = DrawPass { surface: Some(surface), ..pass };
+        renderer.render(&split, &mut frame).unwrap();
         let front: [_; FRONT] = std::array::from_fn(|part| frame.front_sums(part));
         frame.front.clear();
         let sets = [(splats, None)];
-        let want = reference::frame::render_split(
-            &sets,
-            &camera,
-            &config,
-            Hooks::default(),
-            Shading::Color,
-            Some(surface),
-            None,
-        );
+        let want = reference::frame::render(&sets, &split);
         match backend {
             // Another program, whose products and sums a driver may join otherwise.
             Backend::Gpu => compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{error}")),
@@ -272,21 +256,10 @@ fn split(backend: Backend, splats: &Splats) {
 fn cut_below(backend: Backend, splats: &Splats, cut: CutPlane) {
     let camera = camera(75, 53);
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let mut renderer = backend.renderer();
-    let sets = [SetView::plain(renderer.load(splats).unwrap())];
-    let mut frame = Frame::default();
-    let pass = DrawPass { cut: Some(cut), ..DrawPass::new(&sets, &camera, &config) };
-    renderer.render(&pass, &mut frame).unwrap();
-    let want = reference::frame::render_split(
-        &[(splats, None)],
-        &camera,
-        &config,
-        Hooks::default(),
-        Shading::Color,
-        None,
-        Some(cut),
-    );
-    compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}: {error}"));
-    let all = reference::frame::render(&[(splats, None)], &camera, &config, Hooks::default());
+    let whole = DrawPass::new(&[], &camera, &config);
+    let pass = DrawPass { cut: Some(cut), ..whole.clone() };
+    let frame =
+        rendered(backend, &[(splats, None)], &pass).unwrap_or_else(|error| panic!("{backend:?}: {error}"));
+    let all = reference::frame::render(&[(splats, None)], &whole);
     assert!(compare(&frame, &all, 2.0).is_err(), "{backend:?}: the cut takes something away");
 }

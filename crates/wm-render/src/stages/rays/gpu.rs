@@ -6,10 +6,10 @@ use super::packets::{CHILDREN, PACKET};
 use super::records::{RayRecord, SLACK};
 use super::walk::{HITS_PER_RAY, MAX_HIT_TRANSMITTANCE};
 use super::{MIN_HIT_COVERAGE, RayOutputs, STOPPED_COVERAGE};
+use crate::gpu::buffers::Lists;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
-use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, WORKGROUP, texts};
+use crate::gpu::source::{Program, VISIBLE_GROUPS, WORKGROUP};
 use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
-use std::borrow::Cow;
 use wm_scene::Splats;
 
 /// Words of `RayRecord`.
@@ -37,7 +37,8 @@ pub(crate) enum RaySums {
 }
 
 impl RaySums {
-    const ALL: [Self; 4] = [Self::Coverage, Self::Color, Self::Normal, Self::ColorNormal];
+    #[cfg(any(test, feature = "testing"))]
+    pub(crate) const ALL: [Self; 4] = [Self::Coverage, Self::Color, Self::Normal, Self::ColorNormal];
 
     /// Chooses the sums for the outputs that are asked for.
     pub(crate) fn of(asked: RayOutputs) -> Self {
@@ -61,59 +62,37 @@ impl RaySums {
     pub(crate) fn features(self) -> usize {
         3 * (usize::from(self.has_color()) + usize::from(self.has_normal()))
     }
+
+    /// The constants of its programs, as WGSL.
+    fn switches(self) -> String {
+        let (color, normal, features) = (self.has_color(), self.has_normal(), self.features());
+        format!("const COLOR = {color};\nconst NORMAL = {normal};\nconst FEATURES = {features}u;")
+    }
 }
 
-/// The programs of rays.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum RaysProgram {
-    /// Counts or writes the packets that each splat touches.
-    Touch,
-    /// Lists the splats that touch any.
-    Visible,
-    /// Adds up the packets of 256 of these.
-    Sums,
-    /// Finds their colours and normals.
-    Features(RaySums),
-    /// Blends the lists of packets.
-    Blend(RaySums),
+/// Counts or writes the packets that each splat touches.
+pub(crate) fn touch_program() -> Program {
+    Program::new("touch", &[WORKGROUP_SUMS, RECORDS, include_str!("touch.wgsl")]).with(constants())
 }
 
-impl StagePrograms for RaysProgram {
-    fn all() -> Vec<Self> {
-        let mut all = vec![Self::Touch, Self::Visible, Self::Sums];
-        // Without sums there are no features to find.
-        all.extend(RaySums::ALL.into_iter().skip(1).map(Self::Features));
-        all.extend(RaySums::ALL.map(Self::Blend));
-        all
-    }
+/// Lists the splats that touch any.
+pub(crate) fn visible_program() -> Program {
+    Program::new("visible", &[WORKGROUP_SUMS, RECORDS, include_str!("visible.wgsl")]).with(constants())
+}
 
-    fn entry(&self) -> &'static str {
-        match self {
-            Self::Touch => "touch",
-            Self::Visible => "visible",
-            Self::Sums => "sum_counts",
-            Self::Features(_) => "see",
-            Self::Blend(_) => "blend",
-        }
-    }
+/// Adds up the packets of 256 of these.
+pub(crate) fn sums_program() -> Program {
+    Program::new("sum_counts", &[WORKGROUP_SUMS, RECORDS, include_str!("sums.wgsl")]).with(constants())
+}
 
-    fn parts(&self) -> Vec<Cow<'static, str>> {
-        let mut parts = vec![Cow::from(constants())];
-        parts.extend(match self {
-            Self::Touch => texts([WORKGROUP_SUMS, RECORDS, include_str!("touch.wgsl")]),
-            Self::Visible => texts([WORKGROUP_SUMS, RECORDS, include_str!("visible.wgsl")]),
-            Self::Sums => texts([WORKGROUP_SUMS, RECORDS, include_str!("sums.wgsl")]),
-            Self::Features(_) => texts([RECORDS, include_str!("features.wgsl")]),
-            Self::Blend(_) => texts([RECORDS, include_str!("blend.wgsl")]),
-        });
-        if let Self::Features(sums) | Self::Blend(sums) = self {
-            let (color, normal, features) = (sums.has_color(), sums.has_normal(), sums.features());
-            let switches =
-                format!("const COLOR = {color};\nconst NORMAL = {normal};\nconst FEATURES = {features}u;");
-            parts.push(switches.into());
-        }
-        parts
-    }
+/// Finds their colours and normals.
+pub(crate) fn features_program(sums: RaySums) -> Program {
+    Program::new("see", &[RECORDS, include_str!("features.wgsl")]).with(constants()).with(sums.switches())
+}
+
+/// Blends the lists of packets.
+pub(crate) fn blend_program(sums: RaySums) -> Program {
+    Program::new("blend", &[RECORDS, include_str!("blend.wgsl")]).with(constants()).with(sums.switches())
 }
 
 const RECORDS: &str = include_str!("records.wgsl");
@@ -148,20 +127,9 @@ pub(crate) const WRITE_TASK: usize = 2;
 
 /// The buffers of this stage; the names are those of the WGSL.
 pub(crate) struct RayBuffers<'a> {
-    pub(crate) counters: &'a wgpu::Buffer,
-    pub(crate) dispatches: &'a wgpu::Buffer,
+    pub(crate) lists: &'a Lists,
     pub(crate) records: &'a wgpu::Buffer,
     pub(crate) cones: &'a wgpu::Buffer,
-    /// Packets that each record touches.
-    pub(crate) counts: &'a wgpu::Buffer,
-    /// Records that touch any, by blocks of 256 records.
-    pub(crate) blocks: &'a wgpu::Buffer,
-    /// Entries of 256 records of the order.
-    pub(crate) sums: &'a wgpu::Buffer,
-    /// Distances and names of the records that touch any.
-    pub(crate) distances: (&'a wgpu::Buffer, &'a wgpu::Buffer),
-    /// Packets and records of entries.
-    pub(crate) entries: (&'a wgpu::Buffer, &'a wgpu::Buffer),
     pub(crate) features: &'a wgpu::Buffer,
 }
 
@@ -170,16 +138,16 @@ impl RayBuffers<'_> {
     pub(crate) fn count(&self, recorder: &mut Recorder<'_>, records: u32) {
         // The order is not read yet: any buffer that is not written does.
         let over = Groups::Direct(records.div_ceil(WORKGROUP));
-        self.touch(recorder, COUNT_TASK, over, self.distances.1, self.blocks);
+        self.touch(recorder, COUNT_TASK, over, &self.lists.depth_pairs[0][1], &self.lists.blocks);
     }
 
     /// Writes the entries of the records in an order.
     pub(crate) fn write(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
-        self.touch(recorder, WRITE_TASK, self.over_visible(), order, self.sums);
+        self.touch(recorder, WRITE_TASK, self.over_visible(), order, &self.lists.sums);
     }
 
     fn over_visible(&self) -> Groups<'_> {
-        Groups::Indirect(self.dispatches, VISIBLE_GROUPS)
+        Groups::Indirect(&self.lists.dispatches, VISIBLE_GROUPS)
     }
 
     fn touch(
@@ -190,32 +158,28 @@ impl RayBuffers<'_> {
         order: &wgpu::Buffer,
         sums: &wgpu::Buffer,
     ) {
-        let first = vec![(0, recorder.uniform(slot)), (1, recorder.view())];
-        let (packets, entries) = self.entries;
-        let bindings = with_buffers(
-            first,
-            [self.counters, self.records, self.cones, order, self.counts, sums, packets, entries],
-        );
-        recorder.dispatch(RaysProgram::Touch, over, bindings);
+        let structures = vec![(0, recorder.uniform(slot)), (1, recorder.view())];
+        let Lists { counters, counts, entry_pairs: [[packets, entries], _], .. } = self.lists;
+        let buffers = [counters, self.records, self.cones, order, counts, sums, packets, entries];
+        recorder.dispatch(touch_program(), over, with_buffers(structures, buffers));
     }
 
     /// Lists the records, among the first `records`, that touch any packet.
     pub(crate) fn list(&self, recorder: &mut Recorder<'_>, records: u32) {
-        let (distances, names) = self.distances;
+        let Lists { counts, blocks, depth_pairs: [[distances, names], _], .. } = self.lists;
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],
-            [self.records, self.counts, self.blocks, distances, names],
+            [self.records, counts, blocks, distances, names],
         );
-        recorder.dispatch(RaysProgram::Visible, Groups::Direct(records.div_ceil(WORKGROUP)), bindings);
+        recorder.dispatch(visible_program(), Groups::Direct(records.div_ceil(WORKGROUP)), bindings);
     }
 
     /// Adds up the entries of the records in an order.
     pub(crate) fn sum(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
-        let bindings = with_buffers(
-            vec![(0, recorder.uniform(COUNT_TASK))],
-            [self.counters, order, self.counts, self.sums],
-        );
-        recorder.dispatch(RaysProgram::Sums, self.over_visible(), bindings);
+        let Lists { counters, counts, sums, .. } = self.lists;
+        let structures = vec![(0, recorder.uniform(COUNT_TASK))];
+        let bindings = with_buffers(structures, [counters, order, counts, sums]);
+        recorder.dispatch(sums_program(), self.over_visible(), bindings);
     }
 
     /// Finds the features of the records whose coefficients of colour are `sh`; `slot` is that of
@@ -228,28 +192,27 @@ impl RayBuffers<'_> {
         order: &wgpu::Buffer,
         sh: &wgpu::Buffer,
     ) {
-        let first = vec![(0, recorder.uniform(COUNT_TASK)), (1, recorder.uniform(slot))];
-        let bindings = with_buffers(first, [self.counters, self.records, order, sh, self.features]);
-        recorder.dispatch(RaysProgram::Features(sums), self.over_visible(), bindings);
+        let structures = vec![(0, recorder.uniform(COUNT_TASK)), (1, recorder.uniform(slot))];
+        let buffers = [&self.lists.counters, self.records, order, sh, self.features];
+        recorder.dispatch(features_program(sums), self.over_visible(), with_buffers(structures, buffers));
     }
 
     /// Blends the lists of `packets` packets: reads offsets, entries and rays, and writes the
     /// results. The counters get the length of the longest list.
-    #[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
     pub(crate) fn blend(
         &self,
         recorder: &mut Recorder<'_>,
         sums: RaySums,
         packets: u32,
-        offsets: &wgpu::Buffer,
         entries: &wgpu::Buffer,
         rays: &wgpu::Buffer,
         hits: &wgpu::Buffer,
     ) {
+        let Lists { offsets, counters, .. } = self.lists;
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],
-            [offsets, entries, self.records, self.features, rays, hits, self.counters],
+            [offsets, entries, self.records, self.features, rays, hits, counters],
         );
-        recorder.dispatch(RaysProgram::Blend(sums), Groups::Direct(packets), bindings);
+        recorder.dispatch(blend_program(sums), Groups::Direct(packets), bindings);
     }
 }

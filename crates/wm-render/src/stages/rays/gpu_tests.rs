@@ -14,7 +14,7 @@ use wm_scene::Splats;
 
 /// Any GPU, unless there is none.
 fn gpu() -> Option<Arc<Gpu>> {
-    Backend::gpu().map(|_| Arc::clone(gpu_renderer().gpu()))
+    Backend::gpu().map(|_| Arc::clone(&gpu_renderer().gpu))
 }
 
 fn traced(gpu: &Arc<Gpu>, splats: &Splats, rays: &Rays, asked: RayOutputs) -> RayHits {
@@ -167,41 +167,4 @@ fn the_cpu_goes_on_where_the_gpu_is_lost() {
     let many = random_splats(5000, 0, 1);
     let refused = GpuRaySplats::new(small_gpu(4 * 16 * 4096), &many, |_| true, value);
     assert!(matches!(refused, Err(GpuError::TooLarge { .. })));
-}
-
-/// A lidar's sweep through many splats on both, seconds of wall and of process:
-/// `cargo test ... -- --ignored --nocapture`.
-#[test]
-#[ignore = "a measurement"]
-fn sweep_speed() {
-    let Some(gpu) = gpu() else { return };
-    let splats = crate::testing::shell_splats(300_000, 16.0, 0, 1);
-    let direction = |beam: usize| {
-        let (turn, row) = (std::f64::consts::TAU * (beam / 64) as f64 / 1800.0, (beam % 64) as f64);
-        let up = (2.0 - 26.8 * row / 63.0).to_radians();
-        [up.cos() * turn.cos(), up.cos() * turn.sin(), up.sin()].map(|v| v as f32)
-    };
-    let rays = Rays::from_one([0.0; 3], (0..64 * 1800).map(direction).collect());
-    let process = || {
-        let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-        let ticks: Vec<f64> = stat.split(' ').skip(13).take(2).filter_map(|v| v.parse().ok()).collect();
-        ticks.iter().sum::<f64>() / 100.0
-    };
-    let on_gpu = GpuRaySplats::new(Arc::clone(&gpu), &splats, |_| true, value).unwrap();
-    let on_cpu = RaySplats::new(&splats, |_| true);
-    for _ in 0..3 {
-        for name in ["gpu", "cpu"] {
-            let (wall, cpu) = (std::time::Instant::now(), process());
-            let hits = match name {
-                "gpu" => on_gpu.trace(&rays, ALL).unwrap(),
-                _ => on_cpu.trace(&rays, ALL, SimdPath::widest()),
-            };
-            let met = hits.splat.iter().filter(|splat| **splat != u32::MAX).count();
-            println!(
-                "{name}: {:.2} s, {:.2} s of process, {met} hits",
-                wall.elapsed().as_secs_f64(),
-                process() - cpu
-            );
-        }
-    }
 }

@@ -57,14 +57,12 @@ pub(crate) struct Packets {
 
 impl Packets {
     /// Groups rays by their origins, and then by their directions. A function of the rays alone.
-    #[must_use]
     pub(crate) fn new(rays: &Rays) -> Self {
         Self::no_wider(rays, f64::INFINITY)
     }
 
     /// Makes the groups with smaller packets where rays would be more than `widest` radians away
     /// from the axis of their packet.
-    #[must_use]
     pub(crate) fn no_wider(rays: &Rays, widest: f64) -> Self {
         let mut packets = Self { starts: vec![0], ..Self::default() };
         if rays.is_empty() {
@@ -123,7 +121,6 @@ impl Packets {
     }
 
     /// The rays of a packet.
-    #[must_use]
     pub(crate) fn rays(&self, packet: usize) -> &[u32] {
         &self.order[self.starts[packet] as usize..self.starts[packet + 1] as usize]
     }

@@ -2,9 +2,9 @@
 
 #[cfg(any(test, feature = "testing"))]
 use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::source::Program;
 #[cfg(any(test, feature = "testing"))]
 use crate::gpu::source::WORKGROUP;
-use crate::gpu::source::{COLOR, StagePrograms, texts};
 #[cfg(any(test, feature = "testing"))]
 use crate::hooks::GROUP;
 use crate::hooks::WgslSource;
@@ -40,7 +40,6 @@ pub(crate) enum AirText {
 
 impl AirText {
     /// The program's part for an air.
-    #[must_use]
     pub(crate) fn new(shading: Shading, air: Option<&WgslSource>) -> Self {
         match (shading, air.map(|air| air.wgsl.clone())) {
             (Shading::Color, None) => Self::Clear,
@@ -50,46 +49,28 @@ impl AirText {
         }
     }
 
-    /// The texts that define `through_air`, after [`COLOR`].
-    pub(crate) fn parts(&self) -> Vec<Cow<'static, str>> {
+    /// Adds the texts that define `through_air` to a program with [`COLOR`].
+    pub(crate) fn added_to(&self, program: Program) -> Program {
         match self {
-            Self::Clear => texts([CLEAR_AIR]),
-            Self::Photos => texts([PHOTO_AIR, include_str!("color_through_photo_air.wgsl")]),
-            Self::FullShare => texts([FULL_SHARE]),
+            Self::Clear => program.with(CLEAR_AIR),
+            Self::Photos => program.with(PHOTO_AIR).with(include_str!("color_through_photo_air.wgsl")),
+            Self::FullShare => program.with(FULL_SHARE),
             Self::Color(air) => {
-                vec![AIR.into(), air.clone(), include_str!("color_through_air.wgsl").into()]
+                program.with(AIR).with(air.clone()).with(include_str!("color_through_air.wgsl"))
             }
-            Self::Share(air) => vec![AIR.into(), air.clone(), include_str!("share_through_air.wgsl").into()],
+            Self::Share(air) => {
+                program.with(AIR).with(air.clone()).with(include_str!("share_through_air.wgsl"))
+            }
         }
     }
 }
 
-/// The programs of the air by itself.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum ShadeProgram {
-    /// Changes the colours of groups of splats to those seen through the air of this text.
-    #[allow(dead_code, reason = "tests alone shade groups without a projection")]
-    Groups(Cow<'static, str>),
-}
-
-impl StagePrograms for ShadeProgram {
-    fn all() -> Vec<Self> {
-        Vec::new()
-    }
-
-    fn entry(&self) -> &'static str {
-        match self {
-            Self::Groups(_) => "shade_groups",
-        }
-    }
-
-    fn parts(&self) -> Vec<Cow<'static, str>> {
-        let Self::Groups(air) = self;
-        let mut parts = texts([COLOR]);
-        parts.extend(AirText::Color(air.clone()).parts());
-        parts.push(include_str!("groups.wgsl").into());
-        parts
-    }
+/// Changes the colours of groups of splats to those seen through the air of this text: tests alone
+/// shade groups without a projection.
+#[cfg(any(test, feature = "testing"))]
+pub(crate) fn groups_program(air: Cow<'static, str>) -> Program {
+    AirText::Color(air)
+        .added_to(Program::new("shade_groups", &[crate::gpu::source::COLOR, include_str!("groups.wgsl")]))
 }
 
 /// Changes the colours of `count` groups; see `groups.wgsl`.
@@ -103,5 +84,5 @@ pub(crate) fn shade_groups(
 ) {
     let bindings = vec![(0, groups.as_entire_binding()), (8, parameters.as_entire_binding())];
     let size = Groups::Direct((count * GROUP as u32).div_ceil(WORKGROUP));
-    recorder.dispatch(ShadeProgram::Groups(air.wgsl.clone()), size, bindings);
+    recorder.dispatch(groups_program(air.wgsl.clone()), size, bindings);
 }

@@ -1,18 +1,16 @@
 use super::cpu::{relight_group, shade_group};
-use crate::Frame;
+use crate::DrawPass;
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::frame::srgb_decode;
 use crate::hooks::{AirGroup, AirOnRay, GROUP, Hooks, Medium, ShadeGroup, WgslSource};
 use crate::hooks::{Attribute, AttributeBlock, SplatAttributes};
-use crate::plan::{DrawPass, SetView};
-use crate::reference;
-#[cfg(feature = "gpu")]
-use crate::renderer::RenderBackend;
 use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
-use crate::testing::comparison::{ALL_OUTPUTS, compare};
+use crate::testing::comparison::{ALL_OUTPUTS, evaluate_by_reference, rendered};
 use crate::testing::{Backend, camera, random_splats, uniform};
+#[cfg(feature = "gpu")]
+use crate::{RenderBackend, SetView, reference};
 use wm_scene::{Group, sh};
 
 crate::parity! {
@@ -84,17 +82,7 @@ struct Tint;
 
 impl Medium for Tint {
     fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
-        for (rays, out) in rays.iter().zip(out) {
-            for i in 0..GROUP {
-                let direction = [0, 1, 2].map(|k| f64::from(rays.direction[k][i]));
-                let distance = f64::from(rays.distance[i]);
-                let air = self.evaluate_reference(origin.map(f64::from), direction, distance);
-                for k in 0..3 {
-                    out.transmittance[k][i] = air.transmittance[k] as f32;
-                    out.airlight[k][i] = air.airlight[k] as f32;
-                }
-            }
-        }
+        evaluate_by_reference(self, origin, rays, out);
     }
 
     fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay {
@@ -126,17 +114,8 @@ fn air(backend: Backend) {
         ..RenderConfig::default()
     };
     let hooks = Hooks { medium: Some(&Tint), ..Hooks::default() };
-    let mut renderer = backend.renderer();
-    let set = renderer.load(&splats).unwrap();
-    let mut frame = Frame::default();
-    renderer
-        .render(
-            &DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone()),
-            &mut frame,
-        )
-        .unwrap();
-    let want = reference::frame::render(&[(&splats, None)], &camera, &config, hooks);
-    compare(&frame, &want, 2.0).unwrap();
+    let pass = DrawPass::new(&[], &camera, &config).with_hooks(hooks);
+    rendered(backend, &[(&splats, None)], &pass).unwrap();
 }
 
 /// Gains by the index of a splat, from shade to four times the light, and fades from 0 to 1.
@@ -165,16 +144,9 @@ fn gains(backend: Backend) {
     let splats = random_splats(600, 1, 9);
     let camera = camera(70, 50);
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let mut renderer = backend.renderer();
-    let set = renderer.load(&splats).unwrap();
-    let sets = [SetView::plain(set).with_attributes(Some(&Relit))];
     for hooks in [Hooks::default(), Hooks { medium: Some(&Tint), ..Hooks::default() }] {
-        let mut frame = Frame::default();
-        renderer
-            .render(&DrawPass::new(&sets, &camera, &config).with_hooks(hooks.clone()), &mut frame)
-            .unwrap();
-        let want = reference::frame::render(&[(&splats, Some(&Relit))], &camera, &config, hooks);
-        compare(&frame, &want, 2.0).unwrap();
+        let pass = DrawPass::new(&[], &camera, &config).with_hooks(hooks);
+        rendered(backend, &[(&splats, Some(&Relit))], &pass).unwrap();
     }
 }
 

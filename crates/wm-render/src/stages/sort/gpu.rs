@@ -3,95 +3,48 @@
 //! depth, and entries in that order come out tile by tile, each tile's by depth, when they are
 //! sorted by tile.
 
-use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{DIGIT_BITS, DIGITS, StagePrograms, texts};
+use crate::gpu::buffers::Lists;
+use crate::gpu::recorder::{Groups, Recorder, with_numbered};
+use crate::gpu::source::{DIGIT_BITS, DIGITS, Program};
 use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
-use std::borrow::Cow;
+use std::ops::Range;
 
 /// Pairs to sort: keys, values.
 pub(crate) type Pairs<'a> = (&'a wgpu::Buffer, &'a wgpu::Buffer);
 
-/// The programs of the sort.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum SortProgram {
-    /// Counts each digit in each block of pairs.
-    Count,
-    /// Makes prefix sums of these counts.
-    Scan,
-    /// Moves the pairs to their places.
-    Scatter,
-}
-
-impl StagePrograms for SortProgram {
-    fn all() -> Vec<Self> {
-        vec![Self::Count, Self::Scan, Self::Scatter]
-    }
-
-    fn entry(&self) -> &'static str {
-        match self {
-            Self::Count => "count",
-            Self::Scan => "scan_digits",
-            Self::Scatter => "scatter",
-        }
-    }
-
-    fn parts(&self) -> Vec<Cow<'static, str>> {
-        texts([WORKGROUP_SUMS, include_str!("sort.wgsl")])
-    }
-}
-
-/// The buffers of a sort.
-pub(crate) struct Sort<'a> {
-    /// The pairs, and room for as many.
-    pub(crate) pairs: [Pairs<'a>; 2],
-    /// Their number.
-    pub(crate) counters: &'a wgpu::Buffer,
-    /// The sizes of the dispatches.
-    pub(crate) dispatches: &'a wgpu::Buffer,
-    /// The word of them that counts.
-    pub(crate) size: u32,
-    /// Room for the counts of digits.
-    pub(crate) histogram: &'a wgpu::Buffer,
-    /// Room for 256 totals.
-    pub(crate) totals: &'a wgpu::Buffer,
-}
+const SORT: &[&str] = &[WORKGROUP_SUMS, include_str!("sort.wgsl")];
+/// Counts each digit in each block of pairs.
+pub(crate) const COUNT: Program = Program::new("count", SORT);
+/// Makes prefix sums of these counts.
+pub(crate) const SCAN: Program = Program::new("scan_digits", SORT);
+/// Moves the pairs to their places.
+pub(crate) const SCATTER: Program = Program::new("scatter", SORT);
 
 /// Returns the number of passes for keys of `bits` bits.
 pub(crate) fn passes(bits: u32) -> u32 {
     bits.div_ceil(DIGIT_BITS)
 }
 
-impl<'a> Sort<'a> {
-    /// Sorts; `slots` are those of the structures `Pass`, one a pass. Returns the sorted pairs: in
-    /// the first place after an even number of passes, else in the second.
-    pub(crate) fn record(self, recorder: &mut Recorder<'_>, slots: std::ops::Range<usize>) -> Pairs<'a> {
-        let [mut from, mut to] = self.pairs;
-        for slot in slots {
-            let base = vec![
-                (0, recorder.uniform(slot)),
-                (1, self.counters.as_entire_binding()),
-                (4, self.histogram.as_entire_binding()),
-            ];
-            let over = Groups::Indirect(self.dispatches, self.size);
-            let mut count = base.clone();
-            count.push((2, from.0.as_entire_binding()));
-            recorder.dispatch(SortProgram::Count, over, count);
-
-            let mut scan = base.clone();
-            scan.push((5, self.totals.as_entire_binding()));
-            recorder.dispatch(SortProgram::Scan, Groups::Direct(DIGITS), scan);
-
-            let mut scatter = base;
-            scatter.extend([
-                (2, from.0.as_entire_binding()),
-                (3, from.1.as_entire_binding()),
-                (5, self.totals.as_entire_binding()),
-                (6, to.0.as_entire_binding()),
-                (7, to.1.as_entire_binding()),
-            ]);
-            recorder.dispatch(SortProgram::Scatter, over, scatter);
-            std::mem::swap(&mut from, &mut to);
-        }
-        from
+/// Sorts the first of `pairs`; the second are room for as many. `size` is the word of the sizes of
+/// dispatches that counts, `slots` are those of the structures `Pass`, one a pass. Returns the
+/// sorted pairs: in the first place after an even number of passes, else in the second.
+pub(crate) fn sort<'a>(
+    recorder: &mut Recorder<'_>,
+    lists: &Lists,
+    pairs: &'a [[wgpu::Buffer; 2]; 2],
+    size: u32,
+    slots: Range<usize>,
+) -> Pairs<'a> {
+    let [mut from, mut to] = pairs.each_ref().map(|[keys, values]| (keys, values));
+    let (histogram, totals) = (&lists.histogram, &lists.totals);
+    let over = Groups::Indirect(&lists.dispatches, size);
+    for slot in slots {
+        let base = with_numbered(vec![(0, recorder.uniform(slot))], [(1, &lists.counters), (4, histogram)]);
+        recorder.dispatch(COUNT, over, with_numbered(base.clone(), [(2, from.0)]));
+        recorder.dispatch(SCAN, Groups::Direct(DIGITS), with_numbered(base.clone(), [(5, totals)]));
+        let moved = [(2, from.0), (3, from.1), (5, totals), (6, to.0), (7, to.1)];
+        recorder.dispatch(SCATTER, over, with_numbered(base, moved));
+        std::mem::swap(&mut from, &mut to);
     }
+    from
 }

@@ -32,7 +32,6 @@ pub(crate) struct OtherPhoto<'a> {
 }
 
 /// Returns the inverse depth of each pixel, `[H, W]`; NaN where too few others agree.
-#[must_use]
 pub(crate) fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[OtherPhoto<'_>]) -> Vec<f32> {
     let (width, height) = (reference.picture.width, reference.picture.height);
     let wanted = MIN_AGREEING_PHOTOS.min(others.len());

@@ -30,7 +30,6 @@ pub(crate) struct StereoImage {
 
 impl StereoImage {
     /// Returns the brightness of an sRGB image, `[H, W, 3]`.
-    #[must_use]
     pub(crate) fn of(rgb: &[u8], width: usize) -> Self {
         let luma = |rgb: &[u8]| {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(f32::from);
@@ -78,7 +77,6 @@ pub(crate) type Plane = [f32; 3];
 
 /// Returns the inverse depth of a plane at the image point (x, y).
 #[inline(always)]
-#[must_use]
 pub(crate) fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
     plane[0] * x + plane[1] * y + plane[2]
 }
@@ -96,7 +94,6 @@ pub(crate) struct Window {
 
 impl Window {
     /// Returns the window around the pixel in `column` and `row`; the border is replicated.
-    #[must_use]
     pub(crate) fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
         let (mut values, mut weights) = ([0.0; SAMPLES], [0.0; SAMPLES]);
         let middle = picture.values[row * picture.width + column];
@@ -124,7 +121,6 @@ impl Window {
 
     /// Returns 1 minus the weighted normalised correlation with `source`, warped by `plane`.
     #[inline]
-    #[must_use]
     pub(crate) fn cost(&self, source: &StereoSource<'_>, plane: &Plane) -> f32 {
         if self.contrast == 0.0 {
             return FLAT_COST;

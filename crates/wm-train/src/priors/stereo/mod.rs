@@ -74,7 +74,6 @@ const START_RADIUS_PX: isize = 12;
 
 /// Returns how often the sides of photos are halved: until the largest has no more pixels than the
 /// options allow, or the smallest would have sides too short.
-#[must_use]
 pub(crate) fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, 0)).collect();
     let is_enough = |level: &u8| {
@@ -395,10 +394,8 @@ mod tests {
                 rgb.extend([value; 3]);
             }
             let name = format!("{index}.png");
-            let file = std::fs::File::create(folder.join(&name)).unwrap();
-            let mut encoder = png::Encoder::new(file, SIZE.0, SIZE.1);
-            encoder.set_color(png::ColorType::Rgb);
-            encoder.write_header().unwrap().write_image_data(&rgb).unwrap();
+            let bytes = crate::photos::encode_png(SIZE.0, SIZE.1, png::ColorType::Rgb, &rgb);
+            std::fs::write(folder.join(&name), bytes).unwrap();
             let seen = |point: u32| {
                 let at = DVec3::from_array(capture.points.positions[point as usize]);
                 let (x, y, _) = camera.project(at)?;

@@ -68,7 +68,6 @@ impl Reference<'_> {
 
     /// Returns the plane with the normal `normal` (camera axes) through the point of inverse depth
     /// `inverse` at (x, y); `None` if it is out of range or seen edge-on.
-    #[must_use]
     pub(crate) fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
         let ray = self.ray(x, y);
         let facing = dot(normal, ray);
@@ -83,7 +82,6 @@ impl Reference<'_> {
     }
 
     /// Returns the normal of a plane, camera axes, towards the camera, of length 1.
-    #[must_use]
     pub(crate) fn normal(&self, plane: &Plane) -> [f32; 3] {
         let [fx, fy, cx, cy] = self.intrinsics;
         let q = [plane[0] * fx, plane[1] * fy, plane[2] + plane[0] * cx + plane[1] * cy];
@@ -155,7 +153,6 @@ impl Reference<'_> {
     }
 
     /// Returns the initial planes: at `inverse` where it is known (above 0), elsewhere random.
-    #[must_use]
     pub(crate) fn begin(&self, inverse: &[f32]) -> PlaneMap {
         let mut found = PlaneMap::default();
         for row in 0..self.picture.height {
@@ -245,7 +242,6 @@ impl Reference<'_> {
 }
 
 /// Returns the planes of the picture `half`, of half the size, for the picture `whole`.
-#[must_use]
 pub(crate) fn doubled(planes: &[Plane], half: &StereoImage, whole: &StereoImage) -> Vec<Plane> {
     let (width, height) = (whole.width, whole.height);
     let at = |pixel: usize| {
