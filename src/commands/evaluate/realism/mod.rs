@@ -20,6 +20,8 @@ use without_networks as network;
 use crate::choices::first_given;
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
+use crate::report::write_text;
+use crate::scene::threads;
 use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -30,7 +32,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tables::{CmmdDistance, Tables};
 use weather_magician::train::metrics::{Collection, Embeddings};
-use wm_scene::files::{check_writable, write_atomically};
+use wm_scene::files::check_writable;
 
 /// Options that have no meaning when pictures are compared.
 const OF_SCENES: [&str; 10] = [
@@ -136,18 +138,13 @@ pub(crate) fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
         check_writable(out)?;
         work.overwrite.check_report(out, &[])?;
     }
-    let threads = rayon::ThreadPoolBuilder::new().num_threads(work.threads.map_or(0, usize::from)).build();
-    let threads = threads.context("cannot start threads")?;
-    let tables = threads.install(|| match &args.paper {
+    let tables = threads(work.threads)?.install(|| match &args.paper {
         Some(methods) => of_paper(args, methods, work),
         None => of_pictures(args, work),
     })?;
     let markdown = tables.markdown();
     print!("{markdown}");
-    let write = |path: Option<&Path>, text: &str| -> Result<()> {
-        let Some(path) = path else { return Ok(()) };
-        Ok(write_atomically(path, |out| Ok(out.write_all(text.as_bytes())?))?)
-    };
+    let write = |path: Option<&Path>, text: &str| path.map_or(Ok(()), |path| write_text(path, text));
     write(args.markdown.as_deref(), &markdown)?;
     write(args.csv.as_deref(), &tables.csv())?;
     write(work.json, &format!("{}\n", serde_json::to_string_pretty(&tables.json())?))

@@ -3,6 +3,7 @@
 use super::layout::WeatherClass;
 use super::published;
 use super::uvq::UvqScore;
+use crate::report::csv_line;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use weather_magician::train::metrics::{Cmmd, Collection};
@@ -212,7 +213,7 @@ impl Tables {
     pub(crate) fn csv(&self) -> String {
         let mut out = "metric,source,method,weather,scene,value,bias,pictures,photographs\n".to_owned();
         let mut line = |cells: [&str; 5], value: f64, rest: Option<(f64, usize, usize)>| {
-            let cells = cells.map(quoted).join(",");
+            let cells = csv_line(&cells);
             let rest = rest.map_or(",,".into(), |(bias, pictures, real)| format!("{bias},{pictures},{real}"));
             // Writing into a string does not fail.
             let _ = writeln!(out, "{cells},{value},{rest}");
@@ -298,12 +299,6 @@ fn table(out: &mut String, head: &[String], rows: &[Vec<String>]) {
 /// Escapes a name for a table: folder names may contain any character.
 fn escaped(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { '?' } else { c }).collect::<String>().replace('|', "\\|")
-}
-
-/// Quotes a name for a CSV file.
-fn quoted(name: &str) -> String {
-    let is_plain = !name.contains([',', '"', '\n', '\r']);
-    if is_plain { name.into() } else { format!("\"{}\"", name.replace('"', "\"\"")) }
 }
 
 #[cfg(test)]
