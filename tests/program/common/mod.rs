@@ -159,7 +159,8 @@ impl Workshop {
     ///
     /// # Panics
     /// If a frame alone is not that of the sequence, or if two of the three are equal.
-    pub fn check_frames_alone(&self, scene: &Path, view: &ViewArgs, weather: &Path) {
+    pub fn check_frames_alone(&self, scene: &Path, view: &ViewArgs, weather: &str) {
+        let weather = self.put("weather.toml", weather);
         let shared = format!("--weather {} --assets off", weather.display());
         let folder = self.render(scene, view, "all", &format!("{shared} --seconds 4 --fps 2 --threads 1"));
         let mut different = std::collections::BTreeSet::new();

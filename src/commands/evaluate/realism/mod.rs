@@ -26,6 +26,7 @@ use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use collect::{CollectedSet, Collector};
+use indicatif::{ProgressBar, ProgressFinish};
 use layout::{PictureSet, WeatherClass};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -165,7 +166,7 @@ fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> 
         collector.add(part.clone(), part.place.clone())?;
     }
     let mut collected = collector.run()?;
-    let _busy = ComparisonSpinner::new();
+    let _busy = comparison_spinner();
     let real = Collection::new(collected.pop().expect("the last one").embeddings);
     let distance = |CollectedSet { name, embeddings }: CollectedSet| {
         CmmdDistance::new(name, None, None, &Collection::new(embeddings), &real)
@@ -213,7 +214,7 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) 
     for ((method, weather, scene), collected) in places.into_iter().zip(collector.run()?) {
         parts.entry((method, weather)).or_default().push((scene, collected.embeddings));
     }
-    let _busy = ComparisonSpinner::new();
+    let _busy = comparison_spinner();
     let (mut reals, mut distances) = (BTreeMap::new(), Vec::new());
     // The photographs come first.
     for ((method, weather), parts) in parts {
@@ -242,20 +243,10 @@ fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
     Collection::new(all)
 }
 
-/// A spinner, shown until it is dropped, while all pairs of pictures are compared; this takes a
-/// while for thousands of them.
-struct ComparisonSpinner(indicatif::ProgressBar);
-
-impl ComparisonSpinner {
-    fn new() -> Self {
-        Self(progress::spinner("comparing collections"))
-    }
-}
-
-impl Drop for ComparisonSpinner {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
-    }
+/// Returns a spinner, shown until it is dropped, while all pairs of pictures are compared; this takes
+/// a while for thousands of them.
+fn comparison_spinner() -> ProgressBar {
+    progress::spinner("comparing collections").with_finish(ProgressFinish::AndClear)
 }
 
 /// The name under which embeddings of photographs are kept.

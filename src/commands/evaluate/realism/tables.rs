@@ -46,22 +46,6 @@ pub(crate) struct Tables {
     pub(crate) paper: bool,
 }
 
-/// A version of UVQ.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Uvq {
-    V1_0,
-    V1_5,
-}
-
-impl Uvq {
-    fn of(self, score: &UvqScore) -> Option<f64> {
-        match self {
-            Self::V1_0 => score.v1_0,
-            Self::V1_5 => score.v1_5,
-        }
-    }
-}
-
 /// The text in place of a missing number.
 const NONE: &str = "-";
 
@@ -77,14 +61,16 @@ impl Tables {
         }
         if self.scores.iter().any(|score| score.v1_0.is_some()) {
             parts.push(self.uvq(
-                Uvq::V1_0,
+                |score| score.v1_0,
+                true,
                 "UVQ 1.0, `compression_content_distortion`, 1 to 5; higher is better. Figures of the paper (Table III) and \
                  scores that were given.",
             ));
         }
         if self.scores.iter().any(|score| score.v1_5.is_some()) {
             parts.push(self.uvq(
-                Uvq::V1_5,
+                |score| score.v1_5,
+                false,
                 "UVQ 1.5: another network on another scale, not to be compared with UVQ 1.0.",
             ));
         }
@@ -157,21 +143,22 @@ impl Tables {
         out
     }
 
-    /// Returns Table III, one table per weather: a row per scene, a column per method.
-    fn uvq(&self, version: Uvq, title: &str) -> String {
+    /// Returns Table III, one table per weather: a row per scene, a column per method; with the
+    /// paper's scores if they are of the same version.
+    fn uvq(&self, of: fn(&UvqScore) -> Option<f64>, is_of_paper: bool, title: &str) -> String {
         let mut out = format!("{title}\n");
         for weather in WeatherClass::ALL {
             let given: Vec<(&UvqScore, f64)> = self
                 .scores
                 .iter()
                 .filter(|score| score.weather == weather)
-                .filter_map(|score| Some((score, version.of(score)?)))
+                .filter_map(|score| Some((score, of(score)?)))
                 .collect();
             if given.is_empty() {
                 continue;
             }
             let paper: Vec<_> =
-                published::uvq().filter(|(_, of, ..)| *of == weather && version == Uvq::V1_0).collect();
+                published::uvq().filter(|(_, of, ..)| is_of_paper && *of == weather).collect();
             let mut methods: Vec<(&str, bool)> = Vec::new();
             let mut scenes: Vec<&str> = Vec::new();
             let all = paper.iter().map(|(scene, _, method, _)| (*method, *scene, true));
