@@ -1,9 +1,8 @@
 //! Photos to a scene.
 
-use crate::error::{Failure, line_of};
+use crate::error::{Failure, line_of, value_of};
 use crate::process::{StopFlag, detached, device_of, on_threads};
 use crate::scene::PyScene;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 use std::ops::ControlFlow;
@@ -118,22 +117,15 @@ pub(crate) fn reconstruct(
     threads: Option<usize>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<PyScene> {
-    let wrong = |name: &str, value: &str, words: &str| {
-        PyValueError::new_err(format!("{name} {value:?}: must be {words}"))
-    };
-    let preset = match preset {
-        "draft" => Preset::Draft,
-        "quick" => Preset::Quick,
-        "standard" => Preset::Standard,
-        "best" => Preset::Best,
-        _ => return Err(wrong("preset", preset, "draft, quick, standard or best")),
-    };
-    let resume = match resume {
-        "never" => Resume::Never,
-        "always" => Resume::Always,
-        "overwrite" => Resume::Overwrite,
-        _ => return Err(wrong("resume", resume, "never, always or overwrite")),
-    };
+    let presets = [
+        ("draft", Preset::Draft),
+        ("quick", Preset::Quick),
+        ("standard", Preset::Standard),
+        ("best", Preset::Best),
+    ];
+    let preset = value_of("preset", preset, &presets)?;
+    let ways = [("never", Resume::Never), ("always", Resume::Always), ("overwrite", Resume::Overwrite)];
+    let resume = value_of("resume", resume, &ways)?;
     detached(py, |stop| {
         let mut options = SessionOptions {
             plan: TrainPlan { preset, steps, max_splats, ..TrainPlan::default() },
