@@ -293,6 +293,12 @@ pub(crate) fn print_remarks(remarks: &[Remark]) {
     }
 }
 
+/// Starts threads for a command; `None` for one per core.
+pub(crate) fn threads(count: Option<u16>) -> Result<rayon::ThreadPool> {
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(count.map_or(0, usize::from)).build();
+    threads.context("cannot start threads")
+}
+
 /// Reads a scene, and prints what its reader remarked.
 pub(crate) fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<Scene> {
     let mut scene = read_scene(path, options)?;

@@ -61,18 +61,17 @@ const READING: Budget = Budget { seconds: 2.0, mebibytes: 512 };
 const USING: Budget = Budget { seconds: if cfg!(debug_assertions) { 15.0 } else { 5.0 }, mebibytes: 1024 };
 
 /// Writes a seed into an empty folder, and returns the path that is read.
-pub type SeedWriter = fn(&Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>>;
+pub type SeedWriter = fn(&Path) -> SeedPath;
+
+/// The path of a seed, which is read.
+pub type SeedPath = Result<PathBuf, Box<dyn Error + Send + Sync>>;
 
 /// Runs of a scene format for each run of another reader.
 const SCENE_SHARE: u64 = 10;
 
 macro_rules! text_seed {
     ($name:literal) => {
-        |folder| {
-            let path = folder.join($name);
-            fs::write(&path, include_str!(concat!("seeds/", $name)))?;
-            Ok(path)
-        }
+        |folder| put(folder, $name, include_str!(concat!("seeds/", $name)))
     };
 }
 
@@ -179,22 +178,18 @@ pub const TARGETS: &[Target] = &[
             _ => Err("too large".into()),
         })
         .map_err(|error| error.to_string())?;
-        wm_image::header::read_header(path).map(drop).map_err(|error| error.to_string())
+        done(wm_image::header::read_header(path))
     }),
-    reader("maps", &[map_png, map_exr, map_npy, map_tiff], |path| {
-        let map = read_map(path).map_err(|error| error.to_string())?;
-        drop(map.grey());
-        Ok(())
-    }),
-    reader("arrays", &[map_npy], |path| npy::read(path).map(drop).map_err(|error| error.to_string())),
-    reader("panoramas", &[map_exr], |path| read_panorama(path).map(drop).map_err(|error| error.to_string())),
+    reader("maps", &[map_png, map_exr, map_npy, map_tiff], |path| done(read_map(path).map(|map| map.grey()))),
+    reader("arrays", &[map_npy], |path| done(npy::read(path))),
+    reader("panoramas", &[map_exr], |path| done(read_panorama(path))),
     reader(
         "camera-paths",
         &[text_seed!("path.json"), text_seed!("nerfstudio_path.json"), text_seed!("settings.json")],
         |path| {
             let survey = Survey::of(&Scene::default(), &Metadata::default());
             let camera_path = CameraPath::read(path, &survey, &ViewOptions::default());
-            camera_path.map(|path| drop(path.text(DVec3::ZERO))).map_err(|error| error.to_string())
+            done(camera_path.map(|path| path.text(DVec3::ZERO)))
         },
     ),
     reader(
@@ -209,25 +204,19 @@ pub const TARGETS: &[Target] = &[
         ],
         read_report,
     ),
-    reader("weather", &[text_seed!("weather.toml")], |path| {
-        Weather::read(path).map(drop).map_err(|error| error.to_string())
-    }),
-    reader("plan", &[plan], |path| BatchPlan::read(path).map(drop).map_err(|error| error.to_string())),
-    reader("rig", &[text_seed!("rig.toml")], |path| Rig::read(path).map(drop).map_err(|e| e.to_string())),
-    reader("lens", &[text_seed!("lens.toml")], |path| {
-        LensModel::read(path).map(drop).map_err(|error| error.to_string())
-    }),
+    reader("weather", &[text_seed!("weather.toml")], |path| done(Weather::read(path))),
+    reader("plan", &[plan], |path| done(BatchPlan::read(path))),
+    reader("rig", &[text_seed!("rig.toml")], |path| done(Rig::read(path))),
+    reader("lens", &[text_seed!("lens.toml")], |path| done(LensModel::read(path))),
     reader("lidar", &[text_seed!("lidar.toml")], |path| {
         let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
-        wm_sensors::LidarModel::parse(&text, "lidar").map(drop).map_err(|error| error.to_string())
+        done(wm_sensors::LidarModel::parse(&text, "lidar"))
     }),
     reader("radar", &[text_seed!("radar.toml")], |path| {
         let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
-        wm_sensors::radar::RadarModel::parse(&text, "radar").map(drop).map_err(|error| error.to_string())
+        done(wm_sensors::radar::RadarModel::parse(&text, "radar"))
     }),
-    reader("train-config", &[train_config], |path| {
-        wm_train::TrainConfig::read(path).map(drop).map_err(|error| error.to_string())
-    }),
+    reader("train-config", &[train_config], |path| done(wm_train::TrainConfig::read(path))),
     user(
         "use-scene",
         &[ascii_ply, metadata, |folder| write_scene(folder, "a.splat", 0, WriteOptions::default())],
@@ -261,11 +250,16 @@ pub const TARGETS: &[Target] = &[
     user("use-edges", &[uses::edges_seed], uses::render_edges),
 ];
 
+/// Returns the end of a run that has read something, or failed.
+pub fn done<T>(outcome: Result<T, impl std::fmt::Display>) -> Outcome {
+    outcome.map(drop).map_err(|error| error.to_string())
+}
+
 /// Reads a scene and looks for faults.
 fn read_and_check(path: &Path) -> Result<(), String> {
     let scene = read_scene(path, &ReadOptions::default()).map_err(|error| error.to_string())?;
     black_box(Health::of(&scene.splats));
-    scene.check_finite().map_err(|error| error.to_string())
+    done(scene.check_finite())
 }
 
 /// Reads a scene, looks for faults, and surveys what is left without them: some milliseconds.
@@ -302,7 +296,7 @@ fn read_log(path: &Path) -> Result<(), String> {
     let options = LogCaptureOptions { depth_pixels: 1200, ..LogCaptureOptions::default() };
     let written =
         log.write_capture(&folder.path().join("capture"), &options, &mut |_| ControlFlow::Continue(()));
-    written.map(drop).map_err(|error| error.to_string())
+    done(written)
 }
 
 /// Reads a report; a weather that was read must be equal to that of its own file.
@@ -314,12 +308,14 @@ fn read_report(path: &Path) -> Result<(), String> {
     Ok(())
 }
 
-fn write_scene(
-    folder: &Path,
-    name: &str,
-    degree: u8,
-    options: WriteOptions,
-) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+/// Writes a file of a seed, which is read.
+pub fn put(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> SeedPath {
+    let path = folder.join(name);
+    fs::write(&path, content)?;
+    Ok(path)
+}
+
+fn write_scene(folder: &Path, name: &str, degree: u8, options: WriteOptions) -> SeedPath {
     let path = folder.join(name);
     let scene = Scene { splats: rippled(12, degree), ..Scene::default() }.up([0.0, 0.0, 1.0]);
     write_scene_with(&path, &scene, &options)?;
@@ -327,7 +323,7 @@ fn write_scene(
 }
 
 /// A glTF whose buffer is in its text.
-fn gltf_with_data_uri(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn gltf_with_data_uri(folder: &Path) -> SeedPath {
     let packed = write_scene(folder, "a.glb", 1, WriteOptions::default())?;
     let glb = fs::read(&packed)?;
     fs::remove_file(packed)?;
@@ -336,14 +332,11 @@ fn gltf_with_data_uri(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + S
     let mut json: serde_json::Value = serde_json::from_slice(&glb[20..20 + length])?;
     let buffer = base64::engine::general_purpose::STANDARD.encode(&glb[20 + length + 8..]);
     json["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{buffer}").into();
-    let path = folder.join("a.gltf");
-    fs::write(&path, json.to_string())?;
-    Ok(path)
+    put(folder, "a.gltf", json.to_string())
 }
 
 /// A scene of four splats as a text.
-fn ascii_ply(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
-    let path = folder.join("text.ply");
+fn ascii_ply(folder: &Path) -> SeedPath {
     let splats = rippled(4, 0);
     let mut text =
         format!("ply\nformat ascii 1.0\ncomment wm.ground -0.5\nelement vertex {}\n", splats.len());
@@ -360,11 +353,10 @@ fn ascii_ply(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
         let opacity = splats.logit_opacities[index];
         text += &format!("{x} {y} {z} 0.5 0.25 -0.5 {opacity} {a} {b} {c} {p} {q} {r} {s}\n");
     }
-    fs::write(&path, text)?;
-    Ok(path)
+    put(folder, "text.ply", text)
 }
 
-fn levels(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn levels(folder: &Path) -> SeedPath {
     let main = folder.join("lod-meta.json");
     let mut writer = LevelWriter::create(&main, LevelWriteOptions::default())?;
     let leaf = NewLeaf { levels: vec![rippled(12, 1), rippled(6, 1)], errors: vec![0.0, 0.1] };
@@ -377,7 +369,7 @@ fn levels(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
 }
 
 /// The folder of a 3DGS training, with cameras.
-fn training(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn training(folder: &Path) -> SeedPath {
     let splats = folder.join("point_cloud/iteration_7");
     fs::create_dir_all(&splats)?;
     write_scene(&splats, "point_cloud.ply", 0, WriteOptions::default())?;
@@ -388,13 +380,13 @@ fn training(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
 }
 
 /// A scene with a file of metadata beside it.
-fn metadata(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn metadata(folder: &Path) -> SeedPath {
     let path = write_scene(folder, "a.ply", 0, WriteOptions::default())?;
     fs::write(folder.join("a.ply.wm.toml"), include_str!("seeds/metadata.wm.toml"))?;
     Ok(path)
 }
 
-fn colmap_model(folder: &Path, is_text: bool) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn colmap_model(folder: &Path, is_text: bool) -> SeedPath {
     let camera = |x: f64| Camera::posed((60, 40), 50.0, DVec3::new(x, 0.0, 0.0), glam::DMat3::IDENTITY);
     let points: Vec<DVec3> =
         (0..8).map(|i| DVec3::new(f64::from(i % 3) - 1.0, f64::from(i % 2), 5.0 + f64::from(i))).collect();
@@ -411,7 +403,7 @@ fn colmap_model(folder: &Path, is_text: bool) -> Result<PathBuf, Box<dyn Error +
     Ok(folder.to_path_buf())
 }
 
-fn log(folder: &Path, kind: usize) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn log(folder: &Path, kind: usize) -> SeedPath {
     Ok(MINI_LOGS[kind].1(folder)?.path)
 }
 
@@ -463,29 +455,25 @@ fn exif_block() -> Vec<u8> {
     out
 }
 
-fn photo_png(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
-    let path = folder.join("a.png");
-    fs::write(&path, small_png()?)?;
-    Ok(path)
+fn photo_png(folder: &Path) -> SeedPath {
+    put(folder, "a.png", small_png()?)
 }
 
-fn photo_jpeg(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
-    let path = folder.join("a.jpg");
-    fs::write(&path, small_jpeg()?)?;
-    Ok(path)
+fn photo_jpeg(folder: &Path) -> SeedPath {
+    put(folder, "a.jpg", small_jpeg()?)
 }
 
 fn ramp() -> Vec<f32> {
     (0..16 * 8).map(|i| 0.5 + i as f32).collect()
 }
 
-fn map_png(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn map_png(folder: &Path) -> SeedPath {
     let path = folder.join("a.png");
     png::write_depth(&path, &ramp(), PictureSize::new(16, 8), png::DepthScale::reaching(200.0), &[])?;
     Ok(path)
 }
 
-fn map_exr(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn map_exr(folder: &Path) -> SeedPath {
     let path = folder.join("a.exr");
     let (depth, rgb) = (ramp(), ramp().repeat(3));
     let planes =
@@ -494,13 +482,13 @@ fn map_exr(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
     Ok(path)
 }
 
-fn map_npy(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn map_npy(folder: &Path) -> SeedPath {
     let path = folder.join("a.npy");
     npy::write(&path, &ramp(), &[8, 16])?;
     Ok(path)
 }
 
-fn map_tiff(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn map_tiff(folder: &Path) -> SeedPath {
     let path = folder.join("a.tif");
     let mut file = fs::File::create(&path)?;
     tiff::encoder::TiffEncoder::new(&mut file)?.write_image::<tiff::encoder::colortype::Gray32Float>(
@@ -512,15 +500,12 @@ fn map_tiff(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
 }
 
 /// A plan, and the scene that it names.
-fn plan(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+fn plan(folder: &Path) -> SeedPath {
     write_scene(folder, "street.ply", 0, WriteOptions::default())?;
-    let path = folder.join("plan.toml");
-    fs::write(&path, include_str!("seeds/plan.toml"))?;
-    Ok(path)
+    put(folder, "plan.toml", include_str!("seeds/plan.toml"))
 }
 
-fn train_config(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
-    let path = folder.join("config.json");
-    fs::write(&path, serde_json::to_string_pretty(&wm_train::TrainConfig::preset(wm_train::Preset::Draft))?)?;
-    Ok(path)
+fn train_config(folder: &Path) -> SeedPath {
+    let config = wm_train::TrainConfig::preset(wm_train::Preset::Draft);
+    put(folder, "config.json", serde_json::to_string_pretty(&config)?)
 }

@@ -3,14 +3,13 @@
 
 use crate::damage::Draws;
 use crate::edges::weather_at_edges;
-use crate::targets::Outcome;
+use crate::targets::{Outcome, SeedPath, done, put};
 use glam::DVec3;
 use std::cell::Cell;
-use std::error::Error;
 use std::fs;
 use std::hash::{DefaultHasher, Hasher};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::rc::Rc;
 use tempfile::TempDir;
 use weather_magician::camera_model::{CameraModel, SensorCamera};
@@ -88,7 +87,7 @@ impl Stage {
         self.prepare(weather)?;
         let mut picture = Picture::default();
         let request = FrameRequest::new(weather, camera, time);
-        self.renderer.render_into(&mut self.place, &request, &mut picture, &mut ()).map(drop).map_err(text)
+        done(self.renderer.render_into(&mut self.place, &request, &mut picture, &mut ()))
     }
 }
 
@@ -142,8 +141,7 @@ pub fn render_scene(path: &Path) -> Outcome {
     let target = survey.center + survey.up.value.any_orthonormal_vector() * survey.radius.max(1e-3);
     let camera = Camera::looking(SIZE, 60.0, eye, target, survey.up.value).map_err(text)?;
     let weather = Weather::preset(draws.pick(&WEATHERS)).map_err(text)?;
-    let picture =
-        renderer.render(&mut place, &FrameRequest::new(&weather, camera, 2.0)).map(drop).map_err(text);
+    let picture = done(renderer.render(&mut place, &FrameRequest::new(&weather, camera, 2.0)));
     renderer.unload(place).map_err(text)?;
     picture
 }
@@ -152,7 +150,7 @@ pub fn render_scene(path: &Path) -> Outcome {
 const ASSET_WEATHERS: [&str; 3] = ["snow-covered", "night-rain", "golden-hour"];
 
 /// Writes the prepared assets of the place into a folder.
-pub fn assets_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+pub fn assets_seed(folder: &Path) -> SeedPath {
     for weather in ASSET_WEATHERS {
         render_with_assets(folder, weather)?;
     }
@@ -164,7 +162,7 @@ fn render_with_assets(folder: &Path, weather: &str) -> Outcome {
     let options = PlaceOptions { assets: Some(folder.to_path_buf()), ..PlaceOptions::default() };
     let mut place = renderer.load_with(court(), &options).map_err(text)?;
     let weather = Weather::preset(weather).map_err(text)?;
-    renderer.render(&mut place, &FrameRequest::new(&weather, usual_camera()?, 60.0)).map(drop).map_err(text)
+    done(renderer.render(&mut place, &FrameRequest::new(&weather, usual_camera()?, 60.0)))
 }
 
 /// Draws the place with damaged assets whose checksums are right, as a stranger can write them.
@@ -216,7 +214,7 @@ pub fn render_lens(path: &Path) -> Outcome {
         let model = CameraModel { lens: Some(lens), ..CameraModel::default() };
         let device = SensorCamera::new(model, camera.into());
         let request = FrameRequest::new(&weather, &device, 0.0);
-        stage.renderer.render(&mut stage.place, &request).map(drop).map_err(text)
+        done(stage.renderer.render(&mut stage.place, &request))
     })
 }
 
@@ -233,7 +231,7 @@ pub fn scan(path: &Path) -> Outcome {
         let Stage { renderer, place, .. } = stage;
         let mut taken = |_| Ok(());
         let options = ScanOptions { sweeps: 1, ..ScanOptions::default() };
-        renderer.scan(place, &weather, &lidar, &motion, &options, &mut taken, &mut ()).map(drop).map_err(text)
+        done(renderer.scan(place, &weather, &lidar, &motion, &options, &mut taken, &mut ()))
     })
 }
 
@@ -273,11 +271,9 @@ fn state(patch: &str, place: &PreparedPlace) -> Result<ViewState, String> {
 }
 
 /// Writes a link to one of [`STATES`].
-pub fn link_seed(folder: &Path, number: usize) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+pub fn link_seed(folder: &Path, number: usize) -> SeedPath {
     let stage = Stage::new(None)?;
-    let path = folder.join("link.txt");
-    fs::write(&path, link::encode(&state(STATES[number], &stage.place)?)?)?;
-    Ok(path)
+    put(folder, "link.txt", link::encode(&state(STATES[number], &stage.place)?)?)
 }
 
 /// Opens a damaged link, as the viewer and an exported page do, and draws its view.
@@ -314,11 +310,11 @@ fn show(stage: &mut Stage, view: &View) -> Outcome {
     }
     let options = PaintOptions { size: SIZE, patience: Patience::Whole, dither: Dither::Ordered };
     let mut painter = ViewPainter::default();
-    wm_render::at_once(painter.draw(renderer, place, view, None, options)).map(drop).map_err(text)
+    done(wm_render::at_once(painter.draw(renderer, place, view, None, options)))
 }
 
 /// Photos of the street with true depth and a scene of it, as `evaluate` compares them.
-pub fn evaluation_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+pub fn evaluation_seed(folder: &Path) -> SeedPath {
     photos(&folder.join("set"), GroundTruth::Write)?;
     write_scene(&folder.join("scene.ply"), &court())?;
     Ok(folder.to_path_buf())
@@ -326,7 +322,7 @@ pub fn evaluation_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + 
 
 fn photos(folder: &Path, truth: GroundTruth) -> Outcome {
     let options = DatasetOptions { size: SIZE, truth, ..DatasetOptions::TINY };
-    dataset::write(&Street::builtin(), folder, &options, &mut |_| true).map(drop).map_err(text)
+    done(dataset::write(&Street::builtin(), folder, &options, &mut |_| true))
 }
 
 /// Compares a scene with photos and maps, one of which is damaged.
@@ -348,16 +344,14 @@ pub fn evaluate_scene(folder: &Path) -> Outcome {
     let (truth, _) = TruthMaps::open(&maps, &data, place.survey()).map_err(text)?;
     let options = EvaluationOptions { exposure_fit: ExposureFit::Affine, ..EvaluationOptions::default() };
     let set = place.set();
-    evaluate(renderer.backend_mut(), set, place.scene(), &data, &truth, &options, &mut ())
-        .map(drop)
-        .map_err(text)
+    done(evaluate(renderer.backend_mut(), set, place.scene(), &data, &truth, &options, &mut ()))
 }
 
 /// Steps of the training that is gone on with.
 const STEPS: u32 = 24;
 
 /// Photos and the folder of a training that was stopped half-way.
-pub fn training_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+pub fn training_seed(folder: &Path) -> SeedPath {
     photos(&folder.join("set"), GroundTruth::Omit)?;
     let mut halves = HalfTheSteps(0);
     match train(folder, &folder.join("run"), Resume::Never).run(&mut halves) {
@@ -407,7 +401,7 @@ pub fn resume_training(folder: &Path) -> Outcome {
         }
         fs::write(work.path().join(name), bytes).map_err(text)?;
     }
-    train(folder, work.path(), Resume::Always).run(&mut ()).map(drop).map_err(text)
+    done(train(folder, work.path(), Resume::Always).run(&mut ()))
 }
 
 /// The checksum of checkpoints.
@@ -418,8 +412,6 @@ fn fnv1a(bytes: &[u8]) -> u64 {
 }
 
 /// Writes a file whose only use is that its damage differs from run to run.
-pub fn edges_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
-    let path = folder.join("edges.txt");
-    fs::write(&path, "0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20")?;
-    Ok(path)
+pub fn edges_seed(folder: &Path) -> SeedPath {
+    put(folder, "edges.txt", "0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20")
 }

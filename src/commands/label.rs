@@ -1,11 +1,12 @@
 //! `label`: gives splats labels or instances by masks of the photos.
 
+use crate::choices::{Choice, one_of};
 use crate::interrupt::{self, Interrupted};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::scene::{RunArgs, check, read_options, read_saying_remarks, save};
 use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weather_magician::formats::{Retention, WriteOptions, format_for};
@@ -40,8 +41,8 @@ pub(crate) struct LabelArgs {
     #[arg(long, value_name = "FOLDER")]
     views: Option<PathBuf>,
     /// The meaning of the masks' numbers
-    #[arg(long, value_name = "KIND", value_enum, default_value = "label")]
-    kind: KindArg,
+    #[arg(long, value_name = "KIND", value_parser = one_of(KINDS), default_value = "label")]
+    kind: LabelKind,
     /// Output scene, a .ply: no other format holds labels
     #[arg(short, long, value_name = "PATH")]
     out: PathBuf,
@@ -55,23 +56,11 @@ pub(crate) struct LabelArgs {
     run: RunArgs,
 }
 
-/// The meaning of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum KindArg {
-    /// Classes, such as road and building.
-    Label,
-    /// Single things.
-    Instance,
-}
-
-impl From<KindArg> for LabelKind {
-    fn from(kind: KindArg) -> Self {
-        match kind {
-            KindArg::Label => Self::Label,
-            KindArg::Instance => Self::Instance,
-        }
-    }
-}
+/// Meanings of the masks' numbers.
+const KINDS: &[Choice<LabelKind>] = &[
+    ("label", "Classes, such as road and building", LabelKind::Label),
+    ("instance", "Single things", LabelKind::Instance),
+];
 
 /// Runs the command.
 pub(crate) fn run(args: &LabelArgs) -> Result<()> {
@@ -103,7 +92,7 @@ pub(crate) fn run(args: &LabelArgs) -> Result<()> {
     }
     bar.finish_and_clear();
     let VotedLabels { labels, unseen, won } = votes.finish();
-    let kind = LabelKind::from(args.kind);
+    let kind = args.kind;
     let count = labels.len();
     let mut shares: BTreeMap<u16, usize> = BTreeMap::new();
     labels.iter().for_each(|label| *shares.entry(*label).or_default() += 1);

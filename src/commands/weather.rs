@@ -1,11 +1,12 @@
 //! `weather`: weather files from weather reports.
 
 use crate::overwrite::OverwriteArgs;
+use crate::report::write_text;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use weather_magician::reports::{ReportNoteKind, ReportOptions, WeatherReport, looks_like_path};
-use wm_base::files::{check_writable, write_atomically};
+use wm_base::files::check_writable;
 
 /// Options of `weather`.
 #[derive(Args, Debug)]
@@ -71,7 +72,7 @@ pub(crate) fn run(args: &WeatherCommandArgs) -> Result<()> {
         println!("{}", report.to_toml().trim_end());
         return Ok(());
     };
-    write_atomically(out, |file| Ok(file.write_all(report.to_toml().as_bytes())?))?;
+    write_text(out, report.to_toml())?;
     println!("{}: {}", out.display(), summary(&report));
     Ok(())
 }

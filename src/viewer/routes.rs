@@ -45,6 +45,14 @@ impl IntoResponse for RequestError {
     }
 }
 
+/// Answer to a request if too many wait.
+const BUSY: &str = "too many requests at once";
+
+/// The program failed at a request.
+fn failed(why: String) -> RequestError {
+    RequestError(StatusCode::INTERNAL_SERVER_ERROR, why)
+}
+
 /// Returns all routes, which need the token.
 pub(crate) fn routes(context: Arc<ViewerContext>) -> Router {
     Router::new()
@@ -63,6 +71,11 @@ pub(crate) fn routes(context: Arc<ViewerContext>) -> Router {
         .route("/videos/{id}", get(video).delete(stop_video))
         .route("/videos/{id}/file", get(video_file))
         .with_state(context)
+}
+
+/// Returns the view of the last state with other fields.
+fn view_of(context: &ViewerContext, patch: Value) -> Result<View, String> {
+    View::new(context.state().patched(patch)?, &context.catalog(), None)
 }
 
 /// Returns an error unless the scene is loaded.
@@ -97,8 +110,7 @@ async fn state(State(context): Shared) -> Answer {
 
 async fn put_state(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
-    let state = context.state().patched(parsed(&body)?)?;
-    let view = View::new(state, &context.catalog(), None)?;
+    let view = view_of(&context, parsed(&body)?)?;
     context.set_state(&view.state);
     context.queue.broadcast(&json!({ "type": "state", "state": view.state }).to_string());
     Ok(json_answer(&view.state))
@@ -199,18 +211,9 @@ fn decode_query(text: &str) -> Result<String, String> {
 }
 
 async fn picture(context: &ViewerContext, view: View, format: ResponseFormat) -> Answer {
-    let (reply, answer) = oneshot::channel();
-    let busy =
-        || RequestError(StatusCode::SERVICE_UNAVAILABLE, "too many pictures are requested at once".into());
-    context
-        .queue
-        .push_command(ViewerCommand::Picture { view: Arc::new(view), format, reply })
-        .map_err(|_| busy())?;
-    let gone = |_| RequestError(StatusCode::SERVICE_UNAVAILABLE, "the program is ending".into());
-    let picture = answer
-        .await
-        .map_err(gone)?
-        .map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error))?;
+    let (view, busy) = (Arc::new(view), "too many pictures are requested at once");
+    let picture = reply_of(context, busy, |reply| ViewerCommand::Picture { view, format, reply }).await?;
+    let picture = picture.map_err(failed)?;
     let kind = if format == ResponseFormat::Png { "image/png" } else { "image/jpeg" };
     Ok(picture.response(kind))
 }
@@ -223,14 +226,15 @@ struct SurfaceParameters {
     y: f64,
 }
 
-/// Pushes a command and waits for its reply.
+/// Pushes a command and waits for its reply; `busy` is what is said if too many wait.
 async fn reply_of<T>(
     context: &ViewerContext,
+    busy: &str,
     command: impl FnOnce(oneshot::Sender<T>) -> ViewerCommand,
 ) -> Result<T, RequestError> {
     let (reply, answer) = oneshot::channel();
     let unavailable = |why: &str| RequestError(StatusCode::SERVICE_UNAVAILABLE, why.into());
-    context.queue.push_command(command(reply)).map_err(|_| unavailable("too many requests at once"))?;
+    context.queue.push_command(command(reply)).map_err(|_| unavailable(busy))?;
     answer.await.map_err(|_| unavailable("the program is ending"))
 }
 
@@ -242,21 +246,20 @@ async fn surface(State(context): Shared, body: Bytes) -> Answer {
     if !((0.0..=1.0).contains(&x) && (0.0..=1.0).contains(&y)) {
         return Err("surface: x and y must be 0 to 1".to_owned().into());
     }
-    let view = Arc::new(View::new(context.state().patched(state)?, &context.catalog(), None)?);
-    let found = reply_of(&context, |reply| ViewerCommand::Surface { view, at: [x, y], reply }).await?;
-    let found = found.map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error))?;
-    Ok(json_answer(&json!({ "point": found.map(|point| point.to_array()) })))
+    let view = Arc::new(view_of(&context, state)?);
+    let found = reply_of(&context, BUSY, |reply| ViewerCommand::Surface { view, at: [x, y], reply }).await?;
+    Ok(json_answer(&json!({ "point": found.map_err(failed)?.map(|point| point.to_array()) })))
 }
 
 /// Changes the facts of the scene.
 async fn change_facts(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
     let change = serde_json::from_slice(&body).map_err(|error| format!("facts: {error}"))?;
-    let changed = reply_of(&context, |reply| ViewerCommand::Facts { change, reply }).await?;
+    let changed = reply_of(&context, BUSY, |reply| ViewerCommand::Facts { change, reply }).await?;
     let answer = changed.map_err(|error| match error {
         FactError::Refused(why) => RequestError(StatusCode::BAD_REQUEST, why),
         FactError::Busy(why) => RequestError(StatusCode::CONFLICT, why),
-        FactError::Failed(why) => RequestError(StatusCode::INTERNAL_SERVER_ERROR, why),
+        FactError::Failed(why) => failed(why),
     })?;
     Ok(json_answer(&answer))
 }
@@ -271,8 +274,7 @@ async fn read_weather(State(context): Shared, body: Bytes) -> Answer {
 /// Returns the fragment of a link to the state in the body.
 async fn link_of(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
-    let state = context.state().patched(parsed(&body)?)?;
-    let view = View::new(state, &context.catalog(), None)?;
+    let view = view_of(&context, parsed(&body)?)?;
     let text = link::encode(&view.state)?;
     Ok(([(header::CONTENT_TYPE, "text/plain; charset=utf-8")], text).into_response())
 }
@@ -297,8 +299,7 @@ async fn thumbnail(State(context): Shared, Path(name): Path<String>) -> Answer {
 /// Returns a file to save of the state in the body.
 async fn file(State(context): Shared, Path(kind): Path<String>, body: Bytes) -> Answer {
     check_loaded(&context)?;
-    let state = context.state().patched(parsed(&body)?)?;
-    let view = View::new(state, &context.catalog(), None)?;
+    let view = view_of(&context, parsed(&body)?)?;
     let catalog = context.catalog();
     let names = FileNames::of(&catalog, &view);
     let (mut response, name) = match &kind[..] {
@@ -306,7 +307,7 @@ async fn file(State(context): Shared, Path(kind): Path<String>, body: Bytes) -> 
         "points" if view.lidar.is_none() => return Err("points: the state has no lidar".to_owned().into()),
         "points" => {
             let view = Arc::new(view);
-            let points = reply_of(&context, |reply| ViewerCommand::Points { view, reply }).await??;
+            let points = reply_of(&context, BUSY, |reply| ViewerCommand::Points { view, reply }).await??;
             (points.response("application/octet-stream"), names.points)
         }
         kind => {
@@ -359,12 +360,11 @@ async fn begin_video(State(context): Shared, body: Bytes) -> Answer {
     let catalog = context.catalog();
     let names = FileNames::of(&catalog, &view);
     let busy = |error| RequestError(StatusCode::CONFLICT, error);
-    let folder = context.workshop.subfolder();
-    let folder = folder.map_err(|why| RequestError(StatusCode::INTERNAL_SERVER_ERROR, why))?;
+    let folder = context.workshop.subfolder().map_err(failed)?;
     let video = context.videos.add(names.video.clone(), rate, frames, folder).map_err(busy)?;
     let command = ViewerCommand::Video { view: Arc::clone(&view), job: Arc::clone(&video) };
     if context.queue.push_command(command).is_err() {
-        video.end(Err("too many requests at once".into()));
+        video.end(Err(BUSY.into()));
     }
     let mut answer = video.json();
     answer["command"] = names.command(&catalog, &view, Some((rate, seconds))).trim().into();
@@ -390,8 +390,8 @@ async fn video_file(State(context): Shared, Path(id): Path<u32>) -> Answer {
     if !video.is_done() {
         return Err(RequestError(StatusCode::CONFLICT, "the video is not finished".into()));
     }
-    let file = Download::open(&video.path(), Arc::clone(&video))
-        .map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()))?;
+    let file =
+        Download::open(&video.path(), Arc::clone(&video)).map_err(|error| failed(error.to_string()))?;
     let mut response = file.response("video/mp4");
     set_file_name(&mut response, &video.name)?;
     Ok(response)

@@ -64,21 +64,21 @@ def run(command, cwd=None, rounds=1):
     return done.stdout + done.stderr, wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def install(work):
+def install(work, packages, scripts):
+    """Installs packages of npm, writes scripts for node by their names, and goes on where numpy is."""
     python = work / "venv/bin/python"
     if not python.exists():
         run([sys.executable, "-m", "venv", work / "venv"])
         run([python, "-m", "pip", "install", "-q", "numpy"])
-    if not (work / "node_modules/gltf-validator").exists():
+    if not all((work / "node_modules" / package.removesuffix("@latest")).exists() for package in packages):
         (work / "package.json").write_text('{"private": true, "type": "module"}')
-        run(["npm", "install", "--no-audit", "--no-fund", *NPM], cwd=work)
-    (work / "ksplat.mjs").write_text(KSPLAT)
-    (work / "validate.mjs").write_text(VALIDATE)
-    if Path(sys.executable).resolve() != python.resolve() or "numpy" not in sys.modules:
-        try:
-            import numpy  # noqa: F401
-        except ImportError:
-            os.execv(python, [str(python), *sys.argv, *([] if "--work" in sys.argv else ["--work", str(work)])])
+        run(["npm", "install", "--no-audit", "--no-fund", *packages], cwd=work)
+    for name, text in scripts.items():
+        (work / name).write_text(text)
+    try:
+        import numpy  # noqa: F401
+    except ImportError:
+        os.execv(python, [str(python), *sys.argv, *([] if "--work" in sys.argv else ["--work", str(work)])])
 
 
 def read_ply(path):
@@ -178,7 +178,7 @@ def main():
     arguments = parser.parse_args()
     work = (arguments.work or Path(tempfile.mkdtemp(prefix="peers-"))).resolve()
     work.mkdir(parents=True, exist_ok=True)
-    install(work)
+    install(work, NPM, {"ksplat.mjs": KSPLAT, "validate.mjs": VALIDATE})
     import numpy as np
 
     program, scene = arguments.program.resolve(), arguments.scene.resolve()

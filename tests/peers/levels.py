@@ -12,14 +12,13 @@ given; --validator is a 3D Tiles validator that is there. It takes minutes and n
 
 import argparse
 import json
-import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from formats import check, failures, read_ply, run, same
+from formats import check, failures, install, read_ply, run, same
 
 NPM = ["@playcanvas/splat-transform@latest", "playcanvas", "@spz-loader/core"]
 
@@ -54,22 +53,6 @@ for (const file of files) {
     print(JSON.stringify({count, decoded: cloud.numPoints, stated: [...low, ...high], found: [...min, ...max]}));
 }
 """
-
-
-def install(work, validator):
-    python = work / "venv/bin/python"
-    if not python.exists():
-        run([sys.executable, "-m", "venv", work / "venv"])
-        run([python, "-m", "pip", "install", "-q", "numpy"])
-    if not (work / "node_modules/playcanvas").exists():
-        (work / "package.json").write_text('{"private": true, "type": "module"}')
-        run(["npm", "install", "--no-audit", "--no-fund", *NPM, *([] if validator else ["3d-tiles-validator"])], cwd=work)
-    (work / "octree.mjs").write_text(OCTREE)
-    (work / "spz.mjs").write_text(SPZ)
-    try:
-        import numpy  # noqa: F401
-    except ImportError:
-        os.execv(python, [str(python), *sys.argv, *([] if "--work" in sys.argv else ["--work", str(work)])])
 
 
 def first(splats, count):
@@ -202,7 +185,7 @@ def main():
     arguments = parser.parse_args()
     work = (arguments.work or Path(tempfile.mkdtemp(prefix="peers-"))).resolve()
     work.mkdir(parents=True, exist_ok=True)
-    install(work, arguments.validator)
+    install(work, [*NPM, *([] if arguments.validator else ["3d-tiles-validator"])], {"octree.mjs": OCTREE, "spz.mjs": SPZ})
     program, scene = arguments.program.resolve(), arguments.scene.resolve()
     validator = (arguments.validator or work / "node_modules/3d-tiles-validator/build/main.js").resolve()
     theirs = ["node", work / "node_modules/@playcanvas/splat-transform/bin/cli.mjs", "-q", "-w", "-g", "cpu"]

@@ -19,9 +19,10 @@ each layout needs, from PyPI, or as a clone of a public repository that is given
     nerfstudio                            nerfstudio==1.1.5
     colmap, acdc, foggy-cityscapes        pycolmap cityscapesscripts numpy pillow
 
-Layouts of pictures are in `picture_sets.py`. It takes seconds a layout and is no part of `cargo test`. The exit code is 1 if anything differs.
+Layouts of KITTI take a fourth camera too. Layouts of pictures are in `picture_sets.py`. It takes seconds a layout and is no part of `cargo test`. The exit code is 1 if anything differs.
 """
 
+import importlib.util
 import io
 import json
 import sys
@@ -151,8 +152,15 @@ def nuscenes(made, folder, _):
     far.report()
 
 
-# Numbers of KITTI's folders.
-SLOTS = {"front": 2, "left": 3, "right": 1}
+def slots_of(made):
+    """Numbers of KITTI's folders, by camera, and the camera whose axes are those of camera 0: the fourth, or else the first."""
+    slots = dict(zip(made.cameras, (2, 3, 1, 0)))
+    return slots, made.cameras[3 if len(slots) > 3 else 0]
+
+
+def is_grey(slot):
+    """True for cameras that are grey for pykitti, so that their files are opened as they are."""
+    return slot < 2
 
 
 def hold_velodyne(made, far, clip, frame, scan):
@@ -163,11 +171,12 @@ def hold_velodyne(made, far, clip, frame, scan):
 
 def kitti_calibration(made, far, p, camera0_from_velodyne):
     """`P_k` and `Tr` against the manifest."""
-    camera0 = made.sensors["front"]["rig_from_sensor"]
+    slots, first = slots_of(made)
+    camera0 = made.sensors[first]["rig_from_sensor"]
     far.add_pose("velodyne", camera0_from_velodyne, np.linalg.inv(camera0) @ made.sensors["top"]["rig_from_sensor"])
-    for camera in made.cameras:
+    for camera, slot in slots.items():
         pose = np.linalg.inv(made.sensors[camera]["rig_from_sensor"]) @ camera0
-        far.add("P_k", 1e-9, p[SLOTS[camera]], made.whole_k(camera) @ pose[:3])
+        far.add("P_k", 1e-9, p[slot], made.whole_k(camera) @ pose[:3])
 
 
 def by_p(p, camera0_from_velodyne, points):
@@ -181,41 +190,44 @@ def kitti_raw(made, folder, _):
 
     import pykitti
 
-    far = Differences(made)
+    far, (slots, first) = Differences(made), slots_of(made)
     for clip in made.clips:
         day = datetime.fromtimestamp(clip["start_ns"] // 10**9, timezone.utc).strftime("%Y_%m_%d")
         data = pykitti.raw(str(folder), day, f"{clip['clip']:04}")
-        files = {camera: getattr(data, f"cam{slot}_files") for camera, slot in SLOTS.items()}
+        files = {camera: getattr(data, f"cam{slot}_files") for camera, slot in slots.items()}
         counts = {len(data), len(data.velo_files), len(data.oxts), *map(len, files.values())}
         check("counts", counts == {made.frames}, f"drive {clip['clip']:04}, {len(data)} frames of {len(files)} cameras, velodyne and oxts")
         epoch = datetime(1970, 1, 1)
         microseconds = [(time - epoch) // timedelta(microseconds=1) for time in data.timestamps]
         far.add("times, us", 0, microseconds, [time // 1000 for time in made.times(clip, "top")])
         drive = Path(data.data_path)
-        for name, sensor in [(f"image_{slot:02}", camera) for camera, slot in SLOTS.items()] + [("velodyne_points", "top"), ("oxts", "top")]:
+        for name, sensor in [(f"image_{slot:02}", camera) for camera, slot in slots.items()] + [("velodyne_points", "top"), ("oxts", "top")]:
             lines = (drive / name / "timestamps.txt").read_text().splitlines()
             found = [int((datetime.fromisoformat(line[:19]) - epoch).total_seconds()) * 10**9 + int(line[20:]) for line in lines]
             check(f"times of {name}", found == made.times(clip, sensor), f"{len(found)}") if found != made.times(clip, sensor) else None
         p = {slot: getattr(data.calib, f"P_rect_{slot}0") for slot in range(4)}
         kitti_calibration(made, far, p, data.calib.T_cam0_velo)
-        far.add_pose("IMU", np.linalg.inv(data.calib.T_cam0_imu), made.sensors["front"]["rig_from_sensor"])
+        far.add_pose("IMU", np.linalg.inv(data.calib.T_cam0_imu), made.sensors[first]["rig_from_sensor"])
         far.add("K_cam2, px", 1e-9, data.calib.K_cam2, made.whole_k("front"))
         own = pykitti.utils.read_calib_file(str(Path(data.calib_path) / "calib_cam_to_cam.txt"))
         start = made.rig(clip, 0)[:3, 3]
+        places = [made.rig(clip, frame)[:3, 3] for frame in range(made.frames)]
+        seconds = (np.array(made.times(clip, "top")) - made.time(clip, 0, "top")) * 1e-9
+        speeds = [[packet.ve, packet.vn, packet.vu] for packet, _ in data.oxts]
+        far.add("velocities by differences of places, m/s", 1e-5, speeds, np.gradient(places, seconds, axis=0))
         for frame, packet in enumerate(data.oxts):
             # The world of the packets has its origin at the first frame.
             expected = made.rig(clip, frame)
             expected[:3, 3] -= start
             far.add_pose("poses", packet.T_w_imu, expected, metres=1e-6)
-            for camera, slot in SLOTS.items():
-                # Camera 1 is grey for pykitti, so its files are opened as they are.
-                picture = Image.open(data.cam1_files[frame]) if slot == 1 else getattr(data, f"get_cam{slot}")(frame)
+            for camera, slot in slots.items():
+                picture = Image.open(files[camera][frame]) if is_grey(slot) else getattr(data, f"get_cam{slot}")(frame)
                 far.add_picture(clip, frame, camera, picture, True)
             scan = data.get_velo(frame)
             hold_velodyne(made, far, clip, frame, scan)
             if frame % EVERY:
                 continue
-            for camera, slot in SLOTS.items():
+            for camera, slot in slots.items():
                 far.add_pixels("P_rect_k0 T_cam0_velo", EXACT, clip, frame, camera, by_p(p[slot], data.calib.T_cam0_velo, scan[:, :3]))
                 turned = matrix(own[f"R_{slot:02}"].reshape(3, 3), own[f"T_{slot:02}"]) @ data.calib.T_cam0_velo
                 far.add_pixels("K (R x + T)", EXACT, clip, frame, camera,
@@ -234,27 +246,28 @@ def kitti_raw(made, folder, _):
 def kitti_odometry(made, folder, _):
     import pykitti
 
-    far = Differences(made)
+    far, (slots, first) = Differences(made), slots_of(made)
     for clip in made.clips:
         data = pykitti.odometry(str(folder), f"{clip['clip']:02}")
-        counts = {len(data), len(data.poses), len(data.velo_files), *(len(getattr(data, f"cam{slot}_files")) for slot in SLOTS.values())}
-        check("counts", counts == {made.frames}, f"sequence {clip['clip']:02}, {len(data)} frames of {len(SLOTS)} cameras, velodyne and poses")
+        files = {camera: getattr(data, f"cam{slot}_files") for camera, slot in slots.items()}
+        counts = {len(data), len(data.poses), len(data.velo_files), *map(len, files.values())}
+        check("counts", counts == {made.frames}, f"sequence {clip['clip']:02}, {len(data)} frames of {len(slots)} cameras, velodyne and poses")
         times = made.times(clip, "top")
         far.add("times, s", 2e-6, [time.total_seconds() for time in data.timestamps], [(time - times[0]) * 1e-9 for time in times])
         p = {slot: getattr(data.calib, f"P_rect_{slot}0") for slot in range(4)}
         kitti_calibration(made, far, p, data.calib.T_cam0_velo)
-        start = made.pose(clip, 0, "front")
+        start = made.pose(clip, 0, first)
         for frame, pose in enumerate(data.poses):
-            far.add_pose("poses", pose, np.linalg.inv(start) @ made.pose(clip, frame, "front"))
-            for camera, slot in SLOTS.items():
-                picture = Image.open(data.cam1_files[frame]) if slot == 1 else getattr(data, f"get_cam{slot}")(frame)
+            far.add_pose("poses", pose, np.linalg.inv(start) @ made.pose(clip, frame, first))
+            for camera, slot in slots.items():
+                picture = Image.open(files[camera][frame]) if is_grey(slot) else getattr(data, f"get_cam{slot}")(frame)
                 far.add_picture(clip, frame, camera, picture, True)
             scan = data.get_velo(frame)
             hold_velodyne(made, far, clip, frame, scan)
             if frame % EVERY:
                 continue
             world = moved(start @ pose @ data.calib.T_cam0_velo, scan[:, :3])
-            for camera, slot in SLOTS.items():
+            for camera, slot in slots.items():
                 far.add_pixels("P_rect_k0 T_cam0_velo", EXACT, clip, frame, camera, by_p(p[slot], data.calib.T_cam0_velo, scan[:, :3]))
                 points = moved(np.linalg.inv(made.pose(clip, frame, camera)), world)
                 far.add_pixels("poses", EXACT, clip, frame, camera, pixels(made.sensors[camera]["k"], points))
@@ -270,16 +283,23 @@ def splits(made, folder):
     check("splits", json.loads((folder / "splits.json").read_text()) == expected, f"{expected}")
 
 
+def module(root, path):
+    """A module of OpenPCDet by itself: its package would import torch."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, Path(root) / path)
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
 def kitti_object(made, folder, openpcdet):
-    kitti = script("kitti")
-    calibration_kitti = kitti.module(openpcdet, "pcdet/utils/calibration_kitti.py")
-    object3d_kitti = kitti.module(openpcdet, "pcdet/utils/object3d_kitti.py")
-    far, listed, data = Differences(made), {}, folder / "training"
+    calibration_kitti = module(openpcdet, "pcdet/utils/calibration_kitti.py")
+    object3d_kitti = module(openpcdet, "pcdet/utils/object3d_kitti.py")
+    far, listed, data, (slots, _) = Differences(made), {}, folder / "training", slots_of(made)
     for clip in made.clips:
         for frame in range(made.frames):
             name = f"{clip['clip'] * made.frames + frame:06}"
             listed.setdefault(clip["split"], []).append(name)
-            for camera, slot in SLOTS.items():
+            for camera, slot in slots.items():
                 far.add_picture(clip, frame, camera, Image.open(data / f"image_{slot}/{name}.png"), True)
             scan = np.fromfile(data / f"velodyne/{name}.bin", np.float32).reshape(-1, 4)
             hold_velodyne(made, far, clip, frame, scan)
@@ -291,7 +311,7 @@ def kitti_object(made, folder, openpcdet):
             kitti_calibration(made, far, p, camera0_from_velodyne)
             if frame % EVERY:
                 continue
-            for camera, slot in SLOTS.items():
+            for camera, slot in slots.items():
                 far.add_pixels("P_k R0_rect Tr_velo_to_cam", EXACT, clip, frame, camera, by_p(p[slot], camera0_from_velodyne, scan[:, :3]))
             calibration = calibration_kitti.Calibration(str(data / f"calib/{name}.txt"))
             with np.errstate(all="ignore"):
@@ -306,7 +326,8 @@ def kitti_object(made, folder, openpcdet):
     for split in ("train", "val", "test"):
         found = (folder / f"ImageSets/{split}.txt").read_text().split()
         check(f"list {split}", found == listed.get(split, []), f"{len(found)} frames")
-    counts = {name: len(list((data / name).iterdir())) for name in ("image_1", "image_2", "image_3", "velodyne", "calib", "label_2")}
+    names = [*(f"image_{slot}" for slot in slots.values()), "velodyne", "calib", "label_2"]
+    counts = {name: len(list((data / name).iterdir())) for name in names}
     check("counts", set(counts.values()) == {made.frames * len(made.clips)}, f"{counts}")
     far.report()
 
@@ -326,7 +347,7 @@ def semantic_kitti(made, folder, api):
         config["color_map"] |= {110: [255, 255, 255], 111: [200, 200, 200]}
         flake = 110
     assert config["labels"][outlier] == "outlier"
-    far = Differences(made)
+    far, (slots, _) = Differences(made), slots_of(made)
     for clip in made.clips:
         sequence = folder / f"sequences/{clip['clip']:02}"
         calibration = parse_calibration(sequence / "calib.txt")
@@ -353,12 +374,16 @@ def semantic_kitti(made, folder, api):
             if frame % EVERY:
                 continue
             world = moved(start @ pose, scan.points)
-            for camera, slot in SLOTS.items():
+            for camera, slot in slots.items():
                 far.add_pixels("P_k Tr", EXACT, clip, frame, camera, by_p(p[slot], calibration["Tr"], scan.points))
                 points = moved(np.linalg.inv(made.pose(clip, frame, camera)), world)
                 far.add_pixels("poses", EXACT, clip, frame, camera, pixels(made.sensors[camera]["k"], points))
     splits(made, folder)
     far.report()
+
+
+# Argoverse's names of the cameras.
+RING = {"front": "ring_front_center", "left": "ring_front_left", "right": "ring_front_right"}
 
 
 def argoverse2(made, folder, _):
@@ -367,8 +392,7 @@ def argoverse2(made, folder, _):
     from av2.torch.data_loaders.detection import DetectionDataLoader
     from av2.utils.io import read_feather, read_img
 
-    names = script("argoverse2").CAMERAS
-    far, logs = Differences(made), 0
+    far, logs, names = Differences(made), 0, RING
     for clip in made.clips:
         log = clip["name"]
         loader = AV2SensorDataLoader(data_dir=folder / clip["split"], labels_dir=folder / clip["split"])
@@ -383,6 +407,11 @@ def argoverse2(made, folder, _):
             (row,) = [row for row in table.to_dict("records") if row["sensor_name"] == name]
             pose = matrix(rotation(*(row[f"q{axis}"] for axis in "wxyz")), [row[f"t{axis}_m"] for axis in "xyz"])
             far.add_pose("extrinsics", pose, rig_from_lidar)
+        boxes = loader.get_labels_at_lidar_timestamp(log, times[0])
+        check("boxes", len(boxes.cuboids) == 0, f"{len(boxes.cuboids)}")
+        kinds = read_feather(loader.get_lidar_fpath(log, times[0])).dtypes.astype(str).to_dict()
+        want = dict(x="float16", y="float16", z="float16", intensity="uint8", laser_number="uint8", offset_ns="int32")
+        check("columns", kinds == want, f"{kinds}")
         for camera, name in names.items():
             pinhole = loader.get_log_pinhole_camera(log, name)
             far.add("intrinsics, px", 0, pinhole.intrinsics.K, made.whole_k(camera))

@@ -1,15 +1,10 @@
 //! `align`, by running the binary: what is set by hand goes with the scene, and weather follows it.
 
 use crate::common::{Workshop, yard_metadata};
-use crate::process::{finish, printed, refuses, said};
 use glam::{DQuat, DVec3};
 use serde_json::Value;
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::synthetic::{moved, rotation};
-use wm_scene::{Group, Metadata, Scene};
+use wm_scene::{Group, Metadata};
 
 /// A yard that lies as it should not: turned, moved, half as large, with an up in its file that is
 /// wrong.
@@ -22,7 +17,7 @@ const SHIFT: DVec3 = DVec3::new(3.0, -8.0, 5.0);
 
 impl Yard {
     fn new() -> Self {
-        let yard = Self { shop: Workshop::new(), turn: rotation(3, 1) };
+        let yard = Self { shop: Workshop::with("", &[]), turn: rotation(3, 1) };
         let metadata = Metadata { up: Some(yard.turn * DVec3::X), ..yard_metadata(1.0) };
         let metadata = Metadata { ground: Some(-40.0), metres_per_unit: None, ..metadata };
         yard.shop.scene("yard", moved(&crate::common::yard().build(), yard.turn, 0.5, SHIFT), &metadata);
@@ -35,25 +30,23 @@ impl Yard {
         format!("{x:.4},{y:.4},{z:.4}")
     }
 
+    /// The places of a scene's splats in the yard, m.
+    fn places(&self, scene: &str) -> Vec<DVec3> {
+        let place =
+            |mean: &[f32; 3]| 2.0 * (self.turn.inverse() * (DVec3::from(mean.map(f64::from)) - SHIFT));
+        self.shop.open(scene).splats.means.iter().map(place).collect()
+    }
+
     fn ground(&self) -> String {
         format!("{}:{}:{}", self.at(-10.0, -8.0, 0.0), self.at(9.0, -6.0, 0.0), self.at(1.0, 12.0, 0.05))
     }
 
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = crate::common::binary();
-        command.args(words).current_dir(self.shop.path("")).stdin(Stdio::null());
-        command
-    }
-
-    fn run(&self, words: &[&str]) -> String {
-        let output = finish(&mut self.command(words));
-        assert!(output.status.success(), "{words:?}: {}", said(&output));
-        printed(&output)
+    fn run(&self, words: &str) -> String {
+        self.shop.run(words)
     }
 
     fn survey(&self, scene: &str) -> Value {
-        let report = self.run(&["inspect", "--json", scene]);
-        serde_json::from_str::<Value>(&report).unwrap()["survey"].clone()
+        self.shop.inspected(scene)["survey"].clone()
     }
 
     /// Checks that all commands know how the scene stands.
@@ -75,64 +68,56 @@ impl Yard {
 #[test]
 fn three_points_and_a_length_set_a_scene_right() {
     let yard = Yard::new();
-    let bytes = fs::read(yard.shop.path("yard.ply")).unwrap();
+    let bytes = yard.shop.read("yard.ply");
     let length = format!("{}:{}=10", yard.at(0.0, 0.0, 0.0), yard.at(0.0, 10.0, 0.0));
-    let words = ["align", "yard.ply", "--overwrite", "--ground", &yard.ground(), "--known-distance", &length];
-    let lines = yard.run(&words);
+    let ground = yard.ground();
+    let lines = yard.run(&format!("align yard.ply --overwrite --ground {ground} --known-distance {length}"));
     assert!(lines.starts_with("yard.ply.wm.toml: written\n  up: "), "{lines}");
     assert!(lines.contains(", 90.") || lines.contains(", 89."), "{lines}");
     assert!(lines.contains("most splats are on that side of the ground; --flip turns it round"), "{lines}");
     assert!(lines.contains("scale: 1 unit is 1 m (assumed) -> 2 m ("), "{lines}");
-    assert_eq!(fs::read(yard.shop.path("yard.ply")).unwrap(), bytes, "the splats stay");
+    assert_eq!(yard.shop.read("yard.ply"), bytes, "the splats stay");
     yard.stands("yard.ply");
     // It goes with the scene, whatever the format.
     for name in ["a.ply", "a.spz", "a.glb", "a.splat"] {
-        yard.run(&["convert", "yard.ply", name]);
+        yard.run(&format!("convert yard.ply {name}"));
         yard.stands(name);
     }
 
     // Snow lies on the ground and on what stands on it, and on nothing's underside.
-    let bake = ["bake", "a.splat", "--set", "snow_cover.depth=0.2", "-o", "white.ply", "--device", "cpu"];
-    yard.run(&bake);
-    let white = read(&yard.shop.path("white.ply"));
-    let bare = read(&yard.shop.path("a.splat")).splats.len();
-    let height = |i: usize| {
-        (yard.turn.inverse() * (DVec3::from_array(white.splats.means[i].map(f64::from)) - SHIFT)).z
-    };
-    let heights: Vec<f64> = (bare..white.splats.len()).map(height).collect();
+    yard.run("bake a.splat --set snow_cover.depth=0.2 -o white.ply --device cpu");
+    let bare = yard.shop.open("a.splat").splats.len();
+    let heights: Vec<f64> = yard.places("white.ply")[bare..].iter().map(|at| 0.5 * at.z).collect();
     assert!(heights.len() > 500, "{}", heights.len());
     let on_ground = heights.iter().filter(|z| (0.0..0.2).contains(*z)).count();
     let below = heights.iter().filter(|z| **z < -0.05).count();
-    assert!(
-        on_ground * 2 > heights.len() && below * 50 < heights.len(),
-        "{on_ground} {below} of {}",
-        heights.len()
-    );
+    let all = heights.len();
+    assert!(on_ground * 2 > all && below * 50 < all, "{on_ground} {below} of {all}");
 }
 
 #[test]
 fn a_scene_is_written_anew_and_turned_round() {
     let yard = Yard::new();
-    yard.run(&["align", "yard.ply", "-o", "b.spz", "--ground", &yard.ground(), "--metres-per-unit", "2"]);
+    yard.run(&format!("align yard.ply -o b.spz --ground {} --metres-per-unit 2", yard.ground()));
     yard.stands("b.spz");
     // The input is as it was.
-    assert_eq!(read(&yard.shop.path("yard.ply")).metadata.up, Some(yard.turn * DVec3::X));
-    let lines = yard.run(&["align", "b.spz", "--flip", "--overwrite"]);
+    assert_eq!(yard.shop.open("yard.ply").metadata.up, Some(yard.turn * DVec3::X));
+    let lines = yard.run("align b.spz --flip --overwrite");
     assert!(lines.contains("180.0 degrees apart"), "{lines}");
-    let lines = yard.run(&["align", "b.spz", "--flip", "-o", "c.ply"]);
+    let lines = yard.run("align b.spz --flip -o c.ply");
     assert!(lines.contains("c.ply: written") && lines.contains("turned round by hand"), "{lines}");
-    let metadata = read(&yard.shop.path("c.ply")).metadata;
+    let metadata = yard.shop.open("c.ply").metadata;
     assert!(metadata.up.unwrap().angle_between(yard.turn * DVec3::Z).to_degrees() < 1.0);
     // In place twice, and a name that is taken.
-    yard.run(&["align", "c.ply", "--up", "0,0,1", "-o", "c.ply", "--overwrite"]);
-    let metadata = read(&yard.shop.path("c.ply")).metadata;
+    yard.run("align c.ply --up 0,0,1 -o c.ply --overwrite");
+    let metadata = yard.shop.open("c.ply").metadata;
     assert_eq!((metadata.up, metadata.metres_per_unit), (Some(DVec3::Z), Some(2.0)));
 }
 
 #[test]
 fn values_that_cannot_be_used_are_refused() {
     let yard = Yard::new();
-    fs::write(yard.shop.path("text.ply"), "ply\nnonsense\n").unwrap();
+    yard.shop.put("text.ply", "ply\nnonsense\n");
     for (words, says) in [
         ("align yard.ply --flip", "give an output scene with -o, or --overwrite to set"),
         ("align yard.ply --overwrite", "nothing to set"),
@@ -157,48 +142,30 @@ fn values_that_cannot_be_used_are_refused() {
         ("align yard.ply --overwrite --water 0,0,0:1,0,0", "give three points or more"),
         ("align yard.ply --overwrite --camera-height 1.6", "the scene has no cameras of photos"),
     ] {
-        let words: Vec<&str> = words.split(' ').collect();
-        refuses(&mut yard.command(&words), &yard.shop.path(""), &[says], &[]);
+        yard.shop.refused(words, &[says]);
     }
 }
 
 #[test]
 fn nothing_lies_on_outlined_water() {
     let yard = Yard::new();
-    yard.run(&["align", "yard.ply", "-o", "dry.ply", "--ground", &yard.ground(), "--metres-per-unit", "2"]);
+    yard.run(&format!("align yard.ply -o dry.ply --ground {} --metres-per-unit 2", yard.ground()));
     let corners = [(-9.0, -10.0), (-4.5, -10.0), (-4.5, -4.0), (-9.0, -4.0)];
     let outline = corners.map(|(x, y)| yard.at(x, y, 0.0)).join(":");
-    let lines = yard.run(&["align", "dry.ply", "-o", "pond.spz", "--water", &outline]);
+    let lines = yard.run(&format!("align dry.ply -o pond.spz --water {outline}"));
     assert!(lines.contains("water: 1 outline"), "{lines}");
-    assert!(yard.run(&["inspect", "pond.spz"]).contains("water: 1 outline in the metadata"));
+    assert!(yard.run("inspect pond.spz").contains("water: 1 outline in the metadata"));
     let snow = |scene: &str| {
-        yard.run(&[
-            "bake",
-            scene,
-            "--set",
-            "snow_cover.depth=0.1",
-            "-o",
-            "white.ply",
-            "--device",
-            "cpu",
-            "--overwrite",
-        ]);
-        let white = read(&yard.shop.path("white.ply"));
-        let place = |i: usize| {
-            2.0 * (yard.turn.inverse() * (DVec3::from_array(white.splats.means[i].map(f64::from)) - SHIFT))
-        };
+        yard.run(&format!("bake {scene} --set snow_cover.depth=0.1 -o white.ply --device cpu --overwrite"));
+        let groups = yard.shop.open("white.ply").splats.groups;
         let is_there = |p: &DVec3| (-8.5..-5.0).contains(&p.x) && (-9.5..-4.5).contains(&p.y);
-        let snow = (0..white.splats.len()).filter(|i| white.splats.groups[*i] == Group::Snow);
-        snow.map(place).filter(is_there).count()
+        let all = yard.places("white.ply").into_iter().zip(groups);
+        all.filter(|(place, group)| *group == Group::Snow && is_there(place)).count()
     };
     let (dry, pond) = (snow("dry.ply"), snow("pond.spz"));
     assert!(dry > 200 && pond == 0, "{dry} {pond}");
-    yard.run(&["align", "pond.spz", "-o", "none.ply", "--water", "none"]);
-    assert_eq!(read(&yard.shop.path("none.ply")).metadata.water, Some(Vec::new()));
-}
-
-fn read(path: &Path) -> Scene {
-    read_scene(path, &ReadOptions::default()).unwrap()
+    yard.run("align pond.spz -o none.ply --water none");
+    assert_eq!(yard.shop.open("none.ply").metadata.water, Some(Vec::new()));
 }
 
 /// Writes the yard under a dome of lilac sky that stands on its side, labelled, with its light in
@@ -227,13 +194,13 @@ fn a_wrong_sky_is_dropped_or_decided_anew() {
     domed(&yard.shop);
     let sky = |scene: &str| yard.survey(scene)["sky_splats"].as_u64().unwrap();
     assert_eq!(sky("domed.ply"), 2000);
-    let lines = yard.run(&["convert", "domed.ply", "none.ply", "--sky", "drop"]);
+    let lines = yard.run("convert domed.ply none.ply --sky drop");
     assert!(lines.contains("sky: 2000 splats before, 0 now; 2000 left out"), "{lines}");
-    let none = read(&yard.shop.path("none.ply"));
+    let none = yard.shop.open("none.ply");
     assert_eq!((none.metadata.airlight, none.metadata.up), (None, Some(DVec3::Z)));
     assert_eq!(sky("none.ply"), 0);
-    yard.run(&["convert", "domed.ply", "half.ply", "--sky", "rebuild"]);
-    let half = read(&yard.shop.path("half.ply"));
+    yard.run("convert domed.ply half.ply --sky rebuild");
+    let half = yard.shop.open("half.ply");
     let count = half.splats.groups.iter().filter(|group| **group == Group::Sky).count();
     assert!((950..1250).contains(&count), "{count}");
     let lowest = half.splats.means.iter().map(|mean| mean[2]).fold(f32::INFINITY, f32::min);
@@ -251,11 +218,5 @@ fn a_wrong_sky_is_dropped_or_decided_anew() {
     let tint = |[r, g, b]: [f64; 3]| r.max(b) - g;
     let (kept, dropped) = (fog("keep"), fog("drop"));
     assert!(tint(kept) > 30.0 && tint(dropped) < 12.0, "{kept:?} {dropped:?}");
-    let mut wrong = yard.command(&["render", "yard.ply", "--sky", "away"]);
-    refuses(
-        &mut wrong,
-        &yard.shop.path(""),
-        &["--sky", "keep, drop, rebuild"],
-        &[" ", "For more", "error: "],
-    );
+    yard.shop.refused("render yard.ply --sky away", &["--sky", "keep, drop, rebuild"]);
 }

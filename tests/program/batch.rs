@@ -1,9 +1,8 @@
 //! Data sets by a plan, as files: shards, killed ones too, single frames, and wrong plans.
 
 use crate::common::*;
-use crate::process::{fails, finish, printed, said};
+use crate::process::{fails, finish, printed, said, succeeds};
 use glam::DVec3;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::{Camera, SceneView};
@@ -58,19 +57,13 @@ fn place(workshop: &Workshop) -> PathBuf {
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     let view = |name: &str, x: f64| {
         let (eye, target) = (DVec3::new(x, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
-        SceneView {
-            name: name.into(),
-            camera: Camera::looking((64, 48), 50.0, eye, target, DVec3::Z).unwrap(),
-        }
+        let camera = Camera::looking((64, 48), 50.0, eye, target, DVec3::Z).unwrap();
+        SceneView { name: name.into(), camera }
     };
-    write_cameras(
-        &cameras_path(&scene),
-        &[view("one.jpg", 0.5), view("two.jpg", -2.0), view("three.jpg", 3.0)],
-    )
-    .unwrap();
-    std::fs::write(workshop.path("rig.toml"), RIG).unwrap();
-    std::fs::write(workshop.path("plan.toml"), PLAN).unwrap();
-    workshop.path("plan.toml")
+    let views = [view("one.jpg", 0.5), view("two.jpg", -2.0), view("three.jpg", 3.0)];
+    write_cameras(&cameras_path(&scene), &views).unwrap();
+    workshop.put("rig.toml", RIG);
+    workshop.put("plan.toml", PLAN)
 }
 
 fn batch(workshop: &Workshop, out: &str, options: &str) -> std::process::Command {
@@ -80,60 +73,43 @@ fn batch(workshop: &Workshop, out: &str, options: &str) -> std::process::Command
     command
 }
 
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let all = crate::process::listing(folder).into_iter().filter(|(path, _)| path.is_file());
-    all.map(|(path, bytes)| (path.strip_prefix(folder).unwrap().to_owned(), bytes)).collect()
-}
-
 #[test]
 fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     let workshop = Workshop::new();
     place(&workshop);
-    let whole = finish(&mut batch(&workshop, "whole", ""));
-    assert!(whole.status.success(), "{}", said(&whole));
+    succeeds(&mut batch(&workshop, "whole", ""));
     let whole = files(&workshop.path("whole"));
     let has = |name: &str| whole.keys().any(|path| path.ends_with(name));
-    assert!(
-        has("summary.html") && has("manifest.json") && has("000000-yard-drive-fog/front/000002.depth.npy")
-    );
+    assert!(has("summary.html") && has("manifest.json"));
+    assert!(has("000000-yard-drive-fog/front/000002.depth.npy"));
     // Two clips of three frames, two readings each, in blocks of two frames.
     let rows = String::from_utf8(whole[Path::new("frames.jsonl")].clone()).unwrap();
     let rows: Vec<serde_json::Value> = rows.lines().map(|row| serde_json::from_str(row).unwrap()).collect();
     assert_eq!(rows.len(), 6);
-    assert!(
-        rows.iter()
-            .enumerate()
-            .all(|(index, row)| row["frame"] == index && row["readings"].as_array().unwrap().len() == 2)
-    );
-    for file in rows
-        .iter()
-        .flat_map(|row| row["readings"].as_array().unwrap())
-        .flat_map(|one| one["files"].as_array().unwrap())
-    {
+    let list = |value: &serde_json::Value| value.as_array().unwrap().clone();
+    let is_frame = |(index, row): (usize, &serde_json::Value)| {
+        row["frame"] == index && list(&row["readings"]).len() == 2
+    };
+    assert!(rows.iter().enumerate().all(is_frame));
+    for file in rows.iter().flat_map(|row| list(&row["readings"])).flat_map(|one| list(&one["files"])) {
         let bytes = &whole[Path::new(file["path"].as_str().unwrap())];
         assert_eq!(file["bytes"].as_u64().unwrap(), bytes.len() as u64);
     }
 
     for shard in [0, 2] {
-        let made = finish(&mut batch(&workshop, "shards", &format!("--shard {shard}/3")));
-        assert!(made.status.success(), "{}", said(&made));
+        succeeds(&mut batch(&workshop, "shards", &format!("--shard {shard}/3")));
     }
     let lacks = fails(&mut batch(&workshop, "shards", "--merge"), &["1 of 3 blocks are missing: 1;"], &[]);
     assert!(lacks.contains("plan.toml"), "{lacks}");
     // A run that was killed leaves parts of a block, and some of its files in place.
     let shards = workshop.path("shards");
-    std::fs::create_dir_all(shards.join(".work/000001/frames")).unwrap();
-    std::fs::write(shards.join(".work/000001/frames/part"), "part").unwrap();
-    std::fs::write(shards.join("frames/000000-yard-drive-fog/front/000002.png"), "part").unwrap();
-    let made = finish(&mut batch(&workshop, "shards", ""));
-    assert!(made.status.success(), "{}", said(&made));
-    assert!(printed(&made).contains("1 of 3 blocks made, 2 kept"), "{}", printed(&made));
+    workshop.put("shards/.work/000001/frames/part", "part");
+    workshop.put("shards/frames/000000-yard-drive-fog/front/000002.png", "part");
+    let told = printed(&succeeds(&mut batch(&workshop, "shards", "")));
+    assert!(told.contains("1 of 3 blocks made, 2 kept"), "{told}");
     let shards = files(&shards);
-    assert!(
-        shards.keys().eq(whole.keys()),
-        "{:?}",
-        shards.keys().filter(|path| !whole.contains_key(*path)).collect::<Vec<_>>()
-    );
+    let others: Vec<_> = shards.keys().filter(|path| !whole.contains_key(*path)).collect();
+    assert!(shards.keys().eq(whole.keys()), "{others:?}");
     for (path, bytes) in &shards {
         assert!(*bytes == whole[path], "{} differs", path.display());
     }
@@ -141,10 +117,10 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     // A power cut may empty a marker and a file: their blocks are made again, through a file system
     // that fails, and by one process at a time.
     let folder = workshop.path("shards");
-    let marker = std::fs::read(folder.join("done/000002.json")).unwrap();
+    let marker = workshop.read("shards/done/000002.json");
     let marker: serde_json::Value = serde_json::from_slice(&marker).unwrap();
-    std::fs::write(folder.join(marker["files"][0]["path"].as_str().unwrap()), "").unwrap();
-    std::fs::write(folder.join("done/000000.json"), "").unwrap();
+    workshop.put(folder.join(marker["files"][0]["path"].as_str().unwrap()), "");
+    workshop.put("shards/done/000000.json", "");
     for failing in ["create:1", "write:3", "rename:2", "flush:1"] {
         let broken = finish(batch(&workshop, "shards", "").env("WM_FAIL_FILES", failing));
         assert_eq!(broken.status.code(), Some(1), "{failing}: {}", said(&broken));
@@ -154,29 +130,21 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     let lock = wm_base::files::lock_folder(&work).unwrap();
     fails(&mut batch(&workshop, "shards", ""), &["another process makes block 0"], &["note: block 2"]);
     drop(lock);
-    let made = finish(&mut batch(&workshop, "shards", ""));
-    assert!(made.status.success(), "{}", said(&made));
+    succeeds(&mut batch(&workshop, "shards", ""));
     assert!(files(&folder) == whole);
 
     // A frame alone has the files that it has among all.
-    let made = finish(&mut batch(&workshop, "alone", "--frames 4"));
-    assert!(made.status.success(), "{}", said(&made));
+    succeeds(&mut batch(&workshop, "alone", "--frames 4"));
     let alone = files(&workshop.path("alone"));
     let own = Path::new("frames/000001-yard-drive-rain/front/000001.png");
     assert!(alone[own] == whole[own] && !alone.contains_key(Path::new("manifest.json")));
     // A changed file is found by its hash.
-    std::fs::write(
-        workshop.path("shards").join(own),
-        &alone[Path::new("frames/000001-yard-drive-rain/front/000001.depth.npy")][..whole[own].len()],
-    )
-    .unwrap();
-    fails(
-        &mut batch(&workshop, "shards", "--merge --verify"),
-        &["1 files are not as they were made", "has other bytes"],
-        &[],
-    );
+    let other = &alone[Path::new("frames/000001-yard-drive-rain/front/000001.depth.npy")];
+    workshop.put(folder.join(own), &other[..whole[own].len()]);
+    let says = ["1 files are not as they were made", "has other bytes"];
+    fails(&mut batch(&workshop, "shards", "--merge --verify"), &says, &[]);
     // Another plan does not continue the set.
-    std::fs::write(workshop.path("plan.toml"), PLAN.replace("seed = 4", "seed = 5")).unwrap();
+    workshop.put("plan.toml", PLAN.replace("seed = 4", "seed = 5"));
     fails(&mut batch(&workshop, "shards", ""), &["is of another plan"], &[]);
 }
 
@@ -187,12 +155,11 @@ fn a_camera_may_be_faster_than_frames_and_stand_behind_a_lidar() {
     let camera = RIG.find("[[sensor]]\nname = \"front\"").unwrap();
     let lidar = RIG.find("[[sensor]]\nname = \"top\"").unwrap();
     let rig = format!("{}{}", &RIG[lidar..], RIG[camera..lidar].replace("rate = 10.0", "rate = 20.0"));
-    std::fs::write(workshop.path("rig.toml"), rig).unwrap();
-    std::fs::write(workshop.path("plan.toml"), PLAN.replace("frames = 3", "frames = 1")).unwrap();
+    workshop.put("rig.toml", rig);
+    workshop.put("plan.toml", PLAN.replace("frames = 3", "frames = 1"));
     for out in ["one", "two"] {
-        let made = finish(&mut batch(&workshop, out, ""));
-        assert!(made.status.success(), "{}", said(&made));
-        assert!(printed(&made).contains("2 clips, 2 frames, 6 readings"), "{}", printed(&made));
+        let told = printed(&succeeds(&mut batch(&workshop, out, "")));
+        assert!(told.contains("2 clips, 2 frames, 6 readings"), "{told}");
     }
     // The pictures of the summary are those of the camera, and the same each time.
     let [one, two] = ["one", "two"].map(|out| files(&workshop.path(out)));
@@ -204,33 +171,26 @@ fn photos_get_their_weathers_and_wrong_plans_one_line() {
     let workshop = Workshop::new();
     place(&workshop);
     let plan = "pairs = true\n[[scene]]\nfile = \"yard.ply\"\n[[path]]\ncameras = \"capture\"\n[[weather]]\nfrom = [\"fog\", \"snow\"]\n";
-    std::fs::write(workshop.path("plan.toml"), plan).unwrap();
+    workshop.put("plan.toml", plan);
     let listed = printed(&finish(&mut batch(&workshop, "set", "--list")));
-    assert!(
-        listed.contains("6 clips, 6 frames") && listed.contains("000004-yard-photo-two-snow"),
-        "{listed}"
-    );
-    let made = finish(&mut batch(&workshop, "set", ""));
-    assert!(made.status.success(), "{}", said(&made));
+    for says in ["6 clips, 6 frames", "000004-yard-photo-two-snow"] {
+        assert!(listed.contains(says), "{listed}");
+    }
+    succeeds(&mut batch(&workshop, "set", ""));
     let picture = |number: u32, kind: &str| {
         read_png(&workshop.path(&format!("set/frames/00000/camera/{number:08}{kind}.png")))
     };
     assert_eq!((picture(0, "").width, picture(0, "").height), (64, 48));
     // The same view in fog and in snow, with one clean picture.
     assert!(picture(1, ".clear").pixels == picture(4, ".clear").pixels);
-    assert!(
-        picture(1, "").pixels != picture(4, "").pixels
-            && picture(0, ".clear").pixels != picture(1, ".clear").pixels
-    );
-    for (change, says) in [
-        (
-            ("[\"fog\", \"snow\"]", "[\"fogg\"]"),
-            "line 7: from: there is no weather `fogg`, did you mean `fog`?",
-        ),
-        (("cameras", "cameraz"), "line 5: unknown field `cameraz`"),
-        (("pairs", "layouts = [\"nope\"]\npairs"), "line 1: layouts: there is no layout `nope`"),
+    assert!(picture(1, "").pixels != picture(4, "").pixels);
+    assert!(picture(0, ".clear").pixels != picture(1, ".clear").pixels);
+    for (from, to, says) in [
+        ("\", \"snow\"]", "g\"]", "line 7: from: there is no weather `fogg`, did you mean `fog`?"),
+        ("cameras", "cameraz", "line 5: unknown field `cameraz`"),
+        ("pairs", "layouts = [\"nope\"]\npairs", "line 1: layouts: there is no layout `nope`"),
     ] {
-        std::fs::write(workshop.path("plan.toml"), plan.replace(change.0, change.1)).unwrap();
+        workshop.put("plan.toml", plan.replace(from, to));
         fails(&mut batch(&workshop, "other", ""), &[says], &[]);
     }
     assert!(!workshop.path("other").exists());

@@ -1,16 +1,11 @@
 //! The bench command, as small as it goes: that it measures and what it prints, not how fast.
 
+use crate::common::run;
 use serde_json::Value;
-use std::process::Command;
 
 fn bench(options: &[&str]) -> Value {
-    let output = Command::new(env!("CARGO_BIN_EXE_weather-magician"))
-        .args(["bench", "--splats", "400", "--size", "64x48", "--frames", "2", "--json"])
-        .args(options)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
+    let usual = ["bench", "--splats", "400", "--size", "64x48", "--frames", "2", "--json"];
+    serde_json::from_slice(&run(&[&usual, options].concat()).stdout).unwrap()
 }
 
 #[test]

@@ -2,7 +2,6 @@
 //! alone is the same, and `bake` writes what `render` shows.
 
 use crate::common::*;
-use crate::process::refuses;
 
 /// A yard of some metres.
 fn place(workshop: &Workshop) -> (std::path::PathBuf, ViewArgs) {
@@ -42,14 +41,11 @@ fn snow_grows_and_every_frame_is_the_same_alone() {
 fn what_is_baked_is_what_is_rendered() {
     let workshop = Workshop::new();
     let (scene, view) = place(&workshop);
-    for asked in
-        ["snow_cover.depth=0.1", "dust_cover.depth=0.05", "snow_cover.depth=0.1 --set fidelity=paper"]
-    {
+    let paper = "snow_cover.depth=0.1 --set fidelity=paper";
+    for asked in ["snow_cover.depth=0.1", "dust_cover.depth=0.05", paper] {
         let live = read_png(&workshop.render(&scene, &view, "live.png", &format!("--set {asked}")));
-        let baked = workshop.path("baked.ply");
-        let words = format!("bake {} --set {asked} --overwrite -o {}", scene.display(), baked.display());
-        run(&words.split(' ').map(str::to_owned).collect::<Vec<_>>());
-        let again = read_png(&workshop.render(&baked, &view, "again.png", ""));
+        workshop.run(&format!("bake yard.ply --set {asked} --overwrite -o baked.ply"));
+        let again = read_png(&workshop.render(&workshop.path("baked.ply"), &view, "again.png", ""));
         let squares = live.pixels.iter().zip(&again.pixels);
         let squares = squares.flat_map(|(a, b)| (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)));
         let mean = squares.sum::<f64>() / (3 * live.pixels.len()) as f64;
@@ -95,31 +91,20 @@ fn sand_is_seen_where_no_snow_is() {
 
 #[test]
 fn there_must_be_something_to_bake() {
-    let workshop = Workshop::new();
-    let (scene, _) = place(&workshop);
-    let refused = |out: &str, words: &[&str], says: &str| {
-        let mut command = binary();
-        command.arg("bake").arg(&scene).arg("-o").arg(workshop.path(out)).args(words);
-        refuses(&mut command, &workshop.path(""), &[says], &[]);
-    };
-    refused("none.ply", &[], "nothing lies under the weather clear at 0 s");
-    refused("none.ply", &["--set", "snow_cover.depth=0"], "nothing lies under the weather");
-    refused("none.obj", &["--set", "snow_cover=on"], "use .ply, .compressed.ply, .spz,");
+    let workshop = Workshop::with("", &[]);
+    place(&workshop);
+    for (words, says) in [
+        ("none.ply", "nothing lies under the weather clear at 0 s"),
+        ("none.ply --set snow_cover.depth=0", "nothing lies under the weather"),
+        ("none.obj --set snow_cover=on", "use .ply, .compressed.ply, .spz,"),
+    ] {
+        workshop.refused(&format!("bake yard.ply -o {words}"), &[says]);
+    }
 
     // Deeper than all, and before the start.
-    let deep = workshop.path("deep.ply");
-    let words = |depth: &str| {
-        let words = format!(
-            "bake {} --set snow_cover.depth={depth} --time -100 -o {}",
-            scene.display(),
-            deep.display()
-        );
-        words.split(' ').map(str::to_owned).collect::<Vec<_>>()
-    };
-    run(&words("10"));
-    let mut command = binary();
-    command.args(words("10.1"));
-    refuses(&mut command, &workshop.path(""), &["snow_cover.depth"], &[]);
+    let words = |depth: f64| format!("bake yard.ply --set snow_cover.depth={depth} --time -100 -o deep.ply");
+    workshop.run(&words(10.0));
+    workshop.refused(&words(10.1), &["snow_cover.depth"]);
 }
 
 /// Snow that has fallen since the start lies, and melts; and time before the start is no error.
@@ -128,15 +113,9 @@ fn snow_falls_lies_and_melts() {
     let workshop = Workshop::new();
     let (scene, view) = place(&workshop);
     let light = |time: f64| {
-        let sets = [
-            "snowfall.rate=0:3,4:3,4.1:0",
-            "snowfall.opacity=0",
-            "snow_cover.depth=auto",
-            "snow_cover.hours=1",
-            "snow_cover.lapse=3600",
-            "snow_cover.temperature=0:-2,5:-2,6:9",
-        ];
-        let sets = sets.map(|set| format!("--set {set}")).join(" ");
+        let sets = "--set snowfall.rate=0:3,4:3,4.1:0 --set snowfall.opacity=0 --set snow_cover.depth=auto \
+                    --set snow_cover.hours=1 --set snow_cover.lapse=3600 \
+                    --set snow_cover.temperature=0:-2,5:-2,6:9";
         ground(&read_png(&workshop.render(&scene, &view, "snow.png", &format!("{sets} --time {time}"))))
     };
     let [before, start, snow, thaw, bare] = [-3.0, 0.0, 4.0, 13.0, 60.0].map(light);

@@ -1,47 +1,41 @@
 //! The demo from end to end, as small as it goes.
 
+use crate::common::{binary, names};
+use crate::process::{printed, said};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
-fn demo(out: &Path, options: &[&str]) -> Output {
-    let mut all = options.to_vec();
-    let sampled: &[(&str, &str)] =
-        if options.contains(&"--steps") { &[] } else { &[("--detail", "0.1"), ("--sampled", "")] };
-    for (name, value) in [("--size", "96x64"), ("--seconds", "0.5")].iter().chain(sampled) {
-        if !options.contains(name) {
-            all.extend([name, value].into_iter().filter(|word| !word.is_empty()));
-        }
-    }
-    run(&["--out"], out, &all)
+fn demo(out: &Path, options: &str) -> Output {
+    let usual = ["--size 96x64", "--seconds 0.5", "--detail 0.1", "--sampled"];
+    let usual = &usual[..if options.contains("--steps") { 2 } else { 4 }];
+    let is_left = |word: &&&str| !options.contains(word.split(' ').next().unwrap());
+    let usual: Vec<&str> = usual.iter().filter(is_left).copied().collect();
+    run("--out", out, &format!("{options} {}", usual.join(" ")))
 }
 
-fn run(before: &[&str], folder: &Path, options: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_weather-magician"))
-        .arg("demo")
-        .args(before)
-        .arg(folder)
-        .args(options)
-        .output()
-        .unwrap()
+fn run(before: &str, folder: &Path, options: &str) -> Output {
+    binary().args(["demo", before]).arg(folder).args(options.split_whitespace()).output().unwrap()
 }
 
-/// Names in a folder, sorted.
-fn names(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
+/// Returns what a run printed that must have succeeded.
+fn succeeds(output: &Output) -> String {
+    assert!(output.status.success(), "{}{}", printed(output), said(output));
+    printed(output)
+}
+
+/// Checks that a run failed with one line that ends so.
+fn fails(output: &Output, end: &str) {
+    let said = said(output);
+    assert!(!output.status.success() && said.trim_end().ends_with(end), "{said}");
+    assert_eq!(said.lines().count(), 1);
 }
 
 #[test]
 fn it_writes_a_scene_a_sheet_and_a_film() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("made here");
-    let output = demo(&out, if cfg!(feature = "h264") { &[] } else { &["--only", "scene,sheet"] });
-    let said = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let said = succeeds(&demo(&out, if cfg!(feature = "h264") { "" } else { "--only scene,sheet" }));
 
     let sheet = fs::read(out.join("sheet.png")).unwrap();
     let side = |at: usize| u32::from_be_bytes(sheet[at..at + 4].try_into().unwrap());
@@ -61,12 +55,10 @@ fn it_writes_a_scene_a_sheet_and_a_film() {
 #[test]
 fn photos_are_taken_reconstructed_and_drawn() {
     let folder = tempfile::tempdir().unwrap();
-    let options = ["--steps", "12", "--count", "5", "--only", "scene,sheet", "--overwrite"];
-    for options in [&options[..6], &options] {
+    let options = "--steps 12 --count 5 --only scene,sheet";
+    for options in [options, &format!("{options} --overwrite")] {
         // The second time it takes the place of the first.
-        let output = demo(folder.path(), options);
-        let said = String::from_utf8(output.stdout).unwrap();
-        assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+        let said = succeeds(&demo(folder.path(), options));
         assert!(said.contains("5 photos, 48x32") && said.contains("12 steps in"), "{said}");
     }
     assert_eq!(
@@ -76,11 +68,8 @@ fn photos_are_taken_reconstructed_and_drawn() {
     assert_eq!(names(&folder.path().join("photos")), ["images", "made-up.txt", "sparse"]);
     for (gone, left) in [("none", "street.ply"), ("street.ply", "street.run/checkpoint.wmtrain")] {
         let _ = fs::remove_file(folder.path().join(gone));
-        let output = demo(folder.path(), &options[..6]);
-        let said = String::from_utf8(output.stderr).unwrap();
         let says = "exists already; give another folder with --out, or replace it with --overwrite";
-        assert!(!output.status.success() && said.contains(&format!("{left}: {says}")), "{said}");
-        assert_eq!(said.lines().count(), 1);
+        fails(&demo(folder.path(), options), &format!("{left}: {says}"));
     }
 }
 
@@ -88,18 +77,16 @@ fn photos_are_taken_reconstructed_and_drawn() {
 fn photos_alone_come_with_the_truth_and_replace_no_others() {
     let folder = tempfile::tempdir().unwrap();
     let photos = folder.path().join("orbit");
-    let options = ["--count", "4", "--size", "30x20", "--route", "orbit"];
-    let output = run(&["--photos"], &photos, &options);
-    let said = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success() && said.contains("weather-magician reconstruct"), "{said}");
+    let run = || run("--photos", &photos, "--count 4 --size 30x20 --route orbit");
+    let said = succeeds(&run());
+    assert!(said.contains("weather-magician reconstruct"), "{said}");
     assert_eq!(names(&photos), ["images", "made-up.txt", "sparse", "truth"]);
     assert_eq!(names(&photos.join("truth")), ["depth", "normal", "sky"]);
     assert_eq!(names(&photos.join("truth/sky")).len(), 4);
 
     fs::remove_file(photos.join("made-up.txt")).unwrap();
-    let output = run(&["--photos"], &photos, &options);
-    assert!(!output.status.success());
-    assert!(String::from_utf8(output.stderr).unwrap().contains("name another folder"));
+    let output = run();
+    assert!(!output.status.success() && crate::process::said(&output).contains("name another folder"));
     assert_eq!(names(&photos.join("images")).len(), 4);
 }
 
@@ -107,41 +94,25 @@ fn photos_alone_come_with_the_truth_and_replace_no_others() {
 fn captures_come_with_their_truth_and_bad_options_are_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let photos = folder.path().join("flight");
-    let options = [
-        "--place",
-        "park",
-        "--capture",
-        "nadir",
-        "--count",
-        "5",
-        "--few",
-        "3",
-        "--size",
-        "24x16",
-        "--wrong-exif=zero",
-    ];
-    let output = run(&["--photos"], &photos, &options);
-    let said = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let options = "--place park --capture nadir --count 5 --few 3 --size 24x16 --wrong-exif=zero";
+    let said = succeeds(&run("--photos", &photos, options));
     assert!(said.contains("3 photos, 24x16") && !said.contains("--metres-per-unit"), "{said}");
     assert_eq!(names(&photos), ["images", "made-up.txt", "sparse", "truth", "truth.json"]);
     assert_eq!(names(&photos.join("truth")), ["clean", "depth", "label", "normal", "sky"]);
+    let none = folder.path().join("none");
     for (options, problem) in [
-        (["--capture", "walk", "--haze-on-photos", "2"], "haze 2 m: must be 10 to 100000"),
-        (["--capture", "walk", "--blur", "nan"], "blur NaN px: must be 0 to 50"),
+        ("--capture walk --haze-on-photos 2", "haze 2 m: must be 10 to 100000"),
+        ("--capture walk --blur nan", "blur NaN px: must be 0 to 50"),
     ] {
-        let output = run(&["--photos"], &folder.path().join("none"), &options);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(!output.status.success() && said.trim_end().ends_with(problem), "{said}");
-        assert_eq!(said.lines().count(), 1);
+        fails(&run("--photos", &none, options), problem);
     }
-    assert!(!folder.path().join("none").exists());
+    assert!(!none.exists());
 }
 
 #[test]
 fn it_writes_only_what_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
-    assert!(demo(folder.path(), &["--only", "sheet"]).status.success());
+    succeeds(&demo(folder.path(), "--only sheet"));
     assert_eq!(names(folder.path()), ["sheet.png"]);
 }
 
@@ -149,19 +120,15 @@ fn it_writes_only_what_is_asked_for() {
 fn what_cannot_work_is_told_at_once() {
     let folder = tempfile::tempdir().unwrap();
     for (options, problem) in [
-        (["--seconds", "0"], "--seconds 0: must be 0.1 to 600"),
-        (["--detail", "9"], "--detail 9: must be 0.1 to 4"),
-        (["--detail", "nan"], "--detail NaN: must be 0.1 to 4"),
+        ("--seconds 0", "--seconds 0: must be 0.1 to 600"),
+        ("--detail 9", "--detail 9: must be 0.1 to 4"),
+        ("--detail nan", "--detail NaN: must be 0.1 to 4"),
     ] {
-        let output = demo(folder.path(), &options);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(!output.status.success() && said.trim_end().ends_with(problem), "{said}");
-        assert_eq!(said.lines().count(), 1);
+        fails(&demo(folder.path(), options), problem);
     }
     if cfg!(feature = "h264") {
-        let output = demo(folder.path(), &["--size", "95x64"]);
-        assert!(!output.status.success());
-        assert!(String::from_utf8(output.stderr).unwrap().contains("95x64"));
+        let output = demo(folder.path(), "--size 95x64");
+        assert!(!output.status.success() && said(&output).contains("95x64"));
     }
     assert_eq!(names(folder.path()), [""; 0]);
 }

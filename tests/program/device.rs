@@ -1,6 +1,7 @@
 //! The choice of a device, and that a GPU draws every weather as the CPU does.
 
 use crate::common::*;
+use crate::process::{printed, said};
 use wm_capture::colmap::write::ColmapStorage;
 use wm_render::gpu::adapters;
 use wm_render::testing::Backend;
@@ -14,8 +15,7 @@ const SIZE: (u32, u32) = (120, 80);
 
 #[test]
 fn devices_are_listed() {
-    let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
-    let said = String::from_utf8(run(&words(&["devices", "--device", "cpu"])).stdout).unwrap();
+    let said = printed(&run(&["devices", "--device", "cpu"]));
     assert!(said.starts_with("cpu, ") && said.contains("--device cpu renders on: cpu, "), "{said}");
     for listed in adapters() {
         assert!(said.contains(&listed.name), "{said}");
@@ -26,7 +26,7 @@ fn devices_are_listed() {
 fn a_device_that_is_not_there_is_one_line() {
     for (device, reason) in [("gpu:no such one", "`no such one`"), ("tpu", "`tpu` is no device")] {
         let output = binary().args(["devices", "--device", device]).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
+        let said = said(&output);
         // Drivers may have something to say before.
         let last = said.trim_end().lines().last().unwrap_or_default();
         assert!(!output.status.success() && last.starts_with("error: ") && last.contains(reason), "{said}");
@@ -52,24 +52,14 @@ fn a_training_ends_as_near_as_the_cpus() {
     };
     dataset::write(&Street::builtin(), &workshop.path("set"), &options, &mut |_| true).unwrap();
     let psnr = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
-        let [set, out] = ["set", "scene.ply"].map(|name| workshop.path(name).display().to_string());
         // Few steps: with more of them so few photos are learnt by heart, and no two ways of
         // rounding end alike.
-        let words =
-            ["reconstruct", &set, "--no-assets", "--out", &out, "--device", &device, "--steps", "100"];
-        let more = [
-            "--max-splats",
-            "800",
-            "--sh-degree",
-            "1",
-            "--eval-every",
-            "3",
-            "--sky-splats",
-            "200",
-            "--overwrite",
-        ];
-        let words: Vec<String> = words.iter().chain(&more).map(|word| (*word).to_owned()).collect();
-        let said = String::from_utf8(run(&words).stdout).unwrap();
+        let words = "reconstruct set --no-assets --out scene.ply --steps 100 --max-splats 800 --sh-degree 1 \
+                     --eval-every 3 --sky-splats 200 --overwrite --device";
+        let mut command = workshop.command(words);
+        let output = command.arg(&device).output().unwrap();
+        let said = printed(&output) + &said(&output);
+        assert!(output.status.success(), "{said}");
         let is_on = if device == "cpu" { " s on cpu, " } else { " s on gpu, " };
         assert!(said.contains(is_on), "{said}");
         let mean = said.lines().find_map(|line| line.strip_prefix("held-out mean of 3: ")).unwrap();

@@ -1,69 +1,37 @@
 //! `export-web`, by running the binary: the files of a site, what a page finds prepared, and what
 //! is refused.
-use crate::process::{finish, printed, refuses, said};
+use crate::common::Workshop;
 use glam::DVec3;
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use tempfile::TempDir;
+use std::path::Path;
 use weather_magician::{PlaceOptions, Renderer, Weather};
-use wm_scene::formats::{ReadOptions, read_scene, write_scene};
+use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Metadata, Scene, Splats};
 
 /// A folder with a scene `a.ply` in it, a floor and a wall of 1,200 splats, and a player that does
-/// nothing.
-struct Desk {
-    folder: TempDir,
-}
-
-impl Desk {
-    fn new() -> Self {
-        let mut splats = Splats::with_capacity(1200, 0);
-        for i in 0..1200 {
-            let (x, along) = ((i % 30) as f32 * 0.2 - 3.0, (i / 30 % 20) as f32 * 0.3);
-            let mean = if i < 600 { [x, along - 3.0, 0.0] } else { [x, 3.0, along * 0.6] };
-            splats.push(&Splat {
-                mean,
-                quat: [1.0, 0.0, 0.0, 0.0],
-                log_scale: [-2.0, -2.0, if i < 600 { -4.0 } else { -2.0 }],
-                logit_opacity: 3.0,
-                rgb: [(i % 7) as f32 / 7.0, 0.5, 0.25],
-                group: Group::Scene,
-            });
-        }
-        let metadata = Metadata { ground: Some(0.0), ..Metadata::default() };
-        let desk = Self { folder: tempfile::tempdir().unwrap() };
-        write_scene(&desk.at("a.ply"), &Scene { splats, metadata, ..Scene::default() }).unwrap();
-        fs::create_dir(desk.at("player")).unwrap();
-        fs::write(desk.at("player/player.js"), "export class Player {}\n").unwrap();
-        fs::write(desk.at("player/player_bg.wasm"), b"\0asm\x01\0\0\0").unwrap();
-        desk
+/// nothing; commands are `export-web a.ply` with the player and a small picture.
+fn desk() -> Workshop {
+    let mut splats = Splats::with_capacity(1200, 0);
+    for i in 0..1200 {
+        let (x, along) = ((i % 30) as f32 * 0.2 - 3.0, (i / 30 % 20) as f32 * 0.3);
+        let mean = if i < 600 { [x, along - 3.0, 0.0] } else { [x, 3.0, along * 0.6] };
+        splats.push(&Splat {
+            mean,
+            quat: [1.0, 0.0, 0.0, 0.0],
+            log_scale: [-2.0, -2.0, if i < 600 { -4.0 } else { -2.0 }],
+            logit_opacity: 3.0,
+            rgb: [(i % 7) as f32 / 7.0, 0.5, 0.25],
+            group: Group::Scene,
+        });
     }
-
-    fn at(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    /// `export-web a.ply` with a player and a small picture, and `words`.
-    fn command(&self, words: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
-        let usual = "export-web a.ply --camera 0,-2.5,1.5:0,3,0.5 --size 48x32 --device cpu --player player";
-        command.args(usual.split(' ').chain(words.split(' '))).current_dir(self.folder.path());
-        command.stdin(Stdio::null());
-        command
-    }
-
-    fn run(&self, words: &str) -> String {
-        let output = finish(&mut self.command(words));
-        assert!(output.status.success(), "{words}: {}", said(&output));
-        printed(&output)
-    }
-
-    fn refused(&self, words: &str, says: &[&str]) {
-        refuses(&mut self.command(words), self.folder.path(), says, &["warning: "]);
-    }
+    let usual = "export-web a.ply --camera 0,-2.5,1.5:0,3,0.5 --size 48x32 --device cpu --player player";
+    let desk = Workshop::with(usual, &["warning: "]);
+    desk.scene("a", splats, &Metadata { ground: Some(0.0), ..Metadata::default() });
+    desk.put("player/player.js", "export class Player {}\n");
+    desk.put("player/player_bg.wasm", b"\0asm\x01\0\0\0");
+    desk
 }
 
 fn site_file(site: &Path) -> Value {
@@ -72,12 +40,12 @@ fn site_file(site: &Path) -> Value {
 
 #[test]
 fn a_site_is_whole_and_its_weather_is_prepared() {
-    let desk = Desk::new();
+    let desk = desk();
     let told =
         desk.run("--weather moderate-rain --set rain.rate=8 --prepare snow-covered --time 2.5 --out site/");
     let first = told.lines().next().unwrap();
     assert!(first.starts_with("site/: ") && first.ends_with(", 1200 splats, moderate-rain"), "{told}");
-    let site = desk.at("site");
+    let site = desk.path("site");
     for name in ["index.html", "main.js", "style.css", "icon.svg", "player.js", "player_bg.wasm"] {
         assert!(site.join(name).is_file(), "{name}");
     }
@@ -132,33 +100,31 @@ fn a_site_is_whole_and_its_weather_is_prepared() {
 
 #[test]
 fn little_is_prepared_where_little_is_asked_for() {
-    let desk = Desk::new();
+    let desk = desk();
     let told = desk.run("--weather clear --prepare none --no-thumbnails --no-video --out site");
-    let file = site_file(&desk.at("site"));
+    let file = site_file(&desk.path("site"));
     assert_eq!(file["files"].as_array().unwrap().len(), 0, "{told}");
     assert!(told.contains("left to the browser: ") && told.contains("moderate-rain"));
     assert!(told.contains(", fog,") && !told.contains("clear,"), "{told}");
     // Other things stay in the folder, and what the new site lacks goes.
-    fs::write(desk.at("site/CNAME"), "example.org").unwrap();
-    fs::write(desk.at("site/place/old.wmasset"), "").unwrap();
+    desk.put("site/CNAME", "example.org");
+    desk.put("site/place/old.wmasset", "");
     desk.run("--weather haze --prepare none --no-thumbnails --no-video --overwrite --out site");
-    assert_eq!(site_file(&desk.at("site"))["start"]["weather"]["name"], "haze");
-    assert!(desk.at("site/CNAME").exists() && !desk.at("site/place/old.wmasset").exists());
+    assert_eq!(site_file(&desk.path("site"))["start"]["weather"]["name"], "haze");
+    assert!(desk.path("site/CNAME").exists() && !desk.path("site/place/old.wmasset").exists());
     // A budget of nothing leaves what the first weather needs.
     desk.run("--weather overcast --asset-megabytes 0 --no-thumbnails --no-video --overwrite --out site");
-    let files = site_file(&desk.at("site"))["files"].clone();
+    let files = site_file(&desk.path("site"))["files"].clone();
     assert_eq!(files.as_array().unwrap().len(), 1, "{files}");
     assert!(files[0]["name"].as_str().unwrap().starts_with("assets/light-"), "{files}");
 }
 
 #[test]
 fn what_cannot_be_written_is_told_in_a_line() {
-    let desk = Desk::new();
-    fs::create_dir(desk.at("full")).unwrap();
-    fs::write(desk.at("full/notes.txt"), "mine").unwrap();
-    fs::create_dir(desk.at("broken")).unwrap();
-    fs::write(desk.at("broken/player.js"), "").unwrap();
-    fs::write(desk.at("broken/player_bg.wasm"), "no module").unwrap();
+    let desk = desk();
+    desk.put("full/notes.txt", "mine");
+    desk.put("broken/player.js", "");
+    desk.put("broken/player_bg.wasm", "no module");
     desk.refused("--out full", &["full: holds other things than a site; name a new or an empty folder"]);
     desk.refused("--out a.ply", &["a.ply: is a file; name a folder"]);
     desk.refused("--out player/player.js", &["player.js: is a file; name a folder"]);
@@ -171,9 +137,7 @@ fn what_cannot_be_written_is_told_in_a_line() {
     desk.refused("--assets here", &["--assets: a site has a folder of its own"]);
     desk.refused("--memory 3", &["is not a size of memory"]);
     let other = |words: &str, says: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
-        command.args(words.split(' ')).current_dir(desk.folder.path()).stdin(Stdio::null());
-        refuses(&mut command, desk.folder.path(), says, &["warning: "]);
+        desk.refused_by(&mut desk.program(words.split(' ')), says);
     };
     other("export-web a.ply --player broken", &["player_bg.wasm: is no WebAssembly module"]);
     other("export-web a.ply --player full", &["player.js: "]);
@@ -182,7 +146,7 @@ fn what_cannot_be_written_is_told_in_a_line() {
         other("export-web a.ply", &["was built without the player", "give --player"]);
     }
     // A damaged scene leaves nothing behind.
-    let whole = fs::read(desk.at("a.ply")).unwrap();
-    fs::write(desk.at("cut.ply"), &whole[..whole.len() / 2]).unwrap();
+    let whole = desk.read("a.ply");
+    desk.put("cut.ply", &whole[..whole.len() / 2]);
     other("export-web cut.ply --player player --out site", &["cut.ply: "]);
 }

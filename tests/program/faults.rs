@@ -3,8 +3,8 @@
 //!
 //! `WM_ALL_FAULTS=1` has every operation on files fail in turn; without it those of number 1, 4, 16
 //! and so on do.
-use crate::common::{Workshop, yard, yard_metadata};
-use crate::process::{begin, finish, listing, said, wait};
+use crate::common::{Workshop, files, yard, yard_metadata};
+use crate::process::{begin, finish, listing, said, succeeds, wait};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
@@ -57,7 +57,7 @@ const LISTENS: Duration = Duration::from_millis(100);
 
 /// A command in a folder of its own, with what it makes when it is left alone.
 struct Job {
-    words: Vec<String>,
+    words: String,
     /// Words with which it goes on after it was ended.
     again: &'static str,
     workshop: Workshop,
@@ -74,7 +74,7 @@ impl Job {
     fn new(words: &str, again: &'static str, inputs: impl Fn(&Path)) -> Self {
         let workshop = Workshop::new();
         inputs(&workshop.path(""));
-        let words = words.replace("LOOK", LOOK).split_whitespace().map(str::to_owned).collect();
+        let words = words.replace("LOOK", LOOK);
         let before = files(&workshop.path(""));
         let mut job = Self {
             words,
@@ -88,9 +88,8 @@ impl Job {
         let [first, second] = [(), ()].map(|()| {
             job.restore();
             let start = Instant::now();
-            let output = finish(&mut job.command(""));
+            succeeds(&mut job.command(""));
             job.duration = start.elapsed();
-            assert!(output.status.success(), "{:?}: {}", job.words, said(&output));
             files(&job.workshop.path(""))
         });
         assert!(first.keys().eq(second.keys()) && first != job.before, "{:?}", first.keys());
@@ -100,9 +99,7 @@ impl Job {
     }
 
     fn command(&self, more: &str) -> Command {
-        let mut command = crate::common::binary();
-        command.args(&self.words).args(more.split_whitespace()).current_dir(self.workshop.path(""));
-        command
+        self.workshop.command(&format!("{} {more}", self.words))
     }
 
     /// Returns the folder to what it was before the command.
@@ -238,9 +235,8 @@ impl Job {
         assert!(ended > 0 || self.duration < 4 * LISTENS, "{:?}: no signal ended it", self.words);
         self.restore();
         let what = format!("{:?} with small files", self.words);
-        let words = self.words.join(" ");
         // 1 block of 512 or 1024 bytes.
-        let script = format!("ulimit -f 1; exec {} {words}", env!("CARGO_BIN_EXE_weather-magician"));
+        let script = format!("ulimit -f 1; exec {} {}", env!("CARGO_BIN_EXE_weather-magician"), self.words);
         let output = finish(Command::new("sh").args(["-c", &script]).current_dir(self.workshop.path("")));
         check_error(&output, "larger than a file may be here", &what);
         self.check_whole(&what, false);
@@ -267,11 +263,6 @@ fn is_part(name: &str) -> bool {
 
 fn is_work(path: &Path) -> bool {
     path.iter().any(|name| WORK.iter().any(|work| name == *work))
-}
-
-fn files(folder: &Path) -> Files {
-    let all = listing(folder).into_iter().filter(|(path, _)| path.is_file());
-    all.map(|(path, bytes)| (path.strip_prefix(folder).unwrap().to_owned(), bytes)).collect()
 }
 
 /// The yard, and a scene that is replaced.

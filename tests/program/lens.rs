@@ -30,9 +30,7 @@ fn a_wet_lens_alone_is_that_of_the_sequence_on_any_number_of_threads() {
     let workshop = Workshop::new();
     let (_, view) = yard_look(SIZE);
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    let weather = workshop.path("shower.toml");
-    std::fs::write(&weather, SHOWER).unwrap();
-    workshop.check_frames_alone(&scene, &view, &weather);
+    workshop.check_frames_alone(&scene, &view, SHOWER);
 }
 
 /// Mean and greatest change of colour between two pictures.

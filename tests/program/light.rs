@@ -3,7 +3,6 @@
 
 use crate::common::*;
 use glam::DVec3;
-use std::path::PathBuf;
 use weather_magician::{FrameRequest, Picture, Renderer, Weather};
 use wm_base::color::luminance;
 use wm_scene::{Lamp, LitWindow, Metadata, Scene};
@@ -45,19 +44,12 @@ fn lit_yard() -> Metadata {
     Metadata { lamps: Some(vec![lamp, all_round]), windows: Some(windows), ..yard_metadata(1.0) }
 }
 
-fn storm(workshop: &Workshop) -> (PathBuf, PathBuf) {
-    let scene = workshop.scene("yard", yard().build(), &lit_yard());
-    let weather = workshop.path("storm.toml");
-    std::fs::write(&weather, STORM).unwrap();
-    (scene, weather)
-}
-
 #[test]
 fn a_frame_of_a_storm_alone_is_that_of_the_sequence_on_any_number_of_threads() {
     let workshop = Workshop::new();
     let (_, view) = yard_look(SIZE);
-    let (scene, weather) = storm(&workshop);
-    workshop.check_frames_alone(&scene, &view, &weather);
+    let scene = workshop.scene("yard", yard().build(), &lit_yard());
+    workshop.check_frames_alone(&scene, &view, STORM);
 }
 
 /// Lamps, windows and headlamps shine by night alone.

@@ -2,6 +2,7 @@
 //! z.
 
 use crate::common::*;
+use crate::process::said;
 use serde_json::Value;
 
 fn measure(arguments: &str) -> std::process::Output {
@@ -19,9 +20,9 @@ fn a_weather_is_measured_as_it_was_asked_for() {
         scene.display(),
         report.display()
     ));
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let said: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let instruments = said["instruments"].as_array().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let instruments = told["instruments"].as_array().unwrap();
     assert_eq!(instruments.len(), 4);
     let readings: Vec<&Value> =
         instruments.iter().flat_map(|instrument| instrument["readings"].as_array().unwrap()).collect();
@@ -39,7 +40,7 @@ fn a_weather_is_measured_as_it_was_asked_for() {
         println!("{quantity}: {wanted} {measured}");
         assert!((wanted / asked - 1.0).abs() < 1e-9 && (measured / asked - 1.0).abs() < 0.05, "{quantity}");
     }
-    let page = std::fs::read_to_string(report.join("report.html")).unwrap();
+    let page = String::from_utf8(workshop.read("report/report.html")).unwrap();
     assert!(page.contains("data:image/jpeg;base64,") && page.contains("<svg"));
     for file in ["readings.json", "readings.csv", "readings.md"] {
         assert!(report.join(file).metadata().unwrap().len() > 500, "{file}");
@@ -51,21 +52,22 @@ fn what_cannot_be_measured_is_said_in_a_line() {
     let workshop = Workshop::new();
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     let scene = scene.display();
-    for (arguments, said) in [
+    let fog = format!("{scene} --set fog.mor=50");
+    for (arguments, says) in [
         (format!("{scene} --weather clear"), "has nothing for these instruments to measure"),
-        (format!("{scene} --set fog.mor=50 --instruments gauge"), "has nothing for these instruments"),
+        (format!("{fog} --instruments gauge"), "has nothing for these instruments"),
         (
             format!("{scene} --instruments barometer"),
             "--instruments barometer: unknown; the instruments are visibility, rays",
         ),
-        (format!("{scene} --set fog.mor=50 --set fidelity=paper"), "fidelity `paper` has no physical units"),
-        (format!("{scene} --set fog.mor=50 --time inf"), "--time inf: give seconds"),
+        (format!("{fog} --set fidelity=paper"), "fidelity `paper` has no physical units"),
+        (format!("{fog} --time inf"), "--time inf: give seconds"),
         ("nowhere.ply --set fog.mor=50".to_owned(), "nowhere.ply"),
-        (format!("{scene} --set fog.mor=50 --report {scene}"), "cannot create the folder"),
+        (format!("{fog} --report {scene}"), "cannot create the folder"),
     ] {
         let output = measure(&arguments);
-        let error = String::from_utf8_lossy(&output.stderr);
-        assert!(!output.status.success() && error.contains(said), "{arguments}: {error}");
+        let error = said(&output);
+        assert!(!output.status.success() && error.contains(says), "{arguments}: {error}");
         assert!(error.lines().filter(|line| line.starts_with("error")).count() == 1, "{error}");
     }
 }

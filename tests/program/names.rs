@@ -119,23 +119,28 @@ fn no_two_public_types_share_a_name() {
     );
 }
 
-/// The first lines of all doc comments of the workspace, without their marks, each with its place.
-fn doc_comments() -> Vec<(String, String)> {
+/// Every line of a doc comment of the workspace, without its mark, with its place; true for first
+/// lines.
+fn doc_lines() -> Vec<(String, String, bool)> {
     let mut found = Vec::new();
-    for folder in ["crates", "src", "examples", "benches", "tests"] {
-        for path in sources(&root().join(folder)) {
-            let text = fs::read_to_string(&path).unwrap();
-            let mut is_inside = [false; 2];
-            for (index, line) in text.lines().enumerate() {
-                let line = line.trim_start();
-                for (mark, is_inside) in ["///", "//!"].into_iter().zip(&mut is_inside) {
-                    // Four slashes are an ordinary comment.
-                    let content = line.strip_prefix(mark).filter(|content| !content.starts_with('/'));
-                    if let Some(content) = content.filter(|_| !*is_inside) {
-                        found.push((content.trim().into(), format!("{}:{}", shown(&path), index + 1)));
-                    }
-                    *is_inside = content.is_some();
+    for path in
+        ["crates", "src", "examples", "benches", "tests"].map(|folder| sources(&root().join(folder))).concat()
+    {
+        let text = fs::read_to_string(&path).unwrap();
+        let mut is_inside = [false; 2];
+        for (index, line) in text.lines().enumerate() {
+            for (mark, is_inside) in ["///", "//!"].into_iter().zip(&mut is_inside) {
+                // Four slashes are an ordinary comment.
+                let content =
+                    line.trim_start().strip_prefix(mark).filter(|content| !content.starts_with('/'));
+                if let Some(content) = content {
+                    found.push((
+                        content.trim().into(),
+                        format!("{}:{}", shown(&path), index + 1),
+                        !*is_inside,
+                    ));
                 }
+                *is_inside = content.is_some();
             }
         }
     }
@@ -144,15 +149,14 @@ fn doc_comments() -> Vec<(String, String)> {
 
 #[test]
 fn doc_comments_name_what_they_describe() {
-    let comments = doc_comments();
     let asks = |text: &str| {
         let first = text.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
         QUESTION_WORDS.contains(&first)
     };
-    let questions: Vec<String> = comments
+    let questions: Vec<String> = doc_lines()
         .iter()
-        .filter(|(text, _)| asks(text))
-        .map(|(text, place)| format!("  {place}: {text}"))
+        .filter(|(text, _, is_first)| *is_first && asks(text))
+        .map(|(text, place, _)| format!("  {place}: {text}"))
         .collect();
     assert!(
         questions.len() < MOST_QUESTIONS,
@@ -167,18 +171,10 @@ fn doc_comments_name_what_they_describe() {
 /// The pointers themselves stand in this file as strings, not as comments.
 #[test]
 fn no_doc_comment_only_points_elsewhere() {
-    let mut found = Vec::new();
-    for folder in ["crates", "src", "examples", "benches", "tests"] {
-        for path in sources(&root().join(folder)) {
-            let text = fs::read_to_string(&path).unwrap();
-            for (index, line) in text.lines().enumerate() {
-                let line = line.trim_start();
-                let content = line.strip_prefix("///").or_else(|| line.strip_prefix("//!"));
-                if content.is_some_and(|content| POINTERS.contains(&content.trim())) {
-                    found.push(format!("  {}:{}: {line}", shown(&path), index + 1));
-                }
-            }
-        }
-    }
+    let found: Vec<String> = doc_lines()
+        .iter()
+        .filter(|(text, ..)| POINTERS.contains(&text.as_str()))
+        .map(|(text, place, _)| format!("  {place}: {text}"))
+        .collect();
     assert!(found.is_empty(), "doc comments that only point elsewhere:\n{}", found.join("\n"));
 }

@@ -1,9 +1,8 @@
 //! The parts of a picture, and data sets of pictures with and without a weather, as files.
 
 use crate::common::*;
-use crate::process::{refuses, said};
+use crate::process::{finish, said};
 use glam::DVec3;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_base::npy;
 use wm_scene::formats::folder::{cameras_path, write_cameras};
@@ -26,18 +25,10 @@ fn place(workshop: &Workshop) -> PathBuf {
     scene
 }
 
-fn pairs(workshop: &Workshop, scene: &Path, out: &str, options: &str) -> PathBuf {
-    let mut words = vec!["render".to_owned(), scene.display().to_string()];
-    words.extend("--cameras capture --pairs --time 2".split_whitespace().map(str::to_owned));
-    words.extend(["--out".to_owned(), workshop.path(out).display().to_string()]);
-    words.extend(format!("{WEATHER} {options}").split_whitespace().map(str::to_owned));
-    run(&words);
+fn pairs(workshop: &Workshop, out: &str, options: &str) -> PathBuf {
+    workshop
+        .run(&format!("render yard.ply --cameras capture --pairs --time 2 --out {out} {WEATHER} {options}"));
     workshop.path(out)
-}
-
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let all = crate::process::listing(folder).into_iter().filter(|(path, _)| path.is_file());
-    all.map(|(path, bytes)| (path.strip_prefix(folder).unwrap().to_owned(), bytes)).collect()
 }
 
 #[test]
@@ -108,8 +99,8 @@ fn transmittance_is_that_of_the_distance() {
 #[test]
 fn a_data_set_has_every_photo_and_says_what_it_is() {
     let workshop = Workshop::new();
-    let scene = place(&workshop);
-    let folder = pairs(&workshop, &scene, "set", "--threads 1");
+    place(&workshop);
+    let folder = pairs(&workshop, "set", "--threads 1");
     let all = files(&folder);
     assert_eq!(all.len(), 3 * 5 + 1);
     let manifest: serde_json::Value = serde_json::from_slice(&all[Path::new("manifest.json")]).unwrap();
@@ -134,72 +125,61 @@ fn a_data_set_has_every_photo_and_says_what_it_is() {
     assert_eq!((&manifest["seeds"]["rain"], &manifest["time"]), (&5.0.into(), &2.0.into()));
 
     // One of them alone is the same to the byte: all cameras see the same drops.
-    let words = |text: &str| -> Vec<String> { text.split_whitespace().map(str::to_owned).collect() };
-    let alone = workshop.path("alone.png").display().to_string();
-    let options =
-        words(&format!("--camera three --time 2 {WEATHER} --also particles,depth.npy,transmittance.npy"));
-    run(&[words("render"), vec![scene.display().to_string(), "-o".into(), alone.clone()], options].concat());
+    let alone = "render yard.ply -o alone.png --camera three --time 2";
+    workshop.run(&format!("{alone} {WEATHER} --also particles,depth.npy,transmittance.npy"));
     for (name, in_set) in [
         ("alone.png", "weather/three.png"),
         ("alone.particles.png", "particles/three.png"),
         ("alone.depth.npy", "depth/three.npy"),
         ("alone.transmittance.npy", "transmittance/three.npy"),
     ] {
-        assert!(std::fs::read(workshop.path(name)).unwrap() == all[Path::new(in_set)], "{name}");
+        assert!(workshop.read(name) == all[Path::new(in_set)], "{name}");
     }
-    let options = words("--camera three --time 2 --overwrite");
-    run(&[words("render"), vec![scene.display().to_string(), "-o".into(), alone], options].concat());
+    workshop.run(&format!("{alone} --overwrite"));
     assert!(read_png(&workshop.path("alone.png")) == read_png(&folder.join("clean/three.png")));
     assert!(all[Path::new("particles/three.png")] != all[Path::new("particles/one.png")]);
 
     // Any number of threads; and what is missing is made again.
-    let other = files(&pairs(&workshop, &scene, "other", "--threads 3"));
+    let other = files(&pairs(&workshop, "other", "--threads 3"));
     assert!(other == all);
     std::fs::remove_file(folder.join("transmittance/one.npy")).unwrap();
     std::fs::remove_file(folder.join("weather/one.png")).unwrap();
-    pairs(&workshop, &scene, "set", "");
+    pairs(&workshop, "set", "");
     assert!(files(&folder) == all);
 }
 
 #[test]
 fn what_makes_no_data_set_is_said_in_a_line() {
     let workshop = Workshop::new();
-    let scene = place(&workshop);
-    let bare = workshop.scene("bare", yard().build(), &yard_metadata(1.0));
-    let taken = workshop.path("taken");
-    std::fs::write(&taken, "a file").unwrap();
-    let set = "--cameras capture --pairs";
-    let out = format!("-o {}", workshop.path("set").display());
-    for (scene, options, says) in [
-        (&bare, format!("{set} -w fog {out}"), "the scene has no views of photos; name the folder"),
-        (&scene, format!("--pairs -w fog {out}"), "--pairs needs cameras: add --cameras capture"),
-        (&scene, format!("--cameras capture -w fog {out}"), "--cameras is for data sets: add --pairs"),
-        (&scene, format!("--cameras all --pairs {out}"), "invalid value 'all' for '--cameras <SET>'"),
-        (&scene, format!("{set} {out}"), "--pairs needs a weather"),
+    place(&workshop);
+    workshop.scene("bare", yard().build(), &yard_metadata(1.0));
+    workshop.put("taken", "a file");
+    let set = "yard.ply --cameras capture --pairs";
+    for (words, says) in [
         (
-            &scene,
-            format!("{set} -w fog -o {}", taken.display()),
-            "taken: is not a folder; --pairs writes many files",
+            "bare.ply --cameras capture --pairs -w fog -o set",
+            "the scene has no views of photos; name the folder",
         ),
-        (&scene, format!("{set} -w fog -o a.png"), "--out a.png: is not a folder"),
-        (&scene, format!("{set} -w fog --path orbit {out}"), "leave out --path"),
+        ("yard.ply --pairs -w fog -o set", "--pairs needs cameras: add --cameras capture"),
+        ("yard.ply --cameras capture -w fog -o set", "--cameras is for data sets: add --pairs"),
+        ("yard.ply --cameras all --pairs -o set", "invalid value 'all' for '--cameras <SET>'"),
+        (&format!("{set} -o set"), "--pairs needs a weather"),
+        (&format!("{set} -w fog -o taken"), "taken: is not a folder; --pairs writes many files"),
+        (&format!("{set} -w fog -o a.png"), "--out a.png: is not a folder"),
+        (&format!("{set} -w fog --path orbit -o set"), "leave out --path"),
         (
-            &scene,
-            format!("{set} -w fog --set fidelity=paper {out}"),
+            &format!("{set} -w fog --set fidelity=paper -o set"),
             "has no transmittance; use --set fidelity=physical",
         ),
-        (&scene, "-w fog --set fidelity=paper --also clean -o a.png".into(), "has no transmittance"),
-        (&scene, "--also depth --layers -o a.png".into(), "--layers are those of an .exr"),
-        (&scene, "--layers -o a.exr".into(), "--also"),
+        ("yard.ply -w fog --set fidelity=paper --also clean -o a.png", "has no transmittance"),
+        ("yard.ply --also depth --layers -o a.png", "--layers are those of an .exr"),
+        ("yard.ply --layers -o a.exr", "--also"),
     ] {
-        let mut command = binary();
-        command.arg("render").arg(scene).args(options.split_whitespace()).current_dir(workshop.path(""));
-        refuses(&mut command, &workshop.path(""), &[says], &["warning: "]);
+        workshop.refused(&format!("render {words}"), &[says]);
     }
     // A folder of another run is left as it is.
-    pairs(&workshop, &scene, "set", "");
-    let mut command = binary();
-    command.arg("render").arg(&scene).args(format!("{set} -w fog {out}").split_whitespace());
-    let line = refuses(&mut command, &workshop.path(""), &["holds pictures of another run"], &["warning: "]);
-    assert!(!line.is_empty() && said(&crate::process::finish(&mut command)).contains("another folder"));
+    pairs(&workshop, "set", "");
+    let words = format!("render {set} -w fog -o set");
+    workshop.refused(&words, &["holds pictures of another run"]);
+    assert!(said(&finish(&mut workshop.command(&words))).contains("another folder"));
 }

@@ -19,6 +19,13 @@ pub fn finish(command: &mut Command) -> Output {
     wait(begin(command), &format!("{command:?}"))
 }
 
+/// Runs a command that must succeed, to its end.
+pub fn succeeds(command: &mut Command) -> Output {
+    let output = finish(command);
+    assert!(output.status.success(), "{command:?}: {}: {}", output.status, said(&output));
+    output
+}
+
 /// Waits for the end of `child`, within [`PATIENCE`]; `what` says in a panic what hangs.
 pub fn wait(mut child: Child, what: &str) -> Output {
     let started = Instant::now();

@@ -68,20 +68,15 @@ fn drops_and_air_dim_by_one_law_at_every_distance() {
     }
 }
 
+/// Rain that grows, snow in it, and a wind that turns up and down.
+const SLEET: &str = "[rain]\nrate = { keys = [[0, 5], [2, 60]] }\n[snowfall]\nrate = 2\n\
+                     [wind]\nspeed = { keys = [[0, 1], [1, 6], [2, 3]] }\n";
+
 #[test]
 fn a_frame_of_rain_and_snow_is_the_same_alone_and_with_any_threads() {
     let workshop = Workshop::new();
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    let (_, view) = yard_look((96, 64));
-    let weather = "--set rain.rate=0:5,2:60 --set snowfall.rate=2 --set wind.speed=0:1,1:6,2:3";
-    let folder =
-        workshop.render(&scene, &view, "all", &format!("{weather} --seconds 1.5 --fps 8 --threads 1"));
-    for (frame, threads) in [(3, 2), (11, 7)] {
-        let time = f64::from(frame) / 8.0;
-        let options = format!("{weather} --time {time} --threads {threads}");
-        let alone = read_png(&workshop.render(&scene, &view, "alone.png", &options));
-        assert!(alone == read_png(&folder.join(format!("{frame:05}.png"))), "frame {frame}");
-    }
+    workshop.check_frames_alone(&scene, &yard_look((96, 64)).1, SLEET);
 }
 
 /// White drops before a black board: which way their streaks lie. How long they are it does not

@@ -1,12 +1,13 @@
 //! `evaluate --pictures` and `--paper` by running them: on embeddings that are made up, and with
 //! `nets` on pictures by a small random network; and what they say to bad input.
 
-use crate::process::{finish, printed, refuses, said};
+use crate::common::Workshop;
+use crate::process::{printed, said, succeeds};
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use tempfile::TempDir;
+use std::path::Path;
+#[cfg(feature = "nets")]
+use std::{path::PathBuf, process::Command};
 use wm_base::npy;
 use wm_base::random::uniform;
 use wm_train::metrics::{Collection, Embeddings};
@@ -14,63 +15,32 @@ use wm_train::metrics::{Collection, Embeddings};
 /// Numbers an embedding.
 const WIDTH: usize = 16;
 
-/// A folder to work in.
-struct Desk(TempDir);
+/// A folder to work in, whose commands are `evaluate`.
+fn desk() -> Workshop {
+    Workshop::with("evaluate", &["warning: "]).with_own_weights()
+}
 
-impl Desk {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
+/// Writes unit rows about a direction that `shift` turns.
+fn embeddings(desk: &Workshop, name: &str, count: usize, shift: f64) -> Embeddings {
+    let mut values = Vec::new();
+    let seed = name.bytes().map(u64::from).sum();
+    for row in 0..count {
+        let number = |index: usize| {
+            let noise = uniform(seed, (row * WIDTH + index) as u64) - 0.5;
+            if index.is_multiple_of(2) { 1.0 + noise } else { shift + noise }
+        };
+        let row: Vec<f64> = (0..WIDTH).map(number).collect();
+        let length = row.iter().map(|v| v * v).sum::<f64>().sqrt();
+        values.extend(row.iter().map(|v| (v / length) as f32));
     }
+    npy::write(&desk.put(name, ""), &values, &[count, WIDTH]).unwrap();
+    Embeddings::new(values, WIDTH).unwrap()
+}
 
-    fn at(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.at(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(&path, content).unwrap();
-        path
-    }
-
-    /// Writes unit rows about a direction that `shift` turns.
-    fn embeddings(&self, name: &str, count: usize, shift: f64) -> Embeddings {
-        let mut values = Vec::new();
-        let seed = name.bytes().map(u64::from).sum();
-        for row in 0..count {
-            let number = |index: usize| {
-                let noise = uniform(seed, (row * WIDTH + index) as u64) - 0.5;
-                if index.is_multiple_of(2) { 1.0 + noise } else { shift + noise }
-            };
-            let row: Vec<f64> = (0..WIDTH).map(number).collect();
-            let length = row.iter().map(|v| v * v).sum::<f64>().sqrt();
-            values.extend(row.iter().map(|v| (v / length) as f32));
-        }
-        self.put(name, "");
-        npy::write(&self.at(name), &values, &[count, WIDTH]).unwrap();
-        Embeddings::new(values, WIDTH).unwrap()
-    }
-
-    fn command(&self, options: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
-        command.arg("evaluate").args(options.split_whitespace());
-        // Weights of others are none of the tests'.
-        command.env("XDG_CACHE_HOME", self.at("cache"));
-        command.current_dir(self.0.path()).stdin(Stdio::null());
-        command
-    }
-
-    /// Returns stdout, stderr and the JSON.
-    fn run(&self, options: &str) -> (String, String, Value) {
-        let output = finish(&mut self.command(&format!("{options} --overwrite --json out.json")));
-        assert!(output.status.success(), "{options}: {}", said(&output));
-        let json = serde_json::from_slice(&fs::read(self.at("out.json")).unwrap()).unwrap();
-        (printed(&output), said(&output), json)
-    }
-
-    fn refused(&self, options: &str, says: &[&str]) -> String {
-        refuses(&mut self.command(options), self.0.path(), says, &["warning: "])
-    }
+/// Returns stdout, stderr and the JSON.
+fn run(desk: &Workshop, options: &str) -> (String, String, Value) {
+    let output = succeeds(&mut desk.command(&format!("{options} --overwrite --json out.json")));
+    (printed(&output), said(&output), serde_json::from_slice(&desk.read("out.json")).unwrap())
 }
 
 fn cmmd(x: &Embeddings, y: &Embeddings) -> f64 {
@@ -88,49 +58,49 @@ fn found(json: &Value, method: &str, weather: Option<&str>, scene: Option<&str>)
 
 #[test]
 fn embeddings_are_compared_and_all_outputs_agree() {
-    let desk = Desk::new();
-    let (near, far) = (desk.embeddings("near.npy", 30, 0.1), desk.embeddings("far.npy", 40, 0.5));
-    let real = desk.embeddings("photos.npy", 50, 0.0);
+    let desk = desk();
+    let (near, far) = (embeddings(&desk, "near.npy", 30, 0.1), embeddings(&desk, "far.npy", 40, 0.5));
+    let real = embeddings(&desk, "photos.npy", 50, 0.0);
     let (text, beside, json) =
-        desk.run("--pictures near.npy far.npy --real photos.npy --csv out.csv --markdown out.md");
+        run(&desk, "--pictures near.npy far.npy --real photos.npy --csv out.csv --markdown out.md");
     assert_eq!(beside, "");
     for (name, embeddings) in [("near", &near), ("far", &far)] {
         let value = found(&json, name, None, None);
         assert!((value - cmmd(embeddings, &real)).abs() < 1e-12, "{name} {value}");
         let line = text.lines().find(|line| line.starts_with(&format!("| {name} "))).unwrap();
         assert!(line.contains(&format!(" {value:.4} ")) && line.ends_with("| 50          |"), "{line}");
-        let csv = fs::read_to_string(desk.at("out.csv")).unwrap();
+        let csv = fs::read_to_string(desk.path("out.csv")).unwrap();
         assert!(csv.contains(&format!("\ncmmd,measured,{name},,,{value},")), "{csv}");
     }
     assert!(found(&json, "far", None, None) > 10.0 * found(&json, "near", None, None), "{json}");
-    assert_eq!(fs::read_to_string(desk.at("out.md")).unwrap(), text);
+    assert_eq!(fs::read_to_string(desk.path("out.md")).unwrap(), text);
     // The paper is not spoken of.
     assert!(!text.contains("paper") && json.get("paper").is_none(), "{text}");
     // On one thread the same bytes.
-    let before = fs::read(desk.at("out.json")).unwrap();
-    desk.run("--pictures near.npy far.npy --real photos.npy --threads 1");
-    assert_eq!(fs::read(desk.at("out.json")).unwrap(), before);
+    let before = desk.read("out.json");
+    run(&desk, "--pictures near.npy far.npy --real photos.npy --threads 1");
+    assert_eq!(desk.read("out.json"), before);
 }
 
 #[test]
 fn the_papers_tables_are_made_of_folders() {
-    let desk = Desk::new();
-    let real = ["fog", "rain"].map(|weather| desk.embeddings(&format!("real/{weather}.npy"), 40, 0.0));
-    let fog = desk.embeddings("ours/fog.npy", 30, 0.2);
+    let desk = desk();
+    let real = ["fog", "rain"].map(|weather| embeddings(&desk, &format!("real/{weather}.npy"), 40, 0.0));
+    let fog = embeddings(&desk, "ours/fog.npy", 30, 0.2);
     let rain =
-        ["garden", "v1.5 stump"].map(|scene| desk.embeddings(&format!("ours/rain/{scene}.npy"), 20, 0.3));
-    let haze = desk.embeddings("other/Haze/garden.npy", 25, 0.4);
-    let mut lying = desk.embeddings("other/snow-cover/garden.npy", 12, 0.6);
-    lying.extend(&desk.embeddings("other/snowfall/garden.npy", 11, 0.4));
-    let snow = desk.embeddings("real/snow.npy", 40, 0.0);
+        ["garden", "v1.5 stump"].map(|scene| embeddings(&desk, &format!("ours/rain/{scene}.npy"), 20, 0.3));
+    let haze = embeddings(&desk, "other/Haze/garden.npy", 25, 0.4);
+    let mut lying = embeddings(&desk, "other/snow-cover/garden.npy", 12, 0.6);
+    lying.extend(&embeddings(&desk, "other/snowfall/garden.npy", 11, 0.4));
+    let snow = embeddings(&desk, "real/snow.npy", 40, 0.0);
     // What was stopped is no scene.
-    desk.embeddings("other/Haze/street.unfinished.npy", 3, 0.4);
+    embeddings(&desk, "other/Haze/street.unfinished.npy", 3, 0.4);
     desk.put("ours/notes.txt", "nothing");
     desk.put(
         "uvq.csv",
         "method,weather,scene,uvq_1_0,uvq_1_5\nours,fog,garden,4.25,3.5\nours,fog,SJTU-main-gate,4.5,\n",
     );
-    let (text, beside, json) = desk.run("--paper ours other --real real --uvq uvq.csv --csv out.csv");
+    let (text, beside, json) = run(&desk, "--paper ours other --real real --uvq uvq.csv --csv out.csv");
     assert_eq!(beside, "");
     let mut both = rain[0].clone();
     both.extend(&rain[1]);
@@ -163,20 +133,20 @@ fn the_papers_tables_are_made_of_folders() {
     assert_eq!(json["paper"]["cmmd"].as_array().unwrap().len(), 10);
     assert_eq!(json["uvq"][0]["uvq_1_5"], 3.5);
     // UVQ alone.
-    let (text, _, json) = desk.run("--paper --uvq uvq.csv");
+    let (text, _, json) = run(&desk, "--paper --uvq uvq.csv");
     assert!(text.starts_with("UVQ 1.0") && json["cmmd"].as_array().unwrap().is_empty(), "{text}");
 }
 
 #[test]
 fn embeddings_that_are_refused() {
-    let desk = Desk::new();
-    desk.embeddings("real.npy", 9, 0.0);
-    desk.embeddings("one.npy", 1, 0.0);
-    npy::write(&desk.at("long.npy"), &[1.0; 2 * WIDTH], &[2, WIDTH]).unwrap();
-    npy::write(&desk.at("flat.npy"), &[0.25; WIDTH], &[WIDTH]).unwrap();
-    npy::write(&desk.at("wide.npy"), &[0.5; 8], &[2, 4]).unwrap();
-    npy::write(&desk.at("nan.npy"), &[[0.25; WIDTH], [f32::NAN; WIDTH]].concat(), &[2, WIDTH]).unwrap();
-    let bytes = fs::read(desk.at("real.npy")).unwrap();
+    let desk = desk();
+    embeddings(&desk, "real.npy", 9, 0.0);
+    embeddings(&desk, "one.npy", 1, 0.0);
+    npy::write(&desk.path("long.npy"), &[1.0; 2 * WIDTH], &[2, WIDTH]).unwrap();
+    npy::write(&desk.path("flat.npy"), &[0.25; WIDTH], &[WIDTH]).unwrap();
+    npy::write(&desk.path("wide.npy"), &[0.5; 8], &[2, 4]).unwrap();
+    npy::write(&desk.path("nan.npy"), &[[0.25; WIDTH], [f32::NAN; WIDTH]].concat(), &[2, WIDTH]).unwrap();
+    let bytes = desk.read("real.npy");
     desk.put("cut.npy", &bytes[..bytes.len() - 3]);
     desk.put("empty/readme.txt", "no picture");
     desk.put("some.txt", "");
@@ -207,12 +177,12 @@ fn embeddings_that_are_refused() {
 
 #[test]
 fn folders_and_scores_that_are_refused() {
-    let desk = Desk::new();
-    desk.embeddings("real/fog.npy", 9, 0.0);
-    desk.embeddings("ours/fog.npy", 9, 0.1);
-    desk.embeddings("ours/snow.npy", 9, 0.1);
-    desk.embeddings("more/ours/fog.npy", 9, 0.1);
-    desk.embeddings("hail/hail.npy", 9, 0.1);
+    let desk = desk();
+    embeddings(&desk, "real/fog.npy", 9, 0.0);
+    embeddings(&desk, "ours/fog.npy", 9, 0.1);
+    embeddings(&desk, "ours/snow.npy", 9, 0.1);
+    embeddings(&desk, "more/ours/fog.npy", 9, 0.1);
+    embeddings(&desk, "hail/hail.npy", 9, 0.1);
     desk.put("hollow/fog/readme.txt", "");
     desk.put("bad.csv", "method,weather,scene,uvq_1_0\nours,fog,garden,4.0\nours,fog,stump,7\n");
     desk.put("bad.json", "{");
@@ -248,12 +218,12 @@ fn folders_and_scores_that_are_refused() {
 #[cfg(not(feature = "nets"))]
 #[test]
 fn a_build_without_networks_says_so() {
-    let desk = Desk::new();
+    let desk = desk();
     let picture = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/wm-nets/fixtures/clip/wide.png");
     for name in ["a.png", "b.png"] {
         desk.put(&format!("frames/{name}"), fs::read(&picture).unwrap());
     }
-    desk.embeddings("real.npy", 9, 0.0);
+    embeddings(&desk, "real.npy", 9, 0.0);
     desk.refused(
         "--pictures frames --real real.npy",
         &["frames: this build has no neural networks", "`--features nets`", "NPY"],
@@ -278,23 +248,27 @@ mod network {
     /// The network is a small one.
     const REMARK: &str = "model.safetensors: is not CLIP ViT-L/14 at 336 px, which CMMD is defined by";
 
-    impl Desk {
-        /// Pictures of three sizes in two folders.
-        fn pictures(&self) {
-            for (name, file) in [
-                ("frames/1.png", "depth_anything/wide.png"),
-                ("frames/2.png", "depth_anything/tall.png"),
-                ("frames/below/3.png", "clip/wide.png"),
-                ("photos/a.png", "clip/tall.png"),
-                ("photos/b.png", "depth_anything/wide.png"),
-            ] {
-                self.put(name, fs::read(fixtures(file)).unwrap());
-            }
+    /// Copies fixtures to names.
+    fn put_all(desk: &Workshop, pictures: &[(&str, &str)]) {
+        for (name, file) in pictures {
+            desk.put(name, fs::read(fixtures(file)).unwrap());
         }
+    }
 
-        fn with_weights(&self, options: &str) -> String {
-            format!("{options} --weights {}", weights().display())
-        }
+    /// Pictures of three sizes in two folders.
+    fn put_pictures(desk: &Workshop) {
+        let pictures = [
+            ("frames/1.png", "depth_anything/wide.png"),
+            ("frames/2.png", "depth_anything/tall.png"),
+            ("frames/below/3.png", "clip/wide.png"),
+            ("photos/a.png", "clip/tall.png"),
+            ("photos/b.png", "depth_anything/wide.png"),
+        ];
+        put_all(desk, &pictures);
+    }
+
+    fn with_weights(options: &str) -> String {
+        format!("{options} --weights {}", weights().display())
     }
 
     fn embedded(clip: &Clip, files: &[PathBuf]) -> Embeddings {
@@ -307,25 +281,25 @@ mod network {
 
     #[test]
     fn pictures_are_embedded_kept_and_not_embedded_twice() {
-        let desk = Desk::new();
-        desk.pictures();
+        let desk = desk();
+        put_pictures(&desk);
         let clip = Clip::read(&[weights()]).unwrap();
-        let files = |names: &[&str]| names.iter().map(|name| desk.at(name)).collect::<Vec<_>>();
+        let files = |names: &[&str]| names.iter().map(|name| desk.path(name)).collect::<Vec<_>>();
         let frames = embedded(&clip, &files(&["frames/1.png", "frames/2.png", "frames/below/3.png"]));
         let photos = embedded(&clip, &files(&["photos/a.png", "photos/b.png"]));
-        let options = desk.with_weights("--pictures frames --real photos --embeddings kept");
-        let (_, beside, json) = desk.run(&options);
+        let options = with_weights("--pictures frames --real photos --embeddings kept");
+        let (_, beside, json) = run(&desk, &options);
         assert!(beside.contains(REMARK), "{beside}");
         let value = found(&json, "frames", None, None);
         assert!((value - cmmd(&frames, &photos)).abs() < 1e-12, "{value}");
-        assert_eq!(Embeddings::read(&desk.at("kept/frames.npy")).unwrap(), frames);
+        assert_eq!(Embeddings::read(&desk.path("kept/frames.npy")).unwrap(), frames);
         // What is kept can be given in place of the pictures, without weights.
-        let (_, beside, json) = desk.run("--pictures kept/frames.npy --real kept/photos.npy");
+        let (_, beside, json) = run(&desk, "--pictures kept/frames.npy --real kept/photos.npy");
         assert_eq!((beside.as_str(), found(&json, "frames", None, None)), ("", value));
 
         // A picture that was spoilt without a trace is not looked at again; one that has another
         // time is.
-        let spoilt = desk.at("frames/1.png");
+        let spoilt = desk.path("frames/1.png");
         let (bytes, time) = (fs::read(&spoilt).unwrap(), fs::metadata(&spoilt).unwrap().modified().unwrap());
         let mut bad = bytes.clone();
         bad[200..].fill(0);
@@ -334,59 +308,51 @@ mod network {
             File::options().write(true).open(&spoilt).unwrap().set_times(FileTimes::new().set_modified(time))
         };
         set(time).unwrap();
-        let (_, _, json) = desk.run(&options);
+        let (_, _, json) = run(&desk, &options);
         assert_eq!(found(&json, "frames", None, None), value);
         set(time + std::time::Duration::from_secs(1)).unwrap();
-        let mut command = desk.command(&options);
-        crate::process::fails(
-            &mut command,
-            &["frames/1.png: the photo is damaged", "--skip-bad"],
-            &["warning: "],
-        );
+        let says = ["frames/1.png: the photo is damaged", "--skip-bad"];
+        crate::process::fails(&mut desk.command(&options), &says, &["warning: "]);
         // What is left of them is kept for the next time, and left out where that is wished.
-        let (_, beside, json) = desk.run(&format!("{options} --skip-bad"));
-        assert!(
-            beside.contains("frames/1.png: the photo is damaged") && beside.contains("it is left out"),
-            "{beside}"
-        );
+        let (_, beside, json) = run(&desk, &format!("{options} --skip-bad"));
+        assert!(beside.contains(says[0]) && beside.contains("it is left out"), "{beside}");
         let rest = embedded(&clip, &files(&["frames/2.png", "frames/below/3.png"]));
         assert!((found(&json, "frames", None, None) - cmmd(&rest, &photos)).abs() < 1e-12);
-        assert_eq!(Embeddings::read(&desk.at("kept/frames.npy")).unwrap(), rest);
-        assert!(!desk.at("kept/frames.unfinished.npy").exists());
+        assert_eq!(Embeddings::read(&desk.path("kept/frames.npy")).unwrap(), rest);
+        assert!(!desk.path("kept/frames.unfinished.npy").exists());
 
         // Files that do not fit each other are made anew.
         fs::write(&spoilt, &bytes).unwrap();
-        fs::copy(desk.at("kept/photos.npy"), desk.at("kept/frames.npy")).unwrap();
-        let (_, _, json) = desk.run(&options);
+        fs::copy(desk.path("kept/photos.npy"), desk.path("kept/frames.npy")).unwrap();
+        let (_, _, json) = run(&desk, &options);
         assert_eq!(found(&json, "frames", None, None), value);
     }
 
     #[test]
     fn the_papers_folders_may_hold_pictures() {
-        let desk = Desk::new();
-        for (name, file) in [
+        let desk = desk();
+        let pictures = [
             ("ours/fog/garden/1.png", "depth_anything/wide.png"),
             ("ours/fog/garden/2.png", "clip/wide.png"),
             ("ours/fog/0001.png", "depth_anything/tall.png"),
             ("ours/fog/0002.png", "clip/tall.png"),
             ("photos/fog/a.png", "depth_anything/tall.png"),
             ("photos/fog/b.png", "depth_anything/wide.png"),
-        ] {
-            desk.put(name, fs::read(fixtures(file)).unwrap());
-        }
-        let (_, _, json) = desk.run(&desk.with_weights("--paper ours --real photos --embeddings kept"));
+        ];
+        put_all(&desk, &pictures);
+        let (_, _, json) = run(&desk, &with_weights("--paper ours --real photos --embeddings kept"));
         let whole = found(&json, "ours", Some("fog"), None);
         let garden = found(&json, "ours", Some("fog"), Some("garden"));
         assert!(whole != garden && json["cmmd"][0]["pictures"] == 4, "{json}");
         // The folder of embeddings is laid out as that of the pictures.
-        let (_, _, again) = desk.run("--paper kept/ours --real kept/real");
+        let (_, _, again) = run(&desk, "--paper kept/ours --real kept/real");
         assert_eq!(again["cmmd"], json["cmmd"]);
     }
 
     #[test]
     fn pictures_that_are_refused() {
-        let desk = Desk::new();
-        desk.pictures();
+        let desk = desk();
+        put_pictures(&desk);
         desk.put("one/1.png", fs::read(fixtures("clip/wide.png")).unwrap());
         for (name, content) in [("text/1.png", "no picture"), ("text/2.png", ""), ("text/3.jpg", "\u{89}PNG")]
         {
@@ -395,7 +361,7 @@ mod network {
         let cut = fs::read(fixtures("clip/wide.png")).unwrap();
         desk.put("cut/1.png", &cut[..cut.len() / 2]);
         desk.put("cut/2.png", &cut);
-        desk.embeddings("real.npy", 9, 0.0);
+        embeddings(&desk, "real.npy", 9, 0.0);
         for (options, says) in [
             ("--pictures one --real photos", &["one: has 1 picture, and CMMD compares collections"][..]),
             ("--pictures text --real photos", &["text/1.png: ", "(--skip-bad continues without it)"]),
@@ -407,7 +373,7 @@ mod network {
                 &["real.npy: its embeddings have 16 numbers, those of the network 48"],
             ),
         ] {
-            desk.refused(&desk.with_weights(options), says);
+            desk.refused(&with_weights(options), says);
         }
         let others = fixtures("depth_anything/v2/model.safetensors");
         for (options, says) in [
@@ -428,21 +394,20 @@ mod network {
     #[cfg(unix)]
     #[test]
     fn work_that_is_stopped_goes_on() {
-        let desk = Desk::new();
-        desk.pictures();
+        let desk = desk();
+        put_pictures(&desk);
         // Seconds of work.
         let picture = fs::read(fixtures("clip/tall.png")).unwrap();
         for index in 0..1500 {
             desk.put(&format!("many/{index}.png"), &picture);
         }
-        let options =
-            desk.with_weights("--pictures photos many --real photos2 --embeddings kept --threads 1");
+        let options = with_weights("--pictures photos many --real photos2 --embeddings kept --threads 1");
         for name in ["a.png", "b.png"] {
-            desk.put(&format!("photos2/{name}"), fs::read(desk.at(&format!("photos/{name}"))).unwrap());
+            desk.put(&format!("photos2/{name}"), desk.read(&format!("photos/{name}")));
         }
         let child = crate::process::begin(&mut desk.command(&options));
         // The first collection is finished when the second one is begun.
-        while !desk.at("kept/photos.json").is_file() {
+        while !desk.path("kept/photos.json").is_file() {
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
         std::thread::sleep(std::time::Duration::from_millis(300));
@@ -454,12 +419,13 @@ mod network {
             line.contains("of 1500 pictures of many are kept in kept/many.unfinished.npy; run it again"),
             "{line}"
         );
-        let (values, shape) = npy::read(&desk.at("kept/many.unfinished.npy")).unwrap();
+        let (values, shape) = npy::read(&desk.path("kept/many.unfinished.npy")).unwrap();
         assert!(shape[0] > 0 && shape[0] < 1500 && values.iter().all(|v| v.is_finite()), "{shape:?}");
-        desk.run(&options);
-        assert_eq!(Embeddings::read(&desk.at("kept/many.npy")).unwrap().count(), 1500);
+        run(&desk, &options);
+        assert_eq!(Embeddings::read(&desk.path("kept/many.npy")).unwrap().count(), 1500);
         assert!(
-            !desk.at("kept/many.unfinished.npy").exists() && !desk.at("kept/many.unfinished.json").exists()
+            !desk.path("kept/many.unfinished.npy").exists()
+                && !desk.path("kept/many.unfinished.json").exists()
         );
     }
 }

@@ -2,7 +2,6 @@
 //! nothing.
 
 use crate::common::*;
-use std::path::PathBuf;
 
 const SIZE: (u32, u32) = (72, 48);
 
@@ -19,19 +18,12 @@ rained_before = 0
 lapse = 60
 "#;
 
-fn shower(workshop: &Workshop) -> (PathBuf, PathBuf) {
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    let weather = workshop.path("shower.toml");
-    std::fs::write(&weather, SHOWER).unwrap();
-    (scene, weather)
-}
-
 #[test]
 fn a_wet_frame_alone_is_that_of_the_sequence_on_any_number_of_threads() {
     let workshop = Workshop::new();
     let (_, view) = yard_look(SIZE);
-    let (scene, weather) = shower(&workshop);
-    workshop.check_frames_alone(&scene, &view, &weather);
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    workshop.check_frames_alone(&scene, &view, SHOWER);
 }
 
 #[test]

@@ -22,28 +22,22 @@ pub(crate) struct PyBatch {
     out: PathBuf,
     device: String,
     threads: Option<usize>,
-    facts: BatchFacts,
-    run: PerProcess<OpenBatch>,
-}
-
-struct BatchFacts {
+    #[doc = docs!("Batch.name")]
+    #[pyo3(get)]
     name: String,
+    #[doc = docs!("Batch.digest")]
+    #[pyo3(get)]
     digest: String,
+    #[doc = docs!("Batch.clips")]
+    #[pyo3(get)]
     clips: u64,
+    #[doc = docs!("Batch.frames")]
+    #[pyo3(get)]
     frames: u64,
+    #[doc = docs!("Batch.blocks")]
+    #[pyo3(get)]
     blocks: u64,
-}
-
-impl BatchFacts {
-    fn of(run: &BatchRun) -> Self {
-        Self {
-            name: run.plan.name.clone(),
-            digest: run.plan.digest.clone(),
-            clips: run.clips.clips(),
-            frames: run.clips.frames(),
-            blocks: run.clips.blocks(),
-        }
-    }
+    run: PerProcess<OpenBatch>,
 }
 
 /// A plan in this process, and threads of what is not its renderer's own work.
@@ -65,7 +59,7 @@ impl PyBatch {
     fn with<R: Send>(&self, work: impl FnOnce(&mut BatchRun) -> Outcome<R> + Send) -> Outcome<R> {
         let make = || {
             let run = open_run(&self.plan, &self.device, self.threads)?;
-            if run.run.plan.digest != self.facts.digest {
+            if run.run.plan.digest != self.digest {
                 let says = format!("{}: has changed since it was opened", self.plan.display());
                 return Err(Failure::Library(says));
             }
@@ -79,10 +73,10 @@ impl PyBatch {
     }
 
     fn check(&self, block: u64) -> PyResult<()> {
-        if block < self.facts.blocks {
+        if block < self.blocks {
             return Ok(());
         }
-        Err(PyIndexError::new_err(format!("block {block}: the set has {}", self.facts.blocks)))
+        Err(PyIndexError::new_err(format!("block {block}: the set has {}", self.blocks)))
     }
 
     fn make_block(&self, block: u64, reporter: &mut CallbackProgress<'_>) -> Outcome<()> {
@@ -112,17 +106,27 @@ impl PyBatch {
         threads: Option<usize>,
     ) -> PyResult<Self> {
         let run = detached(py, |_| open_run(&plan, device, threads))?;
-        let facts = BatchFacts::of(&run.run);
-        let out = out.unwrap_or_else(|| PathBuf::from(&facts.name));
-        let slot = PerProcess::new();
-        *slot.lock() = Some(run);
-        Ok(Self { plan, out, device: device.to_owned(), threads, facts, run: slot })
+        let BatchRun { plan: read, clips, .. } = &run.run;
+        let batch = Self {
+            plan,
+            out: out.unwrap_or_else(|| PathBuf::from(&read.name)),
+            device: device.to_owned(),
+            threads,
+            name: read.name.clone(),
+            digest: read.digest.clone(),
+            clips: clips.clips(),
+            frames: clips.frames(),
+            blocks: clips.blocks(),
+            run: PerProcess::new(),
+        };
+        *batch.run.lock() = Some(run);
+        Ok(batch)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
         let again = py.import("weather_magician._native")?.getattr("_open_batch")?;
-        let args = (&own.plan, &own.out, &own.device, own.threads, &own.facts.digest).into_pyobject(py)?;
+        let args = (&own.plan, &own.out, &own.device, own.threads, &own.digest).into_pyobject(py)?;
         Ok((again, args))
     }
 
@@ -131,9 +135,9 @@ impl PyBatch {
             "Batch({:?}, out={:?}): {} clips, {} frames, {} blocks",
             self.plan.display().to_string(),
             self.out.display().to_string(),
-            self.facts.clips,
-            self.facts.frames,
-            self.facts.blocks
+            self.clips,
+            self.frames,
+            self.blocks
         )
     }
 
@@ -147,36 +151,6 @@ impl PyBatch {
     #[getter]
     fn out(&self) -> String {
         self.out.display().to_string()
-    }
-
-    #[doc = docs!("Batch.name")]
-    #[getter]
-    fn name(&self) -> &str {
-        &self.facts.name
-    }
-
-    #[doc = docs!("Batch.digest")]
-    #[getter]
-    fn digest(&self) -> &str {
-        &self.facts.digest
-    }
-
-    #[doc = docs!("Batch.clips")]
-    #[getter]
-    fn clips(&self) -> u64 {
-        self.facts.clips
-    }
-
-    #[doc = docs!("Batch.frames")]
-    #[getter]
-    fn frames(&self) -> u64 {
-        self.facts.frames
-    }
-
-    #[doc = docs!("Batch.blocks")]
-    #[getter]
-    fn blocks(&self) -> u64 {
-        self.facts.blocks
     }
 
     #[doc = docs!("Batch.shard")]
@@ -215,7 +189,7 @@ impl PyBatch {
     fn marker<'py>(&self, py: Python<'py>, number: u64) -> PyResult<Option<Bound<'py, PyAny>>> {
         self.check(number)?;
         let text = detached(py, |_| {
-            let marker = self.store()?.marker(number, &self.facts.digest)?;
+            let marker = self.store()?.marker(number, &self.digest)?;
             marker
                 .map(|marker| serde_json::to_string(&marker))
                 .transpose()
@@ -305,7 +279,7 @@ impl PyBatch {
     #[getter]
     #[doc = docs!("Batch.frames_per_clip")]
     fn frames_per_clip(&self) -> u64 {
-        self.facts.frames / self.facts.clips.max(1)
+        self.frames / self.clips.max(1)
     }
 
     #[pyo3(signature = (frame, sensor=None, layers=None, *, places=2))]
@@ -318,9 +292,9 @@ impl PyBatch {
         layers: Option<Vec<String>>,
         places: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let frame = u64::try_from(frame).ok().filter(|frame| *frame < self.facts.frames);
-        let frame = frame
-            .ok_or_else(|| PyIndexError::new_err(format!("the set has {} frames", self.facts.frames)))?;
+        let frame = u64::try_from(frame).ok().filter(|frame| *frame < self.frames);
+        let frame =
+            frame.ok_or_else(|| PyIndexError::new_err(format!("the set has {} frames", self.frames)))?;
         let layers = layers_of(layers)?;
         let (sample, set) = detached(py, |_| {
             self.with(|run| {
@@ -348,7 +322,7 @@ pub(crate) fn _open_batch(
     digest: &str,
 ) -> PyResult<PyBatch> {
     let opened = PyBatch::new(py, plan, Some(out), device, threads)?;
-    if opened.facts.digest == digest {
+    if opened.digest == digest {
         return Ok(opened);
     }
     Err(Error::new_err(format!("{}: is not the plan that was pickled", opened.plan.display())))

@@ -1,7 +1,7 @@
 //! Errors of the library as the one exception of Python.
 
 use pyo3::create_exception;
-use pyo3::exceptions::PyException;
+use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
 use std::error::Error as StdError;
 
@@ -60,6 +60,16 @@ impl From<Failure> for PyErr {
 
 /// The result of work without the interpreter.
 pub(crate) type Outcome<T> = Result<T, Failure>;
+
+/// Returns the value of a word that stands for an argument.
+pub(crate) fn value_of<T: Copy>(name: &str, given: &str, words: &[(&str, T)]) -> PyResult<T> {
+    let found = words.iter().find(|(word, _)| *word == given).map(|(_, value)| *value);
+    found.ok_or_else(|| {
+        let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+        let (last, others) = known.split_last().unwrap_or((&"", &[]));
+        PyValueError::new_err(format!("{name} {given:?}: must be {} or {last}", others.join(", ")))
+    })
+}
 
 /// Returns an error with its causes in one line, as the program prints it.
 pub(crate) fn line_of(error: &dyn StdError) -> String {

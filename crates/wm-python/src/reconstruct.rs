@@ -1,11 +1,10 @@
 //! Photos to a scene.
 
-use crate::error::{Failure, line_of};
+use crate::error::{Failure, line_of, value_of};
 use crate::process::{StopFlag, detached, device_of, on_threads};
 use crate::scene::PyScene;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::IntoPyDict;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::train::session::{
@@ -22,6 +21,7 @@ struct Events<'a> {
 }
 
 /// A value of an event.
+#[derive(IntoPyObject)]
 enum Fact {
     Count(u64),
     Number(f64),
@@ -29,19 +29,9 @@ enum Fact {
 }
 
 impl Events<'_> {
-    fn tell(&mut self, event: &str, facts: &[(&str, Fact)]) {
+    fn tell(&mut self, event: &str, facts: Vec<(&str, Fact)>) {
         let Some(callback) = self.callback.filter(|_| self.raised.is_none()) else { return };
-        let called = Python::attach(|py| -> PyResult<()> {
-            let dict = PyDict::new(py);
-            for (name, fact) in facts {
-                match fact {
-                    Fact::Count(count) => dict.set_item(name, count)?,
-                    Fact::Number(number) => dict.set_item(name, number)?,
-                    Fact::Text(text) => dict.set_item(name, text)?,
-                }
-            }
-            callback.call1(py, (event, dict)).map(drop)
-        });
+        let called = Python::attach(|py| callback.call1(py, (event, facts.into_py_dict(py)?)).map(drop));
         self.raised = called.err();
     }
 }
@@ -56,11 +46,11 @@ impl TrainObserver for Events<'_> {
     }
 
     fn on_warning(&mut self, warning: &TrainWarning) {
-        self.tell("warning", &[("text", Fact::Text(warning.to_string()))]);
+        self.tell("warning", vec![("text", Fact::Text(warning.to_string()))]);
     }
 
     fn on_notice(&mut self, notice: &TrainNotice) {
-        self.tell("notice", &[("text", Fact::Text(notice.to_string()))]);
+        self.tell("notice", vec![("text", Fact::Text(notice.to_string()))]);
     }
 
     fn on_step(&mut self, step: &StepProgress) {
@@ -69,7 +59,7 @@ impl TrainObserver for Events<'_> {
         let splats = Fact::Count(splats as u64);
         self.tell(
             "step",
-            &[
+            vec![
                 ("step", count(step)),
                 ("steps", count(steps)),
                 ("splats", splats),
@@ -86,22 +76,25 @@ impl TrainObserver for Events<'_> {
             ("splats", Fact::Count(summary.splats as u64)),
         ];
         facts.extend(summary.held_out_psnr.map(|psnr| ("held_out_psnr", Fact::Number(psnr))));
-        self.tell("summary", &facts);
+        self.tell("summary", facts);
     }
 
     fn on_evaluation(&mut self, scores: &HeldOutScores) {
         if let Some(mean) = scores.mean() {
-            self.tell("evaluation", &[("psnr", Fact::Number(mean.psnr)), ("ssim", Fact::Number(mean.ssim))]);
+            self.tell(
+                "evaluation",
+                vec![("psnr", Fact::Number(mean.psnr)), ("ssim", Fact::Number(mean.ssim))],
+            );
         }
     }
 
     fn on_checkpoint(&mut self, path: &Path, step: u32) {
         let path = Fact::Text(path.display().to_string());
-        self.tell("checkpoint", &[("path", path), ("step", Fact::Count(u64::from(step)))]);
+        self.tell("checkpoint", vec![("path", path), ("step", Fact::Count(u64::from(step)))]);
     }
 
     fn on_finish(&mut self, _: &TrainReport) {
-        self.tell("finish", &[]);
+        self.tell("finish", Vec::new());
     }
 }
 
@@ -124,22 +117,15 @@ pub(crate) fn reconstruct(
     threads: Option<usize>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<PyScene> {
-    let wrong = |name: &str, value: &str, words: &str| {
-        PyValueError::new_err(format!("{name} {value:?}: must be {words}"))
-    };
-    let preset = match preset {
-        "draft" => Preset::Draft,
-        "quick" => Preset::Quick,
-        "standard" => Preset::Standard,
-        "best" => Preset::Best,
-        _ => return Err(wrong("preset", preset, "draft, quick, standard or best")),
-    };
-    let resume = match resume {
-        "never" => Resume::Never,
-        "always" => Resume::Always,
-        "overwrite" => Resume::Overwrite,
-        _ => return Err(wrong("resume", resume, "never, always or overwrite")),
-    };
+    let presets = [
+        ("draft", Preset::Draft),
+        ("quick", Preset::Quick),
+        ("standard", Preset::Standard),
+        ("best", Preset::Best),
+    ];
+    let preset = value_of("preset", preset, &presets)?;
+    let ways = [("never", Resume::Never), ("always", Resume::Always), ("overwrite", Resume::Overwrite)];
+    let resume = value_of("resume", resume, &ways)?;
     detached(py, |stop| {
         let mut options = SessionOptions {
             plan: TrainPlan { preset, steps, max_splats, ..TrainPlan::default() },

@@ -4,7 +4,7 @@ mod inputs;
 
 use crate::arrays::{intrinsics, matrices, matrix, moved, numbers, shape_fault};
 use crate::camera::PyCamera;
-use crate::error::{Error, Failure, Outcome, line_of};
+use crate::error::{Error, Failure, Outcome, line_of, value_of};
 use crate::picture::{PictureOutputs, PyPicture};
 use crate::process::{CallbackProgress, PerProcess, StopFlag, detached, device_of, pool_of};
 use crate::scene::PyScene;
@@ -462,32 +462,19 @@ impl PyRenderer {
         let weather = PyWeather::given(weather)?;
         let given = CameraInput::of(camera)?;
         let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
-        let wrong = |name: &str, value: &str, words: &str| {
-            PyValueError::new_err(format!("{name} {value:?}: must be {words}"))
-        };
+        let frames = [
+            ("compensated", PointFrame::Compensated),
+            ("raw", PointFrame::Raw),
+            ("world", PointFrame::World),
+        ];
         let options = ScanOptions {
             time,
             first: sweep,
             seed,
-            sub_rays: match rays {
-                1 => SubRays::One,
-                7 => SubRays::Seven,
-                _ => return Err(wrong("rays", &rays.to_string(), "1 or 7")),
-            },
-            returns: match returns {
-                "strongest" => ReturnMode::Strongest,
-                "first" => ReturnMode::First,
-                "last" => ReturnMode::Last,
-                "dual" => ReturnMode::Dual,
-                "all" => ReturnMode::All,
-                _ => return Err(wrong("returns", returns, "strongest, first, last, dual or all")),
-            },
-            frame: match frame {
-                "compensated" => PointFrame::Compensated,
-                "raw" => PointFrame::Raw,
-                "world" => PointFrame::World,
-                _ => return Err(wrong("frame", frame, "compensated, raw or world")),
-            },
+            sub_rays: SubRays::of_count(rays.into())
+                .ok_or_else(|| PyValueError::new_err(format!("rays \"{rays}\": must be 1 or 7")))?,
+            returns: value_of("returns", returns, &ReturnMode::ALL.map(|(mode, name)| (name, mode)))?,
+            frame: value_of("frame", frame, &frames)?,
             ..ScanOptions::default()
         };
         let made = self.with(py, |open, _| {

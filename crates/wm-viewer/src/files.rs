@@ -91,10 +91,7 @@ impl FileNames {
                 add("out", self.picture.clone());
             }
         }
-        // The picture that was saved with the other files lies where they do.
-        words.push("--overwrite".into());
-        words.extend(catalog.run_words.iter().map(OsString::from));
-        shell_line(&words)
+        finished(words, catalog)
     }
 
     /// Returns the command that makes the same points.
@@ -114,9 +111,7 @@ impl FileNames {
         }
         add("time", view.state.time.to_string());
         add("out", self.points.clone());
-        words.push("--overwrite".into());
-        words.extend(catalog.run_words.iter().map(OsString::from));
-        shell_line(&words)
+        finished(words, catalog)
     }
 }
 
@@ -128,8 +123,11 @@ fn command_words(command: &str, catalog: &Catalog) -> Vec<OsString> {
     words
 }
 
-/// Joins words to a line for a shell.
-fn shell_line(words: &[OsString]) -> String {
+/// Ends the words of a command, and joins them to a line for a shell.
+fn finished(mut words: Vec<OsString>, catalog: &Catalog) -> String {
+    // What was saved with the other files lies where they do.
+    words.push("--overwrite".into());
+    words.extend(catalog.run_words.iter().map(OsString::from));
     words.iter().map(|word| shell_word(word)).collect::<Vec<_>>().join(" ") + "\n"
 }
 

@@ -34,33 +34,6 @@ impl BenchCase {
     pub(crate) fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
         use Geometry::{Depth, DepthNormal, None};
         use MedianDepth::{Off, On};
-        let weather = |name: &str, sets: &[&str]| -> Result<Weather> {
-            let mut weather = Weather::find(name)?;
-            sets.iter().try_for_each(|set| weather.set_text(set))?;
-            Ok(weather)
-        };
-        let rain = weather("clear", &["rain.rate=25"])?;
-        // A cloudburst of about 100,000 drops in view, which are drawn farther than usual.
-        let drops = weather("clear", &["rain.rate=60", "rain.size=1.3"])?;
-        let snow = weather("clear", &["snowfall.rate=2.5"])?;
-        let paper = weather("clear", &["rain.rate=25", "fidelity=paper"])?;
-        let cover = weather("clear", &["snow_cover.depth=0.1"])?;
-        let overcast = weather("clear", &["light.model=overcast"])?;
-        let night = weather("clear", &["light.model=night", "light.lamps=on", "fog.mor=200"])?;
-        let wet = weather("clear", &["wetness.amount=0.7", "wetness.puddles=0"])?;
-        let puddles = weather("clear", &["wetness.amount=1", "wetness.puddles=0.8"])?;
-        let rain_on_wet = ["rain.rate=25", "wetness.amount=0.7", "wetness.puddles=0"];
-        let wet_in_rain = weather("clear", &rain_on_wet)?;
-        let splashes = weather("clear", &[&rain_on_wet[..], &["splash=on"]].concat())?;
-        let flood = weather("clear", &["flood.level=0.3", "wind.speed=4"])?;
-        let flood_in_rain = weather("clear", &["flood.level=0.3", "wind.speed=4", "rain.rate=8"])?;
-        // Drops of a windscreen alone, to compare with "rgb", and in the rain of "rgb, rain 25
-        // mm/h", to compare with that.
-        let windscreen = ["lens.distance=0.2", "lens.aperture=1.5", "lens.rate=15"];
-        let lens = weather("clear", &windscreen)?;
-        let lens_in_rain = weather("clear", &[&windscreen[..], &["rain.rate=25"]].concat())?;
-        let paper_fog = weather("fog", &["fidelity=paper"])?;
-        let paper_cover = weather("clear", &["snow_cover=on", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
             ("rgb", None, Off, "clear"),
             ("rgb+depth", Depth, Off, "clear"),
@@ -79,28 +52,40 @@ impl BenchCase {
             Ok(Self { name, weather, config: config(outputs), sky })
         })
         .collect::<Result<_>>()?;
-        for (name, weather) in [
-            ("rgb, rain 25 mm/h", rain),
-            ("rgb, rain, more drops", drops),
-            ("rgb, snow 2.5 mm/h", snow),
-            ("rgb, rain, paper, k = 4", paper),
-            ("rgb, snow cover 10 cm", cover),
-            ("rgb, light of clouds", overcast),
-            ("rgb, night, fog, 10 lamps", night),
-            ("rgb, wet", wet),
-            ("rgb, wet, puddles", puddles),
-            ("rgb, rain, wet", wet_in_rain),
-            ("rgb, rain, wet, splashes", splashes),
-            ("rgb, flood 0.3 m", flood),
-            ("rgb, flood, rain 8 mm/h", flood_in_rain),
-            ("rgb, lens", lens),
-            ("rgb, rain, lens", lens_in_rain),
-            (PAPER_FOG, paper_fog),
-            (PAPER_COVER, paper_cover),
+        for (name, preset, sets) in [
+            ("rgb, rain 25 mm/h", "clear", &["rain.rate=25"][..]),
+            // A cloudburst of about 100,000 drops in view, which are drawn farther than usual.
+            ("rgb, rain, more drops", "clear", &["rain.rate=60", "rain.size=1.3"]),
+            ("rgb, snow 2.5 mm/h", "clear", &["snowfall.rate=2.5"]),
+            ("rgb, rain, paper, k = 4", "clear", &["rain.rate=25", "fidelity=paper"]),
+            ("rgb, snow cover 10 cm", "clear", &["snow_cover.depth=0.1"]),
+            ("rgb, light of clouds", "clear", &["light.model=overcast"]),
+            ("rgb, night, fog, 10 lamps", "clear", &["light.model=night", "light.lamps=on", "fog.mor=200"]),
+            ("rgb, wet", "clear", &["wetness.amount=0.7", "wetness.puddles=0"]),
+            ("rgb, wet, puddles", "clear", &["wetness.amount=1", "wetness.puddles=0.8"]),
+            ("rgb, rain, wet", "clear", &["rain.rate=25", "wetness.amount=0.7", "wetness.puddles=0"]),
+            (
+                "rgb, rain, wet, splashes",
+                "clear",
+                &["rain.rate=25", "wetness.amount=0.7", "wetness.puddles=0", "splash=on"],
+            ),
+            ("rgb, flood 0.3 m", "clear", &["flood.level=0.3", "wind.speed=4"]),
+            ("rgb, flood, rain 8 mm/h", "clear", &["flood.level=0.3", "wind.speed=4", "rain.rate=8"]),
+            // Drops of a windscreen alone, to compare with "rgb", and in the rain of "rgb, rain 25
+            // mm/h", to compare with that.
+            ("rgb, lens", "clear", &["lens.distance=0.2", "lens.aperture=1.5", "lens.rate=15"]),
+            (
+                "rgb, rain, lens",
+                "clear",
+                &["lens.distance=0.2", "lens.aperture=1.5", "lens.rate=15", "rain.rate=25"],
+            ),
+            (PAPER_FOG, "fog", &["fidelity=paper"]),
+            (PAPER_COVER, "clear", &["snow_cover=on", "fidelity=paper"]),
         ] {
-            let outputs = Outputs::default();
+            let mut weather = Weather::find(preset)?;
+            sets.iter().try_for_each(|set| weather.set_text(set))?;
             let sky = weather.at(1.0).prepare(site);
-            cases.push(Self { name, weather, config: config(outputs), sky });
+            cases.push(Self { name, weather, config: config(Outputs::default()), sky });
         }
         Ok(cases)
     }

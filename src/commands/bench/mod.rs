@@ -21,7 +21,7 @@ use clap::Args;
 use glam::DVec3;
 use indicatif::ProgressBar;
 use measure::{BenchCase, BenchTarget, FrameTimings, peak_memory, turns};
-use report::{MeasuredCases, PathSpeed, SceneReport, ThreadScaling};
+use report::{MeasuredCases, PathSpeed, SceneReport, ThreadsReport};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use weather_magician::formats::ReadOptions;
@@ -344,6 +344,6 @@ fn measure_scene(
     if interrupt::asked() {
         return Err(incomplete());
     }
-    let threads = ThreadScaling { threads, all: pair[0].clone(), one: pair[1].clone() };
-    Ok(SceneReport::new(name, loaded, &camera, measured, Some(&threads), paths, memory))
+    let threads = ThreadsReport::new(threads, &pair[0], &pair[1]);
+    Ok(SceneReport::new(name, loaded, &camera, measured, Some(threads), paths, memory))
 }

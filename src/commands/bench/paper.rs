@@ -13,13 +13,13 @@ use super::measure::{BenchCase, BenchTarget, turns};
 use crate::interrupt;
 use crate::progress;
 use crate::report::plot::{Axis, Plot, Series};
+use crate::report::write_text;
 use crate::scene::{OpenScene, RunArgs};
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
 use weather_magician::Camera;
-use wm_base::files::write_atomically;
 
 /// The columns, with their keys in CSV.
 const COLUMNS: [(&str, &str); 4] = [
@@ -272,7 +272,7 @@ fn write(table: &SpeedTable, folder: &Path) -> Result<()> {
     let mut files = vec![(TABLE, table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
     files.extend(plots(table).into_iter().map(|(name, plot)| (name, plot.svg())));
     for (name, text) in files {
-        write_atomically(&folder.join(name), |out| Ok(out.write_all(text.as_bytes())?))?;
+        write_text(&folder.join(name), &text)?;
     }
     eprintln!("{}: speed.md, .csv, .json and plots", folder.display());
     Ok(())

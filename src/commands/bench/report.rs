@@ -71,23 +71,27 @@ pub(crate) struct MeasuredCases<'a> {
 }
 
 /// Frames with all threads and with one, in the same rounds.
-pub(crate) struct ThreadScaling {
-    /// Number of all threads.
-    pub(crate) threads: usize,
-    /// Frames with all threads.
-    pub(crate) all: FrameTimings,
-    /// Frames with one thread.
-    pub(crate) one: FrameTimings,
-}
-
 #[derive(Serialize)]
-struct ThreadsReport {
+pub(crate) struct ThreadsReport {
     threads: usize,
     one_wall_ms: f64,
     all_wall_ms: f64,
     speedup: f64,
     /// CPU time with all threads divided by that with one.
     cpu_ratio: f64,
+}
+
+impl ThreadsReport {
+    /// Compares the frames with all `threads` and those with one.
+    pub(crate) fn new(threads: usize, all: &FrameTimings, one: &FrameTimings) -> Self {
+        Self {
+            threads,
+            one_wall_ms: one.median(|s| s.wall * 1e3),
+            all_wall_ms: all.median(|s| s.wall * 1e3),
+            speedup: one.ratio(all, |s| s.wall),
+            cpu_ratio: all.ratio(one, |s| s.cpu),
+        }
+    }
 }
 
 /// Speed of a SIMD path on one thread: CPU time of the whole stage, nanoseconds per evaluated pair.
@@ -124,7 +128,7 @@ impl SceneReport {
         loaded: &OpenScene,
         camera: &Camera,
         measured: MeasuredCases<'_>,
-        threads: Option<&ThreadScaling>,
+        threads: Option<ThreadsReport>,
         paths: Vec<PathSpeed>,
         peak_memory: Option<u64>,
     ) -> Self {
@@ -164,13 +168,7 @@ impl SceneReport {
             peak_memory_mb: peak_memory.map(|bytes| bytes as f64 * 1e-6),
             device_memory_mb: loaded.renderer.backend().device_memory().map(|bytes| bytes as f64 * 1e-6),
             cases: cases.collect(),
-            threads: threads.map(|threads| ThreadsReport {
-                threads: threads.threads,
-                one_wall_ms: threads.one.median(|s| s.wall * 1e3),
-                all_wall_ms: threads.all.median(|s| s.wall * 1e3),
-                speedup: threads.one.ratio(&threads.all, |s| s.wall),
-                cpu_ratio: threads.all.ratio(&threads.one, |s| s.cpu),
-            }),
+            threads,
             paths,
         }
     }

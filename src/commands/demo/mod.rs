@@ -18,7 +18,7 @@ use anyhow::{Context, Result, bail};
 use capture::CaptureArgs;
 use clap::{Args, ValueEnum};
 use film::FogFilm;
-use photos::{LightChoice, PhotoRoute, PhotoSession, PhotoSet, PlaceChoice, TruthChoice};
+use photos::{LIGHTS, PhotoSession, PhotoSet, PlaceChoice, ROUTES, TRUTHS};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::formats::{ReadOptions, read_scene, write_scene};
@@ -27,8 +27,10 @@ use weather_magician::view::spec;
 use weather_magician::{
     Camera, FrameRequest, Metadata, Picture, PictureSize, Scene, Weather, picture_tags, video,
 };
-use wm_image::{color::Dither, png, sheet};
-use wm_street::{Street, Viewpoint};
+use wm_image::color::Dither;
+use wm_image::{png, sheet};
+use wm_street::dataset::{CameraRoute, DatasetOptions, GroundTruth};
+use wm_street::{Lighting, Street, Viewpoint};
 use wm_weather::ParamValue;
 
 /// Frame rate of the film.
@@ -85,24 +87,25 @@ pub(crate) struct DemoArgs {
     )]
     place: PlaceChoice,
     /// Light of --photos or --sampled: sunny, or overcast (the truth for relit pictures)
-    #[arg(long, value_name = "LIGHT", default_value = "sunny", help_heading = "Photos")]
-    light: LightChoice,
+    #[arg(long, value_name = "LIGHT", value_parser = one_of(LIGHTS), default_value = "sunny", help_heading = "Photos")]
+    light: Lighting,
     /// Number of photos [default: 40; of --capture, 24 to 30]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
     count: Option<u32>,
     /// Route of the camera: walk (through the place) or orbit (around it, from above), exact and in
     /// metres
-    #[arg(long, value_name = "ROUTE", default_value = "walk", requires = "photos", help_heading = "Photos")]
-    route: PhotoRoute,
+    #[arg(long, value_name = "ROUTE", value_parser = one_of(ROUTES), default_value = "walk", requires = "photos", help_heading = "Photos")]
+    route: CameraRoute,
     /// Exact depth, normals and sky of the photos: write or omit
     #[arg(
         long,
         value_name = "CHOICE",
+        value_parser = one_of(TRUTHS),
         default_value = "write",
         requires = "photos",
         help_heading = "Photos"
     )]
-    truth: TruthChoice,
+    truth: GroundTruth,
     #[command(flatten)]
     capture: CaptureArgs,
     /// Number of training steps
@@ -150,7 +153,9 @@ impl DemoArgs {
         let side = |of: u32| (f64::from(of) * PHOTO).round().max(16.0) as u32;
         let (width, height) = self.size();
         let size = (side(width), side(height));
-        PhotoSession::along(PlaceChoice::Street, PhotoRoute::Walk, self.count(), size, TruthChoice::Omit)
+        let usual = DatasetOptions::default();
+        let options = DatasetOptions { count: self.count(), size, truth: GroundTruth::Omit, ..usual };
+        PhotoSession { place: PlaceChoice::Street, light: Lighting::Sunny, set: PhotoSet::Exact(options) }
     }
 
     fn count(&self) -> u32 {
@@ -169,7 +174,7 @@ impl DemoArgs {
     }
 
     fn check(&self) -> Result<()> {
-        if self.light != LightChoice::Sunny && self.photos.is_none() && !self.sampled {
+        if self.light != Lighting::Sunny && self.photos.is_none() && !self.sampled {
             bail!("--light: needs --photos or --sampled");
         }
         if !(SECONDS.0..=SECONDS.1).contains(&self.seconds) {
@@ -223,15 +228,10 @@ pub(crate) fn run(args: &DemoArgs) -> Result<()> {
 /// Runs `demo --photos`.
 fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
     let size = args.size.unwrap_or((600, 400));
-    let session = match args.capture.settings(args.count, size, args.truth.into()) {
-        Some(settings) => {
-            PhotoSession { place: args.place, light: args.light, set: PhotoSet::Capture(settings) }
-        }
-        None => {
-            let session = PhotoSession::along(args.place, args.route, args.count(), size, args.truth);
-            PhotoSession { light: args.light, ..session }
-        }
-    };
+    let (place, light, route, truth) = (args.place, args.light, args.route, args.truth);
+    let exact = || DatasetOptions { route, count: args.count(), size, truth, ..DatasetOptions::default() };
+    let capture = args.capture.settings(args.count, size, truth).map(PhotoSet::Capture);
+    let session = PhotoSession { place, light, set: capture.unwrap_or_else(|| PhotoSet::Exact(exact())) };
     let started = Instant::now();
     session.shoot(folder, &args.run)?;
     let seconds = started.elapsed().as_secs_f64();
@@ -256,7 +256,7 @@ fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
 
 /// Samples the scene from the street's surfaces.
 fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
-    let scene = street::scene(args.detail, args.light.into(), args.run.threads.map(usize::from))?;
+    let scene = street::scene(args.detail, args.light, args.run.threads)?;
     if args.wants(DemoOutput::Scene) {
         write_scene(path, &scene)?;
         println!("{}: {} splats, {}", path.display(), scene.splats.len(), megabytes(path));

@@ -1,9 +1,10 @@
 //! Photos of a built-in place, and their reconstruction.
 
+use crate::choices::Choice;
 use crate::commands::reconstruct::{self, ReconstructArgs};
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
-use crate::scene::RunArgs;
+use crate::scene::{RunArgs, threads};
 use anyhow::{Context, Result, bail};
 use clap::{Parser, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -25,53 +26,21 @@ pub(crate) enum PlaceChoice {
     Park,
 }
 
-/// The light that photos are taken in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LightChoice {
-    /// A summer sun with broken clouds.
-    #[default]
-    Sunny,
-    /// The CIE's overcast sky: the truth for relit pictures.
-    Overcast,
-}
-
-impl From<LightChoice> for Lighting {
-    fn from(choice: LightChoice) -> Self {
-        match choice {
-            LightChoice::Sunny => Self::Sunny,
-            LightChoice::Overcast => Self::Overcast,
-        }
-    }
-}
-
-/// Route of the camera that takes photos.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PhotoRoute {
-    /// Along the place's walk, at eye level.
-    #[default]
-    Walk,
-    /// Around the place, from above.
-    Orbit,
-}
-
+/// Lights that photos are taken in.
+pub(crate) const LIGHTS: &[Choice<Lighting>] = &[
+    ("sunny", "A summer sun with broken clouds", Lighting::Sunny),
+    ("overcast", "The CIE's overcast sky: the truth for relit pictures", Lighting::Overcast),
+];
+/// Routes of the camera that takes photos.
+pub(crate) const ROUTES: &[Choice<CameraRoute>] = &[
+    ("walk", "Along the place's walk, at eye level", CameraRoute::Walk),
+    ("orbit", "Around the place, from above", CameraRoute::Orbit),
+];
 /// Exact depth, normals and sky beside photos.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum TruthChoice {
-    /// The maps are written.
-    #[default]
-    Write,
-    /// The maps are not written.
-    Omit,
-}
-
-impl From<TruthChoice> for GroundTruth {
-    fn from(choice: TruthChoice) -> Self {
-        match choice {
-            TruthChoice::Write => Self::Write,
-            TruthChoice::Omit => Self::Omit,
-        }
-    }
-}
+pub(crate) const TRUTHS: &[Choice<GroundTruth>] = &[
+    ("write", "The maps are written", GroundTruth::Write),
+    ("omit", "The maps are not written", GroundTruth::Omit),
+];
 
 /// Cameras of photos: exact ones along a route, or those of a capture like real ones.
 #[derive(Clone, Debug)]
@@ -88,28 +57,12 @@ pub(crate) struct PhotoSession {
     /// The place.
     pub(crate) place: PlaceChoice,
     /// The light over it.
-    pub(crate) light: LightChoice,
+    pub(crate) light: Lighting,
     /// The photos.
     pub(crate) set: PhotoSet,
 }
 
 impl PhotoSession {
-    /// A session along a route.
-    pub(crate) fn along(
-        place: PlaceChoice,
-        route: PhotoRoute,
-        count: u32,
-        size: (u32, u32),
-        truth: TruthChoice,
-    ) -> Self {
-        let route = match route {
-            PhotoRoute::Walk => CameraRoute::Walk,
-            PhotoRoute::Orbit => CameraRoute::Orbit,
-        };
-        let options = DatasetOptions { route, count, size, truth: truth.into(), ..DatasetOptions::default() };
-        Self { place, light: LightChoice::Sunny, set: PhotoSet::Exact(options) }
-    }
-
     /// The number of photos.
     pub(crate) fn count(&self) -> u32 {
         match &self.set {
@@ -152,11 +105,10 @@ impl PhotoSession {
             PlaceChoice::Park => ("building the park", Park::builtin),
         };
         let spinner = progress::spinner(message);
-        let threads = rayon::ThreadPoolBuilder::new().num_threads(run.threads.map_or(0, usize::from)).build();
-        let threads = threads.context("cannot start threads")?;
+        let threads = threads(run.threads)?;
         let place = threads.install(|| match self.light {
-            LightChoice::Sunny => build(),
-            light => build().in_light(light.into()),
+            Lighting::Sunny => build(),
+            light => build().in_light(light),
         });
         spinner.finish_and_clear();
         let bar = progress::bar(u64::from(self.count()), "photos");

@@ -2,7 +2,7 @@
 
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use weather_magician::Scene;
 use wm_street::{Lighting, Street};
 
@@ -10,7 +10,7 @@ use wm_street::{Lighting, Street};
 ///
 /// # Errors
 /// Ctrl-C was pressed, or threads cannot be started.
-pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<usize>) -> Result<Scene> {
+pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<u16>) -> Result<Scene> {
     let spinner = progress::spinner("building the street");
     let street = match light {
         Lighting::Sunny => Street::builtin(),
@@ -19,8 +19,7 @@ pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<usize>) -> Res
     let sampling = street.sampling(detail);
     spinner.finish_and_clear();
 
-    let threads = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
-    let threads = threads.context("cannot start threads")?;
+    let threads = crate::scene::threads(threads)?;
     let bar = progress::bar(sampling.len() as u64, "splats");
     let sampled = threads.install(|| {
         sampling.scene(&|done| {

@@ -8,17 +8,19 @@ mod text;
 mod truth;
 mod views;
 
+use crate::choices::{Choice, one_of};
 use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
+use crate::report::write_text;
 use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use scores::EvaluationReport;
-use serde::Serialize;
 use std::path::{Path, PathBuf};
-use wm_base::files::{check_writable, write_atomically};
+use weather_magician::train::evaluation::{EvaluationAir, ExposureFit};
+use wm_base::files::check_writable;
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]
@@ -81,32 +83,24 @@ struct PhotoArgs {
     held_out: HeldOutArgs,
     /// Correction of the render before colours are compared: none, or affine (the change of colour,
     /// one for each photo, that brings the render nearest to it)
-    #[arg(long, value_name = "FIT", default_value = "none", help_heading = "Photos")]
-    exposure_fit: ExposureFitArg,
+    #[arg(long, value_name = "FIT", default_value = "none", value_parser = one_of(EXPOSURE_FITS), help_heading = "Photos")]
+    exposure_fit: ExposureFit,
     /// Air between cameras and scene: photos (the haze in which the scene's own photos were taken,
     /// if any) or clear
-    #[arg(long, value_name = "AIR", default_value = "photos", help_heading = "Photos")]
-    air: AirArg,
+    #[arg(long, value_name = "AIR", default_value = "photos", value_parser = one_of(AIRS), help_heading = "Photos")]
+    air: EvaluationAir,
 }
 
-/// The air between cameras and scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum AirArg {
-    /// The haze of the scene's photos.
-    Photos,
-    /// Clear air.
-    Clear,
-}
-
-/// The correction of the render before colours are compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "lowercase")]
-enum ExposureFitArg {
-    /// No correction.
-    None,
-    /// An affine change of colour per photo.
-    Affine,
-}
+/// Air between cameras and scene.
+const AIRS: &[Choice<EvaluationAir>] = &[
+    ("photos", "The haze of the scene's photos", EvaluationAir::Photos),
+    ("clear", "Clear air", EvaluationAir::Clear),
+];
+/// Corrections of the render before colours are compared.
+const EXPOSURE_FITS: &[Choice<ExposureFit>] = &[
+    ("none", "No correction", ExposureFit::None),
+    ("affine", "An affine change of colour per photo", ExposureFit::Affine),
+];
 
 /// Opens the photos that are compared.
 fn open(args: &EvaluateArgs) -> Result<Dataset> {
@@ -156,11 +150,11 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<()> {
     text::print(&report);
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&report.json())?;
-        write_atomically(path, |out| Ok(writeln!(out, "{text}")?))?;
+        write_text(path, &(text + "\n"))?;
     }
     if let Some(path) = &args.report {
         let page = page::page(&report, &shown);
-        write_atomically(path, |out| Ok(out.write_all(page.as_bytes())?))?;
+        write_text(path, &page)?;
         eprintln!("{}: {:.1} MB, for a browser", path.display(), page.len() as f64 * 1e-6);
     }
     Ok(())

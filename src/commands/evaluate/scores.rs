@@ -1,9 +1,11 @@
 //! The scores of a report: one list that the table, the JSON file and the page are made from.
 
-use super::{EvaluateArgs, ExposureFitArg, name_of};
+use super::{EvaluateArgs, name_of};
 use crate::dataset::Dataset;
 use serde_json::{Map, Value, json};
-use weather_magician::train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
+use weather_magician::train::evaluation::{
+    Evaluation, ExposureFit, PhotoScores, TruthFolder, TruthMaps, ViewScores,
+};
 use weather_magician::train::metrics::FloaterShare;
 
 /// A column of scores, one number per photo.
@@ -166,7 +168,7 @@ impl EvaluationReport {
     /// Returns the notes above the scores, one per line.
     pub(crate) fn notes(&self) -> Vec<String> {
         let mut notes = vec![format!("{} against {}: {}", self.scene, self.dataset, self.selection)];
-        if self.args.photos.exposure_fit == ExposureFitArg::Affine {
+        if self.args.photos.exposure_fit == ExposureFit::Affine {
             notes.push("The colours of each render are fitted to its photo.".into());
         }
         let TruthMaps { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;

@@ -1,8 +1,8 @@
 //! The observer of an evaluation: progress, and the pictures of some photos for the page.
 
+use super::EvaluateArgs;
 use super::page::PhotoPanels;
 use super::truth::explain;
-use super::{AirArg, EvaluateArgs, ExposureFitArg};
 use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::scene::OpenScene;
@@ -10,8 +10,7 @@ use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use weather_magician::train::evaluation::{
-    EvaluatedPhoto, Evaluation, EvaluationAir, EvaluationError, EvaluationObserver, EvaluationOptions,
-    ExposureFit, TruthMaps, evaluate,
+    EvaluatedPhoto, Evaluation, EvaluationError, EvaluationObserver, EvaluationOptions, TruthMaps, evaluate,
 };
 use weather_magician::train::photos::PhotoError;
 use weather_magician::train::session::ObserverError;
@@ -27,15 +26,9 @@ pub(crate) fn measure(
     bar: &ProgressBar,
 ) -> Result<(Evaluation, Vec<PhotoPanels>)> {
     let options = EvaluationOptions {
-        exposure_fit: match args.photos.exposure_fit {
-            ExposureFitArg::None => ExposureFit::None,
-            ExposureFitArg::Affine => ExposureFit::Affine,
-        },
+        exposure_fit: args.photos.exposure_fit,
         bad: args.photos.set.options().bad,
-        air: match args.photos.air {
-            AirArg::Photos => EvaluationAir::Photos,
-            AirArg::Clear => EvaluationAir::Clear,
-        },
+        air: args.photos.air,
         geometry: if pictures > 0 { Geometry::DepthNormal } else { Geometry::None },
     };
     let mut progress = ViewProgress {

@@ -9,6 +9,7 @@ use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
+use crate::report::write_text;
 use crate::scene::{FactArgs, OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
@@ -22,7 +23,7 @@ use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 use weather_magician::{Camera, Metadata, Weather};
 
-use wm_base::files::{check_writable, write_atomically};
+use wm_base::files::check_writable;
 use wm_street::{Lighting, Street};
 use wm_weather::Fidelity;
 
@@ -175,7 +176,7 @@ fn write(report: &MeasureReport, folder: &Path) -> Result<()> {
     let size = page.len() as f64 * 1e-6;
     files.push((PAGE.to_owned(), page));
     for (name, text) in &files {
-        write_atomically(&folder.join(name), |out| Ok(out.write_all(text.as_bytes())?))?;
+        write_text(&folder.join(name), text)?;
     }
     eprintln!("{}: {size:.1} MB, for a browser", folder.join(PAGE).display());
     Ok(())
@@ -243,8 +244,8 @@ fn open(args: &MeasureArgs) -> Result<OpenScene> {
             )
         }
         None => {
-            let threads = args.run.threads.map(usize::from);
-            OpenScene::of(street::scene(1.0, Lighting::Sunny, threads)?, &Metadata::default(), &args.run)
+            let scene = street::scene(1.0, Lighting::Sunny, args.run.threads)?;
+            OpenScene::of(scene, &Metadata::default(), &args.run)
         }
     }
 }

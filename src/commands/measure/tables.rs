@@ -1,6 +1,7 @@
 //! The numbers as text, JSON, CSV and Markdown.
 
 use super::MeasureReport;
+use crate::report::csv_line;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use weather_magician::measure::{Reading, Tolerance};
@@ -169,16 +170,8 @@ fn rows(report: &MeasureReport) -> impl Iterator<Item = [String; 10]> {
 
 /// Returns the readings as CSV (RFC 4180).
 pub(crate) fn csv(report: &MeasureReport) -> String {
-    let quoted = |cell: &str| match cell.contains([',', '"', '\n']) {
-        true => format!("\"{}\"", cell.replace('"', "\"\"")),
-        false => cell.to_owned(),
-    };
-    let mut out = HEAD.join(",") + "\r\n";
-    for row in rows(report) {
-        out += &row.each_ref().map(|cell| quoted(cell)).join(",");
-        out += "\r\n";
-    }
-    out
+    let lines = rows(report).map(|row| csv_line(&row) + "\r\n");
+    [HEAD.join(",") + "\r\n"].into_iter().chain(lines).collect()
 }
 
 /// Returns the readings as Markdown.

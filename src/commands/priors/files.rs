@@ -2,6 +2,7 @@
 
 use super::PriorsArgs;
 use super::work::{PriorAnswer, PriorEstimator};
+use crate::choices::{Choice, first_given, one_of};
 use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
@@ -65,8 +66,8 @@ pub(crate) struct FileArgs {
     sky: Option<PathBuf>,
     /// Picture that the maps belong to if the lens distorts: photo (as it is stored) or pinhole
     /// (undistorted, as COLMAP's undistorter and this program make it)
-    #[arg(long, value_name = "PICTURE", default_value = "photo", help_heading = "Maps")]
-    maps_of: MapsOfArg,
+    #[arg(long, value_name = "PICTURE", value_parser = one_of(MAPS_OF), default_value = "photo", help_heading = "Maps")]
+    maps_of: MapsOf,
 }
 
 /// The known part of the scale of depth.
@@ -80,20 +81,15 @@ enum ScaleArg {
     Relative,
 }
 
-/// The picture that maps belong to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum MapsOfArg {
-    /// The photo.
-    Photo,
-    /// The undistorted photo.
-    Pinhole,
-}
+/// Pictures that maps belong to.
+const MAPS_OF: &[Choice<MapsOf>] =
+    &[("photo", "The photo", MapsOf::Photo), ("pinhole", "The undistorted photo", MapsOf::Pinhole)];
 
 impl FileArgs {
     /// Returns the name of the first option that was given.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let all = [(&self.depth, "--depth"), (&self.normal, "--normal"), (&self.sky, "--sky")];
-        all.into_iter().find(|(folder, _)| folder.is_some()).map(|(_, name)| name)
+        first_given(all.map(|(folder, name)| (folder.is_some(), name)))
     }
 
     fn scale(&self) -> ScaleArg {
@@ -157,10 +153,7 @@ pub(crate) fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
         depth,
         normal: given.normal.as_ref().map(MapFolder::new).zip(given.normal_axes),
         sky: given.sky.as_ref().map(MapFolder::new),
-        of: match given.maps_of {
-            MapsOfArg::Photo => MapsOf::Photo,
-            MapsOfArg::Pinhole => MapsOf::Pinhole,
-        },
+        of: given.maps_of,
         pixels: args.map_pixels,
     };
     let is_unknown = scale == ScaleArg::Metric
@@ -175,7 +168,7 @@ pub(crate) fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
     } else if let (Some(metres), true) = (given.metres_per_unit, maps.depth.is_some()) {
         parts.push(format!("1 unit is {metres} m"));
     }
-    if given.maps_of == MapsOfArg::Pinhole {
+    if given.maps_of == MapsOf::Pinhole {
         parts.push("without the lens".into());
     }
     Ok(PriorMaps { maps, name: format!("{}: {}", files::SOURCE, parts.join(", ")) })

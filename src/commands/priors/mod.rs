@@ -9,7 +9,8 @@ mod work;
 use crate::interrupt::{self, Interrupted};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use anyhow::{Context, Result, bail};
+use crate::scene::threads;
+use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -119,8 +120,7 @@ pub(crate) fn run(args: &PriorsArgs) -> Result<()> {
         let other = "add new photos with --resume, give another folder with -o";
         args.overwrite.check(&args.out().join(INDEX), &[], other)?;
     }
-    let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.map_or(0, usize::from)).build();
-    let threads = threads.context("cannot start threads")?;
+    let threads = threads(args.threads)?;
     let index = match source {
         SourceArg::Photos => from_photos(args, &threads)?,
         SourceArg::Network => threads.install(|| -> Result<Index> {

@@ -10,14 +10,15 @@ mod watch;
 
 pub(crate) use weather_magician::train::session::CHECKPOINT;
 
+use crate::choices::{Choice, one_of};
 use crate::commands::convert::levels::{self, is_levels};
 use crate::dataset::{DatasetArgs, DatasetReadOptions, HeldOutArgs};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::scene::RunArgs;
 use anyhow::{Context, Result, bail};
+use clap::Args;
 use clap::builder::PossibleValuesParser;
-use clap::{Args, ValueEnum};
 use console::TrainingConsole;
 use explain::explain;
 use std::path::{Path, PathBuf};
@@ -106,8 +107,8 @@ struct PhotoArgs {
 struct TrainingArgs {
     /// Speed or quality: draft (600 steps, a first look), quick (2,000), standard (7,000) or best
     /// (30,000); fewer for few photos
-    #[arg(long, value_name = "PRESET", default_value = "standard", help_heading = "Training")]
-    preset: PresetArg,
+    #[arg(long, value_name = "PRESET", default_value = "standard", value_parser = one_of(PRESETS), help_heading = "Training")]
+    preset: Preset,
     /// Number of steps, each with one photo [default: the preset's, at most 100 a photo, but 2000
     /// in any case]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
@@ -124,28 +125,28 @@ struct TrainingArgs {
     #[arg(long, value_name = "DEGREE", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Training")]
     sh_degree: u8,
     /// Sizes of photos over time: coarse (a quarter, half, full) or full [default: the preset's]
-    #[arg(long, value_name = "SIZES", help_heading = "Training")]
-    resolution: Option<ResolutionArg>,
+    #[arg(long, value_name = "SIZES", value_parser = one_of(RESOLUTIONS), help_heading = "Training")]
+    resolution: Option<Resolution>,
     /// Exposure correction, for cameras that set it automatically: photo (one for each photo),
     /// shared (one for all), or auto (photo if the points of the model are brighter in some photos
     /// than in others, else shared)
-    #[arg(long, value_name = "WHOSE", default_value = "auto", help_heading = "Training")]
-    exposure: ExposureArg,
+    #[arg(long, value_name = "WHOSE", default_value = "auto", value_parser = one_of(EXPOSURES), help_heading = "Training")]
+    exposure: ExposureMode,
     /// Pixels that show people, cars and what else is in one photo and not in others: auto (found
     /// and left out) or keep
-    #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
-    movers: MoversArg,
+    #[arg(long, value_name = "CHOICE", default_value = "auto", value_parser = one_of(MOVERS), help_heading = "Training")]
+    movers: MoverMode,
     /// Photos that are blurred, or white or black over much of the picture: auto (found and left
     /// out) or keep
-    #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
-    poor_photos: PoorPhotosArg,
+    #[arg(long, value_name = "CHOICE", default_value = "auto", value_parser = one_of(POOR_PHOTOS), help_heading = "Training")]
+    poor_photos: PoorPhotoMode,
     /// Haze in which the photos were taken: auto (looked for, measured and taken out), keep (a part
     /// of the scene), or its meteorological optical range in metres, which is taken out
     #[arg(long, value_name = "auto|keep|METRES", default_value = "auto", value_parser = parse_haze, help_heading = "Training")]
     haze: HazeMode,
     /// Background behind the splats during training: black or random
-    #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
-    background: BackgroundArg,
+    #[arg(long, value_name = "COLOR", default_value = "random", value_parser = one_of(BACKGROUNDS), help_heading = "Training")]
+    background: BackgroundKind,
     /// Rendering of splats smaller than a pixel: classic or antialiased
     #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization, help_heading = "Training")]
     rasterization: Rasterization,
@@ -158,76 +159,45 @@ struct TrainingArgs {
     seed: u64,
 }
 
-macro_rules! choice {
-    ($(#[$doc:meta])* $name:ident { $($variant:ident),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-        enum $name {
-            $(
-                #[doc = stringify!($variant)]
-                $variant,
-            )+
-        }
-    };
-}
-
-choice! {
-    /// A preset's name.
-    PresetArg { Draft, Quick, Standard, Best }
-}
-choice! {
-    /// Sizes over time.
-    ResolutionArg { Coarse, Full }
-}
-choice! {
-    /// The exposures of photos.
-    ExposureArg { Shared, Photo, Auto }
-}
-choice! {
-    /// The treatment of movers.
-    MoversArg { Auto, Keep }
-}
-choice! {
-    /// The treatment of poor photos.
-    PoorPhotosArg { Auto, Keep }
-}
-choice! {
-    /// The background's name.
-    BackgroundArg { Black, Random }
-}
+/// Presets.
+const PRESETS: &[Choice<Preset>] = &[
+    ("draft", "Draft", Preset::Draft),
+    ("quick", "Quick", Preset::Quick),
+    ("standard", "Standard", Preset::Standard),
+    ("best", "Best", Preset::Best),
+];
+/// Sizes of photos over time.
+const RESOLUTIONS: &[Choice<Resolution>] =
+    &[("coarse", "Coarse", Resolution::Coarse), ("full", "Full", Resolution::Full)];
+/// Exposures of photos.
+const EXPOSURES: &[Choice<ExposureMode>] = &[
+    ("shared", "Shared", ExposureMode::Shared),
+    ("photo", "Photo", ExposureMode::Photo),
+    ("auto", "Auto", ExposureMode::Auto),
+];
+/// Treatments of movers.
+const MOVERS: &[Choice<MoverMode>] = &[("auto", "Auto", MoverMode::Auto), ("keep", "Keep", MoverMode::Keep)];
+/// Treatments of poor photos.
+const POOR_PHOTOS: &[Choice<PoorPhotoMode>] =
+    &[("auto", "Auto", PoorPhotoMode::Auto), ("keep", "Keep", PoorPhotoMode::Keep)];
+/// Backgrounds behind the splats.
+const BACKGROUNDS: &[Choice<BackgroundKind>] =
+    &[("black", "Black", BackgroundKind::Black), ("random", "Random", BackgroundKind::Random)];
 
 impl TrainingArgs {
     /// Returns the preset with its changes, except those of the loss and the sky.
     fn plan(&self) -> TrainPlan {
         TrainPlan {
-            preset: match self.preset {
-                PresetArg::Draft => Preset::Draft,
-                PresetArg::Quick => Preset::Quick,
-                PresetArg::Standard => Preset::Standard,
-                PresetArg::Best => Preset::Best,
-            },
+            preset: self.preset,
             steps: self.steps,
             max_splats: self.max_splats.map(|most| most as usize),
             densify: self.densify.clone(),
             sh_degree: self.sh_degree,
-            resolution: self.resolution.map(|resolution| match resolution {
-                ResolutionArg::Coarse => Resolution::Coarse,
-                ResolutionArg::Full => Resolution::Full,
-            }),
-            exposure: match self.exposure {
-                ExposureArg::Shared => ExposureMode::Shared,
-                ExposureArg::Photo => ExposureMode::Photo,
-                ExposureArg::Auto => ExposureMode::Auto,
-            },
-            movers: match self.movers {
-                MoversArg::Auto => MoverMode::Auto,
-                MoversArg::Keep => MoverMode::Keep,
-            },
+            resolution: self.resolution,
+            exposure: self.exposure,
+            movers: self.movers,
             haze: self.haze,
-            background: match self.background {
-                BackgroundArg::Black => BackgroundKind::Black,
-                BackgroundArg::Random => BackgroundKind::Random,
-            },
+            background: self.background,
             rasterization: self.rasterization,
             seed: self.seed,
             ..TrainPlan::default()
@@ -292,10 +262,7 @@ impl ReconstructArgs {
         SessionOptions {
             dataset: DatasetReadOptions { size: PhotoSize::Longest(longest), ..set.options() },
             held_out: self.photos.held_out.held_out(),
-            poor_photos: match self.training.poor_photos {
-                PoorPhotosArg::Auto => PoorPhotoMode::Auto,
-                PoorPhotosArg::Keep => PoorPhotoMode::Keep,
-            },
+            poor_photos: self.training.poor_photos,
             plan,
             config,
             priors: self.geometry.priors(),

@@ -171,7 +171,8 @@ pub(crate) fn motion(
 
 /// The camera at each time, and the times of the frames.
 pub(crate) struct CameraPlan {
-    motion: CameraMotion,
+    /// The motion of the camera.
+    pub(crate) motion: CameraMotion,
     start: f64,
     /// Frames a second.
     pub(crate) rate: FrameRate,
@@ -208,29 +209,14 @@ impl CameraPlan {
             bail!("{frames} frames are too many for one run: the maximum is {MAX_FRAMES}");
         }
         let plan = Self { motion, start: output.time(), rate: output.fps, frames };
-        plan.camera(plan.start).check()?;
+        plan.motion.camera(plan.start).check()?;
         Ok(plan)
-    }
-
-    /// Returns the camera at `time`, seconds.
-    pub(crate) fn camera(&self, time: f64) -> Camera {
-        self.motion.camera(time)
     }
 
     /// Returns cameras over all frames of the sequence, whichever of them are rendered; with a
     /// lens, cameras that see all about.
     pub(crate) fn shot(&self, has_lens: bool) -> Vec<Camera> {
-        shot_cameras(self.frames, |frame| self.camera(self.time(frame)), has_lens)
-    }
-
-    /// Returns the camera at `time`, seconds, with its velocity.
-    pub(crate) fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
-        self.motion.at(time, metres_per_unit)
-    }
-
-    /// Returns the motion of the camera.
-    pub(crate) fn motion(&self) -> &CameraMotion {
-        &self.motion
+        shot_cameras(self.frames, |frame| self.motion.camera(self.time(frame)), has_lens)
     }
 
     /// Returns the number of the frame at `time`, seconds: the same in a picture and in a sequence.
@@ -250,10 +236,5 @@ impl CameraPlan {
     /// Returns the time of frame `index`, seconds.
     pub(crate) fn time(&self, index: u32) -> f64 {
         self.start + self.rate.seconds(u64::from(index))
-    }
-
-    /// Returns a text that differs for different camera plans.
-    pub(crate) fn fingerprint(&self) -> String {
-        self.motion.fingerprint()
     }
 }

@@ -335,7 +335,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     if weather.effects().any(|(effect, _)| effect.precipitation.is_some()) {
         // Before anything is made: a path may be too fast at any of its frames.
         let metres = loaded.place.site().metres_per_unit;
-        wanted.iter().try_for_each(|index| plan.moving(plan.time(*index), metres).check_speed())?;
+        wanted.iter().try_for_each(|index| plan.motion.at(plan.time(*index), metres).check_speed())?;
     }
     let mut job = RenderJob::new(loaded, weather, plan, model, layers)?;
     check_labels(layers, &job.place, &args.scene.scene)?;
@@ -398,10 +398,10 @@ impl RenderJob {
         model: CameraModel,
         layers: Layers,
     ) -> Result<Self> {
-        let weather = loaded.place.weather_of_shot(&weather, &plan.camera(plan.time(0)));
+        let weather = loaded.place.weather_of_shot(&weather, &plan.motion.camera(plan.time(0)));
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
-        let camera = SensorCamera::new(model, plan.motion().clone());
+        let camera = SensorCamera::new(model, plan.motion.clone());
         Ok(Self { renderer, place, weather, plan, camera, layers })
     }
 
@@ -420,7 +420,7 @@ impl RenderJob {
 
     /// Returns the camera at `time`, seconds, with the size and the intrinsics of the pictures.
     fn camera(&self, time: f64) -> Camera {
-        let camera = self.plan.camera(time);
+        let camera = self.plan.motion.camera(time);
         match &self.camera.model.lens {
             Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
             None => camera,

@@ -129,7 +129,7 @@ fn about(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "scene_changed": changed,
         "weather": format!("{:?}", job.weather),
         "site": format!("{:?}", job.place.site()),
-        "camera": job.plan.fingerprint(),
+        "camera": job.plan.motion.fingerprint(),
         "drawing": super::drawing_facts(&job.place, job.layers),
         "start": args.output.time(),
         "fps": job.plan.rate.to_string(),

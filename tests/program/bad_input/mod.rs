@@ -6,12 +6,12 @@ mod scenes;
 mod streams;
 mod weathers;
 
-use crate::process::{finish, refuses, said, wait};
+use crate::common::Workshop;
+use crate::process::{finish, said, succeeds, wait};
 use std::ffi::OsStr;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use tempfile::TempDir;
 use wm_scene::testing::data;
 
 /// Default options of the tests: a small picture of the small scene.
@@ -48,6 +48,13 @@ impl Ply {
         }
     }
 
+    /// The sound one with another value of a property of the eighth splat.
+    fn with(name: &str, value: f32) -> Self {
+        let mut ply = Self::sound();
+        ply.rows[7][PROPERTIES.iter().position(|known| *known == name).unwrap()] = value;
+        ply
+    }
+
     fn bytes(&self) -> Vec<u8> {
         let lines: String = self.properties.iter().map(|p| format!("property {p}\n")).collect();
         let count = &self.count;
@@ -60,57 +67,30 @@ impl Ply {
 }
 
 /// A folder with a sound scene `good.ply` in it, where the program runs.
-struct Place {
-    folder: TempDir,
+fn place() -> Workshop {
+    // What the scene lacks and which camera was chosen may be said before an error.
+    let place = Workshop::with("", &["warning: ", "camera: "]);
+    place.put("good.ply", Ply::sound().bytes());
+    place
 }
 
-impl Place {
-    fn new() -> Self {
-        let place = Self { folder: tempfile::tempdir().unwrap() };
-        place.put("good.ply", Ply::sound().bytes());
-        place
-    }
-
-    fn path(&self) -> &Path {
-        self.folder.path()
-    }
-
-    fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.path().join(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(&path, content).unwrap();
-        path
-    }
-
-    fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
-        command.args(args).current_dir(self.path()).stdin(Stdio::null());
-        command
-    }
-
-    fn run<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Output {
-        finish(&mut self.command(args))
-    }
-
+impl Workshop {
     /// Runs a command that must be refused with one line that holds each of `says`.
-    fn refused<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>, says: &[&str]) -> String {
-        self.refused_by(&mut self.command(args), says)
-    }
-
-    fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
-        // What the scene lacks and which camera was chosen may have been said before.
-        refuses(command, self.path(), says, &["warning: ", "camera: "])
+    fn refuses<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>, says: &[&str]) -> String {
+        self.refused_by(&mut self.program(args), says)
     }
 
     /// `render SCENE` with `more` before what is usual.
     fn render_refused(&self, scene: &str, more: &[&str], says: &[&str]) -> String {
-        self.refused(render(scene, more), says)
+        self.refuses(render(scene, more), says)
     }
 
     fn rendered(&self, scene: &str, more: &[&str]) -> Output {
-        let output = self.run(render(scene, more));
-        assert!(output.status.success(), "{more:?}: {}", said(&output));
-        output
+        succeeds(&mut self.program(render(scene, more)))
+    }
+
+    fn outcome<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Output {
+        finish(&mut self.program(args))
     }
 }
 

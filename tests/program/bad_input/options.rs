@@ -4,30 +4,25 @@ use super::*;
 
 #[test]
 fn the_command_line_itself() {
-    let place = Place::new();
-    for (args, says) in [
-        (&["render"][..], "required arguments were not provided: <SCENE>"),
-        (
-            &["rendr", "good.ply"],
-            "unrecognized subcommand 'rendr'; some similar subcommands exist: 'reconstruct', 'render'",
-        ),
-        (
-            &["render", "good.ply", "--wether", "fog"],
-            "'--wether' found; a similar argument exists: '--weather'",
-        ),
-        (&["render", "good.ply", "other.ply"], "unexpected argument 'other.ply' found"),
-        (&["render", "good.ply", "--weather"], "a value is required for '--weather <NAME|FILE|REPORT>'"),
-        (&["inspect", "good.ply", "--set", "fog=on"], "unexpected argument '--set' found"),
+    let place = place();
+    let similar = "unrecognized subcommand 'rendr'; some similar subcommands exist: 'reconstruct', 'render'";
+    for (words, says) in [
+        ("render", "required arguments were not provided: <SCENE>"),
+        ("rendr good.ply", similar),
+        ("render good.ply --wether fog", "'--wether' found; a similar argument exists: '--weather'"),
+        ("render good.ply other.ply", "unexpected argument 'other.ply' found"),
+        ("render good.ply --weather", "a value is required for '--weather <NAME|FILE|REPORT>'"),
+        ("inspect good.ply --set fog=on", "unexpected argument '--set' found"),
     ] {
-        place.refused(args, &[says, "(--help lists the options)"]);
+        place.refused(words, &[says, "(--help lists the options)"]);
     }
-    let bare = place.run([] as [&str; 0]);
+    let bare = place.outcome([] as [&str; 0]);
     assert_eq!(bare.status.code(), Some(2));
 }
 
 #[test]
 fn numbers_and_words() {
-    let place = Place::new();
+    let place = place();
     let camera = |text: &'static str| ["--camera", text];
     for ([option, value], says) in [
         (["--size", "0x0"], "--size"),
@@ -107,7 +102,7 @@ fn numbers_and_words() {
         place.render_refused("good.ply", &[&["--path", "capture"][..], &more].concat(), &[says]);
     }
     place.rendered("good.ply", &["--path", "orbit", "--time", "1"]);
-    fs::remove_file(place.path().join("a.png")).unwrap();
+    fs::remove_file(place.path("a.png")).unwrap();
     let long = place.render_refused("good.ply", &["--camera", "1e308,0,0:-1e308,0,0"], &[]);
     assert!(long.len() < 300, "{long}");
     let says = "4294967295 frames are too many for one run: the maximum is 1000000";
@@ -124,7 +119,7 @@ fn numbers_and_words() {
 
 #[test]
 fn what_is_odd_but_works() {
-    let place = Place::new();
+    let place = place();
     for more in [
         &["--size", "1x1"][..],
         &["--fov", "0.1"],
@@ -138,28 +133,16 @@ fn what_is_odd_but_works() {
         &["--weather", "fog", "--set", "fog.mor=inf"],
     ] {
         place.rendered("good.ply", more);
-        fs::remove_file(place.path().join("a.png")).unwrap();
+        fs::remove_file(place.path("a.png")).unwrap();
     }
 }
 
 #[test]
 fn outputs_that_cannot_be() {
-    let place = Place::new();
+    let place = place();
     place.put("file", "");
-    fs::create_dir(place.path().join("folder.png")).unwrap();
+    fs::create_dir(place.path("folder.png")).unwrap();
     for (out, says) in [
-        (
-            "missing/a.png",
-            "missing/a.png: cannot be written: the folder \"missing\" does not exist; create it",
-        ),
-        (
-            "missing/a.exr",
-            "missing/a.exr: cannot be written: the folder \"missing\" does not exist; create it",
-        ),
-        (
-            "missing/a.mp4",
-            "missing/a.mp4: cannot be written: the folder \"missing\" does not exist; create it",
-        ),
         ("file/a.png", "file/a.png: cannot be written: "),
         ("file/frames", "cannot create the folder file/frames: "),
         ("file", "--out file: is not a folder; give a folder, or a name that ends in .png"),
@@ -172,8 +155,13 @@ fn outputs_that_cannot_be() {
         place.render_refused("good.ply", &["--out", "/proc/a.png"], &["/proc/a.png: cannot be written: "]);
         place.render_refused("good.ply", &["--out", "/dev/full"], &["--out /dev/full: is not a folder"]);
     }
-    let says = "missing/p.json: cannot be written: the folder \"missing\" does not exist; create it";
-    place.render_refused("good.ply", &["--save-path", "missing/p.json"], &[says]);
+    for (option, name) in
+        [("--out", "a.png"), ("--out", "a.exr"), ("--out", "a.mp4"), ("--save-path", "p.json")]
+    {
+        let path = format!("missing/{name}");
+        let says = format!("{path}: cannot be written: the folder \"missing\" does not exist; create it");
+        place.render_refused("good.ply", &[option, &path], &[&says]);
+    }
 
     let mine = place.put("mine.png", "mine");
     let mut rights = fs::metadata(&mine).unwrap().permissions();
@@ -189,7 +177,7 @@ fn outputs_that_cannot_be() {
 
 #[test]
 fn videos_that_cannot_be() {
-    let place = Place::new();
+    let place = place();
     let video = ["--out", "a.mp4", "--seconds", "0.1"];
     let refuse = |more: &[&str], says: &str| {
         place.render_refused("good.ply", &[&video, more].concat(), &["a.mp4: ", says]);
@@ -203,7 +191,7 @@ fn videos_that_cannot_be() {
     } else {
         refuse(&[], "this program was built without its H.264 encoder: use --encoder ffmpeg");
     }
-    let mut no_ffmpeg = place.command(render("good.ply", &[&video, &["--encoder", "ffmpeg"][..]].concat()));
+    let mut no_ffmpeg = place.program(render("good.ply", &[&video, &["--encoder", "ffmpeg"][..]].concat()));
     let error = place.refused_by(no_ffmpeg.env("PATH", ""), &["a.mp4: cannot start ffmpeg", "install it"]);
     assert_eq!(error.matches("os error").count(), 1, "{error}");
     let says = "--also is for pictures and folders of frames: give --out a folder";
@@ -212,7 +200,7 @@ fn videos_that_cannot_be() {
 
 #[test]
 fn camera_files() {
-    let place = Place::new();
+    let place = place();
     let key = r#"{"time": 0, "eye": [0, -6, 2], "target": [0, 0, 2]}"#;
     for (text, says) in [
         ("".to_owned(), "p.json: the file is empty"),
@@ -258,13 +246,13 @@ fn camera_files() {
     place.put("p.json", format!("{{\"keyframes\": [{key}]}}"));
     place.rendered("good.ply", &["--camera", "p.json"]);
     place.rendered("good.ply", &["--path", "p.json", "--out", "frames", "--seconds", "0.1"]);
-    assert_eq!(fs::read_dir(place.path().join("frames")).unwrap().count(), 4);
+    assert_eq!(fs::read_dir(place.path("frames")).unwrap().count(), 4);
 }
 
 /// A picture replaces another where that is asked for, but nothing that is read.
 #[test]
 fn pictures_spare_what_is_read() {
-    let place = Place::new();
+    let place = place();
     place.rendered("good.ply", &["--save-path", "p.json", "--size", "64x32"]);
     place.rendered("good.ply", &["--set", "sky.panorama=a.png", "--out", "b.png"]);
     place.rendered("good.ply", &["--out", "b.png"]);
@@ -280,19 +268,19 @@ fn pictures_spare_what_is_read() {
     }
     // Unasked nothing is replaced, whatever a command writes.
     for (words, file) in [
-        (&["render", "good.ply", "--out", "b.png"][..], "b.png"),
-        (&["render", "good.ply", "--out", "c.png", "--save-path", "p.json"], "p.json"),
-        (&["render", "good.ply", "--out", "c.png", "--also", "depth"], "c.depth.png"),
-        (&["scan", "good.ply", "--out", "c.ply", "--picture", "above"], "c-above.png"),
-        (&["inspect", "good.ply", "--light", "--light-picture", "b.png"], "b.png"),
+        ("render good.ply --out b.png", "b.png"),
+        ("render good.ply --out c.png --save-path p.json", "p.json"),
+        ("render good.ply --out c.png --also depth", "c.depth.png"),
+        ("scan good.ply --out c.ply --picture above", "c-above.png"),
+        ("inspect good.ply --light --light-picture b.png", "b.png"),
     ] {
-        if !place.path().join(file).exists() {
-            fs::write(place.path().join(file), "mine").unwrap();
+        if !place.path(file).exists() {
+            place.put(file, "mine");
         }
         let says = format!("{file}: exists already; choose another name, or replace it with --overwrite");
-        place.refused(words.to_vec(), &[&says]);
+        place.refused(words, &[&says]);
     }
-    place.put("x.depth.png", fs::read(place.path().join("a.png")).unwrap());
+    place.put("x.depth.png", place.read("a.png"));
     let more = ["--set", "sky.panorama=x.depth.png", "--also", "depth", "--out", "x.png"];
     place.render_refused("good.ply", &more, &[&format!("x.depth.png: {lost}")]);
 }

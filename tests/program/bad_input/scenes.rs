@@ -4,17 +4,17 @@ use super::*;
 use std::time::{Duration, Instant};
 
 /// Renders and inspects a spoilt scene; both must say the same.
-fn both_refuse(place: &Place, scene: &str, says: &[&str]) {
+fn both_refuse(place: &Workshop, scene: &str, says: &[&str]) {
     let named = [&[scene][..], says].concat();
     let error = place.render_refused(scene, &[], &named);
-    assert_eq!(place.refused(["inspect", scene], &named), error);
-    assert_eq!(place.refused(["inspect", "--json", scene], &named), error);
+    assert_eq!(place.refuses(["inspect", scene], &named), error);
+    assert_eq!(place.refuses(["inspect", "--json", scene], &named), error);
 }
 
 #[test]
 fn what_is_no_scene() {
-    let place = Place::new();
-    fs::create_dir(place.path().join("folder")).unwrap();
+    let place = place();
+    fs::create_dir(place.path("folder")).unwrap();
     place.put("empty.ply", "");
     place.put("text.ply", "hello world\n");
     place.put("text.txt", "hello world\n");
@@ -40,7 +40,7 @@ fn what_is_no_scene() {
 
 #[test]
 fn what_is_cut() {
-    let place = Place::new();
+    let place = place();
     let whole = Ply::sound().bytes();
     let body = whole.len() - 60 * 14 * 4;
     for end in [4, 20, 45, 70, 150, body - 12, body - 2] {
@@ -58,7 +58,7 @@ fn what_is_cut() {
 
 #[test]
 fn promises_take_neither_memory_nor_time() {
-    let place = Place::new();
+    let place = place();
     let nine = "9223372036854775808";
     for (count, says) in [
         ("1000000000000", "cut off: the header promises 1000000000000 splats, at least"),
@@ -82,7 +82,7 @@ fn promises_take_neither_memory_nor_time() {
             let script = "ulimit -v 2097152; exec \"$@\"";
             let mut limited = Command::new("sh");
             limited.args(["-c", script, "sh", env!("CARGO_BIN_EXE_weather-magician")]);
-            limited.args(render("binary.ply", &[])).current_dir(place.path()).stdin(Stdio::null());
+            limited.args(render("binary.ply", &[])).current_dir(&place.path("")).stdin(Stdio::null());
             place.refused_by(&mut limited, &["binary.ply", says]);
         }
     }
@@ -90,7 +90,7 @@ fn promises_take_neither_memory_nor_time() {
 
 #[test]
 fn properties_that_are_not_there() {
-    let place = Place::new();
+    let place = place();
     for name in ["x", "opacity", "scale_0", "rot_0", "f_dc_0"] {
         let index = PROPERTIES.iter().position(|p| *p == name).unwrap();
         let mut ply = Ply::sound();
@@ -123,11 +123,11 @@ fn properties_that_are_not_there() {
 /// of the other splats, on any number of threads.
 #[test]
 fn numbers_that_are_none() {
-    let place = Place::new();
+    let place = place();
     let picture = |scene: &str, more: &[&str]| {
         place.rendered(scene, &[&["--out", "picture.npy"], more].concat());
-        let bytes = fs::read(place.path().join("picture.npy")).unwrap();
-        fs::remove_file(place.path().join("picture.npy")).unwrap();
+        let bytes = place.read("picture.npy");
+        fs::remove_file(place.path("picture.npy")).unwrap();
         bytes
     };
     let mut others = Ply::sound();
@@ -138,18 +138,9 @@ fn numbers_that_are_none() {
 
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let in_every = PROPERTIES.map(|name| (name, nan));
-    for (name, value) in in_every.into_iter().chain([
-        ("x", inf),
-        ("y", -inf),
-        ("scale_1", inf),
-        ("rot_0", inf),
-        ("rot_3", -inf),
-        ("f_dc_2", inf),
-    ]) {
-        let mut ply = Ply::sound();
-        let index = PROPERTIES.iter().position(|p| *p == name).unwrap();
-        ply.rows[7][index] = value;
-        place.put("a.ply", ply.bytes());
+    let some = [("x", inf), ("y", -inf), ("scale_1", inf), ("rot_0", inf), ("rot_3", -inf), ("f_dc_2", inf)];
+    for (name, value) in in_every.into_iter().chain(some) {
+        place.put("a.ply", Ply::with(name, value).bytes());
         let (field, key) = match name.split('_').next().unwrap() {
             "f" => ("colours", "sh"),
             "opacity" => ("opacities", "opacity"),
@@ -161,25 +152,17 @@ fn numbers_that_are_none() {
             format!("a.ply: 1 of 60 splats hold NaN, infinite or absurd numbers (1 in {field}); --repair");
         place.render_refused("a.ply", &[], &[&says]);
         assert_eq!(picture("a.ply", &["--repair"]), expected, "{name} {value}");
-        let report = place.run(["inspect", "--json", "a.ply"]);
-        assert!(report.status.success());
-        let report: serde_json::Value = serde_json::from_slice(&report.stdout).unwrap();
-        assert_eq!((&report["health"]["faulty"], &report["health"]["faults"][key]), (&1.into(), &1.into()));
+        let health = &place.inspected("a.ply")["health"];
+        assert_eq!((&health["faulty"], &health["faults"][key]), (&1.into(), &1.into()));
     }
     assert_eq!(picture("a.ply", &["--repair", "--threads", "3"]), expected);
-    let said = place.run(["inspect", "a.ply"]);
-    let said = String::from_utf8_lossy(&said.stdout).into_owned();
-    assert!(
-        said.contains("1 colours that are NaN, infinite or absurdly bright: not rendered: `render --repair`"),
-        "{said}"
-    );
+    let printed = place.run("inspect a.ply");
+    let says = "1 colours that are NaN, infinite or absurdly bright: not rendered: `render --repair`";
+    assert!(printed.contains(says), "{printed}");
 
     // These are numbers after activation: fully opaque, fully clear, and flat.
     for (name, value) in [("opacity", inf), ("opacity", -inf), ("scale_0", -inf)] {
-        let mut ply = Ply::sound();
-        let index = PROPERTIES.iter().position(|p| *p == name).unwrap();
-        ply.rows[7][index] = value;
-        place.put("a.ply", ply.bytes());
+        place.put("a.ply", Ply::with(name, value).bytes());
         assert_eq!(picture("a.ply", &[]), picture("a.ply", &["--threads", "2"]));
     }
 
@@ -189,14 +172,13 @@ fn numbers_that_are_none() {
     let says =
         "a.ply: 60 of 60 splats hold NaN, infinite or absurd numbers (60 in positions); nothing is left";
     place.render_refused("a.ply", &["--repair"], &[says]);
-    let report = place.run(["inspect", "--json", "a.ply"]);
-    let report: serde_json::Value = serde_json::from_slice(&report.stdout).unwrap();
-    assert_eq!((&report["health"]["faulty"], &report["health"]["bounds"]), (&60.into(), &().into()));
+    let health = &place.inspected("a.ply")["health"];
+    assert_eq!((&health["faulty"], &health["bounds"]), (&60.into(), &().into()));
 }
 
 #[test]
 fn what_lies_beside_a_scene() {
-    let place = Place::new();
+    let place = place();
     place.put("good.ply.wm.toml", "ground = 1.0\nmeters_per_unit = 2.0\n");
     let says =
         ["good.ply.wm.toml, line 2, column 1: unknown field `meters_per_unit`", "correct or remove it"];
@@ -205,7 +187,7 @@ fn what_lies_beside_a_scene() {
     both_refuse(&place, "good.ply", &["good.ply.wm.toml, line 1, column 1: metres_per_unit is -2"]);
     place.put("good.ply.wm.toml", b"ground = \xff");
     both_refuse(&place, "good.ply", &["good.ply.wm.toml: cannot be read"]);
-    fs::remove_file(place.path().join("good.ply.wm.toml")).unwrap();
+    fs::remove_file(place.path("good.ply.wm.toml")).unwrap();
 
     place.put("training/point_cloud/iteration_7/point_cloud.ply", Ply::sound().bytes());
     place.put("training/cameras.json", "[{\"id\": 0,\n \"img_name\": 3}]");
@@ -219,8 +201,8 @@ fn what_lies_beside_a_scene() {
 
 #[test]
 fn views_that_are_none() {
-    let place = Place::new();
-    fs::create_dir(place.path().join("empty")).unwrap();
+    let place = place();
+    fs::create_dir(place.path("empty")).unwrap();
     place.put("half/cameras.bin", [1, 0, 0]);
     place.put("cut/cameras.bin", [1, 0, 0]);
     place.put("cut/images.bin", [0; 8]);
@@ -258,7 +240,7 @@ fn views_that_are_none() {
 
 #[test]
 fn real_files_that_are_no_scene() {
-    let place = Place::new();
+    let place = place();
     if let Some(points) = data("points/garden_points.ply") {
         let said = said(&place.rendered(points.to_str().unwrap(), &["--up", "0,0,1"]));
         assert!(said.contains("points and no splats: each is drawn as a ball"), "{said}");

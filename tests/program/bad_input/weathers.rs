@@ -4,8 +4,8 @@ use super::*;
 
 #[test]
 fn names_and_files() {
-    let place = Place::new();
-    fs::create_dir(place.path().join("folder")).unwrap();
+    let place = place();
+    fs::create_dir(place.path("folder")).unwrap();
     for (name, says) in [
         ("fogg", "there is no weather `fogg`, did you mean `fog`?; the presets are clear, mist, fog"),
         ("quux", "there is no weather `quux`; the presets are clear, mist, fog"),
@@ -19,7 +19,7 @@ fn names_and_files() {
 
 #[test]
 fn files_have_line_and_column() {
-    let place = Place::new();
+    let place = place();
     for (text, says) in [
         ("[fog\nmor = 3\n", "w.toml:1:5: unclosed table, expected `]`"),
         ("\n[fog]\nmor = \"thick\"\n", "w.toml:3:7: fog.mor is `thick`: must be a number from 1"),
@@ -58,7 +58,7 @@ fn files_have_line_and_column() {
 
 #[test]
 fn overrides() {
-    let place = Place::new();
+    let place = place();
     for (text, says) in [
         ("", "must be effect.parameter=value, as in fog.mor=120"),
         ("fog.mor", "must be effect.parameter=value, as in fog.mor=120"),
@@ -97,7 +97,7 @@ fn overrides() {
 
 #[test]
 fn light_that_cannot_be() {
-    let place = Place::new();
+    let place = place();
     let shadows = ["--set", "light.cloud_shadows=on"];
     for (options, says) in [
         (&["--set", "light.model=clear", "--set", "light.hour=12"][..], "light.hour needs a place"),

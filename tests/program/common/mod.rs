@@ -1,11 +1,15 @@
 //! Helpers of the tests of rendered output: scenes of flat cards, the binary, readers of pictures.
 
+use crate::process::{listing, printed, refuses, said, succeeds};
 use glam::DVec3;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 use weather_magician::{FrameRequest, Picture, Renderer, Weather};
-use wm_scene::formats::write_scene;
+use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Metadata, Scene, Splats};
 
@@ -32,27 +36,68 @@ pub fn binary() -> Command {
 ///
 /// # Panics
 /// With all that it said, if it fails.
-pub fn run(arguments: &[String]) -> Output {
+pub fn run(arguments: &[impl AsRef<OsStr>]) -> Output {
+    // However long it takes.
     let output = binary().args(arguments).output().expect("the binary starts");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {}: {said}", output.status);
+    assert!(output.status.success(), "{:?}: {}", output.status, said(&output));
     output
 }
 
-/// A folder for scenes and pictures that goes away with the value.
+/// A folder for scenes and pictures, in which commands run; it goes away with the value.
 pub struct Workshop {
     folder: TempDir,
+    /// The words with which [`Self::command`] begins.
+    usual: String,
+    /// Beginnings of lines that may be printed beside an error.
+    remarks: &'static [&'static str],
+    /// True if weights that this user has downloaded are not found.
+    has_own_weights: bool,
 }
 
 impl Workshop {
     /// An empty one.
     pub fn new() -> Self {
-        Self { folder: tempfile::tempdir().expect("a folder for the test") }
+        Self::with("", &["warning: "])
+    }
+
+    /// An empty one whose commands begin with words, and whose errors may come with remarks.
+    pub fn with(usual: impl Into<String>, remarks: &'static [&'static str]) -> Self {
+        let folder = tempfile::tempdir().expect("a folder for the test");
+        Self { folder, usual: usual.into(), remarks, has_own_weights: false }
+    }
+
+    /// The same, whose commands find no weights of networks that this user has downloaded.
+    pub fn with_own_weights(self) -> Self {
+        Self { has_own_weights: true, ..self }
     }
 
     /// Returns the path of the file `name`.
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.folder.path().join(name)
+    }
+
+    /// Writes a file, and makes the folders that it lies in.
+    pub fn put(&self, name: impl AsRef<Path>, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().expect("it lies in a folder")).expect("the folder is made");
+        std::fs::write(&path, content).expect("the file is written");
+        path
+    }
+
+    /// Reads a file.
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// Returns what `inspect` tells of a scene.
+    pub fn inspected(&self, scene: &str) -> Value {
+        let report = succeeds(&mut self.program(["inspect", "--json", scene]));
+        serde_json::from_slice(&report.stdout).expect("it is JSON")
+    }
+
+    /// Reads a scene.
+    pub fn open(&self, name: &str) -> Scene {
+        read_scene(&self.path(name), &ReadOptions::default()).expect("the scene is read")
     }
 
     /// Writes a scene as PLY.
@@ -61,6 +106,37 @@ impl Workshop {
         let scene = Scene { splats, metadata: metadata.clone(), ..Scene::default() };
         write_scene(&path, &scene).expect("the scene is written");
         path
+    }
+
+    /// Returns the binary with arguments, in this folder, without an input.
+    pub fn program<S: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = S>) -> Command {
+        let mut command = binary();
+        command.args(arguments).current_dir(&self.folder).stdin(Stdio::null());
+        if self.has_own_weights {
+            command.env("XDG_CACHE_HOME", self.path("cache"));
+        }
+        command
+    }
+
+    /// Returns a command with `words` after the usual ones, apart by spaces.
+    pub fn command(&self, words: &str) -> Command {
+        self.program(self.usual.split_whitespace().chain(words.split_whitespace()))
+    }
+
+    /// Runs a command that must succeed, and returns what it prints.
+    pub fn run(&self, words: &str) -> String {
+        printed(&succeeds(&mut self.command(words)))
+    }
+
+    /// Runs a command that must be refused with one line that holds each of `says`, and leave
+    /// everything as it was.
+    pub fn refused(&self, words: &str, says: &[&str]) -> String {
+        self.refused_by(&mut self.command(words), says)
+    }
+
+    /// [`Self::refused`] of a command as it is.
+    pub fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
+        refuses(command, self.folder.path(), says, self.remarks)
     }
 
     /// The arguments that render `scene` to `out` with further `options`, words apart by spaces.
@@ -83,7 +159,8 @@ impl Workshop {
     ///
     /// # Panics
     /// If a frame alone is not that of the sequence, or if two of the three are equal.
-    pub fn check_frames_alone(&self, scene: &Path, view: &ViewArgs, weather: &Path) {
+    pub fn check_frames_alone(&self, scene: &Path, view: &ViewArgs, weather: &str) {
+        let weather = self.put("weather.toml", weather);
         let shared = format!("--weather {} --assets off", weather.display());
         let folder = self.render(scene, view, "all", &format!("{shared} --seconds 4 --fps 2 --threads 1"));
         let mut different = std::collections::BTreeSet::new();
@@ -95,6 +172,21 @@ impl Workshop {
         }
         assert_eq!(different.len(), 3);
     }
+}
+
+/// The files below a folder by their paths in it.
+pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let all = listing(folder).into_iter().filter(|(path, _)| path.is_file());
+    all.map(|(path, bytes)| (path.strip_prefix(folder).unwrap().to_owned(), bytes)).collect()
+}
+
+/// Names in a folder, sorted.
+pub fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
 }
 
 /// A camera on the command line.

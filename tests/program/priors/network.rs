@@ -5,7 +5,7 @@ use super::*;
 #[cfg(not(feature = "nets"))]
 #[test]
 fn a_build_without_networks_says_so() {
-    let desk = Desk::new();
+    let desk = desk();
     for options in ["--source network", "--weights x", "--network large --offline"] {
         desk.refused(options, &["this build has no neural networks", "`--features nets`"]);
     }
@@ -34,7 +34,7 @@ mod with_networks {
 
     #[test]
     fn bad_weights_are_named() {
-        let desk = Desk::new();
+        let desk = desk();
         let file = weights();
         let bytes = fs::read(&file).unwrap();
         desk.put("cut.safetensors", &bytes[..bytes.len() - 9]);
@@ -42,30 +42,20 @@ mod with_networks {
         let other = [&(header.len() as u64).to_le_bytes()[..], header, &[0; 4]].concat();
         desk.put("other.safetensors", other);
         let zeros = "0".repeat(64);
+        let with_file = |name: &str| with(Path::new(name), "");
+        let checksum = format!("--checksum {zeros}");
+        let absent =
+            ["depth-anything-v2-base.safetensors: is not there", "--offline", "huggingface.co", "--weights"];
         for (options, says) in [
-            (with(Path::new("x.pth"), ""), &["x.pth: cannot be read: "][..]),
-            (
-                with(Path::new("cut.safetensors"), ""),
-                &["cut.safetensors: damaged or cut off", "copy it again"],
-            ),
-            (with(Path::new("other.safetensors"), ""), &["other.safetensors: no tensors of Depth Anything"]),
+            (with_file("x.pth"), &["x.pth: cannot be read: "][..]),
+            (with_file("cut.safetensors"), &["cut.safetensors: damaged or cut off", "copy it again"]),
+            (with_file("other.safetensors"), &["other.safetensors: no tensors of Depth Anything"]),
             (with(&file, "--version v1"), &["model.safetensors"]),
             (with(&file, "--network large"), &["the network is of no published size, not large"]),
-            (
-                with(&file, &format!("--checksum {zeros}")),
-                &["model.safetensors: has SHA-256 ", "get it again"],
-            ),
+            (with(&file, &checksum), &["model.safetensors: has SHA-256 ", "get it again"]),
             (with(&file, "--checksum 12"), &["--checksum: \"12\" is no SHA-256"]),
-            (with(&file, &with(&file, &format!("--checksum {zeros}"))), &["--checksum is that of one file"]),
-            (
-                "--offline --network base".into(),
-                &[
-                    "depth-anything-v2-base.safetensors: is not there",
-                    "--offline",
-                    "huggingface.co",
-                    "--weights",
-                ],
-            ),
+            (with(&file, &with(&file, &checksum)), &["--checksum is that of one file"]),
+            ("--offline --network base".into(), &absent),
         ] {
             desk.refused(&options, says);
         }
@@ -73,12 +63,12 @@ mod with_networks {
         let small = "cache/weather-magician/depth-anything-v2-small.safetensors";
         desk.put(small, "no weights");
         desk.refused("--offline --network small", &[small, "neither a safetensors file"]);
-        desk.refused(&format!("--offline --checksum {zeros}"), &[small, "SHA-256"]);
+        desk.refused(&format!("--offline {checksum}"), &[small, "SHA-256"]);
     }
 
     #[test]
     fn a_network_that_says_nothing_of_the_place_is_left_out() {
-        let desk = Desk::new();
+        let desk = desk();
         desk.refused(&with(&weights(), ""), &["out: none of 4 photos has a prior; 00000.png: "]);
     }
 
@@ -86,10 +76,9 @@ mod with_networks {
     #[test]
     fn what_the_network_says_is_fitted_to_points() {
         const FIT: (f64, f64) = (0.3, 1.0);
-        let desk = Desk::new();
-        let options = DatasetOptions { size: (84, 84), count: 3, ..PHOTOS };
-        dataset::write(&Street::builtin(), &desk.at("set"), &options, &mut |_| true).unwrap();
-        let mut made = capture(&desk.at("set"));
+        let desk = desk();
+        write_set(&desk, &DatasetOptions { size: (84, 84), count: 3, ..PHOTOS });
+        let mut made = capture(&desk.path("set"));
         let photos = Photos::open(&made, &PhotoOptions::default()).unwrap();
         let network = DepthAnything::read(&[weights()], Version::V2).unwrap();
         (made.points, made.observations) = (SparsePoints::default(), vec![Vec::new(); 3]);
@@ -115,10 +104,9 @@ mod with_networks {
             largest = largest.max(f64::from(most));
         }
         assert!(largest > 0.0 && made.points.len() > 100, "{largest} {}", made.points.len());
-        write::write(&made, &desk.at("set/sparse/0"), ColmapStorage::Binary).unwrap();
-        let output = finish(&mut desk.command_on(Path::new("set"), &with(&weights(), "")));
-        assert!(output.status.success(), "{}", said(&output));
-        let priors = Priors::open(&desk.at("set/priors")).unwrap().unwrap();
+        write::write(&made, &desk.path("set/sparse/0"), ColmapStorage::Binary).unwrap();
+        succeeds(&mut command_on_set(&desk, &with(&weights(), "")));
+        let priors = Priors::open(&desk.path("set/priors")).unwrap().unwrap();
         assert!(priors.index().source.starts_with("network: Depth Anything V2"), "{}", priors.index().source);
         for place in 0..3 {
             let view = &made.views[place];

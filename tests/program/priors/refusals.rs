@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn options_that_do_not_go_together() {
-    let desk = Desk::new();
+    let desk = desk();
     for (options, says) in [
         ("--source files", &["--source files needs maps", "--depth, --normal or --sky"][..]),
         ("--source photos --sky x", &["--sky cannot be used with the source photos"]),
@@ -20,25 +20,20 @@ fn options_that_do_not_go_together() {
     }
     let output = finish(&mut desk.command("--normal x"));
     assert!(!output.status.success() && said(&output).contains("--normal-axes"), "{}", said(&output));
-    let nowhere = finish(&mut desk.command_on(Path::new("nowhere"), ""));
-    assert!(
-        !nowhere.status.success() && said(&nowhere).starts_with("error: nowhere: "),
-        "{}",
-        said(&nowhere)
-    );
+    let nowhere = finish(&mut desk.program(["priors", "nowhere"]));
+    let told = said(&nowhere);
+    assert!(!nowhere.status.success() && told.starts_with("error: nowhere: "), "{told}");
 }
 
 #[test]
 fn maps_that_do_not_fit() {
-    let desk = Desk::new();
-    desk.maps("tall", "depth", |_, depth| (depth, vec![120, 80]));
+    let desk = desk();
+    maps(&desk, "tall", "depth", |_, depth| (depth, vec![120, 80]));
     let options = "--depth-unit units";
-    desk.refused(
-        &format!("--depth tall {options}"),
-        &["tall/00000.npy", "the map is 80x120 px, its photo 120x80"],
-    );
-    desk.maps("cut", "depth", |_, depth| (depth, SHAPE.to_vec()));
-    let bytes = fs::read(desk.at("cut/00000.npy")).unwrap();
+    let says = ["tall/00000.npy", "the map is 80x120 px, its photo 120x80"];
+    desk.refused(&format!("--depth tall {options}"), &says);
+    maps(&desk, "cut", "depth", |_, depth| (depth, SHAPE.to_vec()));
+    let bytes = desk.read("cut/00000.npy");
     desk.put("cut/00000.npy", &bytes[..bytes.len() / 2]);
     desk.refused(&format!("--depth cut {options}"), &["cut/00000.npy", "cut off"]);
     // 16-bit counts that do not say what they are.
@@ -49,48 +44,42 @@ fn maps_that_do_not_fit() {
     encoder.write_header().unwrap().write_image_data(&[1; 2 * 9600]).unwrap();
     desk.put("counts/00000.png", &grey);
     desk.refused("--depth counts", &["counts/00000.png: holds whole numbers", "such as mm"]);
-    desk.maps("inside", "normal", |_, normal| (normal.iter().map(|v| -v).collect(), vec![80, 120, 3]));
+    maps(&desk, "inside", "normal", |_, normal| (normal.iter().map(|v| -v).collect(), vec![80, 120, 3]));
     desk.refused("--normal inside --normal-axes world", &["inside/00000.npy", "look away from the camera"]);
-    desk.maps("white", "sky", |_, sky| (vec![1.0; sky.len()], SHAPE.to_vec()));
+    maps(&desk, "white", "sky", |_, sky| (vec![1.0; sky.len()], SHAPE.to_vec()));
     desk.refused("--sky white", &["out: none of 4 photos has a prior; 00000.png: all of it is sky"]);
     // Depth where the form says disparity.
-    let depth = format!("--depth {}/depth", shared().join("set/truth").display());
-    desk.refused(
-        &format!("{depth} --depth-form disparity"),
-        &["out: none of 4 photos has a prior; 00000.png: "],
-    );
+    let depth = shared().path("set/truth/depth");
+    let says = "out: none of 4 photos has a prior; 00000.png: ";
+    desk.refused(&format!("--depth {} --depth-form disparity", depth.display()), &[says]);
 }
 
 #[test]
 fn too_few_points() {
-    let desk = Desk::new();
-    let options = DatasetOptions { points: 15, count: 3, ..PHOTOS };
-    dataset::write(&Street::builtin(), &desk.at("set"), &options, &mut |_| true).unwrap();
+    let desk = desk();
+    write_set(&desk, &DatasetOptions { points: 15, count: 3, ..PHOTOS });
     let depth = "--depth set/truth/depth";
     for (options, says) in [
         ("--depth-scale relative", "points fall on known depth, 20 are needed"),
         ("", "no map follows the points of the model, so its scale is not found; give --metres-per-unit"),
     ] {
-        let mut command = desk.command_on(Path::new("set"), &format!("-o out {depth} {options}"));
-        refuses(&mut command, desk.0.path(), &[says], &REMARKS);
+        let mut command = command_on_set(&desk, &format!("-o out {depth} {options}"));
+        desk.refused_by(&mut command, &[says]);
     }
     // A scale that is known needs none.
-    let mut command = desk.command_on(Path::new("set"), &format!("-o out {depth} --metres-per-unit 1"));
+    let mut command = command_on_set(&desk, &format!("-o out {depth} --metres-per-unit 1"));
     assert!(finish(&mut command).status.success());
 }
 
 #[test]
 fn a_data_set_that_cannot_be_written_to() {
-    let desk = Desk::new();
-    dataset::write(&Street::builtin(), &desk.at("set"), &DatasetOptions { count: 3, ..PHOTOS }, &mut |_| {
-        true
-    })
-    .unwrap();
+    let desk = desk();
+    write_set(&desk, &DatasetOptions { count: 3, ..PHOTOS });
     // Whoever may write everywhere cannot make a folder of a file either.
     desk.put("set/priors", "a file");
     let sky = "--sky set/truth/sky";
     for options in ["", sky] {
-        let mut command = desk.command_on(Path::new("set"), options);
-        refuses(&mut command, desk.0.path(), &["set/priors", "give another folder with -o"], &REMARKS);
+        let mut command = command_on_set(&desk, options);
+        desk.refused_by(&mut command, &["set/priors", "give another folder with -o"]);
     }
 }

@@ -5,12 +5,9 @@ use super::*;
 #[cfg(not(feature = "nets"))]
 #[test]
 fn a_build_without_networks_says_so() {
-    let place = Place::new();
-    place.refused(
-        "set",
-        &["--lpips", "x"],
-        &["--lpips: this build has no neural networks", "`--features nets`"],
-    );
+    let place = place();
+    let says = ["--lpips: this build has no neural networks", "`--features nets`"];
+    place.untrained("set", &["--lpips", "x"], &says);
 }
 
 #[cfg(feature = "nets")]
@@ -20,7 +17,7 @@ mod with_networks {
 
     /// AlexNet in one file and the heads in another, with numbers that keep what goes through
     /// alive.
-    fn put_weights(place: &Place) {
+    fn put_weights(place: &Workshop) {
         let (heads, network): (Vec<_>, Vec<_>) =
             wm_nets::lpips::tensors().into_iter().partition(|(name, _)| name.starts_with("lin"));
         for (file, tensors) in [("alexnet.safetensors", network), ("heads.safetensors", heads)] {
@@ -45,7 +42,7 @@ mod with_networks {
     }
 
     /// LPIPS in each line of the metrics that has held-out photos.
-    fn measured(place: &Place) -> Vec<Option<f64>> {
+    fn measured(place: &Workshop) -> Vec<Option<f64>> {
         let text = String::from_utf8(place.read("scene.ply.run/metrics.jsonl")).unwrap();
         let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
         let held_out = lines.filter_map(|line| line.get("held_out").cloned());
@@ -61,7 +58,7 @@ mod with_networks {
 
     #[test]
     fn the_report_has_it_where_weights_are_given() {
-        let place = Place::new();
+        let place = place();
         put_weights(&place);
         let hold_out = ["--eval-every", "3"];
         let without = place.trained(&hold_out);
@@ -88,31 +85,26 @@ mod with_networks {
 
     #[test]
     fn weights_that_are_none_are_refused_before_the_training() {
-        let place = Place::new();
+        let place = place();
         put_weights(&place);
         place.put("empty", "");
         place.put("text", "no weights, but a text");
         place.put("cut", &place.read("alexnet.safetensors")[..100_000]);
         for (file, says) in [
-            ("none", "none: cannot be read: "),
-            ("set", "set: cannot be read: it is no file"),
-            ("empty", "empty: the file is empty"),
-            ("text", "text: neither a safetensors file nor one of PyTorch"),
-            ("cut", "cut: damaged or cut off ("),
-            (
-                "heads.safetensors",
-                "heads.safetensors: no tensor features.0.weight of shape [64, 3, 11, 11]; ",
-            ),
-            (
-                "alexnet.safetensors",
-                "alexnet.safetensors: no tensor lin0.model.1.weight of shape [1, 64, 1, 1]; ",
-            ),
+            ("none", "cannot be read: "),
+            ("set", "cannot be read: it is no file"),
+            ("empty", "the file is empty"),
+            ("text", "neither a safetensors file nor one of PyTorch"),
+            ("cut", "damaged or cut off ("),
+            ("heads.safetensors", "no tensor features.0.weight of shape [64, 3, 11, 11]; "),
+            ("alexnet.safetensors", "no tensor lin0.model.1.weight of shape [1, 64, 1, 1]; "),
         ] {
-            place.refused("set", &["--lpips", file, "--eval-every", "3"], &[says]);
+            let says = format!("{file}: {says}");
+            place.untrained("set", &["--lpips", file, "--eval-every", "3"], &[&says]);
         }
         let both = ["--lpips", "alexnet.safetensors", "--lpips", "heads.safetensors"];
-        place.refused("set", &both, &["none are held out; give --eval-every too"]);
+        place.untrained("set", &both, &["none are held out; give --eval-every too"]);
         let small = [&both[..], &["--eval-every", "3", "--longest", "40"]].concat();
-        place.refused("set", &small, &["00000.png: 40x27 px is too small for --lpips, which needs 31"]);
+        place.untrained("set", &small, &["00000.png: 40x27 px is too small for --lpips, which needs 31"]);
     }
 }

@@ -11,12 +11,12 @@ mod resume;
 mod sameness;
 mod videos;
 
-use crate::process::{finish, listing, printed, refuses, said};
+use crate::common::Workshop;
+use crate::process::{finish, listing, printed, said, succeeds};
 use std::ffi::OsStr;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use tempfile::TempDir;
 use wm_capture::colmap::write::ColmapStorage;
 use wm_street::{
     Street,
@@ -43,66 +43,31 @@ const USUAL: [(&str, &str); 5] = [
 const PHOTOS: DatasetOptions = DatasetOptions::TINY;
 
 /// A folder with a sound data set `set` in it, where the program runs.
-struct Place {
-    folder: TempDir,
+fn place() -> Workshop {
+    place_with(&PHOTOS)
 }
 
-impl Place {
-    fn new() -> Self {
-        Self::with(&PHOTOS)
-    }
+fn place_with(options: &DatasetOptions) -> Workshop {
+    let place = Workshop::with("", &REMARKS);
+    dataset::write(&Street::builtin(), &place.path("set"), options, &mut |_| true).unwrap();
+    place
+}
 
-    fn with(options: &DatasetOptions) -> Self {
-        let place = Self { folder: tempfile::tempdir().unwrap() };
-        dataset::write(&Street::builtin(), &place.at("set"), options, &mut |_| true).unwrap();
-        place
-    }
-
-    fn at(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn read(&self, name: &str) -> Vec<u8> {
-        let path = self.at(name);
-        fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-    }
-
-    fn put(&self, name: &str, content: impl AsRef<[u8]>) {
-        let path = self.at(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, content).unwrap();
-    }
-
+impl Workshop {
     /// Writes a configuration for `--config`.
     fn configure(&self, name: &str, config: &TrainConfig) {
         self.put(name, serde_json::to_string(config).unwrap());
     }
 
-    fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
-        command.args(args).current_dir(self.folder.path()).stdin(Stdio::null());
-        command
-    }
-
     /// `reconstruct set` with `more` and what is usual.
     fn trained(&self, more: &[&str]) -> Output {
-        self.succeeds(&mut self.command(reconstruct("set", more)))
+        succeeds(&mut self.program(reconstruct("set", more)))
     }
 
-    fn succeeds(&self, command: &mut Command) -> Output {
-        let output = finish(command);
-        assert!(output.status.success(), "{command:?}: {}", said(&output));
-        output
-    }
-
-    /// Runs a command that must be refused with one line that holds each of `says`, and leave
+    /// Runs a training that must be refused with one line that holds each of `says`, and leave
     /// nothing.
-    fn refused(&self, dataset: &str, more: &[&str], says: &[&str]) -> String {
-        self.refused_by(&mut self.command(reconstruct(dataset, more)), says)
-    }
-
-    fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
-        refuses(command, self.folder.path(), says, &REMARKS)
+    fn untrained(&self, dataset: &str, more: &[&str], says: &[&str]) -> String {
+        self.refused_by(&mut self.program(reconstruct(dataset, more)), says)
     }
 
     /// The lines of a run's metrics: step, and whether held-out photos were measured.

@@ -1,11 +1,12 @@
 //! The files that a training writes.
 
 use super::*;
+use crate::common::read_png;
 use serde_json::Value;
 
 #[test]
 fn a_scene_that_knows_its_place() {
-    let place = Place::new();
+    let place = place();
     // As many splats as make a ground.
     let output = place.trained(&["--eval-every", "3", "--max-splats", "2000"]);
     let printed = printed(&output);
@@ -16,8 +17,7 @@ fn a_scene_that_knows_its_place() {
     }
     assert!(printed.lines().last().unwrap().starts_with("scene.ply: "), "{printed}");
 
-    let report = place.succeeds(&mut place.command(["inspect", "--json", "scene.ply"]));
-    let report: Value = serde_json::from_slice(&report.stdout).unwrap();
+    let report = place.inspected("scene.ply");
     assert_eq!(report["views"], 6);
     assert!(report["health"]["splats"].as_u64().unwrap() >= 250, "{report}");
     let metadata = &report["metadata"];
@@ -27,9 +27,9 @@ fn a_scene_that_knows_its_place() {
     let up: Vec<f64> = metadata["up"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
     assert!(up[2] > 0.9, "{up:?}");
     assert!(metadata["ground"].is_number(), "{metadata}");
-    assert!(place.at("scene.ply.cameras.json").is_file());
+    assert!(place.path("scene.ply.cameras.json").is_file());
 
-    let run = listing(&place.at("scene.ply.run"));
+    let run = listing(&place.path("scene.ply.run"));
     let (believed, run): (Vec<_>, Vec<_>) =
         run.into_keys().partition(|path| path.components().any(|part| part.as_os_str() == "priors"));
     assert!(believed.iter().any(|path| path.ends_with("priors/priors.json")), "{believed:?}");
@@ -45,20 +45,19 @@ fn a_scene_that_knows_its_place() {
 #[cfg(feature = "h264")]
 #[test]
 fn a_flight_along_its_photos() {
-    let place = Place::new();
+    let place = place();
     place.trained(&["--steps", "5"]);
     let words =
         ["render", "scene.ply", "--path", "capture", "--seconds", "0.2", "--fps", "10", "--size", "64x48"];
-    place.succeeds(&mut place.command([&words[..], &["--out", "x.mp4", "--threads", "1"]].concat()));
+    succeeds(&mut place.program([&words[..], &["--out", "x.mp4", "--threads", "1"]].concat()));
     assert!(place.read("x.mp4").windows(4).any(|window| window == b"ftyp"));
 }
 
 #[test]
 fn what_is_known_may_be_given() {
-    let place = Place::new();
+    let place = place();
     place.trained(&["--steps", "5", "--metres-per-unit", "2.5", "--up", "0,0,1"]);
-    let report = place.succeeds(&mut place.command(["inspect", "--json", "scene.ply"]));
-    let report: Value = serde_json::from_slice(&report.stdout).unwrap();
+    let report = place.inspected("scene.ply");
     assert_eq!(report["metadata"]["metres_per_unit"], 2.5);
     assert_eq!(report["metadata"]["up"], serde_json::json!([0.0, 0.0, 1.0]));
 }
@@ -67,18 +66,14 @@ fn what_is_known_may_be_given() {
 /// not.
 #[test]
 fn a_walk_tells_how_large_its_place_is() {
-    let inspected = |place: &Place| -> Value {
-        let report = place.succeeds(&mut place.command(["inspect", "--json", "scene.ply"]));
-        serde_json::from_slice(&report.stdout).unwrap()
-    };
     let walk = DatasetOptions { route: CameraRoute::Walk, count: 8, points: 1500, ..PHOTOS };
-    let place = Place::with(&walk);
+    let place = place_with(&walk);
     let output = place.trained(&["--steps", "2"]);
     let from = "from the camera height of 1.6 m above the ground";
     let line = said(&output);
     let line = line.lines().find(|line| line.starts_with("scale: ")).unwrap();
     assert!(line.ends_with(from) && !said(&output).contains("warning"), "{}", said(&output));
-    let report = inspected(&place);
+    let report = place.inspected("scene.ply");
     let scale = report["metadata"]["metres_per_unit"].as_f64().unwrap();
     assert!(
         (scale - 1.0).abs() < 0.1 && line.starts_with(&format!("scale: {scale:.4} m per unit, ")),
@@ -90,38 +85,37 @@ fn a_walk_tells_how_large_its_place_is() {
 
     // The cameras were 1.6 m up: told otherwise, all is larger. A scale that is given wins.
     place.trained(&["--steps", "2", "--camera-height", "3.2", "--overwrite"]);
-    let report = inspected(&place);
+    let report = place.inspected("scene.ply");
     let larger = report["metadata"]["metres_per_unit"].as_f64().unwrap();
     assert!((larger / scale - 2.0).abs() < 1e-9, "{larger}");
     assert_eq!(report["metadata"]["scale_source"], "the camera height of 3.2 m above the ground");
-    let more = ["--steps", "2", "--camera-height", "3.2", "--metres-per-unit", "7", "--overwrite"];
-    place.trained(&more);
-    let report = inspected(&place);
+    place.trained(&["--steps", "2", "--camera-height", "3.2", "--metres-per-unit", "7", "--overwrite"]);
+    let report = place.inspected("scene.ply");
     assert_eq!(report["metadata"]["metres_per_unit"], 7.0);
     assert!(report["metadata"]["scale_source"].is_null(), "{report}");
 
-    let place = Place::with(&DatasetOptions { points: 1500, ..PHOTOS });
+    let place = place_with(&DatasetOptions { points: 1500, ..PHOTOS });
     let said = said(&place.trained(&["--steps", "2"]));
     for says in
         ["the photos were not taken level: their middle looks down 30 degrees", "warning: scale is not known"]
     {
         assert!(said.contains(says), "{said}");
     }
-    assert!(inspected(&place)["metadata"]["metres_per_unit"].is_null());
+    assert!(place.inspected("scene.ply")["metadata"]["metres_per_unit"].is_null());
 }
 
 /// More is learnt of photos that were never seen than their colour: of a picture of one colour the
 /// error is the variance of the photo.
 #[test]
 fn photos_that_were_held_out_are_met_ever_better() {
-    let place = Place::with(&DatasetOptions { count: 24, points: 1500, ..PHOTOS });
+    let place = place_with(&DatasetOptions { count: 24, points: 1500, ..PHOTOS });
     let more = ["--steps", "240", "--max-splats", "3000", "--eval-every", "8", "--eval-from", "3"];
     place.trained(&[&more[..], &["--resolution", "full", "--threads", "2"]].concat());
     let text = String::from_utf8(place.read("scene.ply.run/metrics.jsonl")).unwrap();
     let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     let psnr: Vec<f64> = lines.filter_map(|line| line["held_out"]["psnr"].as_f64()).collect();
     let flat: Vec<f64> =
-        [3, 11, 19].map(|photo| flat_psnr(&place.at(&format!("set/images/{photo:05}.png")))).into();
+        [3, 11, 19].map(|photo| flat_psnr(&place.path(&format!("set/images/{photo:05}.png")))).into();
     let flat = flat.iter().sum::<f64>() / 3.0;
     let (first, last) = (psnr[0], psnr[psnr.len() - 1]);
     assert!(last > first + 1.0 && last > flat + 2.0, "{psnr:?}, of one colour {flat:.2}");
@@ -129,14 +123,12 @@ fn photos_that_were_held_out_are_met_ever_better() {
 
 /// PSNR of a picture that has the mean colour of a photo everywhere, dB.
 fn flat_psnr(path: &Path) -> f64 {
-    let mut reader =
-        png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    reader.next_frame(&mut bytes).unwrap();
+    let pixels = read_png(path).pixels;
+    let count = pixels.len() as f64;
     let variance = |lane: usize| {
-        let values: Vec<f64> = bytes.iter().skip(lane).step_by(3).map(|v| f64::from(*v) / 255.0).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64
+        let values = || pixels.iter().map(|rgb| f64::from(rgb[lane]) / 255.0);
+        let mean = values().sum::<f64>() / count;
+        values().map(|v| (v - mean).powi(2)).sum::<f64>() / count
     };
     -10.0 * ((0..3).map(variance).sum::<f64>() / 3.0).log10()
 }

@@ -4,87 +4,80 @@ use super::*;
 
 #[test]
 fn data_sets_that_are_none() {
-    let place = Place::new();
-    place.refused("nowhere", &[], &["nowhere: "]);
-    fs::create_dir(place.at("empty")).unwrap();
-    place.refused("empty", &[], &["empty: ", "at least 3 are needed"]);
+    let place = place();
+    place.untrained("nowhere", &[], &["nowhere: "]);
+    fs::create_dir(place.path("empty")).unwrap();
+    place.untrained("empty", &[], &["empty: ", "at least 3 are needed"]);
     place.put("file.txt", "no data set");
-    place.refused("file.txt", &[], &["file.txt"]);
+    place.untrained("file.txt", &[], &["file.txt"]);
     // Photos alone, where there is no COLMAP.
     for name in ["0", "1", "2"] {
         place.put(&format!("plain/{name}.png"), place.read("set/images/00000.png"));
     }
-    let mut command = place.command(reconstruct("plain", &[]));
-    command.env("PATH", place.at("empty")).env_remove("COLMAP");
-    place.refused_by(
-        &mut command,
-        &["neither COLMAP nor pycolmap is installed", "install one with `pip install pycolmap`"],
-    );
+    let mut command = place.program(reconstruct("plain", &[]));
+    command.env("PATH", place.path("empty")).env_remove("COLMAP");
+    let says = ["neither COLMAP nor pycolmap is installed", "install one with `pip install pycolmap`"];
+    place.refused_by(&mut command, &says);
     place.put("tiny/a.png", place.read("set/images/00000.png"));
     place.put("tiny/b.png", place.read("set/images/00001.png"));
-    tiny_photo(&place.at("tiny/c.png"));
-    place.refused("tiny", &[], &["tiny/c.png: 2x2 px is too small to find its camera"]);
-    place.refused_by(
-        place.command(reconstruct("plain", &[])).env("COLMAP", "no/such"),
-        &["no/such: cannot be started"],
-    );
-}
-
-/// Writes a photo of 2 x 2 px.
-fn tiny_photo(path: &Path) {
-    let mut encoder = png::Encoder::new(fs::File::create(path).unwrap(), 2, 2);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.write_header().unwrap().write_image_data(&[100; 12]).unwrap();
+    lies::png_of(&place.path("tiny/c.png"), (2, 2), 100);
+    place.untrained("tiny", &[], &["tiny/c.png: 2x2 px is too small to find its camera"]);
+    let mut command = place.program(reconstruct("plain", &[]));
+    place.refused_by(command.env("COLMAP", "no/such"), &["no/such: cannot be started"]);
 }
 
 #[test]
 fn models_that_are_too_little() {
-    let place = Place::new();
+    let place = place();
     let images = place.read("set/sparse/0/images.bin");
     place.put("set/sparse/0/images.bin", [0; 8]);
-    place.refused("set", &[], &["set/sparse/0/images.bin: no image is registered in the model"]);
+    place.untrained("set", &[], &["set/sparse/0/images.bin: no image is registered in the model"]);
     place.put("set/sparse/0/images.bin", &images[..images.len() / 2]);
-    place.refused("set", &[], &["set/sparse/0/images.bin: cut off"]);
+    place.untrained("set", &[], &["set/sparse/0/images.bin: cut off"]);
     for (count, says) in [(1, "1 of the photos is registered"), (2, "2 of the photos are registered")] {
-        Place::with(&DatasetOptions { count, ..PHOTOS }).refused("set", &[], &["set: ", says]);
+        place_with(&DatasetOptions { count, ..PHOTOS }).untrained("set", &[], &["set: ", says]);
     }
 }
 
 #[test]
 fn a_model_without_points_is_enough() {
-    let place = Place::with(&DatasetOptions { points: 0, ..PHOTOS });
+    let place = place_with(&DatasetOptions { points: 0, ..PHOTOS });
     let output = place.trained(&[]);
     assert!(said(&output).contains("warning: set: the model has no points"), "{}", said(&output));
-    assert!(place.at("scene.ply").is_file());
+    assert!(place.path("scene.ply").is_file());
 }
 
 #[test]
 fn lenses_that_are_not_read() {
-    let place = Place::with(&DatasetOptions { storage: ColmapStorage::Text, ..PHOTOS });
+    let place = place_with(&DatasetOptions { storage: ColmapStorage::Text, ..PHOTOS });
     let cameras = String::from_utf8(place.read("set/sparse/0/cameras.txt")).unwrap();
     let line = cameras.lines().find(|line| line.contains("PINHOLE")).unwrap();
     let fisheye = format!("{} 0 0 0 0\n", line.replace("SIMPLE_", "").replace("PINHOLE", "OPENCV_FISHEYE"));
     place.put("set/sparse/0/cameras.txt", fisheye);
-    place.refused("set", &[], &["OPENCV_FISHEYE", "`colmap image_undistorter --image_path "]);
+    place.untrained("set", &[], &["OPENCV_FISHEYE", "`colmap image_undistorter --image_path "]);
 }
 
 #[test]
 fn outputs_that_cannot_be() {
-    let place = Place::new();
-    place.refused("set", &["--out", "no/scene.ply"], &["no/scene.ply: ", "the folder \"no\" does not exist"]);
-    place.refused("set", &["--out", "scene.xyz"], &["scene.xyz"]);
-    place.refused("set", &["--out", "set"], &["set"]);
+    let place = place();
+    place.untrained(
+        "set",
+        &["--out", "no/scene.ply"],
+        &["no/scene.ply: ", "the folder \"no\" does not exist"],
+    );
+    place.untrained("set", &["--out", "scene.xyz"], &["scene.xyz"]);
+    place.untrained("set", &["--out", "set"], &["set"]);
     place.put("file", "mine");
     for folder in ["file", "file/run"] {
-        place.refused("set", &["--run-folder", folder], &["cannot make the folder file"]);
+        place.untrained("set", &["--run-folder", folder], &["cannot make the folder file"]);
     }
-    fs::create_dir_all(place.at("scene.ply.run/config.json")).unwrap();
-    place.refused("set", &[], &["scene.ply.run/config.json: cannot be written: it is a folder"]);
+    fs::create_dir_all(place.path("scene.ply.run/config.json")).unwrap();
+    place.untrained("set", &[], &["scene.ply.run/config.json: cannot be written: it is a folder"]);
 }
 
 #[test]
 fn options_that_make_no_training() {
-    let place = Place::new();
+    let place = place();
     let cases: [(&[&str], &str); 11] = [
         (&["--steps", "0"], "--steps"),
         (&["--longest", "4"], "--longest"),
@@ -99,7 +92,7 @@ fn options_that_make_no_training() {
         (&["--model", "sparse/7"], "sparse/7"),
     ];
     for (more, says) in cases {
-        place.refused("set", more, &[says]);
+        place.untrained("set", more, &[says]);
     }
     // What is left to learn from is the least that there may be.
     place.trained(&["--steps", "2", "--eval-every", "2", "--eval-from", "1"]);
@@ -107,8 +100,8 @@ fn options_that_make_no_training() {
 
 #[test]
 fn configurations_that_are_none() {
-    let place = Place::new();
-    place.refused("set", &["--config", "no.json"], &["no.json: cannot be read: "]);
+    let place = place();
+    place.untrained("set", &["--config", "no.json"], &["no.json: cannot be read: "]);
     let config = restless("mcmc", 10);
     let text = serde_json::to_string_pretty(&config).unwrap();
     for (from, to, says) in [
@@ -123,8 +116,8 @@ fn configurations_that_are_none() {
     ] {
         assert!(text.contains(from), "{text}");
         place.put("a.json", text.replace(from, to));
-        place.refused("set", &["--config", "a.json"], &["a.json: ", says]);
+        place.untrained("set", &["--config", "a.json"], &["a.json: ", says]);
     }
     place.put("a.json", &text[..text.len() / 2]);
-    place.refused("set", &["--config", "a.json"], &["a.json: is no configuration of a training: EOF"]);
+    place.untrained("set", &["--config", "a.json"], &["a.json: is no configuration of a training: EOF"]);
 }

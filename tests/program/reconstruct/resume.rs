@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 use wm_train::checkpoint;
 
 /// Starts a training of `config.json` and gives it back once its metrics have this many lines.
-fn started(place: &Place, more: &[&str], lines: usize) -> Child {
+fn started(place: &Workshop, more: &[&str], lines: usize) -> Child {
     let more = [&["--config", "config.json", "--out", "b.ply"][..], more].concat();
-    let mut child = begin(&mut place.command(reconstruct("set", &more)));
-    let metrics = place.at("b.ply.run/metrics.jsonl");
+    let mut child = begin(&mut place.program(reconstruct("set", &more)));
+    let metrics = place.path("b.ply.run/metrics.jsonl");
     let begun = Instant::now();
     while fs::read_to_string(&metrics).map_or(0, |text| text.lines().count()) < lines {
         assert!(child.try_wait().unwrap().is_none(), "it ended before {lines} lines");
@@ -29,24 +29,23 @@ fn signal(child: &Child, name: &str) {
 /// metrics each six of them.
 const STEPS: u32 = 1200;
 
-fn step_of(place: &Place) -> u32 {
-    checkpoint::read(&place.at("b.ply.run/checkpoint.wmtrain")).unwrap().0.step()
+fn step_of(place: &Workshop) -> u32 {
+    checkpoint::read(&place.path("b.ply.run/checkpoint.wmtrain")).unwrap().0.step()
 }
 
 #[test]
 fn what_is_broken_off_ends_in_the_same_bytes() {
-    let place = Place::new();
+    let place = place();
     for strategy in ["mcmc", "adaptive"] {
         let mut config = restless(strategy, STEPS);
         config.exposure = wm_train::config::ExposureMode::Photo;
         place.configure("config.json", &config);
         let hold_out = ["--eval-every", "4"];
-        place.trained(
-            &[&["--config", "config.json", "--out", "a.ply", "--overwrite"], &hold_out[..]].concat(),
-        );
+        let more = ["--config", "config.json", "--out", "a.ply", "--overwrite"];
+        place.trained(&[&more, &hold_out[..]].concat());
 
-        let _ = fs::remove_dir_all(place.at("b.ply.run"));
-        let _ = fs::remove_file(place.at("b.ply"));
+        let _ = fs::remove_dir_all(place.path("b.ply.run"));
+        let _ = fs::remove_file(place.path("b.ply"));
         let child = started(&place, &hold_out, 10);
         signal(&child, "-INT");
         let output = wait(child, "a training after Ctrl-C");
@@ -56,7 +55,7 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
             format!("stopped: {first} of {STEPS} steps are done, the same command with --resume continues");
         assert!(said.ends_with(&format!("{advice}\n")) && said.lines().count() == 2, "{said}");
         assert!(said.starts_with("geometry: depth of "), "{said}");
-        assert!((60..STEPS).contains(&first) && !place.at("b.ply").exists(), "{first}");
+        assert!((60..STEPS).contains(&first) && !place.path("b.ply").exists(), "{first}");
 
         let hurried = [&["--resume", "--checkpoint-every", "0.001"], &hold_out[..]].concat();
         let mut child = started(&place, &hurried, (first / 6) as usize + 15);
@@ -79,17 +78,17 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
 /// its start: it always goes on, and ends in the scene of one that was left alone.
 #[test]
 fn a_training_survives_being_killed_at_any_moment() {
-    let place = Place::new();
+    let place = place();
     let mut config = restless("mcmc", 300);
     config.exposure = wm_train::config::ExposureMode::Photo;
     place.configure("config.json", &config);
     place.trained(&["--config", "config.json", "--out", "a.ply"]);
     // The first kill finds no folder, and `--resume` wants one.
-    fs::create_dir(place.at("b.ply.run")).unwrap();
+    fs::create_dir(place.path("b.ply.run")).unwrap();
     let more = ["--config", "config.json", "--out", "b.ply", "--resume", "--checkpoint-every", "0.001"];
     for delay in [0, 5, 10, 20, 30, 50, 80, 120, 180, 250, 350, 500] {
         for way in ["-KILL", "-INT"] {
-            let mut child = begin(&mut place.command(reconstruct("set", &more)));
+            let mut child = begin(&mut place.program(reconstruct("set", &more)));
             sleep(Duration::from_millis(delay));
             if child.try_wait().unwrap().is_none() {
                 signal(&child, way);
@@ -109,34 +108,31 @@ fn a_training_survives_being_killed_at_any_moment() {
 
 #[test]
 fn a_training_is_gone_on_with_as_it_began() {
-    let place = Place::new();
-    place.refused(
-        "set",
-        &["--resume"],
-        &["scene.ply.run: there is no training to go on with; leave out --resume"],
-    );
-    fs::create_dir(place.at("scene.ply.run")).unwrap();
-    let lock = wm_base::files::lock_folder(&place.at("scene.ply.run")).unwrap();
-    place.refused("set", &[], &["scene.ply.run: another training runs in this folder"]);
+    let place = place();
+    let says = "scene.ply.run: there is no training to go on with; leave out --resume";
+    place.untrained("set", &["--resume"], &[says]);
+    fs::create_dir(place.path("scene.ply.run")).unwrap();
+    let lock = wm_base::files::lock_folder(&place.path("scene.ply.run")).unwrap();
+    place.untrained("set", &[], &["scene.ply.run: another training runs in this folder"]);
     drop(lock);
     place.trained(&[]);
     // Neither a scene nor a run is replaced by accident.
     let remedies =
         "continue its training with --resume, give another name with --out, or replace it with --overwrite";
-    place.refused("set", &[], &[&format!("scene.ply: exists already; {remedies}")]);
-    fs::rename(place.at("scene.ply"), place.at("first.ply")).unwrap();
-    place.refused("set", &[], &["scene.ply.run: holds a finished training; replace it with --overwrite"]);
+    place.untrained("set", &[], &[&format!("scene.ply: exists already; {remedies}")]);
+    fs::rename(place.path("scene.ply"), place.path("first.ply")).unwrap();
+    place.untrained("set", &[], &["scene.ply.run: holds a finished training; replace it with --overwrite"]);
     place.put("other.ply", "mine");
     let other = ["--out", "other.ply", "--run-folder", "scene.ply.run"];
     let remedies = "give another name with --out, or replace it with --overwrite";
     let says = format!("other.ply: exists already; {remedies}");
-    place.refused("set", &[&other[..], &["--resume"]].concat(), &[&says]);
+    place.untrained("set", &[&other[..], &["--resume"]].concat(), &[&says]);
     place.trained(&[&other[..], &["--resume", "--overwrite"]].concat());
     assert!(place.read("other.ply") == place.read("first.ply"));
     place.trained(&["--overwrite"]);
     assert!(place.read("scene.ply") == place.read("first.ply"));
-    fs::remove_file(place.at("scene.ply")).unwrap();
-    let checkpoint = place.at("scene.ply.run/checkpoint.wmtrain");
+    fs::remove_file(place.path("scene.ply")).unwrap();
+    let checkpoint = place.path("scene.ply.run/checkpoint.wmtrain");
     let whole = fs::read(&checkpoint).unwrap();
     let other = ["scene.ply.run: holds a training of other photos, options or SIMD path"];
     let changes: [&[&str]; 5] = [
@@ -147,18 +143,15 @@ fn a_training_is_gone_on_with_as_it_began() {
         &["--exposure", "shared"],
     ];
     for change in changes {
-        place.refused("set", &[&["--resume"], change].concat(), &other);
+        place.untrained("set", &[&["--resume"], change].concat(), &other);
     }
 
     // One that is not done is neither forgotten nor gone on with by accident.
     let (mut head, state) = checkpoint::read(&checkpoint).unwrap();
     head.config.steps = 1000;
     checkpoint::write(&checkpoint, &head, &state).unwrap();
-    place.refused(
-        "set",
-        &[],
-        &["scene.ply.run: holds a training that is not done; continue it with --resume"],
-    );
+    let says = "scene.ply.run: holds a training that is not done; continue it with --resume";
+    place.untrained("set", &[], &[says]);
 
     for (content, says) in [
         (&b"WMTRAIN0"[..], "no checkpoint of this version; start anew with another --out"),
@@ -167,7 +160,7 @@ fn a_training_is_gone_on_with_as_it_began() {
     ] {
         fs::write(&checkpoint, content).unwrap();
         for more in [&["--resume"][..], &[]] {
-            place.refused("set", more, &["scene.ply.run/checkpoint.wmtrain: ", says]);
+            place.untrained("set", more, &["scene.ply.run/checkpoint.wmtrain: ", says]);
         }
     }
 }
@@ -176,7 +169,7 @@ fn a_training_is_gone_on_with_as_it_began() {
 /// ignored.
 #[test]
 fn a_full_disk_leaves_the_last_checkpoint_whole() {
-    let place = Place::new();
+    let place = place();
     // 250 splats of degree 3 take 720 bytes each: 180,000, and the limit is 51,200 or twice that,
     // since shells count in blocks of 512 or 1024 bytes.
     place.trained(&["--sh-degree", "3"]);
@@ -191,11 +184,11 @@ fn a_full_disk_leaves_the_last_checkpoint_whole() {
         "trap '' XFSZ; ulimit -f 100; exec \"$0\" \"$@\"",
         env!("CARGO_BIN_EXE_weather-magician"),
     ]);
-    command.args(words).current_dir(place.at(".")).stdin(Stdio::null());
+    command.args(words).current_dir(place.path(".")).stdin(Stdio::null());
     let said = fails(&mut command, &["scene.ply.run/checkpoint.wmtrain: cannot be written: "]);
     assert!(said.starts_with("error: the training cannot be saved: "), "{said}");
     assert!(place.read(checkpoint) == before);
     assert!(
-        listing(&place.at("scene.ply.run")).keys().all(|path| path.extension() != Some(OsStr::new("part")))
+        listing(&place.path("scene.ply.run")).keys().all(|path| path.extension() != Some(OsStr::new("part")))
     );
 }

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn any_number_of_threads() {
-    let place = Place::new();
+    let place = place();
     for strategy in ["mcmc", "adaptive"] {
         let mut config = restless(strategy, 40);
         config.exposure = wm_train::config::ExposureMode::Photo;
@@ -21,7 +21,7 @@ fn any_number_of_threads() {
 
 #[test]
 fn the_options_and_the_configuration_they_make() {
-    let place = Place::new();
+    let place = place();
     let options = ["--exposure", "shared", "--background", "black", "--densify", "fixed", "--seed", "7"];
     place.trained(&options);
     assert_eq!(place.metrics("scene.ply.run").len(), 40);
@@ -36,7 +36,7 @@ fn the_options_and_the_configuration_they_make() {
 /// Photos come and go in a cache that holds few of them.
 #[test]
 fn any_size_of_the_cache() {
-    let place = Place::with(&DatasetOptions { size: (330, 220), count: 5, ..PHOTOS });
+    let place = place_with(&DatasetOptions { size: (330, 220), count: 5, ..PHOTOS });
     for (cache, out) in [("1", "small.ply"), ("64", "large.ply")] {
         place.trained(&["--cache", cache, "--steps", "8", "--out", out]);
     }

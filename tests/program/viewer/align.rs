@@ -126,9 +126,8 @@ fn pictures_follow_the_facts_at_once() {
     assert!(facts["metres_per_unit"] == 0.5 && facts["unsaved"] == false, "{facts}");
     // `render` reads the facts from the file, and draws the same.
     let saved = viewer.file("picture", &state);
-    let folder = workshop.path("saved");
-    std::fs::create_dir(&folder).unwrap();
-    assert!(saved == std::fs::read(viewer.rendered(&state, &folder)).unwrap(), "not the bytes of render");
+    let made = viewer.rendered(&state, &workshop.path("saved"));
+    assert!(saved == std::fs::read(made).unwrap(), "not the bytes of render");
     let off = saved_up(&scene).angle_between(DVec3::Z).to_degrees();
     assert!(off < 2.0, "{off} degrees");
 
@@ -140,12 +139,7 @@ fn pictures_follow_the_facts_at_once() {
         (json!({ "action": "write", "file": "/etc/passwd" }), "unknown variant"),
         (json!({ "action": "save", "file": "/etc/passwd" }), "facts: "),
     ] {
-        let (status, text) = viewer.ask("POST", "/facts", &[], body.to_string().as_bytes());
-        let text = String::from_utf8(text).unwrap();
-        assert!(
-            status == 400 && text.contains(expected) && text.trim().lines().count() == 1,
-            "{body}: {text}"
-        );
+        viewer.refuses("POST", "/facts", &body.to_string(), expected);
     }
     // Pages of other origins change nothing.
     let (status, _) =
@@ -181,9 +175,8 @@ fn lamps_are_put_where_a_click_was() {
     assert_eq!(answer["text"], "1 lamp and 1 lit window.");
     change(&json!({ "action": "save" }));
     let saved = viewer.file("picture", &state);
-    let folder = workshop.path("saved");
-    std::fs::create_dir(&folder).unwrap();
-    assert!(saved == std::fs::read(viewer.rendered(&state, &folder)).unwrap(), "not the bytes of render");
+    let made = viewer.rendered(&state, &workshop.path("saved"));
+    assert!(saved == std::fs::read(made).unwrap(), "not the bytes of render");
     let read = read_scene(&scene, &ReadOptions::default()).unwrap().metadata;
     let lamps = read.lamps.unwrap();
     assert!((lamps[0].at[2] - 5.0).abs() < 1e-9 && read.windows.unwrap().len() == 1, "{lamps:?}");
@@ -193,8 +186,7 @@ fn lamps_are_put_where_a_click_was() {
     change(&json!({ "action": "undo" }));
     assert!(viewer.file("picture", &state) == saved, "undone, the lamps are others");
     let level = json!({ "action": "window", "points": [[0, 4, 1], [1, 4, 1]], "eye": [0, 0, 1] });
-    let (status, text) = viewer.ask("POST", "/facts", &[], level.to_string().as_bytes());
-    assert!(status == 400 && String::from_utf8_lossy(&text).contains("corners of a window"));
+    viewer.refuses("POST", "/facts", &level.to_string(), "corners of a window");
 }
 
 /// The sun of the photos by a point and the end of its shadow; saved, it is there for `render`.
@@ -219,8 +211,7 @@ fn the_sun_of_the_photos_is_told_by_a_shadow() {
     change(&json!({ "action": "save" }));
     assert_eq!(sun(), Some(PhotoSun::Diffuse));
     let below = json!({ "action": "sun", "points": [[3, 4, 0], [0, 4, 3]] });
-    let (status, text) = viewer.ask("POST", "/facts", &[], below.to_string().as_bytes());
-    assert!(status == 400 && String::from_utf8_lossy(&text).contains("click the top first"));
+    viewer.refuses("POST", "/facts", &below.to_string(), "click the top first");
 }
 
 /// The sun is set on its dial by keys.

@@ -95,6 +95,18 @@ impl Viewer {
         serde_json::from_slice(&answer).unwrap()
     }
 
+    /// Sends a request that must be refused with one short line that holds `says`.
+    pub fn refuses(&self, method: &str, path: &str, body: &str, says: &str) -> String {
+        let (status, text) = self.ask(method, path, &[], body.as_bytes());
+        let text = String::from_utf8(text).unwrap();
+        let is_line = text.trim().lines().count() == 1 && text.len() < 600;
+        assert!(
+            status == 400 && is_line && text.contains(says),
+            "{method} {path} {body:.80}: {status} {text}"
+        );
+        text
+    }
+
     /// Saves a kind of file of a state.
     pub fn file(&self, kind: &str, state: &Value) -> Vec<u8> {
         let (status, answer) = self.ask("POST", &format!("/files/{kind}"), &[], state.to_string().as_bytes());
@@ -109,6 +121,7 @@ impl Viewer {
         let option = |name: &str| {
             words.iter().find_map(|word| word.strip_prefix(&format!("--{name}=")).map(str::to_owned))
         };
+        std::fs::create_dir_all(folder).unwrap();
         std::fs::write(folder.join(option("weather").unwrap()), self.file("weather", state)).unwrap();
         let camera = option("camera").or(option("path")).unwrap();
         std::fs::write(folder.join(camera), self.file("camera", state)).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::viewer::client::{Viewer, rendered, until};
 use crate::viewer::socket::Came;
-use crate::viewer::yard_scene;
+use crate::viewer::{yard_scene, yard_viewer};
 use serde_json::{Value, json};
 
 #[test]
@@ -18,51 +18,32 @@ fn saved_files_render_to_the_same_bytes() {
         key["time"] = json!(time);
         key
     };
-    for (name, patch) in [
-        (
-            "fog",
-            json!({ "weather": { "name": "a fog", "fog": { "mor": { "keys": [[0, 200, "smooth"], [3, 40.7]] }, "scale_height": "inf", "airlight": [0.7, 0.71, 0.123456] } }, "time": 1.3 }),
-        ),
-        (
-            "rain",
-            json!({ "weather": { "name": "rain", "rain": { "rate": 25 }, "wind": { "speed": 4 }, "sky": { "model": "overcast" } }, "time": 2.0, "camera": camera }),
-        ),
-        (
-            "snow",
-            json!({ "weather": { "name": "snow", "snow_cover": { "depth": 0.2 }, "snowfall": {} }, "time": 0.4 }),
-        ),
-        (
-            "paper",
-            json!({ "weather": { "name": "paper", "fidelity": "paper", "rain": {}, "snow_cover": {} } }),
-        ),
-        (
-            "path",
-            json!({ "weather": { "name": "way", "rain": {} }, "follow": "path", "time": 0.7, "path": [keyed(0.0, &camera), keyed(2.0, &further)] }),
-        ),
+    for patch in [
+        json!({ "weather": { "name": "a fog", "fog": { "mor": { "keys": [[0, 200, "smooth"], [3, 40.7]] }, "scale_height": "inf", "airlight": [0.7, 0.71, 0.123456] } }, "time": 1.3 }),
+        json!({ "weather": { "name": "rain", "rain": { "rate": 25 }, "wind": { "speed": 4 }, "sky": { "model": "overcast" } }, "time": 2.0, "camera": camera }),
+        json!({ "weather": { "name": "snow", "snow_cover": { "depth": 0.2 }, "snowfall": {} }, "time": 0.4 }),
+        json!({ "weather": { "name": "paper", "fidelity": "paper", "rain": {}, "snow_cover": {} } }),
+        json!({ "weather": { "name": "way", "rain": {} }, "follow": "path", "time": 0.7, "path": [keyed(0.0, &camera), keyed(2.0, &further)] }),
         // The divider and the quality are the screen's.
-        ("clear", json!({ "weather": { "name": "clear" }, "divider": 0.5, "quality": 3 })),
+        json!({ "weather": { "name": "clear" }, "divider": 0.5, "quality": 3 }),
     ] {
+        let name = patch["weather"]["name"].as_str().unwrap();
         let mut state = start.clone();
         state.as_object_mut().unwrap().extend(patch.as_object().unwrap().clone());
-        let folder = workshop.path(name);
-        std::fs::create_dir(&folder).unwrap();
         let saved = viewer.file("picture", &state);
-        let made = viewer.rendered(&state, &folder);
+        let made = viewer.rendered(&state, &workshop.path(name));
         assert!(saved == std::fs::read(made).unwrap(), "{name}: not the same bytes");
     }
     let mut depth = start.clone();
     (depth["output"], depth["weather"]) = (json!("depth"), json!({ "name": "deep" }));
-    let folder = workshop.path("depth");
-    std::fs::create_dir(&folder).unwrap();
     let saved = viewer.file("picture", &depth);
-    let made = viewer.rendered(&depth, &folder).with_extension("depth.png");
+    let made = viewer.rendered(&depth, &workshop.path("depth")).with_extension("depth.png");
     assert!(saved == std::fs::read(made).unwrap(), "depth: not the same bytes");
 }
 
 #[test]
 fn pictures_are_functions_of_their_state() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let frame = |query: &str| {
         let (status, bytes) = viewer.get(&format!("/frame?{query}"));
         assert_eq!(status, 200, "{query}: {}", String::from_utf8_lossy(&bytes));
@@ -74,16 +55,9 @@ fn pictures_are_functions_of_their_state() {
     assert!(rain("1") != first, "time does nothing");
     assert!(rain("2") == first, "the same instant is another picture");
     let clear = frame("");
-    for query in [
-        "set=fog.mor=20",
-        "output=depth",
-        "output=normal",
-        "output=alpha",
-        "camera=0,-8,2:0,4,2",
-        "fov=30",
-        "quality=20",
-        "size=90x64",
-    ] {
+    let queries = "set=fog.mor=20 output=depth output=normal output=alpha camera=0,-8,2:0,4,2 fov=30 \
+                   quality=20 size=90x64";
+    for query in queries.split_whitespace() {
         assert!(frame(query) != clear, "{query} does nothing");
         assert!(frame(query) == frame(query), "{query}");
     }
@@ -96,26 +70,16 @@ fn pictures_are_functions_of_their_state() {
 
 #[test]
 fn a_state_that_is_put_reaches_every_page() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let mut page = viewer.socket(&[]).unwrap();
     page.view(1, false, &json!({}));
     let (head, clear) = page.whole();
     assert_eq!((head["width"].as_u64(), head["height"].as_u64()), (Some(96), Some(64)));
     assert!(head["mor"].is_null() && head["splats"].as_u64().unwrap() > 100);
-    let put = viewer.json(
-        "PUT",
-        "/state",
-        &json!({ "weather": { "name": "thick", "fog": { "mor": 15 } }, "time": 3 }),
-    );
+    let thick = json!({ "weather": { "name": "thick", "fog": { "mor": 15 } }, "time": 3 });
+    let put = viewer.json("PUT", "/state", &thick);
     assert_eq!(viewer.json("GET", "/state", &json!({})), put);
-    let told = loop {
-        match page.next() {
-            Came::Word(word) if word["type"] == "state" => break word["state"].clone(),
-            Came::Closed => panic!("closed"),
-            _ => {}
-        }
-    };
+    let told = page.word("state")["state"].clone();
     assert_eq!(told, put);
     page.view(2, false, &told);
     let (head, foggy) = page.whole();
@@ -125,8 +89,7 @@ fn a_state_that_is_put_reaches_every_page() {
 
 #[test]
 fn only_the_latest_request_counts_and_moving_views_are_smaller() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let mut page = viewer.socket(&[]).unwrap();
     for seq in 1..=50 {
         page.view(seq, true, &json!({ "time": seq, "size": [480, 320] }));
@@ -138,10 +101,7 @@ fn only_the_latest_request_counts_and_moving_views_are_smaller() {
         pictures += 1;
         page.say(&json!({ "type": "seen", "seq": head["seq"] }));
         if head["whole"] == true {
-            assert_eq!(
-                (head["seq"].as_u64(), head["time"].as_f64(), head["width"].as_u64()),
-                (Some(51), Some(50.0), Some(480))
-            );
+            assert!(head["seq"] == 51 && head["time"] == 50.0 && head["width"] == 480, "{head}");
             break;
         }
         assert!(head["width"].as_u64().unwrap() < 480, "{head}");
@@ -162,8 +122,7 @@ fn only_the_latest_request_counts_and_moving_views_are_smaller() {
 
 #[test]
 fn snow_is_prepared_while_pictures_go_on() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let mut page = viewer.socket(&[]).unwrap();
     page.view(1, false, &json!({ "weather": { "name": "white", "snow_cover": { "depth": 0.3 } } }));
     let (mut words, mut drafts) = (Vec::new(), 0);
@@ -182,8 +141,7 @@ fn snow_is_prepared_while_pictures_go_on() {
 #[test]
 #[cfg(feature = "h264")]
 fn videos_are_those_of_render() {
-    let (workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (workshop, viewer) = yard_viewer();
     let state = json!({ "weather": { "name": "wet", "rain": { "rate": 30 } }, "size": [96, 64] });
     let begun = viewer.json("POST", "/videos", &json!({ "state": state, "fps": 10, "seconds": 0.5 }));
     let path = format!("/videos/{}", begun["id"]);
@@ -210,8 +168,7 @@ fn videos_are_those_of_render() {
 
 #[test]
 fn parameters_are_those_of_the_effects() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let all = viewer.json("GET", "/parameters", &json!({}));
     let effects = all["effects"].as_array().unwrap();
     assert_eq!(effects.len(), wm_weather::EFFECTS.len());
@@ -219,9 +176,7 @@ fn parameters_are_those_of_the_effects() {
         assert_eq!(effect["name"], known.name);
         for (param, known) in effect["params"].as_array().unwrap().iter().zip(known.params) {
             assert_eq!((&param["name"], &param["unit"]), (&json!(known.name), &json!(known.unit)));
-            assert!(
-                param["meaning"].as_str().is_some_and(|text| !text.is_empty()) && !param["default"].is_null()
-            );
+            assert!(!param["meaning"].as_str().unwrap().is_empty() && !param["default"].is_null());
         }
     }
     // A preset is a state's weather as it stands; a file is made into one.
@@ -229,16 +184,9 @@ fn parameters_are_those_of_the_effects() {
         viewer.json("PUT", "/state", &json!({ "weather": preset["weather"] }));
     }
     let (status, read) = viewer.ask("POST", "/weather", &[], b"name = \"v\"\n[fog]\nmor = 80");
-    assert_eq!(
-        (status, serde_json::from_slice::<Value>(&read).unwrap()),
-        (200, json!({ "name": "v", "fog": { "mor": 80.0 } }))
-    );
-    let (status, said) = viewer.ask("POST", "/weather", &[], b"[fog]\nmoor = 80");
-    assert!(
-        status == 400 && String::from_utf8_lossy(&said).contains("weather.toml:2:1: "),
-        "{}",
-        String::from_utf8_lossy(&said)
-    );
+    let read: Value = serde_json::from_slice(&read).unwrap();
+    assert_eq!((status, read), (200, json!({ "name": "v", "fog": { "mor": 80.0 } })));
+    viewer.refuses("POST", "/weather", "[fog]\nmoor = 80", "weather.toml:2:1: ");
 }
 
 #[test]
@@ -250,13 +198,7 @@ fn a_scene_that_cannot_be_read_is_told_to_page_and_terminal() {
     command.arg("view").arg(&broken).arg("--port=0").stderr(std::process::Stdio::null());
     let mut viewer = Viewer::run(command);
     let mut page = viewer.socket(&[]).unwrap();
-    let text = loop {
-        match page.next() {
-            Came::Word(word) if word["type"] == "failed" => break word["text"].as_str().unwrap().to_owned(),
-            Came::Closed => panic!("closed"),
-            _ => {}
-        }
-    };
+    let text = page.word("failed")["text"].as_str().unwrap().to_owned();
     assert!(text.contains("broken.ply") && !text.contains('\n'), "{text}");
     assert_eq!(viewer.get("/parameters").0, 503);
     assert_eq!(viewer.ended().code(), Some(1));

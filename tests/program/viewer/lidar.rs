@@ -1,10 +1,10 @@
 //! Points of a lidar over the picture, and their files.
 
 use crate::viewer::client::{Viewer, rendered, until};
-use crate::viewer::page::{click, screenshots, slide};
+use crate::viewer::page::{click, file_of, screenshots, slide, take_file};
 use crate::viewer::socket::Came;
 use crate::viewer::webdriver::Browser;
-use crate::viewer::yard_scene;
+use crate::viewer::{yard_scene, yard_viewer};
 use serde_json::{Value, json};
 
 /// A lidar that stands in the yard.
@@ -45,8 +45,7 @@ fn points_are_those_of_scan() {
 
 #[test]
 fn pictures_have_points_and_saved_ones_have_none() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let frames = || ["format=jpeg", "format=png"].map(|query| viewer.get(&format!("/frame?{query}")).1);
     let plain = frames();
     let put = viewer.json("PUT", "/state", &json!({ "lidar": { "model": "vlp-16" } }));
@@ -58,10 +57,6 @@ fn pictures_have_points_and_saved_ones_have_none() {
     assert!(frames() == pointed, "the same request gives another picture");
     let presets = viewer.json("GET", "/parameters", &json!({}))["lidars"].clone();
     assert!(presets.as_array().unwrap().iter().any(|lidar| lidar["name"] == "vlp-16"), "{presets}");
-    let said = |method: &str, path: &str, body: Value| {
-        let (status, said) = viewer.ask(method, path, &[], body.to_string().as_bytes());
-        (status, String::from_utf8(said).unwrap())
-    };
     for (lidar, expected) in [
         (json!({ "model": "vlp16" }), "lidar: `vlp16` is no lidar; did you mean vlp-16?"),
         (json!({ "model": "/etc/passwd.toml" }), "is no lidar; give vlp-16, "),
@@ -78,23 +73,16 @@ fn pictures_have_points_and_saved_ones_have_none() {
         ),
         (json!({ "modl": "vlp-16" }), "unknown field `modl`"),
     ] {
-        let (status, text) = said("PUT", "/state", json!({ "lidar": lidar }));
-        assert!(
-            status == 400 && text.contains(expected) && text.trim().lines().count() == 1,
-            "{lidar}: {text}"
-        );
+        viewer.refuses("PUT", "/state", &json!({ "lidar": lidar }).to_string(), expected);
     }
-    let (status, text) = said("POST", "/files/points", json!({ "lidar": null }));
-    assert!(status == 400 && text.contains("no lidar"), "{text}");
+    viewer.refuses("POST", "/files/points", &json!({ "lidar": null }).to_string(), "no lidar");
     let flood = json!({ "weather": { "name": "flood", "flood": { "level": 0.3 } } });
-    let (status, text) = said("POST", "/files/points", flood);
-    assert!(status == 400 && text.contains("do not see floods"), "{text}");
+    viewer.refuses("POST", "/files/points", &flood.to_string(), "do not see floods");
 }
 
 #[test]
 fn a_picture_does_not_wait_for_its_points() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let mut page = viewer.socket(&[]).unwrap();
     let mut next = |seq: u64, is_moving: bool, state: Value| {
         page.view(seq, is_moving, &state);
@@ -144,14 +132,13 @@ fn the_panel_places_a_lidar_and_saves_its_points() {
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
     browser.view(&viewer);
     let plain = browser.picture();
-    let text = |id: &str| {
-        let text = browser.script(&format!("return document.getElementById('{id}').textContent"));
-        text.as_str().unwrap().to_owned()
-    };
+    let text = |id: &str| browser.text(id);
     click(&browser, "[data-tab=lidar]");
-    browser.script(
-        "const s = document.getElementById('lidar-model'); s.value = 'vlp-16'; s.dispatchEvent(new Event('change'))",
-    );
+    let choose = |model: &str| {
+        let set = format!("s.value = '{model}'; s.dispatchEvent(new Event('change'))");
+        browser.script(&format!("const s = document.getElementById('lidar-model'); {set}"));
+    };
+    choose("vlp-16");
     let pointed = browser.picture();
     assert!(pointed != plain && text("lidar-counts").contains(" points of "), "{}", text("lidar-counts"));
     // It stays while the camera moves, until it is placed anew.
@@ -176,19 +163,11 @@ fn the_panel_places_a_lidar_and_saves_its_points() {
         }
     });
     click(&browser, "#lidar-save");
-    let saved = |end: &str| {
-        let mut files = std::fs::read_dir(&downloads).unwrap().map(|entry| entry.unwrap().path());
-        files.find(|path| path.to_string_lossy().ends_with(end))
-    };
-    until("the files are saved", || {
-        saved("-scan.ply").is_some() && saved(".toml").is_some() && saved(".crdownload").is_none()
-    });
-    let points = std::fs::read(saved("-scan.ply").unwrap()).unwrap();
-    std::fs::remove_file(saved("-scan.ply").unwrap()).unwrap();
+    let saved = |end: &str| file_of(&downloads, end).is_some();
+    until("the files are saved", || saved("-scan.ply") && saved(".toml") && !saved(".crdownload"));
+    let points = take_file(&downloads, "-scan.ply");
     assert!(points == std::fs::read(rendered(&last, &downloads)).unwrap(), "other points: {last}");
-    browser.script(
-        "const s = document.getElementById('lidar-model'); s.value = ''; s.dispatchEvent(new Event('change'))",
-    );
+    choose("");
     browser.picture();
     assert_eq!(browser.script("return document.getElementById('lidar-save').checkVisibility()"), false);
     assert_eq!(browser.complaints(), Vec::<String>::new());

@@ -23,3 +23,10 @@ fn yard_scene() -> (Workshop, PathBuf) {
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     (workshop, scene)
 }
+
+/// A viewer that shows the yard, with its folder.
+fn yard_viewer() -> (Workshop, client::Viewer) {
+    let (workshop, scene) = yard_scene();
+    let viewer = client::Viewer::of(&scene, &["--port=0"]).loaded();
+    (workshop, viewer)
+}

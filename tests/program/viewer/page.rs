@@ -4,7 +4,7 @@ use crate::viewer::client::{Viewer, rendered, until};
 use crate::viewer::webdriver::Browser;
 use crate::viewer::yard_scene;
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Sets a slider, 0-1, as a hand does.
 pub fn slide(browser: &Browser, param: &str, to: f64) {
@@ -41,7 +41,7 @@ fn the_page_works() {
     browser.view(&viewer);
     let clear = browser.picture();
     assert_eq!(browser.script("return location.href"), format!("http://{}/", viewer.address));
-    assert_eq!(browser.script("return document.getElementById('scene-name').textContent"), "yard");
+    assert_eq!(browser.text("scene-name"), "yard");
 
     // Weather: a switch, a slider, a preset; sliders come from the tables.
     let effects = browser.script("return document.querySelectorAll('.effect').length");
@@ -51,13 +51,7 @@ fn the_page_works() {
     assert!(rain != clear, "the rain slider does nothing");
     slide(&browser, "rain.rate", 0.8);
     assert!(browser.picture() != rain, "more rain looks the same");
-    assert!(
-        browser
-            .script("return document.getElementById('stats').textContent")
-            .as_str()
-            .unwrap()
-            .contains("mm/h rain")
-    );
+    assert!(browser.text("stats").contains("mm/h rain"));
     slide(&browser, "rain.rate", 0.4);
     assert!(browser.picture() == rain, "the same rain looks different");
 
@@ -88,10 +82,8 @@ fn the_page_works() {
     assert!(browser.picture() != whole);
     click(&browser, "[data-output=rgb]");
     click(&browser, "#divider-switch");
-    assert!(
-        browser.picture() != whole
-            && browser.script("return document.getElementById('divider').hidden") == false
-    );
+    assert!(browser.picture() != whole);
+    assert_eq!(browser.script("return document.getElementById('divider').hidden"), false);
     click(&browser, "#divider-switch");
 
     saved_files_render_to_the_same_bytes(&browser, &downloads);
@@ -161,13 +153,23 @@ fn a_page_without_the_token_asks_for_it() {
     browser.picture();
 }
 
+/// The file in a folder whose name ends so.
+pub fn file_of(folder: &Path, end: &str) -> Option<PathBuf> {
+    let mut files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    files.find(|path| path.to_string_lossy().ends_with(end))
+}
+
+/// Reads a saved file and removes it.
+pub fn take_file(folder: &Path, end: &str) -> Vec<u8> {
+    let path = file_of(folder, end).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    bytes
+}
+
 fn saved_files_render_to_the_same_bytes(browser: &Browser, downloads: &Path) {
     click(browser, "#save-all");
-    let is_saved = |end: &str| {
-        std::fs::read_dir(downloads)
-            .unwrap()
-            .any(|entry| entry.unwrap().file_name().to_string_lossy().ends_with(end))
-    };
+    let is_saved = |end: &str| file_of(downloads, end).is_some();
     until("the files are saved", || {
         [".png", ".toml", ".camera.json"].iter().all(|end| is_saved(end)) && !is_saved(".crdownload")
     });
@@ -175,20 +177,10 @@ fn saved_files_render_to_the_same_bytes(browser: &Browser, downloads: &Path) {
     let mut last = String::new();
     // The command follows what is shown a little later.
     until("the command is that of the files", || {
-        let command = browser
-            .script("return document.getElementById('command').textContent")
-            .as_str()
-            .unwrap()
-            .to_owned();
+        let command = browser.text("command");
         std::mem::replace(&mut last, command.clone()) == command && command.contains("--time=4")
     });
-    let picture = std::fs::read_dir(downloads)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .find(|path| path.extension().is_some_and(|e| e == "png"))
-        .unwrap();
-    let saved = std::fs::read(&picture).unwrap();
-    std::fs::remove_file(&picture).unwrap();
+    let saved = take_file(downloads, ".png");
     let made = rendered(&last, downloads);
     assert!(saved == std::fs::read(made).unwrap(), "the command gives other bytes: {last}");
 }

@@ -2,7 +2,7 @@
 
 use crate::viewer::client::Viewer;
 use crate::viewer::socket::{Came, Socket, ask, connect, parts};
-use crate::viewer::yard_scene;
+use crate::viewer::{yard_scene, yard_viewer};
 use serde_json::json;
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
@@ -16,8 +16,7 @@ fn is_well(viewer: &Viewer) {
 
 #[test]
 fn foreign_pages_and_names_are_refused() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let own = format!("http://{}", viewer.address);
     for (headers, expected) in [
         (vec![("Origin", own.as_str())], 200),
@@ -44,8 +43,7 @@ fn foreign_pages_and_names_are_refused() {
 
 #[test]
 fn every_request_for_the_scene_needs_the_token() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let ask = |method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]| {
         ask(&viewer.address, method, path, headers, body)
     };
@@ -92,8 +90,7 @@ fn every_request_for_the_scene_needs_the_token() {
 
 #[test]
 fn one_bad_request_is_told_to_its_client_and_hurts_nobody_else() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let mut page = viewer.socket(&[]).unwrap();
     let night = json!({ "name": "night", "light": { "model": "night" }, "rain": { "rate": 5 } });
     page.view(1, false, &json!({ "weather": night, "size": [32, 24] }));
@@ -119,12 +116,8 @@ fn one_bad_request_is_told_to_its_client_and_hurts_nobody_else() {
             json!({ "camera": { "eye": [0, 0, 0], "rotation": [1e308, 1e308, 0, 0], "fov": 50 } }),
         ),
     ] {
-        let (status, said) = viewer.ask("POST", path, &[], body.to_string().as_bytes());
-        let said = String::from_utf8(said).unwrap();
-        assert!(
-            status == 400 && said.lines().count() == 1 && said.len() < 400,
-            "{path} {body}: {status} {said}"
-        );
+        let said = viewer.refuses("POST", path, &body.to_string(), "");
+        assert!(said.len() < 400, "{path} {body}: {said}");
     }
     for query in ["camera=nan,0,0:0,0,1", "camera=1e20,0,0:0,0,1", "fov=nan", "time=inf", "divider=nan"] {
         assert_eq!(viewer.get(&format!("/frame?{query}")).0, 400, "{query}");
@@ -136,8 +129,7 @@ fn one_bad_request_is_told_to_its_client_and_hurts_nobody_else() {
 /// `examples/fuzz_viewer` says what must hold.
 #[test]
 fn requests_from_the_edges_hurt_no_other_page() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let program = std::path::Path::new(env!("CARGO_BIN_EXE_weather-magician"))
         .with_file_name("examples/fuzz_viewer")
         .with_extension(std::env::consts::EXE_EXTENSION);
@@ -205,16 +197,11 @@ fn the_command_names_files_that_are_not_utf_8() {
 #[test]
 fn no_name_reaches_the_file_system() {
     let (workshop, scene) = yard_scene();
-    std::fs::write(workshop.path("cam.json"), "{}").unwrap();
+    workshop.put("cam.json", "{}");
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    for path in [
-        "/../Cargo.toml",
-        "/..%2fCargo.toml",
-        "/thumbnails/..%2f..%2fetc%2fpasswd",
-        "/files/..%2fsecret",
-        "/videos/1/file",
-        "/%00",
-    ] {
+    let paths = "/../Cargo.toml /..%2fCargo.toml /thumbnails/..%2f..%2fetc%2fpasswd /files/..%2fsecret \
+                 /videos/1/file /%00";
+    for path in paths.split_whitespace() {
         assert!(matches!(viewer.get(path).0, 400 | 404 | 405), "{path}");
     }
     let cam = workshop.path("cam.json").display().to_string();
@@ -223,24 +210,17 @@ fn no_name_reaches_the_file_system() {
         "set=sky.panorama=/etc/passwd".into(),
         format!("weather={}", workshop.path("x.toml").display()),
     ] {
-        let (status, said) = viewer.get(&format!("/frame?{query}"));
-        let said = String::from_utf8(said).unwrap();
-        assert!(status == 400 && said.lines().count() == 1 && !said.contains("root:"), "{query}: {said}");
+        let said = viewer.refuses("GET", &format!("/frame?{query}"), "", "");
+        assert!(!said.contains("root:"), "{query}: {said}");
     }
-    let (status, said) =
-        viewer.ask("PUT", "/state", &[], br#"{"weather": {"sky": {"panorama": "/etc/passwd"}}}"#);
-    assert!(
-        status == 400 && String::from_utf8_lossy(&said).contains("--panorama"),
-        "{}",
-        String::from_utf8_lossy(&said)
-    );
+    let sky = r#"{"weather": {"sky": {"panorama": "/etc/passwd"}}}"#;
+    viewer.refuses("PUT", "/state", sky, "--panorama");
     is_well(&viewer);
 }
 
 #[test]
 fn huge_and_malformed_requests_are_refused_in_a_line() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let huge = vec![b' '; 2 << 20];
     assert_eq!(viewer.ask("PUT", "/state", &[], &huge).0, 413);
     for body in [
@@ -264,29 +244,12 @@ fn huge_and_malformed_requests_are_refused_in_a_line() {
         r#"{"weather": {"fog": {"mor": {"keys": []}}}}"#,
         &format!("{}1{}", "[".repeat(5000), "]".repeat(5000)),
     ] {
-        let (status, said) = viewer.ask("PUT", "/state", &[], body.as_bytes());
-        let said = String::from_utf8(said).unwrap();
-        assert!(
-            status == 400 && said.lines().count() == 1 && said.len() < 600,
-            "{body:.80}: {status} {said}"
-        );
+        viewer.refuses("PUT", "/state", body, "");
     }
-    for query in [
-        "time=x",
-        "size=3",
-        "size=99999x99999",
-        "output=heat",
-        "set=",
-        "set=fog.mor",
-        "what=1",
-        "fov=400",
-        "camera=1",
-        "time=%",
-        "weather=fgo",
-    ] {
-        let (status, said) = viewer.get(&format!("/frame?{query}"));
-        let said = String::from_utf8(said).unwrap();
-        assert!(status == 400 && said.lines().count() == 1, "{query}: {status} {said}");
+    let queries = "time=x size=3 size=99999x99999 output=heat set= set=fog.mor what=1 fov=400 camera=1 time=% \
+                   weather=fgo";
+    for query in queries.split_whitespace() {
+        viewer.refuses("GET", &format!("/frame?{query}"), "", "");
     }
     // Not HTTP at all.
     let mut stream = connect(&viewer.address);
@@ -299,8 +262,7 @@ fn huge_and_malformed_requests_are_refused_in_a_line() {
 
 #[test]
 fn huge_and_malformed_messages_are_refused_in_a_line() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let mut socket = viewer.socket(&[]).unwrap();
     for text in [
         "",
@@ -313,15 +275,7 @@ fn huge_and_malformed_messages_are_refused_in_a_line() {
         r#"{"type": "view", "seq": -1, "moving": 1, "state": 0}"#,
     ] {
         socket.send(1, text.as_bytes()).unwrap();
-        let said = loop {
-            match socket.next() {
-                Came::Word(word) if word["type"] == "error" => {
-                    break word["text"].as_str().unwrap().to_owned();
-                }
-                Came::Word(_) => {}
-                other => panic!("{text}: {other:?}"),
-            }
-        };
+        let said = socket.word("error")["text"].as_str().unwrap().to_owned();
         assert!(!said.contains('\n') && said.len() < 600, "{text}: {said}");
     }
     // The same page goes on.
@@ -336,18 +290,15 @@ fn huge_and_malformed_messages_are_refused_in_a_line() {
         while !matches!(socket.next(), Came::Closed) {}
     }
     let mut socket = viewer.socket(&[]).unwrap();
-    socket
-        .stream
-        .write_all(&[0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0])
-        .unwrap();
+    let lie = [0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0];
+    socket.stream.write_all(&lie).unwrap();
     while !matches!(socket.next(), Came::Closed) {}
     is_well(&viewer);
 }
 
 #[test]
 fn a_thousand_connections_keep_nobody_out() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     let mut page = viewer.socket(&[]).unwrap();
     let mut held: Vec<_> = (0..1000)
         .map(|number| {
@@ -387,8 +338,7 @@ fn a_thousand_connections_keep_nobody_out() {
 #[test]
 #[cfg(target_os = "linux")]
 fn who_does_not_read_costs_nothing() {
-    let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let (_workshop, viewer) = yard_viewer();
     is_well(&viewer);
     let before = viewer.memory();
     let mut deaf: Vec<Socket> = (0..8).map(|_| viewer.socket(&[]).unwrap()).collect();

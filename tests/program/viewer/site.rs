@@ -3,7 +3,7 @@
 //! `WM_WEB_PLAYER` names the folder of the built player (`tools/web-player`); with
 //! `WM_REQUIRE_PLAYER=1` its lack is a failure.
 
-use crate::common::binary;
+use crate::common::Workshop;
 use crate::viewer::page::click;
 use crate::viewer::webdriver::Browser;
 use crate::viewer::yard_scene;
@@ -41,6 +41,17 @@ fn player() -> Option<PathBuf> {
         );
     }
     folder
+}
+
+/// The yard as a site, in a folder.
+fn exported(player: &Path, options: &str) -> (Workshop, PathBuf) {
+    let (workshop, _) = yard_scene();
+    let words =
+        format!("export-web yard.ply --device cpu --no-video --no-thumbnails --out site {options} --player");
+    let made = workshop.command(&words).arg(player).output().unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let folder = workshop.path("site");
+    (workshop, folder)
 }
 
 /// Serves the files of a folder, as static hosts do; returns its address.
@@ -181,13 +192,7 @@ fn follow(browser: &Browser, fragment: &str) -> String {
 #[test]
 fn a_site_draws_what_the_program_draws() {
     let Some(player) = player() else { return };
-    let (workshop, scene) = yard_scene();
-    let folder = workshop.path("site");
-    let mut command = binary();
-    command.arg("export-web").arg(&scene).args(["--weather=fog", "--size=96x64", "--device=cpu"]);
-    command.args(["--no-video", "--no-thumbnails", "--prepare=snow-covered"]);
-    let made = command.arg("--player").arg(&player).arg("--out").arg(&folder).output().unwrap();
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let (workshop, folder) = exported(&player, "--weather fog --size 96x64 --prepare snow-covered");
     let Some(browser) = Browser::with_webgpu(&workshop.path("")) else { return };
     let address = host(folder.clone());
     let mut site = Site::new(&folder);
@@ -197,8 +202,8 @@ fn a_site_draws_what_the_program_draws() {
     for (device, words) in [("gpu", "on GPU"), ("cpu", "on CPU")] {
         browser.open_at(&address, &format!("?device={device}"));
         let fog = picture(&browser);
-        let stats = browser.script("return document.getElementById('stats').textContent");
-        assert!(stats.as_str().unwrap().contains(words), "{stats}");
+        let stats = browser.text("stats");
+        assert!(stats.contains(words), "{stats}");
         let mut shown = Vec::new();
         for (preset, time) in weathers {
             let state = site.state(preset, time);
@@ -232,13 +237,7 @@ fn a_site_draws_what_the_program_draws() {
 #[test]
 fn a_damaged_site_says_what_is_wrong_in_a_line() {
     let Some(player) = player() else { return };
-    let (workshop, scene) = yard_scene();
-    let folder = workshop.path("site");
-    let mut command = binary();
-    command.arg("export-web").arg(&scene).args(["--weather=clear", "--size=48x32", "--device=cpu"]);
-    command.args(["--no-video", "--no-thumbnails", "--prepare=none"]);
-    let made = command.arg("--player").arg(&player).arg("--out").arg(&folder).output().unwrap();
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let (workshop, folder) = exported(&player, "--weather clear --size 48x32 --prepare none");
     let Some(browser) = Browser::with_webgpu(&workshop.path("")) else { return };
     let address = host(folder.clone());
     let [scene, place] = ["scene.sog", "place.json"].map(|name| folder.join("place").join(name));
@@ -262,8 +261,7 @@ fn a_damaged_site_says_what_is_wrong_in_a_line() {
         }
         browser.open_at(&address, &format!("?device=cpu&{number}"));
         browser.until("document.body.dataset.failed");
-        let text = browser.script("return document.getElementById('veil-text').textContent");
-        let text = text.as_str().unwrap();
+        let text = browser.text("veil-text");
         assert!(text.contains(says) && !text.contains('\n') && text.len() < 400, "{text}");
         std::fs::write(path, before).unwrap();
     }

@@ -170,6 +170,17 @@ impl Socket {
         }
     }
 
+    /// The next words of a type, with everything left aside that comes before.
+    pub fn word(&mut self, kind: &str) -> Value {
+        loop {
+            match self.next() {
+                Came::Word(word) if word["type"] == kind => return word,
+                Came::Closed => panic!("closed before {kind} came"),
+                _ => {}
+            }
+        }
+    }
+
     /// The next picture, with those words left aside that come before.
     pub fn picture(&mut self) -> (Value, Vec<u8>) {
         loop {

@@ -1,26 +1,17 @@
 //! `reconstruct --view`.
 
-use crate::common::{Workshop, binary, run};
+use crate::common::Workshop;
 use crate::viewer::client::{Viewer, until};
 use serde_json::{Value, json};
 
 #[test]
 fn a_training_is_shown_while_it_runs() {
     let workshop = Workshop::new();
-    let photos = workshop.path("photos").display().to_string();
-    let words = ["demo", "--photos", &photos, "--count=6", "--size=120x80", "--truth=omit"];
-    run(&words.map(str::to_owned));
-    let mut command = binary();
-    command.args([
-        "reconstruct",
-        &photos,
-        "--view",
-        "--port=0",
-        "--steps=100000",
-        "--priors=none",
-        "--device=cpu",
-    ]);
-    command.args(["--eval-every=3", "--max-splats=2000"]).arg("--out").arg(workshop.path("place.ply"));
+    workshop.run("demo --photos photos --count=6 --size=120x80 --truth=omit");
+    let command = workshop.command(
+        "reconstruct photos --view --port=0 --steps=100000 --priors=none --device=cpu --eval-every=3 \
+         --max-splats=2000 --out place.ply",
+    );
     let viewer = Viewer::run(command);
     let told = || -> Value { serde_json::from_slice(&viewer.get("/training").1).unwrap() };
     // Somebody looks, so a picture is drawn; its PSNR is that of the photo.

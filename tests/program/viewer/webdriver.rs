@@ -94,6 +94,12 @@ impl Browser {
         self.post("/execute/sync", &json!({ "script": script, "args": [] }))
     }
 
+    /// The text of an element by its name.
+    pub fn text(&self, id: &str) -> String {
+        let text = self.script(&format!("return document.getElementById('{id}').textContent"));
+        text.as_str().unwrap().to_owned()
+    }
+
     /// Waits until an expression of JavaScript is true.
     pub fn until(&self, expression: &str) {
         until(expression, || self.script(&format!("return Boolean({expression})")) == true);

@@ -7,7 +7,7 @@
 //! calibration: [`super::kitti`].
 //!
 //! Source: KITTI's development kit for odometry, checked with pykitti 0.3.1
-//! (`tests/peers/kitti.py`).
+//! (`tests/peers/sets.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed};
 use super::{BlockWriter, LayerNeeds, Layout};

@@ -9,7 +9,7 @@
 //! has a phase, see its time stamps.
 //!
 //! Source: KITTI's development kit (`readme.txt`, `dataformat.txt`), checked with pykitti 0.3.1
-//! (`tests/peers/kitti.py`).
+//! (`tests/peers/sets.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig, KittiTrajectory};
 use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};

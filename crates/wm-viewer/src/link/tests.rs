@@ -3,9 +3,9 @@
 use super::*;
 use crate::testing::{catalog, state};
 use proptest::prelude::*;
+use proptest::sample::select;
 use proptest::strategy::ValueTree;
 use serde_json::{Value, json};
-use std::time::Instant;
 use wm_base::random::RandomSequence;
 use wm_weather::param::ParamKind;
 use wm_weather::presets::PRESETS;
@@ -131,13 +131,7 @@ fn links_stay_the_same() {
 #[test]
 fn what_is_no_link_is_told_in_a_line() {
     let link = encode(&state()).unwrap();
-    let packed = |text: &str| Packer { room: MAX_INFLATED }.packed(text).unwrap();
-    let with = |key: &str, value: &str| {
-        let others = link.split('&').filter(|pair| !pair.starts_with(&format!("{key}=")));
-        others.chain([format!("{key}={value}").as_str()]).collect::<Vec<_>>().join("&")
-    };
-    let bomb =
-        sirocco::compress(sirocco::Format::Deflate, sirocco::deflate::Level::BEST, &vec![b'\n'; 8 << 20]);
+    let with = |key: &str, value: &str| with(&link, key, value);
     for (text, expected) in [
         (String::new(), "it has no version"),
         ("fog".into(), "it has no version"),
@@ -161,7 +155,7 @@ fn what_is_no_link_is_told_in_a_line() {
         (with("f", "path"), "there are no keyframes"),
         (with("w", "!"), "link: w: "),
         (with("w", "AAAA"), "link: w: "),
-        (with("w", &BASE64_URL_SAFE_NO_PAD.encode(&bomb)), "longer than the limit"),
+        (with("w", &packed(&"\n".repeat(8 << 20))), "longer than the limit"),
         (with("w", &packed("fog = [")), "link: w: "),
         (with("w", &packed("[fog]\nmoor = 3")), "did you mean `mor`"),
         (with("w", &packed("[sky]\npanorama = \"/etc/passwd\"")), "sky.panorama"),
@@ -195,230 +189,151 @@ fn what_is_too_long_for_a_link_is_told() {
     assert!(encode(&state).unwrap_err().contains("too long for a link"));
 }
 
-/// Makes hostile fragments.
-struct Attacker {
-    random: RandomSequence,
-    valid: Vec<String>,
-    bomb: String,
+/// Returns a link with another value of a key.
+fn with(link: &str, key: &str, value: &str) -> String {
+    let others = link.split('&').filter(|pair| !pair.starts_with(&format!("{key}=")));
+    others.chain([format!("{key}={value}").as_str()]).collect::<Vec<_>>().join("&")
 }
 
-/// Names of what [`Attacker::fragment`] makes.
-const ATTACKS: [&str; 10] = [
-    "random bytes",
-    "random base64",
-    "changed bytes",
-    "cut off",
-    "bombs",
-    "deep nesting",
-    "large numbers",
-    "keys",
-    "script",
-    "weathers",
-];
-
-impl Attacker {
-    fn new(seed: u64) -> Self {
-        let mut runner = proptest::test_runner::TestRunner::deterministic();
-        let one = || encode(&states().new_tree(&mut runner).unwrap().current()).unwrap();
-        let valid = std::iter::repeat_with(one).take(40).collect();
-        let level = sirocco::deflate::Level::BEST;
-        let bomb = sirocco::compress(sirocco::Format::Deflate, level, &vec![b'#'; 8 << 20]);
-        Self { random: RandomSequence::new(seed), valid, bomb: BASE64_URL_SAFE_NO_PAD.encode(bomb) }
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        (self.random.uniform() * count as f64) as usize
-    }
-
-    fn pick<'a>(&mut self, texts: &[&'a str]) -> &'a str {
-        texts[self.below(texts.len())]
-    }
-
-    fn bytes(&mut self) -> Vec<u8> {
-        let most = [4, 40, 400, 4000][self.below(4)];
-        let count = self.below(most);
-        (0..count).map(|_| self.below(256) as u8).collect()
-    }
-
-    fn link(&mut self) -> String {
-        let index = self.below(self.valid.len());
-        self.valid[index].clone()
-    }
-
-    /// A valid link with another value of a key.
-    fn with(&mut self, key: &str, value: &str) -> String {
-        let link = self.link();
-        let others = link.split('&').filter(|pair| !pair.starts_with(&format!("{key}=")));
-        others.chain([format!("{key}={value}").as_str()]).collect::<Vec<_>>().join("&")
-    }
-
-    fn with_packed(&mut self, key: &str, text: &str) -> String {
-        let level = sirocco::deflate::Level::BEST;
-        let packed = sirocco::compress(sirocco::Format::Deflate, level, text.as_bytes());
-        self.with(key, &BASE64_URL_SAFE_NO_PAD.encode(packed))
-    }
-
-    fn number(&mut self) -> String {
-        let digits = "9".repeat([1, 20, 400, 60_000][self.below(4)]);
-        match self.below(9) {
-            0 => format!("{digits}.{digits}"),
-            1 => format!("1e{digits}"),
-            2 => format!("-1e-{digits}"),
-            3 => format!("0.{digits}"),
-            4 => f64::from_bits(self.random.bits()).to_string(),
-            _ => self
-                .pick(&["NaN", "inf", "-infinity", "1e308", "-0", "5e-324", "0x10", "1_0", "", "+1"])
-                .into(),
-        }
-    }
-
-    fn fragment(&mut self, attack: usize) -> String {
-        const SCRIPT: [&str; 6] = [
-            "<script>alert(1)</script>",
-            "\"><img src=x onerror=alert(1)>",
-            "javascript:alert(1)",
-            "\u{202e}\u{0}\r\n\u{1b}[31m",
-            "../../../etc/passwd",
-            "%3Cscript%3E",
-        ];
-        let keys = ["w", "p", "l"];
-        match attack {
-            0 => String::from_utf8_lossy(&self.bytes()).into_owned(),
-            1 => {
-                let (key, bytes) = (self.pick(&keys), self.bytes());
-                self.with(key, &BASE64_URL_SAFE_NO_PAD.encode(bytes))
-            }
-            2 => {
-                let mut bytes = self.link().into_bytes();
-                for _ in 0..=self.below(4) {
-                    let (at, byte) = (self.below(bytes.len()), 32 + self.below(95) as u8);
-                    match self.below(4) {
-                        0 => bytes[at] = byte,
-                        1 => bytes.insert(at, byte),
-                        2 if bytes.len() > 1 => drop(bytes.remove(at)),
-                        _ => {
-                            let other = self.below(bytes.len());
-                            bytes.swap(at, other);
-                        }
-                    }
-                }
-                String::from_utf8_lossy(&bytes).into_owned()
-            }
-            3 => {
-                let link = self.link();
-                let end = self.below(link.len());
-                link[..end].to_owned()
-            }
-            4 => {
-                let (key, bomb) = (self.pick(&keys), self.bomb.clone());
-                // The last two take some 30 ms each.
-                match self.below(20) {
-                    0..=8 => self.with(key, &bomb),
-                    9..=17 => self.with_packed(key, &"\n".repeat(MAX_INFLATED)),
-                    18 => self.with_packed("w", &"[[a]]\n".repeat(MAX_INFLATED / 7)),
-                    _ => {
-                        let keys: String = (0..9000).map(|index| format!("k{index}.a={index}\n")).collect();
-                        self.with_packed("w", &keys)
-                    }
-                }
-            }
-            5 => {
-                let depth = [60, 130, 5000, 60_000][self.below(4)];
-                match self.below(6) {
-                    0 => self.with_packed("w", &format!("a={}{}", "[".repeat(depth), "]".repeat(depth))),
-                    1 => self.with_packed("w", &format!("{}a=1", "a.".repeat(depth))),
-                    2 => self.with_packed("w", &format!("[{}a]", "a.".repeat(depth))),
-                    3 => self.with_packed("w", &format!("a={}1{}", "{a=".repeat(depth), "}".repeat(depth))),
-                    4 => self.with_packed("p", &format!("{}{}", "[".repeat(depth), "]".repeat(depth))),
-                    _ => self.with_packed("l", &format!("{}1{}", "{\"a\":".repeat(depth), "}".repeat(depth))),
-                }
-            }
-            6 => {
-                let (number, key) = (self.number(), self.pick(&["t", "d", "c", "v", "w", "p"]));
-                match key {
-                    "c" => {
-                        let mut numbers: Vec<String> =
-                            ["0", "0", "0", "1", "0", "0", "0", "50"].map(Into::into).into();
-                        let at = self.below(8);
-                        numbers[at] = number;
-                        self.with("c", &numbers.join(","))
-                    }
-                    "w" => self.with_packed("w", &format!("[fog]\nmor = {number}\n[rain]\nrate = {number}")),
-                    "p" => {
-                        let key = format!(
-                            "{{\"time\":{number},\"eye\":[{number},0,0],\"rotation\":[1,0,0,0],\"fov\":50}}"
-                        );
-                        self.with_packed("p", &format!("[{key}]"))
-                    }
-                    key => self.with(key, &number),
-                }
-            }
-            7 => match self.below(4) {
-                0 => self.link() + "&" + &String::from_utf8_lossy(&self.bytes()),
-                1 => self.link() + "&" + &self.link(),
-                2 => self.link() + &"&".repeat(60_000),
-                _ => self.with_packed("w", &format!("{} = 1", "k".repeat(60_000))),
-            },
-            8 => {
-                let (script, key) =
-                    (self.pick(&SCRIPT), self.pick(&["v", "w", "c", "t", "o", "d", "p", "f", "l"]));
-                let quoted = json!(script).to_string();
-                match self.below(5) {
-                    0 => self.with(key, script),
-                    1 => self.with_packed("w", &format!("name = {quoted}\nabout = {quoted}")),
-                    2 => self.with_packed("w", &format!("[{quoted}]\n{quoted} = {quoted}")),
-                    3 => self.with_packed("w", &format!("[sky]\nmodel = {quoted}\npanorama = {quoted}")),
-                    _ => self.with_packed("l", &format!("{{\"model\":{quoted},\"colors\":{quoted}}}")),
-                }
-            }
-            _ => {
-                let mut text = String::new();
-                for _ in 0..=self.below(3) {
-                    let effect = &EFFECTS[self.below(EFFECTS.len())];
-                    let param = &effect.params[self.below(effect.params.len())];
-                    let value = match self.below(5) {
-                        0 => self.number(),
-                        1 => self.below(300).to_string(),
-                        2 => format!(
-                            "{{ keys = [[0, {}], [{}, 1, \"smooth\"]] }}",
-                            self.below(9),
-                            self.below(9)
-                        ),
-                        3 => "[[], {}, 1979-05-27T07:32:00Z, nan]".into(),
-                        _ => "\"auto\"".into(),
-                    };
-                    text += &format!("{}.{} = {value}\n", effect.name, param.name);
-                }
-                self.with_packed("w", &text)
-            }
-        }
-    }
+/// Packs a text of any length.
+fn packed(text: &str) -> String {
+    Packer { room: usize::MAX }.packed(text).unwrap()
 }
 
-/// The outcome of one kind of attack.
-#[derive(Clone, Copy, Default)]
-struct AttackOutcome {
-    /// Numbers of attacks that are no link, no view, and views.
-    counts: [usize; 3],
-    /// Time of all and longest time of one, s.
-    seconds: f64,
-    longest: f64,
+/// Numbers that are too long, too large, none at all, or any.
+fn odd_numbers() -> BoxedStrategy<String> {
+    let digits = select(vec![1, 20, 400, 60_000]).prop_map(|count| "9".repeat(count));
+    let odd = ["NaN", "inf", "-infinity", "1e308", "-0", "5e-324", "0x10", "1_0", "", "+1"];
+    prop_oneof![
+        (digits, select(vec!["D.D", "1eD", "-1e-D", "0.D"]))
+            .prop_map(|(digits, form)| form.replace('D', &digits)),
+        any::<u64>().prop_map(|bits| f64::from_bits(bits).to_string()),
+        select(odd.to_vec()).prop_map(str::to_owned),
+    ]
+    .boxed()
 }
 
-/// Opens hostile links; returns the outcome of each of [`ATTACKS`].
-fn attack(count: usize, seed: u64) -> Vec<AttackOutcome> {
-    let (mut attacker, catalog, base) = (Attacker::new(seed), catalog(), state());
-    let mut outcomes = vec![AttackOutcome::default(); ATTACKS.len()];
-    for index in 0..count {
-        let attack = index % ATTACKS.len();
-        let text = attacker.fragment(attack);
+/// Lines of weather files, many of them out of range or of another type.
+fn odd_weathers() -> impl Strategy<Value = String> {
+    let params: Vec<String> = EFFECTS
+        .iter()
+        .flat_map(|effect| effect.params.iter().map(move |param| format!("{}.{}", effect.name, param.name)))
+        .collect();
+    let value = prop_oneof![
+        odd_numbers(),
+        (0..300_u32).prop_map(|value| value.to_string()),
+        (0..9_u32, 0..9_u32).prop_map(|(a, b)| format!("{{ keys = [[0, {a}], [{b}, 1, \"smooth\"]] }}")),
+        Just("[[], {}, 1979-05-27T07:32:00Z, nan]".into()),
+        Just("\"auto\"".into()),
+    ];
+    let line = (select(params), value).prop_map(|(param, value)| format!("{param} = {value}\n"));
+    proptest::collection::vec(line, 1..4).prop_map(|lines| lines.concat())
+}
+
+/// Texts where a link has numbers, a weather, keyframes or a lidar.
+fn hostile_texts() -> impl Strategy<Value = String> {
+    let forms = [
+        "N",
+        "N,0,0,1,0,0,0,50",
+        "0,0,0,1,0,N,0,50",
+        "[fog]\nmor = N\n[rain]\nrate = N",
+        r#"[{"time":N,"eye":[N,0,0],"rotation":[1,0,0,0],"fov":50}]"#,
+    ];
+    let numbers =
+        (odd_numbers(), select(forms.to_vec())).prop_map(|(number, form)| form.replace('N', &number));
+    let nests = [
+        ["a=", "[", "", "]"],
+        ["", "a.", "a=1", ""],
+        ["[", "a.", "a]", ""],
+        ["a=", "{a=", "1", "}"],
+        ["", "[", "", "]"],
+        ["", "{\"a\":", "1", "}"],
+    ];
+    let nested = (select(vec![60, 130, 5000, 60_000]), select(nests.to_vec())).prop_map(
+        |(depth, [head, open, middle, close])| {
+            format!("{head}{}{middle}{}", open.repeat(depth), close.repeat(depth))
+        },
+    );
+    let scripts = [
+        "<script>alert(1)</script>",
+        "\"><img src=x onerror=alert(1)>",
+        "javascript:alert(1)",
+        "\u{202e}\u{0}\r\n\u{1b}[31m",
+        "../../../etc/passwd",
+        "%3Cscript%3E",
+    ];
+    let places =
+        ["name = S\nabout = S", "[S]\nS = S", "[sky]\nmodel = S\npanorama = S", r#"{"model":S,"colors":S}"#];
+    let script = (select(scripts.to_vec()), proptest::option::of(select(places.to_vec()))).prop_map(
+        |(script, place)| match place {
+            Some(place) => place.replace('S', &json!(script).to_string()),
+            None => script.to_owned(),
+        },
+    );
+    let keys: String = (0..9000).map(|index| format!("k{index}.a={index}\n")).collect();
+    let long = vec![
+        "\n".repeat(MAX_INFLATED),
+        "[[a]]\n".repeat(MAX_INFLATED / 7),
+        keys,
+        format!("{} = 1", "k".repeat(60_000)),
+    ];
+    prop_oneof![20 => numbers, 20 => nested, 20 => script, 1 => select(long)]
+}
+
+/// Fragments that nobody would write who means well.
+fn hostile_fragments() -> impl Strategy<Value = String> {
+    let link = states().prop_map(|state| encode(&state).unwrap()).boxed();
+    let bytes = prop_oneof![0..4_usize, 0..400_usize, 0..4000_usize]
+        .prop_flat_map(|count| proptest::collection::vec(any::<u8>(), count))
+        .boxed();
+    let bomb = packed(&"#".repeat(8 << 20));
+    let value = prop_oneof![
+        8 => hostile_texts().prop_map(|text| packed(&text)),
+        3 => hostile_texts(),
+        1 => bytes.clone().prop_map(|bytes| BASE64_URL_SAFE_NO_PAD.encode(bytes)),
+        1 => Just(bomb),
+    ];
+    let key = prop_oneof![4 => Just("w"), 2 => Just("p"), 2 => Just("l"), 3 => select(KEYS.to_vec())];
+    let changed = (link.clone(), proptest::collection::vec((any::<usize>(), 32..127_u8, 0..4_u8), 1..6))
+        .prop_map(|(link, changes)| {
+            let mut bytes = link.into_bytes();
+            for (at, byte, way) in changes {
+                let (at, other) = (at % bytes.len(), usize::from(byte) % bytes.len());
+                match way {
+                    0 => bytes[at] = byte,
+                    1 => bytes.insert(at, byte),
+                    2 if bytes.len() > 1 => drop(bytes.remove(at)),
+                    _ => bytes.swap(at, other),
+                }
+            }
+            String::from_utf8(bytes).unwrap()
+        });
+    let more = prop_oneof![
+        bytes.prop_map(|bytes| String::from_utf8_lossy(&bytes).into_owned()),
+        link.clone(),
+        Just("&".repeat(60_000)),
+    ]
+    .boxed();
+    prop_oneof![
+        6 => (link.clone(), key, value).prop_map(|(link, key, value)| with(&link, key, &value)),
+        3 => (link.clone(), odd_weathers()).prop_map(|(link, text)| with(&link, "w", &packed(&text))),
+        1 => changed,
+        1 => (link.clone(), any::<usize>()).prop_map(|(link, end)| link[..end % link.len()].to_owned()),
+        1 => (link, more.clone()).prop_map(|(link, more)| link + "&" + &more),
+        1 => more,
+    ]
+}
+
+#[test]
+fn hostile_links_are_refused_or_are_views() {
+    let (catalog, base, fragments) = (catalog(), state(), hostile_fragments());
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    // Numbers of those that are no link, no view, and views.
+    let mut counts = [0; 3];
+    for _ in 0..2000 {
+        let text = fragments.new_tree(&mut runner).unwrap().current();
         let start: String = text.chars().take(300).collect();
-        let started = Instant::now();
-        let opened = open(&text, &catalog, &base);
-        let took = started.elapsed().as_secs_f64();
-        let decoded = decode(&text, &base);
-        let of = &mut outcomes[attack];
-        (of.seconds, of.longest) = (of.seconds + took, of.longest.max(took));
+        let (decoded, opened) = (decode(&text, &base), open(&text, &catalog, &base));
         let outcome = match (&decoded, &opened) {
             (Err(error), Err(same)) => {
                 assert_eq!(error, same, "{start}");
@@ -441,41 +356,12 @@ fn attack(count: usize, seed: u64) -> Vec<AttackOutcome> {
             }
             (Err(_), Ok(_)) => unreachable!("{start}"),
         };
-        of.counts[outcome] += 1;
+        counts[outcome] += 1;
         if let Err(error) = opened {
             let is_line = error.starts_with("link: ") && !error.contains(char::is_control);
             assert!(is_line && error.chars().count() < 500, "{start}: {error}");
         }
     }
-    outcomes
-}
-
-#[test]
-fn hostile_links_are_refused_or_are_views() {
-    let outcomes = attack(2000, 1);
-    print(&outcomes);
-    let total: usize = outcomes.iter().map(|of| of.counts.iter().sum::<usize>()).sum();
-    let [refused, invalid, views] =
-        [0, 1, 2].map(|kind| outcomes.iter().map(|of| of.counts[kind]).sum::<usize>());
     // All three happen.
-    assert!(total == 2000 && refused > 500 && invalid > 50 && views > 50, "{refused} {invalid} {views}");
-}
-
-/// `cargo test --release -p wm-viewer -- --ignored --nocapture hundred_thousand` prints what came
-/// of them.
-#[test]
-#[ignore = "takes minutes without optimisation"]
-fn a_hundred_thousand_hostile_links() {
-    print(&attack(100_000, 2));
-}
-
-fn print(outcomes: &[AttackOutcome]) {
-    for (name, AttackOutcome { counts: [refused, invalid, views], seconds, longest }) in
-        ATTACKS.iter().zip(outcomes)
-    {
-        println!(
-            "{name}: {refused} are no link, {invalid} no view, {views} views; {seconds:.1} s, at most {:.1} ms",
-            1e3 * longest
-        );
-    }
+    assert!(counts[0] > 500 && counts[1] > 50 && counts[2] > 50, "{counts:?}");
 }

@@ -139,11 +139,10 @@ export class AlignTool {
       if (!point) throw new Error("There is no surface at this point, only sky. Click where something is.");
       if (mode === this.mode) this.points.push(point);
     });
-    if (this.mode === "lamp" && this.points.length === POINTS.lamp) await this.change({ action: "lamp", point: this.points[0] });
-    else if (this.mode === "window" && this.points.length === POINTS.window) await this.change({ action: "window", points: this.points, eye: state.camera.eye });
-    else if (this.mode === "sun" && this.points.length === POINTS.sun) await this.change({ action: "sun", points: this.points });
-    else if (this.mode === "ground" && this.points.length === POINTS.ground) await this.change({ action: "ground", points: this.points });
-    else if (this.mode === "scale" && this.points.length === POINTS.scale) this.metres.focus();
+    if (this.points.length < POINTS[this.mode]) return;
+    if (this.mode === "scale") this.metres.focus();
+    else if (this.mode === "lamp") await this.change({ action: "lamp", point: this.points[0] });
+    else await this.change({ action: this.mode, points: this.points, ...(this.mode === "window" ? { eye: state.camera.eye } : {}) });
   }
 
   async setScale() {

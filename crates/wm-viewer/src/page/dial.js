@@ -1,7 +1,7 @@
 // The sun on a dial: the sky from above, north up, the zenith in the middle and the horizon as a
 // ring. What is outside of the ring is below the horizon.
 
-import { h } from "./dom.js";
+import { h, shape } from "./dom.js";
 import { Store } from "./store.js";
 import { keysOf, number, valueAt, withKey } from "./tracks.js";
 
@@ -9,14 +9,6 @@ import { keysOf, number, valueAt, withKey } from "./tracks.js";
 const HORIZON = 0.72;
 const LOWEST = -30;
 const SIZE = 132;
-const SVG = "http://www.w3.org/2000/svg";
-
-/** @param {string} name @param {Record<string, string | number>} attributes */
-function shape(name, attributes) {
-  const element = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
-  return element;
-}
 
 /** Place of the sun on the dial, half widths from its middle, north up. @param {number} elevation @param {number} azimuth degrees */
 export function placeOf(elevation, azimuth) {
@@ -41,9 +33,7 @@ export class SunDial {
     const half = SIZE / 2;
     const marks = [["N", 0], ["E", 90], ["S", 180], ["W", 270]].map(([name, azimuth]) => {
       const turn = (Number(azimuth) * Math.PI) / 180;
-      const text = shape("text", { x: half + 0.88 * half * Math.sin(turn), y: half - 0.88 * half * Math.cos(turn) });
-      text.textContent = String(name);
-      return text;
+      return shape("text", { x: half + 0.88 * half * Math.sin(turn), y: half - 0.88 * half * Math.cos(turn) }, String(name));
     });
     this.face = /** @type {SVGSVGElement} */ (shape("svg", { viewBox: `0 0 ${SIZE} ${SIZE}`, width: SIZE, height: SIZE, tabindex: 0, role: "slider", "aria-label": "Place of the sun", "aria-valuemin": LOWEST, "aria-valuemax": 90 }));
     this.face.append(shape("circle", { cx: half, cy: half, r: half - 1, class: "below" }), shape("circle", { cx: half, cy: half, r: HORIZON * half, class: "above" }), ...marks, this.sun);

@@ -17,6 +17,14 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** A shape of SVG. @param {string} tag @param {Object<string, string | number>} attributes @param {string} [text] @returns {SVGElement} */
+export function shape(tag, attributes, text) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
+  if (text) element.textContent = text;
+  return element;
+}
+
 /** The element of an id, which is there. @param {string} id @returns {any} */
 export function $(id) {
   return /** @type {any} */ (document.getElementById(id));

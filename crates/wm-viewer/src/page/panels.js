@@ -4,7 +4,7 @@ import * as backend from "./backend.js";
 import { SunDial } from "./dial.js";
 import { h, roving, short, toast } from "./dom.js";
 import { Store } from "./store.js";
-import { hasKey, hexOf, keysOf, number, scaleOf, valueAt, withKey, withoutKey } from "./tracks.js";
+import { hasKey, hexOf, keysOf, number, scaleOf, timesOf, valueAt, withKey, withoutKey } from "./tracks.js";
 
 /** @typedef {import("./store.js").Param} Param */
 /** @typedef {import("./store.js").Effect} Effect */
@@ -77,8 +77,7 @@ export class WeatherPanel {
     const preset = this.store.parameters.presets.find((preset) => preset.name === name);
     if (!preset) return;
     this.store.set({ weather: preset.weather });
-    const ends = Object.values(preset.weather).flatMap((effect) => (typeof effect === "object" ? Object.values(effect) : [])).flatMap((track) => keysOf(track).map((key) => key[0]));
-    const end = Math.max(0, ...ends);
+    const end = Math.max(0, ...timesOf(preset.weather));
     if (end > this.store.duration) this.store.setDuration(end);
   }
 

@@ -3,7 +3,7 @@
 import * as backend from "./backend.js";
 import { $, h, toast } from "./dom.js";
 import { Store } from "./store.js";
-import { keysOf } from "./tracks.js";
+import { timesOf } from "./tracks.js";
 
 /** Longest fragment that is looked at, characters. */
 const LONGEST = 65536;
@@ -80,8 +80,7 @@ export class Links {
       store.set(before);
       throw error;
     }
-    const tracks = Object.values(state.weather).flatMap((effect) => (effect && typeof effect === "object" ? Object.values(effect) : []));
-    const times = [state.time, ...state.path.map((key) => key.time), ...tracks.flatMap((track) => keysOf(track).map((key) => key[0]))];
+    const times = [state.time, ...state.path.map((key) => key.time), ...timesOf(state.weather)];
     const end = Math.max(...times.filter(Number.isFinite));
     if (end > store.duration) store.setDuration(end);
   }

@@ -2,7 +2,7 @@
 
 import { h, short } from "./dom.js";
 import { Store } from "./store.js";
-import { SAME, keysOf } from "./tracks.js";
+import { SAME, timesOf } from "./tracks.js";
 
 export class Timeline {
   /** @param {HTMLElement} root @param {Store} store */
@@ -52,9 +52,7 @@ export class Timeline {
 
   /** Times of keyframes of the weather. */
   times() {
-    const { weather } = this.store.state;
-    const tracks = Object.values(weather).flatMap((effect) => (effect && typeof effect === "object" ? Object.values(effect) : []));
-    return [...new Set(tracks.flatMap((track) => keysOf(track).map((key) => key[0])))];
+    return [...new Set(timesOf(this.store.state.weather))];
   }
 
   /** Sets a keyframe of the camera at the current time. */

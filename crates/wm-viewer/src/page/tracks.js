@@ -15,6 +15,12 @@ export function keysOf(track) {
   return track !== null && typeof track === "object" && !Array.isArray(track) ? track.keys : [];
 }
 
+/** Times of the keyframes of a weather. @param {Object<string, any>} weather @returns {number[]} */
+export function timesOf(weather) {
+  const tracks = Object.values(weather).flatMap((effect) => (effect && typeof effect === "object" ? Object.values(effect) : []));
+  return tracks.flatMap((track) => keysOf(track).map((key) => key[0]));
+}
+
 /** @type {Object<string, (s: number) => number>} */
 const EASINGS = {
   linear: (s) => s,

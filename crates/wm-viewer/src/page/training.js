@@ -1,22 +1,13 @@
 // A training while it runs: asks once a second, draws curves.
 
-import { $, count, h, short } from "./dom.js";
+import { $, count, h, shape, short } from "./dom.js";
 import { enter } from "./login.js";
 
 /** @typedef {{dataset: string, photo: string, step: number, steps: number, splats: number, seconds: number, loss: number[][],
  *   held_out: number[][], shown: number[][], camera: string, picture: number | null, end: string | null}} Told */
 
-const SVG = "http://www.w3.org/2000/svg";
 /** Size of a curve, in its own units. */
 const [WIDTH, HEIGHT, LEFT, BELOW] = [290, 150, 38, 16];
-
-/** @param {string} tag @param {Object<string, string | number>} attributes @param {string} [text] */
-function svg(tag, attributes, text) {
-  const element = document.createElementNS(SVG, tag);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
-  if (text) element.textContent = text;
-  return element;
-}
 
 /**
  * Curves over steps on common axes.
@@ -36,15 +27,15 @@ function draw(root, curves, steps, isLog) {
     const value = least + ((most - least) * i) / 3;
     const shown = isLog ? Math.exp(value) : value;
     root.append(
-      svg("line", { x1: LEFT, x2: WIDTH - 4, y1: y(shown), y2: y(shown), class: "grid" }),
-      svg("text", { x: LEFT - 5, y: y(shown) + 3.5, "text-anchor": "end" }, short(shown, 3)));
+      shape("line", { x1: LEFT, x2: WIDTH - 4, y1: y(shown), y2: y(shown), class: "grid" }),
+      shape("text", { x: LEFT - 5, y: y(shown) + 3.5, "text-anchor": "end" }, short(shown, 3)));
   }
-  root.append(svg("text", { x: LEFT, y: HEIGHT - 3 }, "0"), svg("text", { x: WIDTH - 4, y: HEIGHT - 3, "text-anchor": "end" }, `${count(steps)} steps`));
+  root.append(shape("text", { x: LEFT, y: HEIGHT - 3 }, "0"), shape("text", { x: WIDTH - 4, y: HEIGHT - 3, "text-anchor": "end" }, `${count(steps)} steps`));
   for (const { name, points } of curves) {
     const line = points.map(([step, value], index) => `${index ? "L" : "M"}${x(step).toFixed(1)} ${y(value).toFixed(1)}`).join("");
-    if (line) root.append(svg("path", { d: line, class: `line ${name}` }));
+    if (line) root.append(shape("path", { d: line, class: `line ${name}` }));
     const last = points.at(-1);
-    if (last) root.append(svg("circle", { cx: x(last[0]), cy: y(last[1]), r: 2.5, class: `dot ${name}` }));
+    if (last) root.append(shape("circle", { cx: x(last[0]), cy: y(last[1]), r: 2.5, class: `dot ${name}` }));
   }
 }
 

@@ -20,17 +20,20 @@ use without_networks as network;
 use crate::choices::first_given;
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
+use crate::report::write_text;
+use crate::scene::threads;
 use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use collect::{CollectedSet, Collector};
+use indicatif::{ProgressBar, ProgressFinish};
 use layout::{PictureSet, WeatherClass};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tables::{CmmdDistance, Tables};
 use weather_magician::train::metrics::{Collection, Embeddings};
-use wm_base::files::{check_writable, write_atomically};
+use wm_base::files::check_writable;
 
 /// Options that have no meaning when pictures are compared.
 const OF_SCENES: [&str; 10] = [
@@ -136,18 +139,13 @@ pub(crate) fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
         check_writable(out)?;
         work.overwrite.check_report(out, &[])?;
     }
-    let threads = rayon::ThreadPoolBuilder::new().num_threads(work.threads.map_or(0, usize::from)).build();
-    let threads = threads.context("cannot start threads")?;
-    let tables = threads.install(|| match &args.paper {
+    let tables = threads(work.threads)?.install(|| match &args.paper {
         Some(methods) => of_paper(args, methods, work),
         None => of_pictures(args, work),
     })?;
     let markdown = tables.markdown();
     print!("{markdown}");
-    let write = |path: Option<&Path>, text: &str| -> Result<()> {
-        let Some(path) = path else { return Ok(()) };
-        Ok(write_atomically(path, |out| Ok(out.write_all(text.as_bytes())?))?)
-    };
+    let write = |path: Option<&Path>, text: &str| path.map_or(Ok(()), |path| write_text(path, text));
     write(args.markdown.as_deref(), &markdown)?;
     write(args.csv.as_deref(), &tables.csv())?;
     write(work.json, &format!("{}\n", serde_json::to_string_pretty(&tables.json())?))
@@ -168,7 +166,7 @@ fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> 
         collector.add(part.clone(), part.place.clone())?;
     }
     let mut collected = collector.run()?;
-    let _busy = ComparisonSpinner::new();
+    let _busy = comparison_spinner();
     let real = Collection::new(collected.pop().expect("the last one").embeddings);
     let distance = |CollectedSet { name, embeddings }: CollectedSet| {
         CmmdDistance::new(name, None, None, &Collection::new(embeddings), &real)
@@ -216,7 +214,7 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) 
     for ((method, weather, scene), collected) in places.into_iter().zip(collector.run()?) {
         parts.entry((method, weather)).or_default().push((scene, collected.embeddings));
     }
-    let _busy = ComparisonSpinner::new();
+    let _busy = comparison_spinner();
     let (mut reals, mut distances) = (BTreeMap::new(), Vec::new());
     // The photographs come first.
     for ((method, weather), parts) in parts {
@@ -245,20 +243,10 @@ fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
     Collection::new(all)
 }
 
-/// A spinner, shown until it is dropped, while all pairs of pictures are compared; this takes a
-/// while for thousands of them.
-struct ComparisonSpinner(indicatif::ProgressBar);
-
-impl ComparisonSpinner {
-    fn new() -> Self {
-        Self(progress::spinner("comparing collections"))
-    }
-}
-
-impl Drop for ComparisonSpinner {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
-    }
+/// Returns a spinner, shown until it is dropped, while all pairs of pictures are compared; this takes
+/// a while for thousands of them.
+fn comparison_spinner() -> ProgressBar {
+    progress::spinner("comparing collections").with_finish(ProgressFinish::AndClear)
 }
 
 /// The name under which embeddings of photographs are kept.

@@ -3,6 +3,7 @@
 use super::layout::WeatherClass;
 use super::published;
 use super::uvq::UvqScore;
+use crate::report::csv_line;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use weather_magician::train::metrics::{Cmmd, Collection};
@@ -45,22 +46,6 @@ pub(crate) struct Tables {
     pub(crate) paper: bool,
 }
 
-/// A version of UVQ.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Uvq {
-    V1_0,
-    V1_5,
-}
-
-impl Uvq {
-    fn of(self, score: &UvqScore) -> Option<f64> {
-        match self {
-            Self::V1_0 => score.v1_0,
-            Self::V1_5 => score.v1_5,
-        }
-    }
-}
-
 /// The text in place of a missing number.
 const NONE: &str = "-";
 
@@ -76,14 +61,16 @@ impl Tables {
         }
         if self.scores.iter().any(|score| score.v1_0.is_some()) {
             parts.push(self.uvq(
-                Uvq::V1_0,
+                |score| score.v1_0,
+                true,
                 "UVQ 1.0, `compression_content_distortion`, 1 to 5; higher is better. Figures of the paper (Table III) and \
                  scores that were given.",
             ));
         }
         if self.scores.iter().any(|score| score.v1_5.is_some()) {
             parts.push(self.uvq(
-                Uvq::V1_5,
+                |score| score.v1_5,
+                false,
                 "UVQ 1.5: another network on another scale, not to be compared with UVQ 1.0.",
             ));
         }
@@ -156,21 +143,22 @@ impl Tables {
         out
     }
 
-    /// Returns Table III, one table per weather: a row per scene, a column per method.
-    fn uvq(&self, version: Uvq, title: &str) -> String {
+    /// Returns Table III, one table per weather: a row per scene, a column per method; with the
+    /// paper's scores if they are of the same version.
+    fn uvq(&self, of: fn(&UvqScore) -> Option<f64>, is_of_paper: bool, title: &str) -> String {
         let mut out = format!("{title}\n");
         for weather in WeatherClass::ALL {
             let given: Vec<(&UvqScore, f64)> = self
                 .scores
                 .iter()
                 .filter(|score| score.weather == weather)
-                .filter_map(|score| Some((score, version.of(score)?)))
+                .filter_map(|score| Some((score, of(score)?)))
                 .collect();
             if given.is_empty() {
                 continue;
             }
             let paper: Vec<_> =
-                published::uvq().filter(|(_, of, ..)| *of == weather && version == Uvq::V1_0).collect();
+                published::uvq().filter(|(_, of, ..)| is_of_paper && *of == weather).collect();
             let mut methods: Vec<(&str, bool)> = Vec::new();
             let mut scenes: Vec<&str> = Vec::new();
             let all = paper.iter().map(|(scene, _, method, _)| (*method, *scene, true));
@@ -212,7 +200,7 @@ impl Tables {
     pub(crate) fn csv(&self) -> String {
         let mut out = "metric,source,method,weather,scene,value,bias,pictures,photographs\n".to_owned();
         let mut line = |cells: [&str; 5], value: f64, rest: Option<(f64, usize, usize)>| {
-            let cells = cells.map(quoted).join(",");
+            let cells = csv_line(&cells);
             let rest = rest.map_or(",,".into(), |(bias, pictures, real)| format!("{bias},{pictures},{real}"));
             // Writing into a string does not fail.
             let _ = writeln!(out, "{cells},{value},{rest}");
@@ -298,12 +286,6 @@ fn table(out: &mut String, head: &[String], rows: &[Vec<String>]) {
 /// Escapes a name for a table: folder names may contain any character.
 fn escaped(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { '?' } else { c }).collect::<String>().replace('|', "\\|")
-}
-
-/// Quotes a name for a CSV file.
-fn quoted(name: &str) -> String {
-    let is_plain = !name.contains([',', '"', '\n', '\r']);
-    if is_plain { name.into() } else { format!("\"{}\"", name.replace('"', "\"\"")) }
 }
 
 #[cfg(test)]
