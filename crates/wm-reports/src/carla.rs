@@ -133,12 +133,9 @@ impl CarlaParameters {
     /// [`ReportError`] with the parameter and what is expected.
     pub fn parse(text: &str) -> Result<Self, ReportError> {
         let mut text = text.trim();
-        for word in ["CARLA", "Carla", "carla"] {
-            // The module of Python, too.
-            if let Some(rest) = text.strip_prefix(word) {
-                text = rest.trim_start_matches(['.', ':', ' ', '\t', '\n', '\r']);
-                break;
-            }
+        // The module of Python, too.
+        if let Some(rest) = ["CARLA", "Carla", "carla"].iter().find_map(|word| text.strip_prefix(word)) {
+            text = rest.trim_start_matches(['.', ':', ' ', '\t', '\n', '\r']);
         }
         if text.starts_with('{') {
             return Self::of_json(text);
@@ -162,10 +159,8 @@ impl CarlaParameters {
                 // As Python's call without names.
                 let Some(name) = Self::NAMES.get(place) else {
                     let most = Self::NAMES.len();
-                    return Err(Self::fault(
-                        part,
-                        format!("is one number too many: there are {most} parameters"),
-                    ));
+                    let problem = format!("is one number too many: there are {most} parameters");
+                    return Err(Self::fault(part, problem));
                 };
                 found.set(name, value)?;
                 place += 1;
@@ -215,10 +210,8 @@ impl CarlaParameters {
         let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
         let place = Self::NAMES.iter().position(|known| plain(known) == plain(name)).ok_or_else(|| {
             let near = meant(name, Self::NAMES.iter().copied());
-            Self::fault(
-                &quoted(name),
-                format!("is no parameter of CARLA{near}; they are {}", Self::NAMES.join(", ")),
-            )
+            let problem = format!("is no parameter of CARLA{near}; they are {}", Self::NAMES.join(", "));
+            Self::fault(&quoted(name), problem)
         })?;
         let [least, most] = Self::RANGES[place];
         if !(least..=most).contains(&value) {
@@ -304,10 +297,12 @@ fn write(carla: &CarlaParameters, draft: &mut Draft) {
         draft.word("splash.amount", "auto", Basis::told("as in nature"));
     }
     write_water(carla, draft);
-    for name in ["fog_distance", "scattering_intensity", "mie_scattering_scale", "rayleigh_scattering_scale"]
-    {
-        let place = CarlaParameters::NAMES.iter().position(|known| *known == name);
-        let value = place.and_then(|place| carla.clone().fields().get(place).and_then(|field| **field));
+    for (name, value) in [
+        ("fog_distance", carla.fog_distance),
+        ("scattering_intensity", carla.scattering_intensity),
+        ("mie_scattering_scale", carla.mie_scattering_scale),
+        ("rayleigh_scattering_scale", carla.rayleigh_scattering_scale),
+    ] {
         if let Some(value) = value {
             draft.ignored(format!("{name} {value}: not used"));
         }
@@ -336,14 +331,11 @@ fn write_water(carla: &CarlaParameters, draft: &mut Draft) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_weather::{ParamValue, Weather};
+    use crate::hourly::tests::track;
+    use wm_weather::Weather;
 
-    fn value(weather: &Weather, effect: &str, param: &str) -> Option<f64> {
-        let (effect, tracks) = weather.effects().find(|(on, _)| on.name == effect)?;
-        match tracks[effect.param(param)?].at(0.0) {
-            ParamValue::Number(number) => Some(number),
-            _ => None,
-        }
+    fn value(weather: &Weather, key: &str) -> Option<f64> {
+        track(weather, key)?.at(0.0).number()
     }
 
     #[test]
@@ -357,13 +349,13 @@ mod tests {
         ] {
             let report = read(&format!("CARLA {name}")).unwrap();
             let weather = report.weather();
-            assert_eq!(value(weather, "rain", "rate"), rate, "{name}\n{}", report.to_toml());
-            let seen = value(weather, "fog", "mor").unwrap();
+            assert_eq!(value(weather, "rain.rate"), rate, "{name}\n{}", report.to_toml());
+            let seen = value(weather, "fog.mor").unwrap();
             assert!((seen / mor - 1.0).abs() < 1e-3, "{name}: {seen}");
-            assert_eq!(value(weather, "wind", "speed"), Some(wind));
+            assert_eq!(value(weather, "wind.speed"), Some(wind));
         }
         let dust = read("carla.WeatherParameters.DustStorm").unwrap();
-        assert_eq!(value(dust.weather(), "smog", "mor"), Some(50.0));
+        assert_eq!(value(dust.weather(), "smog.mor"), Some(50.0));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::air::{self, AirPath};
 use crate::drops::{self, Pulse};
 use crate::echo::{self, DetectedEcho, Echo, EchoClass, MIN_ECHO_POWER, ReturnMode, ReturnRank};
 use crate::model::LidarModel;
-use crate::pose::{SensorMotion, SensorPose};
+use crate::pose::{SensorMotion, SensorPose, direction};
 use crate::surface::{self, SurfaceState, SurfaceStates};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -95,7 +95,7 @@ impl PointFrame {
 }
 
 /// Options of a sweep.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SweepOptions {
     /// Start of the sweep, s; the weather must be prepared for this time.
     pub time: f64,
@@ -114,21 +114,6 @@ pub struct SweepOptions {
     /// Lidar ratio (extinction over backscatter) of fog, haze and smog, sr; `None` for the usual
     /// ratio of each.
     pub lidar_ratio: Option<f64>,
-}
-
-impl Default for SweepOptions {
-    fn default() -> Self {
-        Self {
-            time: 0.0,
-            index: 0,
-            seed: 0,
-            sensor: 0,
-            sub_rays: SubRays::default(),
-            returns: ReturnMode::default(),
-            frame: PointFrame::default(),
-            lidar_ratio: None,
-        }
-    }
 }
 
 /// One point of a sweep.
@@ -221,9 +206,7 @@ pub fn sweep(
             .par_iter()
             .map(|beam| {
                 let pose = motion.pose(options.time + beam.time);
-                let ([sin, cos], [up, level]) =
-                    ([beam.azimuth.sin(), beam.azimuth.cos()], [beam.elevation.sin(), beam.elevation.cos()]);
-                let direction = pose.to_world(DVec3::new(level * cos, level * sin, up));
+                let direction = pose.to_world(direction(beam.azimuth, beam.elevation));
                 Pulse { beam: *beam, pose, direction }
             })
             .collect();
@@ -401,9 +384,8 @@ impl Tracer<'_> {
         }
         if let Some(splats) = self.scene.mirrored.filter(|_| !mirrors.is_empty()) {
             let hits = self.trace(splats, &mirrored);
-            echoes.extend(
-                (0..mirrors.len()).filter_map(|ray| self.ghost(&mirrors[ray], &mirrored, &hits, ray)),
-            );
+            let ghost = |(ray, mirror)| self.ghost(mirror, &mirrored, &hits, ray);
+            echoes.extend(mirrors.iter().enumerate().filter_map(ghost));
         }
         (ends, echoes)
     }
@@ -463,7 +445,7 @@ impl Tracer<'_> {
         let mut state = self.scene.surfaces.state(hits.splat[ray]);
         let dry = if state.is_snow {
             state = SurfaceState { is_snow: true, ..SurfaceState::default() };
-            surface::snow_reflectance(self.model.is_absorbed())
+            surface::SNOW_REFLECTANCE[usize::from(self.model.is_absorbed())]
         } else {
             f64::from(hits.value[ray]) / coverage
         };
