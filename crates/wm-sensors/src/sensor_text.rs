@@ -73,7 +73,8 @@ impl<'a> SensorText<'a> {
     pub(crate) fn parse<T: DeserializeOwned>(&self) -> Result<T, SensorError> {
         toml::from_str(&self.text).map_err(|error| {
             let line = |start: usize| 1 + self.text[..start.min(self.text.len())].matches('\n').count();
-            let location = error.span().map(|span| format!(", line {}", line(span.start))).unwrap_or_default();
+            let location =
+                error.span().map(|span| format!(", line {}", line(span.start))).unwrap_or_default();
             let problem = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
             SensorError::Model { name: self.place.clone(), location, problem }
         })

@@ -340,7 +340,8 @@ impl Tracer<'_> {
     fn surfaces(&self) -> (Vec<f64>, Vec<(u32, Echo)>) {
         let rays = self.rays();
         let hits = self.trace(self.scene.splats, &rays);
-        let ends: Vec<f64> = hits.distance.iter().map(|t| f64::from(*t) * self.metres()).collect();
+        let ends: Vec<f64> =
+            hits.distance.iter().map(|t| f64::from(*t) * self.scene.site.metres_per_unit).collect();
         let share = 1.0 / self.count as f64;
         let up = DVec3::from_array(self.scene.site.up);
         let of_ray = |ray: usize| {
@@ -396,7 +397,7 @@ impl Tracer<'_> {
         let (origin, direction) = ray_of(rays, ray);
         let after = f64::from(hits.distance[ray]) - mirror.before;
         // Below the mirror there is nothing to see.
-        if after < MIRROR_CLEARANCE_M / self.metres() {
+        if after < MIRROR_CLEARANCE_M / self.scene.site.metres_per_unit {
             return None;
         }
         let from = origin + direction * mirror.before;
@@ -406,10 +407,6 @@ impl Tracer<'_> {
         let received = mirror.share * kept * kept * self.model.overlap_at(range) / (range * range);
         let power = reflectance * met.cosine * received;
         Some((mirror.pulse, Echo { range, power, class: EchoClass::Ghost, label: met.state.label }))
-    }
-
-    fn metres(&self) -> f64 {
-        self.scene.site.metres_per_unit
     }
 
     /// The rays of all pulses, pulse by pulse.
@@ -449,7 +446,7 @@ impl Tracer<'_> {
         } else {
             f64::from(hits.value[ray]) / coverage
         };
-        let range = distance * self.metres();
+        let range = distance * self.scene.site.metres_per_unit;
         // Not of length 1 where splats turn to all sides: then it is the mean of their cosines.
         let cosine = (-normal.dot(direction)).clamp(0.0, 1.0);
         Some(SurfaceReturn { range, cosine, normal: normal.normalize_or(DVec3::ZERO), dry, state })

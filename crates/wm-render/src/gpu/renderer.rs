@@ -71,7 +71,7 @@ impl GpuRenderer {
 
     /// The threads of the CPU's part.
     #[must_use]
-    pub(crate) fn pool(&self) -> &rayon::ThreadPool {
+    pub(crate) fn pool(&self) -> &Arc<rayon::ThreadPool> {
         &self.pool
     }
 

@@ -75,7 +75,8 @@ fn read_place(
     let end = lines.iter().position(|(_, line)| line.trim().is_empty()).unwrap_or(lines.len());
     if end != 2 {
         let line = lines.get(2).map_or(1, |(line, _)| *line);
-        let problem = "has more than one place: a line of names and one of values are expected, then an empty line";
+        let problem =
+            "has more than one place: a line of names and one of values are expected, then an empty line";
         return Err(fault(line, problem.into()));
     }
     let names = cells(lines[0].1, separator);

@@ -64,9 +64,8 @@ impl RawTable<'_> {
         let (mut columns, mut unused) = (Vec::new(), Vec::new());
         for (name, unit) in &self.columns {
             match Column::of(name, unit, has_snow_depth) {
-                Some(column) => columns.push(Some(
-                    column.map_err(|problem| (self.whole)(format!("column {name} {problem}")))?,
-                )),
+                Some(column) => columns
+                    .push(Some(column.map_err(|problem| (self.whole)(format!("column {name} {problem}")))?)),
                 None => {
                     columns.push(None);
                     // Of what the values came.

@@ -1,6 +1,6 @@
 use super::*;
-use crate::report::{DecodedReport, ReportNoteKind};
 use crate::hourly::tests::track;
+use crate::report::{DecodedReport, ReportNoteKind};
 use wm_weather::Weather;
 
 fn value(weather: &Weather, key: &str) -> Option<f64> {

@@ -239,7 +239,8 @@ impl Reader {
             }
         }
         if let Some((_, token)) = strength {
-            let problem = "says how strong and not what: rain, snow, fog, wind and the like are expected after it";
+            let problem =
+                "says how strong and not what: rain, snow, fog, wind and the like are expected after it";
             return Err(fault(token, problem));
         }
         if let (Some(_), Some(token)) = (share, share_of) {
@@ -258,7 +259,8 @@ impl Reader {
             Some(Meaning::Cloud(_)) => self.now.clouds = Some(Datum::told(0.0, "no clouds")),
             Some(Meaning::Falls(_) | Meaning::Air(..) | Meaning::Thunder | Meaning::Gusts) => {}
             _ => {
-                let problem = "says that there is none of what: rain, wind, fog and the like are expected after it";
+                let problem =
+                    "says that there is none of what: rain, wind, fog and the like are expected after it";
                 return Err(fault(token, problem));
             }
         }
@@ -546,7 +548,10 @@ fn unknown(token: &Token) -> ReportError {
     let known = WORDS.iter().flat_map(|(words, _)| words.split(' '));
     let known = known.chain(vocabulary::COMPASS.iter().copied()).chain(units::NAMES.iter().copied());
     let near = meant(&token.text, known);
-    fault(token, format!("is no word for weather that is known here{near}; see docs/guide/weather-reports.md"))
+    fault(
+        token,
+        format!("is no word for weather that is known here{near}; see docs/guide/weather-reports.md"),
+    )
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ fn dome(words: &[&str], picture: fn(usize) -> [f32; 3]) -> Dome {
     let mut weather = Weather::clear();
     words.iter().for_each(|word| weather.set_text(word).unwrap());
     weather.load_images(|_| Panorama::new(256, 128, picture).map(Arc::new)).unwrap();
-    weather.at(0.0).prepare(&site(Daylight::Known)).dome().unwrap().clone()
+    weather.at(0.0).prepare(&site(Daylight::Known)).dome.unwrap().clone()
 }
 
 /// A picture of smooth colours with a hard edge at the horizon.
@@ -205,7 +205,7 @@ fn a_sky_runs_between_keyframes() {
         "w",
     )
     .unwrap();
-    let color = weather.at(1.0).prepare(&site(Daylight::Known)).dome().unwrap().reference(1e-3, UP);
+    let color = weather.at(1.0).prepare(&site(Daylight::Known)).dome.unwrap().reference(1e-3, UP);
     // Half of the light.
     assert!(color.iter().all(|v| (v - srgb_encode(0.5)).abs() < 1e-9));
     for (text, want) in [

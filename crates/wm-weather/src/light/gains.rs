@@ -73,7 +73,6 @@ impl LightGains {
         casts: LightCasts<'_>,
         points: Option<&[[f32; 3]]>,
         up: [f64; 3],
-        threads: usize,
     ) -> Self {
         let LightCasts { shadows, lamps } = casts;
         let lamps = lamps.filter(|_| new.lamps > 0.0);
@@ -102,11 +101,11 @@ impl LightGains {
                 beam: beam(&lit, &new.light),
             }
         };
-        let gains = map(capture.len(), threads, |index| {
+        let gains = map(capture.len(), |index| {
             if capture.is_sky(index) { [new.sky_gain as f32; 3] } else { light(index).gain() }
         });
         let moving = points.map_or_else(Vec::new, |points| {
-            map(capture.len(), threads, |index| {
+            map(capture.len(), |index| {
                 if capture.is_sky(index) {
                     return MovingSplat::default();
                 }
@@ -134,7 +133,6 @@ impl LightGains {
         casts: LightCasts<'_>,
         moves: bool,
         up: [f64; 3],
-        threads: usize,
     ) -> Self {
         let LightCasts { shadows, lamps } = casts;
         let lamps = lamps.filter(|_| new.lamps > 0.0);
@@ -148,15 +146,15 @@ impl LightGains {
             });
             let surface = placed.surface(index, capture, up, shadows);
             SplatIrradiances {
-                before: [1.0 / capture.exposure(); 3],
+                before: [1.0 / capture.exposure; 3],
                 sky: add(without_sun(&surface, &new.light, mean), lamps),
                 beam: beam(&surface, &new.light),
             }
         };
-        let exposure = capture.exposure();
-        let gains = map(placed.len(), threads, |index| light(index).total().map(|v| (exposure * v) as f32));
+        let exposure = capture.exposure;
+        let gains = map(placed.len(), |index| light(index).total().map(|v| (exposure * v) as f32));
         let moving = if moves {
-            map(placed.len(), threads, |index| {
+            map(placed.len(), |index| {
                 let open = placed.surface(index, capture, up, shadows).open[0];
                 MovingSplat::new(placed.point(index), placed.normal(index), open, &light(index))
             })

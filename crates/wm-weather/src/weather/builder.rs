@@ -5,7 +5,7 @@ use super::*;
 /// A weather in the making. Effects act in the order of their list: the light of those that follow
 /// is that of the sky and the light before them.
 pub(crate) struct WeatherBuilder {
-    prepared: PreparedWeather,
+    pub(crate) prepared: PreparedWeather,
     /// The layers of the air, those of what falls among them.
     layers: Vec<AirLayer>,
     flash: Option<Flash>,
@@ -46,16 +46,11 @@ impl WeatherBuilder {
         &self.prepared.site
     }
 
-    /// The layers of the air that float.
-    pub fn floating_air(&self) -> &[AirLayer] {
-        &self.prepared.floating
-    }
-
     /// Puts a sky behind the scene. It must come before all other effects, so that they are lit by
     /// this sky.
     pub fn set_sky(&mut self, sky: Dome) {
         let site = &mut self.prepared.site;
-        let lights = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
+        let lights = site.daylight == Daylight::Guessed || sky.sky_splats == SkySplats::LeftOut;
         site.airlight = sky.airlight().filter(|_| lights).unwrap_or(site.airlight);
         self.prepared.dome = Some(sky);
     }

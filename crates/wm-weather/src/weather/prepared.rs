@@ -28,10 +28,10 @@ pub struct PreparedWeather {
     pub(super) paper_falls: Vec<PaperFall>,
     pub(super) falling: Vec<Precipitation>,
     /// The layers of the air that float: all but those of what falls.
-    pub(super) floating: Vec<AirLayer>,
+    pub(crate) floating: Vec<AirLayer>,
     pub(super) wind_now: WindSample,
     /// The sky behind the scene, if the weather sets one.
-    pub(super) dome: Option<Dome>,
+    pub(crate) dome: Option<Dome>,
     /// The light on the scene, if it changes.
     pub(super) light: Option<LightChange>,
     /// Lightning at the instant.
@@ -58,12 +58,6 @@ pub struct PreparedWeather {
 }
 
 impl PreparedWeather {
-    /// The sky behind the scene, if the weather sets one.
-    #[cfg(test)]
-    pub(crate) fn dome(&self) -> Option<&Dome> {
-        self.dome.as_ref()
-    }
-
     /// Returns the change of the light on the scene; `None` where the captured light stays.
     #[must_use]
     pub fn light(&self) -> Option<&LightChange> {

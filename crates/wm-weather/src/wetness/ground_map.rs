@@ -106,7 +106,6 @@ impl GroundMap {
         path: [[f64; 3]; 2],
         is_up_known: bool,
         site: &Site,
-        threads: usize,
     ) -> Self {
         let options = ShelterOptions {
             cell: CELL,
@@ -116,9 +115,9 @@ impl GroundMap {
             ..ShelterOptions::default()
         };
         let occluders = Occluders::of(&scan.splats, site, &options);
-        let (grid, _) = GroundGrid::new(scan, &occluders, None, threads);
+        let (grid, _) = GroundGrid::new(scan, &occluders, None);
         let (mut floor, mut top) = grid.floor();
-        let places = grid.places().heightless();
+        let places = grid.places.heightless();
         // A scene of which nothing is near the path has no cell.
         let columns = places.size()[0].max(1);
         let cell = places.cell() as f32;
@@ -141,8 +140,8 @@ impl GroundMap {
                 *height -= tilted(tilt, middle) as f32;
             }
         }
-        let ground = smoothed(&floor, &top, columns, cell, threads);
-        let bumps = map(ground.len(), threads, |at| {
+        let ground = smoothed(&floor, &top, columns, cell);
+        let bumps = map(ground.len(), |at| {
             let [x, y] = [at % columns, at / columns].map(|v| (v as f64 + 0.5) * f64::from(cell));
             relief(x, y) as f32
         });
@@ -383,14 +382,14 @@ fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
 }
 
 /// The ground smoothed, with its gaps closed where nothing stands in them.
-fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32, threads: usize) -> Vec<f32> {
+fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
     let rows = floor.len() / columns;
     let reach = (2.0 * SMOOTH / cell).ceil() as i64;
     let weights: Vec<f32> =
         (-reach..=reach).map(|k| (-0.5 * (k as f32 * cell / SMOOTH).powi(2)).exp()).collect();
     let all: f32 = weights.iter().sum();
     // Heights and weights along rows, then along columns.
-    let first = map(floor.len(), threads, |at| {
+    let first = map(floor.len(), |at| {
         let (x, y) = ((at % columns) as i64, at / columns);
         let (mut sum, mut weight) = (0.0, 0.0);
         for (k, share) in weights.iter().enumerate() {
@@ -405,7 +404,7 @@ fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32, threads: usiz
         }
         [sum, weight]
     });
-    map(floor.len(), threads, |at| {
+    map(floor.len(), |at| {
         let (x, y) = (at % columns, (at / columns) as i64);
         let (mut sum, mut weight) = (0.0, 0.0);
         for (k, share) in weights.iter().enumerate() {
