@@ -82,8 +82,7 @@ impl LightGains {
             shadows.is_some() || (capture.takes_another_sun(new.is_diffuse) && new.light.sun == [0.0; 3]);
         let follows = if is_moved { capture.takes_another_sun(new.is_diffuse) } else { capture.is_split() };
         let before_mean = capture.mean(&capture.light);
-        let after_mean =
-            shadows.map_or_else(|| capture.mean(&new.light), |shadows| capture.mean_in(&new.light, shadows));
+        let after_mean = capture.mean_in(&new.light, shadows);
         let light = |index: usize| {
             let lamps = lamps.map_or([0.0; 3], |lamps| lamps.lit(index).map(|v| f64::from(v) * new.lamps));
             if !follows {
@@ -94,7 +93,7 @@ impl LightGains {
                 };
             }
             let old = capture.surface(index, up);
-            let lit = shadows.map_or(old, |shadows| capture.surface_in(index, up, shadows));
+            let lit = capture.surface_beside(index, capture.normal(index), up, shadows);
             SplatIrradiances {
                 before: old.irradiance(&capture.light, before_mean),
                 sky: add(without_sun(&lit, &new.light, after_mean), lamps),
@@ -136,8 +135,7 @@ impl LightGains {
     ) -> Self {
         let LightCasts { shadows, lamps } = casts;
         let lamps = lamps.filter(|_| new.lamps > 0.0);
-        let mean =
-            shadows.map_or_else(|| capture.mean(&new.light), |shadows| capture.mean_in(&new.light, shadows));
+        let mean = capture.mean_in(&new.light, shadows);
         let light = |index: usize| {
             let normal = placed.normal(index);
             let lamps = lamps.map_or([0.0; 3], |lamps| {

@@ -58,7 +58,7 @@ impl SunShadows {
         let mut shadows = Self { direction, seen, mean: 0.0 };
         let (mut sum, mut count) = (0.0, 0.0f64);
         for index in (0..casters.points.len()).filter(|index| !capture.is_sky(*index)) {
-            let surface = capture.surface_in(index, site.up, &shadows);
+            let surface = capture.surface_beside(index, capture.normal(index), site.up, Some(&shadows));
             sum += surface.incidence * surface.sun;
             count += 1.0;
         }

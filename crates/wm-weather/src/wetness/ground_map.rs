@@ -294,33 +294,44 @@ fn tilted(tilt: [f64; 2], place: [f64; 2]) -> f64 {
 
 /// Sums over points of ground, by which the plane through them is fitted.
 #[derive(Default)]
-struct PlaneFit {
+pub(super) struct PlaneFit {
     count: f64,
     /// Sums of x, y and the height.
     sums: [f64; 3],
-    /// Sums of x x, x y, y y, x times the height and y times the height.
-    products: [f64; 5],
+    /// Sums of x x, x y, y y, x times the height, y times the height and of the height's square.
+    products: [f64; 6],
+}
+
+/// The plane through points of ground.
+pub(super) struct Plane {
+    /// Along x and y.
+    slopes: [f64; 2],
+    /// The mean point.
+    mean: [f64; 3],
+    /// Variance of the heights about it.
+    pub(super) variance: f64,
 }
 
 impl PlaneFit {
-    fn add(&mut self, point: [f64; 2], height: f64) {
+    pub(super) fn add(&mut self, point: [f64; 2], height: f64) {
         let [x, y] = point;
         self.count += 1.0;
         [x, y, height].iter().zip(&mut self.sums).for_each(|(v, sum)| *sum += v);
-        let products = [x * x, x * y, y * y, x * height, y * height];
+        let products = [x * x, x * y, y * y, x * height, y * height, height * height];
         products.iter().zip(&mut self.products).for_each(|(v, sum)| *sum += v);
     }
 
-    /// The slopes along x and y, and the mean point. `None` for fewer than `least` points, and
-    /// where the determinant of their covariance is below `flattest`: they lie on a line.
-    fn plane(&self, least: f64, flattest: f64) -> Option<([f64; 2], [f64; 3])> {
+    /// Returns `None` for fewer than `least` points, and where the determinant of their covariance
+    /// is below `flattest`: they lie on a line.
+    pub(super) fn plane(&self, least: f64, flattest: f64) -> Option<Plane> {
         let mean @ [mx, my, mh] = self.sums.map(|sum| sum / self.count);
-        let [xx, xy, yy, xh, yh] = self.products.map(|sum| sum / self.count);
+        let [xx, xy, yy, xh, yh, hh] = self.products.map(|sum| sum / self.count);
         let (xx, xy, yy) = (xx - mx * mx, xy - mx * my, yy - my * my);
-        let (xh, yh) = (xh - mx * mh, yh - my * mh);
+        let (xh, yh, hh) = (xh - mx * mh, yh - my * mh, hh - mh * mh);
         let det = xx * yy - xy * xy;
-        let is_told = self.count >= least && det >= flattest;
-        is_told.then(|| ([(xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det], mean))
+        let slopes = [(xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det];
+        let variance = hh - slopes[0] * xh - slopes[1] * yh;
+        (self.count >= least && det >= flattest).then_some(Plane { slopes, mean, variance })
     }
 }
 
@@ -336,7 +347,7 @@ fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
                 fit.add(place, z);
             }
         }
-        let Some((slopes, [x, y, z])) = fit.plane(100.0, 1e-6) else { return [0.0; 2] };
+        let Some(Plane { slopes, mean: [x, y, z], .. }) = fit.plane(100.0, 1e-6) else { return [0.0; 2] };
         tilt = slopes;
         off = z - tilted(tilt, [x, y]);
     }
@@ -389,32 +400,26 @@ fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
         (-reach..=reach).map(|k| (-0.5 * (k as f32 * cell / SMOOTH).powi(2)).exp()).collect();
     let all: f32 = weights.iter().sum();
     // Heights and weights along rows, then along columns.
-    let first = map(floor.len(), |at| {
-        let (x, y) = ((at % columns) as i64, at / columns);
+    let mixed = |place: usize, count: usize, value: &dyn Fn(usize) -> [f32; 2]| {
         let (mut sum, mut weight) = (0.0, 0.0);
         for (k, share) in weights.iter().enumerate() {
-            let other = x + k as i64 - reach;
-            if other >= 0 && other < columns as i64 {
-                let height = floor[y * columns + other as usize];
-                if height.is_finite() {
-                    sum += share * height;
-                    weight += share;
-                }
-            }
-        }
-        [sum, weight]
-    });
-    map(floor.len(), |at| {
-        let (x, y) = (at % columns, (at / columns) as i64);
-        let (mut sum, mut weight) = (0.0, 0.0);
-        for (k, share) in weights.iter().enumerate() {
-            let other = y + k as i64 - reach;
-            if other >= 0 && other < rows as i64 {
-                let [height, part] = first[other as usize * columns + x];
+            let other = place as i64 + k as i64 - reach;
+            if other >= 0 && other < count as i64 {
+                let [height, part] = value(other as usize);
                 sum += share * height;
                 weight += share * part;
             }
         }
+        [sum, weight]
+    };
+    let known = |height: f32| if height.is_finite() { [height, 1.0] } else { [0.0; 2] };
+    let first = map(floor.len(), |at| {
+        let (x, y) = (at % columns, at / columns);
+        mixed(x, columns, &|x| known(floor[y * columns + x]))
+    });
+    map(floor.len(), |at| {
+        let (x, y) = (at % columns, at / columns);
+        let [sum, weight] = mixed(y, rows, &|y| first[y * columns + x]);
         let height = sum / weight;
         let is_gap = floor[at].is_nan();
         let stands = top[at] > height + STANDS;
@@ -471,5 +476,5 @@ fn mean_slope(ground: &[f32], cells: &[u32], columns: usize, cell: f32) -> f32 {
             }
         }
     }
-    fit.plane(3.0, 1e-9).map_or(f32::INFINITY, |([x, y], _)| x.hypot(y) as f32)
+    fit.plane(3.0, 1e-9).map_or(f32::INFINITY, |plane| plane.slopes[0].hypot(plane.slopes[1]) as f32)
 }

@@ -48,6 +48,13 @@ fn yard(ground: &GroundGrid) -> f64 {
     area
 }
 
+/// Water that lies, has melted and was shed, kg, of snow of 300 kg/m^3.
+fn account(cover: &Cover, lying: &LyingCover) -> [f64; 3] {
+    let lies = lying.settled[0].depth.iter().map(|depth| f64::from(*depth)).sum();
+    let area = f64::from(cover.rings[0].cell).powi(2);
+    [lies, lying.melted[0], lying.settled[0].lost].map(|depth| depth * area * 300.0)
+}
+
 /// Mean depth over a field of the uppermost surface between two heights.
 fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> f64 {
     let ground = &cover.rings[0];
@@ -474,10 +481,7 @@ fn water_is_kept_over_time() {
     for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
         let sky = weather.at(time).prepare(&SITE);
         let lying = cover.lay_all(&sky.cover()[..1]);
-        let area = f64::from(cover.rings[0].cell).powi(2);
-        let water = |depth: f64| depth * area * 300.0;
-        let lies = water(lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum());
-        let (melted, shed) = (water(lying.melted[0]), water(lying.settled[0].lost));
+        let [lies, melted, shed] = account(&cover, &lying);
         let fell = fell * yard(&cover.rings[0]);
         let all = (lies + melted + shed) / fell;
         println!("{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {fell:.1}");

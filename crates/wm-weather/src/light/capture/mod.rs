@@ -396,11 +396,6 @@ impl CaptureLight {
         self.surface_beside(index, self.normal(index), up, None)
     }
 
-    /// The geometry of the light of another sun on one splat.
-    pub(crate) fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
-        self.surface_beside(index, self.normal(index), up, Some(shadows))
-    }
-
     /// The geometry of the light on a small surface with this normal that sees what a splat sees.
     /// `shadows` are those of another sun than the captured one.
     pub(super) fn surface_beside(
@@ -463,10 +458,10 @@ impl CaptureLight {
         self.sun.map_or(0.0, |sun| along(sun.direction, up))
     }
 
-    /// The mean irradiance of the surfaces under the light of another sun, without what they return
-    /// to each other.
-    pub(crate) fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
-        MeanSurface { sun: shadows.mean, ..self.mean }.under(light)
+    /// The mean irradiance of the surfaces under a light, without what they return to each other;
+    /// `shadows` are those of another sun.
+    pub(crate) fn mean_in(&self, light: &SceneLight, shadows: Option<&SunShadows>) -> [f64; 3] {
+        MeanSurface { sun: shadows.map_or(self.mean.sun, |shadows| shadows.mean), ..self.mean }.under(light)
     }
 
     /// The mean irradiance of the surfaces under a light, without what they return to each other.
