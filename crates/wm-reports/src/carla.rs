@@ -77,53 +77,25 @@ carla! {
     dust_storm: 0.0 to 100.0;
 }
 
-/// Names of presets, and the first ten parameters of each, as in CARLA 0.9.13 to 0.9.16
+/// Names of presets, and the parameters of each in their order, as in CARLA 0.9.13 to 0.9.16
 /// (`WeatherParameters.cpp`).
-const PRESETS: &[(&str, [f64; 10])] = &[
-    ("ClearNoon", [5.0, 0.0, 0.0, 10.0, -1.0, 45.0, 2.0, 0.75, 0.1, 0.0]),
-    ("CloudyNoon", [60.0, 0.0, 0.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("WetNoon", [5.0, 0.0, 50.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("WetCloudyNoon", [60.0, 0.0, 50.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("MidRainyNoon", [60.0, 60.0, 60.0, 60.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("HardRainNoon", [100.0, 100.0, 90.0, 100.0, -1.0, 45.0, 7.0, 0.75, 0.1, 0.0]),
-    ("SoftRainNoon", [20.0, 30.0, 50.0, 30.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("ClearSunset", [5.0, 0.0, 0.0, 10.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("CloudySunset", [60.0, 0.0, 0.0, 10.0, -1.0, 15.0, 3.0, 0.75, 0.1, 0.0]),
-    ("WetSunset", [5.0, 0.0, 50.0, 10.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("WetCloudySunset", [60.0, 0.0, 50.0, 10.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("MidRainSunset", [60.0, 60.0, 60.0, 60.0, -1.0, 15.0, 3.0, 0.75, 0.1, 0.0]),
-    ("HardRainSunset", [100.0, 100.0, 90.0, 100.0, -1.0, 15.0, 7.0, 0.75, 0.1, 0.0]),
-    ("SoftRainSunset", [20.0, 30.0, 50.0, 30.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("ClearNight", [5.0, 0.0, 0.0, 10.0, -1.0, -90.0, 60.0, 75.0, 1.0, 0.0]),
-    ("CloudyNight", [60.0, 0.0, 0.0, 10.0, -1.0, -90.0, 60.0, 0.75, 0.1, 0.0]),
-    ("WetNight", [5.0, 0.0, 50.0, 10.0, -1.0, -90.0, 60.0, 75.0, 1.0, 60.0]),
-    ("WetCloudyNight", [60.0, 0.0, 50.0, 10.0, -1.0, -90.0, 60.0, 0.75, 0.1, 60.0]),
-    ("SoftRainNight", [60.0, 30.0, 50.0, 30.0, -1.0, -90.0, 60.0, 0.75, 0.1, 60.0]),
-    ("MidRainyNight", [80.0, 60.0, 60.0, 60.0, -1.0, -90.0, 60.0, 0.75, 0.1, 80.0]),
-    ("HardRainNight", [100.0, 100.0, 90.0, 100.0, -1.0, -90.0, 100.0, 0.75, 0.1, 100.0]),
-    ("DustStorm", [100.0, 0.0, 0.0, 100.0, -1.0, 45.0, 2.0, 0.75, 0.1, 0.0]),
-];
+const PRESETS: &str = include_str!("carla_presets.txt");
 
-/// The last four parameters of every preset but `DustStorm`, whose dust is 100.
-const SCATTERING: [f64; 4] = [1.0, 0.03, 0.0331, 0.0];
+fn presets() -> impl Iterator<Item = (&'static str, &'static str)> {
+    PRESETS.lines().filter_map(|line| line.split_once(' '))
+}
 
 /// The names of CARLA's presets.
 pub(crate) fn preset_names() -> impl Iterator<Item = &'static str> {
-    PRESETS.iter().map(|(name, _)| *name)
+    presets().map(|(name, _)| name)
 }
 
 impl CarlaParameters {
     /// The preset of a name, as `HardRainNoon`.
     #[must_use]
     pub fn preset(name: &str) -> Option<Self> {
-        let (name, values) = PRESETS.iter().find(|(known, _)| *known == name)?;
-        let mut parameters = Self { preset: Some(name), ..Self::default() };
-        let mut rest = SCATTERING;
-        rest[3] = if *name == "DustStorm" { 100.0 } else { 0.0 };
-        for (field, value) in parameters.fields().into_iter().zip(values.iter().chain(&rest)) {
-            *field = Some(*value);
-        }
-        Some(parameters)
+        let (name, values) = presets().find(|(known, _)| *known == name)?;
+        Some(Self { preset: Some(name), ..Self::parse(values).ok()? })
     }
 
     /// Reads a preset's name, JSON, or `name=value` pairs as Python writes them, with or without
@@ -353,6 +325,10 @@ mod tests {
             let seen = value(weather, "fog.mor").unwrap();
             assert!((seen / mor - 1.0).abs() < 1e-3, "{name}: {seen}");
             assert_eq!(value(weather, "wind.speed"), Some(wind));
+        }
+        for name in preset_names() {
+            let mut preset = CarlaParameters::preset(name).unwrap();
+            assert!(preset.fields().iter().all(|field| field.is_some()), "{name}");
         }
         let dust = read("carla.WeatherParameters.DustStorm").unwrap();
         assert_eq!(value(dust.weather(), "smog.mor"), Some(50.0));

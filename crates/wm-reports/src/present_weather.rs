@@ -8,6 +8,7 @@ use crate::conditions::{Carrier, Conditions, Datum, SnowRate};
 use crate::draft::{Basis, Draft};
 use crate::error::{ReportError, quoted};
 use crate::report::{DecodedReport, WeatherReport};
+use std::sync::LazyLock;
 
 /// The particles in the air of a code of present weather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +65,7 @@ impl PresentWeather {
     /// ```
     #[must_use]
     pub fn of(code: u32) -> Option<&'static Self> {
-        PRESENT_WEATHER.get(usize::try_from(code).ok()?)
+        ROWS.get(usize::try_from(code).ok()?)
     }
 
     /// Returns true if something falls.
@@ -74,126 +75,40 @@ impl PresentWeather {
     }
 }
 
-const fn row(code: u8, meaning: &'static str) -> PresentWeather {
+/// All codes, in their order.
+static ROWS: LazyLock<Vec<PresentWeather>> =
+    LazyLock::new(|| include_str!("present_weather.csv").lines().skip(1).map(row).collect());
+
+/// Reads a row of the table: an empty cell is nothing, and the meaning, which may have commas, is
+/// the last.
+fn row(line: &'static str) -> PresentWeather {
+    let cells: Vec<&'static str> = line.splitn(11, ',').collect();
+    let number = |column: usize, none: f64| match cells[column] {
+        "" => none,
+        text => text.parse().expect("the table has numbers"),
+    };
     PresentWeather {
-        code,
-        meaning,
-        rain: 0.0,
-        snow: 0.0,
-        hail: 0.0,
-        air: PresentAir::Clear,
-        mor: f64::INFINITY,
-        lightning: 0.0,
-        wind: 0.0,
-        is_freezing: false,
-        has_ended: false,
+        code: number(0, 0.0) as u8,
+        meaning: cells[10],
+        rain: number(1, 0.0),
+        snow: number(2, 0.0),
+        hail: number(3, 0.0),
+        air: match cells[4] {
+            "" => PresentAir::Clear,
+            "Fog" => PresentAir::Fog,
+            "ShallowFog" => PresentAir::ShallowFog,
+            "Haze" => PresentAir::Haze,
+            "Smoke" => PresentAir::Smoke,
+            "Dust" => PresentAir::Dust,
+            other => unreachable!("{other} in the table"),
+        },
+        mor: number(5, f64::INFINITY),
+        lightning: number(6, 0.0),
+        wind: number(7, 0.0),
+        is_freezing: cells[8] == "yes",
+        has_ended: cells[9] == "yes",
     }
 }
-
-/// All codes, in their order.
-#[rustfmt::skip]
-pub const PRESENT_WEATHER: &[PresentWeather] = &[
-    row(0, "clouds were not observed, or a clear sky"),
-    row(1, "clouds dissolve"),
-    row(2, "the sky stays as it is"),
-    row(3, "clouds form"),
-    PresentWeather { air: PresentAir::Smoke, mor: 3000.0, ..row(4, "smoke") },
-    PresentWeather { air: PresentAir::Haze, mor: 4000.0, ..row(5, "haze") },
-    PresentWeather { air: PresentAir::Dust, mor: 3000.0, ..row(6, "dust in the air") },
-    PresentWeather { air: PresentAir::Dust, mor: 2500.0, wind: 10.0, ..row(7, "dust or sand raised by wind") },
-    row(8, "dust whirls"),
-    PresentWeather { air: PresentAir::Dust, mor: 4000.0, has_ended: true, ..row(9, "a duststorm in sight or in the last hour") },
-    PresentWeather { air: PresentAir::Fog, mor: 2000.0, ..row(10, "mist") },
-    PresentWeather { air: PresentAir::ShallowFog, mor: 150.0, ..row(11, "patches of shallow fog") },
-    PresentWeather { air: PresentAir::ShallowFog, mor: 150.0, ..row(12, "shallow fog") },
-    PresentWeather { lightning: 3.0, ..row(13, "lightning without thunder") },
-    row(14, "precipitation in sight that does not reach the ground"),
-    row(15, "precipitation in sight, far away"),
-    row(16, "precipitation in sight, near"),
-    PresentWeather { lightning: 6.0, ..row(17, "a thunderstorm without precipitation") },
-    PresentWeather { wind: 12.0, ..row(18, "squalls") },
-    row(19, "a funnel cloud"),
-    PresentWeather { has_ended: true, ..row(20, "drizzle or snow grains in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(21, "rain in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(22, "snow in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(23, "rain and snow in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(24, "freezing drizzle or rain in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(25, "showers of rain in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(26, "showers of snow in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(27, "showers of hail in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(28, "fog in the last hour, not now") },
-    PresentWeather { has_ended: true, ..row(29, "a thunderstorm in the last hour, not now") },
-    PresentWeather { air: PresentAir::Dust, mor: 800.0, wind: 12.0, ..row(30, "slight or moderate duststorm, decreasing") },
-    PresentWeather { air: PresentAir::Dust, mor: 800.0, wind: 12.0, ..row(31, "slight or moderate duststorm, steady") },
-    PresentWeather { air: PresentAir::Dust, mor: 800.0, wind: 12.0, ..row(32, "slight or moderate duststorm, increasing") },
-    PresentWeather { air: PresentAir::Dust, mor: 200.0, wind: 17.0, ..row(33, "severe duststorm, decreasing") },
-    PresentWeather { air: PresentAir::Dust, mor: 200.0, wind: 17.0, ..row(34, "severe duststorm, steady") },
-    PresentWeather { air: PresentAir::Dust, mor: 200.0, wind: 17.0, ..row(35, "severe duststorm, increasing") },
-    PresentWeather { wind: 6.0, ..row(36, "slight or moderate drifting snow, low") },
-    PresentWeather { wind: 9.0, ..row(37, "heavy drifting snow, low") },
-    PresentWeather { snow: 0.4, wind: 9.0, ..row(38, "slight or moderate blowing snow") },
-    PresentWeather { snow: 2.0, wind: 13.0, ..row(39, "heavy blowing snow") },
-    PresentWeather { air: PresentAir::Fog, mor: 2000.0, ..row(40, "fog at a distance") },
-    PresentWeather { air: PresentAir::Fog, mor: 800.0, ..row(41, "fog in patches") },
-    PresentWeather { air: PresentAir::Fog, mor: 400.0, ..row(42, "fog, sky visible, thinning") },
-    PresentWeather { air: PresentAir::Fog, mor: 200.0, ..row(43, "fog, sky invisible, thinning") },
-    PresentWeather { air: PresentAir::Fog, mor: 400.0, ..row(44, "fog, sky visible, steady") },
-    PresentWeather { air: PresentAir::Fog, mor: 200.0, ..row(45, "fog, sky invisible, steady") },
-    PresentWeather { air: PresentAir::Fog, mor: 400.0, ..row(46, "fog, sky visible, thickening") },
-    PresentWeather { air: PresentAir::Fog, mor: 200.0, ..row(47, "fog, sky invisible, thickening") },
-    PresentWeather { air: PresentAir::Fog, mor: 400.0, is_freezing: true, ..row(48, "fog with rime, sky visible") },
-    PresentWeather { air: PresentAir::Fog, mor: 200.0, is_freezing: true, ..row(49, "fog with rime, sky invisible") },
-    PresentWeather { rain: 0.1, ..row(50, "slight drizzle at times") },
-    PresentWeather { rain: 0.1, ..row(51, "slight drizzle") },
-    PresentWeather { rain: 0.3, ..row(52, "moderate drizzle at times") },
-    PresentWeather { rain: 0.3, ..row(53, "moderate drizzle") },
-    PresentWeather { rain: 0.8, ..row(54, "heavy drizzle at times") },
-    PresentWeather { rain: 0.8, ..row(55, "heavy drizzle") },
-    PresentWeather { rain: 0.1, is_freezing: true, ..row(56, "slight freezing drizzle") },
-    PresentWeather { rain: 0.5, is_freezing: true, ..row(57, "moderate or heavy freezing drizzle") },
-    PresentWeather { rain: 0.5, ..row(58, "slight drizzle and rain") },
-    PresentWeather { rain: 4.0, ..row(59, "moderate or heavy drizzle and rain") },
-    PresentWeather { rain: 1.0, ..row(60, "slight rain at times") },
-    PresentWeather { rain: 1.0, ..row(61, "slight rain") },
-    PresentWeather { rain: 5.0, ..row(62, "moderate rain at times") },
-    PresentWeather { rain: 5.0, ..row(63, "moderate rain") },
-    PresentWeather { rain: 20.0, ..row(64, "heavy rain at times") },
-    PresentWeather { rain: 20.0, ..row(65, "heavy rain") },
-    PresentWeather { rain: 1.0, is_freezing: true, ..row(66, "slight freezing rain") },
-    PresentWeather { rain: 5.0, is_freezing: true, ..row(67, "moderate or heavy freezing rain") },
-    PresentWeather { rain: 0.5, snow: 0.2, ..row(68, "slight rain and snow") },
-    PresentWeather { rain: 3.0, snow: 1.0, ..row(69, "moderate or heavy rain and snow") },
-    PresentWeather { snow: 0.4, ..row(70, "slight snow at times") },
-    PresentWeather { snow: 0.4, ..row(71, "slight snow") },
-    PresentWeather { snow: 1.6, ..row(72, "moderate snow at times") },
-    PresentWeather { snow: 1.6, ..row(73, "moderate snow") },
-    PresentWeather { snow: 4.0, ..row(74, "heavy snow at times") },
-    PresentWeather { snow: 4.0, ..row(75, "heavy snow") },
-    PresentWeather { snow: 0.02, ..row(76, "diamond dust") },
-    PresentWeather { snow: 0.1, ..row(77, "snow grains") },
-    PresentWeather { snow: 0.05, ..row(78, "single snow crystals") },
-    PresentWeather { hail: 2.0, ..row(79, "ice pellets") },
-    PresentWeather { rain: 2.0, ..row(80, "slight showers of rain") },
-    PresentWeather { rain: 8.0, ..row(81, "moderate or heavy showers of rain") },
-    PresentWeather { rain: 50.0, ..row(82, "violent showers of rain") },
-    PresentWeather { rain: 1.0, snow: 0.3, ..row(83, "slight showers of rain and snow") },
-    PresentWeather { rain: 4.0, snow: 1.2, ..row(84, "moderate or heavy showers of rain and snow") },
-    PresentWeather { snow: 0.5, ..row(85, "slight showers of snow") },
-    PresentWeather { snow: 2.5, ..row(86, "moderate or heavy showers of snow") },
-    PresentWeather { hail: 2.0, ..row(87, "slight showers of small hail") },
-    PresentWeather { hail: 8.0, ..row(88, "moderate or heavy showers of small hail") },
-    PresentWeather { hail: 5.0, ..row(89, "slight showers of hail") },
-    PresentWeather { hail: 20.0, ..row(90, "moderate or heavy showers of hail") },
-    PresentWeather { rain: 1.0, ..row(91, "slight rain after a thunderstorm") },
-    PresentWeather { rain: 8.0, ..row(92, "moderate or heavy rain after a thunderstorm") },
-    PresentWeather { snow: 0.4, ..row(93, "slight snow or hail after a thunderstorm") },
-    PresentWeather { snow: 2.0, ..row(94, "moderate or heavy snow or hail after a thunderstorm") },
-    PresentWeather { rain: 8.0, lightning: 6.0, ..row(95, "thunderstorm with rain or snow") },
-    PresentWeather { rain: 8.0, hail: 10.0, lightning: 6.0, ..row(96, "thunderstorm with hail") },
-    PresentWeather { rain: 30.0, lightning: 10.0, ..row(97, "heavy thunderstorm with rain or snow") },
-    PresentWeather { air: PresentAir::Dust, mor: 500.0, lightning: 6.0, wind: 14.0, ..row(98, "thunderstorm with a duststorm") },
-    PresentWeather { rain: 30.0, hail: 40.0, lightning: 10.0, ..row(99, "heavy thunderstorm with hail") },
-];
 
 /// Cloud covers of the codes 0 to 3 in weather services: clear, mainly clear, partly cloudy,
 /// overcast.

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use wm_scene::random::uniform;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::synthetic::{Builder, moved, rotation};
-use wm_scene::{Group, Splats, testing::data};
+use wm_scene::{Group, Splats};
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 const GREY: [f32; 3] = [0.5; 3];
@@ -515,48 +515,4 @@ fn roofs_of_the_street_shelter() {
     }
     assert!(right[0] > 3000 && right[1] > 2000, "{right:?}");
     assert!(wrong[0] * 250 < right[0] && wrong[1] * 60 < right[1], "{right:?} {wrong:?}");
-}
-
-/// Prints what a real scene takes:
-/// `cargo test --release -p wm-weather --lib shelter -- --ignored --nocapture`.
-#[test]
-#[ignore = "measures time"]
-fn time_of_a_real_scene() {
-    use std::time::Instant;
-    let Some(path) = data("scenes/headquarter-garden.ply") else { return };
-    let mut scene = wm_scene::formats::read_scene(&path, &Default::default()).unwrap();
-    wm_scene::survey::label_sky(&mut scene.splats);
-    let site = metres();
-    for fall in [DOWN, [0.3, 0.2, -1.0], [1.0, 0.0, -1.0]] {
-        let start = Instant::now();
-        let occluders = Occluders::of(&scene.splats, &site, &ShelterOptions::default());
-        let prepared = start.elapsed();
-        let shelter = occluders.shelter(fall);
-        println!(
-            "{} of {} splats, {:?} cells of {:.2} m: {prepared:.2?}, map {:.2?}",
-            occluders.all.len(),
-            scene.splats.len(),
-            shelter.size(),
-            shelter.cell(),
-            start.elapsed() - prepared
-        );
-        let points: Vec<[f32; 3]> = (0..100_000)
-            .map(|i| {
-                point(
-                    40.0 * uniform(1, 3 * i) - 20.0,
-                    40.0 * uniform(1, 3 * i + 1) - 20.0,
-                    9.0 * uniform(1, 3 * i + 2),
-                )
-            })
-            .collect();
-        let start = Instant::now();
-        let exposed = points.iter().filter(|at| shelter.is_exposed(**at)).count();
-        let hard = start.elapsed() / 100_000;
-        let start = Instant::now();
-        let soft: f32 = points.iter().map(|at| shelter.exposure(*at, 0.5)).sum();
-        println!(
-            "  {exposed} of 100,000 exposed, {hard:?} each; softly {soft}, {:?} each",
-            start.elapsed() / 100_000
-        );
-    }
 }
