@@ -19,7 +19,7 @@ use weather_magician::lidar::{
     SweepPicture, SweepView, about,
 };
 use weather_magician::radar::{
-    RADAR_PRESETS, RadarClass, RadarFormat, RadarModel, RadarPicture, RadarScanOptions, RadarSweep, RadarView,
+    RADAR_PRESETS, RadarClass, RadarModel, RadarPicture, RadarScanOptions, RadarSweep, RadarView,
 };
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves::PathSpec;
@@ -284,7 +284,7 @@ impl Scanner {
     fn check_format(&self, out: &Path) -> Result<()> {
         match self {
             Self::Lidar(..) => drop(PointFormat::of(out)?),
-            Self::Radar(..) => drop(RadarFormat::of(out)?),
+            Self::Radar(..) => drop(PointFormat::of_detections(out)?),
         }
         Ok(())
     }

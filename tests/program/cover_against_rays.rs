@@ -46,7 +46,6 @@ impl Street {
                 &site,
                 &Airflow::default(),
                 [[0.0, 30.0, 0.0]; 2],
-                2,
             );
             let asked = CoverRequest {
                 depth: DEPTH,

@@ -70,13 +70,13 @@ impl PlainTarget {
         }
         let airflow = weather.airflow();
         if cover.as_ref().is_none_or(|(known, _)| *known != airflow) {
-            let threads = backend.threads();
             let middle = LevelFrame::of(site).point([0.0; 3]).to_array();
             let surfaces = FusedSurfaces::from_splats(splats);
-            *cover = Some((airflow, Cover::of(splats, &surfaces, site, &airflow, [middle; 2], threads)));
+            let made = || Cover::of(splats, &surfaces, site, &airflow, [middle; 2]);
+            *cover = Some((airflow, backend.pool().install(made)));
         }
         if let Some((_, cover)) = cover {
-            let lies = cover.lay_all(requests);
+            let lies = backend.pool().install(|| cover.lay_all(requests));
             *lying = Some((requests.to_vec(), backend.load(&lies.splats)?, lies.buried));
         }
         Ok(())

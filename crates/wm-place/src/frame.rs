@@ -47,8 +47,8 @@ pub struct FrameInputs<'a> {
     pub splashes: Option<&'a SplashGround<'a>>,
     /// The surface of puddles and films on the ground; `None` for none.
     pub puddles: Option<&'a Arc<WaterGrid>>,
-    /// Threads for what is made for the whole frame.
-    pub threads: usize,
+    /// Threads for what is made for the whole frame; `None` for those of the caller.
+    pub pool: Option<&'a rayon::ThreadPool>,
     /// The outputs, the background and the rasterization.
     pub config: &'a RenderConfig,
     /// Parts of the picture that are rendered with it. The paper's rain and snow have none.
@@ -78,7 +78,7 @@ impl<'a> FrameInputs<'a> {
             lamps: None,
             splashes: None,
             puddles: None,
-            threads: 1,
+            pool: None,
             config,
             parts: &[],
             stages: false,
@@ -344,8 +344,8 @@ impl FrameInputs<'_> {
 
     fn observer(&self) -> Observer<'_> {
         let MovingCamera { camera, velocity } = &self.camera;
-        let Self { shelter, lamps, splashes, threads, .. } = *self;
-        Observer { camera, velocity: *velocity, shelter, lamps, splashes, is_within: false, threads }
+        let Self { shelter, lamps, splashes, pool, .. } = *self;
+        Observer { camera, velocity: *velocity, shelter, lamps, splashes, is_within: false, pool }
     }
 }
 

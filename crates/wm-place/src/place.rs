@@ -613,23 +613,17 @@ impl PreparedPlace {
     }
 
     /// Takes an asset from disk, or what it is made of, and collects what is not there in `absent`.
-    fn read_cached(
-        &mut self,
-        key: &AssetKey,
-        threads: usize,
-        known: &mut AssetStore,
-        absent: &mut Vec<AssetKey>,
-    ) {
+    fn read_cached(&mut self, key: &AssetKey, known: &mut AssetStore, absent: &mut Vec<AssetKey>) {
         if self.store.has(key) || known.has(key) || absent.contains(key) {
             return;
         }
-        match key.read(&self.cache, self.scene.splats.len(), threads) {
+        match key.read(&self.cache, self.scene.splats.len()) {
             Some(asset) if key.keep() == Keep::No => known.add(key.clone(), asset),
             Some(asset) => self.take_asset(key.clone(), asset),
             None => {
                 absent.push(key.clone());
                 for need in key.needs() {
-                    self.read_cached(&need, threads, known, absent);
+                    self.read_cached(&need, known, absent);
                 }
             }
         }
@@ -649,7 +643,7 @@ impl PreparedPlace {
         }
         let (mut known, mut absent) = (AssetStore::default(), Vec::new());
         for key in &missing.asked {
-            self.read_cached(key, backend.threads(), &mut known, &mut absent);
+            self.read_cached(key, &mut known, &mut absent);
         }
         *missing = MissingAssets::of(missing.asked.drain(..), &self.store);
         let mut views = SurfaceViews::default();
@@ -814,7 +808,7 @@ impl PreparedPlace {
             .only(|key| matches!(key, AssetKey::Light(()) | AssetKey::Wet(()) | AssetKey::Shelter(_)));
         self.prepare(backend, missing, progress)?;
         let prepared = self.prepare_weather(weather, time);
-        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        self.water.find(&prepared, &mut self.store, &self.site, backend.pool());
         Ok(self.water.state())
     }
 
@@ -834,7 +828,7 @@ impl PreparedPlace {
         let missing = missing.only(|key| matches!(key, AssetKey::Wet(()) | AssetKey::Shelter(_)));
         let prepared = self.prepare_sensors(backend, weather, time, missing, progress)?;
         let shelter = prepared.fall().and_then(|fall| self.store.take_up::<Shelter>(fall));
-        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        self.water.find(&prepared, &mut self.store, &self.site, backend.pool());
         let wet = self.water.wetness(&prepared);
         Ok(scan(backend.pool(), &prepared, shelter.as_deref(), wet.as_ref()))
     }
@@ -983,10 +977,10 @@ impl PreparedPlace {
             Patience::Whole => self.store.take_up::<Shelter>(fall),
             Patience::Draft => self.store.take_up::<Shelter>(fall).or_else(|| self.store.last()),
         });
-        self.relight(&prepared, backend.threads());
+        self.relight(&prepared, backend.pool());
         let moving = prepared.moving_light(camera);
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
-        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        self.water.find(&prepared, &mut self.store, &self.site, backend.pool());
         let lying = self.lying.as_ref().filter(|lying| lying.is_of(&prepared));
         let puddles = find_puddles(&mut self.water, &mut self.store, lying, &prepared, &self.site);
         let wet = self.water.gains(&prepared, Some(camera));
@@ -1026,12 +1020,12 @@ impl PreparedPlace {
             });
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
-        let config = self.config(shot.outputs);
+        let (config, pool) = (self.config(shot.outputs), Arc::clone(backend.pool()));
         let inputs = FrameInputs {
             lamps: lamps.as_ref(),
             puddles: puddles.as_ref(),
             splashes: splashes.as_ref(),
-            threads: backend.threads(),
+            pool: Some(&pool),
             sets: &sets,
             thinned: thinned_sets.as_deref(),
             elsewhere: &held,
@@ -1092,7 +1086,7 @@ impl PreparedPlace {
     }
 
     /// Finds the gains of the light, if it changes and the capture's is known.
-    fn relight(&mut self, prepared: &PreparedWeather, threads: usize) {
+    fn relight(&mut self, prepared: &PreparedWeather, pool: &rayon::ThreadPool) {
         let lying = self
             .lying
             .as_mut()
@@ -1104,7 +1098,7 @@ impl PreparedPlace {
             &self.scene.splats,
             lying,
             &self.site,
-            threads,
+            pool,
         ));
         self.warnings.extend(self.light.doubt_of_lamps(prepared));
     }
@@ -1132,14 +1126,16 @@ impl PreparedPlace {
     ) -> Result<Option<LyingCover>> {
         let prepared = self.prepare_weather(weather, time);
         if let Some(paper) = prepared.paper_cover() {
-            return Ok(Some(LyingCover::on_top(paper.snow(&self.scene.splats, &self.site))));
+            let snow = backend.pool().install(|| paper.snow(&self.scene.splats, &self.site));
+            return Ok(Some(LyingCover::on_top(snow)));
         }
         let requests = prepared.cover();
         let airflow = AssetNeeds::of(weather, &self.site).cover;
         let Some(airflow) = airflow.filter(|_| !requests.is_empty()) else { return Ok(None) };
         let missing = MissingAssets::of([AssetKey::Cover(airflow)], &self.store);
         self.prepare(backend, missing, progress)?;
-        Ok(self.store.take_up::<Mutex<Cover>>(airflow).map(|cover| lock(&cover).lay_all(requests)))
+        let cover = self.store.take_up::<Mutex<Cover>>(airflow);
+        Ok(cover.map(|cover| backend.pool().install(|| lock(&cover).lay_all(requests))))
     }
 
     /// Returns the splats of the scene in the light of an instant of a weather, and wet; `None`
@@ -1160,8 +1156,8 @@ impl PreparedPlace {
         self.prepare(backend, missing, progress)?;
         // The light of the photos says more of the site.
         let prepared = self.prepare_weather(weather, time);
-        self.relight(&prepared, backend.threads());
-        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        self.relight(&prepared, backend.pool());
+        self.water.find(&prepared, &mut self.store, &self.site, backend.pool());
         let relit = self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats));
         let Some(wet) = self.water.gains(&prepared, None) else { return Ok(relit) };
         let mut splats = relit.unwrap_or_else(|| self.scene.splats.clone());

@@ -105,7 +105,7 @@ impl PlaceLight {
         splats: &Splats,
         lying: Option<&mut CoverLight>,
         site: &Site,
-        threads: usize,
+        pool: &rayon::ThreadPool,
     ) -> Option<String> {
         let (change, capture) = (prepared.light()?, store.get::<CaptureLight>(())?);
         let light = change.over(capture, site);
@@ -120,18 +120,18 @@ impl PlaceLight {
         }
         if self.relit.as_ref().is_none_or(|relit| relit.key != key) {
             let points = self.points.as_deref().filter(|_| moves);
-            let gains = LightGains::new(capture, &light, casts, points, site.up, threads);
+            let gains = pool.install(|| LightGains::new(capture, &light, casts, points, site.up));
             self.relit = Some(Relit { key, gains });
         }
         if let Some(lying) = lying.filter(|lying| lying.relit.as_ref().is_none_or(|relit| relit.key != key)) {
             if let Some((splats, points)) = lying.splats.as_ref().zip(self.points.as_deref()) {
                 let near = self.near.get_or_insert_with(|| NearSplats::new(points, capture, site));
-                lying.surfaces = Some(PlacedSurfaces::of(splats, near, site, threads));
+                lying.surfaces = Some(pool.install(|| PlacedSurfaces::of(splats, near, site)));
                 lying.splats = None;
             }
             lying.relit = lying.surfaces.as_ref().map(|surfaces| {
-                let gains = LightGains::of_placed(capture, surfaces, &light, casts, moves, site.up, threads);
-                Relit { key, gains }
+                let gains = || LightGains::of_placed(capture, surfaces, &light, casts, moves, site.up);
+                Relit { key, gains: pool.install(gains) }
             });
         }
         let has_shadows = !change.is_diffuse && site.captured_sky != CapturedSky::Overcast;

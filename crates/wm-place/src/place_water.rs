@@ -48,7 +48,13 @@ struct Reached {
 
 impl PlaceWater {
     /// Finds the water of a weather, if it wets anything and the surfaces are known.
-    pub fn find(&mut self, prepared: &PreparedWeather, store: &mut AssetStore, site: &Site, threads: usize) {
+    pub fn find(
+        &mut self,
+        prepared: &PreparedWeather,
+        store: &mut AssetStore,
+        site: &Site,
+        pool: &rayon::ThreadPool,
+    ) {
         self.state = None;
         let (Some(asked), Some(surfaces)) = (prepared.wetness(), store.take_up::<WetSurfaces>(())) else {
             return;
@@ -63,7 +69,7 @@ impl PlaceWater {
                 && Arc::ptr_eq(&reached.surfaces, &surfaces)
         };
         if !self.reached.as_ref().is_some_and(is_known) {
-            let shares = WetShares::of(&surfaces, &asked.rain, shelter.as_deref(), site, threads);
+            let shares = pool.install(|| WetShares::of(&surfaces, &asked.rain, shelter.as_deref(), site));
             let catchments = Catchments::of(&surfaces, &shares);
             let run_off = RunOff::of(&surfaces, &shares);
             let tiles = SplashTiles::of(&surfaces, site);

@@ -38,7 +38,7 @@ use serde::Deserialize;
 use std::path::Path;
 use wm_scene::Camera;
 use wm_scene::camera::FOV;
-use wm_sensors::radar::{RadarFormat, RadarModel};
+use wm_sensors::radar::RadarModel;
 use wm_sensors::{LidarModel, PointFormat, ReturnMode, SubRays};
 
 /// Longest file that is read, bytes.
@@ -100,7 +100,7 @@ pub enum RigDevice {
         /// The model.
         model: Box<RadarModel>,
         /// The format of the files of detections.
-        format: RadarFormat,
+        format: PointFormat,
     },
 }
 
@@ -401,7 +401,7 @@ impl SensorEntry {
         self.refuse(&of_lidars, "radar")?;
         let model = RadarModel::find(&self.model(folder, "radar")?).map_err(|error| error.to_string())?;
         let format = self.format.as_deref().unwrap_or("ply");
-        let format = RadarFormat::of(Path::new(&format!("points.{format}")))
+        let format = PointFormat::of_detections(Path::new(&format!("points.{format}")))
             .map_err(|_| format!("format is `{format}`: use ply, pcd or npy"))?;
         Ok(RigDevice::Radar { model: Box::new(model), format })
     }

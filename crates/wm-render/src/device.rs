@@ -144,7 +144,7 @@ impl AnyRenderer {
 
     /// The threads of the CPU's work.
     #[must_use]
-    pub fn pool(&self) -> &rayon::ThreadPool {
+    pub fn pool(&self) -> &Arc<rayon::ThreadPool> {
         match &self.body {
             Body::Cpu(cpu) => &cpu.pool,
             #[cfg(feature = "gpu")]

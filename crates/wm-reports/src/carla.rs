@@ -77,53 +77,25 @@ carla! {
     dust_storm: 0.0 to 100.0;
 }
 
-/// Names of presets, and the first ten parameters of each, as in CARLA 0.9.13 to 0.9.16
+/// Names of presets, and the parameters of each in their order, as in CARLA 0.9.13 to 0.9.16
 /// (`WeatherParameters.cpp`).
-const PRESETS: &[(&str, [f64; 10])] = &[
-    ("ClearNoon", [5.0, 0.0, 0.0, 10.0, -1.0, 45.0, 2.0, 0.75, 0.1, 0.0]),
-    ("CloudyNoon", [60.0, 0.0, 0.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("WetNoon", [5.0, 0.0, 50.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("WetCloudyNoon", [60.0, 0.0, 50.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("MidRainyNoon", [60.0, 60.0, 60.0, 60.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("HardRainNoon", [100.0, 100.0, 90.0, 100.0, -1.0, 45.0, 7.0, 0.75, 0.1, 0.0]),
-    ("SoftRainNoon", [20.0, 30.0, 50.0, 30.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
-    ("ClearSunset", [5.0, 0.0, 0.0, 10.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("CloudySunset", [60.0, 0.0, 0.0, 10.0, -1.0, 15.0, 3.0, 0.75, 0.1, 0.0]),
-    ("WetSunset", [5.0, 0.0, 50.0, 10.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("WetCloudySunset", [60.0, 0.0, 50.0, 10.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("MidRainSunset", [60.0, 60.0, 60.0, 60.0, -1.0, 15.0, 3.0, 0.75, 0.1, 0.0]),
-    ("HardRainSunset", [100.0, 100.0, 90.0, 100.0, -1.0, 15.0, 7.0, 0.75, 0.1, 0.0]),
-    ("SoftRainSunset", [20.0, 30.0, 50.0, 30.0, -1.0, 15.0, 2.0, 0.75, 0.1, 0.0]),
-    ("ClearNight", [5.0, 0.0, 0.0, 10.0, -1.0, -90.0, 60.0, 75.0, 1.0, 0.0]),
-    ("CloudyNight", [60.0, 0.0, 0.0, 10.0, -1.0, -90.0, 60.0, 0.75, 0.1, 0.0]),
-    ("WetNight", [5.0, 0.0, 50.0, 10.0, -1.0, -90.0, 60.0, 75.0, 1.0, 60.0]),
-    ("WetCloudyNight", [60.0, 0.0, 50.0, 10.0, -1.0, -90.0, 60.0, 0.75, 0.1, 60.0]),
-    ("SoftRainNight", [60.0, 30.0, 50.0, 30.0, -1.0, -90.0, 60.0, 0.75, 0.1, 60.0]),
-    ("MidRainyNight", [80.0, 60.0, 60.0, 60.0, -1.0, -90.0, 60.0, 0.75, 0.1, 80.0]),
-    ("HardRainNight", [100.0, 100.0, 90.0, 100.0, -1.0, -90.0, 100.0, 0.75, 0.1, 100.0]),
-    ("DustStorm", [100.0, 0.0, 0.0, 100.0, -1.0, 45.0, 2.0, 0.75, 0.1, 0.0]),
-];
+const PRESETS: &str = include_str!("carla_presets.txt");
 
-/// The last four parameters of every preset but `DustStorm`, whose dust is 100.
-const SCATTERING: [f64; 4] = [1.0, 0.03, 0.0331, 0.0];
+fn presets() -> impl Iterator<Item = (&'static str, &'static str)> {
+    PRESETS.lines().filter_map(|line| line.split_once(' '))
+}
 
 /// The names of CARLA's presets.
 pub(crate) fn preset_names() -> impl Iterator<Item = &'static str> {
-    PRESETS.iter().map(|(name, _)| *name)
+    presets().map(|(name, _)| name)
 }
 
 impl CarlaParameters {
     /// The preset of a name, as `HardRainNoon`.
     #[must_use]
     pub fn preset(name: &str) -> Option<Self> {
-        let (name, values) = PRESETS.iter().find(|(known, _)| *known == name)?;
-        let mut parameters = Self { preset: Some(name), ..Self::default() };
-        let mut rest = SCATTERING;
-        rest[3] = if *name == "DustStorm" { 100.0 } else { 0.0 };
-        for (field, value) in parameters.fields().into_iter().zip(values.iter().chain(&rest)) {
-            *field = Some(*value);
-        }
-        Some(parameters)
+        let (name, values) = presets().find(|(known, _)| *known == name)?;
+        Some(Self { preset: Some(name), ..Self::parse(values).ok()? })
     }
 
     /// Reads a preset's name, JSON, or `name=value` pairs as Python writes them, with or without
@@ -133,12 +105,9 @@ impl CarlaParameters {
     /// [`ReportError`] with the parameter and what is expected.
     pub fn parse(text: &str) -> Result<Self, ReportError> {
         let mut text = text.trim();
-        for word in ["CARLA", "Carla", "carla"] {
-            // The module of Python, too.
-            if let Some(rest) = text.strip_prefix(word) {
-                text = rest.trim_start_matches(['.', ':', ' ', '\t', '\n', '\r']);
-                break;
-            }
+        // The module of Python, too.
+        if let Some(rest) = ["CARLA", "Carla", "carla"].iter().find_map(|word| text.strip_prefix(word)) {
+            text = rest.trim_start_matches(['.', ':', ' ', '\t', '\n', '\r']);
         }
         if text.starts_with('{') {
             return Self::of_json(text);
@@ -162,10 +131,8 @@ impl CarlaParameters {
                 // As Python's call without names.
                 let Some(name) = Self::NAMES.get(place) else {
                     let most = Self::NAMES.len();
-                    return Err(Self::fault(
-                        part,
-                        format!("is one number too many: there are {most} parameters"),
-                    ));
+                    let problem = format!("is one number too many: there are {most} parameters");
+                    return Err(Self::fault(part, problem));
                 };
                 found.set(name, value)?;
                 place += 1;
@@ -215,10 +182,8 @@ impl CarlaParameters {
         let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
         let place = Self::NAMES.iter().position(|known| plain(known) == plain(name)).ok_or_else(|| {
             let near = meant(name, Self::NAMES.iter().copied());
-            Self::fault(
-                &quoted(name),
-                format!("is no parameter of CARLA{near}; they are {}", Self::NAMES.join(", ")),
-            )
+            let problem = format!("is no parameter of CARLA{near}; they are {}", Self::NAMES.join(", "));
+            Self::fault(&quoted(name), problem)
         })?;
         let [least, most] = Self::RANGES[place];
         if !(least..=most).contains(&value) {
@@ -304,10 +269,12 @@ fn write(carla: &CarlaParameters, draft: &mut Draft) {
         draft.word("splash.amount", "auto", Basis::told("as in nature"));
     }
     write_water(carla, draft);
-    for name in ["fog_distance", "scattering_intensity", "mie_scattering_scale", "rayleigh_scattering_scale"]
-    {
-        let place = CarlaParameters::NAMES.iter().position(|known| *known == name);
-        let value = place.and_then(|place| carla.clone().fields().get(place).and_then(|field| **field));
+    for (name, value) in [
+        ("fog_distance", carla.fog_distance),
+        ("scattering_intensity", carla.scattering_intensity),
+        ("mie_scattering_scale", carla.mie_scattering_scale),
+        ("rayleigh_scattering_scale", carla.rayleigh_scattering_scale),
+    ] {
         if let Some(value) = value {
             draft.ignored(format!("{name} {value}: not used"));
         }
@@ -336,14 +303,11 @@ fn write_water(carla: &CarlaParameters, draft: &mut Draft) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_weather::{ParamValue, Weather};
+    use crate::hourly::tests::track;
+    use wm_weather::Weather;
 
-    fn value(weather: &Weather, effect: &str, param: &str) -> Option<f64> {
-        let (effect, tracks) = weather.effects().find(|(on, _)| on.name == effect)?;
-        match tracks[effect.param(param)?].at(0.0) {
-            ParamValue::Number(number) => Some(number),
-            _ => None,
-        }
+    fn value(weather: &Weather, key: &str) -> Option<f64> {
+        track(weather, key)?.at(0.0).number()
     }
 
     #[test]
@@ -357,13 +321,17 @@ mod tests {
         ] {
             let report = read(&format!("CARLA {name}")).unwrap();
             let weather = report.weather();
-            assert_eq!(value(weather, "rain", "rate"), rate, "{name}\n{}", report.to_toml());
-            let seen = value(weather, "fog", "mor").unwrap();
+            assert_eq!(value(weather, "rain.rate"), rate, "{name}\n{}", report.to_toml());
+            let seen = value(weather, "fog.mor").unwrap();
             assert!((seen / mor - 1.0).abs() < 1e-3, "{name}: {seen}");
-            assert_eq!(value(weather, "wind", "speed"), Some(wind));
+            assert_eq!(value(weather, "wind.speed"), Some(wind));
+        }
+        for name in preset_names() {
+            let mut preset = CarlaParameters::preset(name).unwrap();
+            assert!(preset.fields().iter().all(|field| field.is_some()), "{name}");
         }
         let dust = read("carla.WeatherParameters.DustStorm").unwrap();
-        assert_eq!(value(dust.weather(), "smog", "mor"), Some(50.0));
+        assert_eq!(value(dust.weather(), "smog.mor"), Some(50.0));
     }
 
     #[test]

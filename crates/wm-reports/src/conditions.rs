@@ -36,6 +36,13 @@ impl Datum {
     pub(crate) fn guess(value: f64, text: impl Into<String>) -> Self {
         Self { value, basis: Basis::guess(text) }
     }
+
+    /// The standard deviation of a wind with gusts, m/s, as a share of its speed.
+    pub(crate) fn of_gusts(gust: f64, speed: f64) -> Self {
+        let share = if speed > 0.0 { (gust / speed - 1.0) / 3.0 } else { 1.0 };
+        let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
+        Self::told(share.clamp(0.0, 1.0), why)
+    }
 }
 
 /// The particles that make the air turbid.
@@ -55,6 +62,16 @@ impl Carrier {
             Self::Droplets => "fog",
             Self::Haze => "haze",
             Self::Smoke | Self::Dust | Self::Ash => "smog",
+        }
+    }
+
+    /// Usual visibility, m.
+    fn usual_visibility(self) -> f64 {
+        match self {
+            Self::Droplets => 300.0,
+            Self::Haze => 4000.0,
+            Self::Smoke | Self::Dust => 1500.0,
+            Self::Ash => 2000.0,
         }
     }
 }
@@ -120,23 +137,13 @@ pub(crate) struct Conditions {
     /// Wetness of the ground and share of full puddles, 0-1.
     pub(crate) wetness: Option<Datum>,
     pub(crate) puddles: Option<Datum>,
-    /// Depth of lying dust, m.
-    dust_depth: Option<Datum>,
     pub(crate) sun: Sun,
 }
 
 /// Height of shallow fog, m, and its visibility at the ground, m.
 const SHALLOW_FOG: [f64; 2] = [2.0, 150.0];
-/// Usual visibility in each carrier, m.
-const USUAL_VISIBILITIES_M: [(Carrier, f64); 5] = [
-    (Carrier::Droplets, 300.0),
-    (Carrier::Haze, 4000.0),
-    (Carrier::Smoke, 1500.0),
-    (Carrier::Dust, 1500.0),
-    (Carrier::Ash, 2000.0),
-];
 /// Visibility of clear air, m.
-const CLEAR_VISIBILITY_M: f64 = 100_000.0;
+pub(crate) const CLEAR_VISIBILITY_M: f64 = 100_000.0;
 
 impl Conditions {
     /// Writes everything into a weather file.
@@ -155,15 +162,9 @@ impl Conditions {
             draft.number("rain.exposure", exposure, Basis::guess(why));
             draft.word("splash.amount", "auto", Basis::told("as in nature"));
         }
-        if let Some(snow) = snow {
-            draft.number("snowfall.rate", snow.value, snow.basis);
-        }
-        if let Some(hail) = &self.hail {
-            draft.number("hail.rate", hail.value, hail.basis.clone());
-            if let Some(size) = &self.hail_size {
-                draft.number("hail.size", size.value, size.basis.clone());
-            }
-        }
+        draft.datum("snowfall.rate", snow.as_ref());
+        draft.datum("hail.rate", self.hail.as_ref());
+        draft.datum("hail.size", self.hail_size.as_ref().filter(|_| self.hail.is_some()));
         self.write_ground(draft);
     }
 
@@ -175,10 +176,8 @@ impl Conditions {
                 let is_foggy = matches!(self.carrier, Some((Carrier::Droplets, Basis::Told(_))));
                 let [least, most] = range;
                 let Some(seen) = &self.visibility else {
-                    return Some(Datum::guess(
-                        *usual,
-                        format!("{text}: {least} to {most} mm/h, and no visibility is told"),
-                    ));
+                    let why = format!("{text}: {least} to {most} mm/h, and no visibility is told");
+                    return Some(Datum::guess(*usual, why));
                 };
                 let others = self.rain.as_ref().map_or(0.0, |rain| extinction("rain", rain.value));
                 let sigma = (sigma_of_mor(seen.value) - others).max(0.0);
@@ -192,8 +191,7 @@ impl Conditions {
                 let rate = snow_rate(sigma, *range);
                 let why =
                     format!("{text} at a visibility of {} m: {least} to {most} mm/h", seen.value.round());
-                let is_told = matches!(seen.basis, Basis::Told(_));
-                Some(if is_told { Datum::told(rate, why) } else { Datum::guess(rate, why) })
+                Some(Datum { value: rate, basis: seen.basis.with_text(why) })
             }
         }
     }
@@ -215,11 +213,10 @@ impl Conditions {
             Sun::At { elevation, azimuth, turbidity, basis } => {
                 draft.word("light.model", "clear", Basis::told("a sun and a sky of its own"));
                 draft.number("light.sun_elevation", *elevation, basis.clone());
-                if let Some(azimuth) = azimuth {
-                    draft.number("light.sun_azimuth", *azimuth, basis.clone());
-                }
-                if let Some(turbidity) = turbidity {
-                    draft.number("light.turbidity", *turbidity, basis.clone());
+                for (key, value) in [("light.sun_azimuth", azimuth), ("light.turbidity", turbidity)] {
+                    if let Some(value) = value {
+                        draft.number(key, *value, basis.clone());
+                    }
                 }
                 if *elevation < 2.0 {
                     draft.word("light.lamps", "path", lamps());
@@ -229,11 +226,10 @@ impl Conditions {
                 draft.word("light.model", "clear", Basis::told("a sun and a sky of its own"));
                 draft.number("light.hour", hour.value, hour.basis.clone());
                 draft.number("light.latitude", *latitude, Basis::told("of the place"));
+                let no_month = Basis::guess("no month is told: that of the photos");
                 match day {
                     Some(day) => draft.number("light.day", f64::from(*day), Basis::told("of the year")),
-                    None => {
-                        draft.word("light.day", "auto", Basis::guess("no month is told: that of the photos"));
-                    }
+                    None => draft.word("light.day", "auto", no_month),
                 }
                 draft.word("light.lamps", "path", lamps());
             }
@@ -242,9 +238,7 @@ impl Conditions {
                 draft.word("light.lamps", "path", lamps());
             }
         }
-        if let Some(clouds) = &self.clouds {
-            draft.number("light.clouds", clouds.value, clouds.basis.clone());
-        }
+        draft.datum("light.clouds", self.clouds.as_ref());
         if let Some((rate, distance)) = &self.lightning {
             draft.number("lightning.rate", rate.value, rate.basis.clone());
             draft.number("lightning.distance", *distance, Basis::guess("no report has the distance"));
@@ -252,9 +246,7 @@ impl Conditions {
     }
 
     fn write_wind(&self, draft: &mut Draft) {
-        if let Some(speed) = &self.wind.speed {
-            draft.number("wind.speed", speed.value, speed.basis.clone());
-        }
+        draft.datum("wind.speed", self.wind.speed.as_ref());
         let Some(speed) = self.wind.speed.as_ref().map(|speed| speed.value).filter(|speed| *speed > 0.0)
         else {
             return;
@@ -263,21 +255,14 @@ impl Conditions {
             Some(from) => {
                 let (to, text) = (heading(from.value), from.basis.text());
                 let why = format!("{text}: it blows to {to} degrees; north is taken for the scene's x axis");
-                let basis = match &from.basis {
-                    Basis::Told(_) => Basis::told(why),
-                    Basis::Guess(_) => Basis::guess(why),
-                };
-                draft.number("wind.direction", to, basis);
+                draft.number("wind.direction", to, from.basis.with_text(why));
             }
-            None => draft.number(
-                "wind.direction",
-                90.0,
-                Basis::guess(format!("no direction of the {speed:.1} m/s is told")),
-            ),
+            None => {
+                let why = format!("no direction of the {speed:.1} m/s is told");
+                draft.number("wind.direction", 90.0, Basis::guess(why));
+            }
         }
-        if let Some(gusts) = &self.wind.gusts {
-            draft.number("wind.gusts", gusts.value, gusts.basis.clone());
-        }
+        draft.datum("wind.gusts", self.wind.gusts.as_ref());
     }
 
     fn write_air(&self, draft: &mut Draft, snow: f64) {
@@ -292,12 +277,9 @@ impl Conditions {
         let (carrier, why) = self.carrier_or_guess(falls);
         let Some(seen) = &self.visibility else {
             if let Some((carrier, basis)) = &self.carrier {
-                let usual = USUAL_VISIBILITIES_M
-                    .iter()
-                    .find(|(known, _)| known == carrier)
-                    .map_or(1000.0, |(_, usual)| *usual);
                 let key = format!("{}.mor", carrier.effect());
-                draft.number(&key, usual, Basis::guess(format!("{}, without a visibility", basis.text())));
+                let why = format!("{}, without a visibility", basis.text());
+                draft.number(&key, carrier.usual_visibility(), Basis::guess(why));
                 tint(draft, *carrier);
             }
             return;
@@ -322,11 +304,7 @@ impl Conditions {
             if self.shallow_fog.is_some() && carrier == Carrier::Droplets { Carrier::Haze } else { carrier };
         let share = if falls > 0.0 { ", less what falls" } else { "" };
         let text = format!("visibility {:.0} m ({}){share}; {why}", seen.value, seen.basis.text());
-        let basis = match seen.basis {
-            Basis::Told(_) => Basis::told(text),
-            Basis::Guess(_) => Basis::guess(text),
-        };
-        draft.number(&format!("{}.mor", carrier.effect()), mor.max(1.0), basis);
+        draft.number(&format!("{}.mor", carrier.effect()), mor.max(1.0), seen.basis.with_text(text));
         tint(draft, carrier);
     }
 
@@ -346,36 +324,25 @@ impl Conditions {
     fn write_ground(&self, draft: &mut Draft) {
         let snow_falls = self.snow.is_some();
         let degrees = self.temperature.as_ref().map(|temperature| temperature.value);
-        if let Some(depth) = &self.snow_depth {
-            draft.number("snow_cover.depth", depth.value, depth.basis.clone());
-        } else if snow_falls && degrees.is_none_or(|degrees| degrees <= 0.0) {
-            draft.word(
-                "snow_cover.depth",
-                "auto",
-                Basis::guess("the report does not know what lies: what has fallen"),
-            );
+        let stays = snow_falls && degrees.is_none_or(|degrees| degrees <= 0.0);
+        if self.snow_depth.is_some() {
+            draft.datum("snow_cover.depth", self.snow_depth.as_ref());
+        } else if stays {
+            let why = "the report does not know what lies: what has fallen";
+            draft.word("snow_cover.depth", "auto", Basis::guess(why));
             draft.number("snow_cover.hours", 1.0, Basis::guess("it has snowed for an hour"));
         } else if snow_falls {
             draft.ignored("lying snow: the report does not know it, and above 0 degrees none is guessed");
         }
-        let lies = self.snow_depth.is_some() || (snow_falls && degrees.is_none_or(|degrees| degrees <= 0.0));
-        if let Some(temperature) = self.temperature.as_ref().filter(|_| lies) {
-            draft.number("snow_cover.temperature", temperature.value, temperature.basis.clone());
-        }
-        if let Some(depth) = &self.dust_depth {
-            draft.number("dust_cover.depth", depth.value, depth.basis.clone());
-        }
+        let lies = self.snow_depth.is_some() || stays;
+        draft.datum("snow_cover.temperature", self.temperature.as_ref().filter(|_| lies));
         let is_wet =
             self.rain.is_some() || self.rained.is_some() || self.wetness.is_some() || self.puddles.is_some();
         if !is_wet {
             return;
         }
-        if let Some(amount) = &self.wetness {
-            draft.number("wetness.amount", amount.value, amount.basis.clone());
-        }
-        if let Some(puddles) = &self.puddles {
-            draft.number("wetness.puddles", puddles.value, puddles.basis.clone());
-        }
+        draft.datum("wetness.amount", self.wetness.as_ref());
+        draft.datum("wetness.puddles", self.puddles.as_ref());
         if let Some(([minutes, rate, stopped], basis)) = &self.rained {
             draft.number("wetness.rained_before", *minutes, basis.clone());
             draft.number("wetness.rate_before", *rate, basis.clone());
@@ -383,25 +350,15 @@ impl Conditions {
         } else if self.rain.is_some() && self.wetness.is_none() {
             draft.number("wetness.rained_before", 15.0, Basis::guess("minutes that it has rained so far"));
         }
-        if let Some(temperature) = &self.temperature {
-            draft.number("wetness.temperature", temperature.value, temperature.basis.clone());
-        }
-        if let Some(humidity) = &self.humidity {
-            draft.number("wetness.humidity", humidity.value, humidity.basis.clone());
-        }
+        draft.datum("wetness.temperature", self.temperature.as_ref());
+        draft.datum("wetness.humidity", self.humidity.as_ref());
     }
 
     /// The weather in one line.
     pub(crate) fn summary(&self) -> String {
         let mut parts = Vec::new();
-        if let Some(rain) = &self.rain {
-            parts.push(format!("rain {} mm/h", rounded(rain.value, 3)));
-        }
-        if let Some(snow) = self.snow_rate() {
-            parts.push(format!("snow {} mm/h", rounded(snow.value, 3)));
-        }
-        if let Some(hail) = &self.hail {
-            parts.push(format!("hail {} mm/h", rounded(hail.value, 3)));
+        for (name, rate) in [("rain", &self.rain), ("snow", &self.snow_rate()), ("hail", &self.hail)] {
+            parts.extend(rate.as_ref().map(|rate| format!("{name} {} mm/h", rounded(rate.value, 3))));
         }
         if self.lightning.is_some() {
             parts.push("lightning".into());
@@ -435,19 +392,17 @@ pub(crate) fn heading(from: f64) -> f64 {
     (from + 180.0).rem_euclid(360.0)
 }
 
-fn lamps() -> Basis {
+pub(crate) fn lamps() -> Basis {
     Basis::guess("lamps stand along the path of the photos; \"auto\" for those that the scene states")
 }
 
 /// The colours of smog, dust and ash.
 pub(crate) fn tint(draft: &mut Draft, carrier: Carrier) {
-    let (albedo, color, angstrom) = match carrier {
-        Carrier::Dust => (0.9, "#e3cba9", 0.3),
-        Carrier::Ash => (0.8, "#c4c0bb", 0.0),
+    let (albedo, color, angstrom, why) = match carrier {
+        Carrier::Dust => (0.9, "#e3cba9", 0.3, "as airborne dust of the weather `sandstorm`"),
+        Carrier::Ash => (0.8, "#c4c0bb", 0.0, "grey ash"),
         _ => return,
     };
-    let why =
-        if carrier == Carrier::Ash { "grey ash" } else { "as airborne dust of the weather `sandstorm`" };
     let basis = || Basis::guess(why);
     draft.number("smog.albedo", albedo, basis());
     draft.word("smog.tint", color, basis());

@@ -1,5 +1,6 @@
 //! A weather file while it is written: each value with the reason for it.
 
+use crate::conditions::Datum;
 use crate::error::ReportError;
 use crate::report::{DecodedReport, ReportNote, ReportNoteKind, WeatherReport};
 use std::fmt::Write;
@@ -27,6 +28,14 @@ impl Basis {
     pub(crate) fn text(&self) -> &str {
         match self {
             Self::Told(text) | Self::Guess(text) => text,
+        }
+    }
+
+    /// Other words for a value of the same origin.
+    pub(crate) fn with_text(&self, text: String) -> Self {
+        match self {
+            Self::Told(_) => Self::Told(text),
+            Self::Guess(_) => Self::Guess(text),
         }
     }
 }
@@ -78,6 +87,13 @@ impl Draft {
     pub(crate) fn number(&mut self, key: &str, value: f64, basis: Basis) {
         let value = self.clamped(key, rounded(value, 4));
         self.entry(key, written(value), basis);
+    }
+
+    /// A parameter as a number that may be known.
+    pub(crate) fn datum(&mut self, key: &str, known: Option<&Datum>) {
+        if let Some(Datum { value, basis }) = known {
+            self.number(key, *value, basis.clone());
+        }
     }
 
     /// A parameter as a word or a text.
@@ -176,7 +192,7 @@ impl Draft {
             }
         }
         let weather = Weather::parse(&text, &self.name)?;
-        Ok(WeatherReport::new(self.name, text, weather, self.notes, decoded))
+        Ok(WeatherReport { name: self.name, decoded, toml: text, weather, notes: self.notes })
     }
 }
 

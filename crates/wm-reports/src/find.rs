@@ -39,7 +39,10 @@ pub fn find_weather(name: &str, folder: &Path) -> Result<FoundWeather, ReportErr
         return Ok(FoundWeather { weather: Weather::read(&path)?, report: None });
     } else if looks_like_path(name) {
         WeatherReport::read_file(&path, &ReportOptions::default())?
-    } else if !path.exists() && is_report(name) {
+    } else if !path.exists()
+        // A misspelt name of a preset is one word, and a report of one word has a form of its own.
+        && (name.trim().contains(char::is_whitespace) || recognise(name) != ReportKind::Words)
+    {
         WeatherReport::read(name, "report", &ReportOptions::default())?
     } else {
         // A name that is neither gets the nearest preset.
@@ -54,10 +57,4 @@ pub fn find_weather(name: &str, folder: &Path) -> Result<FoundWeather, ReportErr
 pub fn looks_like_path(text: &str) -> bool {
     let has_ending = |ending: &str| text.to_lowercase().ends_with(ending);
     !text.contains(['\n', '{']) && [".json", ".csv", ".txt", ".metar"].iter().any(|ending| has_ending(ending))
-}
-
-/// Returns true if a text is no name of a preset with a typing error: a report of one word has a
-/// form of its own.
-fn is_report(text: &str) -> bool {
-    text.trim().contains(char::is_whitespace) || recognise(text) != ReportKind::Words
 }

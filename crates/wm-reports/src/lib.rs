@@ -51,7 +51,7 @@ pub use error::ReportError;
 pub use find::{FoundWeather, find_weather, looks_like_path};
 pub use hourly::{WeatherRow, WeatherTable};
 pub use metar::Metar;
-pub use present_weather::{PRESENT_WEATHER, PresentAir, PresentWeather};
+pub use present_weather::{PresentAir, PresentWeather};
 pub use recognise::{ReportKind, recognise};
 pub use report::{DecodedReport, ReportNote, ReportNoteKind, ReportOptions, WeatherReport};
 pub use words::WordsReport;

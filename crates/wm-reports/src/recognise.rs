@@ -45,11 +45,8 @@ pub fn recognise(text: &str) -> ReportKind {
     }
     let lower = first.to_lowercase();
     let is_code = |word: &str| !word.is_empty() && word.bytes().all(|b| b.is_ascii_digit());
-    if matches!(&lower[..], "ww" | "wmo" | "wmo4677" | "weather_code" | "weathercode") {
-        return ReportKind::PresentWeather;
-    }
-    if let Some(digits) = lower.strip_prefix("ww")
-        && is_code(digits)
+    if matches!(&lower[..], "ww" | "wmo" | "wmo4677" | "weather_code" | "weathercode")
+        || lower.strip_prefix("ww").is_some_and(is_code)
     {
         return ReportKind::PresentWeather;
     }

@@ -7,7 +7,8 @@ use crate::metar::Metar;
 use crate::present_weather::PresentWeather;
 use crate::recognise::{ReportKind, after_comments, recognise};
 use crate::words::WordsReport;
-use crate::{carla, hourly, metar, present_weather, words};
+use crate::{carla, metar, present_weather, words};
+use std::ffi::OsStr;
 use std::fmt;
 use std::path::Path;
 use wm_weather::Weather;
@@ -94,10 +95,8 @@ impl ReportOptions {
         if let Some([latitude, longitude]) = self.place
             && !((-90.0..=90.0).contains(&latitude) && (-180.0..=360.0).contains(&longitude))
         {
-            return wrong(
-                "place",
-                format!("is {latitude}, {longitude}: must be latitude, longitude in degrees"),
-            );
+            let problem = format!("is {latitude}, {longitude}: must be latitude, longitude in degrees");
+            return wrong("place", problem);
         }
         if let Some(day) = self.day.filter(|day| !(1..=366).contains(day)) {
             return wrong("day", format!("is {day}: must be 1 to 366"));
@@ -113,22 +112,12 @@ pub struct WeatherReport {
     pub name: String,
     /// The fields that it states.
     pub decoded: DecodedReport,
-    toml: String,
-    weather: Weather,
-    notes: Vec<ReportNote>,
+    pub(crate) toml: String,
+    pub(crate) weather: Weather,
+    pub(crate) notes: Vec<ReportNote>,
 }
 
 impl WeatherReport {
-    pub(crate) fn new(
-        name: String,
-        toml: String,
-        weather: Weather,
-        notes: Vec<ReportNote>,
-        decoded: DecodedReport,
-    ) -> Self {
-        Self { name, decoded, toml, weather, notes }
-    }
-
     /// Reads a report of any kind from its text; `source` is its name in messages, that of a file.
     ///
     /// ```
@@ -146,32 +135,31 @@ impl WeatherReport {
         // Editors of some systems put this in front.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let line = after_comments(text.trim_start());
+        let whole = |problem: String| Err(ReportError::Whole { file: source.into(), problem });
         if line.is_empty() {
-            return Err(ReportError::Whole {
-                file: source.into(),
-                problem: "is empty: a report is expected".into(),
-            });
+            return whole("is empty: a report is expected".into());
         }
         if line.starts_with('<') {
             let problem = "is XML or HTML, which is no report that is read: give the report itself as text, JSON or CSV";
-            return Err(ReportError::Whole { file: source.into(), problem: problem.into() });
+            return whole(problem.into());
         }
         let kind = recognise(text);
         let is_table = matches!(kind, ReportKind::HourlyJson | ReportKind::HourlyCsv);
         if !is_table && line.len() > MAX_REPORT_BYTES {
-            let problem = format!(
+            return whole(format!(
                 "is {} bytes long and no table of hours: a report of one line is expected, or columns with a `time`",
                 line.len()
-            );
-            return Err(ReportError::Whole { file: source.into(), problem });
+            ));
         }
+        // A table is named after its file, without the folder and the ending.
+        let stem = || Path::new(source).file_stem().map_or_else(|| source.into(), OsStr::to_string_lossy);
         match kind {
             ReportKind::Metar => metar::read(line, options),
             ReportKind::Carla => carla::read(line),
             ReportKind::PresentWeather => present_weather::read(line),
             ReportKind::Words => words::read(line),
-            ReportKind::HourlyJson => hourly::read_json(text, source, options),
-            ReportKind::HourlyCsv => hourly::read_csv(text, source, options),
+            ReportKind::HourlyJson => WeatherTable::parse_json(text, source)?.weather(&stem(), options),
+            ReportKind::HourlyCsv => WeatherTable::parse_csv(text, source)?.weather(&stem(), options),
         }
     }
 
@@ -203,12 +191,6 @@ impl WeatherReport {
     #[must_use]
     pub fn weather(&self) -> &Weather {
         &self.weather
-    }
-
-    /// The weather, owned.
-    #[must_use]
-    pub fn into_weather(self) -> Weather {
-        self.weather
     }
 
     /// The remarks: values that were guessed or clamped, and parts that were ignored.

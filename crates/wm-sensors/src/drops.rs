@@ -97,13 +97,7 @@ pub(crate) fn echoes(
 /// The face of a cube that a direction meets.
 fn face_of(direction: DVec3) -> usize {
     let size = direction.abs();
-    let axis = if size.x >= size.y && size.x >= size.z {
-        0
-    } else if size.y >= size.z {
-        1
-    } else {
-        2
-    };
+    let axis = size.max_position();
     2 * axis + usize::from(direction[axis] < 0.0)
 }
 
@@ -231,11 +225,8 @@ fn view(face: &DMat3, center: DVec3, low: [f64; 2], high: [f64; 2]) -> ParticleV
         cy: -low[1] * FOCAL_PX,
         width: size[0] as u32,
         height: size[1] as u32,
-        ..camera_at(face, center)
+        near: 1e-4,
+        ..Camera::posed((1, 1), 90.0, center, *face)
     };
     ParticleView::new(&camera)
-}
-
-fn camera_at(face: &DMat3, center: DVec3) -> Camera {
-    Camera { near: 1e-4, ..Camera::posed((1, 1), 90.0, center, *face) }
 }

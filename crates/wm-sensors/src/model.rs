@@ -44,24 +44,14 @@ struct ModelFile {
     name: Option<String>,
     wavelength: f64,
     divergence: f64,
-    #[serde(default = "usual_pulse")]
-    pulse: f64,
+    pulse: Option<f64>,
     range: [f64; 2],
     reference_range: f64,
-    #[serde(default = "usual_noise")]
-    range_noise: f64,
+    range_noise: Option<f64>,
     overlap: Option<[f64; 2]>,
     rows: Option<RowPattern>,
     table: Option<TablePattern>,
     risley: Option<RisleyPattern>,
-}
-
-fn usual_pulse() -> f64 {
-    5.0
-}
-
-fn usual_noise() -> f64 {
-    0.01
 }
 
 /// Width of a receiver's lens, mm, whose field is as wide as the beam. Guessed: data sheets say
@@ -131,37 +121,28 @@ impl LidarModel {
             name: file.name.unwrap_or_else(|| text.name.clone()),
             wavelength: file.wavelength,
             divergence: file.divergence,
-            pulse: file.pulse,
+            pulse: file.pulse.unwrap_or(5.0),
             range: file.range,
             reference_range: file.reference_range,
-            range_noise: file.range_noise,
+            range_noise: file.range_noise.unwrap_or(0.01),
             overlap: file.overlap.unwrap_or(usual),
             pattern,
         };
-        model.fault().map_or(Ok(model), |problem| Err(wrong(problem)))
-    }
-
-    /// The first fault of its numbers.
-    fn fault(&self) -> Option<String> {
-        let checks = [
-            ("wavelength", self.wavelength, [500.0, 2000.0], "nm"),
-            ("divergence", self.divergence, [0.01, 200.0], "mrad"),
-            ("pulse", self.pulse, [0.1, 1000.0], "ns"),
-            ("reference_range", self.reference_range, [0.1, 5e3], "m"),
-            ("range_noise", self.range_noise, [0.0, 10.0], "m"),
-            ("range[0]", self.range[0], [0.0, 1e4], "m"),
-            ("range[1]", self.range[1], [0.1, 1e5], "m"),
-            ("overlap[0]", self.overlap[0], [0.0, 1e4], "m"),
-            ("overlap[1]", self.overlap[1], [0.0, 1e4], "m"),
-        ];
-        let wrong = checks.into_iter().find(|(_, value, [low, high], _)| !(low..=high).contains(&value));
-        if let Some((key, value, [low, high], unit)) = wrong {
-            return Some(format!("{key} is {value}: it must be from {low} to {high} {unit}"));
+        text.check(&[
+            ("wavelength", model.wavelength, [500.0, 2000.0], "nm"),
+            ("divergence", model.divergence, [0.01, 200.0], "mrad"),
+            ("pulse", model.pulse, [0.1, 1000.0], "ns"),
+            ("reference_range", model.reference_range, [0.1, 5e3], "m"),
+            ("range_noise", model.range_noise, [0.0, 10.0], "m"),
+            ("range[0]", model.range[0], [0.0, 1e4], "m"),
+            ("range[1]", model.range[1], [0.1, 1e5], "m"),
+            ("overlap[0]", model.overlap[0], [0.0, 1e4], "m"),
+            ("overlap[1]", model.overlap[1], [0.0, 1e4], "m"),
+        ])?;
+        if model.range[0] >= model.range[1] || model.overlap[0] > model.overlap[1] {
+            return Err(wrong("range and overlap must have their lower number first".into()));
         }
-        if self.range[0] >= self.range[1] || self.overlap[0] > self.overlap[1] {
-            return Some("range and overlap must have their lower number first".into());
-        }
-        None
+        Ok(model)
     }
 
     /// Duration of a sweep, s.

@@ -35,6 +35,12 @@ impl SensorPose {
     }
 }
 
+/// A direction in a sensor's axes.
+pub(crate) fn direction(azimuth: f64, elevation: f64) -> DVec3 {
+    let ([sin, cos], [up, level]) = ([azimuth.sin(), azimuth.cos()], [elevation.sin(), elevation.cos()]);
+    DVec3::new(level * cos, level * sin, up)
+}
+
 /// A sensor's pose as a function of time.
 pub trait SensorMotion: Sync {
     /// The pose at a time, s.

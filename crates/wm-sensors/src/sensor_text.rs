@@ -72,13 +72,24 @@ impl<'a> SensorText<'a> {
     /// The value of the text.
     pub(crate) fn parse<T: DeserializeOwned>(&self) -> Result<T, SensorError> {
         toml::from_str(&self.text).map_err(|error| {
-            let line = error
-                .span()
-                .map(|span| 1 + self.text[..span.start.min(self.text.len())].matches('\n').count());
-            let location = line.map_or_else(String::new, |line| format!(", line {line}"));
+            let line = |start: usize| 1 + self.text[..start.min(self.text.len())].matches('\n').count();
+            let location =
+                error.span().map(|span| format!(", line {}", line(span.start))).unwrap_or_default();
             let problem = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
             SensorError::Model { name: self.place.clone(), location, problem }
         })
+    }
+
+    /// Says which of some numbers, each with its key, its range and its unit, is the first beyond its
+    /// range.
+    ///
+    /// # Errors
+    /// As [`Self::fault`].
+    pub(crate) fn check(&self, numbers: &[(&str, f64, [f64; 2], &str)]) -> Result<(), SensorError> {
+        let wrong = numbers.iter().find(|(_, value, [low, high], _)| !(low..=high).contains(&value));
+        let Some((key, value, [low, high], unit)) = wrong else { return Ok(()) };
+        let problem = format!("{key} is {value}: it must be from {low} to {high} {unit}");
+        Err(self.fault(problem.trim_end().into()))
     }
 
     /// The error of a text that is TOML and makes no sensor.

@@ -16,7 +16,7 @@ use wm_weather::wetness::optics::{BACK, pores_factor};
 const REFLECTANCE_FIT: [f64; 2] = [0.05, 0.8];
 /// Reflectance of lying snow where water does not absorb, and where it does (from memory of spectra
 /// of old and of fresh snow).
-const SNOW_REFLECTANCE: [f64; 2] = [0.85, 0.15];
+pub(crate) const SNOW_REFLECTANCE: [f64; 2] = [0.85, 0.15];
 
 /// Water and snow on a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,7 +48,8 @@ pub fn reflecting_splats(splats: &Splats, is_met: impl Fn(usize) -> bool + Sync)
 /// The dry reflectance of a splat, by its colour as seen from all sides on average.
 #[must_use]
 pub fn base_reflectance(splats: &Splats, index: usize) -> f32 {
-    dry_reflectance(splats.base_color(index)) as f32
+    let light = luminance(splats.base_color(index).map(|v| srgb_decode(v.clamp(0.0, 1.0))));
+    (REFLECTANCE_FIT[0] + REFLECTANCE_FIT[1] * light) as f32
 }
 
 /// Surfaces that are all dry.
@@ -59,19 +60,6 @@ impl SurfaceStates for DrySurfaces {
     fn state(&self, _: u32) -> SurfaceState {
         SurfaceState::default()
     }
-}
-
-/// The reflectance of a dry surface of a display-referred colour.
-#[must_use]
-fn dry_reflectance(rgb: [f64; 3]) -> f64 {
-    let light = luminance(rgb.map(|v| srgb_decode(v.clamp(0.0, 1.0))));
-    REFLECTANCE_FIT[0] + REFLECTANCE_FIT[1] * light
-}
-
-/// The reflectance of lying snow.
-#[must_use]
-pub(crate) fn snow_reflectance(is_absorbed: bool) -> f64 {
-    SNOW_REFLECTANCE[usize::from(is_absorbed)]
 }
 
 /// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`;

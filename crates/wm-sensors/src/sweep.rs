@@ -12,7 +12,7 @@ use crate::air::{self, AirPath};
 use crate::drops::{self, Pulse};
 use crate::echo::{self, DetectedEcho, Echo, EchoClass, MIN_ECHO_POWER, ReturnMode, ReturnRank};
 use crate::model::LidarModel;
-use crate::pose::{SensorMotion, SensorPose};
+use crate::pose::{SensorMotion, SensorPose, direction};
 use crate::surface::{self, SurfaceState, SurfaceStates};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -95,7 +95,7 @@ impl PointFrame {
 }
 
 /// Options of a sweep.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SweepOptions {
     /// Start of the sweep, s; the weather must be prepared for this time.
     pub time: f64,
@@ -114,21 +114,6 @@ pub struct SweepOptions {
     /// Lidar ratio (extinction over backscatter) of fog, haze and smog, sr; `None` for the usual
     /// ratio of each.
     pub lidar_ratio: Option<f64>,
-}
-
-impl Default for SweepOptions {
-    fn default() -> Self {
-        Self {
-            time: 0.0,
-            index: 0,
-            seed: 0,
-            sensor: 0,
-            sub_rays: SubRays::default(),
-            returns: ReturnMode::default(),
-            frame: PointFrame::default(),
-            lidar_ratio: None,
-        }
-    }
 }
 
 /// One point of a sweep.
@@ -221,9 +206,7 @@ pub fn sweep(
             .par_iter()
             .map(|beam| {
                 let pose = motion.pose(options.time + beam.time);
-                let ([sin, cos], [up, level]) =
-                    ([beam.azimuth.sin(), beam.azimuth.cos()], [beam.elevation.sin(), beam.elevation.cos()]);
-                let direction = pose.to_world(DVec3::new(level * cos, level * sin, up));
+                let direction = pose.to_world(direction(beam.azimuth, beam.elevation));
                 Pulse { beam: *beam, pose, direction }
             })
             .collect();
@@ -357,7 +340,8 @@ impl Tracer<'_> {
     fn surfaces(&self) -> (Vec<f64>, Vec<(u32, Echo)>) {
         let rays = self.rays();
         let hits = self.trace(self.scene.splats, &rays);
-        let ends: Vec<f64> = hits.distance.iter().map(|t| f64::from(*t) * self.metres()).collect();
+        let ends: Vec<f64> =
+            hits.distance.iter().map(|t| f64::from(*t) * self.scene.site.metres_per_unit).collect();
         let share = 1.0 / self.count as f64;
         let up = DVec3::from_array(self.scene.site.up);
         let of_ray = |ray: usize| {
@@ -401,9 +385,8 @@ impl Tracer<'_> {
         }
         if let Some(splats) = self.scene.mirrored.filter(|_| !mirrors.is_empty()) {
             let hits = self.trace(splats, &mirrored);
-            echoes.extend(
-                (0..mirrors.len()).filter_map(|ray| self.ghost(&mirrors[ray], &mirrored, &hits, ray)),
-            );
+            let ghost = |(ray, mirror)| self.ghost(mirror, &mirrored, &hits, ray);
+            echoes.extend(mirrors.iter().enumerate().filter_map(ghost));
         }
         (ends, echoes)
     }
@@ -414,7 +397,7 @@ impl Tracer<'_> {
         let (origin, direction) = ray_of(rays, ray);
         let after = f64::from(hits.distance[ray]) - mirror.before;
         // Below the mirror there is nothing to see.
-        if after < MIRROR_CLEARANCE_M / self.metres() {
+        if after < MIRROR_CLEARANCE_M / self.scene.site.metres_per_unit {
             return None;
         }
         let from = origin + direction * mirror.before;
@@ -424,10 +407,6 @@ impl Tracer<'_> {
         let received = mirror.share * kept * kept * self.model.overlap_at(range) / (range * range);
         let power = reflectance * met.cosine * received;
         Some((mirror.pulse, Echo { range, power, class: EchoClass::Ghost, label: met.state.label }))
-    }
-
-    fn metres(&self) -> f64 {
-        self.scene.site.metres_per_unit
     }
 
     /// The rays of all pulses, pulse by pulse.
@@ -463,11 +442,11 @@ impl Tracer<'_> {
         let mut state = self.scene.surfaces.state(hits.splat[ray]);
         let dry = if state.is_snow {
             state = SurfaceState { is_snow: true, ..SurfaceState::default() };
-            surface::snow_reflectance(self.model.is_absorbed())
+            surface::SNOW_REFLECTANCE[usize::from(self.model.is_absorbed())]
         } else {
             f64::from(hits.value[ray]) / coverage
         };
-        let range = distance * self.metres();
+        let range = distance * self.scene.site.metres_per_unit;
         // Not of length 1 where splats turn to all sides: then it is the mean of their cosines.
         let cosine = (-normal.dot(direction)).clamp(0.0, 1.0);
         Some(SurfaceReturn { range, cosine, normal: normal.normalize_or(DVec3::ZERO), dry, state })

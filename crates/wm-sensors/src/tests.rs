@@ -9,7 +9,7 @@ use wm_base::random;
 use wm_render::simd::SimdPath;
 use wm_scene::{Splats, sh};
 use wm_weather::particles::RAIN;
-use wm_weather::{Site, Weather};
+use wm_weather::{PreparedWeather, Site, Weather};
 
 /// A lidar at 905 nm that sees a target of 10 % at 120 m, with beams in given directions (degrees)
 /// over 0.1 s.
@@ -62,6 +62,12 @@ fn swept(lidar: &LidarModel, splats: &Splats, set: &[(&str, f64)], options: &Swe
     swept_on(lidar, splats, set, options, &DrySurfaces)
 }
 
+/// Dry splats that nothing mirrors.
+fn dry<'a>(splats: &'a wm_render::RaySplats<'_>, weather: &'a PreparedWeather) -> LidarScene<'a> {
+    let (site, path) = (&Site::PLAIN, SimdPath::widest());
+    LidarScene { splats, mirrored: None, weather, site, shelter: None, surfaces: &DrySurfaces, path }
+}
+
 fn swept_on(
     lidar: &LidarModel,
     splats: &Splats,
@@ -72,15 +78,9 @@ fn swept_on(
     let weather =
         set.iter().fold(Weather::clear(), |weather, (key, value)| weather.set(key, *value).unwrap());
     let weather = weather.at(options.time).prepare(&Site::PLAIN);
-    let scene = LidarScene {
-        splats: &reflecting_splats(splats, |_| true),
-        mirrored: Some(&reflecting_splats(splats, |index| splats.log_scales[index][2] > 0.0)),
-        weather: &weather,
-        site: &Site::PLAIN,
-        shelter: None,
-        surfaces,
-        path: SimdPath::widest(),
-    };
+    let rays = reflecting_splats(splats, |_| true);
+    let above = reflecting_splats(splats, |index| splats.log_scales[index][2] > 0.0);
+    let scene = LidarScene { mirrored: Some(&above), surfaces, ..dry(&rays, &weather) };
     let pose = SensorPose::upright(DVec3::Z * 1.8, DVec3::X, DVec3::Z);
     sweep(lidar, &pose, &scene, options)
 }
@@ -287,15 +287,8 @@ fn motion_is_taken_out_of_the_points() {
     let lidar = lidar(ahead(1000));
     let wall = plate(0, 30.0, 0.8);
     let weather = Weather::clear().at(0.0).prepare(&Site::PLAIN);
-    let scene = LidarScene {
-        splats: &reflecting_splats(&wall, |_| true),
-        mirrored: None,
-        weather: &weather,
-        site: &Site::PLAIN,
-        shelter: None,
-        surfaces: &DrySurfaces,
-        path: SimdPath::widest(),
-    };
+    let rays = reflecting_splats(&wall, |_| true);
+    let scene = dry(&rays, &weather);
     let start = SensorPose::upright(DVec3::new(4.0, 0.0, 1.8), DVec3::X, DVec3::Z);
     let motion = EvenMotion { start, velocity: DVec3::X * 20.0 };
     let spread = |frame: PointFrame, middle: f32| {
@@ -342,18 +335,10 @@ fn the_street_is_where_it_is() {
         azimuths: [180.0, -180.0],
     };
     let lidar = LidarModel { pattern: BeamPattern::Rows(rows), range_noise: 0.0, ..lidar(ahead(1)) };
-    let site = Site::PLAIN;
-    let weather = Weather::clear().at(0.0).prepare(&site);
+    let weather = Weather::clear().at(0.0).prepare(&Site::PLAIN);
     let splats = &scene.splats;
-    let scene = LidarScene {
-        splats: &reflecting_splats(splats, |index| splats.groups[index] != wm_scene::Group::Sky),
-        mirrored: None,
-        weather: &weather,
-        site: &site,
-        shelter: None,
-        surfaces: &DrySurfaces,
-        path: SimdPath::widest(),
-    };
+    let rays = reflecting_splats(splats, |index| splats.groups[index] != wm_scene::Group::Sky);
+    let scene = dry(&rays, &weather);
     let eye = street.dolly(0.3).camera((300, 200)).unwrap();
     let pose = SensorPose::upright(eye.center() + DVec3::Z * 0.2, eye.forward(), DVec3::Z);
     let made = sweep(&lidar, &pose, &scene, &SweepOptions { frame: PointFrame::World, ..ALL });

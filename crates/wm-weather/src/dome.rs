@@ -86,7 +86,7 @@ pub(crate) struct Dome {
     ground: Option<[f64; 3]>,
     brightness: f64,
     up: [f64; 3],
-    sky_splats: SkySplats,
+    pub(crate) sky_splats: SkySplats,
     flash: Option<FlashLight>,
     /// Display-referred colours: of a sky by elevation by its sine, of a panorama's ways of being
     /// brighter by its own colours.
@@ -121,11 +121,6 @@ impl Dome {
     /// Adds a flash of lightning to the sky.
     pub(crate) fn lit_by(self, flash: Option<FlashLight>) -> Self {
         Self { flash, ..self }
-    }
-
-    /// The treatment of the scene's own sky splats.
-    pub(crate) fn scenes_sky(&self) -> SkySplats {
-        self.sky_splats
     }
 
     /// The airlight under it, linear RGB: its mean radiance near the horizon, as the survey takes

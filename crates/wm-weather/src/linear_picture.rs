@@ -53,35 +53,22 @@ fn decode_row<S: Lanes>(simd: S, rgb: &[f32], line: &mut [[f32; 4]]) {
         for (i, pixel) in pixels.as_chunks::<3>().0.iter().enumerate() {
             (0..3).for_each(|k| channels[k][i] = pixel[k].max(0.0));
         }
-        decode(simd, &mut channels);
+        convert::<S, false>(simd, &mut channels);
         for (i, pixel) in line.iter_mut().enumerate() {
             *pixel = [channels[0][i], channels[1][i], channels[2][i], 0.0];
         }
     }
 }
 
-/// Display-referred colours in linear light, in place.
+/// Display-referred colours in linear light, in place; the other way round if `ENCODES`.
 #[inline(always)]
-pub(crate) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
+pub(crate) fn convert<S: Lanes, const ENCODES: bool>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
     for first in (0..GROUP).step_by(S::N) {
         let mut light = [simd.set(0.0); 3];
         (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
-        let light = simd::srgb_decode(simd, light);
+        light = if ENCODES { simd::srgb_encode(simd, light) } else { simd::srgb_decode(simd, light) };
         (0..3).for_each(|k| {
             fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N]);
-        });
-    }
-}
-
-/// Linear light in display-referred colours, in place.
-#[inline(always)]
-pub(crate) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
-    for first in (0..GROUP).step_by(S::N) {
-        let mut light = [simd.set(0.0); 3];
-        (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
-        let shown = simd::srgb_encode(simd, light);
-        (0..3).for_each(|k| {
-            fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N]);
         });
     }
 }

@@ -384,7 +384,7 @@ impl AirView<'_> {
             let own = drawn.tabled(simd, metres) * -LOG2_E;
             for k in 0..3 {
                 depth[k] += own;
-                added[k] = own.mul_add(simd.set(drawn.airlight()[k] as f32), added[k]);
+                added[k] = own.mul_add(simd.set(drawn.airlight[k] as f32), added[k]);
             }
         }
         let mut exponent = depth;
@@ -469,8 +469,8 @@ impl Medium for Atmosphere {
             parameters.extend(sigma_t.iter().chain(airlight).chain([density, per_height]));
         }
         for drawn in &self.drawn {
-            parameters.extend(drawn.airlight().map(|v| v as f32));
-            parameters.extend(drawn.table().as_flattened());
+            parameters.extend(drawn.airlight.map(|v| v as f32));
+            parameters.extend(drawn.table.as_flattened());
         }
         Some(WgslSource { wgsl: Cow::Borrowed(&WGSL), parameters })
     }
@@ -485,10 +485,8 @@ impl Medium for Atmosphere {
         for k in 0..3 {
             let layers = self.layers.iter().zip(&paths);
             let layers = layers.map(|(layer, path)| (layer.sigma_t[k] * path, layer.airlight[k]));
-            let drawn = self
-                .drawn
-                .iter()
-                .map(|drawn| (-drawn.depth(metres.min(SKY_DISTANCE_M)), drawn.airlight()[k]));
+            let drawn =
+                self.drawn.iter().map(|drawn| (-drawn.depth(metres.min(SKY_DISTANCE_M)), drawn.airlight[k]));
             let parts = layers.chain(drawn);
             let total: f64 = parts.clone().map(|(depth, _)| depth).sum();
             if total > 0.0 {

@@ -9,7 +9,7 @@ use std::fmt::Write;
 /// The page `docs/reference/weather.md`.
 #[must_use]
 pub fn markdown() -> String {
-    let mut page = String::from(HEAD);
+    let mut page = String::from(include_str!("reference_page.md"));
     page.push_str("\n## Presets\n\n| name | what it is |\n|---|---|\n");
     for (name, _) in PRESETS {
         let about = Weather::preset(name).map(|weather| weather.about).unwrap_or_default();
@@ -21,13 +21,8 @@ pub fn markdown() -> String {
         page.push_str("| parameter | default | range | unit | meaning |\n|---|---|---|---|---|\n");
         for param in effect.params {
             let (range, unit) = (range(param), if param.unit.is_empty() { "-" } else { param.unit });
-            _ = writeln!(
-                page,
-                "| `{}` | {} | {range} | {unit} | {} |",
-                param.name,
-                param.default,
-                meaning(param)
-            );
+            let (name, default, meaning) = (param.name, &param.default, meaning(param));
+            _ = writeln!(page, "| `{name}` | {default} | {range} | {unit} | {meaning} |");
         }
     }
     page
@@ -66,50 +61,6 @@ fn range(param: &Param) -> String {
 fn meaning(param: &Param) -> String {
     param.meaning.split_whitespace().collect::<Vec<_>>().join(" ")
 }
-
-const HEAD: &str = "\
-# Weather reference
-
-Made from the effects' own tables; do not edit by hand.
-
-A weather is a preset's name or a TOML file; `--set effect.parameter=value` changes one parameter and
-turns its effect on, `--set effect=off` turns one off.
-
-```toml
-name = \"Fog closing in\"
-about = \"From a clear day to dense fog in five seconds\"
-fidelity = \"physical\"            # or \"paper\": the paper's formulas as printed
-
-[fog]
-mor = { keys = [[0, 2000, \"smooth\"], [5, 60]] }   # seconds, value, easing of the way to the next
-airlight = \"#d5dadd\"
-
-[sky]
-panorama = \"evening.exr\"         # beside this file
-heading = { keys = [[0, 0], [5, 10]] }    # linear
-scene_sky = \"replace\"
-```
-
-A parameter is a number in its unit, a colour (`\"#rrggbb\"` or three numbers 0-1, sRGB), a word or a path, `\"auto\"`
-where its range says so, or keyframes of numbers, colours or words. On the command line: `--set fog.mor=120`,
-`--set fog.mor=0:2000:smooth,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`. `sky = \"overcast\"` and
-`--set sky=overcast` are short for the first parameter of the sky.
-
-## Keyframes
-
-A keyframe is a time in seconds from the start of the shot, a value, and the easing of the way to the next keyframe. Times
-rise; before the first keyframe and after the last the value stays. Numbers go in the parameter's own unit, colours
-mix in linear light, words hold until the next keyframe. With `s` the share of the time between two keyframes that has
-passed, 0 to 1:
-
-| easing | share of the way | what it is like |
-|---|---|---|
-| `linear` | s | even; the default |
-| `hold` | 0 | stays, and jumps at the next keyframe |
-| `smooth` | s^2 (3 - 2 s) | slow at both ends |
-| `ease-in` | s^2 | slow at first |
-| `ease-out` | s (2 - s) | slow at last |
-";
 
 const LOOKS: &str = "
 The colour filter that the paper lays over rain and snow, on top of any weather:

@@ -1,7 +1,9 @@
 //! A site and views that the tests of several modules share.
 
+use crate::effects::Effect;
 use crate::fused_surfaces::PhotoView;
 use crate::optics::Site;
+use crate::track::Track;
 use glam::DVec3;
 use wm_scene::Camera;
 
@@ -17,4 +19,19 @@ pub(crate) fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f6
         way(center, ray).map_or(0.0, |way| (way * ray.dot(forward)) as f32)
     };
     PhotoView::new(camera, (0..camera.width * camera.height).map(pixel).collect(), Vec::new())
+}
+
+/// What `work` makes on pools of so many threads each.
+pub(crate) fn on_threads<T: Send, const N: usize>(
+    threads: [usize; N],
+    work: impl Fn() -> T + Sync,
+) -> [T; N] {
+    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    threads.map(|threads| pool(threads).install(&work))
+}
+
+/// A parameter over time, as it is written on the command line.
+pub(crate) fn track(effect: &str, param: &str, text: &str) -> Track {
+    let effect = Effect::named(effect).unwrap();
+    Track::parse(&effect.params[effect.param(param).unwrap()], text).unwrap()
 }

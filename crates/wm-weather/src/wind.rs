@@ -146,10 +146,9 @@ fn number(value: &ParamValue) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::wind::WindParams;
 
     fn track(param: &str, text: &str) -> Track {
-        Track::parse(WindParams::PARAMS.iter().find(|p| p.name == param).unwrap(), text).unwrap()
+        crate::testing::track("wind", param, text)
     }
 
     #[test]

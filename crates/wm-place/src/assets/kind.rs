@@ -68,7 +68,7 @@ pub(crate) trait Asset: Any + Send + Sync + Sized {
     }
 
     /// Reads the asset for a scene of so many splats; `None` if there is no file that fits.
-    fn read(_: &Self::Key, _cache: &AssetCache, _splats: usize, _threads: usize) -> Option<Self> {
+    fn read(_: &Self::Key, _cache: &AssetCache, _splats: usize) -> Option<Self> {
         None
     }
 
@@ -157,10 +157,10 @@ macro_rules! kinds {
                 match self { $(Self::$kind(key) => Ok(Arc::new(<$asset>::make(key, workshop)?)),)* }
             }
 
-            pub fn read(&self, cache: &AssetCache, splats: usize, threads: usize) -> Option<AnyAsset> {
+            pub fn read(&self, cache: &AssetCache, splats: usize) -> Option<AnyAsset> {
                 match self {
                     $(Self::$kind(key) => {
-                        <$asset>::read(key, cache, splats, threads).map(|asset| Arc::new(asset) as AnyAsset)
+                        <$asset>::read(key, cache, splats).map(|asset| Arc::new(asset) as AnyAsset)
                     })*
                 }
             }

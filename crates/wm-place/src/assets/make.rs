@@ -169,9 +169,11 @@ impl MissingAssets {
     /// [`Error::Unsupported`] if the splats of the place were released, [`Error::Stopped`] if
     /// `progress` asked to stop.
     pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
+        // Threads beside those of the renderer, which may draw meanwhile.
+        let pool = wm_render::cpu::pool(source.threads)?;
         let mut made = Vec::new();
         for key in &self.asked {
-            make(key, &source, &mut made, progress)?;
+            make(key, &source, &pool, &mut made, progress)?;
         }
         for (key, asset) in made.iter().filter(|(key, _)| key.file_comes_last()) {
             key.write(asset, &source.cache);
@@ -190,6 +192,7 @@ impl MissingAssets {
 fn make(
     key: &AssetKey,
     source: &AssetSource,
+    pool: &rayon::ThreadPool,
     made: &mut Vec<(AssetKey, AnyAsset)>,
     progress: &mut dyn Progress,
 ) -> Result<()> {
@@ -197,13 +200,13 @@ fn make(
         return Ok(());
     }
     for need in key.needs() {
-        make(&need, source, made, progress)?;
+        make(&need, source, pool, made, progress)?;
     }
     if progress.is_stopped() {
         return Err(Error::Stopped);
     }
     progress.begin(key.work(), None);
-    let asset = key.make(&Workshop { source, made });
+    let asset = pool.install(|| key.make(&Workshop { source, made }));
     progress.end();
     let asset = asset?;
     if !key.file_comes_last() {

@@ -72,7 +72,7 @@ pub(crate) fn photo_views(
         seen.push(PhotoView::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
     }
     let floors = floors(scene, survey, &seen);
-    Ok(PhotoView::stopped_at(&seen, &floors, renderer.threads()))
+    Ok(renderer.pool().install(|| PhotoView::stopped_at(&seen, &floors)))
 }
 
 /// The ground that the photos' cameras were carried over, where it is known or missed.

@@ -19,7 +19,7 @@
 mod picture;
 
 pub use picture::{RadarPicture, RadarView};
-pub use wm_sensors::radar::{RADAR_PRESETS, RadarClass, RadarDetection, RadarFormat, RadarModel, RadarSweep};
+pub use wm_sensors::radar::{RADAR_PRESETS, RadarClass, RadarDetection, RadarModel, RadarSweep};
 pub use wm_sensors::{PointFrame, SensorError, about};
 
 use crate::lidar::UprightMotion;

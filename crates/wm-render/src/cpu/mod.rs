@@ -65,15 +65,21 @@ pub(crate) fn start(config: CpuConfig) -> Result<(SimdPath, Arc<rayon::ThreadPoo
 }
 
 /// Starts a pool of threads; 0 for one per core.
+///
+/// # Errors
+/// [`RenderError::Threads`] if they cannot be started.
 #[cfg(not(target_arch = "wasm32"))]
-fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
+pub fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map(Arc::new).map_err(|error| RenderError::Threads { threads, reason: error.to_string() })
 }
 
 /// Makes a pool of the only thread in a browser.
+///
+/// # Errors
+/// [`RenderError::Threads`] if it is in another pool.
 #[cfg(target_arch = "wasm32")]
-fn pool(_: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
+pub fn pool(_: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
     static POOL: std::sync::OnceLock<Arc<rayon::ThreadPool>> = std::sync::OnceLock::new();
     if let Some(pool) = POOL.get() {
         return Ok(Arc::clone(pool));

@@ -3,8 +3,6 @@
 use super::raw::{Cell, RawTable};
 use super::{WeatherTable, time};
 use crate::error::{ReportError, quoted};
-use crate::report::{ReportOptions, WeatherReport};
-use std::path::Path;
 
 /// Most columns of a table.
 const MAX_COLUMNS: usize = 500;
@@ -15,15 +13,6 @@ const METEOSTAT: [&str; 13] =
 
 /// A line with its number, from 1.
 type Line<'a> = (usize, &'a str);
-
-pub(crate) fn read(text: &str, file: &str, options: &ReportOptions) -> Result<WeatherReport, ReportError> {
-    parse(text, file)?.weather(&stem(file), options)
-}
-
-/// The name of a file without its folder and its ending.
-pub(super) fn stem(file: &str) -> String {
-    Path::new(file).file_stem().map_or_else(|| file.into(), |name| name.to_string_lossy().into_owned())
-}
 
 pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError> {
     let fault = |line: usize, problem: String| ReportError::Line { file: file.into(), line, problem };
@@ -86,11 +75,9 @@ fn read_place(
     let end = lines.iter().position(|(_, line)| line.trim().is_empty()).unwrap_or(lines.len());
     if end != 2 {
         let line = lines.get(2).map_or(1, |(line, _)| *line);
-        return Err(fault(
-            line,
-            "has more than one place: a line of names and one of values are expected, then an empty line"
-                .into(),
-        ));
+        let problem =
+            "has more than one place: a line of names and one of values are expected, then an empty line";
+        return Err(fault(line, problem.into()));
     }
     let names = cells(lines[0].1, separator);
     let values = cells(lines[1].1, separator);
@@ -147,18 +134,11 @@ fn cells(line: &str, separator: char) -> Vec<String> {
 
 /// `temperature_2m (°C)` as name and unit.
 fn name_and_unit(cell: &str) -> (String, String) {
-    let cell = cell.trim();
-    match cell.split_once('(') {
-        Some((name, unit)) => {
-            let unit = unit.trim_end_matches(')').trim();
-            // Words that are no units.
-            let unit = if matches!(unit, "wmo code" | "iso8601" | "unixtime" | "\u{b0}" | "undefined") {
-                ""
-            } else {
-                unit
-            };
-            (name.trim().to_lowercase(), unit.into())
-        }
-        None => (cell.to_lowercase(), String::new()),
-    }
+    let (name, unit) = cell.split_once('(').unwrap_or((cell, ""));
+    (name.trim().to_lowercase(), unit_or_none(unit.trim().trim_end_matches(')').trim()).into())
+}
+
+/// A unit, or nothing for words that are no units.
+pub(super) fn unit_or_none(unit: &str) -> &str {
+    if matches!(unit, "wmo code" | "iso8601" | "unixtime" | "\u{b0}" | "undefined") { "" } else { unit }
 }

@@ -2,15 +2,10 @@
 //! `hourly_units`, and the place.
 
 use super::WeatherTable;
-use super::csv::stem;
+use super::csv::unit_or_none;
 use super::raw::{Cell, KNOWN_SERVICES_ADVICE, RawTable, UNKNOWN_TABLE_PROBLEM};
 use crate::error::ReportError;
-use crate::report::{ReportOptions, WeatherReport};
 use serde_json::{Map, Value};
-
-pub(crate) fn read(text: &str, file: &str, options: &ReportOptions) -> Result<WeatherReport, ReportError> {
-    parse(text, file)?.weather(&stem(file), options)
-}
 
 pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError> {
     let whole = |problem: String| ReportError::Whole { file: file.into(), problem };
@@ -68,15 +63,11 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
             problem,
         });
     }
-    let mut rows: Vec<Vec<Cell>> = Vec::with_capacity(length);
-    for row in 0..length {
-        rows.push(lists.iter().map(|list| cell(&list[row])).collect());
-    }
     RawTable {
-        place: place.map(|(latitude, longitude)| [latitude, longitude]),
+        place: place.map(<[f64; 2]>::from),
         utc_offset,
         columns,
-        rows,
+        rows: (0..length).map(|row| lists.iter().map(|list| cell(&list[row])).collect()).collect(),
         fault: &|row, column, problem| ReportError::Value {
             file: file.into(),
             key: format!("{prefix}{column}[{row}]"),
@@ -120,8 +111,7 @@ fn columns<'a>(
             // Beside the lists of a table that stands alone there may be anything.
             let list = list.as_array().filter(|list| !is_loose || !list.is_empty())?;
             let unit = units.and_then(|units| units.get(name)).and_then(Value::as_str).unwrap_or_default();
-            let is_none = matches!(unit, "wmo code" | "iso8601" | "unixtime" | "\u{b0}" | "undefined");
-            Some(((name.to_lowercase(), if is_none { String::new() } else { unit.into() }), list))
+            Some(((name.to_lowercase(), unit_or_none(unit).into()), list))
         })
         .unzip()
 }

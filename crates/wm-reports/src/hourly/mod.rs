@@ -29,9 +29,7 @@ mod raw;
 mod time;
 mod weather;
 
-pub(crate) use csv::read as read_csv;
-pub(crate) use json::read as read_json;
-
+use crate::present_weather::PresentWeather;
 use crate::report::{ReportNote, WeatherReport};
 use crate::{ReportError, ReportOptions};
 
@@ -62,6 +60,13 @@ pub struct WeatherRow {
     pub humidity: Option<f64>,
     /// Present weather, WMO table 4677.
     pub code: Option<u8>,
+}
+
+impl WeatherRow {
+    /// The row of its code in the WMO's table.
+    fn present_weather(&self) -> Option<&'static PresentWeather> {
+        PresentWeather::of(self.code?.into())
+    }
 }
 
 /// A table of weather, its rows a step apart.
@@ -112,17 +117,6 @@ impl WeatherTable {
         self.step * self.rows.len() as f64
     }
 
-    /// The row in whose step an instant lies, hours from the beginning; `None` before that and
-    /// after the last row.
-    #[must_use]
-    pub fn at_hours(&self, hours: f64) -> Option<&WeatherRow> {
-        if !(0.0..=self.hours()).contains(&hours) {
-            return None;
-        }
-        // At the end of a step its own row holds.
-        self.rows.get((hours / self.step) as usize).or(self.rows.last())
-    }
-
     /// Rain of all hours, mm.
     #[must_use]
     pub fn rain_sum(&self) -> f64 {
@@ -145,4 +139,4 @@ impl WeatherTable {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -4,7 +4,6 @@ use super::columns::{Column, Field, METEOSTAT, names, other_service};
 use super::{WeatherRow, WeatherTable, time};
 use crate::error::{ReportError, meant, quoted};
 use crate::optics::humidity;
-use crate::present_weather::PresentWeather;
 use crate::report::{ReportNote, ReportNoteKind};
 
 /// mm of water in a metre of fresh snow, as Open-Meteo counts: 7 cm are 10 mm.
@@ -65,11 +64,8 @@ impl RawTable<'_> {
         let (mut columns, mut unused) = (Vec::new(), Vec::new());
         for (name, unit) in &self.columns {
             match Column::of(name, unit, has_snow_depth) {
-                Some(column) => {
-                    columns.push(Some(
-                        column.map_err(|problem| (self.whole)(format!("column {name} {problem}")))?,
-                    ));
-                }
+                Some(column) => columns
+                    .push(Some(column.map_err(|problem| (self.whole)(format!("column {name} {problem}")))?)),
                 None => {
                     columns.push(None);
                     // Of what the values came.
@@ -107,25 +103,20 @@ impl RawTable<'_> {
         for name in unused {
             note(ReportNoteKind::Ignored, format!("column {}: it is no part of a weather", quoted(name)));
         }
-        let mut rows = Vec::with_capacity(self.rows.len());
         let mut missing = 0;
-        for (index, cells) in self.rows.iter().enumerate() {
-            let row = self.row(index, cells, &columns, &mut missing)?;
-            rows.push(row);
-        }
+        let rows = self.rows.iter().enumerate();
+        let rows = rows.map(|(index, cells)| self.row(index, cells, &columns, &mut missing));
+        let rows = rows.collect::<Result<Vec<_>, _>>()?;
         if missing > 0 {
-            note(
-                ReportNoteKind::Missing,
-                format!("amounts of rain and snow in {missing} of {} rows: nothing fell", rows.len()),
-            );
+            let text = format!("amounts of rain and snow in {missing} of {} rows: nothing fell", rows.len());
+            note(ReportNoteKind::Missing, text);
         }
         // At the end of a table there are often hours that nobody has measured or forecast yet.
         let is_empty = |cells: &&Vec<Cell>| {
-            let told = columns
-                .iter()
-                .zip(*cells)
-                .filter(|(column, _)| column.is_some_and(|one| !is_time(one.field)));
-            told.into_iter().all(|(_, cell)| *cell == Cell::Missing)
+            let told = |(column, cell): (&Option<Column>, &Cell)| {
+                column.is_some_and(|one| !is_time(one.field)) && *cell != Cell::Missing
+            };
+            !columns.iter().zip(*cells).any(told)
         };
         let empty = self.rows.iter().rev().take_while(is_empty).count();
         let has_amounts =
@@ -315,17 +306,14 @@ fn not_measured(rows: &[WeatherRow], empty: usize, has_amounts: bool) -> Vec<Str
         notes.insert(0, missing.join(", "));
     }
     if empty > 0 {
-        let of = rows.len();
-        notes
-            .push(format!("the last {empty} of {of} rows, which have no values: they repeat the row before"));
+        let which = format!("the last {empty} of {} rows", rows.len());
+        notes.push(format!("{which}, which have no values: they repeat the row before"));
     }
     let same = |pair: &&[WeatherRow]| WeatherRow { time: pair[0].time, ..pair[1].clone() } == pair[0];
     let repeated = told.windows(2).rev().take_while(same).count();
     if repeated >= MIN_REPEATED_ROWS && QUANTITIES.len() > missing.len() + 1 {
-        let of = told.len();
-        notes.push(format!(
-            "perhaps the last {repeated} of {of} rows: they repeat the row before in all values"
-        ));
+        let which = format!("perhaps the last {repeated} of {} rows", told.len());
+        notes.push(format!("{which}: they repeat the row before in all values"));
     }
     notes
 }
@@ -336,9 +324,7 @@ fn is_time(field: Field) -> bool {
 
 /// The share of precipitation that is snow.
 fn snow_share(row: &WeatherRow) -> f64 {
-    let code =
-        row.code.and_then(|code| PresentWeather::of(code.into())).filter(|code| code.rain + code.snow > 0.0);
-    if let Some(code) = code {
+    if let Some(code) = row.present_weather().filter(|code| code.rain + code.snow > 0.0) {
         return code.snow / (code.rain + code.snow);
     }
     row.temperature.map_or(0.0, |temperature| (1.0 - temperature / 2.0).clamp(0.0, 1.0))

@@ -4,7 +4,8 @@ use wm_weather::{ParamValue, Track, Weather};
 const JSON: &str = include_str!("../../fixtures/open-meteo-day.json");
 const CSV: &str = include_str!("../../fixtures/open-meteo-day.csv");
 
-fn track<'a>(weather: &'a Weather, key: &str) -> Option<&'a Track> {
+/// The track of a parameter, `effect.parameter`, of an effect that is on.
+pub(crate) fn track<'a>(weather: &'a Weather, key: &str) -> Option<&'a Track> {
     let (effect, param) = key.split_once('.')?;
     let (effect, tracks) = weather.effects().find(|(on, _)| on.name == effect)?;
     tracks.get(effect.param(param)?)

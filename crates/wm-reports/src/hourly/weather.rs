@@ -1,18 +1,17 @@
 //! The weather of a table.
 
 use super::{WeatherRow, WeatherTable, time};
-use crate::conditions::heading;
+use crate::conditions::{CLEAR_VISIBILITY_M, heading, lamps};
 use crate::draft::{Basis, Draft};
 use crate::error::ReportError;
 use crate::optics::{extinction, visibility};
-use crate::present_weather::{PresentAir, PresentWeather};
+use crate::present_weather::PresentAir;
 use crate::report::{DecodedReport, ReportOptions, WeatherReport};
 use std::f64::consts::TAU;
 use wm_weather::Easing;
 use wm_weather::optics::sigma_of_mor;
 
-/// Visibility of clear air, and of hours whose code does not tell it, m.
-const CLEAR_VISIBILITY_M: f64 = 100_000.0;
+/// Visibility of hours whose code does not tell it, m.
 const USUAL_VISIBILITY_M: f64 = 20_000.0;
 /// Least wind for which gusts are read, m/s.
 const MIN_GUSTY_WIND_M_S: f64 = 1.0;
@@ -56,10 +55,8 @@ pub(super) fn weather(
         draft.note(note.kind, note.text.clone());
     }
     if (table.step - 1.0).abs() > 1e-9 {
-        draft.ignored(format!(
-            "hours: rows are {:.2} hours apart, and amounts count for all that time",
-            table.step
-        ));
+        let step = format!("hours: rows are {:.2} hours apart", table.step);
+        draft.ignored(format!("{step}, and amounts count for all that time"));
     }
     draft.finish(DecodedReport::Table(table.clone()))
 }
@@ -104,37 +101,28 @@ impl Film<'_> {
                 let days = (solar / 86_400.0).floor();
                 let hour = (solar - 86_400.0 * days) / 3600.0;
                 let end = (self.table.hours() * self.scale, hour + self.table.hours());
-                self.draft.word(
-                    "light.model",
-                    "clear",
-                    Basis::told("the sun of the place, by day and night"),
-                );
+                let why = "the sun of the place, by day and night";
+                self.draft.word("light.model", "clear", Basis::told(why));
                 let why = format!("mean solar time at longitude {longitude}");
                 self.draft.track("light.hour", &[(0.0, hour), end], Easing::Linear, Basis::told(why));
                 let day = time::day_of_year(days as i64) as f64;
                 self.draft.number("light.day", day, Basis::told("of the year, at the start"));
                 self.draft.number("light.latitude", latitude, Basis::told("of the table"));
-                let lamps =
-                    "lamps stand along the path of the photos; \"auto\" for those that the scene states";
-                self.draft.word("light.lamps", "path", Basis::guess(lamps));
+                self.draft.word("light.lamps", "path", lamps());
             }
             None => {
-                self.draft.word(
-                    "light.model",
-                    "auto",
-                    Basis::guess("the table has no place: the sun of the photos"),
-                );
+                let why = "the table has no place: the sun of the photos";
+                self.draft.word("light.model", "auto", Basis::guess(why));
             }
         }
         let clouds = self.at_rows(|row| row.cloud_cover);
         self.draft.track("light.clouds", &clouds, Easing::Linear, Basis::told("cloud cover"));
-        let row_code = |row: &WeatherRow| row.code.and_then(|code| PresentWeather::of(code.into()));
-        let flashes = self.over_steps(|row| row_code(row).map_or(0.0, |code| code.lightning));
+        let flashes = self.over_steps(|row| row.present_weather().map_or(0.0, |code| code.lightning));
         if flashes.iter().any(|(_, rate)| *rate > 0.0) {
             let why = "flashes a minute of the shot, by the code of the hour";
             self.draft.track("lightning.rate", &flashes, Easing::Hold, Basis::guess(why));
         }
-        if self.table.rows.iter().filter_map(row_code).any(|code| code.hail > 0.0) {
+        if self.table.rows.iter().filter_map(WeatherRow::present_weather).any(|code| code.hail > 0.0) {
             self.draft.ignored("hail of some codes: the amounts of the table are rain and snow");
         }
     }
@@ -176,8 +164,7 @@ impl Film<'_> {
     fn air(&mut self) {
         let table = self.table;
         let code_air = |row: &WeatherRow| {
-            let code = row.code.and_then(|code| PresentWeather::of(code.into()))?;
-            (code.air == PresentAir::Fog).then_some(code.mor)
+            row.present_weather().filter(|code| code.air == PresentAir::Fog).map(|code| code.mor)
         };
         let rates = |row: &WeatherRow| [row.rain, row.snow].map(|amount| amount / table.step);
         let (values, basis) = if table.rows.iter().any(|row| row.visibility.is_some()) {
@@ -206,12 +193,8 @@ impl Film<'_> {
         let step = self.table.step;
         if self.table.rain_sum() > 0.0 {
             let keys = self.over_steps(|row| row.rain / step);
-            self.draft.track(
-                "rain.rate",
-                &keys,
-                Easing::Hold,
-                Basis::told("mm/h, held over the hour before each row"),
-            );
+            let why = "mm/h, held over the hour before each row";
+            self.draft.track("rain.rate", &keys, Easing::Hold, Basis::told(why));
             self.draft.number("rain.exposure", 0.004, Basis::guess("a shutter of 1/250 s, as by day"));
             self.draft.word("splash.amount", "auto", Basis::told("as in nature"));
         }
@@ -230,39 +213,27 @@ impl Film<'_> {
         let lies = depth.iter().any(|(_, depth)| *depth > 0.0);
         let (rains, snows) = (self.table.rain_sum() > 0.0, self.table.snow_sum() > 0.0);
         if lies {
-            self.draft.track(
-                "snow_cover.depth",
-                &depth,
-                Easing::Linear,
-                Basis::told("depth of the table, m"),
-            );
+            let basis = Basis::told("depth of the table, m");
+            self.draft.track("snow_cover.depth", &depth, Easing::Linear, basis);
             // What the table says has melted already.
             let cold: Vec<(f64, f64)> =
                 temperature.iter().map(|(time, degrees)| (*time, degrees.min(0.0))).collect();
             let why = "at most 0, as the table's depth has melted already";
             self.draft.track("snow_cover.temperature", &cold, Easing::Linear, Basis::told(why));
         } else if snows && depth.is_empty() {
-            self.draft.word(
-                "snow_cover.depth",
-                "auto",
-                Basis::guess("the table has no depth: what has fallen and not melted"),
-            );
+            let why = "the table has no depth: what has fallen and not melted";
+            self.draft.word("snow_cover.depth", "auto", Basis::guess(why));
             self.draft.number("snow_cover.hours", 0.0, Basis::guess("no snow lies at the start"));
-            self.draft.track(
-                "snow_cover.temperature",
-                &temperature,
-                Easing::Linear,
-                Basis::told("degrees Celsius"),
-            );
+            let basis = Basis::told("degrees Celsius");
+            self.draft.track("snow_cover.temperature", &temperature, Easing::Linear, basis);
         } else if snows {
             self.draft.ignored("lying snow: the table says that none lies");
         }
-        let melts =
-            !lies && snows && depth.is_empty() && temperature.iter().any(|(_, degrees)| *degrees > 0.0);
-        if lies || (snows && depth.is_empty()) {
+        let gathers = !lies && snows && depth.is_empty();
+        if lies || gathers {
             self.draft.number("snow_cover.lapse", lapse, Basis::told(why.clone()));
         }
-        if !rains && !melts {
+        if !rains && !(gathers && temperature.iter().any(|(_, degrees)| *degrees > 0.0)) {
             return;
         }
         self.draft.number("wetness.rained_before", 0.0, Basis::guess("the ground is dry at the start"));

@@ -19,6 +19,12 @@ pub(super) fn is_digits(text: &str, count: usize) -> bool {
     text.len() == count && text.bytes().all(|b| b.is_ascii_digit())
 }
 
+/// The number of a text of `count` digits.
+fn number(text: &str, count: std::ops::RangeInclusive<usize>) -> Option<f64> {
+    let is_number = count.contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit());
+    is_number.then(|| text.parse().ok())?
+}
+
 /// Returns true for one or more strokes in place of a value that was not measured.
 pub(super) fn is_strokes(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|b| b == b'/')
@@ -34,19 +40,14 @@ pub(super) fn wind(text: &str) -> Option<MetarWind> {
     let is_variable = direction == "VRB";
     let from = match direction {
         "VRB" | "///" => None,
-        digits if digits.bytes().all(|b| b.is_ascii_digit()) => {
-            Some(digits.parse::<f64>().ok().filter(|degrees| *degrees <= 360.0)?)
-        }
-        _ => return None,
+        digits => Some(number(digits, 3..=3).filter(|degrees| *degrees <= 360.0)?),
     };
     let speed = |text: &str| -> Option<Option<f64>> {
         if is_strokes(text) {
             return Some(None);
         }
         // P: or more.
-        let digits = text.strip_prefix('P').unwrap_or(text);
-        let good = (2..=3).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_digit());
-        good.then(|| digits.parse::<f64>().ok().map(|speed| speed * unit))
+        number(text.strip_prefix('P').unwrap_or(text), 2..=3).map(|speed| Some(speed * unit))
     };
     let (mean, gust) = match speeds.split_once('G') {
         Some((mean, gust)) => (speed(mean)?, speed(gust)?),
@@ -58,17 +59,10 @@ pub(super) fn wind(text: &str) -> Option<MetarWind> {
 /// A visibility in statute miles, with a whole number that came before.
 pub(super) fn miles(text: &str, whole: f64) -> Option<MetarVisibility> {
     let text = text.strip_suffix("SM")?;
-    let (bound, number) = match text.as_bytes().first()? {
-        b'M' => (VisibilityBound::Less, &text[1..]),
-        b'P' => (VisibilityBound::OrMore, &text[1..]),
-        _ => (VisibilityBound::Exact, text),
-    };
-    let digits = |text: &str| -> Option<f64> {
-        let good = (1..=3).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit());
-        good.then(|| text.parse().ok())?
-    };
+    let (bound, value) = bound(text)?;
+    let digits = |text: &str| number(text, 1..=3);
     let fraction = |upper: &str, lower: f64| Some(digits(upper)? / lower);
-    let miles = match number.split_once('/') {
+    let miles = match value.split_once('/') {
         Some((upper, lower)) => {
             let lower = digits(lower).filter(|lower| *lower > 0.0)?;
             match fraction(upper, lower)? {
@@ -81,16 +75,22 @@ pub(super) fn miles(text: &str, whole: f64) -> Option<MetarVisibility> {
             }
         }
         None if whole > 0.0 => return None,
-        None => digits(number)?,
+        None => digits(value)?,
     };
-    if miles == 0.0 {
-        return Some(MetarVisibility {
-            metres: MIN_VISIBILITY_M,
-            bound: VisibilityBound::Less,
-            direction: None,
-        });
-    }
-    Some(MetarVisibility { metres: miles * METRES_PER_MILE, bound, direction: None })
+    let (metres, bound) = match miles {
+        0.0 => (MIN_VISIBILITY_M, VisibilityBound::Less),
+        _ => (miles * METRES_PER_MILE, bound),
+    };
+    Some(MetarVisibility { metres, bound, direction: None })
+}
+
+/// The bound of a visibility by its first letter, and the rest.
+fn bound(text: &str) -> Option<(VisibilityBound, &str)> {
+    Some(match text.as_bytes().first()? {
+        b'M' => (VisibilityBound::Less, &text[1..]),
+        b'P' => (VisibilityBound::OrMore, &text[1..]),
+        _ => (VisibilityBound::Exact, text),
+    })
 }
 
 /// A visibility in metres: `0800`, `9999`, `1200NE`, `2000NDV`, `M0400`, `4000M`, `5KM`.
@@ -99,11 +99,7 @@ pub(super) fn metres(text: &str) -> Option<MetarVisibility> {
         let metres = 1000.0 * f64::from(km.parse::<u8>().ok()?);
         return Some(MetarVisibility { metres, bound: VisibilityBound::Exact, direction: None });
     }
-    let (bound, text) = match text.as_bytes().first()? {
-        b'M' => (VisibilityBound::Less, &text[1..]),
-        b'P' => (VisibilityBound::OrMore, &text[1..]),
-        _ => (VisibilityBound::Exact, text),
-    };
+    let (bound, text) = bound(text)?;
     let (digits, side) = text.split_at_checked(4)?;
     // Automatic stations say that they have no direction; others write the unit.
     let has_none = matches!(side, "" | "NDV" | "ND" | "M" | "/" | "//");
@@ -143,11 +139,7 @@ pub(super) fn runway_range(text: &str) -> Option<(String, Option<Option<[f64; 2]
         return Some((runway, Some(None)));
     }
     let (range, unit) = range.strip_suffix("FT").map_or((range, 1.0), |range| (range, METRES_PER_FOOT));
-    let distance = |text: &str| -> Option<f64> {
-        let digits = text.trim_start_matches(['P', 'M']);
-        let good = digits.len() == 4 && digits.bytes().all(|b| b.is_ascii_digit());
-        good.then(|| digits.parse::<f64>().ok().map(|v| v * unit))?
-    };
+    let distance = |text: &str| Some(number(text.trim_start_matches(['P', 'M']), 4..=4)? * unit);
     let metres = match range.split_once('V') {
         Some((least, most)) => [distance(least)?, distance(most)?],
         None => [distance(range)?; 2],
@@ -166,12 +158,8 @@ pub(super) fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
         _ => None,
     };
     if matches!(text, "SKC" | "CLR" | "NSC" | "NCD") {
-        return Some(Ok(CloudGroup {
-            cover: CloudCover::Clear,
-            height: None,
-            kind: None,
-            code: text.into(),
-        }));
+        let (cover, code) = (CloudCover::Clear, text.into());
+        return Some(Ok(CloudGroup { cover, height: None, kind: None, code }));
     }
     let (cover, rest) = match text.strip_prefix("VV") {
         Some(rest) => (CloudCover::Obscured, rest),
@@ -195,20 +183,17 @@ pub(super) fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
             _ if is_strokes(rest) => (None, ""),
             None => (None, rest),
             Some(("///", rest)) => (None, rest),
-            Some((digits, rest)) if digits.bytes().all(|b| b.is_ascii_digit()) => {
-                (digits.parse::<f64>().ok().map(|hundreds| 100.0 * METRES_PER_FOOT * hundreds), rest)
-            }
-            // A kind without a height.
-            Some(_) => (None, rest),
+            Some((digits, after)) => match number(digits, 3..=3) {
+                Some(hundreds) => (Some(100.0 * METRES_PER_FOOT * hundreds), after),
+                // A kind without a height.
+                None => (None, rest),
+            },
         };
         // Where they stand may be glued on: `FEW013CB/N`, `BKN016CBNE-W`.
         let rest = ["CB", "TCU"]
             .into_iter()
             .find(|kind| {
-                let side = rest.strip_prefix(kind);
-                side.is_some_and(|side| {
-                    side.bytes().all(|b| matches!(b, b'N' | b'E' | b'S' | b'W' | b'/' | b'-'))
-                })
+                rest.strip_prefix(kind).is_some_and(|side| side.bytes().all(|b| b"NESW/-".contains(&b)))
             })
             .unwrap_or(rest);
         let (_, kind) = kinds.iter().find(|(code, _)| *code == rest)?;
@@ -224,7 +209,7 @@ pub(super) fn pressure(text: &str) -> Option<Option<f64>> {
     if is_strokes(digits) {
         return Some(None);
     }
-    let number = is_digits(digits, 4).then(|| digits.parse::<f64>().ok())??;
+    let number = number(digits, 4..=4)?;
     Some(Some(if text.starts_with('A') { number / 100.0 * HPA_PER_INCH } else { number }))
 }
 
@@ -235,7 +220,7 @@ pub(super) fn degrees(text: &str) -> Option<[Option<f64>; 2]> {
             return Some(None);
         }
         let (sign, digits) = text.strip_prefix('M').map_or((1.0, text), |digits| (-1.0, digits));
-        is_digits(digits, 2).then(|| digits.parse::<f64>().ok().map(|value| sign * value))
+        number(digits, 2..=2).map(|value| Some(sign * value))
     };
     // The stroke between the two, where the first may be two strokes.
     let (first, second) =

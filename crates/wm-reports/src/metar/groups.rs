@@ -28,10 +28,11 @@ const TRENDS: [&str; 9] = ["TEMPO", "BECMG", "NOSIG", "INTER", "PROB30", "PROB40
 /// Colour states of military aerodromes; several may be in one group.
 const COLORS: [&str; 9] = ["BLU+", "BLU", "WHT", "GRN", "YLO1", "YLO2", "YLO", "AMB", "RED"];
 
-/// A group and its place in the text, characters from 1.
+/// A group and its place in the text, in bytes, and in characters from 1.
 #[derive(Clone, Copy)]
 struct Group<'a> {
     text: &'a str,
+    byte: usize,
     at: usize,
     /// It is the first of its line.
     is_first: bool,
@@ -46,8 +47,8 @@ fn groups(text: &str) -> Vec<Group<'_>> {
         // The end of a report, in bulletins.
         let is_gap = c.is_whitespace() || c == '=';
         match (is_gap, start) {
-            (true, Some((from, at))) => {
-                found.push(Group { text: &text[from..index], at, is_first });
+            (true, Some((byte, at))) => {
+                found.push(Group { text: &text[byte..index], byte, at, is_first });
                 (start, is_first) = (None, false);
             }
             (false, None) => start = Some((index, position)),
@@ -55,8 +56,8 @@ fn groups(text: &str) -> Vec<Group<'_>> {
         }
         is_first |= c == '\n';
     }
-    if let Some((from, at)) = start {
-        found.push(Group { text: &text[from..], at, is_first });
+    if let Some((byte, at)) = start {
+        found.push(Group { text: &text[byte..], byte, at, is_first });
     }
     found
 }
@@ -81,36 +82,20 @@ pub(crate) fn begins(line: &str) -> bool {
         let digits = word.strip_suffix('Z').unwrap_or_default();
         digits.len() >= 4 && digits.bytes().all(|b| b.is_ascii_digit())
     };
-    let is_station = first.len() == 4 && first.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
     // A TAF is told apart there.
     let is_named = ["METAR", "SPECI", "TAF"].iter().any(|name| first.eq_ignore_ascii_case(name));
-    is_named || (is_station && is_time(second))
+    is_named || (is_station(first) && is_time(second))
+}
+
+/// Returns true for four capital letters or digits.
+fn is_station(text: &str) -> bool {
+    text.len() == 4 && text.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit())
 }
 
 pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
     let all = groups(text);
     let mut rest = &all[..];
-    let mut metar = Metar {
-        kind: MetarKind::Metar,
-        station: String::new(),
-        time: None,
-        is_automatic: false,
-        is_correction: false,
-        wind: None,
-        is_cavok: false,
-        visibility: None,
-        minimum_visibility: None,
-        runway_ranges: Vec::new(),
-        has_weather: true,
-        weather: Vec::new(),
-        clouds: Vec::new(),
-        temperature: None,
-        dew_point: None,
-        pressure: None,
-        recent: Vec::new(),
-        ignored: Vec::new(),
-        remarks: String::new(),
-    };
+    let mut metar = Metar { has_weather: true, ..Metar::default() };
     for pair in all.windows(2).skip(1).filter(|pair| pair[0].is_first) {
         if pair[0].text != "TAF" && begins(&format!("{} {}", pair[0].text, pair[1].text)) {
             return Err(fault(pair[0], "begins a second report: one is expected"));
@@ -124,12 +109,7 @@ pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
             metar.kind = MetarKind::Speci;
         }
     }
-    while let Some((first, others)) = rest.split_first()
-        && is_mark(first.text)
-    {
-        metar.mark(first.text);
-        rest = others;
-    }
+    let rest = metar.take_marks(rest);
     let whole = |problem: &str| ReportError::Whole { file: "METAR".into(), problem: problem.into() };
     let Some((station, others)) = rest.split_first() else {
         return Err(whole("ends before the station: a report begins as in METAR KJFK 291851Z"));
@@ -137,24 +117,12 @@ pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
     if station.text == "TAF" {
         return Err(fault(*station, "begins a forecast, which is not read: give a METAR or SPECI"));
     }
-    let bytes = station.text.as_bytes();
-    let is_station = bytes.len() == 4
-        && bytes[0].is_ascii_uppercase()
-        && bytes.iter().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
-    if !is_station {
-        return Err(fault(
-            *station,
-            "is no station: four capital letters or digits are expected, as in KJFK",
-        ));
+    if !is_station(station.text) || !station.text.starts_with(|c: char| c.is_ascii_uppercase()) {
+        let problem = "is no station: four capital letters or digits are expected, as in KJFK";
+        return Err(fault(*station, problem));
     }
     metar.station = station.text.into();
-    rest = others;
-    while let Some((first, others)) = rest.split_first()
-        && is_mark(first.text)
-    {
-        metar.mark(first.text);
-        rest = others;
-    }
+    let mut rest = metar.take_marks(others);
     if let Some((group, others)) = rest.split_first()
         && group.text.ends_with('Z')
     {
@@ -209,6 +177,17 @@ fn is_runway_state(text: &str) -> bool {
 }
 
 impl Metar {
+    /// Reads the words on how a report was made at the beginning of some groups; returns the others.
+    fn take_marks<'a>(&mut self, mut groups: &'a [Group<'a>]) -> &'a [Group<'a>] {
+        while let Some((first, others)) = groups.split_first()
+            && is_mark(first.text)
+        {
+            self.mark(first.text);
+            groups = others;
+        }
+        groups
+    }
+
     fn mark(&mut self, text: &str) {
         self.is_automatic |= text == "AUTO";
         self.is_correction |= !matches!(text, "AUTO" | "RTD");
@@ -259,18 +238,14 @@ impl Reader {
             "NIL" => return Err(fault(group, "says that the report is missing: there is no weather in it")),
             "CAVOK" => {
                 self.metar.is_cavok = true;
-                self.see(MetarVisibility {
-                    metres: 10_000.0,
-                    bound: VisibilityBound::OrMore,
-                    direction: None,
-                });
+                let bound = VisibilityBound::OrMore;
+                self.see(MetarVisibility { metres: 10_000.0, bound, direction: None });
                 0
             }
             _ if is_remark(text) => {
                 // As it stands, from the next group to the end.
-                let start = next.map_or(all.len(), |next| byte_of(all, next.at));
-                self.metar.remarks =
-                    all.get(start..).unwrap_or_default().trim_end_matches(['=', '\n', '\r', ' ']).into();
+                let remarks = next.map_or("", |next| &all[next.byte..]);
+                self.metar.remarks = remarks.trim_end_matches(['=', '\n', '\r', ' ']).into();
                 others.len()
             }
             "WS" => {
@@ -319,34 +294,26 @@ impl Reader {
                 self.is_past = true;
                 self.ignore(group, others, 0, "the colour state of an aerodrome")
             }
-            _ => return self.take_value(group, others),
+            _ => match self.value(group, others) {
+                // After the pressure or the temperature the report has all that it must have.
+                Err(_) if self.is_past || self.metar.temperature.is_some() => {
+                    self.ignore_words(group, others)
+                }
+                taken => return taken,
+            },
         })
-    }
-
-    fn take_value(&mut self, group: Group<'_>, others: &[Group<'_>]) -> Result<usize, ReportError> {
-        match self.value(group, others) {
-            // After the pressure or the temperature the report has all that it must have.
-            Err(_) if self.is_past || self.metar.temperature.is_some() => {
-                Ok(self.ignore_words(group, others))
-            }
-            taken => taken,
-        }
     }
 
     fn value(&mut self, group: Group<'_>, others: &[Group<'_>]) -> Result<usize, ReportError> {
         let text = group.text;
         let next = others.first().map(|next| next.text);
-        let is_wind = ["KT", "KTS", "MPS", "KMH"].iter().any(|unit| text.ends_with(unit));
-        if is_wind {
+        if ["KT", "KTS", "MPS", "KMH"].iter().any(|unit| text.ends_with(unit)) {
             let read = wind(text).ok_or_else(|| damaged(group, 0))?;
-            if self.metar.wind.is_some() {
-                return Ok(if self.is_past {
-                    self.ignore_words(group, others)
-                } else {
-                    self.ignore(group, others, 0, "a second wind")
-                });
+            match self.metar.wind {
+                None => self.metar.wind = Some(read),
+                Some(_) if self.is_past => return Ok(self.ignore_words(group, others)),
+                Some(_) => return Ok(self.ignore(group, others, 0, "a second wind")),
             }
-            self.metar.wind = Some(read);
         } else if text.len() == 7
             && text.as_bytes()[3] == b'V'
             && text.bytes().filter(u8::is_ascii_digit).count() == 6
@@ -417,10 +384,8 @@ impl Reader {
         } else if text.contains('/') {
             let degrees = degrees(text).ok_or_else(|| damaged(group, 3))?;
             if !degrees.iter().flatten().all(|t| (-90.0..=60.0).contains(t)) {
-                return Err(fault(
-                    group,
-                    "is no temperature of the air: -90 to 60 degrees Celsius are expected",
-                ));
+                let problem = "is no temperature of the air: -90 to 60 degrees Celsius are expected";
+                return Err(fault(group, problem));
             }
             if self.metar.temperature.is_some() {
                 return Ok(self.ignore(group, others, 0, "a further temperature"));
@@ -461,11 +426,6 @@ fn is_remark(text: &str) -> bool {
     matches!(text, "RMK" | "RMKS" | "REMARK" | "REMARKS")
 }
 
-/// The byte at which a character, from 1, begins.
-fn byte_of(text: &str, character: usize) -> usize {
-    text.char_indices().nth(character - 1).map_or(text.len(), |(byte, _)| byte)
-}
-
 /// An error for a group of no form, with the nearest.
 fn unknown(group: Group<'_>) -> ReportError {
     let text = group.text;
@@ -495,16 +455,14 @@ fn unknown(group: Group<'_>) -> ReportError {
 
 fn time(group: Group<'_>) -> Result<MetarTime, ReportError> {
     let text = &group.text[..group.text.len() - 1];
-    if text.len() != 6 || !text.bytes().all(|b| b.is_ascii_digit()) {
+    if !is_digits(text, 6) {
         return Err(damaged(group, 4));
     }
     let part = |from: usize| text[from..from + 2].parse().unwrap_or(99);
     let time = MetarTime { day: part(0), hour: part(2), minute: part(4) };
     if !(1..=31).contains(&time.day) || time.hour > 23 || time.minute > 59 {
-        return Err(fault(
-            group,
-            "is no time: day of the month, hour and minute are expected, as in 291851Z",
-        ));
+        let problem = "is no time: day of the month, hour and minute are expected, as in 291851Z";
+        return Err(fault(group, problem));
     }
     Ok(time)
 }

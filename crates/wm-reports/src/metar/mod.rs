@@ -18,9 +18,10 @@ use crate::report::{ReportOptions, WeatherReport};
 pub(crate) use groups::begins;
 
 /// The kind of an airport's report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MetarKind {
     /// A routine report.
+    #[default]
     Metar,
     /// A special report.
     Speci,
@@ -285,7 +286,7 @@ pub struct IgnoredGroup {
 }
 
 /// A decoded METAR or SPECI, in SI units and degrees Celsius.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Metar {
     /// The kind.
     pub kind: MetarKind,
@@ -351,14 +352,13 @@ impl Metar {
     /// place.
     #[must_use]
     pub fn missing(&self) -> Vec<&'static str> {
-        let has_speed = self.wind.is_some_and(|wind| wind.speed.is_some());
-        let needs_direction =
-            self.wind.is_some_and(|wind| wind.speed.is_some_and(|speed| speed > 0.0) && !wind.is_variable);
-        let has_direction = self.wind.is_some_and(|wind| wind.from.is_some());
+        let speed = self.wind.and_then(|wind| wind.speed);
+        let needs_direction = self.wind.is_some_and(|wind| wind.from.is_none() && !wind.is_variable)
+            && speed.is_some_and(|speed| speed > 0.0);
         let has_clouds = self.is_cavok || self.clouds.iter().any(|cloud| cloud.cover.share().is_some());
         let parts = [
-            ("wind", has_speed),
-            ("direction of the wind", has_direction || !needs_direction),
+            ("wind", speed.is_some()),
+            ("direction of the wind", !needs_direction),
             ("visibility", self.visibility.is_some()),
             ("weather", self.has_weather || !self.weather.is_empty()),
             ("clouds", has_clouds),

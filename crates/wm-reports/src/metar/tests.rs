@@ -1,14 +1,10 @@
 use super::*;
+use crate::hourly::tests::track;
 use crate::report::{DecodedReport, ReportNoteKind};
-use wm_weather::{ParamValue, Weather};
+use wm_weather::Weather;
 
 fn value(weather: &Weather, key: &str) -> Option<f64> {
-    let (effect, param) = key.split_once('.')?;
-    let (effect, tracks) = weather.effects().find(|(on, _)| on.name == effect)?;
-    match tracks[effect.param(param)?].at(0.0) {
-        ParamValue::Number(number) => Some(number),
-        _ => None,
-    }
+    track(weather, key)?.at(0.0).number()
 }
 
 fn weather(text: &str) -> WeatherReport {

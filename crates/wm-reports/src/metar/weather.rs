@@ -87,25 +87,18 @@ impl Mapping {
         let Some(wind) = &metar.wind else { return };
         let Some(speed) = wind.speed else { return };
         self.now.wind.speed = Some(Datum::told(speed, "mean of the report, m/s"));
-        self.now.wind.from = match (wind.from, wind.between) {
-            (Some(from), Some([a, b])) => Some(Datum::told(
-                from,
-                format!("mean direction, from {from} degrees (varies from {a} to {b})"),
-            )),
-            (Some(from), None) => Some(Datum::told(from, format!("from {from} degrees"))),
-            (None, _) => None,
-        };
-        if let Some(gust) = wind.gust {
-            let share = if speed > 0.0 { (gust / speed - 1.0) / 3.0 } else { 1.0 };
-            let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
-            self.now.wind.gusts = Some(Datum::told(share.clamp(0.0, 1.0), why));
-        }
+        self.now.wind.from = wind.from.map(|from| {
+            let text = match wind.between {
+                Some([a, b]) => format!("mean direction, from {from} degrees (varies from {a} to {b})"),
+                None => format!("from {from} degrees"),
+            };
+            Datum::told(from, text)
+        });
+        self.now.wind.gusts = wind.gust.map(|gust| Datum::of_gusts(gust, speed));
     }
 
     fn air_and_clouds(&mut self, metar: &Metar) {
-        if let Some(seen) = &metar.visibility {
-            self.now.visibility = Some(told(seen));
-        }
+        self.now.visibility = metar.visibility.as_ref().map(told);
         if let Some(least) = &metar.minimum_visibility {
             let side = least.direction.as_deref().map_or_else(String::new, |side| format!(" to the {side}"));
             self.ignored.push(format!(
@@ -259,9 +252,10 @@ impl Mapping {
     /// Several groups of rain add up.
     fn rain(&mut self, rate: f64, text: String) {
         let known = self.now.rain.take();
-        let (before, words) =
-            known.map_or((0.0, String::new()), |known| (known.value, format!("{}; ", known.basis.text())));
-        self.now.rain = Some(Datum::told(before + rate, format!("{words}{text}")));
+        self.now.rain = Some(match known {
+            Some(known) => Datum::told(known.value + rate, format!("{}; {text}", known.basis.text())),
+            None => Datum::told(rate, text),
+        });
     }
 
     fn snow(&mut self, rate: f64, text: String) {
@@ -279,26 +273,22 @@ impl Mapping {
 
     /// Fog comes before mist, mist before haze, haze before the others.
     fn carry(&mut self, carrier: Carrier, code: &str) {
-        if self.now.carrier.is_none() || carrier == Carrier::Droplets {
+        let is_fog = matches!(&self.now.carrier, Some((Carrier::Droplets, Basis::Told(_))));
+        if self.now.carrier.is_none() || (carrier == Carrier::Droplets && !is_fog) {
             // With snow mist says little, as falling snow is seen as mist.
             let is_mist = carrier == Carrier::Droplets && code == "BR";
-            let basis = if is_mist { Basis::guess(code) } else { Basis::told(code) };
-            let is_fog = matches!(&self.now.carrier, Some((Carrier::Droplets, Basis::Told(_))));
-            if !is_fog {
-                self.now.carrier = Some((carrier, basis));
-            }
+            self.now.carrier = Some((carrier, if is_mist { Basis::guess(code) } else { Basis::told(code) }));
         }
     }
 
     fn recent(&mut self, group: &WeatherGroup) {
         let has_rain = group.has(Phenomenon::Rain) || group.has(Phenomenon::Drizzle);
-        let text = format!("RE{}: it has ended", group.code());
+        let code = group.code();
         if has_rain && self.now.rain.is_none() && self.now.rained.is_none() {
-            let why =
-                format!("RE{}: it rained in the last hour; 30 minutes until 15 minutes ago", group.code());
+            let why = format!("RE{code}: it rained in the last hour; 30 minutes until 15 minutes ago");
             self.now.rained = Some(([30.0, 5.0, 15.0], Basis::guess(why)));
         } else {
-            self.ignored.push(text);
+            self.ignored.push(format!("RE{code}: it has ended"));
         }
     }
 

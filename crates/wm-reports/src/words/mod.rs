@@ -108,9 +108,7 @@ impl Subject {
         };
         let snow = has(&|word| matches!(word, Meaning::Falls(Falling::Snow | Falling::Flurries)));
         let sees = has(&|word| word == Meaning::Visibility);
-        let has_depth = clause.windows(2).any(|pair| {
-            pair[0].number.is_some() && matches!(unit(&pair[1].text), Some((Quantity::Length, _)))
-        });
+        let has_depth = has_number_of(Quantity::Length, clause);
         Self {
             sees,
             snow,
@@ -128,6 +126,13 @@ impl Subject {
     }
 }
 
+/// Returns true if a clause has a number with a unit of a quantity.
+fn has_number_of(quantity: Quantity, clause: &[Token]) -> bool {
+    clause.windows(2).any(|pair| {
+        pair[0].number.is_some() && unit(&pair[1].text).is_some_and(|(known, _)| known == quantity)
+    })
+}
+
 impl Reader {
     fn clause(&mut self, clause: &[Token]) -> Result<(), ReportError> {
         let subject = Subject::of(clause);
@@ -139,13 +144,8 @@ impl Reader {
             index += 1;
             let next = clause.get(index);
             if token.number.is_some() {
-                index += self.number(
-                    token,
-                    &clause[index..],
-                    clause.get(index.wrapping_sub(2)),
-                    &subject,
-                    is_gust,
-                )?;
+                let before = clause.get(index.wrapping_sub(2));
+                index += self.number(token, &clause[index..], before, &subject, is_gust)?;
                 continue;
             }
             let Some(word) = meaning(&token.text) else {
@@ -161,15 +161,13 @@ impl Reader {
             match word {
                 Meaning::Filler | Meaning::Visibility | Meaning::Humidity | Meaning::Lies => {}
                 Meaning::Very => {
-                    let stronger = next.and_then(|next| meaning(&next.text));
-                    match stronger {
-                        Some(Meaning::Strength(level)) => {
-                            // Light is lighter and not stronger; there is no step below.
-                            strength = Some((if level == 0 { 0 } else { (level + 1).min(3) }, token));
-                            index += 1;
-                        }
-                        _ => strength = Some((2, token)),
+                    let mut level = 2;
+                    if let Some(Meaning::Strength(next)) = next.and_then(|next| meaning(&next.text)) {
+                        // Light is lighter and not stronger; there is no step below.
+                        level = if next == 0 { 0 } else { (next + 1).min(3) };
+                        index += 1;
                     }
+                    strength = Some((level, token));
                 }
                 Meaning::Strength(level) => strength = Some((level, token)),
                 Meaning::Freezing => is_freezing = true,
@@ -231,20 +229,19 @@ impl Reader {
                 Meaning::Warmth(degrees) => {
                     strength = None;
                     // Very warm and very cold are ten degrees from there.
-                    let more = if taken.is_some_and(|level| level >= 2) {
-                        if degrees > 10.0 { 10.0 } else { -10.0 }
-                    } else {
-                        0.0
+                    let more = match taken {
+                        Some(2..) if degrees > 10.0 => 10.0,
+                        Some(2..) => -10.0,
+                        _ => 0.0,
                     };
                     guess_once(&mut self.now.temperature, degrees + more, format!("\"{}\"", token.text));
                 }
             }
         }
         if let Some((_, token)) = strength {
-            return Err(fault(
-                token,
-                "says how strong and not what: rain, snow, fog, wind and the like are expected after it",
-            ));
+            let problem =
+                "says how strong and not what: rain, snow, fog, wind and the like are expected after it";
+            return Err(fault(token, problem));
         }
         if let (Some(_), Some(token)) = (share, share_of) {
             return Err(fault(token, "says how much and not of what: cloudy or clear is expected after it"));
@@ -262,10 +259,9 @@ impl Reader {
             Some(Meaning::Cloud(_)) => self.now.clouds = Some(Datum::told(0.0, "no clouds")),
             Some(Meaning::Falls(_) | Meaning::Air(..) | Meaning::Thunder | Meaning::Gusts) => {}
             _ => {
-                return Err(fault(
-                    token,
-                    "says that there is none of what: rain, wind, fog and the like are expected after it",
-                ));
+                let problem =
+                    "says that there is none of what: rain, wind, fog and the like are expected after it";
+                return Err(fault(token, problem));
             }
         }
         Ok(())
@@ -304,15 +300,16 @@ impl Reader {
     }
 
     fn time(&mut self, time: Daytime, token: &Token) -> Result<(), ReportError> {
-        if self.now.sun != Sun::Auto && token.text != "hour" && time != Daytime::Day {
+        if self.now.sun != Sun::Auto {
+            if time == Daytime::Day {
+                return Ok(());
+            }
             let is_day = matches!(&self.now.sun, Sun::At { basis, .. } if basis.text().contains("sunny"));
-            if !is_day {
+            if !is_day && token.text != "hour" {
                 return Err(fault(token, "is a second time of day: one is expected"));
             }
         }
-        if !(time == Daytime::Day && self.now.sun != Sun::Auto) {
-            self.now.sun = sun(time, &token.text);
-        }
+        self.now.sun = sun(time, &token.text);
         Ok(())
     }
 
@@ -325,13 +322,8 @@ impl Reader {
         clause: &[Token],
     ) {
         let level = strength.unwrap_or(1);
-        let has_rate = clause
-            .windows(2)
-            .any(|pair| pair[0].number.is_some() && matches!(unit(&pair[1].text), Some((Quantity::Rate, _))));
-        let why = match strength {
-            Some(level) => format!("\"{} {word}\"", ["light", "moderate", "heavy", "violent"][level]),
-            None => format!("\"{word}\""),
-        };
+        let has_rate = has_number_of(Quantity::Rate, clause);
+        let why = with_strength(strength, ["light", "moderate", "heavy", "violent"], word);
         let now = &mut self.now;
         let mut snow = |level: usize| {
             let (range, usual) = SNOW[level];
@@ -380,10 +372,7 @@ impl Reader {
         }
         self.now.carrier = Some((carrier, Basis::told(format!("\"{word}\""))));
         if self.usual_visibility.is_none() {
-            let why = match strength {
-                Some(level) => format!("\"{} {word}\"", ["light", "moderate", "dense", "very dense"][level]),
-                None => format!("\"{word}\""),
-            };
+            let why = with_strength(strength, ["light", "moderate", "dense", "very dense"], word);
             self.usual_visibility = Some(Datum::guess(usual[strength.unwrap_or(1)], why));
         }
         if word.ends_with("storm") {
@@ -406,11 +395,8 @@ impl Reader {
             if !(0.0..=360.0).contains(&degrees) {
                 return Err(fault(token, "is no direction: 0 to 360 degrees are expected"));
             }
-            set(
-                &mut self.now.wind.from,
-                Datum::told(turned(degrees), format!("{word} {degrees} degrees")),
-                token,
-            )?;
+            let known = Datum::told(turned(degrees), format!("{word} {degrees} degrees"));
+            set(&mut self.now.wind.from, known, token)?;
             return Ok(skipped + 2);
         }
         let Some((degrees, words)) = direction(&rest[skipped..]) else { return Ok(skipped) };
@@ -444,22 +430,15 @@ impl Reader {
         let Some(((quantity, scale), count)) = found else {
             let near =
                 rest.first().map_or_else(String::new, |next| meant(&next.text, units::NAMES.iter().copied()));
-            return Err(fault(
-                token,
-                format!(
-                    "has no unit after it{near}: km/h, m/s, mph, kt, Bft, m, km, mi, ft, cm, C, F, mm/h or % is expected"
-                ),
-            ));
+            let units = "km/h, m/s, mph, kt, Bft, m, km, mi, ft, cm, C, F, mm/h or %";
+            return Err(fault(token, format!("has no unit after it{near}: {units} is expected")));
         };
         let si = scale(value);
         let unit: Vec<&str> = rest.iter().take(count).map(|token| &token.raw[..]).collect();
         let text = format!("{} {}", token.raw, unit.join(" "));
-        let within = |[least, most]: [f64; 2], what: &str| {
-            if (least..=most).contains(&si) {
-                Ok(())
-            } else {
-                Err(fault(token, format!("is no {what}: {least} to {most} are expected")))
-            }
+        let within = |[least, most]: [f64; 2], what: &str| match si {
+            _ if (least..=most).contains(&si) => Ok(()),
+            _ => Err(fault(token, format!("is no {what}: {least} to {most} are expected"))),
         };
         let now = &mut self.now;
         match quantity {
@@ -468,10 +447,6 @@ impl Reader {
                 if is_gust {
                     self.gust = Some(si);
                 } else {
-                    let is_usual = matches!(&now.wind.speed, Some(Datum { basis: Basis::Guess(_), .. }));
-                    if is_usual {
-                        now.wind.speed = None;
-                    }
                     set(&mut now.wind.speed, Datum::told(si, text), token)?;
                 }
             }
@@ -501,9 +476,6 @@ impl Reader {
             }
             Quantity::Temperature => {
                 within([-90.0, 60.0], "temperature of the air in degrees Celsius")?;
-                if matches!(&now.temperature, Some(Datum { basis: Basis::Guess(_), .. })) {
-                    now.temperature = None;
-                }
                 set(&mut now.temperature, Datum::told(si, text), token)?;
             }
             Quantity::Percent => {
@@ -522,9 +494,7 @@ impl Reader {
 
     fn finish(mut self) -> Conditions {
         if let (Some(gust), Some(speed)) = (self.gust, &self.now.wind.speed) {
-            let share = if speed.value > 0.0 { (gust / speed.value - 1.0) / 3.0 } else { 1.0 };
-            let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
-            self.now.wind.gusts = Some(Datum::told(share.clamp(0.0, 1.0), why));
+            self.now.wind.gusts = Some(Datum::of_gusts(gust, speed.value));
         } else if let Some(gust) = self.gust {
             self.now.wind.speed =
                 Some(Datum::guess(gust / 1.6, format!("gusts of {gust:.1} m/s and no mean")));
@@ -545,6 +515,11 @@ fn direction(tokens: &[Token]) -> Option<(f64, Vec<&str>)> {
     }
     let first = tokens.first()?;
     Some((compass(&first.text)?, vec![&first.raw]))
+}
+
+/// A word in quotation marks, with that for its strength.
+fn with_strength(strength: Option<usize>, levels: [&str; 4], word: &str) -> String {
+    strength.map_or_else(|| format!("\"{word}\""), |level| format!("\"{} {word}\"", levels[level]))
 }
 
 /// Sets what may be stated once; a guess gives way.
@@ -570,7 +545,7 @@ fn sun(time: Daytime, word: &str) -> Sun {
 }
 
 fn unknown(token: &Token) -> ReportError {
-    let known = WORDS.iter().flat_map(|(words, _)| words.iter().copied());
+    let known = WORDS.iter().flat_map(|(words, _)| words.split(' '));
     let known = known.chain(vocabulary::COMPASS.iter().copied()).chain(units::NAMES.iter().copied());
     let near = meant(&token.text, known);
     fault(

@@ -19,7 +19,7 @@ use std::path::Path;
 use wm_base::files::write_atomically;
 use wm_base::{Problem, npy};
 
-/// A format of points.
+/// A format of points, and of the detections of a radar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointFormat {
     /// Binary PLY.
@@ -34,19 +34,36 @@ pub enum PointFormat {
     Bin,
 }
 
-/// The names that points are written to.
-const FORMATS: &str = "points are written to names that end in .ply, .pcd, .npy, .las or .bin";
+/// Types and names of the numbers of a point in PLY and PCD: 32 bytes.
+const FIELDS: &str = "float x, float y, float z, float intensity, float range, float time, \
+                      uint column, ushort ring, uchar return, uchar class";
 /// Points that are written at once.
 const PART_POINTS: usize = 4096;
 
 impl PointFormat {
-    /// The format of a name's extension.
+    /// The format of points in a file, by its name's extension.
     ///
     /// # Errors
     /// [`SensorError::Extension`] if it has another.
     pub fn of(path: &Path) -> Result<Self, SensorError> {
-        let all = [Self::Ply, Self::Pcd, Self::Npy, Self::Las, Self::Bin];
-        format_of(path, &all, Self::extension, FORMATS)
+        let formats = "points are written to names that end in .ply, .pcd, .npy, .las or .bin";
+        Self::among(&[Self::Ply, Self::Pcd, Self::Npy, Self::Las, Self::Bin], path, formats)
+    }
+
+    /// The format of detections in a file, by its name's extension: PLY, PCD or NPY.
+    ///
+    /// # Errors
+    /// [`SensorError::Extension`] if it has another.
+    pub fn of_detections(path: &Path) -> Result<Self, SensorError> {
+        let formats = "detections are written to names that end in .ply, .pcd or .npy";
+        Self::among(&[Self::Ply, Self::Pcd, Self::Npy], path, formats)
+    }
+
+    /// Finds the format whose extension a path has, in either case.
+    fn among(all: &[Self], path: &Path, formats: &'static str) -> Result<Self, SensorError> {
+        let own = path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let found = all.iter().copied().find(|format| format.extension() == own);
+        found.ok_or_else(|| SensorError::Extension { path: path.into(), formats })
     }
 
     /// The extension of its files.
@@ -62,16 +79,32 @@ impl PointFormat {
     }
 }
 
-/// Finds the format whose extension a path has, in either case.
-pub(crate) fn format_of<T: Copy>(
-    path: &Path,
-    all: &[T],
-    extension: fn(T) -> &'static str,
-    formats: &'static str,
-) -> Result<T, SensorError> {
-    let own = path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let found = all.iter().copied().find(|format| extension(*format) == own);
-    found.ok_or_else(|| SensorError::Extension { path: path.into(), formats })
+/// The header of a PLY of records of `fields`, their types and names.
+pub(crate) fn ply_header(comments: &str, fields: &str, count: usize) -> String {
+    let fields: String = fields.split(", ").map(|field| format!("property {field}\n")).collect();
+    format!("ply\nformat binary_little_endian 1.0\n{comments}element vertex {count}\n{fields}end_header\n")
+}
+
+/// The header of a PCD of the same.
+pub(crate) fn pcd_header(comments: &str, fields: &str, count: usize) -> String {
+    let mut lines = ["FIELDS", "SIZE", "TYPE", "COUNT"].map(String::from);
+    for (kind, name) in fields.split(", ").filter_map(|field| field.split_once(' ')) {
+        let (size, kind) = match kind {
+            "float" => ("4", "F"),
+            "uint" => ("4", "U"),
+            "ushort" => ("2", "U"),
+            _ => ("1", "U"),
+        };
+        for (line, word) in lines.iter_mut().zip([name, size, kind, "1"]) {
+            *line += " ";
+            *line += word;
+        }
+    }
+    format!(
+        "# .PCD v0.7 - Point Cloud Data file format\n{comments}VERSION 0.7\n{}\n\
+         WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n",
+        lines.join("\n")
+    )
 }
 
 impl LidarSweep {
@@ -81,9 +114,22 @@ impl LidarSweep {
     /// [`SensorError`] if the format is unknown, the points do not fit it, or the file cannot be
     /// written.
     pub fn save(&self, path: &Path) -> Result<(), SensorError> {
+        let name = self.name.replace('\n', " ");
         match PointFormat::of(path)? {
-            PointFormat::Ply => self.records(path, &ply_header(self), record),
-            PointFormat::Pcd => self.records(path, &pcd_header(self), record),
+            PointFormat::Ply => {
+                let about = format!(
+                    "comment {name}, {} s, metres; class 0 surface, 1 drop, 2 flake, 3 air, 4 ghost\n{}",
+                    self.time[0],
+                    self.origin_line("comment ")
+                );
+                self.records(path, &ply_header(&about, FIELDS, self.points.len()), record)
+            }
+            PointFormat::Pcd => {
+                let [x, y, z, w] = glam::DQuat::from_mat3(&self.pose.world_from_sensor).to_array();
+                let origin = self.origin_line("# ");
+                let about = format!("# {name}; sensor in the scene, wxyz: {w} {x} {y} {z}\n{origin}");
+                self.records(path, &pcd_header(&about, FIELDS, self.points.len()), record)
+            }
             PointFormat::Bin => self.records(path, "", |point, out| {
                 let [x, y, z] = point.position;
                 [x, y, z, point.intensity / 255.0].iter().for_each(|v| out.extend(v.to_le_bytes()));
@@ -98,6 +144,15 @@ impl LidarSweep {
                 Ok(npy::write(path, &values, &[self.points.len(), 10])?)
             }
             PointFormat::Las => las::save(self, path),
+        }
+    }
+
+    /// A line of comment on where in the world the origin of the points is; empty if it is there
+    /// too.
+    fn origin_line(&self, comment: &str) -> String {
+        match self.origin.to_array() {
+            [0.0, 0.0, 0.0] => String::new(),
+            [x, y, z] => format!("{comment}origin in the world: {x} {y} {z} m\n"),
         }
     }
 
@@ -131,54 +186,13 @@ fn write_parts(
     Ok(())
 }
 
-/// A point in PLY and PCD: 32 bytes.
+/// A point in PLY and PCD, see [`FIELDS`].
 fn record(point: &LidarPoint, out: &mut Vec<u8>) {
     let [x, y, z] = point.position;
     [x, y, z, point.intensity, point.range, point.time].iter().for_each(|v| out.extend(v.to_le_bytes()));
     out.extend(point.column.to_le_bytes());
     out.extend(point.ring.to_le_bytes());
     out.extend([point.rank as u8, point.class as u8]);
-}
-
-/// A line of comment on where in the world the origin of the points is; empty if it is there too.
-fn origin_line(sweep: &LidarSweep, comment: &str) -> String {
-    let [x, y, z] = sweep.origin.to_array();
-    if [x, y, z] == [0.0; 3] {
-        String::new()
-    } else {
-        format!("{comment}origin in the world: {x} {y} {z} m\n")
-    }
-}
-
-fn ply_header(sweep: &LidarSweep) -> String {
-    let floats: String = ["x", "y", "z", "intensity", "range", "time"]
-        .iter()
-        .map(|name| format!("property float {name}\n"))
-        .collect();
-    format!(
-        "ply\nformat binary_little_endian 1.0\ncomment {}, {} s, metres; class 0 surface, 1 drop, 2 flake, 3 air, 4 ghost\n\
-         {}element vertex {}\n{floats}property uint column\nproperty ushort ring\nproperty uchar return\nproperty uchar class\n\
-         end_header\n",
-        sweep.name.replace('\n', " "),
-        sweep.time[0],
-        origin_line(sweep, "comment "),
-        sweep.points.len()
-    )
-}
-
-fn pcd_header(sweep: &LidarSweep) -> String {
-    let count = sweep.points.len();
-    let origin = origin_line(sweep, "# ");
-    let [w, x, y, z] = {
-        let q = glam::DQuat::from_mat3(&sweep.pose.world_from_sensor);
-        [q.w, q.x, q.y, q.z]
-    };
-    format!(
-        "# .PCD v0.7 - Point Cloud Data file format\n# {}; sensor in the scene, wxyz: {w} {x} {y} {z}\n{origin}VERSION 0.7\n\
-         FIELDS x y z intensity range time column ring return class\nSIZE 4 4 4 4 4 4 4 2 1 1\nTYPE F F F F F F U U U U\n\
-         COUNT 1 1 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n",
-        sweep.name.replace('\n', " ")
-    )
 }
 
 #[cfg(test)]

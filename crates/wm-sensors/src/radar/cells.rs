@@ -60,15 +60,12 @@ fn response(off: f64) -> f64 {
     }
 }
 
-/// The distance from `b` to `a` on a circle of `count` cells.
-fn circular(a: f64, b: f64, count: f64) -> f64 {
-    (a - b + 0.5 * count).rem_euclid(count) - 0.5 * count
-}
-
 /// Share of a scatterer in a cell of `[range, azimuth, velocity]`.
 fn share(scatterer: &Scatterer, cell: [usize; 3], velocities: usize) -> f64 {
     let off = |k: usize| cell[k] as f64 - scatterer.at[k];
-    let around = circular(cell[2] as f64, scatterer.at[2], velocities as f64);
+    // Velocities go round.
+    let count = velocities as f64;
+    let around = (off(2) + 0.5 * count).rem_euclid(count) - 0.5 * count;
     response(off(0)) * response(off(1)) * response(around)
 }
 
@@ -189,16 +186,12 @@ impl<'a> PowerCube<'a> {
             let power = self.power(other);
             power > own || power == own && other < cell
         };
-        (-1..=1).all(|by_range| {
-            (-1..=1).all(|by_azimuth| {
-                (-1..=1).all(|by_velocity| {
-                    let other = self
-                        .neighbour(cell, 0, by_range)
-                        .and_then(|cell| self.neighbour(cell, 1, by_azimuth))
-                        .and_then(|cell| self.neighbour(cell, 2, by_velocity));
-                    other.is_none_or(|other| !exceeds(other))
-                })
-            })
+        !(0..27).any(|index| {
+            let other = self
+                .neighbour(cell, 0, index / 9 - 1)
+                .and_then(|cell| self.neighbour(cell, 1, index / 3 % 3 - 1))
+                .and_then(|cell| self.neighbour(cell, 2, index % 3 - 1));
+            other.is_some_and(exceeds)
         })
     }
 

@@ -66,6 +66,5 @@ mod sweep;
 mod tests;
 
 pub use crate::presets::RADAR_PRESETS;
-pub use formats::RadarFormat;
 pub use model::RadarModel;
 pub use sweep::{RadarClass, RadarDetection, RadarOptions, RadarScene, RadarSweep, radar_sweep};

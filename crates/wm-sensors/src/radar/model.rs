@@ -66,13 +66,8 @@ struct RadarFile {
     velocity: f64,
     velocity_cell: f64,
     reference_range: f64,
-    #[serde(default = "usual_alarms")]
-    false_alarms: f64,
+    false_alarms: Option<f64>,
     rate: f64,
-}
-
-fn usual_alarms() -> f64 {
-    1e-6
 }
 
 impl RadarModel {
@@ -103,6 +98,21 @@ impl RadarModel {
 
     fn of(text: &SensorText<'_>) -> Result<Self, SensorError> {
         let file: RadarFile = text.parse()?;
+        let false_alarms = file.false_alarms.unwrap_or(1e-6);
+        text.check(&[
+            ("frequency", file.frequency, BAND_GHZ, "GHz"),
+            ("range[0]", file.range[0], [0.0, 1e4], "m"),
+            ("range[1]", file.range[1], [0.1, 1e4], "m"),
+            ("range_cell", file.range_cell, [0.01, 100.0], "m"),
+            ("azimuth[0]", file.azimuth[0], [-180.0, 180.0], "degrees"),
+            ("azimuth[1]", file.azimuth[1], [-180.0, 180.0], "degrees"),
+            ("azimuth_cell", file.azimuth_cell, [0.05, 90.0], "degrees"),
+            ("elevation_beam", file.elevation_beam, [0.1, 60.0], "degrees"),
+            ("velocity", file.velocity, [0.1, 1000.0], "m/s"),
+            ("velocity_cell", file.velocity_cell, [0.001, 100.0], "m/s"),
+            ("reference_range", file.reference_range, [0.1, 1e5], "m"),
+            ("false_alarms", false_alarms, [1e-12, 0.1], ""),
+        ])?;
         file.fault().map_or(Ok(()), |problem| Err(text.fault(problem)))?;
         let model = Self {
             name: file.name.unwrap_or_else(|| text.name.clone()),
@@ -115,7 +125,7 @@ impl RadarModel {
             velocity: file.velocity,
             velocity_cell: file.velocity_cell,
             reference_range: file.reference_range,
-            false_alarms: file.false_alarms,
+            false_alarms,
             rate: file.rate,
         };
         model.excess().map_or(Ok(model), |problem| Err(text.fault(problem)))
@@ -216,28 +226,8 @@ impl RadarModel {
 }
 
 impl RadarFile {
-    /// The first fault of its numbers.
+    /// The first fault of its numbers together.
     fn fault(&self) -> Option<String> {
-        let checks = [
-            ("frequency", self.frequency, BAND_GHZ, "GHz"),
-            ("range[0]", self.range[0], [0.0, 1e4], "m"),
-            ("range[1]", self.range[1], [0.1, 1e4], "m"),
-            ("range_cell", self.range_cell, [0.01, 100.0], "m"),
-            ("azimuth[0]", self.azimuth[0], [-180.0, 180.0], "degrees"),
-            ("azimuth[1]", self.azimuth[1], [-180.0, 180.0], "degrees"),
-            ("azimuth_cell", self.azimuth_cell, [0.05, 90.0], "degrees"),
-            ("elevation_beam", self.elevation_beam, [0.1, 60.0], "degrees"),
-            ("velocity", self.velocity, [0.1, 1000.0], "m/s"),
-            ("velocity_cell", self.velocity_cell, [0.001, 100.0], "m/s"),
-            ("reference_range", self.reference_range, [0.1, 1e5], "m"),
-            ("false_alarms", self.false_alarms, [1e-12, 0.1], ""),
-        ];
-        let wrong = checks.into_iter().find(|(_, value, [low, high], _)| !(low..=high).contains(&value));
-        if let Some((key, value, [low, high], unit)) = wrong {
-            return Some(
-                format!("{key} is {value}: it must be from {low} to {high} {unit}").trim_end().into(),
-            );
-        }
         if !(0.01..=1000.0).contains(&self.rate) {
             return Some(format!("rate is {}: it must be 0.01 to 1000 sweeps a second", self.rate));
         }

@@ -14,7 +14,7 @@ use super::cells::{self, PowerCube, RainClutter, SIDE_CELLS, Scatterer};
 use super::model::{REFERENCE_RCS_M2, RadarModel};
 use super::rain::{rain_attenuation, rain_reflectivity};
 use super::surface::surface_backscatter;
-use crate::pose::{SensorMotion, SensorPose};
+use crate::pose::{SensorMotion, SensorPose, direction};
 use crate::sweep::PointFrame;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -226,12 +226,6 @@ struct FanRay {
     end: f64,
 }
 
-/// A direction in the sensor's axes.
-fn direction(azimuth: f64, elevation: f64) -> DVec3 {
-    let ([sin, cos], [up, level]) = ([azimuth.sin(), azimuth.cos()], [elevation.sin(), elevation.cos()]);
-    DVec3::new(level * cos, level * sin, up)
-}
-
 impl FanView<'_> {
     /// The sectors of all cells of azimuth.
     pub(super) fn sectors(&self, random: &RandomStream) -> Vec<Sector> {
@@ -242,17 +236,16 @@ impl FanView<'_> {
         };
         let mut fan: Vec<FanRay> = (0..azimuths).into_par_iter().flat_map_iter(of_sector).collect();
         let origin = self.pose.origin.as_vec3().to_array();
-        let rays = Rays::from_one(
-            origin,
-            fan.iter().map(|ray| ray.direction.as_vec3().normalize().to_array()).collect(),
-        );
+        let directions = fan.iter().map(|ray| ray.direction.as_vec3().normalize().to_array());
+        let rays = Rays::from_one(origin, directions.collect());
         let asked = RayOutputs { normal: true, ..RayOutputs::default() };
         let hits = self.scene.splats.trace(&rays, asked, self.scene.path);
         let metres = self.scene.site.metres_per_unit;
-        fan.iter_mut()
-            .zip(&hits.distance)
-            .for_each(|(ray, distance)| ray.end = f64::from(*distance) * metres);
-        let kept = self.attenuation();
+        for (ray, distance) in fan.iter_mut().zip(&hits.distance) {
+            ray.end = f64::from(*distance) * metres;
+        }
+        // Attenuation by the rain, dB/m, one way.
+        let kept = 1e-3 * rain_attenuation(self.model.frequency, self.scene.weather.rain_rate());
         let make = |(sector, fan): (usize, &[FanRay])| {
             let mut scatterers = Vec::new();
             for (index, ray) in fan.iter().enumerate().filter(|(_, ray)| ray.end.is_finite()) {
@@ -282,11 +275,6 @@ impl FanView<'_> {
             gain: self.model.gain(elevation),
             end: f64::INFINITY,
         }
-    }
-
-    /// Attenuation by the rain, dB/m, one way.
-    fn attenuation(&self) -> f64 {
-        1e-3 * rain_attenuation(self.model.frequency, self.scene.weather.rain_rate())
     }
 
     /// Adds the scatterers of the surface that a ray meets.

@@ -11,7 +11,7 @@ use wm_base::random::RandomStream;
 use wm_render::RaySplats;
 use wm_render::simd::SimdPath;
 use wm_scene::Splats;
-use wm_weather::{Site, Weather};
+use wm_weather::{PreparedWeather, Site, Weather};
 
 /// A small radar that sees far, so that noise does not count.
 fn radar() -> RadarModel {
@@ -31,8 +31,14 @@ fn plate(range: f64, azimuth: f64) -> Splats {
     plate
 }
 
-fn weather(set: &[(&str, f64)]) -> Weather {
-    set.iter().fold(Weather::clear(), |weather, (key, value)| weather.set(key, *value).unwrap())
+fn prepared(set: &[(&str, f64)]) -> PreparedWeather {
+    let clear = Weather::clear();
+    let weather = set.iter().fold(clear, |weather, (key, value)| weather.set(key, *value).unwrap());
+    weather.at(0.0).prepare(&Site::PLAIN)
+}
+
+fn scene<'a>(splats: &'a RaySplats<'_>, weather: &'a PreparedWeather) -> RadarScene<'a> {
+    RadarScene { splats, weather, site: &Site::PLAIN, shelter: None, path: SimdPath::widest() }
 }
 
 /// One sweep from the origin, at a velocity ahead, m/s.
@@ -44,13 +50,8 @@ fn swept(
     options: &RadarOptions,
 ) -> RadarSweep {
     let rays = RaySplats::new(splats, |_| true);
-    let scene = RadarScene {
-        splats: &rays,
-        weather: &weather(set).at(0.0).prepare(&Site::PLAIN),
-        site: &Site::PLAIN,
-        shelter: None,
-        path: SimdPath::widest(),
-    };
+    let weather = prepared(set);
+    let scene = scene(&rays, &weather);
     let start = SensorPose::upright(DVec3::ZERO, DVec3::X, DVec3::Z);
     radar_sweep(radar, &EvenMotion { start, velocity: DVec3::X * speed }, &scene, options)
 }
@@ -118,21 +119,9 @@ fn rain_sends_back_what_its_table_says() {
     let none = Splats::zeroed(0, 0);
     let rays = RaySplats::new(&none, |_| true);
     for (rate, density) in [(10.0, 5.5e-4), (50.0, 1.6e-3)] {
-        let prepared = weather(&[
-            ("rain.rate", rate),
-            ("wind.speed", 5.0),
-            ("wind.direction", 0.0),
-            ("wind.gusts", 0.0),
-        ])
-        .at(0.0)
-        .prepare(&Site::PLAIN);
-        let scene = RadarScene {
-            splats: &rays,
-            weather: &prepared,
-            site: &Site::PLAIN,
-            shelter: None,
-            path: SimdPath::widest(),
-        };
+        let wind = [("wind.speed", 5.0), ("wind.direction", 0.0), ("wind.gusts", 0.0)];
+        let weather = prepared(&[&[("rain.rate", rate)][..], &wind].concat());
+        let scene = scene(&rays, &weather);
         let pose = SensorPose::upright(DVec3::ZERO, DVec3::X, DVec3::Z);
         let view = FanView { model: &radar, scene: &scene, pose, velocity: DVec3::X * 12.0 };
         let random = RandomStream::new(1, 2u64, 3);
@@ -145,11 +134,8 @@ fn rain_sends_back_what_its_table_says() {
             let row = powers(&radar, azimuth, sector.scatterers.iter(), &sector.clutter, &random);
             for cell in 20..60 {
                 let range: f64 = 0.5 * (f64::from(cell as u32) + 0.5);
-                let volume = std::f64::consts::FRAC_PI_4
-                    * range.powi(2)
-                    * 2f64.to_radians()
-                    * 10f64.to_radians()
-                    * 0.5;
+                let beam = 2f64.to_radians() * 10f64.to_radians();
+                let volume = std::f64::consts::FRAC_PI_4 * range.powi(2) * beam * 0.5;
                 let taken = 10f64.powf(-0.2e-3 * rain_attenuation(76.5, rate) * range);
                 asked += 13.8155 * density * volume / 10.0 * (300.0 / range).powi(4) * taken;
                 for velocity in 0..velocities {
@@ -176,14 +162,8 @@ fn walls_hide_the_rain_behind_them() {
     let mut wall = plate(20.0, 0.0);
     wall.log_scales[0] = [f32::ln(0.002), f32::ln(30.0), f32::ln(30.0)];
     let rays = RaySplats::new(&wall, |_| true);
-    let prepared = weather(&[("rain.rate", 50.0)]).at(0.0).prepare(&Site::PLAIN);
-    let scene = RadarScene {
-        splats: &rays,
-        weather: &prepared,
-        site: &Site::PLAIN,
-        shelter: None,
-        path: SimdPath::widest(),
-    };
+    let weather = prepared(&[("rain.rate", 50.0)]);
+    let scene = scene(&rays, &weather);
     let (model, pose) = (radar(), SensorPose::upright(DVec3::ZERO, DVec3::X, DVec3::Z));
     let view = FanView { model: &model, scene: &scene, pose, velocity: DVec3::ZERO };
     let sectors = view.sectors(&RandomStream::new(1, 2u64, 3));

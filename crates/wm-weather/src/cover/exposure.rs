@@ -73,7 +73,6 @@ pub(super) fn maps(
     rings: &[(ShelterOptions, FloaterMap)],
     site: &Site,
     airflow: &Airflow,
-    threads: usize,
 ) -> Vec<Vec<Shelter>> {
     let mut standing: Vec<Occluders> = Vec::new();
     for (options, floaters) in rings {
@@ -90,8 +89,7 @@ pub(super) fn maps(
     let jobs: Vec<(usize, [f64; 3])> =
         (0..rings.len()).flat_map(|ring| ways(ring).into_iter().map(move |fall| (ring, fall))).collect();
     // Side by side, since parts of each are serial.
-    let own_threads = Some(threads.div_ceil(jobs.len()));
-    let made = map(jobs.len(), threads, |job| standing[jobs[job].0].shelter(jobs[job].1, own_threads));
+    let made = map(jobs.len(), |job| standing[jobs[job].0].shelter(jobs[job].1));
     let mut made = made.into_iter();
     (0..rings.len()).map(|ring| made.by_ref().take(ways(ring).len()).collect()).collect()
 }
@@ -99,17 +97,17 @@ pub(super) fn maps(
 impl GroundGrid {
     /// Finds the share of the fall that each node gets, by the maps of the directions in which
     /// flakes fall.
-    pub(super) fn find_shares(&mut self, maps: &[Shelter], site: &Site, airflow: &Airflow, threads: usize) {
+    pub(super) fn find_shares(&mut self, maps: &[Shelter], site: &Site, airflow: &Airflow) {
         let nodes = self.len();
         let grid = self.places.axes();
-        let points: Vec<[f32; 3]> = map(nodes, threads, |node| {
+        let points: Vec<[f32; 3]> = map(nodes, |node| {
             let place = self.place(node).map(|v| v as f64 + 0.5);
             self.places.point(place, f64::from(self.height[node]) + OBSTACLE_HEIGHT_M).map(|v| v as f32)
         });
         let maps: Vec<(&Shelter, [f32; 3])> =
             maps.iter().map(|map| (map, to_level(&grid, map.fall()).map(|v| v as f32))).collect();
         let each = 1.0 / maps.len() as f32;
-        let reached = map(nodes, threads, |node| {
+        let reached = map(nodes, |node| {
             let (mut open, mut share) = (0.0, 0.0);
             for (shelter, wind) in &maps {
                 if shelter.is_exposed(points[node]) {
@@ -131,7 +129,7 @@ impl GroundGrid {
         if airflow.moved > 0.0 && a.hypot(b) > 1e-6 {
             self.blow([along[0], along[1]].map(|v| v as f32), airflow.moved as f32);
         }
-        self.soften(threads);
+        self.soften();
         for node in 0..nodes {
             if self.is_elsewhere(node) {
                 self.share[node] = 0.0;
@@ -146,9 +144,9 @@ impl GroundGrid {
     }
 
     /// Softens the edges of what is sheltered, over the nodes beside each other.
-    fn soften(&mut self, threads: usize) {
+    fn soften(&mut self) {
         for _ in 0..2 {
-            self.share = map(self.len(), threads, |node| {
+            self.share = map(self.len(), |node| {
                 if self.is_steep(node) {
                     return self.share[node];
                 }

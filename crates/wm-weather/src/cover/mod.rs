@@ -123,7 +123,6 @@ pub struct Cover {
     walls: Vec<Wall>,
     /// Depths after sliding for some depths and angles of repose, the last used at the end.
     ladder: Vec<Rung>,
-    threads: usize,
 }
 
 /// The depths after sliding for one depth of the ladder.
@@ -203,7 +202,7 @@ impl LyingCover {
     #[must_use]
     pub fn over(&self, scene: &Splats) -> Splats {
         let mut out = scene.clone();
-        for (index, factor) in self.buried.factors().iter().enumerate().filter(|(_, factor)| **factor < 1.0) {
+        for (index, factor) in self.buried.factors.iter().enumerate().filter(|(_, factor)| **factor < 1.0) {
             let left = scene.opacity(index) * f64::from(*factor);
             out.logit_opacities[index] = wm_scene::splats::logit(left) as f32;
         }
@@ -214,7 +213,7 @@ impl LyingCover {
     /// The scene with what lies on it, as one set of splats of the scene's SH degree.
     #[must_use]
     pub fn bake(&self, scene: &Splats) -> Splats {
-        let factor = |index: usize| self.buried.factors().get(index).copied().unwrap_or(1.0);
+        let factor = |index: usize| self.buried.factors.get(index).copied().unwrap_or(1.0);
         let kept: Vec<usize> = (0..scene.len()).filter(|index| factor(*index) > MIN_VISIBILITY).collect();
         let mut out = scene.select(&kept);
         for (opacity, index) in out.logit_opacities.iter_mut().zip(&kept) {
@@ -235,11 +234,6 @@ impl Buried {
     fn new(factors: Vec<f32>) -> Self {
         let revision = Revision::of(factors.iter().map(|factor| factor.to_bits()));
         Self { factors, revision }
-    }
-
-    /// The factor of each splat, 0-1.
-    fn factors(&self) -> &[f32] {
-        &self.factors
     }
 }
 
@@ -278,7 +272,6 @@ impl Cover {
         site: &Site,
         airflow: &Airflow,
         path: [[f64; 3]; 2],
-        threads: usize,
     ) -> Self {
         let (mut rings, mut above) = (Vec::<GroundGrid>::new(), Vec::new());
         let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
@@ -299,7 +292,7 @@ impl Cover {
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let (ground, floaters) = GroundGrid::new(scan, &occluders, rings.last(), threads);
+            let (ground, floaters) = GroundGrid::new(scan, &occluders, rings.last());
             let is_whole = ground.places.is_whole();
             rings.push(ground);
             above.push((options, floaters));
@@ -307,31 +300,24 @@ impl Cover {
                 break;
             }
         }
-        let maps = exposure::maps(&occluders, &above, site, airflow, threads);
+        let maps = exposure::maps(&occluders, &above, site, airflow);
         for (ground, maps) in rings.iter_mut().zip(&maps) {
-            ground.expose(scan, maps, site, airflow, threads);
+            ground.expose(scan, maps, site, airflow);
         }
-        let spots = map(splats.len(), threads, |index| {
+        let spots = map(splats.len(), |index| {
             let stand_in = scan.stand_ins.get(index).copied().unwrap_or(StandIn::Itself);
             spot(&rings, splats, index, site.metres_per_unit, stand_in)
         });
         // The widest ring's cells are too wide to tell the lee of a house.
         let occluders = occluders.mapped(&ShelterOptions::default());
-        let walls = walls::find(&scan.splats, &occluders, site, airflow, threads);
-        Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), threads }
-    }
-
-    /// Sets the number of threads; the result is the same for any number.
-    #[must_use]
-    pub fn with_threads(self, threads: usize) -> Self {
-        Self { threads, ..self }
+        let walls = walls::find(&scan.splats, &occluders, site, airflow);
+        Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new() }
     }
 
     /// Removes the cover from open water.
     #[must_use]
     pub fn off_water(mut self, water: &OpenWater) -> Self {
-        let threads = self.threads;
-        self.rings.iter_mut().for_each(|ground| ground.keep_bare(|point| water.covers(point), threads));
+        self.rings.iter_mut().for_each(|ground| ground.keep_bare(|point| water.covers(point)));
         self
     }
 
@@ -371,16 +357,9 @@ impl Cover {
             for (place, asked) in asked.iter().enumerate() {
                 let SettledLayer { settled: Settled { depth, .. }, wet, .. } = &layers[place][ring];
                 let above = layers.get(place + 1).map_or(&[][..], |above| &above[ring].settled.depth);
-                top = surfels::surface(ground, &base, depth, self.threads);
+                top = surfels::surface(ground, &base, depth);
                 let layer = surfels::CoverLayer { depth, top: &top, wet, above };
-                surfels::add(
-                    ground,
-                    &layer,
-                    self.metres_per_unit,
-                    &asked.material,
-                    self.threads,
-                    &mut splats,
-                );
+                surfels::add(ground, &layer, self.metres_per_unit, &asked.material, &mut splats);
                 base = top.iter().zip(depth).map(|(top, depth)| surfels::drawn(*top, *depth)).collect();
                 bare.iter_mut().zip(depth).for_each(|(bare, depth)| *bare *= 1.0 - coverage(*depth));
             }
@@ -405,7 +384,7 @@ impl Cover {
             hidden.sort_by(f32::total_cmp);
             1.0 - hidden[if *is_haze { ENDS / 2 } else { 0 }]
         };
-        let buried = Buried::new(map(self.spots.len(), self.threads, factor));
+        let buried = Buried::new(map(self.spots.len(), factor));
         let layers = layers.into_iter().flatten();
         let (settled, melted) = layers.map(|layer| (layer.settled, layer.melted)).unzip();
         LyingCover { splats, buried, settled, melted }
@@ -423,9 +402,9 @@ impl Cover {
                 None => CoverState { depth: fell(node), wet: 0.0 },
                 Some(thaw) => thaw.at(slid.depth[node] / slides as f32, ground.shade[node]),
             };
-            let left = map(ground.len(), self.threads, left);
+            let left = map(ground.len(), left);
             let melted = left.iter().enumerate().map(|(node, left)| f64::from(fell(node) - left.depth)).sum();
-            let depth = map(left.len(), self.threads, |node| ground.held(node, left[node].depth));
+            let depth = map(left.len(), |node| ground.held(node, left[node].depth));
             let fell_through =
                 left.iter().zip(&depth).map(|(left, held)| f64::from(left.depth - held)).sum::<f64>();
             let wet = left.into_iter().map(|left| left.wet).collect();
@@ -447,7 +426,7 @@ impl Cover {
         };
         let share = (depth - low) / (high - low);
         let mix = |(low, high): (&Settled, &Settled)| Settled {
-            depth: map(low.depth.len(), self.threads, |node| {
+            depth: map(low.depth.len(), |node| {
                 low.depth[node] + (high.depth[node] - low.depth[node]) * share as f32
             }),
             lost: low.lost + (high.lost - low.lost) * share,
@@ -462,7 +441,7 @@ impl Cover {
             depths.into_iter().filter(|depth| !self.ladder.iter().any(|rung| is(rung, *depth))).collect();
         let jobs: Vec<(f64, &GroundGrid)> =
             missing.iter().flat_map(|depth| self.rings.iter().map(|ground| (*depth, ground))).collect();
-        let mut settled = map(jobs.len(), self.threads, |job| {
+        let mut settled = map(jobs.len(), |job| {
             let (depth, ground) = jobs[job];
             let fell: Vec<f32> = ground.share.iter().map(|share| share * depth as f32).collect();
             settle::settle(ground, &fell, repose as f32)

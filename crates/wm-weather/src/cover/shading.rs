@@ -11,10 +11,10 @@ const ROUNDS: usize = 6;
 impl GroundGrid {
     /// Finds how lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by
     /// how bright the scene is about it beside what is as open.
-    pub(super) fn find_shades(&mut self, splats: &Splats, threads: usize) {
-        let mut light = self.light(splats, threads);
+    pub(super) fn find_shades(&mut self, splats: &Splats) {
+        let mut light = self.light(splats);
         for _ in 0..ROUNDS {
-            light = map(self.len(), threads, |node| {
+            light = map(self.len(), |node| {
                 let [light] = self.mean_about(node, |other| (!light[other].is_nan()).then(|| [light[other]]));
                 light
             });
@@ -34,11 +34,11 @@ impl GroundGrid {
 
     /// The luminance of the splats that make up each surface, linear; not a number where none
     /// tells.
-    fn light(&self, splats: &Splats, threads: usize) -> Vec<f32> {
+    fn light(&self, splats: &Splats) -> Vec<f32> {
         let bright = |index: usize| {
             let rgb = splats.base_color(index).map(|v| srgb_decode(v.max(0.0)));
             [luminance(rgb) as f32, 1.0]
         };
-        self.sums_of_splats(splats, bright, threads).into_iter().map(|[sum, weight]| sum / weight).collect()
+        self.sums_of_splats(splats, bright).into_iter().map(|[sum, weight]| sum / weight).collect()
     }
 }

@@ -267,16 +267,15 @@ impl Snowpack<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::snow_cover::SnowCoverParams;
+    use crate::testing;
     use proptest::prelude::*;
 
     fn track(param: &str, text: &str) -> Track {
-        Track::parse(SnowCoverParams::PARAMS.iter().find(|p| p.name == param).unwrap(), text).unwrap()
+        testing::track("snow_cover", param, text)
     }
 
     fn snow(text: &str) -> Track {
-        let params = crate::effects::snowfall::EFFECT.params;
-        Track::parse(params.iter().find(|p| p.name == "rate").unwrap(), text).unwrap()
+        testing::track("snowfall", "rate", text)
     }
 
     #[test]
@@ -392,6 +391,12 @@ mod tests {
         assert!(new.depth() / new.water > 0.0095, "{new:?}");
     }
 
+    /// Keyframes 3 s apart.
+    fn keys(values: &[f64]) -> String {
+        let keys = values.iter().enumerate().map(|(k, v)| format!("{}:{v}", 3 * k));
+        keys.collect::<Vec<_>>().join(",")
+    }
+
     proptest! {
         #[test]
         fn what_fell_lies_or_has_melted(
@@ -400,10 +405,6 @@ mod tests {
             hours in 0.0..20.0f64,
             time in -2.0..12.0f64,
         ) {
-            let keys = |values: &[f64]| {
-                let keys = values.iter().enumerate().map(|(k, v)| format!("{}:{v}", 3 * k));
-                keys.collect::<Vec<_>>().join(",")
-            };
             let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
             let lapse = 3600.0;
             let snow = Snowpack {
@@ -433,10 +434,6 @@ mod tests {
             temperatures in prop::collection::vec(-8.0..8.0f64, 2..5),
             time in 0.0..12.0f64,
         ) {
-            let keys = |values: &[f64]| {
-                let keys = values.iter().enumerate().map(|(k, v)| format!("{}:{v}", 3 * k));
-                keys.collect::<Vec<_>>().join(",")
-            };
             let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
             let snow = Snowpack {
                 depth: None, rate: Some(&rate), temperature: &temperature, density: None, hours: 2.0, lapse: 3600.0,

@@ -103,10 +103,10 @@ fn lift(depth: f32) -> f32 {
 /// The surface of what lies on heights `base`: height of its top at each node, m; smoother than
 /// those the deeper it is.
 #[must_use]
-pub(crate) fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32], threads: usize) -> Vec<f32> {
+pub(crate) fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32]) -> Vec<f32> {
     let mut top: Vec<f32> = base.iter().zip(depth).map(|(height, depth)| height + depth).collect();
     for _ in 0..2 {
-        top = map(top.len(), threads, |node| {
+        top = map(top.len(), |node| {
             if depth[node] <= MIN_DEPTH_M {
                 return top[node];
             }
@@ -124,7 +124,6 @@ pub(crate) fn add(
     layer: &CoverLayer<'_>,
     metres_per_unit: f64,
     material: &CoverMaterial,
-    threads: usize,
     splats: &mut Splats,
 ) {
     let painter = Painter {
@@ -136,7 +135,7 @@ pub(crate) fn add(
         cell: f64::from(ground.cell),
     };
     let nodes = ground.len();
-    let parts = map(nodes.div_ceil(PART), threads, |part| {
+    let parts = map(nodes.div_ceil(PART), |part| {
         let mut splats = Splats::with_capacity(0, 0);
         for node in part * PART..nodes.min((part + 1) * PART) {
             painter.paint(node, &mut splats);

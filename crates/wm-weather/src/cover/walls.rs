@@ -60,13 +60,7 @@ impl Wall {
 
 /// Finds the walls of a scene.
 #[must_use]
-pub(crate) fn find(
-    splats: &Splats,
-    occluders: &Occluders,
-    site: &Site,
-    airflow: &Airflow,
-    threads: usize,
-) -> Vec<Wall> {
+pub(crate) fn find(splats: &Splats, occluders: &Occluders, site: &Site, airflow: &Airflow) -> Vec<Wall> {
     let [a, b] = airflow.slope;
     let slant = a.hypot(b);
     if slant < SLANT {
@@ -76,8 +70,8 @@ pub(crate) fn find(
     let fall = from_level(&axes, [a, b, -1.0]);
     let wind = DVec3::from_array(from_level(&axes, [a / slant, b / slant, 0.0]));
     let up = DVec3::from_array(site.up).normalize();
-    let shelter = occluders.shelter(fall, Some(threads));
-    let found = map(splats.len(), threads, |index| {
+    let shelter = occluders.shelter(fall);
+    let found = map(splats.len(), |index| {
         if splats.groups[index] == Group::Sky || !splats.is_sound(index) || splats.opacity(index) < SOLID {
             return None;
         }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::optics::{AirLayer, Atmosphere, Daylight, Site, sigma_of_mor};
-use crate::weather::Weather;
+use crate::weather::{Weather, WeatherSample};
 use proptest::prelude::*;
 use std::sync::Arc;
 use wm_render::hooks::Medium;
@@ -24,10 +24,14 @@ fn site(daylight: Daylight) -> Site {
 
 /// A sky as the words of `--set` make it; `picture` is what every panorama shows.
 fn dome(words: &[&str], picture: fn(usize) -> [f32; 3]) -> Dome {
+    weather(words, picture).prepare(&site(Daylight::Known)).dome.unwrap()
+}
+
+fn weather(words: &[&str], picture: fn(usize) -> [f32; 3]) -> WeatherSample {
     let mut weather = Weather::clear();
     words.iter().for_each(|word| weather.set_text(word).unwrap());
     weather.load_images(|_| Panorama::new(256, 128, picture).map(Arc::new)).unwrap();
-    weather.at(0.0).prepare(&site(Daylight::Known)).dome().unwrap().clone()
+    weather.at(0.0)
 }
 
 /// A picture of smooth colours with a hard edge at the horizon.
@@ -170,10 +174,7 @@ fn headings_turn_clockwise_from_the_x_axis() {
 #[test]
 fn the_airlight_is_the_skys_where_nothing_better_is_known() {
     let airlight = |words: &[&str], daylight| {
-        let mut weather = Weather::clear();
-        words.iter().for_each(|word| weather.set_text(word).unwrap());
-        weather.load_images(|_| Panorama::new(256, 128, waves).map(Arc::new)).unwrap();
-        let over = weather.at(0.0).prepare(&site(daylight));
+        let over = weather(words, waves).prepare(&site(daylight));
         // What is seen where nothing is left of anything else.
         over.air.reference([0.0; 3], UP, 1e30, [0.0; 3]).map(srgb_decode)
     };
@@ -205,7 +206,7 @@ fn a_sky_runs_between_keyframes() {
         "w",
     )
     .unwrap();
-    let color = weather.at(1.0).prepare(&site(Daylight::Known)).dome().unwrap().reference(1e-3, UP);
+    let color = weather.at(1.0).prepare(&site(Daylight::Known)).dome.unwrap().reference(1e-3, UP);
     // Half of the light.
     assert!(color.iter().all(|v| (v - srgb_encode(0.5)).abs() < 1e-9));
     for (text, want) in [

@@ -58,7 +58,7 @@ macro_rules! air {
             },
             contribute_as_paper: Some(|now, weather| {
                 let fog = AirParams::of(now.values).paper_fog(weather.site());
-                weather.add_paper_fog(fog);
+                weather.prepared.paper.push(fog);
             }),
         };
 

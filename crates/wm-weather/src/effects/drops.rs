@@ -118,7 +118,7 @@ macro_rules! drops {
             contribute_as_paper: Some(|now, weather| {
                 let own = DropsParams::of(now.values);
                 let fall = own.paper_fall(weather.site(), now.tracks, now.time);
-                weather.add_paper_fall(fall);
+                weather.prepared.paper_falls.push(fall);
             }),
         };
 

@@ -74,7 +74,7 @@ pub(crate) const EFFECT: Effect = Effect {
             let most = light.into_iter().fold(1e-6, f64::max);
             light.map(|v| v / most)
         });
-        weather.set_flood(Flood { level, ground, secchi, tint, fetch, seed: seed as u64 });
+        weather.prepared.flood = Some(Flood { level, ground, secchi, tint, fetch, seed: seed as u64 });
     },
     contribute_as_paper: None,
 };

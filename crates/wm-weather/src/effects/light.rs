@@ -394,7 +394,7 @@ fn depth(now: &EffectContext<'_>, site: &Site) -> [f64; 3] {
         (effect.contribute)(&EffectContext { values, ..*now }, &mut air);
     }
     let mut sum = [0.0; 3];
-    for layer in air.floating_air() {
+    for layer in &air.prepared.floating {
         let height = if layer.scale_height.is_finite() { layer.scale_height } else { AIR_HEIGHT_M };
         (0..3).for_each(|k| sum[k] += layer.sigma_t[k] * height);
     }

@@ -43,7 +43,7 @@ pub(crate) const EFFECT: Effect = Effect {
     params: RainbowParams::PARAMS,
     contribute: |now, weather| {
         let RainbowParams { brightness } = RainbowParams::of(now.values);
-        weather.add_pixels(Arc::new(Rainbow { brightness }));
+        weather.prepared.pixels.push(Arc::new(Rainbow { brightness }));
     },
     contribute_as_paper: Some(|_, _| {}),
 };

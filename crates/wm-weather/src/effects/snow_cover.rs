@@ -96,7 +96,7 @@ pub(crate) const EFFECT: Effect = Effect {
     contribute_as_paper: Some(|now, weather| {
         let params = SnowCoverParams::of(now.values);
         let defaults = PaperCover::default();
-        weather.set_paper_cover(PaperCover {
+        weather.prepared.paper_cover = Some(PaperCover {
             seed_cosine: params.paper_seed_cosine,
             fill_angle: params.paper_fill_angle,
             neighbours: params.paper_k as usize,

@@ -68,12 +68,9 @@ pub(crate) const EFFECT: Effect = Effect {
     params: WetnessParams::PARAMS,
     contribute: |now, weather| {
         let request = WetnessParams::of(now.values).request(now, weather.site());
-        weather.set_wetness(request);
+        weather.prepared.wetness = Some(request);
     },
-    contribute_as_paper: Some(|_, weather| {
-        let dry = dry(weather.site());
-        weather.set_wetness(dry);
-    }),
+    contribute_as_paper: Some(|_, weather| weather.prepared.wetness = Some(dry(weather.site()))),
 };
 
 /// Net radiation where nothing says what it is, and by night, W/m^2; the share of the light of the

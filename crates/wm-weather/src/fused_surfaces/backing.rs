@@ -33,7 +33,6 @@ pub(super) fn behind(
     is_hidden: &(dyn Fn(DVec3) -> bool + Sync),
     up: DVec3,
     metres_per_unit: f64,
-    threads: usize,
 ) -> Splats {
     let unit = 1.0 / metres_per_unit;
     let mut taken: PlaceMap<(IVec3, u32), ()> = PlaceMap::default();
@@ -43,7 +42,7 @@ pub(super) fn behind(
         .filter(|disc| !disc.is_edge && disc.normal.dot(up) < LEVEL)
         .filter(|disc| taken.insert((cube(disc), disc.normal.is_negative_bitmask()), ()).is_none())
         .collect();
-    let sizes = map(asked.len(), threads, |k| {
+    let sizes = map(asked.len(), |k| {
         let disc = asked[k];
         let middle = disc.point - BACKING_DEPTH_M * unit * disc.normal;
         let across = disc.normal.any_orthonormal_vector();

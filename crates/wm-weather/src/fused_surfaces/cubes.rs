@@ -159,10 +159,10 @@ impl Cubes {
 }
 
 /// Fuses the surfaces of all cameras in cubes; wide ones only where there are no narrow ones.
-pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Vec<Disc> {
+pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> Vec<Disc> {
     let level = level_matrix(up);
     let grid = Grid { level, cube: CUBE / metres_per_unit };
-    let each = map(views.len(), threads, |index| {
+    let each = map(views.len(), |index| {
         let mut cubes = Cubes::default();
         views[index].each_spot(grid.cube, |spot| {
             if let Some((cube, sums)) = grid.of(&spot) {
@@ -175,7 +175,7 @@ pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, thre
         }
         parts
     });
-    let merged = map(PARTS, threads, |part| {
+    let merged = map(PARTS, |part| {
         let mut cubes = Cubes::default();
         each.iter().flat_map(|parts| &parts[part]).for_each(|(cube, sums)| cubes.add(*cube, sums));
         cubes.all

@@ -146,8 +146,8 @@ impl FloorPlane {
 impl PhotoView {
     /// [`PhotoView::stop_at`] of all views.
     #[must_use]
-    pub fn stopped_at(views: &[Self], floors: &[FloorPlane], threads: usize) -> Vec<Self> {
-        map(views.len(), threads, |index| {
+    pub fn stopped_at(views: &[Self], floors: &[FloorPlane]) -> Vec<Self> {
+        map(views.len(), |index| {
             let mut view = views[index].clone();
             view.stop_at(floors);
             view

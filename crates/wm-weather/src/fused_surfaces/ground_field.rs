@@ -158,20 +158,20 @@ impl Lattice {
 impl GroundField {
     /// Puts what views show of the ground at a grazing angle onto the ground that all of them show.
     #[must_use]
-    pub fn snap(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Vec<PhotoView> {
-        let Some(field) = Self::new(views, up, metres_per_unit, threads) else { return views.to_vec() };
+    pub fn snap(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> Vec<PhotoView> {
+        let Some(field) = Self::new(views, up, metres_per_unit) else { return views.to_vec() };
         let field = Arc::new(field);
-        map(views.len(), threads, |index| views[index].clone().snapped_to(&field))
+        map(views.len(), |index| views[index].clone().snapped_to(&field))
     }
 
     /// Builds the field from what cameras see; `None` where they see next to no level surface.
     /// Under cameras that were carried over it at one height it is that far below them.
-    fn new(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
+    fn new(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> Option<Self> {
         let level = level_matrix(up);
         let cameras: Vec<DVec3> =
             views.iter().map(|view| level * view.camera.center() * metres_per_unit).collect();
         let middle = cameras.iter().sum::<DVec3>() / cameras.len().max(1) as f64;
-        let found = map(views.len(), threads, |index| {
+        let found = map(views.len(), |index| {
             let mut points = Vec::new();
             let stride = |apart: f64| STRIDES[usize::from(apart * metres_per_unit < DENSE)];
             views[index].each_level_point(stride, DVec3::from_array(up), LEVEL, |point, stride| {
@@ -188,11 +188,11 @@ impl GroundField {
         if points.iter().map(|(_, weight)| weight).sum::<f32>() < FEWEST {
             return None;
         }
-        let field = Self::fit(level, metres_per_unit, middle, &points, threads);
+        let field = Self::fit(level, metres_per_unit, middle, &points);
         let Some(height) = field.carried_at(&cameras) else { return Some(field) };
         let feet = cameras.iter().map(|camera| *camera - middle - DVec3::new(0.0, 0.0, height));
         points.extend(feet.map(|foot| (foot.as_vec3().to_array(), FOOT)));
-        Some(Self { is_path: true, ..Self::fit(level, metres_per_unit, middle, &points, threads) })
+        Some(Self { is_path: true, ..Self::fit(level, metres_per_unit, middle, &points) })
     }
 
     /// The height at which cameras (level axes, m) were carried by a person, m; `None` if they were
@@ -210,13 +210,7 @@ impl GroundField {
     }
 
     /// Fits points (level axes from `middle`, m) with their weights.
-    fn fit(
-        level: DMat3,
-        metres_per_unit: f64,
-        middle: DVec3,
-        points: &[([f32; 3], f32)],
-        threads: usize,
-    ) -> Self {
+    fn fit(level: DMat3, metres_per_unit: f64, middle: DVec3, points: &[([f32; 3], f32)]) -> Self {
         let reach = reach(points);
         let side = ((2.0 * reach / FINEST) as usize + 2).min(NODES);
         let spacing = 2.0 * reach / (side - 1) as f64;
@@ -256,7 +250,7 @@ impl GroundField {
             let doubt = support.map_or(f32::INFINITY, |(width, spread)| DOUBT[0] + DOUBT[1] * width + spread);
             (height + middle.z as f32, doubt)
         };
-        let (height, doubt) = map(side * side, threads, node).into_iter().unzip();
+        let (height, doubt) = map(side * side, node).into_iter().unzip();
         let corner = [middle.x - reach, middle.y - reach];
         Self { level, metres_per_unit, corner, spacing, side, height, doubt, is_path: false }
     }

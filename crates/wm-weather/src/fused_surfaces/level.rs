@@ -135,17 +135,17 @@ fn surroundings<S: Simd>(simd: S, own: &Disc, place: DVec3, reach: f64, about: &
 
 /// Moves each disc along the mean normal of those about it onto the plane through their middle, and
 /// turns it so.
-pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
+pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64) {
     let reach_of = |disc: &Disc| (FIELD / metres_per_unit).max(WIDTHS * disc.size);
     let mut reaches: Vec<f64> = discs.iter().map(reach_of).collect();
     reaches.sort_unstable_by(f64::total_cmp);
     reaches.dedup();
     let origin = discs.first().map_or(DVec3::ZERO, |disc| disc.point);
     for _ in 0..ROUNDS {
-        let grids = map(reaches.len(), threads, |k| Grid::of(discs, origin, reaches[k], reach_of));
+        let grids = map(reaches.len(), |k| Grid::of(discs, origin, reaches[k], reach_of));
         let cells: Vec<(&Grid, &(IVec3, Vec<u32>))> =
             grids.iter().flat_map(|grid| grid.own.iter().map(move |cell| (grid, cell))).collect();
-        let levelled = map(cells.len(), threads, |k| {
+        let levelled = map(cells.len(), |k| {
             let (grid, (cell, own)) = cells[k];
             grid.levelled(*cell, own, discs, origin)
         });

@@ -138,12 +138,12 @@ impl<'a> FusedSurfaces<'a> {
     /// Fuses the surfaces that the cameras see and keeps the splats that none sees. Equal for any
     /// number of threads.
     #[must_use]
-    pub fn from_views(splats: &'a Splats, views: &[PhotoView], site: &Site, threads: usize) -> Self {
+    pub fn from_views(splats: &'a Splats, views: &[PhotoView], site: &Site) -> Self {
         if views.is_empty() {
             return Self::from_splats(splats);
         }
         let metres_per_unit = site.metres_per_unit;
-        let witnesses = map(views.len(), threads, |index| views[index].witness());
+        let witnesses = map(views.len(), |index| views[index].witness());
         let hears_of = |middle: DVec3, radius: f64| {
             let mut said = CameraVotes::default();
             let word = |witness: &ViewEvidence| witness.word_of_ball(middle, radius, metres_per_unit);
@@ -151,20 +151,20 @@ impl<'a> FusedSurfaces<'a> {
             said
         };
         let hears = |point: DVec3| hears_of(point, 0.0);
-        let mut discs = cubes::fuse(views, site.up, metres_per_unit, threads);
+        let mut discs = cubes::fuse(views, site.up, metres_per_unit);
         let carve = |discs: &mut Vec<Disc>, is_asked: &(dyn Fn(usize, &Disc) -> bool + Sync)| {
             let is_free = |k: usize| is_asked(k, &discs[k]) && hears(discs[k].point).is_free();
-            let mut free = map(discs.len(), threads, is_free).into_iter();
+            let mut free = map(discs.len(), is_free).into_iter();
             discs.retain(|_| !free.next().unwrap_or(false));
         };
         // Before they are levelled, since what is not there levels nothing; and what that has moved
         // into the open.
         carve(&mut discs, &|_, _| true);
         let before: Vec<DVec3> = discs.iter().map(|disc| disc.point).collect();
-        level::level(&mut discs, metres_per_unit, threads);
+        level::level(&mut discs, metres_per_unit);
         let moved = MIN_MOVE_M / metres_per_unit;
         carve(&mut discs, &|k, disc| disc.point.distance_squared(before[k]) > moved * moved);
-        let stand_ins = map(splats.len(), threads, |index| match splats.groups[index] {
+        let stand_ins = map(splats.len(), |index| match splats.groups[index] {
             Group::Sky => StandIn::Itself,
             _ => {
                 let [a, b, c] = splats.scales(index);
@@ -173,7 +173,7 @@ impl<'a> FusedSurfaces<'a> {
         });
         let up = DVec3::from_array(site.up);
         let is_hidden = |point: DVec3| hears(point).through == 0;
-        let backing = backing::behind(&discs, &is_hidden, up, metres_per_unit, threads);
+        let backing = backing::behind(&discs, &is_hidden, up, metres_per_unit);
         let mut out = Splats::with_capacity(discs.len(), 0);
         for disc in &discs {
             let (wide, flat) = if disc.is_edge { (DISC_SIGMAS[1], 0.9) } else { (DISC_SIGMAS[0], FLAT) };
@@ -185,7 +185,7 @@ impl<'a> FusedSurfaces<'a> {
             });
         }
         let has_floor = stand_ins.contains(&StandIn::Floor);
-        let places = map(if has_floor { splats.len() } else { 0 }, threads, |index| {
+        let places = map(if has_floor { splats.len() } else { 0 }, |index| {
             let mean = DVec3::from_array(splats.means[index].map(f64::from));
             let seen = |view: &PhotoView| view.on_ground(mean);
             let nearest = match stand_ins[index] {

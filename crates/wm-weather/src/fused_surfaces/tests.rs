@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::shelter::{Occluders, ShelterOptions};
-use crate::testing::{SITE, photo_view as view};
+use crate::testing::{SITE, on_threads, photo_view as view};
 use wm_scene::Camera;
 use wm_scene::synthetic::Builder;
 
@@ -25,8 +25,8 @@ fn discs_lie_on_what_cameras_see_and_look_where_it_looks() {
     let eyes = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| DVec3::new(x, 0.0, 1.6));
     let views = eyes.map(|eye| view(camera(eye, DVec3::new(0.0, 8.0, 0.8)), yard));
     let splats = Splats::with_capacity(0, 0);
-    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
-    assert_eq!(scan, FusedSurfaces::from_views(&splats, &views, &SITE, 3), "equal for any number of threads");
+    let [scan, other] = on_threads([2, 3], || FusedSurfaces::from_views(&splats, &views, &SITE));
+    assert_eq!(scan, other, "equal for any number of threads");
     let (mut worst, mut turned, mut edges, mut count) = ([0.0; 2], [0, 0], [0, 0], [0, 0]);
     for index in 0..scan.oriented {
         let [_, y, z] = scan.splats.means[index].map(f64::from);
@@ -62,7 +62,7 @@ fn discs_stand_for_the_splats_that_are_seen() {
     let mut splats = wall.clone();
     splats.append(&place.build());
     let views = [-1.0, 1.0].map(|x| view(camera(DVec3::new(x, 0.0, 1.6), DVec3::new(0.0, 8.0, 1.6)), yard));
-    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
+    let scan = FusedSurfaces::from_views(&splats, &views, &SITE);
     let replaced = |range: std::ops::Range<usize>| {
         range.filter(|index| scan.stand_ins[*index] != StandIn::Itself).count()
     };
@@ -87,9 +87,9 @@ fn what_cameras_see_through_stops_nothing() {
     };
     let eyes = [DVec3::new(-1.0, 4.0, 1.2), DVec3::new(4.0, -1.0, 1.2), DVec3::new(9.0, 4.0, 1.2)];
     let shelters = |views: &[PhotoView]| {
-        let scan = FusedSurfaces::from_views(&splats, views, &SITE, 2);
+        let scan = FusedSurfaces::from_views(&splats, views, &SITE);
         let shelter =
-            Occluders::of(&scan.splats, &SITE, &ShelterOptions::default()).shelter([0.0, 0.0, -1.0], Some(2));
+            Occluders::of(&scan.splats, &SITE, &ShelterOptions::default()).shelter([0.0, 0.0, -1.0]);
         assert!(shelter.is_exposed([1.0, 1.0, 0.3]));
         !shelter.is_exposed([4.0, 4.0, 0.3])
     };
@@ -125,7 +125,7 @@ fn the_ground_of_a_walk_is_where_it_must_be() {
         eyes.iter().map(|eye| view(camera(*eye, *eye + DVec3::new(0.0, 10.0, 0.0)), seen)).collect();
     views.iter_mut().for_each(|view| view.stop_at(&floors));
     let splats = Splats::with_capacity(0, 0);
-    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
+    let scan = FusedSurfaces::from_views(&splats, &views, &SITE);
     let (mut off, mut ground, mut wall) = (0.0f64, 0, 0);
     for mean in &scan.splats.means {
         let [x, y, z] = mean.map(f64::from);
@@ -175,7 +175,7 @@ fn the_ground_of_a_court_is_where_all_cameras_are_as_high() {
     place.surface(DVec3::new(-1.0, 12.0, 0.1), DVec3::X * 2.0, DVec3::Z * 0.1, 0.05, |_, _| [0.5; 3]);
     let junk = place.build();
     views.iter_mut().for_each(|view| view.stop_at(&[floor]));
-    let scan = FusedSurfaces::from_views(&junk, &views, &SITE, 2);
+    let scan = FusedSurfaces::from_views(&junk, &views, &SITE);
     assert!(scan.stand_ins.iter().all(|it| *it == StandIn::Floor), "{:?}", scan.stand_ins);
     // Row by row pixels are metres apart out there; the floor is closed all the same.
     let mut rows = vec![0; off as usize];
@@ -231,7 +231,7 @@ fn ground_at_a_grazing_angle_is_closed_and_posts_stay() {
     // Square metres of ground 12 to 25 m before the last camera that have discs within 0.2 m of it;
     // and discs of the post.
     let found = |views: &[PhotoView]| {
-        let scan = FusedSurfaces::from_views(&splats, views, &SITE, 2);
+        let scan = FusedSurfaces::from_views(&splats, views, &SITE);
         let (mut closed, mut upright, mut lump) = (std::collections::BTreeSet::new(), 0, 0);
         for mean in &scan.splats.means {
             let place = DVec3::from_array(mean.map(f64::from));
@@ -247,12 +247,11 @@ fn ground_at_a_grazing_angle_is_closed_and_posts_stay() {
         (closed.len(), upright, lump)
     };
     let before = found(&views);
-    let snapped = GroundField::snap(&views, SITE.up, SITE.metres_per_unit, 2);
+    let [snapped, again] = on_threads([2, 3], || GroundField::snap(&views, SITE.up, SITE.metres_per_unit));
     let after = found(&snapped);
     println!("closed metres of {}, discs of the post and of the lump: {before:?}, then {after:?}", 13 * 8);
     assert!(before.0 < 90 && after.0 >= 100, "{before:?} {after:?}");
     assert!(after.1 > 10 && after.1 * 4 >= before.1 * 3, "{before:?} {after:?}");
     assert!(before.2 > 20 && after.2 == 0, "{before:?} {after:?}");
-    let again = GroundField::snap(&views, SITE.up, SITE.metres_per_unit, 3);
     assert!(again.iter().zip(&snapped).all(|(a, b)| a.depth == b.depth), "equal for any number of threads");
 }

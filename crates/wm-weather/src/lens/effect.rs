@@ -6,7 +6,7 @@ use super::geometry::GlassView;
 use super::layer::{DropLayer, LayerScale};
 use super::veil::Haze;
 use super::wide::WideView;
-use crate::linear_picture::{decode, encode};
+use crate::linear_picture::convert;
 use rayon::prelude::*;
 use wm_render::hooks::GROUP;
 use wm_render::simd::{Lanes, SimdPath};
@@ -126,14 +126,14 @@ impl RowBlend {
             let pixel = &pixels[self.columns[i]];
             (0..3).for_each(|k| light[k][i] = pixel[k].max(0.0));
         }
-        decode(simd, &mut light);
+        convert::<S, false>(simd, &mut light);
         for k in 0..3 {
             for i in 0..GROUP {
                 let seen = light[k][i] * (1.0 - self.drops[3][i]) + self.drops[k][i];
                 light[k][i] = seen * self.haze[3][i] + self.haze[k][i];
             }
         }
-        encode(simd, &mut light);
+        convert::<S, true>(simd, &mut light);
         for i in 0..self.count {
             pixels[self.columns[i]] = [light[0][i], light[1][i], light[2][i]];
         }

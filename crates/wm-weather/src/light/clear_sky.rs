@@ -21,7 +21,7 @@
 
 use crate::optics::WAVELENGTHS;
 use std::f64::consts::{FRAC_PI_2, PI};
-use table::TABLE;
+use table::control_points;
 
 mod table;
 
@@ -160,7 +160,7 @@ impl Channel {
         let mut mixed = [0.0; 10];
         for (ground, ground_weight) in [(0, 1.0 - albedo), (1, albedo)] {
             for (row, row_weight) in [(clearer - 1, 1.0 - share), (clearer, share)] {
-                for (point, weight) in TABLE[channel][ground][row].iter().zip(control) {
+                for (point, weight) in control_points(channel, ground, row).iter().zip(control) {
                     let weight = ground_weight * row_weight * weight;
                     (0..10).for_each(|k| mixed[k] += weight * f64::from(point[k]));
                 }

@@ -73,7 +73,6 @@ impl LightGains {
         casts: LightCasts<'_>,
         points: Option<&[[f32; 3]]>,
         up: [f64; 3],
-        threads: usize,
     ) -> Self {
         let LightCasts { shadows, lamps } = casts;
         let lamps = lamps.filter(|_| new.lamps > 0.0);
@@ -83,8 +82,7 @@ impl LightGains {
             shadows.is_some() || (capture.takes_another_sun(new.is_diffuse) && new.light.sun == [0.0; 3]);
         let follows = if is_moved { capture.takes_another_sun(new.is_diffuse) } else { capture.is_split() };
         let before_mean = capture.mean(&capture.light);
-        let after_mean =
-            shadows.map_or_else(|| capture.mean(&new.light), |shadows| capture.mean_in(&new.light, shadows));
+        let after_mean = capture.mean_in(&new.light, shadows);
         let light = |index: usize| {
             let lamps = lamps.map_or([0.0; 3], |lamps| lamps.lit(index).map(|v| f64::from(v) * new.lamps));
             if !follows {
@@ -95,18 +93,18 @@ impl LightGains {
                 };
             }
             let old = capture.surface(index, up);
-            let lit = shadows.map_or(old, |shadows| capture.surface_in(index, up, shadows));
+            let lit = capture.surface_beside(index, capture.normal(index), up, shadows);
             SplatIrradiances {
                 before: old.irradiance(&capture.light, before_mean),
                 sky: add(without_sun(&lit, &new.light, after_mean), lamps),
                 beam: beam(&lit, &new.light),
             }
         };
-        let gains = map(capture.len(), threads, |index| {
+        let gains = map(capture.len(), |index| {
             if capture.is_sky(index) { [new.sky_gain as f32; 3] } else { light(index).gain() }
         });
         let moving = points.map_or_else(Vec::new, |points| {
-            map(capture.len(), threads, |index| {
+            map(capture.len(), |index| {
                 if capture.is_sky(index) {
                     return MovingSplat::default();
                 }
@@ -134,12 +132,10 @@ impl LightGains {
         casts: LightCasts<'_>,
         moves: bool,
         up: [f64; 3],
-        threads: usize,
     ) -> Self {
         let LightCasts { shadows, lamps } = casts;
         let lamps = lamps.filter(|_| new.lamps > 0.0);
-        let mean =
-            shadows.map_or_else(|| capture.mean(&new.light), |shadows| capture.mean_in(&new.light, shadows));
+        let mean = capture.mean_in(&new.light, shadows);
         let light = |index: usize| {
             let normal = placed.normal(index);
             let lamps = lamps.map_or([0.0; 3], |lamps| {
@@ -148,15 +144,15 @@ impl LightGains {
             });
             let surface = placed.surface(index, capture, up, shadows);
             SplatIrradiances {
-                before: [1.0 / capture.exposure(); 3],
+                before: [1.0 / capture.exposure; 3],
                 sky: add(without_sun(&surface, &new.light, mean), lamps),
                 beam: beam(&surface, &new.light),
             }
         };
-        let exposure = capture.exposure();
-        let gains = map(placed.len(), threads, |index| light(index).total().map(|v| (exposure * v) as f32));
+        let exposure = capture.exposure;
+        let gains = map(placed.len(), |index| light(index).total().map(|v| (exposure * v) as f32));
         let moving = if moves {
-            map(placed.len(), threads, |index| {
+            map(placed.len(), |index| {
                 let open = placed.surface(index, capture, up, shadows).open[0];
                 MovingSplat::new(placed.point(index), placed.normal(index), open, &light(index))
             })

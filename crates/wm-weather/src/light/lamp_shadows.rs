@@ -104,9 +104,9 @@ impl LampShadows {
         capture: &CaptureLight,
         points: &[[f32; 3]],
         site: &Site,
-        threads: usize,
     ) -> Result<Self, RenderError> {
-        let mut renderer = CpuRenderer::new(CpuConfig { threads: Some(threads), ..CpuConfig::default() })?;
+        let threads = Some(rayon::current_num_threads());
+        let mut renderer = CpuRenderer::new(CpuConfig { threads, ..CpuConfig::default() })?;
         let set = renderer.load(surfaces)?;
         let sets = [SetView::plain(set)];
         let mut frame = Frame::default();
@@ -139,7 +139,7 @@ impl LampShadows {
             metres_per_unit: site.metres_per_unit as f32,
             lift: (ROUGH * roughness(surfaces, site)).clamp(LIFT[0], LIFT[1]),
         };
-        lit.lit = map(points.len(), threads, |index| {
+        lit.lit = map(points.len(), |index| {
             if capture.is_sky(index) {
                 return [0.0; 3];
             }

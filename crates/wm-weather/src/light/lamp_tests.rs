@@ -8,6 +8,7 @@ use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{AirLayer, Atmosphere, CapturedSky, Site, sigma_of_mor};
 use crate::shelter::{Occluders, ShelterOptions};
+use crate::testing::on_threads;
 use fearless_simd::SimdBase;
 use glam::{DVec3, Vec3};
 use std::array::from_fn;
@@ -50,12 +51,12 @@ fn yard() -> Splats {
     splats
 }
 
-fn lit(lamp: Lamp, splats: &Splats, threads: usize) -> (CaptureLight, LampShadows) {
+fn lit(lamp: Lamp, splats: &Splats) -> (CaptureLight, LampShadows) {
     let occluders = Occluders::of(splats, &SITE, &ShelterOptions::default());
     let found = FusedSurfaces::from_splats(splats);
-    let capture = CaptureLight::split(splats, &found, &occluders, KnownSun::default(), &[], &SITE, threads);
+    let capture = CaptureLight::split(splats, &found, &occluders, KnownSun::default(), &[], &SITE);
     let lamps = LampLights::of(&[lamp], &[], 1.0);
-    let shadows = LampShadows::of(&lamps, splats, &capture, &splats.means, &SITE, threads).unwrap();
+    let shadows = LampShadows::of(&lamps, splats, &capture, &splats.means, &SITE).unwrap();
     (capture, shadows)
 }
 
@@ -65,8 +66,8 @@ fn lit(lamp: Lamp, splats: &Splats, threads: usize) -> (CaptureLight, LampShadow
 fn a_lamp_lights_the_yard_up_to_the_shadow_of_its_wall() {
     let splats = yard();
     let lamp = Lamp { aim: Some([0.0, 0.0, -1.0]), kelvin: 4_000.0, ..Lamp::new([0.0, 0.0, 4.0]) };
-    let (capture, shadows) = lit(lamp, &splats, 2);
-    assert_eq!(lit(lamp, &splats, 1).1, shadows);
+    let [(capture, shadows), (_, on_one)] = on_threads([2, 1], || lit(lamp, &splats));
+    assert_eq!(on_one, shadows);
     let direct = |x: f64, y: f64| {
         let squared = x * x + y * y + 16.0;
         5_000.0 / PI * 16.0 / (squared * squared)
@@ -86,7 +87,7 @@ fn a_lamp_lights_the_yard_up_to_the_shadow_of_its_wall() {
     let near = NearSplats::new(&splats.means, &capture, &SITE);
     let mut board = Splats::with_capacity(0, 0);
     board.push(&surfel([1.5, -1.0, 0.05], DVec3::Z, DVec3::X, [0.1, 0.1, 0.01], [0.5; 3], 0.98));
-    let placed = PlacedSurfaces::of(&board, &near, &SITE, 1);
+    let placed = PlacedSurfaces::of(&board, &near, &SITE);
     let on_board = shadows.irradiance(Vec3::from_array(placed.point(0)), placed.normal(0)).y;
     assert!((f64::from(on_board) / direct(1.5, -1.0) - 1.0).abs() < 0.04, "{on_board}");
 }
@@ -104,7 +105,7 @@ fn open_all<S: Lanes>(simd: S, cube: &DepthCube, offsets: &[[f32; 16]; 3]) -> [f
 
 #[test]
 fn many_points_at_once_are_as_open_as_each() {
-    let (_, shadows) = lit(Lamp { kelvin: 4_000.0, ..Lamp::new([0.0, 0.0, 3.0]) }, &yard(), 1);
+    let (_, shadows) = lit(Lamp { kelvin: 4_000.0, ..Lamp::new([0.0, 0.0, 3.0]) }, &yard());
     let (_, cube) = shadows.sources().next().unwrap();
     let mut open = 0;
     for group in 0..200u64 {
@@ -196,7 +197,7 @@ fn the_halo_is_the_integral() {
         let lamp = LampLight::of_lamp(&Lamp { radius: 0.05, kelvin: 4_000.0, ..Lamp::new(place.to_array()) });
         let air = fog(mor);
         let lamps = LampsOn { lights: &[(lamp, None)], display: 1e-3 };
-        let glow = LampGlow::new(&lamps, &camera, &air, &Site::PLAIN, SimdPath::widest(), 2);
+        let glow = LampGlow::new(&lamps, &camera, &air, &Site::PLAIN, SimdPath::widest());
         let picture = added(&glow, &camera, None);
         let (u, v, _) = camera.project(place).unwrap();
         for (dx, dy) in
@@ -219,7 +220,7 @@ fn the_air_before_a_wall_shows_its_own_light() {
     let lamp = LampLight::of_lamp(&Lamp { radius: 0.05, kelvin: 4_000.0, ..Lamp::new(place.to_array()) });
     let air = fog(60.0);
     let lamps = LampsOn { lights: &[(lamp, None)], display: 1e-3 };
-    let glow = LampGlow::new(&lamps, &camera, &air, &Site::PLAIN, SimdPath::widest(), 1);
+    let glow = LampGlow::new(&lamps, &camera, &air, &Site::PLAIN, SimdPath::widest());
     for depth in [6.0, 15.0, 40.0] {
         let picture = added(&glow, &camera, Some(depth as f32));
         for (px, py) in [(100.0, 240.0), (320.0, 100.0), (500.0, 400.0)] {
@@ -249,7 +250,6 @@ fn the_picture_of_a_lamp_holds_its_light() {
             &Atmosphere::new(vec![], Site::PLAIN),
             &Site::PLAIN,
             SimdPath::widest(),
-            1,
         );
         let seen = |glow: &LampGlow| {
             let picture = added(glow, &camera, None);
@@ -264,7 +264,7 @@ fn the_picture_of_a_lamp_holds_its_light() {
         // In fog by the whole extinction, without the light in the air.
         if mor.is_finite() {
             let dim = LampsOn { lights: &[(lamp, None)], display: display as f32 };
-            let mut glow = LampGlow::new(&dim, &camera, &fog(mor), &Site::PLAIN, SimdPath::widest(), 1);
+            let mut glow = LampGlow::new(&dim, &camera, &fog(mor), &Site::PLAIN, SimdPath::widest());
             glow.clear_air_light();
             let kept = (-2.995_732_273_553_991 / mor * distance).exp();
             assert!((seen(&glow) / (want * kept) - 1.0).abs() < 0.01, "{x} m in fog");
@@ -335,7 +335,7 @@ fn a_lamp_in_a_wall_is_told_and_one_in_its_lantern_is_not() {
         (DVec3::new(-4.0, 0.0, 2.8), true),
         (DVec3::new(-4.0, 0.0, 3.3), false),
     ] {
-        let shadows = lit(Lamp::new(at.to_array()), &splats, 2).1;
+        let shadows = lit(Lamp::new(at.to_array()), &splats).1;
         assert_eq!(shadows.enclosed().count(), usize::from(is_inside), "{at}");
     }
 }

@@ -23,24 +23,19 @@ const COARSE: f64 = 2.0;
 
 /// The shares of [`SurfaceLight::open`] of each surface. What is no surface looks to all sides.
 /// Normals whose outside is not known are turned to the side that sees more of the sky.
-pub(super) fn find(
-    surfaces: &mut Surfaces,
-    occluders: &Occluders,
-    site: &Site,
-    threads: usize,
-) -> Vec<[f32; 2]> {
+pub(super) fn find(surfaces: &mut Surfaces, occluders: &Occluders, site: &Site) -> Vec<[f32; 2]> {
     let axes = level_axes(site.up);
     let coarse = occluders.sketched(COARSE);
     let golden = TAU * 0.618_033_988_75;
-    let looks = map(DIRECTIONS, threads, |i| {
+    let looks = map(DIRECTIONS, |i| {
         let z = (i as f64 + 0.5) / DIRECTIONS as f64;
         let (sin, cos) = (golden * i as f64).sin_cos();
         let level = (1.0 - z * z).sqrt();
         let towards = from_level(&axes, [level * cos, level * sin, z]);
-        let map = coarse.shelter(towards.map(|v| -v), Some(1));
+        let map = coarse.shelter(towards.map(|v| -v));
         (Vec3::from_array(towards.map(|v| v as f32)), z as f32, map)
     });
-    let found = map(surfaces.len(), threads, |i| {
+    let found = map(surfaces.len(), |i| {
         let (point, normal) = (surfaces.points[i], surfaces.normals[i]);
         let own = shares(&looks, point, normal, site);
         if i < surfaces.oriented || normal == Vec3::ZERO {
@@ -51,7 +46,7 @@ pub(super) fn find(
     });
     let (normals, open): (Vec<Vec3>, Vec<[f32; 2]>) = found.into_iter().unzip();
     surfaces.normals = normals;
-    smoothed(surfaces, &open, site, threads)
+    smoothed(surfaces, &open, site)
 }
 
 /// The surfaces of one cube that look the same way.
@@ -64,7 +59,7 @@ struct Block {
 /// Removes the faults of rough captures: where sheets of one surface lie above each other, the
 /// lower ones see no sky. In each block the better values count, and surfaces take the mean of the
 /// blocks around them.
-fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site, threads: usize) -> Vec<[f32; 2]> {
+fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site) -> Vec<[f32; 2]> {
     let width = (BLOCK / site.metres_per_unit) as f32;
     let reach = REACH * width;
     let cube = |point: Vec3| (point / width).floor().as_ivec3();
@@ -84,7 +79,7 @@ fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site, threads: usize)
         };
         blocks.insert(key(run[0]), Block { middle, open: [better(0), better(1)] });
     }
-    map(surfaces.len(), threads, |i| {
+    map(surfaces.len(), |i| {
         let (point, (middle, side)) = (surfaces.points[i], key(i));
         let (mut sums, mut weights) = ([0.0f32; 2], 0.0f32);
         let ways =

@@ -144,9 +144,9 @@ pub struct PlacedSurfaces {
 impl PlacedSurfaces {
     /// The surfaces of splats that lie on a scene.
     #[must_use]
-    pub fn of(splats: &Splats, near: &NearSplats, site: &Site, threads: usize) -> Self {
+    pub fn of(splats: &Splats, near: &NearSplats, site: &Site) -> Self {
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let normals = map(splats.len(), threads, |index| {
+        let normals = map(splats.len(), |index| {
             let rows = quat::to_matrix(splats.quats[index].map(f64::from));
             let axis = shortest_axis(splats.log_scales[index]);
             let normal = Vec3::from_array(rows.map(|row| row[axis] as f32));
@@ -154,8 +154,8 @@ impl PlacedSurfaces {
             if normal.dot(up) < -1e-3 { -normal } else { normal }
         });
         let points = splats.means.clone();
-        let beside = map(splats.len(), threads, |index| near.near(Vec3::from_array(points[index])));
-        let open = map(splats.len(), threads, |index| near.level_open(Vec3::from_array(points[index])));
+        let beside = map(splats.len(), |index| near.near(Vec3::from_array(points[index])));
+        let open = map(splats.len(), |index| near.level_open(Vec3::from_array(points[index])));
         Self { points, normals, beside, open }
     }
 

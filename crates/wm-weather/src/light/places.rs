@@ -81,8 +81,8 @@ impl Surfaces {
 
     /// Median distance from a surface to the nearest other, as far as `most`, scene units: what is
     /// finer is not known.
-    pub(crate) fn spacing(&self, most: f32, threads: usize) -> f32 {
-        median_spacing(&self.points, most, threads)
+    pub(crate) fn spacing(&self, most: f32) -> f32 {
+        median_spacing(&self.points, most)
     }
 }
 
@@ -92,10 +92,10 @@ fn octant(direction: Vec3) -> u32 {
 }
 
 /// Median distance from a point to the nearest other, as far as `most`.
-pub(crate) fn median_spacing(points: &[Vec3], most: f32, threads: usize) -> f32 {
+pub(crate) fn median_spacing(points: &[Vec3], most: f32) -> f32 {
     let grid = PointGrid::new(points, most);
     let asked = points.len().min(SAMPLED);
-    let mut nearest = map(asked, threads, |k| {
+    let mut nearest = map(asked, |k| {
         let index = k * points.len() / asked;
         let others = grid.near(points[index]).filter(|other| *other != index);
         others.map(|other| points[other].distance(points[index])).fold(most, f32::min)

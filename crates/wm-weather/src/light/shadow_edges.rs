@@ -68,11 +68,11 @@ struct EdgeSurface {
 impl ShadowEdges {
     /// Finds the neighbours, up to `reach` (scene units) away, of the surfaces whose mapped light
     /// is not sure.
-    pub(crate) fn new(surfaces: &Surfaces, is_sure: &[bool], reach: f32, threads: usize) -> Self {
+    pub(crate) fn new(surfaces: &Surfaces, is_sure: &[bool], reach: f32) -> Self {
         let asked: Vec<usize> =
             (0..surfaces.len()).filter(|i| !is_sure[*i] && surfaces.normals[*i] != Vec3::ZERO).collect();
         let grid = PointGrid::new(&surfaces.points, reach);
-        let found = map(asked.len(), threads, |k| {
+        let found = map(asked.len(), |k| {
             let i = asked[k];
             let (point, normal, light) = (surfaces.points[i], surfaces.normals[i], surfaces.light[i]);
             let is_like = |other: &usize| {
@@ -104,7 +104,7 @@ impl ShadowEdges {
 
     /// The share of the sun that each surface sees. `amounts` are its irradiances in shade and in
     /// full sun, `mapped` the share by the map.
-    pub(crate) fn shares(&self, amounts: &[[f32; 2]], mapped: &[f32], threads: usize) -> Vec<f32> {
+    pub(crate) fn shares(&self, amounts: &[[f32; 2]], mapped: &[f32]) -> Vec<f32> {
         let of_share = |i: usize, share: f32| {
             let [shade, sunny] = amounts[i];
             (shade + (sunny - shade) * share).max(DARKEST).ln()
@@ -120,7 +120,7 @@ impl ShadowEdges {
         let mut reflectance: Vec<f32> =
             self.color.iter().zip(&light).map(|(color, light)| color - light).collect();
         for _ in 0..ROUNDS {
-            let told = map(self.unsure.len(), threads, |k| {
+            let told = map(self.unsure.len(), |k| {
                 let EdgeSurface { index, first, end } = self.unsure[k];
                 let index = index as usize;
                 let ([prior, shade, sunny], own) = (limits[k], reflectance[index]);
@@ -240,6 +240,7 @@ fn log_luminance(light: Vec3) -> f32 {
 mod tests {
     use super::*;
     use crate::cover::surfel;
+    use crate::testing::on_threads;
     use glam::DVec3;
     use wm_base::random::uniform;
 
@@ -265,14 +266,14 @@ mod tests {
             Surfaces { normals: vec![Vec3::Z; points.len()], oriented: points.len(), light, points };
         let mapped: Vec<f32> = surfaces.points.iter().map(share(OFF)).collect();
         let is_sure: Vec<bool> = surfaces.points.iter().map(|point| (point.x - OFF).abs() > 0.8).collect();
-        let edges = ShadowEdges::new(&surfaces, &is_sure, 0.35, 2);
-        let shares = edges.shares(&vec![amounts; surfaces.len()], &mapped, 2);
+        let edges = ShadowEdges::new(&surfaces, &is_sure, 0.35);
+        let [shares, on_more] = on_threads([7, 2], || edges.shares(&vec![amounts; surfaces.len()], &mapped));
         let wrong = |shares: &[f32]| {
             let pairs = surfaces.points.iter().zip(shares);
             pairs.filter(|(point, own)| (share(0.0)(point) - **own).abs() > 0.4).count()
         };
         assert!(wrong(&mapped) >= 240 && wrong(&shares) < 12, "{} of {}", wrong(&shares), wrong(&mapped));
-        assert_eq!(shares, edges.shares(&vec![amounts; surfaces.len()], &mapped, 7));
+        assert_eq!(shares, on_more);
         // What is sure stays.
         assert!((0..surfaces.len()).all(|i| !is_sure[i] || shares[i] == mapped[i]));
     }

@@ -122,14 +122,14 @@ pub(super) fn same_material(a: Vec3, b: Vec3) -> bool {
 }
 
 /// Finds pairs, about one a point that is asked.
-pub(super) fn pairs(surfaces: &Surfaces, apart: [f32; 2], site: &Site, threads: usize) -> Vec<Pair> {
+pub(super) fn pairs(surfaces: &Surfaces, apart: [f32; 2], site: &Site) -> Vec<Pair> {
     let scale = 1.0 / site.metres_per_unit as f32;
     let grid = PointGrid::new(&surfaces.points, apart[1] * scale);
     let solid: Vec<u32> =
         (0..surfaces.len() as u32).filter(|i| surfaces.normals[*i as usize] != Vec3::ZERO).collect();
     let chosen = RandomStream::new(1, 0x5041_4952u64, 0);
     let asked = solid.len().min(MAX_PAIR_POINTS);
-    let found = map(asked, threads, |k| {
+    let found = map(asked, |k| {
         let index = solid[k * solid.len() / asked] as usize;
         let (point, normal, light) = (surfaces.points[index], surfaces.normals[index], surfaces.light[index]);
         let is_partner = |other: usize| {
@@ -152,8 +152,8 @@ pub(super) fn pairs(surfaces: &Surfaces, apart: [f32; 2], site: &Site, threads: 
 }
 
 /// The map of what stands between a place and the sun.
-pub(super) fn sun_map(occluders: &Occluders, sun: [f64; 3], threads: usize) -> Shelter {
-    occluders.shelter(sun.map(|v| -v), Some(threads))
+pub(super) fn sun_map(occluders: &Occluders, sun: [f64; 3]) -> Shelter {
+    occluders.shelter(sun.map(|v| -v))
 }
 
 /// The place of a surface from which it looks at the sky, above its own roughness.
@@ -190,7 +190,7 @@ pub(super) fn ground_pairs(
 /// The score of a direction: the evidence of the pairs of which it lights one point and not the
 /// other, over its deviation.
 fn score(surfaces: &Surfaces, pairs: &[GroundPair], sun: [f64; 3], occluders: &Occluders, tells: f32) -> f64 {
-    let map = sun_map(occluders, sun, 1);
+    let map = sun_map(occluders, sun);
     let lit = |index: u32| {
         let index = index as usize;
         map.lit_within(surfaces.points[index], surfaces.normals[index], tells)
@@ -242,7 +242,6 @@ pub(super) fn find_sun(
     coarseness: f32,
     site: &Site,
     elevation: Option<f64>,
-    threads: usize,
 ) -> Option<FoundSun> {
     let wide = ground_pairs(surfaces, open, wide, site);
     if wide.is_empty() {
@@ -266,7 +265,7 @@ pub(super) fn find_sun(
     // Quick maps rank the best directions among the first, at a third of the work of the maps that
     // score them.
     let quick = occluders.sketched(QUICK_CELLS);
-    let guesses = map(tried.len(), threads, |k| score(surfaces, &wide, tried[k], &quick, tells));
+    let guesses = map(tried.len(), |k| score(surfaces, &wide, tried[k], &quick, tells));
     let mut ranked: Vec<usize> = (0..tried.len()).collect();
     ranked.sort_by(|a, b| guesses[*b].total_cmp(&guesses[*a]));
     let is_far = |a: usize, b: usize| along(tried[a], tried[b]) < OTHER_DIRECTION_COSINE;
@@ -274,7 +273,7 @@ pub(super) fn find_sun(
     let mut kept: Vec<usize> = ranked.iter().take(MAX_CANDIDATES).chain(rivals).copied().collect();
     kept.sort_unstable();
     kept.dedup();
-    let scores = map(kept.len(), threads, |k| score(surfaces, &wide, tried[kept[k]], &coarse, tells));
+    let scores = map(kept.len(), |k| score(surfaces, &wide, tried[kept[k]], &coarse, tells));
     let best_of = |is_asked: &dyn Fn(usize) -> bool| {
         let asked = kept.iter().zip(&scores).filter(|(k, _)| is_asked(**k));
         asked.max_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| *k)
@@ -285,7 +284,7 @@ pub(super) fn find_sun(
     // The true direction of either lies between those that were tried.
     let closer = |at: usize| {
         let around = about(tried[at], WIDE_STEP, WIDE_RINGS);
-        let scores = map(around.len(), threads, |k| score(surfaces, &wide, around[k], &coarse, tells));
+        let scores = map(around.len(), |k| score(surfaces, &wide, around[k], &coarse, tells));
         (raised(centred(&around, &scores, WIDE_PAIR_WEIGHT)), scores.into_iter().fold(0.0, f64::max))
     };
     let [mut own, mut rival] = [closer(best), far.map_or((tried[best], 0.0), closer)];
@@ -301,7 +300,7 @@ pub(super) fn find_sun(
     let fine = occluders.sketched(FINE_CELLS);
     let around = about(direction, NARROW_STEP, NARROW_RINGS);
     let tells = coarseness * NARROW_PAIR_GROUND_M;
-    let scores = map(around.len(), threads, |k| score(surfaces, &narrow, around[k], &fine, tells));
+    let scores = map(around.len(), |k| score(surfaces, &narrow, around[k], &fine, tells));
     // Rough geometry says nothing more finely.
     let is_told = scores.iter().any(|score| *score >= LEAST_SCORE);
     let direction = if is_told { raised(centred(&around, &scores, NARROW_PAIR_WEIGHT)) } else { direction };

@@ -27,8 +27,8 @@ impl ShadowCasters {
     /// The places of the splats of a scene (world axes, scene units), and what stands between them
     /// and the sky.
     #[must_use]
-    pub fn new(points: Vec<[f32; 3]>, occluders: &Occluders, threads: usize) -> Self {
-        let fine = occluders.spacing(threads) / occluders.cell();
+    pub fn new(points: Vec<[f32; 3]>, occluders: &Occluders) -> Self {
+        let fine = occluders.spacing() / occluders.cell();
         let occluders = occluders.coarser(fine.clamp(CELLS[0], CELLS[1]));
         Self { occluders, points }
     }
@@ -42,29 +42,23 @@ pub struct SunShadows {
     /// 255 is all of the sun.
     seen: Vec<u8>,
     /// Mean over the splats of the sun's incidence times its share.
-    mean: f64,
+    pub(super) mean: f64,
 }
 
 impl SunShadows {
     /// The shadows that `casters` cast on the splats of a scene. `direction` is towards the sun,
     /// world axes, length 1.
     #[must_use]
-    pub fn of(
-        casters: &ShadowCasters,
-        capture: &CaptureLight,
-        direction: [f64; 3],
-        site: &Site,
-        threads: usize,
-    ) -> Self {
-        let shadow_map = sun_map(&casters.occluders, direction, threads);
-        let seen = map(casters.points.len(), threads, |index| {
+    pub fn of(casters: &ShadowCasters, capture: &CaptureLight, direction: [f64; 3], site: &Site) -> Self {
+        let shadow_map = sun_map(&casters.occluders, direction);
+        let seen = map(casters.points.len(), |index| {
             let point = Vec3::from_array(casters.points[index]);
             (255.0 * shadow_map.lit(point, capture.normal(index), SUN)).round() as u8
         });
         let mut shadows = Self { direction, seen, mean: 0.0 };
         let (mut sum, mut count) = (0.0, 0.0f64);
         for index in (0..casters.points.len()).filter(|index| !capture.is_sky(*index)) {
-            let surface = capture.surface_in(index, site.up, &shadows);
+            let surface = capture.surface_beside(index, capture.normal(index), site.up, Some(&shadows));
             sum += surface.incidence * surface.sun;
             count += 1.0;
         }
@@ -93,10 +87,5 @@ impl SunShadows {
     /// The share of the sun that a splat sees, 0-1.
     pub(crate) fn seen(&self, index: usize) -> f32 {
         f32::from(self.seen[index]) / 255.0
-    }
-
-    /// Mean over the splats of the sun's incidence times its share.
-    pub(super) fn mean(&self) -> f64 {
-        self.mean
     }
 }

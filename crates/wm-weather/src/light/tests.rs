@@ -6,7 +6,7 @@ use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
 use crate::shelter::{Occluders, ShelterOptions};
-use crate::testing;
+use crate::testing::{self, on_threads};
 use glam::DVec3;
 use wm_base::color::{luminance, srgb_encode};
 use wm_base::random::uniform;
@@ -82,23 +82,17 @@ fn site() -> Site {
     Site { metres_per_unit: 1.0, up: [0.0, 0.0, 1.0], ground: 0.0, ..testing::SITE }
 }
 
-fn split(splats: &Splats, threads: usize) -> CaptureLight {
-    split_at(&site(), splats, threads)
+fn split(splats: &Splats) -> CaptureLight {
+    split_at(&site(), splats)
 }
 
-fn split_at(site: &Site, splats: &Splats, threads: usize) -> CaptureLight {
+fn split_at(site: &Site, splats: &Splats) -> CaptureLight {
     let occluders = Occluders::of(splats, site, &ShelterOptions::default());
-    split_knowing(KnownSun::default(), &occluders, site, splats, threads)
+    split_knowing(KnownSun::default(), &occluders, site, splats)
 }
 
-fn split_knowing(
-    known: KnownSun,
-    occluders: &Occluders,
-    site: &Site,
-    splats: &Splats,
-    threads: usize,
-) -> CaptureLight {
-    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), occluders, known, &[], site, threads)
+fn split_knowing(known: KnownSun, occluders: &Occluders, site: &Site, splats: &Splats) -> CaptureLight {
+    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), occluders, known, &[], site)
 }
 
 /// Sun and sky of which level ground gets 1 in all, the sun `ratio` times the sky.
@@ -117,24 +111,18 @@ fn a_new_sun_casts_shadows() {
     let splats = yard(&SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) });
     let site = Site { captured_sky: CapturedSky::Overcast, ..site() };
     let occluders = Occluders::of(&splats, &site, &ShelterOptions::default());
-    let capture = split_at(&site, &splats, 2);
+    let capture = split_at(&site, &splats);
     assert!(capture.takes_another_sun(false) && capture.sun.is_none());
     let other = DVec3::new(-0.5, 0.6, 0.62).normalize();
-    let casters = ShadowCasters::new(splats.means.clone(), &occluders, 2);
-    let cast = |threads| SunShadows::of(&casters, &capture, other.to_array(), &site, threads);
-    let shadows = cast(2);
-    assert_eq!(shadows, cast(7));
+    let casters = ShadowCasters::new(splats.means.clone(), &occluders);
+    let [shadows, on_more] =
+        on_threads([2, 7], || SunShadows::of(&casters, &capture, other.to_array(), &site));
+    assert_eq!(shadows, on_more);
     let light = SceneLight { sun: [1.2; 3], sky: SkyGradation::even([0.2; 3]) };
     let new = NewLight { sin_sun: other.z, ..new(light) };
-    let relit = LightGains::new(
-        &capture,
-        &new,
-        LightCasts { shadows: Some(&shadows), lamps: None },
-        None,
-        site.up,
-        2,
-    )
-    .applied(&splats);
+    let relit =
+        LightGains::new(&capture, &new, LightCasts { shadows: Some(&shadows), lamps: None }, None, site.up)
+            .applied(&splats);
     let (mut gains, mut wrong) = ([Vec::new(), Vec::new()], 0);
     for (index, mean) in splats.means.iter().enumerate() {
         let point = DVec3::from_array(mean.map(f64::from));
@@ -160,7 +148,7 @@ fn a_new_sun_casts_shadows() {
 fn the_sun_of_a_yard_is_found_and_its_shadow_goes() {
     let ratio = [4.0, 3.4, 2.8];
     let splats = yard(&sunny(ratio));
-    let light = split(&splats, 2);
+    let light = split(&splats);
     let found = light.sun.unwrap_or_else(|| panic!("{}", light.report(site().up)));
     let off = DVec3::from_array(found.direction).angle_between(sun()).to_degrees();
     assert!(off < 1.5, "{off} degrees off");
@@ -172,7 +160,7 @@ fn the_sun_of_a_yard_is_found_and_its_shadow_goes() {
     // Under clouds ground that lay in the shadow is as bright as ground that lay in the sun.
     let overcast = SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
     let relit =
-        LightGains::new(&light, &new(overcast), LightCasts::default(), None, site().up, 2).applied(&splats);
+        LightGains::new(&light, &new(overcast), LightCasts::default(), None, site().up).applied(&splats);
     let mean = |splats: &Splats, lit: bool| {
         let (mut sum, mut count) = (0.0, 0.0);
         for (index, mean) in splats.means.iter().enumerate() {
@@ -198,7 +186,7 @@ fn the_sun_of_a_yard_is_found_and_its_shadow_goes() {
 
 #[test]
 fn a_yard_under_clouds_has_no_sun() {
-    let light = split(&yard(&SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) }), 2);
+    let light = split(&yard(&SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) }));
     assert_eq!(light.sun, None);
     assert!(light.report(site().up).starts_with("no sun"), "{}", light.report(site().up));
 }
@@ -208,7 +196,7 @@ fn a_yard_under_clouds_has_no_sun() {
 #[test]
 fn faint_patches_are_no_shadows() {
     for (ratio, is_sun) in [(0.35, false), (1.5, true)] {
-        let light = split(&yard(&sunny([ratio; 3])), 2);
+        let light = split(&yard(&sunny([ratio; 3])));
         let search = light.search.expect("the ground tells");
         assert_eq!(search.is_sun(site().up), is_sun, "{ratio}: {search:?}");
     }
@@ -221,8 +209,8 @@ fn white_and_grey_skies_without_shadows_are_clouds() {
     for captured_sky in [CapturedSky::Burned, CapturedSky::Overcast] {
         let site = Site { captured_sky, ..site() };
         let clouds = SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) };
-        assert!(split_at(&site, &yard(&clouds), 2).is_overcast, "{captured_sky:?}");
-        let shadowed = split_at(&site, &yard(&sunny([4.0, 3.4, 2.8])), 2);
+        assert!(split_at(&site, &yard(&clouds)).is_overcast, "{captured_sky:?}");
+        let shadowed = split_at(&site, &yard(&sunny([4.0, 3.4, 2.8])));
         assert!(!shadowed.is_overcast && shadowed.is_split(), "{captured_sky:?}");
     }
 }
@@ -234,7 +222,7 @@ fn a_known_elevation_is_kept() {
     let occluders = Occluders::of(&splats, &site(), &ShelterOptions::default());
     let elevation = sun().z.asin();
     let known = KnownSun { direction: None, elevation: Some(elevation) };
-    let found = split_knowing(known, &occluders, &site(), &splats, 2).sun.unwrap();
+    let found = split_knowing(known, &occluders, &site(), &splats).sun.unwrap();
     let direction = DVec3::from_array(found.direction);
     assert!((direction.z.asin() - elevation).abs() < 1e-6, "{direction}");
     assert!(direction.angle_between(sun()).to_degrees() < 2.0, "{direction}");
@@ -243,15 +231,16 @@ fn a_known_elevation_is_kept() {
 #[test]
 fn threads_do_not_change_the_split() {
     let splats = yard(&sunny([4.0, 3.4, 2.8]));
-    assert_eq!(split(&splats, 1), split(&splats, 7));
+    let [one, seven] = on_threads([1, 7], || split(&splats));
+    assert_eq!(one, seven);
 }
 
 #[test]
 fn the_captured_light_changes_nothing() {
     let splats = yard(&sunny([4.0, 3.4, 2.8]));
-    let light = split(&splats, 2);
-    let same = LightGains::new(&light, &new(light.light), LightCasts::default(), None, site().up, 2)
-        .applied(&splats);
+    let light = split(&splats);
+    let same =
+        LightGains::new(&light, &new(light.light), LightCasts::default(), None, site().up).applied(&splats);
     let worst = same.sh.iter().zip(&splats.sh).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "{worst}");
 }
@@ -272,7 +261,7 @@ fn ground_whose_normals_turn_to_all_sides_is_lit_as_level_ground() {
         let color = if x < 0.0 { [0.5, 0.48, 0.45] } else { [0.3, 0.5, 0.2] };
         add([x, y, 0.0], color, i as u64);
     }
-    let found = split(&splats, 2);
+    let found = split(&splats);
     let upright = |x: f64| {
         let is_here = |i: &usize| (f64::from(splats.means[*i][0]) - x).abs() < 3.0;
         let all: Vec<f64> =

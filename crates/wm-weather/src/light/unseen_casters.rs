@@ -47,13 +47,12 @@ pub(super) fn may_be_shaded(
     cameras: &[Camera],
     sun: [f64; 3],
     site: &Site,
-    threads: usize,
 ) -> Vec<bool> {
     let (up, sun) = (DVec3::from_array(site.up), DVec3::from_array(sun));
     let level = up.as_vec3();
     let rise = sun.dot(up);
     let far = MAX_PHOTO_DISTANCE_M / site.metres_per_unit;
-    map(surfaces.len(), threads, |i| {
+    map(surfaces.len(), |i| {
         if surfaces.normals[i].dot(level) < LEVEL || cameras.is_empty() {
             return false;
         }
@@ -137,7 +136,6 @@ pub(super) fn amend(
     reflectance: impl Fn(usize) -> [Vec3; 2] + Sync,
     around: f32,
     site: &Site,
-    threads: usize,
 ) {
     let MappedLight { shares, is_sure } = mapped;
     let up = DVec3::from_array(site.up).as_vec3();
@@ -151,7 +149,7 @@ pub(super) fn amend(
     }
     let common = Reflectances::new(&known);
     let asked: Vec<usize> = (0..surfaces.len()).filter(|i| may_be[*i] && shares[*i] > 0.5).collect();
-    let said = map(asked.len(), threads, |k| {
+    let said = map(asked.len(), |k| {
         let [shade, sunny] = reflectance(asked[k]).map(|color| common.share(color));
         let odds = IN_SHADE * (shade + BIN_FLOOR) / ((1.0 - IN_SHADE) * (sunny + BIN_FLOOR));
         odds.ln().clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS)
@@ -159,7 +157,7 @@ pub(super) fn amend(
     let reach = DECISION_RADIUS_M / site.metres_per_unit as f32;
     let points: Vec<Vec3> = asked.iter().map(|i| surfaces.points[*i]).collect();
     let grid = PointGrid::new(&points, reach);
-    let is_shade = map(asked.len(), threads, |k| {
+    let is_shade = map(asked.len(), |k| {
         let near = grid.near(points[k]).filter(|i| points[*i].distance_squared(points[k]) < reach * reach);
         let (sum, count) = near.fold((0.0f32, 0.0f32), |(sum, count), i| (sum + said[i], count + 1.0));
         sum > SHADE * count
@@ -171,7 +169,7 @@ pub(super) fn amend(
     let is_near = |grid: &PointGrid, points: &[Vec3], point: Vec3| {
         grid.near(point).any(|i| points[i].distance_squared(point) < around * around)
     };
-    let is_edge = map(asked.len(), threads, |k| match is_shade[k] {
+    let is_edge = map(asked.len(), |k| match is_shade[k] {
         true => is_near(&grids[0], &in_sun, points[k]),
         false => is_near(&grids[1], &in_shade, points[k]),
     });
@@ -187,6 +185,7 @@ pub(super) fn amend(
 mod tests {
     use super::*;
     use crate::testing;
+    use crate::testing::on_threads;
     use wm_base::random::uniform;
 
     /// Distance between the surfaces, m.
@@ -215,12 +214,12 @@ mod tests {
 
     /// The surfaces that are found to lie in the shade. Of those with a positive y the way to the
     /// sun is not known.
-    fn decide(surfaces: &Surfaces, threads: usize) -> Vec<bool> {
+    fn decide(surfaces: &Surfaces) -> Vec<bool> {
         let may_be: Vec<bool> = surfaces.points.iter().map(|point| point.y > 0.0).collect();
         let (mut shares, mut is_sure) = (vec![1.0; surfaces.len()], vec![true; surfaces.len()]);
         let mapped = MappedLight { shares: &mut shares, is_sure: &mut is_sure };
         let reflectance = |i: usize| LIGHT.map(|irradiance| surfaces.light[i] / irradiance);
-        amend(surfaces, &may_be, mapped, reflectance, 0.3, &site(), threads);
+        amend(surfaces, &may_be, mapped, reflectance, 0.3, &site());
         shares.into_iter().map(|share| share < 0.5).collect()
     }
 
@@ -230,12 +229,12 @@ mod tests {
     fn shade_of_what_no_photo_shows_is_told_by_colour() {
         let is_shade = |point: Vec3| point.y > 1.0 && point.y < 4.0 && point.x.abs() < 2.5;
         let surfaces = ground(|point| !is_shade(point));
-        let found = decide(&surfaces, 1);
+        let [found, on_more] = on_threads([2, 3], || decide(&surfaces));
         let wrong = surfaces.points.iter().zip(&found).filter(|(point, found)| is_shade(**point) != **found);
         let all = surfaces.points.iter().filter(|point| is_shade(**point)).count();
         assert!(wrong.clone().count() < all / 10, "{} of {all}", wrong.count());
-        assert_eq!(found, decide(&surfaces, 3));
-        assert!(decide(&ground(|_| true), 2).iter().all(|is_shaded| !is_shaded));
+        assert_eq!(found, on_more);
+        assert!(decide(&ground(|_| true)).iter().all(|is_shaded| !is_shaded));
     }
 
     /// A camera that looks level shows the way to a high sun over ground far ahead, not over that
@@ -246,7 +245,7 @@ mod tests {
         let eye = DVec3::new(0.0, -30.0, 1.6);
         let camera = Camera::looking((60, 40), 60.0, eye, DVec3::new(0.0, 0.0, 1.6), DVec3::Z).unwrap();
         let may_be = |cameras: &[Camera], sun: [f64; 3]| {
-            may_be_shaded(&surfaces, cameras, sun, &site(), 2).iter().filter(|may_be| **may_be).count()
+            may_be_shaded(&surfaces, cameras, sun, &site()).iter().filter(|may_be| **may_be).count()
         };
         let near =
             Camera::looking((60, 40), 60.0, DVec3::new(0.0, -6.0, 1.6), DVec3::new(0.0, 0.0, 1.6), DVec3::Z);

@@ -158,19 +158,15 @@ impl PaperCover {
     /// other.
     #[must_use]
     pub fn snow(&self, splats: &Splats, site: &Site) -> Splats {
-        self.snow_on(splats, site, std::thread::available_parallelism().map_or(1, NonZero::get))
-    }
-
-    fn snow_on(&self, splats: &Splats, site: &Site, threads: usize) -> Splats {
         let metres = site.metres_per_unit;
         let up = DVec3::from_array(site.up).try_normalize();
         let Some(up) = up.filter(|_| metres > 0.0 && metres.is_finite() && splats.check().is_ok()) else {
             return Splats::with_capacity(0, 0);
         };
         let mut flakes = self.seeds(splats, up, metres);
-        let patches = self.patches(&flakes, up, metres, threads);
+        let patches = self.patches(&flakes, up, metres);
         self.fill(&mut flakes, &patches);
-        let stays = self.stay(&flakes, up, threads);
+        let stays = self.stay(&flakes, up);
         let mut snow = Splats::with_capacity(stays.iter().filter(|stays| **stays).count(), 0);
         for (flake, stays) in flakes.iter().zip(stays) {
             if stays {
@@ -229,11 +225,11 @@ impl PaperCover {
     }
 
     /// The plane about each seed, and points on it. `[seeds]`
-    fn patches(&self, seeds: &[Flake], up: DVec3, metres: f64, threads: usize) -> Vec<Patch> {
+    fn patches(&self, seeds: &[Flake], up: DVec3, metres: f64) -> Vec<Patch> {
         let k = self.neighbours.clamp(3, MOST_NEIGHBOURS);
         let level = self.fill_angle.to_radians().cos();
         let near = Near::new(seeds, up);
-        map(seeds.len(), threads, |i| {
+        map(seeds.len(), |i| {
             let center = place(seeds[i].at);
             let around: Vec<DVec3> = near.of(i, k).map(|j| place(seeds[j].at) - center).collect();
             let distances: Vec<f64> = around.iter().map(|offset| offset.length()).collect();
@@ -294,13 +290,13 @@ impl PaperCover {
     }
 
     /// Marks the flakes that are no outliers. `[flakes]`
-    fn stay(&self, flakes: &[Flake], up: DVec3, threads: usize) -> Vec<bool> {
+    fn stay(&self, flakes: &[Flake], up: DVec3) -> Vec<bool> {
         let k = self.neighbours.clamp(3, MOST_NEIGHBOURS);
         let least = self.outlier_neighbours.min(MOST_NEIGHBOURS);
         let near = Near::new(flakes, up);
         // Mean and standard deviation of the distances to the neighbours, and the distance of the
         // last that is needed.
-        let own = map(flakes.len(), threads, |i| {
+        let own = map(flakes.len(), |i| {
             let center = place(flakes[i].at);
             let distances: Vec<f64> =
                 near.of(i, k.max(least)).map(|j| place(flakes[j].at).distance(center)).collect();
@@ -308,7 +304,7 @@ impl PaperCover {
                 if least == 0 { 0.0 } else { distances.get(least - 1).copied().unwrap_or(f64::INFINITY) };
             (moments(&distances[..k.min(distances.len())]), last)
         });
-        map(flakes.len(), threads, |i| {
+        map(flakes.len(), |i| {
             let there: Vec<[f64; 2]> = near.of(i, k).map(|j| own[j].0).collect();
             let means: Vec<f64> = there.iter().map(|[mean, _]| *mean).collect();
             let [mean, sigma] = moments(&means);

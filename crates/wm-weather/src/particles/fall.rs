@@ -247,7 +247,7 @@ impl FallingParticles<'_> {
                 // Where it stands still, so that it goes by nothing but itself.
                 let still = std::array::from_fn(|k| corner[k] + cone.center[k]);
                 let phases = brush.sway.as_ref().map(|sway| sway.phases(&still));
-                while points.last() < most {
+                while points.last < most {
                     cells.next(simd, *cell, &mut points);
                     brush.add(simd, &cells, *cell, *corner, phases.as_ref(), &points);
                 }

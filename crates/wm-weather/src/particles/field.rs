@@ -104,16 +104,10 @@ pub(crate) struct Points {
     /// The number of points up to the last of these.
     count: u32,
     /// Threshold of the last point.
-    last: f32,
+    pub(crate) last: f32,
 }
 
-impl Points {
-    /// The greatest threshold of all up to here.
-    #[inline]
-    pub(crate) fn last(&self) -> f32 {
-        self.last
-    }
-}
+impl Points {}
 
 /// The view of a camera up to a distance, in level axes and metres from its centre.
 #[derive(Clone, Debug, PartialEq)]
@@ -254,7 +248,7 @@ mod tests {
     fn thresholds<S: Lanes>(simd: S, cells: &Cells, cell: [i64; 3]) -> Vec<f32> {
         let (mut points, mut found) = (cells.begin(), Vec::new());
         let most = cells.thresholds[1] as f32;
-        while points.last() < most {
+        while points.last < most {
             cells.next(simd, cell, &mut points);
             found.extend(points.threshold.iter().filter(|t| **t < most));
         }

@@ -41,9 +41,9 @@ pub(crate) struct Residual {
     /// Cross-section a m^3 and distance, 1/m and m, of each class.
     drawn: Vec<[f64; 2]>,
     /// Radiance of an endless path, linear RGB.
-    airlight: [f64; 3],
+    pub(crate) airlight: [f64; 3],
     /// Mean extinction up to each node, 1/m, and how much more it is at the next.
-    table: [[f32; 2]; NODES],
+    pub(crate) table: [[f32; 2]; NODES],
 }
 
 impl Residual {
@@ -67,17 +67,6 @@ impl Residual {
             .iter()
             .map(|[cover, range]| cover * (range * faded(metres / range) - MIN_DISTANCE_M).max(0.0))
             .sum()
-    }
-
-    /// Radiance of an endless path, linear RGB.
-    #[must_use]
-    pub fn airlight(&self) -> [f64; 3] {
-        self.airlight
-    }
-
-    /// Mean extinction up to each node, 1/m, and how much more it is at the next.
-    pub(crate) fn table(&self) -> &[[f32; 2]; NODES] {
-        &self.table
     }
 
     /// [`Self::depth`] from the table, within 1 % of it.

@@ -4,7 +4,7 @@ use super::Grid;
 use super::occluders::Occluder;
 use crate::threads::map;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x8, u32x8};
-use std::sync::Mutex;
+use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::simd::{SimdPath, exp2_unfused};
 use wm_render::stages::sort::cpu::sort;
@@ -58,14 +58,14 @@ pub(super) struct Footprints {
 
 /// Projects occluders, and sorts those that cover a cell by the depth of their means, equal ones by
 /// index.
-pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprints {
+pub(super) fn project(all: &[Occluder], grid: &Grid) -> Footprints {
     // Floats in the order of integers: negative ones are turned round.
     let ordered = |t: f32| {
         let bits = t.to_bits();
         if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
     };
     let path = SimdPath::widest();
-    let found = map(all.len().div_ceil(CHUNK), threads, |chunk| {
+    let found = map(all.len().div_ceil(CHUNK), |chunk| {
         let splats = &all[chunk * CHUNK..all.len().min((chunk + 1) * CHUNK)];
         let mut found = Vec::with_capacity(splats.len());
         dispatch!(path, simd => project_each(simd, splats, grid, &mut found));
@@ -203,14 +203,13 @@ pub(super) fn cast(
     stops: &mut [f32],
     clear: &mut [f32],
     splats: &mut [u32],
-    threads: usize,
 ) {
     let columns = grid.columns;
     let cells = (BAND * columns).max(1);
-    let bands =
-        stops.chunks_mut(cells).zip(clear.chunks_mut(cells)).zip(splats.chunks_mut(cells)).enumerate();
+    let (stops, clear) = (stops.par_chunks_mut(cells), clear.par_chunks_mut(cells));
+    let bands = stops.zip(clear).zip(splats.par_chunks_mut(cells)).enumerate();
     let (path, lists) = (SimdPath::widest(), footprints.by_bands(grid));
-    share(bands, threads, |(number, ((stops, clear), splats))| {
+    bands.for_each(|(number, ((stops, clear), splats))| {
         if clear.iter().all(|left| *left < grid.stopped) {
             return;
         }
@@ -334,25 +333,4 @@ fn padded<T: Copy>(rows: &[T], columns: usize, behind: T) -> Vec<T> {
         out.extend([behind; LANES]);
     }
     out
-}
-
-/// Does the work of all items, `threads` at once. No item may depend on another.
-fn share<T: Send>(items: impl Iterator<Item = T> + Send, threads: usize, work: impl Fn(T) + Sync) {
-    let items = Mutex::new(items);
-    let run = || {
-        loop {
-            let next = items.lock().expect("no thread panics while it takes an item").next();
-            let Some(item) = next else { break };
-            work(item);
-        }
-    };
-    if threads <= 1 {
-        return run();
-    }
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(run);
-        }
-        run();
-    });
 }

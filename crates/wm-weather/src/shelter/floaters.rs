@@ -39,15 +39,9 @@ struct Piece {
 
 /// Opens the cells of floaters again, with the distance below which they look on; whether there are
 /// any.
-pub(super) fn reopen(
-    stops: &mut [f32],
-    clear: &mut [f32],
-    grid: &Grid,
-    metres_per_unit: f64,
-    threads: usize,
-) -> bool {
+pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_per_unit: f64) -> bool {
     let step = (STEP / metres_per_unit) as f32;
-    let firsts = find_pieces(stops, grid, step, threads);
+    let firsts = find_pieces(stops, grid, step);
     let mut counts = vec![0u32; stops.len()];
     let mut covered = 0;
     for (first, _) in firsts.iter().zip(stops.iter()).filter(|(_, stop)| stop.is_finite()) {
@@ -72,7 +66,7 @@ pub(super) fn reopen(
         }
     }
     let number = |index: usize| numbers[firsts[index] as usize] as usize;
-    let gaps = map(grid.rows.div_ceil(BAND), threads, |band| {
+    let gaps = map(grid.rows.div_ceil(BAND), |band| {
         let mut gaps = Vec::new();
         pairs(stops, grid, [band * BAND, band * BAND + BAND], |a, b, off| {
             // Infinity minus itself is no number, and no edge of a piece.
@@ -118,10 +112,10 @@ pub(super) fn reopen(
 }
 
 /// Returns the first cell of the piece that each cell is in.
-fn find_pieces(stops: &[f32], grid: &Grid, step: f32, threads: usize) -> Vec<u32> {
+fn find_pieces(stops: &[f32], grid: &Grid, step: f32) -> Vec<u32> {
     let Grid { columns, rows, .. } = *grid;
     let band_rows = |band: usize| [band * BAND, rows.min(band * BAND + BAND)];
-    let bands = map(rows.div_ceil(BAND), threads, |band| {
+    let bands = map(rows.div_ceil(BAND), |band| {
         let [first, end] = band_rows(band);
         let start = (first * columns) as u32;
         let mut parents: Vec<u32> = (0..((end - first) * columns) as u32).collect();

@@ -1,6 +1,6 @@
 //! Surfaces one below the other: what lies open to the sky, and what lies under that.
 
-use super::occluders::{FirstSurfaces, FloaterMap, count as thread_count};
+use super::occluders::{FirstSurfaces, FloaterMap};
 use super::{Grid, Occluders, cast, dot};
 use serde::{Deserialize, Serialize};
 
@@ -15,25 +15,18 @@ pub(crate) struct HeightLayers {
     metres_per_unit: f64,
     /// Heights of each layer from the middle of the scene, m, `[rows, columns]`; negative infinity
     /// where there is none.
-    heights: Vec<Vec<f32>>,
+    pub(crate) heights: Vec<Vec<f32>>,
     /// The splats of those surfaces, in the same order; any where there is none.
-    splats: Vec<Vec<u32>>,
+    pub(crate) splats: Vec<Vec<u32>>,
 }
 
 impl Occluders {
     /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below
     /// the one before; and what floats above the first.
-    pub(crate) fn layers(
-        &self,
-        count: usize,
-        gap: f64,
-        cells: f64,
-        threads: Option<usize>,
-    ) -> (HeightLayers, FloaterMap) {
-        let threads = thread_count(threads);
+    pub(crate) fn layers(&self, count: usize, gap: f64, cells: f64) -> (HeightLayers, FloaterMap) {
         let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
-        let footprints = cast::project(&self.all, &grid, threads);
-        let FirstSurfaces { mut stops, mut splats, opened } = self.first(&footprints, &grid, threads);
+        let footprints = cast::project(&self.all, &grid);
+        let FirstSurfaces { mut stops, mut splats, opened } = self.first(&footprints, &grid);
         let gap = (gap / self.metres_per_unit).max(cells * grid.cell) as f32;
         let (mut heights, mut sources) = (Vec::new(), Vec::new());
         for layer in 0..count {
@@ -41,7 +34,7 @@ impl Occluders {
                 let mut clear: Vec<f32> =
                     stops.iter().map(|stop| if stop.is_finite() { 1.0 } else { 0.0 }).collect();
                 stops.iter_mut().for_each(|stop| *stop += gap);
-                cast::cast(&footprints, &grid, &mut stops, &mut clear, &mut splats, threads);
+                cast::cast(&footprints, &grid, &mut stops, &mut clear, &mut splats);
             }
             sources.push(splats.clone());
             heights.push(stops.iter().map(|stop| -stop * self.metres_per_unit as f32).collect());
@@ -85,17 +78,6 @@ impl HeightLayers {
     /// Width of a cell, m.
     pub(crate) fn cell(&self) -> f64 {
         self.grid.cell * self.metres_per_unit
-    }
-
-    /// Heights of each layer, m from the middle of the scene, row by row; negative infinity where
-    /// there is none.
-    pub(crate) fn heights(&self) -> &[Vec<f32>] {
-        &self.heights
-    }
-
-    /// The splat of each of those surfaces; any where there is none.
-    pub(crate) fn splats(&self) -> &[Vec<u32>] {
-        &self.splats
     }
 
     /// The world axes of columns, of rows, and up.

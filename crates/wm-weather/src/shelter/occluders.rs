@@ -133,10 +133,10 @@ impl Occluders {
 
     /// Median distance from one to the nearest other, m; that of the cells at most, which is also
     /// the answer for none.
-    pub(crate) fn spacing(&self, threads: usize) -> f64 {
+    pub(crate) fn spacing(&self) -> f64 {
         let most = (self.options.cell / self.metres_per_unit) as f32;
         let points: Vec<Vec3> = self.all.iter().map(|splat| Vec3::from_array(splat.mean)).collect();
-        f64::from(median_spacing(&points, most, threads)) * self.metres_per_unit
+        f64::from(median_spacing(&points, most)) * self.metres_per_unit
     }
 
     /// Sets options for maps of other cells, of another field and with another margin; what stops
@@ -171,43 +171,41 @@ impl Occluders {
     }
 
     /// Returns the map for what falls along `fall` (world axes, of any length; straight down where
-    /// it is zero or not finite). `threads` at once, `None` for one a core; the map is the same for
-    /// any number.
+    /// it is zero or not finite). The map is the same for any number of threads.
     #[must_use]
-    pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
-        let threads = count(threads);
+    pub fn shelter(&self, fall: [f64; 3]) -> Shelter {
         let grid = self.grid(unit(fall).unwrap_or(self.up.map(|v| -v)));
-        let footprints = cast::project(&self.all, &grid, threads);
-        let FirstSurfaces { stops, .. } = self.first(&footprints, &grid, threads);
+        let footprints = cast::project(&self.all, &grid);
+        let FirstSurfaces { stops, .. } = self.first(&footprints, &grid);
         Shelter::new(grid, stops, self.metres_per_unit, &self.options)
     }
 
     /// Finds the first surface of each cell along the fall.
-    pub(super) fn first(&self, footprints: &cast::Footprints, grid: &Grid, threads: usize) -> FirstSurfaces {
+    pub(super) fn first(&self, footprints: &cast::Footprints, grid: &Grid) -> FirstSurfaces {
         let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         let mut clear = vec![1.0; stops.len()];
         let mut splats = vec![0; stops.len()];
         let mut opened = Vec::new();
-        cast::cast(footprints, grid, &mut stops, &mut clear, &mut splats, threads);
+        cast::cast(footprints, grid, &mut stops, &mut clear, &mut splats);
         let rounds = match self.options.floaters {
             FloaterRule::PassThrough => floaters::ROUNDS,
             FloaterRule::Stop => 0,
         };
         for _ in 0..rounds {
-            if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit, threads) {
+            if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit) {
                 break;
             }
             let beyond = stops.iter().zip(&clear).enumerate().filter(|(_, (_, left))| **left >= grid.stopped);
             opened.extend(beyond.map(|(cell, (stop, _))| (cell as u32, *stop)));
-            cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, &mut splats, threads);
+            cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, &mut splats);
         }
         FirstSurfaces { stops, splats, opened }
     }
 
     /// Removes the occluders that float over the place.
     #[must_use]
-    pub fn standing(&self, threads: usize) -> Self {
-        self.without(&self.layers(1, 0.0, 0.0, Some(threads)).1)
+    pub fn standing(&self) -> Self {
+        self.without(&self.layers(1, 0.0, 0.0).1)
     }
 
     /// Removes the given floaters.
@@ -273,11 +271,6 @@ impl Occluders {
             is_whole,
         }
     }
-}
-
-/// Returns the number of threads: `None` means one per core.
-pub(super) fn count(threads: Option<usize>) -> usize {
-    threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get)).max(1)
 }
 
 /// Returns true if the position and shape of a splat can be used; its colour does not matter.

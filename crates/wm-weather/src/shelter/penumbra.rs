@@ -170,7 +170,7 @@ mod tests {
         let slide = towards * (height / towards.z);
         level(DVec3::new(slide.x - 4.0, slide.y - 2.5, height), [4.0, 5.0]);
         let options = ShelterOptions { cell: 0.05, ..ShelterOptions::default() };
-        Occluders::of(&place.build(), &Site::PLAIN, &options).shelter((-towards).to_array(), Some(1))
+        Occluders::of(&place.build(), &Site::PLAIN, &options).shelter((-towards).to_array())
     }
 
     /// Shares of the source along a line of the floor across the edge, 1 cm apart, from x -1 on.

@@ -2,12 +2,13 @@ use super::cast::{FILTER, LEAST_ALPHA, cast, project};
 use super::occluders::Occluder;
 use super::*;
 use crate::optics::Site;
+use crate::testing::on_threads;
 use glam::DVec3;
 use proptest::prelude::*;
 use wm_base::random::uniform;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::synthetic::{Builder, moved, rotation};
-use wm_scene::{Group, Splats, testing::data};
+use wm_scene::{Group, Splats};
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 const GREY: [f32; 3] = [0.5; 3];
@@ -21,7 +22,7 @@ fn metres() -> Site {
 }
 
 fn map(splats: &Splats, fall: [f64; 3]) -> Shelter {
-    Occluders::of(splats, &metres(), &ShelterOptions::default()).shelter(fall, None)
+    Occluders::of(splats, &metres(), &ShelterOptions::default()).shelter(fall)
 }
 
 fn point(x: f64, y: f64, z: f64) -> [f32; 3] {
@@ -262,10 +263,10 @@ fn the_grid_is_what_the_referee_says() {
         let occluders = Occluders::of(&splats, &metres(), &options);
         assert!(occluders.all.len() > splats.len() / 2);
         let grid = occluders.grid(unit(fall).unwrap());
-        let footprints = project(&occluders.all, &grid, 1);
+        let footprints = project(&occluders.all, &grid);
         let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         let cells = grid.columns * grid.rows;
-        cast(&footprints, &grid, &mut stops, &mut vec![1.0; cells], &mut vec![0; cells], 1);
+        cast(&footprints, &grid, &mut stops, &mut vec![1.0; cells], &mut vec![0; cells]);
         let (mut stopped, mut loose) = (0, 0);
         for (cell, stop) in stops.iter().enumerate() {
             let (column, row) = (cell % grid.columns, cell / grid.columns);
@@ -286,14 +287,14 @@ fn cells_that_are_opened_again_meet_all_that_is_over_them() {
     let options = ShelterOptions { cell: 0.03, ..ShelterOptions::default() };
     let occluders = Occluders::of(&mess(5, 2000), &metres(), &options);
     let grid = occluders.grid([0.6, 0.0, -0.8]);
-    let footprints = project(&occluders.all, &grid, 2);
+    let footprints = project(&occluders.all, &grid);
     let count = grid.columns * grid.rows;
     for share in [0.0, 0.001, 0.02, 1.0] {
         let clear: Vec<f32> = (0..count as u64).map(|i| f32::from(u8::from(uniform(3, i) < share))).collect();
         let few = footprints.over(&grid, &clear);
         let stops = [&footprints, &few].map(|footprints| {
             let mut stops = vec![0.1; count];
-            cast(footprints, &grid, &mut stops, &mut clear.clone(), &mut vec![0; clear.len()], 2);
+            cast(footprints, &grid, &mut stops, &mut clear.clone(), &mut vec![0; clear.len()]);
             stops
         });
         assert_eq!(stops[0], stops[1]);
@@ -316,10 +317,10 @@ fn pooled_occluders_let_as_much_through() {
     assert!(softened.all.len() < place.all.len() / 2, "{} of {}", softened.all.len(), place.all.len());
     // The area, m^2, that all of them keep from what falls straight down.
     let shadow = |all: &[Occluder], grid: &Grid| {
-        let footprints = project(all, grid, 1);
+        let footprints = project(all, grid);
         let mut clear = vec![1.0; grid.columns * grid.rows];
         let (mut stops, mut splats) = (vec![f32::NEG_INFINITY; clear.len()], vec![0; clear.len()]);
-        cast(&footprints, grid, &mut stops, &mut clear, &mut splats, 1);
+        cast(&footprints, grid, &mut stops, &mut clear, &mut splats);
         clear.iter().map(|left| 1.0 - f64::from(*left)).sum::<f64>() * grid.cell * grid.cell
     };
     // Nothing stops, so that all is summed.
@@ -334,13 +335,12 @@ fn pooled_occluders_let_as_much_through() {
 fn maps_are_the_same_for_any_number_of_threads() {
     let splats = mess(4, 3000);
     let options = ShelterOptions { cell: 0.02, ..ShelterOptions::default() };
-    let bits = |threads| {
-        let shelter = Occluders::of(&splats, &metres(), &options).shelter([0.3, 0.1, -1.0], threads);
+    let [one, others @ ..] = on_threads([1, 2, 3, 16], || {
+        let shelter = Occluders::of(&splats, &metres(), &options).shelter([0.3, 0.1, -1.0]);
         shelter.stops.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
-    };
-    let one = bits(Some(1));
+    });
     assert!(one.len() > 10_000);
-    assert!([Some(0), Some(2), Some(3), Some(16), None].into_iter().all(|threads| bits(threads) == one));
+    assert!(others.iter().all(|other| *other == one));
 }
 
 #[test]
@@ -350,8 +350,7 @@ fn a_place_turned_scaled_and_moved_has_the_same_shelter() {
     let (turn, shift) = (rotation(6, 1), DVec3::new(300.0, -200.0, 50.0));
     let there = moved(&splats, turn, 4.0, shift);
     let site = site(0.25, turn * DVec3::Z);
-    let after =
-        Occluders::of(&there, &site, &ShelterOptions::default()).shelter((turn * fall).to_array(), None);
+    let after = Occluders::of(&there, &site, &ShelterOptions::default()).shelter((turn * fall).to_array());
     assert!((after.cell() - 0.1).abs() < 1e-12);
     let mut different = 0;
     for i in 0..5000 {
@@ -407,14 +406,14 @@ fn faults_and_giants_are_left_out() {
 #[test]
 fn a_large_scene_has_wider_cells() {
     let options = ShelterOptions { most_cells: 1000, ..ShelterOptions::default() };
-    let shelter = Occluders::of(&table(), &metres(), &options).shelter(DOWN, None);
+    let shelter = Occluders::of(&table(), &metres(), &options).shelter(DOWN);
     let [columns, rows] = shelter.size();
     assert!(columns * rows <= 1000 && columns * rows > 800, "{columns} {rows}");
     assert!((shelter.cell() - 8.0 / 31.0).abs() < 0.01, "{}", shelter.cell());
     // A line has a length and no area.
     let mut line = Splats::with_capacity(0, 0);
     (0..1000).for_each(|i| line.push(&ball(DVec3::X * f64::from(i), 0.001, 0.9)));
-    let [columns, rows] = Occluders::of(&line, &metres(), &options).shelter(DOWN, None).size();
+    let [columns, rows] = Occluders::of(&line, &metres(), &options).shelter(DOWN).size();
     assert!(columns * rows <= 1000 && columns > 500, "{columns} {rows}");
 }
 
@@ -422,8 +421,7 @@ fn a_large_scene_has_wider_cells() {
 fn a_grid_with_a_focus_is_a_part_of_the_whole() {
     let (splats, fall, site) = (table(), [0.2, 0.1, -1.0], metres());
     let of = |focus| {
-        Occluders::of(&splats, &site, &ShelterOptions { focus, ..ShelterOptions::default() })
-            .shelter(fall, None)
+        Occluders::of(&splats, &site, &ShelterOptions { focus, ..ShelterOptions::default() }).shelter(fall)
     };
     let (whole, part) = (of(None), of(Some(([[0.5, 0.0, 0.0]; 2], 1.0))));
     assert_eq!(part.size(), [20, 20]);
@@ -481,7 +479,7 @@ proptest! {
             });
         }
         let options = ShelterOptions { most_cells: 10_000, ..ShelterOptions::default() };
-        let shelter = Occluders::of(&splats, &metres(), &options).shelter(fall, Some(1));
+        let shelter = Occluders::of(&splats, &metres(), &options).shelter(fall);
         let [columns, rows] = shelter.size();
         prop_assert!(columns * rows <= 10_000 && shelter.stops.iter().all(|stop| !stop.is_nan()));
         let _ = shelter.is_exposed(at);
@@ -500,7 +498,7 @@ fn roofs_of_the_street_shelter() {
     let splats = sampling.splats_in(0..sampling.len());
     let fall = DVec3::new(0.3, 0.4, -1.0).normalize();
     let options = ShelterOptions { focus: Some(([[0.0; 3]; 2], 40.0)), ..ShelterOptions::default() };
-    let shelter = Occluders::of(&splats, &metres(), &options).shelter(fall.to_array(), None);
+    let shelter = Occluders::of(&splats, &metres(), &options).shelter(fall.to_array());
     assert!((shelter.cell() - 0.1).abs() < 1e-9 && shelter.size() == [800, 800]);
     let [mut right, mut wrong] = [[0; 2]; 2];
     for i in 0..8000 {
@@ -517,48 +515,4 @@ fn roofs_of_the_street_shelter() {
     }
     assert!(right[0] > 3000 && right[1] > 2000, "{right:?}");
     assert!(wrong[0] * 250 < right[0] && wrong[1] * 60 < right[1], "{right:?} {wrong:?}");
-}
-
-/// Prints what a real scene takes:
-/// `cargo test --release -p wm-weather --lib shelter -- --ignored --nocapture`.
-#[test]
-#[ignore = "measures time"]
-fn time_of_a_real_scene() {
-    use std::time::Instant;
-    let Some(path) = data("scenes/headquarter-garden.ply") else { return };
-    let mut scene = wm_scene::formats::read_scene(&path, &Default::default()).unwrap();
-    wm_scene::survey::label_sky(&mut scene.splats);
-    let site = metres();
-    for fall in [DOWN, [0.3, 0.2, -1.0], [1.0, 0.0, -1.0]] {
-        let start = Instant::now();
-        let occluders = Occluders::of(&scene.splats, &site, &ShelterOptions::default());
-        let prepared = start.elapsed();
-        let shelter = occluders.shelter(fall, None);
-        println!(
-            "{} of {} splats, {:?} cells of {:.2} m: {prepared:.2?}, map {:.2?}",
-            occluders.all.len(),
-            scene.splats.len(),
-            shelter.size(),
-            shelter.cell(),
-            start.elapsed() - prepared
-        );
-        let points: Vec<[f32; 3]> = (0..100_000)
-            .map(|i| {
-                point(
-                    40.0 * uniform(1, 3 * i) - 20.0,
-                    40.0 * uniform(1, 3 * i + 1) - 20.0,
-                    9.0 * uniform(1, 3 * i + 2),
-                )
-            })
-            .collect();
-        let start = Instant::now();
-        let exposed = points.iter().filter(|at| shelter.is_exposed(**at)).count();
-        let hard = start.elapsed() / 100_000;
-        let start = Instant::now();
-        let soft: f32 = points.iter().map(|at| shelter.exposure(*at, 0.5)).sum();
-        println!(
-            "  {exposed} of 100,000 exposed, {hard:?} each; softly {soft}, {:?} each",
-            start.elapsed() / 100_000
-        );
-    }
 }

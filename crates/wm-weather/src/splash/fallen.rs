@@ -73,7 +73,7 @@ impl DropFlux {
 /// The drops of the tile that have fallen up to an age, by their ranks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct FallenDrops {
-    drops: Vec<FallenDrop>,
+    pub(crate) drops: Vec<FallenDrop>,
 }
 
 impl FallenDrops {
@@ -127,12 +127,6 @@ impl FallenDrops {
     /// Keeps the drops up to a lower age, s.
     pub(crate) fn younger(&self, age: f64) -> Self {
         Self { drops: self.drops.iter().filter(|drop| f64::from(drop.age) < age).copied().collect() }
-    }
-
-    /// All of them, by their ranks.
-    #[cfg(test)]
-    pub(crate) fn all(&self) -> &[FallenDrop] {
-        &self.drops
     }
 
     /// Calls `visit` with the drops of the lowest `share` of the ranks, which begin at `turn`, and

@@ -120,7 +120,7 @@ impl<'a> SplashGround<'a> {
         });
         let (origin, per_cell) = (origin_of(ground, site), 1.0 / ground.cell());
         let sheds = 1e-3 / 3600.0 * eaves * state.runs_off();
-        Self { ground, shares: &shares.ground, levels: state.levels(), tiles, origin, per_cell, sheds, films }
+        Self { ground, shares: &shares.ground, levels: &state.levels, tiles, origin, per_cell, sheds, films }
     }
 
     /// The eaves from which water falls, with their numbers and the water that falls from each,

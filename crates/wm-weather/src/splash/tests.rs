@@ -35,9 +35,9 @@ fn as_many_drops_splash_as_the_sizes_of_the_rain_say() {
         let instants = if rate < 20.0 { 24 } else { 8 };
         for instant in 0..instants {
             let drops = FallenDrops::new(&rain(rate), 3.0 + span * f64::from(instant), [span, 0.0], 7);
-            all += drops.all().len();
+            all += drops.drops.len();
             splashes += drops
-                .all()
+                .drops
                 .iter()
                 .filter(|drop| {
                     let d = f64::from(drop.diameter);
@@ -85,7 +85,7 @@ fn rings_have_splashes() {
         ripples::large_drops_between(rate, [time - 0.3, time], ripples::drop_seed(9)).collect();
     assert!(rings.len() > 300);
     let found = rings.iter().filter(|ring| {
-        drops.all().iter().any(|drop| {
+        drops.drops.iter().any(|drop| {
             let is_there = (0..2).all(|k| (f64::from(drop.place[k]) - ring.center[k]).abs() < 1e-6);
             is_there && (f64::from(drop.age) - (time - ring.time)).abs() < 1e-6 && drop.diameter > 2.0
         })

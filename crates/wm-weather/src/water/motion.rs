@@ -21,11 +21,11 @@ pub struct WaterMotion {
     /// Variance of slopes along one axis that no tile holds.
     beyond: f32,
     /// The water whose streams run, and the time, s.
-    running: Option<(Arc<WaterGrid>, f64)>,
+    pub(super) running: Option<(Arc<WaterGrid>, f64)>,
     /// The strongest wind of the shot makes slopes of [`ROUGH`] or more.
     is_rough: bool,
     /// The foam of the wind.
-    foam: Option<Foam>,
+    pub(crate) foam: Option<Foam>,
 }
 
 /// Wind and rain that move the water.
@@ -66,11 +66,6 @@ impl WaterMotion {
         motion
     }
 
-    /// Returns the foam that the wind makes on water that has depth; `None` in a weak wind.
-    pub(crate) fn foam(&self) -> Option<&Foam> {
-        self.foam.as_ref()
-    }
-
     /// Returns true if the water is so rough at some time of the shot that what it mirrors is seen
     /// in pieces. The same for a whole shot, so that nothing changes at once when the wind rises.
     #[must_use]
@@ -82,11 +77,6 @@ impl WaterMotion {
     pub(crate) fn with_rills(self, grid: Option<&Arc<WaterGrid>>, time: f64) -> Self {
         let running = grid.filter(|grid| grid.rills().is_some()).map(|grid| (Arc::clone(grid), time));
         Self { running, ..self }
-    }
-
-    /// Returns true if there are streams.
-    pub(super) fn has_rills(&self) -> bool {
-        self.running.is_some()
     }
 
     /// Adds the slopes of streams at a place, metres along the two level axes, of a piece `width`

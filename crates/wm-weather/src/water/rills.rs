@@ -4,8 +4,8 @@
 //! the height of the ground, so that crests follow the ground and all waves run downhill, and bumps
 //! of the ground shift it; so a wave is a function of place and time alone.
 
+use crate::wetness::smooth_noise;
 use std::f64::consts::TAU;
-use wm_base::random::uniform;
 
 /// Lengths of the waves, m, the speed at which they run, m/s, and their slopes, amplitudes.
 const WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 0.25, 0.035]];
@@ -102,7 +102,8 @@ impl Rills {
         for (k, [length, speed, amplitude]) in WAVES.into_iter().enumerate() {
             // Waves of a steeper place are shorter.
             let own = (length * self.usual / steep).max(1e-3);
-            let bumps = SHIFT * bumps(SEED + k as u64, [x / BUMPS, y / BUMPS]);
+            let ease = |t: f64| t * t * (3.0 - 2.0 * t);
+            let bumps = SHIFT * smooth_noise(SEED + k as u64, [x / BUMPS, y / BUMPS], ease);
             let phase = TAU * (height / (self.slope * length) + speed / length * time + bumps);
             // Where it is flat nothing runs: one wave would tilt all of it.
             let amplitude = f64::from(strength) * amplitude * (steep / self.usual).min(1.0);
@@ -136,18 +137,6 @@ fn uphill(strength: &[f32], ground: &[f32], step: f32, columns: usize) -> Vec<[f
         }
     }
     uphill
-}
-
-/// Smooth noise of -1 to 1.
-fn bumps(seed: u64, place: [f64; 2]) -> f64 {
-    let [i, j] = place.map(f64::floor);
-    let [u, v] = [place[0] - i, place[1] - j].map(|t| t * t * (3.0 - 2.0 * t));
-    let corner = |di: f64, dj: f64| {
-        let [i, j] = [i + di, j + dj].map(|v| v as i64 as u32);
-        2.0 * uniform(seed, u64::from(i) << 32 | u64::from(j)) - 1.0
-    };
-    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
-    mix(mix(corner(0.0, 0.0), corner(1.0, 0.0), u), mix(corner(0.0, 1.0), corner(1.0, 1.0), u), v)
 }
 
 #[cfg(test)]

@@ -95,7 +95,7 @@ fn foam_covers_its_share_of_the_water() {
     let mean = |wind: f64, depth: f32, width: f32| {
         let forces = WaterForces { wind: [wind, 0.0], fetch: 300.0, ..WaterForces::default() };
         let motion = WaterMotion::new(&forces);
-        let foam = motion.foam().unwrap();
+        let foam = motion.foam.as_ref().unwrap();
         let at = |k: u32| slope(&motion, 0.37 * f64::from(k % 60), 0.41 * f64::from(k / 60), width);
         let sum: f32 =
             (0..3600).map(|k| dispatch!(SimdPath::widest(), s => share(s, foam, depth, at(k)))).sum();
@@ -112,7 +112,7 @@ fn foam_covers_its_share_of_the_water() {
     let depths = [0.0, 0.02, 0.05, 1.0].map(|depth| mean(12.0, depth, 0.05));
     assert!((depths[0] - 0.5).abs() < 0.07 && depths.is_sorted_by(|a, b| a > b), "{depths:?}");
     let calm = WaterForces { wind: [3.0, 0.0], fetch: 300.0, ..WaterForces::default() };
-    assert!(WaterMotion::new(&calm).foam().is_none());
+    assert!(WaterMotion::new(&calm).foam.is_none());
 }
 
 /// The variance of slopes on tiles, and within what is too wide to see them, is that of the law.

@@ -5,7 +5,7 @@ use super::*;
 /// A weather in the making. Effects act in the order of their list: the light of those that follow
 /// is that of the sky and the light before them.
 pub(crate) struct WeatherBuilder {
-    prepared: PreparedWeather,
+    pub(crate) prepared: PreparedWeather,
     /// The layers of the air, those of what falls among them.
     layers: Vec<AirLayer>,
     flash: Option<Flash>,
@@ -46,16 +46,11 @@ impl WeatherBuilder {
         &self.prepared.site
     }
 
-    /// The layers of the air that float.
-    pub fn floating_air(&self) -> &[AirLayer] {
-        &self.prepared.floating
-    }
-
     /// Puts a sky behind the scene. It must come before all other effects, so that they are lit by
     /// this sky.
     pub fn set_sky(&mut self, sky: Dome) {
         let site = &mut self.prepared.site;
-        let lights = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
+        let lights = site.daylight == Daylight::Guessed || sky.sky_splats == SkySplats::LeftOut;
         site.airlight = sky.airlight().filter(|_| lights).unwrap_or(site.airlight);
         self.prepared.dome = Some(sky);
     }
@@ -88,11 +83,6 @@ impl WeatherBuilder {
         self.prepared.floating.push(layer);
     }
 
-    /// Adds fog over finished pixels, as in the paper.
-    pub fn add_paper_fog(&mut self, fog: PaperFog) {
-        self.prepared.paper.push(fog);
-    }
-
     /// Sets the wind.
     pub fn set_wind(&mut self, wind: &Wind) {
         let time = self.prepared.time;
@@ -108,32 +98,12 @@ impl WeatherBuilder {
         }
     }
 
-    /// Adds something that falls, as in the paper.
-    pub fn add_paper_fall(&mut self, fall: PaperFall) {
-        self.prepared.paper_falls.push(fall);
-    }
-
     /// Adds something that lies, on what lies already.
     pub fn add_cover(&mut self, request: CoverRequest) {
         self.prepared.carried = self.prepared.carried.min(request.threshold);
         if !request.is_nothing() {
             self.prepared.cover.push(request);
         }
-    }
-
-    /// Adds lying snow, as in the paper.
-    pub fn set_paper_cover(&mut self, snow: PaperCover) {
-        self.prepared.paper_cover = Some(snow);
-    }
-
-    /// Wets surfaces.
-    pub fn set_wetness(&mut self, request: WetRequest) {
-        self.prepared.wetness = Some(request);
-    }
-
-    /// Adds water that stands at one level.
-    pub fn set_flood(&mut self, flood: Flood) {
-        self.prepared.flood = Some(flood);
     }
 
     /// Has the rain splash.
@@ -149,11 +119,6 @@ impl WeatherBuilder {
     /// Puts a glass before the camera.
     pub fn set_glass(&mut self, glass: Glass) {
         self.prepared.glass = Some(Box::new(glass)).filter(|glass| !glass.is_clear());
-    }
-
-    /// Adds a change of finished pixels of the effect's own.
-    pub fn add_pixels(&mut self, pixels: Arc<dyn PixelContribution>) {
-        self.prepared.pixels.push(pixels);
     }
 
     /// Ends the weather: the air of all layers, and what depends on the light.

@@ -220,8 +220,8 @@ pub struct Observer<'a> {
     pub splashes: Option<&'a SplashGround<'a>>,
     /// True if what it sees is shown within another picture, with which it is graded.
     pub is_within: bool,
-    /// Threads for what is made for the whole frame.
-    pub threads: usize,
+    /// Threads for what is made for the whole frame; `None` for those of the caller.
+    pub pool: Option<&'a rayon::ThreadPool>,
 }
 
 impl<'a> Observer<'a> {
@@ -235,7 +235,7 @@ impl<'a> Observer<'a> {
             lamps: None,
             splashes: None,
             is_within: false,
-            threads: 1,
+            pool: None,
         }
     }
 }

@@ -52,8 +52,9 @@ impl PreparedWeather {
         }
         pixels.extend(self.pixels.iter().filter_map(|pixels| pixels.in_pass(self, observer)));
         if let Some(lamps) = lamps {
-            let (path, threads) = (SimdPath::widest(), observer.threads);
-            pixels.push(Box::new(LampGlow::new(lamps, observer.camera, &air, &self.site, path, threads)));
+            let path = SimdPath::widest();
+            let glow = || LampGlow::new(lamps, observer.camera, &air, &self.site, path);
+            pixels.push(Box::new(observer.pool.map_or_else(glow, |pool| pool.install(glow))));
         }
         // The grade comes last: after the paper's rain, which is not the renderer's.
         if let Some(grade) =

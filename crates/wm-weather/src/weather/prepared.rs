@@ -24,14 +24,14 @@ pub struct PreparedWeather {
     pub air: Atmosphere,
     pub(super) site: Site,
     pub(super) time: f64,
-    pub(super) paper: Vec<PaperFog>,
-    pub(super) paper_falls: Vec<PaperFall>,
+    pub(crate) paper: Vec<PaperFog>,
+    pub(crate) paper_falls: Vec<PaperFall>,
     pub(super) falling: Vec<Precipitation>,
     /// The layers of the air that float: all but those of what falls.
-    pub(super) floating: Vec<AirLayer>,
+    pub(crate) floating: Vec<AirLayer>,
     pub(super) wind_now: WindSample,
     /// The sky behind the scene, if the weather sets one.
-    pub(super) dome: Option<Dome>,
+    pub(crate) dome: Option<Dome>,
     /// The light on the scene, if it changes.
     pub(super) light: Option<LightChange>,
     /// Lightning at the instant.
@@ -44,26 +44,20 @@ pub struct PreparedWeather {
     pub(super) cover: Vec<CoverRequest>,
     /// The least wind that carries some of what may lie along the ground, m/s at 10 m.
     pub(super) carried: f64,
-    pub(super) paper_cover: Option<PaperCover>,
-    pub(super) wetness: Option<WetRequest>,
+    pub(crate) paper_cover: Option<PaperCover>,
+    pub(crate) wetness: Option<WetRequest>,
     /// Water at one level.
-    pub(super) flood: Option<Flood>,
+    pub(crate) flood: Option<Flood>,
     pub(super) splash: Option<Splash>,
     /// The glass before the camera, if it shows.
     pub(super) glass: Option<Box<Glass>>,
     /// Changes of finished pixels that effects contribute.
-    pub(super) pixels: Vec<Arc<dyn PixelContribution>>,
+    pub(crate) pixels: Vec<Arc<dyn PixelContribution>>,
     /// The strongest wind of the whole time, m/s.
     pub(super) strongest_wind: f64,
 }
 
 impl PreparedWeather {
-    /// The sky behind the scene, if the weather sets one.
-    #[cfg(test)]
-    pub(crate) fn dome(&self) -> Option<&Dome> {
-        self.dome.as_ref()
-    }
-
     /// Returns the change of the light on the scene; `None` where the captured light stays.
     #[must_use]
     pub fn light(&self) -> Option<&LightChange> {

@@ -11,16 +11,20 @@ use std::collections::BinaryHeap;
 /// No basin: water leaves.
 pub(crate) const NO_BASIN: u32 = u32::MAX;
 
+/// The four ways to the next cell.
+pub(super) const WAYS: [[i64; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+
 /// The four cells about a cell of a grid of `count` cells in rows of `columns`; `None` beyond its
 /// edge.
 pub(super) fn beside(at: usize, columns: usize, count: usize) -> [Option<usize>; 4] {
-    let x = at % columns;
-    [
-        (x > 0).then(|| at - 1),
-        (x + 1 < columns).then(|| at + 1),
-        at.checked_sub(columns),
-        Some(at + columns).filter(|next| *next < count),
-    ]
+    WAYS.map(|way| away(at, way, columns, count))
+}
+
+/// The cell so many columns and rows from a cell of such a grid; `None` beyond its edge.
+pub(super) fn away(at: usize, way: [i64; 2], columns: usize, count: usize) -> Option<usize> {
+    let (x, y) = ((at % columns) as i64 + way[0], (at / columns) as i64 + way[1]);
+    let is_in = x >= 0 && y >= 0 && x < columns as i64 && y < (count / columns) as i64;
+    is_in.then(|| y as usize * columns + x as usize)
 }
 
 /// The treatment of water at the edge of a cell without ground.

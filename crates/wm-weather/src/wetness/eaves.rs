@@ -5,7 +5,8 @@
 //! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
 //! falls is requested.
 
-use super::ground_map::neighbours;
+use super::basins::{WAYS, away};
+use super::ground_map::{PlaneFit, neighbours};
 use super::run_off::gathered;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -21,8 +22,7 @@ const GROUND_DISTANCE_M: f32 = 12.0;
 const ABOUT: i64 = 3;
 const MIN_EVEN_SHARE: f64 = 0.4;
 const MAX_UNEVENNESS_M: f64 = 0.06;
-/// The four ways to the next cell, and the most cells of an edge between a roof and open ground.
-const WAYS: [[i64; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+/// The most cells of an edge between a roof and open ground.
 const EDGE: usize = 6;
 /// Least area that drains over an eave, m^2 for each metre of it.
 const AREA: f32 = 0.4;
@@ -64,9 +64,9 @@ pub(crate) fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> V
         // Beyond the edge, on the side where open ground is nearest. The edge itself is uneven.
         let falls = |steps: usize| {
             let onto = |way: [i64; 2]| {
-                let [from, to] = [steps, steps + 1].map(|steps| beyond(at, way, steps, columns, roofs.len()));
-                let is_off =
-                    beyond(at, way, 1, columns, roofs.len()).is_some_and(|next| roofs[next].is_nan());
+                let beyond = |steps: usize| away(at, way.map(|v| v * steps as i64), columns, roofs.len());
+                let [from, to] = [steps, steps + 1].map(beyond);
+                let is_off = beyond(1).is_some_and(|next| roofs[next].is_nan());
                 from.zip(to).filter(|(_, to)| is_off && is_open(*to, roofs[at]))
             };
             WAYS.into_iter().filter_map(onto).min_by(|a, b| ground[a.1].total_cmp(&ground[b.1]))
@@ -82,15 +82,6 @@ pub(crate) fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> V
         }
     }
     found
-}
-
-/// The cell some steps along a way from a cell; `None` beyond the grid.
-fn beyond(at: usize, direction: [i64; 2], steps: usize, columns: usize, count: usize) -> Option<usize> {
-    let [dx, dy] = direction;
-    let x = (at % columns) as i64 + dx * steps as i64;
-    let y = (at / columns) as i64 + dy * steps as i64;
-    let is_in = x >= 0 && y >= 0 && x < columns as i64 && y < (count / columns) as i64;
-    is_in.then(|| y as usize * columns + x as usize)
 }
 
 /// The height of the open ground that is nearest to each cell; not a number where it is farther
@@ -117,41 +108,19 @@ fn ground_about(top: &[f32], ground: &[f32], columns: usize, far: u32) -> Vec<f3
 
 /// Returns true if what is about a cell at about its height lies in a plane.
 fn is_even(top: &[f32], at: usize, columns: usize, cell: f64) -> bool {
-    let (x, y, rows) = ((at % columns) as i64, (at / columns) as i64, (top.len() / columns) as i64);
     // Roofs are no steeper than this over the reach.
     let steep = 1.5 * cell as f32 * ABOUT as f32 * std::f32::consts::SQRT_2;
-    let (mut count, mut all) = (0.0, 0.0);
-    let mut sums = [0.0f64; 9];
-    for dy in -ABOUT..=ABOUT {
-        for dx in -ABOUT..=ABOUT {
-            all += 1.0;
-            let (x, y) = (x + dx, y + dy);
-            if x < 0 || y < 0 || x >= columns as i64 || y >= rows {
-                continue;
-            }
-            let rise = top[y as usize * columns + x as usize] - top[at];
-            if rise.is_nan() || rise.abs() > steep {
-                continue;
-            }
-            let (x, y, z) = (dx as f64 * cell, dy as f64 * cell, f64::from(rise));
-            count += 1.0;
-            for (sum, v) in sums.iter_mut().zip([x, y, z, x * x, x * y, y * y, x * z, y * z, z * z]) {
-                *sum += v;
-            }
+    let (mut fit, mut all) = (PlaneFit::default(), 0.0);
+    for (dy, dx) in (-ABOUT..=ABOUT).flat_map(|dy| (-ABOUT..=ABOUT).map(move |dx| (dy, dx))) {
+        all += 1.0;
+        let Some(next) = away(at, [dx, dy], columns, top.len()) else { continue };
+        let rise = top[next] - top[at];
+        if !rise.is_nan() && rise.abs() <= steep {
+            fit.add([dx, dy].map(|v| v as f64 * cell), f64::from(rise));
         }
     }
-    if count < MIN_EVEN_SHARE * all {
-        return false;
-    }
-    let [x, y, z, xx, xy, yy, xz, yz, zz] = sums.map(|sum| sum / count);
-    let (xx, xy, yy) = (xx - x * x, xy - x * y, yy - y * y);
-    let (xz, yz, zz) = (xz - x * z, yz - y * z, zz - z * z);
-    let det = xx * yy - xy * xy;
-    if det < 1e-9 {
-        return false;
-    }
-    let (a, b) = ((xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det);
-    zz - a * xz - b * yz < MAX_UNEVENNESS_M * MAX_UNEVENNESS_M
+    let plane = fit.plane(MIN_EVEN_SHARE * all, 1e-9);
+    plane.is_some_and(|plane| plane.variance < MAX_UNEVENNESS_M * MAX_UNEVENNESS_M)
 }
 
 #[cfg(test)]

@@ -106,7 +106,6 @@ impl GroundMap {
         path: [[f64; 3]; 2],
         is_up_known: bool,
         site: &Site,
-        threads: usize,
     ) -> Self {
         let options = ShelterOptions {
             cell: CELL,
@@ -116,9 +115,9 @@ impl GroundMap {
             ..ShelterOptions::default()
         };
         let occluders = Occluders::of(&scan.splats, site, &options);
-        let (grid, _) = GroundGrid::new(scan, &occluders, None, threads);
+        let (grid, _) = GroundGrid::new(scan, &occluders, None);
         let (mut floor, mut top) = grid.floor();
-        let places = grid.places().heightless();
+        let places = grid.places.heightless();
         // A scene of which nothing is near the path has no cell.
         let columns = places.size()[0].max(1);
         let cell = places.cell() as f32;
@@ -141,8 +140,8 @@ impl GroundMap {
                 *height -= tilted(tilt, middle) as f32;
             }
         }
-        let ground = smoothed(&floor, &top, columns, cell, threads);
-        let bumps = map(ground.len(), threads, |at| {
+        let ground = smoothed(&floor, &top, columns, cell);
+        let bumps = map(ground.len(), |at| {
             let [x, y] = [at % columns, at / columns].map(|v| (v as f64 + 0.5) * f64::from(cell));
             relief(x, y) as f32
         });
@@ -295,33 +294,44 @@ fn tilted(tilt: [f64; 2], place: [f64; 2]) -> f64 {
 
 /// Sums over points of ground, by which the plane through them is fitted.
 #[derive(Default)]
-struct PlaneFit {
+pub(super) struct PlaneFit {
     count: f64,
     /// Sums of x, y and the height.
     sums: [f64; 3],
-    /// Sums of x x, x y, y y, x times the height and y times the height.
-    products: [f64; 5],
+    /// Sums of x x, x y, y y, x times the height, y times the height and of the height's square.
+    products: [f64; 6],
+}
+
+/// The plane through points of ground.
+pub(super) struct Plane {
+    /// Along x and y.
+    slopes: [f64; 2],
+    /// The mean point.
+    mean: [f64; 3],
+    /// Variance of the heights about it.
+    pub(super) variance: f64,
 }
 
 impl PlaneFit {
-    fn add(&mut self, point: [f64; 2], height: f64) {
+    pub(super) fn add(&mut self, point: [f64; 2], height: f64) {
         let [x, y] = point;
         self.count += 1.0;
         [x, y, height].iter().zip(&mut self.sums).for_each(|(v, sum)| *sum += v);
-        let products = [x * x, x * y, y * y, x * height, y * height];
+        let products = [x * x, x * y, y * y, x * height, y * height, height * height];
         products.iter().zip(&mut self.products).for_each(|(v, sum)| *sum += v);
     }
 
-    /// The slopes along x and y, and the mean point. `None` for fewer than `least` points, and
-    /// where the determinant of their covariance is below `flattest`: they lie on a line.
-    fn plane(&self, least: f64, flattest: f64) -> Option<([f64; 2], [f64; 3])> {
+    /// Returns `None` for fewer than `least` points, and where the determinant of their covariance
+    /// is below `flattest`: they lie on a line.
+    pub(super) fn plane(&self, least: f64, flattest: f64) -> Option<Plane> {
         let mean @ [mx, my, mh] = self.sums.map(|sum| sum / self.count);
-        let [xx, xy, yy, xh, yh] = self.products.map(|sum| sum / self.count);
+        let [xx, xy, yy, xh, yh, hh] = self.products.map(|sum| sum / self.count);
         let (xx, xy, yy) = (xx - mx * mx, xy - mx * my, yy - my * my);
-        let (xh, yh) = (xh - mx * mh, yh - my * mh);
+        let (xh, yh, hh) = (xh - mx * mh, yh - my * mh, hh - mh * mh);
         let det = xx * yy - xy * xy;
-        let is_told = self.count >= least && det >= flattest;
-        is_told.then(|| ([(xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det], mean))
+        let slopes = [(xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det];
+        let variance = hh - slopes[0] * xh - slopes[1] * yh;
+        (self.count >= least && det >= flattest).then_some(Plane { slopes, mean, variance })
     }
 }
 
@@ -337,7 +347,7 @@ fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
                 fit.add(place, z);
             }
         }
-        let Some((slopes, [x, y, z])) = fit.plane(100.0, 1e-6) else { return [0.0; 2] };
+        let Some(Plane { slopes, mean: [x, y, z], .. }) = fit.plane(100.0, 1e-6) else { return [0.0; 2] };
         tilt = slopes;
         off = z - tilted(tilt, [x, y]);
     }
@@ -383,39 +393,33 @@ fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
 }
 
 /// The ground smoothed, with its gaps closed where nothing stands in them.
-fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32, threads: usize) -> Vec<f32> {
+fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
     let rows = floor.len() / columns;
     let reach = (2.0 * SMOOTH / cell).ceil() as i64;
     let weights: Vec<f32> =
         (-reach..=reach).map(|k| (-0.5 * (k as f32 * cell / SMOOTH).powi(2)).exp()).collect();
     let all: f32 = weights.iter().sum();
     // Heights and weights along rows, then along columns.
-    let first = map(floor.len(), threads, |at| {
-        let (x, y) = ((at % columns) as i64, at / columns);
+    let mixed = |place: usize, count: usize, value: &dyn Fn(usize) -> [f32; 2]| {
         let (mut sum, mut weight) = (0.0, 0.0);
         for (k, share) in weights.iter().enumerate() {
-            let other = x + k as i64 - reach;
-            if other >= 0 && other < columns as i64 {
-                let height = floor[y * columns + other as usize];
-                if height.is_finite() {
-                    sum += share * height;
-                    weight += share;
-                }
-            }
-        }
-        [sum, weight]
-    });
-    map(floor.len(), threads, |at| {
-        let (x, y) = (at % columns, (at / columns) as i64);
-        let (mut sum, mut weight) = (0.0, 0.0);
-        for (k, share) in weights.iter().enumerate() {
-            let other = y + k as i64 - reach;
-            if other >= 0 && other < rows as i64 {
-                let [height, part] = first[other as usize * columns + x];
+            let other = place as i64 + k as i64 - reach;
+            if other >= 0 && other < count as i64 {
+                let [height, part] = value(other as usize);
                 sum += share * height;
                 weight += share * part;
             }
         }
+        [sum, weight]
+    };
+    let known = |height: f32| if height.is_finite() { [height, 1.0] } else { [0.0; 2] };
+    let first = map(floor.len(), |at| {
+        let (x, y) = (at % columns, at / columns);
+        mixed(x, columns, &|x| known(floor[y * columns + x]))
+    });
+    map(floor.len(), |at| {
+        let (x, y) = (at % columns, at / columns);
+        let [sum, weight] = mixed(y, rows, &|y| first[y * columns + x]);
         let height = sum / weight;
         let is_gap = floor[at].is_nan();
         let stands = top[at] > height + STANDS;
@@ -472,5 +476,5 @@ fn mean_slope(ground: &[f32], cells: &[u32], columns: usize, cell: f32) -> f32 {
             }
         }
     }
-    fit.plane(3.0, 1e-9).map_or(f32::INFINITY, |([x, y], _)| x.hypot(y) as f32)
+    fit.plane(3.0, 1e-9).map_or(f32::INFINITY, |plane| plane.slopes[0].hypot(plane.slopes[1]) as f32)
 }

@@ -43,7 +43,7 @@ pub(crate) mod timeline;
 pub(crate) use column::{Drainage, WetStep};
 pub(crate) use eaves::Eave;
 pub(crate) use ground_map::GroundMap;
-pub(crate) use relief::{lower_share, relief};
+pub(crate) use relief::{lower_share, relief, smooth_noise};
 pub use run_off::RunOff;
 pub(crate) use sheen::SkySheen;
 pub use state::{Catchments, WaterState, WetState};

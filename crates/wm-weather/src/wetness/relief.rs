@@ -15,7 +15,8 @@ const SEED: u64 = 0x7077_6574;
 pub(crate) fn relief(x: f64, y: f64) -> f64 {
     let mut sum = 0.0;
     for (kind, [width, rms]) in KINDS.into_iter().enumerate() {
-        sum += rms / NOISE_RMS * noise(kind as u64, x / width, y / width);
+        let ease = |t: f64| t * t * t * (t * (6.0 * t - 15.0) + 10.0);
+        sum += rms / NOISE_RMS * smooth_noise(SEED + kind as u64, [x / width, y / width], ease);
     }
     sum
 }
@@ -59,13 +60,13 @@ fn filled_from_below(mean: f32, lower: f32, width: f32) -> f32 {
     ((end - lower) / width).clamp(0.0, 1.0)
 }
 
-/// Smooth noise in -1 to 1.
-fn noise(kind: u64, x: f64, y: f64) -> f64 {
-    let [i, j] = [x, y].map(f64::floor);
-    let [u, v] = [x - i, y - j].map(|t| t * t * t * (t * (6.0 * t - 15.0) + 10.0));
+/// Smooth noise in -1 to 1, between corners a length of 1 apart by an `ease` from 0 to 1.
+pub(crate) fn smooth_noise(seed: u64, place: [f64; 2], ease: impl Fn(f64) -> f64) -> f64 {
+    let [i, j] = place.map(f64::floor);
+    let [u, v] = [place[0] - i, place[1] - j].map(ease);
     let corner = |di: f64, dj: f64| {
         let [i, j] = [i + di, j + dj].map(|v| v as i64 as u32);
-        2.0 * uniform(SEED + kind, u64::from(i) << 32 | u64::from(j)) - 1.0
+        2.0 * uniform(seed, u64::from(i) << 32 | u64::from(j)) - 1.0
     };
     let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
     mix(mix(corner(0.0, 0.0), corner(1.0, 0.0), u), mix(corner(0.0, 1.0), corner(1.0, 1.0), u), v)

@@ -5,7 +5,7 @@
 //! cell; it is as deep as Manning's formula for a wide sheet says, `d = (q n / sqrt(S))^0.6` for
 //! `q` m^2/s on a slope `S`.
 
-use super::basins::{Front, NO_BASIN, OrderedHeight};
+use super::basins::{Front, NO_BASIN, OrderedHeight, away};
 use super::surfaces::{WetShares, WetSurfaces};
 use std::cmp::Reverse;
 use wm_base::random;
@@ -121,12 +121,7 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
 /// The eight cells about a cell, first the [`STRAIGHT`] ones; `None` beyond the edge of the grid.
 fn around(at: usize, columns: usize, count: usize) -> impl Iterator<Item = Option<usize>> {
     const WAYS: [[i64; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
-    let (x, y) = ((at % columns) as i64, (at / columns) as i64);
-    WAYS.into_iter().map(move |[dx, dy]| {
-        let (x, y) = (x + dx, y + dy);
-        let is_in = x >= 0 && y >= 0 && x < columns as i64 && (y as usize) < count / columns;
-        is_in.then(|| y as usize * columns + x as usize)
-    })
+    WAYS.into_iter().map(move |way| away(at, way, columns, count))
 }
 
 /// The slope of the ground at a cell; 0 where it is not known on both sides.

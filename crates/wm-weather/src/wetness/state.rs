@@ -58,7 +58,7 @@ pub struct WetState {
     columns: WetColumns,
     amount: Option<f64>,
     texture: f64,
-    levels: Vec<f32>,
+    pub(crate) levels: Vec<f32>,
     budget: WaterBudget,
 }
 
@@ -122,11 +122,6 @@ impl WetState {
     /// Water that runs off of ground that gets all of the rain, mm/h; 0 for a wetness by hand.
     pub(crate) fn runs_off(&self) -> f64 {
         if self.amount.is_some() { 0.0 } else { self.columns.runs_off(Drainage::Level, 1.0) }
-    }
-
-    /// The level of water in each basin, m; negative infinity where it is dry.
-    pub(crate) fn levels(&self) -> &[f32] {
-        &self.levels
     }
 }
 

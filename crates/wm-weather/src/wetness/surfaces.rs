@@ -121,9 +121,8 @@ impl WetSurfaces {
         path: [[f64; 3]; 2],
         is_up_known: bool,
         site: &Site,
-        threads: usize,
     ) -> Self {
-        let mut ground = GroundMap::new(found, water, path, is_up_known, site, threads);
+        let mut ground = GroundMap::new(found, water, path, is_up_known, site);
         let points = found.places(splats);
         let mean = capture.mean(&capture.light);
         let reflectance = |index: usize| -> [f64; 3] {
@@ -136,9 +135,9 @@ impl WetSurfaces {
             })
         };
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let floor = FarFloor::new(found, site, threads);
+        let floor = FarFloor::new(found, site);
         let wide = (MAX_EDGE_SIGMA_M / site.metres_per_unit).ln() as f32;
-        let with_ponds = map(splats.len(), threads, |index| {
+        let with_ponds = map(splats.len(), |index| {
             let point = points[index];
             // Pools are as wet as they can be.
             let stays = capture.is_sky(index) || water.covers(point.map(f64::from));
@@ -271,14 +270,8 @@ pub struct WetShares {
 impl WetShares {
     /// The shares under a shelter map of the rain's direction; `None` to ignore what stands above.
     #[must_use]
-    pub fn of(
-        surfaces: &WetSurfaces,
-        rain: &SlantedRain,
-        shelter: Option<&Shelter>,
-        site: &Site,
-        threads: usize,
-    ) -> Self {
-        let looks = map(surfaces.len(), threads, |index| {
+    pub fn of(surfaces: &WetSurfaces, rain: &SlantedRain, shelter: Option<&Shelter>, site: &Site) -> Self {
+        let looks = map(surfaces.len(), |index| {
             let splat = &surfaces.splats[index];
             let class = surfaces.class(splat, rain, shelter, site);
             let is_steep = (SHARES as u8..2 * SHARES as u8).contains(&class);
@@ -288,7 +281,7 @@ impl WetShares {
         });
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
-        let ground = map(map_of_ground.ground.len(), threads, |at| {
+        let ground = map(map_of_ground.ground.len(), |at| {
             let height = map_of_ground.surface(at, map_of_ground.ground[at]);
             if height.is_nan() {
                 return 0.0;
@@ -377,7 +370,7 @@ impl<'a> WetGains<'a> {
         }));
         let deep = Strength { pores: 0.0, film: porosity, fade: 1.0 };
         let table = Box::new(optics::table());
-        Self { surfaces, shares, levels: state.levels(), strengths, deep, table, sheen: None }
+        Self { surfaces, shares, levels: &state.levels, strengths, deep, table, sheen: None }
     }
 
     /// Adds the sky that steep surfaces mirror. `state` is the water, on a texture of mean depth

@@ -75,11 +75,11 @@ impl RainHistory<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing;
     use crate::wetness::column::{Drainage, WetColumns};
 
     fn rate(text: &str) -> Track {
-        let params = crate::effects::rain::EFFECT.params;
-        Track::parse(params.iter().find(|param| param.name == "rate").unwrap(), text).unwrap()
+        testing::track("rain", "rate", text)
     }
 
     #[test]
@@ -104,8 +104,7 @@ mod tests {
     }
 
     fn snow(param: &str, text: &str) -> Track {
-        let params = crate::effects::snow_cover::EFFECT.params;
-        Track::parse(params.iter().find(|own| own.name == param).unwrap(), text).unwrap()
+        testing::track("snow_cover", param, text)
     }
 
     /// 4 cm of snow of 100 kg/m^3 are 4 mm of water, which melt at 5 degrees in 4.8 h.
@@ -147,16 +146,11 @@ mod tests {
         let wet = |time: f64| WetColumns::dry(0.8).after(&history.steps(time)).wet(Drainage::Level, 1.0);
         assert!(wet(0.0).pores == 0.0 && wet(2.0).film > 0.1 && wet(30.0) == Default::default());
         // Snow that has melted before the start.
-        let rate = rate_of_snow("2");
+        let rate = testing::track("snowfall", "rate", "2");
         let pack = Snowpack { depth: None, rate: Some(&rate), hours: 12.0, ..pack };
         let columns = WetColumns::dry(0.8).after(&RainHistory { snow: Some(pack), ..history }.steps(0.0));
         let came = columns.column(Drainage::Level, 1.0).came;
         assert!((came - 10.0).abs() < 0.1, "{came}");
-    }
-
-    fn rate_of_snow(text: &str) -> Track {
-        let params = crate::effects::snowfall::EFFECT.params;
-        Track::parse(params.iter().find(|param| param.name == "rate").unwrap(), text).unwrap()
     }
 
     /// No jumps from one frame to the next.

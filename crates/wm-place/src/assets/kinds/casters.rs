@@ -20,6 +20,6 @@ impl Asset for ShadowCasters {
         let found = surfaces.of(source.splats()?);
         let standing = workshop.get::<StandingOccluders>(());
         let points = found.places(source.splats()?).to_vec();
-        Ok(Self::new(points, &standing.0, source.threads))
+        Ok(Self::new(points, &standing.0))
     }
 }

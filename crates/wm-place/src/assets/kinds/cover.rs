@@ -31,7 +31,7 @@ impl Asset for Mutex<Cover> {
         let found = surfaces.of(source.splats()?);
         let water = workshop.get::<OpenWater>(());
         let (splats, site) = (source.splats()?, &source.site);
-        let cover = Cover::of(splats, &found, site, airflow, source.path(), source.threads);
+        let cover = Cover::of(splats, &found, site, airflow, source.path());
         Ok(Self::new(cover.off_water(&water)))
     }
 
@@ -39,9 +39,9 @@ impl Asset for Mutex<Cover> {
         Some(AssetFile { word: "cover", numbers: vec![slope[0], slope[1], *moved] })
     }
 
-    fn read(airflow: &Airflow, cache: &AssetCache, splats: usize, threads: usize) -> Option<Self> {
+    fn read(airflow: &Airflow, cache: &AssetCache, splats: usize) -> Option<Self> {
         let cover: Cover = cache.get(&Self::file(airflow)?)?;
-        cover.is_consistent(splats).then(|| Self::new(cover.with_threads(threads)))
+        cover.is_consistent(splats).then(|| Self::new(cover))
     }
 
     fn write(&self, airflow: &Airflow, cache: &AssetCache) {

@@ -23,7 +23,7 @@ impl Asset for LampShadows {
         let found = surfaces.of(source.splats()?);
         let capture = workshop.get::<CaptureLight>(());
         let points = found.places(source.splats()?);
-        Ok(Self::of(lamps, &found.casters(), &capture, points, &source.site, source.threads)?)
+        Ok(Self::of(lamps, &found.casters(), &capture, points, &source.site)?)
     }
 
     fn file(lamps: &LampLights) -> Option<AssetFile> {
@@ -33,7 +33,7 @@ impl Asset for LampShadows {
         Some(AssetFile { word: "lamps", numbers })
     }
 
-    fn read(lamps: &LampLights, cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+    fn read(lamps: &LampLights, cache: &AssetCache, splats: usize) -> Option<Self> {
         let found: Self = cache.get(&Self::file(lamps)?)?;
         (found.is_consistent(splats) && are_same(found.lamps(), lamps)).then_some(found)
     }

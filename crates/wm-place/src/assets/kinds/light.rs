@@ -21,14 +21,14 @@ impl Asset for CaptureLight {
         let standing = workshop.get::<StandingOccluders>(());
         let cameras: Vec<Camera> = source.scene.views.iter().map(|view| view.camera).collect();
         let (splats, sun, site) = (source.splats()?, source.known_sun, &source.site);
-        Ok(Self::split(splats, &found, &standing.0, sun, &cameras, site, source.threads))
+        Ok(Self::split(splats, &found, &standing.0, sun, &cameras, site))
     }
 
     fn file((): &()) -> Option<AssetFile> {
         Some(AssetFile { word: "light", numbers: Vec::new() })
     }
 
-    fn read(key: &(), cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+    fn read(key: &(), cache: &AssetCache, splats: usize) -> Option<Self> {
         cache.get::<Self>(&Self::file(key)?).filter(|found| found.is_consistent(splats))
     }
 

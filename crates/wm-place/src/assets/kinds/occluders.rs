@@ -17,7 +17,7 @@ impl Asset for Occluders {
     fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
         let (splats, site) = (source.splats()?, &source.site);
-        let found = FusedSurfaces::from_views(splats, &source.views.shelter, site, source.threads);
+        let found = FusedSurfaces::from_views(splats, &source.views.shelter, site);
         let focus = source.path.map(|path| (path, SHELTER_REACH_M));
         Ok(Self::of(&found.splats, site, &ShelterOptions { focus, ..ShelterOptions::default() }))
     }

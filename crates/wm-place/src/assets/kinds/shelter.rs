@@ -21,14 +21,14 @@ impl Asset for Shelter {
     }
 
     fn make(fall: &[f64; 3], workshop: &Workshop<'_>) -> Result<Self> {
-        Ok(workshop.get::<Occluders>(()).shelter(*fall, Some(workshop.source.threads)))
+        Ok(workshop.get::<Occluders>(()).shelter(*fall))
     }
 
     fn file(fall: &[f64; 3]) -> Option<AssetFile> {
         Some(AssetFile { word: "shelter", numbers: fall.to_vec() })
     }
 
-    fn read(fall: &[f64; 3], cache: &AssetCache, _: usize, _: usize) -> Option<Self> {
+    fn read(fall: &[f64; 3], cache: &AssetCache, _: usize) -> Option<Self> {
         cache.get::<Self>(&Self::file(fall)?).filter(Self::is_consistent)
     }
 

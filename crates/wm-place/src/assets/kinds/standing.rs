@@ -25,6 +25,6 @@ impl Asset for StandingOccluders {
         let found = surfaces.of(source.splats()?);
         let focus = Some((source.path(), LIGHT_REACH_M));
         let options = ShelterOptions { focus, ..ShelterOptions::default() };
-        Ok(Self(Occluders::of(&found.casters(), &source.site, &options).standing(source.threads)))
+        Ok(Self(Occluders::of(&found.casters(), &source.site, &options).standing()))
     }
 }

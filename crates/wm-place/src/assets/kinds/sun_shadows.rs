@@ -21,14 +21,14 @@ impl Asset for SunShadows {
         let source = workshop.source;
         let capture = workshop.get::<CaptureLight>(());
         let casters = workshop.get::<ShadowCasters>(());
-        Ok(Self::of(&casters, &capture, *sun, &source.site, source.threads))
+        Ok(Self::of(&casters, &capture, *sun, &source.site))
     }
 
     fn file(sun: &[f64; 3]) -> Option<AssetFile> {
         Some(AssetFile { word: "sun", numbers: sun.to_vec() })
     }
 
-    fn read(sun: &[f64; 3], cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+    fn read(sun: &[f64; 3], cache: &AssetCache, splats: usize) -> Option<Self> {
         cache.get::<Self>(&Self::file(sun)?).filter(|found| found.len() == splats)
     }
 

@@ -42,19 +42,19 @@ impl Asset for SceneSurfaces {
 
     fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
-        let (splats, site, threads) = (source.splats()?, &source.site, source.threads);
+        let (splats, site) = (source.splats()?, &source.site);
         if source.views.cover.is_empty() {
             return Ok(Self(None));
         }
-        let on_ground = GroundField::snap(&source.views.cover, site.up, site.metres_per_unit, threads);
-        Ok(Self(Some(FusedSurfaces::from_views(splats, &on_ground, site, threads).into_owned())))
+        let on_ground = GroundField::snap(&source.views.cover, site.up, site.metres_per_unit);
+        Ok(Self(Some(FusedSurfaces::from_views(splats, &on_ground, site).into_owned())))
     }
 
     fn file((): &()) -> Option<AssetFile> {
         Some(AssetFile { word: "surfaces", numbers: Vec::new() })
     }
 
-    fn read(key: &(), cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+    fn read(key: &(), cache: &AssetCache, splats: usize) -> Option<Self> {
         let found: FusedSurfaces<'static> = cache.get(&Self::file(key)?)?;
         found.is_consistent(splats).then_some(Self(Some(found)))
     }

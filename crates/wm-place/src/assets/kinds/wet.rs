@@ -22,14 +22,14 @@ impl Asset for WetSurfaces {
         let capture = workshop.get::<CaptureLight>(());
         let water = workshop.get::<OpenWater>(());
         let (splats, path, is_up_known) = (source.splats()?, source.path(), source.is_up_known);
-        Ok(Self::of(splats, &found, &capture, &water, path, is_up_known, &source.site, source.threads))
+        Ok(Self::of(splats, &found, &capture, &water, path, is_up_known, &source.site))
     }
 
     fn file((): &()) -> Option<AssetFile> {
         Some(AssetFile { word: "wet", numbers: Vec::new() })
     }
 
-    fn read(key: &(), cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+    fn read(key: &(), cache: &AssetCache, splats: usize) -> Option<Self> {
         cache.get::<Self>(&Self::file(key)?).filter(|found| found.is_consistent(splats))
     }
 

@@ -93,7 +93,7 @@ const NO_NODE: u32 = u32::MAX;
 /// Nodes, cell by cell in rows, the uppermost of a cell first.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct GroundGrid {
-    pub(super) places: HeightLayers,
+    pub(crate) places: HeightLayers,
     /// Columns and rows.
     pub(crate) size: [usize; 2],
     /// Width of a cell, m.
@@ -143,11 +143,11 @@ pub(crate) struct FarFloor {
 
 impl FarFloor {
     /// Finds the level surfaces of a scene.
-    pub(crate) fn new(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
+    pub(crate) fn new(scan: &FusedSurfaces<'_>, site: &Site) -> Self {
         let options = ShelterOptions { cell: FAR_CELL, most_cells: FAR_CELLS, ..ShelterOptions::default() };
         let occluders = Occluders::of(&scan.splats, site, &options);
-        let (grid, _) = GroundGrid::new(scan, &occluders, None, threads);
-        Self { places: grid.places().heightless(), floor: grid.floor().0 }
+        let (grid, _) = GroundGrid::new(scan, &occluders, None);
+        Self { places: grid.places.heightless(), floor: grid.floor().0 }
     }
 
     /// Returns true if a point (world, scene units) lies in the level surface of its cell, as rough
@@ -205,14 +205,13 @@ impl GroundGrid {
         scan: &FusedSurfaces<'_>,
         occluders: &Occluders,
         inner: Option<&Self>,
-        threads: usize,
     ) -> (Self, FloaterMap) {
-        let (places, floaters) = occluders.layers(LAYERS, GAP, GAP_CELLS, Some(threads));
+        let (places, floaters) = occluders.layers(LAYERS, GAP, GAP_CELLS);
         let edge = EDGE.max(EDGE_CELLS * places.cell() as f32);
         let size = places.size();
         let (mut start, mut cells, mut height, mut of) = (vec![0], Vec::new(), Vec::new(), Vec::new());
         for cell in 0..size[0] * size[1] {
-            let surfaces = places.heights().iter().zip(places.splats());
+            let surfaces = places.heights.iter().zip(&places.splats);
             let surfaces = surfaces.map(|(heights, splats)| (heights[cell], splats[cell]));
             for (surface, splat) in surfaces.filter(|(surface, _)| surface.is_finite()) {
                 cells.push(cell as u32);
@@ -254,26 +253,26 @@ impl GroundGrid {
             let holds = |inner: &Self, k| inner.places.cell_at(inner.places.locate(corner(k)).0).is_some();
             inner.is_some_and(|inner| (0..4).all(|k| holds(inner, k)))
         };
-        ground.is_inner = map(nodes, threads, is_inner);
-        ground.height = map(nodes, threads, |node| ground.smooth(node));
-        ground.beside = map(nodes, threads, |node| {
+        ground.is_inner = map(nodes, is_inner);
+        ground.height = map(nodes, |node| ground.smooth(node));
+        ground.beside = map(nodes, |node| {
             let [column, row] = ground.place(node);
             WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
         });
-        let (facing, spread) = ground.find_facing(scan, &of, threads);
+        let (facing, spread) = ground.find_facing(scan, &of);
         ground.facing = facing;
-        ground.slope = map(nodes, threads, |node| ground.fit(node));
+        ground.slope = map(nodes, |node| ground.fit(node));
         for _ in 0..ROUNDS {
-            ground.slope = map(nodes, threads, |node| match ground.slope[node] {
+            ground.slope = map(nodes, |node| match ground.slope[node] {
                 WALL => WALL,
                 _ => ground.mean_about(node, |other| Some(ground.slope[other])),
             });
         }
         if ground.is_scan {
-            ground.clear_ledges(threads);
+            ground.clear_ledges();
         }
-        ground.is_plain = map(nodes, threads, |node| ground.lies_in_a_plain(node));
-        ground.clumps = map(nodes, threads, |node| ground.clump(node, spread[node]));
+        ground.is_plain = map(nodes, |node| ground.lies_in_a_plain(node));
+        ground.clumps = map(nodes, |node| ground.clump(node, spread[node]));
         (ground, floaters)
     }
 
@@ -285,15 +284,14 @@ impl GroundGrid {
         maps: &[Shelter],
         site: &Site,
         airflow: &Airflow,
-        threads: usize,
     ) {
-        self.find_shares(maps, site, airflow, threads);
-        self.next = map(self.len(), threads, |node| {
+        self.find_shares(maps, site, airflow);
+        self.next = map(self.len(), |node| {
             std::array::from_fn(|way| {
                 number(self.beside(node)[way].or_else(|| self.below(node, way, self.height[node])))
             })
         });
-        self.find_shades(&scan.splats, threads);
+        self.find_shades(&scan.splats);
     }
 
     /// The lowest level surface of each cell that cameras see (any, where no photos were given) and
@@ -311,14 +309,9 @@ impl GroundGrid {
         (floor.collect(), top.collect())
     }
 
-    /// The grid.
-    pub(crate) fn places(&self) -> &HeightLayers {
-        &self.places
-    }
-
     /// Lets nothing lie on nodes at such places (world, scene units): it is shed.
-    pub(super) fn keep_bare(&mut self, is_bare: impl Fn([f64; 3]) -> bool + Sync, threads: usize) {
-        let bare = map(self.len(), threads, |node| is_bare(self.point(node)));
+    pub(super) fn keep_bare(&mut self, is_bare: impl Fn([f64; 3]) -> bool + Sync) {
+        let bare = map(self.len(), |node| is_bare(self.point(node)));
         for node in (0..self.len()).filter(|node| bare[*node]) {
             if !self.is_elsewhere(node) {
                 self.shed += f64::from(self.share[node]);

@@ -76,9 +76,8 @@ impl GroundGrid {
 
     /// Lets nothing lie on small surfaces beside which something stands higher: they are lumps that
     /// a training leaves on walls, hedges and cars.
-    pub(super) fn clear_ledges(&mut self, threads: usize) {
-        let overlooked =
-            map(self.len(), threads, |node| self.slope[node] != WALL && self.is_overlooked(node));
+    pub(super) fn clear_ledges(&mut self) {
+        let overlooked = map(self.len(), |node| self.slope[node] != WALL && self.is_overlooked(node));
         let mut is_done: Vec<bool> = self.slope.iter().map(|slope| *slope == WALL).collect();
         let least = LEDGE_AREA.max(LEDGE_CELLS * self.cell * self.cell) / (self.cell * self.cell);
         for first in 0..self.len() {
@@ -130,7 +129,6 @@ impl GroundGrid {
         &self,
         splats: &Splats,
         value: impl Fn(usize) -> [f32; N] + Sync,
-        threads: usize,
     ) -> Vec<[f32; N]> {
         let own = SURFACE_THICKNESS_M.max(OWN_CELLS * self.cell);
         let of = |index: usize| {
@@ -144,7 +142,7 @@ impl GroundGrid {
             let weight = splats.opacity(index) as f32;
             Some((node as u32, value(index).map(|value| weight * value)))
         };
-        let found = map(splats.len().div_ceil(CHUNK), threads, |chunk| {
+        let found = map(splats.len().div_ceil(CHUNK), |chunk| {
             let last = splats.len().min((chunk + 1) * CHUNK);
             (chunk * CHUNK..last).filter_map(of).collect::<Vec<_>>()
         });
@@ -158,18 +156,13 @@ impl GroundGrid {
     /// Finds how far the splats of each node face up (or down, where the side is not known): the
     /// mean cosine of their normals over the nodes beside each other, and its standard deviation;
     /// not numbers where none tells. In a scan a node's are those `of` its surface.
-    pub(super) fn find_facing(
-        &self,
-        scan: &FusedSurfaces<'_>,
-        of: &[usize],
-        threads: usize,
-    ) -> (Vec<f32>, Vec<f32>) {
+    pub(super) fn find_facing(&self, scan: &FusedSurfaces<'_>, of: &[usize]) -> (Vec<f32>, Vec<f32>) {
         let up = self.places.axes()[2];
         let cosine =
             |splat: usize| scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;
         let mut sums;
         if self.is_scan {
-            sums = map(self.len(), threads, |node| {
+            sums = map(self.len(), |node| {
                 let splat = of[node];
                 let mut scales = scan.splats.log_scales[splat];
                 scales.sort_by(f32::total_cmp);
@@ -182,10 +175,10 @@ impl GroundGrid {
             });
         } else {
             let value = |splat: usize| [cosine(splat).abs(), cosine(splat).powi(2), 1.0];
-            sums = self.sums_of_splats(&scan.splats, value, threads);
+            sums = self.sums_of_splats(&scan.splats, value);
         }
         for _ in 0..2 {
-            sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));
+            sums = map(self.len(), |node| self.mean_about(node, |other| Some(sums[other])));
         }
         let least = if self.is_scan { MIN_FLATNESS } else { 0.0 };
         let known = |[sum, squares, weight]: [f32; 3]| {

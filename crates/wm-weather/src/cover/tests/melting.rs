@@ -101,9 +101,7 @@ fn water_is_kept_through_thaws() {
         let sky = weather.at(time).prepare(&SITE);
         let lying = cover.lay_all(&sky.cover()[..1]);
         let area = f64::from(cover.rings[0].cell).powi(2);
-        let sum = |depth: &[f32]| depth.iter().map(|d| f64::from(*d)).sum::<f64>() * area * 300.0;
-        let lies = sum(&lying.settled[0].depth);
-        let [melted, shed] = [lying.melted[0], lying.settled[0].lost].map(|v| v * area * 300.0);
+        let [lies, melted, shed] = account(&cover, &lying);
         let all: f64 = cover.rings[0].share.iter().map(|share| f64::from(*share) * area * fell).sum();
         println!("{time} h: {lies:.1} kg lie, {melted:.1} melted, {shed:.1} shed of {all:.1}");
         assert!(((lies + melted + shed) / all - 1.0).abs() < 0.01, "{time}: {lies} {melted} {shed} {all}");

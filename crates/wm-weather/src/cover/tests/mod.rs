@@ -28,7 +28,7 @@ fn slanted(slope: [f64; 2]) -> Airflow {
 
 /// The cover of what stands in `splats`, for an eye at `eye`.
 fn cover_of(splats: &Splats, airflow: &Airflow, eye: [f64; 3]) -> Cover {
-    Cover::of(splats, &FusedSurfaces::from_splats(splats), &SITE, airflow, [eye; 2], 2)
+    Cover::of(splats, &FusedSurfaces::from_splats(splats), &SITE, airflow, [eye; 2])
 }
 
 /// A yard of 10 m by 8 m with a roof of 3 m by 3 m at 2.5 m over a part of it.
@@ -46,6 +46,13 @@ fn yard(ground: &GroundGrid) -> f64 {
     let area = area * f64::from(ground.cell).powi(2);
     assert!(area > 79.5 && area < 82.5, "{area}");
     area
+}
+
+/// Water that lies, has melted and was shed, kg, of snow of 300 kg/m^3.
+fn account(cover: &Cover, lying: &LyingCover) -> [f64; 3] {
+    let lies = lying.settled[0].depth.iter().map(|depth| f64::from(*depth)).sum();
+    let area = f64::from(cover.rings[0].cell).powi(2);
+    [lies, lying.melted[0], lying.settled[0].lost].map(|depth| depth * area * 300.0)
 }
 
 /// Mean depth over a field of the uppermost surface between two heights.
@@ -127,7 +134,7 @@ fn ground_is_buried_across_the_end_of_a_ring() {
         (1.0..7.0).contains(&y) && ends.iter().any(|end| (x - end).abs() < 0.4)
     };
     let near: Vec<usize> = (0..splats.len()).filter(at_an_end).collect();
-    let is_seen = |index: &&usize| lying.buried.factors()[**index] > 0.1;
+    let is_seen = |index: &&usize| lying.buried.factors[**index] > 0.1;
     let seen = near.iter().filter(is_seen).count();
     // Some are rough enough to stand out anywhere.
     assert!(near.len() > 150 && seen <= 2, "{seen} of {} splats are seen through 15 cm", near.len());
@@ -217,13 +224,13 @@ fn snow_closes_over_rough_ground_and_posts_stick_out() {
             Some(if post(from + at(1.2) * ray) { at(1.2) } else { at(0.0) })
         })
     });
-    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
-    let mut cover = Cover::of(&splats, &scan, &SITE, &Airflow::default(), [[0.0; 3]; 2], 2);
+    let scan = FusedSurfaces::from_views(&splats, &views, &SITE);
+    let mut cover = Cover::of(&splats, &scan, &SITE, &Airflow::default(), [[0.0; 3]; 2]);
     let hidden = |cover: &mut Cover, depth: f64| -> Vec<f32> {
         cover
             .lay_all(&[CoverRequest { depth, ..ASKED }])
             .buried
-            .factors()
+            .factors
             .iter()
             .map(|seen| 1.0 - seen)
             .collect()
@@ -351,14 +358,19 @@ fn the_street_is_covered_where_it_is_open() {
     assert!(floor.len() > 50 && deepest < 0.005);
 }
 
+/// A house in the middle of a yard.
+fn house() -> Splats {
+    let mut place = Builder::new(1);
+    place.surface(DVec3::ZERO, DVec3::X * 14.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
+    place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
+    place.build()
+}
+
 /// A house in the middle of a yard: behind it, out of the wind, less lies than before it, and no
 /// more than fell lies in all.
 #[test]
 fn the_lee_of_a_house_holds_less() {
-    let mut place = Builder::new(1);
-    place.surface(DVec3::ZERO, DVec3::X * 14.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
-    place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
-    let splats = place.build();
+    let splats = house();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
     let mut cover = cover_of(&splats, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
     let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
@@ -413,10 +425,7 @@ fn snow_drifts_behind_a_wall() {
 /// Wet snow sticks to the side of a house that the wind meets; dry snow to none.
 #[test]
 fn wet_snow_sticks_to_the_windward_wall() {
-    let mut place = Builder::new(1);
-    place.surface(DVec3::ZERO, DVec3::X * 14.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
-    place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
-    let splats = place.build();
+    let splats = house();
     let sides = |lying: &Splats| {
         let between = |x: [f32; 2]| {
             let is = |mean: &&[f32; 3]| {
@@ -472,10 +481,7 @@ fn water_is_kept_over_time() {
     for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
         let sky = weather.at(time).prepare(&SITE);
         let lying = cover.lay_all(&sky.cover()[..1]);
-        let area = f64::from(cover.rings[0].cell).powi(2);
-        let water = |depth: f64| depth * area * 300.0;
-        let lies = water(lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum());
-        let (melted, shed) = (water(lying.melted[0]), water(lying.settled[0].lost));
+        let [lies, melted, shed] = account(&cover, &lying);
         let fell = fell * yard(&cover.rings[0]);
         let all = (lies + melted + shed) / fell;
         println!("{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {fell:.1}");
@@ -489,7 +495,7 @@ fn nothing_lies_where_nothing_can() {
     let asked = CoverRequest { depth: 10.0, repose: 0.84, ..ASKED };
     let lying = |splats: &Splats| cover_of(splats, &slanted([0.3, 0.0]), [0.0; 3]).lay_all(&[asked]);
     let nothing = lying(&Splats::with_capacity(0, 0));
-    assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
+    assert!(nothing.splats.is_empty() && nothing.buried.factors.is_empty());
     // A wall, and a sky.
     let mut place = Builder::new(1);
     place.surface(DVec3::ZERO, DVec3::X * 6.0, DVec3::Z * 4.0, 0.05, |_, _| [0.4; 3]);
@@ -501,7 +507,7 @@ fn nothing_lies_where_nothing_can() {
     wall.groups.fill(Group::Sky);
     assert!(lying(&wall).splats.is_empty());
     assert!(
-        Cover::of(&wall, &FusedSurfaces::from_splats(&wall), &SITE, &Airflow::default(), [[0.0; 3]; 2], 1)
+        Cover::of(&wall, &FusedSurfaces::from_splats(&wall), &SITE, &Airflow::default(), [[0.0; 3]; 2])
             .is_bare()
     );
 }

@@ -136,7 +136,7 @@ pub struct CaptureLight {
     mean: MeanSurface,
     /// The brightness in which white things are drawn in an irradiance of 1, display values; 1 or
     /// more.
-    exposure: f64,
+    pub(super) exposure: f64,
     /// The brightness of white cards as the photos would show them.
     card: WhiteCard,
     /// One a splat of the scene.
@@ -226,7 +226,6 @@ impl CaptureLight {
         known: KnownSun,
         cameras: &[Camera],
         site: &Site,
-        threads: usize,
     ) -> Self {
         let fine = Surfaces::new(found);
         let metres = site.metres_per_unit * f64::from(fine.extent());
@@ -234,22 +233,19 @@ impl CaptureLight {
             return Self::in_the_open(splats, site);
         }
         let mut surfaces = fine.thinned((SURFACE_SPACING_M / site.metres_per_unit) as f32);
-        let coarseness = coarseness(&surfaces, site, threads);
+        let coarseness = coarseness(&surfaces, site);
         let coarser = occluders.coarser(f64::from(coarseness));
         let occluders = if coarseness > 1.0 { &coarser } else { occluders };
-        mark_leaves(&mut surfaces, coarseness, site, threads);
-        level_ground(&mut surfaces, &FarFloor::new(found, site, threads), site);
-        let open = openness::find(&mut surfaces, occluders, site, threads);
-        let [narrow, wide] = [sun_search::NARROW_PAIR_M, sun_search::WIDE_PAIR_M].map(|apart| {
-            sun_search::pairs(&surfaces, apart.map(|metres| coarseness * metres), site, threads)
-        });
+        mark_leaves(&mut surfaces, coarseness, site);
+        level_ground(&mut surfaces, &FarFloor::new(found, site), site);
+        let open = openness::find(&mut surfaces, occluders, site);
+        let [narrow, wide] = [sun_search::NARROW_PAIR_M, sun_search::WIDE_PAIR_M]
+            .map(|apart| sun_search::pairs(&surfaces, apart.map(|metres| coarseness * metres), site));
         // Under a grey sky a known sun may have shone or not: shadows tell.
         let is_asked = known.direction.is_none() || site.captured_sky == CapturedSky::Overcast;
         let search = is_asked.then(|| {
             let elevation = known.elevation;
-            sun_search::find_sun(
-                &surfaces, &open, &narrow, &wide, occluders, coarseness, site, elevation, threads,
-            )
+            sun_search::find_sun(&surfaces, &open, &narrow, &wide, occluders, coarseness, site, elevation)
         });
         let search = search.flatten();
         let up = Vec3::from_array(site.up.map(|v| v as f32));
@@ -257,9 +253,8 @@ impl CaptureLight {
             .direction
             .or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
         let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
-        let split = sun.and_then(|sun| {
-            Split::new(&surfaces, &open, &wide, occluders, coarseness, sun, cameras, site, threads)
-        });
+        let split = sun
+            .and_then(|sun| Split::new(&surfaces, &open, &wide, occluders, coarseness, sun, cameras, site));
         let (capture_sun, seen, amounts) = match split {
             Some(split) => (Some(split.sun), split.seen, split.amounts),
             None => (None, vec![0.0; surfaces.len()], Vec::new()),
@@ -297,7 +292,7 @@ impl CaptureLight {
             (PointGrid::new(&surfaces.points, reach), reach)
         });
         let points = found.places(splats);
-        let splats = map(splats.len(), threads, |index| {
+        let splats = map(splats.len(), |index| {
             if splats.groups[index] == Group::Sky {
                 return SplatLight { is_sky: true, ..IN_THE_OPEN };
             }
@@ -401,11 +396,6 @@ impl CaptureLight {
         self.surface_beside(index, self.normal(index), up, None)
     }
 
-    /// The geometry of the light of another sun on one splat.
-    pub(crate) fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
-        self.surface_beside(index, self.normal(index), up, Some(shadows))
-    }
-
     /// The geometry of the light on a small surface with this normal that sees what a splat sees.
     /// `shadows` are those of another sun than the captured one.
     pub(super) fn surface_beside(
@@ -438,11 +428,6 @@ impl CaptureLight {
         self.splats[index].open.map(|v| f32::from(v) / 255.0)
     }
 
-    /// The brightness of a white card in an irradiance of 1, display values.
-    pub(super) fn exposure(&self) -> f64 {
-        self.exposure
-    }
-
     /// The light of a white card in an irradiance as the photos would show it, display values in
     /// linear light: the colour of a surface over it is its reflectance.
     #[must_use]
@@ -473,10 +458,10 @@ impl CaptureLight {
         self.sun.map_or(0.0, |sun| along(sun.direction, up))
     }
 
-    /// The mean irradiance of the surfaces under the light of another sun, without what they return
-    /// to each other.
-    pub(crate) fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
-        MeanSurface { sun: shadows.mean(), ..self.mean }.under(light)
+    /// The mean irradiance of the surfaces under a light, without what they return to each other;
+    /// `shadows` are those of another sun.
+    pub(crate) fn mean_in(&self, light: &SceneLight, shadows: Option<&SunShadows>) -> [f64; 3] {
+        MeanSurface { sun: shadows.map_or(self.mean.sun, |shadows| shadows.mean), ..self.mean }.under(light)
     }
 
     /// The mean irradiance of the surfaces under a light, without what they return to each other.
@@ -548,16 +533,16 @@ const FINE: f32 = 0.1;
 
 /// The factor by which the surfaces are coarser than the distances of this module are meant for, 1
 /// to 10.
-fn coarseness(surfaces: &Surfaces, site: &Site, threads: usize) -> f32 {
+fn coarseness(surfaces: &Surfaces, site: &Site) -> f32 {
     let metres = site.metres_per_unit as f32;
-    (surfaces.spacing(10.0 * FINE / metres, threads) * metres / FINE).clamp(1.0, 10.0)
+    (surfaces.spacing(10.0 * FINE / metres) * metres / FINE).clamp(1.0, 10.0)
 }
 
 /// Takes the normals of leaves away: those about them turn to all sides.
-fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site, threads: usize) {
+fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site) {
     let reach = coarseness * LEAF_RADIUS_M / site.metres_per_unit as f32;
     let grid = PointGrid::new(&surfaces.points, reach);
-    let agreed = map(surfaces.len(), threads, |i| {
+    let agreed = map(surfaces.len(), |i| {
         let (own, mut sum, mut count) = (surfaces.normals[i], Vec3::ZERO, 0.0f32);
         for other in grid.near(surfaces.points[i]) {
             let normal = surfaces.normals[other];

@@ -26,15 +26,12 @@ impl Split {
         direction: [f64; 3],
         cameras: &[Camera],
         site: &Site,
-        threads: usize,
     ) -> Option<Self> {
-        let map_of_sun = sun_search::sun_map(occluders, direction, threads);
+        let map_of_sun = sun_search::sun_map(occluders, direction);
         let (up, sun) = ([site.up, direction]).map(|v| Vec3::from_array(v.map(|v| v as f32))).into();
         let lit_within = |metres: f32| {
             let radius = coarseness * metres;
-            map(surfaces.len(), threads, |i| {
-                map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], radius)
-            })
+            map(surfaces.len(), |i| map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], radius))
         };
         let place =
             |seen: &[f32], i: usize| surface_of(surfaces.normals[i], open[i], seen[i], up, Some(direction));
@@ -63,7 +60,7 @@ impl Split {
             (sun, light, mean.under(&light))
         };
         let by_map = given(&prior, &prior)?;
-        let may_be = unseen_casters::may_be_shaded(surfaces, cameras, direction, site, threads);
+        let may_be = unseen_casters::may_be_shaded(surfaces, cameras, direction, site);
         if may_be.contains(&true) {
             let (_, light, mean) = in_light(&by_map);
             let by_place = vec![0.0; surfaces.len()];
@@ -76,10 +73,10 @@ impl Split {
             };
             let mapped = MappedLight { shares: &mut prior, is_sure: &mut is_sure };
             let around = coarseness * around / site.metres_per_unit as f32;
-            unseen_casters::amend(surfaces, &may_be, mapped, reflectance, around, site, threads);
+            unseen_casters::amend(surfaces, &may_be, mapped, reflectance, around, site);
         }
         let prior = prior;
-        let edges = ShadowEdges::new(surfaces, &is_sure, reach, threads);
+        let edges = ShadowEdges::new(surfaces, &is_sure, reach);
         let told = |found: (MeanSurface, [f64; 3])| {
             let (sun, light, mean) = in_light(&found);
             let both = |i: usize| {
@@ -88,7 +85,7 @@ impl Split {
                 [shade, sunny].map(|surface| luminance(surface.irradiance(&light, mean)) as f32)
             };
             let amounts: Vec<[f32; 2]> = (0..surfaces.len()).map(both).collect();
-            let seen = edges.shares(&amounts, &prior, threads);
+            let seen = edges.shares(&amounts, &prior);
             (sun, amounts, seen)
         };
         let first = told(by_map);

@@ -170,15 +170,14 @@ impl LampGlow {
         air: &Atmosphere,
         site: &Site,
         path: SimdPath,
-        threads: usize,
     ) -> Self {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let [columns, rows] = [width, height].map(|side| side.div_ceil(PATCH) + 1);
         let scene = GlowScene::new(lamps, camera, air, site);
         let (mut table, mut near, mut fine) = (Vec::new(), Vec::new(), Vec::new());
         if !air.is_clear() && !scene.lights.is_empty() {
-            table = scene.table([columns, rows], path, threads);
-            (near, fine) = scene.near_lamps(&table, columns, path, threads);
+            table = scene.table([columns, rows], path);
+            (near, fine) = scene.near_lamps(&table, columns, path);
         }
         let heads =
             lamps.lights.iter().filter_map(|(light, _)| Head::new(light, lamps.display, camera, air, site));

@@ -56,11 +56,11 @@ impl<'a> GlowScene<'a> {
     }
 
     /// The columns at the corners of patches, `[rows, columns]`.
-    pub(super) fn table(&self, size: [usize; 2], path: SimdPath, threads: usize) -> Vec<Column> {
+    pub(super) fn table(&self, size: [usize; 2], path: SimdPath) -> Vec<Column> {
         let [columns, rows] = size;
         let mut table = vec![[0.0; COLUMN]; columns * rows];
         let sum_up = |table: &mut [Column], corners: &[usize]| {
-            let found = map(corners.len().div_ceil(COLUMNS_AT_ONCE), threads, |run| {
+            let found = map(corners.len().div_ceil(COLUMNS_AT_ONCE), |run| {
                 let corners = &corners
                     [run * COLUMNS_AT_ONCE..(run * COLUMNS_AT_ONCE + COLUMNS_AT_ONCE).min(corners.len())];
                 let place = |at: &usize| [at % columns, at / columns].map(|v| (v * PATCH) as f32);
@@ -213,7 +213,6 @@ impl<'a> GlowScene<'a> {
         table: &[Column],
         columns: usize,
         path: SimdPath,
-        threads: usize,
     ) -> (Vec<Option<u32>>, Vec<Vec<Column>>) {
         let (across, down) = (columns - 1, table.len() / columns - 1);
         let mut near: Vec<Option<u32>> = vec![None; across * down];
@@ -242,7 +241,7 @@ impl<'a> GlowScene<'a> {
         // Several at once fill the vectors better.
         let runs: Vec<_> =
             work.chunk_by(|a, b| a.2 == b.2).flat_map(|same| same.chunks(PATCHES_AT_ONCE)).collect();
-        let fine = map(runs.len(), threads, |run| {
+        let fine = map(runs.len(), |run| {
             let mut places: Vec<[f32; 2]> = Vec::new();
             for ([x, y], cells, _) in runs[run] {
                 let (side, cell) = (cells + 1, (PATCH / cells) as f32);

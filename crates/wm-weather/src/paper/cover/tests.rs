@@ -1,5 +1,5 @@
 use super::*;
-use crate::testing;
+use crate::testing::{self, on_threads};
 use glam::DQuat;
 use wm_base::random::uniform;
 use wm_scene::synthetic::{Builder, moved};
@@ -86,7 +86,7 @@ fn spacing_holds() {
     let cover = PaperCover::default();
     let mut flakes = cover.seeds(&random_floor(1500), DVec3::Z, 1.0);
     let seeds = flakes.len();
-    let patches = cover.patches(&flakes, DVec3::Z, 1.0, 2);
+    let patches = cover.patches(&flakes, DVec3::Z, 1.0);
     cover.fill(&mut flakes, &patches);
     assert!(flakes.len() > seeds + 200, "{seeds} {}", flakes.len());
     for i in seeds..flakes.len() {
@@ -150,11 +150,9 @@ fn neither_threads_nor_the_order_of_splats_count() {
     builder.tree(DVec3::new(4.0, 4.0, 0.0), 3.0, 4000);
     let splats = builder.build();
     let cover = PaperCover::default();
-    let one = cover.snow_on(&splats, &SITE, 1);
+    let [one, two, seven] = on_threads([1, 2, 7], || cover.snow(&splats, &SITE));
     assert!(one.len() > 1000, "{}", one.len());
-    for threads in [2, 7] {
-        assert_eq!(cover.snow_on(&splats, &SITE, threads), one);
-    }
+    assert!(one == two && one == seven);
     let backwards: Vec<usize> = (0..splats.len()).rev().collect();
     assert_eq!(cover.snow(&splats.select(&backwards), &SITE), one);
     assert_ne!(PaperCover { seed: 1, ..cover }.snow(&splats, &SITE), one);

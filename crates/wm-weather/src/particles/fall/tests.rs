@@ -46,7 +46,7 @@ fn camera(size: (u32, u32)) -> Camera {
 fn points<S: Lanes>(simd: S, cells: &Cells, cell: [i64; 3], most: f32) -> Vec<([f64; 3], f64)> {
     let (mut points, mut found) = (cells.begin(), Vec::new());
     let most = most.min(cells.thresholds[1] as f32);
-    while points.last() < most {
+    while points.last < most {
         cells.next(simd, cell, &mut points);
         for first in (0..GROUP).step_by(S::N) {
             let numbers = uniform(simd, cells.own(simd, cell, &points, first, 1)[0]);
@@ -276,7 +276,7 @@ fn roofs_keep_dry_what_is_below() {
     place_of.surface(DVec3::new(-20.0, -20.0, 6.0), DVec3::X * 80.0, DVec3::Y * 30.0, 0.1, |_, _| [0.5; 3]);
     place_of.surface(DVec3::new(-20.0, -20.0, 0.0), DVec3::X * 80.0, DVec3::Y * 60.0, 0.4, |_, _| [0.5; 3]);
     let splats = place_of.build();
-    let shelter = Occluders::of(&splats, &SITE, &Default::default()).shelter([0.0, 0.0, -1.0], Some(2));
+    let shelter = Occluders::of(&splats, &SITE, &Default::default()).shelter([0.0, 0.0, -1.0]);
     let (rain, air, camera) = (precipitation(&RAIN, 20.0, 0), air(), camera((900, 600)));
     let view = ParticleView::new(&camera);
     let [mut open, mut dry] = [Vec::new(), Vec::new()];

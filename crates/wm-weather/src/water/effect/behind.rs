@@ -105,11 +105,11 @@ pub(super) fn lay_particles(path: SimdPath, line: &mut [f32], particles: &[f32])
         for (i, pixel) in pixels.iter().enumerate() {
             (0..3).for_each(|k| light[k][i] = pixel[k].max(0.0));
         }
-        dispatch!(path, s => decode(s, &mut light));
+        dispatch!(path, s => convert::<_, false>(s, &mut light));
         for (i, fall) in falls.iter().enumerate() {
             (0..3).for_each(|k| light[k][i] = light[k][i] * (1.0 - fall[3]) + fall[k]);
         }
-        dispatch!(path, s => encode(s, &mut light));
+        dispatch!(path, s => convert::<_, true>(s, &mut light));
         for (i, (pixel, fall)) in pixels.iter_mut().zip(falls).enumerate() {
             if fall[3] > 0.0 {
                 *pixel = [light[0][i], light[1][i], light[2][i]];

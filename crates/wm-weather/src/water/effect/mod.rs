@@ -14,7 +14,7 @@ use super::motion::WaterMotion;
 use super::rills::Slope;
 use super::surface::{FILM, NODES, WaterSurface};
 use super::tile::LaneArray;
-use crate::linear_picture::{decode, encode};
+use crate::linear_picture::convert;
 use behind::{Behind, clear, columns, lay_particles, padded};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use nodes::{NodeKind, ReflectionNodes};
@@ -211,7 +211,7 @@ impl<'a> Scene<'a> {
         let width = row.surface.len();
         let surface = self.of.surface;
         let mut air = [AirGroup::default()];
-        let foam = self.of.motion.foam().filter(|_| self.of.map.plane().is_some());
+        let foam = self.of.motion.foam.as_ref().filter(|_| self.of.map.plane().is_some());
         for first in (0..width).step_by(GROUP) {
             let count = GROUP.min(width - first);
             let z: [f32; GROUP] = padded(&row.surface[first..first + count], f32::NAN);

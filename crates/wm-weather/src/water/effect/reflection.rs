@@ -137,7 +137,7 @@ impl Scene<'_> {
         let width = flat.mul_add(simd.set(-0.75), far + (self.pixel + log_side));
         let [x, y, _] = point.hit;
         let mut slopes = self.of.motion.at(simd, [x, y], &self.phases, width, waves);
-        if self.of.motion.has_rills() {
+        if self.of.motion.running.is_some() {
             slopes = self.with_rills(simd, &point.hit, width, waves, &slopes);
         }
         [slopes[0] * free, slopes[1] * free, slopes[2] * free * free]
