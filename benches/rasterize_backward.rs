@@ -101,7 +101,7 @@ fn steps(criterion: &mut Criterion) {
                     renderer.forward(&splats, &camera, &config, &mut frame).expect("it renders");
                     renderer
                         .backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients)
-                        .expect("it derives")
+                        .expect("it derives");
                 });
             });
         }

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let options = ViewOptions { size: Some((480, 320)), ..ViewOptions::default() };
     let camera = choose(&mut renderer.view_search(&place, options))?.camera;
-    renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0))?.save(&out)?;
+    renderer.render(&mut place, &FrameRequest::new(&weather, camera, 0.0))?.save(&out)?;
     println!("{out}: {}", renderer.describe());
     Ok(())
 }

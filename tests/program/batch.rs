@@ -178,7 +178,7 @@ fn photos_get_their_weathers_and_wrong_plans_one_line() {
     }
     succeeds(&mut batch(&workshop, "set", ""));
     let picture = |number: u32, kind: &str| {
-        read_png(&workshop.path(&format!("set/frames/00000/camera/{number:08}{kind}.png")))
+        read_png(&workshop.path(format!("set/frames/00000/camera/{number:08}{kind}.png")))
     };
     assert_eq!((picture(0, "").width, picture(0, "").height), (64, 48));
     // The same view in fog and in snow, with one clean picture.

@@ -117,14 +117,14 @@ fn far_places_keep_an_origin() {
         let camera = camera(eye + by, target + by);
         let words = format!("render {scene} {camera} --size 48x32 --device cpu --assets off -o {name}.png");
         desk.run(&format!("{words} --save-path {name}.json"));
-        let path = fs::read_to_string(desk.path(&format!("{name}.json"))).unwrap();
+        let path = fs::read_to_string(desk.path(format!("{name}.json"))).unwrap();
         let eye_of: serde_json::Value = serde_json::from_str(&path).unwrap();
         let written: [f64; 3] = serde_json::from_value(eye_of["keyframes"][0]["eye"].clone()).unwrap();
         assert!((DVec3::from(written) - eye - by).length() < 1e-6, "{path}");
         let words = format!("--size 48x32 --device cpu --assets off -o again-{name}.png");
         desk.run(&format!("render {scene} --camera {name}.json {words}"));
         let [picture, again] =
-            ["", "again-"].map(|start| read_png(&desk.path(&format!("{start}{name}.png"))).pixels);
+            ["", "again-"].map(|start| read_png(&desk.path(format!("{start}{name}.png"))).pixels);
         assert!(again == picture, "{name}: the path that was saved shows another view");
         picture
     };

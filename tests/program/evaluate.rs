@@ -57,9 +57,9 @@ fn run(desk: &Workshop, options: &str) -> (String, String, Value) {
 fn maps(desk: &Workshop, folder: &str, photos: &[&str], of: impl Fn(Vec<f32>) -> (Vec<f32>, [usize; 2])) {
     fs::create_dir(desk.path(folder)).unwrap();
     for photo in photos {
-        let (depth, _) = npy::read(&shared().path(&format!("set/truth/depth/{photo}.npy"))).unwrap();
+        let (depth, _) = npy::read(&shared().path(format!("set/truth/depth/{photo}.npy"))).unwrap();
         let (values, shape) = of(depth);
-        npy::write(&desk.path(&format!("{folder}/{photo}.npy")), &values, &shape).unwrap();
+        npy::write(&desk.path(format!("{folder}/{photo}.npy")), &values, &shape).unwrap();
     }
 }
 

@@ -85,7 +85,7 @@ fn rain_is_the_papers_sum_of_its_stages() {
     let options = format!("{BARE} --set rain.paper_k=1 --stages");
     let rain = read_exr(&workshop.render(&scene, &view, "rain.exr", &options));
     let [noise, overlay, filtered, last] = ["noise", "overlay", "filtered", "final"].map(|name| {
-        read_png(&workshop.path(&format!("rain.{name}.png"))).map(|rgb| rgb.map(|v| f64::from(v) * STEP))
+        read_png(&workshop.path(format!("rain.{name}.png"))).map(|rgb| rgb.map(|v| f64::from(v) * STEP))
     });
     let (mut kept, mut masked, mut dark, mut bright) = (0, 0, (0.0, 0), (0.0, 0));
     for i in 0..clear.pixels.len() {
@@ -129,7 +129,7 @@ fn stages_are_written_beside_the_picture() {
     let plain = workshop.read("plain.png");
     assert_eq!(plain, workshop.read("with.png"));
     let pictures =
-        ["noise", "overlay", "filtered", "final"].map(|name| workshop.path(&format!("with.{name}.png")));
+        ["noise", "overlay", "filtered", "final"].map(|name| workshop.path(format!("with.{name}.png")));
     for (i, path) in pictures.iter().enumerate() {
         let picture = read_png(path);
         assert_eq!((picture.width, picture.height), (144, 96));

@@ -399,11 +399,11 @@ mod network {
         // Seconds of work.
         let picture = fs::read(fixtures("clip/tall.png")).unwrap();
         for index in 0..1500 {
-            desk.put(&format!("many/{index}.png"), &picture);
+            desk.put(format!("many/{index}.png"), &picture);
         }
         let options = with_weights("--pictures photos many --real photos2 --embeddings kept --threads 1");
         for name in ["a.png", "b.png"] {
-            desk.put(&format!("photos2/{name}"), desk.read(&format!("photos/{name}")));
+            desk.put(format!("photos2/{name}"), desk.read(&format!("photos/{name}")));
         }
         let child = crate::process::begin(&mut desk.command(&options));
         // The first collection is finished when the second one is begun.

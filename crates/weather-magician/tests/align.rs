@@ -70,20 +70,20 @@ fn pictures_are_those_of_a_scene_with_the_new_facts() {
     let mut renderer = Renderer::cpu().unwrap();
     let mut place = renderer.load_with(court(), &PlaceOptions::default()).unwrap();
     let start = place.facts();
-    let upside_down = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0)).unwrap();
+    let upside_down = renderer.render(&mut place, &FrameRequest::new(&weather, camera, 0.0)).unwrap();
 
     let points = [DVec3::new(-4.0, -4.0, 0.0), DVec3::new(5.0, -3.0, 0.0), DVec3::new(0.0, 4.0, 0.0)];
     let by = Alignment { ground: Some(GivenGround::Points(points)), ..Alignment::default() };
     let aligned = renderer.align(&mut place, &by).unwrap();
     assert!(aligned.after.up.value.angle_between(UP) < 1e-6 && *place.survey() == aligned.after);
-    let upright = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0)).unwrap();
+    let upright = renderer.render(&mut place, &FrameRequest::new(&weather, camera, 0.0)).unwrap();
     assert!(upright.frame.rgb != upside_down.frame.rgb);
     let fresh = Scene { metadata: place.facts().scene, ..court() };
     let mut other = Renderer::cpu().unwrap();
     let mut loaded = other.load(fresh).unwrap();
     assert_eq!(loaded.site(), place.site());
     assert!(
-        other.render(&mut loaded, &FrameRequest::new(&weather, &camera, 0.0)).unwrap().frame == upright.frame
+        other.render(&mut loaded, &FrameRequest::new(&weather, camera, 0.0)).unwrap().frame == upright.frame
     );
 
     // Values that cannot be used change nothing.
@@ -96,7 +96,7 @@ fn pictures_are_those_of_a_scene_with_the_new_facts() {
     assert_eq!(place.facts(), facts);
     renderer.set_facts(&mut place, start).unwrap();
     assert!(
-        renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0)).unwrap().frame
+        renderer.render(&mut place, &FrameRequest::new(&weather, camera, 0.0)).unwrap().frame
             == upside_down.frame
     );
 

@@ -27,7 +27,7 @@ fn pictures(scene: &Scene, assets: Option<&Path>, metres_per_unit: f64) -> [Pict
     ["rain.rate=40", "snow_cover.depth=0.1"].map(|change| {
         let mut weather = Weather::clear();
         weather.set_text(change).unwrap();
-        renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.5)).unwrap()
+        renderer.render(&mut place, &FrameRequest::new(&weather, camera, 0.5)).unwrap()
     })
 }
 
@@ -122,7 +122,7 @@ fn a_weather_that_was_prepared_needs_no_splats() {
     let camera = Camera::look_at([0.0, 4.0, 1.7], [0.0, 30.0, 2.0]).size(48, 32);
     let weather = Weather::preset("rain-to-snow").unwrap();
     let mut place = renderer.load(street()).unwrap();
-    let whole = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 20.0)).unwrap();
+    let whole = renderer.render(&mut place, &FrameRequest::new(&weather, camera, 20.0)).unwrap();
     // The second time, assets of the first instants lie on the disk; the wind turns what falls
     // later.
     let folder = tempfile::tempdir().unwrap();
@@ -134,7 +134,7 @@ fn a_weather_that_was_prepared_needs_no_splats() {
         released.release_splats();
         let times: &[f64] = if round == 0 { &[20.0] } else { &[9.0, 12.0, 16.0, 28.0] };
         for time in times {
-            let alone = renderer.render(&mut released, &FrameRequest::new(&weather, &camera, *time)).unwrap();
+            let alone = renderer.render(&mut released, &FrameRequest::new(&weather, camera, *time)).unwrap();
             assert!(*time != 20.0 || whole.frame == alone.frame);
         }
         last = Some(released);
@@ -143,7 +143,7 @@ fn a_weather_that_was_prepared_needs_no_splats() {
     // Snow lies on surfaces, and there are no splats left to find them in.
     let snowy = weather.set("snow_cover.depth", 0.1).unwrap();
     let error = renderer
-        .render(&mut released, &FrameRequest::new(&snowy, &camera, 20.0))
+        .render(&mut released, &FrameRequest::new(&snowy, camera, 20.0))
         .expect_err("no splats are left");
     assert!(error.to_string().contains("released"), "{error}");
 }
@@ -162,8 +162,8 @@ fn a_moving_sun_needs_no_splats() {
     released.release_splats();
     let mut frames = [0.0, 8.0, 20.0].map(|time| {
         let mut place = renderer.load(street()).unwrap();
-        let whole = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, time)).unwrap();
-        let alone = renderer.render(&mut released, &FrameRequest::new(&weather, &camera, time)).unwrap();
+        let whole = renderer.render(&mut place, &FrameRequest::new(&weather, camera, time)).unwrap();
+        let alone = renderer.render(&mut released, &FrameRequest::new(&weather, camera, time)).unwrap();
         assert!(whole.frame == alone.frame, "{time}");
         alone.frame
     });
@@ -176,6 +176,6 @@ fn places_belong_to_their_renderer() {
     let [mut first, mut second] = [Renderer::cpu().unwrap(), Renderer::cpu().unwrap()];
     let mut place = first.load(street()).unwrap();
     let camera = Camera::look_at([0.0, 4.0, 1.7], [0.0, 30.0, 2.0]).size(24, 16);
-    let error = second.render(&mut place, &FrameRequest::new(&Weather::clear(), &camera, 0.0)).unwrap_err();
+    let error = second.render(&mut place, &FrameRequest::new(&Weather::clear(), camera, 0.0)).unwrap_err();
     assert!(matches!(error, weather_magician::Error::OtherRenderer));
 }

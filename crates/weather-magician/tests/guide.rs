@@ -68,7 +68,7 @@ fn the_blocks_run() -> Result<(), Box<dyn std::error::Error>> {
     let assets = Some(AssetCache::folder_of("garden.ply".as_ref()));
     let options = PlaceOptions { assets, ..PlaceOptions::default() };
     let mut place = renderer.load_with(scene, &options)?;
-    renderer.render(&mut place, &FrameRequest::new(&Weather::preset("heavy-rain")?, &camera, 0.0))?;
+    renderer.render(&mut place, &FrameRequest::new(&Weather::preset("heavy-rain")?, camera, 0.0))?;
     assert!(AssetCache::folder_of("garden.ply".as_ref()).exists());
     Ok(())
 }

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("rain", Weather::clear().set("rain.rate", 30.0)?),
         ("snow", Weather::clear().set("snow_cover.depth", 0.1)?),
     ] {
-        let picture = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0))?;
+        let picture = renderer.render(&mut place, &FrameRequest::new(&weather, camera, 0.0))?;
         picture.save(out.join(format!("{name}.png")))?;
     }
     let trained = Session::new(photos).steps(100).run(&mut ())?;

@@ -82,7 +82,7 @@ fn promises_take_neither_memory_nor_time() {
             let script = "ulimit -v 2097152; exec \"$@\"";
             let mut limited = Command::new("sh");
             limited.args(["-c", script, "sh", env!("CARGO_BIN_EXE_weather-magician")]);
-            limited.args(render("binary.ply", &[])).current_dir(&place.path("")).stdin(Stdio::null());
+            limited.args(render("binary.ply", &[])).current_dir(place.path("")).stdin(Stdio::null());
             place.refused_by(&mut limited, &["binary.ply", says]);
         }
     }

@@ -102,7 +102,7 @@ impl Workshop {
 
     /// Writes a scene as PLY.
     pub fn scene(&self, name: &str, splats: Splats, metadata: &Metadata) -> PathBuf {
-        let path = self.path(&format!("{name}.ply"));
+        let path = self.path(format!("{name}.ply"));
         let scene = Scene { splats, metadata: metadata.clone(), ..Scene::default() };
         write_scene(&path, &scene).expect("the scene is written");
         path

@@ -155,7 +155,7 @@ fn maps_of_a_bent_photo_are_bent_back() {
     let white: Vec<f32> = (0..9600).map(|pixel| if pixel % 120 < 30 { 1.0 } else { 0.0 }).collect();
     for photo in 0..3 {
         fs::create_dir_all(desk.path("sky")).unwrap();
-        npy::write(&desk.path(&format!("sky/{photo:05}.npy")), &white, &SHAPE).unwrap();
+        npy::write(&desk.path(format!("sky/{photo:05}.npy")), &white, &SHAPE).unwrap();
     }
     let stored = made.views[0].camera;
     let camera = Photos::open(&made, &PhotoOptions::default()).unwrap().camera(0, 0);

@@ -64,7 +64,7 @@ fn maps(desk: &Workshop, folder: &str, kind: &str, of: impl Fn(usize, Vec<f32>) 
     fs::create_dir_all(desk.path(folder)).unwrap();
     for photo in 0..PHOTOS.count as usize {
         let name = format!("{photo:05}.npy");
-        let (values, _) = npy::read(&shared().path(&format!("set/truth/{kind}/{name}"))).unwrap();
+        let (values, _) = npy::read(&shared().path(format!("set/truth/{kind}/{name}"))).unwrap();
         let (values, shape) = of(photo, values);
         npy::write(&desk.path(folder).join(name), &values, &shape).unwrap();
     }

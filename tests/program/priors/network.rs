@@ -14,6 +14,7 @@ fn a_build_without_networks_says_so() {
 #[cfg(feature = "nets")]
 mod with_networks {
     use super::*;
+    use std::path::PathBuf;
     use wm_capture::Observation;
     use wm_capture::colmap::write;
     use wm_nets::DepthAnything;

@@ -45,7 +45,7 @@ fn they_are_refused_at_the_start_or_left_out() {
         place.untrained("set", &more, &["set: 2 of 6 photos are left"]);
     }
     for photo in 0..6 {
-        place.put(&format!("set/images/{photo:05}.png"), "none");
+        place.put(format!("set/images/{photo:05}.png"), "none");
     }
     place.untrained("set", &["--overwrite"], &["(so are all 6 photos)"]);
     place.untrained("set", &["--overwrite", "--skip-bad"], &["(so are all 6 photos)"]);

@@ -17,7 +17,7 @@ pub(super) fn png_of(path: &Path, size: (u32, u32), gray: u8) {
 fn masks_of_other_sizes_are_named() {
     let place = place();
     for photo in 0..6 {
-        png_of(&place.path(&format!("set/masks/{photo:05}.png")), (72, 48), 255);
+        png_of(&place.path(format!("set/masks/{photo:05}.png")), (72, 48), 255);
     }
     let mask = place.path("set/masks/00002.png");
     for (size, says) in [

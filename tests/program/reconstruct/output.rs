@@ -115,7 +115,7 @@ fn photos_that_were_held_out_are_met_ever_better() {
     let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     let psnr: Vec<f64> = lines.filter_map(|line| line["held_out"]["psnr"].as_f64()).collect();
     let flat: Vec<f64> =
-        [3, 11, 19].map(|photo| flat_psnr(&place.path(&format!("set/images/{photo:05}.png")))).into();
+        [3, 11, 19].map(|photo| flat_psnr(&place.path(format!("set/images/{photo:05}.png")))).into();
     let flat = flat.iter().sum::<f64>() / 3.0;
     let (first, last) = (psnr[0], psnr[psnr.len() - 1]);
     assert!(last > first + 1.0 && last > flat + 2.0, "{psnr:?}, of one colour {flat:.2}");

@@ -12,7 +12,7 @@ fn data_sets_that_are_none() {
     place.untrained("file.txt", &[], &["file.txt"]);
     // Photos alone, where there is no COLMAP.
     for name in ["0", "1", "2"] {
-        place.put(&format!("plain/{name}.png"), place.read("set/images/00000.png"));
+        place.put(format!("plain/{name}.png"), place.read("set/images/00000.png"));
     }
     let mut command = place.program(reconstruct("plain", &[]));
     command.env("PATH", place.path("empty")).env_remove("COLMAP");

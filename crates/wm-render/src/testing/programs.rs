@@ -19,10 +19,10 @@ use crate::stages::sort::gpu as sort;
 use std::borrow::Cow;
 
 /// The programs with an air of this text.
-pub(crate) fn air_programs(air: &Cow<'static, str>) -> [Program; 3] {
+pub(crate) fn air_programs(air: &str) -> [Program; 3] {
     let project = |air| project_program(ParameterForm::Activated, &air);
-    let (color, share) = (AirText::Color(air.clone()), AirText::Share(air.clone()));
-    [project(color), project(share), groups_program(air.clone())]
+    let text = || Cow::Owned(air.to_owned());
+    [project(AirText::Color(text())), project(AirText::Share(text())), groups_program(text())]
 }
 
 /// Every program, but for those with the air of a weather.

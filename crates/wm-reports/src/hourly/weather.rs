@@ -233,7 +233,8 @@ impl Film<'_> {
         if lies || gathers {
             self.draft.number("snow_cover.lapse", lapse, Basis::told(why.clone()));
         }
-        if !rains && !(gathers && temperature.iter().any(|(_, degrees)| *degrees > 0.0)) {
+        let melts = gathers && temperature.iter().any(|(_, degrees)| *degrees > 0.0);
+        if !rains && !melts {
             return;
         }
         self.draft.number("wetness.rained_before", 0.0, Basis::guess("the ground is dry at the start"));

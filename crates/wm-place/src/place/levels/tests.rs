@@ -176,12 +176,11 @@ fn weather_acts_on_what_is_drawn() {
     let here = camera(0.0, 20.0);
     let clear = picture(&mut renderer, &mut place, "clear", here);
     let weather = Weather::preset("snow-covered").unwrap();
-    let snow = renderer.render(&mut place, &FrameRequest::new(&weather, &here, 0.0)).unwrap().frame.rgb;
+    let snow = renderer.render(&mut place, &FrameRequest::new(&weather, here, 0.0)).unwrap().frame.rgb;
     // The same snow as of the whole scene.
     let whole = read_scene(&main, &ReadOptions::default()).unwrap();
     let mut of_whole = renderer.load(whole).unwrap();
-    let expected =
-        renderer.render(&mut of_whole, &FrameRequest::new(&weather, &here, 0.0)).unwrap().frame.rgb;
+    let expected = renderer.render(&mut of_whole, &FrameRequest::new(&weather, here, 0.0)).unwrap().frame.rgb;
     let difference = |a: &[f32], b: &[f32]| -> f32 {
         (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / a.len() as f32).sqrt()
     };
@@ -276,7 +275,7 @@ fn files_that_are_fetched_give_the_frames_of_a_disk() {
     let (mut renderer, mut place) = store.open(&small);
     let weather = Weather::clear();
     let error = loop {
-        let drawn = renderer.render(&mut place, &FrameRequest::new(&weather, &here, 0.0));
+        let drawn = renderer.render(&mut place, &FrameRequest::new(&weather, here, 0.0));
         let wanted = fetched::take_wanted();
         if let Err(error) = drawn {
             break error.to_string();

@@ -16,7 +16,7 @@ fn every() -> Vec<Program> {
     let air = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
         return AirOnRay(vec3<f32>(exp(-air[0] * min(distance, FAR_AWAY))), direction);
     }";
-    [all(), air_programs(&air.into()).into()].concat()
+    [all(), air_programs(air).into()].concat()
 }
 
 fn parsed(program: &Program) -> Module {

@@ -14,13 +14,16 @@ use serde_json::{Map, Value, json};
 use std::io::Write;
 use wm_base::error::Problem;
 
-/// A value of a splat that is an attribute: type, component type and bytes of the accessor, and the
-/// bytes of the splat of an index.
+/// A value of a splat that is an attribute: type, component type and bytes of the accessor, and its
+/// writer.
 struct Attribute<'a> {
     name: String,
     accessor: (&'static str, u32, u64),
-    write: Box<dyn Fn(usize, &mut Vec<u8>) + 'a>,
+    write: WriteOne<'a>,
 }
+
+/// Appends the bytes of the splat of an index.
+type WriteOne<'a> = Box<dyn Fn(usize, &mut Vec<u8>) + 'a>;
 
 fn floats<'a, const N: usize>(
     name: impl Into<String>,
