@@ -25,7 +25,7 @@ Usage: cargo run --release --manifest-path tools/web-player/Cargo.toml -- [OPTIO
 
   --out FOLDER     Output folder [default: target/web-player of the checkout]
   --opt-level L    Optimisation: 3, 2, s or z [default: 3]
-  --crate FOLDER   Build this crate instead of crates/wm-web
+  --crate FOLDER   Build this crate instead of apps/player
   --no-wasm-opt    Do not use wasm-opt, even if there is one on PATH
 
 WM_WASM_RUSTC names a rustc to use where the target wasm32-unknown-unknown is not installed; debian-rustc.sh fetches one.";
@@ -49,7 +49,7 @@ impl Options {
         let mut options = Self {
             out: checkout.join("target/web-player"),
             opt_level: "3".into(),
-            krate: checkout.join("crates/wm-web"),
+            krate: checkout.join("apps/player"),
             shrinks: true,
         };
         let mut words = words.into_iter();

@@ -58,7 +58,7 @@ fn every_length_of_every_format_is_refused_or_whole() {
 
 #[test]
 fn flipped_bytes_do_no_harm() {
-    // `examples/fuzz_readers` damages a million files of each format.
+    // `apps/cli/examples/fuzz_readers` damages a million files of each format.
     for (name, bytes, _) in FORMATS.iter().filter_map(small) {
         let mut dice = Dice::new(1);
         for _ in 0..1500 {

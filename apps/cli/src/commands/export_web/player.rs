@@ -55,9 +55,10 @@ impl PlayerFiles {
 /// The player that was built into the program.
 #[cfg(feature = "web")]
 fn built_in() -> Option<PlayerFiles> {
-    const SCRIPT: &[u8] = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/target/web-player/player.js"));
+    const SCRIPT: &[u8] =
+        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/web-player/player.js"));
     const MODULE: &[u8] =
-        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/target/web-player/player_bg.wasm"));
+        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/web-player/player_bg.wasm"));
     Some(PlayerFiles([SCRIPT.into(), MODULE.into()]))
 }
 

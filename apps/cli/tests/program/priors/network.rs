@@ -25,7 +25,8 @@ mod with_networks {
 
     /// A random network that takes photos of 84 px.
     fn weights() -> PathBuf {
-        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/wm-nets/fixtures/depth_anything");
+        let fixtures =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates/wm-nets/fixtures/depth_anything");
         fixtures.join("v2/model.safetensors")
     }
 

@@ -1,6 +1,6 @@
 //! Pictures that must stay as they are, and bytes that must not depend on the machine's threads.
 //!
-//! `tests/golden/*.png` show a made-up yard in fog and under another sky, drawn on the portable
+//! `apps/cli/tests/golden/*.png` show a made-up yard in fog and under another sky, drawn on the portable
 //! path without dither. To change them on purpose, run this test with `WM_UPDATE_GOLDEN=1` and look
 //! at what changed.
 

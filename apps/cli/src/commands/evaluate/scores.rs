@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn every_number_is_in_the_documentation() {
-        const DOCUMENTATION: &str = include_str!("../../../docs/guide/evaluate.md");
+        const DOCUMENTATION: &str = include_str!("../../../../../docs/guide/evaluate.md");
         for column in &COLUMNS {
             assert!(
                 DOCUMENTATION.contains(&format!("`{}`", column.key)),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// Words in backticks that are paths of this project: with a slash and no space, placeholder or
 /// option.
@@ -10,7 +10,7 @@ fn paths(text: &str) -> impl Iterator<Item = &str> {
     let spans = text.split('`').skip(1).step_by(2);
     spans.filter(|span| {
         let first = span.split('/').next().unwrap_or_default();
-        let ours = ["src", "crates", "tests", "benches", "docs", "examples", ".ci"];
+        let ours = ["apps", "crates", "tests", "benches", "docs", "examples", ".ci"];
         span.contains('/') && ours.contains(&first) && !span.contains([' ', '<', '*'])
     })
 }

@@ -79,7 +79,7 @@ fn one_line(text: Option<&StyledStr>) -> String {
 /// With `WM_UPDATE_DOCS=1` in the environment, writes the page.
 #[test]
 fn the_page_in_docs_is_this_one() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/command-line.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/command-line.md");
     if std::env::var("WM_UPDATE_DOCS").is_ok_and(|v| v == "1") {
         std::fs::write(path, markdown()).unwrap();
     }

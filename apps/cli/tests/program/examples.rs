@@ -23,7 +23,8 @@ fn run(name: &str, args: &[&str]) -> tempfile::TempDir {
 #[test]
 fn examples_have_at_most_40_lines() {
     for name in ["fog_picture", "rain_video", "snow_bake", "reconstruct"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name).with_extension("rs");
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name).with_extension("rs");
         let lines = std::fs::read_to_string(&path).unwrap().lines().count();
         assert!(lines <= 40, "{} has {lines} lines", path.display());
     }

@@ -219,7 +219,7 @@ fn folders_and_scores_that_are_refused() {
 #[test]
 fn a_build_without_networks_says_so() {
     let desk = desk();
-    let picture = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/wm-nets/fixtures/clip/wide.png");
+    let picture = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates/wm-nets/fixtures/clip/wide.png");
     for name in ["a.png", "b.png"] {
         desk.put(&format!("frames/{name}"), fs::read(&picture).unwrap());
     }
@@ -238,7 +238,7 @@ mod network {
     use wm_nets::Clip;
 
     fn fixtures(name: &str) -> PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/wm-nets/fixtures").join(name)
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates/wm-nets/fixtures").join(name)
     }
 
     fn weights() -> PathBuf {

@@ -126,7 +126,7 @@ fn one_bad_request_is_told_to_its_client_and_hurts_nobody_else() {
     assert!(page.whole().1 == before, "the other page has another picture");
 }
 
-/// `examples/fuzz_viewer` says what must hold.
+/// `apps/cli/examples/fuzz_viewer` says what must hold.
 #[test]
 fn requests_from_the_edges_hurt_no_other_page() {
     let (_workshop, viewer) = yard_viewer();
