@@ -1,9 +1,9 @@
 //! Errors of files, printed in one line: the place, the problem and the remedy.
 
-use crate::files::WriteFault;
 use std::{
     borrow::Cow,
-    fmt, io,
+    fmt,
+    io::{self, ErrorKind},
     path::{Path, PathBuf},
     str::FromStr,
 };
@@ -205,7 +205,7 @@ impl FormatError {
     #[must_use]
     pub fn reading(path: &Path, error: io::Error) -> Self {
         let problem = match error.kind() {
-            io::ErrorKind::NotFound => Problem::Missing,
+            ErrorKind::NotFound => Problem::Missing,
             _ => Problem::Read(error),
         };
         Self::whole(path, problem)
@@ -265,6 +265,53 @@ pub fn printable(text: &str) -> Cow<'_, str> {
             escaped(plain) + &part[plain.len()..]
         })
         .collect()
+}
+
+/// The reason why a file cannot be written, and the remedy; printed after its path.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WriteFault {
+    /// The folder to write into does not exist.
+    #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]
+    NoFolder(PathBuf),
+    /// A folder is in the place of the file.
+    #[error("cannot be written: it is a folder; name a file in it")]
+    IsFolder,
+    /// A device, pipe or socket is in the place of the file: it cannot be replaced by renaming.
+    #[error("cannot be written: it is not a regular file; choose another name")]
+    NotRegular,
+    /// There is a file that its owner protected.
+    #[error("cannot be written: it is write-protected; choose another name")]
+    Protected,
+    /// No right to write there.
+    #[error("cannot be written: {0}; change the rights of its folder or write elsewhere")]
+    Denied(io::Error),
+    /// Beyond the largest file that the process or the file system allows.
+    #[error(
+        "cannot be written: larger than a file may be here; raise the limit (ulimit -f) or write elsewhere"
+    )]
+    TooLarge,
+    /// No room.
+    #[error("cannot be written: the disk is full; free some space or write elsewhere")]
+    DiskFull,
+    /// Anything else that the system refused.
+    #[error("cannot be written: {0}; write elsewhere")]
+    Other(io::Error),
+}
+
+impl From<io::Error> for WriteFault {
+    fn from(error: io::Error) -> Self {
+        use ErrorKind::{
+            FileTooLarge, IsADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
+        };
+        match error.kind() {
+            StorageFull | QuotaExceeded => Self::DiskFull,
+            PermissionDenied | ReadOnlyFilesystem => Self::Denied(error),
+            IsADirectory => Self::IsFolder,
+            FileTooLarge => Self::TooLarge,
+            _ => Self::Other(error),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ mod faults;
 mod fetched;
 mod reading;
 
+pub use crate::error::WriteFault;
 use crate::error::{FormatError, Problem};
 use faults::Operation;
 pub use reading::{
@@ -38,57 +39,9 @@ use std::{
     },
     time::Duration,
 };
-use thiserror::Error;
 
 /// Buffer of a file that is written in small pieces, bytes.
 const BUFFER_BYTES: usize = 1 << 18;
-
-/// The reason why a file cannot be written, and the remedy; printed after its path.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum WriteFault {
-    /// The folder to write into does not exist.
-    #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]
-    NoFolder(PathBuf),
-    /// A folder is in the place of the file.
-    #[error("cannot be written: it is a folder; name a file in it")]
-    IsFolder,
-    /// A device, pipe or socket is in the place of the file: it cannot be replaced by renaming.
-    #[error("cannot be written: it is not a regular file; choose another name")]
-    NotRegular,
-    /// There is a file that its owner protected.
-    #[error("cannot be written: it is write-protected; choose another name")]
-    Protected,
-    /// No right to write there.
-    #[error("cannot be written: {0}; change the rights of its folder or write elsewhere")]
-    Denied(io::Error),
-    /// Beyond the largest file that the process or the file system allows.
-    #[error(
-        "cannot be written: larger than a file may be here; raise the limit (ulimit -f) or write elsewhere"
-    )]
-    TooLarge,
-    /// No room.
-    #[error("cannot be written: the disk is full; free some space or write elsewhere")]
-    DiskFull,
-    /// Anything else that the system refused.
-    #[error("cannot be written: {0}; write elsewhere")]
-    Other(io::Error),
-}
-
-impl From<io::Error> for WriteFault {
-    fn from(error: io::Error) -> Self {
-        use ErrorKind::{
-            FileTooLarge, IsADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
-        };
-        match error.kind() {
-            StorageFull | QuotaExceeded => Self::DiskFull,
-            PermissionDenied | ReadOnlyFilesystem => Self::Denied(error),
-            IsADirectory => Self::IsFolder,
-            FileTooLarge => Self::TooLarge,
-            _ => Self::Other(error),
-        }
-    }
-}
 
 /// Writes `path` whole or not at all; a reader sees the old file or the new one, never a part.
 ///

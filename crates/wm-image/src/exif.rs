@@ -6,7 +6,6 @@
 //! (kamadak-exif) reads the block: it checks all offsets and reads each directory once. It is given
 //! blocks of at most 64 KB, as its own search in files is without a limit.
 
-use crate::header::Orientation;
 use ::exif::{In, Tag, Value};
 use serde::Deserialize;
 use std::ops::RangeInclusive;
@@ -198,6 +197,67 @@ fn offset(text: &[u8]) -> Option<i64> {
     let seconds = 3600 * hours + 60 * minutes;
     let is_zone = minutes < 60 && seconds <= 3600 * MAX_OFFSET_H;
     is_zone.then_some(if sign == b'-' { -seconds } else { seconds })
+}
+
+/// EXIF's orientation: what must be done to the stored picture so that it stands upright.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Orientation {
+    /// 1: nothing.
+    #[default]
+    Upright,
+    /// 2: mirror left and right.
+    Mirrored,
+    /// 3: half a turn.
+    Turned180,
+    /// 4: mirror top and bottom.
+    Flipped,
+    /// 5: swap x and y.
+    Transposed,
+    /// 6: a quarter turn clockwise.
+    Turned90,
+    /// 7: swap x and y, then half a turn.
+    Transversed,
+    /// 8: a quarter turn anticlockwise.
+    Turned270,
+}
+
+impl Orientation {
+    /// The orientation of EXIF's number; numbers that have none are upright.
+    #[must_use]
+    pub(crate) fn from_number(number: u16) -> Self {
+        match number {
+            2 => Self::Mirrored,
+            3 => Self::Turned180,
+            4 => Self::Flipped,
+            5 => Self::Transposed,
+            6 => Self::Turned90,
+            7 => Self::Transversed,
+            8 => Self::Turned270,
+            _ => Self::Upright,
+        }
+    }
+
+    /// Returns true if width and height change places.
+    #[must_use]
+    pub fn swaps_sides(self) -> bool {
+        matches!(self, Self::Transposed | Self::Turned90 | Self::Transversed | Self::Turned270)
+    }
+
+    /// The position of the upright pixel `(x, y)` in the stored picture of `width` x `height` px.
+    #[must_use]
+    pub fn stored_from_upright(self, x: u32, y: u32, width: u32, height: u32) -> (u32, u32) {
+        let (right, below) = (width.saturating_sub(1), height.saturating_sub(1));
+        match self {
+            Self::Upright => (x, y),
+            Self::Mirrored => (right - x, y),
+            Self::Turned180 => (right - x, below - y),
+            Self::Flipped => (x, below - y),
+            Self::Transposed => (y, x),
+            Self::Turned90 => (y, below - x),
+            Self::Transversed => (right - y, below - x),
+            Self::Turned270 => (right - y, x),
+        }
+    }
 }
 
 #[cfg(test)]

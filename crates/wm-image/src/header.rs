@@ -8,6 +8,7 @@
 //! picture, refuses JPEGs with padded markers, and goes on into the data of a picture without a
 //! frame header; kamadak-exif reads a whole PNG in search of EXIF. Neither has a limit.
 
+pub use crate::exif::Orientation;
 use crate::exif::Tags;
 use std::{
     fs::File,
@@ -46,67 +47,6 @@ pub enum PhotoKind {
     Jpeg,
     /// ISO 15948.
     Png,
-}
-
-/// EXIF's orientation: what must be done to the stored picture so that it stands upright.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Orientation {
-    /// 1: nothing.
-    #[default]
-    Upright,
-    /// 2: mirror left and right.
-    Mirrored,
-    /// 3: half a turn.
-    Turned180,
-    /// 4: mirror top and bottom.
-    Flipped,
-    /// 5: swap x and y.
-    Transposed,
-    /// 6: a quarter turn clockwise.
-    Turned90,
-    /// 7: swap x and y, then half a turn.
-    Transversed,
-    /// 8: a quarter turn anticlockwise.
-    Turned270,
-}
-
-impl Orientation {
-    /// The orientation of EXIF's number; numbers that have none are upright.
-    #[must_use]
-    pub(crate) fn from_number(number: u16) -> Self {
-        match number {
-            2 => Self::Mirrored,
-            3 => Self::Turned180,
-            4 => Self::Flipped,
-            5 => Self::Transposed,
-            6 => Self::Turned90,
-            7 => Self::Transversed,
-            8 => Self::Turned270,
-            _ => Self::Upright,
-        }
-    }
-
-    /// Returns true if width and height change places.
-    #[must_use]
-    pub fn swaps_sides(self) -> bool {
-        matches!(self, Self::Transposed | Self::Turned90 | Self::Transversed | Self::Turned270)
-    }
-
-    /// The position of the upright pixel `(x, y)` in the stored picture of `width` x `height` px.
-    #[must_use]
-    pub fn stored_from_upright(self, x: u32, y: u32, width: u32, height: u32) -> (u32, u32) {
-        let (right, below) = (width.saturating_sub(1), height.saturating_sub(1));
-        match self {
-            Self::Upright => (x, y),
-            Self::Mirrored => (right - x, y),
-            Self::Turned180 => (right - x, below - y),
-            Self::Flipped => (x, below - y),
-            Self::Transposed => (y, x),
-            Self::Turned90 => (y, below - x),
-            Self::Transversed => (right - y, below - x),
-            Self::Turned270 => (right - y, x),
-        }
-    }
 }
 
 /// Bytes read at once; most headers lie within.

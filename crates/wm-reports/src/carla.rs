@@ -15,9 +15,8 @@
 //! of scattering are not used.
 
 use crate::conditions::{Carrier, tint};
-use crate::draft::{Basis, Draft};
+use crate::draft::{Basis, Draft, WrittenWeather};
 use crate::error::{ReportError, meant, quoted};
-use crate::report::{DecodedReport, WeatherReport};
 use serde_json::Value;
 
 const FILE: &str = "CARLA";
@@ -208,7 +207,7 @@ impl CarlaParameters {
     }
 }
 
-pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
+pub(crate) fn read(text: &str) -> Result<(CarlaParameters, WrittenWeather), ReportError> {
     let parameters = CarlaParameters::parse(text)?;
     let name = format!("CARLA {}", parameters.preset.unwrap_or("parameters"));
     let about = match parameters.preset {
@@ -221,7 +220,8 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
     ];
     let mut draft = Draft::new(&name, &about, head);
     write(&parameters, &mut draft);
-    draft.finish(DecodedReport::Carla(parameters))
+    let written = draft.finish()?;
+    Ok((parameters, written))
 }
 
 fn write(carla: &CarlaParameters, draft: &mut Draft) {
@@ -319,9 +319,9 @@ mod tests {
             ("HardRainNoon", Some(50.0), 13_150.0, 25.0),
             ("HardRainNight", Some(50.0), 50.0, 25.0),
         ] {
-            let report = read(&format!("CARLA {name}")).unwrap();
-            let weather = report.weather();
-            assert_eq!(value(weather, "rain.rate"), rate, "{name}\n{}", report.to_toml());
+            let (_, written) = read(&format!("CARLA {name}")).unwrap();
+            let weather = &written.weather;
+            assert_eq!(value(weather, "rain.rate"), rate, "{name}\n{}", written.toml);
             let seen = value(weather, "fog.mor").unwrap();
             assert!((seen / mor - 1.0).abs() < 1e-3, "{name}: {seen}");
             assert_eq!(value(weather, "wind.speed"), Some(wind));
@@ -330,8 +330,8 @@ mod tests {
             let mut preset = CarlaParameters::preset(name).unwrap();
             assert!(preset.fields().iter().all(|field| field.is_some()), "{name}");
         }
-        let dust = read("carla.WeatherParameters.DustStorm").unwrap();
-        assert_eq!(value(dust.weather(), "smog.mor"), Some(50.0));
+        let (_, dust) = read("carla.WeatherParameters.DustStorm").unwrap();
+        assert_eq!(value(&dust.weather, "smog.mor"), Some(50.0));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! Visibility is shared out: what falls takes its part by the program's own laws of extinction, and
 //! the air has the rest, `sigma_air = max(0, 2.996 / visibility - sigma_precipitation)`.
 
-use crate::draft::{Basis, Draft, rounded};
+use crate::draft::{Basis, Datum, Draft, rounded};
 use crate::optics::{extinction, snow_rate, visibility};
 use wm_weather::optics::sigma_of_mor;
 
@@ -20,30 +20,6 @@ pub(crate) const SNOW: [([f64; 2], f64); 4] =
 /// Flashes a minute of thunderstorms, by their strength, and their distance, m.
 pub(crate) const FLASHES_PER_MINUTE: [f64; 4] = [4.0, 6.0, 10.0, 15.0];
 pub(crate) const STORM_DISTANCE_M: f64 = 3000.0;
-
-/// A value and its origin.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Datum {
-    pub(crate) value: f64,
-    pub(crate) basis: Basis,
-}
-
-impl Datum {
-    pub(crate) fn told(value: f64, text: impl Into<String>) -> Self {
-        Self { value, basis: Basis::told(text) }
-    }
-
-    pub(crate) fn guess(value: f64, text: impl Into<String>) -> Self {
-        Self { value, basis: Basis::guess(text) }
-    }
-
-    /// The standard deviation of a wind with gusts, m/s, as a share of its speed.
-    pub(crate) fn of_gusts(gust: f64, speed: f64) -> Self {
-        let share = if speed > 0.0 { (gust / speed - 1.0) / 3.0 } else { 1.0 };
-        let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
-        Self::told(share.clamp(0.0, 1.0), why)
-    }
-}
 
 /// The particles that make the air turbid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

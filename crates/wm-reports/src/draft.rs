@@ -1,9 +1,7 @@
 //! A weather file while it is written: each value with the reason for it.
 
-use crate::conditions::Datum;
 use crate::error::ReportError;
-use crate::report::{DecodedReport, ReportNote, ReportNoteKind, WeatherReport};
-use std::fmt::Write;
+use std::fmt::{self, Write};
 use wm_weather::{EFFECTS, Easing, Effect, Weather};
 
 /// The origin of a value.
@@ -44,6 +42,15 @@ struct Entry {
     name: &'static str,
     value: String,
     basis: Basis,
+}
+
+/// A weather file that is written, and the remarks about it.
+#[derive(Debug)]
+pub(crate) struct WrittenWeather {
+    pub(crate) name: String,
+    pub(crate) toml: String,
+    pub(crate) weather: Weather,
+    pub(crate) notes: Vec<ReportNote>,
 }
 
 /// A weather file in the making.
@@ -163,7 +170,7 @@ impl Draft {
     ///
     /// # Errors
     /// [`ReportError::Weather`] if the text is no weather.
-    pub(crate) fn finish(mut self, decoded: DecodedReport) -> Result<WeatherReport, ReportError> {
+    pub(crate) fn finish(mut self) -> Result<WrittenWeather, ReportError> {
         let mut text = String::new();
         for line in &self.head {
             let _ = writeln!(text, "# {}", plain(line));
@@ -192,7 +199,7 @@ impl Draft {
             }
         }
         let weather = Weather::parse(&text, &self.name)?;
-        Ok(WeatherReport { name: self.name, decoded, toml: text, weather, notes: self.notes })
+        Ok(WrittenWeather { name: self.name, toml: text, weather, notes: self.notes })
     }
 }
 
@@ -255,6 +262,64 @@ fn thinned(keys: &[(f64, f64)], easing: Easing) -> Vec<(f64, f64)> {
         }
     }
     kept
+}
+
+/// The kind of a remark about a report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReportNoteKind {
+    /// A value that the report does not have.
+    Guess,
+    /// A quantity that was not measured and that the weather file does not set.
+    Missing,
+    /// A part of the report that a weather file cannot hold.
+    Ignored,
+    /// A value beyond the range of its parameter.
+    Clamped,
+}
+
+/// A remark about a report: a value that was guessed, a part that was ignored, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ReportNote {
+    /// The kind.
+    pub kind: ReportNoteKind,
+    /// One line.
+    pub text: String,
+}
+
+impl fmt::Display for ReportNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = match self.kind {
+            ReportNoteKind::Guess => "guess",
+            ReportNoteKind::Missing => "not measured",
+            ReportNoteKind::Ignored => "ignored",
+            ReportNoteKind::Clamped => "clamped",
+        };
+        write!(f, "{kind}: {}", self.text)
+    }
+}
+
+/// A value and its origin.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Datum {
+    pub(crate) value: f64,
+    pub(crate) basis: Basis,
+}
+
+impl Datum {
+    pub(crate) fn told(value: f64, text: impl Into<String>) -> Self {
+        Self { value, basis: Basis::told(text) }
+    }
+
+    pub(crate) fn guess(value: f64, text: impl Into<String>) -> Self {
+        Self { value, basis: Basis::guess(text) }
+    }
+
+    /// The standard deviation of a wind with gusts, m/s, as a share of its speed.
+    pub(crate) fn of_gusts(gust: f64, speed: f64) -> Self {
+        let share = if speed > 0.0 { (gust / speed - 1.0) / 3.0 } else { 1.0 };
+        let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
+        Self::told(share.clamp(0.0, 1.0), why)
+    }
 }
 
 #[cfg(test)]

@@ -4,10 +4,9 @@
 //! A code says what falls and how hard, in words; each row here has a rate, mm/h, and a visibility,
 //! m, that such weather has. `ww 63`, `wmo 75` and `weather_code 61` are reports of their own.
 
-use crate::conditions::{Carrier, Conditions, Datum, SnowRate};
-use crate::draft::{Basis, Draft};
+use crate::conditions::{Carrier, Conditions, SnowRate};
+use crate::draft::{Basis, Datum, Draft, WrittenWeather};
 use crate::error::{ReportError, quoted};
-use crate::report::{DecodedReport, WeatherReport};
 use std::sync::LazyLock;
 
 /// The particles in the air of a code of present weather.
@@ -114,7 +113,7 @@ fn row(line: &'static str) -> PresentWeather {
 /// overcast.
 const COVERS: [f64; 4] = [0.0, 0.2, 0.5, 1.0];
 
-pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
+pub(crate) fn read(text: &str) -> Result<(&'static PresentWeather, WrittenWeather), ReportError> {
     let from_number = |text: &str| text.find(|c: char| c.is_ascii_digit() || c == '-').unwrap_or(text.len());
     let mut number = &text[from_number(text)..];
     // The table's number is in one of the words for it.
@@ -140,7 +139,7 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
         draft.ignored("ice that grows on surfaces is not drawn");
     }
     draft.ignored("wind and temperature: a code of present weather has none");
-    draft.finish(DecodedReport::PresentWeather(row))
+    Ok((row, draft.finish()?))
 }
 
 fn conditions(row: &'static PresentWeather) -> Conditions {
@@ -194,12 +193,12 @@ mod tests {
     fn all_codes_are_there_and_are_weathers() {
         for code in 0..100 {
             assert_eq!(u32::from(PresentWeather::of(code).unwrap().code), code);
-            let report = read(&format!("ww {code:02}")).unwrap();
-            let falls = report.weather().has(wm_weather::EffectRole::Falls);
+            let (_, written) = read(&format!("ww {code:02}")).unwrap();
+            let falls = written.weather.has(wm_weather::EffectRole::Falls);
             assert_eq!(falls, PresentWeather::of(code).unwrap().falls(), "{code}");
         }
-        assert_eq!(read("wmo4677: 75").unwrap().name, "ww-75");
-        assert_eq!(read("ww63").unwrap().name, "ww-63");
+        assert_eq!(read("wmo4677: 75").unwrap().1.name, "ww-75");
+        assert_eq!(read("ww63").unwrap().1.name, "ww-63");
         let error = read("ww 107").unwrap_err().to_string();
         assert_eq!(error, "ww: `ww 107` is no code of present weather: 0 to 99 are expected, as in ww 63");
     }

@@ -1,54 +1,21 @@
 //! A report that has been read: the weather file, the weather, and what was guessed.
 
 use crate::carla::CarlaParameters;
+use crate::draft::{ReportNote, WrittenWeather};
 use crate::error::ReportError;
 use crate::hourly::WeatherTable;
 use crate::metar::Metar;
+use crate::options::ReportOptions;
 use crate::present_weather::PresentWeather;
 use crate::recognise::{ReportKind, after_comments, recognise};
 use crate::words::WordsReport;
-use crate::{carla, metar, present_weather, words};
+use crate::{carla, hourly, metar, present_weather, words};
 use std::ffi::OsStr;
-use std::fmt;
 use std::path::Path;
 use wm_weather::Weather;
 
 /// Most bytes of a report that is no table.
 const MAX_REPORT_BYTES: usize = 10_000;
-
-/// The kind of a remark about a report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ReportNoteKind {
-    /// A value that the report does not have.
-    Guess,
-    /// A quantity that was not measured and that the weather file does not set.
-    Missing,
-    /// A part of the report that a weather file cannot hold.
-    Ignored,
-    /// A value beyond the range of its parameter.
-    Clamped,
-}
-
-/// A remark about a report: a value that was guessed, a part that was ignored, and why.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ReportNote {
-    /// The kind.
-    pub kind: ReportNoteKind,
-    /// One line.
-    pub text: String,
-}
-
-impl fmt::Display for ReportNote {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let kind = match self.kind {
-            ReportNoteKind::Guess => "guess",
-            ReportNoteKind::Missing => "not measured",
-            ReportNoteKind::Ignored => "ignored",
-            ReportNoteKind::Clamped => "clamped",
-        };
-        write!(f, "{kind}: {}", self.text)
-    }
-}
 
 /// The fields of a report as it states them.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,46 +32,6 @@ pub enum DecodedReport {
     Table(WeatherTable),
 }
 
-/// Knowledge that a report lacks and its reader may have.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ReportOptions {
-    /// Seconds of the shot in an hour of a table, 0.001 to 3600.
-    pub seconds_per_hour: f64,
-    /// Latitude and longitude, degrees: with them the sun of a METAR and of a table without a place
-    /// is that of its time.
-    pub place: Option<[f64; 2]>,
-    /// Day of the year, 1 to 366, for a METAR, which has only the day of the month.
-    pub day: Option<u32>,
-}
-
-impl Default for ReportOptions {
-    fn default() -> Self {
-        Self { seconds_per_hour: 1.0, place: None, day: None }
-    }
-}
-
-impl ReportOptions {
-    fn check(&self) -> Result<(), ReportError> {
-        let wrong = |key: &str, problem: String| {
-            Err(ReportError::Value { file: "options".into(), key: key.into(), problem })
-        };
-        if !(0.001..=3600.0).contains(&self.seconds_per_hour) {
-            let problem = format!("is {}: must be 0.001 to 3600", self.seconds_per_hour);
-            return wrong("seconds_per_hour", problem);
-        }
-        if let Some([latitude, longitude]) = self.place
-            && !((-90.0..=90.0).contains(&latitude) && (-180.0..=360.0).contains(&longitude))
-        {
-            let problem = format!("is {latitude}, {longitude}: must be latitude, longitude in degrees");
-            return wrong("place", problem);
-        }
-        if let Some(day) = self.day.filter(|day| !(1..=366).contains(day)) {
-            return wrong("day", format!("is {day}: must be 1 to 366"));
-        }
-        Ok(())
-    }
-}
-
 /// A weather report as a weather.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeatherReport {
@@ -118,6 +45,11 @@ pub struct WeatherReport {
 }
 
 impl WeatherReport {
+    fn of(decoded: DecodedReport, written: WrittenWeather) -> Self {
+        let WrittenWeather { name, toml, weather, notes } = written;
+        Self { name, decoded, toml, weather, notes }
+    }
+
     /// Reads a report of any kind from its text; `source` is its name in messages, that of a file.
     ///
     /// ```
@@ -154,10 +86,22 @@ impl WeatherReport {
         // A table is named after its file, without the folder and the ending.
         let stem = || Path::new(source).file_stem().map_or_else(|| source.into(), OsStr::to_string_lossy);
         match kind {
-            ReportKind::Metar => metar::read(line, options),
-            ReportKind::Carla => carla::read(line),
-            ReportKind::PresentWeather => present_weather::read(line),
-            ReportKind::Words => words::read(line),
+            ReportKind::Metar => {
+                let (metar, written) = metar::read(line, options)?;
+                Ok(Self::of(DecodedReport::Metar(Box::new(metar)), written))
+            }
+            ReportKind::Carla => {
+                let (parameters, written) = carla::read(line)?;
+                Ok(Self::of(DecodedReport::Carla(parameters), written))
+            }
+            ReportKind::PresentWeather => {
+                let (row, written) = present_weather::read(line)?;
+                Ok(Self::of(DecodedReport::PresentWeather(row), written))
+            }
+            ReportKind::Words => {
+                let (words, written) = words::read(line)?;
+                Ok(Self::of(DecodedReport::Words(Box::new(words)), written))
+            }
             ReportKind::HourlyJson => WeatherTable::parse_json(text, source)?.weather(&stem(), options),
             ReportKind::HourlyCsv => WeatherTable::parse_csv(text, source)?.weather(&stem(), options),
         }
@@ -197,5 +141,16 @@ impl WeatherReport {
     #[must_use]
     pub fn notes(&self) -> &[ReportNote] {
         &self.notes
+    }
+}
+
+impl WeatherTable {
+    /// The weather of the table, an hour in `seconds_per_hour` of the options.
+    ///
+    /// # Errors
+    /// [`ReportError::Weather`] if what comes out is no weather.
+    pub fn weather(&self, name: &str, options: &ReportOptions) -> Result<WeatherReport, ReportError> {
+        let written = hourly::weather::weather(self, name, options)?;
+        Ok(WeatherReport::of(DecodedReport::Table(self.clone()), written))
     }
 }

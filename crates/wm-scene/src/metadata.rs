@@ -4,7 +4,7 @@ mod fault;
 
 use crate::lamps::{Lamp, LitWindow};
 use crate::reflectance::LabelReflectance;
-use crate::survey::Confidence;
+use crate::survey::sourced::Confidence;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;

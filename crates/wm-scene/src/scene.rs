@@ -1,12 +1,8 @@
 //! A scene: splats, metadata, and the views that came with it.
 
-use crate::formats::folder::{cameras_path, write_cameras};
-use crate::formats::{ReadOptions, read_scene, write_scene};
 use crate::health::{NonFiniteSplats, Repairs};
 use crate::{Camera, Metadata, Remark, Splats};
 use glam::DVec3;
-use std::path::Path;
-use wm_base::{FormatError, Problem};
 
 /// The content of a scene file or folder.
 ///
@@ -52,38 +48,6 @@ pub struct SceneView {
 }
 
 impl Scene {
-    /// Reads a scene: a file of any of the [`crate::formats`], or the folder of a 3DGS training.
-    ///
-    /// [`read_scene`] has options, and also reads scenes with broken splats, which
-    /// [`Scene::repaired`] removes.
-    ///
-    /// # Errors
-    /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used, or a
-    /// splat holds a number that is not finite ([`Problem::NonFinite`]).
-    pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
-        let path = path.as_ref();
-        let scene = read_scene(path, &ReadOptions::default())?;
-        scene
-            .splats
-            .check_finite()
-            .map_err(|e| FormatError::whole(path, Problem::NonFinite(e.to_string())))?;
-        Ok(scene)
-    }
-
-    /// Writes the scene in the format that the name of `path` ends in, whole or not at all.
-    ///
-    /// Metadata goes into the file, or into a sidecar beside it if the format has no room. Views go
-    /// into `<path>.cameras.json`, where [`Scene::open`] finds them.
-    ///
-    /// # Errors
-    /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the file
-    /// cannot be written.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FormatError> {
-        let path = path.as_ref();
-        write_scene(path, self)?;
-        if self.views.is_empty() { Ok(()) } else { write_cameras(&cameras_path(path), &self.views) }
-    }
-
     /// The scene without the splats that cannot be drawn, and a count of what was removed; see
     /// [`Splats::repaired`].
     #[must_use]
@@ -134,8 +98,10 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::{ReadOptions, read_scene};
     use crate::synthetic::rippled;
     use tempfile::tempdir;
+    use wm_base::Problem;
 
     #[test]
     fn broken_splats_are_refused_by_name_and_can_be_repaired() {

@@ -4,7 +4,7 @@
 //! says where its fields lie; fields that are tables, lists and texts are offsets ahead. Source:
 //! flatbuffers.dev/internals.
 
-use super::{FeatherFault, MAX_COLUMNS, fault};
+use super::format::{FeatherFault, MAX_COLUMNS, fault};
 
 /// A field of a table that is written; a table has them in the order of their slots.
 pub(super) enum FlatField {

@@ -14,54 +14,14 @@
 //! `Schema.fbs`, `Message.fbs` and `File.fbs`.
 
 mod flatbuffer;
+mod format;
 mod read;
 #[cfg(test)]
 mod tests;
 mod write;
 
+pub use format::{ColumnType, FeatherFault};
 pub use read::FeatherTable;
 #[cfg(any(test, feature = "testing"))]
 pub(crate) use write::feather_packed;
 pub use write::{FeatherColumn, FeatherValue, feather};
-
-const MAGIC: &[u8] = b"ARROW1";
-/// The version of the metadata that is written, V5.
-const VERSION: i16 = 4;
-/// Most columns of a table that is read.
-const MAX_COLUMNS: usize = 1000;
-
-/// A fault of a file: a byte, and what is wrong there.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FeatherFault {
-    /// The byte, from the start of the file.
-    pub byte: u64,
-    /// The fault.
-    pub what: String,
-}
-
-fn fault<T>(byte: usize, what: impl Into<String>) -> Result<T, FeatherFault> {
-    Err(FeatherFault { byte: byte as u64, what: what.into() })
-}
-
-/// The type of a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColumnType {
-    /// Whole numbers.
-    Int {
-        /// Bytes of a number.
-        bytes: usize,
-        /// Numbers below 0 are possible.
-        is_signed: bool,
-    },
-    /// Floats.
-    Float {
-        /// Bytes of a number.
-        bytes: usize,
-    },
-    /// Bits, the lowest of a byte first.
-    Bool,
-    /// UTF-8.
-    Text,
-    /// Not read; the number of its buffers.
-    Other(usize),
-}

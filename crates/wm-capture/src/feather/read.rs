@@ -5,7 +5,7 @@
 //! promises. Types: integers of 8 to 64 bits, floats of 16 to 64 bits, booleans, UTF-8.
 
 use super::flatbuffer::{FlatTable, le_u32, le_u64};
-use super::{ColumnType, FeatherFault, MAGIC, MAX_COLUMNS, fault};
+use super::format::{ColumnType, FeatherFault, MAGIC, MAX_COLUMNS, fault};
 use half::f16;
 use lz4_flex::frame::FrameDecoder;
 use std::io::Read;

@@ -2,7 +2,7 @@
 //! bytes. Equal columns make equal bytes.
 
 use super::flatbuffer::{FlatField, flatbuffer, pad};
-use super::{ColumnType, MAGIC, VERSION};
+use super::format::{ColumnType, MAGIC, VERSION};
 use half::f16;
 use std::io;
 

@@ -10,10 +10,10 @@
 use super::files::{all_numbers, fault, files_in, name_of, pose_of_rows, read_json};
 use super::records::{Records, choose_folder};
 use super::sweep::SweepRecords;
-use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
-    is_asked, moved, size_of_first,
-};
+use super::log::{DrivingLog, LogCamera, LogFormat, LogPicture, LogPictureMasks, is_asked, moved, size_of_first};
+use super::records::LogOptions;
+use super::sweep::LogSweep;
+use super::track::{LogBox, LogTrack};
 use crate::RigidPose;
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
@@ -62,7 +62,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         }
     }
     let names: Vec<&str> = by_camera.keys().map(String::as_str).collect();
-    super::check_cameras(path, options, &names)?;
+    super::log::check_cameras(path, options, &names)?;
     let fine = path.join("fine_dynamic_masks/all");
     let movers = if fine.is_dir() { fine } else { path.join("dynamic_masks/all") };
     for (name, files) in &by_camera {

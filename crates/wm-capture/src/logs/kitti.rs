@@ -4,8 +4,8 @@
 //! camera i. KITTI's own are `K [I | b]`, shifted by b; sets in its layout with cameras that look
 //! elsewhere have `K [R | b]`.
 
-use super::LogCamera;
 use super::files::{fault, fault_in_line, numbers, pose_of, read_text};
+use super::log::LogCamera;
 use crate::RigidPose;
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;

@@ -10,7 +10,9 @@ use super::files::{fault_in_line, files_in, folders_in, has_files, line_records,
 use super::kitti::KittiCalibration;
 use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
 use super::sweep::SweepRecords;
-use super::{DrivingLog, LogFormat, LogOptions, LogSweep, check_cameras, is_asked, size_of_first};
+use super::log::{DrivingLog, LogFormat, check_cameras, is_asked, size_of_first};
+use super::records::LogOptions;
+use super::sweep::LogSweep;
 use crate::RigidPose;
 use std::path::{Path, PathBuf};
 use wm_base::FormatError;

@@ -3,7 +3,6 @@
 //! Missing records are always left out, since recordings have gaps. Damaged records are refused, or
 //! left out with [`super::LogOptions::skip_bad`]. Both are remarked on.
 
-use super::LogOptions;
 use super::files::{fault, folders_in, name_of, shown};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -247,6 +246,40 @@ pub(super) fn choose<T>(
         )),
     };
     Ok((first.value, note.map(|note| format!("{note}; --log-scene names another"))))
+}
+
+/// The part of a log that is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LogOptions {
+    /// The log among several in a folder: a scene, a drive or a sequence. The first whose files are
+    /// there, if nothing is said.
+    pub scene: Option<String>,
+    /// The cameras, by the names that the log gives them; empty for those that take colour pictures
+    /// of the scene.
+    pub cameras: Vec<String>,
+    /// Step between pictures of each camera that are taken; 0 for as few as
+    /// [`LogOptions::most_pictures`] asks for.
+    pub stride: usize,
+    /// Seconds of the log that are read, from its start; all of it if nothing is said.
+    pub seconds: Option<u32>,
+    /// Most pictures, over all cameras, where `stride` is 0.
+    pub most_pictures: usize,
+    /// True to go on without records that are damaged; they are refused otherwise. What is missing
+    /// is always left out.
+    pub skip_bad: bool,
+}
+
+impl Default for LogOptions {
+    fn default() -> Self {
+        Self {
+            scene: None,
+            cameras: Vec::new(),
+            stride: 0,
+            seconds: None,
+            most_pictures: 600,
+            skip_bad: false,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Sweeps of lidars.
 
-use super::argoverse::read_points;
+use super::argoverse::table::read_points;
 use super::files::{MAX_BINARY_BYTES, fault, read_bytes};
 use super::track::EgoTrack;
 use crate::RigidPose;

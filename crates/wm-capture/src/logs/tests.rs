@@ -3,8 +3,10 @@
 use super::mini::{FRAMES, MINI_LOGS, MiniLog, SIZE, color_at};
 use super::*;
 use crate::{self as capture, CaptureOptions};
+use glam::DVec3;
 use proptest::prelude::*;
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 use tempfile::{TempDir, tempdir};
 
 pub(super) fn made(index: usize) -> (TempDir, MiniLog) {

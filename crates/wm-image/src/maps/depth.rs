@@ -1,6 +1,7 @@
 //! The meaning of the numbers in a depth map.
 
-use super::{Map, MapFault};
+use super::error::MapFault;
+use super::map::Map;
 use std::str::FromStr;
 use wm_scene::Camera;
 

@@ -1,6 +1,7 @@
 //! Maps as OpenEXR: the first layer.
 
-use super::{Map, MapFault, check_size, words};
+use super::error::MapFault;
+use super::map::{MAX_VALUES, Map, check_size, words};
 use exr::meta::{MetaData, attribute::SampleType};
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use std::io::Cursor;
@@ -25,7 +26,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Map, MapFault> {
         )?;
         values += size.area() as u64 * channels.len() as u64;
     }
-    if values > super::MAX_VALUES {
+    if values > MAX_VALUES {
         return Err(MapFault::Large(format!("{values} numbers in {} layers", head.headers.len())));
     }
     let image = read()

@@ -1,6 +1,6 @@
 //! Finds the map of a photo in a folder.
 
-use super::{MapError, MapFault};
+use super::error::{MapError, MapFault};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use wm_base::file_index::{FileIndex, FileKind};

@@ -1,6 +1,7 @@
 //! The meaning of the numbers in a normal map.
 
-use super::{Map, MapFault, Stored};
+use super::error::MapFault;
+use super::map::{Map, Stored};
 use glam::DVec3;
 use std::str::FromStr;
 use wm_scene::Camera;

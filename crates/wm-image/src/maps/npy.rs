@@ -1,6 +1,7 @@
 //! Maps as NumPy arrays.
 
-use super::{Map, MapFault, check_size};
+use super::error::MapFault;
+use super::map::{Map, check_size};
 use std::path::Path;
 use wm_base::npy;
 

@@ -1,6 +1,7 @@
 //! Maps as PNG: counts of 8 or 16 bits.
 
-use super::{Map, MapFault, Stored, check_size, words};
+use super::error::MapFault;
+use super::map::{Map, Stored, check_size, words};
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 use std::io::Cursor;
 

@@ -4,7 +4,8 @@
 //! that any number which is not finite has a share in is not finite itself: infinite if all of them
 //! are, else NaN. A depth between a wall and a hole would be no depth of either.
 
-use super::Map;
+use super::error::MapFault;
+use super::map::Map;
 
 /// The filter with which pixels are made of those around them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,6 +19,18 @@ pub enum Filter {
 }
 
 impl Map {
+    /// The map in the size of its photo, px; the same if it has that.
+    ///
+    /// # Errors
+    /// [`MapFault::Aspect`] if the aspect ratios differ by more than 1 %.
+    pub fn fitted(self, width: u32, height: u32, filter: Filter) -> Result<Self, MapFault> {
+        if (self.width, self.height) == (width, height) {
+            return Ok(self);
+        }
+        self.check_shape(width, height)?;
+        Ok(self.resampled(width, height, filter))
+    }
+
     /// The map in another size, px.
     ///
     /// # Panics

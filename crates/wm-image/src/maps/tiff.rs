@@ -1,7 +1,8 @@
 //! Maps as TIFF: floats, or counts of 8 or 16 bits, in strips or tiles. The first picture of a
 //! file.
 
-use super::{Map, MapFault, Stored, check_size, words};
+use super::error::MapFault;
+use super::map::{Map, Stored, check_size, words};
 use std::io::Cursor;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 

@@ -1,6 +1,6 @@
 //! Units of depth maps, in words.
 
-use super::{Map, Stored};
+use super::map::{Map, Stored};
 use std::fmt;
 use std::str::FromStr;
 

@@ -27,11 +27,11 @@ mod csv;
 mod json;
 mod raw;
 mod time;
-mod weather;
+pub(crate) mod weather;
 
+use crate::draft::ReportNote;
+use crate::error::ReportError;
 use crate::present_weather::PresentWeather;
-use crate::report::{ReportNote, WeatherReport};
-use crate::{ReportError, ReportOptions};
 
 /// The weather at an hour, and what fell until then since the row before.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -127,14 +127,6 @@ impl WeatherTable {
     #[must_use]
     pub fn snow_sum(&self) -> f64 {
         self.rows.iter().map(|row| row.snow).sum()
-    }
-
-    /// The weather of the table, an hour in `seconds_per_hour` of the options.
-    ///
-    /// # Errors
-    /// [`ReportError::Weather`] if what comes out is no weather.
-    pub fn weather(&self, name: &str, options: &ReportOptions) -> Result<WeatherReport, ReportError> {
-        weather::weather(self, name, options)
     }
 }
 

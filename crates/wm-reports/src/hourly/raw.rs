@@ -2,9 +2,9 @@
 
 use super::columns::{Column, Field, METEOSTAT, names, other_service};
 use super::{WeatherRow, WeatherTable, time};
+use crate::draft::{ReportNote, ReportNoteKind};
 use crate::error::{ReportError, meant, quoted};
 use crate::optics::humidity;
-use crate::report::{ReportNote, ReportNoteKind};
 
 /// mm of water in a metre of fresh snow, as Open-Meteo counts: 7 cm are 10 mm.
 const WATER_MM_PER_SNOW_M: f64 = 1000.0 / 7.0;

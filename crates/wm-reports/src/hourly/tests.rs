@@ -1,4 +1,5 @@
 use super::*;
+use crate::{ReportOptions, WeatherReport};
 use wm_weather::{ParamValue, Track, Weather};
 
 const JSON: &str = include_str!("../../fixtures/open-meteo-day.json");

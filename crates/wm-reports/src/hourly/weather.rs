@@ -2,11 +2,11 @@
 
 use super::{WeatherRow, WeatherTable, time};
 use crate::conditions::{CLEAR_VISIBILITY_M, heading, lamps};
-use crate::draft::{Basis, Draft};
+use crate::draft::{Basis, Draft, WrittenWeather};
 use crate::error::ReportError;
 use crate::optics::{extinction, visibility};
+use crate::options::ReportOptions;
 use crate::present_weather::PresentAir;
-use crate::report::{DecodedReport, ReportOptions, WeatherReport};
 use std::f64::consts::TAU;
 use wm_weather::Easing;
 use wm_weather::optics::sigma_of_mor;
@@ -18,11 +18,11 @@ const MIN_GUSTY_WIND_M_S: f64 = 1.0;
 /// Net radiation by night, W/m^2.
 const NIGHT_RADIATION_W_M2: f64 = -30.0;
 
-pub(super) fn weather(
+pub(crate) fn weather(
     table: &WeatherTable,
     name: &str,
     options: &ReportOptions,
-) -> Result<WeatherReport, ReportError> {
+) -> Result<WrittenWeather, ReportError> {
     let Some((first, last)) = table.rows.first().zip(table.rows.last()) else {
         return Err(ReportError::Whole { file: name.into(), problem: "has no rows".into() });
     };
@@ -58,7 +58,7 @@ pub(super) fn weather(
         let step = format!("hours: rows are {:.2} hours apart", table.step);
         draft.ignored(format!("{step}, and amounts count for all that time"));
     }
-    draft.finish(DecodedReport::Table(table.clone()))
+    draft.finish()
 }
 
 struct Film<'a> {

@@ -1,6 +1,6 @@
 //! The forms of single groups, one function each: `None` for a text that is damaged.
 
-use super::{
+use super::decoded::{
     CloudCover, CloudGroup, MetarVisibility, MetarWind, VisibilityBound, WeatherDescriptor, WeatherGroup,
     WeatherIntensity, WeatherPhenomenon,
 };

@@ -5,12 +5,12 @@
 //! of these, or that is of no known form and stands before the temperature. Anything else is noted
 //! and left out.
 
-use super::forms::{
-    clouds, degrees, is_digits, is_strokes, metres, miles, pressure, runway, runway_range, weather, wind,
-};
-use super::{
+use super::decoded::{
     IgnoredGroup, Metar, MetarKind, MetarTime, MetarVisibility, RunwayRange, VisibilityBound,
     WeatherPhenomenon,
+};
+use super::forms::{
+    clouds, degrees, is_digits, is_strokes, metres, miles, pressure, runway, runway_range, weather, wind,
 };
 use crate::error::{ReportError, meant, quoted};
 use wm_base::nearest;

@@ -1,6 +1,7 @@
 use super::*;
+use crate::draft::ReportNoteKind;
 use crate::hourly::tests::track;
-use crate::report::{DecodedReport, ReportNoteKind};
+use crate::report::{DecodedReport, WeatherReport};
 use wm_weather::Weather;
 
 fn value(weather: &Weather, key: &str) -> Option<f64> {
@@ -8,7 +9,8 @@ fn value(weather: &Weather, key: &str) -> Option<f64> {
 }
 
 fn weather(text: &str) -> WeatherReport {
-    read(text, &ReportOptions::default()).unwrap_or_else(|error| panic!("{text}: {error}"))
+    WeatherReport::read(text, "metar", &ReportOptions::default())
+        .unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
 /// Single groups and their parameters, worked out by hand from the mapping.
@@ -82,7 +84,7 @@ fn snow_falls_as_the_visibility_says_within_its_intensity() {
 #[test]
 fn the_place_gives_the_sun() {
     let options = ReportOptions { place: Some([40.6, -73.8]), day: Some(33), ..ReportOptions::default() };
-    let report = read("KJFK 021200Z 00000KT CAVOK 05/M02 Q1013", &options).unwrap();
+    let report = WeatherReport::read("KJFK 021200Z 00000KT CAVOK 05/M02 Q1013", "metar", &options).unwrap();
     assert!((value(report.weather(), "light.hour").unwrap() - 7.08).abs() < 1e-9);
     assert_eq!(value(report.weather(), "light.day"), Some(33.0));
 }

@@ -13,18 +13,18 @@
 //! | clouds | `light.clouds`, the middle of the eighths |
 //! | temperature, dew point | of the snow, and of the air that dries the ground |
 
-use super::{
+use super::decoded::{
     CloudCover, Metar, MetarKind, MetarVisibility, VisibilityBound, WeatherDescriptor as Descriptor,
     WeatherGroup, WeatherIntensity, WeatherPhenomenon as Phenomenon,
 };
 use crate::conditions::{
-    Carrier, Conditions, DRIZZLE, Datum, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M,
-    SnowRate, Sun,
+    Carrier, Conditions, DRIZZLE, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M, SnowRate,
+    Sun,
 };
-use crate::draft::{Basis, Draft};
+use crate::draft::{Basis, Datum, Draft, WrittenWeather};
 use crate::error::ReportError;
 use crate::optics::humidity;
-use crate::report::{DecodedReport, ReportOptions, WeatherReport};
+use crate::options::ReportOptions;
 
 /// Rates of light, moderate and heavy weather, mm/h.
 const SNOW_GRAINS: [f64; 3] = [0.05, 0.1, 0.2];
@@ -38,20 +38,20 @@ const NEARBY_STORM: [f64; 2] = [3.0, 12_000.0];
 
 pub(super) fn weather(
     text: &str,
-    metar: Metar,
+    metar: &Metar,
     options: &ReportOptions,
-) -> Result<WeatherReport, ReportError> {
+) -> Result<WrittenWeather, ReportError> {
     let mut mapping = Mapping { now: Conditions::default(), ignored: Vec::new() };
-    mapping.wind(&metar);
-    mapping.air_and_clouds(&metar);
-    mapping.temperature(&metar);
+    mapping.wind(metar);
+    mapping.air_and_clouds(metar);
+    mapping.temperature(metar);
     for group in &metar.weather {
         mapping.group(group);
     }
     for group in &metar.recent {
         mapping.recent(group);
     }
-    mapping.sun(&metar, options);
+    mapping.sun(metar, options);
     let Mapping { now, ignored } = mapping;
     let kind = if metar.kind == MetarKind::Speci { "SPECI" } else { "METAR" };
     let time = metar
@@ -74,7 +74,7 @@ pub(super) fn weather(
     if !metar.remarks.is_empty() {
         draft.ignored(format!("remarks {}", metar.remarks));
     }
-    draft.finish(DecodedReport::Metar(Box::new(metar)))
+    draft.finish()
 }
 
 struct Mapping {

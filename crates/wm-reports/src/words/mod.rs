@@ -9,12 +9,11 @@ mod units;
 mod vocabulary;
 
 use crate::conditions::{
-    Carrier, Conditions, DRIZZLE, Datum, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M,
-    SnowRate, Sun,
+    Carrier, Conditions, DRIZZLE, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M, SnowRate,
+    Sun,
 };
-use crate::draft::{Basis, Draft};
+use crate::draft::{Basis, Datum, Draft, WrittenWeather};
 use crate::error::{ReportError, meant};
-use crate::report::{DecodedReport, WeatherReport};
 use tokens::{Token, clauses, fault};
 use units::{Quantity, unit};
 use vocabulary::{CALM_WORDS, Daytime, Falling, Meaning, WORDS, compass, meaning};
@@ -42,16 +41,10 @@ pub struct WordsReport {
     pub snow_depth: Option<f64>,
 }
 
-/// Visibilities, m.
-const FOG: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
-const MIST: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
-const HAZE: [f64; 4] = [8000.0, 4000.0, 2000.0, 1500.0];
-const SMOKE: [f64; 4] = [4000.0, 1500.0, 800.0, 400.0];
-const DUST: [f64; 4] = [3000.0, 800.0, 250.0, 100.0];
 /// Winds, m/s.
 const WIND: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
 
-pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
+pub(crate) fn read(text: &str) -> Result<(WordsReport, WrittenWeather), ReportError> {
     let clauses = clauses(text);
     if clauses.is_empty() {
         let problem = "nothing is said: words as in \"heavy rain, wind 40 km/h from the west\" are expected";
@@ -77,7 +70,7 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
         temperature: value(&now.temperature),
         snow_depth: value(&now.snow_depth),
     };
-    draft.finish(DecodedReport::Words(Box::new(report)))
+    Ok((report, draft.finish()?))
 }
 
 #[derive(Default)]

@@ -1,10 +1,7 @@
 use super::*;
 
 fn words(text: &str) -> WordsReport {
-    match read(text).unwrap_or_else(|error| panic!("{error}")).decoded {
-        DecodedReport::Words(words) => *words,
-        other => panic!("{other:?}"),
-    }
+    read(text).unwrap_or_else(|error| panic!("{error}")).0
 }
 
 #[test]

@@ -1,7 +1,13 @@
 //! The words that are known.
 
-use super::{DUST, FOG, HAZE, MIST, SMOKE};
 use crate::conditions::Carrier;
+
+/// Visibilities, m.
+pub(super) const FOG: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
+pub(super) const MIST: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
+pub(super) const HAZE: [f64; 4] = [8000.0, 4000.0, 2000.0, 1500.0];
+pub(super) const SMOKE: [f64; 4] = [4000.0, 1500.0, 800.0, 400.0];
+pub(super) const DUST: [f64; 4] = [3000.0, 800.0, 250.0, 100.0];
 
 /// Kinds of precipitation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

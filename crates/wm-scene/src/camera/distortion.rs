@@ -8,7 +8,7 @@
 //! (Brown 1966), which is OpenCV's model with five coefficients. COLMAP calls it OPENCV, without
 //! k3; its SIMPLE_RADIAL and RADIAL have `p1 = p2 = 0`, too.
 
-use crate::Camera;
+use super::pinhole::Camera;
 
 /// The distortion of a lens, relative to a pinhole camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

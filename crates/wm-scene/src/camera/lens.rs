@@ -2,7 +2,7 @@
 //! picture point.
 
 use super::distortion::Distortion;
-use super::{Camera, CameraError};
+use super::pinhole::{Camera, CameraError};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

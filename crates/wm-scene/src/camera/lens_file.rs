@@ -1,7 +1,8 @@
 //! Lenses in TOML files: a model by its COLMAP name, and its numbers.
 
 use super::distortion::Distortion;
-use super::{Camera, LensModel};
+use super::lens::LensModel;
+use super::pinhole::Camera;
 use crate::formats::sidecar::parse_toml;
 use serde::Deserialize;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Cameras described by a position and a target.
 
-use super::{Camera, CameraError};
+use super::pinhole::{Camera, CameraError};
 use glam::DVec3;
 
 /// A camera described by its position and its target, to be completed by the scene it looks at.

@@ -1,6 +1,5 @@
 //! Rigid poses: a rotation and a translation, nothing else.
 
-use super::viewmat_of;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use thiserror::Error;
 
@@ -96,6 +95,14 @@ fn check_rotation(matrix: &DMat3, tolerance: f64) -> Result<(), PoseFault> {
         }
     }
     if matrix.determinant() < 0.0 { Err(PoseFault::Mirrored) } else { Ok(()) }
+}
+
+/// The 4x4 matrix of a rotation and a translation.
+#[must_use]
+pub fn viewmat_of(rotation: DMat3, translation: DVec3) -> DMat4 {
+    let mut viewmat = DMat4::from_mat3(rotation);
+    viewmat.w_axis = translation.extend(1.0);
+    viewmat
 }
 
 #[cfg(test)]

@@ -16,12 +16,11 @@
 //! section for each power of two in the widths of its buckets, so that a sky does not coarsen what
 //! is near.
 
-use super::{
-    Axes, FormatLosses, Retention, SceneFormat, Writer,
-    bytes::{Bytes, floats, rows},
-    has_ending,
-    pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
-};
+use super::axes::Axes;
+use super::bytes::{Bytes, floats, rows};
+use super::format::{SceneFormat, Writer, has_ending};
+use super::loss::{FormatLosses, Retention};
+use super::pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit};
 use crate::{Scene, Splats, morton, sh};
 use half::f16;
 use std::io::Write;

@@ -21,6 +21,7 @@ mod axes;
 mod beside;
 mod bytes;
 pub mod folder;
+pub(crate) mod format;
 mod loss;
 mod pack;
 pub mod sidecar;
@@ -28,21 +29,20 @@ pub mod sidecar;
 use crate::{Scene, origin};
 use wm_base::{
     error::{FormatError, Problem, excerpt},
-    files::{self, TempFile, write_atomically},
+    files::{self, write_atomically},
     source::Source,
 };
 #[cfg(test)]
 mod fetched_tests;
 
 pub use axes::Axes;
-use loss::ANY_SCALE;
+use folder::{cameras_path, write_cameras};
+pub use format::{DetailLevel, GltfSplats, ReadOptions, SceneFormat, SpzVersion, Views, WriteOptions};
+use format::{SNIFFED, Start, Writer, has_ending, write_files};
 pub use loss::{FormatLosses, Retention, lost};
 pub use ply::read_points;
 pub use sidecar::{sidecar_path, write_sidecar};
-use std::{
-    io::{Read, Write},
-    path::Path,
-};
+use std::{io::Read, path::Path};
 
 macro_rules! formats {
     ($($($name:ident)::+),+ $(,)?) => {
@@ -55,29 +55,11 @@ mod gltf;
 mod ksplat;
 pub(crate) mod ply;
 pub(crate) mod sog;
+mod sog_levels;
 mod splat;
 mod spz;
 
-formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog::levels, gltf, splat, ksplat }
-
-/// A scene format.
-pub struct SceneFormat {
-    /// Name in messages.
-    pub name: &'static str,
-    /// The extensions of its files, without dot, lower case, that of new files first. An extension
-    /// that is a whole name, such as `meta.json`, names a folder's main file.
-    pub extensions: &'static [&'static str],
-    /// A description in one line.
-    pub about: &'static str,
-    /// The axes of its files.
-    axes: Axes,
-    /// The parts of a scene that it loses.
-    pub loses: FormatLosses,
-    /// Recognises a file of this format by its first bytes.
-    sniff: fn(&Start) -> bool,
-    read: fn(&mut Source, &ReadOptions) -> Result<Scene, FormatError>,
-    write: Writer,
-}
+formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog_levels, gltf, splat, ksplat }
 
 impl SceneFormat {
     /// The parts of a scene that it loses if it is written with `options`.
@@ -93,98 +75,38 @@ impl SceneFormat {
     }
 }
 
-/// The writer of a format. Writers get the scene in the axes of a PLY, and turn what they write.
-enum Writer {
-    /// Into one file.
-    Stream(fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Problem>),
-    /// Into several, beside each other; the one that is named comes last.
-    Files(fn(&Scene, &mut FileSink) -> Result<(), Problem>),
-    /// Not at all.
-    Nothing,
-}
+impl Scene {
+    /// Reads a scene: a file of any of the [`crate::formats`], or the folder of a 3DGS training.
+    ///
+    /// [`read_scene`] has options, and also reads scenes with broken splats, which
+    /// [`Scene::repaired`] removes.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used, or a
+    /// splat holds a number that is not finite ([`Problem::NonFinite`]).
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
+        let path = path.as_ref();
+        let scene = read_scene(path, &ReadOptions::default())?;
+        scene
+            .splats
+            .check_finite()
+            .map_err(|e| FormatError::whole(path, Problem::NonFinite(e.to_string())))?;
+        Ok(scene)
+    }
 
-/// A file of a scene that has several.
-pub(crate) struct NamedFile {
-    pub(crate) name: &'static str,
-    pub(crate) bytes: Vec<u8>,
-}
-
-/// The receiver of such files, one after the other.
-pub(crate) type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
-
-/// The facts about a file by which its format is recognised.
-pub(crate) struct Start<'a> {
-    /// First bytes, at most [`SNIFFED`].
-    pub(crate) bytes: &'a [u8],
-    /// Name, or that of the stream.
-    pub(crate) path: &'a Path,
-}
-
-/// Bytes at the start of a file that tell its format.
-pub(crate) const SNIFFED: usize = 4096;
-
-/// Options of reading a scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ReadOptions {
-    /// The cameras in the folder of a training.
-    pub views: Views,
-    /// The level of detail, where a scene has several.
-    pub level: DetailLevel,
-}
-
-/// A level of detail of a scene that has several; scenes with one ignore it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum DetailLevel {
-    /// All splats.
-    #[default]
-    Finest,
-    /// Level n; 0 is the finest.
-    Number(u32),
-    /// The finest with no more splats than this; the coarsest if all have more.
-    Budget(u64),
-}
-
-/// Options of writing a scene, where a format leaves a choice.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct WriteOptions {
-    /// The version of SPZ.
-    pub spz: SpzVersion,
-    /// The encoding of splats in a glTF.
-    pub gltf: GltfSplats,
-}
-
-/// A version of SPZ that is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum SpzVersion {
-    /// 3, gzip: what most programs read.
-    #[default]
-    V3,
-    /// 4, Zstandard.
-    V4,
-}
-
-/// The encoding of splats in a glTF.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GltfSplats {
-    /// As floats: nothing is lost.
-    #[default]
-    Floats,
-    /// As SPZ in `KHR_gaussian_splatting_compression_spz_2`.
-    Spz,
-    /// As SPZ in the way that CesiumJS reads it (1.140): its numbers are in the axes of glTF, where
-    /// the draft asks for those of SPZ. Such files state no kernel and no colour space, by which
-    /// they are told.
-    SpzCesium,
-}
-
-/// The treatment of the cameras in the folder of a training, or beside a scene file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Views {
-    /// Reads them if there are any.
-    #[default]
-    Read,
-    /// Ignores them.
-    Ignore,
+    /// Writes the scene in the format that the name of `path` ends in, whole or not at all.
+    ///
+    /// Metadata goes into the file, or into a sidecar beside it if the format has no room. Views go
+    /// into `<path>.cameras.json`, where [`Scene::open`] finds them.
+    ///
+    /// # Errors
+    /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the file
+    /// cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FormatError> {
+        let path = path.as_ref();
+        write_scene(path, self)?;
+        if self.views.is_empty() { Ok(()) } else { write_cameras(&cameras_path(path), &self.views) }
+    }
 }
 
 /// Reads a scene: a file of any format in [`FORMATS`], or the folder of a 3DGS training. Values of a
@@ -294,34 +216,6 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
     Ok(())
 }
 
-/// Writes the files of a scene beside each other in the folder of `path`, which is made if it is
-/// not there.
-///
-/// # Errors
-/// [`FormatError`] if `write` fails or the system refuses.
-pub(crate) fn write_files(
-    path: &Path,
-    write: impl FnOnce(&mut FileSink) -> Result<(), Problem>,
-) -> Result<(), FormatError> {
-    let fault = |problem| FormatError::whole(path, problem);
-    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
-    }
-    // All files are complete before the first gets its name: one scene is not mixed with another.
-    let mut complete = Vec::new();
-    let mut sink = |file: NamedFile| {
-        let temporary = TempFile::beside(&path.with_file_name(file.name))?;
-        (&temporary).write_all(&file.bytes)?;
-        complete.push(temporary);
-        Ok(())
-    };
-    write(&mut sink).map_err(fault)?;
-    for file in complete {
-        file.persist().map_err(|refusal| fault(refusal.into()))?;
-    }
-    Ok(())
-}
-
 /// The format that a file with the name `path` is written in: that of its extension.
 ///
 /// # Errors
@@ -351,19 +245,6 @@ fn by_extension(path: &Path) -> Option<&'static SceneFormat> {
     let endings = FORMATS.iter().flat_map(|f| f.extensions.iter().map(move |e| (f, *e)));
     let fitting = endings.filter(|(_, ending)| has_ending(path, ending));
     fitting.max_by_key(|(_, ending)| ending.len()).map(|(format, _)| format)
-}
-
-/// Returns true if the name of `path` ends in a dot and `ending`, or is `ending`.
-pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
-    let name = path.file_name().unwrap_or_default().as_encoded_bytes();
-    let Some(at) = name.len().checked_sub(ending.len()) else { return false };
-    let (before, end) = name.split_at(at);
-    end.eq_ignore_ascii_case(ending.as_bytes())
-        && if ending.contains(".json") {
-            before.is_empty()
-        } else {
-            before.ends_with(b".") && before.len() > 1
-        }
 }
 
 /// Returns true if these first bytes are those of a text that stands in for a file: a Git LFS

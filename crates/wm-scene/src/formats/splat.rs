@@ -6,12 +6,11 @@
 //! header: the name says what it is, and the length must be a multiple of 32. Its writers put what
 //! counts most first.
 
-use super::{
-    ANY_SCALE, Axes, FormatLosses, Retention, SceneFormat, Writer,
-    bytes::{floats, rows},
-    has_ending,
-    pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
-};
+use super::axes::Axes;
+use super::bytes::{floats, rows};
+use super::format::{SceneFormat, Writer, has_ending};
+use super::loss::{ANY_SCALE, FormatLosses, Retention};
+use super::pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit};
 use crate::{Scene, Splats};
 use std::io::Write;
 use wm_base::{

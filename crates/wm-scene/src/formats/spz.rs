@@ -20,11 +20,11 @@
 //! they are chosen by extent here. The axes are y up, z back (RUB), unless a record of Adobe's
 //! extension names others.
 
-use super::{
-    Axes, FormatLosses, Retention, SceneFormat, SpzVersion, WriteOptions, Writer,
-    bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
-    pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
-};
+use super::axes::Axes;
+use super::bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact};
+use super::format::{SceneFormat, SpzVersion, WriteOptions, Writer};
+use super::loss::{FormatLosses, Retention};
+use super::pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm};
 use crate::{Metadata, Rasterization, Remark, Scene, Splats, origin, sh};
 use half::f16;
 use ruzstd::{

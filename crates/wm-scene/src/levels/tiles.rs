@@ -18,10 +18,9 @@ use super::{
     tree::{BoxTree, Extent},
     writer::ellipsoids,
 };
-use crate::{
-    Gps, Metadata, Scene, Splats,
-    formats::{GltfSplats, WriteOptions, write_scene_with},
-};
+use crate::formats::format::WriteOptions;
+use crate::formats::{GltfSplats, write_scene_with};
+use crate::{Gps, Metadata, Scene, Splats};
 use glam::{DMat3, DMat4, DVec3};
 use serde_json::{Value, json};
 use std::{

@@ -4,18 +4,11 @@ use super::{
     LevelIndex, LevelRun, MAX_LEVELS,
     tree::{BoxTree, Extent},
 };
-use crate::{
-    Metadata, Rasterization, Scene, Splats,
-    formats::{
-        sog::{
-            read::below,
-            write::{Arrangement, files_with},
-        },
-        write_files,
-    },
-    morton,
-    quat::to_matrix,
-};
+use crate::formats::format::write_files;
+use crate::formats::sog::read::below;
+use crate::formats::sog::write::{Arrangement, files_with};
+use crate::quat::to_matrix;
+use crate::{Metadata, Rasterization, Scene, Splats, morton};
 use serde::{Serialize, Serializer};
 use std::{
     collections::BTreeMap,

@@ -3,10 +3,10 @@
 //!
 //! The geometry of a scene stays as it is; its metadata say how it stands.
 
+use super::facts::Survey;
 use super::report::{Decimal, origin};
 use super::sample::SurveySample;
 use super::sky::SkyRegion;
-use super::{ScaleError, Survey, known_distance};
 use crate::Scene;
 use glam::DVec3;
 use thiserror::Error;
@@ -378,10 +378,34 @@ impl Aligned {
     }
 }
 
+/// The reason why two points and a distance give no scale.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum ScaleError {
+    /// The distance is not finite and above 0.
+    #[error("a known distance of {0} m gives no scale: it must be finite and above 0")]
+    Metres(f64),
+    /// A point is not finite, or both are the same.
+    #[error("the points ({0}) and ({1}) give no scale: they must be finite and apart")]
+    Points(DVec3, DVec3),
+}
+
+/// Metres per scene unit, from two points of the scene (scene units) that are `metres` apart.
+///
+/// # Errors
+/// [`ScaleError`] if the points are not apart or the distance is not above 0.
+pub fn known_distance(a: DVec3, b: DVec3, metres: f64) -> Result<f64, ScaleError> {
+    if !(metres.is_finite() && metres > 0.0) {
+        return Err(ScaleError::Metres(metres));
+    }
+    let scale = metres / a.distance(b);
+    if scale.is_finite() && scale > 0.0 { Ok(scale) } else { Err(ScaleError::Points(a, b)) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::{Confidence, FactSource};
+    use crate::survey::sourced::{Confidence, FactSource};
     use crate::synthetic::{aerial, moved, rotation, street};
     use crate::{Camera, Metadata, SceneView};
     use proptest::prelude::*;

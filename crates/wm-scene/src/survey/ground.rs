@@ -88,7 +88,7 @@ pub(crate) fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> O
 /// surface, with next to nothing below it. The level parts of a trunk, a bust or a few splats are
 /// none.
 pub(crate) fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
-    if sample.points.len() < super::MIN_POINTS {
+    if sample.points.len() < super::sourced::MIN_POINTS {
         return false;
     }
     let origin = sample.center + up * (height - sample.center.dot(up));

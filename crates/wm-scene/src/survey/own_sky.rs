@@ -1,8 +1,9 @@
 //! Skies that a reconstruction got wrong: left out, or decided anew.
 
+use super::facts::Survey;
 use super::sample::SurveySample;
 use super::sky::{SkyRegion, find};
-use super::{Confidence, Survey};
+use super::sourced::Confidence;
 use crate::{Group, Metadata, Scene, Splats};
 use glam::DVec3;
 
@@ -169,7 +170,10 @@ fn decisions(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<SkyDec
         sky.iter().for_each(|index| decisions[*index] = SkyDecision::Dropped);
     }
     scene.views = views;
-    if scene.metadata.up.is_none() && given.up.is_none() && survey.up.source != super::FactSource::Assumed {
+    if scene.metadata.up.is_none()
+        && given.up.is_none()
+        && survey.up.source != super::sourced::FactSource::Assumed
+    {
         scene.metadata.up = Some(up);
         let confidence = survey.up.confidence;
         scene.metadata.up_confidence = (confidence != Confidence::Sure).then_some(confidence);

@@ -5,7 +5,8 @@
 //! along each direction that may be plumb. Where walls stand along it, their points meet in few
 //! cells of a level grid, and the sum of the squares of what cells hold is the greatest.
 
-use super::sample::{SurveySample, strided};
+use super::middle::strided;
+use super::sample::SurveySample;
 use glam::{DVec2, DVec3, Vec2};
 use wm_base::linear::horizontals;
 use wm_base::statistics::quantile;

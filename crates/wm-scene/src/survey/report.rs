@@ -1,7 +1,9 @@
 //! A survey in words, one line a value.
 
+use super::facts::Survey;
+use super::sourced::{Confidence, FactSource, Sourced};
 use super::up::USUAL_UP;
-use super::{Confidence, FactSource, Sourced, Survey, UpEstimate, UpScore};
+use super::up::{UpEstimate, UpScore};
 use crate::Remark;
 use crate::origin::text_of;
 use glam::DVec3;

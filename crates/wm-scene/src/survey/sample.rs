@@ -1,5 +1,6 @@
 //! A fair sample of the splats: enough for every estimate of a survey, few enough to be quick.
 
+use super::middle::{center_of, strided};
 use super::sky::SkyRegion;
 use crate::Splats;
 use glam::DVec3;
@@ -73,11 +74,6 @@ impl SurveySample {
     }
 }
 
-/// Indices below `count` at even steps, about `most` of them.
-pub(crate) fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> {
-    (0..count).step_by(count.div_ceil(most).max(1))
-}
-
 /// The survey's point of a splat; `None` of one that is too faint.
 pub(crate) fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
     let opacity = splats.opacity(index);
@@ -92,38 +88,6 @@ pub(crate) fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
     let at = DVec3::from_array(splats.means[index].map(f64::from));
     let normal = DVec3::from_array(splats.normal(index));
     Some(SurveyPoint { index, at, normal, area: middle * long * opacity * flatness })
-}
-
-/// The middle of most of `points`, whatever the rest does: the geometric median, then that of the
-/// nearer three fifths. The origin if there are none.
-///
-/// The geometric median turns with the scene, other than the median of each coordinate.
-pub(crate) fn center_of(points: &[DVec3]) -> DVec3 {
-    let few: Vec<DVec3> = strided(points.len(), 5000).map(|i| points[i]).collect();
-    let center = geometric_median(&few);
-    let mut distances: Vec<f64> = few.iter().map(|p| p.distance(center)).collect();
-    let reach = quantile(&mut distances, 0.6);
-    let near: Vec<DVec3> = few.into_iter().filter(|p| p.distance(center) <= reach).collect();
-    geometric_median(&near)
-}
-
-/// The point with the least sum of distances, by Weiszfeld's iteration from the median of each
-/// coordinate.
-fn geometric_median(points: &[DVec3]) -> DVec3 {
-    let median = |axis: usize| quantile(&mut points.iter().map(|p| p[axis]).collect::<Vec<_>>(), 0.5);
-    let mut center = DVec3::new(median(0), median(1), median(2));
-    let mut distances: Vec<f64> = points.iter().map(|p| p.distance(center)).collect();
-    let softening = 1e-3 * quantile(&mut distances, 0.5) + f64::MIN_POSITIVE;
-    for _ in 0..20 {
-        let (sum, weight) = points.iter().fold((DVec3::ZERO, 0.0), |(sum, weight), p| {
-            let w = 1.0 / (p.distance(center) + softening);
-            (sum + *p * w, weight + w)
-        });
-        if weight > 0.0 && weight.is_finite() {
-            center = sum / weight;
-        }
-    }
-    center
 }
 
 #[cfg(test)]

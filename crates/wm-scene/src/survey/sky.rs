@@ -9,7 +9,7 @@
 //! - seen from the middle they cover a wide piece of the heavens: stray splats are too few for it,
 //!   and distant buildings cover but a strip along the horizon.
 
-use super::sample::{center_of, strided};
+use super::middle::{center_of, strided};
 use crate::{Group, Splats};
 use glam::{DMat3, DVec3};
 use std::ops::Range;

@@ -1,6 +1,6 @@
 //! The sun over a scene, from the place and the time at which its photos were taken.
 
-use super::{Confidence, Sourced};
+use super::sourced::{Confidence, Sourced};
 use crate::sun::SunPosition;
 use crate::{Metadata, PhotoSun};
 use glam::DVec3;
@@ -126,7 +126,7 @@ impl SurveyedSun {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::Survey;
+    use crate::survey::facts::Survey;
     use crate::{Scene, synthetic};
     use std::f64::consts::FRAC_PI_2;
 

@@ -4,7 +4,8 @@
 //! Rays go from a few surfaces near the ground and the cameras towards suns all around, through
 //! cells that hold as much surface as closes half of them.
 
-use super::sample::{SurveyPoint, SurveySample, strided};
+use super::middle::strided;
+use super::sample::{SurveyPoint, SurveySample};
 use crate::SceneView;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};

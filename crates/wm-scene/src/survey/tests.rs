@@ -2,7 +2,9 @@ use super::{sky::SkyRegion, *};
 use crate::synthetic::{Builder, aerial, moved, rotation, street, table};
 use crate::testing::{SPLAT, data};
 use crate::{Camera, Group, SceneView, Splats, splats::Splat};
+use crate::{Metadata, Scene};
 use glam::DQuat;
+use glam::DVec3;
 use proptest::prelude::*;
 
 fn read(name: &str) -> Option<Scene> {

@@ -17,9 +17,11 @@
 //! likely direction is taken. No axis overrules what is seen.
 
 use super::habits::{self, Habit, HabitKind};
-use super::sample::{SurveyPoint, SurveySample, strided};
+use super::middle::strided;
+use super::sample::{SurveyPoint, SurveySample};
 use super::sky::SkyRegion;
-use super::{Confidence, FactSource, MIN_POINTS, ground, plan};
+use super::sourced::{Confidence, FactSource, MIN_POINTS};
+use super::{ground, plan};
 use crate::{Camera, SceneView, Splats};
 use glam::{DMat3, DVec3};
 use wm_base::linear::{direction, eigen, horizontals, outer};

@@ -6,20 +6,24 @@
 //! makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes
 //! are in the vehicle's axes at their time.
 
+pub(super) mod table;
+
 use super::files::{MAX_BINARY_BYTES, fault, files_in, folders_in, has_files, name_of, pose_of_quaternion, read_bytes};
 use super::records::{ChosenLog, Records, choose_folder};
 use super::sweep::SweepRecords;
 use super::track::EgoTrack;
-use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogSweep, LogTrack, displaced, moved,
-};
+use super::log::{DrivingLog, LogCamera, LogFormat, displaced, moved};
+use super::records::LogOptions;
+use super::sweep::LogSweep;
+use super::track::{LogBox, LogTrack};
 use crate::RigidPose;
 use crate::feather::FeatherTable;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_scene::camera::Distortion;
-use wm_base::{FormatError, Location, Problem};
+use table::table_of;
+use wm_base::FormatError;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "Argoverse 2", read };
@@ -86,13 +90,6 @@ fn table(path: &Path, names: &[&str]) -> Result<FeatherTable, FormatError> {
     table_of(path, &read_bytes(path, MAX_BINARY_BYTES)?, names)
 }
 
-fn table_of(path: &Path, bytes: &[u8], names: &[&str]) -> Result<FeatherTable, FormatError> {
-    FeatherTable::read(bytes, names).map_err(|fault| {
-        let problem = Problem::Value(format!("{}; copy the file again", fault.what));
-        FormatError::at(path, Location::Byte(fault.byte), problem)
-    })
-}
-
 /// The poses of the rows; `None` for those that are damaged and left out.
 fn poses_of(
     path: &Path,
@@ -154,7 +151,7 @@ fn cameras(
     }
     let folder = path.join("sensors/cameras");
     let known: Vec<&str> = names.iter().map(String::as_str).collect();
-    super::check_cameras(path, options, &known)?;
+    super::log::check_cameras(path, options, &known)?;
     for (row, name) in names.iter().enumerate() {
         // The stereo pair shows grey pictures of what the ring shows in colour.
         let is_wanted = if options.cameras.is_empty() {
@@ -188,15 +185,6 @@ fn cameras(
         log.add_camera(camera, files_in(&own, &["jpg", "png"])?, world_from_camera, &lost, records);
     }
     Ok(())
-}
-
-/// The points of a sweep: positions in the vehicle's axes, and intensities, 0-1.
-pub(super) fn read_points(path: &Path, bytes: &[u8]) -> Result<Vec<([f32; 3], f32)>, FormatError> {
-    let mut table = table_of(path, bytes, &["x", "y", "z", "intensity"])?;
-    let mut column = |name: &str| table.floats(name).map_err(|what| fault(path, what));
-    let (x, y, z, intensity) = (column("x")?, column("y")?, column("z")?, column("intensity")?);
-    let points = x.iter().zip(&y).zip(&z).zip(&intensity);
-    Ok(points.map(|(((x, y), z), i)| ([*x as f32, *y as f32, *z as f32], (*i / 255.0) as f32)).collect())
 }
 
 /// The boxes; none if there is no file.

@@ -5,7 +5,7 @@
 //! point is hidden if a nearer one lies a little above it in the picture, closer than the distance
 //! of two beams. Nearer points below it, and in its row, are the ground before it.
 
-use crate::logs::LogPoint;
+use crate::logs::sweep::LogPoint;
 use wm_scene::Camera;
 
 /// Half the width of the window, and its height upwards, radians: 64 beams are 0.4 degrees apart,

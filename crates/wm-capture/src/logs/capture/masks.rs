@@ -5,7 +5,8 @@
 
 use super::photo::read_grey;
 use crate::logs::files::fault;
-use crate::logs::{LogBox, LogCamera};
+use crate::logs::log::LogCamera;
+use crate::logs::track::LogBox;
 use glam::{DVec2, DVec3, dvec2};
 use std::path::Path;
 use wm_base::FormatError;

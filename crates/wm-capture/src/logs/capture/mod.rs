@@ -16,12 +16,13 @@ mod photo;
 mod points;
 mod write;
 
+use super::log::{DrivingLog, LogPicture};
 use super::records::Records;
-use super::{DrivingLog, LogPicture, LogSweep};
+use super::sweep::LogSweep;
 use depth::LidarView;
 use glam::DVec3;
 use photo::Rgb;
-use points::{CleanSweep, VoxelCloud};
+use points::{BOX_MARGIN_SHARE, CleanSweep, VoxelCloud};
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -119,10 +120,6 @@ impl LogCaptureSummary {
 
 /// Side of a voxel, which keeps one point, m.
 const VOXEL_SIZE_M: f64 = 0.07;
-/// Share by which boxes of movers are enlarged.
-const BOX_MARGIN_SHARE: f64 = 0.15;
-/// Points nearer to the lidar are of the vehicle itself, m.
-const MIN_POINT_RANGE_M: f64 = 2.5;
 /// Points farther from the lidar are left out of the points, m; depth has all.
 const MAX_POINT_RANGE_M: f64 = 100.0;
 /// Most points; more are thinned out evenly.

@@ -2,14 +2,19 @@
 
 use super::depth::LidarView;
 use super::photo::Rgb;
-use super::{BOX_MARGIN_SHARE, MIN_POINT_RANGE_M};
+use crate::logs::log::DrivingLog;
 use crate::logs::sweep::SweepPoints;
-use crate::logs::{DrivingLog, LogPoint, LogSweep};
+use crate::logs::sweep::{LogPoint, LogSweep};
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
 use wm_base::FormatError;
 use wm_scene::Camera;
 use wm_scene::camera::Distortion;
+
+/// Share by which boxes of movers are enlarged.
+pub(super) const BOX_MARGIN_SHARE: f64 = 0.15;
+/// Points nearer to the lidar are of the vehicle itself, m.
+const MIN_POINT_RANGE_M: f64 = 2.5;
 
 /// Most voxels.
 pub(super) const MAX_VOXELS: usize = 20_000_000;
@@ -41,7 +46,7 @@ impl CleanSweep {
             })
             .collect();
         points.retain(|point| {
-            let is_in = |(own, (middle, reach)): (&crate::logs::LogBox, &(DVec3, f64))| {
+            let is_in = |(own, (middle, reach)): (&crate::logs::track::LogBox, &(DVec3, f64))| {
                 point.position.distance_squared(*middle) <= *reach
                     && own.has(point.position, BOX_MARGIN_SHARE)
             };

@@ -2,7 +2,7 @@
 
 use super::points::ColoredPoints;
 use crate::RigidPose;
-use crate::logs::LogPicture;
+use crate::logs::log::LogPicture;
 use glam::DMat3;
 use serde::Serialize;
 use std::io;

@@ -10,10 +10,10 @@ mod tables;
 use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
 use super::records::{Candidate, Records, choose};
 use super::sweep::SweepRecords;
-use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
-    displaced, is_asked, moved,
-};
+use super::log::{DrivingLog, LogCamera, LogFormat, LogPicture, LogPictureMasks, displaced, is_asked, moved};
+use super::records::LogOptions;
+use super::sweep::LogSweep;
+use super::track::{LogBox, LogTrack};
 use crate::RigidPose;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -299,7 +299,7 @@ fn check_channels(
 ) -> Result<(), FormatError> {
     let names: BTreeSet<&str> =
         sensors.values().filter(|sensor| sensor.is_camera).map(|sensor| sensor.channel.as_str()).collect();
-    super::check_cameras(&version.join("sample_data.json"), options, &names.into_iter().collect::<Vec<_>>())
+    super::log::check_cameras(&version.join("sample_data.json"), options, &names.into_iter().collect::<Vec<_>>())
 }
 
 /// The poses of the records, by token.

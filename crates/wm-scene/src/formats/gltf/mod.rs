@@ -22,7 +22,9 @@ mod kind;
 mod read;
 mod write;
 
-use super::{Axes, FormatLosses, SceneFormat, Writer, has_ending};
+use super::axes::Axes;
+use super::format::{SceneFormat, Writer, has_ending};
+use super::loss::FormatLosses;
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub(super) const FORMAT: SceneFormat = SceneFormat {

@@ -1,8 +1,10 @@
 //! Binary bodies, both byte orders.
 
 use super::{
+    header::Endian,
     header::{Element, Header, Kind},
-    layout::{Endian, Layout, Rows},
+    layout::Layout,
+    rows::Rows,
 };
 use wm_base::{
     error::{FormatError, Problem, excerpt},

@@ -11,8 +11,8 @@
 //! | x y z without any property of a splat | points | balls by the distance to neighbours |
 
 use super::{
-    header::{Element, Header, Kind, Property, Scalar},
-    layout::{Rows, missing, property},
+    header::{Element, Header, Kind, Property, Scalar, missing, property},
+    rows::Rows,
 };
 use crate::{
     Remark, Splats, sh,

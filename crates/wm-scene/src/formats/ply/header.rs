@@ -1,6 +1,5 @@
 //! The PLY header: elements, properties and the metadata in its comments.
 
-use super::{PlyEncoding, layout::Endian};
 use crate::{Metadata, Rasterization};
 use glam::DVec3;
 use wm_base::{
@@ -279,4 +278,45 @@ fn unknown(line: &[u8]) -> Problem {
 
 fn text_of(name: &[u8]) -> String {
     String::from_utf8_lossy(name).into_owned()
+}
+
+/// Byte order of a binary file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Endian {
+    Little,
+    Big,
+}
+
+pub(super) fn missing(name: &str) -> Problem {
+    property(&format!("the vertex element has no property {name}"))
+}
+
+pub(super) fn property(reason: &str) -> Problem {
+    Problem::Property { reason: reason.into() }
+}
+
+/// The encoding of the numbers in a PLY.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum PlyEncoding {
+    /// Binary, least significant byte first.
+    #[default]
+    BinaryLittleEndian,
+    /// Binary, most significant byte first.
+    BinaryBigEndian,
+    /// Decimal text, one splat a line.
+    Ascii,
+}
+
+impl PlyEncoding {
+    /// Every encoding.
+    pub(super) const ALL: [Self; 3] = [Self::BinaryLittleEndian, Self::BinaryBigEndian, Self::Ascii];
+
+    /// The name in the header.
+    pub(super) fn keyword(self) -> &'static str {
+        match self {
+            Self::BinaryLittleEndian => "binary_little_endian",
+            Self::BinaryBigEndian => "binary_big_endian",
+            Self::Ascii => "ascii",
+        }
+    }
 }

@@ -1,20 +1,13 @@
 //! The map from the properties of a file to the arrays of [`Splats`].
 
 use super::{
-    PlyEncoding,
     dialect::{Colors, Dialect},
-    header::{Element, Header, Kind, Scalar},
+    header::{Element, Endian, Header, Kind, PlyEncoding, Scalar, missing, property},
+    rows::Rows,
 };
 use crate::splats::LabelKind;
 use crate::{Group, Splats, sh};
 use wm_base::error::Problem;
-
-/// Byte order of a binary file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Endian {
-    Little,
-    Big,
-}
 
 /// An array of [`Splats`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,17 +47,6 @@ pub(super) struct Layout {
     pub(crate) dialect: Dialect,
     /// True if positions are finer than f32: in double precision, or text.
     pub(crate) is_fine: bool,
-}
-
-/// The rows of a file in arrays.
-#[derive(Debug)]
-pub(super) struct Rows {
-    pub(crate) splats: Splats,
-    /// The 3D filter of each splat; empty if the file has none.
-    pub(crate) filters: Vec<f32>,
-    /// The rounding error of each position in f32, if the file has double precision or text; else
-    /// empty.
-    pub(crate) residues: Vec<[f32; 3]>,
 }
 
 impl Rows {
@@ -339,12 +321,4 @@ fn offset_of(element: &Element, index: usize) -> usize {
         Kind::List { .. } => None,
     });
     scalars.sum()
-}
-
-pub(super) fn missing(name: &str) -> Problem {
-    property(&format!("the vertex element has no property {name}"))
-}
-
-pub(super) fn property(reason: &str) -> Problem {
-    Problem::Property { reason: reason.into() }
 }

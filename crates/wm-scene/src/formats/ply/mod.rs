@@ -28,15 +28,19 @@ mod dialect;
 mod header;
 mod layout;
 mod points;
+mod rows;
 #[cfg(test)]
 mod tests;
 mod text;
 mod write;
 
-use super::{Axes, FormatLosses, ReadOptions, SceneFormat, Writer};
+use super::axes::Axes;
+use super::format::{ReadOptions, SceneFormat, Writer};
+use super::loss::FormatLosses;
 use crate::{Scene, origin};
-use header::Header;
-use layout::{Endian, Layout};
+pub(crate) use header::PlyEncoding;
+use header::{Endian, Header};
+use layout::Layout;
 pub use points::read_points;
 use wm_base::{
     error::{FormatError, Problem},
@@ -59,32 +63,6 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
 /// Returns true if these first bytes are those of a PLY.
 fn is_ply(start: &[u8]) -> bool {
     start.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace))
-}
-
-/// The encoding of the numbers in a PLY.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum PlyEncoding {
-    /// Binary, least significant byte first.
-    #[default]
-    BinaryLittleEndian,
-    /// Binary, most significant byte first.
-    BinaryBigEndian,
-    /// Decimal text, one splat a line.
-    Ascii,
-}
-
-impl PlyEncoding {
-    /// Every encoding.
-    const ALL: [Self; 3] = [Self::BinaryLittleEndian, Self::BinaryBigEndian, Self::Ascii];
-
-    /// The name in the header.
-    fn keyword(self) -> &'static str {
-        match self {
-            Self::BinaryLittleEndian => "binary_little_endian",
-            Self::BinaryBigEndian => "binary_big_endian",
-            Self::Ascii => "ascii",
-        }
-    }
 }
 
 fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {

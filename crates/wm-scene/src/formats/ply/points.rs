@@ -1,10 +1,6 @@
 //! PLY files of points: x y z and, if present, red green blue of each vertex.
 
-use super::{
-    PlyEncoding,
-    header::{Element, Header, Kind, Property, Scalar},
-    layout::Endian,
-};
+use super::header::{Element, Endian, Header, Kind, PlyEncoding, Property, Scalar};
 use crate::{Remark, SparsePoints};
 use std::path::Path;
 use wm_base::{FormatError, Problem, error::number, source::Source};

@@ -2,7 +2,8 @@
 
 use super::{
     header::{Element, Header, Kind},
-    layout::{Array, Layout, Rows, put, residue, values},
+    layout::{Array, Layout, put, residue, values},
+    rows::Rows,
 };
 use wm_base::{
     error::{FormatError, Problem, number},

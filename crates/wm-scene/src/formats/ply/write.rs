@@ -1,6 +1,6 @@
 //! Writing: the property order of the reference 3DGS writer, so that other programs read it.
 
-use super::PlyEncoding;
+use super::header::PlyEncoding;
 use crate::splats::LabelKind;
 use crate::{Group, Metadata, Scene};
 use std::{fmt::Write as _, io::Write};

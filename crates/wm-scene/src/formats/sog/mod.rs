@@ -27,12 +27,10 @@ mod webp;
 pub(crate) mod write;
 pub(crate) mod zip;
 
-use super::{ANY_SCALE, Axes, FormatLosses, ReadOptions, Retention, SceneFormat, Writer, has_ending};
-use crate::{Scene, levels::LevelIndex};
-use wm_base::{
-    error::{FormatError, Problem},
-    source::Source,
-};
+use super::axes::Axes;
+use super::format::{SceneFormat, Writer, has_ending};
+use super::loss::{ANY_SCALE, FormatLosses, Retention};
+use wm_base::error::Problem;
 
 #[cfg(test)]
 pub(super) use {
@@ -41,7 +39,7 @@ pub(super) use {
 };
 
 /// The losses of SOG.
-const LOSES: FormatLosses = FormatLosses {
+pub(super) const LOSES: FormatLosses = FormatLosses {
     sh_degree: 3,
     groups: Retention::Not,
     labels: Retention::Not,
@@ -89,26 +87,4 @@ pub(super) mod folder {
         read: |source, _| source.parsed(|meta, main| read::read_folder(main, meta)),
         write: Writer::Files(write::files),
     };
-}
-
-/// Several levels of detail, read by their `lod-meta.json`.
-pub(super) mod levels {
-    use super::*;
-
-    /// The entry of [`FORMATS`](crate::formats::FORMATS).
-    pub(in crate::formats) const FORMAT: SceneFormat = SceneFormat {
-        name: "streamed SOG",
-        extensions: &[],
-        about: "PlayCanvas SOG with several levels of detail, as a folder: its lod-meta.json",
-        axes: Axes::Ply,
-        loses: LOSES,
-        sniff: |start| has_ending(start.path, "lod-meta.json"),
-        read,
-        write: Writer::Nothing,
-    };
-
-    fn read(source: &mut Source, options: &ReadOptions) -> Result<Scene, FormatError> {
-        let index = source.parsed(|text, main| LevelIndex::parse(main, text))?;
-        index.read_level(options.level)
-    }
 }

@@ -1,6 +1,6 @@
 //! Reading: `meta.json` and the pictures that it names.
 
-use super::{Problem, rotation::from_bytes, zip};
+use super::{rotation::from_bytes, zip};
 use crate::{
     Metadata, Rasterization, Remark, Scene, Splats,
     formats::{
@@ -18,7 +18,7 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 use wm_base::{
-    error::{excerpt, one_line},
+    error::{Problem, excerpt, one_line},
     files,
 };
 

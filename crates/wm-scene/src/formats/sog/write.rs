@@ -13,16 +13,11 @@ use super::{
     rotation::Rounded,
     webp::{self, MAX_SIDE},
 };
-use crate::{
-    Rasterization, Scene, Splats,
-    formats::{
-        FileSink, NamedFile,
-        pack::{byte_of_logit, ranged},
-    },
-    morton,
-    origin::{coarse_line, float_step},
-    values::FLAT_LOG_SCALE,
-};
+use crate::formats::format::{FileSink, NamedFile};
+use crate::formats::pack::{byte_of_logit, ranged};
+use crate::origin::{coarse_line, float_step};
+use crate::values::FLAT_LOG_SCALE;
+use crate::{Rasterization, Scene, Splats, morton};
 use serde_json::json;
 
 /// Entries of a row of the palette of SH.

@@ -206,12 +206,12 @@ fn a_link_finds_what_lies_beside_the_file() {
     let named = |name: &str| format!("[{}]", CAMERA.replace("a b.jpg", name));
     let ground = |ground: f64| Metadata { ground: Some(ground), ..Metadata::default() };
     write_scene(&file, &scene(1.0)).unwrap();
-    fs::write(folder::cameras_path(&file), named("store.jpg")).unwrap();
+    fs::write(cameras_path(&file), named("store.jpg")).unwrap();
     write_sidecar(&file, &ground(1.0)).unwrap();
     symlink(&file, &link).unwrap();
     assert_eq!(found_beside(&link), (vec!["store.jpg".into()], Some(1.0)));
     // What lies beside the link itself wins.
-    fs::write(folder::cameras_path(&link), named("desk.jpg")).unwrap();
+    fs::write(cameras_path(&link), named("desk.jpg")).unwrap();
     write_sidecar(&link, &ground(2.0)).unwrap();
     assert_eq!(found_beside(&link), (vec!["desk.jpg".into()], Some(2.0)));
     assert_eq!(found_beside(&file), (vec!["store.jpg".into()], Some(1.0)));
@@ -251,7 +251,7 @@ fn views_of_a_folder_of_pictures_are_read() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("meta.json");
     write_scene(&path, &scene(1.0)).unwrap();
-    fs::write(folder::cameras_path(&path), format!("[{CAMERA}]")).unwrap();
+    fs::write(cameras_path(&path), format!("[{CAMERA}]")).unwrap();
     assert_eq!(read(&path).unwrap().views, read(folder.path()).unwrap().views);
     assert_eq!(read(&path).unwrap().views.len(), 1);
 }
