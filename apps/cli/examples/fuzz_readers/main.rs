@@ -15,6 +15,7 @@
 
 mod damage;
 mod edges;
+mod outcome;
 mod targets;
 mod uses;
 

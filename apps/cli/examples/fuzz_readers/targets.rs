@@ -1,5 +1,6 @@
 //! The readers that are fuzzed, one entry of [`TARGETS`] each, and the writers of their seeds.
 
+use crate::outcome::{Outcome, SeedPath, done, put};
 use crate::uses;
 use base64::Engine;
 use glam::DVec3;
@@ -8,7 +9,7 @@ use std::{
     fs,
     hint::black_box,
     ops::ControlFlow,
-    path::{Path, PathBuf},
+    path::Path,
 };
 use weather_magician::batch::BatchPlan;
 use weather_magician::panorama_file::read_panorama;
@@ -44,9 +45,6 @@ pub struct Target {
     pub budget: Budget,
 }
 
-/// The end of a run: that the input was read, or one line of error.
-pub type Outcome = Result<(), String>;
-
 /// Most that a run may take.
 pub struct Budget {
     /// Processor time of a run, seconds.
@@ -62,9 +60,6 @@ const USING: Budget = Budget { seconds: if cfg!(debug_assertions) { 15.0 } else 
 
 /// Writes a seed into an empty folder, and returns the path that is read.
 pub type SeedWriter = fn(&Path) -> SeedPath;
-
-/// The path of a seed, which is read.
-pub type SeedPath = Result<PathBuf, Box<dyn Error + Send + Sync>>;
 
 /// Runs of a scene format for each run of another reader.
 const SCENE_SHARE: u64 = 10;
@@ -250,11 +245,6 @@ pub const TARGETS: &[Target] = &[
     user("use-edges", &[uses::edges_seed], uses::render_edges),
 ];
 
-/// Returns the end of a run that has read something, or failed.
-pub fn done<T>(outcome: Result<T, impl std::fmt::Display>) -> Outcome {
-    outcome.map(drop).map_err(|error| error.to_string())
-}
-
 /// Reads a scene and looks for faults.
 fn read_and_check(path: &Path) -> Result<(), String> {
     let scene = read_scene(path, &ReadOptions::default()).map_err(|error| error.to_string())?;
@@ -306,13 +296,6 @@ fn read_report(path: &Path) -> Result<(), String> {
     let again = Weather::parse(report.to_toml(), "again").map_err(|error| format!("own file: {error}"))?;
     assert_eq!(&again, report.weather(), "the weather's own file is another weather");
     Ok(())
-}
-
-/// Writes a file of a seed, which is read.
-pub fn put(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> SeedPath {
-    let path = folder.join(name);
-    fs::write(&path, content)?;
-    Ok(path)
 }
 
 fn write_scene(folder: &Path, name: &str, degree: u8, options: WriteOptions) -> SeedPath {

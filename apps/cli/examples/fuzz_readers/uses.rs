@@ -3,7 +3,7 @@
 
 use crate::damage::Draws;
 use crate::edges::weather_at_edges;
-use crate::targets::{Outcome, SeedPath, done, put};
+use crate::outcome::{Outcome, SeedPath, done, put};
 use glam::DVec3;
 use std::cell::Cell;
 use std::fs;
