@@ -40,7 +40,7 @@ pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatE
 
 /// The bytes before the values of an array: magic, version, length and a Python dictionary padded
 /// to a multiple of 64 bytes. `kind` is NumPy's text of a type, such as `<f4` for little-endian
-/// f32.
+/// f32, or a list of fields, such as `[('t', '<i8'), ('x', '<u2')]`.
 #[must_use]
 pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     const FIXED: usize = 10;
@@ -48,7 +48,8 @@ pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     // As Python writes tuples: (2, 5), but (5,).
     let comma = if shape.len() == 1 { "," } else { "" };
     let sides = sides.join(", ");
-    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sides}{comma}), }}");
+    let kind = if kind.starts_with('[') { kind.to_owned() } else { format!("'{kind}'") };
+    let mut text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({sides}{comma}), }}");
     let length = (FIXED + text.len() + 1).next_multiple_of(64);
     text.extend(std::iter::repeat_n(' ', length - FIXED - text.len() - 1));
     text.push('\n');

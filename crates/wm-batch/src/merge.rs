@@ -418,6 +418,7 @@ fn sensor_row(sensor: &crate::SensorInfo) -> Json {
             row["kind"] = "radar".into();
             row["model"] = model.as_str().into();
         }
+        SensorInfoKind::Other { kind } => row["kind"] = (*kind).into(),
     }
     row
 }

@@ -53,6 +53,11 @@ pub enum SensorInfoKind {
         /// The name of its model.
         model: String,
     },
+    /// A sensor that no layout has room for, but the program's own.
+    Other {
+        /// The kind in rig files.
+        kind: &'static str,
+    },
 }
 
 /// The intrinsics of a camera; the centre of the first pixel is at (0.5, 0.5).

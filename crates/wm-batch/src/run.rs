@@ -7,12 +7,12 @@ use super::set::{SetWorld, clip_of, place_of, readings_of, rig_of, set_of};
 use super::shots::{ActivePart, ReadingBuffer, ShotMemory, Shots};
 use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip, scene_digest_of};
 use super::writers::{BlockWriters, WriterTarget};
-use crate::SetInfo;
+use crate::{SensorInfoKind, SetInfo};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use wm_place::levels::shot_cameras;
-use wm_place::rig::{Rig, RigDevice, RigSensor};
+use wm_place::rig::{Rig, RigSensor};
 use wm_place::sequence::render_and_write;
 use wm_place::view::ViewOptions;
 use wm_place::{CameraMotion, Error, Layers, PlaceOptions, Progress, Renderer, Result};
@@ -66,6 +66,15 @@ impl BatchRun {
         let rig = rig_of(&plan, &clips)?;
         let set = set_of(&plan, &rig);
         for layout in &plan.layouts {
+            if let Some((sensor, kind)) = set.sensors.iter().find_map(|sensor| match sensor.kind {
+                SensorInfoKind::Other { kind } => Some((sensor, kind)),
+                _ => None,
+            }) {
+                return Err(Error::Unsupported(format!(
+                    "layout {}: it has no room for sensor \"{}\", of kind {kind}; leave out one of the two",
+                    layout.name, sensor.name
+                )));
+            }
             (layout.check)(&set)?;
             if clips.cameras.len() > 1 && layout.needs_every_sensor {
                 return Err(Error::Unsupported(format!(
@@ -78,9 +87,7 @@ impl BatchRun {
         }
         let layers = plan.layers();
         for sensor in &rig.sensors {
-            if let RigDevice::Camera { model, .. } = &sensor.device {
-                layers.check(model, &wm_weather::Weather::clear())?;
-            }
+            sensor.device.check(&wm_weather::Weather::clear(), layers)?;
         }
         Ok(Self {
             plan,
@@ -184,10 +191,11 @@ impl BatchRun {
     fn shot(&self, active: &ActivePart, metres_per_unit: f64) -> Vec<Camera> {
         let time = |frame: u32| active.clip.weather.at + f64::from(frame) / self.plan.frame_rate;
         let only = self.clips.way(&active.clip).sensor;
-        let shot = |(number, sensor): (usize, &RigSensor)| match &sensor.device {
-            RigDevice::Camera { model, .. } if only.is_none_or(|only| only == number) => {
+        let shot = |(number, sensor): (usize, &RigSensor)| match sensor.device.camera() {
+            Some(camera) if only.is_none_or(|only| only == number) => {
                 let motion = sensor.motion(&active.base, metres_per_unit);
-                shot_cameras(self.plan.frames, |frame| motion.camera(time(frame)), model.lens.is_some())
+                let has_lens = camera.model.lens.is_some();
+                shot_cameras(self.plan.frames, |frame| motion.camera(time(frame)), has_lens)
             }
             _ => Vec::new(),
         };
@@ -274,15 +282,9 @@ impl BatchRun {
         if let Some(Some(motion)) = open.motions.get(clip.way) {
             return Ok(motion.clone());
         }
-        let options = match &self.rig.sensors.iter().find_map(|sensor| match &sensor.device {
-            RigDevice::Camera { intrinsics, .. } => Some(**intrinsics),
-            _ => None,
-        }) {
-            Some(camera) => {
-                ViewOptions { size: Some((camera.width, camera.height)), ..ViewOptions::default() }
-            }
-            None => ViewOptions::default(),
-        };
+        let camera = self.rig.sensors.iter().find_map(|sensor| sensor.device.camera());
+        let size = camera.map(|camera| (camera.intrinsics.width, camera.intrinsics.height));
+        let options = ViewOptions { size, ..ViewOptions::default() };
         let OpenPlace { place, .. } = open;
         let seconds = f64::from(self.plan.frames) / self.plan.frame_rate;
         let motion = match (&self.plan.paths[way.path].kind, way.photo) {

@@ -5,8 +5,8 @@ use super::shots::{ReadingBuffer, Shots};
 use super::weathers::meant;
 use crate::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo, SensorInfo};
 use std::collections::BTreeMap;
-use wm_place::rig::RigDevice;
-use wm_place::{Error, Layers, PictureLayer, Result};
+use wm_place::sensor::Reading;
+use wm_place::{Error, Layers, Picture, PictureLayer, Result};
 use wm_weather::Weather;
 
 /// The reading that is wanted of a frame.
@@ -91,7 +91,8 @@ impl BatchRun {
     /// [`Error::Unsupported`] if the frame or the sensor is not there, or the camera cannot have a
     /// layer; errors of the scene and the weather.
     pub fn sample(&mut self, frame: u64, options: &SampleOptions<'_>) -> Result<BatchSample> {
-        let fault = |says: String| Error::Unsupported(format!("{}: {says}", self.plan.file));
+        let file = self.plan.file.clone();
+        let fault = |says: String| Error::Unsupported(format!("{file}: {says}"));
         if frame >= self.clips.frames() {
             return Err(fault(format!("frame {frame}: the set has {}", self.clips.frames())));
         }
@@ -108,23 +109,25 @@ impl BatchRun {
             return Err(Error::Unsupported(says));
         };
         let layers = options.layers.unwrap_or_else(|| self.plan.layers());
-        if let RigDevice::Camera { model, .. } = &self.rig.sensors[sensor].device {
-            layers.check(model, &Weather::clear())?;
-        }
+        self.rig.sensors[sensor].device.check(&Weather::clear(), layers)?;
         let open = self.places.last_mut().ok_or(Error::Stopped)?;
-        self.sampled.clear_sweeps();
         let mut shots = Shots::new(&self.rig, layers, self.plan.seed, &mut self.sampled);
         let mut buffer = ReadingBuffer::default();
         shots.take(&mut self.renderer, &mut open.place, part.clip as usize, &active, 0, &mut buffer)?;
-        let data = match &self.rig.sensors[sensor].device {
-            RigDevice::Camera { .. } => {
+        let data = match &mut buffer.reading {
+            Reading::Picture(picture) => {
                 let mut layers: Vec<PictureLayer> = layers.iter().collect();
                 layers.sort_unstable_by_key(|layer| layer.name());
-                let arrays = layers.into_iter().map(|layer| array_of(layer, &mut buffer));
+                let mut bytes = [std::mem::take(&mut buffer.rgb), std::mem::take(&mut buffer.clear)];
+                let arrays = layers.into_iter().map(|layer| array_of(layer, picture, &mut bytes));
                 SampleData::Picture(arrays.collect::<Result<_>>()?)
             }
-            RigDevice::Lidar { .. } => SampleData::Points(buffer.points),
-            RigDevice::Radar { .. } => SampleData::Detections(buffer.detections),
+            Reading::Points(_) => SampleData::Points(buffer.points),
+            Reading::Detections(_) => SampleData::Detections(buffer.detections),
+            _ => {
+                let kind = self.rig.sensors[sensor].device.kind();
+                return Err(fault(format!("a sample has no room for the readings of kind {kind}")));
+            }
         };
         let planned = active.clip.weather;
         Ok(BatchSample {
@@ -144,7 +147,7 @@ impl BatchRun {
         // Where every photo has a camera of its own, a clip has that one alone.
         let only = self.clips.only_sensor(frame);
         let Some(name) = name else {
-            let first = sensors.iter().position(|sensor| matches!(sensor.device, RigDevice::Camera { .. }));
+            let first = sensors.iter().position(|sensor| sensor.device.camera().is_some());
             return match only.or(first) {
                 Some(found) => Ok(found),
                 None => {
@@ -164,14 +167,13 @@ impl BatchRun {
 }
 
 /// A layer of a reading, with the memory of the buffer where it can be taken.
-fn array_of(layer: PictureLayer, buffer: &mut ReadingBuffer) -> Result<SampleArray> {
+fn array_of(layer: PictureLayer, picture: &mut Picture, bytes: &mut [Vec<u8>; 2]) -> Result<SampleArray> {
     use std::mem::take;
-    let (height, width) = (buffer.picture.frame.height as usize, buffer.picture.frame.width as usize);
-    let picture = &mut buffer.picture;
+    let (height, width) = (picture.frame.height as usize, picture.frame.width as usize);
     let channels = layer.channels().len();
     let values = match layer {
-        PictureLayer::Color => SampleValues::Bytes(take(&mut buffer.rgb)),
-        PictureLayer::Clear => SampleValues::Bytes(take(&mut buffer.clear)),
+        PictureLayer::Color => SampleValues::Bytes(take(&mut bytes[0])),
+        PictureLayer::Clear => SampleValues::Bytes(take(&mut bytes[1])),
         PictureLayer::Label => SampleValues::Numbers(take(&mut picture.labels.label)),
         PictureLayer::Instance => SampleValues::Numbers(take(&mut picture.labels.instance)),
         PictureLayer::FlowMask => SampleValues::Bytes(take(&mut picture.flow.states)),

@@ -9,10 +9,12 @@ use crate::{
     SensorInfo, SensorInfoKind, SetInfo, WeatherInfo,
 };
 use glam::{DMat3, DVec3};
+use std::sync::Arc;
 use wm_place::CameraMotion;
 use wm_place::lidar::LidarSweep;
 use wm_place::radar::RadarSweep;
-use wm_place::rig::{Rig, RigDevice, RigSensor};
+use wm_place::rig::{Rig, RigSensor};
+use wm_place::sensor::{RigCamera, RigLidar, RigRadar};
 use wm_place::{LensView, PreparedPlace, Result};
 use wm_scene::Camera;
 use wm_sensors::EchoClass;
@@ -38,8 +40,9 @@ pub(crate) fn rig_of(plan: &BatchPlan, clips: &BatchClips) -> Result<Rig> {
                 let mut sensors =
                     Rig::parse(&camera((own.width, own.height), own.fov_y()), &plan.file)?.sensors;
                 for sensor in &mut sensors {
-                    if let RigDevice::Camera { intrinsics, .. } = &mut sensor.device {
-                        **intrinsics = Camera { viewmat: intrinsics.viewmat, ..*own };
+                    if let Some(camera) = sensor.device.camera() {
+                        let intrinsics = Camera { viewmat: camera.intrinsics.viewmat, ..*own };
+                        sensor.device = Arc::new(RigCamera { intrinsics, ..camera.clone() });
                     }
                     if number > 0 {
                         sensor.name = format!("camera-{}", number + 1);
@@ -74,18 +77,19 @@ const OPTICAL: DMat3 = DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_Z, DVec3::X);
 
 fn sensor_info(sensor: &RigSensor) -> SensorInfo {
     let axes = sensor.mount.rig_from_sensor;
-    let (axes, kind) = match &sensor.device {
-        RigDevice::Camera { intrinsics, model } => {
-            let Camera { width, height, fx, fy, cx, cy, .. } = **intrinsics;
-            let lens = model.lens.as_ref().map(LensView::lens);
-            let info = CameraInfo { size: (width, height), focal: [fx, fy], center: [cx, cy], lens };
-            (axes * OPTICAL, SensorInfoKind::Camera(info))
-        }
-        RigDevice::Lidar { model, .. } => {
-            let rings = model.pattern.grid().map_or(1, |[rows, _]| rows as u16);
-            (axes, SensorInfoKind::Lidar { model: model.name.clone(), rings })
-        }
-        RigDevice::Radar { model, .. } => (axes, SensorInfoKind::Radar { model: model.name.clone() }),
+    let device = &*sensor.device;
+    let (axes, kind) = if let Some(RigCamera { intrinsics, model }) = device.camera() {
+        let Camera { width, height, fx, fy, cx, cy, .. } = *intrinsics;
+        let lens = model.lens.as_ref().map(LensView::lens);
+        let info = CameraInfo { size: (width, height), focal: [fx, fy], center: [cx, cy], lens };
+        (axes * OPTICAL, SensorInfoKind::Camera(info))
+    } else if let Some(RigLidar { model, .. }) = device.of_kind() {
+        let rings = model.pattern.grid().map_or(1, |[rows, _]| rows as u16);
+        (axes, SensorInfoKind::Lidar { model: model.name.clone(), rings })
+    } else if let Some(RigRadar { model, .. }) = device.of_kind() {
+        (axes, SensorInfoKind::Radar { model: model.name.clone() })
+    } else {
+        (axes, SensorInfoKind::Other { kind: device.kind() })
     };
     SensorInfo {
         name: sensor.name.clone(),

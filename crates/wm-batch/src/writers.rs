@@ -9,9 +9,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use wm_image::PictureSize;
 use wm_image::png::{DepthScale, write_rgb8};
-use wm_place::Result;
 use wm_place::output::{PictureStyle, beside};
-use wm_place::rig::{Rig, RigDevice};
+use wm_place::rig::Rig;
+use wm_place::sensor::Reading;
+use wm_place::{Picture, Result};
 
 /// The depth that 16-bit depths of all scenes reach, m: one scale for the whole set.
 const MAX_DEPTH_M: f64 = 500.0;
@@ -52,11 +53,7 @@ pub(crate) fn frame_files(
     info: &ReadingInfo,
 ) -> Vec<String> {
     let sensor = &rig.sensors[info.sensor];
-    let extension = match &sensor.device {
-        RigDevice::Camera { .. } => plan.picture.extension(),
-        RigDevice::Lidar { format, .. } => format.extension(),
-        RigDevice::Radar { format, .. } => format.extension(),
-    };
+    let extension = sensor.device.extension().unwrap_or_else(|| plan.picture.extension());
     let path = if plan.frames == 1 && info.index == 0 {
         // A folder for each of a million clips would be slow to list.
         format!("{FRAMES_LAYOUT}/{:05}/{}/{number:08}.{extension}", number / CLIPS_PER_FOLDER, sensor.name)
@@ -64,7 +61,7 @@ pub(crate) fn frame_files(
         format!("{FRAMES_LAYOUT}/{name}/{}/{:06}.{extension}", sensor.name, info.index)
     };
     let mut files = vec![path];
-    if let RigDevice::Camera { .. } = &sensor.device {
+    if sensor.device.camera().is_some() {
         let layers =
             plan.also.iter().map(|also| PictureStyle::path_of(*also, plan.picture, Path::new(&files[0])));
         let layers: Vec<String> = layers.map(|path| path.to_string_lossy().into_owned()).collect();
@@ -100,8 +97,9 @@ impl<'a> BlockWriters<'a> {
             self.open = Some((part, plan.layouts.iter().map(|layout| (layout.block)(own)).collect()));
         }
         let info = active.readings[index];
-        let reading = SensorReading { info, data: self.data(&info, buffer) };
-        if let Some((_, writers)) = &mut self.open {
+        let data = data_of(buffer);
+        if let (Some((_, writers)), Some(data)) = (&mut self.open, data) {
+            let reading = SensorReading { info, data };
             for (layout, writer) in plan.layouts.iter().zip(writers) {
                 writer.write(&reading, &mut self.files.layout(layout.name))?;
             }
@@ -110,11 +108,12 @@ impl<'a> BlockWriters<'a> {
             self.own(active, &info, buffer)?;
         }
         // The first picture of the clip; buffers of other sensors may hold an old one.
-        let is_camera =
-            |sensor: usize| matches!(self.target.rig.sensors[sensor].device, RigDevice::Camera { .. });
+        let is_camera = |sensor: usize| self.target.rig.sensors[sensor].device.camera().is_some();
         let first = active.readings.iter().find(|other| other.index == 0 && is_camera(other.sensor));
-        if first == Some(&info) && is_shown(active.info.number, clips) {
-            let frame = &buffer.picture.frame;
+        if first == Some(&info)
+            && is_shown(active.info.number, clips)
+            && let Some(Picture { frame, .. }) = buffer.picture()
+        {
             let (path, bytes) = thumbnail(active.info.number, &buffer.rgb, frame.width, frame.height)?;
             self.files.bytes_of(&path, &bytes)?;
         }
@@ -122,42 +121,19 @@ impl<'a> BlockWriters<'a> {
         Ok(())
     }
 
-    fn data<'d>(&self, info: &ReadingInfo, buffer: &'d ReadingBuffer) -> ReadingData<'d> {
-        let some = |values: &'d [u8]| (!values.is_empty()).then_some(values);
-        match &self.target.rig.sensors[info.sensor].device {
-            RigDevice::Camera { .. } => ReadingData::Picture(PictureReading {
-                rgb: &buffer.rgb,
-                clean: some(&buffer.clear),
-                depth: (!buffer.depth.is_empty()).then_some(&buffer.depth[..]),
-                flow: Some(&buffer.picture.flow.vectors[..]).filter(|flow| !flow.is_empty()),
-                flow_states: some(&buffer.picture.flow.states),
-            }),
-            RigDevice::Lidar { .. } => ReadingData::Points(&buffer.points),
-            RigDevice::Radar { .. } => ReadingData::Detections(&buffer.detections),
-        }
-    }
-
     /// Writes the program's own files of a reading.
     fn own(&mut self, active: &ActivePart, info: &ReadingInfo, buffer: &ReadingBuffer) -> Result<()> {
         let WriterTarget { plan, rig, .. } = self.target;
         let files = frame_files(plan, rig, active.info.number, &active.info.name, info);
-        let staged = self.files.path(&files[0])?;
-        match &rig.sensors[info.sensor].device {
-            RigDevice::Camera { .. } => {
-                let style = PictureStyle {
-                    also: plan.also.clone(),
-                    depth_scale: DepthScale::reaching(MAX_DEPTH_M),
-                    ..PictureStyle::default()
-                };
-                style.write(&buffer.picture, &staged)?;
-                if plan.pairs {
-                    let frame = &buffer.picture.frame;
-                    let size = PictureSize::new(frame.width, frame.height);
-                    write_rgb8(&self.files.path(&clear_path(&files[0]))?, &buffer.clear, size, &[])?;
-                }
-            }
-            RigDevice::Lidar { .. } => buffer.sweep.iter().try_for_each(|sweep| sweep.save(&staged))?,
-            RigDevice::Radar { .. } => buffer.radar.iter().try_for_each(|sweep| sweep.save(&staged))?,
+        let style = PictureStyle {
+            also: plan.also.clone(),
+            depth_scale: DepthScale::reaching(MAX_DEPTH_M),
+            ..PictureStyle::default()
+        };
+        buffer.reading.save(&self.files.path(&files[0])?, &style)?;
+        if let Some(Picture { frame, .. }) = buffer.picture().filter(|_| plan.pairs) {
+            let size = PictureSize::new(frame.width, frame.height);
+            write_rgb8(&self.files.path(&clear_path(&files[0]))?, &buffer.clear, size, &[])?;
         }
         files.iter().try_for_each(|file| self.files.add(file))
     }
@@ -178,5 +154,21 @@ impl<'a> BlockWriters<'a> {
         let started = Instant::now();
         self.close()?;
         Ok(self.spent + started.elapsed())
+    }
+}
+
+/// The data of a reading for layouts; `None` if they have no room for it.
+fn data_of(buffer: &ReadingBuffer) -> Option<ReadingData<'_>> {
+    match &buffer.reading {
+        Reading::Picture(picture) => Some(ReadingData::Picture(PictureReading {
+            rgb: &buffer.rgb,
+            clean: (!buffer.clear.is_empty()).then_some(&buffer.clear[..]),
+            depth: (!buffer.depth.is_empty()).then_some(&buffer.depth[..]),
+            flow: Some(&picture.flow.vectors[..]).filter(|flow| !flow.is_empty()),
+            flow_states: Some(&picture.flow.states[..]).filter(|states| !states.is_empty()),
+        })),
+        Reading::Points(_) => Some(ReadingData::Points(&buffer.points)),
+        Reading::Detections(_) => Some(ReadingData::Detections(&buffer.detections)),
+        _ => None,
     }
 }

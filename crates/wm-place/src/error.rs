@@ -9,7 +9,7 @@ use wm_render::RenderError;
 use wm_scene::CameraError;
 use wm_scene::survey::AlignError;
 use wm_sensors::SensorError;
-use wm_weather::WeatherError;
+use wm_weather::{Fidelity, Weather, WeatherError};
 
 /// The errors of the library. Each message is one line that names the file, field or value.
 #[derive(Debug, Error)]
@@ -73,3 +73,14 @@ boxed! {
 
 /// The result of this library's functions.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Refuses the paper's weather, which has no physical units.
+pub(crate) fn check_physical(weather: &Weather, kind: &str) -> Result<()> {
+    match weather.fidelity {
+        Fidelity::Physical => Ok(()),
+        Fidelity::Paper => {
+            let says = format!("a {kind} needs weather in physical units: use fidelity `physical`");
+            Err(Error::Unsupported(says))
+        }
+    }
+}

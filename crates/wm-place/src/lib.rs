@@ -38,6 +38,7 @@ mod render;
 mod renderer;
 mod request;
 pub mod rig;
+pub mod sensor;
 pub mod sequence;
 mod tags;
 mod thinned;

@@ -29,17 +29,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorNoise, Shutter};
-use crate::lens_view::{LensSpec, LensView};
 use crate::motion::{CameraMotion, Mount};
+use crate::sensor::{EntryFault, SENSOR_KINDS, Sensor, SensorEntry, SensorKind};
 use crate::{Error, Result};
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DVec3};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::Path;
-use wm_scene::Camera;
-use wm_scene::camera::FOV;
-use wm_sensors::radar::RadarModel;
-use wm_sensors::{LidarModel, PointFormat, ReturnMode, SubRays};
+use std::sync::Arc;
 
 /// Longest file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -71,37 +68,7 @@ pub struct RigSensor {
     /// The time of its first picture or sweep after the start, s.
     pub phase: f64,
     /// The device.
-    pub device: RigDevice,
-}
-
-/// A device on a rig.
-#[derive(Clone, Debug)]
-pub enum RigDevice {
-    /// A camera.
-    Camera {
-        /// The size, the focal lengths and the principal point of its pictures.
-        intrinsics: Box<Camera>,
-        /// Lens, shutter, exposure and noise.
-        model: Box<CameraModel>,
-    },
-    /// A lidar.
-    Lidar {
-        /// The model.
-        model: Box<LidarModel>,
-        /// Rays of a pulse.
-        sub_rays: SubRays,
-        /// The returns that become points.
-        returns: ReturnMode,
-        /// The format of the files of points.
-        format: PointFormat,
-    },
-    /// A radar.
-    Radar {
-        /// The model.
-        model: Box<RadarModel>,
-        /// The format of the files of detections.
-        format: PointFormat,
-    },
+    pub device: Arc<dyn Sensor>,
 }
 
 impl RigSensor {
@@ -117,10 +84,7 @@ impl RigSensor {
     /// The motion of the sensor on a rig that moves as `base` does.
     #[must_use]
     pub fn motion(&self, base: &CameraMotion, metres_per_unit: f64) -> CameraMotion {
-        let intrinsics = match &self.device {
-            RigDevice::Camera { intrinsics, .. } => **intrinsics,
-            RigDevice::Lidar { .. } | RigDevice::Radar { .. } => base.camera(0.0),
-        };
+        let intrinsics = self.device.intrinsics().map_or_else(|| base.camera(0.0), |own| *own);
         CameraMotion::Mounted {
             base: Box::new(base.clone()),
             mount: self.mount,
@@ -135,47 +99,11 @@ impl RigSensor {
 #[serde(deny_unknown_fields)]
 struct RigFile {
     #[serde(default)]
-    sensor: Vec<toml::Spanned<SensorEntry>>,
+    sensor: Vec<toml::Spanned<BTreeMap<String, toml::Spanned<toml::Value>>>>,
 }
 
-/// A sensor of a rig file.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SensorEntry {
-    name: String,
-    kind: Kind,
-    /// m: forward, left, up.
-    #[serde(default)]
-    position: [f64; 3],
-    /// Degrees: roll, pitch, yaw.
-    rotation: Option<[f64; 3]>,
-    /// `rig_from_sensor`: w, x, y, z.
-    quaternion: Option<[f64; 4]>,
-    rate: Option<f64>,
-    #[serde(default)]
-    phase: f64,
-    size: Option<[u32; 2]>,
-    fov: Option<f64>,
-    lens: Option<String>,
-    exposure_time: Option<f64>,
-    readout: Option<f64>,
-    readout_from: Option<String>,
-    exposure: Option<toml::Value>,
-    iso: Option<f64>,
-    noise_seed: Option<u64>,
-    model: Option<String>,
-    sub_rays: Option<u32>,
-    returns: Option<String>,
-    format: Option<String>,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "lowercase")]
-enum Kind {
-    Camera,
-    Lidar,
-    Radar,
-}
+/// The keys that every kind of sensor has.
+const COMMON_KEYS: [&str; 7] = ["name", "kind", "position", "rotation", "quaternion", "rate", "phase"];
 
 impl Rig {
     /// Reads a rig from a TOML file; lenses and lidars in files of their own are found beside it.
@@ -224,17 +152,17 @@ impl Rig {
             return Err(fault(None, "it has no sensor: give one or more [[sensor]]".into()));
         }
         let mut sensors: Vec<RigSensor> = Vec::new();
-        for entry in &file.sensor {
-            let at = Some(entry.span().start);
-            let entry = entry.get_ref();
-            let sensor = entry
-                .sensor(folder)
-                .map_err(|says| fault(at, format!("sensor \"{}\": {says}", entry.name)))?;
+        for table in &file.sensor {
+            let entry = SensorEntry::new(table.get_ref(), folder);
+            let own = |of: EntryFault| {
+                let name = entry.get::<String>("name").ok().flatten().unwrap_or_default();
+                let says = if name.is_empty() { of.says } else { format!("sensor \"{name}\": {}", of.says) };
+                fault(Some(of.at.unwrap_or(table.span().start)), says)
+            };
+            let sensor = RigSensor::read(&entry).map_err(&own)?;
             if sensors.iter().any(|other| other.name.eq_ignore_ascii_case(&sensor.name)) {
-                return Err(fault(
-                    at,
-                    format!("there are two sensors \"{}\": each needs a name of its own", sensor.name),
-                ));
+                let says = format!("there are two sensors \"{}\": each needs a name of its own", sensor.name);
+                return Err(fault(Some(table.span().start), says));
             }
             sensors.push(sensor);
         }
@@ -242,193 +170,85 @@ impl Rig {
     }
 }
 
-impl SensorEntry {
-    fn sensor(&self, folder: &Path) -> Result<RigSensor, String> {
+/// Checks that a sensor has keys of its kind alone.
+fn check_keys(entry: &SensorEntry<'_>, kind: &SensorKind) -> Result<(), EntryFault> {
+    for (key, at) in entry.keys().filter(|(key, _)| !COMMON_KEYS.contains(key) && !kind.keys.contains(key)) {
+        let is_known = SENSOR_KINDS.iter().any(|other| other.keys.contains(&key));
+        let says = match is_known {
+            true => format!("{key} is not for a {}", kind.name),
+            false => format!("unknown field `{key}`; a {} has {}", kind.name, kind.keys.join(", ")),
+        };
+        return Err(EntryFault { at: Some(at), says });
+    }
+    Ok(())
+}
+
+impl RigSensor {
+    fn read(entry: &SensorEntry<'_>) -> Result<Self, EntryFault> {
+        let name: String = entry.get("name")?.ok_or("missing field `name`")?;
         let is_word = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(is_word) {
+        if name.is_empty() || name.len() > 64 || !name.chars().all(is_word) {
             return Err("its name becomes a folder: use letters, digits, - and _".into());
         }
-        let device = match self.kind {
-            Kind::Camera => self.camera(folder)?,
-            Kind::Lidar => self.lidar(folder)?,
-            Kind::Radar => self.radar(folder)?,
-        };
-        let own_rate = match &device {
-            RigDevice::Camera { .. } => None,
-            RigDevice::Lidar { model, .. } => Some(1.0 / model.period()),
-            RigDevice::Radar { model, .. } => Some(model.rate),
-        };
-        let rate = match (self.rate, own_rate) {
+        let kind: String = entry.get("kind")?.ok_or("missing field `kind`")?;
+        let kind = SENSOR_KINDS.iter().find(|known| known.name == kind).ok_or_else(|| {
+            let known: Vec<&str> = SENSOR_KINDS.iter().map(|known| known.name).collect();
+            format!("kind is `{kind}`: use one of {}", known.join(", "))
+        })?;
+        check_keys(entry, kind)?;
+        let device = (kind.read)(entry)?;
+        let rate = match (entry.get::<f64>("rate")?, device.own_rate()) {
             (Some(rate), Some(own)) if (rate / own - 1.0).abs() > RATE_TOLERANCE => {
-                return Err(format!("rate is {rate}, and that of its model is {own} Hz: leave it out"));
+                return Err(format!("rate is {rate}, and that of its model is {own} Hz: leave it out").into());
             }
             (Some(rate), _) if rate > 0.0 && rate <= MAX_RATE_HZ => rate,
             (Some(rate), _) => {
-                return Err(format!("rate is {rate}: it must be above 0 and up to {MAX_RATE_HZ} Hz"));
+                return Err(format!("rate is {rate}: it must be above 0 and up to {MAX_RATE_HZ} Hz").into());
             }
             (None, Some(own)) => own,
             (None, None) => return Err("rate is missing: pictures a second".into()),
         };
-        if !(0.0..=3600.0).contains(&self.phase) {
-            return Err(format!("phase is {}: it must be from 0 to 3600 s", self.phase));
+        let phase = entry.get("phase")?.unwrap_or(0.0);
+        if !(0.0..=3600.0).contains(&phase) {
+            return Err(format!("phase is {phase}: it must be from 0 to 3600 s").into());
         }
-        Ok(RigSensor { name: self.name.clone(), mount: self.mount()?, rate, phase: self.phase, device })
+        Ok(Self { name, mount: mount(entry)?, rate, phase, device })
     }
+}
 
-    fn mount(&self) -> Result<Mount, String> {
-        let position = DVec3::from_array(self.position);
-        if !position.is_finite() || position.length() > MAX_OFFSET_M {
-            return Err(format!("position is {:?}: it must be within {MAX_OFFSET_M} m", self.position));
+/// The pose of a sensor on its rig.
+fn mount(entry: &SensorEntry<'_>) -> Result<Mount, EntryFault> {
+    let position = entry.get::<[f64; 3]>("position")?.unwrap_or_default();
+    let (rotation, quaternion) = (entry.get::<[f64; 3]>("rotation")?, entry.get::<[f64; 4]>("quaternion")?);
+    let at = DVec3::from_array(position);
+    if !at.is_finite() || at.length() > MAX_OFFSET_M {
+        return Err(format!("position is {position:?}: it must be within {MAX_OFFSET_M} m").into());
+    }
+    let rig_from_sensor = match (rotation, quaternion) {
+        (Some(_), Some(_)) => return Err("give rotation or quaternion, not both".into()),
+        (Some(angles), None) => {
+            if !angles.iter().all(|angle| angle.is_finite()) {
+                return Err(format!("rotation is {angles:?}: it must be three angles in degrees").into());
+            }
+            let [roll, pitch, yaw] = angles.map(f64::to_radians);
+            DMat3::from_rotation_z(yaw) * DMat3::from_rotation_y(pitch) * DMat3::from_rotation_x(roll)
         }
-        let rotation = match (self.rotation, self.quaternion) {
-            (Some(_), Some(_)) => return Err("give rotation or quaternion, not both".into()),
-            (Some(angles), None) => {
-                if !angles.iter().all(|angle| angle.is_finite()) {
-                    return Err(format!("rotation is {angles:?}: it must be three angles in degrees"));
-                }
-                let [roll, pitch, yaw] = angles.map(f64::to_radians);
-                DMat3::from_rotation_z(yaw) * DMat3::from_rotation_y(pitch) * DMat3::from_rotation_x(roll)
+        (None, Some([w, x, y, z])) => {
+            let turn = glam::DQuat::from_xyzw(x, y, z, w);
+            if !turn.is_finite() || (turn.length() - 1.0).abs() > 1e-2 {
+                return Err("quaternion must be w, x, y, z of length 1".into());
             }
-            (None, Some([w, x, y, z])) => {
-                let turn = glam::DQuat::from_xyzw(x, y, z, w);
-                if !turn.is_finite() || (turn.length() - 1.0).abs() > 1e-2 {
-                    return Err("quaternion must be w, x, y, z of length 1".into());
-                }
-                DMat3::from_quat(turn.normalize())
-            }
-            (None, None) => DMat3::IDENTITY,
-        };
-        Ok(Mount { position, rig_from_sensor: rotation })
-    }
-
-    /// Returns an error if an option of the other kind is given.
-    fn refuse(&self, given: &[(&str, bool)], kind: &str) -> Result<(), String> {
-        match given.iter().find(|(_, is_given)| *is_given) {
-            Some((key, _)) => Err(format!("{key} is not for a {kind}")),
-            None => Ok(()),
+            DMat3::from_quat(turn.normalize())
         }
-    }
-
-    fn camera(&self, folder: &Path) -> Result<RigDevice, String> {
-        let of_lidars = [
-            ("model", self.model.is_some()),
-            ("sub_rays", self.sub_rays.is_some()),
-            ("returns", self.returns.is_some()),
-            ("format", self.format.is_some()),
-        ];
-        self.refuse(&of_lidars, "camera")?;
-        let size = self.size.map(|[width, height]| (width, height));
-        let lens: Option<LensView> = match &self.lens {
-            None => None,
-            Some(_) if self.fov.is_some() => {
-                return Err("fov: a lens has its own; give fisheye:DEGREES".into());
-            }
-            Some(lens) => {
-                let spec = match lens.parse::<LensSpec>()? {
-                    LensSpec::File(file) => LensSpec::File(folder.join(file)),
-                    other => other,
-                };
-                Some(spec.view(size).map_err(|error| error.to_string())?)
-            }
-        };
-        let intrinsics = match &lens {
-            Some(lens) => *lens.intrinsics(),
-            None => {
-                let fov = self.fov.unwrap_or(Camera::DEFAULT_FOV_Y);
-                if !FOV.contains(&fov) {
-                    return Err(format!("fov is {fov}: it must be 0.1 to 170 degrees"));
-                }
-                let size = size.unwrap_or(Camera::DEFAULT_SIZE);
-                let camera = Camera::looking(size, fov, DVec3::ZERO, DVec3::X, DVec3::Z);
-                let camera = camera.and_then(|camera| camera.check().map(|()| camera));
-                Camera { viewmat: DMat4::IDENTITY, ..camera.map_err(|error| error.to_string())? }
-            }
-        };
-        let first = match &self.readout_from {
-            Some(side) => side.parse()?,
-            None => ReadoutSide::default(),
-        };
-        let exposure = match &self.exposure {
-            None => CameraExposure::default(),
-            Some(toml::Value::String(text)) => text.parse()?,
-            Some(toml::Value::Integer(stops)) => stops.to_string().parse()?,
-            Some(toml::Value::Float(stops)) => stops.to_string().parse()?,
-            Some(_) => return Err("exposure must be \"auto\" or stops".into()),
-        };
-        let shutter = Shutter {
-            exposure: self.exposure_time.unwrap_or(0.0),
-            readout: self.readout.unwrap_or(0.0),
-            first,
-        };
-        shutter.check()?;
-        let noise = self.iso.map(|iso| SensorNoise {
-            iso,
-            seed: self.noise_seed.unwrap_or(0),
-            ..SensorNoise::default()
-        });
-        noise.iter().try_for_each(SensorNoise::check)?;
-        let model = CameraModel { lens, shutter, exposure, noise };
-        Ok(RigDevice::Camera { intrinsics: Box::new(intrinsics), model: Box::new(model) })
-    }
-
-    /// Returns an error if an option of cameras is given to another kind.
-    fn refuse_camera_options(&self, kind: &str) -> Result<(), String> {
-        let of_cameras = [
-            ("size", self.size.is_some()),
-            ("fov", self.fov.is_some()),
-            ("lens", self.lens.is_some()),
-            ("exposure_time", self.exposure_time.is_some()),
-            ("readout", self.readout.is_some()),
-            ("readout_from", self.readout_from.is_some()),
-            ("exposure", self.exposure.is_some()),
-            ("iso", self.iso.is_some()),
-            ("noise_seed", self.noise_seed.is_some()),
-        ];
-        self.refuse(&of_cameras, kind)
-    }
-
-    /// The name of the model of a kind, or its file: those are beside the rig's.
-    fn model(&self, folder: &Path, kind: &str) -> Result<String, String> {
-        let missing = || format!("model is missing: the name of a {kind}, or a TOML file");
-        let name = self.model.as_deref().ok_or_else(missing)?;
-        let is_file = name.to_lowercase().ends_with(".toml");
-        Ok(if is_file { folder.join(name).to_string_lossy().into_owned() } else { name.to_owned() })
-    }
-
-    fn radar(&self, folder: &Path) -> Result<RigDevice, String> {
-        self.refuse_camera_options("radar")?;
-        let of_lidars = [("sub_rays", self.sub_rays.is_some()), ("returns", self.returns.is_some())];
-        self.refuse(&of_lidars, "radar")?;
-        let model = RadarModel::find(&self.model(folder, "radar")?).map_err(|error| error.to_string())?;
-        let format = self.format.as_deref().unwrap_or("ply");
-        let format = PointFormat::of_detections(Path::new(&format!("points.{format}")))
-            .map_err(|_| format!("format is `{format}`: use ply, pcd or npy"))?;
-        Ok(RigDevice::Radar { model: Box::new(model), format })
-    }
-
-    fn lidar(&self, folder: &Path) -> Result<RigDevice, String> {
-        self.refuse_camera_options("lidar")?;
-        let model = LidarModel::find(&self.model(folder, "lidar")?).map_err(|error| error.to_string())?;
-        let sub_rays = match self.sub_rays {
-            None => SubRays::default(),
-            Some(count) => {
-                SubRays::of_count(count as usize).ok_or_else(|| format!("sub_rays is {count}: use 1 or 7"))?
-            }
-        };
-        let returns = match &self.returns {
-            None => ReturnMode::default(),
-            Some(name) => name.parse().map_err(|error| format!("returns is {error}"))?,
-        };
-        let format = self.format.as_deref().unwrap_or("ply");
-        let format = PointFormat::of(Path::new(&format!("points.{format}")))
-            .map_err(|_| format!("format is `{format}`: use ply, pcd, npy, las or bin"))?;
-        Ok(RigDevice::Lidar { model: Box::new(model), sub_rays, returns, format })
-    }
+        (None, None) => DMat3::IDENTITY,
+    };
+    Ok(Mount { position: at, rig_from_sensor })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wm_scene::Camera;
 
     const TEXT: &str = "[[sensor]]\nname = \"front\"\nkind = \"camera\"\nrate = 10\nphase = 0.02\nsize = [64, 48]\n\
                         [[sensor]]\nname = \"top\"\nkind = \"lidar\"\nmodel = \"vlp-16\"\n";

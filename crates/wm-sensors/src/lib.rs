@@ -73,6 +73,7 @@ mod air;
 mod drops;
 mod echo;
 mod error;
+pub mod events;
 mod formats;
 mod model;
 pub mod pattern;

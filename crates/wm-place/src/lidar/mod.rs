@@ -28,6 +28,7 @@ pub use wm_sensors::{
     SensorPose, SubRays, about,
 };
 
+use crate::error::check_physical;
 use crate::motion::CameraMotion;
 use crate::place::{PreparedPlace, check_owner};
 use crate::{Error, Progress, Renderer, Result};
@@ -40,7 +41,7 @@ use wm_scene::{Group, Splats};
 use wm_sensors::{LidarScene, SensorMotion, SurfaceState, SurfaceStates, SweepOptions};
 use wm_sensors::{base_reflectance, sweep};
 use wm_weather::wetness::WetGains;
-use wm_weather::{Fidelity, Site, Weather};
+use wm_weather::{Site, Weather};
 
 /// Options of a scan.
 #[derive(Clone, Copy, Debug)]
@@ -128,10 +129,7 @@ impl Renderer {
         progress: &mut dyn Progress,
     ) -> Result<u32> {
         check_owner(place, self.id())?;
-        if weather.fidelity == Fidelity::Paper {
-            let fault = "a lidar needs weather in physical units: use fidelity `physical`";
-            return Err(Error::Unsupported(fault.into()));
-        }
+        check_physical(weather, "lidar")?;
         self.focus_along(place, motion)?;
         let time = |index: u32| options.time + f64::from(index) * lidar.period();
         let site = *place.site();

@@ -23,13 +23,14 @@ pub use wm_sensors::radar::{RADAR_PRESETS, RadarClass, RadarDetection, RadarMode
 pub use wm_sensors::{PointFrame, SensorError, about};
 
 use crate::lidar::UprightMotion;
+use crate::error::check_physical;
 use crate::motion::CameraMotion;
 use crate::place::{PreparedPlace, check_owner};
 use crate::{Error, Progress, Renderer, Result};
 use std::sync::Arc;
 use wm_scene::Group;
 use wm_sensors::radar::{RadarOptions, RadarScene, radar_sweep};
-use wm_weather::{Fidelity, Weather};
+use wm_weather::Weather;
 
 /// Options of a scan by radar.
 #[derive(Clone, Copy, Debug)]
@@ -100,10 +101,7 @@ impl Renderer {
         progress: &mut dyn Progress,
     ) -> Result<u32> {
         check_owner(place, self.id())?;
-        if weather.fidelity == Fidelity::Paper {
-            let fault = "a radar needs weather in physical units: use fidelity `physical`";
-            return Err(Error::Unsupported(fault.into()));
-        }
+        check_physical(weather, "radar")?;
         self.focus_along(place, motion)?;
         let site = *place.site();
         let motion = UprightMotion::new(motion, &site, options.time);

@@ -12,20 +12,18 @@ use indicatif::ProgressBar;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weather_magician::camera_model::SensorCamera;
-use weather_magician::lidar::{LidarSweep, ScanOptions};
 use weather_magician::output::{LayerFile, PictureStyle, layers_of};
-use weather_magician::radar::{RadarScanOptions, RadarSweep};
-use weather_magician::rig::{Rig, RigDevice, RigSensor};
-use weather_magician::{
-    Camera, CameraMotion, Error, FrameRequest, LensView, NextFrame, Picture, Weather, picture_tags,
-};
+use weather_magician::rig::{Rig, RigSensor};
+use weather_magician::sensor::{Reading, SensorInstant};
+use weather_magician::{Camera, CameraMotion, Error, Weather, picture_tags};
 use wm_image::png::DepthScale;
 
 /// The file that describes the sensors and their files.
 const MANIFEST: &str = "rig.json";
 /// Maximum number of pictures and sweeps of a run.
 const MAX_FILES: usize = 1_000_000;
+/// Most sweeps that are made together, since all are in memory.
+const MAX_AHEAD: usize = 32;
 
 /// The place, the weather and the path of a rig.
 struct RigJob<'a> {
@@ -101,18 +99,8 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
     args.camera.check()?;
     output.check_times()?;
     for sensor in &rig.sensors {
-        match &sensor.device {
-            RigDevice::Camera { model, .. } => {
-                let named = || format!("sensor \"{}\"", sensor.name);
-                layers_of(&output.also).check(model, weather).context("--also").with_context(named)?;
-                model.check(weather).with_context(named)?;
-            }
-            device if weather.fidelity == wm_weather::Fidelity::Paper => {
-                let kind = if matches!(device, RigDevice::Lidar { .. }) { "lidar" } else { "radar" };
-                bail!("sensor \"{}\": a {kind} needs --set fidelity=physical", sensor.name);
-            }
-            _ => {}
-        }
+        let named = || format!("sensor \"{}\"", sensor.name);
+        sensor.device.check(weather, layers_of(&output.also)).with_context(named)?;
     }
     let name = format!("{}-{}-rig", stem_of(&args.scene.scene), weather.name);
     output.folder(name, "a rig has a folder a sensor")
@@ -121,11 +109,8 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
 impl RigJob<'_> {
     /// The file of a picture or sweep.
     fn file(&self, sensor: &RigSensor, index: u32) -> PathBuf {
-        let extension = match &sensor.device {
-            RigDevice::Camera { .. } => self.args.output.frame_format.extension(),
-            RigDevice::Lidar { format, .. } => format.extension(),
-            RigDevice::Radar { format, .. } => format.extension(),
-        };
+        let extension =
+            sensor.device.extension().unwrap_or_else(|| self.args.output.frame_format.extension());
         self.folder.join(&sensor.name).join(format!("{index:06}.{extension}"))
     }
 
@@ -138,7 +123,7 @@ impl RigJob<'_> {
         let format = self.args.output.frame_format;
         // The colour is written first and the other pictures after it: a frame is complete if the
         // last one exists.
-        let last = self.args.output.also.last().filter(|_| matches!(sensor.device, RigDevice::Camera { .. }));
+        let last = self.args.output.also.last().filter(|_| sensor.device.camera().is_some());
         let is_there = |index: u32| {
             let file = self.file(sensor, index);
             let other = |also: &LayerFile| PictureStyle::path_of(*also, format, &file).exists();
@@ -149,100 +134,51 @@ impl RigJob<'_> {
         let kept = all.len() - missing.len();
         self.bar.inc(kept as u64);
         let motion = sensor.motion(&self.base, self.loaded.place.site().metres_per_unit);
-        match &sensor.device {
-            RigDevice::Camera { model, .. } => {
-                let mut camera = SensorCamera::new((**model).clone(), motion);
-                camera.number = number as u32;
-                self.pictures(sensor, &camera, &missing)?;
+        let mut run = sensor.device.begin(motion.clone(), number as u32);
+        let layers = layers_of(&self.args.output.also);
+        let mut reading = Reading::default();
+        for (at, (index, time)) in missing.iter().enumerate() {
+            stop_if_asked()?;
+            let rest = missing[at..].iter().zip(*index..).take_while(|((other, _), index)| other == index);
+            let instant = SensorInstant {
+                weather: self.weather,
+                start: self.start + sensor.phase,
+                time: *time,
+                index: *index,
+                rate: sensor.rate,
+                ahead: rest.take(MAX_AHEAD).count() as u32,
+                seed: 0,
+                layers,
+            };
+            let OpenScene { renderer, place } = &mut self.loaded;
+            let progress = &mut Reporter::default();
+            match run.read(renderer, place, &instant, &mut reading, progress) {
+                Err(Error::Stopped) => return Err(stopped()),
+                read => read?,
             }
-            RigDevice::Lidar { .. } | RigDevice::Radar { .. } => {
-                self.sweeps(sensor, &motion, &missing, number)?;
-            }
+            let style = match sensor.device.camera() {
+                Some(_) => self.style(sensor, &motion.camera(*time), *time),
+                None => PictureStyle::default(),
+            };
+            reading.save(&self.file(sensor, *index), &style)?;
+            self.bar.inc(1);
         }
         Ok((missing.len(), kept))
     }
 
-    fn pictures(&mut self, sensor: &RigSensor, camera: &SensorCamera, missing: &[(u32, f64)]) -> Result<()> {
-        let layers = layers_of(&self.args.output.also);
-        let scene = self.args.scene.scene.display().to_string();
-        let mut picture = Picture::default();
-        for (index, time) in missing {
-            stop_if_asked()?;
-            let OpenScene { renderer, place } = &mut self.loaded;
-            let after = *time + 1.0 / sensor.rate;
-            let next = camera.motion().at(after, place.site().metres_per_unit);
-            let request = FrameRequest {
-                index: *index,
-                layers,
-                next: Some(NextFrame { time: after, camera: next }),
-                ..FrameRequest::new(self.weather, camera, *time)
-            };
-            renderer.render_into(place, &request, &mut picture, &mut Reporter::default())?;
-            let pose = camera.motion().camera(*time);
-            let mut tags = picture_tags(&scene, place.site(), renderer.backend(), self.weather, *time, &pose);
-            tags.push(("sensor".into(), sensor.name.clone()));
-            let style = PictureStyle {
-                also: self.args.output.also.clone(),
-                dither: self.args.output.dither,
-                depth_scale: DepthScale::reaching(place.site().far),
-                tags,
-                ..PictureStyle::default()
-            };
-            style.write(&picture, &self.file(sensor, *index))?;
-            self.bar.inc(1);
+    /// The files of a picture, and what is written into them.
+    fn style(&self, sensor: &RigSensor, pose: &Camera, time: f64) -> PictureStyle {
+        let OpenScene { renderer, place } = &self.loaded;
+        let (scene, site) = (self.args.scene.scene.display().to_string(), place.site());
+        let mut tags = picture_tags(&scene, site, renderer.backend(), self.weather, time, pose);
+        tags.push(("sensor".into(), sensor.name.clone()));
+        PictureStyle {
+            also: self.args.output.also.clone(),
+            dither: self.args.output.dither,
+            depth_scale: DepthScale::reaching(site.far),
+            tags,
+            ..PictureStyle::default()
         }
-        Ok(())
-    }
-
-    fn sweeps(
-        &mut self,
-        sensor: &RigSensor,
-        motion: &CameraMotion,
-        missing: &[(u32, f64)],
-        number: usize,
-    ) -> Result<()> {
-        // Sweeps one after the other are made in one go.
-        for run in missing.chunk_by(|(a, _), (b, _)| a + 1 == *b) {
-            stop_if_asked()?;
-            let (time, first, sweeps) = (self.start + sensor.phase, run[0].0, run.len() as u32);
-            let files: Vec<PathBuf> = run.iter().map(|(index, _)| self.file(sensor, *index)).collect();
-            let mut files = files.iter();
-            let bar = &self.bar;
-            let mut saved = |save: &dyn Fn(&Path) -> weather_magician::Result<()>| {
-                files.next().map_or(Ok(()), |file| save(file))?;
-                bar.inc(1);
-                if interrupt::asked() { Err(Error::Stopped) } else { Ok(()) }
-            };
-            let OpenScene { renderer, place } = &mut self.loaded;
-            let progress = &mut Reporter::default();
-            let made = match &sensor.device {
-                RigDevice::Camera { .. } => return Ok(()),
-                RigDevice::Lidar { model, sub_rays, returns, .. } => {
-                    let options = ScanOptions {
-                        time,
-                        first,
-                        sweeps,
-                        sensor: number as u8,
-                        sub_rays: *sub_rays,
-                        returns: *returns,
-                        ..ScanOptions::default()
-                    };
-                    let mut take = |sweep: LidarSweep| saved(&|file| Ok(sweep.save(file)?));
-                    renderer.scan(place, self.weather, model, motion, &options, &mut take, progress)
-                }
-                RigDevice::Radar { model, .. } => {
-                    let sensor = number as u8;
-                    let options =
-                        RadarScanOptions { time, first, sweeps, sensor, ..RadarScanOptions::default() };
-                    let mut take = |sweep: RadarSweep| saved(&|file| Ok(sweep.save(file)?));
-                    renderer.scan_radar(place, self.weather, model, motion, &options, &mut take, progress)
-                }
-            };
-            if matches!(made, Err(Error::Stopped)) || made? < sweeps {
-                return Err(stopped());
-            }
-        }
-        Ok(())
     }
 
     /// Returns what the files are, and everything that they depend on except the scene's bytes.
@@ -291,32 +227,9 @@ impl RigJob<'_> {
             .collect();
         let mut about =
             json!({ "name": sensor.name, "rate": sensor.rate, "phase": sensor.phase, "frames": frames });
-        match &sensor.device {
-            RigDevice::Camera { intrinsics, model } => {
-                let Camera { width, height, fx, fy, cx, cy, .. } = **intrinsics;
-                about["kind"] = "camera".into();
-                about["intrinsics"] =
-                    json!({ "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy });
-                about["lens"] =
-                    model.lens.as_ref().map(LensView::lens).map(|lens| format!("{lens:?}")).into();
-                about["shutter"] = json!({
-                    "exposure_time": model.shutter.exposure,
-                    "readout": model.shutter.readout,
-                    "readout_from": format!("{:?}", model.shutter.first).to_lowercase(),
-                });
-                about["exposure"] = format!("{:?}", model.exposure).into();
-                about["noise"] = model.noise.map(|noise| format!("{noise:?}")).into();
-            }
-            RigDevice::Lidar { model, sub_rays, returns, .. } => {
-                about["kind"] = "lidar".into();
-                about["model"] = model.name.clone().into();
-                about["sub_rays"] = sub_rays.count().into();
-                about["returns"] = format!("{returns:?}").to_lowercase().into();
-            }
-            RigDevice::Radar { model, .. } => {
-                about["kind"] = "radar".into();
-                about["model"] = model.name.clone().into();
-            }
+        about["kind"] = sensor.device.kind().into();
+        for (name, value) in sensor.device.facts() {
+            about[name] = value;
         }
         about
     }

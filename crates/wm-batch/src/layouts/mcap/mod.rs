@@ -171,6 +171,7 @@ fn topics(set: &SetInfo) -> Vec<Topic> {
                 add("camera_info", cdr::CAMERA);
             }
             SensorInfoKind::Lidar { .. } | SensorInfoKind::Radar { .. } => add("points", cdr::POINTS),
+            SensorInfoKind::Other { .. } => {}
         }
     }
     topics

@@ -37,6 +37,7 @@ fn direction(sensor: &SensorInfo) -> Option<&'static str> {
         SensorInfoKind::Camera(_) => (pose.rotation * DVec3::Z, true),
         SensorInfoKind::Radar { .. } => (pose.rotation * DVec3::X, false),
         SensorInfoKind::Lidar { .. } => return Some("LIDAR_TOP"),
+        SensorInfoKind::Other { .. } => return None,
     };
     if ahead.z.abs() > std::f64::consts::FRAC_1_SQRT_2 {
         return None;
@@ -65,6 +66,7 @@ fn own_name(sensor: &SensorInfo) -> String {
         SensorInfoKind::Camera(_) => "CAM_",
         SensorInfoKind::Lidar { .. } => "LIDAR_",
         SensorInfoKind::Radar { .. } => "RADAR_",
+        SensorInfoKind::Other { .. } => "",
     };
     let name = sensor.name.to_uppercase().replace('-', "_");
     if name.starts_with(prefix) { name } else { format!("{prefix}{name}") }

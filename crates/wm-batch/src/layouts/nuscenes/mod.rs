@@ -119,6 +119,7 @@ fn reading_path(set: &SetInfo, clip: &ClipInfo, channel: &str, info: &ReadingInf
         SensorInfoKind::Camera(_) => "jpg",
         SensorInfoKind::Lidar { .. } => "pcd.bin",
         SensorInfoKind::Radar { .. } => "pcd",
+        SensorInfoKind::Other { .. } => "bin",
     };
     format!("{folder}/{channel}/{}__{channel}__{}.{extension}", clip.name, microseconds(clip, info))
 }

@@ -213,6 +213,7 @@ fn sensor_tables(set: &SetInfo, channels: &[String]) -> [Table; 2] {
             SensorInfoKind::Camera(camera) => ("camera", pose.rotation, intrinsics(camera)),
             SensorInfoKind::Lidar { .. } => ("lidar", pose.rotation * quarter_turn, json!([])),
             SensorInfoKind::Radar { .. } => ("radar", pose.rotation, json!([])),
+            SensorInfoKind::Other { kind } => (*kind, pose.rotation, json!([])),
         };
         sensors.push(&json!({ "token": own, "channel": channel, "modality": modality }));
         let mut row = pose_row(&RigidPose { rotation, ..pose });
