@@ -210,6 +210,7 @@ pub fn truth(set: &SetInfo) -> Value {
                 value["kind"] = "radar".into();
                 value["model"] = json!(model);
             }
+            SensorInfoKind::Other { kind } => value["kind"] = json!(kind),
         }
         value
     });
@@ -340,5 +341,6 @@ fn with_data(
             };
             take(&SensorReading { info, data: ReadingData::Detections(&[of(0), of(1), of(2), of(3)]) })
         }
+        SensorInfoKind::Other { .. } => Ok(()),
     }
 }

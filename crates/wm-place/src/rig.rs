@@ -175,8 +175,8 @@ fn check_keys(entry: &SensorEntry<'_>, kind: &SensorKind) -> Result<(), EntryFau
     for (key, at) in entry.keys().filter(|(key, _)| !COMMON_KEYS.contains(key) && !kind.keys.contains(key)) {
         let is_known = SENSOR_KINDS.iter().any(|other| other.keys.contains(&key));
         let says = match is_known {
-            true => format!("{key} is not for a {}", kind.name),
-            false => format!("unknown field `{key}`; a {} has {}", kind.name, kind.keys.join(", ")),
+            true => format!("{key} is not for kind {}", kind.name),
+            false => format!("unknown field `{key}`; kind {} has {}", kind.name, kind.keys.join(", ")),
         };
         return Err(EntryFault { at: Some(at), says });
     }
@@ -290,7 +290,13 @@ mod tests {
             ("phase = 0.02", "phase = -1", "phase is -1"),
             ("size = [64, 48]", "size = [0, 48]", "picture size 0x48"),
             ("size = [64, 48]", "sise = [64, 48]", "r, line 6: unknown field `sise`"),
-            ("size = [64, 48]", "returns = \"dual\"", "returns is not for a camera"),
+            ("size = [64, 48]", "returns = \"dual\"", "returns is not for kind camera"),
+            (
+                "kind = \"camera\"",
+                "kind = \"sonar\"",
+                "kind is `sonar`: use one of camera, lidar, radar, events",
+            ),
+            ("size = [64, 48]", "size = \"large\"", "r, line 6: sensor \"front\": size: invalid type"),
             ("size = [64, 48]", "readout = -1", "readout is -1 s"),
             ("size = [64, 48]", "lens = \"fish\"", "`fish` is not a lens"),
             ("size = [64, 48]", "quaternion = [0, 0, 0, 0]", "length 1"),
@@ -311,7 +317,7 @@ mod tests {
             (
                 "\"lidar\"\nmodel = \"vlp-16\"",
                 "\"radar\"\nmodel = \"long-range-77\"\nreturns = \"all\"",
-                "returns is not for a radar",
+                "returns is not for kind radar",
             ),
             (
                 "\"lidar\"\nmodel = \"vlp-16\"",

@@ -125,12 +125,12 @@ impl EventSampler {
     pub fn new(model: EventModel, size: [u32; 2], light: &[f32], seed: u64, index: u32) -> Self {
         assert_eq!(light.len(), size[0] as usize * size[1] as usize, "a picture of {size:?} px");
         let [thresholds, levels, noise] = PURPOSES;
-        let (thresholds, levels) = (RandomStream::new(seed, thresholds, 0), RandomStream::new(seed, levels, 0));
+        let (thresholds, levels) =
+            (RandomStream::new(seed, thresholds, 0), RandomStream::new(seed, levels, 0));
         let pixel = |(at, light): (usize, &f32)| {
             let [on, off, _] = thresholds.normal3(at as u64);
-            let thresholds = [on, off].map(|normal| {
-                (model.threshold * (1.0 + model.mismatch * normal)).max(MIN_THRESHOLD)
-            });
+            let thresholds = [on, off]
+                .map(|normal| (model.threshold * (1.0 + model.mismatch * normal)).max(MIN_THRESHOLD));
             let light = logarithm(*light);
             let offset = model.threshold * levels.uniform(at as u64);
             let reference = offset + model.threshold * ((light - offset) / model.threshold).round();
@@ -291,7 +291,9 @@ mod tests {
         for pair in up.windows(2) {
             assert!((pair[1].time - pair[0].time).abs_diff(12_500) <= 2, "{slice:?}");
         }
-        assert!(up.iter().all(|event| event.time <= 100_000) && down.iter().all(|event| event.time >= 100_000));
+        assert!(
+            up.iter().all(|event| event.time <= 100_000) && down.iter().all(|event| event.time >= 100_000)
+        );
     }
 
     /// A threshold a tenth larger tells a tenth fewer events.
@@ -333,7 +335,8 @@ mod tests {
     fn files_hold_every_event() {
         let folder = tempfile::tempdir().unwrap();
         let event = |time, x| Event { time, y: 2, x, is_brighter: x == 1 };
-        let slice = EventSlice { width: 4, height: 3, start: 2.5, events: vec![event(10, 1), event(2000, 3)] };
+        let slice =
+            EventSlice { width: 4, height: 3, start: 2.5, events: vec![event(10, 1), event(2000, 3)] };
         slice.save(&folder.path().join("a.npy")).unwrap();
         let bytes = std::fs::read(folder.path().join("a.npy")).unwrap();
         let rows = &bytes[bytes.len() - 26..];

@@ -4,13 +4,7 @@ use crate::outcome::{Outcome, SeedPath, done, put};
 use crate::uses;
 use base64::Engine;
 use glam::DVec3;
-use std::{
-    error::Error,
-    fs,
-    hint::black_box,
-    ops::ControlFlow,
-    path::Path,
-};
+use std::{error::Error, fs, hint::black_box, ops::ControlFlow, path::Path};
 use weather_magician::batch::BatchPlan;
 use weather_magician::panorama_file::read_panorama;
 use weather_magician::rig::Rig;

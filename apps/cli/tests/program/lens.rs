@@ -194,7 +194,8 @@ fn shutters_and_rigs_make_what_they_say() {
     assert!(read_png(&one) == read_png(&two));
     let toml = workshop.path("rig.toml");
     let rig = "[[sensor]]\nname = \"front\"\nkind = \"camera\"\nrate = 10\nphase = 0.05\nsize = [48, 32]\nreadout = 0.01\n\
-               [[sensor]]\nname = \"top\"\nkind = \"lidar\"\nmodel = \"vlp-16\"\nsub_rays = 1\nformat = \"bin\"\n";
+               [[sensor]]\nname = \"top\"\nkind = \"lidar\"\nmodel = \"vlp-16\"\nsub_rays = 1\nformat = \"bin\"\n\
+               [[sensor]]\nname = \"dvs\"\nkind = \"events\"\nrate = 10\nsize = [48, 32]\npictures = 2\n";
     let view = view.without("--fov").without("--size");
     let drive = |rig: &str, out: &str, options: &str| {
         std::fs::write(&toml, rig).unwrap();
@@ -223,17 +224,32 @@ fn shutters_and_rigs_make_what_they_say() {
         "front/000001.depth.npy",
         "top/000000.bin",
         "top/000001.bin",
+        "dvs/000000.npy",
+        "dvs/000001.npy",
     ];
     let made = all.map(file);
     assert!(made[3].len() > 16 * 1000 && made[3] != made[4]);
+    // 13 bytes an event, which a car at 10 m/s has at every edge.
+    assert!(made[5].len() > 13 * 100 && made[5] != made[6], "{}", made[5].len());
     // What is missing is made again, with the same bytes.
     std::fs::remove_file(workshop.path("drive").join(all[1])).unwrap();
     std::fs::remove_file(workshop.path("drive").join(all[4])).unwrap();
+    std::fs::remove_file(workshop.path("drive").join(all[6])).unwrap();
     assert!(drive(rig, "drive", "--also depth.npy").status.success());
     assert!(made == all.map(file));
     for (rig, options, says) in [
         (rig.replace("top", "front"), "", "rig.toml, line 8: there are two sensors \"front\""),
         (rig.replace("rate = 10", "rate = 0"), "", "rate is 0"),
+        (
+            rig.replace("pictures = 2", "threshold = 0"),
+            "",
+            "sensor \"dvs\": threshold is 0: it must be 0.01 to 10",
+        ),
+        (
+            rig.replace("pictures = 2", "iso = 100"),
+            "",
+            "rig.toml, line 18: sensor \"dvs\": iso is not for kind events",
+        ),
         (rig.to_owned(), "--iso 100", "leave out --iso"),
         (rig.to_owned(), "--set lens.rate=10", "sensor \"front\": drops on the lens"),
         (rig.to_owned(), "--time 1", "holds files of another run"),

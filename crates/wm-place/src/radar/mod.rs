@@ -22,8 +22,8 @@ pub use picture::{RadarPicture, RadarView};
 pub use wm_sensors::radar::{RADAR_PRESETS, RadarClass, RadarDetection, RadarModel, RadarSweep};
 pub use wm_sensors::{PointFrame, SensorError, about};
 
-use crate::lidar::UprightMotion;
 use crate::error::check_physical;
+use crate::lidar::UprightMotion;
 use crate::motion::CameraMotion;
 use crate::place::{PreparedPlace, check_owner};
 use crate::{Error, Progress, Renderer, Result};

@@ -1,13 +1,9 @@
 //! Cameras of a rig.
 
 use super::{EntryFault, Reading, Sensor, SensorEntry, SensorInstant, SensorKind, SensorRun};
-use crate::camera_model::{
-    CameraExposure, CameraModel, ReadoutSide, SensorCamera, SensorNoise, Shutter,
-};
+use crate::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorCamera, SensorNoise, Shutter};
 use crate::lens_view::{LensSpec, LensView};
-use crate::{
-    CameraMotion, FrameRequest, Layers, NextFrame, PreparedPlace, Progress, Renderer, Result,
-};
+use crate::{CameraMotion, FrameRequest, Layers, NextFrame, PreparedPlace, Progress, Renderer, Result};
 use glam::{DMat4, DVec3};
 use serde_json::{Value as Json, json};
 use std::sync::Arc;
@@ -109,7 +105,10 @@ impl Sensor for RigCamera {
         let Camera { width, height, fx, fy, cx, cy, .. } = self.intrinsics;
         let CameraModel { lens, shutter, exposure, noise } = &self.model;
         vec![
-            ("intrinsics", json!({ "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy })),
+            (
+                "intrinsics",
+                json!({ "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy }),
+            ),
             ("lens", lens.as_ref().map(LensView::lens).map(|lens| format!("{lens:?}")).into()),
             (
                 "shutter",

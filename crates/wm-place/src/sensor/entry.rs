@@ -34,10 +34,7 @@ pub struct SensorEntry<'a> {
 }
 
 impl<'a> SensorEntry<'a> {
-    pub(crate) fn new(
-        values: &'a BTreeMap<String, toml::Spanned<toml::Value>>,
-        folder: &'a Path,
-    ) -> Self {
+    pub(crate) fn new(values: &'a BTreeMap<String, toml::Spanned<toml::Value>>, folder: &'a Path) -> Self {
         Self { values, folder }
     }
 

@@ -121,7 +121,8 @@ impl EventRun {
         time: f64,
         progress: &mut dyn Progress,
     ) -> Result<Vec<f32>> {
-        let request = FrameRequest { layers: Layers::COLOR, ..FrameRequest::new(weather, &self.camera, time) };
+        let request =
+            FrameRequest { layers: Layers::COLOR, ..FrameRequest::new(weather, &self.camera, time) };
         renderer.render_into(place, &request, &mut self.picture, progress)?;
         let frame = &self.picture.frame;
         let linear = |value: f32| match frame.encoding {
@@ -144,9 +145,8 @@ impl SensorRun for EventRun {
     ) -> Result<()> {
         let SensorInstant { weather, start, index, rate, seed, .. } = *instant;
         // The end of a slice is the start of the next, to the last bit.
-        let at = |picture: u32| {
-            start + (f64::from(index) + f64::from(picture) / f64::from(self.pictures)) / rate
-        };
+        let at =
+            |picture: u32| start + (f64::from(index) + f64::from(picture) / f64::from(self.pictures)) / rate;
         let times: Vec<f64> = (0..=self.pictures).map(at).collect();
         let mut light = match self.last.take().filter(|(next, _)| *next == index) {
             Some((_, light)) => light,

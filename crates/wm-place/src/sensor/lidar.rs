@@ -1,8 +1,8 @@
 //! Lidars of a rig.
 
 use super::{EntryFault, ReadAhead, Reading, Sensor, SensorEntry, SensorInstant, SensorKind, SensorRun};
-use crate::lidar::{LidarModel, LidarSweep, PointFormat, ReturnMode, ScanOptions, SubRays};
 use crate::error::check_physical;
+use crate::lidar::{LidarModel, LidarSweep, PointFormat, ReturnMode, ScanOptions, SubRays};
 use crate::{CameraMotion, Layers, PreparedPlace, Progress, Renderer, Result};
 use serde_json::Value as Json;
 use std::path::Path;

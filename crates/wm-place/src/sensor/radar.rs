@@ -1,9 +1,9 @@
 //! Radars of a rig.
 
 use super::{EntryFault, ReadAhead, Reading, Sensor, SensorEntry, SensorInstant, SensorKind, SensorRun};
+use crate::error::check_physical;
 use crate::lidar::PointFormat;
 use crate::radar::{RadarModel, RadarScanOptions, RadarSweep};
-use crate::error::check_physical;
 use crate::{CameraMotion, Layers, PreparedPlace, Progress, Renderer, Result};
 use serde_json::Value as Json;
 use std::path::Path;
