@@ -210,13 +210,17 @@
 mod convert;
 
 pub use convert::{CropBox, LengthScale, SceneChange};
+#[cfg(feature = "batch")]
 pub use wm_batch as batch;
 pub use wm_capture as capture;
 pub use wm_image::{PictureSize, video};
+#[cfg(feature = "measure")]
 pub use wm_measure as measure;
 pub use wm_place::*;
+#[cfg(feature = "reports")]
 pub use wm_reports as reports;
 pub use wm_scene::formats;
+#[cfg(feature = "train")]
 pub use wm_train as train;
 pub use wm_weather::EFFECTS;
 pub use {wm_image, wm_place, wm_render, wm_scene, wm_sensors, wm_weather};

@@ -85,8 +85,11 @@ pub fn decode_photo(path: &Path, kind: PhotoKind) -> Result<Decoded, DecodeError
     decode(&bytes, kind).map_err(|what| fault(DecodeFault::Damaged(what)))
 }
 
-/// Decodes a photo, or says in a few words what is wrong with it.
-fn decode(bytes: &[u8], kind: PhotoKind) -> Result<Decoded, String> {
+/// Decodes a photo.
+///
+/// # Errors
+/// A few words on what is wrong with it.
+pub fn decode(bytes: &[u8], kind: PhotoKind) -> Result<Decoded, String> {
     let decoder = match kind {
         PhotoKind::Jpeg => jpeg,
         PhotoKind::Png => png,
