@@ -339,6 +339,13 @@ macro_rules! params {
 
 pub(crate) use {params, words};
 
+/// `, did you mean ...`, if something is near enough.
+pub(crate) fn meant<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    wm_base::nearest(name, known, 1)
+        .first()
+        .map_or_else(String::new, |near| format!(", did you mean `{near}`?"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -30,6 +30,7 @@
 //! The paper makes those splats white that face up, and fills planes between them with white ones:
 //! it snows under roofs, and white shows through what stands in front. That is [`crate::paper`]'s.
 
+mod airflow;
 pub(crate) mod exposure;
 pub(crate) mod ground;
 pub(crate) mod settle;
@@ -41,13 +42,13 @@ mod tests;
 pub(crate) mod thaw;
 pub(crate) mod walls;
 
-use crate::dome::level_axes;
 use crate::fused_surfaces::{FusedSurfaces, StandIn};
+use crate::level::level_axes;
 use crate::open_water::OpenWater;
 use crate::optics::Site;
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
-pub use exposure::Airflow;
+pub use airflow::Airflow;
 use glam::DVec3;
 use ground::GroundGrid;
 use serde::{Deserialize, Serialize};
@@ -55,7 +56,6 @@ pub(crate) use settle::Settled;
 pub(crate) use snowpack::Snowpack;
 pub use surfels::CoverMaterial;
 pub(crate) use surfels::coverage;
-pub(crate) use surfels::surfel;
 use thaw::CoverState;
 pub(crate) use thaw::{MeltSample, Thaw};
 use walls::Wall;

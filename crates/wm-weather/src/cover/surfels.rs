@@ -3,11 +3,11 @@
 use super::ground::{GroundGrid, WAYS};
 use crate::optics::{Site, SiteLight};
 use crate::particles::random::RandomSequence;
+use crate::surfel::surfel;
 use crate::threads::map;
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 use wm_base::color::srgb_encode;
-use wm_scene::splats::{Splat, logit};
-use wm_scene::{Group, Splats};
+use wm_scene::Splats;
 
 /// Depth below which the ground shows between flakes, m.
 const DUSTING: f32 = 0.006;
@@ -263,38 +263,10 @@ impl Painter<'_> {
     }
 }
 
-/// A splat on a surface: at a place, with standard deviations along the surface and across it
-/// (world, scene units).
-pub(crate) fn surfel(
-    at: [f64; 3],
-    normal: DVec3,
-    up: DVec3,
-    scales: [f64; 3],
-    rgb: [f32; 3],
-    opacity: f64,
-) -> Splat {
-    Splat {
-        mean: at.map(|v| v as f32),
-        quat: facing(normal, up),
-        log_scale: scales.map(|scale| scale.ln() as f32),
-        logit_opacity: logit(opacity) as f32,
-        rgb,
-        group: Group::Snow,
-    }
-}
-
 /// Colour of what lies, sRGB, from 0 in the shade to 1 in the open.
 pub(super) fn lit(material: &CoverMaterial, light: f64) -> [f32; 3] {
     std::array::from_fn(|k| {
         let color = material.shade[k] + (material.color[k] - material.shade[k]) * light;
         srgb_encode(color.max(0.0)) as f32
     })
-}
-
-/// The turn of a splat whose third axis is `normal`, and whose first lies level.
-fn facing(normal: DVec3, up: DVec3) -> [f32; 4] {
-    let first = up.cross(normal);
-    let first = if first.length() > 1e-6 { first.normalize() } else { normal.any_orthonormal_vector() };
-    let turn = DQuat::from_mat3(&DMat3::from_cols(first, normal.cross(first), normal));
-    [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32)
 }

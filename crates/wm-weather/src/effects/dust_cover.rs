@@ -5,7 +5,7 @@
 //! it is seen where there is none.
 
 use crate::cover::{CoverRequest, CoverMaterial};
-use crate::effects::{Effect, EffectRole, Need};
+use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
 use wm_base::color::srgb_decode;
 

@@ -13,9 +13,10 @@
 //! by the sun's irradiance `E`. All rain in front of the pixel is assumed to be
 //! sunlit, and the air to be as at the eye.
 
-use crate::effects::{Effect, EffectRole, Need};
+use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
-use crate::weather::{Observer, PixelContribution, PreparedWeather};
+use crate::weather::observer::Observer;
+use crate::weather::prepared::{PixelContribution, PreparedWeather};
 use std::f64::consts::PI;
 use std::sync::{Arc, LazyLock};
 use wm_render::hooks::{PATCH, PixelBatch, PixelEffect};

@@ -6,10 +6,10 @@
 //! that looks up.
 
 use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
-use crate::effects::{Effect, EffectRole, Need};
+use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::paper::PaperCover;
 use crate::param::ParamValue;
-use crate::weather::WeatherSample;
+use crate::effects::effect::WeatherSample;
 
 /// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is
 /// wet, degrees Celsius.

@@ -1,6 +1,7 @@
 //! The drops on the glass at an instant.
 
-use super::{Glass, GlassRain};
+use super::flux::GlassRain;
+use super::glass::Glass;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_base::random::{RandomSequence, bits};

@@ -6,7 +6,7 @@
 //! the ray to the sun meets the clouds' height. It is a function of the seed and of how far the air
 //! has come.
 
-use crate::dome::{level_axes, to_level};
+use crate::level::{level_axes, to_level};
 use crate::optics::Site;
 use glam::Vec3;
 use std::f64::consts::TAU;

@@ -4,10 +4,10 @@
 use super::lamp_glow::{LampGlow, LampsOn};
 use super::lamp_shadows::DepthCube;
 use super::{CaptureLight, KnownSun, LampLight, LampLights, LampShadows, NearSplats, PlacedSurfaces};
-use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{AirLayer, Atmosphere, CapturedSky, Site, sigma_of_mor};
 use crate::shelter::{Occluders, ShelterOptions};
+use crate::surfel::surfel;
 use crate::testing::on_threads;
 use fearless_simd::SimdBase;
 use glam::{DVec3, Vec3};

@@ -12,7 +12,7 @@ use super::random::{RandomSequence, uniform};
 use super::residual::{FADE, MIN_DISTANCE_M};
 use super::spectrum::ParticleShape;
 use super::sway::{self, Sway};
-use crate::dome::{from_level, level_axes, to_level};
+use crate::level::{from_level, level_axes, to_level};
 use crate::light::LampsOn;
 use crate::optics::{AirView, Atmosphere, Site};
 use crate::shelter::Shelter;

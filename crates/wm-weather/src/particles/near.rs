@@ -6,7 +6,7 @@ use super::precipitation::{ParticleAppearance, Precipitation};
 use super::spectrum::ParticleShape;
 use crate::optics::{Atmosphere, Site};
 use crate::shelter::Shelter;
-use crate::weather::Observer;
+use crate::weather::observer::Observer;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use wm_render::hooks::{Particle, ParticleView, Particles};

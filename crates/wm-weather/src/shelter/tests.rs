@@ -1,6 +1,8 @@
 use super::cast::{FILTER, LEAST_ALPHA, cast, project};
-use super::occluders::Occluder;
+use super::grid::{Grid, unit};
+use super::occluder::Occluder;
 use super::*;
+use crate::level::dot;
 use crate::optics::Site;
 use crate::testing::on_threads;
 use glam::DVec3;

@@ -1,12 +1,11 @@
 //! Splashes before a camera.
 
-use super::Splash;
 use super::drips::{self, Drip, Fall};
 use super::fallen::{FallenDrop, FallenDrops};
 use super::flight::Flight;
 use super::ground::{Floor, SplashGround, SplashPlace};
 use super::impact::{self, Impact};
-use crate::dome::{level_axes, to_level};
+use crate::level::{level_axes, to_level};
 use crate::light::LampsOn;
 use crate::optics::{Atmosphere, Site};
 use crate::particles::Precipitation;
@@ -62,6 +61,13 @@ const DRIPS: i32 = 1;
 const EAVES: usize = 64;
 /// Height and depth of air over an eave's ground in which what falls from it is looked for, m.
 const DRIFT: f64 = 0.5;
+
+/// Splashes at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splash {
+    /// Factor on the water that drops throw.
+    pub(crate) amount: f64,
+}
 
 /// Splashes before a camera.
 pub(crate) struct SplashParticles<'a> {

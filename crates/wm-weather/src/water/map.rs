@@ -1,7 +1,7 @@
 //! A map of the water of a place: heights of its surface.
 
 use super::rills::{Nodes, Rills};
-use crate::dome::{level_axes, to_level};
+use crate::level::{level_axes, to_level};
 use crate::optics::Site;
 use std::sync::Arc;
 

@@ -222,7 +222,7 @@ fn wet_ground_is_met_on_its_slope() {
         matte: vec![0.0; 300 * 80],
         // The second axis points to the right.
         origin: [0.0, 4.0, 0.0],
-        axes: crate::dome::level_axes(SITE.up),
+        axes: crate::level::level_axes(SITE.up),
         step: STEP,
         width,
         height,

@@ -1,21 +1,15 @@
 //! A weather in one pass: all that it makes for one eye.
 
-use super::*;
-use std::fmt;
-
-/// A change of finished pixels that an effect contributes to every pass that draws colour: the
-/// picture, the mirrored view, the view through drops. It acts after the air and before lamps glow
-/// and the picture is graded, on each pixel by itself; for a change that reads neighbours see
-/// [`wm_render::PictureEffect`].
-pub trait PixelContribution: fmt::Debug + Send + Sync {
-    /// Returns the change for one eye; `None` where there is none. The weather has everything else
-    /// that the instant brings: light, air, what falls.
-    fn in_pass<'a>(
-        &'a self,
-        weather: &'a PreparedWeather,
-        observer: &Observer<'a>,
-    ) -> Option<Box<dyn PixelEffect + 'a>>;
-}
+use super::observer::Observer;
+use super::prepared::PreparedWeather;
+use crate::dome::Dome;
+use crate::light::{LampGlow, LampsOn};
+use crate::optics::Atmosphere;
+use crate::particles::FallingParticles;
+use crate::splash::SplashParticles;
+use std::sync::Arc;
+use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect};
+use wm_render::simd::SimdPath;
 
 /// The weather of one pass: it owns what was made for its eye, and lends it as [`Hooks`].
 pub struct PassWeather<'a> {

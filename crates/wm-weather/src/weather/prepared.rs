@@ -1,7 +1,30 @@
 //! A weather at one time and place, which gives a renderer its hooks.
 
-use super::sample::slant;
-use super::*;
+use super::observer::Observer;
+use super::slant::{fall_of, slant};
+use crate::cover::{Airflow, CoverRequest};
+use crate::dome::Dome;
+use crate::grade::ColorGrade;
+use crate::infrared::InfraredAir;
+use crate::lens::Glass;
+use crate::level::{from_level, level_axes};
+use crate::light::{CloudShadows, FlashLight, Headlamps, LightChange, MovingLight};
+use crate::optics::{AirLayer, Atmosphere, Site};
+use crate::paper::fall::PaperFallContext;
+use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
+use crate::particles::fall::WindSample;
+use crate::particles::{NearParticle, ParticleShape, Precipitation, near};
+use crate::shelter::Shelter;
+use crate::splash::Splash;
+use crate::water::{Flood, WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
+use crate::wetness::{SkySheen, SlantedRain, WetRequest};
+use std::fmt;
+use std::sync::Arc;
+use wm_base::color::srgb_decode;
+use wm_render::Frame;
+use wm_render::hooks::{Backdrop, Particle, ParticleView, PixelEffect};
+use wm_render::simd::SimdPath;
+use wm_scene::{Camera, Splats};
 
 /// Speed of clouds: factor on the wind at 10 m, and the speed without any wind, m/s.
 const CLOUD_TO_WIND_SPEED: f64 = 1.6;
@@ -55,6 +78,20 @@ pub struct PreparedWeather {
     pub(crate) pixels: Vec<Arc<dyn PixelContribution>>,
     /// The strongest wind of the whole time, m/s.
     pub(super) strongest_wind: f64,
+}
+
+/// A change of finished pixels that an effect contributes to every pass that draws colour: the
+/// picture, the mirrored view, the view through drops. It acts after the air and before lamps glow
+/// and the picture is graded, on each pixel by itself; for a change that reads neighbours see
+/// [`wm_render::PictureEffect`].
+pub trait PixelContribution: fmt::Debug + Send + Sync {
+    /// Returns the change for one eye; `None` where there is none. The weather has everything else
+    /// that the instant brings: light, air, what falls.
+    fn in_pass<'a>(
+        &'a self,
+        weather: &'a PreparedWeather,
+        observer: &Observer<'a>,
+    ) -> Option<Box<dyn PixelEffect + 'a>>;
 }
 
 impl PreparedWeather {

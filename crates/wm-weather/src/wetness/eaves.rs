@@ -5,9 +5,9 @@
 //! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
 //! falls is requested.
 
-use super::basins::{WAYS, away};
-use super::ground_map::{PlaneFit, neighbours};
-use super::run_off::gathered;
+use super::basins::{WAYS, away, neighbours};
+use super::gather::gathered;
+use super::plane_fit::PlaneFit;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 

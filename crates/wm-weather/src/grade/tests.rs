@@ -1,6 +1,6 @@
-use crate::testing;
 use super::*;
 use crate::optics::Site;
+use crate::testing;
 use crate::weather::{Observer, Weather};
 use glam::DVec3;
 use wm_render::testing::uniform;
@@ -18,7 +18,7 @@ wm_render::cpu_parity! {
 const SITE: Site = Site { airlight: [0.6, 0.7, 0.8], far: 300.0, ..testing::SITE };
 
 fn grade(exposure: f64, saturation: f64, contrast: f64, temperature: f64) -> ColorGrade {
-    LookParams { exposure, saturation, contrast, temperature }.grade()
+    ColorGrade::new(exposure, saturation, contrast, temperature)
 }
 
 fn grades() -> Vec<ColorGrade> {
