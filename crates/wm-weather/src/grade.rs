@@ -4,8 +4,6 @@
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use wm_base::color::luminance;
 use wm_render::dispatch;
-#[cfg(test)]
-use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::{Lanes, SimdPath, exp2, log2};
 
@@ -43,20 +41,6 @@ impl ColorGrade {
     /// Returns true if it changes nothing.
     pub(crate) fn is_neutral(&self) -> bool {
         self.gains == [1.0; 3] && self.saturation == 1.0 && self.contrast == 1.0
-    }
-
-    /// Applies it to a display-referred colour in f64: the reference for the SIMD code.
-    #[cfg(test)]
-    pub(crate) fn reference(&self, rgb: [f64; 3]) -> [f64; 3] {
-        let light: [f64; 3] = std::array::from_fn(|k| srgb_decode(rgb[k]) * self.gains[k]);
-        let grey = luminance(light);
-        light.map(|light| self.shown((grey + self.saturation * (light - grey)).max(0.0)))
-    }
-
-    /// Contrast, and back to the display.
-    #[cfg(test)]
-    fn shown(&self, light: f64) -> f64 {
-        srgb_encode(MID_GREY * (light / MID_GREY).powf(self.contrast))
     }
 
     #[inline(always)]

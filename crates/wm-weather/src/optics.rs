@@ -57,7 +57,6 @@ pub(crate) fn sigma_of_visual_range(range: f64) -> f64 {
 }
 
 /// Extinction of the three channels relative to green (550 nm) for an Angstrom exponent.
-#[must_use]
 pub(crate) fn spectrum(angstrom: f64) -> [f64; 3] {
     WAVELENGTHS.map(|wavelength| (wavelength / WAVELENGTHS[1]).powf(-angstrom))
 }

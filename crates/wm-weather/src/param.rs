@@ -234,10 +234,8 @@ impl ParamType for Option<f64> {
     const KIND: ParamKind = ParamKind::NumberOrAuto;
 
     fn of(value: ParamValue) -> Self {
-        match value {
-            ParamValue::Number(number) => Some(number),
-            _ => None,
-        }
+        let ParamValue::Number(number) = value else { return None };
+        Some(number)
     }
 }
 
@@ -245,10 +243,8 @@ impl ParamType for Option<[f64; 3]> {
     const KIND: ParamKind = ParamKind::ColorOrAuto;
 
     fn of(value: ParamValue) -> Self {
-        match value {
-            ParamValue::Color(color) => Some(color),
-            _ => None,
-        }
+        let ParamValue::Color(color) = value else { return None };
+        Some(color)
     }
 }
 
@@ -256,10 +252,8 @@ impl ParamType for Option<ImageFile> {
     const KIND: ParamKind = ParamKind::ImageOrAuto;
 
     fn of(value: ParamValue) -> Self {
-        match value {
-            ParamValue::Image(picture) => Some(picture),
-            _ => None,
-        }
+        let ParamValue::Image(picture) = value else { return None };
+        Some(picture)
     }
 }
 

@@ -71,7 +71,6 @@ impl CoverMaterial {
 
 /// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that
 /// cover fades out.
-#[must_use]
 pub(crate) fn coverage(depth: f32) -> f32 {
     (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / MIN_DEPTH_M - 1.0).clamp(0.0, 1.0)
 }
@@ -90,7 +89,6 @@ pub(crate) struct CoverLayer<'a> {
 }
 
 /// Height, m, that what lies is drawn up to: what lies on it is drawn above that.
-#[must_use]
 pub(crate) fn drawn(top: f32, depth: f32) -> f32 {
     top + lift(depth)
 }
@@ -102,7 +100,6 @@ fn lift(depth: f32) -> f32 {
 
 /// The surface of what lies on heights `base`: height of its top at each node, m; smoother than
 /// those the deeper it is.
-#[must_use]
 pub(crate) fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32]) -> Vec<f32> {
     let mut top: Vec<f32> = base.iter().zip(depth).map(|(height, depth)| height + depth).collect();
     for _ in 0..2 {

@@ -60,7 +60,6 @@ impl Wall {
 }
 
 /// Finds the walls of a scene.
-#[must_use]
 pub(crate) fn find(splats: &Splats, occluders: &Occluders, site: &Site, airflow: &Airflow) -> Vec<Wall> {
     let [a, b] = airflow.slope;
     let slant = a.hypot(b);

@@ -3,8 +3,23 @@ use crate::optics::Site;
 use crate::testing;
 use crate::weather::{Observer, Weather};
 use glam::DVec3;
+use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::testing::uniform;
 use wm_scene::Camera;
+
+impl ColorGrade {
+    /// Applies it to a display-referred colour in f64: the reference for the SIMD code.
+    pub(crate) fn reference(&self, rgb: [f64; 3]) -> [f64; 3] {
+        let light: [f64; 3] = std::array::from_fn(|k| srgb_decode(rgb[k]) * self.gains[k]);
+        let grey = luminance(light);
+        light.map(|light| self.shown((grey + self.saturation * (light - grey)).max(0.0)))
+    }
+
+    /// Contrast, and back to the display.
+    fn shown(&self, light: f64) -> f64 {
+        srgb_encode(MID_GREY * (light / MID_GREY).powf(self.contrast))
+    }
+}
 
 wm_render::cpu_parity! {
     look_agrees_with_f64 => |backend| {

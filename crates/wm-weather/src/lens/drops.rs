@@ -8,8 +8,8 @@ use wm_base::random::{RandomSequence, bits};
 
 /// Sides of the cells in which sitting and running drops land, m. A slot of their clocks is as long
 /// as one lands in a cell.
-const CELL: f64 = 0.01;
-const RUN_CELL: f64 = 0.04;
+pub(super) const CELL: f64 = 0.01;
+pub(super) const RUN_CELL: f64 = 0.04;
 /// Share of the glass that all drops would cover which have landed in the time that is looked back.
 /// Older ones have become part of others.
 const COVERED_SHARE: f64 = 0.35;
@@ -187,7 +187,7 @@ impl WipeTimes {
 
 /// Landings of cells of one size: calls `take` with the place, the count of the clock and the
 /// random numbers of each that is between two counts, in the part `rows` of the cells' rows.
-fn landings(
+pub(super) fn landings(
     seed: u64,
     cell: f64,
     columns: [i64; 2],
@@ -226,7 +226,7 @@ fn poisson(share: f64) -> u32 {
 }
 
 /// Rows or columns of cells between two bounds, m.
-fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
+pub(super) fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
     [from, to].map(|v| (v / cell).floor() as i64)
 }
 
@@ -378,29 +378,4 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         .collect();
     found.extend(sitting.into_iter().flatten());
     found
-}
-
-/// Drops that land on a part of the glass, m, from one instant to another and do not run because
-/// they grew on it.
-#[cfg(test)]
-pub(super) fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], times: [f64; 2]) -> usize {
-    let [from, to] = times;
-    let rain = &glass.rain;
-    let inside = |at: [f64; 2]| (0..2).all(|k| (bounds[0][k]..bounds[1][k]).contains(&at[k]));
-    let [before, after] = [from, to].map(|time| rain.landed(time));
-    let mut number = 0;
-    for (name, cell, counts, runs) in [
-        (0x6472_6f70, CELL, [before.small, after.small], false),
-        (0x7275_6e73, RUN_CELL, [before.running, after.running], true),
-    ] {
-        let [first, last] = cells(bounds[0][1], bounds[1][1], cell);
-        let columns = cells(bounds[0][0], bounds[1][0], cell);
-        for row in first..=last {
-            landings(bits(glass.seed, name), cell, columns, row, counts, |at, count, mut random| {
-                let grew = runs && random.uniform() < rain.grown(rain.time_of_running(count));
-                number += usize::from(inside(at) && !grew);
-            });
-        }
-    }
-    number
 }

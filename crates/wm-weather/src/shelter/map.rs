@@ -1,10 +1,6 @@
 //! The map of one direction of fall, and what it tells of points.
 
 use super::grid::Grid;
-#[cfg(test)]
-use super::grid::unit;
-#[cfg(test)]
-use crate::level::dot;
 use serde::{Deserialize, Serialize};
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.
@@ -123,7 +119,7 @@ impl Shelter {
     /// Returns the distance along the fall from a point to the surface of its cell, scene units;
     /// infinite where there is none.
     #[inline]
-    fn ahead(&self, point: [f32; 3]) -> f32 {
+    pub(super) fn ahead(&self, point: [f32; 3]) -> f32 {
         let [u, v, t] = self.locate(point);
         let [width, height] = self.query.size;
         // No NaN passes.
@@ -140,15 +136,6 @@ impl Shelter {
     #[must_use]
     pub fn is_exposed(&self, point: [f32; 3]) -> bool {
         self.ahead(point) >= -self.query.margin
-    }
-
-    /// Returns the distance that a particle at `point` (world, scene units) falls until a surface
-    /// stops it, m: about 0 on a surface, negative below one, infinite where nothing is known to
-    /// stop it.
-    #[cfg(test)]
-    #[inline]
-    pub(crate) fn distance_to_surface(&self, point: [f32; 3]) -> f32 {
-        self.ahead(point) * self.metres_per_unit as f32
     }
 
     /// Returns the exposure of a point (world, scene units), 0-1, with soft edges: the share of the
@@ -195,13 +182,6 @@ impl Shelter {
         if all > 0.0 { open / all } else { own() }
     }
 
-    /// Returns true if the map can be used for another direction of fall (world axes, of any
-    /// length).
-    #[cfg(test)]
-    pub(crate) fn holds(&self, fall: [f64; 3]) -> bool {
-        unit(fall).is_some_and(|fall| dot(fall, self.grid.axes[2]) >= self.turn)
-    }
-
     /// The direction that it was made for, world axes, length 1.
     pub(crate) fn fall(&self) -> [f64; 3] {
         self.grid.axes[2]
@@ -210,22 +190,5 @@ impl Shelter {
     /// Width of a cell, m.
     pub(crate) fn cell(&self) -> f64 {
         self.grid.cell * self.metres_per_unit
-    }
-
-    /// Columns and rows.
-    #[cfg(test)]
-    pub(crate) fn size(&self) -> [usize; 2] {
-        [self.grid.columns, self.grid.rows]
-    }
-
-    /// Returns the point at which a fall through the middle of a cell stops, world, scene units;
-    /// `None` where nothing stops it, and off the grid.
-    #[cfg(test)]
-    pub(crate) fn surface(&self, column: usize, row: usize) -> Option<[f64; 3]> {
-        let Grid { axes, origin, low, cell, columns, .. } = &self.grid;
-        let stop = f64::from(*self.stops.get(row * columns + column).filter(|_| column < *columns)?);
-        let [u, v] = [low[0] + (column as f64 + 0.5) * cell, low[1] + (row as f64 + 0.5) * cell];
-        let at = |k: usize| origin[k] + u * axes[0][k] + v * axes[1][k] + stop * axes[2][k];
-        stop.is_finite().then(|| [at(0), at(1), at(2)])
     }
 }

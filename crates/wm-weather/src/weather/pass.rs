@@ -3,9 +3,10 @@
 use super::observer::Observer;
 use super::prepared::PreparedWeather;
 use crate::dome::Dome;
-use crate::light::{LampGlow, LampsOn};
+use crate::light::LampGlow;
 use crate::optics::Atmosphere;
 use crate::particles::FallingParticles;
+use crate::particles::fall::Surroundings;
 use crate::splash::SplashParticles;
 use std::sync::Arc;
 use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect};
@@ -56,16 +57,12 @@ impl PreparedWeather {
         {
             pixels.push(Box::new(grade));
         }
-        let (wind, velocity) = (self.wind_now, observer.velocity);
+        let around = || Surroundings { lamps, ..self.surroundings(Arc::clone(&air), observer) };
         let mut particles: Vec<Box<dyn Particles + 'a>> = Vec::new();
         for kind in &self.falling {
-            let air = Arc::clone(&air);
-            let (site, shelter) = (&self.site, observer.shelter);
-            particles.push(Box::new(FallingParticles::new(
-                kind, site, air, shelter, lamps, wind, velocity, self.time,
-            )));
+            particles.push(Box::new(FallingParticles::new(kind, around())));
         }
-        if let Some(splashes) = self.splashes(observer, lamps, &air) {
+        if let Some(splashes) = self.splashes(observer, around()) {
             particles.push(Box::new(splashes));
         }
         PassWeather { background: self.dome.as_ref(), air, particles, pixels }
@@ -75,8 +72,7 @@ impl PreparedWeather {
     fn splashes<'a>(
         &'a self,
         observer: &Observer<'a>,
-        lamps: Option<&'a LampsOn<'a>>,
-        air: &Arc<Atmosphere>,
+        around: Surroundings<'a>,
     ) -> Option<SplashParticles<'a>> {
         let splash = self.splash?;
         let rain = self.falling.iter().find(|kind| kind.kind.name == "rain")?;
@@ -86,19 +82,6 @@ impl PreparedWeather {
             return None;
         }
         let seed = self.flood.map_or(0, |flood| flood.seed);
-        Some(SplashParticles::new(
-            splash,
-            rain,
-            seed,
-            &self.site,
-            Arc::clone(air),
-            observer.shelter,
-            lamps,
-            observer.splashes,
-            plane,
-            self.wind_now,
-            observer.velocity,
-            self.time,
-        ))
+        Some(SplashParticles::new(splash, rain, seed, around, observer.splashes, plane))
     }
 }

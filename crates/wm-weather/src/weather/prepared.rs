@@ -12,7 +12,7 @@ use crate::light::{CloudShadows, FlashLight, Headlamps, LightChange, MovingLight
 use crate::optics::{AirLayer, Atmosphere, Site};
 use crate::paper::fall::PaperFallContext;
 use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
-use crate::particles::fall::WindSample;
+use crate::particles::fall::{Surroundings, WindSample};
 use crate::particles::{NearParticle, ParticleShape, Precipitation, near};
 use crate::shelter::Shelter;
 use crate::splash::Splash;
@@ -138,6 +138,13 @@ impl PreparedWeather {
         (!moving.is_nothing()).then_some(moving)
     }
 
+    /// What particles move in before an eye, without lamps.
+    pub(super) fn surroundings<'a>(&'a self, air: Arc<Atmosphere>, seen: &Observer<'a>) -> Surroundings<'a> {
+        let Observer { shelter, velocity, .. } = *seen;
+        let (site, wind, time) = (&self.site, self.wind_now, self.time);
+        Surroundings { site, air, shelter, lamps: None, wind, velocity, time }
+    }
+
     /// Returns the kinds that fall, with their rates.
     #[must_use]
     pub fn falling(&self) -> &[Precipitation] {
@@ -203,11 +210,16 @@ impl PreparedWeather {
     ) -> Vec<NearParticle> {
         let [drift, wind] = [self.wind_now.drift, self.wind_now.wind];
         let drift = [0, 1].map(|k| drift[k] + wind[k] * after);
-        let moved = WindSample { drift, ..self.wind_now };
-        let time = self.time + after;
-        let of_kind = |kind| {
-            near::particles(path, view, kind, &self.site, &self.air, shelter, moved, time, duration, reach)
+        let around = Surroundings {
+            site: &self.site,
+            air: Arc::new(self.air.clone()),
+            shelter,
+            lamps: None,
+            wind: WindSample { drift, ..self.wind_now },
+            velocity: [0.0; 3],
+            time: self.time + after,
         };
+        let of_kind = |kind| near::particles(path, view, kind, &around, duration, reach);
         self.falling.iter().flat_map(of_kind).collect()
     }
 
@@ -216,7 +228,8 @@ impl PreparedWeather {
     /// them.
     #[must_use]
     pub fn drawn_particles(&self, path: SimdPath, seen: &Observer<'_>) -> Vec<(Particle, [f64; 3])> {
-        let of_kind = |kind| near::drawn(path, seen, kind, &self.site, &self.air, self.wind_now, self.time);
+        let around = self.surroundings(Arc::new(self.air.clone()), seen);
+        let of_kind = |kind| near::drawn(path, seen.camera, kind, &around);
         self.falling.iter().flat_map(of_kind).collect()
     }
 

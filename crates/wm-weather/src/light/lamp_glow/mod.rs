@@ -47,7 +47,7 @@ const REACH: f32 = 4.0;
 /// The picture of lamps and of their light in the air, for one camera.
 pub(crate) struct LampGlow {
     /// Light of each column's nodes, linear RGB, `[rows, columns]`; empty in clear air.
-    table: Vec<Column>,
+    pub(super) table: Vec<Column>,
     columns: usize,
     /// For each patch, the place in `fine` of its own table, if it is near a lamp.
     near: Vec<Option<u32>>,
@@ -105,12 +105,6 @@ impl LampGlow {
             principal: [camera.cx as f32, camera.cy as f32],
             metres_per_unit: site.metres_per_unit as f32,
         }
-    }
-
-    /// Leaves the lamps alone in the picture.
-    #[cfg(test)]
-    pub(super) fn clear_air_light(&mut self) {
-        self.table.clear();
     }
 
     /// Adds the light of the air before each pixel of a patch, and what else is `added`. Each kind
