@@ -11,9 +11,9 @@
 //! 0.9). Stones do not bounce. The paper has no hail: in its fidelity it falls in physical units.
 
 use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
-use crate::weather::builder::WeatherBuilder;
 use crate::param::ParamValue;
 use crate::particles::{ClassSpacing, ParticleAppearance, ParticleShape, Precipitation, PrecipitationKind};
+use crate::weather::builder::WeatherBuilder;
 use wm_render::frame::srgb_decode;
 
 /// Density of hailstones and of air, kg/m^3, and the drag coefficient of a stone.

@@ -14,11 +14,11 @@
 //! by sun, sky and lamps, not the frame: pans and zooms change no brightness. By night it stays
 //! behind, as a camera's does.
 
-use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
 use crate::dome::{Dome, SkyAppearance, overcast_horizon, overcast_zenith};
+use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
 use crate::level::level_axes;
-use crate::light::change::{LightChange, MIN_EXPOSED_LX, OVERCAST_EXPOSURE};
 use crate::light::{OpenLight, SunPosition};
+use crate::light::change::{LightChange, MIN_EXPOSED_LX, OVERCAST_EXPOSURE};
 use crate::optics::{CapturedSky, LampSource, Site};
 use crate::param::ParamValue;
 use crate::track::Track;

@@ -19,10 +19,10 @@ use crate::weather::observer::Observer;
 use crate::weather::prepared::{PixelContribution, PreparedWeather};
 use std::f64::consts::PI;
 use std::sync::{Arc, LazyLock};
+use wm_base::color::{srgb_decode, srgb_encode};
 use wm_render::hooks::{PATCH, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
-use wm_base::color::{srgb_decode, srgb_encode};
 
 crate::param::params! {
     /// The parameters of the effect.

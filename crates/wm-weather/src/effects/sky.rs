@@ -16,10 +16,10 @@
 
 use crate::dome::{Dome, OVERCAST, OVERCAST_HORIZON, SkyAppearance};
 use crate::effects::effect::{Effect, EffectRole};
+use crate::image_file::ImageFile;
 use crate::optics::Site;
 use crate::panorama::LowerHemisphere;
 use crate::param::ParamValue;
-use crate::image_file::ImageFile;
 use wm_render::SkyGradient;
 use wm_render::frame::srgb_decode;
 use wm_render::hooks::SkySplats;
