@@ -8,7 +8,7 @@ pub(crate) mod prepared;
 mod sample;
 pub(crate) mod slant;
 
-use crate::effects::effect::WeatherSample;
+pub use crate::effects::effect::WeatherSample;
 use crate::effects::{EFFECTS, Effect, EffectRole, Need};
 use crate::image_file::ImageFile;
 use crate::optics::LampSource;
