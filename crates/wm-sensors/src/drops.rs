@@ -9,7 +9,7 @@ use crate::echo::{Echo, EchoClass, MIN_ECHO_POWER};
 use crate::model::LidarModel;
 use crate::pattern::Beam;
 use crate::pose::SensorPose;
-use crate::sweep::LidarScene;
+use crate::scene::LidarScene;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use wm_render::hooks::ParticleView;

@@ -158,7 +158,6 @@ impl LidarModel {
     }
 
     /// Power of the weakest echo that is detected without noise, as `reflectance / range^2`, 1/m^2.
-    #[must_use]
     pub(crate) fn least_power(&self) -> f64 {
         TARGET_REFLECTANCE / (self.reference_range * self.reference_range)
     }
@@ -170,7 +169,6 @@ impl LidarModel {
     /// as wide as the lens is over the range, and of a spot that is wider than the detector the
     /// detector has the share by area. So what fills the beam sends the same power from all ranges
     /// below that of full overlap: the "near-distance effect" of laser scanners.
-    #[must_use]
     pub(crate) fn overlap_at(&self, range: f64) -> f64 {
         let [begin, end] = self.overlap;
         if range >= end {
@@ -180,7 +178,6 @@ impl LidarModel {
     }
 
     /// Returns true if water absorbs its light within millimetres.
-    #[must_use]
     pub(crate) fn is_absorbed(&self) -> bool {
         self.wavelength > 1380.0
     }

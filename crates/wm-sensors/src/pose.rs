@@ -23,13 +23,11 @@ impl SensorPose {
     }
 
     /// A direction of the sensor in world axes.
-    #[must_use]
     pub(crate) fn to_world(self, direction: DVec3) -> DVec3 {
         self.world_from_sensor * direction
     }
 
     /// A direction of the world in the sensor's axes.
-    #[must_use]
     pub(crate) fn to_sensor(self, direction: DVec3) -> DVec3 {
         self.world_from_sensor.transpose() * direction
     }

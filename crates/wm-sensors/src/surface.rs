@@ -64,7 +64,6 @@ impl SurfaceStates for DrySurfaces {
 
 /// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`;
 /// `dry` is that without water.
-#[must_use]
 pub(crate) fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
     let through = 1.0 - mirrored(cosine);
     let index = f64::from(WATER_INDEX);
@@ -74,7 +73,6 @@ pub(crate) fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f6
 }
 
 /// The Fresnel reflectance of a film of water.
-#[must_use]
 pub(crate) fn mirrored(cosine: f64) -> f64 {
     f64::from(fresnel(cosine as f32))
 }

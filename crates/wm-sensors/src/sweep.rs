@@ -13,34 +13,14 @@ use crate::drops::{self, Pulse};
 use crate::echo::{self, DetectedEcho, Echo, EchoClass, MIN_ECHO_POWER, ReturnMode, ReturnRank};
 use crate::model::LidarModel;
 use crate::pose::{SensorMotion, SensorPose, direction};
-use crate::surface::{self, SurfaceState, SurfaceStates};
+use crate::scene::LidarScene;
+use crate::surface::{self, SurfaceState};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_base::random::RandomStream;
-use wm_render::simd::SimdPath;
 use wm_render::{RayHits, RayOutputs, RayTracer, Rays};
-use wm_weather::shelter::Shelter;
-use wm_weather::{InfraredAir, PreparedWeather, Site};
-
-/// A place in weather, for sensors.
-#[derive(Clone, Copy)]
-pub struct LidarScene<'a> {
-    /// The splats, with their reflectances as values; see [`crate::reflecting_splats`].
-    pub splats: &'a dyn RayTracer,
-    /// The splats above the ground, which wet ground mirrors; `None` for no ghosts.
-    pub mirrored: Option<&'a dyn RayTracer>,
-    /// The weather at the start of the sweep.
-    pub weather: &'a PreparedWeather,
-    /// The scale and the up direction.
-    pub site: &'a Site,
-    /// The map of the places that rain and snow do not reach; `None` to ignore roofs.
-    pub shelter: Option<&'a Shelter>,
-    /// Wet and snowy surfaces.
-    pub surfaces: &'a dyn SurfaceStates,
-    /// The processor's instructions.
-    pub path: SimdPath,
-}
+use wm_weather::InfraredAir;
 
 /// Rays of a pulse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! One cell of the sampling as a Gaussian: its extent, its colour.
 
 use super::hash::{bits, unit};
-use super::light::{Budget, RayRotation};
+use super::light::RayRotation;
+use super::light_map::Budget;
 use super::sampling::{Cell, Patch, SplatSampling};
 use super::shape::{Outline, Shape, Spot, around};
 use super::{display_of, sky};

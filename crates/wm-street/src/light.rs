@@ -6,16 +6,24 @@
 //! position. A gathered ray that hits something takes that surface's light from a coarse map made
 //! once (sun and sky a cell): so sunny walls and ground brighten the shade across the street.
 
-use super::Place;
+use super::build::Builder;
 use super::hash::{key_of, unit};
-use super::paint::Material;
-use super::shape::{Shape, Spot, around};
+use super::light_map::{Budget, LightMap};
+use super::paint::{Label, Material};
+use super::place::{Place, Sights};
+use super::shape::{Crossing, Shape, Spot, around};
 use super::sky::{self, Lighting};
 use super::texture::{self, Site};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
+/// Rays that [`Place::cast`] spends on the light of a point.
+pub(crate) const CAST_BUDGET: Budget = Budget { sun: 2, sky: 12 };
+/// Rays on the light of a point where several rays make a pixel: the mean is as smooth.
+pub(crate) const SHARED_BUDGET: Budget = Budget { sun: 1, sky: 3 };
+/// Footprint of a cast ray per metre of length: a pixel of a picture about 1000 px high.
+const RAY_FOOTPRINT: f64 = 0.0012;
 /// Half the sun's apparent width, radians.
 const SUN_RADIUS_RAD: f64 = 0.014;
 /// The distance from their surface at which rays start, m.
@@ -32,11 +40,21 @@ const SUNNY_IRRADIANCE_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
 /// Both under an overcast sky: half of its level irradiance.
 const OVERCAST_IRRADIANCE_GUESS: DVec3 = DVec3::new(2.11, 2.16, 2.25);
 
-/// The number of rays of a point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Budget {
-    pub(crate) sun: u32,
-    pub(crate) sky: u32,
+/// A surface that a ray meets, with its light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LitHit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// The point, world axes, m.
+    pub point: DVec3,
+    /// Normal of the geometry on the side that the ray comes from, length 1.
+    pub normal: DVec3,
+    /// The material of the surface.
+    pub material: Material,
+    /// The kind of thing that it belongs to.
+    pub label: Label,
+    /// Linear radiance towards the ray's origin; see [`crate::tone::display_of`].
+    pub radiance: [f64; 3],
 }
 
 /// Rotation and shift of a point's set of rays against its neighbours', both 0-1.
@@ -64,26 +82,7 @@ impl RayRotation {
     }
 }
 
-/// Irradiance of every larger surface, cell by cell.
-#[derive(Clone, Debug, Default)]
-pub(super) struct LightMap {
-    /// First cell and cells along `a` and `b`, for each primitive; 0 by 0 for foliage and
-    /// what is small.
-    grids: Vec<(u32, u16, u16)>,
-    cells: Vec<[f32; 3]>,
-}
-
 impl LightMap {
-    fn at(&self, which: usize, a: f64, b: f64) -> Option<DVec3> {
-        let &(first, nu, nv) = self.grids.get(which)?;
-        if nu == 0 {
-            return None;
-        }
-        let cell = |value: f64, n: u16| ((value * f64::from(n)) as usize).min(usize::from(n) - 1);
-        let index = first as usize + cell(b, nv) * usize::from(nu) + cell(a, nu);
-        Some(DVec3::from_array(self.cells[index].map(f64::from)))
-    }
-
     /// Makes the map of `scene`, whose own map is still empty.
     pub(super) fn of(scene: &Place) -> Self {
         let mut grids = Vec::with_capacity(scene.primitives.len());
@@ -124,6 +123,63 @@ fn grid_of(shape: &Shape) -> (u16, u16) {
 }
 
 impl Place {
+    pub(crate) fn of(name: &'static str, builder: Builder, sights: Sights) -> Self {
+        Self::unlit(name, builder, sights).in_light(Lighting::default())
+    }
+
+    /// Returns the place in other light.
+    #[must_use]
+    pub fn in_light(mut self, lighting: Lighting) -> Self {
+        (self.lighting, self.light) = (lighting, LightMap::default());
+        self.light = LightMap::of(&self);
+        self
+    }
+
+    /// The first surface along a ray, with its light; `None` where the ray ends in the sky.
+    ///
+    /// `direction` need not have length 1; `t` is in metres all the same.
+    #[must_use]
+    pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<LitHit> {
+        self.cast_with(origin, direction, CAST_BUDGET)
+    }
+
+    pub(crate) fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<LitHit> {
+        let direction = direction.try_normalize()?;
+        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
+        Some(self.hit(which, &crossing, origin, direction, budget, RAY_FOOTPRINT))
+    }
+
+    /// The reflectance of the nearest surface along a ray, linear RGB, 0-1; `None` of the sky.
+    #[must_use]
+    pub fn reflectance(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 3]> {
+        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
+        let unit = DVec2::new(crossing.a, crossing.b);
+        let point = origin + direction * crossing.t;
+        let spot = Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
+        Some(self.skin(which, &spot, unit, (RAY_FOOTPRINT * crossing.t).max(1e-3)).albedo.to_array())
+    }
+
+    /// The light of a crossing; `footprint` is the width of the ray per metre of its length.
+    pub(crate) fn hit(
+        &self,
+        which: usize,
+        crossing: &Crossing,
+        origin: DVec3,
+        direction: DVec3,
+        budget: Budget,
+        footprint: f64,
+    ) -> LitHit {
+        let point = origin + direction * crossing.t;
+        let unit = DVec2::new(crossing.a, crossing.b);
+        let spot = Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
+        let normal = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
+        let slant = normal.dot(direction).abs().max(0.1);
+        let width = (footprint * crossing.t / slant.sqrt()).max(1e-3);
+        let radiance = self.shade(which, &spot, unit, direction, width, budget).to_array();
+        let (material, label) = self.matter(which, point);
+        LitHit { t: crossing.t, point, normal, material, label, radiance }
+    }
+
     fn first_guess(&self) -> DVec3 {
         match self.lighting {
             Lighting::Sunny => SUNNY_IRRADIANCE_GUESS,

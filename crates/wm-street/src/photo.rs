@@ -1,8 +1,8 @@
 //! Pictures of the place, pixel by pixel; the caller brings the threads.
 
 use crate::air::Air;
-use crate::light::Budget;
-use crate::place::{CAST_BUDGET, SHARED_BUDGET};
+use crate::light::{CAST_BUDGET, SHARED_BUDGET};
+use crate::light_map::Budget;
 use crate::shape::Crossing;
 use crate::{Label, Material, Place, display_of};
 use glam::DVec3;

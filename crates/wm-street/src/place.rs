@@ -4,20 +4,35 @@ use crate::build::{Builder, Primitive};
 use crate::bvh::Bvh;
 use crate::exposed;
 use crate::ground::GroundCover;
-use crate::light::{Budget, LightMap};
+use crate::light_map::LightMap;
 use crate::paint::{Label, Material, Paint};
-use crate::shape::{self, Crossing};
+use crate::shape::Crossing;
 use crate::sky::{self, Lighting};
-use crate::views::{Sights, Viewpoint};
+use crate::views::{Audience, Viewpoint};
 use glam::{DVec2, DVec3};
-use wm_scene::{Lamp, LitWindow, Metadata};
+use wm_scene::{Gps, Lamp, LitWindow, Metadata};
 
-/// Rays that [`Place::cast`] spends on the light of a point.
-pub(crate) const CAST_BUDGET: Budget = Budget { sun: 2, sky: 12 };
-/// Rays on the light of a point where several rays make a pixel: the mean is as smooth.
-pub(crate) const SHARED_BUDGET: Budget = Budget { sun: 1, sky: 3 };
-/// Footprint of a cast ray per metre of length: a pixel of a picture about 1000 px high.
-const RAY_FOOTPRINT: f64 = 0.0012;
+/// Where a place is looked at from.
+#[derive(Clone, Debug)]
+pub(crate) struct Sights {
+    pub(crate) views: Vec<Viewpoint>,
+    /// A walk at eye level by the share of its time, 0-1.
+    pub(crate) dolly: fn(&Place, f64) -> Viewpoint,
+    /// The path that somebody with a camera walks.
+    pub(crate) path: Vec<DVec2>,
+    /// The lane that a car drives along, in a straight line.
+    pub(crate) road: (DVec2, DVec2),
+    /// Target of flights.
+    pub(crate) middle: DVec3,
+    /// Radius of a flight around that, m.
+    pub(crate) orbit: f64,
+    /// Viewers for whom splats are made.
+    pub(crate) audience: Audience,
+    /// Splats lower than this, m, are inside of the ground.
+    pub(crate) lowest: f64,
+    /// The place on Earth of its origin.
+    pub(crate) home: Gps,
+}
 
 /// A place with everything in it.
 #[derive(Clone, Debug)]
@@ -52,31 +67,15 @@ pub struct SurfaceHit {
     pub label: Label,
 }
 
-/// A surface that a ray meets, with its light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LitHit {
-    /// Distance along the ray, m.
-    pub t: f64,
-    /// The point, world axes, m.
-    pub point: DVec3,
-    /// Normal of the geometry on the side that the ray comes from, length 1.
-    pub normal: DVec3,
-    /// The material of the surface.
-    pub material: Material,
-    /// The kind of thing that it belongs to.
-    pub label: Label,
-    /// Linear radiance towards the ray's origin; see [`crate::tone::display_of`].
-    pub radiance: [f64; 3],
-}
-
 impl Place {
-    pub(crate) fn of(name: &'static str, builder: Builder, sights: Sights) -> Self {
+    /// The place of a builder, whose light is still to be found.
+    pub(crate) fn unlit(name: &'static str, builder: Builder, sights: Sights) -> Self {
         let Builder { primitives, paints, seed, cover, lamps, windows, .. } = builder;
         let (tree, order) = Bvh::build(primitives.iter().map(|primitive| primitive.shape));
         let primitives: Vec<Primitive> = order.into_iter().map(|index| primitives[index]).collect();
         let (movers, _) = Bvh::build(std::iter::empty());
         let (fixed, lighting, light) = (primitives.len(), Lighting::default(), LightMap::default());
-        let mut place = Self {
+        Self {
             name,
             seed,
             primitives,
@@ -90,17 +89,7 @@ impl Place {
             lighting,
             light,
             sights,
-        };
-        place.light = LightMap::of(&place);
-        place
-    }
-
-    /// Returns the place in other light.
-    #[must_use]
-    pub fn in_light(self, lighting: Lighting) -> Self {
-        let mut place = Self { lighting, light: LightMap::default(), ..self };
-        place.light = LightMap::of(&place);
-        place
+        }
     }
 
     /// The place with things in it that move: `build` puts them where they are at one time.
@@ -132,14 +121,6 @@ impl Place {
     #[must_use]
     pub fn dolly(&self, time: f64) -> Viewpoint {
         (self.sights.dolly)(self, time.clamp(0.0, 1.0))
-    }
-
-    /// The first surface along a ray, with its light; `None` where the ray ends in the sky.
-    ///
-    /// `direction` need not have length 1; `t` is in metres all the same.
-    #[must_use]
-    pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<LitHit> {
-        self.cast_with(origin, direction, CAST_BUDGET)
     }
 
     /// The first surface along a ray without its light: what depth and normals need, and quicker.
@@ -255,42 +236,5 @@ impl Place {
                 1e-9,
                 high,
             )
-    }
-
-    pub(crate) fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<LitHit> {
-        let direction = direction.try_normalize()?;
-        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
-        Some(self.hit(which, &crossing, origin, direction, budget, RAY_FOOTPRINT))
-    }
-
-    /// The reflectance of the nearest surface along a ray, linear RGB, 0-1; `None` of the sky.
-    #[must_use]
-    pub fn reflectance(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 3]> {
-        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
-        let unit = DVec2::new(crossing.a, crossing.b);
-        let point = origin + direction * crossing.t;
-        let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
-        Some(self.skin(which, &spot, unit, (RAY_FOOTPRINT * crossing.t).max(1e-3)).albedo.to_array())
-    }
-
-    /// The light of a crossing; `footprint` is the width of the ray per metre of its length.
-    pub(crate) fn hit(
-        &self,
-        which: usize,
-        crossing: &Crossing,
-        origin: DVec3,
-        direction: DVec3,
-        budget: Budget,
-        footprint: f64,
-    ) -> LitHit {
-        let point = origin + direction * crossing.t;
-        let unit = DVec2::new(crossing.a, crossing.b);
-        let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
-        let normal = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
-        let slant = normal.dot(direction).abs().max(0.1);
-        let width = (footprint * crossing.t / slant.sqrt()).max(1e-3);
-        let radiance = self.shade(which, &spot, unit, direction, width, budget).to_array();
-        let (material, label) = self.matter(which, point);
-        LitHit { t: crossing.t, point, normal, material, label, radiance }
     }
 }

@@ -9,8 +9,10 @@
 //!
 //! Splat `index` is a function of the place's seed, the detail and `index` alone.
 
+use super::paint::Label;
+use super::place::Place;
 use super::shape::{Shape, Spot};
-use super::{Label, Place};
+use super::views::Audience;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -26,27 +28,6 @@ const MIN_CELL_SIZE_M: f64 = 0.03;
 const CHUNK_SPLATS: usize = 2048;
 /// Splats of the sky at detail 1.
 const SKY_SPLATS: f64 = 16_000.0;
-
-/// Viewers for whom splats are made: people on a line along y.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Audience {
-    pub(crate) x: f64,
-    /// The ends of their line, m.
-    pub(crate) y: (f64, f64),
-    /// Height of their eyes, m.
-    pub(crate) z: f64,
-    /// The way that they look: a point is seen from this much before it, as a share of its distance
-    /// from the line. At 0 they look around; above 0 nobody looks back beyond the line's beginning.
-    pub(crate) lead: f64,
-}
-
-impl Audience {
-    /// From where on the line a point is seen nearest.
-    pub(super) fn viewer(&self, point: DVec3) -> DVec3 {
-        let aside = (point.x - self.x).hypot(point.z - self.z);
-        DVec3::new(self.x, (point.y - self.lead * aside).clamp(self.y.0, self.y.1), self.z)
-    }
-}
 
 /// A rectangle of a primitive's surface, cut into `nu` x `nv` cells.
 #[derive(Clone, Copy, Debug)]

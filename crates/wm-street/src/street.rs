@@ -2,8 +2,8 @@
 
 use crate::Place;
 use crate::build::{self, Builder};
-use crate::sampling::Audience;
-use crate::views::{Sights, Viewpoint};
+use crate::place::Sights;
+use crate::views::{Audience, Viewpoint};
 use glam::{DVec2, DVec3};
 use wm_scene::Gps;
 

@@ -1,9 +1,6 @@
 //! Viewpoints, and where a place is looked at from.
 
-use crate::Place;
-use crate::sampling::Audience;
-use glam::{DVec2, DVec3};
-use wm_scene::Gps;
+use glam::DVec3;
 use wm_scene::{Camera, CameraError};
 
 /// A named eye and what it looks at, metres, world axes.
@@ -33,24 +30,23 @@ impl Viewpoint {
     }
 }
 
-/// Where a place is looked at from.
-#[derive(Clone, Debug)]
-pub(crate) struct Sights {
-    pub(crate) views: Vec<Viewpoint>,
-    /// A walk at eye level by the share of its time, 0-1.
-    pub(crate) dolly: fn(&Place, f64) -> Viewpoint,
-    /// The path that somebody with a camera walks.
-    pub(crate) path: Vec<DVec2>,
-    /// The lane that a car drives along, in a straight line.
-    pub(crate) road: (DVec2, DVec2),
-    /// Target of flights.
-    pub(crate) middle: DVec3,
-    /// Radius of a flight around that, m.
-    pub(crate) orbit: f64,
-    /// Viewers for whom splats are made.
-    pub(crate) audience: Audience,
-    /// Splats lower than this, m, are inside of the ground.
-    pub(crate) lowest: f64,
-    /// The place on Earth of its origin.
-    pub(crate) home: Gps,
+/// Viewers for whom splats are made: people on a line along y.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Audience {
+    pub(crate) x: f64,
+    /// The ends of their line, m.
+    pub(crate) y: (f64, f64),
+    /// Height of their eyes, m.
+    pub(crate) z: f64,
+    /// The way that they look: a point is seen from this much before it, as a share of its distance
+    /// from the line. At 0 they look around; above 0 nobody looks back beyond the line's beginning.
+    pub(crate) lead: f64,
+}
+
+impl Audience {
+    /// From where on the line a point is seen nearest.
+    pub(super) fn viewer(&self, point: DVec3) -> DVec3 {
+        let aside = (point.x - self.x).hypot(point.z - self.z);
+        DVec3::new(self.x, (point.y - self.lead * aside).clamp(self.y.0, self.y.1), self.z)
+    }
 }

@@ -15,9 +15,10 @@
 //! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of
 //! up), and headings turn clockwise seen from above.
 
+pub use crate::level::level_axes;
+use crate::level::{dot, from_level};
 use crate::light::{FlashLight, OpenLight};
 use crate::panorama::{LowerHemisphere, Panorama, smooth};
-use glam::DMat3;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use wm_base::color::luminance;
@@ -43,6 +44,12 @@ const BRIGHTEST: f64 = 8.0;
 const AIRLIGHT: f64 = 0.9;
 /// Sine of the elevation up to which the airlight of a sky by elevation is its mean: 20 degrees.
 const BAND: f64 = 0.342;
+
+/// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a
+/// picture is exposed for the ground. White is reached at 37 degrees.
+pub(crate) const OVERCAST: [f64; 3] = [1.32, 1.35, 1.40];
+/// The overcast horizon against its zenith (CIE).
+pub(crate) const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
 
 /// The appearance of a sky.
 #[derive(Clone, Debug, PartialEq)]
@@ -209,6 +216,16 @@ impl Dome {
     }
 }
 
+/// The overcast zenith, linear RGB.
+pub(crate) fn overcast_zenith() -> [f64; 3] {
+    OVERCAST
+}
+
+/// The overcast horizon, linear RGB.
+pub(crate) fn overcast_horizon() -> [f64; 3] {
+    OVERCAST.map(|v| OVERCAST_HORIZON * v)
+}
+
 /// A display-referred colour with more light, linear RGB.
 fn brightened_by(color: [f64; 3], light: [f64; 3]) -> [f64; 3] {
     let sum = std::array::from_fn(|k| srgb_decode(color[k]) + light[k]);
@@ -233,39 +250,6 @@ fn burned_out(light: [f64; 3]) -> [f64; 3] {
         let v = v * shown / most;
         v + (shown - v) * white
     })
-}
-
-/// Heading 0, a quarter turn clockwise from it seen from above, and `up` itself, all of length 1:
-/// the axes of panoramas.
-#[must_use]
-pub fn level_axes(up: [f64; 3]) -> [[f64; 3]; 3] {
-    let mut forward = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-    let along = dot(forward, up);
-    (0..3).for_each(|k| forward[k] -= along * up[k]);
-    let length = dot(forward, forward).sqrt();
-    let f = forward.map(|v| v / length);
-    let right = [f[1] * up[2] - f[2] * up[1], f[2] * up[0] - f[0] * up[2], f[0] * up[1] - f[1] * up[0]];
-    [f, right, up]
-}
-
-/// The rotation from world to [`level_axes`].
-pub(crate) fn level_matrix(up: [f64; 3]) -> DMat3 {
-    DMat3::from_cols_array_2d(&level_axes(up)).transpose()
-}
-
-/// A vector of world axes along [`level_axes`].
-pub(crate) fn to_level(axes: &[[f64; 3]; 3], world: [f64; 3]) -> [f64; 3] {
-    axes.map(|axis| dot(axis, world))
-}
-
-/// A vector along [`level_axes`] in world axes.
-pub(crate) fn from_level(axes: &[[f64; 3]; 3], level: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * level[axis]).sum())
-}
-
-/// The dot product of two vectors.
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The table at a place from 0 to 1 along it.

@@ -1,6 +1,6 @@
 //! Easings between keyframes.
 
-use crate::file::meant;
+use crate::param::meant;
 
 /// The way from a key to the next. With `s` the share of the time between the two that has passed,
 /// 0-1, and `f(s)` the share of the way that is done:

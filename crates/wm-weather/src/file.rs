@@ -18,7 +18,7 @@
 
 use crate::easing::Easing;
 use crate::effects::{EFFECTS, Effect};
-use crate::param::{Param, ParamInput, ParamValue};
+use crate::param::{Param, ParamInput, ParamValue, meant};
 use crate::track::{Keyframe, Track};
 use crate::weather::{Fidelity, Weather};
 use std::ops::Range;
@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
-use wm_base::{error::escaped, nearest};
+use wm_base::error::escaped;
 
 mod write;
 
@@ -338,11 +338,6 @@ fn position(effect: &Effect, name: &str) -> Result<usize, String> {
 
 fn param_names(effect: &Effect) -> String {
     effect.params.iter().map(|param| param.name).collect::<Vec<_>>().join(", ")
-}
-
-/// `, did you mean ...`, if something is near enough.
-pub(crate) fn meant<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
-    nearest(name, known, 1).first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"))
 }
 
 fn one_line(text: &str) -> String {

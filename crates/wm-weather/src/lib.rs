@@ -38,10 +38,13 @@ pub(crate) mod easing;
 pub(crate) mod effects;
 pub(crate) mod file;
 pub mod fused_surfaces;
+pub(crate) mod grade;
 pub(crate) mod image_file;
 pub(crate) mod infrared;
 pub mod lens;
+mod level;
 pub mod light;
+mod light_fault;
 mod linear_picture;
 pub mod open_water;
 pub mod optics;
@@ -49,10 +52,12 @@ pub mod panorama;
 pub mod paper;
 pub mod param;
 pub mod particles;
+pub(crate) mod point_grid;
 pub mod presets;
 pub mod reference_page;
 pub mod shelter;
 pub mod splash;
+mod surfel;
 #[cfg(test)]
 mod testing;
 mod threads;
@@ -63,15 +68,15 @@ pub mod wetness;
 pub(crate) mod wind;
 
 pub use easing::Easing;
-pub use effects::{EFFECTS, Effect, EffectRole, LampSource, Need, light_fault};
+pub use effects::effect::WeatherSample;
+pub use effects::{EFFECTS, Effect, EffectRole, Need};
 pub use file::WeatherError;
 pub use image_file::ImageFile;
 pub use infrared::InfraredAir;
-pub use optics::{Atmosphere, CapturedSky, Daylight, EarthPlace, LampLevels, Site, SiteLight};
+pub use light_fault::light_fault;
+pub use optics::{Atmosphere, CapturedSky, Daylight, EarthPlace, LampLevels, LampSource, Site, SiteLight};
 pub use panorama::{Panorama, PanoramaError};
 pub use param::{Param, ParamInput, ParamKind, ParamValue};
 pub use track::{Keyframe, Track};
-pub use weather::{
-    Fidelity, Observer, PassWeather, PixelContribution, PreparedWeather, Weather, WeatherSample,
-};
+pub use weather::{Fidelity, Observer, PassWeather, PixelContribution, PreparedWeather, Weather};
 pub use wind::Wind;

@@ -5,7 +5,7 @@
 //! and rivers have the colours of what they mirror, so that they must be outlined, or have
 //! [labels](wm_scene::Metadata::water_labels).
 
-use crate::dome::level_matrix;
+use crate::level::level_matrix;
 use crate::optics::Site;
 use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, BTreeSet, HashMap};

@@ -22,7 +22,6 @@
 //! transmittance and airlight along a ray ([`wm_render::hooks::Medium`]); shading, the parts of a
 //! picture and the f64 reference are made of these two. `optics.wgsl` is the same for GPUs.
 
-use crate::effects::LampSource;
 use crate::particles::Residual;
 use crate::particles::residual::{FARTHEST_NODE, NEAREST_NODE, NODES};
 use fearless_simd::{Select, SimdBase, SimdFloat};
@@ -58,7 +57,6 @@ pub(crate) fn sigma_of_visual_range(range: f64) -> f64 {
 }
 
 /// Extinction of the three channels relative to green (550 nm) for an Angstrom exponent.
-#[must_use]
 pub(crate) fn spectrum(angstrom: f64) -> [f64; 3] {
     WAVELENGTHS.map(|wavelength| (wavelength / WAVELENGTHS[1]).powf(-angstrom))
 }
@@ -94,6 +92,15 @@ pub struct EarthPlace {
     pub location: [f64; 2],
     /// Seconds since 1970, UTC.
     pub captured: Option<f64>,
+}
+
+/// The lamps that a weather asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LampSource {
+    /// The lamps that the scene states.
+    Scene,
+    /// The lamps that the scene states; where it states none, a row along the path of the photos.
+    Path,
 }
 
 /// Illuminance of the ground that the lamps of a site light, lx: the mean of it, the lighter parts

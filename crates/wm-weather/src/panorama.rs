@@ -236,16 +236,17 @@ impl Level {
     /// Half the size, each side rounded down; `linear` is the light of each step.
     fn halved(&self, linear: &[f32]) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let (columns, rows) = (Shares::new(self.width, width), Shares::new(self.height, height));
+        let ratio = |long: usize, short: usize| long as f64 / short as f64;
+        let (across, down) = (ratio(self.width, width), ratio(self.height, height));
         let mut rgb = Vec::with_capacity(width * height);
         for y in 0..height {
             for x in 0..width {
                 let mut sum = [0.0; 3];
-                for (row, down) in rows.of_place(y) {
-                    for (column, along) in columns.of_place(x) {
+                for (row, upright) in shares(down, y) {
+                    for (column, along) in shares(across, x) {
                         let from = self.rgb[row * self.width + column];
                         for k in 0..3 {
-                            sum[k] += down * along * linear[usize::from(from[k])];
+                            sum[k] += upright * along * linear[usize::from(from[k])];
                         }
                     }
                 }
@@ -316,25 +317,15 @@ impl Level {
     }
 }
 
-/// The weights by which the samples of a shorter side are made from those of a longer one.
-struct Shares {
-    ratio: f64,
-}
-
-impl Shares {
-    fn new(long: usize, short: usize) -> Self {
-        Self { ratio: long as f64 / short as f64 }
-    }
-
-    fn of_place(&self, place: usize) -> impl Iterator<Item = (usize, f32)> + use<> {
-        let (from, ratio) = (place as f64 * self.ratio, self.ratio);
-        let to = from + ratio;
-        // Sides that divide evenly end on a place, give or take a rounding.
-        (from as usize..(to - 1e-6).ceil() as usize).map(move |i| {
-            let share = to.min(i as f64 + 1.0) - from.max(i as f64);
-            (i, (share / ratio) as f32)
-        })
-    }
+/// The samples of a longer side that make one of a side `ratio` times as short, with their weights.
+fn shares(ratio: f64, place: usize) -> impl Iterator<Item = (usize, f32)> {
+    let from = place as f64 * ratio;
+    let to = from + ratio;
+    // Sides that divide evenly end on a place, give or take a rounding.
+    (from as usize..(to - 1e-6).ceil() as usize).map(move |i| {
+        let share = to.min(i as f64 + 1.0) - from.max(i as f64);
+        (i, (share / ratio) as f32)
+    })
 }
 
 /// The angle of `(x, y)` from the x axis, radians, within 1.2e-5: a sixtieth of a pixel of the

@@ -234,10 +234,8 @@ impl ParamType for Option<f64> {
     const KIND: ParamKind = ParamKind::NumberOrAuto;
 
     fn of(value: ParamValue) -> Self {
-        match value {
-            ParamValue::Number(number) => Some(number),
-            _ => None,
-        }
+        let ParamValue::Number(number) = value else { return None };
+        Some(number)
     }
 }
 
@@ -245,10 +243,8 @@ impl ParamType for Option<[f64; 3]> {
     const KIND: ParamKind = ParamKind::ColorOrAuto;
 
     fn of(value: ParamValue) -> Self {
-        match value {
-            ParamValue::Color(color) => Some(color),
-            _ => None,
-        }
+        let ParamValue::Color(color) = value else { return None };
+        Some(color)
     }
 }
 
@@ -256,10 +252,8 @@ impl ParamType for Option<ImageFile> {
     const KIND: ParamKind = ParamKind::ImageOrAuto;
 
     fn of(value: ParamValue) -> Self {
-        match value {
-            ParamValue::Image(picture) => Some(picture),
-            _ => None,
-        }
+        let ParamValue::Image(picture) = value else { return None };
+        Some(picture)
     }
 }
 
@@ -338,6 +332,13 @@ macro_rules! params {
 }
 
 pub(crate) use {params, words};
+
+/// `, did you mean ...`, if something is near enough.
+pub(crate) fn meant<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    wm_base::nearest(name, known, 1)
+        .first()
+        .map_or_else(String::new, |near| format!(", did you mean `{near}`?"))
+}
 
 #[cfg(test)]
 mod tests {

@@ -1,6 +1,7 @@
 //! Weathers by name: the files of `presets/`, built in.
 
-use crate::file::{WeatherError, meant};
+use crate::file::WeatherError;
+use crate::param::meant;
 use crate::weather::Weather;
 use std::path::Path;
 use wm_base::error::escaped;

@@ -62,13 +62,6 @@ impl Wind {
         Self { speed, direction, waves, gusts }
     }
 
-    /// No wind.
-    #[cfg(test)]
-    pub(crate) fn calm() -> Self {
-        let zero = || Track::constant(ParamValue::Number(0.0));
-        Self::new(zero(), zero(), 0.0, 0)
-    }
-
     /// The mean wind without gusts, m/s along the two level axes.
     pub(crate) fn mean(&self, time: f64) -> [f64; 2] {
         let (sin, cos) = number(&self.direction.at(time)).to_radians().sin_cos();
@@ -146,6 +139,14 @@ fn number(value: &ParamValue) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Wind {
+        /// No wind.
+        fn calm() -> Self {
+            let zero = || Track::constant(ParamValue::Number(0.0));
+            Self::new(zero(), zero(), 0.0, 0)
+        }
+    }
 
     fn track(param: &str, text: &str) -> Track {
         crate::testing::track("wind", param, text)

@@ -23,9 +23,11 @@ const KIND: SensorKind = SensorKind { name: "radar", presets: RADAR_PRESETS, mos
 
 /// A kind of radar: an array of antennas whose beams are made by computing, with chirps that give
 /// range and velocity at once.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
 pub struct RadarModel {
     /// The name.
+    #[serde(default)]
     pub name: String,
     /// GHz.
     pub frequency: f64,
@@ -47,27 +49,10 @@ pub struct RadarModel {
     /// the power that detection asks for in noise, m.
     pub reference_range: f64,
     /// Share of the cells of nothing but noise that are above the threshold.
+    #[serde(default = "usual_false_alarms")]
     pub false_alarms: f64,
     /// Sweeps a second, Hz.
     pub rate: f64,
-}
-
-/// A model as its file has it; angles are in degrees.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RadarFile {
-    name: Option<String>,
-    frequency: f64,
-    range: [f64; 2],
-    range_cell: f64,
-    azimuth: [f64; 2],
-    azimuth_cell: f64,
-    elevation_beam: f64,
-    velocity: f64,
-    velocity_cell: f64,
-    reference_range: f64,
-    false_alarms: Option<f64>,
-    rate: f64,
 }
 
 impl RadarModel {
@@ -97,37 +82,29 @@ impl RadarModel {
     }
 
     fn of(text: &SensorText<'_>) -> Result<Self, SensorError> {
-        let file: RadarFile = text.parse()?;
-        let false_alarms = file.false_alarms.unwrap_or(1e-6);
+        // Angles are in degrees in a text.
+        let mut model: Self = text.parse()?;
         text.check(&[
-            ("frequency", file.frequency, BAND_GHZ, "GHz"),
-            ("range[0]", file.range[0], [0.0, 1e4], "m"),
-            ("range[1]", file.range[1], [0.1, 1e4], "m"),
-            ("range_cell", file.range_cell, [0.01, 100.0], "m"),
-            ("azimuth[0]", file.azimuth[0], [-180.0, 180.0], "degrees"),
-            ("azimuth[1]", file.azimuth[1], [-180.0, 180.0], "degrees"),
-            ("azimuth_cell", file.azimuth_cell, [0.05, 90.0], "degrees"),
-            ("elevation_beam", file.elevation_beam, [0.1, 60.0], "degrees"),
-            ("velocity", file.velocity, [0.1, 1000.0], "m/s"),
-            ("velocity_cell", file.velocity_cell, [0.001, 100.0], "m/s"),
-            ("reference_range", file.reference_range, [0.1, 1e5], "m"),
-            ("false_alarms", false_alarms, [1e-12, 0.1], ""),
+            ("frequency", model.frequency, BAND_GHZ, "GHz"),
+            ("range[0]", model.range[0], [0.0, 1e4], "m"),
+            ("range[1]", model.range[1], [0.1, 1e4], "m"),
+            ("range_cell", model.range_cell, [0.01, 100.0], "m"),
+            ("azimuth[0]", model.azimuth[0], [-180.0, 180.0], "degrees"),
+            ("azimuth[1]", model.azimuth[1], [-180.0, 180.0], "degrees"),
+            ("azimuth_cell", model.azimuth_cell, [0.05, 90.0], "degrees"),
+            ("elevation_beam", model.elevation_beam, [0.1, 60.0], "degrees"),
+            ("velocity", model.velocity, [0.1, 1000.0], "m/s"),
+            ("velocity_cell", model.velocity_cell, [0.001, 100.0], "m/s"),
+            ("reference_range", model.reference_range, [0.1, 1e5], "m"),
+            ("false_alarms", model.false_alarms, [1e-12, 0.1], ""),
         ])?;
-        file.fault().map_or(Ok(()), |problem| Err(text.fault(problem)))?;
-        let model = Self {
-            name: file.name.unwrap_or_else(|| text.name.clone()),
-            frequency: file.frequency,
-            range: file.range,
-            range_cell: file.range_cell,
-            azimuth: file.azimuth.map(f64::to_radians),
-            azimuth_cell: file.azimuth_cell.to_radians(),
-            elevation_beam: file.elevation_beam.to_radians(),
-            velocity: file.velocity,
-            velocity_cell: file.velocity_cell,
-            reference_range: file.reference_range,
-            false_alarms,
-            rate: file.rate,
-        };
+        model.fault().map_or(Ok(()), |problem| Err(text.fault(problem)))?;
+        if model.name.is_empty() {
+            model.name.clone_from(&text.name);
+        }
+        model.azimuth = model.azimuth.map(f64::to_radians);
+        model.azimuth_cell = model.azimuth_cell.to_radians();
+        model.elevation_beam = model.elevation_beam.to_radians();
         model.excess().map_or(Ok(model), |problem| Err(text.fault(problem)))
     }
 
@@ -149,51 +126,43 @@ impl RadarModel {
     }
 
     /// Azimuth of the middle of a cell, radians; `cell` may lie between two.
-    #[must_use]
     pub(crate) fn azimuth_of(&self, cell: f64) -> f64 {
         self.azimuth[0] + (cell + 0.5) * self.azimuth_cell
     }
 
     /// Range of the middle of a cell, m.
-    #[must_use]
     pub(crate) fn range_of(&self, cell: f64) -> f64 {
         (cell + 0.5) * self.range_cell
     }
 
     /// Velocity of the middle of a cell, m/s.
-    #[must_use]
     pub(crate) fn velocity_of(&self, cell: f64) -> f64 {
         (cell - 0.5 * self.cells()[2] as f64) * self.velocity_step()
     }
 
     /// The width of its cells of velocity, m/s: they fill twice the greatest speed.
-    #[must_use]
     pub(crate) fn velocity_step(&self) -> f64 {
         2.0 * self.velocity / self.cells()[2] as f64
     }
 
     /// A velocity as it is measured, m/s: from minus the greatest to just below it.
-    #[must_use]
     pub(crate) fn folded(&self, velocity: f64) -> f64 {
         (velocity + self.velocity).rem_euclid(2.0 * self.velocity) - self.velocity
     }
 
     /// Power that detection asks for in noise, of that of the noise: `-ln` of the share of false
     /// alarms.
-    #[must_use]
     pub(crate) fn threshold(&self) -> f64 {
         -self.false_alarms.ln()
     }
 
     /// Power over that of the noise of a target of an RCS (m^2) at a range (m) in clear air, in the
     /// middle of the beam: by the radar equation it falls with the fourth power.
-    #[must_use]
     pub(crate) fn power(&self, rcs: f64, range: f64) -> f64 {
         self.threshold() * rcs / REFERENCE_RCS_M2 * (self.reference_range / range).powi(4)
     }
 
     /// Gain of the beam at an elevation (radians), there and back, 0-1: Gaussian.
-    #[must_use]
     pub(crate) fn gain(&self, elevation: f64) -> f64 {
         let off = elevation / self.elevation_beam;
         (-8.0 * std::f64::consts::LN_2 * off * off).exp()
@@ -223,9 +192,7 @@ impl RadarModel {
         (rays > MAX_RAYS)
             .then(|| format!("its field of view takes {rays} rays, more than {MAX_RAYS}: make it smaller"))
     }
-}
 
-impl RadarFile {
     /// The first fault of its numbers together.
     fn fault(&self) -> Option<String> {
         if !(0.01..=1000.0).contains(&self.rate) {
@@ -239,6 +206,10 @@ impl RadarFile {
         }
         None
     }
+}
+
+fn usual_false_alarms() -> f64 {
+    1e-6
 }
 
 #[cfg(test)]

@@ -24,7 +24,6 @@ const ALPHA_LINE: [f64; 2] = [-0.053739, 0.83433];
 
 /// Attenuation by rain at a frequency, GHz, one way: k and alpha of `k R^alpha` dB/km with the rate
 /// R in mm/h (ITU-R P.838-3, vertical polarisation).
-#[must_use]
 fn rain_coefficients(frequency: f64) -> [f64; 2] {
     let log = frequency.log10();
     let sum = |terms: &[[f64; 3]], [slope, constant]: [f64; 2]| {
@@ -35,7 +34,6 @@ fn rain_coefficients(frequency: f64) -> [f64; 2] {
 }
 
 /// Attenuation by rain of a rate, mm/h, one way, dB/km.
-#[must_use]
 pub(crate) fn rain_attenuation(frequency: f64, rate: f64) -> f64 {
     let [k, alpha] = rain_coefficients(frequency);
     if rate > 0.0 { k * rate.powf(alpha) } else { 0.0 }
@@ -52,7 +50,6 @@ const CLUTTER_TABLE: [(f64, [f64; 6]); 2] = [
 
 /// RCS of rain of a rate, mm/h, in a volume, m^2/m^3: between the lines and columns of the table by
 /// logarithms; rates beyond it go on as between the last two, frequencies do not.
-#[must_use]
 pub(crate) fn rain_reflectivity(frequency: f64, rate: f64) -> f64 {
     if rate <= 0.0 {
         return 0.0;

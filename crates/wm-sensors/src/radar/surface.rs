@@ -20,7 +20,6 @@ const FACET_SLOPE: f64 = 0.2;
 
 /// RCS for each area that a surface shows, by the cosine of the angle of incidence, 0-1, and the
 /// cosine between its normal and up.
-#[must_use]
 pub(crate) fn surface_backscatter(cosine: f64, upward: f64) -> f64 {
     let rough = ROUGH_BACKSCATTER[usize::from(upward.abs() < MIN_LEVEL_COSINE)];
     // At 82 degrees the facets' part is nothing.

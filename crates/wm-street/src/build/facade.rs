@@ -1,6 +1,6 @@
 //! Walls with openings: windows with reveals, frames and sills, doors, a shop front.
 
-use super::{Builder, Frame, faces};
+use super::builder::{Builder, Frame, faces};
 use crate::hash::{key_of, unit};
 use crate::paint::PaintId;
 use glam::DVec3;

@@ -1,10 +1,10 @@
 //! The surroundings of the street: fields, hedgerows, a village with a church, wooded hills.
 
+use super::builder::{Builder, Frame, faces};
 use super::facade::{Filling, Finish};
 use super::house::{Dress, House, Ridge};
 use super::palette::Palette;
 use super::roof::Roof;
-use super::{Builder, Frame, faces};
 use crate::hash::{Dice, noise2};
 use crate::paint::{Label, Material, PaintId};
 use crate::shape::{Outline, Shape};

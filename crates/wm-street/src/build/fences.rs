@@ -1,7 +1,7 @@
 //! Fences, low walls, pillars, railings.
 
+use super::builder::{Builder, Frame, faces};
 use super::palette::Palette;
-use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 use glam::DVec3;
 

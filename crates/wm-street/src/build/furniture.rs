@@ -1,7 +1,7 @@
 //! Street furniture: lamps, benches, bins, tubs, poles with wires, hanging signs.
 
+use super::builder::{Builder, Frame, faces};
 use super::palette::Palette;
-use super::{Builder, Frame, faces};
 use crate::paint::{Label, PaintId};
 use glam::DVec3;
 use wm_scene::Lamp;

@@ -1,10 +1,11 @@
 //! Front gardens, hedges and trees.
 
+use super::builder::{Builder, Frame, faces};
 use super::houses::PORCH;
+use super::lots::{PAVEMENT_EDGE_M, PLOT_HEIGHT_M, left, right};
 use super::palette::Palette;
-use super::street::{PAVEMENT_EDGE_M, PLOT_HEIGHT_M, left, right};
 use super::tree::tree;
-use super::{Builder, Frame, faces, fences as f, growth as g, species};
+use super::{fences as f, growth as g, species};
 use crate::paint::PaintId;
 use glam::{DVec2, DVec3};
 

@@ -1,8 +1,8 @@
 //! Low growth: hedges, climbers, tufts of grass, flowers, fallen leaves.
 
+use super::builder::{Builder, Frame, faces};
 use super::palette::Palette;
 use super::tree::card;
-use super::{Builder, Frame, faces};
 use crate::hash::{Dice, noise3};
 use crate::paint::PaintId;
 use crate::shape::{Outline, Shape};

@@ -1,8 +1,8 @@
 //! Houses: four walls, rows of windows, a roof and what hangs on them.
 
+use super::builder::{Builder, Frame, faces};
 use super::facade::{Filling, Finish, Opening, shutters, wall};
 use super::roof::Roof;
-use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 
 /// The direction of the ridge.

@@ -1,11 +1,12 @@
 //! The houses along the street, one after the other.
 
+use super::builder::{Builder, Frame};
 use super::facade::Filling;
 use super::house::{Dress, House, Ridge};
+use super::lots::{left, right};
 use super::palette::{Palette, paints};
 use super::porch::Porch;
-use super::street::{left, right};
-use super::{Builder, Frame, furniture, props};
+use super::{furniture, props};
 use crate::paint::{Material, PaintId};
 use glam::DVec3;
 

@@ -1,6 +1,6 @@
 //! Traffic: cars, vans and people, each built where it is at one time.
 
-use super::{Builder, Frame, faces};
+use super::builder::{Builder, Frame, faces};
 use crate::hash::Dice;
 use crate::paint::{Material, PaintId};
 use glam::{DVec2, DVec3};

@@ -1,6 +1,6 @@
 //! Paints that many things share.
 
-use super::Builder;
+use super::builder::Builder;
 use super::facade::Finish;
 use crate::paint::{Material, PaintId};
 

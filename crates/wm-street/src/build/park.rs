@@ -5,12 +5,13 @@
 //! [`GroundCover`] lays the road, the paths, the litter of the wood and the mud of the shore over
 //! it.
 
+use super::builder::{Builder, Frame, faces};
 use super::palette::Palette;
 use super::terrain::{
     self, HILL_TOP, LAWN_CIRCLE, POND_ELLIPSE, TERRAIN_HALF_WIDTH_M, WATER_LEVEL_M, height,
 };
 use super::tree::{Kind, tree};
-use super::{Builder, Frame, faces, far, fences, furniture as f, growth as g, pavilion, props, species};
+use super::{far, fences, furniture as f, growth as g, pavilion, props, species};
 use crate::ground::{Bed, GroundCover, Strip, along, smooth_line};
 use crate::hash::{Dice, noise2};
 use crate::paint::{Label, Material, PaintId};

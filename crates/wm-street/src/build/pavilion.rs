@@ -1,8 +1,8 @@
 //! Small buildings of a park: an open pavilion and a shed.
 
+use super::builder::{Builder, Frame, faces};
 use super::palette::Palette;
 use super::roof::Roof;
-use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 
 /// A roof on posts above a floor of slabs, 6 by 4.4 m; in its frame x and y run from 0.

@@ -1,7 +1,7 @@
 //! The porch: a lean-to on posts that shelters its floor, with railing and steps.
 
+use super::builder::{Builder, Frame, faces};
 use super::palette::Palette;
-use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 use glam::DVec3;
 

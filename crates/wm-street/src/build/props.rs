@@ -1,9 +1,9 @@
 //! Small things that make a street lived in: covers, crates, a board, bicycles, window boxes.
 
+use super::builder::{Builder, Frame, faces};
 use super::facade::Opening;
 use super::growth;
 use super::palette::Palette;
-use super::{Builder, Frame, faces};
 use crate::hash::Dice;
 use crate::paint::PaintId;
 use glam::DVec3;

@@ -1,7 +1,7 @@
 //! Pitched roofs, gables, chimneys, dormers, gutters.
 
+use super::builder::{Builder, Frame, faces};
 use super::facade::{Filling, Finish, window};
-use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 use glam::DVec3;
 

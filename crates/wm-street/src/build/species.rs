@@ -4,130 +4,53 @@ use super::palette::Palette;
 use super::tree::Kind;
 use crate::paint::PaintId;
 
+/// A kind by its height, base, radius, share of the height at which it is widest, and trunk; its
+/// clusters and leaves in each; the length of a leaf and the droop of twigs.
+fn kind(
+    sizes: [f64; 5],
+    counts: [u32; 2],
+    twigs: [f64; 2],
+    bark: PaintId,
+    foliage: PaintId,
+    fruit: Option<PaintId>,
+) -> Kind {
+    let ([height, base, radius, widest, trunk], [clusters, leaves], [leaf, droop]) = (sizes, counts, twigs);
+    Kind { height, base, radius, widest, trunk, clusters, leaves, leaf, droop, bark, foliage, fruit }
+}
+
 /// A lime tree: broad, dense, of streets.
 pub(super) fn linden(p: &Palette) -> Kind {
-    Kind {
-        height: 9.2,
-        base: 2.5,
-        radius: 3.3,
-        widest: 0.38,
-        trunk: 0.19,
-        clusters: 150,
-        leaves: 96,
-        leaf: 0.135,
-        droop: 0.12,
-        bark: p.bark,
-        foliage: p.linden,
-        fruit: None,
-    }
+    kind([9.2, 2.5, 3.3, 0.38, 0.19], [150, 96], [0.135, 0.12], p.bark, p.linden, None)
 }
 
 /// A birch: slender, with hanging twigs.
 pub(super) fn birch(p: &Palette) -> Kind {
-    Kind {
-        height: 10.5,
-        base: 2.6,
-        radius: 2.3,
-        widest: 0.30,
-        trunk: 0.13,
-        clusters: 95,
-        leaves: 92,
-        leaf: 0.105,
-        droop: 0.75,
-        bark: p.birch,
-        foliage: p.birch_leaf,
-        fruit: None,
-    }
+    kind([10.5, 2.6, 2.3, 0.30, 0.13], [95, 92], [0.105, 0.75], p.birch, p.birch_leaf, None)
 }
 
 /// A rowan: small, with berries.
 pub(super) fn rowan(p: &Palette) -> Kind {
-    Kind {
-        height: 5.2,
-        base: 1.7,
-        radius: 1.75,
-        widest: 0.45,
-        trunk: 0.085,
-        clusters: 52,
-        leaves: 84,
-        leaf: 0.11,
-        droop: 0.2,
-        bark: p.bark,
-        foliage: p.rowan,
-        fruit: Some(p.berries),
-    }
+    kind([5.2, 1.7, 1.75, 0.45, 0.085], [52, 84], [0.11, 0.2], p.bark, p.rowan, Some(p.berries))
 }
 
 /// An oak in the open: as broad as it is high.
 pub(super) fn oak(p: &Palette) -> Kind {
-    Kind {
-        height: 13.0,
-        base: 2.8,
-        radius: 5.6,
-        widest: 0.42,
-        trunk: 0.36,
-        clusters: 130,
-        leaves: 48,
-        leaf: 0.27,
-        droop: 0.1,
-        bark: p.bark,
-        foliage: p.hedge,
-        fruit: None,
-    }
+    kind([13.0, 2.8, 5.6, 0.42, 0.36], [130, 48], [0.27, 0.1], p.bark, p.hedge, None)
 }
 
 /// A spruce: a cone of dark `needles`, down to the ground.
 pub(super) fn spruce(p: &Palette, needles: PaintId) -> Kind {
-    Kind {
-        height: 13.5,
-        base: 0.7,
-        radius: 2.5,
-        widest: 0.10,
-        trunk: 0.20,
-        clusters: 120,
-        leaves: 42,
-        leaf: 0.25,
-        droop: 0.55,
-        bark: p.bark,
-        foliage: needles,
-        fruit: None,
-    }
+    kind([13.5, 0.7, 2.5, 0.10, 0.20], [120, 42], [0.25, 0.55], p.bark, needles, None)
 }
 
 /// A willow: a wide crown whose twigs hang towards the water.
 pub(super) fn willow(p: &Palette) -> Kind {
-    Kind {
-        height: 8.5,
-        base: 1.5,
-        radius: 4.2,
-        widest: 0.45,
-        trunk: 0.30,
-        clusters: 120,
-        leaves: 48,
-        leaf: 0.23,
-        droop: 1.0,
-        bark: p.bark,
-        foliage: p.birch_leaf,
-        fruit: None,
-    }
+    kind([8.5, 1.5, 4.2, 0.45, 0.30], [120, 48], [0.23, 1.0], p.bark, p.birch_leaf, None)
 }
 
 /// A bush of a man's height, leaves down to the ground.
 pub(super) fn bush(p: &Palette) -> Kind {
-    Kind {
-        height: 1.9,
-        base: 0.15,
-        radius: 1.3,
-        widest: 0.4,
-        trunk: 0.05,
-        clusters: 34,
-        leaves: 36,
-        leaf: 0.15,
-        droop: 0.15,
-        bark: p.bark,
-        foliage: p.hedge,
-        fruit: None,
-    }
+    kind([1.9, 0.15, 1.3, 0.4, 0.05], [34, 36], [0.15, 0.15], p.bark, p.hedge, None)
 }
 
 /// Reduces a tree for a place that nobody comes near to: fewer and larger leaves.

@@ -5,9 +5,11 @@
 //! plots. A plot's frame has its origin on the pavement's outer edge, x to the right and y away
 //! from the street.
 
+use super::builder::{Builder, Frame};
 use super::houses::{PORCH, porch_frame};
+use super::lots::{PAVEMENT_EDGE_M, PLOT_HEIGHT_M, left, right};
 use super::palette::Palette;
-use super::{Builder, Frame, far, furniture as f, gardens, growth as g, houses, props};
+use super::{far, furniture as f, gardens, growth as g, houses, props};
 use crate::paint::{Label, Material, PaintId};
 use glam::{DVec2, DVec3};
 
@@ -15,22 +17,8 @@ use glam::{DVec2, DVec3};
 const ROAD_HALF_WIDTH_M: f64 = 2.75;
 /// From the middle to the face of the kerb, m.
 const KERB_DISTANCE_M: f64 = 3.05;
-/// From the middle to the outer edge of the pavement, m.
-pub(super) const PAVEMENT_EDGE_M: f64 = 5.2;
-/// Height of pavements and plots above the carriageway, m.
-pub(super) const PLOT_HEIGHT_M: f64 = 0.12;
 /// The street's ends along y, m.
 const STREET_ENDS_M: (f64, f64) = (-45.0, 135.0);
-
-/// The frame of a plot that begins at `y` on the left (x < 0) of the street.
-pub(super) fn left(y: f64) -> Frame {
-    Frame::facing(DVec3::new(-PAVEMENT_EDGE_M, y, PLOT_HEIGHT_M), -DVec3::X)
-}
-
-/// The frame of a plot that ends at `y` on the right: its x runs towards smaller y.
-pub(super) fn right(y: f64) -> Frame {
-    Frame::facing(DVec3::new(PAVEMENT_EDGE_M, y, PLOT_HEIGHT_M), DVec3::X)
-}
 
 /// Builds the street.
 pub(crate) fn build(b: &mut Builder) {

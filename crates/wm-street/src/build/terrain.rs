@@ -1,6 +1,6 @@
 //! The park's terrain: a hill, a hollow with a pond, a level lawn, and a mesh of all that.
 
-use super::Builder;
+use super::builder::Builder;
 use super::far::FIELD_HEIGHT_M;
 use crate::hash::{noise2, smoothstep};
 use crate::paint::PaintId;

@@ -4,7 +4,7 @@
 //! its skin. Each, from the trunk outwards, is joined to the nearest wood that is not above it by a
 //! bent branch, so boughs fork as they reach out. Thickness follows from what a branch carries.
 
-use super::Builder;
+use super::builder::Builder;
 use crate::hash::{Dice, noise3};
 use crate::paint::PaintId;
 use crate::shape::{Outline, Shape};

@@ -1,6 +1,8 @@
 //! EXIF of the photos: camera, time, focal length, position.
 
-use super::{CaptureKind, CaptureSettings, ExifFault, shots::Shot};
+use super::flaws::ExifFault;
+use super::settings::{CaptureKind, CaptureSettings};
+use super::shots::Shot;
 use crate::{Place, sky};
 use wm_base::calendar::date_and_time;
 use wm_base::random::RandomStream;

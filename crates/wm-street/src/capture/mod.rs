@@ -27,15 +27,18 @@ mod exif;
 mod fall;
 mod flaws;
 mod points;
+mod settings;
 mod shots;
 mod truth;
 
 pub use flaws::{CaptureFlaws, ExifFault, ToneCurve};
+pub use settings::{CaptureKind, CaptureSettings};
+pub use truth::TRUTH;
+use truth::TakenPhoto;
 
-use crate::air::Air;
 use crate::build::movers;
 use crate::dataset::{GroundTruth, files};
-use crate::light::Budget;
+use crate::light_map::Budget;
 use crate::photo::RaySettings;
 use crate::{Label, Place};
 use fall::Fall;
@@ -46,101 +49,11 @@ use std::path::Path;
 use wm_base::FormatError;
 use wm_base::random::RandomStream;
 use wm_capture::colmap::write as colmap;
-use wm_capture::colmap::write::ColmapStorage;
 use wm_capture::{Capture, CaptureView};
 use wm_scene::camera::Distortion;
 use wm_scene::similarity::Similarity;
 use wm_scene::{Camera, Gps};
 
-/// The way in which a capture is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CaptureKind {
-    /// A drone on parallel lines 50 m up that looks straight down, within some degrees; 75 %
-    /// overlap.
-    Nadir,
-    /// A drone on a ring that looks inwards, 45 degrees down; every third photo 20, so that it sees
-    /// the horizon.
-    Oblique,
-    /// Somebody who walks along a path with a phone: rolled, pitched and shaken.
-    Walk,
-    /// A camera in a car on a road with traffic and people.
-    Drive,
-}
-
-impl CaptureKind {
-    /// The name in files and options.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Nadir => "nadir",
-            Self::Oblique => "oblique",
-            Self::Walk => "walk",
-            Self::Drive => "drive",
-        }
-    }
-
-    /// The usual number of photos.
-    #[must_use]
-    pub fn usual_count(self) -> u32 {
-        match self {
-            Self::Nadir | Self::Oblique => 24,
-            Self::Walk | Self::Drive => 30,
-        }
-    }
-
-    /// Standard deviation of the positions in EXIF, m: of each photo along level axes, and of the
-    /// altitude of all.
-    fn gps_noise(self) -> (f64, f64) {
-        match self {
-            Self::Nadir | Self::Oblique => (1.0, 2.0),
-            Self::Walk | Self::Drive => (2.5, 5.0),
-        }
-    }
-}
-
-/// The settings of a capture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CaptureSettings {
-    /// The way in which it is made.
-    pub kind: CaptureKind,
-    /// The number of photos that are taken, 1 and above.
-    pub count: u32,
-    /// Their width and height, px.
-    pub size: (u32, u32),
-    /// A pixel is the mean of this squared rays.
-    pub samples: u32,
-    /// Most points.
-    pub points: u32,
-    /// The encoding of the COLMAP model.
-    pub storage: ColmapStorage,
-    /// The maps that are written beside `truth.json`.
-    pub truth: GroundTruth,
-    /// The seed of all noise, and of the model's axes.
-    pub seed: u64,
-    /// Flaws of the photos.
-    pub flaws: CaptureFlaws,
-}
-
-impl CaptureSettings {
-    /// The usual settings of a kind: photos of 600 x 400 px without flaws.
-    #[must_use]
-    pub fn new(kind: CaptureKind) -> Self {
-        Self {
-            kind,
-            count: kind.usual_count(),
-            size: (600, 400),
-            samples: 2,
-            points: 12_000,
-            storage: ColmapStorage::Binary,
-            truth: GroundTruth::Write,
-            seed: 1,
-            flaws: CaptureFlaws::default(),
-        }
-    }
-}
-
-/// The file with the truth.
-pub const TRUTH: &str = "truth.json";
 const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast, as a real capture leaves them: the model's axes and\n\
     unit are arbitrary. truth.json says what they are; truth/, where it is, holds exact maps of each photo.\n";
 /// Rays for the light of a pixel with a single ray, and of each ray of several: the noise that
@@ -152,19 +65,6 @@ const SAMPLE_BUDGET: Budget = Budget { sun: 1, sky: 1 };
 const AXES_LANE: u64 = 41;
 const GPS_LANE: u64 = 42;
 const FALL_LANE: u64 = 43;
-
-/// A photo that was taken: its facts for `truth.json`.
-pub(crate) struct TakenPhoto {
-    name: String,
-    shot: Shot,
-    /// Exposure against the others, EV.
-    exposure: f64,
-    /// Motion of the picture while it was exposed, px.
-    blur: glam::DVec2,
-    gps: Gps,
-    /// Share of the pixels that show movers.
-    moving: f64,
-}
 
 /// Writes a capture to a folder, which is created if needed, and returns it as it is read from
 /// there.
@@ -227,11 +127,6 @@ fn axes(seed: u64) -> Similarity {
     Similarity { scale, rotation: DMat3::from_quat(turn), translation: shift }
 }
 
-/// The haze of a capture.
-fn air(place: &Place, settings: &CaptureSettings) -> Option<Air> {
-    settings.flaws.haze.map(|mor| Air { mor, airlight: place.horizon() })
-}
-
 /// Takes photo `index` and writes it with its maps; gives its facts and, for each pixel, whether a
 /// mover hides the place there.
 fn take(
@@ -250,7 +145,7 @@ fn take(
         }
         _ => Cow::Borrowed(place),
     };
-    let air = air(place, settings);
+    let air = settings.air(place);
     let samples = settings.samples.max(1);
     let casting = RaySettings { samples, budget: SAMPLE_BUDGET, plain: SINGLE_RAY_BUDGET, air };
     let pixels = scene.picture(&camera, &casting);

@@ -1,9 +1,9 @@
 //! The sparse points of a capture, as structure from motion leaves them: where there is texture,
 //! from noisy sightings, and some of them wrong.
 
-use super::{CaptureSettings, air};
+use super::settings::CaptureSettings;
 use crate::dataset::sees;
-use crate::place::SHARED_BUDGET;
+use crate::light::SHARED_BUDGET;
 use crate::{Material, Place, display_of};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -97,7 +97,7 @@ fn candidate(
     let at = DVec2::new(random(1) * f64::from(camera.width), random(2) * f64::from(camera.height));
     let (eye, direction) = (camera.center(), camera.ray(at.x, at.y));
     let surface = place.first(eye, direction)?;
-    let through = air(place, settings).map_or(1.0, |air| air.transmittance(surface.t));
+    let through = settings.air(place).map_or(1.0, |air| air.transmittance(surface.t));
     if is_hidden(camera, &masks[first], at) || random(3) > texture(surface.material) * through * through {
         return None;
     }

@@ -1,6 +1,6 @@
 //! The cameras of captures, in world axes.
 
-use super::{CaptureKind, CaptureSettings};
+use super::settings::{CaptureKind, CaptureSettings};
 use crate::Place;
 use crate::ground::along;
 use glam::{DMat3, DVec2, DVec3};

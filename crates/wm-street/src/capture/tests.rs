@@ -1,6 +1,7 @@
 //! Small captures against their truth.
 
 use super::*;
+use crate::air::Air;
 use crate::tests::street;
 use crate::{Park, PhotoPixel, sky};
 use glam::DVec2;

@@ -1,6 +1,7 @@
 //! `truth.json`: what a pipeline must find out about a capture.
 
-use super::{CaptureKind, CaptureSettings, TRUTH, TakenPhoto, air};
+use super::settings::{CaptureKind, CaptureSettings};
+use super::shots::Shot;
 use crate::air::Air;
 use crate::dataset::GroundTruth;
 use crate::{Label, Place, exposed, sky};
@@ -12,6 +13,22 @@ use wm_base::calendar::date_and_time;
 use wm_base::files::write_atomically;
 use wm_scene::Gps;
 use wm_scene::similarity::Similarity;
+
+/// The file with the truth.
+pub const TRUTH: &str = "truth.json";
+
+/// A photo that was taken: its facts for `truth.json`.
+pub(crate) struct TakenPhoto {
+    pub(super) name: String,
+    pub(super) shot: Shot,
+    /// Exposure against the others, EV.
+    pub(super) exposure: f64,
+    /// Motion of the picture while it was exposed, px.
+    pub(super) blur: glam::DVec2,
+    pub(super) gps: Gps,
+    /// Share of the pixels that show movers.
+    pub(super) moving: f64,
+}
 
 /// Writes `truth.json`.
 pub(super) fn write(
@@ -35,7 +52,7 @@ fn truth(place: &Place, settings: &CaptureSettings, model: &Similarity, taken: &
         )
         .collect();
     let rows = [0, 1, 2].map(|row| model.rotation.row(row).to_array());
-    let haze = air(place, settings).map(|air| {
+    let haze = settings.air(place).map(|air| {
         json!({
             "mor": air.mor,
             "airlight_linear": exposed(air.airlight.to_array()),

@@ -13,8 +13,9 @@
 //! their height (15 degrees, as in Werner's model of dunes, 1995). On a plain it leaves what it
 //! takes.
 
+use super::airflow::Airflow;
 use super::ground::{GroundGrid, STEEP};
-use crate::dome::{from_level, level_axes, to_level};
+use crate::level::{from_level, level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::{FloaterMap, FloaterRule, Occluders, Shelter, ShelterOptions};
 use crate::threads::map;
@@ -42,15 +43,6 @@ const LEE_DEPTH_M: f32 = 0.04;
 const FOOT: f32 = 0.1;
 /// Most that the wind gathers, as a share of the fall.
 const DRIFT: f32 = 4.0;
-
-/// The effect of the wind on what falls and on what has fallen.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Airflow {
-    /// Sideways drift for each metre of fall, along [`level_axes`].
-    pub slope: [f64; 2],
-    /// Share of what falls in the open that the wind carries on along the ground, 0-1.
-    pub moved: f64,
-}
 
 /// The directions in which flakes fall, world axes: on the innermost ground, or on one about it.
 fn falls(site: &Site, airflow: &Airflow, is_outer: bool) -> Vec<[f64; 3]> {

@@ -30,6 +30,7 @@
 //! The paper makes those splats white that face up, and fills planes between them with white ones:
 //! it snows under roofs, and white shows through what stands in front. That is [`crate::paper`]'s.
 
+mod airflow;
 pub(crate) mod exposure;
 pub(crate) mod ground;
 pub(crate) mod settle;
@@ -41,13 +42,13 @@ mod tests;
 pub(crate) mod thaw;
 pub(crate) mod walls;
 
-use crate::dome::level_axes;
 use crate::fused_surfaces::{FusedSurfaces, StandIn};
+use crate::level::level_axes;
 use crate::open_water::OpenWater;
 use crate::optics::Site;
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
-pub use exposure::Airflow;
+pub use airflow::Airflow;
 use glam::DVec3;
 use ground::GroundGrid;
 use serde::{Deserialize, Serialize};
@@ -55,7 +56,6 @@ pub(crate) use settle::Settled;
 pub(crate) use snowpack::Snowpack;
 pub use surfels::CoverMaterial;
 pub(crate) use surfels::coverage;
-pub(crate) use surfels::surfel;
 use thaw::CoverState;
 pub(crate) use thaw::{MeltSample, Thaw};
 use walls::Wall;
@@ -181,7 +181,7 @@ pub struct Buried {
 impl SplatAttributes for Buried {
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
         for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
-            *factor = self.factors.get(*index as usize).copied().unwrap_or(1.0);
+            *factor = self.factor(*index as usize);
         }
     }
 
@@ -201,25 +201,23 @@ impl LyingCover {
     /// buried ones are transparent.
     #[must_use]
     pub fn over(&self, scene: &Splats) -> Splats {
-        let mut out = scene.clone();
-        for (index, factor) in self.buried.factors.iter().enumerate().filter(|(_, factor)| **factor < 1.0) {
-            let left = scene.opacity(index) * f64::from(*factor);
-            out.logit_opacities[index] = wm_scene::splats::logit(left) as f32;
-        }
-        out.append(&self.splats);
-        out
+        self.laid(scene, scene.clone(), 0..scene.len())
     }
 
     /// The scene with what lies on it, as one set of splats of the scene's SH degree.
     #[must_use]
     pub fn bake(&self, scene: &Splats) -> Splats {
-        let factor = |index: usize| self.buried.factors.get(index).copied().unwrap_or(1.0);
-        let kept: Vec<usize> = (0..scene.len()).filter(|index| factor(*index) > MIN_VISIBILITY).collect();
-        let mut out = scene.select(&kept);
-        for (opacity, index) in out.logit_opacities.iter_mut().zip(&kept) {
-            if factor(*index) < 1.0 {
-                let left = scene.opacity(*index) * f64::from(factor(*index));
-                *opacity = wm_scene::splats::logit(left) as f32;
+        let is_seen = |index: &usize| self.buried.factor(*index) > MIN_VISIBILITY;
+        let kept: Vec<usize> = (0..scene.len()).filter(is_seen).collect();
+        self.laid(scene, scene.select(&kept), kept)
+    }
+
+    /// Lays it on splats of the scene, whose places there are `of`.
+    fn laid(&self, scene: &Splats, mut out: Splats, of: impl IntoIterator<Item = usize>) -> Splats {
+        for (opacity, index) in out.logit_opacities.iter_mut().zip(of) {
+            let factor = self.buried.factor(index);
+            if factor < 1.0 {
+                *opacity = wm_scene::splats::logit(scene.opacity(index) * f64::from(factor)) as f32;
             }
         }
         out.append(&self.splats);
@@ -234,6 +232,10 @@ impl Buried {
     fn new(factors: Vec<f32>) -> Self {
         let revision = Revision::of(factors.iter().map(|factor| factor.to_bits()));
         Self { factors, revision }
+    }
+
+    fn factor(&self, index: usize) -> f32 {
+        self.factors.get(index).copied().unwrap_or(1.0)
     }
 }
 

@@ -125,12 +125,6 @@ impl SnowStock {
 }
 
 impl SnowpackState {
-    /// Returns the remaining snow on open level ground.
-    #[cfg(test)]
-    pub(crate) fn open(&self) -> SnowStock {
-        self.left.map_or(self.fell, |left| left[super::thaw::OPEN])
-    }
-
     /// Returns the remaining snow wherever something has melted, in steps too fine to be seen;
     /// `None` where nothing has.
     pub(crate) fn thaw(&self) -> Option<Thaw> {
@@ -269,6 +263,13 @@ mod tests {
     use super::*;
     use crate::testing;
     use proptest::prelude::*;
+
+    impl SnowpackState {
+        /// Returns the remaining snow on open level ground.
+        pub(crate) fn open(&self) -> SnowStock {
+            self.left.map_or(self.fell, |left| left[crate::cover::thaw::tests::OPEN])
+        }
+    }
 
     fn track(param: &str, text: &str) -> Track {
         testing::track("snow_cover", param, text)

@@ -3,11 +3,11 @@
 use super::ground::{GroundGrid, WAYS};
 use crate::optics::{Site, SiteLight};
 use crate::particles::random::RandomSequence;
+use crate::surfel::surfel;
 use crate::threads::map;
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 use wm_base::color::srgb_encode;
-use wm_scene::splats::{Splat, logit};
-use wm_scene::{Group, Splats};
+use wm_scene::Splats;
 
 /// Depth below which the ground shows between flakes, m.
 const DUSTING: f32 = 0.006;
@@ -71,7 +71,6 @@ impl CoverMaterial {
 
 /// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that
 /// cover fades out.
-#[must_use]
 pub(crate) fn coverage(depth: f32) -> f32 {
     (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / MIN_DEPTH_M - 1.0).clamp(0.0, 1.0)
 }
@@ -90,7 +89,6 @@ pub(crate) struct CoverLayer<'a> {
 }
 
 /// Height, m, that what lies is drawn up to: what lies on it is drawn above that.
-#[must_use]
 pub(crate) fn drawn(top: f32, depth: f32) -> f32 {
     top + lift(depth)
 }
@@ -102,7 +100,6 @@ fn lift(depth: f32) -> f32 {
 
 /// The surface of what lies on heights `base`: height of its top at each node, m; smoother than
 /// those the deeper it is.
-#[must_use]
 pub(crate) fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32]) -> Vec<f32> {
     let mut top: Vec<f32> = base.iter().zip(depth).map(|(height, depth)| height + depth).collect();
     for _ in 0..2 {
@@ -263,38 +260,10 @@ impl Painter<'_> {
     }
 }
 
-/// A splat on a surface: at a place, with standard deviations along the surface and across it
-/// (world, scene units).
-pub(crate) fn surfel(
-    at: [f64; 3],
-    normal: DVec3,
-    up: DVec3,
-    scales: [f64; 3],
-    rgb: [f32; 3],
-    opacity: f64,
-) -> Splat {
-    Splat {
-        mean: at.map(|v| v as f32),
-        quat: facing(normal, up),
-        log_scale: scales.map(|scale| scale.ln() as f32),
-        logit_opacity: logit(opacity) as f32,
-        rgb,
-        group: Group::Snow,
-    }
-}
-
 /// Colour of what lies, sRGB, from 0 in the shade to 1 in the open.
 pub(super) fn lit(material: &CoverMaterial, light: f64) -> [f32; 3] {
     std::array::from_fn(|k| {
         let color = material.shade[k] + (material.color[k] - material.shade[k]) * light;
         srgb_encode(color.max(0.0)) as f32
     })
-}
-
-/// The turn of a splat whose third axis is `normal`, and whose first lies level.
-fn facing(normal: DVec3, up: DVec3) -> [f32; 4] {
-    let first = up.cross(normal);
-    let first = if first.length() > 1e-6 { first.normalize() } else { normal.any_orthonormal_vector() };
-    let turn = DQuat::from_mat3(&DMat3::from_cols(first, normal.cross(first), normal));
-    [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32)
 }

@@ -14,9 +14,6 @@ pub(crate) const PACES: [f64; COUNT] = [
     1.5, 2.0, 3.0, 6.0,
 ];
 const COUNT: usize = 22;
-/// Place of the pace of open level ground.
-#[cfg(test)]
-pub(crate) const OPEN: usize = 15;
 /// Melt rate in full shade, as a share of that in the open.
 const SHADED: f32 = 0.5;
 
@@ -39,16 +36,6 @@ pub(crate) struct CoverState {
 }
 
 impl Thaw {
-    /// Builds the state of a depth that fell at once, of which `melts` could have melted in the
-    /// open since, m.
-    #[cfg(test)]
-    pub(crate) fn new(depth: f64, melts: f64, wet: f64) -> Self {
-        Self {
-            depth: PACES.map(|pace| (depth - pace * melts).max(0.0) as f32),
-            wet: PACES.map(|pace| if pace * melts > 0.0 { wet as f32 } else { 0.0 }),
-        }
-    }
-
     /// Removes the water from the ground.
     pub(crate) fn dry(self) -> Self {
         Self { wet: [0.0; COUNT], ..self }
@@ -123,9 +110,23 @@ impl MeltSample {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// Place of the pace of open level ground.
+    pub(crate) const OPEN: usize = 15;
+
+    impl Thaw {
+        /// Builds the state of a depth that fell at once, of which `melts` could have melted in the
+        /// open since, m.
+        pub(crate) fn new(depth: f64, melts: f64, wet: f64) -> Self {
+            Self {
+                depth: PACES.map(|pace| (depth - pace * melts).max(0.0) as f32),
+                wet: PACES.map(|pace| if pace * melts > 0.0 { wet as f32 } else { 0.0 }),
+            }
+        }
+    }
 
     #[test]
     fn paces_rise_and_the_open_is_one_of_them() {

@@ -5,12 +5,13 @@
 //! on the splats of the scene that stand up, and is no part of what lies: what meets walls would
 //! have fallen in their lee.
 
-use super::Airflow;
-use super::surfels::{CoverMaterial, SNOW_OPACITY, coverage, lit, surfel};
-use crate::dome::{from_level, level_axes};
+use super::airflow::Airflow;
+use super::surfels::{CoverMaterial, SNOW_OPACITY, coverage, lit};
+use crate::level::{from_level, level_axes};
 use crate::optics::Site;
 use crate::particles::random::RandomSequence;
 use crate::shelter::Occluders;
+use crate::surfel::surfel;
 use crate::threads::map;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -59,7 +60,6 @@ impl Wall {
 }
 
 /// Finds the walls of a scene.
-#[must_use]
 pub(crate) fn find(splats: &Splats, occluders: &Occluders, site: &Site, airflow: &Airflow) -> Vec<Wall> {
     let [a, b] = airflow.slope;
     let slant = a.hypot(b);

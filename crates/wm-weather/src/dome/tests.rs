@@ -1,6 +1,7 @@
 use super::*;
+use crate::effects::effect::WeatherSample;
 use crate::optics::{AirLayer, Atmosphere, Daylight, Site, sigma_of_mor};
-use crate::weather::{Weather, WeatherSample};
+use crate::weather::Weather;
 use proptest::prelude::*;
 use std::sync::Arc;
 use wm_render::hooks::Medium;

@@ -101,7 +101,7 @@ macro_rules! air {
 
 /// The names that [`air!`] needs in scope.
 pub(super) mod prelude {
-    pub(in crate::effects) use crate::effects::{Effect, EffectRole};
+    pub(in crate::effects) use crate::effects::effect::{Effect, EffectRole};
     pub(in crate::effects) use crate::optics::{
         AirLayer, Site, sigma_of_mor, sigma_of_visual_range, spectrum,
     };

@@ -150,11 +150,12 @@ macro_rules! drops {
                         d_max,
                     },
                     blur: self.paper_blur,
-                    filter: ColorGrade {
-                        gains: balance(self.paper_temperature).map(|gain| gain * self.paper_exposure.exp2()),
-                        saturation: self.paper_saturation,
-                        contrast: self.paper_contrast,
-                    },
+                    filter: ColorGrade::new(
+                        self.paper_exposure,
+                        self.paper_saturation,
+                        self.paper_contrast,
+                        self.paper_temperature,
+                    ),
                 }
             }
         }
@@ -163,9 +164,8 @@ macro_rules! drops {
 
 /// The names that [`drops!`] needs in scope.
 pub(super) mod prelude {
-    pub(in crate::effects) use crate::effects::ColorGrade;
-    pub(in crate::effects) use crate::effects::look::balance;
-    pub(in crate::effects) use crate::effects::{Effect, EffectRole, Need};
+    pub(in crate::effects) use crate::effects::effect::{Effect, EffectRole, Need};
+    pub(in crate::effects) use crate::grade::ColorGrade;
     pub(in crate::effects) use crate::optics::Site;
     pub(in crate::effects) use crate::paper::{PaperFall, PaperFog};
     pub(in crate::effects) use crate::param::ParamValue;

@@ -4,8 +4,8 @@
 //! lies at 34 degrees at most, ash at 35 to 40. Where both are asked for the snow lies on it, and
 //! it is seen where there is none.
 
-use crate::cover::{CoverRequest, CoverMaterial};
-use crate::effects::{Effect, EffectRole, Need};
+use crate::cover::{CoverMaterial, CoverRequest};
+use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
 use wm_base::color::srgb_decode;
 

@@ -10,10 +10,10 @@
 //! 9.4 m/s at 5 mm, 13.4 at 10 mm, 30 at 50 mm (Matson and Huggins 1980 measured C_d from 0.5 to
 //! 0.9). Stones do not bounce. The paper has no hail: in its fidelity it falls in physical units.
 
-use super::{Effect, EffectContext, EffectRole, Need};
-use crate::weather::WeatherBuilder;
+use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
 use crate::param::ParamValue;
 use crate::particles::{ClassSpacing, ParticleAppearance, ParticleShape, Precipitation, PrecipitationKind};
+use crate::weather::builder::WeatherBuilder;
 use wm_render::frame::srgb_decode;
 
 /// Density of hailstones and of air, kg/m^3, and the drag coefficient of a stone.

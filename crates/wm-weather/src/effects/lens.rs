@@ -4,7 +4,7 @@
 //! labels stay those of the scene. In fidelity `paper` it is drawn in the same way: the paper has
 //! no lens.
 
-use crate::effects::{Effect, EffectContext, EffectRole};
+use crate::effects::effect::{Effect, EffectContext, EffectRole};
 use crate::lens::{Glass, GlassRain, Rainfall};
 use crate::param::ParamValue;
 use crate::track::Track;

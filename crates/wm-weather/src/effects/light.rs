@@ -14,20 +14,18 @@
 //! by sun, sky and lamps, not the frame: pans and zooms change no brightness. By night it stays
 //! behind, as a camera's does.
 
-use super::sky::{overcast_horizon, overcast_zenith};
-use crate::weather::WeatherBuilder;
-use crate::dome::{Dome, SkyAppearance, level_axes};
-use crate::effects::{Effect, EffectContext, EffectRole, Need};
-use crate::light::{CaptureLight, NewLight, OpenLight, SceneLight, SkyGradation, SunPosition};
-use crate::optics::{CapturedSky, Site};
+use crate::dome::{Dome, SkyAppearance, overcast_horizon, overcast_zenith};
+use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
+use crate::level::level_axes;
+use crate::light::{OpenLight, SunPosition};
+use crate::light::change::{LightChange, MIN_EXPOSED_LX, OVERCAST_EXPOSURE};
+use crate::optics::{CapturedSky, LampSource, Site};
 use crate::param::ParamValue;
 use crate::track::Track;
-use crate::weather::Weather;
+use crate::weather::builder::WeatherBuilder;
 use glam::DVec3;
 use std::sync::Arc;
-use wm_render::SkyGradient;
 use wm_render::hooks::SkySplats;
-use wm_base::color::{luminance, srgb_decode};
 
 crate::param::words! {
     /// The source of the light.
@@ -152,8 +150,6 @@ pub(crate) const EFFECT: Effect = Effect {
     }),
 };
 
-/// Change of exposure under full clouds: a camera that follows the light keeps some of the gloom.
-const OVERCAST_EXPOSURE: f64 = -0.3;
 /// Rate at which what falls comes from full clouds, mm/h.
 const FULL_CLOUDS: f64 = 0.3;
 /// Time over which clouds gather before it falls, and steps in which it is looked at, s.
@@ -166,94 +162,25 @@ const AIR_HEIGHT_M: f64 = 100.0;
 const NIGHT_EXPOSURE: f64 = -3.5;
 /// Illuminances of dusk and of the night, lx, between which the exposure falls behind.
 const DUSK: [f64; 2] = [100.0, 0.5];
-/// Least illuminance that exposures are found for, lx: under the stars.
-const MIN_EXPOSED_LX: f64 = 1e-3;
 /// Sun of the model `night`, degrees.
 const NIGHT: f64 = -30.0;
 /// Steps of the sun's place by which its shadows move, degrees.
 const SUN_STEP: f64 = 0.5;
 /// Lowest sun that casts shadows, degrees.
-const LOWEST_SHADOWS: f64 = 0.5;
+pub(crate) const LOWEST_SHADOWS: f64 = 0.5;
 /// Glow of the sky under no and under full clouds, lx.
 const GLOW: [f64; 2] = [0.06, 0.6];
 
 /// Natural illuminances at which lamps are at full and out, lx.
 const LAMPS: [f64; 2] = [20.0, 60.0];
-/// Illuminance of level ground in photos under a sun and under clouds, lx.
-const PHOTOS: [f64; 2] = [60_000.0, 15_000.0];
 /// Cloud cover from which clouds have no gaps to cast shadows with.
 const CLOSED_CLOUD_COVER: f64 = 0.97;
-
-/// The lamps that a weather asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LampSource {
-    /// The lamps that the scene states.
-    Scene,
-    /// The lamps that the scene states; where it states none, a row along the path of the photos.
-    Path,
-}
-
-/// A change of the light over a place.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LightChange {
-    /// Cloud cover, 0-1.
-    pub(crate) clouds: f64,
-    /// Optical depth of the air straight up, by channel.
-    pub(crate) depth: [f64; 3],
-    /// Exposure, EV.
-    pub(crate) exposure: f64,
-    /// Sun and sky of the weather's own; `None` where the captured sun stays.
-    pub(crate) open: Option<Arc<OpenLight>>,
-    /// The sun whose shadows are cast, towards it, world axes; `None` where the captured one stays,
-    /// and where no sun shines.
-    pub sun: Option<[f64; 3]>,
-    /// The photos are said to have no shadows.
-    pub is_diffuse: bool,
-    /// The lamps, and the share of their light, 0-1; `None` where none shine.
-    pub lamps: Option<(LampSource, f64)>,
-    /// Illuminance that the exposure goes by beside that of the sky: the mean by lamps, lx.
-    lamp_level: f64,
-    /// The camera's car has its headlamps on.
-    pub(crate) has_headlamps: bool,
-    /// Broken clouds cast shadows.
-    pub(crate) has_cloud_shadows: bool,
-}
 
 /// Mean light of a place by night over that under its lamps, by which cameras expose, so that what
 /// is straight under a lamp is bright.
 const UNDER_LAMPS: f64 = 0.1;
 /// Illuminance of the road that headlamps light, by which cameras expose, lx.
 const HEADLAMP_LEVEL: f64 = 12.0;
-
-/// The reason why a weather's light is not defined at a site.
-#[must_use]
-pub fn light_fault(weather: &Weather, site: &Site) -> Option<String> {
-    let (effect, tracks) = weather.effects().find(|(effect, _)| effect.name == EFFECT.name)?;
-    // Every value that a parameter is given.
-    let values = |param: &str| {
-        let track = effect.param(param).map(|param| &tracks[param]);
-        track.into_iter().flat_map(|track| track.keys().iter().map(|key| &key.value))
-    };
-    let says = |param: &str, word: &'static str| values(param).any(|value| *value == ParamValue::Word(word));
-    if !says("model", "clear") {
-        return None;
-    }
-    let highest = values("sun_elevation")
-        .map(ParamValue::number)
-        .reduce(|a, b| Some(a?.max(b?)))
-        .flatten()
-        .filter(|elevation| *elevation <= LOWEST_SHADOWS);
-    if let Some(elevation) = highest.filter(|_| says("cloud_shadows", "on")) {
-        return Some(format!(
-            "light.cloud_shadows needs a sun: light.sun_elevation is {elevation} degrees and must be above {LOWEST_SHADOWS}"
-        ));
-    }
-    let is_given = |param: &str| values(param).any(|value| value.number().is_some());
-    let asks = is_given("hour") && !is_given("sun_elevation");
-    (asks && !is_given("latitude") && site.earth.is_none()).then(|| {
-        "light.hour needs a place, and the scene does not say where it is: give light.latitude, or light.sun_elevation".into()
-    })
-}
 
 impl LightParams {
     /// Elevation and azimuth of the sun, degrees.
@@ -401,104 +328,6 @@ fn depth(now: &EffectContext<'_>, site: &Site) -> [f64; 3] {
     sum
 }
 
-impl LightChange {
-    /// The light of the capture as it was.
-    pub(crate) const CAPTURED: Self = Self {
-        clouds: 0.0,
-        depth: [0.0; 3],
-        exposure: 0.0,
-        open: None,
-        sun: None,
-        is_diffuse: false,
-        lamps: None,
-        lamp_level: 0.0,
-        has_headlamps: false,
-        has_cloud_shadows: false,
-    };
-
-    /// Returns true if the light stays as it was captured.
-    pub(crate) fn is_nothing(&self) -> bool {
-        let is_captured = self.open.is_none() && self.clouds == 0.0 && self.depth == [0.0; 3];
-        is_captured && self.exposure == 0.0 && !self.has_headlamps
-    }
-
-    /// Display value of a white surface in an irradiance of one lux: that of the capture's level
-    /// ground in the open is 1.
-    #[must_use]
-    pub fn display(&self, site: &Site) -> f64 {
-        let level = match &self.open {
-            Some(open) => open.level() + self.lamp_level,
-            None if site.captured_sky == CapturedSky::Overcast => PHOTOS[1],
-            None => PHOTOS[0] + (PHOTOS[1] - PHOTOS[0]) * self.clouds,
-        };
-        self.exposure.exp2() / level.max(MIN_EXPOSED_LX)
-    }
-
-    /// The light over a place that was captured in another.
-    #[must_use]
-    pub fn over(&self, capture: &CaptureLight, site: &Site) -> NewLight {
-        let up = site.up;
-        if let Some(open) = &self.open {
-            let display = self.display(site);
-            let mut light = open.light.times(display);
-            if self.has_cloud_shadows {
-                // The beam between the clouds; their shadows take it away.
-                light.sun = light.sun.map(|v| v / (1.0 - self.clouds));
-            }
-            let lamps = self.lamps.map_or(0.0, |(_, share)| share * display);
-            let (sin_sun, is_diffuse) = (open.sin_sun, self.is_diffuse);
-            return NewLight { light, sin_sun, sky_gain: 0.0, sky_opacity: 1.0, is_diffuse, lamps };
-        }
-        let sin = capture.sin_sun(up);
-        let level = capture.light.irradiance(sin);
-        let beam: [f64; 3] = std::array::from_fn(|k| {
-            let through = if sin > 0.0 { (-self.depth[k] / sin).exp() } else { 1.0 };
-            (1.0 - self.clouds) * through
-        });
-        let sun: [f64; 3] = std::array::from_fn(|k| capture.light.sun[k] * beam[k]);
-        // The sky brings what the beam has lost, so that level ground keeps its light.
-        let left: [f64; 3] = std::array::from_fn(|k| (level[k] - sun[k] * sin.max(0.0)).max(0.0));
-        let grey = 1.0 - beam[1];
-        let clear = SkyGradation::even(left);
-        let cloudy = SkyGradation::overcast(white_as(left));
-        let light = SceneLight { sun, sky: clear.mixed(&cloudy, grey) }.times(self.exposure.exp2());
-        let (sky_gain, sky_opacity) = (self.exposure.exp2(), 1.0 - self.clouds);
-        NewLight { light, sin_sun: sin, sky_gain, sky_opacity, is_diffuse: self.is_diffuse, lamps: 0.0 }
-    }
-
-    /// The sky behind the scene; `None` where the captured one stays.
-    pub(crate) fn dome(&self, site: &Site) -> Option<Dome> {
-        if let Some(open) = &self.open {
-            let (look, factor) = (SkyAppearance::Open(Arc::clone(open)), self.display(site));
-            return Some(Dome::new(look, None, factor, site.up, SkySplats::LeftOut));
-        }
-        if self.clouds == 0.0 {
-            return None;
-        }
-        // Behind what fades of the captured sky, or in the place of the plain one.
-        let plain = SkyGradient::daylight(site.up.map(|v| v as f32));
-        let (zenith, brightness) = (overcast_zenith(), (self.exposure - OVERCAST_EXPOSURE * self.clouds).exp2());
-        let between = |from: [f32; 3], to: [f64; 3]| -> [f64; 3] {
-            std::array::from_fn(|k| {
-                let from = srgb_decode(f64::from(from[k]));
-                from + (to[k] - from) * self.clouds
-            })
-        };
-        let look = SkyAppearance::Overcast {
-            zenith: between(plain.zenith, zenith),
-            horizon: between(plain.horizon, overcast_horizon()),
-        };
-        let splats = if self.clouds < 1.0 { SkySplats::Kept } else { SkySplats::LeftOut };
-        Some(Dome::new(look, None, brightness, site.up, splats))
-    }
-}
-
-/// The tint of an overcast sky at the luminance of an irradiance.
-fn white_as(light: [f64; 3]) -> [f64; 3] {
-    let zenith = overcast_zenith();
-    zenith.map(|v| v * luminance(light) / luminance(zenith))
-}
-
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
@@ -512,6 +341,7 @@ const THIS_YEAR: f64 = 56.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wm_base::color::luminance;
     use crate::testing::SITE;
     use crate::{Weather, optics::EarthPlace};
 
@@ -550,19 +380,6 @@ mod tests {
             let time = 0.1 * f64::from(step);
             assert!((clouds(time + 0.1) - clouds(time)).abs() < 0.011, "{time}");
         }
-    }
-
-    #[test]
-    fn an_hour_without_a_place_is_a_fault() {
-        let fault = |text: &str| {
-            let weather = Weather::parse(&format!("[light]\nmodel = 'clear'\n{text}\n"), "test").unwrap();
-            light_fault(&weather, &SITE)
-        };
-        assert!(fault("hour = 12").unwrap().contains("light.latitude"));
-        assert_eq!(fault("hour = 12\nlatitude = 10"), None);
-        assert_eq!(fault("sun_elevation = 12"), None);
-        assert!(fault("sun_elevation = -3\ncloud_shadows = 'on'").unwrap().contains("needs a sun"));
-        assert_eq!(fault("sun_elevation = { keys = [[0, 9], [5, -3]] }\ncloud_shadows = 'on'"), None);
     }
 
     /// A white card on level ground, from noon into the night and into clouds: no step, and darker

@@ -3,7 +3,7 @@
 //! By day little is seen of them; by night they are brighter than all else
 //! ([`crate::light::Storm`]). A frame gets the mean over its exposure. The paper has no such thing.
 
-use crate::effects::{Effect, EffectRole, Need};
+use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::light::Storm;
 use crate::param::ParamValue;
 

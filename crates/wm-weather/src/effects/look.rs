@@ -2,7 +2,7 @@
 //!
 //! In linear light, in this order, on the colour `c` of a pixel:
 //!
-//! 1. exposure and temperature: `c_k 2^exposure w_k`, with the gains `w` of [`balance`];
+//! 1. exposure and temperature: `c_k 2^exposure w_k`, with the gains `w` of `balance` of `grade.rs`;
 //! 2. saturation `s`: `Y + s (c - Y)`, with `Y` the luminance (ITU-R BT.709), and not below 0;
 //! 3. contrast `a`: `0.18 (c / 0.18)^a`, each channel by itself: log2 of the light about mid grey
 //!    is scaled, so mid grey and black stay.
@@ -14,15 +14,9 @@
 //! contrast 0.85 and slightly cooler (temperature -0.2): part of them in fidelity `paper`
 //! ([`crate::paper::composite`]), else to be asked for.
 
-use crate::effects::{Effect, EffectRole};
+use crate::effects::effect::{Effect, EffectRole};
+use crate::grade::ColorGrade;
 use crate::param::ParamValue;
-use fearless_simd::{Select, SimdBase, SimdFloat};
-use wm_render::dispatch;
-#[cfg(test)]
-use wm_render::frame::{srgb_decode, srgb_encode};
-use wm_render::hooks::{PATCH_PIXELS, PixelBatch, PixelEffect};
-use wm_render::simd::{Lanes, SimdPath, exp2, log2};
-use wm_base::color::luminance;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -49,125 +43,9 @@ pub(crate) const EFFECT: Effect = Effect {
     needs: &[],
     precipitation: None,
     params: LookParams::PARAMS,
-    contribute: |now, weather| weather.set_grade(LookParams::of(now.values).grade()),
+    contribute: |now, weather| {
+        let LookParams { exposure, saturation, contrast, temperature } = LookParams::of(now.values);
+        weather.set_grade(ColorGrade::new(exposure, saturation, contrast, temperature));
+    },
     contribute_as_paper: None,
 };
-
-impl LookParams {
-    fn grade(&self) -> ColorGrade {
-        ColorGrade {
-            gains: balance(self.temperature).map(|gain| gain * self.exposure.exp2()),
-            saturation: self.saturation,
-            contrast: self.contrast,
-        }
-    }
-}
-
-/// Light that contrast leaves as it is: a surface that reflects 18 %, in the middle between black
-/// and white to the eye.
-const MID_GREY: f64 = 0.18;
-
-/// Gains of red, green and blue for a temperature of -1 to 1; grey keeps its luminance, and 0 gives
-/// exactly 1.
-#[must_use]
-pub(crate) fn balance(temperature: f64) -> [f64; 3] {
-    if temperature == 0.0 {
-        return [1.0; 3];
-    }
-    let gains = [(temperature / 2.0).exp2(), 1.0, (-temperature / 2.0).exp2()];
-    gains.map(|gain| gain / luminance(gains))
-}
-
-/// A look at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ColorGrade {
-    /// Factors on linear red, green and blue: exposure and temperature.
-    pub(crate) gains: [f64; 3],
-    /// Factor on the distance from grey.
-    pub(crate) saturation: f64,
-    /// Factor on log2 of the light about mid grey.
-    pub(crate) contrast: f64,
-}
-
-impl ColorGrade {
-    /// Returns true if it changes nothing.
-    pub(crate) fn is_neutral(&self) -> bool {
-        self.gains == [1.0; 3] && self.saturation == 1.0 && self.contrast == 1.0
-    }
-
-    /// Applies it to a display-referred colour in f64: the reference for the SIMD code.
-    #[cfg(test)]
-    pub(crate) fn reference(&self, rgb: [f64; 3]) -> [f64; 3] {
-        let light: [f64; 3] = std::array::from_fn(|k| srgb_decode(rgb[k]) * self.gains[k]);
-        let grey = luminance(light);
-        light.map(|light| self.shown((grey + self.saturation * (light - grey)).max(0.0)))
-    }
-
-    /// Contrast, and back to the display.
-    #[cfg(test)]
-    fn shown(&self, light: f64) -> f64 {
-        srgb_encode(MID_GREY * (light / MID_GREY).powf(self.contrast))
-    }
-
-    #[inline(always)]
-    fn change<S: Lanes>(&self, simd: S, rgb: &mut [[f32; PATCH_PIXELS]; 3]) {
-        let gains = self.gains.map(|gain| gain as f32);
-        let weights = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|unit| luminance(unit) as f32);
-        for first in (0..PATCH_PIXELS).step_by(S::N) {
-            let mut color = [simd.set(0.0); 3];
-            for k in 0..3 {
-                color[k] = simd.load(&rgb[k][first..]).max(simd.set(0.0));
-            }
-            let mut light = wm_render::simd::srgb_decode(simd, color);
-            for k in 0..3 {
-                light[k] *= gains[k];
-            }
-            if self.saturation != 1.0 {
-                let grey = light[0]
-                    .mul_add(simd.set(weights[0]), light[1].mul_add(simd.set(weights[1]), light[2] * weights[2]));
-                for k in 0..3 {
-                    let kept = (light[k] - grey).mul_add(simd.set(self.saturation as f32), grey);
-                    light[k] = kept.max(simd.set(0.0));
-                }
-            }
-            if self.contrast != 1.0 {
-                light = about_grey(simd, light, self.contrast as f32);
-            }
-            let shown = wm_render::simd::srgb_encode(simd, light);
-            for k in 0..3 {
-                shown[k].store_slice(&mut rgb[k][first..first + S::N]);
-            }
-        }
-    }
-}
-
-/// `0.18 (c / 0.18)^contrast`; 0 where c is below 1e-30, and no more than 2^120.
-#[inline(always)]
-fn about_grey<S: Lanes>(simd: S, light: [S::F; 3], contrast: f32) -> [S::F; 3] {
-    let tiny = simd.set(1e-30);
-    let offset = (1.0 - contrast) * MID_GREY.log2() as f32;
-    let mut result = light;
-    for k in 0..3 {
-        result[k] = light[k].max(tiny);
-    }
-    result = log2(simd, result);
-    for k in 0..3 {
-        let exponent = result[k].mul_add(simd.set(contrast), simd.set(offset));
-        result[k] = exponent.max(simd.set(-126.0)).min(simd.set(120.0));
-    }
-    result = exp2(simd, result);
-    for k in 0..3 {
-        result[k] = light[k].simd_gt(tiny).select(result[k], simd.set(0.0));
-    }
-    result
-}
-
-impl PixelEffect for ColorGrade {
-    fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>) {
-        let rgb = &mut *pixels.rgb;
-        dispatch!(path, simd => self.change(simd, rgb));
-    }
-}
-
-#[cfg(test)]
-mod tests;

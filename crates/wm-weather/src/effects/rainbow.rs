@@ -13,15 +13,16 @@
 //! by the sun's irradiance `E`. All rain in front of the pixel is assumed to be
 //! sunlit, and the air to be as at the eye.
 
-use crate::effects::{Effect, EffectRole, Need};
+use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
-use crate::weather::{Observer, PixelContribution, PreparedWeather};
+use crate::weather::observer::Observer;
+use crate::weather::prepared::{PixelContribution, PreparedWeather};
 use std::f64::consts::PI;
 use std::sync::{Arc, LazyLock};
+use wm_base::color::{srgb_decode, srgb_encode};
 use wm_render::hooks::{PATCH, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
-use wm_base::color::{srgb_decode, srgb_encode};
 
 crate::param::params! {
     /// The parameters of the effect.

@@ -14,12 +14,12 @@
 //!
 //! The paper has no such thing.
 
-use crate::dome::{Dome, SkyAppearance};
-use crate::effects::{Effect, EffectRole};
+use crate::dome::{Dome, OVERCAST, OVERCAST_HORIZON, SkyAppearance};
+use crate::effects::effect::{Effect, EffectRole};
+use crate::image_file::ImageFile;
 use crate::optics::Site;
 use crate::panorama::LowerHemisphere;
 use crate::param::ParamValue;
-use crate::image_file::ImageFile;
 use wm_render::SkyGradient;
 use wm_render::frame::srgb_decode;
 use wm_render::hooks::SkySplats;
@@ -106,22 +106,6 @@ pub(crate) const EFFECT: Effect = Effect {
     },
     contribute_as_paper: None,
 };
-
-/// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a
-/// picture is exposed for the ground. White is reached at 37 degrees.
-const OVERCAST: [f64; 3] = [1.32, 1.35, 1.40];
-/// The overcast zenith, linear RGB.
-pub(super) fn overcast_zenith() -> [f64; 3] {
-    OVERCAST
-}
-
-/// The overcast horizon, linear RGB.
-pub(super) fn overcast_horizon() -> [f64; 3] {
-    OVERCAST.map(|v| OVERCAST_HORIZON * v)
-}
-
-/// The overcast horizon against its zenith (CIE).
-const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
 
 impl SkyParams {
     fn dome(&self, site: &Site) -> Dome {

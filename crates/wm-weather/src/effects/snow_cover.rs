@@ -5,11 +5,10 @@
 //! [`crate::cover::snowpack`]. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all
 //! that looks up.
 
-use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
-use crate::effects::{Effect, EffectRole, Need};
+use crate::cover::{CoverMaterial, CoverRequest, Snowpack};
+use crate::effects::effect::{Effect, EffectRole, Need, WeatherSample};
 use crate::paper::PaperCover;
 use crate::param::ParamValue;
-use crate::weather::WeatherSample;
 
 /// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is
 /// wet, degrees Celsius.

@@ -4,7 +4,7 @@
 //! `wetness`, and a `flood` is water everywhere; the drops are those of `rain`, with its exposure
 //! and its factors of size, opacity and brightness. The paper has no splashes.
 
-use crate::effects::{Effect, EffectRole, Need};
+use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
 use crate::splash::Splash;
 

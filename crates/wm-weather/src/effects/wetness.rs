@@ -4,17 +4,17 @@
 //! [`crate::wetness`] computes how much water is where, and how it looks. In fidelity `paper`
 //! nothing gets wet.
 
-use crate::dome::{from_level, level_axes};
+use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
 use crate::effects::snow_cover;
-use crate::effects::{Effect, EffectContext, EffectRole, Need};
+use crate::level::{from_level, level_axes};
 use crate::optics::Site;
 use crate::param::ParamValue;
-use crate::track::Track;
 use crate::particles::{LEAST_RATE, ParticleAppearance, Precipitation, RAIN};
-use crate::weather::fall_of;
+use crate::track::Track;
+use crate::weather::slant::fall_of;
+use crate::wetness::{SlantedRain, WetRequest, driving_rain};
 use crate::wetness::drying::penman;
 use crate::wetness::timeline::RainHistory;
-use crate::wetness::{SlantedRain, WetRequest, driving_rain};
 
 crate::param::params! {
     /// The parameters of the effect.

@@ -3,7 +3,7 @@
 //! Formulas: [`crate::wind`]. One wind for all heights: drops take some metres to follow a change
 //! of wind, and those that are seen are near the ground. The paper moves its drops by hand.
 
-use crate::effects::{Effect, EffectRole};
+use crate::effects::effect::{Effect, EffectRole};
 use crate::param::ParamValue;
 use crate::wind::Wind;
 

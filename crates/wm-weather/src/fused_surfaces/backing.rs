@@ -5,8 +5,8 @@
 //! close behind a surface, and no camera sees through, is solid.
 
 use super::cubes::Disc;
-use super::places::PlaceMap;
-use crate::cover::surfel;
+use crate::point_grid::PlaceMap;
+use crate::surfel::surfel;
 use crate::threads::map;
 use glam::{DVec3, IVec3};
 use wm_scene::splats::Splat;

@@ -5,19 +5,14 @@
 //! is one surface. The narrowest are half as wide as the field over which discs are levelled:
 //! narrower ones would not be seen, and cost more.
 
-use super::photo_view::{PhotoView, Spot};
-use super::places::PlaceMap;
-use crate::dome::level_matrix;
+use super::photo_view::{CUBE, DOUBLED, PIXELS, PhotoView, Spot};
+use crate::level::level_matrix;
+use crate::point_grid::PlaceMap;
 use crate::threads::map;
 use glam::{DMat3, DVec3, IVec3};
 
-/// Width of the smallest cubes, m, and how often it may double.
-const CUBE: f64 = 0.12;
-const DOUBLED: u32 = 4;
 /// Least height of cubes, as a power of two of the smallest width.
 const MIN_HEIGHT_LOG2: u32 = 1;
-/// Width of cubes in distances between pixels.
-const PIXELS: f64 = 1.5;
 /// Weight of a pixel without a normal.
 const EDGE: f64 = 0.2;
 /// Parts of the cubes, each of which one thread takes together.
@@ -39,11 +34,6 @@ pub(super) struct Disc {
     /// Weight: pixels of the smallest cube's width.
     pub(crate) weight: f64,
     pub(crate) rgb: [f32; 3],
-}
-
-/// Returns true if pixels of this width, m, are fused.
-pub(super) fn is_near(width: f64) -> bool {
-    PIXELS * width <= CUBE * f64::from(1 << DOUBLED)
 }
 
 /// A cube: how often its width is doubled, and its place among those of that width.

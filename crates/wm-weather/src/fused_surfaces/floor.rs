@@ -6,8 +6,6 @@
 //! photos do not tell that height, but the scene has a ground over which all cameras are as high,
 //! and most of what they see of it is not there, that is the floor.
 
-use super::PhotoView;
-use crate::threads::map;
 use glam::{DVec2, DVec3};
 use wm_scene::Camera;
 
@@ -17,20 +15,15 @@ const REACH: f64 = 6.0;
 /// along a direction at which they tell nothing of its slope, and all of it.
 const ABOUT: f64 = 4.0;
 const WAVERS: [f64; 2] = [0.75, 1.5];
-/// Distance from a camera to which floors are examined, in those.
-const EXAMINED_REACH: f64 = 5.0;
 /// Distance to which that of the whole place is known, camera heights: a court.
 const PLACE_REACH: f64 = 40.0;
 /// Largest spread of the cameras' heights above it, as a share, and largest sine of the pitch of
 /// most cameras: more is no walk but a flight.
 const MAX_HEIGHT_SPREAD: f64 = 0.2;
 const PITCHED: f64 = 0.26;
-/// Share of the pixels that should show the floor but show what is below it, above which a training
-/// has lost the floor.
-const LOST_FLOOR_SHARE: f64 = 0.4;
 /// Height above the floor, camera heights, below which points belong to it: kerbs, cobbles and
 /// errors of depth.
-const FLOOR_THICKNESS: f64 = 0.15;
+pub(super) const FLOOR_THICKNESS: f64 = 0.15;
 /// Height above the floor, camera heights, below which points belong to the ground of a whole place
 /// that a training has lost: what it left instead stands off it.
 const LOST_FLOOR_THICKNESS: f64 = 0.25;
@@ -117,22 +110,6 @@ impl FloorPlane {
         })
     }
 
-    /// Returns true if most of `views` that should show it see through it: a training has lost it.
-    #[must_use]
-    pub fn is_lost(&self, views: &[PhotoView]) -> bool {
-        let (mut there, mut below) = (0, 0);
-        for view in views {
-            let (center, forward) = (view.camera.center(), view.camera.forward());
-            for (ray, depth) in view.rays().zip(&view.depth) {
-                let Some((way, _)) = self.met(center, ray) else { continue };
-                let off = f64::from(*depth) / (way * ray.dot(forward)) - 1.0;
-                below += u64::from(off > FLOOR_THICKNESS || *depth == 0.0);
-                there += u64::from(off.abs() <= FLOOR_THICKNESS && *depth > 0.0);
-            }
-        }
-        below as f64 > LOST_FLOOR_SHARE * (there + below) as f64
-    }
-
     /// Returns the distance along a ray (of length 1) to it, and the share of that over which the
     /// ray is in its slab; `None` if it is not met, or where it is not known.
     pub(super) fn met(&self, from: DVec3, ray: DVec3) -> Option<(f64, f64)> {
@@ -140,42 +117,5 @@ impl FloorPlane {
         let way = above / falls;
         let is_met = above > 0.0 && falls > 0.0 && (from + way * ray).distance(self.point) < self.reach;
         is_met.then_some((way, self.slab / above))
-    }
-}
-
-impl PhotoView {
-    /// [`PhotoView::stop_at`] of all views.
-    #[must_use]
-    pub fn stopped_at(views: &[Self], floors: &[FloorPlane]) -> Vec<Self> {
-        map(views.len(), |index| {
-            let mut view = views[index].clone();
-            view.stop_at(floors);
-            view
-        })
-    }
-
-    /// Brings what is seen below the floors of a walk onto them, along its ray, what is not there
-    /// at all, and what is a little above.
-    pub(crate) fn stop_at(&mut self, floors: &[FloorPlane]) {
-        let (center, forward) = (self.camera.center(), self.camera.forward());
-        let is_near = |floor: &&FloorPlane| {
-            let off = floor.point - center;
-            off.length() < EXAMINED_REACH * floor.reach && off.dot(forward) > -floor.reach
-        };
-        self.floors = floors.iter().filter(is_near).copied().collect();
-        self.on = vec![0; self.depth.len()];
-        if self.floors.is_empty() {
-            return;
-        }
-        let rays: Vec<DVec3> = self.rays().collect();
-        for (pixel, ray) in rays.into_iter().enumerate() {
-            let stops = (1..).zip(&self.floors).filter_map(|(k, floor)| Some((k, floor.met(center, ray)?)));
-            let Some((k, (way, slab))) = stops.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { continue };
-            let (depth, stop) = (&mut self.depth[pixel], way * ray.dot(forward));
-            if *depth == 0.0 || f64::from(*depth) > stop * (1.0 - slab) {
-                *depth = stop as f32;
-                self.on[pixel] = k;
-            }
-        }
     }
 }

@@ -12,31 +12,19 @@
 //! fitted in rounds: points that lie off the last surface weigh less, those above it sooner than
 //! those below.
 
-use super::FloorPlane;
-use super::photo_view::PhotoView;
-use crate::dome::level_matrix;
+use super::floor::FloorPlane;
 use crate::threads::map;
 use glam::{DMat3, DVec3};
-use std::sync::Arc;
 
 /// Width of the finest lattice, m, and nodes along a side at most.
 const FINEST: f64 = 1.0;
 const NODES: usize = 512;
 /// Largest distance of ground from the centre of the cameras, m.
-const MAX_GROUND_DISTANCE_M: f64 = 400.0;
-/// Each so many pixels of a row and of a column give a point, and so many of those that are no
-/// farther apart than this, m.
-const STRIDES: [usize; 2] = [2, 4];
-const DENSE: f64 = 0.1;
-/// Least cosine between a point's normal and up.
-const LEVEL: f64 = 0.75;
+pub(super) const MAX_GROUND_DISTANCE_M: f64 = 400.0;
 /// Points that weigh as much as the coarser lattice does.
 const PRIOR: f32 = 4.0;
 /// Distances above and below the last surface at which points count no more, m, in each round.
 const ROUNDS: [[f32; 2]; 5] = [[f32::INFINITY; 2], [6.0, 18.0], [2.5, 7.0], [1.0, 2.0], [0.5, 0.7]];
-/// Least weight of all points of a ground, and the weight of one under a camera, which is exact.
-const FEWEST: f32 = 100.0;
-const FOOT: f32 = 16.0;
 /// Height of cameras that a person carries, m, and the share by which most differ in it at most.
 const CARRIED: std::ops::Range<f64> = 0.8..3.0;
 const MAX_HEIGHT_SPREAD: f64 = 0.4;
@@ -76,7 +64,7 @@ pub struct GroundField {
     height: Vec<f32>,
     doubt: Vec<f32>,
     /// True if people carried the cameras over it, or a car did.
-    is_path: bool,
+    pub(super) is_path: bool,
 }
 
 /// A camera above the ground.
@@ -156,48 +144,9 @@ impl Lattice {
 }
 
 impl GroundField {
-    /// Puts what views show of the ground at a grazing angle onto the ground that all of them show.
-    #[must_use]
-    pub fn snap(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> Vec<PhotoView> {
-        let Some(field) = Self::new(views, up, metres_per_unit) else { return views.to_vec() };
-        let field = Arc::new(field);
-        map(views.len(), |index| views[index].clone().snapped_to(&field))
-    }
-
-    /// Builds the field from what cameras see; `None` where they see next to no level surface.
-    /// Under cameras that were carried over it at one height it is that far below them.
-    fn new(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> Option<Self> {
-        let level = level_matrix(up);
-        let cameras: Vec<DVec3> =
-            views.iter().map(|view| level * view.camera.center() * metres_per_unit).collect();
-        let middle = cameras.iter().sum::<DVec3>() / cameras.len().max(1) as f64;
-        let found = map(views.len(), |index| {
-            let mut points = Vec::new();
-            let stride = |apart: f64| STRIDES[usize::from(apart * metres_per_unit < DENSE)];
-            views[index].each_level_point(stride, DVec3::from_array(up), LEVEL, |point, stride| {
-                let off = level * point * metres_per_unit - middle;
-                if off.truncate().length() < MAX_GROUND_DISTANCE_M {
-                    // It stands for those that are left out.
-                    let weight = (stride / STRIDES[0]).pow(2) as f32;
-                    points.push((off.as_vec3().to_array(), weight));
-                }
-            });
-            points
-        });
-        let mut points: Vec<([f32; 3], f32)> = found.concat();
-        if points.iter().map(|(_, weight)| weight).sum::<f32>() < FEWEST {
-            return None;
-        }
-        let field = Self::fit(level, metres_per_unit, middle, &points);
-        let Some(height) = field.carried_at(&cameras) else { return Some(field) };
-        let feet = cameras.iter().map(|camera| *camera - middle - DVec3::new(0.0, 0.0, height));
-        points.extend(feet.map(|foot| (foot.as_vec3().to_array(), FOOT)));
-        Some(Self { is_path: true, ..Self::fit(level, metres_per_unit, middle, &points) })
-    }
-
     /// The height at which cameras (level axes, m) were carried by a person, m; `None` if they were
     /// not.
-    fn carried_at(&self, cameras: &[DVec3]) -> Option<f64> {
+    pub(super) fn carried_at(&self, cameras: &[DVec3]) -> Option<f64> {
         let known = |camera: &&DVec3| {
             self.place(**camera).is_some_and(|place| self.mean(&self.doubt, place) < DOUBTFUL)
         };
@@ -210,7 +159,7 @@ impl GroundField {
     }
 
     /// Fits points (level axes from `middle`, m) with their weights.
-    fn fit(level: DMat3, metres_per_unit: f64, middle: DVec3, points: &[([f32; 3], f32)]) -> Self {
+    pub(super) fn fit(level: DMat3, metres_per_unit: f64, middle: DVec3, points: &[([f32; 3], f32)]) -> Self {
         let reach = reach(points);
         let side = ((2.0 * reach / FINEST) as usize + 2).min(NODES);
         let spacing = 2.0 * reach / (side - 1) as f64;

@@ -1,7 +1,7 @@
 //! Levels discs onto the surface through those about them.
 
 use super::cubes::Disc;
-use super::places::PlaceMap;
+use crate::point_grid::PlaceMap;
 use crate::threads::map;
 use fearless_simd::{Select, Simd, SimdBase, f32x8};
 use glam::{DVec3, IVec3};

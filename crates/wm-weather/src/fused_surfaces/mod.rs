@@ -19,15 +19,15 @@ mod backing;
 mod cubes;
 mod floor;
 mod ground_field;
+mod ground_views;
 mod level;
 mod normals;
 mod photo_view;
-pub(crate) mod places;
 #[cfg(test)]
 mod tests;
 
-use crate::cover::surfel;
 use crate::optics::Site;
+use crate::surfel::surfel;
 use crate::threads::map;
 use cubes::Disc;
 pub use floor::FloorPlane;

@@ -1,6 +1,5 @@
 //! Normals of a picture of depth, from the planes through each pixel and those about it.
 
-use super::PhotoView;
 use glam::DVec3;
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
@@ -27,16 +26,16 @@ pub(super) struct InverseDepths {
 type Planes = [[f32; LANES]; 3];
 
 impl InverseDepths {
-    pub(crate) fn new(view: &PhotoView) -> Self {
-        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+    pub(crate) fn new(camera: Camera, depth: &[f32]) -> Self {
+        let (width, height) = (camera.width as usize, camera.height as usize);
         let stride = width + LANES;
         let mut values = vec![0.0; stride * height];
-        for (row, depths) in values.chunks_mut(stride).zip(view.depth.chunks(width.max(1))) {
+        for (row, depths) in values.chunks_mut(stride).zip(depth.chunks(width.max(1))) {
             for (value, depth) in row.iter_mut().zip(depths) {
                 *value = if *depth > 0.0 { depth.recip() } else { 0.0 };
             }
         }
-        Self { camera: view.camera, values, stride }
+        Self { camera, values, stride }
     }
 
     /// The normals of a row of pixels, world axes, length 1, of either sign; `None` at edges and

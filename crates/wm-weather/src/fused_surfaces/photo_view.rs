@@ -1,6 +1,6 @@
 //! The surface that one photo's camera sees, and its evidence about points.
 
-use super::FloorPlane;
+use super::floor::FloorPlane;
 use super::ground_field::GroundField;
 use super::normals::InverseDepths;
 use glam::DVec3;
@@ -8,6 +8,11 @@ use std::sync::Arc;
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
+/// Width of the smallest cubes, m, and how often it may double.
+pub(super) const CUBE: f64 = 0.12;
+pub(super) const DOUBLED: u32 = 4;
+/// Width of cubes in distances between pixels.
+pub(super) const PIXELS: f64 = 1.5;
 /// Distance in front of the surface from which a point is seen through, as a share of the ray's
 /// length, and m.
 const BEFORE: [f64; 2] = [0.1, 0.1];
@@ -38,6 +43,11 @@ pub struct PhotoView {
 
 /// A pixel that shows the ground field, in the place of the number of a floor.
 const ON_FIELD: u16 = u16::MAX;
+
+/// Returns true if pixels of this width, m, are fused.
+pub(super) fn is_near(width: f64) -> bool {
+    PIXELS * width <= CUBE * f64::from(1 << DOUBLED)
+}
 
 /// The evidence of one camera about a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +85,7 @@ impl ViewEvidence {
         if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
             Word::Through { floor }
         } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit
-            && super::cubes::is_near(z * self.camera.widest_pixel() * metres_per_unit)
+            && is_near(z * self.camera.widest_pixel() * metres_per_unit)
         {
             Word::Seen { floor }
         } else {
@@ -185,7 +195,7 @@ impl PhotoView {
         cosine: f64,
         mut work: impl FnMut(DVec3, usize),
     ) {
-        let (inverse_depths, path) = (InverseDepths::new(self), SimdPath::widest());
+        let (inverse_depths, path) = (InverseDepths::new(self.camera, &self.depth), SimdPath::widest());
         let (width, widest) = (self.camera.width as usize, self.camera.widest_pixel());
         for y in 0..self.camera.height as usize {
             let stride_at = |x: usize| stride(f64::from(self.depth[y * width + x]) * widest);
@@ -218,7 +228,7 @@ impl PhotoView {
     pub(super) fn each_spot(&self, cube: f64, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
-        let (inverse_depths, path) = (InverseDepths::new(self), SimdPath::widest());
+        let (inverse_depths, path) = (InverseDepths::new(self.camera, &self.depth), SimdPath::widest());
         let mut normals = Vec::new();
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
             if x == 0 {

@@ -1,14 +1,15 @@
 //! The drops on the glass at an instant.
 
-use super::{Glass, GlassRain};
+use super::flux::GlassRain;
+use super::glass::Glass;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_base::random::{RandomSequence, bits};
 
 /// Sides of the cells in which sitting and running drops land, m. A slot of their clocks is as long
 /// as one lands in a cell.
-const CELL: f64 = 0.01;
-const RUN_CELL: f64 = 0.04;
+pub(super) const CELL: f64 = 0.01;
+pub(super) const RUN_CELL: f64 = 0.04;
 /// Share of the glass that all drops would cover which have landed in the time that is looked back.
 /// Older ones have become part of others.
 const COVERED_SHARE: f64 = 0.35;
@@ -186,7 +187,7 @@ impl WipeTimes {
 
 /// Landings of cells of one size: calls `take` with the place, the count of the clock and the
 /// random numbers of each that is between two counts, in the part `rows` of the cells' rows.
-fn landings(
+pub(super) fn landings(
     seed: u64,
     cell: f64,
     columns: [i64; 2],
@@ -225,8 +226,18 @@ fn poisson(share: f64) -> u32 {
 }
 
 /// Rows or columns of cells between two bounds, m.
-fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
+pub(super) fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
     [from, to].map(|v| (v / cell).floor() as i64)
+}
+
+/// What `make` finds in each row from the first to the last, on all threads.
+fn in_rows<T: Send>(ends: [i64; 2], make: impl Fn(i64, &mut Vec<T>) + Sync + Send) -> Vec<Vec<T>> {
+    let row = |row| {
+        let mut found = Vec::new();
+        make(row, &mut found);
+        found
+    };
+    (ends[0]..=ends[1]).into_par_iter().map(row).collect()
 }
 
 /// Number of the latest small drops, a m^2, that are looked back for: older ones have become part
@@ -270,19 +281,14 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
     let runs_from = rain.landed(rain.time_of_small(small_from)).running.max(landed.running - MOST_RUNS);
     let [first, last] = cells(bounds[0][1] - reach, bounds[1][1], RUN_CELL);
     let columns = cells(bounds[0][0] - 0.01, bounds[1][0] + 0.01, RUN_CELL);
-    let runs: Vec<Vec<Run>> = (first..=last)
-        .into_par_iter()
-        .map(|row| {
-            let mut runs = Vec::new();
-            let key = bits(glass.seed, 0x7275_6e73);
-            landings(key, RUN_CELL, columns, row, [runs_from, landed.running], |at, count, mut random| {
-                let time = rain.time_of_running(count);
-                let radius = rain.radius(time, random.uniform(), true);
-                runs.push(Run::new(glass, at, time, radius, &mut random));
-            });
-            runs
-        })
-        .collect();
+    let runs: Vec<Vec<Run>> = in_rows([first, last], |row, runs| {
+        let key = bits(glass.seed, 0x7275_6e73);
+        landings(key, RUN_CELL, columns, row, [runs_from, landed.running], |at, count, mut random| {
+            let time = rain.time_of_running(count);
+            let radius = rain.radius(time, random.uniform(), true);
+            runs.push(Run::new(glass, at, time, radius, &mut random));
+        });
+    });
 
     let longest = (bounds[1][0] - bounds[0][0]).max(bounds[1][1] - bounds[0][1]);
     let mut wiped = WipeTimes::new(bounds, glass.runs_from.max(longest / 256.0), now);
@@ -344,62 +350,32 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
 
     let [first, last] = cells(bounds[0][1], bounds[1][1], CELL);
     let columns = cells(bounds[0][0], bounds[1][0], CELL);
-    let sitting: Vec<Vec<GlassDrop>> = (first..=last)
-        .into_par_iter()
-        .map(|row| {
-            let mut sitting = Vec::new();
-            let key = bits(glass.seed, 0x6472_6f70);
-            landings(key, CELL, columns, row, [small_from, landed.small], |at, count, mut random| {
-                let life = 0.5 + 0.5 * random.uniform();
-                let age = landed.small - count;
-                if age > span * life || !on_glass(at) {
-                    return;
-                }
-                let time = rain.time_of_small(count);
-                if wiped.wipes(at, time) {
-                    return;
-                }
-                let radius = left(rain.radius(time, random.uniform(), false), time, age, life);
-                if radius <= 0.0 {
-                    return;
-                }
-                let aspect = 0.92 + 0.2 * random.uniform();
-                sitting.push(GlassDrop { at, radius, aspect });
-                if radius > ROUND_RADIUS_M && random.uniform() < 0.6 {
-                    let (sin, cos) = (TAU * random.uniform()).sin_cos();
-                    let (far, share) = (0.6 * radius, 0.45 + 0.3 * random.uniform());
-                    let at = [at[0] + far * cos, at[1] + far * sin];
-                    sitting.push(GlassDrop { at, radius: share * radius, aspect });
-                }
-            });
-            sitting
-        })
-        .collect();
+    let sitting: Vec<Vec<GlassDrop>> = in_rows([first, last], |row, sitting| {
+        let key = bits(glass.seed, 0x6472_6f70);
+        landings(key, CELL, columns, row, [small_from, landed.small], |at, count, mut random| {
+            let life = 0.5 + 0.5 * random.uniform();
+            let age = landed.small - count;
+            if age > span * life || !on_glass(at) {
+                return;
+            }
+            let time = rain.time_of_small(count);
+            if wiped.wipes(at, time) {
+                return;
+            }
+            let radius = left(rain.radius(time, random.uniform(), false), time, age, life);
+            if radius <= 0.0 {
+                return;
+            }
+            let aspect = 0.92 + 0.2 * random.uniform();
+            sitting.push(GlassDrop { at, radius, aspect });
+            if radius > ROUND_RADIUS_M && random.uniform() < 0.6 {
+                let (sin, cos) = (TAU * random.uniform()).sin_cos();
+                let (far, share) = (0.6 * radius, 0.45 + 0.3 * random.uniform());
+                let at = [at[0] + far * cos, at[1] + far * sin];
+                sitting.push(GlassDrop { at, radius: share * radius, aspect });
+            }
+        });
+    });
     found.extend(sitting.into_iter().flatten());
     found
-}
-
-/// Drops that land on a part of the glass, m, from one instant to another and do not run because
-/// they grew on it.
-#[cfg(test)]
-pub(super) fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], times: [f64; 2]) -> usize {
-    let [from, to] = times;
-    let rain = &glass.rain;
-    let inside = |at: [f64; 2]| (0..2).all(|k| (bounds[0][k]..bounds[1][k]).contains(&at[k]));
-    let [before, after] = [from, to].map(|time| rain.landed(time));
-    let mut number = 0;
-    for (name, cell, counts, runs) in [
-        (0x6472_6f70, CELL, [before.small, after.small], false),
-        (0x7275_6e73, RUN_CELL, [before.running, after.running], true),
-    ] {
-        let [first, last] = cells(bounds[0][1], bounds[1][1], cell);
-        let columns = cells(bounds[0][0], bounds[1][0], cell);
-        for row in first..=last {
-            landings(bits(glass.seed, name), cell, columns, row, counts, |at, count, mut random| {
-                let grew = runs && random.uniform() < rain.grown(rain.time_of_running(count));
-                number += usize::from(inside(at) && !grew);
-            });
-        }
-    }
-    number
 }

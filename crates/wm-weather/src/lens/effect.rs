@@ -1,9 +1,9 @@
 //! The glass over a finished picture.
 
-use super::Glass;
-use super::drops::drops;
+use super::drops::{drops, looked_for};
 use super::geometry::GlassView;
-use super::layer::{DropLayer, LayerScale};
+use super::glass::Glass;
+use super::layer::{DropLayer, LayerScale, MIN_RADIUS_PX};
 use super::veil::Haze;
 use super::wide::WideView;
 use crate::linear_picture::convert;
@@ -19,6 +19,38 @@ pub struct LensEffect<'a> {
     pub glass: &'a Glass,
     /// The camera of the picture.
     pub camera: &'a Camera,
+}
+
+/// Most drops on the glass before a camera.
+const MOST_DROPS: f64 = 3e7;
+
+impl Glass {
+    /// Checks that a camera has no more than `MOST_DROPS` drops before it.
+    ///
+    /// # Errors
+    /// One line with their number and what helps.
+    pub fn check(&self, camera: &Camera) -> Result<(), String> {
+        let Some([low, high]) = self.part_with_drops(camera) else { return Ok(()) };
+        let count = (high[0] - low[0]) * (high[1] - low[1]) * looked_for(self);
+        if count <= MOST_DROPS {
+            return Ok(());
+        }
+        Err(format!(
+            "lens: {count:.1e} drops on the glass before this camera, more than {MOST_DROPS:e}: set larger drops (lens.size), \
+             a nearer glass (lens.distance) or a narrower view"
+        ))
+    }
+
+    /// The part of the glass where drops are large enough to be seen: its least and greatest
+    /// corner, m from the point on the view's axis. `None` if there is no such part.
+    pub(super) fn part_with_drops(&self, camera: &Camera) -> Option<[[f64; 2]; 2]> {
+        if self.rain.is_dry(self.time) {
+            return None;
+        }
+        let least = MIN_RADIUS_PX * LayerScale::before(self, camera).pixels as f64;
+        let [low, high] = GlassView::new(self, camera).part_with(self.rain.widest(), least, camera)?.bounds;
+        Some([low.map(|v| v - self.aperture), high.map(|v| v + self.aperture)])
+    }
 }
 
 impl PictureEffect for LensEffect<'_> {

@@ -73,7 +73,7 @@ type Quantiles = [f32; QUANTILES + 1];
 
 /// A time of even rain.
 #[derive(Clone, Debug, PartialEq)]
-struct Segment {
+pub(super) struct Segment {
     begin: f64,
     /// Landed until then.
     landed: LandedDrops,
@@ -84,7 +84,7 @@ struct Segment {
     /// Mean area of the foot of a drop that sits, m^2.
     area: f64,
     /// Share of the running drops that grew on the glass.
-    grown: f64,
+    pub(super) grown: f64,
 }
 
 /// The rain that lands on a glass over time: clocks that count drops.
@@ -152,7 +152,7 @@ impl GlassRain {
         Self { segments }
     }
 
-    fn segment(&self, time: f64) -> &Segment {
+    pub(super) fn segment(&self, time: f64) -> &Segment {
         &self.segments[self.segments.partition_point(|segment| segment.begin <= time).max(1) - 1]
     }
 
@@ -200,13 +200,6 @@ impl GlassRain {
     pub(crate) fn widest(&self) -> f64 {
         let radii = self.segments.iter().flat_map(|segment| segment.radii.iter().flatten());
         f64::from(radii.copied().fold(0.0, f32::max))
-    }
-
-    /// Share of the running drops of an instant that grew on the glass instead of landing as large:
-    /// those with the least share.
-    #[cfg(test)]
-    pub(super) fn grown(&self, time: f64) -> f64 {
-        self.segment(time).grown
     }
 
     /// Mean area of the foot of a drop that sits, m^2; the greatest of all times.

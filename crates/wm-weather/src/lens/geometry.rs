@@ -1,6 +1,6 @@
 //! Projection of the points of a tilted glass into a camera's picture, and back.
 
-use super::Glass;
+use super::glass::Glass;
 use wm_scene::Camera;
 
 /// Farthest part of the glass that counts, distances: beyond it a tilted plane is no windscreen any

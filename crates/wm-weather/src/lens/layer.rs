@@ -5,9 +5,9 @@
 //! distance from the middle in radii, and water is where the sum is as great as on the rim of a
 //! single one. The slope is that of a cap for a single drop, and goes over where drops meet.
 
-use super::Glass;
 use super::drops::GlassDrop;
 use super::geometry::GlassView;
+use super::glass::Glass;
 use super::wide::WideView;
 use crate::water::WATER_INDEX;
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};

@@ -1,13 +1,38 @@
-use super::drops::{GlassDrop, count_landings, drops};
+use super::drops::{CELL, GlassDrop, RUN_CELL, cells, drops, landings};
 use super::geometry::GlassView;
 use super::layer::{DropLayer, LayerScale};
 use super::veil::Haze;
 use super::wide::WideView;
 use super::*;
 use std::f64::consts::PI;
+use wm_base::random::bits;
 use wm_render::Frame;
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
+
+/// Drops that land on a part of the glass, m, from one instant to another and do not run because
+/// they grew on it.
+fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], times: [f64; 2]) -> usize {
+    let [from, to] = times;
+    let rain = &glass.rain;
+    let inside = |at: [f64; 2]| (0..2).all(|k| (bounds[0][k]..bounds[1][k]).contains(&at[k]));
+    let [before, after] = [from, to].map(|time| rain.landed(time));
+    let mut number = 0;
+    for (name, cell, counts, runs) in [
+        (0x6472_6f70, CELL, [before.small, after.small], false),
+        (0x7275_6e73, RUN_CELL, [before.running, after.running], true),
+    ] {
+        let [first, last] = cells(bounds[0][1], bounds[1][1], cell);
+        let columns = cells(bounds[0][0], bounds[1][0], cell);
+        for row in first..=last {
+            landings(bits(glass.seed, name), cell, columns, row, counts, |at, count, mut random| {
+                let grew = runs && random.uniform() < rain.segment(rain.time_of_running(count)).grown;
+                number += usize::from(inside(at) && !grew);
+            });
+        }
+    }
+    number
+}
 
 const CONTACT: f64 = 55.0 * PI / 180.0;
 

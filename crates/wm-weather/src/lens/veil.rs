@@ -1,7 +1,7 @@
 //! Dirt on the glass, and the veil of bright sources, on a coarse grid over the picture.
 
-use super::Glass;
 use super::geometry::GlassView;
+use super::glass::Glass;
 use super::wide::WideView;
 use rayon::prelude::*;
 use wm_base::random::bits;

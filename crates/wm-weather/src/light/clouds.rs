@@ -6,7 +6,7 @@
 //! the ray to the sun meets the clouds' height. It is a function of the seed and of how far the air
 //! has come.
 
-use crate::dome::{level_axes, to_level};
+use crate::level::{level_axes, to_level};
 use crate::optics::Site;
 use glam::Vec3;
 use std::f64::consts::TAU;
@@ -66,13 +66,13 @@ impl CloudShadows {
         let middle = Vec3::from_array(center.map(|v| v as f32));
         let first: [i64; 2] =
             std::array::from_fn(|k| (f64::from(axes[k].dot(middle)) + raise[k]).floor() as i64 - NODES / 2);
-        let field = CloudField::new(seed);
+        let waves = waves(seed);
         let threshold = quantile(1.0 - clouds);
         let table = (0..NODES * NODES)
             .map(|at| {
                 let node = [at % NODES + first[0], at / NODES + first[1]];
                 let [u, v] = [0, 1].map(|k: usize| node[k] as f64 * SPACING + slide[k] * HEIGHT - drift[k]);
-                let above = (field.at([u, v]) - threshold) / EDGE;
+                let above = (noise(&waves, [u, v]) - threshold) / EDGE;
                 let share = (0.5 - 0.5 * above).clamp(0.0, 1.0);
                 (share * share * (3.0 - 2.0 * share)) as f32
             })
@@ -98,29 +98,22 @@ impl CloudShadows {
     }
 }
 
-/// The waves.
-struct CloudField {
-    /// Wave vector, rad/m, and phase.
-    waves: Vec<([f64; 2], f64)>,
+/// Wave vectors, rad/m, and phases.
+fn waves(seed: u64) -> Vec<([f64; 2], f64)> {
+    let wave = |index: u64| {
+        let at = |k: u64| uniform(seed ^ 0xc10d_5ade, 3 * index + k);
+        let length = LENGTHS[0] * (LENGTHS[1] / LENGTHS[0]).powf(at(0));
+        let (sin, cos) = (TAU * at(1)).sin_cos();
+        ([cos, sin].map(|v| v * TAU / length), TAU * at(2))
+    };
+    (0..WAVES).map(wave).collect()
 }
 
-impl CloudField {
-    fn new(seed: u64) -> Self {
-        let wave = |index: u64| {
-            let at = |k: u64| uniform(seed ^ 0xc10d_5ade, 3 * index + k);
-            let length = LENGTHS[0] * (LENGTHS[1] / LENGTHS[0]).powf(at(0));
-            let (sin, cos) = (TAU * at(1)).sin_cos();
-            ([cos, sin].map(|v| v * TAU / length), TAU * at(2))
-        };
-        Self { waves: (0..WAVES).map(wave).collect() }
-    }
-
-    /// Value of the noise at a place, m: mean 0, variance 1.
-    fn at(&self, point: [f64; 2]) -> f64 {
-        let [x, y] = point;
-        let sum: f64 = self.waves.iter().map(|([a, b], phase)| (a * x + b * y + phase).cos()).sum();
-        sum * (2.0 / WAVES as f64).sqrt()
-    }
+/// Value of the noise of waves at a place, m: mean 0, variance 1.
+fn noise(waves: &[([f64; 2], f64)], point: [f64; 2]) -> f64 {
+    let [x, y] = point;
+    let sum: f64 = waves.iter().map(|([a, b], phase)| (a * x + b * y + phase).cos()).sum();
+    sum * (2.0 / WAVES as f64).sqrt()
 }
 
 /// The quantile of the normal distribution.

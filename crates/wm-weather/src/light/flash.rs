@@ -114,7 +114,7 @@ impl FlashLight {
     pub(crate) fn new(flash: &Flash, display: f64, axes: &[[f64; 3]; 3]) -> Self {
         let level = (1.0 - flash.sin * flash.sin).sqrt();
         let (sin, cos) = flash.azimuth.sin_cos();
-        let direction = crate::dome::from_level(axes, [level * cos, level * sin, flash.sin]);
+        let direction = crate::level::from_level(axes, [level * cos, level * sin, flash.sin]);
         Self {
             direction: Vec3::from_array(direction.map(|v| v as f32)),
             level: Vec3::from_array(TINT.map(|v| (v * flash.lux * display) as f32)),

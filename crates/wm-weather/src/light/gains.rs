@@ -109,7 +109,7 @@ impl LightGains {
                     return MovingSplat::default();
                 }
                 let open = capture.surface(index, up).open[0];
-                MovingSplat::new(points[index], capture.normal(index), open, &light(index))
+                light(index).moving(points[index], capture.normal(index), open)
             })
         });
         let mut sky = Vec::new();
@@ -154,7 +154,7 @@ impl LightGains {
         let moving = if moves {
             map(placed.len(), |index| {
                 let open = placed.surface(index, capture, up, shadows).open[0];
-                MovingSplat::new(placed.point(index), placed.normal(index), open, &light(index))
+                light(index).moving(placed.point(index), placed.normal(index), open)
             })
         } else {
             Vec::new()
@@ -260,13 +260,13 @@ impl SplatAttributes for FrameGains<'_> {
 
 /// The irradiances of a splat, before and after.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SplatIrradiances {
+struct SplatIrradiances {
     /// In the capture.
-    pub(crate) before: [f64; 3],
+    before: [f64; 3],
     /// By the sky, by other surfaces and by lamps.
-    pub(crate) sky: [f64; 3],
+    sky: [f64; 3],
     /// By the beam of the sun.
-    pub(crate) beam: [f64; 3],
+    beam: [f64; 3],
 }
 
 impl SplatIrradiances {
@@ -290,9 +290,11 @@ impl SplatIrradiances {
         })
     }
 
-    /// Gain by an irradiance of 1 in one channel.
-    pub(crate) fn per_unit(&self, k: usize) -> f64 {
-        self.untinted(k, 1.0) / luminance(self.before).max(MIN_IRRADIANCE)
+    /// The splat for light that changes from frame to frame.
+    fn moving(&self, point: [f32; 3], normal: Vec3, open: f64) -> MovingSplat {
+        // By an irradiance of 1.
+        let gain = |k| self.untinted(k, 1.0) / luminance(self.before).max(MIN_IRRADIANCE);
+        MovingSplat::new(point, normal, open, std::array::from_fn(gain), self.beam)
     }
 
     /// The factor that takes the tint of a channel away, for new light of this tint.

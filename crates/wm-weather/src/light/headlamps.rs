@@ -1,7 +1,7 @@
 //! Headlamps of the car that carries the camera: low beams, whose light falls from beside the
 //! viewer, so that rain and fog are lit from there and shadows hardly show.
 
-use super::lamps::{LampKind, LampLight, black_body};
+use super::lamps::{LampKind, LampLight, black_body, headlamp_beam};
 use crate::optics::Site;
 use glam::{DVec3, Vec3};
 use wm_scene::Camera;
@@ -11,14 +11,6 @@ use wm_scene::Camera;
 const INTENSITY: f64 = 22_000.0;
 /// Colour, K.
 const KELVIN: f64 = 5_000.0;
-/// Standard deviations of the beam to the sides and downwards, and where it is brightest, as
-/// tangents.
-const BEAM_WIDTH: f32 = 0.33;
-const BEAM_HEIGHT: f32 = 0.11;
-const BEAM_DIP: f32 = -0.02;
-/// Width of the cut-off above the horizon, as a tangent, and the share of stray light above it.
-const CUT_OFF: f32 = 0.008;
-const STRAY: f32 = 0.012;
 /// Place from the camera: ahead and below, m.
 const LAMP_AHEAD_M: f64 = 1.2;
 const LAMP_BELOW_M: f64 = 0.6;
@@ -62,21 +54,6 @@ impl Headlamps {
         }
     }
 
-    /// The share of the intensity that goes along an offset, by its part forwards, to the right and
-    /// up.
-    #[inline]
-    fn share(forward: f32, right: f32, up: f32) -> f32 {
-        if forward <= 0.0 {
-            return 0.0;
-        }
-        let (side, rise) = (right / forward, up / forward);
-        let below = ((rise - BEAM_DIP) / BEAM_HEIGHT).powi(2);
-        // The beam ends at the horizon, softly.
-        let cut = 1.0 / (1.0 + ((rise / CUT_OFF).clamp(-30.0, 30.0)).exp());
-        let wide = (-0.5 * (side / BEAM_WIDTH).powi(2)).exp();
-        wide * (cut * (-0.5 * below).exp() + STRAY * (-2.0 * rise.abs()).exp())
-    }
-
     /// Irradiance of a surface (world axes, scene units), in the unit of the light. A normal of
     /// zero is that of leaves.
     #[inline]
@@ -88,7 +65,7 @@ impl Headlamps {
         if incidence <= 0.0 {
             return Vec3::ZERO;
         }
-        let share = Self::share(along(self.forward), along(self.right), along(self.up));
+        let share = headlamp_beam(along(self.forward), along(self.right), along(self.up));
         self.intensity * (self.display * share * incidence / squared)
     }
 
@@ -105,12 +82,6 @@ impl Headlamps {
             radius: 1.0,
             kind: LampKind::Headlamps,
         }
-    }
-
-    /// The share of [`LampKind::Headlamps`] in a direction of length 1, with `up` of length 1.
-    #[inline]
-    pub(super) fn share_towards(direction: Vec3, forward: Vec3, up: Vec3) -> f32 {
-        Self::share(direction.dot(forward), direction.dot(forward.cross(up)), direction.dot(up))
     }
 }
 

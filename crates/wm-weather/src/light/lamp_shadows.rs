@@ -10,7 +10,7 @@
 use super::capture::CaptureLight;
 use super::lamps::{LampKind, LampLight, LampLights};
 use super::quantile::median;
-use crate::dome::level_axes;
+use crate::level::level_axes;
 use crate::optics::Site;
 use crate::threads::map;
 use fearless_simd::{Select, SimdBase, SimdFloat};

@@ -4,10 +4,10 @@
 use super::lamp_glow::{LampGlow, LampsOn};
 use super::lamp_shadows::DepthCube;
 use super::{CaptureLight, KnownSun, LampLight, LampLights, LampShadows, NearSplats, PlacedSurfaces};
-use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{AirLayer, Atmosphere, CapturedSky, Site, sigma_of_mor};
 use crate::shelter::{Occluders, ShelterOptions};
+use crate::surfel::surfel;
 use crate::testing::on_threads;
 use fearless_simd::SimdBase;
 use glam::{DVec3, Vec3};
@@ -265,7 +265,7 @@ fn the_picture_of_a_lamp_holds_its_light() {
         if mor.is_finite() {
             let dim = LampsOn { lights: &[(lamp, None)], display: display as f32 };
             let mut glow = LampGlow::new(&dim, &camera, &fog(mor), &Site::PLAIN, SimdPath::widest());
-            glow.clear_air_light();
+            glow.table.clear();
             let kept = (-2.995_732_273_553_991 / mor * distance).exp();
             assert!((seen(&glow) / (want * kept) - 1.0).abs() < 0.01, "{x} m in fog");
         }

@@ -3,7 +3,6 @@
 //! Intensities are candela by channel with luminance in cd, irradiances lux. A camera at night is
 //! balanced for the lamps about it: colours are those of black bodies beside one of [`BALANCE`].
 
-use super::headlamps::Headlamps;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -20,6 +19,14 @@ const ABOVE_GROUND: f64 = 0.3;
 const ONE_ROOM: f64 = 4.0;
 /// Lowest and highest lamps whose light the ground returns, m.
 const HEIGHTS: [f64; 2] = [1.0, 30.0];
+/// Standard deviations of the beam of headlamps to the sides and downwards, and where it is
+/// brightest, as tangents.
+const BEAM_WIDTH: f32 = 0.33;
+const BEAM_HEIGHT: f32 = 0.11;
+const BEAM_DIP: f32 = -0.02;
+/// Width of the cut-off above the horizon, as a tangent, and the share of stray light above it.
+const CUT_OFF: f32 = 0.008;
+const STRAY: f32 = 0.012;
 
 /// A small source of light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,10 +145,11 @@ impl LampLight {
             return 1.0;
         }
         if self.kind == LampKind::Headlamps {
-            return Headlamps::share_towards(
-                direction,
-                Vec3::from_array(self.axis),
-                Vec3::from_array(self.up),
+            let [forward, up] = [self.axis, self.up].map(Vec3::from_array);
+            return headlamp_beam(
+                direction.dot(forward),
+                direction.dot(forward.cross(up)),
+                direction.dot(up),
             );
         }
         let cos = direction.dot(Vec3::from_array(self.axis));
@@ -157,6 +165,21 @@ impl LampLight {
         let n = f64::from(self.exponent);
         straight * (n + 1.0) / (2.0 * n + 4.0)
     }
+}
+
+/// The share of the intensity of headlamps that goes along an offset, by its part forwards, to the
+/// right and up.
+#[inline]
+pub(super) fn headlamp_beam(forward: f32, right: f32, up: f32) -> f32 {
+    if forward <= 0.0 {
+        return 0.0;
+    }
+    let (side, rise) = (right / forward, up / forward);
+    let below = ((rise - BEAM_DIP) / BEAM_HEIGHT).powi(2);
+    // The beam ends at the horizon, softly.
+    let cut = 1.0 / (1.0 + ((rise / CUT_OFF).clamp(-30.0, 30.0)).exp());
+    let wide = (-0.5 * (side / BEAM_WIDTH).powi(2)).exp();
+    wide * (cut * (-0.5 * below).exp() + STRAY * (-2.0 * rise.abs()).exp())
 }
 
 /// All sources of light of a place.

@@ -17,6 +17,7 @@
 //! light comes from each direction of a clear sky then, and from the sun, both in one unit.
 
 mod capture;
+pub(crate) mod change;
 mod clear_sky;
 mod clouds;
 mod day;
@@ -32,6 +33,7 @@ mod openness;
 mod placed;
 mod places;
 mod quantile;
+mod shadow_casters;
 mod shadow_edges;
 mod sun_search;
 mod sun_shadows;
@@ -41,6 +43,7 @@ mod windows;
 
 pub(crate) use capture::GREEN;
 pub use capture::{CaptureLight, KnownSun};
+pub use change::LightChange;
 pub(crate) use clouds::CloudShadows;
 pub(crate) use day::OpenLight;
 pub use flash::Flash;
@@ -48,15 +51,14 @@ pub(crate) use flash::{FlashLight, Storm};
 pub(crate) use gains::apply_gains;
 pub use gains::{FrameGains, LightCasts, LightGains, NewLight};
 pub(crate) use headlamps::Headlamps;
-pub(crate) use irradiance::{SceneLight, SkyGradation};
 pub(crate) use lamp_glow::LampGlow;
 pub use lamp_glow::{LampsOn, ShadowedLight};
 pub use lamp_shadows::LampShadows;
 pub use lamps::{LampLight, LampLights};
 pub use moving::MovingLight;
 pub use placed::{NearSplats, PlacedSurfaces};
-pub(crate) use places::median_spacing;
-pub use sun_shadows::{ShadowCasters, SunShadows};
+pub use shadow_casters::ShadowCasters;
+pub use sun_shadows::SunShadows;
 pub use windows::window_splats;
 pub(crate) use wm_scene::sun::SunPosition;
 

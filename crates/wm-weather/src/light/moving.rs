@@ -3,7 +3,6 @@
 
 use super::clouds::CloudShadows;
 use super::flash::FlashLight;
-use super::gains::SplatIrradiances;
 use super::headlamps::Headlamps;
 use glam::Vec3;
 
@@ -58,14 +57,14 @@ pub(super) struct MovingSplat {
 }
 
 impl MovingSplat {
-    pub(crate) fn new(point: [f32; 3], normal: Vec3, open: f64, light: &SplatIrradiances) -> Self {
-        let per_unit: [f64; 3] = std::array::from_fn(|k| light.per_unit(k));
+    /// `per_unit` is the gain by an irradiance of 1, and `beam` the irradiance by the sun's.
+    pub(super) fn new(point: [f32; 3], normal: Vec3, open: f64, per_unit: [f64; 3], beam: [f64; 3]) -> Self {
         Self {
             point,
             normal: normal.to_array().map(|v| (127.0 * v).round() as i8),
             open: (255.0 * open).round() as u8,
             per_unit: per_unit.map(|v| v as f32),
-            beam: std::array::from_fn(|k| (per_unit[k] * light.beam[k]) as f32),
+            beam: std::array::from_fn(|k| (per_unit[k] * beam[k]) as f32),
         }
     }
 

@@ -3,9 +3,9 @@
 use super::irradiance::SurfaceLight;
 use super::places::Surfaces;
 use super::sun_search::lifted;
-use crate::dome::{from_level, level_axes};
-use crate::fused_surfaces::places::PlaceMap;
+use crate::level::{from_level, level_axes};
 use crate::optics::Site;
+use crate::point_grid::PlaceMap;
 use crate::shelter::{Occluders, Shelter};
 use crate::threads::map;
 use glam::{IVec3, Vec3};

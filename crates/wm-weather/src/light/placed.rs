@@ -7,8 +7,8 @@
 use super::capture::CaptureLight;
 use super::irradiance::SurfaceLight;
 use super::sun_shadows::SunShadows;
-use crate::fused_surfaces::places::PlaceMap;
 use crate::optics::Site;
+use crate::point_grid::PlaceMap;
 use crate::threads::map;
 use glam::{IVec3, Vec3};
 use wm_scene::splats::shortest_axis;

@@ -1,16 +1,12 @@
 //! The surfaces whose light is split, and what is near each.
 
 use crate::fused_surfaces::FusedSurfaces;
-use crate::fused_surfaces::places::PlaceMap;
-use crate::threads::map;
+use crate::point_grid::{PlaceMap, median_spacing};
 use glam::{IVec3, Vec3};
-use std::ops::Range;
 use wm_base::color::srgb_decode;
 use wm_scene::splats::shortest_axis;
 use wm_scene::{Group, Splats, quat};
 
-/// Surfaces whose nearest neighbour is looked for.
-const SAMPLED: usize = 4000;
 /// Thickness of a flat splat, of either width.
 const FLAT: f64 = 0.4;
 
@@ -91,83 +87,7 @@ fn octant(direction: Vec3) -> u32 {
     if direction == Vec3::ZERO { 8 } else { direction.is_negative_bitmask() }
 }
 
-/// Median distance from a point to the nearest other, as far as `most`.
-pub(crate) fn median_spacing(points: &[Vec3], most: f32) -> f32 {
-    let grid = PointGrid::new(points, most);
-    let asked = points.len().min(SAMPLED);
-    let mut nearest = map(asked, |k| {
-        let index = k * points.len() / asked;
-        let others = grid.near(points[index]).filter(|other| *other != index);
-        others.map(|other| points[other].distance(points[index])).fold(most, f32::min)
-    });
-    let middle = nearest.len() / 2;
-    if nearest.is_empty() { most } else { *nearest.select_nth_unstable_by(middle, f32::total_cmp).1 }
-}
-
 /// The captured light of a splat as all directions see it, linear RGB.
 pub(super) fn light_of(splats: &Splats, index: usize) -> Vec3 {
     Vec3::from_array(splats.base_color(index).map(|v| srgb_decode(v.max(0.0)) as f32))
-}
-
-/// Points by cells of a grid.
-pub(super) struct PointGrid {
-    width: f32,
-    cells: PlaceMap<IVec3, Range<u32>>,
-    order: Vec<u32>,
-}
-
-impl PointGrid {
-    /// Sorts points into cells of this width, or of a millionth of their distance from the origin
-    /// where that is more.
-    pub(crate) fn new(points: &[Vec3], width: f32) -> Self {
-        let farthest = points.iter().map(|point| point.abs().max_element()).fold(0.0, f32::max);
-        let width = width.max(1e-6 * farthest).max(f32::MIN_POSITIVE);
-        let cell = |point: Vec3| (point / width).floor().as_ivec3();
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        let key = |index: &u32| {
-            let IVec3 { x, y, z } = cell(points[*index as usize]);
-            (x, y, z, *index)
-        };
-        order.sort_unstable_by_key(key);
-        let mut cells = PlaceMap::default();
-        let mut first = 0;
-        for run in order.chunk_by(|a, b| cell(points[*a as usize]) == cell(points[*b as usize])) {
-            cells.insert(cell(points[run[0] as usize]), first..first + run.len() as u32);
-            first += run.len() as u32;
-        }
-        Self { width, cells, order }
-    }
-
-    /// The indices of points in the cells within a width of `point`, in a fixed order.
-    pub(crate) fn near(&self, point: Vec3) -> impl Iterator<Item = usize> {
-        let middle = (point / self.width).floor().as_ivec3();
-        let ways =
-            (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| IVec3::new(x, y, z))));
-        ways.filter_map(move |way| self.cells.get(&(middle + way)))
-            .flat_map(|range| &self.order[range.start as usize..range.end as usize])
-            .map(|index| *index as usize)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_grid_finds_what_a_search_of_all_finds() {
-        let points: Vec<Vec3> = (0..500u64)
-            .map(|i| {
-                let at = |k: u64| wm_base::random::uniform(7, 3 * i + k) as f32 * 4.0 - 2.0;
-                Vec3::new(at(0), at(1), at(2))
-            })
-            .collect();
-        let grid = PointGrid::new(&points, 0.5);
-        for point in points.iter().step_by(17) {
-            let mut found: Vec<usize> =
-                grid.near(*point).filter(|i| points[*i].distance(*point) < 0.5).collect();
-            found.sort_unstable();
-            let all: Vec<usize> = (0..500).filter(|i| points[*i].distance(*point) < 0.5).collect();
-            assert_eq!(found, all);
-        }
-    }
 }

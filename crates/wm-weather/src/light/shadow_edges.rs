@@ -7,8 +7,9 @@
 //! that of the light, the sum of `|(c - s) - (c' - s')|` over neighbours is least: a convex
 //! problem, solved by reweighted averages.
 
-use super::places::{PointGrid, Surfaces};
+use super::places::Surfaces;
 use super::sun_search::same_material;
+use crate::point_grid::PointGrid;
 use crate::threads::map;
 use glam::Vec3;
 use wm_base::color::luminance;
@@ -239,7 +240,7 @@ fn log_luminance(light: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cover::surfel;
+    use crate::surfel::surfel;
     use crate::testing::on_threads;
     use glam::DVec3;
     use wm_base::random::uniform;

@@ -7,9 +7,10 @@
 //! patterns score alike whichever way the sun stands, so a direction must do better than all that
 //! are far from it.
 
-use super::places::{PointGrid, Surfaces};
-use crate::dome::{from_level, level_axes};
+use super::places::Surfaces;
+use crate::level::{from_level, level_axes};
 use crate::optics::Site;
+use crate::point_grid::PointGrid;
 use crate::shelter::{Occluders, Shelter};
 use crate::threads::map;
 use glam::{DVec3, Vec3};

@@ -2,10 +2,10 @@
 
 use super::irradiance::{SceneLight, SkyGradation};
 use super::{CaptureLight, KnownSun, LightCasts, LightGains, NewLight, ShadowCasters, SunShadows};
-use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
 use crate::shelter::{Occluders, ShelterOptions};
+use crate::surfel::surfel;
 use crate::testing::{self, on_threads};
 use glam::DVec3;
 use wm_base::color::{luminance, srgb_encode};

@@ -6,9 +6,10 @@
 //! known tells which reflectances there are. Ground that in the sun would have a reflectance which
 //! hardly any of it has, and in the shade one that is common, lies in the shade.
 
-use super::places::{PointGrid, Surfaces};
+use super::places::Surfaces;
 use super::sun_search::{LEVEL, chromaticity, luminance};
 use crate::optics::Site;
+use crate::point_grid::PointGrid;
 use crate::threads::map;
 use glam::{DVec3, Vec3};
 use wm_scene::Camera;

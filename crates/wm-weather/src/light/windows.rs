@@ -1,8 +1,8 @@
 //! Lit windows as surfaces.
 
 use super::lamps::black_body;
-use crate::cover::surfel;
 use crate::optics::Site;
+use crate::surfel::surfel;
 use glam::DVec3;
 use std::f64::consts::PI;
 use wm_base::color::srgb_encode;

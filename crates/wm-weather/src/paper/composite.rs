@@ -16,7 +16,7 @@
 //! colour filter.
 
 use super::fall::PaperFall;
-use crate::effects::ColorGrade;
+use crate::grade::ColorGrade;
 use wm_render::Frame;
 use wm_render::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;

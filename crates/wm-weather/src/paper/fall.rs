@@ -19,8 +19,8 @@
 //! All is a pure function of (seed, number of the thing, time).
 
 use super::fog::PaperFog;
-use crate::dome::{from_level, level_axes, to_level};
-use crate::effects::ColorGrade;
+use crate::grade::ColorGrade;
+use crate::level::{from_level, level_axes, to_level};
 use crate::optics::Site;
 use crate::particles::fall::WindSample;
 use crate::particles::random::RandomSequence;

@@ -12,7 +12,7 @@ use super::random::{RandomSequence, uniform};
 use super::residual::{FADE, MIN_DISTANCE_M};
 use super::spectrum::ParticleShape;
 use super::sway::{self, Sway};
-use crate::dome::{from_level, level_axes, to_level};
+use crate::level::{from_level, level_axes, to_level};
 use crate::light::LampsOn;
 use crate::optics::{AirView, Atmosphere, Site};
 use crate::shelter::Shelter;
@@ -45,16 +45,12 @@ const SLICES: i64 = 6;
 /// Precipitation before a camera.
 pub(crate) struct FallingParticles<'a> {
     precipitation: &'a Precipitation,
-    air: Arc<Atmosphere>,
-    shelter: Option<&'a Shelter>,
-    lamps: Option<&'a LampsOn<'a>>,
+    around: Surroundings<'a>,
     /// Level axes: two level, and up.
     axes: [[f64; 3]; 3],
     metres_per_unit: f64,
-    wind_now: WindSample,
     /// The camera's velocity, m/s along the level axes and up.
     camera: [f64; 3],
-    time: f64,
     radiance: [f32; 3],
     /// Up to where each class is handed over, m; `None` to go by the view's pixels.
     ranges: Option<Vec<f64>>,
@@ -72,34 +68,29 @@ pub(crate) struct WindSample {
     pub(crate) mean: [f64; 2],
 }
 
+/// What particles move in, and from where they are seen.
+#[derive(Clone)]
+pub(crate) struct Surroundings<'a> {
+    pub(crate) site: &'a Site,
+    pub(crate) air: Arc<Atmosphere>,
+    pub(crate) shelter: Option<&'a Shelter>,
+    pub(crate) lamps: Option<&'a LampsOn<'a>>,
+    pub(crate) wind: WindSample,
+    /// Velocity of the camera, m/s, world axes.
+    pub(crate) velocity: [f64; 3],
+    /// The instant, s.
+    pub(crate) time: f64,
+}
+
 impl<'a> FallingParticles<'a> {
-    /// At the instant `time`, s, before a camera that moves with `velocity` (m/s, world axes).
-    #[must_use]
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "what falls, the place, its lights and the motion are independent"
-    )]
-    pub(crate) fn new(
-        precipitation: &'a Precipitation,
-        site: &Site,
-        air: Arc<Atmosphere>,
-        shelter: Option<&'a Shelter>,
-        lamps: Option<&'a LampsOn<'a>>,
-        wind_now: WindSample,
-        velocity: [f64; 3],
-        time: f64,
-    ) -> Self {
-        let axes = level_axes(site.up);
+    pub(crate) fn new(precipitation: &'a Precipitation, around: Surroundings<'a>) -> Self {
+        let axes = level_axes(around.site.up);
         Self {
             precipitation,
-            air,
-            shelter,
-            lamps,
-            metres_per_unit: site.metres_per_unit,
-            wind_now,
-            camera: to_level(&axes, velocity),
+            metres_per_unit: around.site.metres_per_unit,
+            camera: to_level(&axes, around.velocity),
+            around,
             axes,
-            time,
             radiance: precipitation.radiance(),
             ranges: None,
         }
@@ -142,8 +133,8 @@ impl<'a> FallingParticles<'a> {
     fn cone(&self, class: usize, view: &ParticleView, range: f64) -> ViewFrustum {
         let kind = &self.precipitation.classes[class];
         let level = to_level(&self.axes, view.center.map(|v| v * self.metres_per_unit));
-        let [x, y] = self.wind_now.drift;
-        let come = [x, y, -kind.fall_speed * self.time];
+        let [x, y] = self.around.wind.drift;
+        let come = [x, y, -kind.fall_speed * self.around.time];
         let speed = self.relative(kind.fall_speed).iter().map(|v| v * v).sum::<f64>().sqrt();
         let sway = match self.precipitation.kind.shape {
             ParticleShape::Ball => 0.0,
@@ -163,7 +154,7 @@ impl<'a> FallingParticles<'a> {
 
     /// Velocity of what falls at `speed` as the camera sees it, level axes, m/s.
     fn relative(&self, speed: f64) -> [f64; 3] {
-        let [x, y] = self.wind_now.wind;
+        let [x, y] = self.around.wind.wind;
         [x - self.camera[0], y - self.camera[1], -speed - self.camera[2]]
     }
 }
@@ -392,8 +383,8 @@ impl<'a> Brush<'a> {
             density,
             planes: cone.planes.map(|plane| plane.map(|v| v as f32)),
             margin: cone.margin as f32,
-            air: fall.air.seen_from(view.center.map(|v| v as f32)),
-            sway: (this.kind.shape == ParticleShape::Flake).then(|| Sway::new(fall.time)),
+            air: fall.around.air.seen_from(view.center.map(|v| v as f32)),
+            sway: (this.kind.shape == ParticleShape::Flake).then(|| Sway::new(fall.around.time)),
             relative: fall.relative(this.classes[class].fall_speed).map(|v| v as f32),
             units: fall.axes.map(|axis| axis.map(|v| (v / fall.metres_per_unit) as f32)),
             fall,
@@ -499,7 +490,7 @@ impl<'a> Brush<'a> {
             let area = width * width * there / keep * (PI / 4.0 * look.opacity) as f32;
             area.store_slice(&mut group.area[lanes.clone()]);
             let mut radiance = self.fall.radiance.map(|v| simd.set(v));
-            if let Some(lamps) = self.fall.lamps {
+            if let Some(lamps) = self.fall.around.lamps {
                 let [x, y, z] = self.lit_by(lamps, &group, lanes.clone());
                 for (k, light) in [x, y, z].iter().enumerate() {
                     radiance[k] += simd.load(&light[first..]);
@@ -511,7 +502,7 @@ impl<'a> Brush<'a> {
             }
         }
         group.area[self.count..].fill(0.0);
-        if let Some(shelter) = self.fall.shelter {
+        if let Some(shelter) = self.fall.around.shelter {
             for lane in 0..self.count {
                 let at = group.offset.map(|axis| axis[lane]);
                 if !shelter.is_exposed(std::array::from_fn(|k| view.center[k] as f32 + at[k])) {
@@ -564,7 +555,7 @@ impl<'a> Brush<'a> {
             rgb: group.rgb.map(|channel| channel[lane]),
         };
         group.area[lane] = 0.0;
-        let (time, mut draws) = (self.fall.time, RandomSequence::new(u64::from(self.batch.own[lane])));
+        let (time, mut draws) = (self.fall.around.time, RandomSequence::new(u64::from(self.batch.own[lane])));
         let (tilt, turn) = (draws.uniform(), TAU * (draws.uniform() + (draws.uniform() - 0.5) * time));
         let (z, spin) = (2.0 * tilt - 1.0, TAU * (draws.uniform() + (draws.uniform() - 0.5) * time));
         let r = (1.0 - z * z).max(0.0).sqrt();

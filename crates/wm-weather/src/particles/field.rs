@@ -5,7 +5,7 @@
 //! process of that density.
 
 use super::random::{pcg4d, uniform};
-use crate::dome::to_level;
+use crate::level::to_level;
 use fearless_simd::SimdBase;
 use wm_render::hooks::{GROUP, ParticleView};
 use wm_render::simd::{Lanes, log2};

@@ -1,16 +1,13 @@
 //! Falling particles near a sensor that takes no picture, such as a lidar: the same ones that
 //! cameras see.
 
-use super::fall::{DISC, FallingParticles, LINE, WindSample};
+use super::fall::{DISC, FallingParticles, LINE, Surroundings};
 use super::precipitation::{ParticleAppearance, Precipitation};
 use super::spectrum::ParticleShape;
-use crate::optics::{Atmosphere, Site};
-use crate::shelter::Shelter;
-use crate::weather::Observer;
 use std::f64::consts::PI;
-use std::sync::Arc;
 use wm_render::hooks::{Particle, ParticleView, Particles};
 use wm_render::simd::SimdPath;
+use wm_scene::Camera;
 
 /// Shortest time over which the way of a particle gives its velocity, s.
 const SHORTEST: f64 = 1e-4;
@@ -29,19 +26,11 @@ pub struct NearParticle {
 }
 
 /// The particles of one kind in front of a view, at a time and within half of a duration, s, of it.
-#[allow(
-    clippy::too_many_arguments,
-    reason = "the view, the place and the instant, which other calls combine otherwise"
-)]
 pub(crate) fn particles(
     path: SimdPath,
     view: &ParticleView,
     kind: &Precipitation,
-    site: &Site,
-    air: &Atmosphere,
-    shelter: Option<&Shelter>,
-    wind: WindSample,
-    time: f64,
+    around: &Surroundings<'_>,
     duration: f64,
     reach: &dyn Fn(ParticleShape, f64) -> f64,
 ) -> Vec<NearParticle> {
@@ -52,10 +41,8 @@ pub(crate) fn particles(
     let shape = kind.kind.shape;
     let ranges: Vec<f64> =
         bare.classes.iter().map(|class| reach(shape, 1e-3 * kind.kind.seen(class.diameters[1]))).collect();
-    let still = [0.0; 3];
-    let fall = FallingParticles::new(&bare, site, Arc::new(air.clone()), shelter, None, wind, still, time)
-        .within(&ranges);
-    let metres = site.metres_per_unit;
+    let fall = FallingParticles::new(&bare, around.clone()).within(&ranges);
+    let metres = around.site.metres_per_unit;
     let mut found = Vec::new();
     for part in fall.parts(view) {
         fall.gather(path, view, part, &mut |group| {
@@ -83,24 +70,12 @@ pub(crate) fn particles(
 /// scene units a second, world axes.
 pub(crate) fn drawn(
     path: SimdPath,
-    seen: &Observer<'_>,
+    camera: &Camera,
     kind: &Precipitation,
-    site: &Site,
-    air: &Atmosphere,
-    wind: WindSample,
-    time: f64,
+    around: &Surroundings<'_>,
 ) -> Vec<(Particle, [f64; 3])> {
-    let view = ParticleView::new(seen.camera);
-    let fall = FallingParticles::new(
-        kind,
-        site,
-        Arc::new(air.clone()),
-        seen.shelter,
-        None,
-        wind,
-        seen.velocity,
-        time,
-    );
+    let view = ParticleView::new(camera);
+    let fall = FallingParticles::new(kind, around.clone());
     // A streak is the way within the exposure.
     let seconds = kind.look.exposure * LINE;
     let velocity = |one: &Particle| one.reach[0].map(|v| f64::from(v) / seconds);
@@ -116,6 +91,7 @@ pub(crate) fn drawn(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Site;
     use crate::{Observer, Weather};
     use glam::DVec3;
     use wm_scene::Camera;

@@ -21,13 +21,6 @@ pub(crate) const NEAREST_NODE: f32 = 0.125;
 /// Largest distance in the table, m, just below the last node: nothing is drawn beyond.
 pub(crate) const FARTHEST_NODE: f32 = 131_072.0 * (1.0 - f32::EPSILON);
 
-/// Returns the share of a class that is drawn at `distance`, in units of the class's own distance.
-#[cfg(test)]
-#[must_use]
-pub(crate) fn fade(distance: f64) -> f64 {
-    ((FADE[1] - distance) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
-}
-
 /// The integral of the drawn share over distances from 0.
 fn faded(distance: f64) -> f64 {
     let [begin, end] = FADE;
@@ -92,6 +85,11 @@ mod tests {
     use super::*;
     use wm_render::dispatch;
     use wm_render::simd::SimdPath;
+
+    /// Returns the share of a class that is drawn at `distance`, in units of the class's own distance.
+    fn fade(distance: f64) -> f64 {
+        ((FADE[1] - distance) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
+    }
 
     #[inline(always)]
     fn tabled<S: Lanes>(simd: S, residual: &Residual, metres: f64) -> f32 {

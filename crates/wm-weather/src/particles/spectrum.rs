@@ -263,7 +263,6 @@ impl PrecipitationKind {
 }
 
 /// Returns the flux of water through a level plane, mm/h, for `numbers` per m^3 of each class.
-#[must_use]
 pub(crate) fn flux(classes: &[SizeClass], numbers: &[f64]) -> f64 {
     // mm^3 a m^2 and second are 1e-6 mm/s.
     3.6e-3 * classes.iter().zip(numbers).map(|(class, n)| n * class.fall_speed * class.water).sum::<f64>()

@@ -1,7 +1,7 @@
 //! Casts splats onto the grid, front to back along the fall, in bands of rows.
 
-use super::Grid;
-use super::occluders::Occluder;
+use super::grid::Grid;
+use super::occluder::Occluder;
 use crate::threads::map;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x8, u32x8};
 use rayon::prelude::*;

@@ -10,7 +10,7 @@
 //! If it is a lamp on its post or a lone leaf and no fault, little is lost: narrow things keep
 //! little dry. Its cells are opened again, from half the gap below it, and find what stands there.
 
-use super::Grid;
+use super::grid::Grid;
 use crate::threads::map;
 
 /// The number of rounds in which floaters are removed: there may be some below others.

@@ -1,7 +1,9 @@
 //! Surfaces one below the other: what lies open to the sky, and what lies under that.
 
-use super::occluders::{FirstSurfaces, FloaterMap};
-use super::{Grid, Occluders, cast, dot};
+use super::cast;
+use super::grid::Grid;
+use super::occluders::{FirstSurfaces, FloaterMap, Occluders};
+use crate::level::dot;
 use serde::{Deserialize, Serialize};
 
 /// A surface is where less of what comes from above is left: near the top of leaves and of what is
@@ -21,6 +23,12 @@ pub(crate) struct HeightLayers {
 }
 
 impl Occluders {
+    /// Removes the occluders that float over the place.
+    #[must_use]
+    pub fn standing(&self) -> Self {
+        self.without(&self.layers(1, 0.0, 0.0).1)
+    }
+
     /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below
     /// the one before; and what floats above the first.
     pub(crate) fn layers(&self, count: usize, gap: f64, cells: f64) -> (HeightLayers, FloaterMap) {

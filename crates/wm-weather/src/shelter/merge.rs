@@ -1,8 +1,11 @@
 //! Fewer occluders for coarse maps: those of a cube become one.
 
-use super::occluders::Occluder;
-use super::{Occluders, axes_of, dot};
-use crate::fused_surfaces::places::PlaceMap;
+use super::grid::axes_of;
+use super::map::{FloaterRule, ShelterOptions};
+use super::occluder::Occluder;
+use super::occluders::Occluders;
+use crate::level::dot;
+use crate::point_grid::PlaceMap;
 use std::f64::consts::TAU;
 
 /// Factor on the widths of what was merged: Gaussians of cubes side by side then close as their
@@ -14,9 +17,29 @@ const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 
 const MAX_OPACITY: f64 = 0.98;
 
 impl Occluders {
+    /// Makes quick maps with cells a number of times as wide: of merged occluders, floaters among
+    /// them.
+    pub(crate) fn sketched(&self, times: f64) -> Self {
+        let cell = times * self.options.cell;
+        let floaters = FloaterRule::Stop;
+        Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
+    }
+
+    /// Makes soft maps of falls that are nearly straight down, with cells a number of times as
+    /// wide; what floats stops them too.
+    pub(crate) fn softened(&self, times: f64) -> Self {
+        let cell = times * self.options.cell;
+        let floaters = FloaterRule::Stop;
+        Self { all: self.pooled(0.5 * cell), ..*self }.mapped(&ShelterOptions {
+            cell,
+            floaters,
+            ..self.options
+        })
+    }
+
     /// Merges the occluders of each cube of `width` metres into one, for maps whose cells are no
     /// finer than that.
-    pub(super) fn merged(&self, width: f64) -> Vec<Occluder> {
+    fn merged(&self, width: f64) -> Vec<Occluder> {
         let width = (width / self.metres_per_unit) as f32;
         let cell = |it: &Occluder| it.mean.map(|v| (v / width).floor() as i32);
         let mut order: Vec<(([i32; 3], u32), &Occluder)> =
@@ -29,13 +52,11 @@ impl Occluders {
         });
         merged.collect()
     }
-}
 
-impl Occluders {
     /// Merges the occluders of each cube of `width` metres into one that lets as much of a fall
     /// through as they do, for falls that are nearly straight down and maps whose cells are twice
     /// as wide. Its opacity is an optical thickness, which may be above 1.
-    pub(super) fn pooled(&self, width: f64) -> Vec<Occluder> {
+    fn pooled(&self, width: f64) -> Vec<Occluder> {
         let width = (width / self.metres_per_unit) as f32;
         let [across, down, _] = axes_of(self.up.map(|v| -v));
         // Area that it covers seen from above.

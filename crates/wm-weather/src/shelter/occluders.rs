@@ -1,11 +1,15 @@
 //! The surfaces of a scene that may stop rain and snow, stored compactly, for maps in any
 //! direction.
 
-use super::{FloaterRule, Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
-use crate::light::median_spacing;
+use super::grid::{Grid, axes_of, unit};
+use super::map::{FloaterRule, Shelter, ShelterOptions};
+use super::occluder::Occluder;
+use super::{cast, floaters};
+use crate::level::dot;
 use crate::optics::Site;
+use crate::point_grid::median_spacing;
 use glam::Vec3;
-use wm_scene::{Group, Splats, quat};
+use wm_scene::{Group, Splats};
 
 /// Extent of a splat for the size of the grid, standard deviations.
 const REACH: f64 = 2.0;
@@ -18,7 +22,7 @@ const MOST_CELLS: usize = 1 << 28;
 /// The splats of a scene that stop what falls, 44 bytes each: a map for another wind needs no more.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occluders {
-    options: ShelterOptions,
+    pub(super) options: ShelterOptions,
     pub(super) metres_per_unit: f64,
     pub(super) up: [f64; 3],
     /// Middle of the scene, scene units.
@@ -44,56 +48,6 @@ pub(crate) struct FloaterMap {
     pub(super) grid: Grid,
     /// As of [`FirstSurfaces`].
     pub(super) opened: Vec<(u32, f32)>,
-}
-
-/// One of them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Occluder {
-    /// From the origin, world axes, scene units.
-    pub(crate) mean: [f32; 3],
-    /// xx, xy, xz, yy, yz, zz.
-    pub(crate) covariance: [f32; 6],
-    /// Above 1 an optical thickness, of several in one.
-    pub(crate) opacity: f32,
-    /// The index of the splat.
-    pub(crate) splat: u32,
-}
-
-impl Occluder {
-    /// Covariance along two directions.
-    #[inline(always)]
-    pub(crate) fn between(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
-        let [xx, xy, xz, yy, yz, zz] = self.covariance.map(f64::from);
-        a[0] * (xx * b[0] + xy * b[1] + xz * b[2])
-            + a[1] * (xy * b[0] + yy * b[1] + yz * b[2])
-            + a[2] * (xz * b[0] + yz * b[1] + zz * b[2])
-    }
-
-    #[inline(always)]
-    pub(crate) fn along(&self, axis: [f64; 3]) -> f64 {
-        dot(self.mean.map(f64::from), axis)
-    }
-
-    fn at(splats: &Splats, index: usize, origin: [f64; 3]) -> Self {
-        let turn = quat::to_matrix(splats.quats[index].map(f64::from));
-        let variances = splats.scales(index).map(|s| s * s);
-        let between =
-            |i: usize, j: usize| (0..3).map(|k| turn[i][k] * turn[j][k] * variances[k]).sum::<f64>() as f32;
-        let mean = splats.means[index];
-        Self {
-            mean: std::array::from_fn(|k| (f64::from(mean[k]) - origin[k]) as f32),
-            covariance: [
-                between(0, 0),
-                between(0, 1),
-                between(0, 2),
-                between(1, 1),
-                between(1, 2),
-                between(2, 2),
-            ],
-            opacity: splats.opacity(index) as f32,
-            splat: index as u32,
-        }
-    }
 }
 
 impl Occluders {
@@ -150,26 +104,6 @@ impl Occluders {
         self.clone().mapped(&ShelterOptions { cell: times * self.options.cell, ..self.options })
     }
 
-    /// Makes quick maps with cells a number of times as wide: of merged occluders, floaters among
-    /// them.
-    pub(crate) fn sketched(&self, times: f64) -> Self {
-        let cell = times * self.options.cell;
-        let floaters = FloaterRule::Stop;
-        Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
-    }
-
-    /// Makes soft maps of falls that are nearly straight down, with cells a number of times as
-    /// wide; what floats stops them too.
-    pub(crate) fn softened(&self, times: f64) -> Self {
-        let cell = times * self.options.cell;
-        let floaters = FloaterRule::Stop;
-        Self { all: self.pooled(0.5 * cell), ..*self }.mapped(&ShelterOptions {
-            cell,
-            floaters,
-            ..self.options
-        })
-    }
-
     /// Returns the map for what falls along `fall` (world axes, of any length; straight down where
     /// it is zero or not finite). The map is the same for any number of threads.
     #[must_use]
@@ -200,12 +134,6 @@ impl Occluders {
             cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, &mut splats);
         }
         FirstSurfaces { stops, splats, opened }
-    }
-
-    /// Removes the occluders that float over the place.
-    #[must_use]
-    pub fn standing(&self) -> Self {
-        self.without(&self.layers(1, 0.0, 0.0).1)
     }
 
     /// Removes the given floaters.

@@ -8,7 +8,7 @@
 //! within that radius that are open is the share of the source that it sees. A source of the
 //! angular diameter `w` makes an edge `w d` wide at the distance `d`.
 
-use super::{MOST_RADIUS, Shelter};
+use super::map::{MOST_RADIUS, Shelter};
 use glam::{Vec2, Vec3};
 
 /// Cells by which a surface stands before itself at most, across it: its roughness.

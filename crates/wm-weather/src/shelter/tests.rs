@@ -1,6 +1,8 @@
 use super::cast::{FILTER, LEAST_ALPHA, cast, project};
-use super::occluders::Occluder;
+use super::grid::{Grid, unit};
+use super::occluder::Occluder;
 use super::*;
+use crate::level::dot;
 use crate::optics::Site;
 use crate::testing::on_threads;
 use glam::DVec3;
@@ -9,6 +11,36 @@ use wm_base::random::uniform;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::synthetic::{Builder, moved, rotation};
 use wm_scene::{Group, Splats};
+
+impl Shelter {
+    /// Returns the distance that a particle at `point` (world, scene units) falls until a surface
+    /// stops it, m: about 0 on a surface, negative below one, infinite where nothing is known to
+    /// stop it.
+    pub(crate) fn distance_to_surface(&self, point: [f32; 3]) -> f32 {
+        self.ahead(point) * self.metres_per_unit as f32
+    }
+
+    /// Returns true if the map can be used for another direction of fall (world axes, of any
+    /// length).
+    pub(crate) fn holds(&self, fall: [f64; 3]) -> bool {
+        unit(fall).is_some_and(|fall| dot(fall, self.grid.axes[2]) >= self.turn)
+    }
+
+    /// Columns and rows.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.grid.columns, self.grid.rows]
+    }
+
+    /// Returns the point at which a fall through the middle of a cell stops, world, scene units;
+    /// `None` where nothing stops it, and off the grid.
+    pub(crate) fn surface(&self, column: usize, row: usize) -> Option<[f64; 3]> {
+        let Grid { axes, origin, low, cell, columns, .. } = &self.grid;
+        let stop = f64::from(*self.stops.get(row * columns + column).filter(|_| column < *columns)?);
+        let [u, v] = [low[0] + (column as f64 + 0.5) * cell, low[1] + (row as f64 + 0.5) * cell];
+        let at = |k: usize| origin[k] + u * axes[0][k] + v * axes[1][k] + stop * axes[2][k];
+        stop.is_finite().then(|| [at(0), at(1), at(2)])
+    }
+}
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 const GREY: [f32; 3] = [0.5; 3];

@@ -23,7 +23,7 @@ pub(crate) struct Flight {
     /// Relaxation times up and down, s.
     times: [f64; 2],
     /// Time to the highest point, s, and its height, m.
-    top: [f64; 2],
+    pub(super) top: [f64; 2],
 }
 
 impl Flight {
@@ -38,12 +38,6 @@ impl Flight {
         let falls = up * GRAVITY;
         let rises = up * (start[2] / falls).ln_1p();
         Self { start, air, times: [up, down], top: [rises, up * start[2] - falls * rises] }
-    }
-
-    /// The greatest height, m.
-    #[cfg(test)]
-    pub(crate) fn height(&self) -> f64 {
-        self.top[1]
     }
 
     /// Returns its place a time, s, after the start, m from there along two level axes and up;

@@ -1,6 +1,6 @@
 //! The ground and the water that drops hit.
 
-use crate::dome::{level_axes, to_level};
+use crate::level::{level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::Shelter;
 use crate::water::ripples::SIZE;

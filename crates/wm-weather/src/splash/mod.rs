@@ -36,11 +36,5 @@ pub(crate) mod particles;
 mod tests;
 
 pub use ground::{SplashGround, SplashTiles};
+pub use particles::Splash;
 pub(crate) use particles::SplashParticles;
-
-/// Splashes at an instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Splash {
-    /// Factor on the water that drops throw.
-    pub(crate) amount: f64,
-}

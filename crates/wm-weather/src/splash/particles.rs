@@ -1,23 +1,18 @@
 //! Splashes before a camera.
 
-use super::Splash;
 use super::drips::{self, Drip, Fall};
 use super::fallen::{FallenDrop, FallenDrops};
 use super::flight::Flight;
 use super::ground::{Floor, SplashGround, SplashPlace};
 use super::impact::{self, Impact};
-use crate::dome::{level_axes, to_level};
-use crate::light::LampsOn;
-use crate::optics::{Atmosphere, Site};
+use crate::level::{level_axes, to_level};
 use crate::particles::Precipitation;
-use crate::particles::fall::{DISC, DROP, LINE, WindSample};
+use crate::particles::fall::{DISC, DROP, LINE, Surroundings};
 use crate::particles::field::ViewFrustum;
-use crate::shelter::Shelter;
 use crate::water::ripples::SIZE;
 use fearless_simd::{SimdBase, SimdFloat};
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
 use wm_base::random::{RandomSequence, mix};
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
@@ -63,56 +58,46 @@ const EAVES: usize = 64;
 /// Height and depth of air over an eave's ground in which what falls from it is looked for, m.
 const DRIFT: f64 = 0.5;
 
+/// Splashes at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splash {
+    /// Factor on the water that drops throw.
+    pub(crate) amount: f64,
+}
+
 /// Splashes before a camera.
 pub(crate) struct SplashParticles<'a> {
     rain: &'a Precipitation,
-    air: Arc<Atmosphere>,
-    lamps: Option<&'a LampsOn<'a>>,
+    around: Surroundings<'a>,
     floor: Floor<'a>,
     axes: [[f64; 3]; 3],
     metres_per_unit: f64,
-    wind: DVec2,
     /// The camera's velocity, m/s along the level axes and up.
     camera: DVec3,
     amount: f64,
     radiance: Vec3,
-    /// Seconds.
-    time: f64,
     /// The drops whose droplets may fly, and those whose crown or jet may stand.
     flying: FallenDrops,
     standing: FallenDrops,
 }
 
 impl<'a> SplashParticles<'a> {
-    /// The splashes of `rain` at `time`, s, on a ground and on water at the height `plane` (m along
-    /// up from the world's origin), before a camera that moves with `velocity` (m/s, world axes).
-    /// `seed` is that of the water.
-    #[must_use]
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "what splashes, the place, its lights and the motion are independent"
-    )]
+    /// The splashes of `rain` on a ground and on water at the height `plane` (m along up from the
+    /// world's origin). `seed` is that of the water.
     pub(crate) fn new(
         splash: Splash,
         rain: &'a Precipitation,
         seed: u64,
-        site: &Site,
-        air: Arc<Atmosphere>,
-        shelter: Option<&'a Shelter>,
-        lamps: Option<&'a LampsOn<'a>>,
+        around: Surroundings<'a>,
         ground: Option<&'a SplashGround<'a>>,
         plane: Option<f64>,
-        wind_now: WindSample,
-        velocity: [f64; 3],
-        time: f64,
     ) -> Self {
+        let Surroundings { site, shelter, time, .. } = around;
         let axes = level_axes(site.up);
         let half = 0.5 * rain.look.exposure;
         let flying = FallenDrops::new(rain, time, [FLIGHT + half, half], seed);
         Self {
             rain,
-            air,
-            lamps,
             floor: Floor {
                 ground,
                 plane,
@@ -120,14 +105,13 @@ impl<'a> SplashParticles<'a> {
                 units: axes.map(|axis| axis.map(|v| v / site.metres_per_unit)),
             },
             metres_per_unit: site.metres_per_unit,
-            wind: DVec2::from_array(wind_now.wind),
-            camera: DVec3::from_array(to_level(&axes, velocity)),
+            camera: DVec3::from_array(to_level(&axes, around.velocity)),
             amount: splash.amount,
             radiance: Vec3::from_array(rain.radiance()),
-            time,
             standing: flying.younger(CROWN + half),
             flying,
             axes,
+            around,
         }
     }
 
@@ -306,8 +290,8 @@ impl<'a> Brush<'a> {
             }
             let film = of.floor.at(place[0], place[1]).map_or(0.0, |place| place.film);
             let usual = Fall { terminal: of.rain.kind.fall_speed(5.0) };
-            let times = [of.time - usual.time(drop) - FLIGHT - half, of.time + half];
-            drips::each(number as u64, flux, times, of.time, |drip| {
+            let times = [of.around.time - usual.time(drop) - FLIGHT - half, of.around.time + half];
+            drips::each(number as u64, flux, times, of.around.time, |drip| {
                 self.drip(drip, foot, drop, cell, film);
             });
         }
@@ -444,8 +428,8 @@ impl<'a> Brush<'a> {
         let wanted = (thrown * (usual / dot.max(usual)).powi(2)).min(MAX_DRAWN_DROPLETS);
         let count = (wanted + hit.draws.uniform()).floor() as usize;
         let each = thrown / wanted;
-        let carried = self.of.wind * KEPT_VELOCITY;
-        let air = (self.of.wind * NEAR_GROUND).to_array();
+        let wind = DVec2::from_array(self.of.around.wind.wind);
+        let (carried, air) = (wind * KEPT_VELOCITY, (wind * NEAR_GROUND).to_array());
         for _ in 0..count {
             let mut draw = |[least, greatest]: [f64; 2]| least + (greatest - least) * hit.draws.uniform();
             let leaves = draw(DROPLET_START_TIMES) * impact.life();
@@ -510,14 +494,14 @@ impl<'a> Brush<'a> {
         let mut light = [[0.0f32; GROUP]; 3];
         for lane in 0..GROUP {
             let mut radiance = of.radiance;
-            if let Some(lamps) = of.lamps.filter(|_| group.area[lane] > 0.0) {
+            if let Some(lamps) = of.around.lamps.filter(|_| group.area[lane] > 0.0) {
                 let offset = Vec3::from_array(group.offset.map(|axis| axis[lane]));
                 let strength = of.rain.look.brightness as f32;
                 radiance += strength * lamps.scattered(center, offset, DROP, of.metres_per_unit as f32);
             }
             (0..3).for_each(|k| light[k][lane] = radiance[k]);
         }
-        let air = of.air.seen_from(center.to_array());
+        let air = of.around.air.seen_from(center.to_array());
         dispatch!(self.path, s => through_air(s, &air, of.metres_per_unit as f32, &light, &mut group));
         (self.take)(&group);
     }

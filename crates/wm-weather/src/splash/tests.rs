@@ -121,7 +121,7 @@ fn droplets_fly_as_drag_lets_them() {
                 let lands = flight.lands();
                 let [range, _, height] = flight.at(lands);
                 assert!(height.abs() < 1e-6, "{height}");
-                let found = [flight.height(), range, lands];
+                let found = [flight.top[1], range, lands];
                 for k in 0..3 {
                     let off = found[k] / wanted[k] - 1.0;
                     assert!(

@@ -58,14 +58,6 @@ impl WaterBody {
             foam: white.map(|light| (foam::REFLECTANCE * light) as f32),
         }
     }
-
-    /// The share of a bottom's light that is left after `path` metres in water, under water `depth`
-    /// metres deep.
-    #[cfg(test)]
-    #[inline(always)]
-    pub(crate) fn left(&self, path: f32, depth: f32) -> f32 {
-        (-(self.beam * path + self.daylight * depth)).exp()
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A map of the water of a place: heights of its surface.
 
 use super::rills::{Nodes, Rills};
-use crate::dome::{level_axes, to_level};
+use crate::level::{level_axes, to_level};
 use crate::optics::Site;
 use std::sync::Arc;
 
@@ -146,13 +146,6 @@ impl WaterMap {
         let below = levels.partition_point(|level| f64::from(*level) < eye);
         levels[..below].get(below / 2).map(|level| f64::from(*level))
     }
-
-    /// The water at a place, metres along the level axes; `None` where none is known. It may hide
-    /// nothing.
-    #[cfg(test)]
-    pub(crate) fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
-        higher(self.plane, self.grid.as_ref().and_then(|grid| grid.at(x, y)))
-    }
 }
 
 /// One level in so many nodes is kept to find the median.
@@ -243,19 +236,13 @@ impl WaterGrid {
     }
 
     /// A place in steps from the first node, metres along the level axes.
-    fn steps(&self, x: f64, y: f64) -> [f64; 2] {
+    pub(super) fn steps(&self, x: f64, y: f64) -> [f64; 2] {
         [(x - self.origin[0]) / self.step, (y - self.origin[1]) / self.step]
-    }
-
-    #[cfg(test)]
-    fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
-        let [u, v] = self.steps(x, y);
-        self.between(u as f32, v as f32)
     }
 
     /// The water at a place in steps from the first node.
     #[inline(always)]
-    fn between(&self, u: f32, v: f32) -> Option<WaterSample> {
+    pub(super) fn between(&self, u: f32, v: f32) -> Option<WaterSample> {
         let [width, height] = self.size;
         if !(u >= 0.0 && v >= 0.0 && u < (width - 1) as f32 && v < (height - 1) as f32) {
             return None;
@@ -315,7 +302,7 @@ impl<'a> WaterView<'a> {
 
 /// The higher of an endless surface and a grid's water.
 #[inline(always)]
-fn higher(plane: Option<f64>, own: Option<WaterSample>) -> Option<WaterSample> {
+pub(super) fn higher(plane: Option<f64>, own: Option<WaterSample>) -> Option<WaterSample> {
     let everywhere = plane.map(|level| WaterSample { level, cover: 1.0, roughness: 0.0 });
     match (everywhere, own) {
         (Some(plane), Some(own)) if own.level > plane.level && own.cover > 0.0 => Some(own),

@@ -23,6 +23,7 @@
 mod body;
 mod effect;
 mod fft;
+mod flood;
 mod foam;
 mod fresnel;
 mod map;
@@ -40,6 +41,7 @@ mod tests;
 
 pub use body::WaterBody;
 pub use effect::WaterEffect;
+pub use flood::Flood;
 pub use fresnel::{WATER_INDEX, fresnel};
 pub use map::{WaterGrid, WaterMap};
 pub use mirror::MirrorView;

@@ -2,7 +2,7 @@
 
 use super::map::{DRY, HIDING_DEPTH_M, WaterGrid, WaterNode};
 use super::rills::Rills;
-use crate::dome::{level_axes, to_level};
+use crate::level::{level_axes, to_level};
 use crate::optics::Site;
 use crate::wetness::WaterState;
 

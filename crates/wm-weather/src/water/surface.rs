@@ -1,7 +1,7 @@
 //! The water that a camera sees: where each pixel's ray meets it.
 
 use super::map::{WaterMap, WaterSample, WaterView};
-use crate::dome::dot;
+use crate::level::dot;
 use rayon::prelude::*;
 use std::ops::Range;
 use wm_scene::Camera;

@@ -1,5 +1,5 @@
 use super::fft::{SIDE, transform};
-use super::map::WaterNode;
+use super::map::{WaterNode, WaterSample, higher};
 use super::motion::WaterForces;
 use super::ripples::{RING_SPEED, WAVE_NUMBER, large_drops, slope_rms};
 use super::waves::{WindWaves, frequency};
@@ -12,6 +12,29 @@ use wm_base::random::uniform;
 use wm_render::dispatch;
 use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::Camera;
+
+impl WaterMap {
+    /// The water at a place, metres along the level axes; `None` where none is known. It may hide
+    /// nothing.
+    pub(crate) fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
+        higher(self.plane(), self.grid().and_then(|grid| grid.at(x, y)))
+    }
+}
+
+impl WaterGrid {
+    fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
+        let [u, v] = self.steps(x, y);
+        self.between(u as f32, v as f32)
+    }
+}
+
+impl WaterBody {
+    /// The share of a bottom's light that is left after `path` metres in water, under water `depth`
+    /// metres deep.
+    fn left(&self, path: f32, depth: f32) -> f32 {
+        (-(self.beam * path + self.daylight * depth)).exp()
+    }
+}
 
 const SITE: Site = Site::PLAIN;
 
@@ -222,7 +245,7 @@ fn wet_ground_is_met_on_its_slope() {
         matte: vec![0.0; 300 * 80],
         // The second axis points to the right.
         origin: [0.0, 4.0, 0.0],
-        axes: crate::dome::level_axes(SITE.up),
+        axes: crate::level::level_axes(SITE.up),
         step: STEP,
         width,
         height,

@@ -31,7 +31,6 @@ const SHORTEST: f64 = 400.0;
 const STEPS: usize = 400;
 
 /// Angular frequency of a wave of `k` rad/m on deep water, rad/s.
-#[must_use]
 pub(crate) fn frequency(k: f64) -> f64 {
     (GRAVITY * k + TENSION * k * k * k).sqrt()
 }

@@ -1,6 +1,18 @@
 //! Collects what effects contribute to a weather at one instant of one place.
 
-use super::*;
+use super::prepared::PreparedWeather;
+use crate::cover::CoverRequest;
+use crate::dome::Dome;
+use crate::grade::ColorGrade;
+use crate::lens::Glass;
+use crate::level::level_axes;
+use crate::light::{Flash, FlashLight, LightChange};
+use crate::optics::{AirLayer, Atmosphere, Daylight, Site, SiteLight};
+use crate::particles::fall::WindSample;
+use crate::particles::{LEAST_RATE, Precipitation};
+use crate::splash::Splash;
+use crate::wind::Wind;
+use wm_render::hooks::SkySplats;
 
 /// A weather in the making. Effects act in the order of their list: the light of those that follow
 /// is that of the sky and the light before them.

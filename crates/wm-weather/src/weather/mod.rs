@@ -1,68 +1,26 @@
 //! A weather over time, sampled at an instant and prepared for the renderer.
 
-mod builder;
+pub(crate) mod builder;
+pub(crate) mod fidelity;
+pub(crate) mod observer;
 mod pass;
-mod prepared;
+pub(crate) mod prepared;
 mod sample;
+pub(crate) mod slant;
 
-use crate::cover::{Airflow, CoverRequest};
-use crate::dome::Dome;
-use crate::dome::{from_level, level_axes};
-use crate::effects::{ColorGrade, Flood, LampSource, LightChange};
-use crate::effects::{EFFECTS, Effect, EffectContext, EffectRole, Need};
+pub use crate::effects::effect::WeatherSample;
+use crate::effects::{EFFECTS, Effect, EffectRole, Need};
 use crate::image_file::ImageFile;
-use crate::infrared::InfraredAir;
-use crate::lens::Glass;
-use crate::light::{CloudShadows, Flash, FlashLight, Headlamps, LampGlow, LampsOn, MovingLight};
-use crate::optics::{AirLayer, Atmosphere, Daylight, Site, SiteLight};
+use crate::optics::LampSource;
 use crate::panorama::Panorama;
-use crate::paper::fall::PaperFallContext;
-use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
 use crate::param::ParamValue;
-use crate::particles::fall::WindSample;
-use crate::particles::{FallingParticles, LEAST_RATE, NearParticle, ParticleShape, Precipitation, near};
-use crate::shelter::Shelter;
-use crate::splash::{Splash, SplashGround, SplashParticles};
 use crate::track::Track;
-use crate::water::{WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
-use crate::wetness::{SkySheen, SlantedRain, WetRequest};
-use crate::wind::Wind;
-pub(crate) use builder::WeatherBuilder;
-pub use pass::{PassWeather, PixelContribution};
-pub use prepared::PreparedWeather;
-pub use sample::WeatherSample;
-pub(crate) use sample::fall_of;
+pub use fidelity::Fidelity;
+pub use observer::Observer;
+pub use pass::PassWeather;
+pub use prepared::{PixelContribution, PreparedWeather};
 use std::path::Path;
 use std::sync::Arc;
-use wm_base::color::srgb_decode;
-use wm_render::Frame;
-use wm_render::hooks::{Backdrop, Hooks, Medium, Particle, ParticleView, Particles, PixelEffect, SkySplats};
-use wm_render::simd::SimdPath;
-use wm_scene::{Camera, Splats};
-
-/// Whose formulas are used.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Fidelity {
-    /// Physical units, linear light, each splat at its own ray length.
-    #[default]
-    Physical,
-    /// The paper's formulas as they are printed.
-    Paper,
-}
-
-impl Fidelity {
-    /// Every fidelity.
-    pub const ALL: [Self; 2] = [Self::Physical, Self::Paper];
-
-    /// The name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Physical => "physical",
-            Self::Paper => "paper",
-        }
-    }
-}
 
 /// A weather: effects with their parameters over time.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -200,42 +158,8 @@ impl Weather {
     #[must_use]
     pub fn at(&self, time: f64) -> WeatherSample {
         let values = |tracks: &[Track]| tracks.iter().map(|track| track.at(time)).collect();
-        let now = |(effect, tracks): &(usize, Vec<Track>)| (*effect, values(tracks), tracks.clone());
+        let now =
+            |(effect, tracks): &(usize, Vec<Track>)| (&EFFECTS[*effect], values(tracks), tracks.clone());
         WeatherSample { fidelity: self.fidelity, time, effects: self.active.iter().map(now).collect() }
-    }
-}
-
-/// From where a weather is seen.
-#[derive(Clone, Copy, Debug)]
-pub struct Observer<'a> {
-    /// The camera.
-    pub camera: &'a Camera,
-    /// Velocity of the camera, m/s, world axes: what falls is streaked by it.
-    pub velocity: [f64; 3],
-    /// The map of sheltered places; `None` where it is not known.
-    pub shelter: Option<&'a Shelter>,
-    /// The lamps that shine; `None` where there are none, or their shadows are not known.
-    pub lamps: Option<&'a LampsOn<'a>>,
-    /// The wet ground that rain splashes on; `None` where there is none.
-    pub splashes: Option<&'a SplashGround<'a>>,
-    /// True if what it sees is shown within another picture, with which it is graded.
-    pub is_within: bool,
-    /// Threads for what is made for the whole frame; `None` for those of the caller.
-    pub pool: Option<&'a rayon::ThreadPool>,
-}
-
-impl<'a> Observer<'a> {
-    /// By a camera that stands still, in the open.
-    #[must_use]
-    pub fn at_rest(camera: &'a Camera) -> Self {
-        Self {
-            camera,
-            velocity: [0.0; 3],
-            shelter: None,
-            lamps: None,
-            splashes: None,
-            is_within: false,
-            pool: None,
-        }
     }
 }

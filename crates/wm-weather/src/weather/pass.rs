@@ -1,21 +1,16 @@
 //! A weather in one pass: all that it makes for one eye.
 
-use super::*;
-use std::fmt;
-
-/// A change of finished pixels that an effect contributes to every pass that draws colour: the
-/// picture, the mirrored view, the view through drops. It acts after the air and before lamps glow
-/// and the picture is graded, on each pixel by itself; for a change that reads neighbours see
-/// [`wm_render::PictureEffect`].
-pub trait PixelContribution: fmt::Debug + Send + Sync {
-    /// Returns the change for one eye; `None` where there is none. The weather has everything else
-    /// that the instant brings: light, air, what falls.
-    fn in_pass<'a>(
-        &'a self,
-        weather: &'a PreparedWeather,
-        observer: &Observer<'a>,
-    ) -> Option<Box<dyn PixelEffect + 'a>>;
-}
+use super::observer::Observer;
+use super::prepared::PreparedWeather;
+use crate::dome::Dome;
+use crate::light::LampGlow;
+use crate::optics::Atmosphere;
+use crate::particles::FallingParticles;
+use crate::particles::fall::Surroundings;
+use crate::splash::SplashParticles;
+use std::sync::Arc;
+use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect};
+use wm_render::simd::SimdPath;
 
 /// The weather of one pass: it owns what was made for its eye, and lends it as [`Hooks`].
 pub struct PassWeather<'a> {
@@ -62,16 +57,12 @@ impl PreparedWeather {
         {
             pixels.push(Box::new(grade));
         }
-        let (wind, velocity) = (self.wind_now, observer.velocity);
+        let around = || Surroundings { lamps, ..self.surroundings(Arc::clone(&air), observer) };
         let mut particles: Vec<Box<dyn Particles + 'a>> = Vec::new();
         for kind in &self.falling {
-            let air = Arc::clone(&air);
-            let (site, shelter) = (&self.site, observer.shelter);
-            particles.push(Box::new(FallingParticles::new(
-                kind, site, air, shelter, lamps, wind, velocity, self.time,
-            )));
+            particles.push(Box::new(FallingParticles::new(kind, around())));
         }
-        if let Some(splashes) = self.splashes(observer, lamps, &air) {
+        if let Some(splashes) = self.splashes(observer, around()) {
             particles.push(Box::new(splashes));
         }
         PassWeather { background: self.dome.as_ref(), air, particles, pixels }
@@ -81,8 +72,7 @@ impl PreparedWeather {
     fn splashes<'a>(
         &'a self,
         observer: &Observer<'a>,
-        lamps: Option<&'a LampsOn<'a>>,
-        air: &Arc<Atmosphere>,
+        around: Surroundings<'a>,
     ) -> Option<SplashParticles<'a>> {
         let splash = self.splash?;
         let rain = self.falling.iter().find(|kind| kind.kind.name == "rain")?;
@@ -92,19 +82,6 @@ impl PreparedWeather {
             return None;
         }
         let seed = self.flood.map_or(0, |flood| flood.seed);
-        Some(SplashParticles::new(
-            splash,
-            rain,
-            seed,
-            &self.site,
-            Arc::clone(air),
-            observer.shelter,
-            lamps,
-            observer.splashes,
-            plane,
-            self.wind_now,
-            observer.velocity,
-            self.time,
-        ))
+        Some(SplashParticles::new(splash, rain, seed, around, observer.splashes, plane))
     }
 }

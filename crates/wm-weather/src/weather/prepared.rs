@@ -1,7 +1,30 @@
 //! A weather at one time and place, which gives a renderer its hooks.
 
-use super::sample::slant;
-use super::*;
+use super::observer::Observer;
+use super::slant::{fall_of, slant};
+use crate::cover::{Airflow, CoverRequest};
+use crate::dome::Dome;
+use crate::grade::ColorGrade;
+use crate::infrared::InfraredAir;
+use crate::lens::Glass;
+use crate::level::{from_level, level_axes};
+use crate::light::{CloudShadows, FlashLight, Headlamps, LightChange, MovingLight};
+use crate::optics::{AirLayer, Atmosphere, Site};
+use crate::paper::fall::PaperFallContext;
+use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
+use crate::particles::fall::{Surroundings, WindSample};
+use crate::particles::{NearParticle, ParticleShape, Precipitation, near};
+use crate::shelter::Shelter;
+use crate::splash::Splash;
+use crate::water::{Flood, WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
+use crate::wetness::{SkySheen, SlantedRain, WetRequest};
+use std::fmt;
+use std::sync::Arc;
+use wm_base::color::srgb_decode;
+use wm_render::Frame;
+use wm_render::hooks::{Backdrop, Particle, ParticleView, PixelEffect};
+use wm_render::simd::SimdPath;
+use wm_scene::{Camera, Splats};
 
 /// Speed of clouds: factor on the wind at 10 m, and the speed without any wind, m/s.
 const CLOUD_TO_WIND_SPEED: f64 = 1.6;
@@ -57,6 +80,20 @@ pub struct PreparedWeather {
     pub(super) strongest_wind: f64,
 }
 
+/// A change of finished pixels that an effect contributes to every pass that draws colour: the
+/// picture, the mirrored view, the view through drops. It acts after the air and before lamps glow
+/// and the picture is graded, on each pixel by itself; for a change that reads neighbours see
+/// [`wm_render::PictureEffect`].
+pub trait PixelContribution: fmt::Debug + Send + Sync {
+    /// Returns the change for one eye; `None` where there is none. The weather has everything else
+    /// that the instant brings: light, air, what falls.
+    fn in_pass<'a>(
+        &'a self,
+        weather: &'a PreparedWeather,
+        observer: &Observer<'a>,
+    ) -> Option<Box<dyn PixelEffect + 'a>>;
+}
+
 impl PreparedWeather {
     /// Returns the change of the light on the scene; `None` where the captured light stays.
     #[must_use]
@@ -99,6 +136,13 @@ impl PreparedWeather {
         });
         let moving = MovingLight { headlamps, flash: self.flash, clouds };
         (!moving.is_nothing()).then_some(moving)
+    }
+
+    /// What particles move in before an eye, without lamps.
+    pub(super) fn surroundings<'a>(&'a self, air: Arc<Atmosphere>, seen: &Observer<'a>) -> Surroundings<'a> {
+        let Observer { shelter, velocity, .. } = *seen;
+        let (site, wind, time) = (&self.site, self.wind_now, self.time);
+        Surroundings { site, air, shelter, lamps: None, wind, velocity, time }
     }
 
     /// Returns the kinds that fall, with their rates.
@@ -166,11 +210,16 @@ impl PreparedWeather {
     ) -> Vec<NearParticle> {
         let [drift, wind] = [self.wind_now.drift, self.wind_now.wind];
         let drift = [0, 1].map(|k| drift[k] + wind[k] * after);
-        let moved = WindSample { drift, ..self.wind_now };
-        let time = self.time + after;
-        let of_kind = |kind| {
-            near::particles(path, view, kind, &self.site, &self.air, shelter, moved, time, duration, reach)
+        let around = Surroundings {
+            site: &self.site,
+            air: Arc::new(self.air.clone()),
+            shelter,
+            lamps: None,
+            wind: WindSample { drift, ..self.wind_now },
+            velocity: [0.0; 3],
+            time: self.time + after,
         };
+        let of_kind = |kind| near::particles(path, view, kind, &around, duration, reach);
         self.falling.iter().flat_map(of_kind).collect()
     }
 
@@ -179,7 +228,8 @@ impl PreparedWeather {
     /// them.
     #[must_use]
     pub fn drawn_particles(&self, path: SimdPath, seen: &Observer<'_>) -> Vec<(Particle, [f64; 3])> {
-        let of_kind = |kind| near::drawn(path, seen, kind, &self.site, &self.air, self.wind_now, self.time);
+        let around = self.surroundings(Arc::new(self.air.clone()), seen);
+        let of_kind = |kind| near::drawn(path, seen.camera, kind, &around);
         self.falling.iter().flat_map(of_kind).collect()
     }
 

@@ -20,6 +20,11 @@ pub(super) fn beside(at: usize, columns: usize, count: usize) -> [Option<usize>;
     WAYS.map(|way| away(at, way, columns, count))
 }
 
+/// The cells about a cell that are in the grid.
+pub(super) fn neighbours(at: usize, columns: usize, count: usize) -> impl Iterator<Item = usize> {
+    beside(at, columns, count).into_iter().flatten()
+}
+
 /// The cell so many columns and rows from a cell of such a grid; `None` beyond its edge.
 pub(super) fn away(at: usize, way: [i64; 2], columns: usize, count: usize) -> Option<usize> {
     let (x, y) = ((at % columns) as i64 + way[0], (at / columns) as i64 + way[1]);

@@ -102,13 +102,6 @@ impl RunOffLaw {
     }
 }
 
-/// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below 0
-/// it stands in the texture. `length` m below the upper edge of a `slope`. Gallaway (1971).
-#[cfg(test)]
-fn film_depth(texture: f64, length: f64, rain: f64, slope: f64) -> f64 {
-    store_factor(texture, length, slope) * rain.powf(RAIN) - texture
-}
-
 fn store_factor(texture: f64, length: f64, slope: f64) -> f64 {
     FACTOR * texture.powf(TEXTURE) * length.powf(LENGTH) * slope.powf(SLOPE)
 }
@@ -127,12 +120,6 @@ pub(crate) struct WetStep {
 }
 
 impl WetStep {
-    /// A part of the time without snow: its length, h, and the rain and what can dry in it, mm.
-    #[cfg(test)]
-    pub(crate) fn bare(hours: f64, rain: f64, dries: f64) -> Self {
-        Self { hours, rain, dries, snow: SnowStep::default() }
-    }
-
     /// Returns true if water comes in it.
     pub(crate) fn is_wet(&self) -> bool {
         self.rain > 0.0 || self.snow.melts.iter().any(|melts| *melts > 0.0)
@@ -263,15 +250,6 @@ impl WetColumns {
         runs
     }
 
-    /// Lets steps pass, of which only the end counts.
-    #[cfg(test)]
-    pub(crate) fn after(mut self, steps: &[WetStep]) -> Self {
-        steps.iter().for_each(|step| {
-            self.pass(step);
-        });
-        self
-    }
-
     /// The water on ground that gets a share of the rain.
     pub(crate) fn column(&self, kind: Drainage, share: f64) -> WetColumn {
         let columns = &self.columns[kind as usize];
@@ -308,6 +286,29 @@ impl WetColumns {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below 0
+    /// it stands in the texture. `length` m below the upper edge of a `slope`. Gallaway (1971).
+    fn film_depth(texture: f64, length: f64, rain: f64, slope: f64) -> f64 {
+        store_factor(texture, length, slope) * rain.powf(RAIN) - texture
+    }
+
+    impl WetStep {
+        /// A part of the time without snow: its length, h, and the rain and what can dry in it, mm.
+        pub(crate) fn bare(hours: f64, rain: f64, dries: f64) -> Self {
+            Self { hours, rain, dries, snow: SnowStep::default() }
+        }
+    }
+
+    impl WetColumns {
+        /// Lets steps pass, of which only the end counts.
+        pub(crate) fn after(mut self, steps: &[WetStep]) -> Self {
+            steps.iter().for_each(|step| {
+                self.pass(step);
+            });
+            self
+        }
+    }
 
     fn rain(rate: f64, hours: f64, dries: f64) -> Vec<WetStep> {
         let steps = 200;

@@ -5,9 +5,9 @@
 //! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
 //! falls is requested.
 
-use super::basins::{WAYS, away};
-use super::ground_map::{PlaneFit, neighbours};
-use super::run_off::gathered;
+use super::basins::{WAYS, away, neighbours};
+use super::gather::gathered;
+use super::plane_fit::PlaneFit;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -43,7 +43,6 @@ pub(crate) struct Eave {
 /// Finds the eaves over a `ground` of smoothed heights, m, by the heights of what stands highest on
 /// it, `top`, m, both on cells `cell` m wide in rows of `columns`; not a number where there is
 /// none.
-#[must_use]
 pub(crate) fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> Vec<Eave> {
     let about = ground_about(top, ground, columns, (GROUND_DISTANCE_M / cell) as u32);
     let is_roof =

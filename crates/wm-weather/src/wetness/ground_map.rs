@@ -4,8 +4,9 @@
 //! smoothed over half a metre, only depressions that survive count, and none of them where the
 //! ground slopes. Their edges come from `relief.rs`.
 
-use super::basins::{self, Basins, EdgeRule, NO_BASIN};
+use super::basins::{Basins, EdgeRule, NO_BASIN, neighbours};
 use super::eaves::{Eave, eaves};
+use super::plane_fit::{Plane, PlaneFit};
 use super::relief::{self, relief};
 use crate::cover::ground::GroundGrid;
 use crate::fused_surfaces::FusedSurfaces;
@@ -292,49 +293,6 @@ fn tilted(tilt: [f64; 2], place: [f64; 2]) -> f64 {
     tilt[0] * place[0] + tilt[1] * place[1]
 }
 
-/// Sums over points of ground, by which the plane through them is fitted.
-#[derive(Default)]
-pub(super) struct PlaneFit {
-    count: f64,
-    /// Sums of x, y and the height.
-    sums: [f64; 3],
-    /// Sums of x x, x y, y y, x times the height, y times the height and of the height's square.
-    products: [f64; 6],
-}
-
-/// The plane through points of ground.
-pub(super) struct Plane {
-    /// Along x and y.
-    slopes: [f64; 2],
-    /// The mean point.
-    mean: [f64; 3],
-    /// Variance of the heights about it.
-    pub(super) variance: f64,
-}
-
-impl PlaneFit {
-    pub(super) fn add(&mut self, point: [f64; 2], height: f64) {
-        let [x, y] = point;
-        self.count += 1.0;
-        [x, y, height].iter().zip(&mut self.sums).for_each(|(v, sum)| *sum += v);
-        let products = [x * x, x * y, y * y, x * height, y * height, height * height];
-        products.iter().zip(&mut self.products).for_each(|(v, sum)| *sum += v);
-    }
-
-    /// Returns `None` for fewer than `least` points, and where the determinant of their covariance
-    /// is below `flattest`: they lie on a line.
-    pub(super) fn plane(&self, least: f64, flattest: f64) -> Option<Plane> {
-        let mean @ [mx, my, mh] = self.sums.map(|sum| sum / self.count);
-        let [xx, xy, yy, xh, yh, hh] = self.products.map(|sum| sum / self.count);
-        let (xx, xy, yy) = (xx - mx * mx, xy - mx * my, yy - my * my);
-        let (xh, yh, hh) = (xh - mx * mh, yh - my * mh, hh - mh * mh);
-        let det = xx * yy - xy * xy;
-        let slopes = [(xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det];
-        let variance = hh - slopes[0] * xh - slopes[1] * yh;
-        (self.count >= least && det >= flattest).then_some(Plane { slopes, mean, variance })
-    }
-}
-
 /// The slope of the plane that most of the ground lies in, m a cell; 0 where that is too steep for
 /// an error of up.
 fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
@@ -352,11 +310,6 @@ fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
         off = z - tilted(tilt, [x, y]);
     }
     if tilt[0].hypot(tilt[1]) < TILT * cell { tilt } else { [0.0; 2] }
-}
-
-/// The cells about a cell that are in the grid.
-pub(super) fn neighbours(at: usize, columns: usize, count: usize) -> impl Iterator<Item = usize> {
-    basins::beside(at, columns, count).into_iter().flatten()
 }
 
 /// Leaves connected level ground alone: what is small, or drops off along its edge, is the top of

@@ -25,7 +25,6 @@ pub fn pores_factor(albedo: f64) -> f64 {
 }
 
 /// The factor on the light of a surface of reflectance `albedo`, 0-1, under a film of water.
-#[must_use]
 pub(crate) fn film_factor(albedo: f64) -> f64 {
     INTO * OUT / (1.0 - BACK * albedo)
 }

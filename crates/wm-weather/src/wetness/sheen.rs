@@ -50,7 +50,7 @@ impl SkySheen {
             let mut sum = [0.0; 3];
             for turn in 0..SKY_DIRECTIONS {
                 let (sin, cos) = (PI * (2 * turn) as f64 / SKY_DIRECTIONS as f64).sin_cos();
-                let way = crate::dome::from_level(axes, [level * cos, level * sin, sine]);
+                let way = crate::level::from_level(axes, [level * cos, level * sin, sine]);
                 sum.iter_mut().zip(sky(way)).for_each(|(sum, light)| *sum += light / SKY_DIRECTIONS as f64);
             }
             sum.map(|light| light as f32)

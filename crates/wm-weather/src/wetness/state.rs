@@ -1,9 +1,9 @@
 //! The water of a place at one instant.
 
-use super::WetRequest;
-use super::basins::NO_BASIN;
+use super::basins::{NO_BASIN, neighbours};
 use super::column::{self, Drainage, PORES, SHARES, Wet, WetColumns};
 use super::relief;
+use super::request::WetRequest;
 use super::run_off::RunOff;
 use super::surfaces::{WetShares, WetSurfaces};
 
@@ -213,7 +213,7 @@ impl WaterState {
         let wet = shares.ground.iter().map(|share| state.wet(Drainage::Level, f64::from(*share)));
         let of = &ground.basins.of;
         let level = (0..of.len()).map(|at| {
-            let about = || super::ground_map::neighbours(at, width, of.len()).map(|next| of[next]);
+            let about = || neighbours(at, width, of.len()).map(|next| of[next]);
             let basin = Some(of[at])
                 .filter(|basin| *basin != NO_BASIN)
                 .or_else(|| about().find(|basin| *basin != NO_BASIN));

@@ -7,7 +7,7 @@
 
 mod shape;
 
-use super::exposure::Airflow;
+use super::airflow::Airflow;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
 use crate::shelter::{FloaterMap, HeightLayers, Occluders, Shelter, ShelterOptions};

@@ -24,24 +24,27 @@
 //! (`white_card.rs`).
 
 mod split;
+mod terms;
 
-use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
+use super::irradiance::{SceneLight, SurfaceLight};
 use super::openness;
-use super::places::{PointGrid, Surfaces, light_of};
+use super::places::{Surfaces, light_of};
 use super::quantile::{median, quantile};
-use super::shadow_edges::{ShadowEdges, edge_share, sharpened_share};
-use super::sun_search::{self, FoundSun, Pair, along};
+use super::shadow_edges::{edge_share, sharpened_share};
+use super::sun_search::{self, FoundSun, along};
 use super::sun_shadows::SunShadows;
-use super::unseen_casters::{self, MappedLight};
 use super::white_card::WhiteCard;
 use crate::cover::ground::FarFloor;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
+use crate::point_grid::PointGrid;
 use crate::shelter::Occluders;
 use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use split::Split;
+pub use terms::CaptureSun;
+use terms::{LOWEST_SUN, MeanSurface, captured_light, surface_of};
 use wm_base::color::luminance;
 use wm_scene::{Camera, Group, Splats};
 
@@ -72,44 +75,8 @@ const LEVEL: f32 = 0.8;
 const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: WHOLE, is_sky: false };
 /// [`SplatLight::sun`] of a splat that sees all of the sun.
 const WHOLE: i16 = 10_000;
-/// Cosine of the sun's incidence on leaves, which turn to all sides.
-const LEAF_INCIDENCE: f64 = 0.5;
-/// Radius about a point over which the map is averaged, m, and radius within which all of it must
-/// be lit or all in shade to be believed, m: where more than [`AGREE`] of the pairs in sun and
-/// shade show it, and where fewer do.
-const EXACT: [f32; 2] = [0.12, 0.3];
-const ROUGH: [f32; 2] = [0.35, 1.2];
-const AGREE: f64 = 0.7;
-/// The share below which the shadows are not those of this sun.
-const LEAST_AGREEMENT: f64 = 0.47;
-/// Share of the sun by which colours contradict the map, and the growth of the ratio of sun to sky
-/// without what they contradict above which they take patterns for shadows.
-const CONTRADICTS: f32 = 0.2;
-const UNSTEADY: f64 = 1.5;
-/// Distance of the surfaces whose colours tell the light of each other, m.
-const TOLD: f32 = 0.4;
-/// Level light of the sun over that of the sky, below which there is none.
-const LEAST_SUN: f64 = 0.3;
-/// Ratio of sun to sky of level ground that no photo shows.
-const MOST_RATIO: f64 = 40.0;
-/// Least height of the sun that casts shadows by which the light is split, as a sine: 3 degrees.
-const LOWEST_SUN: f64 = 0.05;
 /// Contrast left across shadow edges, of that before, above which a capture keeps its shadows.
 const MOST_LEFT: f64 = 0.25;
-
-/// The sun of a capture.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CaptureSun {
-    /// Towards it, world axes, length 1.
-    pub direction: [f64; 3],
-    /// Irradiance of a surface that faces it, over that of level ground under the whole sky, by
-    /// channel.
-    pub(crate) ratio: [f64; 3],
-    /// The share of the surfaces that look at it which see it.
-    pub(crate) lit: f64,
-    /// Contrast left across shadow edges after the split, of that before, 0-1.
-    pub(crate) contrast_left: f64,
-}
 
 /// Facts about the sun of the photos that are known before their shadows are examined.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -167,39 +134,6 @@ impl SplatLight {
 /// [`SplatLight::sun`] of a share.
 fn share_number(share: f32) -> i16 {
     (share * f32::from(WHOLE)).round() as i16
-}
-
-/// Sums over all surfaces, so that their mean irradiance under any light is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct MeanSurface {
-    even: f64,
-    rising: f64,
-    sun: f64,
-}
-
-impl MeanSurface {
-    /// Computes the mean over surfaces, of which there is at least one.
-    fn new(surfaces: impl Iterator<Item = SurfaceLight>) -> Self {
-        let unit = [1.0, 0.0, 0.0];
-        let light = |sun: [f64; 3], level, rise| SceneLight { sun, sky: SkyGradation { level, rise } };
-        let zero = [0.0; 3];
-        let (mut sum, mut count) = (Self::default(), 0.0f64);
-        for surface in surfaces {
-            sum.even += surface.direct(&light(zero, unit, zero))[0];
-            sum.rising += surface.direct(&light(zero, zero, unit))[0];
-            sum.sun += surface.direct(&light(unit, zero, zero))[0];
-            count += 1.0;
-        }
-        let count = count.max(1.0);
-        Self { even: sum.even / count, rising: sum.rising / count, sun: sum.sun / count }
-    }
-
-    /// Their mean irradiance under a light.
-    fn under(&self, light: &SceneLight) -> [f64; 3] {
-        std::array::from_fn(|k| {
-            self.even * light.sky.level[k] + self.rising * light.sky.rise[k] + self.sun * light.sun[k]
-        })
-    }
 }
 
 impl CaptureLight {
@@ -506,26 +440,6 @@ fn exposure(
     };
     let by_ground = median(ground_cards).filter(|_| !is_known).unwrap_or(0.0);
     (card / USUAL).max(by_ground).min(1.0 / ground).clamp(1.0, MOST_EXPOSURE)
-}
-
-/// The geometry of a surface in the light of a sun.
-fn surface_of(normal: Vec3, open: [f32; 2], seen: f32, up: Vec3, sun: Option<[f64; 3]>) -> SurfaceLight {
-    let base = openness::under_sky(normal, open, up);
-    let Some(sun) = sun else { return base };
-    let facing = f64::from(normal.dot(Vec3::from_array(sun.map(|v| v as f32))));
-    let incidence = if normal == Vec3::ZERO { LEAF_INCIDENCE } else { facing.max(0.0) };
-    SurfaceLight { incidence, sun: f64::from(seen), ..base }
-}
-
-/// The captured light: white on level ground in the open, since cameras balance white for what they
-/// see.
-fn captured_light(sun: Option<&CaptureSun>, site: &Site) -> SceneLight {
-    let Some(sun) = sun else {
-        return SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
-    };
-    let sin = along(sun.direction, site.up).max(LOWEST_SUN);
-    let sky = sun.ratio.map(|ratio| 1.0 / (1.0 + ratio * sin));
-    SceneLight { sun: std::array::from_fn(|k| sky[k] * sun.ratio[k]), sky: SkyGradation::even(sky) }
 }
 
 /// Distance between surfaces that all other distances go with, m.

@@ -1,6 +1,37 @@
 //! Splits the captured light into that of the sun and that of the sky.
 
-use super::*;
+use super::terms::{CaptureSun, MeanSurface, captured_light, surface_of};
+use crate::light::irradiance::{SceneLight, SkyGradation, SurfaceLight};
+use crate::light::places::Surfaces;
+use crate::light::quantile::median;
+use crate::light::shadow_edges::ShadowEdges;
+use crate::light::sun_search::{self, Pair, along};
+use crate::light::unseen_casters::{self, MappedLight};
+use crate::optics::Site;
+use crate::shelter::Occluders;
+use crate::threads::map;
+use glam::Vec3;
+use wm_base::color::luminance;
+use wm_scene::Camera;
+
+/// Radius about a point over which the map is averaged, m, and radius within which all of it must
+/// be lit or all in shade to be believed, m: where more than [`AGREE`] of the pairs in sun and
+/// shade show it, and where fewer do.
+const EXACT: [f32; 2] = [0.12, 0.3];
+const ROUGH: [f32; 2] = [0.35, 1.2];
+const AGREE: f64 = 0.7;
+/// The share below which the shadows are not those of this sun.
+const LEAST_AGREEMENT: f64 = 0.47;
+/// Share of the sun by which colours contradict the map, and the growth of the ratio of sun to sky
+/// without what they contradict above which they take patterns for shadows.
+const CONTRADICTS: f32 = 0.2;
+const UNSTEADY: f64 = 1.5;
+/// Distance of the surfaces whose colours tell the light of each other, m.
+const TOLD: f32 = 0.4;
+/// Level light of the sun over that of the sky, below which there is none.
+const LEAST_SUN: f64 = 0.3;
+/// Ratio of sun to sky of level ground that no photo shows.
+const MOST_RATIO: f64 = 40.0;
 
 /// The light of a capture with a sun.
 pub(super) struct Split {

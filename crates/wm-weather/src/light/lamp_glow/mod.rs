@@ -21,57 +21,21 @@
 //! the air scatters once on the way to each, with the shadows of the lamps. Patches near a lamp
 //! have finer tables.
 
+mod lamps_on;
 mod scene;
 
-use super::lamp_shadows::DepthCube;
 use super::lamps::{LampKind, LampLight};
-use crate::optics::{AirView, Atmosphere, SKY_DISTANCE_M, Site};
-use crate::threads::map;
+use crate::optics::{Atmosphere, Site};
 use fearless_simd::{SimdBase, SimdFloat, SimdMask};
 use glam::Vec3;
-use scene::GlowScene;
-use std::f32::consts::LOG2_E;
+pub use lamps_on::{LampsOn, ShadowedLight};
+use scene::{COLUMN, Column, FIRST_NODE_M, GlowScene, NODES, STEP};
 use std::f64::consts::{PI, TAU};
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
-use wm_render::simd::{self, Lanes, SimdPath, exp2, log2, log2_rough, powf, reciprocal};
+use wm_render::simd::{self, Lanes, SimdPath, log2_rough, reciprocal};
 use wm_scene::Camera;
 
-/// Asymmetry of the phase function of fog.
-const FOG: f32 = 0.85;
-/// Share that goes on as if it were not scattered, and the asymmetry of the rest.
-const FORWARD: f32 = FOG * FOG;
-const ASYMMETRY: f32 = FOG / (1.0 + FOG);
-/// Nodes along a ray: the eye, then from [`FIRST_NODE_M`] on, each [`STEP`] times as far as the one
-/// before, the last for all that is farther.
-const NODES: usize = 20;
-const FIRST_NODE_M: f32 = 0.75;
-const STEP: f32 = 1.5;
-/// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of
-/// that along a side: one cell is 3 % off at three patches from a lamp, two cells are 2 % off at
-/// two, and four at one.
-const FINE: [(i64, usize); 2] = [(2, 4), (3, 2)];
-const NEAR_PATCHES: i64 = FINE[1].0;
-/// Numbers of a column, for whole vectors.
-const COLUMN: usize = (3 * NODES).next_multiple_of(GROUP);
-/// Patches from corner to corner at which columns are summed up everywhere.
-const WIDEST: usize = 4;
-/// Share of the most light by which the columns around a corner differ at most where what is linear
-/// between them stands for it: within 1 % of light that falls off smoothly.
-const MAX_COLUMN_DIFFERENCE: f32 = 0.3;
-/// Columns that are summed up at once, and patches near a lamp.
-const COLUMNS_AT_ONCE: usize = 64;
-const PATCHES_AT_ONCE: usize = 8;
-/// Share of the way from the end of an angle to its middle at which Gauss's node lies along the
-/// chord: for a small angle, and how much more it is for a right one.
-const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
-/// Sine of half of an angle up to which its middle tells enough: within 0.5 %.
-const NARROW: f32 = 0.15;
-/// Least distance of a ray from a lamp, m.
-const MIN_RAY_DISTANCE_M: f32 = 0.05;
-/// Light that is left out, in units of display white: of a lamp, and of all of them in a row of
-/// pixels, which changes black by a fifteenth of a step of 8 bits.
-const MIN_LIGHT: f32 = 2e-4;
 const LEAST_IN_ROW: f32 = 2e-5;
 /// A surface that is nearer than a lamp by more than this hides it, m.
 const HIDING_DISTANCE_M: f32 = 0.6;
@@ -80,53 +44,10 @@ const PIXEL: f32 = 0.35;
 /// Extent of a lamp's image, standard deviations.
 const REACH: f32 = 4.0;
 
-/// A light, and the surfaces that it sees first, if it casts shadows.
-pub type ShadowedLight<'a> = (LampLight, Option<&'a DepthCube>);
-
-/// The lamps of a place that shine in a frame.
-#[derive(Clone, Copy, Debug)]
-pub struct LampsOn<'a> {
-    /// The lamps, with the shadows that they cast.
-    pub lights: &'a [ShadowedLight<'a>],
-    /// Display units of a lux: an irradiance of that brings a white surface to display white.
-    pub display: f32,
-}
-
-impl LampsOn<'_> {
-    /// Radiance of a small particle of albedo 1 at an offset from the eye at `center` (world axes,
-    /// scene units), averaged over its face, linear RGB as it is displayed. `asymmetry` is that of
-    /// Henyey and Greenstein's phase function.
-    pub(crate) fn scattered(&self, center: Vec3, offset: Vec3, asymmetry: f32, metres_per_unit: f32) -> Vec3 {
-        let mut sum = Vec3::ZERO;
-        let to_eye = -offset.normalize_or_zero();
-        for (light, cube) in self.lights {
-            let from_lamp = center + offset - Vec3::from_array(light.at);
-            let metres = from_lamp * metres_per_unit;
-            let squared = metres
-                .length_squared()
-                .max(MIN_RAY_DISTANCE_M * MIN_RAY_DISTANCE_M + light.radius * light.radius);
-            let intensity = Vec3::from_array(light.intensity) * (PI as f32 * self.display);
-            // At most some three times an even spread, but for what is nearly in front of the lamp.
-            if intensity.max_element() < MIN_LIGHT * squared {
-                continue;
-            }
-            let direction = metres / squared.sqrt();
-            let cos = direction.dot(to_eye);
-            let denominator = 1.0 + asymmetry * asymmetry - 2.0 * asymmetry * cos;
-            let phase = (1.0 - asymmetry * asymmetry) / (4.0 * PI as f32 * denominator * denominator.sqrt());
-            let share = light.share(direction) * phase / squared;
-            if share > 0.0 && cube.is_none_or(|cube| cube.is_open(from_lamp)) {
-                sum += intensity * share;
-            }
-        }
-        sum
-    }
-}
-
 /// The picture of lamps and of their light in the air, for one camera.
 pub(crate) struct LampGlow {
     /// Light of each column's nodes, linear RGB, `[rows, columns]`; empty in clear air.
-    table: Vec<Column>,
+    pub(super) table: Vec<Column>,
     columns: usize,
     /// For each patch, the place in `fine` of its own table, if it is near a lamp.
     near: Vec<Option<u32>>,
@@ -139,8 +60,6 @@ pub(crate) struct LampGlow {
     metres_per_unit: f32,
 }
 
-/// Light up to each node along a ray, linear RGB, `[NODES, 3]` and zeros.
-type Column = [f32; COLUMN];
 type AddedLight = [[f32; PATCH_PIXELS]; 3];
 
 /// A lamp in the picture.
@@ -155,11 +74,6 @@ struct Head {
     reach: f32,
     /// Light in its middle, linear RGB.
     peak: [f32; 3],
-}
-
-/// Distance of a node, m.
-fn node_distance(node: usize) -> f32 {
-    if node == 0 { 0.0 } else { FIRST_NODE_M * STEP.powi(node as i32 - 1) }
 }
 
 impl LampGlow {
@@ -191,12 +105,6 @@ impl LampGlow {
             principal: [camera.cx as f32, camera.cy as f32],
             metres_per_unit: site.metres_per_unit as f32,
         }
-    }
-
-    /// Leaves the lamps alone in the picture.
-    #[cfg(test)]
-    pub(super) fn clear_air_light(&mut self) {
-        self.table.clear();
     }
 
     /// Adds the light of the air before each pixel of a patch, and what else is `added`. Each kind

@@ -1,7 +1,58 @@
 //! Light that the air scatters between a camera and its surfaces: sums along rays, and tables of
 //! them.
 
-use super::*;
+use super::lamps_on::{LampsOn, MIN_LIGHT, MIN_RAY_DISTANCE_M};
+use crate::light::lamp_shadows::DepthCube;
+use crate::light::lamps::{LampKind, LampLight};
+use crate::optics::{AirView, Atmosphere, SKY_DISTANCE_M, Site};
+use crate::threads::map;
+use fearless_simd::{SimdBase, SimdFloat, SimdMask};
+use glam::Vec3;
+use std::f32::consts::LOG2_E;
+use std::f64::consts::PI;
+use wm_render::dispatch;
+use wm_render::hooks::{GROUP, PATCH};
+use wm_render::simd::{Lanes, SimdPath, exp2, log2, powf, reciprocal};
+use wm_scene::Camera;
+
+/// Asymmetry of the phase function of fog.
+pub(super) const FOG: f32 = 0.85;
+/// Share that goes on as if it were not scattered, and the asymmetry of the rest.
+const FORWARD: f32 = FOG * FOG;
+const ASYMMETRY: f32 = FOG / (1.0 + FOG);
+/// Nodes along a ray: the eye, then from [`FIRST_NODE_M`] on, each [`STEP`] times as far as the one
+/// before, the last for all that is farther.
+pub(super) const NODES: usize = 20;
+pub(super) const FIRST_NODE_M: f32 = 0.75;
+pub(super) const STEP: f32 = 1.5;
+/// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of
+/// that along a side: one cell is 3 % off at three patches from a lamp, two cells are 2 % off at
+/// two, and four at one.
+pub(super) const FINE: [(i64, usize); 2] = [(2, 4), (3, 2)];
+const NEAR_PATCHES: i64 = FINE[1].0;
+/// Numbers of a column, for whole vectors.
+pub(super) const COLUMN: usize = (3 * NODES).next_multiple_of(GROUP);
+/// Patches from corner to corner at which columns are summed up everywhere.
+const WIDEST: usize = 4;
+/// Share of the most light by which the columns around a corner differ at most where what is linear
+/// between them stands for it: within 1 % of light that falls off smoothly.
+const MAX_COLUMN_DIFFERENCE: f32 = 0.3;
+/// Columns that are summed up at once, and patches near a lamp.
+const COLUMNS_AT_ONCE: usize = 64;
+const PATCHES_AT_ONCE: usize = 8;
+/// Share of the way from the end of an angle to its middle at which Gauss's node lies along the
+/// chord: for a small angle, and how much more it is for a right one.
+const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
+/// Sine of half of an angle up to which its middle tells enough: within 0.5 %.
+const NARROW: f32 = 0.15;
+
+/// Light up to each node along a ray, linear RGB, `[NODES, 3]` and zeros.
+pub(super) type Column = [f32; COLUMN];
+
+/// Distance of a node, m.
+fn node_distance(node: usize) -> f32 {
+    if node == 0 { 0.0 } else { FIRST_NODE_M * STEP.powi(node as i32 - 1) }
+}
 
 /// The inputs of the table.
 pub(super) struct GlowScene<'a> {

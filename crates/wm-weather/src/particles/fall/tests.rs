@@ -20,18 +20,14 @@ fn air() -> Atmosphere {
     Atmosphere::new(Vec::new(), SITE)
 }
 
-/// Particles at time 0 without wind, roofs and lamps.
-fn still<'a>(precipitation: &'a Precipitation, air: &'a Atmosphere) -> FallingParticles<'a> {
-    FallingParticles::new(
-        precipitation,
-        &SITE,
-        Arc::new(air.clone()),
-        None,
-        None,
-        WindSample::default(),
-        [0.0; 3],
-        0.0,
-    )
+/// Clear air without wind, roofs and lamps, at time 0.
+fn around<'a>() -> Surroundings<'a> {
+    let (air, wind) = (Arc::new(air()), WindSample::default());
+    Surroundings { site: &SITE, air, shelter: None, lamps: None, wind, velocity: [0.0; 3], time: 0.0 }
+}
+
+fn still<'a>(precipitation: &'a Precipitation, air: &Atmosphere) -> FallingParticles<'a> {
+    FallingParticles::new(precipitation, Surroundings { air: Arc::new(air.clone()), ..around() })
 }
 
 fn camera(size: (u32, u32)) -> Camera {
@@ -158,18 +154,8 @@ fn gathered(fall: &FallingParticles<'_>, view: &ParticleView, out: &mut Vec<Part
 }
 
 /// The drops of a frame.
-fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, wind_now: WindSample) -> Vec<Particle> {
-    let air = air();
-    let fall = FallingParticles::new(
-        precipitation,
-        &SITE,
-        Arc::new(air.clone()),
-        None,
-        None,
-        wind_now,
-        [0.0; 3],
-        time,
-    );
+fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, wind: WindSample) -> Vec<Particle> {
+    let fall = FallingParticles::new(precipitation, Surroundings { wind, time, ..around() });
     let view = ParticleView::new(camera);
     let mut out = Vec::new();
     gathered(&fall, &view, &mut out);
@@ -277,20 +263,11 @@ fn roofs_keep_dry_what_is_below() {
     place_of.surface(DVec3::new(-20.0, -20.0, 0.0), DVec3::X * 80.0, DVec3::Y * 60.0, 0.4, |_, _| [0.5; 3]);
     let splats = place_of.build();
     let shelter = Occluders::of(&splats, &SITE, &Default::default()).shelter([0.0, 0.0, -1.0]);
-    let (rain, air, camera) = (precipitation(&RAIN, 20.0, 0), air(), camera((900, 600)));
+    let (rain, camera) = (precipitation(&RAIN, 20.0, 0), camera((900, 600)));
     let view = ParticleView::new(&camera);
     let [mut open, mut dry] = [Vec::new(), Vec::new()];
     for (out, shelter) in [(&mut open, None), (&mut dry, Some(&shelter))] {
-        let fall = FallingParticles::new(
-            &rain,
-            &SITE,
-            Arc::new(air.clone()),
-            shelter,
-            None,
-            WindSample::default(),
-            [0.0; 3],
-            1.0,
-        );
+        let fall = FallingParticles::new(&rain, Surroundings { shelter, time: 1.0, ..around() });
         gathered(&fall, &view, out);
     }
     let under = |list: &[Particle]| {

@@ -1,6 +1,13 @@
 //! The picture behind the water and before it, by groups of pixels.
 
-use super::*;
+use crate::linear_picture::convert;
+use fearless_simd::{Select, SimdBase};
+use wm_render::hooks::GROUP;
+use wm_render::simd::{Lanes, SimdPath};
+use wm_render::{FRONT, dispatch};
+
+/// Transmittance to the surface below which it is invisible.
+const MIN_TRANSMITTANCE: f32 = 1.0 / 512.0;
 
 /// Sixteen pixels without what is before the water.
 pub(super) struct Behind {

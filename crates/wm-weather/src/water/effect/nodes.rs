@@ -1,6 +1,11 @@
 //! Reflections at nodes every few pixels, where they change little from pixel to pixel.
 
-use super::*;
+use super::scene::{Pixels, Scene, Water};
+use crate::water::surface::{FILM, NODES, WaterSurface};
+use rayon::prelude::*;
+use wm_render::dispatch;
+use wm_render::hooks::GROUP;
+use wm_render::simd::{Lanes, SimdPath};
 
 /// Numbers that are looked up at nodes every [`NODES`] pixels, and interpolated between them.
 #[derive(Clone, Copy, PartialEq, Eq)]

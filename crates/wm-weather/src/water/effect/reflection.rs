@@ -1,6 +1,14 @@
 //! Reflections of water: samples of the lobe of a rough surface, and the distance to what they show.
 
-use super::*;
+use super::scene::{Pixels, Scene, Water, dot};
+use crate::water::fresnel::fresnel_of;
+use crate::water::mirror::{Extent, ReflectionLanes};
+use crate::water::rills::Slope;
+use crate::water::surface::{FILM, NODES};
+use crate::water::tile::LaneArray;
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
+use wm_render::hooks::GROUP;
+use wm_render::simd::{Lanes, exp2, log2};
 
 /// Samples of the lobe of a rough surface: offsets of the slope in standard deviations and weights,
 /// of a normal distribution; and the width of each sample over the standard deviation of the lobe's

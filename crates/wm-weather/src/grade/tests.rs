@@ -1,10 +1,25 @@
-use crate::testing;
 use super::*;
 use crate::optics::Site;
+use crate::testing;
 use crate::weather::{Observer, Weather};
 use glam::DVec3;
+use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::testing::uniform;
 use wm_scene::Camera;
+
+impl ColorGrade {
+    /// Applies it to a display-referred colour in f64: the reference for the SIMD code.
+    pub(crate) fn reference(&self, rgb: [f64; 3]) -> [f64; 3] {
+        let light: [f64; 3] = std::array::from_fn(|k| srgb_decode(rgb[k]) * self.gains[k]);
+        let grey = luminance(light);
+        light.map(|light| self.shown((grey + self.saturation * (light - grey)).max(0.0)))
+    }
+
+    /// Contrast, and back to the display.
+    fn shown(&self, light: f64) -> f64 {
+        srgb_encode(MID_GREY * (light / MID_GREY).powf(self.contrast))
+    }
+}
 
 wm_render::cpu_parity! {
     look_agrees_with_f64 => |backend| {
@@ -18,7 +33,7 @@ wm_render::cpu_parity! {
 const SITE: Site = Site { airlight: [0.6, 0.7, 0.8], far: 300.0, ..testing::SITE };
 
 fn grade(exposure: f64, saturation: f64, contrast: f64, temperature: f64) -> ColorGrade {
-    LookParams { exposure, saturation, contrast, temperature }.grade()
+    ColorGrade::new(exposure, saturation, contrast, temperature)
 }
 
 fn grades() -> Vec<ColorGrade> {

@@ -1,0 +1,194 @@
+//! The map of one direction of fall, and what it tells of points.
+
+use super::grid::Grid;
+use serde::{Deserialize, Serialize};
+
+/// Margin in cells, at least: half a cell on a surface of slope 3.
+const MARGIN_CELLS: f64 = 1.5;
+/// Largest radius of [`Shelter::exposure`], cells: its cost grows with the square.
+pub(super) const MOST_RADIUS: f32 = 64.0;
+
+/// The treatment of lone pieces of a map high above all that is around them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FloaterRule {
+    /// They stop nothing: what falls goes on to the next surface.
+    PassThrough,
+    /// They stop what falls, and take no time to find.
+    Stop,
+}
+
+/// Options of a shelter map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShelterOptions {
+    /// Width of a cell, m; above 0. Made wider where the scene would have more than `most_cells`.
+    pub cell: f64,
+    /// Most cells of the grid, up to 2^28; 4 bytes each, and some 30 while it is made.
+    pub most_cells: usize,
+    /// The ends of a line (world, scene units) and how far from it across the fall the grid goes,
+    /// m; `None` for the whole scene. In scenes that reach far it keeps the cells narrow where
+    /// cameras are.
+    pub focus: Option<([[f64; 3]; 2], f64)>,
+    /// Share of the splats that the grid of a whole scene leaves out at each side, 0-0.5.
+    pub outliers: f64,
+    /// Splats of a lower opacity, 0-1, stop nothing: they are haze of the reconstruction.
+    pub least_opacity: f64,
+    /// Height above a point at which a surface begins to shelter it, m.
+    pub margin: f64,
+    /// The treatment of floaters.
+    pub floaters: FloaterRule,
+    /// Largest angle between a fall and that of the map for which the map is used, degrees.
+    pub turn: f64,
+}
+
+impl Default for ShelterOptions {
+    fn default() -> Self {
+        Self {
+            cell: 0.1,
+            most_cells: 4_000_000,
+            focus: None,
+            outliers: 0.005,
+            least_opacity: 0.1,
+            margin: 0.15,
+            floaters: FloaterRule::PassThrough,
+            turn: 3.0,
+        }
+    }
+}
+
+/// The map of one scene for one direction of fall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Shelter {
+    pub(super) grid: Grid,
+    /// Distance along the fall to what stops it, scene units from the origin, `[rows, columns]`.
+    pub(super) stops: Vec<f32>,
+    pub(super) metres_per_unit: f64,
+    /// Cosine of the turn that the map allows.
+    pub(super) turn: f64,
+    pub(super) query: Query,
+}
+
+/// The data of a query, in f32.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Query {
+    pub(super) origin: [f32; 3],
+    /// Columns, rows a scene unit along the world axes; and the fall.
+    pub(super) axes: [[f32; 3]; 3],
+    /// Column and row of the origin.
+    pub(super) start: [f32; 2],
+    pub(super) size: [f32; 2],
+    /// Scene units.
+    pub(super) cell: f32,
+    pub(super) margin: f32,
+    pub(super) cells_per_metre: f32,
+}
+
+impl Shelter {
+    /// Returns true if its parts fit each other, as an asset that a stranger made may not.
+    #[must_use]
+    pub fn is_consistent(&self) -> bool {
+        self.grid.is_consistent()
+            && self.stops.len() == self.grid.columns * self.grid.rows
+            && [self.metres_per_unit, self.turn].into_iter().all(f64::is_finite)
+            && self.query.size == [self.grid.columns, self.grid.rows].map(|cells| cells as f32)
+    }
+
+    pub(super) fn new(grid: Grid, stops: Vec<f32>, metres_per_unit: f64, options: &ShelterOptions) -> Self {
+        let Grid { axes, origin, low, cell, columns, rows, .. } = grid;
+        let scaled = |axis: [f64; 3], by: f64| axis.map(|v| (v * by) as f32);
+        let query = Query {
+            origin: origin.map(|v| v as f32),
+            axes: [scaled(axes[0], 1.0 / cell), scaled(axes[1], 1.0 / cell), scaled(axes[2], 1.0)],
+            start: low.map(|v| (-v / cell) as f32),
+            size: [columns, rows].map(|v| v as f32),
+            cell: cell as f32,
+            margin: (options.margin / metres_per_unit).max(MARGIN_CELLS * cell) as f32,
+            cells_per_metre: (1.0 / (metres_per_unit * cell)) as f32,
+        };
+        Self { grid, stops, metres_per_unit, turn: options.turn.to_radians().cos(), query }
+    }
+
+    /// Column and row of a point, and its distance along the fall, scene units.
+    #[inline]
+    pub(super) fn locate(&self, point: [f32; 3]) -> [f32; 3] {
+        let Query { origin, axes, start, .. } = &self.query;
+        let [x, y, z] = [point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]];
+        let along = |axis: &[f32; 3]| x * axis[0] + y * axis[1] + z * axis[2];
+        [start[0] + along(&axes[0]), start[1] + along(&axes[1]), along(&axes[2])]
+    }
+
+    /// Returns the distance along the fall from a point to the surface of its cell, scene units;
+    /// infinite where there is none.
+    #[inline]
+    pub(super) fn ahead(&self, point: [f32; 3]) -> f32 {
+        let [u, v, t] = self.locate(point);
+        let [width, height] = self.query.size;
+        // No NaN passes.
+        if u >= 0.0 && v >= 0.0 && u < width && v < height {
+            self.stops[v as usize * self.grid.columns + u as usize] - t
+        } else {
+            f32::INFINITY
+        }
+    }
+
+    /// Returns true if the fall reaches `point` (world, scene units): no surface stands above it by
+    /// more than the margin. Points off the grid are exposed, and those that are no number.
+    #[inline]
+    #[must_use]
+    pub fn is_exposed(&self, point: [f32; 3]) -> bool {
+        self.ahead(point) >= -self.query.margin
+    }
+
+    /// Returns the exposure of a point (world, scene units), 0-1, with soft edges: the share of the
+    /// cells within `radius` (m, at most 64 cells) of it, across the fall, that hold nothing above
+    /// it, nearer ones counting more (`1 - r^2 / radius^2`): it changes smoothly as the point
+    /// moves, and is a half under a straight edge.
+    ///
+    /// What stands in another cell must be above the point by more than it is away, and the margin,
+    /// so that slopes up to 45 degrees do not shelter themselves, and low things have harder edges
+    /// than high ones. A radius below half a cell asks for the point's own cell. Visits about
+    /// `4 (radius / cell)^2` cells.
+    pub(crate) fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
+        let own = || if self.is_exposed(point) { 1.0 } else { 0.0 };
+        let reach = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
+        let [u, v, t] = self.locate(point);
+        let [width, height] = self.query.size;
+        let is_near = u > -reach && v > -reach && u < width + reach && v < height + reach;
+        if reach.is_nan() || reach < 0.5 || !is_near {
+            return own();
+        }
+        let [columns, rows] = [self.grid.columns, self.grid.rows].map(|v| v as i32);
+        let within = |at: f32| ((at - reach - 0.5).ceil() as i32, (at + reach - 0.5).floor() as i32);
+        let ((left, right), (top, bottom)) = (within(u), within(v));
+        let (mut open, mut all) = (0.0, 0.0);
+        for row in top..=bottom {
+            let dv = row as f32 + 0.5 - v;
+            for column in left..=right {
+                let du = column as f32 + 0.5 - u;
+                let away = du * du + dv * dv;
+                let weight = (1.0 - away / (reach * reach)).max(0.0);
+                all += weight;
+                let is_known = row >= 0 && row < rows && column >= 0 && column < columns;
+                let stop = if is_known {
+                    self.stops[row as usize * self.grid.columns + column as usize]
+                } else {
+                    f32::INFINITY
+                };
+                let above = t - stop;
+                let is_shelter = above > self.query.margin + away.sqrt() * self.query.cell;
+                open += if is_shelter { 0.0 } else { weight };
+            }
+        }
+        // A small circle about a corner of cells reaches none of their middles.
+        if all > 0.0 { open / all } else { own() }
+    }
+
+    /// The direction that it was made for, world axes, length 1.
+    pub(crate) fn fall(&self) -> [f64; 3] {
+        self.grid.axes[2]
+    }
+
+    /// Width of a cell, m.
+    pub(crate) fn cell(&self) -> f64 {
+        self.grid.cell * self.metres_per_unit
+    }
+}
