@@ -1,12 +1,18 @@
 //! The configuration of a training: everything that its result depends on, beside the photos.
 
 pub use crate::check::ConfigError;
+use crate::check::{COUNT, ConfigValue, MAX_WEIGHT, SHARE, WEIGHT};
 pub use crate::densify::Densify;
 pub use crate::densify::adaptive::AdaptiveConfig;
 pub use crate::densify::fixed::FixedConfig;
 pub use crate::densify::mcmc::McmcConfig;
 use serde::{Deserialize, Serialize};
-use wm_scene::Rasterization;
+use wm_scene::{Rasterization, sh};
+
+/// Most steps.
+const MAX_STEPS: u32 = 1_000_000;
+/// Most splats of the sky: more of them would be smaller than pixels.
+const MAX_SKY_SPLATS: f64 = 1e6;
 
 /// A training. Two of equal configuration, photos and SIMD path give the same scene, byte for byte.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -355,6 +361,58 @@ impl Preset {
             Self::Quick => 100_000,
             Self::Standard => 300_000,
             Self::Best => 1_000_000,
+        }
+    }
+}
+
+impl TrainConfig {
+    /// Checks every value that steps divide by, index with or take the logarithm of.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first value that makes no training, and what it may be.
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        let (loss, rates) = (&self.loss, &self.rates);
+        let geometry = &loss.geometry;
+        let values = [
+            ("steps", f64::from(self.steps), 1.0..=f64::from(MAX_STEPS)),
+            ("sh_degree", f64::from(self.sh_degree), 0.0..=f64::from(sh::MAX_DEGREE)),
+            ("sh_every", f64::from(self.sh_every), COUNT),
+            ("start_opacity", self.start_opacity, SHARE),
+            ("start_scale", self.start_scale, 1e-6..=MAX_WEIGHT),
+            ("start_fill", self.start_fill, 0.0..=1.0),
+            ("sky_splats", f64::from(self.sky_splats), 0.0..=MAX_SKY_SPLATS),
+            ("haze.mor", if let HazeMode::Mor(mor) = self.haze { mor } else { 1.0 }, 1e-6..=MAX_WEIGHT),
+            ("loss.l1", loss.l1, WEIGHT),
+            ("loss.ssim", loss.ssim, WEIGHT),
+            ("loss.geometry.depth", geometry.depth, WEIGHT),
+            ("loss.geometry.depth_hard", geometry.depth_hard, WEIGHT),
+            ("loss.geometry.depth_soft", geometry.depth_soft, WEIGHT),
+            ("loss.geometry.depth_local", geometry.depth_local, WEIGHT),
+            ("loss.geometry.depth_margin", geometry.depth_margin, WEIGHT),
+            ("loss.geometry.depth_from", geometry.depth_from, 0.0..=1.0),
+            ("loss.geometry.depth_last", geometry.depth_last, f64::MIN_POSITIVE..=1.0),
+            ("loss.geometry.every", f64::from(geometry.every), COUNT),
+            ("loss.geometry.surface", geometry.surface, WEIGHT),
+            ("loss.geometry.normal", geometry.normal, WEIGHT),
+            ("loss.geometry.normal_from", geometry.normal_from, 0.0..=1.0),
+            ("loss.geometry.flat", geometry.flat, WEIGHT),
+            ("loss.geometry.smooth", geometry.smooth, WEIGHT),
+            ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=MAX_WEIGHT),
+            ("rates.means_last", rates.means_last, f64::MIN_POSITIVE..=MAX_WEIGHT),
+            ("rates.quats", rates.quats, WEIGHT),
+            ("rates.log_scales", rates.log_scales, WEIGHT),
+            ("rates.logit_opacities", rates.logit_opacities, WEIGHT),
+            ("rates.sh_dc", rates.sh_dc, WEIGHT),
+            ("rates.sh_rest", rates.sh_rest, WEIGHT),
+            ("rates.exposure", rates.exposure, WEIGHT),
+        ];
+        let values = values.map(|(name, value, range)| ConfigValue { name, value, range });
+        let mut values = values.into_iter().chain(self.densify.strategy().values());
+        match values.find(|value| !value.range.contains(&value.value)) {
+            None => Ok(()),
+            Some(ConfigValue { name, value, range }) => {
+                Err(ConfigError { name, value, least: *range.start(), most: *range.end() })
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 //! share.
 
 use super::cells::{self, GroundAxes, GroundCell, MIN_PHOTOS, PlacedPhoto};
-use super::{BlockError, SKY_FILE};
+use super::error::BlockError;
 use crate::brightness::PhotoGains;
 use crate::checkpoint::{FNV_START, hash};
 use crate::config::TrainConfig;
@@ -18,6 +18,9 @@ use std::path::{Path, PathBuf};
 use wm_base::files::write_durably;
 use wm_scene::Scene;
 use wm_scene::formats::write_scene;
+
+/// The splats of the sky in the run folder, if there are any.
+pub(super) const SKY_FILE: &str = "sky.ply";
 
 /// The version of the plan's format.
 const VERSION: u32 = 1;

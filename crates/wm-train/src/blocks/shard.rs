@@ -1,6 +1,7 @@
 //! The training of one block: begun, continued or found done.
 
-use super::{BlockError, BlockTraining, read_splats};
+use super::error::BlockError;
+use super::training::{BlockTraining, read_splats};
 use crate::checkpoint::{FNV_START, hash};
 use crate::config::TrainConfig;
 use crate::dataset::HeldOut;

@@ -1,13 +1,17 @@
 //! Commands that run one after the other in the folder of a run, with their log and their progress.
 
-use super::{
-    ColmapError, ColmapProgress, ColmapStep, DONE_FILE, LOG_FILE, file_error, make_folder, progress, remove,
-};
+use super::error::{ColmapError, file_error, make_folder, remove};
+use super::progress::{self, ColmapProgress, ColmapStep};
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
+
+/// The file that says what was run.
+pub(super) const LOG_FILE: &str = "colmap.log";
+/// The file that says that a run is complete.
+pub(super) const DONE_FILE: &str = "done";
 
 /// The time between two looks at a running command.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);

@@ -8,7 +8,7 @@
 //! and those covered by less than half, do not count.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::{GeometryConfig, TrainConfig};
 use wm_render::Channels;
 use wm_render::training::{Comparison, MIN_COVERAGE, MIN_RELATIVE_SIGMA, Term};

@@ -5,7 +5,7 @@
 //! above a ratio r that is flat enough: the shortest axis shrinks and the middle one grows. Another
 //! axis can become the shortest only against this loss.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::training::{Comparison, SplatTerms};
 

@@ -1,6 +1,6 @@
 //! Mean absolute difference of colours.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::training::{Comparison, Term};

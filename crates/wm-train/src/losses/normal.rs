@@ -6,7 +6,7 @@
 //! them transparent instead of rotating them.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 use wm_render::training::{Comparison, MIN_COVERAGE, Term};

@@ -12,7 +12,7 @@
 //! derivative. Pixels covered by less than half do not count.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::{GeometryConfig, TrainConfig};
 use crate::random::{Purpose, Random};
 use wm_render::training::{self, Comparison, DEVIATION_FLOOR, MIN_COVERAGE, MIN_PATCH_PIXELS, Term};

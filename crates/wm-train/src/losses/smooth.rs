@@ -3,7 +3,7 @@
 //! The mean over neighbouring pixels of `|r_i - r_j| / mean(r) exp(-|I_i - I_j| / 0.1)` with
 //! `r = 1 / D`. Off by default: it rounds surfaces, and helps where no other term has evidence.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 use wm_render::training::{Comparison, EDGE_CONTRAST, MIN_COVERAGE, Term};

@@ -1,6 +1,6 @@
 //! Structural dissimilarity of colours: 1 minus their structural similarity.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
 use wm_render::training::{Comparison, Term};

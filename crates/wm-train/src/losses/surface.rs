@@ -8,7 +8,7 @@
 //! count. Without this term the sky is painted on splats in front of it, which fog lights up, and
 //! shines through walls.
 
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::priors::{Prior, SkyClass};
 use wm_render::training::{COVERAGE_TOLERANCE, Comparison, Term};

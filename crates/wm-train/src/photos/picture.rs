@@ -1,17 +1,19 @@
 //! A photo from its file to the picture that training compares with.
 
 use super::{
-    MIN_SIDE_PX,
     cache::Weigh,
     error::{PhotoError, PhotoFault},
     resize::{reduce, resize},
-    undistort::undistort,
+    undistort::{Lens, undistort},
 };
 use std::path::{Path, PathBuf};
 use wm_image::header::{Orientation, PhotoKind, read_header};
 use wm_image::photo::{DecodeError, Decoded, decode_photo};
 use wm_scene::Camera;
 use wm_scene::camera::Distortion;
+
+/// Least side of a photo, px: of less the shape cannot be told, and nothing is learnt.
+pub(super) const MIN_SIDE_PX: u32 = 8;
 
 /// A photo, decoded, resized and undistorted.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,16 +80,6 @@ pub(super) fn reduced_camera(camera: &Camera, level: u8) -> Camera {
         cy: camera.cy * scale,
         ..*camera
     }
-}
-
-/// The cameras before and after a lens is undone.
-#[derive(Clone, Debug)]
-pub(super) struct Lens {
-    /// The camera of the photo at the size that it is resized to; it has the distortion.
-    pub(crate) photo: Camera,
-    pub(crate) distortion: Distortion,
-    /// The pinhole camera.
-    pub(crate) ideal: Camera,
 }
 
 /// All that is known of a photo before it is decoded.

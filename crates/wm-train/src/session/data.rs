@@ -1,10 +1,10 @@
 //! Opens the data set of a session, with COLMAP's help if there are only photos, and with ffmpeg's
 //! if there is only a video.
 
-use super::SessionOptions;
 use super::error::SessionError;
 use super::folder::{COLMAP, FRAMES, RunFolder};
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
+use super::options::SessionOptions;
 use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::TrainedPhoto;
 use crate::colmap::{self, ColmapOptions, Matching};

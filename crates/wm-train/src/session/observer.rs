@@ -1,6 +1,6 @@
 //! The messages of a session to its caller.
 
-use super::score::{HeldOutScore, HeldOutScores, TrainReport};
+use super::score::{HeldOutScore, HeldOutScores, StepSummary, TrainReport};
 use crate::colmap::{self, UnregisteredPhoto};
 use crate::movers::MoverOutcome;
 use crate::photos::PhotoError;
@@ -338,23 +338,6 @@ pub struct StepProgress {
     pub splats: usize,
     /// The loss of this step.
     pub loss: f64,
-}
-
-/// Means over the steps since the last summary.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StepSummary {
-    /// Steps that are done.
-    pub step: u32,
-    /// Mean loss.
-    pub loss: f64,
-    /// Mean values of the loss terms before weighting, by name.
-    pub terms: Vec<(&'static str, f64)>,
-    /// Mean time of a step, seconds.
-    pub step_seconds: f64,
-    /// The number of splats.
-    pub splats: usize,
-    /// PSNR of the held-out photos at the last evaluation, dB.
-    pub held_out_psnr: Option<f64>,
 }
 
 /// The moment at which an image is offered.

@@ -1,8 +1,8 @@
 //! A part of a data set that one training learns, while other trainings learn the others.
 
-use super::data::TrainData;
 use super::error::SessionError;
 use crate::brightness::PhotoGains;
+use crate::dataset::Dataset;
 use crate::haze::PhotoHaze;
 use crate::photos::Photos;
 use crate::priors::points::{has_tracks, inside};
@@ -56,16 +56,13 @@ impl TrainPart {
         photos: &Photos,
         places: &[usize],
     ) -> Option<PhotoGains> {
-        let names: Vec<&str> =
-            places.iter().map(|place| capture.views[photos.view(*place)].name.as_str()).collect();
-        Some(self.ordered(self.gains.as_ref()?, &names))
+        Some(self.ordered(self.gains.as_ref()?, capture, photos, places))
     }
 
     /// Returns the haze, and the gains of the training photos in their order.
-    pub(super) fn haze_of(&self, data: &TrainData) -> Option<(PhotoHaze, PhotoGains)> {
+    pub(super) fn haze_of(&self, set: &Dataset) -> Option<(PhotoHaze, PhotoGains)> {
         let (haze, gains) = self.haze.as_ref()?;
-        let names: Vec<&str> = data.set.places.iter().map(|place| data.set.name(*place)).collect();
-        Some((*haze, self.ordered(gains, &names)))
+        Some((*haze, self.ordered(gains, &set.capture, &set.photos, &set.places)))
     }
 
     /// Adds the sky.
@@ -77,11 +74,19 @@ impl TrainPart {
         }
     }
 
-    fn ordered(&self, gains: &PhotoGains, names: &[&str]) -> PhotoGains {
+    fn ordered(
+        &self,
+        gains: &PhotoGains,
+        capture: &Capture,
+        photos: &Photos,
+        places: &[usize],
+    ) -> PhotoGains {
         let known: HashMap<&str, [f32; 3]> =
             self.photos.iter().map(String::as_str).zip(gains.gains.iter().copied()).collect();
-        let gain = |name: &&str| known.get(name).copied().unwrap_or([1.0; 3]);
-        PhotoGains { gains: names.iter().map(gain).collect(), ..gains.clone() }
+        let gain = |place: &usize| {
+            known.get(capture.views[photos.view(*place)].name.as_str()).copied().unwrap_or([1.0; 3])
+        };
+        PhotoGains { gains: places.iter().map(gain).collect(), ..gains.clone() }
     }
 }
 

@@ -1,12 +1,13 @@
 //! Prepares the first splats and the sky of a training, and finishes its scene: labels, up, ground
 //! and scale.
 
-use super::SessionOptions;
 use super::data::TrainData;
 use super::error::SessionError;
 use super::observer::{TrainNotice, TrainObserver, TrainWarning};
+use super::options::SessionOptions;
 use super::painted_sky::label_painted_sky;
 use super::part::TrainPart;
+use super::priors::{PriorView, prior_views};
 use crate::brightness::PhotoGains;
 use crate::config::{HazeMode, TrainConfig};
 use crate::dataset::{Dataset, site};
@@ -35,8 +36,6 @@ const GROUND_WEIGHT: f64 = 0.7;
 const MAX_GPS_ERROR_DEG: f64 = 3.0;
 /// Least extent of the GPS positions in units of their residual for a reliable scale: about 5 %.
 const MIN_GPS_EXTENT: f64 = 20.0;
-/// Approximate largest number of photos whose priors are used for the first splats.
-const MAX_PRIOR_PHOTOS: usize = 200;
 
 /// Returns the splats that a training starts with.
 #[expect(clippy::too_many_arguments)] // All that a start depends on.
@@ -120,34 +119,6 @@ fn far_ground<'a>(
     FarGround::new(cameras, &data.set.capture.points, data.up?.up, haze?)
 }
 
-/// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means
-/// of the photo's.
-pub(super) struct PriorView {
-    pub(super) camera: Camera,
-    pub(super) prior: Arc<Prior>,
-    pub(super) photo: Arc<Photo>,
-    /// The gain in red, green and blue relative to the scene, display-referred.
-    pub(super) gain: [f32; 3],
-}
-
-/// Returns the photos that have priors; an even choice of them if there are very many.
-fn prior_views(
-    data: &TrainData,
-    priors: &Priors,
-    gains: Option<&PhotoGains>,
-) -> Result<Vec<PriorView>, SessionError> {
-    let mut views = Vec::new();
-    let places = &data.set.places;
-    for (index, place) in places.iter().enumerate().step_by(places.len().div_ceil(MAX_PRIOR_PHOTOS)) {
-        let camera = data.set.photos.camera(*place, 0);
-        let Some(prior) = priors.get(data.set.name(*place), &camera)? else { continue };
-        let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
-        let gain = gains.map_or([1.0; 3], |gains| gains.gains[index]);
-        views.push(PriorView { camera, prior, photo: data.set.photos.get(*place, level)?, gain });
-    }
-    Ok(views)
-}
-
 /// Adds the sky where the priors say that photos show it; haze of a place is seen as sky down to
 /// the sine `lowest`.
 fn add_sky(
@@ -184,7 +155,7 @@ pub(super) fn haze(
     observer: &mut dyn TrainObserver,
 ) -> Result<Option<(PhotoHaze, PhotoGains)>, SessionError> {
     if let Some(part) = &options.part {
-        return Ok(part.haze_of(data));
+        return Ok(part.haze_of(&data.set));
     }
     if mode == HazeMode::Keep {
         return Ok(None);

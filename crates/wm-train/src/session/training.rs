@@ -7,7 +7,8 @@ use super::observer::{
     ImageMoment, StepProgress, TrainImage, TrainNotice, TrainObserver, TrainStart, TrainWarning,
 };
 use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
-use super::{SessionOptions, scene};
+use super::options::SessionOptions;
+use super::scene;
 use crate::checkpoint::{self, CheckpointHead};
 use crate::config::TrainConfig;
 use crate::exposure::Exposures;

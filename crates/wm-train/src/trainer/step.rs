@@ -1,24 +1,20 @@
 //! One step: render, compare, derive, move, densify.
 
-use super::{READ_BACK_STEPS, StepReport, Trainer};
+use super::report::StepReport;
+use super::Trainer;
 use crate::config::BackgroundKind;
 use crate::densify::DensifyTime;
-use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
+use crate::losses::{self, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
 use wm_render::training::{Compared, Comparison, NO_EXPOSURE};
 use wm_render::training::{SplatTerms, Step};
-use wm_render::{Channels, DepthAlpha, ForwardConfig, Frame, RenderError};
+use wm_render::{Channels, DepthAlpha, ForwardConfig, RenderError};
 
-/// Memory of one step.
-#[derive(Default)]
-pub(super) struct Work {
-    frame: Frame,
-    /// The colours of the scene before the photo's exposure.
-    rendered: Vec<f32>,
-    loss: LossGradients,
-}
+/// Steps between reads of the splats from a device, from which the training continues if the
+/// device fails.
+const READ_BACK_STEPS: u32 = 500;
 
 /// The result of a render.
 struct RenderResult {
