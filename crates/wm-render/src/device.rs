@@ -1,15 +1,18 @@
 //! The choice of a device: one back end for the CPU and for GPUs.
 
+use crate::config::{CpuConfig, SetId};
 use crate::cpu::{CpuDifferentiable, CpuRenderer};
-use crate::differentiable::{Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream};
+use crate::differentiable::{Differentiable, ForwardConfig, Resident, Upstream};
+use crate::error::RenderError;
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
+use crate::gradients::{Gradients, Learn};
 use crate::plan::{DrawPass, FramePlan, Pictures};
 use crate::ray_tracer::AnyRaySplats;
 #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
 use crate::renderer::ExecuteFuture;
-use crate::renderer::{CpuConfig, RenderBackend, RenderError, SetId, Stats};
+use crate::renderer::{RenderBackend, Stats};
 use crate::simd::SimdPath;
 use std::fmt;
 use std::str::FromStr;

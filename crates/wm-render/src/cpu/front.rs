@@ -1,14 +1,16 @@
 //! The first sweep: clusters of splats to records and windows of tiles.
 
-use super::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
+use super::model::{CpuModel, SplatGroup};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::budget::FrameBudget;
+use crate::config::MedianDepth;
 use crate::dispatch;
 use crate::frame::splat_name;
 use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats};
 use crate::plan::{DrawPass, Shading};
-use crate::renderer::{MedianDepth, Stats};
+use crate::renderer::Stats;
 use crate::simd::{Lanes, SimdPath};
+use crate::sizes::{CLUSTER, GROUPS};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, ProjectedGroup, project_group};

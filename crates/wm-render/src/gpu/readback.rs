@@ -25,9 +25,6 @@ pub(crate) struct PassCounts {
     pub(crate) walked: u32,
 }
 
-/// A part of a buffer: buffer, offset and size, bytes.
-pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
-
 /// The results of several passes that are read back together: for each pass its counts, its times
 /// and its pictures.
 pub(crate) struct Readback {

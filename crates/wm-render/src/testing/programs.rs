@@ -1,8 +1,8 @@
 //! The programs of the GPU, for tests that read their texts.
 
+use crate::config::{Geometry, MedianDepth};
 use crate::differentiable::Channels;
 use crate::gpu::source::{Program, Subgroups};
-use crate::renderer::{Geometry, MedianDepth};
 use crate::stages::compare::gpu as losses;
 use crate::stages::composite::gpu::{self as composite, BackgroundForm, ParticleBlend};
 use crate::stages::intersect::gpu as intersect;

@@ -4,7 +4,6 @@
 //! the number of photos whose cameras are found. Where nothing is understood there is no progress,
 //! and nothing else is lost.
 
-
 /// One of the four commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColmapStep {

@@ -60,8 +60,8 @@ pub use crate::poor_photos::{PhotoDefect, PoorPhotoMode};
 pub use error::SessionError;
 pub use folder::{CHECKPOINT, ConfigFileError, Resume};
 pub use observer::{
-    ImageMoment, ObserverError, Preparation, StepProgress, TrainImage, TrainNotice,
-    TrainObserver, TrainStart, TrainWarning,
+    ImageMoment, ObserverError, Preparation, StepProgress, TrainImage, TrainNotice, TrainObserver,
+    TrainStart, TrainWarning,
 };
 pub use options::{PriorSource, SessionOptions};
 pub use part::TrainPart;

@@ -6,9 +6,9 @@ use super::folder::{Metrics, RunFolder};
 use super::observer::{
     ImageMoment, StepProgress, TrainImage, TrainNotice, TrainObserver, TrainStart, TrainWarning,
 };
-use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
 use super::options::SessionOptions;
 use super::scene;
+use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
 use crate::checkpoint::{self, CheckpointHead};
 use crate::config::TrainConfig;
 use crate::exposure::Exposures;

@@ -1,7 +1,7 @@
 //! One step: render, compare, derive, move, densify.
 
-use super::report::StepReport;
 use super::Trainer;
+use super::report::StepReport;
 use crate::config::BackgroundKind;
 use crate::densify::DensifyTime;
 use crate::losses::{self, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};

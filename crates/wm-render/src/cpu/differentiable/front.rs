@@ -1,11 +1,12 @@
 //! The first sweep of training: stored parameters to records and windows of tiles.
 
 use crate::cpu::front::ClusterScratch;
-use crate::cpu::model::{CLUSTER, Cluster, GROUPS};
+use crate::cpu::model::Cluster;
 use crate::differentiable::{DrawnSplats, ForwardConfig};
 use crate::dispatch;
 use crate::hooks::{GROUP, Medium, ShadeGroup};
 use crate::simd::{Lanes, SimdPath};
+use crate::sizes::{CLUSTER, GROUPS};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::Pairs;
 use crate::stages::project::activate::{Activated, activate};

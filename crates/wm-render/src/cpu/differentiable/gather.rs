@@ -1,8 +1,9 @@
 //! The last sweep of training: slots to gradients, over the splats in view.
 
 use super::front::{Part, put_sky_far};
-use crate::differentiable::{ForwardConfig, Gradients, Learn};
+use crate::differentiable::ForwardConfig;
 use crate::dispatch;
+use crate::gradients::{Gradients, Learn};
 use crate::hooks::{GROUP, ShadeGroup};
 use crate::simd::{Lanes, SimdPath, transpose};
 use crate::stages::project::activate::{Activated, activate};

@@ -1,9 +1,9 @@
 use super::cpu::RaySplats;
 use super::packets::{PACKET, Packets};
 use super::{RayHits, RayOutputs, Rays};
+use crate::config::RenderConfig;
 use crate::ray_tracer::RayTracer;
 use crate::reference;
-use crate::renderer::RenderConfig;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
 use crate::{DrawPass, Frame, SetView};
