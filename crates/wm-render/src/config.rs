@@ -175,3 +175,25 @@ pub struct CpuConfig {
     /// SIMD path.
     pub simd: SimdChoice,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sky_is_continuous_and_has_its_colors() {
+        let sky = SkyGradient::daylight([0.0, 0.0, 1.0]);
+        let background = Background::Sky(sky);
+        for k in 0..3 {
+            assert!((background.color([0.0, 0.0, 1.0])[k] - f64::from(sky.zenith[k])).abs() < 1e-6);
+            assert!((background.color([1.0, 0.0, 0.0])[k] - f64::from(sky.horizon[k])).abs() < 1e-6);
+            assert!((background.color([0.0, 0.0, -1.0])[k] - f64::from(sky.ground[k])).abs() < 1e-6);
+        }
+        let mut last = background.color([-1.0, 0.0, -0.1]);
+        for i in 1..=2000 {
+            let color = background.color([-1.0, 0.0, -0.1 + 0.0001 * f64::from(i)]);
+            assert!((0..3).all(|k| (color[k] - last[k]).abs() < 1e-3));
+            last = color;
+        }
+    }
+}

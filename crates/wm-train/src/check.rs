@@ -34,32 +34,3 @@ pub struct ConfigError {
     pub(crate) least: f64,
     pub(crate) most: f64,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::config::{Densify, Preset};
-    use crate::densify::adaptive::AdaptiveConfig;
-
-    #[test]
-    fn presets_are_sound_and_nonsense_is_named() {
-        for preset in [Preset::Draft, Preset::Quick, Preset::Standard, Preset::Best] {
-            let mut config = TrainConfig::preset(preset);
-            assert_eq!(config.check(), Ok(()));
-            config.densify = Densify::Adaptive(AdaptiveConfig::for_steps(config.steps, 1000));
-            assert_eq!(config.check(), Ok(()));
-            config.set_steps(1);
-            assert_eq!(config.check(), Ok(()));
-        }
-        let say = |change: fn(&mut TrainConfig)| {
-            let mut config = TrainConfig::preset(Preset::Quick);
-            change(&mut config);
-            config.check().unwrap_err().to_string()
-        };
-        assert_eq!(say(|c| c.steps = 0), "steps is 0; it must be 1 to 1000000");
-        assert_eq!(say(|c| c.sh_degree = 9), "sh_degree is 9; it must be 0 to 3");
-        assert!(say(|c| c.rates.means_last = 0.0).starts_with("rates.means_last is 0; "));
-        assert_eq!(say(|c| c.sky_splats = u32::MAX), "sky_splats is 4294967295; it must be 0 to 1000000");
-        assert!(say(|c| c.loss.l1 = f64::NAN).starts_with("loss.l1 is NaN; "));
-    }
-}

@@ -2,9 +2,10 @@
 
 use crate::config::{Geometry, MedianDepth};
 use crate::differentiable::Channels;
+use crate::gpu::buffers::ParticleBlend;
 use crate::gpu::source::{Program, Subgroups};
 use crate::stages::compare::gpu as losses;
-use crate::stages::composite::gpu::{self as composite, BackgroundForm, ParticleBlend};
+use crate::stages::composite::gpu::{self as composite, BackgroundForm};
 use crate::stages::intersect::gpu as intersect;
 use crate::stages::optimize::gpu as learning;
 use crate::stages::particles::gpu::FALL;

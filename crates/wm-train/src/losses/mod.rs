@@ -56,12 +56,13 @@ mod tests {
     use super::*;
     use crate::config::{GeometryConfig, Preset};
     use crate::densify::Population;
-    use crate::priors::SkyClass;
+    use crate::priors::{Prior, SkyClass};
     use glam::DVec3;
     use wm_base::random::uniform;
     use wm_render::testing::{Backend, gpu_differentiable, shell_camera, shell_splats};
-    use wm_render::training::NO_EXPOSURE;
-    use wm_render::{ForwardConfig, Resident};
+    use wm_render::training::{Comparison, NO_EXPOSURE};
+    use wm_render::{Channels, ForwardConfig, Frame, Opacity, Resident};
+    use wm_scene::Camera;
 
     const SIZE: (u32, u32) = (12, 8);
 

@@ -1,6 +1,7 @@
 //! Sessions on the built-in street.
 
 use super::*;
+use crate::TrainPlan;
 use crate::poor_photos::PhotoDefect;
 use std::ops::ControlFlow;
 use wm_scene::Metadata;

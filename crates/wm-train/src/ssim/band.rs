@@ -5,7 +5,7 @@ use wm_render::simd::Lanes;
 use wm_render::training::{C1, C2, RADIUS, WINDOW};
 
 /// Pixels of the window along a side.
-const TAPS: usize = 2 * RADIUS + 1;
+pub(super) const TAPS: usize = 2 * RADIUS + 1;
 /// Channels of a pixel.
 pub(super) const CHANNELS: usize = 3;
 /// Values that the window reaches to each side of a row.

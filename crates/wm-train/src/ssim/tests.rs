@@ -1,5 +1,6 @@
 //! SSIM against its definition, in f64.
 
+use super::band::TAPS;
 use super::*;
 use wm_base::random::uniform;
 

@@ -1,8 +1,7 @@
 use super::cpu::RaySplats;
 use super::packets::{PACKET, Packets};
-use super::{RayHits, RayOutputs, Rays};
+use super::{RayHits, RayOutputs, RayTracer, Rays};
 use crate::config::RenderConfig;
-use crate::ray_tracer::RayTracer;
 use crate::reference;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
