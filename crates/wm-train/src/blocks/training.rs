@@ -1,13 +1,11 @@
 //! A training in blocks: its plan, and the join of what was trained.
 
 use super::error::BlockError;
-use super::plan::{self, BlockOptions, BlockPlan, PlannedHaze, SKY_FILE, TrainBlock};
-use crate::brightness::PhotoGains;
-use crate::haze::PhotoHaze;
-use crate::priors;
+use super::plan::{self, BlockOptions, BlockPlan, PlannedHaze, SKY_FILE};
 use crate::session::{SessionOptions, TrainObserver, WholeSession};
+use crate::{files, priors};
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Group, Scene, Splats};
 
@@ -112,12 +110,6 @@ impl BlockTraining {
             count => read_splats(&self.folder.join(SKY_FILE), Group::Sky, count),
         }
     }
-
-    /// Returns the haze of all photos, and the gains of those of a block in it.
-    pub(super) fn haze_of(&self, block: &TrainBlock) -> Option<(PhotoHaze, PhotoGains)> {
-        let planned = self.plan.haze.as_ref()?;
-        Some((planned.haze(), planned.gains.of(&block.cameras)))
-    }
 }
 
 /// Removes the plan in a run folder, and what was made for it and by it.
@@ -126,9 +118,9 @@ impl BlockTraining {
 /// [`BlockError::Unremoved`] names what the system does not remove.
 pub fn remove(folder: &Path) -> Result<(), BlockError> {
     // Without a plan the rest is nothing.
-    remove_if_there(&folder.join(PLAN))?;
-    remove_if_there(&folder.join(SKY_FILE))?;
-    remove_if_there(&folder.join(priors::FOLDER))?;
+    for name in [PLAN, SKY_FILE, priors::FOLDER] {
+        remove_if_there(&folder.join(name))?;
+    }
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries.filter(|entry| is_block(&entry.file_name().to_string_lossy())) {
         remove_if_there(&entry.path())?;
@@ -153,13 +145,7 @@ fn is_block(name: &str) -> bool {
 }
 
 fn remove_if_there(path: &Path) -> Result<(), BlockError> {
-    let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-    match removed {
-        Err(reason) if reason.kind() != io::ErrorKind::NotFound => {
-            Err(BlockError::Unremoved { path: path.to_owned(), reason })
-        }
-        _ => Ok(()),
-    }
+    files::remove(path).map_err(|reason| BlockError::Unremoved { path: path.to_owned(), reason })
 }
 
 /// Reads splats that a part of this module wrote, all of one group.

@@ -97,14 +97,6 @@ pub(super) fn make_folder(path: &Path) -> Result<(), ColmapError> {
     fs::create_dir_all(path).map_err(|e| file_error(path, e))
 }
 
-pub(super) fn remove(path: &Path) -> Result<(), ColmapError> {
-    let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-    match removed {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(file_error(path, error)),
-        _ => Ok(()),
-    }
-}
-
 pub(super) fn file_error(path: &Path, reason: std::io::Error) -> ColmapError {
     ColmapError::File { path: path.into(), reason }
 }

@@ -28,6 +28,7 @@ pub(crate) use runner::Running;
 use tool::CameraTool;
 pub(crate) use tool::on_path;
 
+use crate::checkpoint::{FNV_START, hash};
 use crate::photos::photos_in;
 use database::SharedPoints;
 use rayon::prelude::*;
@@ -180,16 +181,15 @@ pub(crate) fn reconstruct(
 /// Returns the line that tells these photos from others: their folder, names, sizes and times of
 /// change.
 fn title(photos: &Path, files: &[PathBuf]) -> String {
-    let mut sum: u64 = 0xcbf2_9ce4_8422_2325;
+    let mut sum = FNV_START;
     for file in files {
         let about = fs::metadata(file).ok();
         let bytes = about.as_ref().map_or(0, fs::Metadata::len);
         let changed = about.and_then(|about| about.modified().ok()?.duration_since(UNIX_EPOCH).ok());
         let nanos = changed.map_or(0, |changed| changed.as_nanos() as u64);
         let name = file.as_os_str().as_encoded_bytes();
-        // FNV-1a.
-        for byte in name.iter().chain(&bytes.to_le_bytes()).chain(&nanos.to_le_bytes()) {
-            sum = (sum ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        for part in [name, &bytes.to_le_bytes(), &nanos.to_le_bytes()] {
+            sum = hash(sum, part);
         }
     }
     format!("photos: {} of {} ({sum:016x})\n", files.len(), photos.display())

@@ -9,7 +9,7 @@
 //! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 
 use super::population::Population;
-use super::strategy::{DensifyStrategy, DensifyTime, ScreenGradients};
+use super::strategy::{DensifyStrategy, DensifyTime};
 use crate::check::{COUNT, ConfigValue, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -130,8 +130,8 @@ impl DensifyStrategy for AdaptiveConfig {
         ]
     }
 
-    fn gradients(&self) -> ScreenGradients {
-        ScreenGradients::Sum
+    fn sums_gradients(&self) -> bool {
+        true
     }
 
     fn is_due(&self, step: u32) -> bool {

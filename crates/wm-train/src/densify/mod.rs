@@ -11,7 +11,7 @@ mod population;
 mod strategy;
 
 pub(crate) use population::{Population, explore};
-pub(crate) use strategy::{DensifyStrategy, DensifyTime, ScreenGradients};
+pub(crate) use strategy::{DensifyStrategy, DensifyTime};
 
 use serde::{Deserialize, Serialize};
 

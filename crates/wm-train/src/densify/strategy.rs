@@ -17,9 +17,10 @@ pub(crate) trait DensifyStrategy {
         Vec::new()
     }
 
-    /// Says whether screen-space gradients are summed in [`Population::pulls`] for this strategy.
-    fn gradients(&self) -> ScreenGradients {
-        ScreenGradients::Ignore
+    /// Returns true if screen-space gradients are summed in [`Population::pulls`] between two
+    /// changes of the population.
+    fn sums_gradients(&self) -> bool {
+        false
     }
 
     /// Returns weights on opacities and scales that are added to the loss. `extent` is the size of
@@ -55,14 +56,4 @@ pub(crate) struct DensifyTime {
     pub(crate) extent: f64,
     /// Random numbers for this step.
     pub(crate) random: Random,
-}
-
-/// The choice of whether screen-space gradients of splats are summed between two changes of the
-/// population.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ScreenGradients {
-    /// They are summed.
-    Sum,
-    /// They are not.
-    Ignore,
 }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use wm_base::color::{srgb_decode, srgb_encode};
+use wm_base::statistics::quantile;
 use wm_capture::Capture;
 use wm_render::EvenAir;
 use wm_scene::Metadata;
@@ -239,8 +240,7 @@ impl Evidence {
         distances.sort_by(f64::total_cmp);
         let (unit, far) = (distances[distances.len() / 2], distances[distances.len() * 95 / 100]);
         let mut lights: Vec<f64> = sightings().flat_map(|sighting| sighting.light.map(f64::from)).collect();
-        lights.sort_by(f64::total_cmp);
-        let median = lights[lights.len() / 2];
+        let median = quantile(&mut lights, 0.5);
 
         let all: Vec<&PointTrack> = tracks.iter().collect();
         let clear = HazeFit::clear(photos).fitted(&all, unit, FreeParameters::Gains);

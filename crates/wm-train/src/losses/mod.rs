@@ -31,23 +31,25 @@ pub(crate) use smooth::SmoothTerm;
 pub(crate) use ssim::SsimTerm;
 pub(crate) use surface::SurfaceTerm;
 pub use term::TrainPhoto;
-pub(crate) use term::{LossGradients, LossInput, LossTerm, OwnRender, Reads};
+pub(crate) use term::{LossGradients, LossInput, LossTerm, OwnRender};
 
 use crate::config::TrainConfig;
+use crate::ssim::Ssim;
 use wm_render::simd::SimdPath;
 
 /// The terms of a configuration.
 pub(crate) fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
+    let (geometry, steps) = (config.loss.geometry, config.steps);
     vec![
         Box::new(L1Term { weight: config.loss.l1 }),
-        Box::new(SsimTerm::new(config.loss.ssim, path)),
-        Box::new(DepthTerm::new(config)),
+        Box::new(SsimTerm { weight: config.loss.ssim, ssim: Ssim::new(path) }),
+        Box::new(DepthTerm { geometry, steps }),
         Box::new(PatchDepthTerm::new(config, PatchPass::Hard)),
         Box::new(PatchDepthTerm::new(config, PatchPass::Soft)),
-        Box::new(SurfaceTerm::new(config)),
-        Box::new(NormalTerm::new(config)),
-        Box::new(FlatTerm::new(config)),
-        Box::new(SmoothTerm::new(config)),
+        Box::new(SurfaceTerm { weight: geometry.surface, every: geometry.every.max(1) }),
+        Box::new(NormalTerm { weight: geometry.normal, from: geometry.normal_from(steps) }),
+        Box::new(FlatTerm { weight: geometry.flat }),
+        Box::new(SmoothTerm { weight: geometry.smooth, from: geometry.depth_from(steps) }),
     ]
 }
 
@@ -116,13 +118,8 @@ mod tests {
         let camera = Camera::looking(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let (rgb, prior) = (numbers(7, 288, 0.0, 1.0), prior());
         let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
-        let terms: Vec<Box<dyn LossTerm>> = vec![
-            Box::new(DepthTerm::new(&config)),
-            Box::new(SurfaceTerm::new(&config)),
-            Box::new(NormalTerm::new(&config)),
-            Box::new(SmoothTerm::new(&config)),
-        ];
-        for mut term in terms {
+        let tested = ["depth", "surface", "normal", "smooth"];
+        for mut term in terms(&config, path()).into_iter().filter(|term| tested.contains(&term.name())) {
             let mut value = |frame: &Frame, out: &mut LossGradients| {
                 out.clear(frame);
                 let input = LossInput { frame, truth: &truth, step: 0, path: path() };
@@ -192,7 +189,8 @@ mod tests {
         for mut term in terms(&config, path()).into_iter().filter(|term| only.contains(&term.name())) {
             assert_eq!(term.own_render(), render, "{}", term.name());
             let input = LossInput { frame: &frame, truth: &truth, step: 400, path: path() };
-            let Reads::Device(which) = term.reads(400, &truth, &mut comparison) else { panic!("no device") };
+            let which = term.on_device().unwrap();
+            term.prepare(400, &mut comparison);
             // Of different sizes, so that no term hides another.
             let weight = 1.0 + wanted.len() as f64;
             comparison.weights[which as usize] = weight;
@@ -246,7 +244,7 @@ mod tests {
             let prior =
                 Prior { width, height, disparity, sigma: 0.01, normal, sky: (0..cells).map(class).collect() };
             check_device(None, &prior, &["l1", "dssim", "depth", "normal", "smooth"]);
-            check_device(SurfaceTerm::new(&config).own_render(), &prior, &["surface"]);
+            check_device(SurfaceTerm { weight: 1.0, every: 1 }.own_render(), &prior, &["surface"]);
             check_device(of(PatchPass::Hard), &prior, &["depth-hard"]);
             check_device(of(PatchPass::Soft), &prior, &["depth-soft"]);
         }

@@ -96,17 +96,6 @@ pub(crate) struct OwnRender {
     pub(crate) depth_alpha: DepthAlpha,
 }
 
-/// The place where a term can be computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Reads {
-    /// Only where the pictures are in the computer's memory.
-    Frame,
-    /// Also on the device that holds the pictures.
-    Device(Term),
-    /// Anywhere: the term does not look at pictures.
-    Nothing,
-}
-
 /// A term of the loss.
 pub(crate) trait LossTerm: Send {
     /// Returns the name of the term in reports.
@@ -120,11 +109,14 @@ pub(crate) trait LossTerm: Send {
         Channels::Color
     }
 
-    /// Returns where the term can be computed; adds to `comparison` what a device needs beside
-    /// weights.
-    fn reads(&self, _step: u32, _truth: &TrainPhoto<'_>, _comparison: &mut Comparison<'_>) -> Reads {
-        Reads::Frame
+    /// Returns the same term on the device that holds the pictures; `None` for a term that does not
+    /// look at pictures.
+    fn on_device(&self) -> Option<Term> {
+        None
     }
+
+    /// Adds to `comparison` what a device needs beside weights.
+    fn prepare(&self, _step: u32, _comparison: &mut Comparison<'_>) {}
 
     /// Returns the render that the term has for itself instead of the common one.
     fn own_render(&self) -> Option<OwnRender> {
@@ -133,7 +125,9 @@ pub(crate) trait LossTerm: Send {
 
     /// Returns the value of the term before weighting, and adds `weight` times its derivative to
     /// `out`.
-    fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64;
+    fn add(&mut self, _input: &LossInput<'_>, _weight: f64, _out: &mut LossGradients) -> f64 {
+        0.0
+    }
 
     /// Adds the weight of the term to those that act on the splats themselves, whatever the picture
     /// shows.

@@ -31,6 +31,7 @@ mod undistort;
 pub use error::{PhotoError, PhotoErrors, PhotoFault};
 pub use folder::photos_in;
 pub use picture::Photo;
+pub(crate) use picture::level_for;
 #[cfg(test)]
 pub(crate) use tests::encode_png;
 

@@ -54,6 +54,11 @@ impl Photo {
         self.rgb.iter().map(|v| f32::from(*v) / 255.0).collect()
     }
 
+    /// Returns the mask, 0-1.
+    pub(crate) fn mask_f32(&self) -> Option<Vec<f32>> {
+        self.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect())
+    }
+
     /// The photo with sides divided by `2^level`.
     pub(super) fn reduced(&self, level: u8) -> Self {
         let size = (self.width, self.height);
@@ -80,6 +85,17 @@ pub(super) fn reduced_camera(camera: &Camera, level: u8) -> Camera {
         cy: camera.cy * scale,
         ..*camera
     }
+}
+
+/// Returns how often the sides of pictures are halved: until the largest has at most `pixels`
+/// pixels, or the smallest has a side shorter than `shortest`.
+pub(crate) fn level_for(cameras: &[Camera], pixels: u32, shortest: u32) -> u8 {
+    let is_enough = |level: &u8| {
+        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= pixels;
+        let is_short = |c: &Camera| c.width.min(c.height) >> level < shortest;
+        cameras.iter().all(fits) || cameras.iter().any(is_short)
+    };
+    (0..8).find(is_enough).unwrap_or(0)
 }
 
 /// All that is known of a photo before it is decoded.

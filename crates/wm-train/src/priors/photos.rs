@@ -58,12 +58,8 @@ pub(crate) fn write(
         let placed: Vec<_> = seen.iter().filter_map(|point| inside(capture, &photo.camera, *point)).collect();
         let points: Vec<[f32; 2]> = placed.iter().map(|(x, y, _)| [*x as f32, *y as f32]).collect();
         let pixels = photo.width as usize * photo.height as usize;
-        let nothing = || StereoMap {
-            disparity: vec![f32::NAN; pixels],
-            normal: vec![[0.0; 3]; pixels],
-            ..StereoMap::default()
-        };
-        let StereoMap { mut disparity, normal, .. } = map.unwrap_or_else(nothing);
+        let nothing = || StereoMap { disparity: vec![f32::NAN; pixels], normal: vec![[0.0; 3]; pixels] };
+        let StereoMap { mut disparity, normal } = map.unwrap_or_else(nothing);
         let has_depth: Vec<bool> = disparity.iter().map(|v| *v > 0.0).collect();
         let (width, height) = (photo.width, photo.height);
         let input = SkyInput {

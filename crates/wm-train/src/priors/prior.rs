@@ -44,12 +44,7 @@ impl Prior {
     /// Makes everything unknown in some pixels.
     pub(crate) fn forget(&mut self, pixels: impl IntoIterator<Item = usize>) {
         for pixel in pixels {
-            if let Some(disparity) = self.disparity.get_mut(pixel) {
-                *disparity = f32::NAN;
-            }
-            if let Some(normal) = self.normal.get_mut(pixel) {
-                *normal = [0.0; 3];
-            }
+            self.clear(pixel, f32::NAN);
             if let Some(sky) = self.sky.get_mut(pixel) {
                 *sky = SkyClass::Unknown;
             }
@@ -58,15 +53,19 @@ impl Prior {
 
     /// Makes disparity 0 where the sky is, and normals unknown.
     pub(crate) fn clear_sky(&mut self) {
-        for (pixel, class) in self.sky.iter().enumerate() {
-            if *class == SkyClass::Sky {
-                if let Some(disparity) = self.disparity.get_mut(pixel) {
-                    *disparity = 0.0;
-                }
-                if let Some(normal) = self.normal.get_mut(pixel) {
-                    *normal = [0.0; 3];
-                }
+        for pixel in 0..self.sky.len() {
+            if self.sky[pixel] == SkyClass::Sky {
+                self.clear(pixel, 0.0);
             }
+        }
+    }
+
+    fn clear(&mut self, pixel: usize, unknown: f32) {
+        if let Some(disparity) = self.disparity.get_mut(pixel) {
+            *disparity = unknown;
+        }
+        if let Some(normal) = self.normal.get_mut(pixel) {
+            *normal = [0.0; 3];
         }
     }
 }

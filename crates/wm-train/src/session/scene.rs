@@ -78,8 +78,7 @@ pub(super) fn start(
     match part {
         Some(part) => part.add_sky(&mut splats),
         None if config.sky_splats > 0 && priors.is_some_and(Priors::has_sky) => {
-            let lowest = lowest_sky(data, haze);
-            add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest);
+            add_sky(&mut splats, data, &views, extent, config.sky_splats, haze);
         }
         None => {}
     }
@@ -98,14 +97,9 @@ pub(super) fn sky(
     let mut splats = Splats::with_capacity(0, config.sh_degree);
     if let Some(priors) = priors.filter(|priors| config.sky_splats > 0 && priors.has_sky()) {
         let (views, extent) = (prior_views(data, priors, gains)?, start::extent(&data.cameras()));
-        add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest_sky(data, haze));
+        add_sky(&mut splats, data, &views, extent, config.sky_splats, haze);
     }
     Ok(splats)
-}
-
-/// Returns the sine of the elevation down to which haze looks like sky.
-fn lowest_sky(data: &TrainData, haze: Option<&PhotoHaze>) -> Option<f64> {
-    far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest())
 }
 
 /// Returns the ground that the haze hides from `cameras`, if up is known.
@@ -117,15 +111,14 @@ fn far_ground<'a>(
     FarGround::new(cameras, &data.set.capture.points, data.up?.up, haze?)
 }
 
-/// Adds the sky where the priors say that photos show it; haze of a place is seen as sky down to
-/// the sine `lowest`.
+/// Adds the sky where the priors say that photos show it, and where haze looks like it.
 fn add_sky(
     splats: &mut Splats,
     data: &TrainData,
     views: &[PriorView],
     extent: f64,
     count: u32,
-    lowest: Option<f64>,
+    haze: Option<&PhotoHaze>,
 ) {
     let Some(up) = data.up else { return };
     let views: Vec<&PriorView> = views.iter().filter(|view| !view.prior.sky.is_empty()).collect();
@@ -139,6 +132,7 @@ fn add_sky(
         (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
     };
     let gain = |index: usize| views[index].gain;
+    let lowest = far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest());
     let photos = SkyPhotos { cameras: &cameras, look: &look, gain: &gain, up: up.up, lowest };
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
 }
@@ -235,7 +229,12 @@ pub(super) fn finish(
     haze: Option<&PhotoHaze>,
     observer: &mut dyn TrainObserver,
 ) -> Result<Scene, SessionError> {
-    let facts = with_up(&options.facts, data);
+    let given = &options.facts;
+    // Up from GPS, where that is accurate enough without the splats.
+    let is_accurate =
+        |up: &CaptureUp| matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MAX_GPS_ERROR_DEG;
+    let measured = data.up.filter(|up| given.up.is_none() && is_accurate(up));
+    let facts = Metadata { up: given.up.or(measured.map(|up| up.up)), ..given.clone() };
     label_sky(&mut splats);
     // Through haze, splats have other colours than the photos.
     if let (Some(priors), None, true) = (priors, haze, config.sky_splats > 0) {
@@ -279,7 +278,10 @@ pub(super) fn finish(
         survey.up_estimate = estimate;
     }
     let mut known = survey.metadata();
-    note_up(&mut known, options, data);
+    if let Some(up) = measured {
+        known.up_source = Some(up.evidence.to_string());
+        known.up_confidence = None;
+    }
     known.location = facts.location;
     (known.captured, known.captured_span) = (facts.captured, facts.captured_span);
     known.sun = facts.sun;
@@ -317,25 +319,6 @@ pub(super) fn finish(
         observer.on_warning(&TrainWarning::NoScale(warning));
     }
     Ok(scene)
-}
-
-/// Returns the given facts, with up from GPS where that is reliable.
-fn with_up(given: &Metadata, data: &TrainData) -> Metadata {
-    let measured = data.up.filter(|up| given.up.is_none() && is_measured(up));
-    Metadata { up: given.up.or(measured.map(|up| up.up)), ..given.clone() }
-}
-
-/// Returns true if up from GPS is accurate enough without the splats.
-fn is_measured(up: &CaptureUp) -> bool {
-    matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MAX_GPS_ERROR_DEG
-}
-
-/// Writes the evidence of up into the metadata.
-fn note_up(known: &mut Metadata, options: &SessionOptions, data: &TrainData) {
-    if let Some(up) = data.up.filter(|up| options.facts.up.is_none() && is_measured(up)) {
-        known.up_source = Some(up.evidence.to_string());
-        known.up_confidence = None;
-    }
 }
 
 /// A scale and its source.

@@ -51,7 +51,7 @@ impl Ssim {
     }
 
     /// The mean similarity over the pixels that count by `mask`, `[H, W]` with values 0-1; 1 if
-    /// none does.
+    /// none does. Without a mask all count.
     ///
     /// Beyond the mask both pictures are black, as beyond the border: what lies there does not
     /// matter, every pixel that counts is compared, and a mask of a rectangle gives what the
@@ -59,7 +59,8 @@ impl Ssim {
     ///
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
-    pub(crate) fn masked_value(&mut self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
+    pub(crate) fn masked_value(&mut self, x: &[f32], y: &[f32], mask: Option<&[f32]>, width: usize) -> f64 {
+        let Some(mask) = mask else { return self.value(x, y, width) };
         assert_eq!(x.len(), CHANNELS * mask.len(), "a picture and its mask");
         let counted: f64 = mask.iter().map(|v| f64::from(*v)).sum();
         if counted == 0.0 {
