@@ -186,13 +186,8 @@ impl AnyRenderer {
     /// it.
     #[must_use]
     pub fn arithmetic(&self) -> String {
-        match &self.body {
-            Body::Cpu(cpu) => format!("cpu, {}", cpu.path),
-            #[cfg(feature = "gpu")]
-            Body::Gpu { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
-            #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
-            Body::Browser { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
-        }
+        let device = if self.is_gpu() { self.describe() } else { "cpu".into() };
+        format!("{device}, {}", self.path)
     }
 
     /// The splats for which `is_met` returns true, such as those that are no sky, each with a value

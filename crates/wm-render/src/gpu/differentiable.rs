@@ -265,7 +265,6 @@ impl GpuDifferentiable {
                 compare.record(&mut recorder, compare_slot, own.pictures(channels, &room));
                 parts.push((&compare.totals, 0, bytemuck::cast_slice_mut(&mut totals)));
             }
-            parts.retain(|(.., array)| !array.is_empty());
             copy(&gpu, recorder, &mut self.memory.staging, &mut parts)?;
             let [_, _, visible, entries, _] = counters;
             if !self.capacity.grow(visible, entries, most, each) {
@@ -297,11 +296,10 @@ impl GpuDifferentiable {
             view.record_backward(&self.gpu, None, &self.model, upstream, &own.gradients, &own.by_sh);
         gradients.resize(*visible as usize, learn, config.sh_degree);
         let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
-        let mut parts: Vec<Part<'_>> = vec![
+        let mut parts: [Part<'_>; 2] = [
             (&own.gradients, 0, bytemuck::cast_slice_mut(&mut found)),
             (&own.by_sh, 0, bytemuck::cast_slice_mut(&mut gradients.sh)),
         ];
-        parts.retain(|(.., array)| !array.is_empty());
         copy(&self.gpu, recorder, &mut self.memory.staging, &mut parts)?;
         for (row, numbers) in found.as_chunks::<{ rows::ROW as usize }>().0.iter().enumerate() {
             write_row(gradients, row, numbers);

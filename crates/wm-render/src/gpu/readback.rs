@@ -177,7 +177,7 @@ pub(crate) fn copy(
         staging.fit_unbound(gpu, "the way back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
     let mut at = 0;
     recorder.tell_times();
-    for (buffer, offset, array) in &*parts {
+    for (buffer, offset, array) in parts.iter().filter(|(.., array)| !array.is_empty()) {
         recorder.encoder().copy_buffer_to_buffer(buffer, *offset, &staging, at, array.len() as u64);
         at += array.len() as u64;
     }

@@ -374,6 +374,5 @@ fn back(
         .iter_mut()
         .map(|(buffer, numbers)| (*buffer, 0, bytemuck::cast_slice_mut(numbers.as_mut_slice())))
         .collect();
-    parts.retain(|(.., array)| !array.is_empty());
     copy(gpu, recorder, staging, &mut parts)
 }

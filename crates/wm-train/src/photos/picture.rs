@@ -54,6 +54,13 @@ impl Photo {
         self.rgb.iter().map(|v| f32::from(*v) / 255.0).collect()
     }
 
+    /// Returns the colour (sRGB) at a place in shares of width and height.
+    pub(crate) fn at_share(&self, [x, y]: [f64; 2]) -> [u8; 3] {
+        let (column, row) = ((x * f64::from(self.width)) as usize, (y * f64::from(self.height)) as usize);
+        let at = 3 * (row * self.width as usize + column);
+        [0, 1, 2].map(|c| self.rgb[at + c])
+    }
+
     /// Returns the mask, 0-1.
     pub(crate) fn mask_f32(&self) -> Option<Vec<f32>> {
         self.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect())

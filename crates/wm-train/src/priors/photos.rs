@@ -3,6 +3,7 @@
 use super::fit::Fit;
 use super::folder::Index;
 use super::points::{has_tracks, inside, seen_points};
+use super::relative::median;
 use super::sky::{SkyInput, below_horizon, classify};
 use super::stereo::{self, StereoMap, StereoOptions};
 use super::{Prior, PriorsWriter, SkyClass};
@@ -89,9 +90,7 @@ pub(crate) fn write(
                 .collect();
             add_points(&mut disparity, width as usize, &shown);
         }
-        let mut known: Vec<f32> = disparity.iter().copied().filter(|v| *v > 0.0).collect();
-        known.sort_by(f32::total_cmp);
-        let sigma = DEPTH_ERROR * known.get(known.len() / 2).copied().unwrap_or(0.0);
+        let sigma = DEPTH_ERROR * median(&disparity) as f32;
         let mut prior = Prior { width, height, disparity, sigma, normal, sky };
         prior.clear_sky();
         let name = &capture.views[photos.view(*place)].name;

@@ -127,9 +127,7 @@ fn add_sky(
         let PriorView { prior, photo, .. } = views[index];
         let (width, height) = (f64::from(prior.width), f64::from(prior.height));
         let class = prior.sky[(y * height) as usize * prior.width as usize + (x * width) as usize];
-        let (column, row) = ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
-        let at = 3 * (row * photo.width as usize + column);
-        (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
+        (class, photo.at_share([x, y]))
     };
     let gain = |index: usize| views[index].gain;
     let lowest = far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest());
@@ -201,10 +199,8 @@ fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, Sessio
             let [x, y] = [x / width as f64, y / height as f64];
             let ray = camera.ray(x * f64::from(camera.width), y * f64::from(camera.height));
             if LOW_SKY_SINES.contains(&ray.normalize().dot(up.up)) {
-                let (column, row) =
-                    ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
-                let pixel = 3 * (row * photo.width as usize + column);
-                (0..3).for_each(|c| shown[c].push(photo.rgb[pixel + c]));
+                let rgb = photo.at_share([x, y]);
+                (0..3).for_each(|c| shown[c].push(rgb[c]));
             }
         }
     }
