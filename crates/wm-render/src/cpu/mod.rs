@@ -124,7 +124,7 @@ impl CpuRenderer {
         self.parts.resize_with(units.len(), Part::default);
         let budget = FrameBudget::new(pass.camera.width, pass.camera.height);
         let front = Front::new(self.path, &camera, pass, grid, &budget);
-        let firsts: Vec<usize> = units.iter().map(Unit::first_record).collect();
+        let firsts: Vec<usize> = units.iter().map(|unit| unit.first_record as usize).collect();
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
 
         budget.check(Listed::Splats)?;
@@ -180,7 +180,7 @@ impl CpuRenderer {
                 for (first, part) in firsts.into_iter().zip(&self.parts) {
                     let set = ends.partition_point(|(records, _)| *records <= first) - 1;
                     let source = &sets[set].0.source;
-                    for record in first..first + part.visible() {
+                    for record in first..first + part.visible as usize {
                         let splat = source[self.records[record].index as usize] as usize;
                         weights[ends[set].1 + splat] =
                             units[record].load(Ordering::Relaxed) as f32 / WEIGHT_UNITS;
