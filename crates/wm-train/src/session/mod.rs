@@ -126,6 +126,20 @@ impl Session {
         self
     }
 
+    /// Sets the scale of the scene, metres per scene unit.
+    #[must_use]
+    pub fn metres_per_unit(mut self, metres: f64) -> Self {
+        self.options.facts.metres_per_unit = Some(metres);
+        self
+    }
+
+    /// Holds out every N-th photo and evaluates on it.
+    #[must_use]
+    pub fn hold_out(mut self, every: u32) -> Self {
+        self.options.held_out.every = every;
+        self
+    }
+
     /// Sets the folder for configuration, checkpoint and metrics.
     #[must_use]
     pub fn run_folder(mut self, folder: impl Into<PathBuf>) -> Self {
