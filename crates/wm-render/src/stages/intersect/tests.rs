@@ -9,6 +9,7 @@ use crate::gpu::probe::Probe;
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
 #[cfg(feature = "gpu")]
 use crate::plan::{DrawPass, SetView};
+#[cfg(feature = "gpu")]
 use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
 use crate::stages::project::cpu::{ProjectedGroup, project_group};

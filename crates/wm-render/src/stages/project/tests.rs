@@ -8,6 +8,7 @@ use crate::hooks::{GROUP, ShadeGroup};
 #[cfg(feature = "gpu")]
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
+#[cfg(feature = "gpu")]
 use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
 use crate::sizes::CLUSTER;
