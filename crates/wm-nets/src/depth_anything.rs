@@ -12,6 +12,7 @@
 //! differs in two places from it and from here: it resizes photos in float by OpenCV, and places
 //! position embeddings 0.1 patches further apart.
 
+mod model;
 mod network;
 mod photo;
 mod tensors;
@@ -19,35 +20,11 @@ mod tensors;
 mod tests;
 
 use crate::weights::{Licence, Weights, WeightsError, WeightsFault};
+use model::PATCH;
+pub use model::{DisparityError, ModelSize, Version};
 use network::Network;
 use std::path::PathBuf;
 use tensors::{ADVICE, Architecture, Config, Reader};
-use thiserror::Error;
-
-/// Largest aspect ratio of a photo: the cost of attention grows with its square.
-pub(crate) const MAX_ASPECT_RATIO: usize = 4;
-
-/// The family of the weights. Their tensors do not tell it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Version {
-    /// January 2024: taught on real photos with measured depth.
-    V1,
-    /// June 2024: taught on rendered pictures, with finer edges.
-    #[default]
-    V2,
-}
-
-/// The size of the network.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum ModelSize {
-    /// 25 million weights, ViT-S.
-    #[default]
-    Small,
-    /// 97 million weights, ViT-B.
-    Base,
-    /// 335 million weights, ViT-L.
-    Large,
-}
 
 /// The relative disparity of a photo.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,38 +35,6 @@ pub struct Disparity {
     pub width: usize,
     /// px.
     pub height: usize,
-}
-
-/// A reason why a photo has no disparity.
-#[derive(Debug, Error, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum DisparityError {
-    /// The photo is smaller than a patch.
-    #[error(
-        "a photo of {width}x{height} px is too small; the depth network takes {0}x{0} px and more",
-        photo::PATCH
-    )]
-    Small {
-        /// px.
-        width: usize,
-        /// px.
-        height: usize,
-    },
-    /// The photo is too long.
-    #[error(
-        "a photo of {width}x{height} px is too long; the depth network takes sides of up to {MAX_ASPECT_RATIO}:1, so cut it up"
-    )]
-    Long {
-        /// px.
-        width: usize,
-        /// px.
-        height: usize,
-    },
-    /// The result is not finite.
-    #[error(
-        "the depth network's numbers overflow; its weights are not those of Depth Anything, so get them again"
-    )]
-    NotFinite,
 }
 
 /// The network with its weights.
@@ -125,7 +70,7 @@ impl DepthAnything {
             }
         }
         let network = Reader { weights: &mut weights, architecture }.network(version)?;
-        Ok(Self { network, side: photo::PATCH * architecture.grid, size: architecture.size() })
+        Ok(Self { network, side: PATCH * architecture.grid, size: architecture.size() })
     }
 
     /// Returns the published size that the network has, if any.
@@ -172,7 +117,7 @@ impl DepthAnything {
     /// photo, the longer side of a smaller one.
     ///
     /// # Errors
-    /// [`DisparityError`] if a side is below 14 px or the longer one over [`MAX_ASPECT_RATIO`] times
+    /// [`DisparityError`] if a side is below 14 px or the longer one over [`model::MAX_ASPECT_RATIO`] times
     /// the other.
     pub(crate) fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
         photo::size(width, height, self.side)

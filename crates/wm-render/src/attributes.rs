@@ -6,8 +6,7 @@
 //! variant of [`Attribute`], its neutral value, and the stage that reads it. Sets without
 //! attributes pay nothing.
 
-use crate::cpu::model::CLUSTER;
-use crate::hooks::GROUP;
+use crate::sizes::{CLUSTER, GROUP};
 
 /// A number that each splat has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Limits on the memory of a frame, so that no camera, weather or scene takes all that there is.
 
-use crate::RenderError;
+use crate::error::{Listed, RenderError};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes that the lists of any frame may take, and bytes more for each of its pixels: five times
@@ -38,29 +38,6 @@ impl FrameBudget {
             return Ok(());
         }
         Err(RenderError::TooMuch { listed, mebibytes: self.most >> 20 })
-    }
-}
-
-/// The kinds of lists of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Listed {
-    /// Splats, for each tile that they cover.
-    Splats,
-    /// Drops, flakes and stones, for each patch that they cover.
-    Falling,
-}
-
-impl Listed {
-    /// Returns the cause and the remedy, for error messages.
-    pub(crate) fn advice(self) -> &'static str {
-        match self {
-            Self::Splats => {
-                "splats cover the picture too many times over; `inspect` finds splats that are too large"
-            }
-            Self::Falling => {
-                "too much falls before this camera: lower the rate, the exposure or the camera's speed, or take a wider view"
-            }
-        }
     }
 }
 

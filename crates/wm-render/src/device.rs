@@ -1,15 +1,18 @@
 //! The choice of a device: one back end for the CPU and for GPUs.
 
+use crate::config::{CpuConfig, SetId};
 use crate::cpu::{CpuDifferentiable, CpuRenderer};
-use crate::differentiable::{Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream};
+use crate::differentiable::{Differentiable, ForwardConfig, Resident, Upstream};
+use crate::error::RenderError;
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
+use crate::gradients::{Gradients, Learn};
 use crate::plan::{DrawPass, FramePlan, Pictures};
 use crate::ray_tracer::AnyRaySplats;
 #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
 use crate::renderer::ExecuteFuture;
-use crate::renderer::{CpuConfig, RenderBackend, RenderError, SetId, Stats};
+use crate::renderer::{RenderBackend, Stats};
 use crate::simd::SimdPath;
 use std::fmt;
 use std::str::FromStr;
@@ -183,13 +186,8 @@ impl AnyRenderer {
     /// it.
     #[must_use]
     pub fn arithmetic(&self) -> String {
-        match &self.body {
-            Body::Cpu(cpu) => format!("cpu, {}", cpu.path),
-            #[cfg(feature = "gpu")]
-            Body::Gpu { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
-            #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
-            Body::Browser { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
-        }
+        let device = if self.is_gpu() { self.describe() } else { "cpu".into() };
+        format!("{device}, {}", self.path)
     }
 
     /// The splats for which `is_met` returns true, such as those that are no sky, each with a value

@@ -1,7 +1,7 @@
 //! The pictures of one view, each in its own array.
 
-use crate::hooks::GROUP;
-use crate::renderer::RenderError;
+use crate::error::RenderError;
+use crate::sizes::GROUP;
 pub use wm_base::color::{srgb_decode, srgb_encode};
 
 /// The encoding of `Frame::rgb`.

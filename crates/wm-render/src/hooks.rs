@@ -13,10 +13,11 @@
 
 pub use crate::attributes::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use crate::dispatch;
-use crate::frame::{srgb_decode, srgb_encode};
 use crate::simd::{self, Lanes, SimdPath};
+pub use crate::sizes::{GROUP, PATCH, PATCH_PIXELS};
 use fearless_simd::{SimdBase, SimdFloat};
 use std::borrow::Cow;
+use wm_base::color::{srgb_decode, srgb_encode};
 use wm_scene::Camera;
 
 /// The weather of one draw pass.
@@ -38,9 +39,6 @@ impl Hooks<'_> {
         self.background.map_or(SkySplats::Kept, Backdrop::sky_splats)
     }
 }
-
-/// Splats in a [`ShadeGroup`].
-pub const GROUP: usize = 16;
 
 /// Sixteen splats (or points of the background) that are seen through the air, as a structure of
 /// arrays, so that a hook works on whole vectors. Lanes without a splat hold finite numbers.
@@ -401,11 +399,6 @@ pub trait Particles: Sync {
         take: &mut dyn FnMut(&ParticleGroup),
     );
 }
-
-/// Side of a patch of pixels, the unit of pixel effects.
-pub const PATCH: usize = 16;
-/// Pixels of a patch.
-pub const PATCH_PIXELS: usize = PATCH * PATCH;
 
 /// The pixels of one patch, row by row, after blending and background.
 pub struct PixelBatch<'a> {

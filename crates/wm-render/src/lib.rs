@@ -44,13 +44,16 @@ mod at_once;
 mod attributes;
 pub mod bench_scene;
 mod budget;
+mod config;
 pub mod cpu;
 mod device;
 mod differentiable;
+mod error;
 mod even_air;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod gradients;
 pub mod hooks;
 pub mod parts;
 pub mod pixel_effects;
@@ -59,6 +62,7 @@ mod ray_tracer;
 pub mod reference;
 mod renderer;
 pub mod simd;
+mod sizes;
 #[doc(hidden)]
 pub mod stages;
 #[cfg(any(test, feature = "testing"))]
@@ -66,24 +70,26 @@ pub mod testing;
 pub mod training;
 
 pub use at_once::at_once;
-pub use budget::Listed;
+pub use config::{
+    Background, CpuConfig, Geometry, MedianDepth, Outputs, ParticlePass, RenderConfig, SetId, SkyGradient,
+    WaterPass,
+};
 pub use cpu::{CpuDifferentiable, CpuRenderer};
 pub use device::{AnyDifferentiable, AnyRenderer, Device};
 pub use differentiable::{
-    Channels, DepthAlpha, Differentiable, DrawnSplats, ForwardConfig, Gradients, Learn, Opacity, Resident,
-    StepClock, Target, Upstream,
+    Channels, DepthAlpha, Differentiable, DrawnSplats, ForwardConfig, Opacity, Resident, StepClock, Target,
+    Upstream,
 };
+pub use error::{Listed, RenderError};
 pub use even_air::EvenAir;
 pub use frame::{ColorEncoding, FRONT, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{Gpu, GpuDifferentiable, GpuRaySplats, GpuRenderer};
+pub use gradients::{Gradients, Learn};
 pub use plan::{
     BlendSurface, CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures,
     SetView, Shading, SplatSource,
 };
-pub use ray_tracer::{AnyRaySplats, RayTracer};
-pub use renderer::{
-    Background, CpuConfig, DeviceWork, ExecuteFuture, Geometry, MedianDepth, Outputs, ParticlePass,
-    RenderBackend, RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass, bytes_of_set,
-};
-pub use stages::rays::{RayHits, RayOutputs, Rays, cpu::RaySplats};
+pub use ray_tracer::AnyRaySplats;
+pub use renderer::{DeviceWork, ExecuteFuture, RenderBackend, Stats, bytes_of_set};
+pub use stages::rays::{RayHits, RayOutputs, RayTracer, Rays, cpu::RaySplats};

@@ -17,9 +17,9 @@
 //!   light that the air adds; at silhouettes it holds what the means leave over, and may be a
 //!   little below 0.
 
+use crate::config::{Outputs, RenderConfig};
 use crate::hooks::Hooks;
 use crate::plan::{DrawPass, FramePlan, PictureId, Pictures, Shading};
-use crate::renderer::{Outputs, RenderConfig};
 
 /// A part of a picture that takes draw passes of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

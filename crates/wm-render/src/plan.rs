@@ -32,9 +32,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::config::{RenderConfig, SetId};
 use crate::frame::{ColorEncoding, Frame};
 use crate::hooks::{Backdrop, Hooks, Particles, SplatAttributes};
-use crate::renderer::{RenderConfig, SetId};
 use crate::simd::SimdPath;
 use std::ops::{Index, IndexMut};
 use wm_scene::{Camera, Splats};

@@ -1,26 +1,16 @@
 //! Rays through splats on any device.
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{Gpu, GpuError, GpuRaySplats};
+use crate::error::RenderError;
 #[cfg(feature = "gpu")]
-use crate::renderer::RenderError;
+use crate::gpu::{Gpu, GpuError, GpuRaySplats};
 use crate::simd::SimdPath;
-use crate::stages::rays::{RayHits, RayOutputs, Rays, cpu::RaySplats};
+use crate::stages::rays::{RayHits, RayOutputs, RayTracer, Rays, cpu::RaySplats};
 use rayon::prelude::*;
 #[cfg(feature = "gpu")]
 use std::sync::Arc;
 use std::sync::OnceLock;
 use wm_scene::Splats;
-
-/// Splats that rays can meet, on the CPU or on a GPU.
-pub trait RayTracer: Sync {
-    /// Traces rays, on the threads of the current pool where the CPU does it, with its instructions
-    /// `path`.
-    ///
-    /// # Panics
-    /// If there are fewer origins than directions.
-    fn trace(&self, rays: &Rays, asked: RayOutputs, path: SimdPath) -> RayHits;
-}
 
 /// Splats that rays can meet, on the device of a renderer
 /// ([`AnyRenderer::ray_splats`](crate::AnyRenderer::ray_splats)). Where a GPU fails, the CPU traces

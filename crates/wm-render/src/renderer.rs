@@ -1,16 +1,16 @@
 //! The interface that every back end offers: sets of splats, plans, and the settings of a render.
 
-use crate::cpu::model::{CLUSTER, Cluster, GROUPS, SplatGroup};
+use crate::config::SetId;
+use crate::cpu::model::{Cluster, SplatGroup};
+use crate::error::RenderError;
 use crate::frame::Frame;
-use crate::hooks::{Backdrop, GROUP, ShadeGroup};
 use crate::plan::{DrawPass, FramePlan, Pictures};
-use crate::simd::SimdChoice;
-use serde::{Deserialize, Serialize};
+use crate::sizes::{CLUSTER, GROUP, GROUPS};
+use serde::Serialize;
 use std::future::Future;
 use std::ops::{Add, AddAssign};
 use std::pin::Pin;
-use thiserror::Error;
-use wm_scene::{CameraError, Rasterization, Splats, SplatsError};
+use wm_scene::Splats;
 
 /// A back end. Splat sets are loaded once and drawn many times.
 pub trait RenderBackend {
@@ -102,10 +102,6 @@ pub(crate) fn check_weighed(camera: &wm_scene::Camera) -> Result<(), RenderError
     }
 }
 
-/// Names a loaded set of splats.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SetId(pub(crate) usize);
-
 /// The sets that a renderer holds, in the form of its back end.
 pub(crate) struct Models<M>(Vec<Option<M>>);
 
@@ -137,172 +133,6 @@ impl<M> Models<M> {
     pub(crate) fn get(&self, set: SetId) -> Result<&M, RenderError> {
         self.0.get(set.0).and_then(Option::as_ref).ok_or(RenderError::UnknownSet(set.0))
     }
-}
-
-/// The settings of a render.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RenderConfig {
-    /// The arrays of the frame that are filled beside the colour.
-    pub outputs: Outputs,
-    /// The background behind all splats.
-    pub background: Background,
-    /// The drawing of splats smaller than a pixel.
-    pub rasterization: Rasterization,
-}
-
-/// The outputs beside the colour. Alpha is always rendered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Outputs {
-    /// Expected depth and normals.
-    pub geometry: Geometry,
-    /// Median depth.
-    pub median_depth: MedianDepth,
-    /// Particles as a picture of their own.
-    #[serde(default)]
-    pub particles: ParticlePass,
-    /// The water that a picture shows.
-    #[serde(default)]
-    pub water: WaterPass,
-}
-
-/// Geometry that is blended like the colour.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Geometry {
-    /// Colour and alpha alone.
-    #[default]
-    None,
-    /// Expected depth.
-    Depth,
-    /// Expected depth and normals.
-    DepthNormal,
-}
-
-/// The output of median depth, or of the splat that has it; it costs two more operations a pixel
-/// and splat.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum MedianDepth {
-    /// Not rendered.
-    #[default]
-    Off,
-    /// Rendered.
-    On,
-    /// Renders the index of that splat instead, which [`crate::Frame::median_splat`] reads. For
-    /// passes of one set without other geometry, surface, particles and pixel effects.
-    Splat,
-}
-
-/// The output of particles as a picture of their own beside the colour, see [`Frame::particles`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum ParticlePass {
-    /// In the colour alone.
-    #[default]
-    Off,
-    /// Apart as well.
-    On,
-}
-
-/// The layers of the water that a picture shows: its share of each pixel, the light that it
-/// reflects, and its depth. The builder of frames makes them, not the back ends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum WaterPass {
-    /// Not kept.
-    #[default]
-    Off,
-    /// Kept.
-    On,
-}
-
-/// A background behind all splats, at infinity. Weather acts on it as on everything else.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Background {
-    /// One colour, display-referred, 0-1.
-    Color([f32; 3]),
-    /// A sky.
-    Sky(SkyGradient),
-}
-
-impl Default for Background {
-    fn default() -> Self {
-        Self::Color([0.0; 3])
-    }
-}
-
-/// A clear sky over a plain: three display-referred colours, 0-1, by elevation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SkyGradient {
-    /// Straight up.
-    pub zenith: [f32; 3],
-    /// At the horizon.
-    pub horizon: [f32; 3],
-    /// Well below the horizon.
-    pub ground: [f32; 3],
-    /// Up in world axes, length 1.
-    pub up: [f32; 3],
-}
-
-impl SkyGradient {
-    /// A neutral daylight sky for scenes that have none.
-    #[must_use]
-    pub fn daylight(up: [f32; 3]) -> Self {
-        Self { zenith: [0.36, 0.54, 0.80], horizon: [0.80, 0.86, 0.91], ground: [0.58, 0.59, 0.57], up }
-    }
-}
-
-impl Background {
-    /// The display-referred colour in the unit direction `direction` (world axes).
-    #[must_use]
-    pub fn color(&self, direction: [f64; 3]) -> [f64; 3] {
-        match self {
-            Self::Color(color) => color.map(f64::from),
-            Self::Sky(sky) => {
-                let elevation: f64 = (0..3).map(|k| direction[k] * f64::from(sky.up[k])).sum();
-                // Most of the change is near the horizon, as in a clear sky. Below it lies a hazy
-                // distance: a scene seen from the air ends before the horizon, and a hard line
-                // there would look like a wall.
-                let height = 1.0 - (1.0 - elevation.clamp(0.0, 1.0)).powi(3);
-                let below = (-elevation / 0.5).clamp(0.0, 1.0);
-                let below = below * below * (3.0 - 2.0 * below);
-                std::array::from_fn(|k| {
-                    let above =
-                        f64::from(sky.horizon[k]) * (1.0 - height) + f64::from(sky.zenith[k]) * height;
-                    above * (1.0 - below) + f64::from(sky.ground[k]) * below
-                })
-            }
-        }
-    }
-}
-
-impl Backdrop for Background {
-    fn paint(&self, _: f64, groups: &mut [ShadeGroup]) {
-        for group in groups {
-            for lane in 0..GROUP {
-                let color = self.color([0, 1, 2].map(|k| f64::from(group.direction[k][lane])));
-                for k in 0..3 {
-                    group.rgb[k][lane] = color[k] as f32;
-                }
-            }
-        }
-    }
-
-    fn reference(&self, _: f64, direction: [f64; 3]) -> [f64; 3] {
-        self.color(direction)
-    }
-
-    fn uniform(&self) -> Option<[f32; 3]> {
-        match self {
-            Self::Color(color) => Some(*color),
-            Self::Sky(_) => None,
-        }
-    }
-}
-
-/// The settings of the CPU back end.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CpuConfig {
-    /// Number of threads; `None` for one a core.
-    pub threads: Option<usize>,
-    /// SIMD path.
-    pub simd: SimdChoice,
 }
 
 /// The counts and times of one or more renders. Times are summed over threads, in seconds.
@@ -419,84 +249,6 @@ impl Add for Stats {
     }
 }
 
-/// Why a render failed.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum RenderError {
-    /// The camera cannot be rendered with.
-    #[error(transparent)]
-    Camera(#[from] CameraError),
-    /// The splats do not fit each other.
-    #[error(transparent)]
-    Splats(#[from] SplatsError),
-    /// A splat holds a number that cannot be rendered.
-    #[error("splat {index} holds {value}, which is no finite number: repair the scene first")]
-    NotFinite {
-        /// The index of the splat.
-        index: usize,
-        /// The name of the field.
-        value: &'static str,
-    },
-    /// More splats than indices.
-    #[error("{0} splats are too many for one set: the most is {max}", max = MAX_SPLATS)]
-    TooMany(usize),
-    /// The set was never loaded or is unloaded.
-    #[error("splat set {0} is not loaded")]
-    UnknownSet(usize),
-    /// The processor lacks the SIMD path.
-    #[error("this processor has no {0}: use --simd auto")]
-    NoSimd(&'static str),
-    /// The lists of a frame would take too much memory.
-    #[error("a picture's lists would take more than {mebibytes} MiB: {}", listed.advice())]
-    TooMuch {
-        /// The things that are listed.
-        listed: crate::Listed,
-        /// The most that the lists of such a picture may take, MiB.
-        mebibytes: u64,
-    },
-    /// Too many cells of space would be searched for rain, snow or hail.
-    #[error("{cells:.0} cells of space would have to be searched: {}", crate::Listed::Falling.advice())]
-    TooManyCells {
-        /// Their number.
-        cells: f64,
-    },
-    /// Memory for the picture could not be had.
-    #[error("no memory for a picture of {width}x{height} px")]
-    Memory {
-        /// Picture width, px.
-        width: u32,
-        /// Picture height, px.
-        height: u32,
-    },
-    /// The thread pool could not be started.
-    #[error("cannot start {threads} threads: {reason}")]
-    Threads {
-        /// The number of threads.
-        threads: usize,
-        /// The system's words.
-        reason: String,
-    },
-    /// A GPU was asked for, and the program has no GPU back end.
-    #[cfg(not(feature = "gpu"))]
-    #[error("this program was built without the feature `gpu`: use --device cpu")]
-    NoGpu,
-    /// The GPU cannot be used, or failed.
-    #[cfg(feature = "gpu")]
-    #[error(transparent)]
-    Gpu(#[from] crate::gpu::GpuError),
-}
-
-impl RenderError {
-    /// Returns true if the GPU failed: another device may succeed.
-    #[must_use]
-    pub fn is_of_gpu(&self) -> bool {
-        #[cfg(feature = "gpu")]
-        return matches!(self, Self::Gpu(_));
-        #[cfg(not(feature = "gpu"))]
-        return false;
-    }
-}
-
 /// Bytes that a back end takes to keep a set of `splats` of an SH degree: on the CPU in the
 /// computer's memory, on a GPU in its own.
 #[must_use]
@@ -508,29 +260,4 @@ pub fn bytes_of_set(splats: usize, sh_degree: u8) -> u64 {
         + GROUP * size_of::<u32>()
         + size_of::<u16>();
     (clusters * (GROUPS * group + size_of::<Cluster>())) as u64
-}
-
-/// Most splats in one frame: a key of the tile lists has no more bits for them.
-pub(crate) const MAX_SPLATS: usize = 1 << crate::stages::intersect::RECORD_BITS;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_sky_is_continuous_and_has_its_colors() {
-        let sky = SkyGradient::daylight([0.0, 0.0, 1.0]);
-        let background = Background::Sky(sky);
-        for k in 0..3 {
-            assert!((background.color([0.0, 0.0, 1.0])[k] - f64::from(sky.zenith[k])).abs() < 1e-6);
-            assert!((background.color([1.0, 0.0, 0.0])[k] - f64::from(sky.horizon[k])).abs() < 1e-6);
-            assert!((background.color([0.0, 0.0, -1.0])[k] - f64::from(sky.ground[k])).abs() < 1e-6);
-        }
-        let mut last = background.color([-1.0, 0.0, -0.1]);
-        for i in 1..=2000 {
-            let color = background.color([-1.0, 0.0, -0.1 + 0.0001 * f64::from(i)]);
-            assert!((0..3).all(|k| (color[k] - last[k]).abs() < 1e-3));
-            last = color;
-        }
-    }
 }

@@ -8,7 +8,9 @@
 use crate::photos::Photos;
 use crate::priors::points::{inside, seen_points};
 use rayon::prelude::*;
-use wm_base::statistics;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use wm_base::statistics::quantile;
 use wm_capture::Capture;
 
 /// Longest side of the photos in which colours are read, px.
@@ -42,6 +44,31 @@ impl PhotoGains {
     /// Returns true if photos differ so much that each should have an exposure of its own.
     pub(crate) fn differ(&self) -> bool {
         self.spread > MIN_SPREAD && self.differences[1] < MAX_RESIDUAL_RATIO * self.differences[0]
+    }
+}
+
+/// [`PhotoGains`] by the names of photos.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct NamedGains {
+    /// Root mean square of their logarithms.
+    pub(crate) spread: f64,
+    /// Differences of points' colours with equal gains and with these.
+    pub(crate) differences: [f64; 2],
+    /// Gains of red, green and blue by the names of photos.
+    pub(crate) gains: BTreeMap<String, [f32; 3]>,
+}
+
+impl NamedGains {
+    pub(crate) fn new(gains: &PhotoGains, names: &[String]) -> Self {
+        let PhotoGains { gains, spread, differences } = gains.clone();
+        Self { spread, differences, gains: names.iter().cloned().zip(gains).collect() }
+    }
+
+    /// Returns those of some photos, in their order; 1 for photos without.
+    pub(crate) fn of<'a>(&self, photos: impl Iterator<Item = &'a str>) -> PhotoGains {
+        let gains = photos.map(|name| self.gains.get(name).copied().unwrap_or([1.0; 3])).collect();
+        PhotoGains { gains, spread: self.spread, differences: self.differences }
     }
 }
 
@@ -118,7 +145,7 @@ fn solve(shown: &[Vec<PointColor>], points: usize) -> Option<PhotoGains> {
                 offs.extend((0..3).map(|c| (f64::from(log[c]) - gain[c] - own[*point as usize][c]).abs()));
             }
         }
-        median(&mut offs)
+        quantile(&mut offs, 0.5)
     };
     mean_colors(&logs, &mut own);
     let before = left(&logs, &own);
@@ -130,7 +157,7 @@ fn solve(shown: &[Vec<PointColor>], points: usize) -> Option<PhotoGains> {
             for c in 0..3 {
                 let mut offs: Vec<f64> =
                     shown.iter().map(|s| f64::from(s.log[c]) - own[s.point as usize][c]).collect();
-                let next = median(&mut offs);
+                let next = quantile(&mut offs, 0.5);
                 most = most.max((next - gain[c]).abs());
                 gain[c] = next;
             }
@@ -153,11 +180,6 @@ fn solve(shown: &[Vec<PointColor>], points: usize) -> Option<PhotoGains> {
     }
     let gains = gains.into_iter().map(|gain| gain.map(|v| v as f32)).collect();
     Some(PhotoGains { gains, spread, differences: [before, after] })
-}
-
-/// Returns the median, 0 if there are no values; reorders them.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    statistics::median(values).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -192,16 +192,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Chec
     if groups.len() != head.splats {
         return Err(damaged(path, "groups are fewer than splats"));
     }
-    let splats = Splats {
-        means: vec![[0.0; 3]; head.splats],
-        quats: vec![[0.0; 4]; head.splats],
-        log_scales: vec![[0.0; 3]; head.splats],
-        logit_opacities: vec![0.0; head.splats],
-        sh: vec![0.0; head.splats * 3 * sh::coefficients(degree)],
-        sh_degree: degree,
-        groups,
-        ..Splats::default()
-    };
+    let splats = Splats { groups, ..Splats::zeroed(head.splats, degree) };
     let population = Population::unsorted(splats);
     let mut state = TrainState { step: head.step, population, exposures: Exposures::new(head.exposures) };
     for array in arrays!(state, as_flattened_mut, mut) {

@@ -1,12 +1,18 @@
 //! The configuration of a training: everything that its result depends on, beside the photos.
 
 pub use crate::check::ConfigError;
+use crate::check::{COUNT, ConfigValue, MAX_WEIGHT, SHARE, WEIGHT};
 pub use crate::densify::Densify;
 pub use crate::densify::adaptive::AdaptiveConfig;
 pub use crate::densify::fixed::FixedConfig;
 pub use crate::densify::mcmc::McmcConfig;
 use serde::{Deserialize, Serialize};
-use wm_scene::Rasterization;
+use wm_scene::{Rasterization, sh};
+
+/// Most steps.
+const MAX_STEPS: u32 = 1_000_000;
+/// Most splats of the sky: more of them would be smaller than pixels.
+const MAX_SKY_SPLATS: f64 = 1e6;
 
 /// A training. Two of equal configuration, photos and SIMD path give the same scene, byte for byte.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -359,6 +365,58 @@ impl Preset {
     }
 }
 
+impl TrainConfig {
+    /// Checks every value that steps divide by, index with or take the logarithm of.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first value that makes no training, and what it may be.
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        let (loss, rates) = (&self.loss, &self.rates);
+        let geometry = &loss.geometry;
+        let values = [
+            ("steps", f64::from(self.steps), 1.0..=f64::from(MAX_STEPS)),
+            ("sh_degree", f64::from(self.sh_degree), 0.0..=f64::from(sh::MAX_DEGREE)),
+            ("sh_every", f64::from(self.sh_every), COUNT),
+            ("start_opacity", self.start_opacity, SHARE),
+            ("start_scale", self.start_scale, 1e-6..=MAX_WEIGHT),
+            ("start_fill", self.start_fill, 0.0..=1.0),
+            ("sky_splats", f64::from(self.sky_splats), 0.0..=MAX_SKY_SPLATS),
+            ("haze.mor", if let HazeMode::Mor(mor) = self.haze { mor } else { 1.0 }, 1e-6..=MAX_WEIGHT),
+            ("loss.l1", loss.l1, WEIGHT),
+            ("loss.ssim", loss.ssim, WEIGHT),
+            ("loss.geometry.depth", geometry.depth, WEIGHT),
+            ("loss.geometry.depth_hard", geometry.depth_hard, WEIGHT),
+            ("loss.geometry.depth_soft", geometry.depth_soft, WEIGHT),
+            ("loss.geometry.depth_local", geometry.depth_local, WEIGHT),
+            ("loss.geometry.depth_margin", geometry.depth_margin, WEIGHT),
+            ("loss.geometry.depth_from", geometry.depth_from, 0.0..=1.0),
+            ("loss.geometry.depth_last", geometry.depth_last, f64::MIN_POSITIVE..=1.0),
+            ("loss.geometry.every", f64::from(geometry.every), COUNT),
+            ("loss.geometry.surface", geometry.surface, WEIGHT),
+            ("loss.geometry.normal", geometry.normal, WEIGHT),
+            ("loss.geometry.normal_from", geometry.normal_from, 0.0..=1.0),
+            ("loss.geometry.flat", geometry.flat, WEIGHT),
+            ("loss.geometry.smooth", geometry.smooth, WEIGHT),
+            ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=MAX_WEIGHT),
+            ("rates.means_last", rates.means_last, f64::MIN_POSITIVE..=MAX_WEIGHT),
+            ("rates.quats", rates.quats, WEIGHT),
+            ("rates.log_scales", rates.log_scales, WEIGHT),
+            ("rates.logit_opacities", rates.logit_opacities, WEIGHT),
+            ("rates.sh_dc", rates.sh_dc, WEIGHT),
+            ("rates.sh_rest", rates.sh_rest, WEIGHT),
+            ("rates.exposure", rates.exposure, WEIGHT),
+        ];
+        let values = values.map(|(name, value, range)| ConfigValue { name, value, range });
+        let mut values = values.into_iter().chain(self.densify.strategy().values());
+        match values.find(|value| !value.range.contains(&value.value)) {
+            None => Ok(()),
+            Some(ConfigValue { name, value, range }) => {
+                Err(ConfigError { name, value, least: *range.start(), most: *range.end() })
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -372,5 +430,27 @@ mod tests {
         assert_eq!([8, 40, 300].map(|photos| Preset::Best.steps_for(photos)), [2000, 4000, 30_000]);
         assert_eq!([Preset::Draft, Preset::Standard].map(|preset| preset.steps_for(40)), [600, 4000]);
         assert_eq!([Preset::Quick, Preset::Best].map(|p| p.max_splats_for(u64::MAX)), [100_000, 1_000_000]);
+    }
+
+    #[test]
+    fn presets_are_sound_and_nonsense_is_named() {
+        for preset in [Preset::Draft, Preset::Quick, Preset::Standard, Preset::Best] {
+            let mut config = TrainConfig::preset(preset);
+            assert_eq!(config.check(), Ok(()));
+            config.densify = Densify::Adaptive(AdaptiveConfig::for_steps(config.steps, 1000));
+            assert_eq!(config.check(), Ok(()));
+            config.set_steps(1);
+            assert_eq!(config.check(), Ok(()));
+        }
+        let say = |change: fn(&mut TrainConfig)| {
+            let mut config = TrainConfig::preset(Preset::Quick);
+            change(&mut config);
+            config.check().unwrap_err().to_string()
+        };
+        assert_eq!(say(|c| c.steps = 0), "steps is 0; it must be 1 to 1000000");
+        assert_eq!(say(|c| c.sh_degree = 9), "sh_degree is 9; it must be 0 to 3");
+        assert!(say(|c| c.rates.means_last = 0.0).starts_with("rates.means_last is 0; "));
+        assert_eq!(say(|c| c.sky_splats = u32::MAX), "sky_splats is 4294967295; it must be 0 to 1000000");
+        assert!(say(|c| c.loss.l1 = f64::NAN).starts_with("loss.l1 is NaN; "));
     }
 }

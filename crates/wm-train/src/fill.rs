@@ -67,11 +67,7 @@ pub(crate) fn fill(
                 if !taken.insert(Cell::of(at, distance(z))) {
                     continue;
                 }
-                let side =
-                    |at: f64, cells: usize, pixels: u32| (at / cells as f64 * f64::from(pixels)) as usize;
-                let (u, v) = (side(x, width, photo.width), side(y, height, photo.height));
-                let pixel = 3 * (v * photo.width as usize + u);
-                let shown = [0, 1, 2].map(|c| photo.rgb[pixel + c]);
+                let shown = photo.at_share([x / width as f64, y / height as f64]);
                 let kept = |haze: &PhotoHaze| haze.transmittance(camera.center().distance(at));
                 let color = haze.map_or(shown, |haze| haze.clear_color(shown, kept(haze)));
                 fresh.push((at.to_array(), color));

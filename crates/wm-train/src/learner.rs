@@ -6,10 +6,9 @@
 //! values that decide are read, and the rest is rearranged on the device.
 //!
 //! The population in memory is also read back after some hundreds of steps, so that a training goes
-//! on from there on the CPU if the GPU fails. A term of the loss that the device cannot compute
-//! says so (`LossTerm::reads`); then the pictures are read back for it.
+//! on from there on the CPU if the GPU fails.
 
-use crate::densify::{self, Population, ScreenGradients};
+use crate::densify::{self, Population};
 use crate::random::Random;
 use wm_render::training::{self, Noise, Step};
 use wm_render::training::{Compared, Comparison};
@@ -165,17 +164,16 @@ impl Learner {
         &mut self,
         population: &mut Population,
         step: &Step,
-        gradients: ScreenGradients,
+        sums_gradients: bool,
     ) -> Result<(), RenderError> {
         if let Some(device) = self.renderer.resident() {
             self.device = Device::Ahead;
             return device.optimize(step);
         }
-        let summed = gradients;
         let gradients = &mut self.gradients;
         population.see(&gradients.visible, step.number);
         training::add_terms(&population.splats, &step.terms, gradients);
-        if summed == ScreenGradients::Sum {
+        if sums_gradients {
             population.pulls.add(gradients, step.size.0, step.size.1);
         }
         training::hold_sky(&population.splats, gradients);

@@ -58,6 +58,7 @@ pub mod dataset;
 mod densify;
 pub mod evaluation;
 mod exposure;
+mod files;
 mod fill;
 mod haze;
 mod learner;

@@ -1,7 +1,7 @@
 //! From a normalised photo to disparity: DINOv2's blocks, four of whose outputs the head puts
 //! together (DPT).
 
-use super::photo::PATCH;
+use super::model::PATCH;
 use crate::ops::{Activation, Convolution, Enlarge, Image, Linear, Norm};
 use crate::transformer::{Block, Embedding};
 

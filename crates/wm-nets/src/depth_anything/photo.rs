@@ -5,13 +5,11 @@
 //! Newer versions of transformers resize by torchvision where it is installed, which differs from
 //! Pillow by one level of 255 in about one value of 250.
 
-use super::DisparityError;
+use super::model::{DisparityError, MAX_ASPECT_RATIO, PATCH};
 use crate::ops::Image;
 use crate::pillow::resized;
 use rayon::prelude::*;
 
-/// Pixels of a patch's side.
-pub(crate) const PATCH: usize = 14;
 /// Mean and deviation of ImageNet, red, green, blue.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
@@ -22,12 +20,12 @@ const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 ///
 /// # Errors
 /// [`DisparityError`] if the photo is below a patch, or so long that the network would see it out
-/// of proportion or need more memory than [`MAX_ASPECT_RATIO`](super::MAX_ASPECT_RATIO) allows.
+/// of proportion or need more memory than [`MAX_ASPECT_RATIO`] allows.
 pub(crate) fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
     if width.min(height) < PATCH {
         return Err(DisparityError::Small { width, height });
     }
-    if width.max(height) > super::MAX_ASPECT_RATIO * width.min(height) {
+    if width.max(height) > MAX_ASPECT_RATIO * width.min(height) {
         return Err(DisparityError::Long { width, height });
     }
     let scales = [width, height].map(|length| side as f64 / length as f64);

@@ -1,9 +1,8 @@
 //! The published files: their networks' sizes, the names of their tensors, and what is made of
 //! them.
 
+use super::model::{ModelSize, PATCH, Version};
 use super::network::{Backbone, Fusion, Head, Network, ResidualUnit};
-use super::photo::PATCH;
-use super::{ModelSize, Version};
 use crate::ops::{Activation, Convolution, Enlarge, Image, Linear, Norm, numbers};
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Weights, WeightsError};

@@ -1,10 +1,11 @@
 //! The second sweep: tiles to pixels.
 
+use crate::config::{Geometry, MedianDepth, ParticlePass};
 use crate::dispatch;
 use crate::frame::{Arrays, Frame};
 use crate::hooks::PATCH;
 use crate::plan::DrawPass;
-use crate::renderer::{Geometry, MedianDepth, ParticlePass, Stats, WEIGHT_UNITS};
+use crate::renderer::{Stats, WEIGHT_UNITS};
 use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid, record_of};

@@ -1,14 +1,16 @@
 //! The first sweep: clusters of splats to records and windows of tiles.
 
-use super::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
+use super::model::{CpuModel, SplatGroup};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::budget::FrameBudget;
+use crate::config::MedianDepth;
 use crate::dispatch;
 use crate::frame::splat_name;
 use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats};
 use crate::plan::{DrawPass, Shading};
-use crate::renderer::{MedianDepth, Stats};
+use crate::renderer::Stats;
 use crate::simd::{Lanes, SimdPath};
+use crate::sizes::{CLUSTER, GROUPS};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, ProjectedGroup, project_group};
@@ -24,16 +26,12 @@ pub(crate) struct Unit<'a> {
     model: &'a CpuModel,
     attributes: Option<&'a dyn SplatAttributes>,
     clusters: Range<usize>,
-    first_record: u32,
+    /// The first record of the part among those of the frame.
+    pub(crate) first_record: u32,
     records: &'a mut [Record],
 }
 
 impl<'a> Unit<'a> {
-    /// Returns the first record of the part among those of the frame.
-    pub(crate) fn first_record(&self) -> usize {
-        self.first_record as usize
-    }
-
     /// Splits the sets into about `wanted` runs of equal size; no run crosses sets.
     pub(crate) fn split(
         sets: &[(&'a CpuModel, Option<&'a dyn SplatAttributes>)],
@@ -62,18 +60,14 @@ impl<'a> Unit<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct Part {
     pub(crate) pairs: Pairs,
-    visible: u64,
+    /// Number of its records.
+    pub(crate) visible: u64,
     project: f64,
     medium: f64,
     intersect: f64,
 }
 
 impl Part {
-    /// Number of its records.
-    pub(crate) fn visible(&self) -> usize {
-        self.visible as usize
-    }
-
     /// Adds counts and times to the frame's.
     pub(crate) fn add_to(&self, stats: &mut Stats) {
         stats.visible += self.visible;
@@ -180,7 +174,7 @@ impl<'a> Front<'a> {
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
             let before = part.pairs.len();
-            dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.boxes, first, part));
+            dispatch!(self.path, s => part.pairs.extend(s, own, &scratch.boxes, first, self.grid));
             if !self.budget.take(Pairs::BYTES * (part.pairs.len() - before)) {
                 break;
             }
@@ -237,18 +231,6 @@ impl<'a> Front<'a> {
             used += 1;
         }
         used
-    }
-
-    #[inline(always)]
-    fn intersect_cluster<S: Lanes>(
-        &self,
-        simd: S,
-        records: &[Record],
-        boxes: &[PatchBox; CLUSTER],
-        first: u32,
-        part: &mut Part,
-    ) {
-        part.pairs.extend(simd, records, boxes, first, self.grid);
     }
 }
 

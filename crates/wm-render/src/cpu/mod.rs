@@ -19,19 +19,24 @@ mod back;
 mod differentiable;
 mod front;
 pub mod model;
+mod pool;
 
 pub use differentiable::CpuDifferentiable;
+pub use pool::pool;
+pub(crate) use pool::start;
 
-use crate::budget::{FrameBudget, Listed};
+use crate::budget::FrameBudget;
+use crate::config::{CpuConfig, SetId};
+use crate::error::Listed;
+use crate::error::RenderError;
 use crate::frame::Frame;
 use crate::hooks::{Hooks, ParticleView};
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
 use crate::renderer::Models;
-use crate::renderer::{
-    CpuConfig, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats, WEIGHT_UNITS, check_weighed,
-};
+use crate::renderer::{RenderBackend, Stats, WEIGHT_UNITS, check_weighed};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
+use crate::stages::intersect::MAX_SPLATS;
 use crate::stages::intersect::{TileGrid, cpu as intersect};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::{ProjectCamera, Record};
@@ -56,37 +61,6 @@ pub struct CpuRenderer {
     keys: Vec<AtomicU64>,
     falling: Falling,
     workers: Vec<Mutex<Worker>>,
-}
-
-/// The SIMD path and the threads of `config`.
-pub(crate) fn start(config: CpuConfig) -> Result<(SimdPath, Arc<rayon::ThreadPool>), RenderError> {
-    let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
-    Ok((path, pool(config.threads.unwrap_or(0))?))
-}
-
-/// Starts a pool of threads; 0 for one per core.
-///
-/// # Errors
-/// [`RenderError::Threads`] if they cannot be started.
-#[cfg(not(target_arch = "wasm32"))]
-pub fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    pool.map(Arc::new).map_err(|error| RenderError::Threads { threads, reason: error.to_string() })
-}
-
-/// Makes a pool of the only thread in a browser.
-///
-/// # Errors
-/// [`RenderError::Threads`] if it is in another pool.
-#[cfg(target_arch = "wasm32")]
-pub fn pool(_: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
-    static POOL: std::sync::OnceLock<Arc<rayon::ThreadPool>> = std::sync::OnceLock::new();
-    if let Some(pool) = POOL.get() {
-        return Ok(Arc::clone(pool));
-    }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
-    let pool = pool.map_err(|error| RenderError::Threads { threads: 1, reason: error.to_string() })?;
-    Ok(Arc::clone(POOL.get_or_init(|| Arc::new(pool))))
 }
 
 impl CpuRenderer {
@@ -150,7 +124,7 @@ impl CpuRenderer {
         self.parts.resize_with(units.len(), Part::default);
         let budget = FrameBudget::new(pass.camera.width, pass.camera.height);
         let front = Front::new(self.path, &camera, pass, grid, &budget);
-        let firsts: Vec<usize> = units.iter().map(Unit::first_record).collect();
+        let firsts: Vec<usize> = units.iter().map(|unit| unit.first_record as usize).collect();
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
 
         budget.check(Listed::Splats)?;
@@ -206,7 +180,7 @@ impl CpuRenderer {
                 for (first, part) in firsts.into_iter().zip(&self.parts) {
                     let set = ends.partition_point(|(records, _)| *records <= first) - 1;
                     let source = &sets[set].0.source;
-                    for record in first..first + part.visible() {
+                    for record in first..first + part.visible as usize {
                         let splat = source[self.records[record].index as usize] as usize;
                         weights[ends[set].1 + splat] =
                             units[record].load(Ordering::Relaxed) as f32 / WEIGHT_UNITS;

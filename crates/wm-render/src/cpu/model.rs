@@ -1,14 +1,10 @@
 //! The CPU back end's form of splats: activated, in Morton order, in groups of 16.
 
-use crate::hooks::GROUP;
-use crate::renderer::{MAX_SPLATS, RenderError};
+use crate::error::RenderError;
+use crate::sizes::{CLUSTER, GROUP, GROUPS};
+use crate::stages::intersect::MAX_SPLATS;
 use rayon::prelude::*;
 use wm_scene::{Group, Splats, morton, sh, splats::sigmoid};
-
-/// Splats that are culled and shaded together: neighbours in space.
-pub(crate) const CLUSTER: usize = GROUPS * GROUP;
-/// Groups in a cluster.
-pub(crate) const GROUPS: usize = 16;
 
 /// Sixteen splats, as a structure of arrays.
 #[derive(Clone, Debug)]

@@ -14,10 +14,10 @@ fn devices_are_read_as_they_are_written() {
 #[cfg(feature = "gpu")]
 mod with_gpu {
     use super::*;
+    use crate::config::RenderConfig;
     use crate::frame::srgb_decode;
     use crate::hooks::{AirGroup, AirOnRay, Hooks, Medium, ShadeGroup};
     use crate::plan::{DrawPass, SetView};
-    use crate::renderer::RenderConfig;
     use crate::testing::{Backend, RandomLoss, camera, gpu_renderer, random_splats};
     use std::sync::atomic::{AtomicU32, Ordering};
 

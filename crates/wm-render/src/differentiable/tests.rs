@@ -1,9 +1,10 @@
 //! The properties that all back ends of training share.
 
 use super::*;
+use crate::config::{Background, CpuConfig, RenderConfig};
 use crate::hooks::Hooks;
 use crate::plan::{DrawPass, SetView};
-use crate::renderer::{Background, CpuConfig, RenderBackend, RenderConfig};
+use crate::renderer::RenderBackend;
 use crate::testing::{Backend, RandomLoss, camera, random_splats};
 use crate::{CpuDifferentiable, CpuRenderer, Geometry, Outputs};
 

@@ -6,8 +6,8 @@ use super::readback;
 use super::recorder::{Recorder, Stage};
 use super::renderer::GpuRenderer;
 use super::source::FAR_AWAY;
+use crate::error::RenderError;
 use crate::hooks::{Medium, ShadeGroup};
-use crate::renderer::RenderError;
 use crate::stages::shade::gpu::shade_groups;
 use wgpu::BufferUsages;
 

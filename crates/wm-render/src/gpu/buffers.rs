@@ -1,13 +1,11 @@
 //! The GPU's working memory: buffers that grow and are kept.
 
-use super::device::Gpu;
+use super::device::{Gpu, WRITTEN};
 use super::error::GpuError;
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, SLOT};
-use crate::stages::composite::gpu::ParticleBlend;
 use wgpu::BufferUsages;
 
-pub(crate) const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);
 pub(crate) const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
 
 /// A buffer that is allocated again when it is too small.
@@ -263,3 +261,20 @@ impl Memory {
         })
     }
 }
+
+/// The pictures that particles are drawn into.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) enum ParticleBlend {
+    /// There are none.
+    #[default]
+    None,
+    /// Over the colour.
+    InColor,
+    /// Over the colour, and into a picture of their own.
+    Separate,
+    /// Into a picture of their own alone.
+    Apart,
+}
+
+/// A part of a buffer: buffer, offset and size, bytes.
+pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);

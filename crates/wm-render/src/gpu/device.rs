@@ -1,6 +1,5 @@
 //! The choice of a GPU, and the device on it.
 
-use super::buffers::WRITTEN;
 use super::error::GpuError;
 use super::source::{MIN_SUBGROUP, Program, Subgroups, WORKGROUP};
 use crate::at_once::ready;
@@ -9,6 +8,9 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use wgpu::{Adapter, DeviceType, Limits};
+
+pub(crate) const WRITTEN: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
 
 /// The choice of a GPU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

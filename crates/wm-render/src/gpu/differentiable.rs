@@ -12,34 +12,38 @@
 //!
 //! No number is added by atomics, so gradients are the same, bit by bit, each time on one adapter.
 
-use super::buffers::{BufferPool, Extent, Memory, READ_BACK, Room, WRITTEN};
-use super::device::Gpu;
+use super::buffers::{BufferPool, Extent, GrowingBuffer, Memory, ParticleBlend, READ_BACK, Room};
+use super::device::{Gpu, WRITTEN};
 use super::error::GpuError;
 use super::lists::{self, CHUNKS, Entries};
 use super::readback::{Part, copy};
 use super::recorder::{Clock, Recorder, Stage, Ticks};
-use super::resident::StepRows;
 use super::source::COUNTER_WORDS;
 use super::stored::StoredModel;
-use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
+use super::uniforms::{self, Capacity, ItemBytes, SLOT, Uniform, ViewParameters, bytes_of};
+use crate::config::CpuConfig;
 use crate::cpu;
 use crate::differentiable::{
-    Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident, StepClock, Upstream,
+    Channels, DepthAlpha, Differentiable, ForwardConfig, Resident, StepClock, Upstream,
 };
+use crate::error::RenderError;
 use crate::frame::Frame;
+use crate::gradients::{Gradients, Learn};
 use crate::plan::Shading;
-use crate::renderer::{CpuConfig, RenderError, Stats};
+use crate::renderer::Stats;
 use crate::simd::SimdPath;
 use crate::stages::compare::gpu::{self as compare, Comparer, Pictures};
 use crate::stages::compare::{Compared, Comparison};
-use crate::stages::composite::gpu::{ParticleBlend, finish};
+use crate::stages::composite::gpu::finish;
 use crate::stages::optimize::gpu::Rows;
-use crate::stages::project_backward::gpu::{self as rows, gather, project_backward};
+use crate::stages::project_backward::gpu::{gather, project_backward};
+use crate::stages::project_backward::rows;
 use crate::stages::rasterize::gpu::{rasterize, sums_program};
 use crate::stages::rasterize_backward::GradientSlot;
 use crate::stages::rasterize_backward::gpu::{by_sums, rasterize_backward};
 use std::sync::Arc;
 use web_time::Instant;
+use wgpu::BufferUsages;
 use wm_scene::{Camera, Splats, sh};
 
 /// Words of a slot.
@@ -261,7 +265,6 @@ impl GpuDifferentiable {
                 compare.record(&mut recorder, compare_slot, own.pictures(channels, &room));
                 parts.push((&compare.totals, 0, bytemuck::cast_slice_mut(&mut totals)));
             }
-            parts.retain(|(.., array)| !array.is_empty());
             copy(&gpu, recorder, &mut self.memory.staging, &mut parts)?;
             let [_, _, visible, entries, _] = counters;
             if !self.capacity.grow(visible, entries, most, each) {
@@ -293,11 +296,10 @@ impl GpuDifferentiable {
             view.record_backward(&self.gpu, None, &self.model, upstream, &own.gradients, &own.by_sh);
         gradients.resize(*visible as usize, learn, config.sh_degree);
         let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
-        let mut parts: Vec<Part<'_>> = vec![
+        let mut parts: [Part<'_>; 2] = [
             (&own.gradients, 0, bytemuck::cast_slice_mut(&mut found)),
             (&own.by_sh, 0, bytemuck::cast_slice_mut(&mut gradients.sh)),
         ];
-        parts.retain(|(.., array)| !array.is_empty());
         copy(&self.gpu, recorder, &mut self.memory.staging, &mut parts)?;
         for (row, numbers) in found.as_chunks::<{ rows::ROW as usize }>().0.iter().enumerate() {
             write_row(gradients, row, numbers);
@@ -469,5 +471,37 @@ impl Differentiable for GpuDifferentiable {
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {
         Some(self)
+    }
+}
+
+/// The gradients of the step under way, beside which other renders are derived.
+#[derive(Default)]
+pub(crate) struct StepRows {
+    pub(super) kept: [GrowingBuffer; 3],
+    uniforms: GrowingBuffer,
+    pub(super) last: Option<Last>,
+}
+
+pub(super) struct Last {
+    pub(super) config: ForwardConfig,
+    pub(super) gradients: wgpu::Buffer,
+    pub(super) by_sh: wgpu::Buffer,
+    /// The splats that the step had in view.
+    pub(super) blocks: wgpu::Buffer,
+}
+
+impl Last {
+    pub(super) fn rows(&self) -> Rows<'_> {
+        Rows { gradients: &self.gradients, by_sh: &self.by_sh, blocks: &self.blocks }
+    }
+}
+
+impl StepRows {
+    /// Structures in a buffer of their own.
+    pub(super) fn structures(&mut self, gpu: &Gpu, uniforms: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let buffer = self.uniforms.fit_unbound(gpu, "structures", SLOT * uniforms.len() as u64, usage)?;
+        gpu.write(&buffer, 0, &bytes_of(uniforms));
+        Ok(buffer)
     }
 }

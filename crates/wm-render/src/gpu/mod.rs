@@ -37,7 +37,7 @@
 #[cfg(any(test, feature = "testing"))]
 mod air;
 pub(crate) mod buffers;
-mod device;
+pub(crate) mod device;
 mod differentiable;
 pub(crate) mod error;
 mod hosted;

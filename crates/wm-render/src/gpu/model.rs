@@ -3,10 +3,11 @@
 use super::device::Gpu;
 use super::error::GpuError;
 use crate::attributes::Revision;
-use crate::cpu::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
+use crate::cpu::model::{CpuModel, SplatGroup};
+use crate::error::RenderError;
 use crate::hooks::GROUP;
-use crate::renderer::RenderError;
-use crate::stages::project::gpu::ROWS;
+use crate::sizes::{CLUSTER, GROUPS};
+use crate::stages::project::rows::ROWS;
 use std::sync::{Mutex, PoisonError};
 use wm_scene::Splats;
 

@@ -1,25 +1,26 @@
 //! One draw pass on the GPU: its structures, its buffers, and its commands stage by stage.
 
-use super::buffers::{Extent, Memory, Room};
+use super::buffers::{Extent, Memory, ParticleBlend, Room, Source};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::hosted;
 use super::lists::{self, CHUNKS, Entries};
 use super::model::GpuModel;
-use super::readback::Source;
 use super::recorder::{Recorder, Stage};
 use super::source::{BLOCK_WORDS, WORKGROUP};
 use super::uniforms::{self, Capacity, Uniform, ViewParameters};
 use crate::attributes::SplatAttributes;
+use crate::config::{Geometry, MedianDepth};
 use crate::cpu::{self, Features};
 use crate::differentiable::Opacity;
+use crate::error::RenderError;
 use crate::frame::{Arrays, FRONT, Frame, splat_name};
 use crate::hooks::{ParticleView, WgslSource};
 use crate::plan::{DrawPass, SplatSource};
-use crate::renderer::{Geometry, MedianDepth, Models, RenderError, WEIGHT_UNITS};
+use crate::renderer::{Models, WEIGHT_UNITS};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
-use crate::stages::composite::gpu::{BackgroundForm, ParticleBlend, composite};
+use crate::stages::composite::gpu::{BackgroundForm, composite};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::particles::gpu::fall;
 use crate::stages::project::gpu::Piece;

@@ -72,7 +72,7 @@ fn lists(gpu: &Gpu, items: u32) -> Lists {
 /// The prefix sums of counts, and their total; what would be sorted has that much room.
 pub(crate) fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let camera = crate::testing::camera(64, 48);
-    let config = crate::renderer::RenderConfig::default();
+    let config = crate::config::RenderConfig::default();
     let pass = DrawPass::new(&[], &camera, &config);
     let view = view(&ViewParameters::of(&pass), 0, 0, Capacity { visible: 0, entries: room });
     let uniforms = filled(gpu, &bytes_of(&[view]), BufferUsages::UNIFORM);

@@ -1,7 +1,7 @@
 //! Splats for rays in the GPU's memory, see [`crate::stages::rays`].
 
-use super::buffers::{BufferPool, GrowingBuffer, ListNames, Lists, READ_BACK, WRITTEN};
-use super::device::{AdapterKind, Gpu};
+use super::buffers::{BufferPool, GrowingBuffer, ListNames, Lists, READ_BACK};
+use super::device::{AdapterKind, Gpu, WRITTEN};
 use super::error::GpuError;
 use super::readback::copy;
 use super::recorder::{Recorder, Stage};

@@ -25,9 +25,6 @@ pub(crate) struct PassCounts {
     pub(crate) walked: u32,
 }
 
-/// A part of a buffer: buffer, offset and size, bytes.
-pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
-
 /// The results of several passes that are read back together: for each pass its counts, its times
 /// and its pictures.
 pub(crate) struct Readback {
@@ -180,7 +177,7 @@ pub(crate) fn copy(
         staging.fit_unbound(gpu, "the way back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
     let mut at = 0;
     recorder.tell_times();
-    for (buffer, offset, array) in &*parts {
+    for (buffer, offset, array) in parts.iter().filter(|(.., array)| !array.is_empty()) {
         recorder.encoder().copy_buffer_to_buffer(buffer, *offset, &staging, at, array.len() as u64);
         at += array.len() as u64;
     }

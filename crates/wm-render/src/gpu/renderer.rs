@@ -10,14 +10,15 @@ use super::recorder::{Clock, Recorder};
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, WORKGROUP};
 use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
 use crate::at_once::at_once;
+use crate::config::{CpuConfig, SetId};
 use crate::cpu;
+use crate::error::RenderError;
 use crate::frame::FRONT;
 use crate::hooks::Hooks;
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
-use crate::renderer::{
-    CpuConfig, MAX_SPLATS, Models, RenderBackend, RenderError, SetId, Stats, check_weighed,
-};
+use crate::renderer::{Models, RenderBackend, Stats, check_weighed};
 use crate::simd::SimdPath;
+use crate::stages::intersect::MAX_SPLATS;
 use crate::stages::particles::cpu::Falling;
 use std::sync::Arc;
 use web_time::Instant;

@@ -1,53 +1,20 @@
 //! Splats that learn on the GPU: they stay there with what the optimiser remembers, and only
 //! pictures and a loss's derivatives by these cross over.
 
-use super::buffers::{GrowingBuffer, READ_BACK, WRITTEN};
-use super::device::Gpu;
-use super::differentiable::{ForwardTarget, GpuDifferentiable};
-use super::error::GpuError;
+use super::buffers::READ_BACK;
+use super::device::WRITTEN;
+use super::differentiable::{ForwardTarget, GpuDifferentiable, Last};
 use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, SLOT, Uniform, bytes_of};
 use crate::differentiable::{ForwardConfig, Opacity, Resident, StepClock, Target, Upstream};
+use crate::error::RenderError;
 use crate::frame::Frame;
-use crate::renderer::{RenderError, Stats};
+use crate::renderer::Stats;
 use crate::stages::compare::{Compared, Comparison};
-use crate::stages::optimize::gpu::{Rows, add, explore, optimize};
+use crate::stages::optimize::gpu::{add, explore, optimize};
 use crate::stages::optimize::{Changed, Learnt, LearntMut, Noise, Shapes, Step};
 use std::sync::Arc;
-use wgpu::BufferUsages;
 use wm_scene::Camera;
-
-/// The gradients of the step under way, beside which other renders are derived.
-#[derive(Default)]
-pub(crate) struct StepRows {
-    kept: [GrowingBuffer; 3],
-    uniforms: GrowingBuffer,
-    last: Option<Last>,
-}
-
-struct Last {
-    config: ForwardConfig,
-    gradients: wgpu::Buffer,
-    by_sh: wgpu::Buffer,
-    /// The splats that the step had in view.
-    blocks: wgpu::Buffer,
-}
-
-impl Last {
-    fn rows(&self) -> Rows<'_> {
-        Rows { gradients: &self.gradients, by_sh: &self.by_sh, blocks: &self.blocks }
-    }
-}
-
-impl StepRows {
-    /// Structures in a buffer of their own.
-    fn structures(&mut self, gpu: &Gpu, uniforms: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let buffer = self.uniforms.fit_unbound(gpu, "structures", SLOT * uniforms.len() as u64, usage)?;
-        gpu.write(&buffer, 0, &bytes_of(uniforms));
-        Ok(buffer)
-    }
-}
 
 impl GpuDifferentiable {
     /// Submits what `record` does with the pieces of the splats; `structure` is in slot 0.

@@ -14,7 +14,8 @@ use crate::differentiable::{Channels, ForwardConfig};
 use crate::hooks::GROUP;
 use crate::stages::optimize::gpu::Remembered;
 use crate::stages::optimize::{DensifyStats, Learnt, LearntMut, Moments, Pair};
-use crate::stages::project::gpu::{Piece, ROW_DC, ROW_MEAN, ROW_OPACITY, ROW_QUAT, ROW_SCALE, ROW_SKY, ROWS};
+use crate::stages::project::gpu::Piece;
+use crate::stages::project::rows::{ROW_DC, ROW_MEAN, ROW_OPACITY, ROW_QUAT, ROW_SCALE, ROW_SKY, ROWS};
 use rayon::prelude::*;
 use std::ops::Range;
 use wgpu::BufferUsages;
@@ -373,6 +374,5 @@ fn back(
         .iter_mut()
         .map(|(buffer, numbers)| (*buffer, 0, bytemuck::cast_slice_mut(numbers.as_mut_slice())))
         .collect();
-    parts.retain(|(.., array)| !array.is_empty());
     copy(gpu, recorder, staging, &mut parts)
 }

@@ -1,12 +1,15 @@
 //! The GPU back end as a whole: room, pieces, repetition, and errors.
 
 use super::*;
-use crate::differentiable::{Channels, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
+use crate::config::{CpuConfig, RenderConfig};
+use crate::differentiable::{Channels, Differentiable, ForwardConfig, Upstream};
+use crate::error::RenderError;
 use crate::frame::Frame;
+use crate::gradients::{Gradients, Learn};
 use crate::hooks::{AirGroup, AirOnRay, Hooks, Medium, ShadeGroup};
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
-use crate::renderer::{CpuConfig, RenderBackend, RenderConfig, RenderError};
+use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
 use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare};
 use crate::testing::{

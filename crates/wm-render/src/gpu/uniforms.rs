@@ -1,11 +1,12 @@
 //! Small structures for the GPU, laid out as WGSL does; a test holds them against the WGSL.
 
 use super::source::TILE_SIDE;
-use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opacity};
+use crate::config::MedianDepth;
+use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Opacity};
 use crate::even_air::EvenAir;
+use crate::gradients::Learn;
 use crate::hooks::{SkySplats, SplatAttributes};
 use crate::plan::{CutPlane, DrawPass};
-use crate::renderer::MedianDepth;
 use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;

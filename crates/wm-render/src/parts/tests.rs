@@ -1,12 +1,13 @@
 use super::*;
 use crate::CpuRenderer;
+use crate::config::{Background, CpuConfig, ParticlePass, SkyGradient};
 use crate::frame::Frame;
 use crate::hooks::{
     AirGroup, AirOnRay, GROUP, Medium, Particle, ParticleGroup, ParticleView, Particles, PixelBatch,
     PixelEffect, ShadeGroup, WgslSource,
 };
 use crate::plan::SetView;
-use crate::renderer::{Background, CpuConfig, ParticlePass, RenderBackend, SkyGradient};
+use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
 use crate::testing::comparison::{ALL_OUTPUTS, evaluate_by_reference, rendered};
 use crate::testing::{Backend, camera, random_splats};

@@ -1,6 +1,6 @@
 //! The sRGB encoding of whole vectors: exact, and rough for what is only shown.
 
-use super::Lanes;
+use super::lanes::Lanes;
 use super::math::{exp2_rough, log2_rough, powf, reciprocal};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 

@@ -3,7 +3,7 @@
 //! Functions take several vectors and go step by step over all of them: a chain of dependent
 //! operations fills the processor only if others run beside it.
 
-use super::Lanes;
+use super::lanes::Lanes;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 
 /// 1.5 * 2^23: adding it to a small float leaves the rounded integer in the low mantissa bits.

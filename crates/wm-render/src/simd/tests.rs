@@ -1,4 +1,5 @@
 use super::*;
+use fearless_simd::{Fallback, Simd, SimdBase, f32x8};
 
 /// Defines functions that map a slice, a vector at a time.
 macro_rules! maps {

@@ -2,14 +2,15 @@
 
 use super::{Backend, RandomLoss, random_splats};
 use crate::attributes::SplatAttributes;
-use crate::differentiable::{ForwardConfig, Gradients, Learn};
+use crate::config::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
+use crate::differentiable::ForwardConfig;
 use crate::frame::Frame;
+use crate::gradients::{Gradients, Learn};
 use crate::hooks::{AirGroup, GROUP, Medium, ShadeGroup};
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
 use crate::reference::backward::{self, Parameters, ReferenceGradients};
 use crate::reference::frame::ReferenceFrame;
-use crate::renderer::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
 use wm_base::random::uniform;
 use wm_scene::{Camera, Splats, splats::logit};
 

@@ -5,17 +5,18 @@ pub(crate) mod comparison;
 #[cfg(feature = "gpu")]
 pub(crate) mod programs;
 
+use crate::config::CpuConfig;
 #[cfg(feature = "gpu")]
 use crate::device::AnyDifferentiable;
 use crate::differentiable::{Channels, Upstream};
+#[cfg(feature = "gpu")]
+use crate::error::RenderError;
 #[cfg(feature = "gpu")]
 use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer, source::Program};
 #[cfg(feature = "gpu")]
 use crate::hooks::WgslSource;
 use crate::hooks::{Medium, ShadeGroup};
-#[cfg(feature = "gpu")]
-use crate::renderer::RenderError;
-use crate::renderer::{CpuConfig, RenderBackend};
+use crate::renderer::RenderBackend;
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};

@@ -1,10 +1,11 @@
 //! The programs of the GPU, for tests that read their texts.
 
+use crate::config::{Geometry, MedianDepth};
 use crate::differentiable::Channels;
+use crate::gpu::buffers::ParticleBlend;
 use crate::gpu::source::{Program, Subgroups};
-use crate::renderer::{Geometry, MedianDepth};
 use crate::stages::compare::gpu as losses;
-use crate::stages::composite::gpu::{self as composite, BackgroundForm, ParticleBlend};
+use crate::stages::composite::gpu::{self as composite, BackgroundForm};
 use crate::stages::intersect::gpu as intersect;
 use crate::stages::optimize::gpu as learning;
 use crate::stages::particles::gpu::FALL;

@@ -2,22 +2,25 @@
 //! share.
 
 use super::cells::{self, GroundAxes, GroundCell, MIN_PHOTOS, PlacedPhoto};
-use super::{BlockError, SKY_FILE};
-use crate::brightness::PhotoGains;
+use super::error::BlockError;
+use crate::brightness::NamedGains;
 use crate::checkpoint::{FNV_START, hash};
 use crate::config::TrainConfig;
+use crate::files::write_json;
 use crate::haze::PhotoHaze;
 use crate::session::{SessionOptions, TrainObserver, WholeSession, confirmed_of};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::fs;
-use std::io;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use wm_base::files::write_durably;
+use wm_base::statistics::quantile;
 use wm_scene::Scene;
 use wm_scene::formats::write_scene;
+
+/// The splats of the sky in the run folder, if there are any.
+pub(super) const SKY_FILE: &str = "sky.ply";
 
 /// The version of the plan's format.
 const VERSION: u32 = 1;
@@ -87,7 +90,7 @@ pub struct BlockPlan {
     /// The haze of all photos.
     pub(crate) haze: Option<PlannedHaze>,
     /// The brightness of all photos beside each other.
-    pub(crate) gains: Option<PlannedGains>,
+    pub(crate) gains: Option<NamedGains>,
     /// The blocks.
     pub blocks: Vec<TrainBlock>,
 }
@@ -112,32 +115,6 @@ pub struct TrainBlock {
     pub(crate) held_out: Vec<String>,
 }
 
-/// The brightness of photos beside each other; see [`PhotoGains`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct PlannedGains {
-    /// Root mean square of their logarithms.
-    pub(crate) spread: f64,
-    /// Differences of points' colours with equal gains and with these.
-    pub(crate) differences: [f64; 2],
-    /// Gains of red, green and blue by the names of photos.
-    pub(crate) gains: BTreeMap<String, [f32; 3]>,
-}
-
-impl PlannedGains {
-    fn new(gains: &PhotoGains, names: &[String]) -> Self {
-        let PhotoGains { gains, spread, differences } = gains.clone();
-        Self { spread, differences, gains: names.iter().cloned().zip(gains).collect() }
-    }
-
-    /// Returns those of some photos, in their order.
-    pub(crate) fn of(&self, photos: &[String]) -> PhotoGains {
-        let gain = |name: &String| self.gains.get(name).copied().unwrap_or([1.0; 3]);
-        let gains = photos.iter().map(gain).collect();
-        PhotoGains { gains, spread: self.spread, differences: self.differences }
-    }
-}
-
 /// The haze of photos; see [`PhotoHaze`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -151,7 +128,7 @@ pub(crate) struct PlannedHaze {
     /// Light of endless haze, linear RGB.
     pub(crate) airlight: [f64; 3],
     /// The photos' gains in the haze.
-    pub(crate) gains: PlannedGains,
+    pub(crate) gains: NamedGains,
 }
 
 impl PlannedHaze {
@@ -185,10 +162,7 @@ impl BlockPlan {
 
     /// Writes it, so that it outlives a power cut: trainings of hours stand on it.
     pub(super) fn write(&self, path: &Path) -> Result<(), BlockError> {
-        write_durably(path, |out| {
-            let text = serde_json::to_string_pretty(self).map_err(io::Error::from)?;
-            Ok(writeln!(out, "{text}")?)
-        })?;
+        write_durably(path, |out| Ok(write_json(self, out)?))?;
         Ok(())
     }
 
@@ -350,9 +324,9 @@ pub(super) fn make(
             error: haze.error,
             shown: haze.shown,
             airlight: haze.airlight,
-            gains: PlannedGains::new(&gains, &names),
+            gains: NamedGains::new(&gains, &names),
         }),
-        gains: whole.data.gains().map(|gains| PlannedGains::new(gains, &names)),
+        gains: whole.data.gains().map(|gains| NamedGains::new(gains, &names)),
         blocks: planned,
     })
 }
@@ -369,7 +343,7 @@ fn middle(points: &[DVec3], seen: &[u32]) -> Option<DVec3> {
     let finite = || seen.iter().map(|point| points[*point as usize]).filter(|point| point.is_finite());
     let along = |axis: usize| {
         let mut values: Vec<f64> = finite().map(|point| point.to_array()[axis]).collect();
-        crate::brightness::median(&mut values)
+        quantile(&mut values, 0.5)
     };
     finite().next().map(|_| DVec3::new(along(0), along(1), along(2)))
 }

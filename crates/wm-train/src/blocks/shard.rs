@@ -1,9 +1,11 @@
 //! The training of one block: begun, continued or found done.
 
-use super::{BlockError, BlockTraining, read_splats};
+use super::error::BlockError;
+use super::training::{BlockTraining, read_splats};
 use crate::checkpoint::{FNV_START, hash};
 use crate::config::TrainConfig;
 use crate::dataset::HeldOut;
+use crate::files::write_json;
 use crate::poor_photos::PoorPhotoMode;
 use crate::session::{CHECKPOINT, PriorSource, Resume, Session, SessionOptions, TrainObserver, TrainPart};
 use glam::DVec3;
@@ -71,8 +73,8 @@ impl BlockTraining {
         let part = TrainPart {
             photos: planned.cameras.clone(),
             held_out: planned.held_out.clone(),
-            gains: self.plan.gains.as_ref().map(|gains| gains.of(&planned.cameras)),
-            haze: self.haze_of(planned),
+            gains: self.plan.gains.clone(),
+            haze: self.plan.haze.as_ref().map(|planned| (planned.haze(), planned.gains.clone())),
             sky: self.sky()?,
         };
         let options = self.session_options(planned.config.clone(), part, &folder);
@@ -97,10 +99,7 @@ impl BlockTraining {
         };
         let (trained, splats, plan) = (own.len(), core.len(), text(self.sum));
         let marker = TrainedBlock { plan, block, trained, splats, bytes, checksum };
-        write_durably(&folder.join(MARKER_FILE), |out| {
-            let text = serde_json::to_string_pretty(&marker).map_err(io::Error::from)?;
-            Ok(writeln!(out, "{text}")?)
-        })?;
+        write_durably(&folder.join(MARKER_FILE), |out| Ok(write_json(&marker, out)?))?;
         Ok(marker)
     }
 

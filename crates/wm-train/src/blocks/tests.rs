@@ -1,12 +1,13 @@
 //! Blocks of the built-in street.
 
 use super::*;
-use crate::session::{PriorSource, SessionError, StepProgress};
+use crate::session::{PriorSource, SessionError, SessionOptions, StepProgress, TrainObserver};
 use crate::{HeldOut, TrainPlan};
 use glam::DVec3;
 use std::fs;
 use std::num::NonZero;
 use std::ops::ControlFlow;
+use std::path::Path;
 use wm_render::Device;
 use wm_street::Street;
 use wm_street::dataset::{self, CameraRoute, DatasetOptions};

@@ -14,33 +14,34 @@
 //! ```
 
 mod database;
+mod error;
 mod progress;
 mod runner;
 #[cfg(all(test, unix))]
 mod tests;
 mod tool;
 
-pub use progress::ColmapProgress;
+pub use error::ColmapError;
+use error::{file_error, make_folder};
+pub use progress::{ColmapProgress, ColmapStep};
 pub(crate) use runner::Running;
 use tool::CameraTool;
 pub(crate) use tool::on_path;
 
+use crate::checkpoint::{FNV_START, hash};
 use crate::photos::photos_in;
 use database::SharedPoints;
 use rayon::prelude::*;
-use runner::Runner;
+use runner::{DONE_FILE, LOG_FILE, Runner};
 use std::{
     collections::BTreeSet,
     fmt,
     fs::{self, File},
     io::Read,
     path::{Path, PathBuf},
-    process::ExitStatus,
     time::UNIX_EPOCH,
 };
-use thiserror::Error;
 use tool::{RunPaths, SCRIPT, SCRIPT_NAME, StepCommands};
-use wm_base::FormatError;
 use wm_base::files::write_atomically;
 use wm_capture::{self as capture, CaptureOptions};
 use wm_image::header::read_header;
@@ -112,123 +113,6 @@ const NAMED_NEIGHBOURS: usize = 2;
 /// Shortest side of a photo in which features are looked for, px.
 const MIN_SIDE_PX: u32 = 16;
 
-/// One of the four commands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColmapStep {
-    /// Finds features in each photo.
-    Features,
-    /// Finds them again in other photos.
-    Matches,
-    /// Finds cameras and points.
-    Cameras,
-    /// Makes photos without distortion.
-    Undistortion,
-}
-
-impl ColmapStep {
-    /// Returns the name of the step for people, such as "matching photos".
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Features => "finding features",
-            Self::Matches => "matching photos",
-            Self::Cameras => "finding cameras",
-            Self::Undistortion => "undistorting photos",
-        }
-    }
-}
-
-/// A reason why COLMAP makes no capture.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum ColmapError {
-    /// There is neither COLMAP nor pycolmap.
-    #[error(
-        "neither COLMAP nor pycolmap is installed, and photos alone have no cameras; install one with `{INSTALL}`, or give a \
-         data set that has a COLMAP model or a transforms.json"
-    )]
-    NotInstalled,
-    /// A photo is too small.
-    #[error("{}: {width}x{height} px is too small to find its camera; give a larger photo, or remove it", photo.display())]
-    SmallPhoto {
-        /// The photo.
-        photo: PathBuf,
-        /// The width, px.
-        width: u32,
-        /// The height, px.
-        height: u32,
-    },
-    /// The folder has too few photos.
-    #[error("{}: {found}, at least 3 are needed", folder.display())]
-    FewPhotos {
-        /// The folder.
-        folder: PathBuf,
-        /// The number of photos that were found, in words.
-        found: String,
-    },
-    /// The folder, or one in it, cannot be read.
-    #[error(transparent)]
-    Folder(#[from] FormatError),
-    /// Something lies where the run would write.
-    #[error("{}: it is there already and no run of COLMAP; choose another folder", .0.display())]
-    Occupied(PathBuf),
-    /// A file or folder cannot be used.
-    #[error("{}: {reason}", path.display())]
-    File {
-        /// The file or folder.
-        path: PathBuf,
-        /// The error of the system.
-        reason: std::io::Error,
-    },
-    /// The program does not start.
-    #[error("{}: cannot be started: {reason}", program.display())]
-    Start {
-        /// The program.
-        program: PathBuf,
-        /// The error of the system.
-        reason: std::io::Error,
-    },
-    /// A command failed.
-    #[error("COLMAP failed while {} ({status}{said}); all it said is in {}", step.name(), log.display())]
-    Failed {
-        /// The step that failed.
-        step: ColmapStep,
-        /// The exit status of the command.
-        status: ExitStatus,
-        /// The last error of the program, after `: `, if it named one.
-        said: String,
-        /// The log with the rest of its output.
-        log: PathBuf,
-    },
-    /// No model came out.
-    #[error(
-        "COLMAP found no cameras: the photos share too little, or hold too little detail; take more, with more \
-         overlap ({shared}its log is {})", log.display()
-    )]
-    NothingRegistered {
-        /// The points that the photos share, followed by `; `, if they are known.
-        shared: String,
-        /// The log.
-        log: PathBuf,
-    },
-    /// Whoever asked for it wants it no more.
-    #[error("stopped while {}; started again it goes on with what is in {}", step.name(), folder.display())]
-    Stopped {
-        /// The step that was stopped.
-        step: ColmapStep,
-        /// The folder of the run.
-        folder: PathBuf,
-    },
-}
-
-/// The command that installs pycolmap, which works wherever Python is.
-const INSTALL: &str = "pip install pycolmap";
-
-/// The file that says what was run.
-const LOG_FILE: &str = "colmap.log";
-/// The file that says that a run is complete.
-const DONE_FILE: &str = "done";
-
 /// Makes a capture of the photos in a folder and those below it; everything goes to the folder
 /// `run`.
 ///
@@ -297,16 +181,15 @@ pub(crate) fn reconstruct(
 /// Returns the line that tells these photos from others: their folder, names, sizes and times of
 /// change.
 fn title(photos: &Path, files: &[PathBuf]) -> String {
-    let mut sum: u64 = 0xcbf2_9ce4_8422_2325;
+    let mut sum = FNV_START;
     for file in files {
         let about = fs::metadata(file).ok();
         let bytes = about.as_ref().map_or(0, fs::Metadata::len);
         let changed = about.and_then(|about| about.modified().ok()?.duration_since(UNIX_EPOCH).ok());
         let nanos = changed.map_or(0, |changed| changed.as_nanos() as u64);
         let name = file.as_os_str().as_encoded_bytes();
-        // FNV-1a.
-        for byte in name.iter().chain(&bytes.to_le_bytes()).chain(&nanos.to_le_bytes()) {
-            sum = (sum ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        for part in [name, &bytes.to_le_bytes(), &nanos.to_le_bytes()] {
+            sum = hash(sum, part);
         }
     }
     format!("photos: {} of {} ({sum:016x})\n", files.len(), photos.display())
@@ -382,20 +265,4 @@ fn largest_model(models: &Path) -> Option<PathBuf> {
 
 fn absolute(path: &Path) -> Result<PathBuf, ColmapError> {
     std::path::absolute(path).map_err(|e| file_error(path, e))
-}
-
-fn make_folder(path: &Path) -> Result<(), ColmapError> {
-    fs::create_dir_all(path).map_err(|e| file_error(path, e))
-}
-
-fn remove(path: &Path) -> Result<(), ColmapError> {
-    let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-    match removed {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(file_error(path, error)),
-        _ => Ok(()),
-    }
-}
-
-fn file_error(path: &Path, reason: std::io::Error) -> ColmapError {
-    ColmapError::File { path: path.into(), reason }
 }

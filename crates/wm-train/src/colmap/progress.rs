@@ -4,7 +4,31 @@
 //! the number of photos whose cameras are found. Where nothing is understood there is no progress,
 //! and nothing else is lost.
 
-use super::ColmapStep;
+/// One of the four commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColmapStep {
+    /// Finds features in each photo.
+    Features,
+    /// Finds them again in other photos.
+    Matches,
+    /// Finds cameras and points.
+    Cameras,
+    /// Makes photos without distortion.
+    Undistortion,
+}
+
+impl ColmapStep {
+    /// Returns the name of the step for people, such as "matching photos".
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Features => "finding features",
+            Self::Matches => "matching photos",
+            Self::Cameras => "finding cameras",
+            Self::Undistortion => "undistorting photos",
+        }
+    }
+}
 
 /// The progress of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

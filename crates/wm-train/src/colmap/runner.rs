@@ -1,13 +1,18 @@
 //! Commands that run one after the other in the folder of a run, with their log and their progress.
 
-use super::{
-    ColmapError, ColmapProgress, ColmapStep, DONE_FILE, LOG_FILE, file_error, make_folder, progress, remove,
-};
+use super::error::{ColmapError, file_error, make_folder};
+use super::progress::{self, ColmapProgress, ColmapStep};
+use crate::files::remove;
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
+
+/// The file that says what was run.
+pub(super) const LOG_FILE: &str = "colmap.log";
+/// The file that says that a run is complete.
+pub(super) const DONE_FILE: &str = "done";
 
 /// The time between two looks at a running command.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
@@ -37,11 +42,10 @@ impl<'a> Runner<'a> {
             // What an earlier run made: all of it is of our own making. Features and matches of the
             // same photos are kept.
             let old = fs::read(&log).map_err(|e| file_error(&log, e))?;
-            for part in [DONE_FILE, "models", "dataset"] {
-                remove(&folder.join(part))?;
-            }
-            if !old.starts_with(title.as_bytes()) {
-                remove(&folder.join("database.db"))?;
+            let database = Some("database.db").filter(|_| !old.starts_with(title.as_bytes()));
+            for part in [DONE_FILE, "models", "dataset"].into_iter().chain(database) {
+                let part = folder.join(part);
+                remove(&part).map_err(|e| file_error(&part, e))?;
             }
         } else if fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_some()) {
             return Err(ColmapError::Occupied(folder));

@@ -1,6 +1,6 @@
 //! The program that finds cameras, and its commands.
 
-use super::ColmapError;
+use super::error::ColmapError;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

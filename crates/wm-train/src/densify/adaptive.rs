@@ -8,10 +8,12 @@
 //!
 //! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 
-use super::{DensifyStats, DensifyStrategy, DensifyTime, Population, ScreenGradients};
+use super::population::Population;
+use super::strategy::{DensifyStrategy, DensifyTime};
 use crate::check::{COUNT, ConfigValue, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
+use wm_render::training::DensifyStats;
 use wm_scene::quat;
 use wm_scene::splats::logit;
 
@@ -128,8 +130,8 @@ impl DensifyStrategy for AdaptiveConfig {
         ]
     }
 
-    fn gradients(&self) -> ScreenGradients {
-        ScreenGradients::Sum
+    fn sums_gradients(&self) -> bool {
+        true
     }
 
     fn is_due(&self, step: u32) -> bool {

@@ -1,6 +1,6 @@
 //! A fixed number of splats: nothing is added, moved or removed.
 
-use super::DensifyStrategy;
+use super::strategy::DensifyStrategy;
 use serde::{Deserialize, Serialize};
 
 /// The strategy without parameters that keeps the splats a training starts with.

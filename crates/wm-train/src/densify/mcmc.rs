@@ -15,11 +15,12 @@
 //! scene's extent, since one that fills gaps all over a photo stands in the way of every other
 //! view; the sky's splats take no part.
 
-use super::{DensifyStats, DensifyStrategy, DensifyTime, Population};
+use super::population::Population;
+use super::strategy::{DensifyStrategy, DensifyTime};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
-use wm_render::training::{Noise, SplatTerms};
+use wm_render::training::{DensifyStats, Noise, SplatTerms};
 use wm_scene::Group;
 use wm_scene::splats::logit;
 

@@ -13,7 +13,7 @@ use crate::metrics::{
     DepthErrors, FloaterShare, Floaters, NormalErrors, Ssim, SurfaceLost, depth_errors, fit_exposure,
     normal_errors, sharpness, sky_covered, surface_lost,
 };
-use crate::photos::{BadPhotos, Photo, PhotoError};
+use crate::photos::{BadPhotos, PhotoError};
 use crate::session::ObserverError;
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -213,7 +213,7 @@ pub fn evaluate(
             Err(error) => return Err(error.into()),
         };
         let name = data.name(*place);
-        let (rgb, mask) = floats(&photo);
+        let (rgb, mask) = (photo.rgb_f32(), photo.mask_f32());
         let maps = truth.read(name, &photo.camera, mask.as_deref())?;
         // The scene and the capture may have origins of their own.
         let camera = photo.camera.moved(data.capture.origin - scene.metadata.origin_or_zero());
@@ -231,10 +231,7 @@ pub fn evaluate(
                 image.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
             }
             let width = photo.width as usize;
-            let ssim = match mask.as_deref() {
-                Some(mask) => ssim.masked_value(&image, &rgb, mask, width),
-                None => ssim.value(&image, &rgb, width),
-            };
+            let ssim = ssim.masked_value(&image, &rgb, mask.as_deref(), width);
             let psnr = psnr(&image, &rgb, mask.as_deref());
             let sharpness = sharpness(&image, &rgb, mask.as_deref(), width);
             (ViewScores { psnr, ssim, sharpness, ..against(frame, solid, &maps) }, image)
@@ -314,12 +311,6 @@ impl SplatAttributes for NotSky<'_> {
             *out = f32::from(u8::from(self.0[*index as usize] != Group::Sky));
         }
     }
-}
-
-/// Returns the photo and its mask, 0-1.
-fn floats(photo: &Photo) -> (Vec<f32>, Option<Vec<f32>>) {
-    let mask = photo.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect());
-    (photo.rgb_f32(), mask)
 }
 
 /// Returns the scores against maps; `solid` is without the sky's splats.

@@ -11,7 +11,7 @@
 //! Ground that lay there from the start would grow over the sky, whose light through haze is the
 //! same.
 
-use super::PhotoHaze;
+use super::photo_haze::PhotoHaze;
 use super::settle::{mean_color, nearest};
 use crate::photos::Photo;
 use crate::priors::{Prior, SkyClass};

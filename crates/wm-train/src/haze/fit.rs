@@ -9,6 +9,7 @@
 //! by Cauchy's function.
 
 use super::sightings::{PointTrack, Sighting};
+use wm_base::statistics::quantile;
 
 /// Parameters before the gains: extinction, and the light that the air adds in three channels.
 const SHARED_PARAMETERS: usize = 4;
@@ -177,10 +178,7 @@ impl NormalEquations {
             sums.add(fit, &rows, &colors);
         }
         sums.cost /= sightings.max(1) as f64;
-        let middle = offs.len() / 2;
-        let median =
-            if offs.is_empty() { 0.0 } else { *offs.select_nth_unstable_by(middle, f64::total_cmp).1 };
-        sums.sigma = (1.4826 * median).max(MIN_RESIDUAL);
+        sums.sigma = (1.4826 * quantile(&mut offs, 0.5)).max(MIN_RESIDUAL);
         let prior = fit.sigma * fit.sigma / (GAIN_DEVIATION * GAIN_DEVIATION);
         for (photo, gain) in fit.gains.iter().enumerate() {
             sums.normal[(SHARED_PARAMETERS + photo) * (count + 1)] += prior;

@@ -59,7 +59,7 @@ fn mean_of_known(splats: &Splats, shown: &[f64], counts: &dyn Fn(DVec3) -> bool)
         {
             let [x, y, z] = splats.log_scales[index].map(f64::from);
             // The approximate area of the splat.
-            let weight = (x + y + z - x.min(y).min(z)).exp() * opacity(splats.logit_opacities[index]);
+            let weight = (x + y + z - x.min(y).min(z)).exp() * splats.opacity(index);
             let own = &splats.sh[index * stride..];
             (0..3).for_each(|c| sum[c] += weight * f64::from(own[c]));
             weights += weight;
@@ -94,10 +94,6 @@ pub(crate) fn nearest(cameras: &[Camera], at: DVec3, counts: impl Fn(&Camera) ->
 
 fn place(splats: &Splats, index: usize) -> DVec3 {
     DVec3::from_array(splats.means[index].map(f64::from))
-}
-
-fn opacity(logit: f32) -> f64 {
-    1.0 / (1.0 + (-f64::from(logit)).exp())
 }
 
 #[cfg(test)]

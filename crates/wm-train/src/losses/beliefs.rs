@@ -1,7 +1,8 @@
 //! Converts the prior of a photo into the arrays that a device compares with.
 
 use super::grid::Grid;
-use super::{TrainPhoto, surface};
+use super::surface;
+use super::term::TrainPhoto;
 use crate::priors::Prior;
 use wm_render::training::{GridPriors, PixelPrior};
 

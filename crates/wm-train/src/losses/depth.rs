@@ -8,23 +8,18 @@
 //! and those covered by less than half, do not count.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
-use crate::config::{GeometryConfig, TrainConfig};
+use super::term::{LossGradients, LossInput, LossTerm, TrainPhoto};
+use crate::config::GeometryConfig;
 use wm_render::Channels;
-use wm_render::training::{Comparison, MIN_COVERAGE, MIN_RELATIVE_SIGMA, Term};
+use wm_render::training::{MIN_COVERAGE, MIN_RELATIVE_SIGMA, Term};
 
 /// The term `depth`.
 #[derive(Clone, Debug)]
 pub(crate) struct DepthTerm {
-    geometry: GeometryConfig,
-    steps: u32,
-}
-
-impl DepthTerm {
-    /// Returns the term with its weight in `config`.
-    pub(crate) fn new(config: &TrainConfig) -> Self {
-        Self { geometry: config.loss.geometry, steps: config.steps }
-    }
+    /// The weights of geometry.
+    pub(crate) geometry: GeometryConfig,
+    /// The steps of the training.
+    pub(crate) steps: u32,
 }
 
 impl LossTerm for DepthTerm {
@@ -43,8 +38,8 @@ impl LossTerm for DepthTerm {
         Channels::ColorDepth
     }
 
-    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
-        Reads::Device(Term::Depth)
+    fn on_device(&self) -> Option<Term> {
+        Some(Term::Depth)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -1,9 +1,9 @@
 //! Mean absolute difference of colours.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, TrainPhoto};
 use rayon::prelude::*;
 use wm_render::dispatch;
-use wm_render::training::{Comparison, Term};
+use wm_render::training::Term;
 
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]
@@ -21,8 +21,8 @@ impl LossTerm for L1Term {
         self.weight
     }
 
-    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
-        Reads::Device(Term::L1)
+    fn on_device(&self) -> Option<Term> {
+        Some(Term::L1)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

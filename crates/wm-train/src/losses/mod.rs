@@ -19,6 +19,7 @@ mod patches;
 mod smooth;
 mod ssim;
 mod surface;
+mod term;
 
 pub(crate) use beliefs::{beliefs, believed};
 pub(crate) use depth::DepthTerm;
@@ -29,161 +30,27 @@ pub(crate) use patches::{PatchDepthTerm, PatchPass};
 pub(crate) use smooth::SmoothTerm;
 pub(crate) use ssim::SsimTerm;
 pub(crate) use surface::SurfaceTerm;
+pub use term::TrainPhoto;
+pub(crate) use term::{LossGradients, LossInput, LossTerm, OwnRender};
 
 use crate::config::TrainConfig;
-use crate::priors::Prior;
+use crate::ssim::Ssim;
 use wm_render::simd::SimdPath;
-use wm_render::training::{Comparison, SplatTerms, Term};
-use wm_render::{Channels, DepthAlpha, DrawnSplats, Frame, Learn, Opacity, Upstream};
-use wm_scene::Camera;
 
 /// The terms of a configuration.
 pub(crate) fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
+    let (geometry, steps) = (config.loss.geometry, config.steps);
     vec![
         Box::new(L1Term { weight: config.loss.l1 }),
-        Box::new(SsimTerm::new(config.loss.ssim, path)),
-        Box::new(DepthTerm::new(config)),
+        Box::new(SsimTerm { weight: config.loss.ssim, ssim: Ssim::new(path) }),
+        Box::new(DepthTerm { geometry, steps }),
         Box::new(PatchDepthTerm::new(config, PatchPass::Hard)),
         Box::new(PatchDepthTerm::new(config, PatchPass::Soft)),
-        Box::new(SurfaceTerm::new(config)),
-        Box::new(NormalTerm::new(config)),
-        Box::new(FlatTerm::new(config)),
-        Box::new(SmoothTerm::new(config)),
+        Box::new(SurfaceTerm { weight: geometry.surface, every: geometry.every.max(1) }),
+        Box::new(NormalTerm { weight: geometry.normal, from: geometry.normal_from(steps) }),
+        Box::new(FlatTerm { weight: geometry.flat }),
+        Box::new(SmoothTerm { weight: geometry.smooth, from: geometry.depth_from(steps) }),
     ]
-}
-
-/// The photo that a frame is compared with.
-#[derive(Clone, Copy, Debug)]
-pub struct TrainPhoto<'a> {
-    /// The colours `[H, W, 3]`, 0-1, display-referred.
-    pub rgb: &'a [f32],
-    /// The mask `[H, W]`, 1 where the photo counts and 0 elsewhere; `None` if all of it counts.
-    pub mask: Option<&'a [f32]>,
-    /// The camera of the photo.
-    pub camera: &'a Camera,
-    /// The prior of depth, normals and sky; `None` if there is none.
-    pub prior: Option<&'a Prior>,
-}
-
-impl TrainPhoto<'_> {
-    /// Returns width and height, px.
-    pub(crate) fn size(&self) -> (u32, u32) {
-        (self.camera.width, self.camera.height)
-    }
-}
-
-/// The input of a loss term.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LossInput<'a> {
-    /// The render; its colours have the photo's exposure.
-    pub(crate) frame: &'a Frame,
-    /// The photo and its prior.
-    pub(crate) truth: &'a TrainPhoto<'a>,
-    /// The step of the training, from 0.
-    pub(crate) step: u32,
-    /// The SIMD path of loops over pixels.
-    pub(crate) path: SimdPath,
-}
-
-/// Gradients of the loss by the pixels of a frame; empty if nothing was rendered, or if they are on
-/// a device.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct LossGradients {
-    /// `[H, W, 3]`.
-    pub(crate) rgb: Vec<f32>,
-    /// `[H, W]`.
-    pub(crate) alpha: Vec<f32>,
-    /// `[H, W]`.
-    pub(crate) depth: Vec<f32>,
-    /// `[H, W, 3]`.
-    pub(crate) normal: Vec<f32>,
-}
-
-impl LossGradients {
-    /// Empties all arrays.
-    pub(crate) fn forget(&mut self) {
-        for array in [&mut self.rgb, &mut self.alpha, &mut self.depth, &mut self.normal] {
-            array.clear();
-        }
-    }
-
-    /// Sets all arrays to zeros of the sizes of `frame`.
-    pub(crate) fn clear(&mut self, frame: &Frame) {
-        let arrays = [
-            (&mut self.rgb, frame.rgb.len()),
-            (&mut self.alpha, frame.alpha.len()),
-            (&mut self.depth, frame.depth.len()),
-            (&mut self.normal, frame.normal.len()),
-        ];
-        for (array, length) in arrays {
-            array.clear();
-            array.resize(length, 0.0);
-        }
-    }
-
-    /// Returns the derivatives in the form that the renderer takes.
-    pub(crate) fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
-        Upstream { rgb: &self.rgb, alpha: &self.alpha, depth: &self.depth, normal: &self.normal, depth_alpha }
-    }
-}
-
-/// A render for a single term.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct OwnRender {
-    /// The pictures that are rendered.
-    pub(crate) channels: Channels,
-    /// The opacities that are used.
-    pub(crate) opacity: Opacity,
-    /// The splats that are drawn.
-    pub(crate) drawn: DrawnSplats,
-    /// The parameters that learn from it.
-    pub(crate) learn: Learn,
-    /// The choice of whether gradients of depth reach coverage.
-    pub(crate) depth_alpha: DepthAlpha,
-}
-
-/// The place where a term can be computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Reads {
-    /// Only where the pictures are in the computer's memory.
-    Frame,
-    /// Also on the device that holds the pictures.
-    Device(Term),
-    /// Anywhere: the term does not look at pictures.
-    Nothing,
-}
-
-/// A term of the loss.
-pub(crate) trait LossTerm: Send {
-    /// Returns the name of the term in reports.
-    fn name(&self) -> &'static str;
-
-    /// Returns the weight of the term at a step on a photo; where it is 0 the term is not called.
-    fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64;
-
-    /// Returns the pictures that the term reads of the step's common render.
-    fn channels(&self) -> Channels {
-        Channels::Color
-    }
-
-    /// Returns where the term can be computed; adds to `comparison` what a device needs beside
-    /// weights.
-    fn reads(&self, _step: u32, _truth: &TrainPhoto<'_>, _comparison: &mut Comparison<'_>) -> Reads {
-        Reads::Frame
-    }
-
-    /// Returns the render that the term has for itself instead of the common one.
-    fn own_render(&self) -> Option<OwnRender> {
-        None
-    }
-
-    /// Returns the value of the term before weighting, and adds `weight` times its derivative to
-    /// `out`.
-    fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64;
-
-    /// Adds the weight of the term to those that act on the splats themselves, whatever the picture
-    /// shows.
-    fn splat_terms(&self, _: f64, _: &mut SplatTerms) {}
 }
 
 #[cfg(test)]
@@ -191,12 +58,13 @@ mod tests {
     use super::*;
     use crate::config::{GeometryConfig, Preset};
     use crate::densify::Population;
-    use crate::priors::SkyClass;
+    use crate::priors::{Prior, SkyClass};
     use glam::DVec3;
     use wm_base::random::uniform;
     use wm_render::testing::{Backend, gpu_differentiable, shell_camera, shell_splats};
-    use wm_render::training::NO_EXPOSURE;
-    use wm_render::{ForwardConfig, Resident};
+    use wm_render::training::{Comparison, NO_EXPOSURE};
+    use wm_render::{Channels, ForwardConfig, Frame, Opacity, Resident};
+    use wm_scene::Camera;
 
     const SIZE: (u32, u32) = (12, 8);
 
@@ -250,13 +118,8 @@ mod tests {
         let camera = Camera::looking(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let (rgb, prior) = (numbers(7, 288, 0.0, 1.0), prior());
         let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
-        let terms: Vec<Box<dyn LossTerm>> = vec![
-            Box::new(DepthTerm::new(&config)),
-            Box::new(SurfaceTerm::new(&config)),
-            Box::new(NormalTerm::new(&config)),
-            Box::new(SmoothTerm::new(&config)),
-        ];
-        for mut term in terms {
+        let tested = ["depth", "surface", "normal", "smooth"];
+        for mut term in terms(&config, path()).into_iter().filter(|term| tested.contains(&term.name())) {
             let mut value = |frame: &Frame, out: &mut LossGradients| {
                 out.clear(frame);
                 let input = LossInput { frame, truth: &truth, step: 0, path: path() };
@@ -326,7 +189,8 @@ mod tests {
         for mut term in terms(&config, path()).into_iter().filter(|term| only.contains(&term.name())) {
             assert_eq!(term.own_render(), render, "{}", term.name());
             let input = LossInput { frame: &frame, truth: &truth, step: 400, path: path() };
-            let Reads::Device(which) = term.reads(400, &truth, &mut comparison) else { panic!("no device") };
+            let which = term.on_device().unwrap();
+            term.prepare(400, &mut comparison);
             // Of different sizes, so that no term hides another.
             let weight = 1.0 + wanted.len() as f64;
             comparison.weights[which as usize] = weight;
@@ -380,7 +244,7 @@ mod tests {
             let prior =
                 Prior { width, height, disparity, sigma: 0.01, normal, sky: (0..cells).map(class).collect() };
             check_device(None, &prior, &["l1", "dssim", "depth", "normal", "smooth"]);
-            check_device(SurfaceTerm::new(&config).own_render(), &prior, &["surface"]);
+            check_device(SurfaceTerm { weight: 1.0, every: 1 }.own_render(), &prior, &["surface"]);
             check_device(of(PatchPass::Hard), &prior, &["depth-hard"]);
             check_device(of(PatchPass::Soft), &prior, &["depth-soft"]);
         }

@@ -6,24 +6,17 @@
 //! them transparent instead of rotating them.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
-use crate::config::TrainConfig;
+use super::term::{LossGradients, LossInput, LossTerm, TrainPhoto};
 use wm_render::Channels;
-use wm_render::training::{Comparison, MIN_COVERAGE, Term};
+use wm_render::training::{MIN_COVERAGE, Term};
 
 /// The term `normal`.
 #[derive(Clone, Debug)]
 pub(crate) struct NormalTerm {
-    weight: f64,
-    from: u32,
-}
-
-impl NormalTerm {
-    /// Returns the term with its weight in `config`.
-    pub(crate) fn new(config: &TrainConfig) -> Self {
-        let geometry = &config.loss.geometry;
-        Self { weight: geometry.normal, from: geometry.normal_from(config.steps) }
-    }
+    /// The weight from then on.
+    pub(crate) weight: f64,
+    /// The first step that counts.
+    pub(crate) from: u32,
 }
 
 impl LossTerm for NormalTerm {
@@ -40,8 +33,8 @@ impl LossTerm for NormalTerm {
         Channels::ColorDepthNormal
     }
 
-    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
-        Reads::Device(Term::Normal)
+    fn on_device(&self) -> Option<Term> {
+        Some(Term::Normal)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

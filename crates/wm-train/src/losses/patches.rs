@@ -12,7 +12,7 @@
 //! derivative. Pixels covered by less than half do not count.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, OwnRender, TrainPhoto};
 use crate::config::{GeometryConfig, TrainConfig};
 use crate::random::{Purpose, Random};
 use wm_render::training::{self, Comparison, DEVIATION_FLOOR, MIN_COVERAGE, MIN_PATCH_PIXELS, Term};
@@ -101,14 +101,17 @@ impl LossTerm for PatchDepthTerm {
         Some(OwnRender { channels, opacity, drawn, learn, depth_alpha })
     }
 
-    fn reads(&self, step: u32, _: &TrainPhoto<'_>, comparison: &mut Comparison<'_>) -> Reads {
+    fn on_device(&self) -> Option<Term> {
+        Some(Term::Patches)
+    }
+
+    fn prepare(&self, step: u32, comparison: &mut Comparison<'_>) {
         let rows = comparison.believed.map_or(0, |believed| believed.grid.1 as usize);
         comparison.patches = training::Patches {
             side: self.side(step, rows) as u32,
             local: self.geometry.depth_local as f32,
             margin: self.geometry.depth_margin as f32,
         };
-        Reads::Device(Term::Patches)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -3,24 +3,17 @@
 //! The mean over neighbouring pixels of `|r_i - r_j| / mean(r) exp(-|I_i - I_j| / 0.1)` with
 //! `r = 1 / D`. Off by default: it rounds surfaces, and helps where no other term has evidence.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
-use crate::config::TrainConfig;
+use super::term::{LossGradients, LossInput, LossTerm, TrainPhoto};
 use wm_render::Channels;
-use wm_render::training::{Comparison, EDGE_CONTRAST, MIN_COVERAGE, Term};
+use wm_render::training::{EDGE_CONTRAST, MIN_COVERAGE, Term};
 
 /// The term `smooth`.
 #[derive(Clone, Debug)]
 pub(crate) struct SmoothTerm {
-    weight: f64,
-    from: u32,
-}
-
-impl SmoothTerm {
-    /// Returns the term with its weight in `config`.
-    pub(crate) fn new(config: &TrainConfig) -> Self {
-        let geometry = &config.loss.geometry;
-        Self { weight: geometry.smooth, from: geometry.depth_from(config.steps) }
-    }
+    /// The weight from then on.
+    pub(crate) weight: f64,
+    /// The first step that counts.
+    pub(crate) from: u32,
 }
 
 impl LossTerm for SmoothTerm {
@@ -36,8 +29,8 @@ impl LossTerm for SmoothTerm {
         Channels::ColorDepth
     }
 
-    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
-        Reads::Device(Term::Smooth)
+    fn on_device(&self) -> Option<Term> {
+        Some(Term::Smooth)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -1,23 +1,16 @@
 //! Structural dissimilarity of colours: 1 minus their structural similarity.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
+use super::term::{LossGradients, LossInput, LossTerm, TrainPhoto};
 use crate::ssim::{Ssim, within};
-use wm_render::simd::SimdPath;
-use wm_render::training::{Comparison, Term};
+use wm_render::training::Term;
 
 /// `1 - SSIM`; see [`crate::ssim`]. Both images are black where the photo is masked.
 #[derive(Clone, Debug)]
 pub(crate) struct SsimTerm {
     /// The weight at all steps.
     pub(crate) weight: f64,
-    ssim: Ssim,
-}
-
-impl SsimTerm {
-    /// Returns the term with a weight, on a SIMD path.
-    pub(crate) fn new(weight: f64, path: SimdPath) -> Self {
-        Self { weight, ssim: Ssim::new(path) }
-    }
+    /// The similarity of pictures.
+    pub(crate) ssim: Ssim,
 }
 
 impl LossTerm for SsimTerm {
@@ -29,8 +22,8 @@ impl LossTerm for SsimTerm {
         self.weight
     }
 
-    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
-        Reads::Device(Term::Dssim)
+    fn on_device(&self) -> Option<Term> {
+        Some(Term::Dssim)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -8,25 +8,18 @@
 //! count. Without this term the sky is painted on splats in front of it, which fog lights up, and
 //! shines through walls.
 
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
-use crate::config::TrainConfig;
+use super::term::{LossGradients, LossInput, LossTerm, OwnRender, TrainPhoto};
 use crate::priors::{Prior, SkyClass};
-use wm_render::training::{COVERAGE_TOLERANCE, Comparison, Term};
+use wm_render::training::{COVERAGE_TOLERANCE, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// The term `surface`.
 #[derive(Clone, Debug)]
 pub(crate) struct SurfaceTerm {
-    weight: f64,
-    every: u32,
-}
-
-impl SurfaceTerm {
-    /// Returns the term with its weight in `config`.
-    pub(crate) fn new(config: &TrainConfig) -> Self {
-        let geometry = &config.loss.geometry;
-        Self { weight: geometry.surface, every: geometry.every.max(1) }
-    }
+    /// The weight at all steps together.
+    pub(crate) weight: f64,
+    /// Steps between two that count.
+    pub(crate) every: u32,
 }
 
 impl LossTerm for SurfaceTerm {
@@ -50,8 +43,8 @@ impl LossTerm for SurfaceTerm {
         })
     }
 
-    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
-        Reads::Device(Term::Coverage)
+    fn on_device(&self) -> Option<Term> {
+        Some(Term::Coverage)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
@@ -186,7 +179,6 @@ fn cell_colors(truth: &TrainPhoto<'_>, prior: &Prior) -> Vec<[f32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Preset;
     use crate::losses::LossInput;
     use glam::DVec3;
     use wm_render::Frame;
@@ -222,7 +214,7 @@ mod tests {
         let input = LossInput { frame: &frame, truth: &truth, step: 0, path: SimdPath::available()[0] };
         let mut out = LossGradients::default();
         out.clear(&frame);
-        let value = SurfaceTerm::new(&TrainConfig::preset(Preset::Quick)).add(&input, 128.0, &mut out);
+        let value = SurfaceTerm { weight: 1.0, every: 1 }.add(&input, 128.0, &mut out);
         // A wire, six rows of sky, half a pixel, one that is neither, seven of roof.
         let beyond = |off: f64| off - f64::from(COVERAGE_TOLERANCE);
         let wanted = (7.0 * beyond(0.25) + 7.0 * beyond(0.75)) / 16.0;

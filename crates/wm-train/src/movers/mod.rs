@@ -27,6 +27,7 @@ pub(crate) mod view;
 
 pub(crate) use view::MoverView;
 
+use crate::photos::level_for;
 use consensus::{Judge, PixelVerdict};
 use rayon::prelude::*;
 use wm_scene::Camera;
@@ -107,12 +108,7 @@ pub enum MoverOutcome {
 
 /// Returns how often the sides of photos are halved for the search.
 pub(crate) fn level(cameras: &[Camera]) -> u8 {
-    let is_enough = |level: &u8| {
-        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= MAX_PIXELS;
-        let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min().unwrap_or(0);
-        cameras.iter().all(fits) || shortest < MIN_HALVED_SIDE_PX
-    };
-    (0..8).find(is_enough).unwrap_or(0)
+    level_for(cameras, MAX_PIXELS, MIN_HALVED_SIDE_PX)
 }
 
 /// Searches photos for movers; returns a mask for each where there are some, else no mask.

@@ -1,7 +1,6 @@
 //! Photos at the size of the search: the scene's depth, and colours at several scales with the
 //! range of their neighbours.
 
-use super::shape::shares;
 use wm_scene::Camera;
 
 /// Number of scales: photos are compared at the scale of the more distant one.
@@ -263,4 +262,30 @@ impl Layer {
             *cell = (cell.0 * cell.1 + around * (1.0 - cell.1), 1.0);
         }
     }
+}
+
+/// Returns the share of set pixels in the window of `radius` about each pixel.
+pub(crate) fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
+    let height = of.len() / width;
+    let side = |at: usize, count: usize| (at + radius + 1).min(count) - at.saturating_sub(radius);
+    let area = |pixel: usize| side(pixel % width, width) * side(pixel / width, height);
+    counts(of, width, radius)
+        .into_iter()
+        .enumerate()
+        .map(|(i, count)| count as f32 / area(i) as f32)
+        .collect()
+}
+
+/// Returns the number of set pixels in the window of `radius` about each pixel; none are set
+/// outside of the photo.
+pub(crate) fn counts(of: &[bool], width: usize, radius: usize) -> Vec<usize> {
+    let height = of.len() / width;
+    let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);
+    let in_row = |pixel: usize| {
+        let row = &of[pixel / width * width..][..width];
+        row[near(pixel % width, width)].iter().filter(|set| **set).count()
+    };
+    let rows: Vec<usize> = (0..of.len()).map(in_row).collect();
+    let in_all = |pixel: usize| near(pixel / width, height).map(|y| rows[y * width + pixel % width]).sum();
+    (0..of.len()).map(in_all).collect()
 }

@@ -31,18 +31,19 @@ mod undistort;
 pub use error::{PhotoError, PhotoErrors, PhotoFault};
 pub use folder::photos_in;
 pub use picture::Photo;
+pub(crate) use picture::level_for;
 #[cfg(test)]
 pub(crate) use tests::encode_png;
 
 use cache::Cache;
-use picture::{Entry, Lens, is_scaled, reduced_camera};
+use picture::{Entry, MIN_SIDE_PX, is_scaled, reduced_camera};
 use rayon::prelude::*;
 use std::{
     collections::VecDeque,
     sync::{Arc, Condvar, Mutex, PoisonError},
     thread::JoinHandle,
 };
-use undistort::undistort_map;
+use undistort::{Lens, undistort_map};
 use wm_capture::Capture;
 use wm_image::header::{Orientation, PhotoHeader, read_header};
 use wm_image::maps::{Filter, Map, MapFault};
@@ -378,9 +379,6 @@ impl Shared {
         }
     }
 }
-
-/// Least side of a photo, px: of less the shape cannot be told, and nothing is learnt.
-const MIN_SIDE_PX: u32 = 8;
 
 /// Reads the header of a photo and checks that it fits its camera.
 fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, PhotoHeader), PhotoError> {

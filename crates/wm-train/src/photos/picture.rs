@@ -1,17 +1,19 @@
 //! A photo from its file to the picture that training compares with.
 
 use super::{
-    MIN_SIDE_PX,
     cache::Weigh,
     error::{PhotoError, PhotoFault},
     resize::{reduce, resize},
-    undistort::undistort,
+    undistort::{Lens, undistort},
 };
 use std::path::{Path, PathBuf};
 use wm_image::header::{Orientation, PhotoKind, read_header};
 use wm_image::photo::{DecodeError, Decoded, decode_photo};
 use wm_scene::Camera;
 use wm_scene::camera::Distortion;
+
+/// Least side of a photo, px: of less the shape cannot be told, and nothing is learnt.
+pub(super) const MIN_SIDE_PX: u32 = 8;
 
 /// A photo, decoded, resized and undistorted.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,6 +54,18 @@ impl Photo {
         self.rgb.iter().map(|v| f32::from(*v) / 255.0).collect()
     }
 
+    /// Returns the colour (sRGB) at a place in shares of width and height.
+    pub(crate) fn at_share(&self, [x, y]: [f64; 2]) -> [u8; 3] {
+        let (column, row) = ((x * f64::from(self.width)) as usize, (y * f64::from(self.height)) as usize);
+        let at = 3 * (row * self.width as usize + column);
+        [0, 1, 2].map(|c| self.rgb[at + c])
+    }
+
+    /// Returns the mask, 0-1.
+    pub(crate) fn mask_f32(&self) -> Option<Vec<f32>> {
+        self.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect())
+    }
+
     /// The photo with sides divided by `2^level`.
     pub(super) fn reduced(&self, level: u8) -> Self {
         let size = (self.width, self.height);
@@ -80,14 +94,15 @@ pub(super) fn reduced_camera(camera: &Camera, level: u8) -> Camera {
     }
 }
 
-/// The cameras before and after a lens is undone.
-#[derive(Clone, Debug)]
-pub(super) struct Lens {
-    /// The camera of the photo at the size that it is resized to; it has the distortion.
-    pub(crate) photo: Camera,
-    pub(crate) distortion: Distortion,
-    /// The pinhole camera.
-    pub(crate) ideal: Camera,
+/// Returns how often the sides of pictures are halved: until the largest has at most `pixels`
+/// pixels, or the smallest has a side shorter than `shortest`.
+pub(crate) fn level_for(cameras: &[Camera], pixels: u32, shortest: u32) -> u8 {
+    let is_enough = |level: &u8| {
+        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= pixels;
+        let is_short = |c: &Camera| c.width.min(c.height) >> level < shortest;
+        cameras.iter().all(fits) || cameras.iter().any(is_short)
+    };
+    (0..8).find(is_enough).unwrap_or(0)
 }
 
 /// All that is known of a photo before it is decoded.

@@ -1,9 +1,18 @@
 //! Removes the distortion of lenses from photos and maps.
 
-use super::picture::Lens;
 use wm_image::maps::{Filter, Map};
 use wm_scene::Camera;
 use wm_scene::camera::Distortion;
+
+/// The cameras before and after a lens is undone.
+#[derive(Clone, Debug)]
+pub(super) struct Lens {
+    /// The camera of the photo at the size that it is resized to; it has the distortion.
+    pub(crate) photo: Camera,
+    pub(crate) distortion: Distortion,
+    /// The pinhole camera.
+    pub(crate) ideal: Camera,
+}
 
 /// The four pixels around a point of an image, and how far between them the point is.
 struct Corners {

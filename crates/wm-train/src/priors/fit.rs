@@ -5,6 +5,7 @@
 
 use crate::random::{Purpose, Random};
 use thiserror::Error;
+use wm_base::statistics::quantile;
 
 /// Fewest points of a fit.
 pub(crate) const MIN_POINTS: usize = 20;
@@ -87,12 +88,10 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
         return Err(FitError::Few(pairs.len()));
     }
     let mut inverse: Vec<f64> = pairs.iter().map(|[_, w]| *w).collect();
-    inverse.sort_by(f64::total_cmp);
-    let middle = inverse[inverse.len() / 2];
+    let middle = quantile(&mut inverse, 0.5);
     let line = line(&pairs, freedom, middle, seed)?;
     let mut offs: Vec<f64> = pairs.iter().map(|pair| off(line, *pair)).collect();
-    offs.sort_by(f64::total_cmp);
-    let sigma = offs[offs.len() / 2];
+    let sigma = quantile(&mut offs, 0.5);
     let follow =
         pairs.iter().filter(|pair| follows(line, **pair, middle)).count() as f64 / pairs.len() as f64;
     let residual = sigma / middle;
@@ -101,8 +100,7 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
     }
     if freedom == Freedom::ScaleShift {
         let mut spread: Vec<f64> = inverse.iter().map(|w| (w - middle).abs()).collect();
-        spread.sort_by(f64::total_cmp);
-        if sigma > MAX_SPREAD_RATIO * spread[spread.len() / 2] {
+        if sigma > MAX_SPREAD_RATIO * quantile(&mut spread, 0.5) {
             return Err(FitError::Blind(pairs.len()));
         }
     }

@@ -6,6 +6,7 @@ use super::sky::{SkyInput, below_horizon, classify};
 use super::{Prior, SkyClass};
 use crate::photos::Photo;
 use thiserror::Error;
+use wm_base::statistics;
 use wm_capture::CaptureUp;
 use wm_image::maps::{Filter, Map};
 
@@ -141,8 +142,7 @@ fn between(first: &[[f32; 3]], second: &[[f32; 3]]) -> Option<f64> {
     let known = first.iter().zip(second).filter(|(a, b)| **a != [0.0; 3] && **b != [0.0; 3]);
     let mut cosines: Vec<f64> =
         known.map(|(a, b)| f64::from(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0)).collect();
-    cosines.sort_by(f64::total_cmp);
-    cosines.get(cosines.len() / 2).map(|cosine| cosine.acos().to_degrees())
+    statistics::median(&mut cosines).map(|cosine| cosine.acos().to_degrees())
 }
 
 /// The colours of a photo in the size of a map, `[H, W, 3]`, sRGB.

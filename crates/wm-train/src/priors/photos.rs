@@ -3,6 +3,7 @@
 use super::fit::Fit;
 use super::folder::Index;
 use super::points::{has_tracks, inside, seen_points};
+use super::relative::median;
 use super::sky::{SkyInput, below_horizon, classify};
 use super::stereo::{self, StereoMap, StereoOptions};
 use super::{Prior, PriorsWriter, SkyClass};
@@ -58,12 +59,8 @@ pub(crate) fn write(
         let placed: Vec<_> = seen.iter().filter_map(|point| inside(capture, &photo.camera, *point)).collect();
         let points: Vec<[f32; 2]> = placed.iter().map(|(x, y, _)| [*x as f32, *y as f32]).collect();
         let pixels = photo.width as usize * photo.height as usize;
-        let nothing = || StereoMap {
-            disparity: vec![f32::NAN; pixels],
-            normal: vec![[0.0; 3]; pixels],
-            ..StereoMap::default()
-        };
-        let StereoMap { mut disparity, normal, .. } = map.unwrap_or_else(nothing);
+        let nothing = || StereoMap { disparity: vec![f32::NAN; pixels], normal: vec![[0.0; 3]; pixels] };
+        let StereoMap { mut disparity, normal } = map.unwrap_or_else(nothing);
         let has_depth: Vec<bool> = disparity.iter().map(|v| *v > 0.0).collect();
         let (width, height) = (photo.width, photo.height);
         let input = SkyInput {
@@ -93,9 +90,7 @@ pub(crate) fn write(
                 .collect();
             add_points(&mut disparity, width as usize, &shown);
         }
-        let mut known: Vec<f32> = disparity.iter().copied().filter(|v| *v > 0.0).collect();
-        known.sort_by(f32::total_cmp);
-        let sigma = DEPTH_ERROR * known.get(known.len() / 2).copied().unwrap_or(0.0);
+        let sigma = DEPTH_ERROR * median(&disparity) as f32;
         let mut prior = Prior { width, height, disparity, sigma, normal, sky };
         prior.clear_sky();
         let name = &capture.views[photos.view(*place)].name;

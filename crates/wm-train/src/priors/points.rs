@@ -4,6 +4,7 @@ use super::relative::SeenPoint;
 use crate::photos::Photos;
 use glam::DVec3;
 use rayon::prelude::*;
+use wm_base::statistics::quantile;
 use wm_capture::Capture;
 use wm_scene::Camera;
 
@@ -85,8 +86,7 @@ fn spacing(positions: &[[f64; 3]]) -> f64 {
     };
     let places: Vec<usize> = (0..among.len()).step_by(among.len() / SAMPLE + 1).collect();
     let mut distances: Vec<f64> = places.into_par_iter().map(nearest).filter(|d| d.is_finite()).collect();
-    distances.sort_by(f64::total_cmp);
-    distances.get(distances.len() / 2).copied().unwrap_or(0.0)
+    quantile(&mut distances, 0.5)
 }
 
 /// Returns the image point of a point, px, and its view z; `None` outside of the image.

@@ -114,7 +114,7 @@ fn farthest(points: &[SeenPoint]) -> f64 {
 }
 
 /// Returns the median of the values above 0; 0 if there are none.
-fn median(values: &[f32]) -> f64 {
+pub(super) fn median(values: &[f32]) -> f64 {
     let mut known: Vec<f32> = values.iter().copied().filter(|v| *v > 0.0).collect();
     known.sort_by(f32::total_cmp);
     known.get(known.len() / 2).copied().unwrap_or(0.0).into()

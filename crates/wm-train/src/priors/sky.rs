@@ -8,6 +8,7 @@
 //! from networks, the sky is below 2 % of its range instead.
 
 use super::SkyClass;
+use crate::pieces::{beside, pieces};
 use glam::DVec3;
 use std::collections::VecDeque;
 use wm_capture::CaptureUp;
@@ -142,18 +143,6 @@ fn range(values: &[f32]) -> (f32, f32) {
     finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
 }
 
-fn neighbours(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
-    let column = pixel % width;
-    [
-        (column > 0).then(|| pixel - 1),
-        (column + 1 < width).then_some(pixel + 1),
-        pixel.checked_sub(width),
-        (pixel + width < pixels).then_some(pixel + width),
-    ]
-    .into_iter()
-    .flatten()
-}
-
 /// Flood-fills `reached` from the pixels `from` over at most `most` `smooth` steps within
 /// `could_be`.
 fn flood(
@@ -167,7 +156,7 @@ fn flood(
     from.iter().for_each(|i| reached[*i] = true);
     let mut waiting: VecDeque<(usize, usize)> = from.into_iter().map(|i| (i, 0)).collect();
     while let Some((pixel, steps)) = waiting.pop_front().filter(|(_, steps)| *steps < most) {
-        for next in neighbours(pixel, width, could_be.len()) {
+        for next in beside(pixel, width, could_be.len()) {
             if !reached[next] && could_be[next] && smooth(pixel, next) {
                 reached[next] = true;
                 waiting.push_back((next, steps + 1));
@@ -178,27 +167,13 @@ fn flood(
 
 /// Fills unreached pieces that `could_be` sky and are enclosed by the sky and the upper border.
 fn fill_holes(width: usize, could_be: &[bool], reached: &mut [bool]) {
-    let mut is_done = reached.to_vec();
     let height = reached.len() / width;
-    for start in 0..reached.len() {
-        if is_done[start] {
-            continue;
-        }
-        let (mut piece, mut waiting, mut is_hole) = (Vec::new(), vec![start], true);
-        is_done[start] = true;
-        while let Some(pixel) = waiting.pop() {
-            piece.push(pixel);
-            let (column, row) = (pixel % width, pixel / width);
-            let at_side = column == 0 || column + 1 == width || row + 1 == height;
-            is_hole &= could_be[pixel] && !at_side;
-            for next in neighbours(pixel, width, is_done.len()) {
-                if !is_done[next] {
-                    is_done[next] = true;
-                    waiting.push(next);
-                }
-            }
-        }
-        if is_hole {
+    let at_side = |pixel: usize| {
+        let column = pixel % width;
+        column == 0 || column + 1 == width || pixel / width + 1 == height
+    };
+    for piece in pieces(reached.iter().map(|reached| !reached).collect(), width, |_, _| true) {
+        if piece.iter().all(|pixel| could_be[*pixel] && !at_side(*pixel)) {
             piece.iter().for_each(|pixel| reached[*pixel] = true);
         }
     }

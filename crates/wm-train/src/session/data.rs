@@ -1,10 +1,10 @@
 //! Opens the data set of a session, with COLMAP's help if there are only photos, and with ffmpeg's
 //! if there is only a video.
 
-use super::SessionOptions;
 use super::error::SessionError;
 use super::folder::{COLMAP, FRAMES, RunFolder};
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
+use super::options::SessionOptions;
 use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::TrainedPhoto;
 use crate::colmap::{self, ColmapOptions, Matching};
@@ -107,12 +107,13 @@ impl TrainData {
             places.retain(|place| poor.iter().all(|(poor, _)| poor != place));
         }
         let (up, gps) = orientation(&capture, &photos, options.facts.up);
-        let gains = match part {
-            Some(part) => OnceLock::from(part.gains_of(&capture, &photos, &places)),
-            None => OnceLock::new(),
-        };
+        let set = Dataset { capture, photos, places };
+        let names = || set.places.iter().map(|place| set.name(*place));
+        let gains = part.map_or_else(OnceLock::new, |part| {
+            OnceLock::from(part.gains.as_ref().map(|gains| gains.of(names())))
+        });
         Ok(Self {
-            set: Dataset { capture, photos, places },
+            set,
             is_part: part.is_some(),
             held_out,
             up,

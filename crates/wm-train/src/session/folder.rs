@@ -3,6 +3,7 @@
 use super::error::SessionError;
 use crate::checkpoint::{self, CheckpointHead};
 use crate::config::TrainConfig;
+use crate::files::write_json;
 use crate::trainer::TrainState;
 use serde_json::Value;
 use std::fs::{self, File, OpenOptions};
@@ -147,10 +148,7 @@ impl RunFolder {
     /// Writes the configuration.
     pub(crate) fn write_config(&self, config: &TrainConfig) -> Result<(), SessionError> {
         let Self::Kept { path, .. } = self else { return Ok(()) };
-        write_atomically(&path.join(CONFIG), |out| {
-            let text = serde_json::to_string_pretty(config).map_err(io::Error::from)?;
-            Ok(writeln!(out, "{text}")?)
-        })?;
+        write_atomically(&path.join(CONFIG), |out| Ok(write_json(config, out)?))?;
         Ok(())
     }
 

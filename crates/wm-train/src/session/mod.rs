@@ -43,6 +43,7 @@ mod error;
 mod folder;
 mod movers;
 mod observer;
+mod options;
 mod painted_sky;
 mod part;
 mod priors;
@@ -59,95 +60,24 @@ pub use crate::poor_photos::{PhotoDefect, PoorPhotoMode};
 pub use error::SessionError;
 pub use folder::{CHECKPOINT, ConfigFileError, Resume};
 pub use observer::{
-    ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage, TrainNotice,
-    TrainObserver, TrainStart, TrainWarning,
+    ImageMoment, ObserverError, Preparation, StepProgress, TrainImage, TrainNotice, TrainObserver,
+    TrainStart, TrainWarning,
 };
+pub use options::{PriorSource, SessionOptions};
 pub use part::TrainPart;
-pub use score::{HeldOutScore, HeldOutScores, PerceptualMetric, TrainReport};
+pub use score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSummary, TrainReport};
 pub use training::Training;
 pub(crate) use whole::{WholeSession, confirmed_of};
 
-use crate::config::{Preset, TrainConfig};
-use crate::dataset::{DatasetReadOptions, HeldOut};
-use crate::plan::{PlanError, TrainPlan};
+use crate::config::Preset;
+use crate::plan::PlanError;
 use data::TrainData;
 use folder::RunFolder;
 use std::path::PathBuf;
-use std::sync::{Arc, mpsc};
-use std::time::Duration;
+use std::sync::mpsc;
 use training::{Backend, Parts};
-use wm_render::{AnyDifferentiable, CpuConfig, Device, Differentiable};
-use wm_scene::{Metadata, Scene};
-
-/// The priors of a training: depth, normals and sky of its photos.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum PriorSource {
-    /// The folder `priors` in the data set if it exists, else they are estimated from the photos,
-    /// if these are not very many.
-    #[default]
-    Auto,
-    /// They are estimated from the photos.
-    Photos,
-    /// This folder.
-    Folder(PathBuf),
-    /// There are none.
-    None,
-}
-
-/// Everything about a session but its data set.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SessionOptions {
-    /// The places of photos, masks and cameras, and the size of photos.
-    pub dataset: DatasetReadOptions,
-    /// The photos that are held out for evaluation.
-    pub held_out: HeldOut,
-    /// The treatment of blurred, white and black photos.
-    pub poor_photos: PoorPhotoMode,
-    /// The preset and what is changed of it.
-    pub plan: TrainPlan,
-    /// A whole configuration, in place of `plan`.
-    pub config: Option<TrainConfig>,
-    /// The priors.
-    pub priors: PriorSource,
-    /// Facts about the place that are known: up, ground, scale.
-    pub facts: Metadata,
-    /// The height of the cameras above the ground, metres: gives the scale where `facts` does not.
-    pub camera_height: Option<f64>,
-    /// The folder for configuration, checkpoint and metrics; without it none of these are written.
-    pub run_folder: Option<PathBuf>,
-    /// The choice of whether the training in the run folder is continued.
-    pub resume: Resume,
-    /// The longest time between two checkpoints.
-    pub checkpoint_every: Duration,
-    /// The device to train on.
-    pub device: Device,
-    /// Threads and SIMD path of the CPU's work.
-    pub cpu: CpuConfig,
-    /// The part of the data set that is learnt, in place of `held_out` and all other photos; `None`
-    /// learns all of it. See [`crate::blocks`].
-    pub part: Option<Arc<TrainPart>>,
-}
-
-impl Default for SessionOptions {
-    fn default() -> Self {
-        Self {
-            dataset: DatasetReadOptions::default(),
-            held_out: HeldOut::default(),
-            poor_photos: PoorPhotoMode::Auto,
-            plan: TrainPlan::default(),
-            config: None,
-            priors: PriorSource::Auto,
-            facts: Metadata::default(),
-            camera_height: None,
-            run_folder: None,
-            resume: Resume::Never,
-            checkpoint_every: Duration::from_secs(45),
-            device: Device::Auto,
-            cpu: CpuConfig::default(),
-            part: None,
-        }
-    }
-}
+use wm_render::AnyDifferentiable;
+use wm_scene::Scene;
 
 /// A training from photos to a scene.
 ///
@@ -157,7 +87,6 @@ pub struct Session {
     dataset: PathBuf,
     options: SessionOptions,
     metric: Option<Box<dyn PerceptualMetric>>,
-    backend: Option<Box<dyn Differentiable>>,
 }
 
 impl Session {
@@ -166,7 +95,7 @@ impl Session {
     /// Nothing is read yet.
     #[must_use]
     pub fn new(dataset: impl Into<PathBuf>) -> Self {
-        Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None, backend: None }
+        Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None }
     }
 
     /// Sets all options.
@@ -232,20 +161,6 @@ impl Session {
         self
     }
 
-    /// Sets the device to train on.
-    #[must_use]
-    pub fn device(mut self, device: Device) -> Self {
-        self.options.device = device;
-        self
-    }
-
-    /// Sets a back end of the caller's, in place of that of [`SessionOptions::device`].
-    #[must_use]
-    pub fn backend(mut self, backend: Box<dyn Differentiable>) -> Self {
-        self.backend = Some(backend);
-        self
-    }
-
     /// Sets a metric that is measured on the held-out photos at the end.
     #[must_use]
     pub fn metric(mut self, metric: Box<dyn PerceptualMetric>) -> Self {
@@ -268,7 +183,7 @@ impl Session {
     /// # Errors
     /// [`SessionError`] as for [`Self::run`].
     pub fn prepare(self, observer: &mut dyn TrainObserver) -> Result<Training, SessionError> {
-        let Self { dataset, options, metric, backend } = self;
+        let Self { dataset, options, metric } = self;
         if let Some(height) = options.camera_height.filter(|height| !(height.is_finite() && *height > 0.0)) {
             return Err(SessionError::CameraHeight(height));
         }
@@ -302,10 +217,7 @@ impl Session {
         }
         let mut priors = priors::open(&dataset, &options, &data, &folder, observer)?;
         let movers = movers::search(&config, &options, &data, priors.as_mut(), &folder, observer)?;
-        let backend = match backend {
-            Some(renderer) => Backend { renderer, failures: mpsc::channel().1 },
-            None => open_backend(&options)?,
-        };
+        let backend = open_backend(&options)?;
         Training::new(
             Parts { config, dataset, data, priors, movers, folder, options, metric, backend },
             observer,

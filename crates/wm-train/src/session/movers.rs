@@ -1,10 +1,10 @@
 //! The search for movers before a training: in what, and what follows.
 
-use super::SessionOptions;
 use super::data::TrainData;
 use super::error::SessionError;
 use super::folder::RunFolder;
 use super::observer::{TrainNotice, TrainObserver};
+use super::options::SessionOptions;
 use crate::config::{MoverMode, TrainConfig};
 use crate::movers::{self, MoverMask, MoverOutcome, MoverView, sheet};
 use crate::photos::Photo;

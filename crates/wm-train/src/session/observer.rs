@@ -1,6 +1,6 @@
 //! The messages of a session to its caller.
 
-use super::score::{HeldOutScore, HeldOutScores, TrainReport};
+use super::score::{HeldOutScore, HeldOutScores, StepSummary, TrainReport};
 use crate::colmap::{self, UnregisteredPhoto};
 use crate::movers::MoverOutcome;
 use crate::photos::PhotoError;
@@ -8,7 +8,6 @@ use crate::poor_photos::PhotoDefect;
 use crate::priors::folder::PriorsSummary;
 use crate::video::VideoProgress;
 use std::error::Error;
-use std::fmt;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use thiserror::Error as Display;
@@ -185,13 +184,16 @@ fn unregistered(photos: &[UnregisteredPhoto]) -> String {
 }
 
 /// A fact that the session found out.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Display, PartialEq)]
 pub enum TrainNotice {
     /// Photos were taken out of a video.
+    #[error("video: {0} frames were chosen")]
     FramesChosen(usize),
     /// Something about how the capture was read.
+    #[error("capture: {}", .0.text)]
     Capture(Remark),
     /// COLMAP found the cameras of some of the photos.
+    #[error("colmap: the cameras of {registered} of {photos} photos were found")]
     Registered {
         /// Photos whose camera was found.
         registered: usize,
@@ -199,11 +201,14 @@ pub enum TrainNotice {
         photos: usize,
     },
     /// Priors were estimated from the photos.
+    #[error("geometry: {0}")]
     PriorsMade(PriorsSummary),
     /// The points of the reconstruction are brighter in some photos than in others, so every photo
     /// has an exposure of its own.
+    #[error("exposure: one for each photo, their brightness differs by {:.0} %", 100.0 * .0)]
     ExposuresDiffer(f64),
     /// The training takes fewer steps than its preset has, since it has few photos.
+    #[error("steps: {steps} instead of {of}, since more would learn {photos} photos by heart")]
     FewerSteps {
         /// The steps that it takes.
         steps: u32,
@@ -213,6 +218,7 @@ pub enum TrainNotice {
         photos: usize,
     },
     /// Movers were searched for.
+    #[error("movers: {}", found_movers(.outcome, *.photos))]
     Movers {
         /// The conclusion.
         outcome: MoverOutcome,
@@ -220,8 +226,10 @@ pub enum TrainNotice {
         photos: usize,
     },
     /// The photos were taken in haze, and the scene will be without it.
+    #[error("haze: the photos were taken in haze of {0}; it is taken out")]
     Haze(String),
     /// Not every photo has priors.
+    #[error("{}: {found} of {photos} photos have priors", .folder.display())]
     PriorsIncomplete {
         /// The folder of the priors.
         folder: PathBuf,
@@ -231,6 +239,7 @@ pub enum TrainNotice {
         photos: usize,
     },
     /// The training continues from a checkpoint.
+    #[error("{}: continuing after step {step}", .folder.display())]
     Resumed {
         /// The run folder.
         folder: PathBuf,
@@ -239,62 +248,31 @@ pub enum TrainNotice {
     },
     /// The training in the run folder was ended before its first checkpoint, and starts from its
     /// first step.
+    #[error("{}: no checkpoint was written yet, starting from the first step", .0.display())]
     StartsAgain(PathBuf),
     /// The height of the cameras gives no scale.
+    #[error("scale: none from the height of the cameras: {0}")]
     NoScaleFromHeight(CaptureGroundError),
     /// The scale of the scene was found.
+    #[error("scale: {metres_per_unit:.4} m per unit, from {source}")]
     Scale {
         /// Metres per scene unit.
         metres_per_unit: f64,
         /// The origin of the scale, in words.
-        source: String,
+        r#source: String,
     },
 }
 
-impl fmt::Display for TrainNotice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::FramesChosen(frames) => write!(f, "video: {frames} frames were chosen"),
-            Self::Registered { registered, photos } => {
-                write!(f, "colmap: the cameras of {registered} of {photos} photos were found")
-            }
-            Self::Capture(remark) => write!(f, "capture: {}", remark.text),
-            Self::PriorsMade(summary) => write!(f, "geometry: {summary}"),
-            Self::ExposuresDiffer(spread) => {
-                write!(f, "exposure: one for each photo, their brightness differs by {:.0} %", 100.0 * spread)
-            }
-            Self::FewerSteps { steps, of, photos } => {
-                write!(f, "steps: {steps} instead of {of}, since more would learn {photos} photos by heart")
-            }
-            Self::Movers { outcome, photos } => match outcome {
-                MoverOutcome::Found { photos: with, share } => {
-                    let share = 100.0 * share;
-                    write!(f, "movers: in {with} of {photos} photos, {share:.1} % of the pixels, left out")
-                }
-                MoverOutcome::TooMany(share) => write!(
-                    f,
-                    "movers: none are left out, since {:.0} % of the pixels differ between photos, which cannot be true",
-                    100.0 * share
-                ),
-                MoverOutcome::None | MoverOutcome::TooFewJudged(_) => write!(f, "movers: none were found"),
-            },
-            Self::Haze(range) => {
-                write!(f, "haze: the photos were taken in haze of {range}; it is taken out")
-            }
-            Self::PriorsIncomplete { folder, found, photos } => {
-                write!(f, "{}: {found} of {photos} photos have priors", folder.display())
-            }
-            Self::Resumed { folder, step } => write!(f, "{}: continuing after step {step}", folder.display()),
-            Self::StartsAgain(folder) => {
-                write!(f, "{}: no checkpoint was written yet, starting from the first step", folder.display())
-            }
-            Self::NoScaleFromHeight(reason) => {
-                write!(f, "scale: none from the height of the cameras: {reason}")
-            }
-            Self::Scale { metres_per_unit, source } => {
-                write!(f, "scale: {metres_per_unit:.4} m per unit, from {source}")
-            }
+fn found_movers(outcome: &MoverOutcome, photos: usize) -> String {
+    match outcome {
+        MoverOutcome::Found { photos: with, share } => {
+            format!("in {with} of {photos} photos, {:.1} % of the pixels, left out", 100.0 * share)
         }
+        MoverOutcome::TooMany(share) => format!(
+            "none are left out, since {:.0} % of the pixels differ between photos, which cannot be true",
+            100.0 * share
+        ),
+        MoverOutcome::None | MoverOutcome::TooFewJudged(_) => "none were found".into(),
     }
 }
 
@@ -338,23 +316,6 @@ pub struct StepProgress {
     pub splats: usize,
     /// The loss of this step.
     pub loss: f64,
-}
-
-/// Means over the steps since the last summary.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StepSummary {
-    /// Steps that are done.
-    pub step: u32,
-    /// Mean loss.
-    pub loss: f64,
-    /// Mean values of the loss terms before weighting, by name.
-    pub terms: Vec<(&'static str, f64)>,
-    /// Mean time of a step, seconds.
-    pub step_seconds: f64,
-    /// The number of splats.
-    pub splats: usize,
-    /// PSNR of the held-out photos at the last evaluation, dB.
-    pub held_out_psnr: Option<f64>,
 }
 
 /// The moment at which an image is offered.

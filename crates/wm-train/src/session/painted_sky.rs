@@ -9,7 +9,7 @@
 //! gives them for all splats at once.
 
 use super::error::SessionError;
-use super::scene::PriorView;
+use super::priors::PriorView;
 use crate::priors::SkyClass;
 use wm_render::{
     CpuConfig, CpuDifferentiable, Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream,

@@ -1,12 +1,12 @@
 //! A part of a data set that one training learns, while other trainings learn the others.
 
-use super::data::TrainData;
 use super::error::SessionError;
-use crate::brightness::PhotoGains;
+use crate::brightness::{NamedGains, PhotoGains};
+use crate::dataset::Dataset;
 use crate::haze::PhotoHaze;
 use crate::photos::Photos;
 use crate::priors::points::{has_tracks, inside};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use wm_capture::{Capture, Observation};
 use wm_scene::SparsePoints;
 use wm_scene::{Group, Splats};
@@ -19,11 +19,11 @@ pub struct TrainPart {
     pub(crate) photos: Vec<String>,
     /// Names of the photos to measure on.
     pub(crate) held_out: Vec<String>,
-    /// The gains of `photos` relative to all photos of the data set; `None` if the points do not
+    /// The gains of the photos relative to all of the data set; `None` if the points do not
     /// determine them.
-    pub(crate) gains: Option<PhotoGains>,
-    /// The haze of all photos, and the gains of `photos` in it.
-    pub(crate) haze: Option<(PhotoHaze, PhotoGains)>,
+    pub(crate) gains: Option<NamedGains>,
+    /// The haze of all photos, and their gains in it.
+    pub(crate) haze: Option<(PhotoHaze, NamedGains)>,
     /// Splats of the sky, which do not learn; none without a sky.
     pub(crate) sky: Splats,
 }
@@ -49,23 +49,10 @@ impl TrainPart {
         (0..photos.len()).partition(|place| held_out.contains(name(*place)))
     }
 
-    /// Returns the gains of the photos `places`, in their order.
-    pub(super) fn gains_of(
-        &self,
-        capture: &Capture,
-        photos: &Photos,
-        places: &[usize],
-    ) -> Option<PhotoGains> {
-        let names: Vec<&str> =
-            places.iter().map(|place| capture.views[photos.view(*place)].name.as_str()).collect();
-        Some(self.ordered(self.gains.as_ref()?, &names))
-    }
-
     /// Returns the haze, and the gains of the training photos in their order.
-    pub(super) fn haze_of(&self, data: &TrainData) -> Option<(PhotoHaze, PhotoGains)> {
+    pub(super) fn haze_of(&self, set: &Dataset) -> Option<(PhotoHaze, PhotoGains)> {
         let (haze, gains) = self.haze.as_ref()?;
-        let names: Vec<&str> = data.set.places.iter().map(|place| data.set.name(*place)).collect();
-        Some((*haze, self.ordered(gains, &names)))
+        Some((*haze, gains.of(set.places.iter().map(|place| set.name(*place)))))
     }
 
     /// Adds the sky.
@@ -75,13 +62,6 @@ impl TrainPart {
             sky.groups.fill(Group::Sky);
             splats.append(&sky);
         }
-    }
-
-    fn ordered(&self, gains: &PhotoGains, names: &[&str]) -> PhotoGains {
-        let known: HashMap<&str, [f32; 3]> =
-            self.photos.iter().map(String::as_str).zip(gains.gains.iter().copied()).collect();
-        let gain = |name: &&str| known.get(name).copied().unwrap_or([1.0; 3]);
-        PhotoGains { gains: names.iter().map(gain).collect(), ..gains.clone() }
     }
 }
 

@@ -4,12 +4,18 @@ use super::data::TrainData;
 use super::error::SessionError;
 use super::folder::RunFolder;
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
-use super::{PriorSource, SessionOptions};
-use crate::photos::BadPhotos;
+use super::options::{PriorSource, SessionOptions};
+use crate::brightness::PhotoGains;
+use crate::photos::{BadPhotos, Photo};
 use crate::priors::stereo::{self, StereoOptions};
-use crate::priors::{self, FOLDER, Priors};
+use crate::priors::{self, FOLDER, Prior, Priors};
 use std::path::Path;
+use std::sync::Arc;
 use wm_capture::folder_of;
+use wm_scene::Camera;
+
+/// Approximate largest number of photos whose priors are used for the first splats.
+const MAX_PRIOR_PHOTOS: usize = 200;
 
 /// The largest number of photos whose priors are estimated unasked: two minutes on two cores.
 const MAX_AUTO_PHOTOS: usize = 300;
@@ -92,4 +98,32 @@ fn check(priors: &Priors, data: &TrainData, observer: &mut dyn TrainObserver) ->
         observer.on_notice(&TrainNotice::PriorsIncomplete { folder, found, photos: places.len() });
     }
     Ok(())
+}
+
+/// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means
+/// of the photo's.
+pub(super) struct PriorView {
+    pub(super) camera: Camera,
+    pub(super) prior: Arc<Prior>,
+    pub(super) photo: Arc<Photo>,
+    /// The gain in red, green and blue relative to the scene, display-referred.
+    pub(super) gain: [f32; 3],
+}
+
+/// Returns the photos that have priors; an even choice of them if there are very many.
+pub(super) fn prior_views(
+    data: &TrainData,
+    priors: &Priors,
+    gains: Option<&PhotoGains>,
+) -> Result<Vec<PriorView>, SessionError> {
+    let mut views = Vec::new();
+    let places = &data.set.places;
+    for (index, place) in places.iter().enumerate().step_by(places.len().div_ceil(MAX_PRIOR_PHOTOS)) {
+        let camera = data.set.photos.camera(*place, 0);
+        let Some(prior) = priors.get(data.set.name(*place), &camera)? else { continue };
+        let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
+        let gain = gains.map_or([1.0; 3], |gains| gains.gains[index]);
+        views.push(PriorView { camera, prior, photo: data.set.photos.get(*place, level)?, gain });
+    }
+    Ok(views)
 }

@@ -1,24 +1,23 @@
 //! Prepares the first splats and the sky of a training, and finishes its scene: labels, up, ground
 //! and scale.
 
-use super::SessionOptions;
 use super::data::TrainData;
 use super::error::SessionError;
 use super::observer::{TrainNotice, TrainObserver, TrainWarning};
+use super::options::SessionOptions;
 use super::painted_sky::label_painted_sky;
 use super::part::TrainPart;
+use super::priors::{PriorView, prior_views};
 use crate::brightness::PhotoGains;
 use crate::config::{HazeMode, TrainConfig};
 use crate::dataset::{Dataset, site};
 use crate::fill::{FillView, fill};
 use crate::haze::{FarGround, PhotoHaze, settle};
-use crate::photos::Photo;
-use crate::priors::{Prior, Priors, SkyClass};
+use crate::priors::{Priors, SkyClass};
 use crate::start::{self, SkyPhotos, StartConfig};
 use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 use wm_base::color::srgb_decode;
 use wm_capture::ground::{CARRIED_HEIGHT_M, CaptureGround, CaptureGroundError, ground};
 use wm_capture::up::{CaptureUp, UpEvidence};
@@ -35,8 +34,6 @@ const GROUND_WEIGHT: f64 = 0.7;
 const MAX_GPS_ERROR_DEG: f64 = 3.0;
 /// Least extent of the GPS positions in units of their residual for a reliable scale: about 5 %.
 const MIN_GPS_EXTENT: f64 = 20.0;
-/// Approximate largest number of photos whose priors are used for the first splats.
-const MAX_PRIOR_PHOTOS: usize = 200;
 
 /// Returns the splats that a training starts with.
 #[expect(clippy::too_many_arguments)] // All that a start depends on.
@@ -81,8 +78,7 @@ pub(super) fn start(
     match part {
         Some(part) => part.add_sky(&mut splats),
         None if config.sky_splats > 0 && priors.is_some_and(Priors::has_sky) => {
-            let lowest = lowest_sky(data, haze);
-            add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest);
+            add_sky(&mut splats, data, &views, extent, config.sky_splats, haze);
         }
         None => {}
     }
@@ -101,14 +97,9 @@ pub(super) fn sky(
     let mut splats = Splats::with_capacity(0, config.sh_degree);
     if let Some(priors) = priors.filter(|priors| config.sky_splats > 0 && priors.has_sky()) {
         let (views, extent) = (prior_views(data, priors, gains)?, start::extent(&data.cameras()));
-        add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest_sky(data, haze));
+        add_sky(&mut splats, data, &views, extent, config.sky_splats, haze);
     }
     Ok(splats)
-}
-
-/// Returns the sine of the elevation down to which haze looks like sky.
-fn lowest_sky(data: &TrainData, haze: Option<&PhotoHaze>) -> Option<f64> {
-    far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest())
 }
 
 /// Returns the ground that the haze hides from `cameras`, if up is known.
@@ -120,43 +111,14 @@ fn far_ground<'a>(
     FarGround::new(cameras, &data.set.capture.points, data.up?.up, haze?)
 }
 
-/// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means
-/// of the photo's.
-pub(super) struct PriorView {
-    pub(super) camera: Camera,
-    pub(super) prior: Arc<Prior>,
-    pub(super) photo: Arc<Photo>,
-    /// The gain in red, green and blue relative to the scene, display-referred.
-    pub(super) gain: [f32; 3],
-}
-
-/// Returns the photos that have priors; an even choice of them if there are very many.
-fn prior_views(
-    data: &TrainData,
-    priors: &Priors,
-    gains: Option<&PhotoGains>,
-) -> Result<Vec<PriorView>, SessionError> {
-    let mut views = Vec::new();
-    let places = &data.set.places;
-    for (index, place) in places.iter().enumerate().step_by(places.len().div_ceil(MAX_PRIOR_PHOTOS)) {
-        let camera = data.set.photos.camera(*place, 0);
-        let Some(prior) = priors.get(data.set.name(*place), &camera)? else { continue };
-        let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
-        let gain = gains.map_or([1.0; 3], |gains| gains.gains[index]);
-        views.push(PriorView { camera, prior, photo: data.set.photos.get(*place, level)?, gain });
-    }
-    Ok(views)
-}
-
-/// Adds the sky where the priors say that photos show it; haze of a place is seen as sky down to
-/// the sine `lowest`.
+/// Adds the sky where the priors say that photos show it, and where haze looks like it.
 fn add_sky(
     splats: &mut Splats,
     data: &TrainData,
     views: &[PriorView],
     extent: f64,
     count: u32,
-    lowest: Option<f64>,
+    haze: Option<&PhotoHaze>,
 ) {
     let Some(up) = data.up else { return };
     let views: Vec<&PriorView> = views.iter().filter(|view| !view.prior.sky.is_empty()).collect();
@@ -165,11 +127,10 @@ fn add_sky(
         let PriorView { prior, photo, .. } = views[index];
         let (width, height) = (f64::from(prior.width), f64::from(prior.height));
         let class = prior.sky[(y * height) as usize * prior.width as usize + (x * width) as usize];
-        let (column, row) = ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
-        let at = 3 * (row * photo.width as usize + column);
-        (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
+        (class, photo.at_share([x, y]))
     };
     let gain = |index: usize| views[index].gain;
+    let lowest = far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest());
     let photos = SkyPhotos { cameras: &cameras, look: &look, gain: &gain, up: up.up, lowest };
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
 }
@@ -184,7 +145,7 @@ pub(super) fn haze(
     observer: &mut dyn TrainObserver,
 ) -> Result<Option<(PhotoHaze, PhotoGains)>, SessionError> {
     if let Some(part) = &options.part {
-        return Ok(part.haze_of(data));
+        return Ok(part.haze_of(&data.set));
     }
     if mode == HazeMode::Keep {
         return Ok(None);
@@ -238,10 +199,8 @@ fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, Sessio
             let [x, y] = [x / width as f64, y / height as f64];
             let ray = camera.ray(x * f64::from(camera.width), y * f64::from(camera.height));
             if LOW_SKY_SINES.contains(&ray.normalize().dot(up.up)) {
-                let (column, row) =
-                    ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
-                let pixel = 3 * (row * photo.width as usize + column);
-                (0..3).for_each(|c| shown[c].push(photo.rgb[pixel + c]));
+                let rgb = photo.at_share([x, y]);
+                (0..3).for_each(|c| shown[c].push(rgb[c]));
             }
         }
     }
@@ -266,7 +225,12 @@ pub(super) fn finish(
     haze: Option<&PhotoHaze>,
     observer: &mut dyn TrainObserver,
 ) -> Result<Scene, SessionError> {
-    let facts = with_up(&options.facts, data);
+    let given = &options.facts;
+    // Up from GPS, where that is accurate enough without the splats.
+    let is_accurate =
+        |up: &CaptureUp| matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MAX_GPS_ERROR_DEG;
+    let measured = data.up.filter(|up| given.up.is_none() && is_accurate(up));
+    let facts = Metadata { up: given.up.or(measured.map(|up| up.up)), ..given.clone() };
     label_sky(&mut splats);
     // Through haze, splats have other colours than the photos.
     if let (Some(priors), None, true) = (priors, haze, config.sky_splats > 0) {
@@ -310,7 +274,10 @@ pub(super) fn finish(
         survey.up_estimate = estimate;
     }
     let mut known = survey.metadata();
-    note_up(&mut known, options, data);
+    if let Some(up) = measured {
+        known.up_source = Some(up.evidence.to_string());
+        known.up_confidence = None;
+    }
     known.location = facts.location;
     (known.captured, known.captured_span) = (facts.captured, facts.captured_span);
     known.sun = facts.sun;
@@ -348,25 +315,6 @@ pub(super) fn finish(
         observer.on_warning(&TrainWarning::NoScale(warning));
     }
     Ok(scene)
-}
-
-/// Returns the given facts, with up from GPS where that is reliable.
-fn with_up(given: &Metadata, data: &TrainData) -> Metadata {
-    let measured = data.up.filter(|up| given.up.is_none() && is_measured(up));
-    Metadata { up: given.up.or(measured.map(|up| up.up)), ..given.clone() }
-}
-
-/// Returns true if up from GPS is accurate enough without the splats.
-fn is_measured(up: &CaptureUp) -> bool {
-    matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MAX_GPS_ERROR_DEG
-}
-
-/// Writes the evidence of up into the metadata.
-fn note_up(known: &mut Metadata, options: &SessionOptions, data: &TrainData) {
-    if let Some(up) = data.up.filter(|up| options.facts.up.is_none() && is_measured(up)) {
-        known.up_source = Some(up.evidence.to_string());
-        known.up_confidence = None;
-    }
 }
 
 /// A scale and its source.

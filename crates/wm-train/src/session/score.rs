@@ -1,6 +1,5 @@
 //! Scores of held-out photos, and sums over steps.
 
-use super::observer::StepSummary;
 use crate::trainer::{StepReport, StepTimes};
 use serde_json::{Value, json};
 use std::fmt;
@@ -127,4 +126,21 @@ impl StepSummary {
             "step_ms": self.step_seconds * 1e3
         })
     }
+}
+
+/// Means over the steps since the last summary.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepSummary {
+    /// Steps that are done.
+    pub step: u32,
+    /// Mean loss.
+    pub loss: f64,
+    /// Mean values of the loss terms before weighting, by name.
+    pub terms: Vec<(&'static str, f64)>,
+    /// Mean time of a step, seconds.
+    pub step_seconds: f64,
+    /// The number of splats.
+    pub splats: usize,
+    /// PSNR of the held-out photos at the last evaluation, dB.
+    pub held_out_psnr: Option<f64>,
 }

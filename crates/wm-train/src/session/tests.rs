@@ -1,8 +1,10 @@
 //! Sessions on the built-in street.
 
 use super::*;
+use crate::TrainPlan;
 use crate::poor_photos::PhotoDefect;
 use std::ops::ControlFlow;
+use wm_render::Device;
 use wm_scene::Metadata;
 use wm_scene::survey::Survey;
 use wm_street::capture::{self, CaptureFlaws, CaptureKind, CaptureSettings, ExifFault};

@@ -6,8 +6,9 @@ use super::folder::{Metrics, RunFolder};
 use super::observer::{
     ImageMoment, StepProgress, TrainImage, TrainNotice, TrainObserver, TrainStart, TrainWarning,
 };
+use super::options::SessionOptions;
+use super::scene;
 use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
-use super::{SessionOptions, scene};
 use crate::checkpoint::{self, CheckpointHead};
 use crate::config::TrainConfig;
 use crate::exposure::Exposures;
@@ -86,16 +87,11 @@ struct PhotoPixels {
 }
 
 impl PhotoPixels {
-    fn truth<'b>(&'b mut self, photo: &'b Photo) -> TrainPhoto<'b> {
+    /// Returns the photo without the pixels that show movers.
+    fn truth<'b>(&'b mut self, photo: &'b Photo, movers: Option<&MoverMask>) -> TrainPhoto<'b> {
         self.rgb.clear();
         self.rgb.extend(photo.rgb.iter().map(|v| f32::from(*v) / 255.0));
-        self.mask = photo.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect());
-        TrainPhoto { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
-    }
-
-    /// Returns the photo without the pixels that show movers.
-    fn truth_without<'b>(&'b mut self, photo: &'b Photo, movers: Option<&MoverMask>) -> TrainPhoto<'b> {
-        self.truth(photo);
+        self.mask = photo.mask_f32();
         if let Some(movers) = movers.filter(|movers| !movers.is_empty()) {
             let mask = self.mask.get_or_insert_with(|| vec![1.0; photo.rgb.len() / 3]);
             movers.pixels(photo.width, photo.height).iter().for_each(|pixel| mask[*pixel] = 0.0);
@@ -320,10 +316,8 @@ impl Training {
             (Some(prior), Some(haze)) => Some(Arc::new(without_hidden(&prior, &photo, haze))),
             (prior, _) => prior,
         };
-        let truth = TrainPhoto {
-            prior: prior.as_deref(),
-            ..self.pixels.truth_without(&photo, self.movers.get(index))
-        };
+        let truth =
+            TrainPhoto { prior: prior.as_deref(), ..self.pixels.truth(&photo, self.movers.get(index)) };
         let done = self.trainer.step(&truth, index);
         self.failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let report = match done {
@@ -430,13 +424,10 @@ impl Training {
             let mut frame = Frame::default();
             self.trainer.render_as_photo(&photo.camera, &mut frame)?;
             let gain = self.gain(place);
-            let truth = self.pixels.truth(&photo);
+            let truth = self.pixels.truth(&photo, None);
             let width = photo.width as usize;
             let shown = displayed(&frame, gain);
-            let ssim = match truth.mask {
-                Some(mask) => ssim.masked_value(&shown, truth.rgb, mask, width),
-                None => ssim.value(&shown, truth.rgb, width),
-            };
+            let ssim = ssim.masked_value(&shown, truth.rgb, truth.mask, width);
             let lpips = metric.map(|metric| metric.distance(&shown, truth.rgb, truth.mask, width));
             let score = HeldOutScore { psnr: psnr(&shown, truth.rgb, truth.mask), ssim, lpips };
             photos.push((self.data.set.name(place).to_owned(), score));
@@ -461,7 +452,7 @@ impl Training {
         };
         let psnr = photo.map(|photo| {
             let gain = self.gain(place);
-            let truth = self.pixels.truth(&photo);
+            let truth = self.pixels.truth(&photo, None);
             psnr(&displayed(&frame, gain), truth.rgb, truth.mask)
         });
         let step = self.trainer.steps_done();

@@ -3,10 +3,12 @@
 
 use super::data::{TrainData, confirmed_pixels};
 use super::error::SessionError;
+use super::folder::Resume;
 use super::folder::RunFolder;
 use super::observer::TrainObserver;
+use super::options::{PriorSource, SessionOptions};
 use super::part::capture_of;
-use super::{PriorSource, Resume, SessionOptions, priors, scene};
+use super::{priors, scene};
 use crate::brightness::PhotoGains;
 use crate::config::{HazeMode, TrainConfig};
 use crate::haze::PhotoHaze;

@@ -1,11 +1,39 @@
 //! The windows of a band of rows, and the derivative under them.
 
-use super::{
-    CHANNELS, KEPT_ROWS, MARGIN_VALUES, MAX_LANES, Pictures, REACH_VALUES, ROWS_AT_ONCE, TAPS, WINDOW_ROWS,
-};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
 use wm_render::training::{C1, C2, RADIUS, WINDOW};
+
+/// Pixels of the window along a side.
+pub(super) const TAPS: usize = 2 * RADIUS + 1;
+/// Channels of a pixel.
+pub(super) const CHANNELS: usize = 3;
+/// Values that the window reaches to each side of a row.
+const REACH_VALUES: usize = CHANNELS * RADIUS;
+/// Zeros before and after a row: the reach, and whole vectors.
+const MARGIN_VALUES: usize = 16;
+/// Widest vector.
+pub(super) const MAX_LANES: usize = 16;
+/// Rows that are windowed together: they share most of what they read.
+const ROWS_AT_ONCE: usize = 4;
+/// Rows under the windows of rows together.
+const WINDOW_ROWS: usize = ROWS_AT_ONCE + 2 * RADIUS;
+/// Rows of slopes that are kept: those, and those made meanwhile.
+const KEPT_ROWS: usize = WINDOW_ROWS + ROWS_AT_ONCE;
+
+/// Two pictures, rows of `wide` values of which the first `line` are theirs.
+#[derive(Clone, Copy)]
+pub(super) struct Pictures<'a> {
+    pub(super) x: &'a [f32],
+    pub(super) y: &'a [f32],
+    /// The weight of each pixel, where not all are equal.
+    pub(super) counts: Option<&'a [f32]>,
+    /// Values of a row that are of the picture.
+    pub(super) line: usize,
+    /// Values of a row: at least one vector.
+    pub(super) wide: usize,
+    pub(super) rows: usize,
+}
 
 /// Working memory of a band.
 #[derive(Clone, Debug, Default)]

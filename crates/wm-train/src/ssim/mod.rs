@@ -17,31 +17,14 @@ mod band;
 #[cfg(test)]
 mod tests;
 
-use band::Band;
+use band::{Band, CHANNELS, MAX_LANES, Pictures};
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
-use wm_render::training::RADIUS;
 
-/// Pixels of the window along a side.
-const TAPS: usize = 2 * RADIUS + 1;
-/// Channels of a pixel.
-const CHANNELS: usize = 3;
-/// Values that the window reaches to each side of a row.
-const REACH_VALUES: usize = CHANNELS * RADIUS;
-/// Zeros before and after a row: the reach, and whole vectors.
-const MARGIN_VALUES: usize = 16;
-/// Widest vector.
-const MAX_LANES: usize = 16;
-/// Rows that are windowed together: they share most of what they read.
-const ROWS_AT_ONCE: usize = 4;
 /// Rows of a band: the slopes of ten more are made for it.
 const BAND_ROWS: usize = 64;
-/// Rows under the windows of rows together.
-const WINDOW_ROWS: usize = ROWS_AT_ONCE + 2 * RADIUS;
-/// Rows of slopes that are kept: those, and those made meanwhile.
-const KEPT_ROWS: usize = WINDOW_ROWS + ROWS_AT_ONCE;
 
 /// Structural similarity with its working memory.
 #[derive(Clone, Debug)]
@@ -49,20 +32,6 @@ pub struct Ssim {
     path: SimdPath,
     /// One a thread.
     bands: Vec<Band>,
-}
-
-/// Two pictures, rows of `wide` values of which the first `line` are theirs.
-#[derive(Clone, Copy)]
-struct Pictures<'a> {
-    x: &'a [f32],
-    y: &'a [f32],
-    /// The weight of each pixel, where not all are equal.
-    counts: Option<&'a [f32]>,
-    /// Values of a row that are of the picture.
-    line: usize,
-    /// Values of a row: at least one vector.
-    wide: usize,
-    rows: usize,
 }
 
 impl Ssim {
@@ -82,7 +51,7 @@ impl Ssim {
     }
 
     /// The mean similarity over the pixels that count by `mask`, `[H, W]` with values 0-1; 1 if
-    /// none does.
+    /// none does. Without a mask all count.
     ///
     /// Beyond the mask both pictures are black, as beyond the border: what lies there does not
     /// matter, every pixel that counts is compared, and a mask of a rectangle gives what the
@@ -90,7 +59,8 @@ impl Ssim {
     ///
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
-    pub(crate) fn masked_value(&mut self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
+    pub(crate) fn masked_value(&mut self, x: &[f32], y: &[f32], mask: Option<&[f32]>, width: usize) -> f64 {
+        let Some(mask) = mask else { return self.value(x, y, width) };
         assert_eq!(x.len(), CHANNELS * mask.len(), "a picture and its mask");
         let counted: f64 = mask.iter().map(|v| f64::from(*v)).sum();
         if counted == 0.0 {

@@ -16,17 +16,12 @@ use crate::config::{ExposureMode, TrainConfig};
 use crate::densify::Population;
 use crate::exposure::Exposures;
 use crate::learner::Learner;
-use crate::losses::{self, LossTerm, TrainPhoto};
+use crate::losses::{self, LossGradients, LossTerm, TrainPhoto};
 use crate::random::{Purpose, Random};
 use crate::schedule;
-use step::Work;
 use wm_render::simd::SimdPath;
 use wm_render::{Differentiable, EvenAir, ForwardConfig, Frame, RenderError, StepClock};
 use wm_scene::{Camera, Splats};
-
-/// Steps between reads of the splats from a device, from which the training continues if the
-/// device fails.
-const READ_BACK_STEPS: u32 = 500;
 
 /// A training in progress.
 pub struct Trainer {
@@ -252,4 +247,13 @@ impl Trainer {
         }
         Ok(())
     }
+}
+
+/// Memory of one step.
+#[derive(Default)]
+struct Work {
+    frame: Frame,
+    /// The colours of the scene before the photo's exposure.
+    rendered: Vec<f32>,
+    loss: LossGradients,
 }

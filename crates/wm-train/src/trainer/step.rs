@@ -1,24 +1,20 @@
 //! One step: render, compare, derive, move, densify.
 
-use super::{READ_BACK_STEPS, StepReport, Trainer};
+use super::Trainer;
+use super::report::StepReport;
 use crate::config::BackgroundKind;
 use crate::densify::DensifyTime;
-use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
+use crate::losses::{self, LossInput, LossTerm, OwnRender, TrainPhoto};
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
 use wm_render::training::{Compared, Comparison, NO_EXPOSURE};
 use wm_render::training::{SplatTerms, Step};
-use wm_render::{Channels, DepthAlpha, ForwardConfig, Frame, RenderError};
+use wm_render::{Channels, DepthAlpha, ForwardConfig, RenderError};
 
-/// Memory of one step.
-#[derive(Default)]
-pub(super) struct Work {
-    frame: Frame,
-    /// The colours of the scene before the photo's exposure.
-    rendered: Vec<f32>,
-    loss: LossGradients,
-}
+/// Steps between reads of the splats from a device, from which the training continues if the
+/// device fails.
+const READ_BACK_STEPS: u32 = 500;
 
 /// The result of a render.
 struct RenderResult {
@@ -107,7 +103,7 @@ impl Trainer {
         let population = &mut self.state.population;
         let size = (truth.camera.width, truth.camera.height);
         let moved = Step { number: step + 1, rates, terms, size };
-        self.learner.optimize(population, &moved, strategy.gradients())?;
+        self.learner.optimize(population, &moved, strategy.sums_gradients())?;
         report.times.optimizer = lap();
 
         if strategy.is_due(step + 1) {
@@ -150,16 +146,14 @@ impl Trainer {
             believed: truth.prior.map(|prior| losses::believed(truth, prior, &beliefs)),
             ..Comparison::default()
         };
-        let mut on_device = self.learner.compares();
         for term in self.terms.iter().filter(|term| is_active(term.as_ref(), own, step, truth)) {
-            match term.reads(step, truth, &mut comparison) {
-                Reads::Frame => on_device = false,
-                Reads::Device(which) => comparison.weights[which as usize] += term.weight(step, truth),
-                Reads::Nothing => {}
+            term.prepare(step, &mut comparison);
+            if let Some(which) = term.on_device() {
+                comparison.weights[which as usize] += term.weight(step, truth);
             }
         }
         let (work, population, camera) = (&mut self.work, &self.state.population, truth.camera);
-        let (visible, compared) = if on_device {
+        let (visible, compared) = if self.learner.compares() {
             let (visible, compared) = self.learner.compare(population, camera, config, &comparison)?;
             work.loss.forget();
             (visible, Some(compared))
@@ -179,10 +173,7 @@ impl Trainer {
             let weight = term.weight(step, truth);
             let value = match &compared {
                 None => term.add(&input, weight, &mut work.loss),
-                Some(compared) => match term.reads(step, truth, &mut comparison) {
-                    Reads::Device(which) => compared.values[which as usize],
-                    Reads::Frame | Reads::Nothing => 0.0,
-                },
+                Some(compared) => term.on_device().map_or(0.0, |which| compared.values[which as usize]),
             };
             report.loss += weight * value;
             report.terms.push((term.name(), value));

@@ -1,20 +1,22 @@
 //! The sweeps of training over tiles: to pixels, and back from them.
 
-use super::BackwardWorker;
+use crate::config::{Background, MedianDepth};
 use crate::cpu::back::{RUN, Worker, bands, blend, finish, inside, own, runs};
 use crate::differentiable::{Channels, ForwardConfig, Upstream};
 use crate::dispatch;
 use crate::frame::Frame;
 use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::plan::Shading;
-use crate::renderer::{Background, MedianDepth, Stats};
+use crate::renderer::Stats;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
 use crate::stages::composite::cpu::{Composite, OutputRows};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::Record;
-use crate::stages::rasterize_backward::cpu::{RenderedPictures, blend_tile_backward, prepare_patch};
+use crate::stages::rasterize_backward::cpu::{
+    BackwardScratch, RenderedPictures, blend_tile_backward, prepare_patch,
+};
 use crate::stages::rasterize_backward::{GradientSlot, NO_SLOT};
 use rayon::prelude::*;
 use std::ops::Add;
@@ -22,6 +24,14 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use web_time::Instant;
 use wm_scene::Camera;
+
+/// Working memory of one thread.
+#[derive(Default)]
+pub(super) struct BackwardWorker {
+    scratch: BackwardScratch,
+    keys: Vec<u64>,
+    places: Vec<u32>,
+}
 
 /// The inputs that all tiles of one pass share.
 pub(crate) struct Tiles<'a> {

@@ -1,11 +1,12 @@
 //! The first sweep of training: stored parameters to records and windows of tiles.
 
 use crate::cpu::front::ClusterScratch;
-use crate::cpu::model::{CLUSTER, Cluster, GROUPS};
+use crate::cpu::model::Cluster;
 use crate::differentiable::{DrawnSplats, ForwardConfig};
 use crate::dispatch;
 use crate::hooks::{GROUP, Medium, ShadeGroup};
 use crate::simd::{Lanes, SimdPath};
+use crate::sizes::{CLUSTER, GROUPS};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::Pairs;
 use crate::stages::project::activate::{Activated, activate};
@@ -65,19 +66,10 @@ pub(crate) struct Front<'a> {
 }
 
 /// Working memory of one unit.
-#[derive(Default)]
 struct Scratch {
     cluster: ClusterScratch,
     activated: Activated,
-    sh: ShRows,
-}
-
-struct ShRows([[f32; GROUP]; 48]);
-
-impl Default for ShRows {
-    fn default() -> Self {
-        Self([[0.0; GROUP]; 48])
-    }
+    sh: [[f32; GROUP]; 48],
 }
 
 impl<'a> Front<'a> {
@@ -98,7 +90,8 @@ impl<'a> Front<'a> {
         part.pairs.clear(self.grid);
         (part.first_record, part.visible, part.project, part.intersect) =
             (first_record as usize, 0, 0.0, 0.0);
-        let mut scratch = Box::<Scratch>::default();
+        let (cluster, activated) = (ClusterScratch::default(), Activated::default());
+        let mut scratch = Box::new(Scratch { cluster, activated, sh: [[0.0; GROUP]; 48] });
         let mut used = 0;
         for first in splats.clone().step_by(CLUSTER) {
             let own = first..(first + CLUSTER).min(splats.end);
@@ -127,7 +120,7 @@ impl<'a> Front<'a> {
     fn project_cluster(&self, range: Range<usize>, scratch: &mut Scratch) -> usize {
         let (splats, camera, mode) = (self.splats, self.camera, self.config.rasterization);
         let (stride, opacity) = (splats.sh_stride(), self.config.opacity);
-        let Scratch { cluster, activated, sh: ShRows(rows) } = scratch;
+        let Scratch { cluster, activated, sh: rows } = scratch;
         let count = 3 * sh::coefficients(self.config.sh_degree);
         let mut used = 0;
         for i in 0..GROUPS {

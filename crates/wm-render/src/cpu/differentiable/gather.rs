@@ -1,8 +1,9 @@
 //! The last sweep of training: slots to gradients, over the splats in view.
 
 use super::front::{Part, put_sky_far};
-use crate::differentiable::{ForwardConfig, Gradients, Learn};
+use crate::differentiable::ForwardConfig;
 use crate::dispatch;
+use crate::gradients::{Gradients, Learn};
 use crate::hooks::{GROUP, ShadeGroup};
 use crate::simd::{Lanes, SimdPath, transpose};
 use crate::stages::project::activate::{Activated, activate};
@@ -203,21 +204,11 @@ impl Gather<'_> {
     /// Writes sixteen splats' rows.
     fn write(&self, scratch: &mut Scratch, sums: &[[f32; GROUP]; GROUP], rows: Rows<'_>, stride: usize) {
         let from = &scratch.splats;
-        for (lane, row) in rows.means.iter_mut().enumerate() {
-            *row = from.mean.map(|values| values[lane]);
-        }
-        for (lane, row) in rows.quats.iter_mut().enumerate() {
-            *row = from.quat.map(|values| values[lane]);
-        }
-        for (lane, row) in rows.log_scales.iter_mut().enumerate() {
-            *row = from.log_scale.map(|values| values[lane]);
-        }
-        for (lane, row) in rows.means2d.iter_mut().enumerate() {
-            *row = from.mean2d.map(|values| values[lane]);
-        }
-        for (lane, row) in rows.absgrads.iter_mut().enumerate() {
-            *row = from.absgrad.map(|values| values[lane]);
-        }
+        write_rows(rows.means, &from.mean);
+        write_rows(rows.quats, &from.quat);
+        write_rows(rows.log_scales, &from.log_scale);
+        write_rows(rows.means2d, &from.mean2d);
+        write_rows(rows.absgrads, &from.absgrad);
         let opacities = rows.logit_opacities.len();
         rows.logit_opacities.copy_from_slice(&from.logit_opacity[..opacities]);
         rows.weights.copy_from_slice(&sums[GradientSlot::WEIGHT][..rows.visible.len()]);
@@ -236,5 +227,12 @@ impl Gather<'_> {
                 }
             }
         }
+    }
+}
+
+/// Writes the first lanes of some values to as many rows.
+fn write_rows<const N: usize>(rows: &mut [[f32; N]], values: &[[f32; GROUP]; N]) {
+    for (lane, row) in rows.iter_mut().enumerate() {
+        *row = values.each_ref().map(|values| values[lane]);
     }
 }

@@ -12,15 +12,19 @@ mod front;
 mod gather;
 
 use super::back::Worker;
-use crate::differentiable::{Differentiable, ForwardConfig, Gradients, Learn, Upstream};
+use super::pool::start;
+use crate::config::CpuConfig;
+use crate::differentiable::{Differentiable, ForwardConfig, Upstream};
+use crate::error::RenderError;
 use crate::frame::Frame;
+use crate::gradients::{Gradients, Learn};
 use crate::hooks::PATCH_PIXELS;
-use crate::renderer::{CpuConfig, RenderError, Stats};
+use crate::renderer::Stats;
 use crate::simd::SimdPath;
 use crate::stages::intersect::{PATCHES, TileGrid, cpu as intersect};
 use crate::stages::project::{ProjectCamera, Record};
-use crate::stages::rasterize_backward::{GradientSlot, cpu::BackwardScratch};
-use back::Tiles;
+use crate::stages::rasterize_backward::GradientSlot;
+use back::{BackwardWorker, Tiles};
 use front::{Front, Part, Unit};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -50,14 +54,6 @@ pub struct CpuDifferentiable {
     last: Option<View>,
 }
 
-/// Working memory of one thread.
-#[derive(Default)]
-struct BackwardWorker {
-    scratch: BackwardScratch,
-    keys: Vec<u64>,
-    places: Vec<u32>,
-}
-
 /// The view of the last forward pass.
 #[derive(Clone, Copy)]
 struct View {
@@ -73,7 +69,7 @@ impl CpuDifferentiable {
     /// # Errors
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
     pub fn new(config: CpuConfig) -> Result<Self, RenderError> {
-        let (path, pool) = super::start(config)?;
+        let (path, pool) = start(config)?;
         let threads = pool.current_num_threads();
         Ok(Self {
             path,

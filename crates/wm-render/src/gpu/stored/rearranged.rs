@@ -10,7 +10,7 @@ use crate::gpu::source::WORKGROUP;
 use crate::gpu::uniforms::{MomentReset, SLOT, Uniform, bytes_of, rearrangement};
 use crate::stages::optimize::gpu::REARRANGE;
 use crate::stages::optimize::{Changed, DensifyStats, Origin, Shapes};
-use crate::stages::project::gpu::{ROW_OPACITY, ROWS};
+use crate::stages::project::rows::{ROW_OPACITY, ROWS};
 use std::ops::Range;
 use wgpu::BufferUsages;
 use wm_scene::Splats;

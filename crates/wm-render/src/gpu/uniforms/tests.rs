@@ -1,8 +1,8 @@
 //! The structures are laid out as WGSL has them.
 
 use super::*;
+use crate::config::RenderConfig;
 use crate::differentiable::Channels;
-use crate::renderer::RenderConfig;
 use crate::stages::compare::NO_EXPOSURE;
 use crate::stages::compare::gpu::{COLORS_BACKWARD, PATCH_TOTALS};
 use crate::stages::composite::gpu::finish_program;

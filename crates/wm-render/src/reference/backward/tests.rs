@@ -1,9 +1,9 @@
 use super::*;
+use crate::config::{Background, RenderConfig};
 use crate::differentiable::Opacity;
 use crate::even_air::EvenAir;
 use crate::plan::DrawPass;
 use crate::reference;
-use crate::renderer::{Background, RenderConfig};
 use crate::testing::comparison::HardSplats;
 use crate::testing::{RandomLoss, camera, random_splats};
 use wm_scene::Rasterization;

@@ -1,9 +1,10 @@
 //! Compares pictures with a photo and its priors on a GPU, which keeps both.
 
-use super::{Compared, Comparison, PixelPrior, Term};
+use super::{Compared, Comparison, GROUPS, PixelPrior, Term};
 use crate::differentiable::Channels;
 use crate::gpu::Gpu;
-use crate::gpu::buffers::{BufferPool, READ_BACK, WRITTEN};
+use crate::gpu::buffers::{BufferPool, READ_BACK};
+use crate::gpu::device::WRITTEN;
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage, with_buffers, with_numbered};
 use crate::gpu::source::{Program, WORKGROUP, switches};
@@ -11,8 +12,6 @@ use crate::gpu::uniforms::{self, Uniform};
 use std::collections::HashMap;
 use wgpu::{BindingResource, BufferBinding, BufferSize};
 
-/// Workgroups that add up a picture.
-pub(crate) const GROUPS: u32 = 64;
 /// Structures that a comparison has: one a channel of colour, and that of geometry.
 pub(crate) const SLOTS: usize = 4;
 /// Most bytes of photos and their priors that stay on the GPU.

@@ -186,3 +186,7 @@ pub struct Compared {
     /// The derivative of the weighted sum by the exposure.
     pub by_exposure: [f64; 12],
 }
+
+/// Workgroups that add up a picture on a GPU.
+#[cfg(feature = "gpu")]
+pub(crate) const GROUPS: u32 = 64;

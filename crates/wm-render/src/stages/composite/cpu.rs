@@ -198,14 +198,8 @@ pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
 
 #[inline(always)]
 fn copy(from: &[f32; PATCH_PIXELS], left: usize, top: usize, rows: &mut [&mut [f32]]) {
-    for (row, pixels) in rows.iter_mut().skip(top).zip(from.chunks_exact(PATCH)) {
-        let row = &mut row[left..];
-        if let Some(whole) = row.first_chunk_mut::<PATCH>() {
-            whole.copy_from_slice(pixels);
-        } else {
-            let width = row.len();
-            row.copy_from_slice(&pixels[..width]);
-        }
+    for (row, pixels) in rows.iter_mut().skip(top).zip(from.as_chunks::<PATCH>().0) {
+        write_line(&mut row[left..], pixels);
     }
 }
 
@@ -240,13 +234,7 @@ fn interleave_four(from: &[[f32; PATCH_PIXELS]; 4], left: usize, top: usize, row
                 a[3],
             ];
         }
-        let row = &mut row[4 * left..];
-        if let Some(whole) = row.first_chunk_mut::<{ 4 * PATCH }>() {
-            *whole = line;
-        } else {
-            let width = row.len();
-            row.copy_from_slice(&line[..width]);
-        }
+        write_line(&mut row[4 * left..], &line);
     }
 }
 
@@ -261,12 +249,17 @@ fn interleave(from: &[[f32; PATCH_PIXELS]; 3], left: usize, top: usize, rows: &m
             let [r, g, b] = [&from[0][at..at + 4], &from[1][at..at + 4], &from[2][at..at + 4]];
             *out = [r[0], g[0], b[0], r[1], g[1], b[1], r[2], g[2], b[2], r[3], g[3], b[3]];
         }
-        let row = &mut row[3 * left..];
-        if let Some(whole) = row.first_chunk_mut::<{ 3 * PATCH }>() {
-            *whole = line;
-        } else {
-            let width = row.len();
-            row.copy_from_slice(&line[..width]);
-        }
+        write_line(&mut row[3 * left..], &line);
+    }
+}
+
+/// Writes a line, as much of it as the row has room for.
+#[inline(always)]
+fn write_line<const N: usize>(row: &mut [f32], line: &[f32; N]) {
+    if let Some(whole) = row.first_chunk_mut::<N>() {
+        *whole = *line;
+    } else {
+        let width = row.len();
+        row.copy_from_slice(&line[..width]);
     }
 }

@@ -3,7 +3,7 @@
 //! came back.
 
 use crate::differentiable::Channels;
-use crate::gpu::buffers::Room;
+use crate::gpu::buffers::{ParticleBlend, Room};
 use crate::gpu::recorder::{Groups, Recorder, with_buffers, with_numbered};
 use crate::gpu::source::{COLOR, Program, TRAINING, WORKGROUP, switches};
 use crate::stages::particles::gpu::OVER;
@@ -17,20 +17,6 @@ pub(crate) enum BackgroundForm {
     Nodes(u32),
     /// A picture.
     Picture,
-}
-
-/// The pictures that particles are drawn into.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(crate) enum ParticleBlend {
-    /// There are none.
-    #[default]
-    None,
-    /// Over the colour.
-    InColor,
-    /// Over the colour, and into a picture of their own.
-    Separate,
-    /// Into a picture of their own alone.
-    Apart,
 }
 
 /// One colour behind everything.

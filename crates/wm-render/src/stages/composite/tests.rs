@@ -1,10 +1,10 @@
 use super::background::{BackgroundScratch, BackgroundView};
+use crate::config::{Background, RenderConfig, SkyGradient};
 use crate::hooks::{
     AirGroup, AirOnRay, Backdrop, Detail, GROUP, Hooks, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect,
     ShadeGroup, SkySplats, WgslSource,
 };
 use crate::plan::{DrawPass, SetView, Shading};
-use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::comparison::{ALL_OUTPUTS, rendered};
 use crate::testing::{Backend, camera, random_splats};

@@ -22,14 +22,16 @@ pub(crate) mod gpu;
 #[cfg(test)]
 mod tests;
 
-use crate::hooks::PATCH;
+use crate::sizes::PATCH;
 
 /// Side of a tile, px.
 pub(crate) const TILE: usize = 2 * PATCH;
 /// Patches of a tile.
 pub(crate) const PATCHES: usize = 4;
 /// Bits of a key that name the record.
-pub(crate) const RECORD_BITS: u32 = 28;
+const RECORD_BITS: u32 = 28;
+/// Most splats in one frame: a key of the tile lists has no more bits for them.
+pub(crate) const MAX_SPLATS: usize = 1 << RECORD_BITS;
 
 /// One entry of a tile's list: bits of the view z (positive floats are in the order of their bits),
 /// the splat's record, and a bit `2 row + column` for each patch of the tile that it touches.

@@ -1,5 +1,7 @@
 use super::cpu::{Pairs, PatchBox, offsets};
 use super::{PATCHES, TileGrid, record_of};
+#[cfg(feature = "gpu")]
+use crate::config::RenderConfig;
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
 #[cfg(feature = "gpu")]
@@ -8,7 +10,7 @@ use crate::hooks::{GROUP, PATCH, ShadeGroup};
 #[cfg(feature = "gpu")]
 use crate::plan::{DrawPass, SetView};
 #[cfg(feature = "gpu")]
-use crate::renderer::{RenderBackend, RenderConfig};
+use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
 use crate::stages::project::cpu::{ProjectedGroup, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};

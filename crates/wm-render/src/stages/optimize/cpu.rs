@@ -1,8 +1,8 @@
 //! Rows of splats on all threads.
 
 use super::{BETA1, BETA2, EPS, MAX_FLAT_RATIO, Moments, Pair, Rates, SplatTerms};
-use crate::differentiable::Gradients;
 use crate::dispatch;
+use crate::gradients::Gradients;
 use crate::simd::SimdPath;
 use rayon::prelude::*;
 use wm_scene::{Group, Splats};

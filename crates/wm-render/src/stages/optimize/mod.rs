@@ -26,7 +26,7 @@ pub mod gpu;
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) mod tests;
 
-use crate::differentiable::Gradients;
+use crate::gradients::Gradients;
 use wm_scene::{Splats, sh};
 
 /// Decay of the first moments.

@@ -2,12 +2,13 @@
 
 use super::cpu::{add_terms, hold_sky, step};
 use super::*;
+use crate::config::CpuConfig;
 use crate::differentiable::{
-    Channels, Differentiable, DrawnSplats, ForwardConfig, Learn, Opacity, Resident, Target,
+    Channels, Differentiable, DrawnSplats, ForwardConfig, Opacity, Resident, Target,
 };
 use crate::frame::Frame;
 use crate::gpu::GpuDifferentiable;
-use crate::renderer::CpuConfig;
+use crate::gradients::Learn;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, RandomLoss, camera, gpu_differentiable, random_splats, small_gpu};
 use wm_scene::{Group, quat};

@@ -4,8 +4,9 @@ use super::{
     DILATION, MAX_COVER, MIN_OPTICAL_DEPTH, MIN_SQUARED_RADIUS, PEAK_COEFFICIENTS, STEPS_PER_OPTICAL_DEPTH,
 };
 use crate::RenderError;
-use crate::budget::{FrameBudget, Listed, check_cells};
+use crate::budget::{FrameBudget, check_cells};
 use crate::dispatch;
+use crate::error::Listed;
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, ParticleGroup, ParticleView, Particles};
 use crate::simd::{Lanes, SimdPath, exp2, log2, srgb_decode, srgb_encode, transpose};

@@ -1,10 +1,11 @@
 //! Every back end against the reference, and what must hold of cover whatever the path.
 
 use super::cpu::ProjectedDrop;
+use crate::config::{Background, CpuConfig, Geometry, Outputs, RenderConfig};
 use crate::hooks::{GROUP, Hooks, Particle, ParticleGroup, ParticleView, Particles};
 use crate::plan::{DrawPass, SetView};
 use crate::reference::particles::cover;
-use crate::renderer::{Background, CpuConfig, Geometry, Outputs, RenderBackend, RenderConfig};
+use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
 use crate::{CpuRenderer, Frame};

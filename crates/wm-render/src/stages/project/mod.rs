@@ -30,6 +30,8 @@ pub(crate) mod activate;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
+#[cfg(feature = "gpu")]
+pub(crate) mod rows;
 #[cfg(test)]
 mod tests;
 

@@ -1,14 +1,17 @@
 use super::cpu::{ClusterCull, ProjectedGroup, project_group};
 use super::{ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK};
-use crate::cpu::model::{CLUSTER, CpuModel};
+#[cfg(feature = "gpu")]
+use crate::config::RenderConfig;
+use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::hooks::{GROUP, ShadeGroup};
 #[cfg(feature = "gpu")]
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
 #[cfg(feature = "gpu")]
-use crate::renderer::{RenderBackend, RenderConfig};
+use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
+use crate::sizes::CLUSTER;
 use crate::testing::comparison::HardSplats;
 use crate::testing::{Backend, camera, random_splats, uniform};
 use glam::DVec3;

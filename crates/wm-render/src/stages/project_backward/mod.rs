@@ -29,5 +29,7 @@
 pub(crate) mod cpu;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
+#[cfg(feature = "gpu")]
+pub(crate) mod rows;
 #[cfg(test)]
 mod tests;

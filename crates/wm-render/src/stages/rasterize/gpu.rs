@@ -1,12 +1,13 @@
 //! Blending on the GPU: a workgroup a tile of 16x16 px, a thread a pixel.
 
+use crate::config::{Geometry, MedianDepth};
 use crate::differentiable::Channels;
 use crate::frame::FRONT;
 use crate::gpu::buffers::Room;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{Program, switches};
 use crate::hooks::GROUP;
-use crate::renderer::{Geometry, MedianDepth, WEIGHT_UNITS};
+use crate::renderer::WEIGHT_UNITS;
 
 /// Pictures of depths before that of the surface in the buffer of depths: expected and median
 /// depth. The sums of [`crate::Frame::front`] follow the surface.

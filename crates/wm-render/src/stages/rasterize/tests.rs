@@ -1,7 +1,7 @@
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
+use crate::config::{Background, RenderConfig};
 use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView};
 use crate::reference;
-use crate::renderer::{Background, RenderConfig};
 use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare, rendered};
 use crate::testing::{Backend, camera, random_splats};
 use crate::{

@@ -36,8 +36,9 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
 #[cfg(feature = "gpu")]
 #[test]
 fn subgroups_add_up_the_same() {
-    use crate::differentiable::{Differentiable, Learn};
+    use crate::differentiable::Differentiable;
     use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, Subgroups};
+    use crate::gradients::Learn;
     use crate::testing::RandomLoss;
     let Some(_) = Backend::gpu() else { return };
     let splats = random_splats(900, 1, 77);

@@ -3,12 +3,11 @@
 
 use super::cull::cull;
 use super::packets::{Packets, RayGroup};
-use super::records::{CLUSTER, RayRecord, Sphere};
+use super::records::{CLUSTER, RayRecord, Sphere, record_of};
 use super::walk::{Features, PacketHits, Walk, blend};
-use super::{RayHits, RayOutputs, Rays};
+use super::{RayHits, RayOutputs, RayTracer, Rays};
 use crate::cpu::model::morton_order;
 use crate::dispatch;
-use crate::ray_tracer::RayTracer;
 use crate::simd::SimdPath;
 use crate::stages::sort;
 use glam::Vec3;
@@ -117,12 +116,6 @@ impl<'a> RaySplats<'a> {
         };
         self.records.par_chunks(BLOCK).zip(pairs).flat_map_iter(of_block).collect()
     }
-}
-
-/// The place of a key's record.
-#[inline(always)]
-pub(super) fn record_of(key: u64) -> usize {
-    key as u32 as usize
 }
 
 /// Pairs of a packet and the key of a record, of one block of records.

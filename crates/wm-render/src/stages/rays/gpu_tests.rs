@@ -2,10 +2,10 @@
 
 use super::cpu::RaySplats;
 use super::tests::{ALL, compare, hard, ray_splats, rays, value};
-use super::{RayHits, RayOutputs, Rays};
+use super::{RayHits, RayOutputs, RayTracer, Rays};
+use crate::error::RenderError;
 use crate::gpu::{Gpu, GpuError, GpuRaySplats};
-use crate::ray_tracer::{AnyRaySplats, RayTracer};
-use crate::renderer::RenderError;
+use crate::ray_tracer::AnyRaySplats;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, gpu_renderer, random_splats, small_gpu};
 use std::sync::Arc;

@@ -35,6 +35,8 @@ mod records;
 mod tests;
 mod walk;
 
+use crate::simd::SimdPath;
+
 /// Rays, each with an origin and a direction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rays {
@@ -112,3 +114,13 @@ pub(crate) const MIN_RELATIVE_SCALE: f64 = 1e-4;
 pub(crate) const STOPPED_COVERAGE: f32 = 0.99;
 /// Least coverage of a hit.
 pub(crate) const MIN_HIT_COVERAGE: f32 = 0.5;
+
+/// Splats that rays can meet, on the CPU or on a GPU.
+pub trait RayTracer: Sync {
+    /// Traces rays, on the threads of the current pool where the CPU does it, with its instructions
+    /// `path`.
+    ///
+    /// # Panics
+    /// If there are fewer origins than directions.
+    fn trace(&self, rays: &Rays, asked: RayOutputs, path: SimdPath) -> RayHits;
+}

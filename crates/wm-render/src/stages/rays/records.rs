@@ -86,3 +86,9 @@ impl Sphere {
         Self { center, radius: 1.0001 * records.iter().map(reach).fold(0.0, f32::max) }
     }
 }
+
+/// The place of a key's record.
+#[inline(always)]
+pub(super) fn record_of(key: u64) -> usize {
+    key as u32 as usize
+}

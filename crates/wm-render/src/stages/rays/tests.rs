@@ -1,9 +1,8 @@
 use super::cpu::RaySplats;
 use super::packets::{PACKET, Packets};
-use super::{RayHits, RayOutputs, Rays};
-use crate::ray_tracer::RayTracer;
+use super::{RayHits, RayOutputs, RayTracer, Rays};
+use crate::config::RenderConfig;
 use crate::reference;
-use crate::renderer::RenderConfig;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
 use crate::{DrawPass, Frame, SetView};

@@ -1,8 +1,7 @@
 //! Blending along rays: a packet walks its splats with all its rays side by side.
 
-use super::cpu::record_of;
 use super::packets::{Cone, PACKET, RayGroup};
-use super::records::{RayRecord, SLACK};
+use super::records::{RayRecord, SLACK, record_of};
 use super::{MIN_HIT_COVERAGE, RayHits, RayOutputs, Rays, STOPPED_COVERAGE};
 use crate::simd::{Lanes, exp2};
 use crate::stages::project::LOG2_MIN_ALPHA;

@@ -1,11 +1,11 @@
 use super::cpu::{relight_group, shade_group};
 use crate::DrawPass;
+use crate::config::{Background, RenderConfig, SkyGradient};
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::frame::srgb_decode;
 use crate::hooks::{AirGroup, AirOnRay, GROUP, Hooks, Medium, ShadeGroup, WgslSource};
 use crate::hooks::{Attribute, AttributeBlock, SplatAttributes};
-use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::comparison::{ALL_OUTPUTS, evaluate_by_reference, rendered};
 use crate::testing::{Backend, camera, random_splats, uniform};

@@ -15,7 +15,7 @@ mod sweep;
 use super::normals::normals;
 use super::points::{has_tracks, seen_points};
 use crate::photo_warp::PhotoWarp;
-use crate::photos::{PhotoError, Photos};
+use crate::photos::{PhotoError, Photos, level_for};
 use glam::DVec3;
 use matching::{StereoImage, StereoSource};
 use rayon::prelude::*;
@@ -46,10 +46,6 @@ impl Default for StereoOptions {
 /// The depth and normals of one photo.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct StereoMap {
-    /// Width, px.
-    pub(crate) width: u32,
-    /// Height, px.
-    pub(crate) height: u32,
     /// Inverse view z, 1 / scene unit, `[H, W]`, NaN where it is not known.
     pub(crate) disparity: Vec<f32>,
     /// World axes, towards the camera, `[H, W, 3]`, 0 where it is not known.
@@ -72,16 +68,10 @@ const HALF_NORMAL_WINDOW_PX: usize = 3;
 /// Radius within which a point of the reconstruction initialises planes, px.
 const START_RADIUS_PX: isize = 12;
 
-/// Returns how often the sides of photos are halved: until the largest has no more pixels than the
-/// options allow, or the smallest would have sides too short.
+/// Returns how often the sides of photos are halved.
 pub(crate) fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, 0)).collect();
-    let is_enough = |level: &u8| {
-        let fits = |c: &Camera| (c.width >> level) * (c.height >> level) <= options.pixels;
-        let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min();
-        cameras.iter().all(fits) || shortest.is_some_and(|side| side < MIN_HALVED_SIDE_PX)
-    };
-    (0..8).find(is_enough).unwrap_or(0)
+    level_for(&cameras, options.pixels, MIN_HALVED_SIDE_PX)
 }
 
 /// Computes the maps of the photos `places` (indices in `photos`); `None` for those that cannot be
@@ -165,8 +155,7 @@ pub(crate) fn estimate(
             }
             let disparity = check::agreed(&reference, planes, &others);
             let normal = normals(&disparity, &cameras[index], HALF_NORMAL_WINDOW_PX);
-            let (width, height) = (cameras[index].width, cameras[index].height);
-            Some(StereoMap { width, height, disparity, normal })
+            Some(StereoMap { disparity, normal })
         });
         progress(done.fetch_add(1, Ordering::Relaxed) + 1).then_some(map)
     };

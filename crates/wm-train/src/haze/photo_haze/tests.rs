@@ -1,5 +1,5 @@
-use super::sightings::Sighting;
 use super::*;
+use crate::haze::sightings::Sighting;
 use wm_base::random::uniform;
 
 /// Points along a road as photos from a car show them.
