@@ -14,7 +14,7 @@
 use super::boards::slope;
 use super::expected;
 use super::lit::{LightPicture, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::plot::{Axis, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, fov_of,
 };
@@ -146,30 +146,30 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
         strip.push(picture.picture.frame.rgb);
     }
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     for (k, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        finding.readings.push(request.reading(
+        finding.add(
             format!("extinction by lamps, {name}"),
             "1/km",
             [1e3 * asked[k], if points[k].len() < LAMP_COUNT { f64::NAN } else { 1e3 * slope(&points[k]) }],
             Tolerance::Relative(0.03),
-        ));
+        );
     }
     let first = points[1].first().copied().unwrap_or_default();
     let shown = |[metres, log]: [f64; 2]| [metres, (first[1] - log).exp()];
     let law = (0..=60).map(|k| limits[0] + (limits[1] - limits[0]) * f64::from(k) / 60.0);
-    finding.plots.push(Plot {
-        title: format!("Light of lamps, {}", request.setting),
-        x: Axis::linear("distance, m"),
-        y: Axis::log("E d\u{b2}, share of the nearest"),
-        series: vec![
+    finding.plot(
+        "Light of lamps",
+        "distance, m",
+        Axis::log("E d\u{b2}, share of the nearest"),
+        vec![
             Series::line(
                 "exp(-sigma d)",
                 law.map(|metres| [metres, (-asked[1] * (metres - first[0])).exp()]).collect(),
             ),
             Series::points("green", points[1].iter().copied().map(shown).collect()),
         ],
-    });
+    );
     finding.pictures.push(MeasuredPicture {
         caption: format!(
             "{}: the lamps at {:.0} to {:.0} m, each through a lens by its distance",

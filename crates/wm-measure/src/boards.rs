@@ -11,9 +11,9 @@
 //! of what falls before the boards.
 
 use super::expected::{self, MOR_DEPTH};
-use super::plot::{Axis, Plot, Series};
+use super::plot::{Axis, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, clear,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear,
     median,
 };
 use wm_place::Result;
@@ -171,7 +171,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
         shown = picture;
     }
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let farthest = boards.metres.iter().copied().fold(0.0, f64::max);
     let law = (0..=60).map(|k| farthest * f64::from(k) / 60.0);
     let mut series = vec![Series::line(
@@ -189,28 +189,19 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|(metres, kept)| [*metres, -kept[channel].ln()])
             .collect();
         let measured = if points.len() < 4 { f64::NAN } else { MOR_DEPTH / slope(&points) };
-        finding.readings.push(request.reading(
-            format!("MOR, {name}"),
-            "m",
-            [asked[channel], measured],
-            Tolerance::Relative(0.03),
-        ));
+        finding.add(format!("MOR, {name}"), "m", [asked[channel], measured], Tolerance::Relative(0.03));
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
-    finding.plots.push(Plot {
-        title: format!("Contrast left, {}", request.setting),
-        x: Axis::linear("distance of the board, m"),
-        y: Axis::log("white less black, share of clear air"),
+    finding.plot(
+        "Contrast left",
+        "distance of the board, m",
+        Axis::log("white less black, share of clear air"),
         series,
-    });
+    );
     let near = median(boards.metres.clone());
-    finding.pictures.push(MeasuredPicture::of(
-        format!(
-            "{}: black boards at {:.0} to {farthest:.0} m, half of them within {near:.0} m",
-            request.setting,
-            0.1 * asked[1]
-        ),
-        &shown.frame,
-    ));
+    finding.show(
+        format!("black boards at {:.0} to {farthest:.0} m, half of them within {near:.0} m", 0.1 * asked[1]),
+        &shown,
+    );
     Ok(finding)
 }

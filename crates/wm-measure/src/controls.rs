@@ -10,7 +10,7 @@
 use super::drops::{DropSample, MeasuredDrop};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES, Reading,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES,
     ShotSubject, Tolerance, clear, expected, mean, median, streaks,
 };
 use wm_image::PictureSize;
@@ -121,7 +121,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         (f64::from(PICTURE_WIDTH_PX) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(PICTURE_WIDTH_PX, height as u32);
     let bare = draw(rig, &camera, &clear(), request.time, PARTICLES)?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
         let (mut points, mut errors) = (Vec::new(), Vec::new());
@@ -154,20 +154,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let chance = SIGNIFICANCE_SIGMA * f64::hypot(errors[k - 1], errors[*k]);
             points[*k][1] - points[k - 1][1] > chance
         });
-        finding.readings.push(Reading {
-            quantity: format!(
-                "steps that raise the {}: {} to {}",
-                control.seen.label().split(',').next().unwrap_or_default(),
-                short(points[0][1]),
-                short(points[STEP_COUNT - 1][1])
-            ),
-            setting: control.name.to_owned(),
-            unit: "",
-            asked: (STEP_COUNT - 1) as f64,
-            measured: rising.count() as f64,
-            standard_error: None,
-            tolerance: Tolerance::Absolute(0.0),
-        });
+        let quantity = format!(
+            "steps that raise the {}: {} to {}",
+            control.seen.label().split(',').next().unwrap_or_default(),
+            short(points[0][1]),
+            short(points[STEP_COUNT - 1][1])
+        );
+        let values = [(STEP_COUNT - 1) as f64, rising.count() as f64];
+        finding.add(quantity, "", values, Tolerance::Absolute(0.0)).setting = control.name.to_owned();
         finding.plots.push(Plot {
             title: format!("{}: {} = {}", control.name, control.key, control.values.join(", ")),
             x: Axis::linear("step"),

@@ -9,9 +9,9 @@
 //! below 1 % in all.
 
 use super::lit::LightPicture;
-use super::plot::{Axis, Plot, Series};
+use super::plot::{Axis, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected,
 };
 use wm_base::color::srgb_encode;
 use wm_place::Result;
@@ -68,7 +68,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let level = LevelFrame::of(&rig.site());
     let height = expected::number(request.weather, request.time, "flood", "level").unwrap_or_default();
     let weather = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut points = Vec::new();
     for degrees in ELEVATIONS_DEGREES {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -90,24 +90,23 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
         let measured = picture.patch(middle, middle, PATCH_HALF_SIDE_PX) / BOARD_LIGHT;
         let asked = reflectance(degrees.to_radians());
-        finding.readings.push(request.reading(
+        finding.add(
             format!("reflectance of water at {degrees} degrees"),
             "",
             [asked, measured],
             Tolerance::Relative(0.03),
-        ));
+        );
         points.push([degrees, measured]);
         if degrees == ELEVATIONS_DEGREES[1] {
-            let caption = format!("{}: water that mirrors a board, at {degrees} degrees", request.setting);
-            finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));
+            finding.show(format!("water that mirrors a board, at {degrees} degrees"), &picture.picture);
         }
     }
     let law = (1..=90).map(|degrees| [f64::from(degrees), reflectance(f64::from(degrees).to_radians())]);
-    finding.plots.push(Plot {
-        title: format!("Reflectance of water, {}", request.setting),
-        x: Axis::linear("elevation of the view, degrees"),
-        y: Axis::log("share of light that is reflected"),
-        series: vec![Series::line("Fresnel, 1.333", law.collect()), Series::points("measured", points)],
-    });
+    finding.plot(
+        "Reflectance of water",
+        "elevation of the view, degrees",
+        Axis::log("share of light that is reflected"),
+        vec![Series::line("Fresnel, 1.333", law.collect()), Series::points("measured", points)],
+    );
     Ok(finding)
 }

@@ -15,9 +15,9 @@
 use super::allard::{NIGHT, NOTHING_FALLS};
 use super::expected;
 use super::lit::{LightPicture, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::plot::{Axis, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance,
 };
 use std::f64::consts::PI;
 use wm_place::Result;
@@ -131,7 +131,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
     let is_burned = lit.patch(16.5, 16.5, 3) > 0.95;
 
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let (mut seen, mut law) = (Vec::new(), Vec::new());
     for ring in RING_RADII_PX {
         let [measured, asked] = on_ring(&picture, &camera, ring, sigma);
@@ -140,23 +140,20 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let metres = LAMP_DISTANCE_M * (ring / camera.fx);
         seen.push([metres, measured]);
         law.push([metres, asked]);
-        finding.readings.push(request.reading(
+        finding.add(
             format!("light {ring:.0} px from the lamp, over its intensity"),
             "1/m\u{b2}",
             [asked, if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured }],
             Tolerance::Relative(0.05),
-        ));
+        );
     }
-    finding.plots.push(Plot {
-        title: format!("Light around a lamp, {}", request.setting),
-        x: Axis::log("distance from the lamp, m"),
-        y: Axis::log("radiance over intensity, 1/m\u{b2}"),
-        series: vec![Series::line("scattered once", law), Series::points("seen", seen)],
-    });
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the lamp, {LAMP_DISTANCE_M} m off", request.setting),
-        &picture.picture.frame,
-    ));
+    finding.plot(
+        "Light around a lamp",
+        Axis::log("distance from the lamp, m"),
+        Axis::log("radiance over intensity, 1/m\u{b2}"),
+        vec![Series::line("scattered once", law), Series::points("seen", seen)],
+    );
+    finding.show(format!("the lamp, {LAMP_DISTANCE_M} m off"), &picture.picture);
     Ok(finding)
 }
 

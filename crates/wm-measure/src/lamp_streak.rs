@@ -11,7 +11,7 @@
 
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected,
 };
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -165,14 +165,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let measured = spread(&level, &camera, |(x, y), _| (with.light(x, y) - without.light(x, y)).max(0.0));
     let slopes = RMS_SLOPE * (-2.0 * film).exp();
     let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));
-    let mut finding = Finding::default();
-    let mut reading = |quantity: &str, asked: f64, measured: f64| {
-        let tolerance = Tolerance::Relative(0.07);
-        finding.readings.push(request.reading(quantity, "px", [asked, measured], tolerance));
-    };
-    reading("length of the streak, standard deviation", asked[1], measured[1]);
-    reading("width of the streak, standard deviation", asked[0], measured[0]);
-    let caption = format!("{}: a white board in a wet yard", request.setting);
-    finding.pictures.push(MeasuredPicture::of(caption, &with.picture.frame));
+    let mut finding = request.finding();
+    for (axis, what) in [(1, "length"), (0, "width")] {
+        let quantity = format!("{what} of the streak, standard deviation");
+        finding.add(quantity, "px", [asked[axis], measured[axis]], Tolerance::Relative(0.07));
+    }
+    finding.show("a white board in a wet yard", &with.picture);
     Ok(finding)
 }

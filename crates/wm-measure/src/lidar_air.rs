@@ -21,7 +21,7 @@ use super::lidar::{
     normal, reach, sweep, text,
 };
 use super::lit::paint_card;
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use std::f64::consts::PI;
 use wm_place::Result;
@@ -100,11 +100,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let points: Vec<[f64; 2]> =
         (0..BIN_COUNT).map(|bin| [PULSE_HALF_LENGTH_M * (bin as f64 + 0.5), shares[bin]]).collect();
     let sigma = extinction(&weather, request.time);
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let asked = reach(PI * sigma / LIDAR_RATIO_SR * PULSE_HALF_LENGTH_M, sigma);
     let values = [asked, crossing(&points, share_at(1.0))];
     let tolerance = Tolerance::Relative(0.02);
-    finding.readings.push(request.reading("reach of echoes of the air", "m", values, tolerance));
+    finding.add("reach of echoes of the air", "m", values, tolerance);
     let defocused = text(
         [0.0, asked],
         PULSES_PER_SIDE,
@@ -117,12 +117,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let is_near = |point: &&LidarPoint| point.class == EchoClass::Air && f64::from(point.range) < asked;
     let near = seen.points.iter().filter(is_near).count() as f64 / seen.pulses as f64;
     let values = [echoes_within(asked, sigma), near];
-    finding.readings.push(request.reading("echoes of a pulse before full overlap", "", values, tolerance));
-    finding.plots.push(Plot {
-        title: format!("Echoes of the air, {}", request.setting),
-        x: Axis::linear("range, m"),
-        y: Axis::linear("share of pulses with an echo"),
-        series: vec![Series::line("open air", points)],
-    });
+    finding.add("echoes of a pulse before full overlap", "", values, tolerance);
+    finding.plot(
+        "Echoes of the air",
+        "range, m",
+        "share of pulses with an echo",
+        vec![Series::line("open air", points)],
+    );
     Ok(finding)
 }

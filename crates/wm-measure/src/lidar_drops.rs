@@ -14,7 +14,7 @@ use super::lidar::{
     extinction, model, normal, signal, sweep,
 };
 use super::lit::paint_card;
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use wm_place::Result;
 use wm_place::lidar::EchoClass;
@@ -98,10 +98,10 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let seen = sweep(rig, subject, &lidar, &weather, request.time)?;
     let rate = expected::number(request.weather, request.time, "rain", "rate").unwrap_or(0.0);
     let found = seen.points.iter().filter(|point| point.class == EchoClass::Drop).count() as f64;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let asked = seen.pulses as f64 * a_pulse(rate, extinction(&weather, request.time));
     let quantity = format!("drops in {} pulses", seen.pulses);
-    let counted = request.reading(quantity, "", [asked, found], Tolerance::Relative(0.04));
-    finding.readings.push(Reading { standard_error: Some(found.sqrt()), ..counted });
+    let counted = finding.add(quantity, "", [asked, found], Tolerance::Relative(0.04));
+    counted.standard_error = Some(found.sqrt());
     Ok(finding)
 }

@@ -12,7 +12,7 @@
 
 use super::lidar::{EYE_HEIGHT_M, RECEIVER_NOISE, model, normal, signal, sweep};
 use super::lit::paint_card;
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected, mean};
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarSweep};
@@ -108,7 +108,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let subject = rig.set_up_lit(splats, Vec::new())?;
     let [near, far] = COUNTED_RANGE_M.map(|range| -(EYE_HEIGHT_M / range).asin().to_degrees());
     let lidar = model(COLUMNS, [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES], ROWS, [near, far])?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut series = Vec::new();
     let mut sweeps = Vec::new();
     for (name, weather, is_wet) in [("dry", &Weather::clear(), false), ("wet", &wet, true)] {
@@ -122,7 +122,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let expected: Vec<[f64; 2]> = counted.iter().map(law).collect();
         let values = [seen_up_to(&expected), seen_up_to(&counted)];
         let tolerance = Tolerance::Relative(0.03);
-        finding.readings.push(request.reading(format!("range of a {name} road"), "m", values, tolerance));
+        finding.add(format!("range of a {name} road"), "m", values, tolerance);
         let grouped = |rows: &[[f64; 2]]| [0, 1].map(|k| mean(rows.iter().map(|row| row[k])));
         series.push(Series::line(format!("{name}, by the lidar equation"), expected));
         series.push(Series::points(name, counted.chunks(ROWS_PER_POINT).map(grouped).collect()));
@@ -132,13 +132,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let [dry, wet] = [0, 1].map(|at| intensity_at(&sweeps[at], range));
         let values = [film_factor(EYE_HEIGHT_M / range), wet / dry];
         let quantity = format!("wet road over dry, {range} m away");
-        finding.readings.push(request.reading(quantity, "", values, Tolerance::Relative(0.04)));
+        finding.add(quantity, "", values, Tolerance::Relative(0.04));
     }
-    finding.plots.push(Plot {
-        title: format!("A road before a lidar, {}", request.setting),
-        x: Axis::linear("range, m"),
-        y: Axis::linear("share of pulses that come back"),
-        series,
-    });
+    finding.plot("A road before a lidar", "range, m", "share of pulses that come back", series);
     Ok(finding)
 }

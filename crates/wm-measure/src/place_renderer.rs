@@ -156,7 +156,8 @@ impl InstrumentRenderer for PlaceRenderer {
                     backend.unload(target.set);
                 }
                 Target::Lit(place) => {
-                    place.unload(self.renderer.backend_mut());
+                    // Of this renderer, so it does not fail.
+                    let _ = self.renderer.unload(*place);
                 }
             }
         }

@@ -10,7 +10,7 @@
 //! and 4, and of how far single rays are off. A splat is dimmed by the length of its own ray; on
 //! slanted surfaces the splats of a pixel are nearer and farther than its depth.
 
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{
     AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
     clear, expected, median,
@@ -86,33 +86,25 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     // The median: some edges slip through.
     let ratio = median(points.iter().map(|p| p[1] / p[0]).collect());
     let off = median(points.iter().map(|p| (p[1] / p[0] - 1.0).abs()).collect());
-    let mut finding = Finding::default();
-    let reading = |quantity: String, asked, measured, tolerance| {
-        request.reading(quantity, "", [asked, measured], tolerance)
-    };
+    let mut finding = request.finding();
     let count = points.len();
-    finding.readings.push(reading(
+    finding.add(
         format!("optical depth over the integral, median of {count} rays"),
-        1.0,
-        if count < 100 { f64::NAN } else { ratio },
+        "",
+        [1.0, if count < 100 { f64::NAN } else { ratio }],
         Tolerance::Relative(0.03),
-    ));
-    finding.readings.push(reading(
-        "single rays are off by, median".into(),
-        0.0,
-        off,
-        Tolerance::Absolute(0.03),
-    ));
+    );
+    finding.add("single rays are off by, median", "", [0.0, off], Tolerance::Absolute(0.03));
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
-    finding.plots.push(Plot {
-        title: format!("Optical depth of rays, {}", request.setting),
-        x: Axis::linear("asked: integral along the ray"),
-        y: Axis::linear("measured: -ln of the transmittance"),
-        series: vec![
+    finding.plot(
+        "Optical depth of rays",
+        "asked: integral along the ray",
+        "measured: -ln of the transmittance",
+        vec![
             Series::line("equal", vec![[0.0; 2], [OPTICAL_DEPTH_RANGE.end; 2]]),
             Series::points("rays of one view", few),
         ],
-    });
+    );
     let size = (camera.width, camera.height);
     finding.pictures.push(MeasuredPicture::of(request.setting.to_owned(), frame));
     finding.pictures.push(MeasuredPicture::grey(

@@ -84,7 +84,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         request.with(&["wind=off", "fog=off", "haze=off", "smog=off", "snowfall=off", "rain=off"])?;
     let wanted = depth(request.weather, request.time).unwrap_or(0.0);
     let down = |eye: [f64; 3]| level.camera((160, 160), 20.0, eye, [eye[0], eye[1], 0.0]);
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     for (name, eye, asked, tolerance) in [
         ("in the open", [-2.5, 0.0, 9.0], wanted, Tolerance::Relative(0.03)),
         ("on the roof", [ROOF_CENTER_M[0], ROOF_CENTER_M[1], 9.0], wanted, Tolerance::Relative(0.03)),
@@ -96,12 +96,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             Ok(middle_depth(&level, &camera, &depth))
         };
         let measured = z(&clear())? - z(&weather)?;
-        finding.readings.push(request.reading(
-            format!("snow depth {name}"),
-            "m",
-            [asked, measured],
-            tolerance,
-        ));
+        finding.add(format!("snow depth {name}"), "m", [asked, measured], tolerance);
     }
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
     finding.pictures.push(shown(rig, subject, &camera, &weather, request, "the yard, with its roof")?);

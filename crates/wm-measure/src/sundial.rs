@@ -16,9 +16,9 @@
 //! Tolerance: 2 % of the length, 1 degree, 15 % of the width.
 
 use super::lit::{GROUND, LightPicture, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject,
     Tolerance, expected, mean,
 };
 use std::f64::consts::{PI, TAU};
@@ -171,7 +171,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let sun = [turn.cos(), -level.hand() * turn.sin()];
     let away = sun.map(|v| -v);
     let dial = Dial { level, away, aside: [-away[1], away[0]] };
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let asked = DialRequest { elevation: elevation.to_radians(), weather: &weather, request };
     rod(rig, &dial, &asked, &mut finding)?;
     edge(rig, &dial, &asked, &mut finding)?;
@@ -226,22 +226,9 @@ fn rod(
     let turn = seen.map_or(f64::NAN, |seen| seen.turn.to_degrees());
     let law = height / asked.elevation.tan();
     let two = Tolerance::Relative(0.02);
-    finding.readings.push(asked.request.reading(
-        format!("shadow of a rod of {height:.3} m"),
-        "m",
-        [law, length],
-        two,
-    ));
-    finding.readings.push(asked.request.reading(
-        "azimuth of the shadow, off the sun's",
-        "deg",
-        [0.0, turn],
-        Tolerance::Absolute(1.0),
-    ));
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the rod from above, its shadow {length:.2} m long", asked.request.setting),
-        &picture.picture.frame,
-    ));
+    finding.add(format!("shadow of a rod of {height:.3} m"), "m", [law, length], two);
+    finding.add("azimuth of the shadow, off the sun's", "deg", [0.0, turn], Tolerance::Absolute(1.0));
+    finding.show(format!("the rod from above, its shadow {length:.2} m long"), &picture.picture);
     Ok(())
 }
 
@@ -339,20 +326,15 @@ fn edge(
     let mut series = Vec::new();
     for metres in EDGE_DISTANCES_M {
         let (width, profile) = edge_at(rig, dial, subject, asked, metres, metres * cos)?;
-        finding.readings.push(asked.request.reading(
+        finding.add(
             format!("width of a shadow's edge at {metres} m"),
             "m",
             [SUN_DIAMETER_RAD * metres, width],
             Tolerance::Relative(0.15),
-        ));
+        );
         series.push(Series::line(format!("{metres} m"), profile));
     }
-    finding.plots.push(Plot {
-        title: format!("Edge of a wall's shadow, {}", asked.request.setting),
-        x: Axis::linear("place across the edge, m"),
-        y: Axis::linear("light, of the lit side"),
-        series,
-    });
+    finding.plot("Edge of a wall's shadow", "place across the edge, m", "light, of the lit side", series);
     Ok(())
 }
 

@@ -9,9 +9,9 @@
 //! Tolerance 3 %. Systematic: reflectances are kept in 8 bits, 0.4 % of the factor at most.
 
 use super::lit::{LightPicture, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected,
 };
 use wm_place::Result;
 use wm_scene::Splats;
@@ -75,7 +75,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let wet =
         |amount: &str| request.with_light(&["light=off", "wetness.porosity=1", "wetness.puddles=0", amount]);
     let dry = request.with_light(&["light=off"])?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut curves = Vec::new();
     type Law = fn(f64) -> f64;
     let states: [(&str, &str, Law); 2] = [
@@ -94,26 +94,18 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             };
             let measured = albedo * light(&weather)? / light(&dry)?;
             curve.push([albedo, measured]);
-            finding.readings.push(request.reading(
+            finding.add(
                 format!("reflectance of a board of {albedo} {name}"),
                 "",
                 [law(albedo), measured],
                 Tolerance::Relative(0.03),
-            ));
+            );
         }
         curves.push(Series::points(name, curve));
     }
-    finding.plots.push(Plot {
-        title: format!("Wet reflectance, {}", request.setting),
-        x: Axis::linear("reflectance of the dry board"),
-        y: Axis::linear("reflectance of the wet board"),
-        series: curves,
-    });
+    finding.plot("Wet reflectance", "reflectance of the dry board", "reflectance of the wet board", curves);
     let camera = level.camera((480, 320), 50.0, [0.0, -8.0, 5.0], [0.0, 0.0, 0.0])?;
     let shown = LightPicture::of(rig, subject, &camera, &wet("wetness.amount=1")?, request.time)?;
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the boards under a film", request.setting),
-        &shown.picture.frame,
-    ));
+    finding.show("the boards under a film", &shown.picture);
     Ok(finding)
 }

@@ -9,8 +9,10 @@
 
 mod particles;
 
-use crate::place::{PinholeContent, PinholeShot, PreparedPlace};
-use crate::{LensView, MovingCamera, Picture, Progress, Renderer, Result};
+pub use crate::picture::SceneFlow;
+use crate::place::PreparedPlace;
+use crate::shot::{MovingCamera, PinholeContent, PinholeShot};
+use crate::{LensView, Picture, Progress, Renderer, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 use wm_render::Frame;
@@ -23,16 +25,6 @@ const SAME_SURFACE_TOLERANCE: f32 = 0.02;
 const INTERPOLATION_TOLERANCE: f32 = 0.1;
 /// A point is hidden if it lies behind the surface of the next picture by more than this share.
 const OCCLUSION_TOLERANCE: f64 = 0.02;
-
-/// The flow from one picture to the next.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SceneFlow {
-    /// Pixels to the right and down from each pixel's middle, `[H, W, 2]`; NaN where
-    /// [`FlowState::Unknown`].
-    pub vectors: Vec<f32>,
-    /// The [`FlowState`] of each pixel as its number, `[H, W]`.
-    pub states: Vec<u8>,
-}
 
 /// The fate of what a pixel shows in the next picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

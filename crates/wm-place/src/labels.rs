@@ -9,6 +9,7 @@
 //! weight in a pixel would take a sum a label. Votes need such sums: they are derivatives of
 //! colours, which a backward pass has.
 
+pub use crate::picture::LabelLayers;
 use crate::place::PreparedPlace;
 use crate::{LensView, Renderer, Result};
 use rayon::prelude::*;
@@ -22,15 +23,6 @@ use wm_scene::{Camera, Rasterization, Splats};
 const LABELS_PER_PASS: usize = 3;
 /// Least weight in all masks by which a splat gets a label, px: of less nothing is seen.
 const MIN_LABEL_WEIGHT_PX: f32 = 1e-3;
-
-/// The labels in a picture, `[H, W]`; empty where the place has none.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct LabelLayers {
-    /// The class of what each pixel shows, 0 for none.
-    pub label: Vec<u16>,
-    /// The thing that each pixel shows, 0 for none.
-    pub instance: Vec<u16>,
-}
 
 impl Renderer {
     /// Draws the labels and the instances that the splats of a place have: those of the scene,

@@ -291,6 +291,19 @@ impl PictureStyle {
     }
 }
 
+impl Picture {
+    /// Writes the colour as `.png` (8 bits, dithered), `.exr` or `.npy` (linear light). For depth,
+    /// normals and the other outputs see [`PictureStyle`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Media`] if the file cannot be written; [`crate::Error::Unsupported`] for
+    /// another extension.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let style = PictureStyle { tags: self.tags.clone(), ..PictureStyle::default() };
+        style.write(self, path.as_ref()).map(drop)
+    }
+}
+
 /// The values of a layer as files of floats have them: colours in linear light.
 fn linear_values(layer: PictureLayer, picture: &Picture) -> Cow<'_, [f32]> {
     let values = picture.layer(layer);

@@ -4,7 +4,8 @@
 use crate::camera_model::CameraModel;
 use crate::layers::LayerPasses;
 use crate::picture::WaterLayers;
-use crate::place::{PinholeContent, PinholeShot, PreparedPlace, check_owner};
+use crate::place::{PreparedPlace, check_owner};
+use crate::shot::{PinholeContent, PinholeShot};
 use crate::tags::picture_tags;
 use crate::{Error, FrameCamera, FrameRequest, LensView, NextFrame, Picture, Progress, Renderer, Result};
 use wm_render::parts::PictureParts;

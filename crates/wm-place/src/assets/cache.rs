@@ -12,7 +12,6 @@
 //! 44  contents: postcard
 //! ```
 
-use super::kind::AssetFile;
 use super::packed::unpacked;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -40,6 +39,13 @@ const MOST_BYTES: u64 = 1 << 30;
 pub struct AssetCache {
     folder: Option<PathBuf>,
     scene: AssetDigest,
+}
+
+/// The name of an asset's file: a word, and numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct AssetFile {
+    pub word: &'static str,
+    pub numbers: Vec<f64>,
 }
 
 /// The digest of all that the prepared assets of a scene depend on, under which their files are

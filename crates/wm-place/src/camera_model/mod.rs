@@ -32,8 +32,9 @@ pub use shutter::{ReadoutSide, Shutter};
 
 use crate::lens_view::{LensView, PictureRect};
 use crate::motion::CameraMotion;
-use crate::place::{PinholeShot, PreparedPlace};
-use crate::{Error, MovingCamera, Patience, Picture, Progress, Renderer, Result};
+use crate::place::PreparedPlace;
+use crate::shot::{MovingCamera, Patience, PinholeShot};
+use crate::{Error, Picture, Progress, Renderer, Result};
 use exposure::LightMeter;
 use rayon::prelude::*;
 use std::f64::consts::TAU;

@@ -2,7 +2,8 @@
 //! instant.
 
 use super::FlowView;
-use crate::place::{PinholeContent, PinholeShot, PreparedPlace};
+use crate::place::PreparedPlace;
+use crate::shot::{PinholeContent, PinholeShot};
 use crate::{Picture, Progress, Renderer, Result};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;

@@ -1,6 +1,9 @@
 //! The ground that snow and dust can lie on, by the airflow that carries them.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::{AssetCache, AssetFile};
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use wm_weather::cover::{Airflow, Cover};
 use wm_weather::open_water::OpenWater;
@@ -16,6 +19,7 @@ pub(crate) fn lock(cover: &Mutex<Cover>) -> MutexGuard<'_, Cover> {
 impl Asset for Mutex<Cover> {
     type Key = Airflow;
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Cover;
     const WORK: &'static str = "finding what snow can lie on";
     const KEEP: Keep = Keep::Last(MAX_AIRFLOWS);
     // With what has slid when it was first used.

@@ -1,6 +1,9 @@
 //! The light of lamps, with the shadows that things cast in it.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::{AssetCache, AssetFile};
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_weather::light::{CaptureLight, LampLights, LampShadows};
 
 /// Lamps whose light is kept: those of the scene, and those that are guessed along the path.
@@ -9,6 +12,7 @@ const MAX_LAMP_SOURCES: usize = 2;
 impl Asset for LampShadows {
     type Key = LampLights;
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Lamps;
     const WORK: &'static str = "casting the shadows of the lamps";
     const KEEP: Keep = Keep::Last(MAX_LAMP_SOURCES);
     const DRAFTS_DO_WITHOUT: bool = true;

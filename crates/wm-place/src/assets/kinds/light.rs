@@ -1,12 +1,17 @@
 //! The light of the capture, split into sun and sky.
 
-use super::*;
+use super::standing::StandingOccluders;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::{AssetCache, AssetFile};
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_scene::Camera;
 use wm_weather::light::CaptureLight;
 
 impl Asset for CaptureLight {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Light;
     const WORK: &'static str = "splitting the light of the capture into sun and sky";
     const KEEP: Keep = Keep::Last(1);
 

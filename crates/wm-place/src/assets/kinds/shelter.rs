@@ -1,6 +1,8 @@
 //! The map of where a fall leaves the ground dry, by its direction.
 
-use super::*;
+use crate::Result;
+use crate::assets::cache::{AssetCache, AssetFile};
+use crate::assets::kind::{Asset, AssetKey, Cost, Keep, Workshop};
 use wm_weather::shelter::{Occluders, Shelter};
 
 /// Directions of fall whose maps are kept: enough for a wind that turns.
@@ -9,6 +11,7 @@ const MAX_FALLS: usize = 6;
 impl Asset for Shelter {
     type Key = [f64; 3];
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Shelter;
     const WORK: &'static str = "finding where roofs keep the rain off";
     const KEEP: Keep = Keep::Last(MAX_FALLS);
 

@@ -1,6 +1,8 @@
 //! The shadows of a sun, by the direction towards it.
 
-use super::*;
+use crate::Result;
+use crate::assets::cache::{AssetCache, AssetFile};
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_weather::light::{CaptureLight, ShadowCasters, SunShadows};
 
 /// Places of the sun whose shadows are kept.
@@ -9,6 +11,7 @@ const MAX_SUNS: usize = 4;
 impl Asset for SunShadows {
     type Key = [f64; 3];
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::SunShadows;
     const WORK: &'static str = "casting the shadows of the sun";
     const KEEP: Keep = Keep::Last(MAX_SUNS);
     const DRAFTS_DO_WITHOUT: bool = true;

@@ -1,6 +1,8 @@
 //! The surfaces that the photos show.
 
-use super::*;
+use crate::Result;
+use crate::assets::cache::{AssetCache, AssetFile};
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use std::ops::Deref;
 use wm_scene::Splats;
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField};
@@ -37,6 +39,7 @@ impl SceneSurfaces {
 impl Asset for SceneSurfaces {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Surfaces;
     const WORK: &'static str = "finding the surfaces that the photos show";
     const KEEP: Keep = Keep::No;
 

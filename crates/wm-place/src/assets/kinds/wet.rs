@@ -1,6 +1,9 @@
 //! The surfaces that get wet.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::{AssetCache, AssetFile};
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_weather::light::CaptureLight;
 use wm_weather::open_water::OpenWater;
 use wm_weather::wetness::WetSurfaces;
@@ -8,6 +11,7 @@ use wm_weather::wetness::WetSurfaces;
 impl Asset for WetSurfaces {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Wet;
     const WORK: &'static str = "finding what gets wet";
     const KEEP: Keep = Keep::Last(1);
 

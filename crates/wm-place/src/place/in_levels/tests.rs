@@ -1,14 +1,16 @@
 use super::*;
-use crate::levels::{coverage, held_bytes};
-use crate::{Error, FrameRequest, Renderer};
+use crate::levels::{LevelBudget, LevelStream, RunId, coverage, held_bytes};
+use crate::place::levels::runs_at;
+use crate::{Error, FrameRequest, PlaceOptions};
 use glam::DVec3;
+use std::collections::BTreeMap;
 use std::fs;
-use std::path::PathBuf;
 use tempfile::TempDir;
 use wm_base::files::fetched;
 use wm_scene::Group;
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
-use wm_scene::levels::{LevelWriteOptions, LevelWriter, NewLeaf};
+use wm_scene::levels::{LevelIndex, LevelLeaf, LevelWriteOptions, LevelWriter, NewLeaf};
+use wm_scene::survey::SkyRegion;
 
 /// The built-in street in leaves of 8 m and three levels, of which each leaves out every other
 /// splat of the one before.
