@@ -99,7 +99,6 @@ pub(crate) struct Shots<'a> {
 
 impl<'a> Shots<'a> {
     /// For a rig, with the seed of the plan.
-    #[must_use]
     pub(crate) fn new(rig: &'a Rig, layers: Layers, seed: u64, memory: &'a mut ShotMemory) -> Self {
         let count = rig.sensors.len();
         memory.cameras.resize(count, None);
@@ -137,49 +136,37 @@ impl<'a> Shots<'a> {
         match &sensor.device {
             RigDevice::Camera { .. } => self.picture(renderer, place, active, info, buffer),
             RigDevice::Lidar { model, sub_rays, returns, .. } => {
-                let made = &mut self.memory.sweeps[info.sensor];
-                if made.is_empty() {
-                    let options = ScanOptions {
-                        time,
-                        first: info.index,
-                        sweeps,
-                        seed,
-                        sensor: info.sensor as u8,
-                        sub_rays: *sub_rays,
-                        returns: *returns,
-                        ..ScanOptions::default()
-                    };
+                let options = ScanOptions {
+                    time,
+                    first: info.index,
+                    sweeps,
+                    seed,
+                    sensor: info.sensor as u8,
+                    sub_rays: *sub_rays,
+                    returns: *returns,
+                    ..ScanOptions::default()
+                };
+                let sweep = next_of(&mut self.memory.sweeps[info.sensor], |keep| {
                     let motion = sensor.motion(&active.base, metres);
-                    let mut keep = |sweep: LidarSweep| {
-                        made.push_back(sweep);
-                        Ok(())
-                    };
-                    renderer.scan(place, weather, model, &motion, &options, &mut keep, &mut ())?;
-                }
-                let sweep = made.pop_front().ok_or(Error::Stopped)?;
+                    renderer.scan(place, weather, model, &motion, &options, keep, &mut ())
+                })?;
                 buffer.points = points_of(&sweep);
                 buffer.sweep = Some(sweep);
                 Ok(())
             }
             RigDevice::Radar { model, .. } => {
-                let made = &mut self.memory.radars[info.sensor];
-                if made.is_empty() {
-                    let options = RadarScanOptions {
-                        time,
-                        first: info.index,
-                        sweeps,
-                        seed,
-                        sensor: info.sensor as u8,
-                        ..RadarScanOptions::default()
-                    };
+                let options = RadarScanOptions {
+                    time,
+                    first: info.index,
+                    sweeps,
+                    seed,
+                    sensor: info.sensor as u8,
+                    ..RadarScanOptions::default()
+                };
+                let sweep = next_of(&mut self.memory.radars[info.sensor], |keep| {
                     let motion = sensor.motion(&active.base, metres);
-                    let mut keep = |sweep: RadarSweep| {
-                        made.push_back(sweep);
-                        Ok(())
-                    };
-                    renderer.scan_radar(place, weather, model, &motion, &options, &mut keep, &mut ())?;
-                }
-                let sweep = made.pop_front().ok_or(Error::Stopped)?;
+                    renderer.scan_radar(place, weather, model, &motion, &options, keep, &mut ())
+                })?;
                 buffer.detections = detections_of(&sweep);
                 buffer.radar = Some(sweep);
                 Ok(())
@@ -223,6 +210,20 @@ impl<'a> Shots<'a> {
         buffer.depth = picture.layer(PictureLayer::SurfaceDepth).into_owned();
         Ok(())
     }
+}
+
+/// Takes the next of the sweeps that were made ahead; `scan` makes them if there are none.
+fn next_of<T>(
+    made: &mut VecDeque<T>,
+    scan: impl FnOnce(&mut dyn FnMut(T) -> Result<()>) -> Result<u32>,
+) -> Result<T> {
+    if made.is_empty() {
+        scan(&mut |sweep| {
+            made.push_back(sweep);
+            Ok(())
+        })?;
+    }
+    made.pop_front().ok_or(Error::Stopped)
 }
 
 /// The camera of a sensor in a part of a clip.

@@ -12,10 +12,7 @@
 
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear,
-    median,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, median};
 use wm_place::Result;
 use wm_place::{FrameRequest, Picture};
 use wm_scene::card::Card;

@@ -19,8 +19,7 @@ use super::expected;
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject,
-    Tolerance, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, mean,
 };
 use wm_place::Result;
 use wm_scene::{Camera, Splats};

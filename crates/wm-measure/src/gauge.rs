@@ -20,9 +20,7 @@ use super::blobs::BlobSplit;
 use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView};
 use super::expected::{FallLaw, effect, falling};
 use super::plot::{Axis, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, MeasureRequest, Tolerance, expected, mean, median,
-};
+use super::{Finding, Instrument, InstrumentRenderer, MeasureRequest, Tolerance, expected, mean, median};
 use std::ops::Range;
 use wm_place::Result;
 use wm_weather::particles::{ParticleShape, PrecipitationKind, RAIN};

@@ -16,9 +16,7 @@ use super::allard::{NIGHT, NOTHING_FALLS};
 use super::expected;
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::{Axis, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use std::f64::consts::PI;
 use wm_place::Result;
 use wm_scene::{Camera, Lamp, Splats};

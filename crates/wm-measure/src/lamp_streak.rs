@@ -10,9 +10,7 @@
 //! Tolerance 7 %.
 
 use super::lit::{LightPicture, overcast_card, paint_card};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_place::Result;

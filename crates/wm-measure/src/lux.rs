@@ -15,8 +15,8 @@
 use super::lit::{LightPicture, OVERCAST_UPRIGHT, overcast_card, paint_card};
 use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject,
-    Tolerance, expected, lit,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, expected,
+    lit,
 };
 use std::f64::consts::PI;
 use wm_base::color::luminance;

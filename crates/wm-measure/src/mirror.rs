@@ -8,9 +8,7 @@
 
 use super::fresnel::still;
 use super::lit::LightPicture;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
 use wm_scene::card::Card;

@@ -25,10 +25,7 @@
 use super::fresnel::still;
 use super::lit::LightPicture;
 use super::plot::Series;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance,
-    expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use glam::DVec3;
 use wm_base::color::srgb_encode;
 use wm_place::Result;

@@ -10,9 +10,7 @@ use super::boards::slope;
 use super::fresnel::still;
 use super::lit::LightPicture;
 use super::plot::{Axis, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_base::color::srgb_encode;
 use wm_place::Result;
 use wm_scene::Splats;

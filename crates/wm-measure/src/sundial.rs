@@ -18,8 +18,8 @@
 use super::lit::{GROUND, LightPicture, overcast_card, paint_card};
 use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject,
-    Tolerance, expected, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, expected,
+    mean,
 };
 use std::f64::consts::{PI, TAU};
 use wm_place::Result;

@@ -10,9 +10,7 @@
 
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::plot::Series;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
 

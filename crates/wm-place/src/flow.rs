@@ -152,7 +152,6 @@ fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
 ///
 /// # Panics
 /// If a depth has another size than its camera.
-#[must_use]
 pub(crate) fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
     assert_eq!(from.depth.len(), width * height, "a depth a pixel");

@@ -128,7 +128,6 @@ impl ParticleFootprint {
 ///
 /// # Panics
 /// If the view's depth has another size than its camera.
-#[must_use]
 pub(crate) fn particle_flow(
     from: &FlowView<'_>,
     next: &Camera,

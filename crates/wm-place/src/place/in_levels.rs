@@ -58,7 +58,7 @@ impl PreparedPlace {
         let always =
             |levels: &PlaceLevels| levels.environment.as_ref().map_or(0, |(splats, _)| splats.len() as u64);
         match &self.levels {
-            Some(levels) => levels.stream.index().count_of_level(0) + always(levels),
+            Some(levels) => levels.stream.index.count_of_level(0) + always(levels),
             None => self.scene.splats.len() as u64,
         }
     }
@@ -100,7 +100,7 @@ impl PreparedPlace {
     /// was drawn with coarser levels. Those of other places lack none.
     #[must_use]
     pub fn waits_for_files(&self) -> bool {
-        self.levels.as_ref().is_some_and(|levels| levels.weather_waits || levels.stream.waits())
+        self.levels.as_ref().is_some_and(|levels| levels.weather_waits || levels.stream.waits)
     }
 
     /// The fetched files of a place in levels that the last picture did not need, those longest ago

@@ -109,8 +109,8 @@ impl PlaceLevels {
         let WeatherScene { splats: outline, parts: leaves } = stream.weather_scene(&coarsest, None)?;
         let ends = leaves.into_iter().map(|((leaf, _), part)| (leaf as usize, part.end as u64)).collect();
         let coarse = CoarseLeaves { set: backend.load(&outline)?, ends };
-        let shares = budget.shares(stream.sh_degree());
-        if let Some(least) = budget.exceeded_by(&index, stream.sh_degree()) {
+        let shares = budget.shares(stream.sh_degree);
+        if let Some(least) = budget.exceeded_by(&index, stream.sh_degree) {
             let [given, least] = [budget.memory, least].map(|bytes| bytes >> 20);
             stream.warn(format!(
                 "{given} MiB of memory are too little: the coarsest level takes some {least} MiB"
@@ -125,7 +125,7 @@ impl PlaceLevels {
             }
             None => None,
         };
-        let metadata = index.metadata.clone().or(stream.metadata().clone());
+        let metadata = index.metadata.clone().or(stream.metadata.clone());
         let mut levels = Self {
             stream,
             shares,
@@ -163,7 +163,7 @@ impl PlaceLevels {
     ) -> Result<Option<Splats>> {
         let budget = CutBudget::of(self.shares.weather_splats);
         let cameras = focus.cameras(metres_per_unit);
-        let cut = LevelCut::of(self.stream.index(), &cameras, &budget);
+        let cut = LevelCut::of(&self.stream.index, &cameras, &budget);
         let always = self.environment.as_ref().map(|(splats, _)| splats);
         let runs = runs_of(&cut);
         self.stream.look_from(&cameras);
@@ -187,7 +187,7 @@ impl PlaceLevels {
         if self.camera == Some(*camera) {
             return Ok(());
         }
-        let index = Arc::clone(self.stream.index());
+        let index = Arc::clone(&self.stream.index);
         let cameras = self.shot.as_ref().map_or(std::slice::from_ref(camera), |shot| &shot.cameras).to_vec();
         self.stream.begin_frame(&cameras);
         if patience == Patience::Draft {
@@ -220,7 +220,7 @@ impl PlaceLevels {
         let parts = looks.drawn(camera, &held_leaves(stream, &runs), backend)?;
         self.drawn = runs.into_iter().zip(parts).collect();
         // Looks at what was not all there tell another cut.
-        let is_whole = !self.stream.waits();
+        let is_whole = !self.stream.waits;
         self.shot_cut = (self.shot.is_some() && is_whole).then_some(wanted);
         self.camera = is_whole.then_some(*camera);
         Ok(())
@@ -296,5 +296,5 @@ fn held_leaves(stream: &LevelStream, runs: &[RunId]) -> Vec<HeldLeaf> {
 
 /// The runs of a cut.
 fn runs_of(cut: &LevelCut) -> Vec<RunId> {
-    (0u32..).zip(cut.positions()).map(|(leaf, position)| (leaf, *position)).collect()
+    (0u32..).zip(cut.positions).map(|(leaf, position)| (leaf, *position)).collect()
 }

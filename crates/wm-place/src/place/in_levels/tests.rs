@@ -123,12 +123,12 @@ fn memory_is_bounded() {
     stream.limit(SkyRegion::None, most);
     for some in all.chunks(3) {
         assert_eq!(stream.hold(&mut backend, some, Patience::Whole).unwrap(), some);
-        assert!(stream.bytes() <= most, "{}", stream.bytes());
+        assert!(stream.bytes <= most, "{}", stream.bytes);
         assert!(some.iter().all(|id| stream.get(*id).is_some()));
     }
     assert!(stream.get(all[0]).is_none());
     stream.clear(&mut backend);
-    assert_eq!(stream.bytes(), 0);
+    assert_eq!(stream.bytes, 0);
 }
 
 /// A file that is missing or damaged is named, or by choice what it holds is drawn at a coarser
