@@ -13,7 +13,7 @@
 
 use super::boards::slope;
 use super::expected;
-use super::lit::{LightPicture, paint_card};
+use super::lit::{LightPicture, level_square, paint_card};
 use super::plot::{Axis, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, fov_of,
@@ -105,8 +105,7 @@ fn lamp_sum(picture: &LightPicture) -> [f64; 3] {
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
-    let mut weather = request.with(&NOTHING_FALLS)?;
-    NIGHT.iter().chain(&[SKY_GLOW, EXPOSURE]).try_for_each(|change| weather.set_text(change))?;
+    let weather = request.with(&[&NOTHING_FALLS[..], &NIGHT, &[SKY_GLOW, EXPOSURE]].concat())?;
     let asked = expected::extinction(&weather, request.time, EYE_HEIGHT_M);
     let limits =
         [0, 1].map(|end: usize| (OPTICAL_DEPTHS[end] / asked[1]).clamp(DISTANCES_M[0], DISTANCES_M[1]));
@@ -127,7 +126,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     });
     // Behind the camera, since a place has ground somewhere.
     let mut ground = Splats::default();
-    paint_card(&level, [0.0, -30.0, 0.0], [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]], 0.25, 0.25, &mut ground);
+    paint_card(&level, [0.0, -30.0, 0.0], level_square(2.0), 0.25, 0.25, &mut ground);
     let subject = rig.set_up_lit(ground, lamps.collect())?;
     let (mut points, mut strip) = ([const { Vec::new() }; 3], Vec::new());
     for (metres, at) in &all {

@@ -12,9 +12,11 @@
 
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Series};
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, median};
+use super::{
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, draw, median,
+};
 use wm_place::Result;
-use wm_place::{FrameRequest, Picture};
+use wm_place::{Layers, Picture};
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
@@ -117,14 +119,11 @@ impl Boards {
         weather: &Weather,
         time: f64,
     ) -> Result<(Light, Picture)> {
-        let mut pictures = [Picture::default(), Picture::default()];
-        for (subject, picture) in [self.white, self.black].into_iter().zip(&mut pictures) {
-            rig.draw(subject, &FrameRequest::new(weather, self.camera, time), picture)?;
-        }
-        let [white, black] = pictures.each_ref().map(|picture| patches(&picture.frame.rgb_linear()));
-        let less = |(white, black): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| white[k] - black[k]);
-        let [_, black_picture] = pictures;
-        Ok((white.iter().zip(&black).map(less).collect(), black_picture))
+        let white = draw(rig, self.white, &self.camera, weather, time, Layers::COLOR)?;
+        let black = draw(rig, self.black, &self.camera, weather, time, Layers::COLOR)?;
+        let [light, dark] = [&white, &black].map(|picture| patches(&picture.frame.rgb_linear()));
+        let less = |(light, dark): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| light[k] - dark[k]);
+        Ok((light.iter().zip(&dark).map(less).collect(), black))
     }
 }
 

@@ -10,7 +10,8 @@
 //!
 //! Tolerance: 1 % of what fell.
 
-use super::stake::{level_card, median_depth, shown};
+use super::lit::LightPicture;
+use super::stake::{level_card, median_depth};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, expected, fov_of,
 };
@@ -144,6 +145,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     );
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;
     let what = if melted > 0.0 { "the level yard" } else { "the yard with its steep ridge" };
-    finding.pictures.push(shown(rig, subject, &camera, &weather, request, what)?);
+    let seen = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
+    finding.show(what, &seen.picture);
     Ok(finding)
 }

@@ -17,10 +17,10 @@
 
 use super::{
     AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
-    clear, expected, mean, median, painted,
+    clear, draw, expected, mean, median, painted,
 };
+use wm_place::Picture;
 use wm_place::Result;
-use wm_place::{FrameRequest, Picture};
 use wm_scene::Camera;
 use wm_weather::{EffectRole, Weather};
 
@@ -73,9 +73,7 @@ struct Pair {
 
 impl View {
     fn new(rig: &mut dyn InstrumentRenderer, camera: Camera, weather: &Weather, time: f64) -> Result<Self> {
-        let mut picture = Picture::default();
-        let request = FrameRequest { layers: AIR, ..FrameRequest::new(weather, camera, time) };
-        rig.draw(ShotSubject::Place, &request, &mut picture)?;
+        let picture = draw(rig, ShotSubject::Place, &camera, weather, time, AIR)?;
         let frame = &picture.frame;
         let sharp = |at: usize| {
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));

@@ -11,15 +11,14 @@ use super::drops::{DropSample, MeasuredDrop};
 use super::plot::{Axis, Plot, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES,
-    ShotSubject, Tolerance, clear, expected, mean, median, streaks,
+    ShotSubject, Tolerance, clear, draw, expected, mean, median, streaks,
 };
 use wm_image::PictureSize;
 use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_place::Picture;
-use wm_place::{Error, FrameRequest, Layers, Result};
+use wm_place::{Error, Layers, Result};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
-use wm_scene::Camera;
 use wm_weather::Weather;
 
 /// The instrument.
@@ -120,7 +119,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let height =
         (f64::from(PICTURE_WIDTH_PX) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(PICTURE_WIDTH_PX, height as u32);
-    let bare = draw(rig, &camera, &clear(), request.time, PARTICLES)?;
+    let bare = draw(rig, ShotSubject::Place, &camera, &clear(), request.time, PARTICLES)?;
     let mut finding = request.finding();
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
@@ -141,7 +140,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
                 MeasuredQuantity::Lost => PARTICLES.with(Layers::TRANSMITTANCE),
                 _ => PARTICLES,
             };
-            let picture = draw(rig, &camera, &weather, request.time, layers)?;
+            let picture = draw(rig, ShotSubject::Place, &camera, &weather, request.time, layers)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
                 None => lean(rig, &weather, request.time, heading)?,
@@ -198,19 +197,6 @@ fn turn_of(value: &str) -> Result<f64> {
 
 fn short(value: f64) -> String {
     if value.abs() < 1.0 { format!("{value:.4}") } else { format!("{value:.1}") }
-}
-
-fn draw(
-    rig: &mut dyn InstrumentRenderer,
-    camera: &Camera,
-    weather: &Weather,
-    time: f64,
-    layers: Layers,
-) -> Result<Picture> {
-    let mut picture = Picture::default();
-    let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
-    rig.draw(ShotSubject::Place, &request, &mut picture)?;
-    Ok(picture)
 }
 
 /// The value of `seen` in a picture, compared with the same view in clear air; `None` for a lean,

@@ -16,7 +16,7 @@
 
 use super::allard::NIGHT;
 use super::expected;
-use super::lit::{LightPicture, overcast_card, paint_card};
+use super::lit::{LightPicture, level_square, overcast_card, paint_card};
 use super::plot::Series;
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, mean,
@@ -102,7 +102,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     };
     let (weather, calm) = (storm(&[])?, storm(&["lightning=off"])?);
     let mut card = Splats::default();
-    let halves = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+    let halves = level_square(2.0);
     paint_card(
         &level,
         [0.0, 0.0, CARD_HEIGHT_M],

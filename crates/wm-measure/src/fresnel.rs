@@ -11,6 +11,7 @@
 use super::lit::LightPicture;
 use super::plot::{Axis, Series};
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use std::f64::consts::FRAC_PI_2;
 use wm_base::color::srgb_encode;
 use wm_place::Result;
 use wm_scene::Splats;
@@ -38,8 +39,6 @@ const DISTANCES_M: [f64; 2] = [8.0, 6.0];
 pub(super) const PICTURE_SIDE_PX: u32 = 64;
 const PATCH_HALF_SIDE_PX: usize = 8;
 const FIELD_OF_VIEW_DEGREES: f64 = 4.0;
-/// A refractive index.
-const WATER_INDEX: f64 = 1.333;
 
 /// The weather with still and black water alone.
 pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm_weather::Weather> {
@@ -53,17 +52,9 @@ pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm
     Ok(weather)
 }
 
-/// The share that is reflected of light that meets water at an elevation, radians.
-fn reflectance(elevation: f64) -> f64 {
-    let outside = std::f64::consts::FRAC_PI_2 - elevation;
-    let inside = (outside.sin() / WATER_INDEX).asin();
-    let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
-    let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
-    0.5 * (across + along)
-}
-
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
+    let reflectance = |elevation: f64| expected::water_reflectance(FRAC_PI_2 - elevation.to_radians());
     let height = expected::number(request.weather, request.time, "flood", "level").unwrap_or_default();
     let weather = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
     let mut finding = request.finding();
@@ -87,7 +78,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
         let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
         let measured = picture.patch(middle, middle, PATCH_HALF_SIDE_PX) / BOARD_LIGHT;
-        let asked = reflectance(degrees.to_radians());
+        let asked = reflectance(degrees);
         finding.add(
             format!("reflectance of water at {degrees} degrees"),
             "",
@@ -99,7 +90,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             finding.show(format!("water that mirrors a board, at {degrees} degrees"), &picture.picture);
         }
     }
-    let law = (1..=90).map(|degrees| [f64::from(degrees), reflectance(f64::from(degrees).to_radians())]);
+    let law = (1..=90).map(|degrees| [f64::from(degrees), reflectance(f64::from(degrees))]);
     finding.plot(
         "Reflectance of water",
         "elevation of the view, degrees",

@@ -14,7 +14,7 @@
 
 use super::allard::{NIGHT, NOTHING_FALLS};
 use super::expected;
-use super::lit::{LightPicture, overcast_card, paint_card};
+use super::lit::{LightPicture, level_square, overcast_card, paint_card};
 use super::plot::{Axis, Series};
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use std::f64::consts::PI;
@@ -100,9 +100,8 @@ fn on_ring(picture: &LightPicture, camera: &Camera, ring: f64, sigma: f64) -> [f
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
-    let mut weather = request.with(&NOTHING_FALLS)?;
     let exposure = ["light.glow=0", "light.exposure=-4.8"];
-    NIGHT.iter().chain(&exposure).try_for_each(|change| weather.set_text(change))?;
+    let weather = request.with(&[&NOTHING_FALLS[..], &NIGHT, &exposure].concat())?;
     let mut without_air = weather.clone();
     ["fog=off", "haze=off", "smog=off"].iter().try_for_each(|change| without_air.set_text(change))?;
     let sigma = expected::extinction(&weather, request.time, LAMP_HEIGHT_M)[1];
@@ -115,7 +114,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     };
     let mut card = Splats::default();
     let middle = [at[0], at[1], LAMP_HEIGHT_M - CARD_DISTANCE_M];
-    let halves = [[0.5, 0.0, 0.0], [0.0, 0.5, 0.0]];
+    let halves = level_square(0.5);
     paint_card(&level, middle, halves, 0.05, overcast_card(CARD_REFLECTANCE, 0.0), &mut card);
     let subject = rig.set_up_lit(card, vec![lamp])?;
 

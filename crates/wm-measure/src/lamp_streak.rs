@@ -49,9 +49,8 @@ const PIXEL_STEP: usize = 2;
 const STREAK_RANGE_M: [f64; 2] = [2.5, 13.0];
 /// Points along a side of the board.
 const BOARD_POINTS: usize = 5;
-/// Slopes of damp ground, rms along one axis, and a refractive index.
+/// Slopes of damp ground, rms along one axis.
 const RMS_SLOPE: f64 = 0.3;
-const WATER_INDEX: f64 = 1.333;
 
 /// The film in depths of the texture, if a wetness is asked for that has one.
 fn film(weather: &Weather, time: f64) -> Option<f64> {
@@ -62,11 +61,7 @@ fn film(weather: &Weather, time: f64) -> Option<f64> {
 /// The share that is reflected of light that meets water at an angle from its normal of this
 /// cosine.
 fn reflectance(cosine: f64) -> f64 {
-    let outside = cosine.clamp(1e-6, 1.0 - 1e-9).acos();
-    let inside = (outside.sin() / WATER_INDEX).asin();
-    let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
-    let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
-    0.5 * (across + along)
+    expected::water_reflectance(cosine.clamp(1e-6, 1.0 - 1e-9).acos())
 }
 
 /// The light of the board, of 1, that facets of these slopes reflect at a point of the ground

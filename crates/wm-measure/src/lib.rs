@@ -455,6 +455,21 @@ fn fov_of(tangent: f64) -> f64 {
     (2.0 * tangent.atan().to_degrees()).max(*wm_scene::camera::FOV.start())
 }
 
+/// Draws layers of the place or a target.
+fn draw(
+    rig: &mut dyn InstrumentRenderer,
+    subject: ShotSubject,
+    camera: &Camera,
+    weather: &Weather,
+    time: f64,
+    layers: Layers,
+) -> Result<Picture> {
+    let mut picture = Picture::default();
+    let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
+    rig.draw(subject, &request, &mut picture)?;
+    Ok(picture)
+}
+
 /// Returns the clear weather.
 fn clear() -> Weather {
     Weather::clear()

@@ -13,7 +13,8 @@
 
 use super::expected;
 use super::lidar::{
-    AIR_ALONE, EYE_HEIGHT_M, REFERENCE_REFLECTANCE, crossing, extinction, model, reach, sweep,
+    AIR_ALONE, EYE_HEIGHT_M, OVERLAP_RANGES_M, REFERENCE_REFLECTANCE, crossing, extinction, reach,
+    square_model, sweep,
 };
 use super::lit::paint_card;
 use super::plot::Series;
@@ -85,12 +86,7 @@ fn on_board(sweep: &LidarSweep) -> impl Iterator<Item = &wm_place::lidar::LidarP
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let weather = request.with(&AIR_ALONE)?;
     let clear = Weather::clear();
-    let lidar = model(
-        PULSES_PER_SIDE,
-        [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES],
-        PULSES_PER_SIDE,
-        [-HALF_ANGLE_DEGREES, HALF_ANGLE_DEGREES],
-    )?;
+    let lidar = square_model(OVERLAP_RANGES_M, PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
     let time = request.time;
     let mut finding = request.finding();
 

@@ -12,7 +12,7 @@
 //! Tolerance 3 %. Systematic: a disc hides 0.2 % of the sky's light; directions to the sky are few
 //! (the light of a sky that is seen from a board is summed over 32).
 
-use super::lit::{LightPicture, OVERCAST_UPRIGHT, overcast_card, paint_card};
+use super::lit::{LightPicture, OVERCAST_UPRIGHT, level_square, overcast_card, paint_card};
 use super::plot::Series;
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, expected,
@@ -115,19 +115,11 @@ impl Boards {
         let mut card = |center: [f64; 3], halves: [[f64; 3]; 2], light: f64| {
             paint_card(&level, center, halves, SPLAT_SPACING_M, light, &mut splats);
         };
-        card(
-            [0.0; 3],
-            [[YARD_HALF_SIDE_M, 0.0, 0.0], [0.0, YARD_HALF_SIDE_M, 0.0]],
-            overcast_card(lit::GROUND, 0.0),
-        );
+        card([0.0; 3], level_square(YARD_HALF_SIDE_M), overcast_card(lit::GROUND, 0.0));
         let boards = Self { level, subject: ShotSubject::Place, heading };
         for shaded in [false, true] {
             let [flat, stood] = boards.middles(shaded);
-            card(
-                flat,
-                [[BOARD_HALF_SIDE_M, 0.0, 0.0], [0.0, BOARD_HALF_SIDE_M, 0.0]],
-                overcast_card(BOARD_REFLECTANCE, 0.0),
-            );
+            card(flat, level_square(BOARD_HALF_SIDE_M), overcast_card(BOARD_REFLECTANCE, 0.0));
             let across = [-heading[1] * BOARD_HALF_SIDE_M, heading[0] * BOARD_HALF_SIDE_M, 0.0];
             card(stood, [across, [0.0, 0.0, BOARD_HALF_SIDE_M]], overcast_card(BOARD_REFLECTANCE, 1.0));
             // The front of a block, since of a lone card nothing says which side is lit.

@@ -13,11 +13,10 @@
 use super::plot::Series;
 use super::{
     AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
-    clear, expected, median,
+    clear, draw, expected, median,
 };
 use glam::DVec3;
 use wm_place::Result;
-use wm_place::{FrameRequest, Picture};
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -50,16 +49,13 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let site = rig.site();
     let [camera, _] = rig.views()?;
     let weather = request.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
-    let mut picture = Picture::default();
-    let view = FrameRequest { layers: AIR, ..FrameRequest::new(&weather, camera, request.time) };
-    rig.draw(ShotSubject::Place, &view, &mut picture)?;
+    let picture = draw(rig, ShotSubject::Place, &camera, &weather, request.time, AIR)?;
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is
     // endlessly far.
-    let (mut thin, mut sky) = (clear(), Picture::default());
+    let mut thin = clear();
     thin.set_text(&format!("fog.mor={}", (THIN_AIR_RANGE_SIZES * site.far).max(1.0)))?;
-    let thin_view = FrameRequest { weather: &thin, ..view };
-    rig.draw(ShotSubject::Place, &thin_view, &mut sky)?;
+    let sky = draw(rig, ShotSubject::Place, &camera, &thin, request.time, AIR)?;
     let nearness = &sky.parts.transmittance;
     let airs = expected::airs(&weather, request.time);
     let up = DVec3::from_array(site.up);

@@ -19,11 +19,11 @@ use super::lit::{GROUND, LIGHT_ALONE};
 use super::plot::Series;
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, SURFACES,
-    ShadowReport, ShotSubject, Tolerance, clear, expected, fov_of, mean, median,
+    ShadowReport, ShotSubject, Tolerance, clear, draw, expected, fov_of, mean, median,
 };
 use glam::{DQuat, DVec3};
 use wm_base::color::luminance;
-use wm_place::{FrameRequest, Layers, Picture, Result};
+use wm_place::{Layers, Result};
 use wm_scene::Camera;
 use wm_weather::{CapturedSky, Site, Weather};
 
@@ -166,9 +166,7 @@ impl PlaceShot {
         time: f64,
         layers: Layers,
     ) -> Result<Self> {
-        let mut picture = Picture::default();
-        let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
-        rig.draw(ShotSubject::Place, &request, &mut picture)?;
+        let picture = draw(rig, ShotSubject::Place, camera, weather, time, layers)?;
         let light = picture.frame.rgb_linear();
         Ok(Self { camera: *camera, frame: picture.frame, light })
     }

@@ -8,7 +8,7 @@
 //! Tolerance 1 %. Systematic: the edge of a puddle ends between nodes.
 
 use super::budget::fallen;
-use super::lit::{overcast_card, paint_card};
+use super::lit::{level_square, overcast_card, paint_card};
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
@@ -77,7 +77,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         for column in -tiles..tiles {
             let [x, y] = [column, row].map(|k| (f64::from(k) + 0.5) * TILE_SIDE_M);
             let inside = (1.0 - (x * x + y * y) / (BOWL_RADIUS_M * BOWL_RADIUS_M)).max(0.0);
-            let halves = [[0.5 * TILE_SIDE_M, 0.0, 0.0], [0.0, 0.5 * TILE_SIDE_M, 0.0]];
+            let halves = level_square(0.5 * TILE_SIDE_M);
             let center = [x, y, -BOWL_DEPTH_M * inside];
             paint_card(&level, center, halves, 0.5 * TILE_SIDE_M, overcast_card(ALBEDO, 0.0), &mut splats);
         }

@@ -272,10 +272,7 @@ mod tests {
         // A path that ends there: both ends are fine, whatever the order of its cameras.
         let path = [camera(-10.0, 1.0), camera(110.0, -1.0)];
         let cut = LevelCut::of(&index, &path, &budget);
-        assert!(
-            cut.positions[0] < cut.positions[5] && cut.positions[9] < cut.positions[5],
-            "{cut:?}"
-        );
+        assert!(cut.positions[0] < cut.positions[5] && cut.positions[9] < cut.positions[5], "{cut:?}");
         assert_eq!(cut, LevelCut::of(&index, &[path[1], path[0]], &budget));
         let hidden = [VisibleLeaf { light: 0.0, drawn: 0.0 }; 2];
         assert_eq!(LevelCut::of_seen(&index, &path, &hidden, &budget).positions[..2], [3, 3]);
@@ -287,7 +284,7 @@ mod tests {
         for splats in (0..32_000).step_by(1000) {
             let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &CutBudget::of(splats));
             assert!(cut.splats <= splats.max(30 * 125));
-            let coarser = cut.positions.iter().zip(before.positions).filter(|(now, then)| now > then);
+            let coarser = cut.positions.iter().zip(&before.positions).filter(|(now, then)| now > then);
             // The last leaf of the smaller budget may have had another step.
             assert!(coarser.count() <= 1);
             before = cut;

@@ -112,12 +112,6 @@ impl LevelStream {
         self.held.get(&id)
     }
 
-    /// Bytes that are held.
-    #[cfg(test)]
-    pub(crate) fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
     /// Begins a frame that cameras see: what it has to wait for is noted once, that near them
     /// first.
     pub(crate) fn begin_frame(&mut self, cameras: &[Camera]) {

@@ -296,5 +296,5 @@ fn held_leaves(stream: &LevelStream, runs: &[RunId]) -> Vec<HeldLeaf> {
 
 /// The runs of a cut.
 fn runs_of(cut: &LevelCut) -> Vec<RunId> {
-    (0u32..).zip(cut.positions).map(|(leaf, position)| (leaf, *position)).collect()
+    (0u32..).zip(&cut.positions).map(|(leaf, position)| (leaf, *position)).collect()
 }
