@@ -2,25 +2,54 @@
 
 /// The distribution of a value. Limits cut it off: what is left has its shape.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Distribution {
-    pub(crate) kind: DistributionKind,
-    /// The least and the greatest value.
-    pub(crate) limits: [f64; 2],
-}
-
-/// The shape of a distribution.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum DistributionKind {
-    /// Even between the limits.
-    Uniform,
-    /// Even in the logarithm between the limits, above 0.
-    LogUniform,
-    /// Normal, by its mean and standard deviation.
-    Normal { mean: f64, deviation: f64 },
-    /// Normal in the logarithm, by its median and the standard deviation of the natural logarithm.
-    LogNormal { median: f64, deviation: f64 },
-    /// Weibull, as wind speeds have it: `scale` has 63 % of the values below it.
-    Weibull { shape: f64, scale: f64 },
+pub(crate) enum Distribution {
+    /// Even between two numbers.
+    Uniform {
+        /// The least.
+        min: f64,
+        /// The greatest.
+        max: f64,
+    },
+    /// Even in the logarithm.
+    LogUniform {
+        /// The least, above 0.
+        min: f64,
+        /// The greatest.
+        max: f64,
+    },
+    /// Normal.
+    Normal {
+        /// The mean.
+        mean: f64,
+        /// The standard deviation.
+        deviation: f64,
+        /// The least, if there is one.
+        min: Option<f64>,
+        /// The greatest, if there is one.
+        max: Option<f64>,
+    },
+    /// Normal in the logarithm.
+    LogNormal {
+        /// The median.
+        median: f64,
+        /// The standard deviation of the natural logarithm.
+        deviation: f64,
+        /// The least, if there is one.
+        min: Option<f64>,
+        /// The greatest, if there is one.
+        max: Option<f64>,
+    },
+    /// Weibull, as wind speeds have it.
+    Weibull {
+        /// The shape.
+        shape: f64,
+        /// The scale, of 63 % of the values below it.
+        scale: f64,
+        /// The least, if there is one.
+        min: Option<f64>,
+        /// The greatest, if there is one.
+        max: Option<f64>,
+    },
 }
 
 impl Distribution {
@@ -36,26 +65,30 @@ impl Distribution {
                 Err(format!("{name} is {value}: it must be above 0"))
             }
         };
-        let [min, max] = self.limits;
+        let [min, max] = self.limits();
         if min.is_nan() || max.is_nan() || min >= max {
             return Err(format!("min is {min} and max is {max}: min must be below max"));
         }
-        match self.kind {
-            DistributionKind::Uniform if min.is_infinite() || max.is_infinite() => {
+        match self {
+            Self::Uniform { .. } if min.is_infinite() || max.is_infinite() => {
                 Err("min and max must be finite".into())
             }
-            DistributionKind::Uniform => Ok(()),
-            DistributionKind::LogUniform if max.is_infinite() => Err("max must be finite".into()),
-            DistributionKind::LogUniform => above("min", min),
-            DistributionKind::Normal { mean, .. } if !mean.is_finite() => {
-                Err(format!("mean is {mean}: it must be finite"))
+            Self::Uniform { .. } => Ok(()),
+            Self::LogUniform { .. } if max.is_infinite() => Err("max must be finite".into()),
+            Self::LogUniform { .. } => above("min", min),
+            Self::Normal { mean, deviation, .. } => {
+                if !mean.is_finite() {
+                    return Err(format!("mean is {mean}: it must be finite"));
+                }
+                above("deviation", *deviation)
             }
-            DistributionKind::Normal { deviation, .. } => above("deviation", deviation),
-            DistributionKind::LogNormal { median, deviation } => {
-                above("median", median).and_then(|()| above("deviation", deviation))
+            Self::LogNormal { median, deviation, .. } => {
+                above("median", *median)?;
+                above("deviation", *deviation)
             }
-            DistributionKind::Weibull { shape, scale } => {
-                above("shape", shape).and_then(|()| above("scale", scale))
+            Self::Weibull { shape, scale, .. } => {
+                above("shape", *shape)?;
+                above("scale", *scale)
             }
         }?;
         let [low, high] = self.shares();
@@ -65,12 +98,22 @@ impl Distribution {
         Ok(())
     }
 
+    fn limits(&self) -> [f64; 2] {
+        match *self {
+            Self::Uniform { min, max } | Self::LogUniform { min, max } => [min, max],
+            Self::Normal { min, max, .. } => [min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY)],
+            Self::LogNormal { min, max, .. } | Self::Weibull { min, max, .. } => {
+                [min.unwrap_or(0.0), max.unwrap_or(f64::INFINITY)]
+            }
+        }
+    }
+
     /// The value below which a share `x` of the values lies, 0 <= x < 1.
     pub(crate) fn value(&self, x: f64) -> f64 {
-        let [min, max] = self.limits;
-        match self.kind {
-            DistributionKind::Uniform => min + x * (max - min),
-            DistributionKind::LogUniform => min * (max / min).powf(x),
+        let [min, max] = self.limits();
+        match self {
+            Self::Uniform { .. } => min + x * (max - min),
+            Self::LogUniform { .. } => min * (max / min).powf(x),
             _ => {
                 let [low, high] = self.shares();
                 self.whole(low + x * (high - low)).clamp(min, max)
@@ -82,19 +125,17 @@ impl Distribution {
     fn whole(&self, x: f64) -> f64 {
         // Without limits, the ends are nearly never.
         let x = x.clamp(1e-12, 1.0 - 1e-12);
-        match self.kind {
-            DistributionKind::Normal { mean, deviation } => mean + deviation * normal_quantile(x),
-            DistributionKind::LogNormal { median, deviation } => {
-                median * (deviation * normal_quantile(x)).exp()
-            }
-            DistributionKind::Weibull { shape, scale } => scale * (-(-x).ln_1p()).powf(1.0 / shape),
-            DistributionKind::Uniform | DistributionKind::LogUniform => self.value(x),
+        match *self {
+            Self::Normal { mean, deviation, .. } => mean + deviation * normal_quantile(x),
+            Self::LogNormal { median, deviation, .. } => median * (deviation * normal_quantile(x)).exp(),
+            Self::Weibull { shape, scale, .. } => scale * (-(-x).ln_1p()).powf(1.0 / shape),
+            Self::Uniform { .. } | Self::LogUniform { .. } => self.value(x),
         }
     }
 
     /// The shares of the values of the whole distribution below its limits.
     fn shares(&self) -> [f64; 2] {
-        self.limits.map(|limit| {
+        self.limits().map(|limit| {
             let (mut low, mut high) = (0.0, 1.0);
             if limit == f64::INFINITY {
                 return 1.0;
@@ -155,12 +196,7 @@ fn normal_quantile(p: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::DistributionKind::{LogNormal, LogUniform, Normal, Uniform, Weibull};
     use super::*;
-
-    fn within(limits: [f64; 2], kind: DistributionKind) -> Distribution {
-        Distribution { kind, limits }
-    }
 
     #[test]
     fn quantiles_are_those_of_the_tables() {
@@ -179,29 +215,29 @@ mod tests {
 
     #[test]
     fn limits_cut_off_and_leave_the_shape() {
-        let cut = within([0.0, 4.0], LogNormal { median: 2.0, deviation: 1.2 });
+        let cut = Distribution::LogNormal { median: 2.0, deviation: 1.2, min: None, max: Some(4.0) };
         cut.check().unwrap();
-        let whole = within([0.0, f64::INFINITY], LogNormal { median: 2.0, deviation: 1.2 });
+        let whole = Distribution::LogNormal { median: 2.0, deviation: 1.2, min: None, max: None };
         // Of the whole, share(4) lie below 4; half of these lie below the median of what is cut
         // off.
         let share =
             (0..100_000).filter(|k| whole.value((f64::from(*k) + 0.5) / 1e5) < 4.0).count() as f64 / 1e5;
         assert!((whole.value(0.5 * share) - cut.value(0.5)).abs() < 1e-3);
         assert!(cut.value(0.999_999) <= 4.0 && cut.value(0.0) >= 0.0);
-        let wind = within([0.0, f64::INFINITY], Weibull { shape: 2.0, scale: 5.0 });
+        let wind = Distribution::Weibull { shape: 2.0, scale: 5.0, min: None, max: None };
         assert!((wind.value(1.0 - (-1f64).exp()) - 5.0).abs() < 1e-9);
-        let fog = within([30.0, 2000.0], LogUniform);
+        let fog = Distribution::LogUniform { min: 30.0, max: 2000.0 };
         assert!((fog.value(0.5) - (30.0f64 * 2000.0).sqrt()).abs() < 1e-9);
     }
 
     #[test]
     fn wrong_numbers_are_named() {
         for (bad, says) in [
-            (within([2.0, 1.0], Uniform), "min is 2"),
-            (within([0.0, 1.0], LogUniform), "min is 0"),
-            (within([f64::NEG_INFINITY, f64::INFINITY], Normal { mean: 0.0, deviation: -1.0 }), "deviation"),
-            (within([90.0, f64::INFINITY], Normal { mean: 0.0, deviation: 1.0 }), "nothing lies"),
-            (within([0.0, f64::INFINITY], Weibull { shape: 0.0, scale: 1.0 }), "shape"),
+            (Distribution::Uniform { min: 2.0, max: 1.0 }, "min is 2"),
+            (Distribution::LogUniform { min: 0.0, max: 1.0 }, "min is 0"),
+            (Distribution::Normal { mean: 0.0, deviation: -1.0, min: None, max: None }, "deviation"),
+            (Distribution::Normal { mean: 0.0, deviation: 1.0, min: Some(90.0), max: None }, "nothing lies"),
+            (Distribution::Weibull { shape: 0.0, scale: 1.0, min: None, max: None }, "shape"),
         ] {
             let fault = bad.check().unwrap_err();
             assert!(fault.contains(says), "{fault}");

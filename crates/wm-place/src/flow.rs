@@ -9,10 +9,10 @@
 
 mod particles;
 
+use crate::drawing::Drawing;
 pub use crate::picture::SceneFlow;
-use crate::place::PreparedPlace;
 use crate::shot::{MovingCamera, PinholeContent, PinholeShot};
-use crate::{LensView, Picture, Progress, Renderer, Result};
+use crate::{LensView, Picture, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 use wm_render::Frame;
@@ -192,7 +192,7 @@ pub(crate) fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
     flow
 }
 
-impl Renderer {
+impl Drawing<'_> {
     /// Finds the flow of the scene between two frames by the depth of their surfaces: what lies on
     /// the scene at each instant counts, and the surface of water.
     pub(crate) fn flow(
@@ -210,17 +210,15 @@ impl Renderer {
         });
         let view =
             |k: usize| FlowView { camera: &cameras[k], lens: lens.map(LensView::lens), depth: depths[k] };
-        self.backend().pool().install(|| scene_flow(&view(0), &view(1)))
+        self.renderer.backend().pool().install(|| scene_flow(&view(0), &view(1)))
     }
 
     /// Returns the depth of the surfaces in a frame without the scene's own sky, see
     /// [`FlowView::depth`].
     pub(crate) async fn surface_depth(
         &mut self,
-        place: &mut PreparedPlace,
         lens: Option<&LensView>,
         shot: &PinholeShot<'_>,
-        progress: &mut dyn Progress,
     ) -> Result<Vec<f32>> {
         // The sky of a reconstruction hangs some hundred metres away and shines through walls: it
         // is infinitely far.
@@ -228,13 +226,13 @@ impl Renderer {
         let shot = PinholeShot { weather, parts: &[], content: PinholeContent::Geometry, ..*shot };
         let mut picture = Picture::default();
         let Some(lens) = lens else {
-            self.draw_pinhole(place, &shot, &mut picture, progress).await?;
+            self.pinhole(&shot, &mut picture).await?;
             return Ok(depth_of_surfaces(&picture.frame));
         };
         let mut sides = Vec::new();
         for camera in lens.cameras(&shot.camera.camera) {
             let own = PinholeShot { camera: MovingCamera { camera, ..shot.camera }, ..shot };
-            self.draw_pinhole(place, &own, &mut picture, progress).await?;
+            self.pinhole(&own, &mut picture).await?;
             sides.push(depth_of_surfaces(&picture.frame));
         }
         let pixels = lens.intrinsics().width as usize * lens.intrinsics().height as usize;
@@ -242,7 +240,7 @@ impl Renderer {
             let Some(point) = lens.side_of(pixel) else { return 0.0 };
             point.long * DepthsAround::new(&sides[point.side], point.size, point.at).depth()
         };
-        Ok(self.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
+        Ok(self.renderer.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
     }
 }
 

@@ -13,6 +13,7 @@
 pub mod assets;
 mod bake;
 pub mod camera_model;
+mod drawing;
 mod error;
 pub mod flow;
 pub mod frame;

@@ -4,7 +4,7 @@ use super::source::{
     Comparison, Condition, CopiedVariable, KeyedResult, Rule, SourceKind, Variable, VariableValues,
     WeatherSource,
 };
-use crate::distribution::{Distribution, DistributionKind};
+use crate::distribution::Distribution;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -198,21 +198,33 @@ impl SpreadEntry {
             return Err(format!("chance is {chance}: it must be from 0 to 1"));
         }
         let need = |key: &str, value: Option<f64>| value.ok_or_else(|| format!("{key} is missing"));
-        use DistributionKind::{LogNormal, LogUniform, Normal, Uniform, Weibull};
-        let (kind, takes): (_, &[&str]) = match self.distribution.as_str() {
-            "uniform" => (Some(Uniform), &["min", "max"]),
-            "log-uniform" => (Some(LogUniform), &["min", "max"]),
+        let (min, max) = (self.min, self.max);
+        let (distribution, takes): (Option<Distribution>, &[&str]) = match self.distribution.as_str() {
+            "uniform" => (
+                Some(Distribution::Uniform { min: need("min", min)?, max: need("max", max)? }),
+                &["min", "max"],
+            ),
+            "log-uniform" => (
+                Some(Distribution::LogUniform { min: need("min", min)?, max: need("max", max)? }),
+                &["min", "max"],
+            ),
             "normal" => {
                 let (mean, deviation) = (need("mean", self.mean)?, need("deviation", self.deviation)?);
-                (Some(Normal { mean, deviation }), &["mean", "deviation", "min", "max"])
+                (
+                    Some(Distribution::Normal { mean, deviation, min, max }),
+                    &["mean", "deviation", "min", "max"],
+                )
             }
             "log-normal" => {
                 let (median, deviation) = (need("median", self.median)?, need("deviation", self.deviation)?);
-                (Some(LogNormal { median, deviation }), &["median", "deviation", "min", "max"])
+                (
+                    Some(Distribution::LogNormal { median, deviation, min, max }),
+                    &["median", "deviation", "min", "max"],
+                )
             }
             "weibull" => {
                 let (shape, scale) = (need("shape", self.shape)?, need("scale", self.scale)?);
-                (Some(Weibull { shape, scale }), &["shape", "scale", "min", "max"])
+                (Some(Distribution::Weibull { shape, scale, min, max }), &["shape", "scale", "min", "max"])
             }
             "choice" => (None, &["values"]),
             other => {
@@ -223,11 +235,6 @@ impl SpreadEntry {
                     names.join(", ")
                 ));
             }
-        };
-        let limits = match kind {
-            Some(Uniform | LogUniform) => [need("min", self.min)?, need("max", self.max)?],
-            Some(Normal { .. }) => [self.min.unwrap_or(f64::NEG_INFINITY), self.max.unwrap_or(f64::INFINITY)],
-            _ => [self.min.unwrap_or(0.0), self.max.unwrap_or(f64::INFINITY)],
         };
         for (key, is_given) in [
             ("min", self.min.is_some()),
@@ -247,9 +254,8 @@ impl SpreadEntry {
                 ));
             }
         }
-        let values = match kind {
-            Some(kind) => {
-                let distribution = Distribution { kind, limits };
+        let values = match distribution {
+            Some(distribution) => {
                 distribution.check()?;
                 VariableValues::Numbers(distribution)
             }

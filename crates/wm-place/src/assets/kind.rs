@@ -95,19 +95,18 @@ pub(crate) trait Asset: Any + Send + Sync + Sized {
     /// Makes the asset of those that it needs, which the workshop has.
     fn make(key: &Self::Key, workshop: &Workshop<'_>) -> Result<Self>;
 
-    /// The word that a file's name begins with, and the numbers that tell it from others of its
-    /// kind; `None` for a kind that is not kept on disk.
-    fn file(_: &Self::Key) -> Option<AssetFile> {
-        None
-    }
+    /// The files of the kind; `None` for a kind that is not kept on disk.
+    const FILES: Option<AssetFiles<Self>> = None;
+}
 
+/// The files of a kind of asset.
+pub(crate) struct AssetFiles<A: Asset> {
+    /// The name of the file of a key.
+    pub name: fn(&A::Key) -> AssetFile,
     /// Reads the asset for a scene of so many splats; `None` if there is no file that fits.
-    fn read(_: &Self::Key, _cache: &AssetCache, _splats: usize) -> Option<Self> {
-        None
-    }
-
+    pub read: fn(&A::Key, &AssetCache, &AssetFile, usize) -> Option<A>,
     /// Writes the asset.
-    fn write(&self, _: &Self::Key, _cache: &AssetCache) {}
+    pub write: fn(&A, &AssetCache, AssetFile),
 }
 
 /// The views that surfaces are found in; empty for what is not made.

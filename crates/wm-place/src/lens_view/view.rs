@@ -1,8 +1,8 @@
 //! A lens in a picture of one size, and pictures through it.
 
-use crate::place::PreparedPlace;
+use crate::drawing::Drawing;
 use crate::shot::{MovingCamera, PinholeShot};
-use crate::{Error, Picture, Progress, Renderer, Result};
+use crate::{Error, Picture, Result};
 use glam::{DMat3, DMat4, DVec3, Vec4};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -441,41 +441,39 @@ fn cube() -> [DMat3; 6] {
     [rows(x, y, z), rows(-z, y, x), rows(z, y, -x), rows(x, -z, y), rows(x, z, -y), rows(-x, y, -z)]
 }
 
-impl Renderer {
+impl Drawing<'_> {
     /// Draws a picture of one instant: of a pinhole, or through a lens, whose size and intrinsics
     /// count then. Depths through a lens are distances from the eye.
     ///
     /// # Errors
     /// [`Error::Unsupported`] with drops on a lens that is no pinhole; else those of the place and
     /// the renderer.
-    pub(crate) async fn draw_through(
+    pub(crate) async fn through(
         &mut self,
-        place: &mut PreparedPlace,
         lens: Option<&LensView>,
         shot: &PinholeShot<'_>,
         picture: &mut Picture,
-        progress: &mut dyn Progress,
     ) -> Result<Stats> {
-        let Some(lens) = lens else { return self.draw_pinhole(place, shot, picture, progress).await };
+        let Some(lens) = lens else { return self.pinhole(shot, picture).await };
         if shot.weather.effects().any(|(effect, _)| effect.name == "lens") {
             let says = "drops on the lens are drawn for pinholes only: turn the effect `lens` off, or use no other lens";
             return Err(Error::Unsupported(says.into()));
         }
         let cameras = lens.cameras(&shot.camera.camera);
-        let mut sides = std::mem::take(&mut self.sides);
+        let mut sides = std::mem::take(&mut self.renderer.sides);
         sides.resize_with(cameras.len(), Picture::default);
         let mut stats = Stats::default();
         for ((camera, of), side) in cameras.into_iter().zip(&lens.sides).zip(&mut sides) {
             let Camera { viewmat, near, .. } = camera;
             let whole = Some(Camera { viewmat, near, ..of.whole });
             let own = PinholeShot { camera: MovingCamera { camera, ..shot.camera }, whole, ..*shot };
-            stats += self.draw_pinhole(place, &own, side, progress).await?;
+            stats += self.pinhole(&own, side).await?;
         }
         let started = web_time::Instant::now();
-        self.backend().pool().install(|| lens.sample(&sides, picture));
+        self.renderer.backend().pool().install(|| lens.sample(&sides, picture));
         stats.wall += started.elapsed().as_secs_f64();
         picture.metres_per_unit = sides.first().map_or(0.0, |side| side.metres_per_unit);
-        self.sides = sides;
+        self.renderer.sides = sides;
         Ok(stats)
     }
 }

@@ -72,7 +72,7 @@ macro_rules! kinds {
             }
 
             pub fn file(&self) -> Option<AssetFile> {
-                match self { $(Self::$kind(key) => <$asset>::file(key),)* }
+                match self { $(Self::$kind(key) => Some((<$asset>::FILES?.name)(key)),)* }
             }
 
             pub fn make(&self, workshop: &Workshop<'_>) -> Result<AnyAsset> {
@@ -80,14 +80,20 @@ macro_rules! kinds {
             }
 
             pub fn read(&self, cache: &AssetCache, splats: usize) -> Option<AnyAsset> {
-                match self { $(Self::$kind(key) => Some(Arc::new(<$asset>::read(key, cache, splats)?)),)* }
+                let file = self.file()?;
+                match self {
+                    $(Self::$kind(key) => {
+                        Some(Arc::new((<$asset>::FILES?.read)(key, cache, &file, splats)?))
+                    })*
+                }
             }
 
             pub fn write(&self, asset: &AnyAsset, cache: &AssetCache) {
+                let Some(file) = self.file() else { return };
                 match self {
-                    $(Self::$kind(key) => {
-                        if let Some(asset) = asset.downcast_ref::<$asset>() {
-                            asset.write(key, cache);
+                    $(Self::$kind(_) => {
+                        if let Some((asset, files)) = asset.downcast_ref().zip(<$asset>::FILES) {
+                            (files.write)(asset, cache, file);
                         }
                     })*
                 }
