@@ -64,23 +64,16 @@ impl FromStr for LayerFile {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (name, extension) = match text.split_once('.') {
-            Some((name, extension)) => (name, Some(extension)),
-            None => (text, None),
-        };
+        let (name, extension) = text.split_once('.').map_or((text, None), |(name, end)| (name, Some(end)));
         // The colour is always written.
         let beside = PictureLayer::all().filter(|layer| *layer != PictureLayer::Color);
         let layer = PictureLayer::find(name, beside)?;
-        let format = match extension {
-            None => None,
-            Some("flo") if layer.form() == LayerForm::Flow => Some(PictureFormat::Flo),
-            Some("flo") => return Err(format!("`{text}`: .flo holds optical flow alone: use flow.flo")),
-            Some(extension) => Some(
-                PictureFormat::of(Path::new(&format!("x.{extension}")))
-                    .ok_or_else(|| format!("`{text}`: use .png, .exr or .npy"))?,
-            ),
-        };
-        Ok(Self { layer, format })
+        let format = extension.map(|extension| match extension {
+            "flo" if layer.form() == LayerForm::Flow => Ok(PictureFormat::Flo),
+            "flo" => Err(format!("`{text}`: .flo holds optical flow alone: use flow.flo")),
+            other => other.parse().map_err(|_| format!("`{text}`: use .png, .exr or .npy")),
+        });
+        Ok(Self { layer, format: format.transpose()? })
     }
 }
 

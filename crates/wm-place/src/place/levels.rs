@@ -2,8 +2,8 @@
 //!
 //! Frames draw a cut of the levels, which depends on the camera and the budget alone. Weather is
 //! prepared with fewer splats that are finest about where the cameras are, [`WeatherFocus`]: they
-//! are the splats of [`PreparedPlace::scene`]. A splat that is drawn has the attributes of the
-//! nearest of those in its leaf.
+//! are the splats of [`crate::PreparedPlace::scene`]. A splat that is drawn has the attributes of
+//! the nearest of those in its leaf.
 
 use crate::levels::{
     BudgetShares, CoarseLeaves, CutBudget, DrawnPart, HeldLeaf, LevelBudget, LevelCut, LevelLooks,
