@@ -211,7 +211,6 @@ impl BatchClips {
     }
 
     /// The clips of a run of frames of one scene.
-    #[must_use]
     pub(crate) fn parts(&self, frames: &Range<u64>) -> Vec<BlockPart> {
         let mut parts = Vec::new();
         let mut at = frames.start;

@@ -13,7 +13,6 @@ const MIN_RATE_MM_H: f64 = 0.05;
 const MIN_SNOW_DEPTH_M: f64 = 0.005;
 
 /// The condition that prevails in a weather when its clip begins.
-#[must_use]
 pub(super) fn condition_of(planned: &PlannedWeather) -> Condition {
     let sample = planned.weather.at(planned.at);
     let number = |key: &str| value_of(&planned.weather, key, planned.at);

@@ -109,7 +109,6 @@ impl Distribution {
     }
 
     /// The value below which a share `x` of the values lies, 0 <= x < 1.
-    #[must_use]
     pub(crate) fn value(&self, x: f64) -> f64 {
         let [min, max] = self.limits();
         match self {

@@ -59,13 +59,11 @@ pub(crate) struct LatinHypercube {
 
 impl LatinHypercube {
     /// So many points; `count` must be above 0 and at most 2^62.
-    #[must_use]
     pub(crate) fn new(seed: u64, count: u64) -> Self {
         Self { seed, count }
     }
 
     /// The coordinate of a point along a dimension, from 0 up to 1.
-    #[must_use]
     pub(crate) fn at(&self, index: u64, dimension: &str) -> f64 {
         let seed = self.dimension(dimension);
         let stratum = RandomPermutation::new(seed, self.count).at(index);

@@ -4,6 +4,8 @@
 //! up; a camera has OpenCV's axes, x right, y down and z forward.
 
 use crate::RigidPose;
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use wm_scene::LensModel;
 
 /// A data set: its sensors and what all of its clips share.
@@ -168,7 +170,8 @@ impl Condition {
 }
 
 /// The place of a reading in its clip, without what was read: known from the plan alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct ReadingInfo {
     /// Index into [`SetInfo::sensors`].
     pub sensor: usize,
@@ -178,13 +181,26 @@ pub struct ReadingInfo {
     pub frame: u32,
     /// True if it is the sensor's reading of that frame: the first at or after the frame's time.
     /// There is one for each sensor and frame.
+    #[serde(rename = "key")]
     pub is_key: bool,
     /// The block that its files are made in.
     pub block: u32,
     /// Seconds since the start of the clip.
     pub time: f64,
     /// The pose of the rig then.
+    #[serde(rename = "rig", serialize_with = "write_pose", deserialize_with = "read_pose")]
     pub world_from_rig: RigidPose,
+}
+
+/// Writes a pose as x y z (m), then the quaternion w x y z.
+fn write_pose<S: Serializer>(pose: &RigidPose, out: S) -> Result<S::Ok, S::Error> {
+    let (t, q) = (pose.translation, pose.rotation);
+    [t.x, t.y, t.z, q.w, q.x, q.y, q.z].serialize(out)
+}
+
+fn read_pose<'de, D: Deserializer<'de>>(from: D) -> Result<RigidPose, D::Error> {
+    let [x, y, z, w, a, b, c] = <[f64; 7]>::deserialize(from)?;
+    Ok(RigidPose { rotation: DQuat::from_xyzw(a, b, c, w), translation: DVec3::new(x, y, z) })
 }
 
 impl ReadingInfo {

@@ -181,7 +181,7 @@ fn layers_are_known_by_their_names() {
         assert_eq!(name.parse::<PictureLayer>().unwrap().to_string(), name);
     }
     assert!("depth.npy".parse::<PictureLayer>().unwrap_err().contains("leave out the extension"));
-    assert!("dept".parse::<PictureLayer>().unwrap_err().ends_with("instance or clear"));
+    assert!("dept".parse::<PictureLayer>().unwrap_err().ends_with("surface-depth or clear"));
 }
 
 #[test]

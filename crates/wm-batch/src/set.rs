@@ -56,7 +56,6 @@ pub(crate) fn rig_of(plan: &BatchPlan, clips: &BatchClips) -> Result<Rig> {
 }
 
 /// The set of a plan.
-#[must_use]
 pub(crate) fn set_of(plan: &BatchPlan, rig: &Rig) -> SetInfo {
     let about = match plan.about.as_str() {
         "" => format!("{} scenes in weather", plan.scenes.len()),
@@ -110,7 +109,6 @@ pub(crate) struct SetWorld {
 
 impl SetWorld {
     /// Returns the axes of a place.
-    #[must_use]
     pub(crate) fn of(place: &PreparedPlace) -> Self {
         let (survey, site) = (place.survey(), place.site());
         let up = DVec3::from_array(site.up);
@@ -126,7 +124,6 @@ impl SetWorld {
     }
 
     /// The pose of a rig that moves so.
-    #[must_use]
     pub(crate) fn pose(&self, motion: &CameraMotion, time: f64) -> RigidPose {
         let pose = motion.sensor_pose(time);
         let at = self.axes * pose.origin * self.metres - DVec3::Z * self.ground;
@@ -135,7 +132,6 @@ impl SetWorld {
 }
 
 /// The place of a clip.
-#[must_use]
 pub(crate) fn place_of(name: &str, place: &PreparedPlace) -> PlaceInfo {
     let survey = place.survey();
     PlaceInfo {
@@ -146,7 +142,6 @@ pub(crate) fn place_of(name: &str, place: &PreparedPlace) -> PlaceInfo {
 }
 
 /// The clip of a set.
-#[must_use]
 pub(crate) fn clip_of(plan: &BatchPlan, clip: &PlannedClip, place: PlaceInfo) -> ClipInfo {
     let planned = &clip.weather;
     let number = |key: &str| value_of(&planned.weather, key, planned.at).unwrap_or(0.0);
@@ -171,7 +166,6 @@ pub(crate) fn clip_of(plan: &BatchPlan, clip: &PlannedClip, place: PlaceInfo) ->
 
 /// The readings of a part of a clip, in the order of time, then of sensors. `pose` is that of the
 /// rig at a time of the clip, s.
-#[must_use]
 pub(crate) fn readings_of(
     plan: &BatchPlan,
     rig: &Rig,
@@ -210,7 +204,6 @@ pub(crate) fn readings_of(
 }
 
 /// The points of a sweep.
-#[must_use]
 pub(crate) fn points_of(sweep: &LidarSweep) -> Vec<DatasetPoint> {
     let of = |point: &wm_sensors::LidarPoint| DatasetPoint {
         position: point.position,
@@ -236,7 +229,6 @@ pub(crate) fn points_of(sweep: &LidarSweep) -> Vec<DatasetPoint> {
 }
 
 /// The detections of a radar's sweep.
-#[must_use]
 pub(crate) fn detections_of(sweep: &RadarSweep) -> Vec<DatasetDetection> {
     let of = |one: &wm_sensors::radar::RadarDetection| DatasetDetection {
         position: one.position,

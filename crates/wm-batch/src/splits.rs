@@ -7,7 +7,6 @@ use wm_base::random::uniform;
 const RUN_CLIPS: u64 = 1024;
 
 /// The index of the part of the set that a clip belongs to, into [`BatchPlan::splits`].
-#[must_use]
 pub(crate) fn split_of(plan: &BatchPlan, clip: u64) -> usize {
     part_of(plan.seed, plan.splits.iter().map(|(_, share)| *share), clip)
 }

@@ -4,9 +4,7 @@
 //! A marker is written last. So a block without one is made again, from the beginning, and a second
 //! run gives the same bytes.
 
-use crate::{
-    ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo,
-};
+use crate::{ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, SetError, WeatherInfo};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -94,26 +92,11 @@ pub(crate) struct MarkedClip {
     pub(crate) at: f64,
     /// The values of what is varied.
     pub(crate) variables: BTreeMap<String, f64>,
-    readings: Vec<MarkedReading>,
-}
-
-/// A reading in a marker.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-#[serde(deny_unknown_fields)]
-struct MarkedReading {
-    sensor: usize,
-    index: u32,
-    frame: u32,
-    key: bool,
-    block: u32,
-    time: f64,
-    /// `world_from_rig`: x y z (m), then the quaternion w x y z.
-    rig: [f64; 7],
+    readings: Vec<ReadingInfo>,
 }
 
 impl MarkedClip {
     /// A clip with some of its readings.
-    #[must_use]
     pub(crate) fn new(
         clip: &ClipInfo,
         at: f64,
@@ -139,7 +122,7 @@ impl MarkedClip {
             weather_file: weather.file.clone(),
             at,
             variables: variables.clone(),
-            readings: readings.iter().map(MarkedReading::new).collect(),
+            readings: readings.to_vec(),
         }
     }
 
@@ -172,47 +155,8 @@ impl MarkedClip {
                     file: self.weather_file.clone(),
                 },
             },
-            readings: self.readings.iter().map(MarkedReading::info).collect(),
+            readings: self.readings.clone(),
         })
-    }
-}
-
-impl MarkedReading {
-    fn new(info: &ReadingInfo) -> Self {
-        let RigidPose { rotation, translation } = info.world_from_rig;
-        Self {
-            sensor: info.sensor,
-            index: info.index,
-            frame: info.frame,
-            key: info.is_key,
-            block: info.block,
-            time: info.time,
-            rig: [
-                translation.x,
-                translation.y,
-                translation.z,
-                rotation.w,
-                rotation.x,
-                rotation.y,
-                rotation.z,
-            ],
-        }
-    }
-
-    fn info(&self) -> ReadingInfo {
-        let [x, y, z, w, a, b, c] = self.rig;
-        ReadingInfo {
-            sensor: self.sensor,
-            index: self.index,
-            frame: self.frame,
-            is_key: self.key,
-            block: self.block,
-            time: self.time,
-            world_from_rig: RigidPose {
-                rotation: glam::DQuat::from_xyzw(a, b, c, w),
-                translation: glam::DVec3::new(x, y, z),
-            },
-        }
     }
 }
 
@@ -385,13 +329,11 @@ impl BlockFiles {
     }
 
     /// Their length so far.
-    #[must_use]
     pub(crate) fn bytes(&self) -> u64 {
         self.files.iter().map(|file| file.bytes).sum()
     }
 
     /// A layout's part of the files.
-    #[must_use]
     pub(crate) fn layout<'a>(&'a mut self, name: &'a str) -> LayoutFiles<'a> {
         LayoutFiles { files: self, name }
     }
@@ -407,16 +349,22 @@ pub(crate) struct LayoutFiles<'a> {
 impl FileSink for LayoutFiles<'_> {
     fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
         let path = format!("{}/{path}", self.name);
-        let to = |path: &Path, problem: String| SetError::Write { path: path.into(), problem };
         let staged = self.files.staged.join(&path);
-        if let Some(folder) = staged.parent() {
-            fs::create_dir_all(folder).map_err(|error| to(folder, error.to_string()))?;
-        }
-        let own = self.files.folder.join(&path);
-        write_staged(&staged, bytes).map_err(|error| to(&own, WriteFault::from(error).to_string()))?;
+        make_folder_of(&staged)?;
+        write_staged(&staged, bytes).map_err(|error| SetError::Write {
+            path: self.files.folder.join(&path),
+            problem: WriteFault::from(error).to_string(),
+        })?;
         self.files.files.push(MarkedFile::new(path, bytes));
         Ok(())
     }
+}
+
+/// Makes the folder of a file.
+fn make_folder_of(path: &Path) -> Result<(), SetError> {
+    let Some(folder) = path.parent() else { return Ok(()) };
+    fs::create_dir_all(folder)
+        .map_err(|error| SetError::Write { path: folder.into(), problem: error.to_string() })
 }
 
 /// The tables of a layout, which are written when all blocks are done.
@@ -434,11 +382,7 @@ impl FileSink for TableFiles<'_> {
     fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
         let path = format!("{}/{path}", self.name);
         let own = self.folder.join(&path);
-        if let Some(folder) = own.parent() {
-            let problem =
-                |error: std::io::Error| SetError::Write { path: folder.into(), problem: error.to_string() };
-            fs::create_dir_all(folder).map_err(problem)?;
-        }
+        make_folder_of(&own)?;
         wm_base::files::write_atomically(&own, |out| Ok(out.write_all(bytes)?))?;
         self.files.push(MarkedFile::new(path, bytes));
         Ok(())

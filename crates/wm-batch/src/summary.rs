@@ -21,7 +21,6 @@ const HISTOGRAM_COLUMNS: usize = 20;
 const MAX_VALUES: usize = 1 << 16;
 
 /// Returns true if the page shows a clip: some, evenly spread.
-#[must_use]
 pub(crate) fn is_shown(clip: u64, clips: u64) -> bool {
     clips <= MAX_SHOWN_CLIPS || (clip * MAX_SHOWN_CLIPS) % clips < MAX_SHOWN_CLIPS
 }
@@ -67,7 +66,6 @@ pub(crate) struct SetSummary {
 
 impl SetSummary {
     /// Begins the summary of a plan with `clips` clips.
-    #[must_use]
     pub(crate) fn new(plan: &BatchPlan, clips: u64) -> Self {
         Self {
             title: plan.name.clone(),

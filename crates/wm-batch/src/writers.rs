@@ -44,7 +44,6 @@ pub(crate) struct BlockWriters<'a> {
 
 /// The files of a reading in the program's own layout, from the folder of the set: the picture or
 /// the points, the layers beside a picture, and the same view without weather.
-#[must_use]
 pub(crate) fn frame_files(
     plan: &BatchPlan,
     rig: &Rig,

@@ -13,8 +13,8 @@
 
 use super::boards::slope;
 use super::expected;
-use super::lit::{LightPicture, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::lit::{LightPicture, level_square, paint_card};
+use super::plot::{Axis, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, fov_of,
 };
@@ -105,8 +105,7 @@ fn lamp_sum(picture: &LightPicture) -> [f64; 3] {
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
-    let mut weather = request.with(&NOTHING_FALLS)?;
-    NIGHT.iter().chain(&[SKY_GLOW, EXPOSURE]).try_for_each(|change| weather.set_text(change))?;
+    let weather = request.with(&[&NOTHING_FALLS[..], &NIGHT, &[SKY_GLOW, EXPOSURE]].concat())?;
     let asked = expected::extinction(&weather, request.time, EYE_HEIGHT_M);
     let limits =
         [0, 1].map(|end: usize| (OPTICAL_DEPTHS[end] / asked[1]).clamp(DISTANCES_M[0], DISTANCES_M[1]));
@@ -127,7 +126,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     });
     // Behind the camera, since a place has ground somewhere.
     let mut ground = Splats::default();
-    paint_card(&level, [0.0, -30.0, 0.0], [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]], 0.25, 0.25, &mut ground);
+    paint_card(&level, [0.0, -30.0, 0.0], level_square(2.0), 0.25, 0.25, &mut ground);
     let subject = rig.set_up_lit(ground, lamps.collect())?;
     let (mut points, mut strip) = ([const { Vec::new() }; 3], Vec::new());
     for (metres, at) in &all {
@@ -146,30 +145,30 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
         strip.push(picture.picture.frame.rgb);
     }
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     for (k, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        finding.readings.push(request.reading(
+        finding.add(
             format!("extinction by lamps, {name}"),
             "1/km",
             [1e3 * asked[k], if points[k].len() < LAMP_COUNT { f64::NAN } else { 1e3 * slope(&points[k]) }],
             Tolerance::Relative(0.03),
-        ));
+        );
     }
     let first = points[1].first().copied().unwrap_or_default();
     let shown = |[metres, log]: [f64; 2]| [metres, (first[1] - log).exp()];
     let law = (0..=60).map(|k| limits[0] + (limits[1] - limits[0]) * f64::from(k) / 60.0);
-    finding.plots.push(Plot {
-        title: format!("Light of lamps, {}", request.setting),
-        x: Axis::linear("distance, m"),
-        y: Axis::log("E d\u{b2}, share of the nearest"),
-        series: vec![
+    finding.plot(
+        "Light of lamps",
+        "distance, m",
+        Axis::log("E d\u{b2}, share of the nearest"),
+        vec![
             Series::line(
                 "exp(-sigma d)",
                 law.map(|metres| [metres, (-asked[1] * (metres - first[0])).exp()]).collect(),
             ),
             Series::points("green", points[1].iter().copied().map(shown).collect()),
         ],
-    });
+    );
     finding.pictures.push(MeasuredPicture {
         caption: format!(
             "{}: the lamps at {:.0} to {:.0} m, each through a lens by its distance",

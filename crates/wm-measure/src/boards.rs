@@ -11,13 +11,12 @@
 //! of what falls before the boards.
 
 use super::expected::{self, MOR_DEPTH};
-use super::plot::{Axis, Plot, Series};
+use super::plot::{Axis, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, clear,
-    median,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, draw, median,
 };
 use wm_place::Result;
-use wm_place::{FrameRequest, Picture};
+use wm_place::{Layers, Picture};
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
@@ -120,14 +119,11 @@ impl Boards {
         weather: &Weather,
         time: f64,
     ) -> Result<(Light, Picture)> {
-        let mut pictures = [Picture::default(), Picture::default()];
-        for (subject, picture) in [self.white, self.black].into_iter().zip(&mut pictures) {
-            rig.draw(subject, &FrameRequest::new(weather, self.camera, time), picture)?;
-        }
-        let [white, black] = pictures.each_ref().map(|picture| patches(&picture.frame.rgb_linear()));
-        let less = |(white, black): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| white[k] - black[k]);
-        let [_, black_picture] = pictures;
-        Ok((white.iter().zip(&black).map(less).collect(), black_picture))
+        let white = draw(rig, self.white, &self.camera, weather, time, Layers::COLOR)?;
+        let black = draw(rig, self.black, &self.camera, weather, time, Layers::COLOR)?;
+        let [light, dark] = [&white, &black].map(|picture| patches(&picture.frame.rgb_linear()));
+        let less = |(light, dark): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| light[k] - dark[k]);
+        Ok((light.iter().zip(&dark).map(less).collect(), black))
     }
 }
 
@@ -171,7 +167,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
         shown = picture;
     }
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let farthest = boards.metres.iter().copied().fold(0.0, f64::max);
     let law = (0..=60).map(|k| farthest * f64::from(k) / 60.0);
     let mut series = vec![Series::line(
@@ -189,28 +185,19 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|(metres, kept)| [*metres, -kept[channel].ln()])
             .collect();
         let measured = if points.len() < 4 { f64::NAN } else { MOR_DEPTH / slope(&points) };
-        finding.readings.push(request.reading(
-            format!("MOR, {name}"),
-            "m",
-            [asked[channel], measured],
-            Tolerance::Relative(0.03),
-        ));
+        finding.add(format!("MOR, {name}"), "m", [asked[channel], measured], Tolerance::Relative(0.03));
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
-    finding.plots.push(Plot {
-        title: format!("Contrast left, {}", request.setting),
-        x: Axis::linear("distance of the board, m"),
-        y: Axis::log("white less black, share of clear air"),
+    finding.plot(
+        "Contrast left",
+        "distance of the board, m",
+        Axis::log("white less black, share of clear air"),
         series,
-    });
+    );
     let near = median(boards.metres.clone());
-    finding.pictures.push(MeasuredPicture::of(
-        format!(
-            "{}: black boards at {:.0} to {farthest:.0} m, half of them within {near:.0} m",
-            request.setting,
-            0.1 * asked[1]
-        ),
-        &shown.frame,
-    ));
+    finding.show(
+        format!("black boards at {:.0} to {farthest:.0} m, half of them within {near:.0} m", 0.1 * asked[1]),
+        &shown,
+    );
     Ok(finding)
 }

@@ -10,7 +10,8 @@
 //!
 //! Tolerance: 1 % of what fell.
 
-use super::stake::{level_card, median_depth, shown};
+use super::lit::LightPicture;
+use super::stake::{level_card, median_depth};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, expected, fov_of,
 };
@@ -134,16 +135,17 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         volume += pixel * (less - more);
         area += pixel;
     }
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let came = fell - stock;
-    finding.readings.push(request.reading(
+    finding.add(
         format!("water that came to lie, of {came:.0} mm that fell"),
         "mm",
         [came - melted, volume / area * SETTLED_DENSITY_KG_M3],
         Tolerance::Absolute(0.01 * came),
-    ));
+    );
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;
     let what = if melted > 0.0 { "the level yard" } else { "the yard with its steep ridge" };
-    finding.pictures.push(shown(rig, subject, &camera, &weather, request, what)?);
+    let seen = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
+    finding.show(what, &seen.picture);
     Ok(finding)
 }

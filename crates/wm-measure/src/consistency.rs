@@ -17,10 +17,10 @@
 
 use super::{
     AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
-    clear, expected, mean, median, painted,
+    clear, draw, expected, mean, median, painted,
 };
+use wm_place::Picture;
 use wm_place::Result;
-use wm_place::{FrameRequest, Picture};
 use wm_scene::Camera;
 use wm_weather::{EffectRole, Weather};
 
@@ -73,9 +73,7 @@ struct Pair {
 
 impl View {
     fn new(rig: &mut dyn InstrumentRenderer, camera: Camera, weather: &Weather, time: f64) -> Result<Self> {
-        let mut picture = Picture::default();
-        let request = FrameRequest { layers: AIR, ..FrameRequest::new(weather, camera, time) };
-        rig.draw(ShotSubject::Place, &request, &mut picture)?;
+        let picture = draw(rig, ShotSubject::Place, &camera, weather, time, AIR)?;
         let frame = &picture.frame;
         let sharp = |at: usize| {
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));
@@ -173,10 +171,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         Ok([View::new(rig, a, weather, request.time)?, View::new(rig, b, weather, request.time)?])
     };
     let (bare, seen) = (look(&clear())?, look(&weather)?);
-    let mut finding = Finding::default();
-    let mut add = |quantity: String, unit, asked, measured, tolerance| {
-        finding.readings.push(request.reading(quantity, unit, [asked, measured], tolerance));
-    };
+    let mut finding = request.finding();
     let (bare_pairs, pairs) = (bare[0].pairs(&bare[1]), seen[0].pairs(&seen[1]));
     let size = seen[0].size();
     let percent = |values: Vec<f64>| 100.0 * mean(values);
@@ -188,35 +183,32 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         clear_error.iter().zip(&bare_pairs).map(|(e, pair)| e * f64::from(share[pair.here])).collect()
     };
     let above = Tolerance::Above(0.5);
-    add(
-        "warping error of what stands still".into(),
+    finding.add(
+        "warping error of what stands still",
         "% of white",
-        percent(dimmed(&seen[0].share)),
-        own,
+        [percent(dimmed(&seen[0].share)), own],
         above,
     );
     if has_air {
         let views = [&seen[0], &seen[1]];
         let apart = disagreement(&pairs, views, [&seen[0].share, &seen[1].share]);
-        add(
-            "two views' extinction is apart by, median".into(),
+        finding.add(
+            "two views' extinction is apart by, median",
             "%",
-            0.0,
-            100.0 * apart,
+            [0.0, 100.0 * apart],
             Tolerance::Absolute(3.0),
         );
         let paint = [0, 1].map(|k| painted::fog(&bare[k].rgb, size.0, size.1, k as u64 + 1));
         let error = percent(differences(&bare_pairs, &paint[0].rgb, &paint[1].rgb));
         let none = Tolerance::None;
-        add(
-            "painted a frame: warping error".into(),
+        finding.add(
+            "painted a frame: warping error",
             "% of white",
-            percent(dimmed(&paint[0].share)),
-            error,
+            [percent(dimmed(&paint[0].share)), error],
             none,
         );
         let apart = disagreement(&bare_pairs, [&bare[0], &bare[1]], [&paint[0].share, &paint[1].share]);
-        add("painted a frame: extinction apart by".into(), "%", 0.0, 100.0 * apart, none);
+        finding.add("painted a frame: extinction apart by", "%", [0.0, 100.0 * apart], none);
     }
     if lies {
         let covered = |k: usize| -> Vec<bool> {
@@ -227,15 +219,17 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         };
         let masks = [covered(0), covered(1)];
         let same = overlap(&pairs, [&masks[0], &masks[1]]);
-        add("snow that both views show, of what either does".into(), "", 1.0, same, Tolerance::Absolute(0.1));
+        finding.add(
+            "snow that both views show, of what either does",
+            "",
+            [1.0, same],
+            Tolerance::Absolute(0.1),
+        );
         let paint = [0, 1].map(|k| painted::snow(&bare[k].rgb, size.0, size.1, k as u64 + 1));
         let same = overlap(&bare_pairs, [&paint[0], &paint[1]]);
-        add("painted a frame: the same".into(), "", 1.0, same, Tolerance::None);
+        finding.add("painted a frame: the same", "", [1.0, same], Tolerance::None);
     }
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the first of the two views", request.setting),
-        &seen[0].picture.frame,
-    ));
+    finding.show("the first of the two views", &seen[0].picture);
     let mut error = vec![0.0f32; size.0 * size.1];
     for (pair, value) in pairs.iter().zip(differences(&pairs, &seen[0].rgb, &seen[1].rgb)) {
         error[pair.here] = (5.0 * value) as f32;

@@ -10,16 +10,15 @@
 use super::drops::{DropSample, MeasuredDrop};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES, Reading,
-    ShotSubject, Tolerance, clear, expected, mean, median, streaks,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES,
+    ShotSubject, Tolerance, clear, draw, expected, mean, median, streaks,
 };
 use wm_image::PictureSize;
 use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_place::Picture;
-use wm_place::{Error, FrameRequest, Layers, Result};
+use wm_place::{Error, Layers, Result};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
-use wm_scene::Camera;
 use wm_weather::Weather;
 
 /// The instrument.
@@ -120,8 +119,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let height =
         (f64::from(PICTURE_WIDTH_PX) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(PICTURE_WIDTH_PX, height as u32);
-    let bare = draw(rig, &camera, &clear(), request.time, PARTICLES)?;
-    let mut finding = Finding::default();
+    let bare = draw(rig, ShotSubject::Place, &camera, &clear(), request.time, PARTICLES)?;
+    let mut finding = request.finding();
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
         let (mut points, mut errors) = (Vec::new(), Vec::new());
@@ -141,7 +140,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
                 MeasuredQuantity::Lost => PARTICLES.with(Layers::TRANSMITTANCE),
                 _ => PARTICLES,
             };
-            let picture = draw(rig, &camera, &weather, request.time, layers)?;
+            let picture = draw(rig, ShotSubject::Place, &camera, &weather, request.time, layers)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
                 None => lean(rig, &weather, request.time, heading)?,
@@ -154,20 +153,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let chance = SIGNIFICANCE_SIGMA * f64::hypot(errors[k - 1], errors[*k]);
             points[*k][1] - points[k - 1][1] > chance
         });
-        finding.readings.push(Reading {
-            quantity: format!(
-                "steps that raise the {}: {} to {}",
-                control.seen.label().split(',').next().unwrap_or_default(),
-                short(points[0][1]),
-                short(points[STEP_COUNT - 1][1])
-            ),
-            setting: control.name.to_owned(),
-            unit: "",
-            asked: (STEP_COUNT - 1) as f64,
-            measured: rising.count() as f64,
-            standard_error: None,
-            tolerance: Tolerance::Absolute(0.0),
-        });
+        let quantity = format!(
+            "steps that raise the {}: {} to {}",
+            control.seen.label().split(',').next().unwrap_or_default(),
+            short(points[0][1]),
+            short(points[STEP_COUNT - 1][1])
+        );
+        let values = [(STEP_COUNT - 1) as f64, rising.count() as f64];
+        finding.add(quantity, "", values, Tolerance::Absolute(0.0)).setting = control.name.to_owned();
         finding.plots.push(Plot {
             title: format!("{}: {} = {}", control.name, control.key, control.values.join(", ")),
             x: Axis::linear("step"),
@@ -204,19 +197,6 @@ fn turn_of(value: &str) -> Result<f64> {
 
 fn short(value: f64) -> String {
     if value.abs() < 1.0 { format!("{value:.4}") } else { format!("{value:.1}") }
-}
-
-fn draw(
-    rig: &mut dyn InstrumentRenderer,
-    camera: &Camera,
-    weather: &Weather,
-    time: f64,
-    layers: Layers,
-) -> Result<Picture> {
-    let mut picture = Picture::default();
-    let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
-    rig.draw(ShotSubject::Place, &request, &mut picture)?;
-    Ok(picture)
 }
 
 /// The value of `seen` in a picture, compared with the same view in clear air; `None` for a lean,

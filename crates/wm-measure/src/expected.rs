@@ -8,6 +8,8 @@ use wm_weather::{Effect, EffectRole, ParamValue, Weather};
 pub(crate) const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 /// `-ln 0.02`: the same at Koschmieder's visual range.
 const VISUAL_DEPTH: f64 = 3.912_023_005_428_146;
+/// Refractive index of water.
+pub(crate) const WATER_INDEX: f64 = 1.333;
 /// Wavelengths of red, green and blue, nm.
 const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
 
@@ -220,6 +222,15 @@ fn beyond(most: f64, slope: f64, least: f64) -> f64 {
 /// Diameter when melted, mm, of a flake by the diameter that is seen, mm.
 fn melted(diameter: f64) -> f64 {
     (ball(diameter) * 0.178 * diameter.powf(-0.922) * 6.0 / std::f64::consts::PI).cbrt()
+}
+
+/// The share that is reflected of unpolarised light that meets water at an angle from its normal,
+/// radians: Fresnel's equations by the angles on both sides of the surface (Snell).
+pub(crate) fn water_reflectance(outside: f64) -> f64 {
+    let inside = (outside.sin() / WATER_INDEX).asin();
+    let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
+    let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
+    0.5 * (across + along)
 }
 
 /// Slope of the spectrum of rain, 1/mm (Marshall and Palmer 1948), by the rate, mm/h.

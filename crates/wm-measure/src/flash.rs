@@ -16,11 +16,10 @@
 
 use super::allard::NIGHT;
 use super::expected;
-use super::lit::{LightPicture, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::lit::{LightPicture, level_square, overcast_card, paint_card};
+use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
-    Tolerance, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, mean,
 };
 use wm_place::Result;
 use wm_scene::{Camera, Splats};
@@ -103,7 +102,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     };
     let (weather, calm) = (storm(&[])?, storm(&["lightning=off"])?);
     let mut card = Splats::default();
-    let halves = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+    let halves = level_square(2.0);
     paint_card(
         &level,
         [0.0, 0.0, CARD_HEIGHT_M],
@@ -127,13 +126,13 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
     }
     let sums = [0, 1].map(|k: usize| films[k].iter().sum::<f64>() / FRAME_RATES_HZ[k]);
-    let mut finding = Finding::default();
-    finding.readings.push(request.reading(
+    let mut finding = request.finding();
+    finding.add(
         format!("light of {seconds:.0} s at 24 frames a second, by that at 60"),
         "lx s",
         [sums[1], if sums[1] > 0.01 { sums[0] } else { f64::NAN }],
         Tolerance::Relative(0.01),
-    ));
+    );
     let fast = &films[1];
     let is_lit = |frame: usize| fast[frame] > 0.02;
     let begins = (DARK_FRAMES..fast.len()).filter(|at| is_lit(*at) && !(at - DARK_FRAMES..*at).any(is_lit));
@@ -143,15 +142,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let mut lit = weather.clone();
         lit.set_text(&format!("lightning.exposure={STROKE_EXPOSURE_S}"))?;
         let (sin, picture) = brightest(rig, &level, subject, &lit, &calm, time)?;
-        finding.readings.push(request.reading(
+        finding.add(
             format!("stroke {} at {:.1} km", number + 1, 1e-3 * STROKE_HEIGHT_M / sin),
             "lx s",
             [STROKE_LX_S * (1_000.0 * sin / STROKE_HEIGHT_M).powi(2), measured],
             Tolerance::Relative(0.03),
-        ));
+        );
         if number == 0 {
-            let caption = format!("{}: the sky of a stroke about its brightest", request.setting);
-            finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));
+            finding.show("the sky of a stroke about its brightest", &picture.picture);
         }
     }
     let curve = |k: usize| {
@@ -161,15 +159,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|(frame, lux)| [(frame as f64 + 0.5) / FRAME_RATES_HZ[k], *lux])
             .collect()
     };
-    finding.plots.push(Plot {
-        title: format!("Light of lightning, {}", request.setting),
-        x: Axis::linear("time, s"),
-        y: Axis::linear("illuminance, mean of a frame, lx"),
-        series: vec![
-            Series::line("24 frames a second", curve(0)),
-            Series::line("60 frames a second", curve(1)),
-        ],
-    });
+    finding.plot(
+        "Light of lightning",
+        "time, s",
+        "illuminance, mean of a frame, lx",
+        vec![Series::line("24 frames a second", curve(0)), Series::line("60 frames a second", curve(1))],
+    );
     Ok(finding)
 }
 

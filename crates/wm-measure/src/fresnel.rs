@@ -9,10 +9,9 @@
 //! below 1 % in all.
 
 use super::lit::LightPicture;
-use super::plot::{Axis, Plot, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
-};
+use super::plot::{Axis, Series};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use std::f64::consts::FRAC_PI_2;
 use wm_base::color::srgb_encode;
 use wm_place::Result;
 use wm_scene::Splats;
@@ -40,8 +39,6 @@ const DISTANCES_M: [f64; 2] = [8.0, 6.0];
 pub(super) const PICTURE_SIDE_PX: u32 = 64;
 const PATCH_HALF_SIDE_PX: usize = 8;
 const FIELD_OF_VIEW_DEGREES: f64 = 4.0;
-/// A refractive index.
-const WATER_INDEX: f64 = 1.333;
 
 /// The weather with still and black water alone.
 pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm_weather::Weather> {
@@ -55,20 +52,12 @@ pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm
     Ok(weather)
 }
 
-/// The share that is reflected of light that meets water at an elevation, radians.
-fn reflectance(elevation: f64) -> f64 {
-    let outside = std::f64::consts::FRAC_PI_2 - elevation;
-    let inside = (outside.sin() / WATER_INDEX).asin();
-    let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
-    let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
-    0.5 * (across + along)
-}
-
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
+    let reflectance = |elevation: f64| expected::water_reflectance(FRAC_PI_2 - elevation.to_radians());
     let height = expected::number(request.weather, request.time, "flood", "level").unwrap_or_default();
     let weather = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut points = Vec::new();
     for degrees in ELEVATIONS_DEGREES {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -89,25 +78,24 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
         let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
         let measured = picture.patch(middle, middle, PATCH_HALF_SIDE_PX) / BOARD_LIGHT;
-        let asked = reflectance(degrees.to_radians());
-        finding.readings.push(request.reading(
+        let asked = reflectance(degrees);
+        finding.add(
             format!("reflectance of water at {degrees} degrees"),
             "",
             [asked, measured],
             Tolerance::Relative(0.03),
-        ));
+        );
         points.push([degrees, measured]);
         if degrees == ELEVATIONS_DEGREES[1] {
-            let caption = format!("{}: water that mirrors a board, at {degrees} degrees", request.setting);
-            finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));
+            finding.show(format!("water that mirrors a board, at {degrees} degrees"), &picture.picture);
         }
     }
-    let law = (1..=90).map(|degrees| [f64::from(degrees), reflectance(f64::from(degrees).to_radians())]);
-    finding.plots.push(Plot {
-        title: format!("Reflectance of water, {}", request.setting),
-        x: Axis::linear("elevation of the view, degrees"),
-        y: Axis::log("share of light that is reflected"),
-        series: vec![Series::line("Fresnel, 1.333", law.collect()), Series::points("measured", points)],
-    });
+    let law = (1..=90).map(|degrees| [f64::from(degrees), reflectance(f64::from(degrees))]);
+    finding.plot(
+        "Reflectance of water",
+        "elevation of the view, degrees",
+        Axis::log("share of light that is reflected"),
+        vec![Series::line("Fresnel, 1.333", law.collect()), Series::points("measured", points)],
+    );
     Ok(finding)
 }

@@ -19,10 +19,8 @@
 use super::blobs::BlobSplit;
 use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView};
 use super::expected::{FallLaw, effect, falling};
-use super::plot::{Axis, Plot, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, MeasureRequest, Reading, Tolerance, expected, mean, median,
-};
+use super::plot::{Axis, Series};
+use super::{Finding, Instrument, InstrumentRenderer, MeasureRequest, Tolerance, expected, mean, median};
 use std::ops::Range;
 use wm_place::Result;
 use wm_weather::particles::{ParticleShape, PrecipitationKind, RAIN};
@@ -204,18 +202,14 @@ fn look(
 }
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     for (kind, rate) in falling(request.weather, request.time) {
         let Some(law) = FallLaw::of(kind) else { continue };
         let mut lenses = Lens::both(request, kind, law, rate)?;
         let [measured, error] = look(rig, request, law, &mut lenses)?;
-        let reading = |quantity: &str, unit, asked, measured| {
-            request.reading(quantity, unit, [asked, measured], Tolerance::Relative(0.05))
-        };
-        let name = format!("{} rate", kind.name);
-        finding
-            .readings
-            .push(Reading { standard_error: Some(error), ..reading(&name, "mm/h", rate, measured) });
+        let five = Tolerance::Relative(0.05);
+        let told = finding.add(format!("{} rate", kind.name), "mm/h", [rate, measured], five);
+        told.standard_error = Some(error);
         let speeds = classes(kind, law, &lenses);
         let farthest =
             speeds.iter().map(|class| class[2]).max_by(|a, b| (a - 1.0).abs().total_cmp(&(b - 1.0).abs()));
@@ -223,11 +217,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         if *kind == RAIN {
             // Of an exponential spectrum the same beyond any diameter.
             let wanted = 1.0 / expected::rain_slope(rate);
-            finding.readings.push(reading("mean diameter beyond 0.7 mm", "mm", wanted, beyond(&lenses)));
-            finding.plots.push(sizes(request, rate, &lenses));
+            finding.add("mean diameter beyond 0.7 mm", "mm", [wanted, beyond(&lenses)], five);
+            plot_sizes(&mut finding, rate, &lenses);
         }
-        finding.readings.push(reading(&quantity, "", 1.0, farthest.unwrap_or(f64::NAN)));
-        finding.plots.push(speeds_plot(request, law, &speeds));
+        finding.add(quantity, "", [1.0, farthest.unwrap_or(f64::NAN)], five);
+        plot_speeds(&mut finding, law, &speeds);
         for (lens, what) in lenses.iter_mut().zip(["close", "wide"]) {
             let (count, volume, scale) = (lens.drops().count(), lens.caught.volume, lens.look.slab.scale);
             if let Some(mut shown) = lens.caught.shown.take() {
@@ -297,23 +291,23 @@ fn curve(most: f64, f: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
     (5..=60).map(|k| f64::from(k) / 60.0 * most).map(|d| [d, f(d)]).collect()
 }
 
-fn speeds_plot(request: &MeasureRequest<'_>, law: &FallLaw, classes: &[[f64; 3]]) -> Plot {
+fn plot_speeds(finding: &mut Finding, law: &FallLaw, classes: &[[f64; 3]]) {
     let most = classes.iter().map(|class| 1.1 * class[0]).fold(6.0, f64::max);
-    Plot {
-        title: format!("Fall speed, {}", request.setting),
-        x: Axis::linear("diameter, mm"),
-        y: Axis::linear("fall speed, m/s"),
-        series: vec![
+    finding.plot(
+        "Fall speed",
+        "diameter, mm",
+        "fall speed, m/s",
+        vec![
             Series::line(law.speed_law[1], curve(most, law.speed)),
             Series::points(
                 "measured, means of classes",
                 classes.iter().map(|class| [class[0], class[1]]).collect(),
             ),
         ],
-    }
+    );
 }
 
-fn sizes(request: &MeasureRequest<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
+fn plot_sizes(finding: &mut Finding, rate: f64, lenses: &[Lens; 2]) {
     let slope = expected::rain_slope(rate);
     let mut numbers = [(0usize, 0.0); 24];
     for lens in lenses {
@@ -326,13 +320,13 @@ fn sizes(request: &MeasureRequest<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
     let full = numbers.iter().enumerate().filter(|(_, (count, _))| *count > 3);
     let numbers = full.map(|(k, (_, number))| [0.5 + SPEED_CLASS_WIDTH * (k as f64 + 0.5), *number]);
     let spectrum = curve(6.0, |d| 8000.0 * (-slope * d).exp()).into_iter().filter(|p| p[1] > 0.05);
-    Plot {
-        title: format!("Sizes, {}", request.setting),
-        x: Axis::linear("diameter, mm"),
-        y: Axis::log("drops a m\u{b3} and mm"),
-        series: vec![
+    finding.plot(
+        "Sizes",
+        "diameter, mm",
+        Axis::log("drops a m\u{b3} and mm"),
+        vec![
             Series::line("Marshall and Palmer 1948", spectrum.collect()),
             Series::points("measured", numbers.collect()),
         ],
-    }
+    );
 }

@@ -14,11 +14,9 @@
 
 use super::allard::{NIGHT, NOTHING_FALLS};
 use super::expected;
-use super::lit::{LightPicture, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance,
-};
+use super::lit::{LightPicture, level_square, overcast_card, paint_card};
+use super::plot::{Axis, Series};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use std::f64::consts::PI;
 use wm_place::Result;
 use wm_scene::{Camera, Lamp, Splats};
@@ -102,9 +100,8 @@ fn on_ring(picture: &LightPicture, camera: &Camera, ring: f64, sigma: f64) -> [f
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
-    let mut weather = request.with(&NOTHING_FALLS)?;
     let exposure = ["light.glow=0", "light.exposure=-4.8"];
-    NIGHT.iter().chain(&exposure).try_for_each(|change| weather.set_text(change))?;
+    let weather = request.with(&[&NOTHING_FALLS[..], &NIGHT, &exposure].concat())?;
     let mut without_air = weather.clone();
     ["fog=off", "haze=off", "smog=off"].iter().try_for_each(|change| without_air.set_text(change))?;
     let sigma = expected::extinction(&weather, request.time, LAMP_HEIGHT_M)[1];
@@ -117,7 +114,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     };
     let mut card = Splats::default();
     let middle = [at[0], at[1], LAMP_HEIGHT_M - CARD_DISTANCE_M];
-    let halves = [[0.5, 0.0, 0.0], [0.0, 0.5, 0.0]];
+    let halves = level_square(0.5);
     paint_card(&level, middle, halves, 0.05, overcast_card(CARD_REFLECTANCE, 0.0), &mut card);
     let subject = rig.set_up_lit(card, vec![lamp])?;
 
@@ -131,7 +128,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
     let is_burned = lit.patch(16.5, 16.5, 3) > 0.95;
 
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let (mut seen, mut law) = (Vec::new(), Vec::new());
     for ring in RING_RADII_PX {
         let [measured, asked] = on_ring(&picture, &camera, ring, sigma);
@@ -140,23 +137,20 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let metres = LAMP_DISTANCE_M * (ring / camera.fx);
         seen.push([metres, measured]);
         law.push([metres, asked]);
-        finding.readings.push(request.reading(
+        finding.add(
             format!("light {ring:.0} px from the lamp, over its intensity"),
             "1/m\u{b2}",
             [asked, if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured }],
             Tolerance::Relative(0.05),
-        ));
+        );
     }
-    finding.plots.push(Plot {
-        title: format!("Light around a lamp, {}", request.setting),
-        x: Axis::log("distance from the lamp, m"),
-        y: Axis::log("radiance over intensity, 1/m\u{b2}"),
-        series: vec![Series::line("scattered once", law), Series::points("seen", seen)],
-    });
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the lamp, {LAMP_DISTANCE_M} m off", request.setting),
-        &picture.picture.frame,
-    ));
+    finding.plot(
+        "Light around a lamp",
+        Axis::log("distance from the lamp, m"),
+        Axis::log("radiance over intensity, 1/m\u{b2}"),
+        vec![Series::line("scattered once", law), Series::points("seen", seen)],
+    );
+    finding.show(format!("the lamp, {LAMP_DISTANCE_M} m off"), &picture.picture);
     Ok(finding)
 }
 

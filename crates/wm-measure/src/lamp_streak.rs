@@ -10,9 +10,7 @@
 //! Tolerance 7 %.
 
 use super::lit::{LightPicture, overcast_card, paint_card};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_place::Result;
@@ -51,9 +49,8 @@ const PIXEL_STEP: usize = 2;
 const STREAK_RANGE_M: [f64; 2] = [2.5, 13.0];
 /// Points along a side of the board.
 const BOARD_POINTS: usize = 5;
-/// Slopes of damp ground, rms along one axis, and a refractive index.
+/// Slopes of damp ground, rms along one axis.
 const RMS_SLOPE: f64 = 0.3;
-const WATER_INDEX: f64 = 1.333;
 
 /// The film in depths of the texture, if a wetness is asked for that has one.
 fn film(weather: &Weather, time: f64) -> Option<f64> {
@@ -64,11 +61,7 @@ fn film(weather: &Weather, time: f64) -> Option<f64> {
 /// The share that is reflected of light that meets water at an angle from its normal of this
 /// cosine.
 fn reflectance(cosine: f64) -> f64 {
-    let outside = cosine.clamp(1e-6, 1.0 - 1e-9).acos();
-    let inside = (outside.sin() / WATER_INDEX).asin();
-    let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
-    let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
-    0.5 * (across + along)
+    expected::water_reflectance(cosine.clamp(1e-6, 1.0 - 1e-9).acos())
 }
 
 /// The light of the board, of 1, that facets of these slopes reflect at a point of the ground
@@ -165,14 +158,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let measured = spread(&level, &camera, |(x, y), _| (with.light(x, y) - without.light(x, y)).max(0.0));
     let slopes = RMS_SLOPE * (-2.0 * film).exp();
     let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));
-    let mut finding = Finding::default();
-    let mut reading = |quantity: &str, asked: f64, measured: f64| {
-        let tolerance = Tolerance::Relative(0.07);
-        finding.readings.push(request.reading(quantity, "px", [asked, measured], tolerance));
-    };
-    reading("length of the streak, standard deviation", asked[1], measured[1]);
-    reading("width of the streak, standard deviation", asked[0], measured[0]);
-    let caption = format!("{}: a white board in a wet yard", request.setting);
-    finding.pictures.push(MeasuredPicture::of(caption, &with.picture.frame));
+    let mut finding = request.finding();
+    for (axis, what) in [(1, "length"), (0, "width")] {
+        let quantity = format!("{what} of the streak, standard deviation");
+        finding.add(quantity, "px", [asked[axis], measured[axis]], Tolerance::Relative(0.07));
+    }
+    finding.show("a white board in a wet yard", &with.picture);
     Ok(finding)
 }

@@ -74,8 +74,9 @@ mod wet_card;
 pub use place_renderer::PlaceRenderer;
 
 use glam::DVec3;
-use plot::Plot;
+use plot::{Axis, Plot, Series};
 use serde::Serialize;
+use std::fmt::Display;
 use wm_base::statistics;
 use wm_place::lidar::{LidarModel, LidarSweep};
 use wm_place::{CameraMotion, FrameRequest, Layers, Picture, Result};
@@ -143,18 +144,9 @@ pub struct MeasureRequest<'a> {
 }
 
 impl MeasureRequest<'_> {
-    /// Returns a reading in this setting, without a standard error: the expected and the measured
-    /// value.
-    fn reading(
-        &self,
-        quantity: impl Into<String>,
-        unit: &'static str,
-        values: [f64; 2],
-        tolerance: Tolerance,
-    ) -> Reading {
-        let [asked, measured] = values;
-        let (quantity, setting) = (quantity.into(), self.setting.to_owned());
-        Reading { quantity, setting, unit, asked, measured, standard_error: None, tolerance }
+    /// Begins the finding in this setting.
+    fn finding(&self) -> Finding {
+        Finding { setting: self.setting.to_owned(), ..Finding::default() }
     }
 
     /// Returns the weather with changes.
@@ -256,6 +248,43 @@ pub struct Finding {
     pub plots: Vec<Plot>,
     /// Pictures of the place and the targets.
     pub pictures: Vec<MeasuredPicture>,
+    /// The weather in words.
+    setting: String,
+}
+
+impl Finding {
+    /// Adds a reading without a standard error: the expected and the measured value.
+    fn add(
+        &mut self,
+        quantity: impl Into<String>,
+        unit: &'static str,
+        values: [f64; 2],
+        tolerance: Tolerance,
+    ) -> &mut Reading {
+        let [asked, measured] = values;
+        let (quantity, setting, at) = (quantity.into(), self.setting.clone(), self.readings.len());
+        self.readings.push(Reading {
+            quantity,
+            setting,
+            unit,
+            asked,
+            measured,
+            standard_error: None,
+            tolerance,
+        });
+        &mut self.readings[at]
+    }
+
+    /// Adds curves over two axes, with the setting in their title.
+    fn plot(&mut self, title: &str, x: impl Into<Axis>, y: impl Into<Axis>, series: Vec<Series>) {
+        let title = format!("{title}, {}", self.setting);
+        self.plots.push(Plot { title, x: x.into(), y: y.into(), series });
+    }
+
+    /// Adds the colours of a picture, with the setting before its caption.
+    fn show(&mut self, caption: impl Display, picture: &Picture) {
+        self.pictures.push(MeasuredPicture::of(format!("{}: {caption}", self.setting), &picture.frame));
+    }
 }
 
 /// The splats that are rendered.
@@ -424,6 +453,21 @@ impl LevelFrame {
 /// what is asked for then fills a part of the picture.
 fn fov_of(tangent: f64) -> f64 {
     (2.0 * tangent.atan().to_degrees()).max(*wm_scene::camera::FOV.start())
+}
+
+/// Draws layers of the place or a target.
+fn draw(
+    rig: &mut dyn InstrumentRenderer,
+    subject: ShotSubject,
+    camera: &Camera,
+    weather: &Weather,
+    time: f64,
+    layers: Layers,
+) -> Result<Picture> {
+    let mut picture = Picture::default();
+    let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
+    rig.draw(subject, &request, &mut picture)?;
+    Ok(picture)
 }
 
 /// Returns the clear weather.

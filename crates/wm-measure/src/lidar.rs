@@ -42,32 +42,28 @@ pub(crate) const AIR_ALONE: [&str; 9] = [
     "lens=off",
 ];
 
-/// A lidar of so many columns and rows within angles, degrees, and with [`OVERLAP_RANGES_M`].
-pub(crate) fn model(columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) -> Result<LidarModel> {
-    let text = text(OVERLAP_RANGES_M, columns, azimuths, rows, elevations);
-    LidarModel::parse(&text, "instrument").map_err(Error::from)
-}
-
-/// The file of a lidar whose receiver sees its beam between two ranges, m, of so many columns and
-/// rows within angles, degrees.
-pub(crate) fn text(
+/// A lidar whose receiver sees its beam between two ranges, m, of so many columns and rows within
+/// angles, degrees.
+pub(crate) fn model(
     overlap: [f64; 2],
     columns: u32,
     azimuths: [f64; 2],
     rows: u32,
     elevations: [f64; 2],
-) -> String {
-    let [least, most] = overlap;
-    format!(
+) -> Result<LidarModel> {
+    let ([least, most], [right, left], [low, high]) = (overlap, azimuths, elevations);
+    let text = format!(
         "wavelength = 905\ndivergence = {}\npulse = 5\nrange = [{MIN_RANGE_M}, 250]\nreference_range = {REFERENCE_RANGE_M}\n\
-         range_noise = {RANGE_NOISE_M}\noverlap = [{least}, {most}]\n[rows]\nrate = 10\nbetween = [{}, {}]\ncount = {rows}\n\
-         columns = {columns}\nazimuths = [{}, {}]\n",
+         range_noise = {RANGE_NOISE_M}\noverlap = [{least}, {most}]\n[rows]\nrate = 10\nbetween = [{low}, {high}]\ncount = {rows}\n\
+         columns = {columns}\nazimuths = [{right}, {left}]\n",
         1e3 * DIVERGENCE_RAD,
-        elevations[0],
-        elevations[1],
-        azimuths[0],
-        azimuths[1],
-    )
+    );
+    LidarModel::parse(&text, "instrument").map_err(Error::from)
+}
+
+/// A lidar of a square of so many pulses a side, within half an angle of the way ahead, degrees.
+pub(crate) fn square_model(overlap: [f64; 2], pulses: u32, half: f64) -> Result<LidarModel> {
+    model(overlap, pulses, [half, -half], pulses, [-half, half])
 }
 
 /// Sweeps a target from [`EYE_HEIGHT_M`] over its middle, ahead along the second axis, with one ray

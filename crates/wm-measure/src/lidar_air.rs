@@ -17,15 +17,15 @@
 
 use super::expected;
 use super::lidar::{
-    AIR_ALONE, EYE_HEIGHT_M, MIN_RANGE_M, PULSE_HALF_LENGTH_M, RECEIVER_NOISE, crossing, extinction, model,
-    normal, reach, sweep, text,
+    AIR_ALONE, EYE_HEIGHT_M, MIN_RANGE_M, OVERLAP_RANGES_M, PULSE_HALF_LENGTH_M, RECEIVER_NOISE, crossing,
+    extinction, normal, reach, square_model, sweep,
 };
-use super::lit::paint_card;
-use super::plot::{Axis, Plot, Series};
+use super::lit::{level_square, paint_card};
+use super::plot::Series;
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use std::f64::consts::PI;
 use wm_place::Result;
-use wm_place::lidar::{EchoClass, LidarModel, LidarPoint};
+use wm_place::lidar::{EchoClass, LidarPoint};
 use wm_scene::Splats;
 
 /// The instrument.
@@ -70,25 +70,12 @@ fn echoes_within(overlap: f64, extinction: f64) -> f64 {
 }
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let mut weather = request.with(&AIR_ALONE)?;
-    ["rain=off", "snowfall=off", "hail=off"].iter().try_for_each(|change| weather.set_text(change))?;
+    let weather = request.with(&[&AIR_ALONE[..], &["rain=off", "snowfall=off", "hail=off"]].concat())?;
     let level = LevelFrame::of(&rig.site());
-    let lidar = model(
-        PULSES_PER_SIDE,
-        [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES],
-        PULSES_PER_SIDE,
-        [-HALF_ANGLE_DEGREES, HALF_ANGLE_DEGREES],
-    )?;
+    let lidar = square_model(OVERLAP_RANGES_M, PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
     // Behind the lidar, since a place has ground somewhere.
     let mut ground = Splats::default();
-    paint_card(
-        &level,
-        [0.0, -30.0, EYE_HEIGHT_M - 1.8],
-        [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
-        0.25,
-        0.25,
-        &mut ground,
-    );
+    paint_card(&level, [0.0, -30.0, EYE_HEIGHT_M - 1.8], level_square(2.0), 0.25, 0.25, &mut ground);
     let subject = rig.set_up_lit(ground, Vec::new())?;
     let seen = sweep(rig, subject, &lidar, &weather, request.time)?;
     let mut shares = [0.0; BIN_COUNT];
@@ -100,29 +87,22 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let points: Vec<[f64; 2]> =
         (0..BIN_COUNT).map(|bin| [PULSE_HALF_LENGTH_M * (bin as f64 + 0.5), shares[bin]]).collect();
     let sigma = extinction(&weather, request.time);
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let asked = reach(PI * sigma / LIDAR_RATIO_SR * PULSE_HALF_LENGTH_M, sigma);
     let values = [asked, crossing(&points, share_at(1.0))];
     let tolerance = Tolerance::Relative(0.02);
-    finding.readings.push(request.reading("reach of echoes of the air", "m", values, tolerance));
-    let defocused = text(
-        [0.0, asked],
-        PULSES_PER_SIDE,
-        [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES],
-        PULSES_PER_SIDE,
-        [-HALF_ANGLE_DEGREES, HALF_ANGLE_DEGREES],
-    );
-    let defocused = LidarModel::parse(&defocused, "instrument")?;
+    finding.add("reach of echoes of the air", "m", values, tolerance);
+    let defocused = square_model([0.0, asked], PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
     let seen = sweep(rig, subject, &defocused, &weather, request.time)?;
     let is_near = |point: &&LidarPoint| point.class == EchoClass::Air && f64::from(point.range) < asked;
     let near = seen.points.iter().filter(is_near).count() as f64 / seen.pulses as f64;
     let values = [echoes_within(asked, sigma), near];
-    finding.readings.push(request.reading("echoes of a pulse before full overlap", "", values, tolerance));
-    finding.plots.push(Plot {
-        title: format!("Echoes of the air, {}", request.setting),
-        x: Axis::linear("range, m"),
-        y: Axis::linear("share of pulses with an echo"),
-        series: vec![Series::line("open air", points)],
-    });
+    finding.add("echoes of a pulse before full overlap", "", values, tolerance);
+    finding.plot(
+        "Echoes of the air",
+        "range, m",
+        "share of pulses with an echo",
+        vec![Series::line("open air", points)],
+    );
     Ok(finding)
 }

@@ -13,10 +13,11 @@
 
 use super::expected;
 use super::lidar::{
-    AIR_ALONE, EYE_HEIGHT_M, REFERENCE_REFLECTANCE, crossing, extinction, model, reach, sweep,
+    AIR_ALONE, EYE_HEIGHT_M, OVERLAP_RANGES_M, REFERENCE_REFLECTANCE, crossing, extinction, reach,
+    square_model, sweep,
 };
 use super::lit::paint_card;
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, mean,
 };
@@ -85,14 +86,9 @@ fn on_board(sweep: &LidarSweep) -> impl Iterator<Item = &wm_place::lidar::LidarP
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let weather = request.with(&AIR_ALONE)?;
     let clear = Weather::clear();
-    let lidar = model(
-        PULSES_PER_SIDE,
-        [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES],
-        PULSES_PER_SIDE,
-        [-HALF_ANGLE_DEGREES, HALF_ANGLE_DEGREES],
-    )?;
+    let lidar = square_model(OVERLAP_RANGES_M, PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
     let time = request.time;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
 
     let near = board(rig, CLEAR_DISTANCE_M, BRIGHT_REFLECTANCE)?;
     let seen = sweep(rig, near, &lidar, &clear, time)?;
@@ -102,19 +98,9 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|point| f64::from(point.range) * f64::from(point.angles[0].cos() * point.angles[1].cos())),
     );
     let intensity = mean(on_board(&seen).map(|point| f64::from(point.intensity)));
-    finding.readings.push(request.reading(
-        "range of a board",
-        "m",
-        [CLEAR_DISTANCE_M, range],
-        Tolerance::Absolute(0.015),
-    ));
+    finding.add("range of a board", "m", [CLEAR_DISTANCE_M, range], Tolerance::Absolute(0.015));
     let asked = 255.0 * BRIGHT_REFLECTANCE;
-    finding.readings.push(request.reading(
-        "intensity of a board of 50 %",
-        "",
-        [asked, intensity],
-        Tolerance::Relative(0.03),
-    ));
+    finding.add("intensity of a board of 50 %", "", [asked, intensity], Tolerance::Relative(0.03));
 
     let sigma = extinction(&weather, time);
     let metres = (0.5 * OPTICAL_DEPTH / sigma).clamp(DISTANCES_M[0], DISTANCES_M[1]);
@@ -125,7 +111,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     });
     let depth = (bright? / dimmed?).ln();
     let values = [1e3 * sigma, 1e3 * 0.5 * depth / metres];
-    finding.readings.push(request.reading("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03)));
+    finding.add("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03));
 
     let asked = reach(REFERENCE_REFLECTANCE, sigma);
     let mut shares = Vec::new();
@@ -136,17 +122,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         shares.push([metres, on_board(&seen).count() as f64 / seen.pulses as f64]);
     }
     let measured = crossing(&shares, 0.5);
-    finding.readings.push(request.reading(
-        "range of a board of 10 %",
-        "m",
-        [asked, measured],
-        Tolerance::Relative(0.03),
-    ));
-    finding.plots.push(Plot {
-        title: format!("Boards of 10 %, {}", request.setting),
-        x: Axis::linear("range, m"),
-        y: Axis::linear("share of pulses that come back"),
-        series: vec![Series::line("boards", shares)],
-    });
+    finding.add("range of a board of 10 %", "m", [asked, measured], Tolerance::Relative(0.03));
+    finding.plot(
+        "Boards of 10 %",
+        "range, m",
+        "share of pulses that come back",
+        vec![Series::line("boards", shares)],
+    );
     Ok(finding)
 }

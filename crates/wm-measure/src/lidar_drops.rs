@@ -13,8 +13,8 @@ use super::lidar::{
     AIR_ALONE, DIVERGENCE_RAD, EYE_HEIGHT_M, OVERLAP_RANGES_M, PULSE_HALF_LENGTH_M, RECEIVER_NOISE,
     extinction, model, normal, signal, sweep,
 };
-use super::lit::paint_card;
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance};
+use super::lit::{level_square, paint_card};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use wm_place::Result;
 use wm_place::lidar::EchoClass;
@@ -78,30 +78,21 @@ fn a_pulse(rate: f64, sigma: f64) -> f64 {
 }
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let mut weather = request.with(&AIR_ALONE)?;
-    ["fog=off", "haze=off", "smog=off", "snowfall=off", "hail=off", "splash=off"]
-        .iter()
-        .try_for_each(|change| weather.set_text(change))?;
+    let rain_alone = ["fog=off", "haze=off", "smog=off", "snowfall=off", "hail=off", "splash=off"];
+    let weather = request.with(&[&AIR_ALONE[..], &rain_alone].concat())?;
     let level = LevelFrame::of(&rig.site());
-    let lidar = model(COLUMNS, [180.0, -180.0], ROWS, [-40.0, 50.0])?;
+    let lidar = model(OVERLAP_RANGES_M, COLUMNS, [180.0, -180.0], ROWS, [-40.0, 50.0])?;
     // Below the lidar's beams.
     let mut ground = Splats::default();
-    paint_card(
-        &level,
-        [0.0, 0.0, EYE_HEIGHT_M - 1.8],
-        [[0.5, 0.0, 0.0], [0.0, 0.5, 0.0]],
-        0.25,
-        0.25,
-        &mut ground,
-    );
+    paint_card(&level, [0.0, 0.0, EYE_HEIGHT_M - 1.8], level_square(0.5), 0.25, 0.25, &mut ground);
     let subject = rig.set_up_lit(ground, Vec::new())?;
     let seen = sweep(rig, subject, &lidar, &weather, request.time)?;
     let rate = expected::number(request.weather, request.time, "rain", "rate").unwrap_or(0.0);
     let found = seen.points.iter().filter(|point| point.class == EchoClass::Drop).count() as f64;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let asked = seen.pulses as f64 * a_pulse(rate, extinction(&weather, request.time));
     let quantity = format!("drops in {} pulses", seen.pulses);
-    let counted = request.reading(quantity, "", [asked, found], Tolerance::Relative(0.04));
-    finding.readings.push(Reading { standard_error: Some(found.sqrt()), ..counted });
+    let counted = finding.add(quantity, "", [asked, found], Tolerance::Relative(0.04));
+    counted.standard_error = Some(found.sqrt());
     Ok(finding)
 }

@@ -10,9 +10,9 @@
 //! Tolerances: 4 % of the factor (the beam's angle is that of the row, and a splat's place on the
 //! road errs by centimetres) and 3 % of the range.
 
-use super::lidar::{EYE_HEIGHT_M, RECEIVER_NOISE, model, normal, signal, sweep};
+use super::lidar::{EYE_HEIGHT_M, OVERLAP_RANGES_M, RECEIVER_NOISE, model, normal, signal, sweep};
 use super::lit::paint_card;
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected, mean};
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarSweep};
@@ -47,19 +47,15 @@ const COMPARED_RANGES_M: [f64; 2] = [6.0, 12.0];
 const RANGE_TOLERANCE: f64 = 0.05;
 /// Rows of a point of the plot.
 const ROWS_PER_POINT: usize = 10;
-/// Refractive index of water, and the share of diffuse light in it that its surface throws back.
-const WATER_INDEX: f64 = 1.333;
+/// The share of diffuse light in water that its surface throws back.
 const INTERNAL_REFLECTANCE: f64 = 0.475;
 
 /// The brightness of the road under a film over that of the dry one, for a beam whose cosine to the
 /// vertical is `cosine`.
 fn film_factor(cosine: f64) -> f64 {
-    let outside = cosine.acos();
-    let inside = (outside.sin() / WATER_INDEX).asin();
-    let across = ((outside - inside).sin() / (outside + inside).sin()).powi(2);
-    let along = ((outside - inside).tan() / (outside + inside).tan()).powi(2);
-    let through = 1.0 - 0.5 * (across + along);
-    through * through / (WATER_INDEX * WATER_INDEX * (1.0 - INTERNAL_REFLECTANCE * ROAD_REFLECTANCE))
+    let through = 1.0 - expected::water_reflectance(cosine.acos());
+    through * through
+        / (expected::WATER_INDEX * expected::WATER_INDEX * (1.0 - INTERNAL_REFLECTANCE * ROAD_REFLECTANCE))
 }
 
 /// The range at which a beam of an elevation below the horizon, radians, meets the road, m.
@@ -107,8 +103,9 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     paint_card(&level, middle, halves, SPLAT_SPACING_M, (ROAD_REFLECTANCE - 0.05) / 0.8, &mut splats);
     let subject = rig.set_up_lit(splats, Vec::new())?;
     let [near, far] = COUNTED_RANGE_M.map(|range| -(EYE_HEIGHT_M / range).asin().to_degrees());
-    let lidar = model(COLUMNS, [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES], ROWS, [near, far])?;
-    let mut finding = Finding::default();
+    let lidar =
+        model(OVERLAP_RANGES_M, COLUMNS, [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES], ROWS, [near, far])?;
+    let mut finding = request.finding();
     let mut series = Vec::new();
     let mut sweeps = Vec::new();
     for (name, weather, is_wet) in [("dry", &Weather::clear(), false), ("wet", &wet, true)] {
@@ -122,7 +119,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let expected: Vec<[f64; 2]> = counted.iter().map(law).collect();
         let values = [seen_up_to(&expected), seen_up_to(&counted)];
         let tolerance = Tolerance::Relative(0.03);
-        finding.readings.push(request.reading(format!("range of a {name} road"), "m", values, tolerance));
+        finding.add(format!("range of a {name} road"), "m", values, tolerance);
         let grouped = |rows: &[[f64; 2]]| [0, 1].map(|k| mean(rows.iter().map(|row| row[k])));
         series.push(Series::line(format!("{name}, by the lidar equation"), expected));
         series.push(Series::points(name, counted.chunks(ROWS_PER_POINT).map(grouped).collect()));
@@ -132,13 +129,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let [dry, wet] = [0, 1].map(|at| intensity_at(&sweeps[at], range));
         let values = [film_factor(EYE_HEIGHT_M / range), wet / dry];
         let quantity = format!("wet road over dry, {range} m away");
-        finding.readings.push(request.reading(quantity, "", values, Tolerance::Relative(0.04)));
+        finding.add(quantity, "", values, Tolerance::Relative(0.04));
     }
-    finding.plots.push(Plot {
-        title: format!("A road before a lidar, {}", request.setting),
-        x: Axis::linear("range, m"),
-        y: Axis::linear("share of pulses that come back"),
-        series,
-    });
+    finding.plot("A road before a lidar", "range, m", "share of pulses that come back", series);
     Ok(finding)
 }

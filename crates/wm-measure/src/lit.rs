@@ -1,11 +1,11 @@
 //! Lit targets: cards with the colours that photos of an overcast day show, and pictures of their
 //! light.
 
-use super::{InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject};
+use super::{InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, draw};
 use glam::{DMat3, DQuat};
 use wm_base::color::{luminance, srgb_encode};
 use wm_base::random;
-use wm_place::{FrameRequest, Picture, Result};
+use wm_place::{Layers, Picture, Result};
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 use wm_weather::Weather;
@@ -38,6 +38,11 @@ pub(crate) const OVERCAST_UPRIGHT: f64 = 0.396_2;
 /// white one shows as 1: `upright` is 0 of a level card and 1 of one that stands on open ground.
 pub(crate) fn overcast_card(reflectance: f64, upright: f64) -> f64 {
     reflectance * (1.0 - upright + upright * (OVERCAST_UPRIGHT + 0.5 * GROUND))
+}
+
+/// Half the sides of a level square, by half its side.
+pub(crate) fn level_square(half: f64) -> [[f64; 3]; 2] {
+    [[half, 0.0, 0.0], [0.0, half, 0.0]]
 }
 
 /// Paints a card about a point (level coordinates) in a linear grey, as scenes are made: with one
@@ -99,8 +104,7 @@ impl LightPicture {
         weather: &Weather,
         time: f64,
     ) -> Result<Self> {
-        let mut picture = Picture::default();
-        rig.draw(subject, &FrameRequest::new(weather, camera, time), &mut picture)?;
+        let picture = draw(rig, subject, camera, weather, time, Layers::COLOR)?;
         let frame = &picture.frame;
         let size = (frame.width as usize, frame.height as usize);
         Ok(Self { rgb: frame.rgb_linear(), alpha: frame.alpha.clone(), size, picture })
@@ -139,8 +143,6 @@ impl MeasureRequest<'_> {
     /// # Errors
     /// As [`MeasureRequest::with`].
     pub(super) fn with_light(&self, changes: &[&str]) -> Result<Weather> {
-        let mut weather = self.with(&LIGHT_ALONE)?;
-        changes.iter().try_for_each(|change| weather.set_text(change))?;
-        Ok(weather)
+        self.with(&[&LIGHT_ALONE[..], changes].concat())
     }
 }

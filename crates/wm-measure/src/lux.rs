@@ -12,11 +12,11 @@
 //! Tolerance 3 %. Systematic: a disc hides 0.2 % of the sky's light; directions to the sky are few
 //! (the light of a sky that is seen from a board is summed over 32).
 
-use super::lit::{LightPicture, OVERCAST_UPRIGHT, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::lit::{LightPicture, OVERCAST_UPRIGHT, level_square, overcast_card, paint_card};
+use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
-    Tolerance, expected, lit,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, expected,
+    lit,
 };
 use std::f64::consts::PI;
 use wm_base::color::luminance;
@@ -115,19 +115,11 @@ impl Boards {
         let mut card = |center: [f64; 3], halves: [[f64; 3]; 2], light: f64| {
             paint_card(&level, center, halves, SPLAT_SPACING_M, light, &mut splats);
         };
-        card(
-            [0.0; 3],
-            [[YARD_HALF_SIDE_M, 0.0, 0.0], [0.0, YARD_HALF_SIDE_M, 0.0]],
-            overcast_card(lit::GROUND, 0.0),
-        );
+        card([0.0; 3], level_square(YARD_HALF_SIDE_M), overcast_card(lit::GROUND, 0.0));
         let boards = Self { level, subject: ShotSubject::Place, heading };
         for shaded in [false, true] {
             let [flat, stood] = boards.middles(shaded);
-            card(
-                flat,
-                [[BOARD_HALF_SIDE_M, 0.0, 0.0], [0.0, BOARD_HALF_SIDE_M, 0.0]],
-                overcast_card(BOARD_REFLECTANCE, 0.0),
-            );
+            card(flat, level_square(BOARD_HALF_SIDE_M), overcast_card(BOARD_REFLECTANCE, 0.0));
             let across = [-heading[1] * BOARD_HALF_SIDE_M, heading[0] * BOARD_HALF_SIDE_M, 0.0];
             card(stood, [across, [0.0, 0.0, BOARD_HALF_SIDE_M]], overcast_card(BOARD_REFLECTANCE, 1.0));
             // The front of a block, since of a lone card nothing says which side is lit.
@@ -241,47 +233,51 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let seen = boards.sky(rig, &darker, time)?.map(|sky| sky.map(|v| 32.0 * v));
     let [sum, zenith] = seen.unwrap_or([f64::NAN; 2]);
     let [flat, stood] = boards.irradiances(rig, &weather, time, false)?;
-    let mut finding = Finding::default();
-    let mut reading = |quantity: &str, asked: f64, measured: f64, tolerance: Tolerance| {
-        finding.readings.push(request.reading(quantity, "", [asked, measured], tolerance));
-    };
+    let mut finding = request.finding();
     let three = Tolerance::Relative(0.03);
     match sun {
         None => {
-            reading(
+            finding.add(
                 "upright board under clouds, over level board",
-                OVERCAST_UPRIGHT + 0.5 * lit::GROUND,
-                stood / flat,
+                "",
+                [OVERCAST_UPRIGHT + 0.5 * lit::GROUND, stood / flat],
                 three,
             );
-            reading("light of the zenith over level board", 9.0 / (7.0 * PI), zenith / PI / flat, three);
-            reading("level board over the sum of the sky", 1.0, flat / sum, three);
+            finding.add(
+                "light of the zenith over level board",
+                "",
+                [9.0 / (7.0 * PI), zenith / PI / flat],
+                three,
+            );
+            finding.add("level board over the sum of the sky", "", [1.0, flat / sum], three);
         }
         Some([elevation, _]) => {
             let [shade, stood_shade] = boards.irradiances(rig, &weather, time, true)?;
-            reading("level board in shade over the sum of the sky", 1.0, shade / sum, three);
+            finding.add("level board in shade over the sum of the sky", "", [1.0, shade / sum], three);
             let ratio = (stood - stood_shade) / (flat - shade);
-            reading("beam on upright board over level board", 1.0 / elevation.tan(), ratio, three);
+            finding.add("beam on upright board over level board", "", [1.0 / elevation.tan(), ratio], three);
             let is_cloudless = expected::number(request.weather, time, "light", "clouds").is_none();
             if is_cloudless {
                 let ratio = (flat - shade) / shade;
-                reading("sun over sky on the level, of a clear day", day(elevation), ratio, Tolerance::None);
+                finding.add(
+                    "sun over sky on the level, of a clear day",
+                    "",
+                    [day(elevation), ratio],
+                    Tolerance::None,
+                );
             }
         }
     }
-    finding.plots.push(Plot {
-        title: format!("Irradiances, {}", request.setting),
-        x: Axis::linear("1: the sky's pixels, 2: level board, 3: upright board"),
-        y: Axis::linear("irradiance, of display white"),
-        series: vec![Series::points("irradiance", vec![[1.0, sum], [2.0, flat], [3.0, stood]])],
-    });
+    finding.plot(
+        "Irradiances",
+        "1: the sky's pixels, 2: level board, 3: upright board",
+        "irradiance, of display white",
+        vec![Series::points("irradiance", vec![[1.0, sum], [2.0, flat], [3.0, stood]])],
+    );
     let [x, y] = boards.heading;
     let eye = [11.0 * x - 3.0 * y, 11.0 * y + 3.0 * x, 4.0];
     let camera = boards.level.camera((480, 320), 50.0, eye, [0.0, 0.0, 0.6])?;
     let shown = LightPicture::of(rig, boards.subject, &camera, &weather, time)?;
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the boards, those to one side in the shade of discs", request.setting),
-        &shown.picture.frame,
-    ));
+    finding.show("the boards, those to one side in the shade of discs", &shown.picture);
     Ok(finding)
 }

@@ -8,9 +8,7 @@
 
 use super::fresnel::still;
 use super::lit::LightPicture;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
 use wm_scene::card::Card;
@@ -49,7 +47,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         [0.0, 0.0, water + EYE_HEIGHT_M],
         [6.0, 0.0, water + 0.3],
     )?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut farthest: f64 = 0.0;
     for [x, y] in MARK_POSITIONS_M {
         for height in MARK_HEIGHTS_M {
@@ -83,16 +81,15 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let off = if sum > 1e-3 { (at[0] / sum - u).hypot(at[1] / sum - v) } else { f64::NAN };
             farthest = farthest.max(if off.is_nan() { f64::INFINITY } else { off });
             if height == MARK_HEIGHTS_M[1] && x == MARK_POSITIONS_M[0][0] {
-                let caption = format!("{}: a mark and its image in still water", request.setting);
-                finding.pictures.push(MeasuredPicture::of(caption, &with.picture.frame));
+                finding.show("a mark and its image in still water", &with.picture);
             }
         }
     }
-    finding.readings.push(request.reading(
+    finding.add(
         "images in the water, farthest from their places",
         "px",
         [0.0, farthest],
         Tolerance::Absolute(1.0),
-    ));
+    );
     Ok(finding)
 }

@@ -109,6 +109,21 @@ impl PlainTarget {
     }
 }
 
+/// The place or the lit target that a subject is.
+fn lit_subject<'a>(
+    place: &'a mut PreparedPlace,
+    targets: &'a mut [Target],
+    subject: ShotSubject,
+) -> Result<&'a mut PreparedPlace> {
+    match subject {
+        ShotSubject::Place => Ok(place),
+        ShotSubject::Target(index) => match &mut targets[index] {
+            Target::Lit(place) => Ok(place),
+            Target::Plain(_) => Err(Error::Unsupported("a plain target cannot be swept".into())),
+        },
+    }
+}
+
 impl InstrumentRenderer for PlaceRenderer {
     fn site(&self) -> Site {
         *self.place.site()
@@ -156,7 +171,8 @@ impl InstrumentRenderer for PlaceRenderer {
                     backend.unload(target.set);
                 }
                 Target::Lit(place) => {
-                    place.unload(self.renderer.backend_mut());
+                    // Of this renderer, so it does not fail.
+                    let _ = self.renderer.unload(*place);
                 }
             }
         }
@@ -176,24 +192,12 @@ impl InstrumentRenderer for PlaceRenderer {
     }
 
     fn water(&mut self, subject: ShotSubject, weather: &Weather, time: f64) -> Result<Option<WaterState>> {
-        let place = match subject {
-            ShotSubject::Place => &mut self.place,
-            ShotSubject::Target(index) => match &mut self.targets[index] {
-                Target::Plain(_) => return Ok(None),
-                Target::Lit(place) => &mut **place,
-            },
-        };
+        let Ok(place) = lit_subject(&mut self.place, &mut self.targets, subject) else { return Ok(None) };
         self.renderer.water_state(place, weather, time, &mut ())
     }
 
     fn scan(&mut self, scan: &InstrumentScan<'_>) -> Result<LidarSweep> {
-        let place = match scan.subject {
-            ShotSubject::Place => &mut self.place,
-            ShotSubject::Target(index) => match &mut self.targets[index] {
-                Target::Plain(_) => return Err(Error::Unsupported("a plain target cannot be swept".into())),
-                Target::Lit(place) => &mut **place,
-            },
-        };
+        let place = lit_subject(&mut self.place, &mut self.targets, scan.subject)?;
         let options = ScanOptions {
             time: scan.time,
             sub_rays: SubRays::One,
@@ -209,16 +213,12 @@ impl InstrumentRenderer for PlaceRenderer {
         request: &FrameRequest<'_>,
         picture: &mut Picture,
     ) -> Result<()> {
-        let place = match subject {
-            ShotSubject::Place => &mut self.place,
-            ShotSubject::Target(index) => match &mut self.targets[index] {
-                Target::Lit(place) => &mut **place,
-                Target::Plain(target) => {
-                    return target.draw(&mut self.renderer, &self.place, request, picture);
-                }
-            },
-        };
-        self.renderer.render_into(place, request, picture, &mut ())?;
-        Ok(())
+        if let ShotSubject::Target(index) = subject
+            && let Target::Plain(target) = &mut self.targets[index]
+        {
+            return target.draw(&mut self.renderer, &self.place, request, picture);
+        }
+        let place = lit_subject(&mut self.place, &mut self.targets, subject)?;
+        self.renderer.render_into(place, request, picture, &mut ()).map(drop)
     }
 }

@@ -47,6 +47,12 @@ impl Axis {
     }
 }
 
+impl From<&str> for Axis {
+    fn from(label: &str) -> Self {
+        Self::linear(label)
+    }
+}
+
 /// The marks of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesStyle {

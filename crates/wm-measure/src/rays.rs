@@ -10,14 +10,13 @@
 //! and 4, and of how far single rays are off. A splat is dimmed by the length of its own ray; on
 //! slanted surfaces the splats of a pixel are nearer and farther than its depth.
 
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{
     AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
-    clear, expected, median,
+    clear, draw, expected, median,
 };
 use glam::DVec3;
 use wm_place::Result;
-use wm_place::{FrameRequest, Picture};
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -50,16 +49,13 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let site = rig.site();
     let [camera, _] = rig.views()?;
     let weather = request.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
-    let mut picture = Picture::default();
-    let view = FrameRequest { layers: AIR, ..FrameRequest::new(&weather, camera, request.time) };
-    rig.draw(ShotSubject::Place, &view, &mut picture)?;
+    let picture = draw(rig, ShotSubject::Place, &camera, &weather, request.time, AIR)?;
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is
     // endlessly far.
-    let (mut thin, mut sky) = (clear(), Picture::default());
+    let mut thin = clear();
     thin.set_text(&format!("fog.mor={}", (THIN_AIR_RANGE_SIZES * site.far).max(1.0)))?;
-    let thin_view = FrameRequest { weather: &thin, ..view };
-    rig.draw(ShotSubject::Place, &thin_view, &mut sky)?;
+    let sky = draw(rig, ShotSubject::Place, &camera, &thin, request.time, AIR)?;
     let nearness = &sky.parts.transmittance;
     let airs = expected::airs(&weather, request.time);
     let up = DVec3::from_array(site.up);
@@ -86,33 +82,25 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     // The median: some edges slip through.
     let ratio = median(points.iter().map(|p| p[1] / p[0]).collect());
     let off = median(points.iter().map(|p| (p[1] / p[0] - 1.0).abs()).collect());
-    let mut finding = Finding::default();
-    let reading = |quantity: String, asked, measured, tolerance| {
-        request.reading(quantity, "", [asked, measured], tolerance)
-    };
+    let mut finding = request.finding();
     let count = points.len();
-    finding.readings.push(reading(
+    finding.add(
         format!("optical depth over the integral, median of {count} rays"),
-        1.0,
-        if count < 100 { f64::NAN } else { ratio },
+        "",
+        [1.0, if count < 100 { f64::NAN } else { ratio }],
         Tolerance::Relative(0.03),
-    ));
-    finding.readings.push(reading(
-        "single rays are off by, median".into(),
-        0.0,
-        off,
-        Tolerance::Absolute(0.03),
-    ));
+    );
+    finding.add("single rays are off by, median", "", [0.0, off], Tolerance::Absolute(0.03));
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
-    finding.plots.push(Plot {
-        title: format!("Optical depth of rays, {}", request.setting),
-        x: Axis::linear("asked: integral along the ray"),
-        y: Axis::linear("measured: -ln of the transmittance"),
-        series: vec![
+    finding.plot(
+        "Optical depth of rays",
+        "asked: integral along the ray",
+        "measured: -ln of the transmittance",
+        vec![
             Series::line("equal", vec![[0.0; 2], [OPTICAL_DEPTH_RANGE.end; 2]]),
             Series::points("rays of one view", few),
         ],
-    });
+    );
     let size = (camera.width, camera.height);
     finding.pictures.push(MeasuredPicture::of(request.setting.to_owned(), frame));
     finding.pictures.push(MeasuredPicture::grey(

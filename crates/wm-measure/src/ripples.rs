@@ -24,11 +24,8 @@
 
 use super::fresnel::still;
 use super::lit::LightPicture;
-use super::plot::{Axis, Plot, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    expected,
-};
+use super::plot::Series;
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use glam::DVec3;
 use wm_base::color::srgb_encode;
 use wm_place::Result;
@@ -296,7 +293,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     // Products of waves with themselves and with those a quarter of a period later.
     let mut products = [0.0; 3];
     let waves = Waves::of(&patch);
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut curve = Vec::new();
     for instant in 0..INSTANT_COUNT {
         let time = request.time + INSTANT_INTERVAL_S * f64::from(instant);
@@ -315,8 +312,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let middle = patch.columns * (patch.columns / 2);
             let line = patch.pixels[middle..middle + patch.columns].iter().zip(&now[middle..]);
             curve = line.map(|((_, way), slope)| [1e3 * EYE_HEIGHT_M * way.x / -way.z, slope[0]]).collect();
-            let caption = format!("{}: a board in the rings of rain, from above", request.setting);
-            finding.pictures.push(MeasuredPicture::of(caption, &first.0.picture.frame));
+            finding.show("a board in the rings of rain, from above", &first.0.picture);
         }
     }
     let count = f64::from(INSTANT_COUNT);
@@ -325,19 +321,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let rms = mean.sqrt();
     let error = 0.5 / rms * (scatter / count).sqrt();
     let alike = products[2] / (products[0] * products[1]).sqrt();
-    let mut reading = |quantity: &str, unit, [asked, measured]: [f64; 2], standard_error, most: f64| {
-        let own = request.reading(quantity, unit, [asked, measured], Tolerance::Relative(most));
-        finding.readings.push(Reading { standard_error, ..own });
-    };
-    reading("slopes of rings, rms", "", [slopes_of(rate), rms], Some(error), 0.04);
+    let slope = finding.add("slopes of rings, rms", "", [slopes_of(rate), rms], Tolerance::Relative(0.04));
+    slope.standard_error = Some(error);
     let hertz = std::f64::consts::TAU.recip();
     let measured = alike.clamp(-1.0, 1.0).acos() / quarter;
-    reading("frequency of rings", "Hz", [hertz * frequency(), hertz * measured], None, 0.05);
-    finding.plots.push(Plot {
-        title: format!("Slopes along a line of the water, {}", request.setting),
-        x: Axis::linear("mm"),
-        y: Axis::linear("slope"),
-        series: vec![Series::line("measured", curve)],
-    });
+    let values = [hertz * frequency(), hertz * measured];
+    finding.add("frequency of rings", "Hz", values, Tolerance::Relative(0.05));
+    finding.plot("Slopes along a line of the water", "mm", "slope", vec![Series::line("measured", curve)]);
     Ok(finding)
 }

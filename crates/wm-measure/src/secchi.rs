@@ -9,10 +9,8 @@
 use super::boards::slope;
 use super::fresnel::still;
 use super::lit::LightPicture;
-use super::plot::{Axis, Plot, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
-};
+use super::plot::{Axis, Series};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_base::color::srgb_encode;
 use wm_place::Result;
 use wm_scene::Splats;
@@ -56,7 +54,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
     let bare = rig.set_up(Splats::default())?;
     let without = LightPicture::of(rig, bare, &camera, &weather, request.time)?;
-    let (mut points, mut finding) = (Vec::new(), Finding::default());
+    let (mut points, mut finding) = (Vec::new(), request.finding());
     for share in DEPTH_SHARES {
         let depth = share * asked;
         let half = level.units(0.12 * (EYE_HEIGHT_M + depth));
@@ -75,22 +73,21 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             points.push([depth, contrast.ln()]);
         }
         if share == DEPTH_SHARES[1] {
-            let caption = format!("{}: a disc {depth:.2} m deep", request.setting);
-            finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));
+            finding.show(format!("a disc {depth:.2} m deep"), &picture.picture);
         }
     }
     let measured = if points.len() < 3 { f64::NAN } else { SECCHI_CONSTANT / -slope(&points) };
-    finding.readings.push(request.reading("Secchi depth", "m", [asked, measured], Tolerance::Relative(0.05)));
+    finding.add("Secchi depth", "m", [asked, measured], Tolerance::Relative(0.05));
     let first = points.first().copied().unwrap_or_default();
     let law = [0.0, 0.5 * asked].map(|z| [z, (first[1] - SECCHI_CONSTANT / asked * (z - first[0])).exp()]);
-    finding.plots.push(Plot {
-        title: format!("Contrast of a disc, {}", request.setting),
-        x: Axis::linear("depth of the disc, m"),
-        y: Axis::log("light over that of the water"),
-        series: vec![
+    finding.plot(
+        "Contrast of a disc",
+        "depth of the disc, m",
+        Axis::log("light over that of the water"),
+        vec![
             Series::line("8.69 over the depth asked for", law.to_vec()),
             Series::points("measured", points.iter().map(|[z, ln]| [*z, ln.exp()]).collect()),
         ],
-    });
+    );
     Ok(finding)
 }

@@ -16,14 +16,14 @@
 //! than 1 % in the mean.
 
 use super::lit::{GROUND, LIGHT_ALONE};
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, SURFACES,
-    ShadowReport, ShotSubject, Tolerance, clear, expected, fov_of, mean, median,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, SURFACES,
+    ShadowReport, ShotSubject, Tolerance, clear, draw, expected, fov_of, mean, median,
 };
 use glam::{DQuat, DVec3};
 use wm_base::color::luminance;
-use wm_place::{FrameRequest, Layers, Picture, Result};
+use wm_place::{Layers, Result};
 use wm_scene::Camera;
 use wm_weather::{CapturedSky, Site, Weather};
 
@@ -166,9 +166,7 @@ impl PlaceShot {
         time: f64,
         layers: Layers,
     ) -> Result<Self> {
-        let mut picture = Picture::default();
-        let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
-        rig.draw(ShotSubject::Place, &request, &mut picture)?;
+        let picture = draw(rig, ShotSubject::Place, camera, weather, time, layers)?;
         let light = picture.frame.rgb_linear();
         Ok(Self { camera: *camera, frame: picture.frame, light })
     }
@@ -221,7 +219,7 @@ fn contrast(
     cloudy.set_text("light.clouds=1")?;
     let layers = SURFACES.with(Layers::NORMAL);
     let mut found: Vec<ShadowPair> = Vec::new();
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     for degrees in TURNS_DEGREES {
         let camera = turned(&camera, &site, degrees);
         let captured = PlaceShot::of(rig, &camera, &clear(), request.time, layers)?;
@@ -264,7 +262,7 @@ fn contrast(
     let left = (of_pairs(|pair| pair.left) / of_pairs(|pair| pair.own)).abs();
     let points: Vec<[f64; 2]> = found.iter().map(|pair| [pair.own, pair.left]).collect();
     let is_told = count >= MIN_PAIRS;
-    finding.readings.push(request.reading(
+    finding.add(
         if is_told {
             format!("contrast left of shadows, median of {count} pairs")
         } else {
@@ -273,18 +271,18 @@ fn contrast(
         "",
         [0.0, left],
         if is_told { tolerance } else { Tolerance::None },
-    ));
+    );
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
-    finding.plots.push(Plot {
-        title: format!("Light over shade, {}", request.setting),
-        x: Axis::linear("log of the ratio, as captured"),
-        y: Axis::linear("log of the ratio, under clouds"),
-        series: vec![
+    finding.plot(
+        "Light over shade",
+        "log of the ratio, as captured",
+        "log of the ratio, under clouds",
+        vec![
             Series::line("as before", vec![[0.0; 2], [2.0; 2]]),
             Series::line("none", vec![[0.0; 2], [2.0, 0.0]]),
             Series::points("pairs", few),
         ],
-    });
+    );
     Ok(finding)
 }
 
@@ -412,17 +410,11 @@ fn control(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Re
     let plain = PlaceShot::of(rig, &camera, &without, request.time, SURFACES)?;
     let sums = [&lit, &plain].map(|shot| shot.light.iter().map(|v| f64::from(*v)).sum::<f64>());
     let is_overcast = rig.site().captured_sky == CapturedSky::Overcast;
-    let mut finding = Finding::default();
-    finding.readings.push(Reading {
-        quantity: "mean light of a place without shadows, over that without the effect".into(),
-        setting: request.setting.to_owned(),
-        unit: "",
-        asked: 1.0,
-        measured: sums[0] / sums[1],
-        standard_error: None,
-        // Where the sky does not say that it was overcast, clouds take 0.3 EV of exposure.
-        tolerance: if is_overcast { Tolerance::Relative(0.01) } else { Tolerance::None },
-    });
+    let mut finding = request.finding();
+    // Where the sky does not say that it was overcast, clouds take 0.3 EV of exposure.
+    let tolerance = if is_overcast { Tolerance::Relative(0.01) } else { Tolerance::None };
+    let quantity = "mean light of a place without shadows, over that without the effect";
+    finding.add(quantity, "", [1.0, sums[0] / sums[1]], tolerance);
     finding.pictures.push(MeasuredPicture::of(request.setting.to_owned(), &lit.frame));
     Ok(finding)
 }

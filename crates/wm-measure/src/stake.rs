@@ -9,13 +9,13 @@
 //! 5 cm snow is drawn higher than it is, by up to 7 mm, so as to hide the ground; that is above the
 //! tolerance, and such depths are not swept.
 
+use super::lit::{LightPicture, level_square};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
-    Tolerance, clear, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, clear, draw,
+    expected,
 };
 use super::{SURFACES, mean};
 use wm_place::Result;
-use wm_place::{FrameRequest, Picture};
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 
@@ -72,19 +72,14 @@ fn middle_depth(level: &LevelFrame, camera: &Camera, depth: &[f32]) -> f64 {
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
     let mut yard = Splats::default();
-    level_card(&level, [0.0; 3], [[YARD_HALF_SIDE_M, 0.0, 0.0], [0.0, YARD_HALF_SIDE_M, 0.0]], &mut yard);
-    level_card(
-        &level,
-        ROOF_CENTER_M,
-        [[ROOF_HALF_SIDE_M, 0.0, 0.0], [0.0, ROOF_HALF_SIDE_M, 0.0]],
-        &mut yard,
-    );
+    level_card(&level, [0.0; 3], level_square(YARD_HALF_SIDE_M), &mut yard);
+    level_card(&level, ROOF_CENTER_M, level_square(ROOF_HALF_SIDE_M), &mut yard);
     let subject = rig.set_up(yard)?;
     let weather =
         request.with(&["wind=off", "fog=off", "haze=off", "smog=off", "snowfall=off", "rain=off"])?;
     let wanted = depth(request.weather, request.time).unwrap_or(0.0);
     let down = |eye: [f64; 3]| level.camera((160, 160), 20.0, eye, [eye[0], eye[1], 0.0]);
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     for (name, eye, asked, tolerance) in [
         ("in the open", [-2.5, 0.0, 9.0], wanted, Tolerance::Relative(0.03)),
         ("on the roof", [ROOF_CENTER_M[0], ROOF_CENTER_M[1], 9.0], wanted, Tolerance::Relative(0.03)),
@@ -96,15 +91,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             Ok(middle_depth(&level, &camera, &depth))
         };
         let measured = z(&clear())? - z(&weather)?;
-        finding.readings.push(request.reading(
-            format!("snow depth {name}"),
-            "m",
-            [asked, measured],
-            tolerance,
-        ));
+        finding.add(format!("snow depth {name}"), "m", [asked, measured], tolerance);
     }
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
-    finding.pictures.push(shown(rig, subject, &camera, &weather, request, "the yard, with its roof")?);
+    let seen = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
+    finding.show("the yard, with its roof", &seen.picture);
     Ok(finding)
 }
 
@@ -116,22 +107,5 @@ pub(crate) fn median_depth(
     weather: &wm_weather::Weather,
     request: &MeasureRequest<'_>,
 ) -> Result<Vec<f32>> {
-    let mut picture = Picture::default();
-    let view = FrameRequest { layers: SURFACES, ..FrameRequest::new(weather, camera, request.time) };
-    rig.draw(subject, &view, &mut picture)?;
-    Ok(picture.frame.median_depth)
-}
-
-/// A picture of a target.
-pub(crate) fn shown(
-    rig: &mut dyn InstrumentRenderer,
-    subject: ShotSubject,
-    camera: &Camera,
-    weather: &wm_weather::Weather,
-    request: &MeasureRequest<'_>,
-    what: &str,
-) -> Result<MeasuredPicture> {
-    let mut picture = Picture::default();
-    rig.draw(subject, &FrameRequest::new(weather, camera, request.time), &mut picture)?;
-    Ok(MeasuredPicture::of(format!("{}: {what}", request.setting), &picture.frame))
+    Ok(draw(rig, subject, camera, weather, request.time, SURFACES)?.frame.median_depth)
 }

@@ -99,40 +99,18 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         drifts.push(across);
     }
     let count = lengths.len();
-    let reading = |quantity: String, unit, asked, measured, tolerance| {
-        request.reading(quantity, unit, [asked, measured], tolerance)
-    };
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let five = Tolerance::Relative(0.05);
-    finding.readings.push(reading(
+    finding.add(
         format!("length over speed times exposure, median of {count}"),
         "",
-        1.0,
-        median(lengths),
+        [1.0, median(lengths)],
         five,
-    ));
-    finding.readings.push(reading(
-        "its fall over Gunn-Kinzer's speed times exposure, median".into(),
-        "",
-        1.0,
-        median(laws),
-        five,
-    ));
-    finding.readings.push(reading(
-        "angle off the drops' way, median".into(),
-        "deg",
-        0.0,
-        median(angles),
-        Tolerance::Absolute(1.5),
-    ));
+    );
+    finding.add("its fall over Gunn-Kinzer's speed times exposure, median", "", [1.0, median(laws)], five);
+    finding.add("angle off the drops' way, median", "deg", [0.0, median(angles)], Tolerance::Absolute(1.5));
     let tolerance = if wind > 0.0 { five } else { Tolerance::Absolute(0.05) };
-    finding.readings.push(reading(
-        "drift with the wind, median".into(),
-        "m/s",
-        wind,
-        median(drifts),
-        tolerance,
-    ));
+    finding.add("drift with the wind, median", "m/s", [wind, median(drifts)], tolerance);
     if let Some(mut shown) = caught.shown {
         shown.caption = format!(
             "{}: a part of one of the slabs, drops marked, {:.1} ms",

@@ -16,10 +16,10 @@
 //! Tolerance: 2 % of the length, 1 degree, 15 % of the width.
 
 use super::lit::{GROUND, LightPicture, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
+use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
-    Tolerance, expected, mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, expected,
+    mean,
 };
 use std::f64::consts::{PI, TAU};
 use wm_place::Result;
@@ -171,7 +171,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let sun = [turn.cos(), -level.hand() * turn.sin()];
     let away = sun.map(|v| -v);
     let dial = Dial { level, away, aside: [-away[1], away[0]] };
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let asked = DialRequest { elevation: elevation.to_radians(), weather: &weather, request };
     rod(rig, &dial, &asked, &mut finding)?;
     edge(rig, &dial, &asked, &mut finding)?;
@@ -226,22 +226,9 @@ fn rod(
     let turn = seen.map_or(f64::NAN, |seen| seen.turn.to_degrees());
     let law = height / asked.elevation.tan();
     let two = Tolerance::Relative(0.02);
-    finding.readings.push(asked.request.reading(
-        format!("shadow of a rod of {height:.3} m"),
-        "m",
-        [law, length],
-        two,
-    ));
-    finding.readings.push(asked.request.reading(
-        "azimuth of the shadow, off the sun's",
-        "deg",
-        [0.0, turn],
-        Tolerance::Absolute(1.0),
-    ));
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the rod from above, its shadow {length:.2} m long", asked.request.setting),
-        &picture.picture.frame,
-    ));
+    finding.add(format!("shadow of a rod of {height:.3} m"), "m", [law, length], two);
+    finding.add("azimuth of the shadow, off the sun's", "deg", [0.0, turn], Tolerance::Absolute(1.0));
+    finding.show(format!("the rod from above, its shadow {length:.2} m long"), &picture.picture);
     Ok(())
 }
 
@@ -254,13 +241,38 @@ struct RodShadow {
     turn: f64,
 }
 
+/// Width of the bins that light is averaged in, m.
+const BIN_WIDTH_M: f64 = 0.02;
+
+/// Sums of light and their counts, by where it is.
+struct Bins(Vec<[f64; 2]>);
+
+impl Bins {
+    fn of(metres: f64) -> Self {
+        Self(vec![[0.0; 2]; (metres / BIN_WIDTH_M) as usize])
+    }
+
+    fn add(&mut self, at: f64, light: f64) {
+        let bin = at / BIN_WIDTH_M;
+        if let Some(sum) = self.0.get_mut(bin as usize).filter(|_| bin >= 0.0) {
+            *sum = [sum[0] + light, sum[1] + 1.0];
+        }
+    }
+
+    /// The middles of the bins, from `start` on, with their mean light.
+    fn profile(&self, start: f64) -> Vec<[f64; 2]> {
+        let mean = |(bin, sum): (usize, &[f64; 2])| {
+            (sum[1] > 0.0).then(|| [(bin as f64 + 0.5) * BIN_WIDTH_M - start, sum[0] / sum[1]])
+        };
+        self.0.iter().enumerate().filter_map(mean).collect()
+    }
+}
+
 /// Finds the shadow in a picture from above.
 fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> Option<RodShadow> {
-    const BIN_WIDTH_M: f64 = 0.02;
-    let bins = ((1.4 * reach) / BIN_WIDTH_M) as usize;
     // Sums along the shadow: of light in its middle, of light beside it; and of what is dark, by
     // where it is across.
-    let mut lines = vec![[0.0f64; 2]; bins];
+    let mut lines = Bins::of(1.4 * reach);
     let mut moments = [0.0f64; 2];
     let mut pixels = Vec::new();
     let (mut beside, mut count) = (0.0, 0.0);
@@ -272,10 +284,8 @@ fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> O
             if (0.3 * reach..1.1 * reach).contains(&along) && (0.8..1.2).contains(&across.abs()) {
                 (beside, count) = (beside + light, count + 1.0);
             }
-            let bin = along / BIN_WIDTH_M;
-            if across.abs() < 0.08 && bin >= 0.0 && (bin as usize) < bins {
-                let line = &mut lines[bin as usize];
-                *line = [line[0] + light, line[1] + 1.0];
+            if across.abs() < 0.08 {
+                lines.add(along, light);
             }
         }
     }
@@ -287,12 +297,7 @@ fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> O
             moments = [moments[0] + dark * across / along, moments[1] + dark];
         }
     }
-    let line: Vec<[f64; 2]> = lines
-        .iter()
-        .enumerate()
-        .filter(|(_, sum)| sum[1] > 0.0)
-        .map(|(bin, sum)| [(bin as f64 + 0.5) * BIN_WIDTH_M, sum[0] / sum[1]])
-        .collect();
+    let line = lines.profile(0.0);
     let within = |from: f64, to: f64| {
         mean(line.iter().filter(|p| (from * reach..to * reach).contains(&p[0])).map(|p| p[1]))
     };
@@ -339,20 +344,15 @@ fn edge(
     let mut series = Vec::new();
     for metres in EDGE_DISTANCES_M {
         let (width, profile) = edge_at(rig, dial, subject, asked, metres, metres * cos)?;
-        finding.readings.push(asked.request.reading(
+        finding.add(
             format!("width of a shadow's edge at {metres} m"),
             "m",
             [SUN_DIAMETER_RAD * metres, width],
             Tolerance::Relative(0.15),
-        ));
+        );
         series.push(Series::line(format!("{metres} m"), profile));
     }
-    finding.plots.push(Plot {
-        title: format!("Edge of a wall's shadow, {}", asked.request.setting),
-        x: Axis::linear("place across the edge, m"),
-        y: Axis::linear("light, of the lit side"),
-        series,
-    });
+    finding.plot("Edge of a wall's shadow", "place across the edge, m", "light, of the lit side", series);
     Ok(())
 }
 
@@ -365,30 +365,21 @@ fn edge_at(
     metres: f64,
     along: f64,
 ) -> Result<(f64, Vec<[f64; 2]>)> {
-    const BIN_WIDTH_M: f64 = 0.02;
     // Upright would be in the wall; a little from beyond, so that up is up.
     let (eye, at) = (dial.at(along + 0.5, 0.0, 3.0), dial.at(along, 0.0, 0.0));
     let camera = dial.level.camera((240, 240), 28.0, eye, at)?;
     let picture = LightPicture::of(rig, subject, &camera, asked.weather, asked.request.time)?;
     let reach = 1.2 * SUN_DIAMETER_RAD * metres;
-    let bins = (2.0 * reach / BIN_WIDTH_M) as usize;
-    let mut lines = vec![[0.0f64; 2]; bins];
+    let mut lines = Bins::of(2.0 * reach);
     for y in 0..picture.size.1 {
         for x in 0..picture.size.0 {
             let [own, across] = dial.on_ground(&camera, x as f64 + 0.5, y as f64 + 0.5);
-            let bin = (across + reach) / BIN_WIDTH_M;
-            if (own - along).abs() < 0.6 && bin >= 0.0 && (bin as usize) < bins {
-                let line = &mut lines[bin as usize];
-                *line = [line[0] + picture.light(x, y), line[1] + 1.0];
+            if (own - along).abs() < 0.6 {
+                lines.add(across + reach, picture.light(x, y));
             }
         }
     }
-    let profile: Vec<[f64; 2]> = lines
-        .iter()
-        .enumerate()
-        .filter(|(_, sum)| sum[1] > 0.0)
-        .map(|(bin, sum)| [(bin as f64 + 0.5) * BIN_WIDTH_M - reach, sum[0] / sum[1]])
-        .collect();
+    let profile = lines.profile(reach);
     let side = profile.len() / 10;
     let ends = [&profile[..side], &profile[profile.len() - side..]].map(|end| mean(end.iter().map(|p| p[1])));
     let shares: Vec<f64> = profile.iter().map(|p| (p[1] - ends[0]) / (ends[1] - ends[0])).collect();

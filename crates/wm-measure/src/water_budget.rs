@@ -8,7 +8,7 @@
 //! Tolerance 1 %. Systematic: the edge of a puddle ends between nodes.
 
 use super::budget::fallen;
-use super::lit::{overcast_card, paint_card};
+use super::lit::{level_square, overcast_card, paint_card};
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
@@ -77,14 +77,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         for column in -tiles..tiles {
             let [x, y] = [column, row].map(|k| (f64::from(k) + 0.5) * TILE_SIDE_M);
             let inside = (1.0 - (x * x + y * y) / (BOWL_RADIUS_M * BOWL_RADIUS_M)).max(0.0);
-            let halves = [[0.5 * TILE_SIDE_M, 0.0, 0.0], [0.0, 0.5 * TILE_SIDE_M, 0.0]];
+            let halves = level_square(0.5 * TILE_SIDE_M);
             let center = [x, y, -BOWL_DEPTH_M * inside];
             paint_card(&level, center, halves, 0.5 * TILE_SIDE_M, overcast_card(ALBEDO, 0.0), &mut splats);
         }
     }
     let subject = rig.set_up_lit(splats, Vec::new())?;
     let weather = request.with(&["light=off", "wind=off", "fog=off", "haze=off", "smog=off", "look=off"])?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let Some(state) = rig.water(subject, &weather, request.time)? else { return Ok(finding) };
     let texture = expected::number(&weather, request.time, "wetness", "texture").unwrap_or(f64::NAN);
     let nodes = state.ground.iter().filter(|height| height.is_finite()).count() as f64;
@@ -94,13 +94,10 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let melt = 1e-3 * area * melted;
     let stands = state.water_in_puddles();
     let there = state.water_in_pores() + state.water_in_films(texture) + stands;
-    let mut reading = |quantity: &str, asked: f64, measured: f64, tolerance: Tolerance| {
-        finding.readings.push(request.reading(quantity, "m^3", [asked, measured], tolerance));
-    };
     let what = if melt > 0.0 { "rain and melt water on the ground" } else { "rain on the ground" };
-    reading(what, rain + melt, state.budget.came, Tolerance::Relative(0.01));
+    finding.add(what, "m^3", [rain + melt, state.budget.came], Tolerance::Relative(0.01));
     let gone = state.budget.left + state.budget.dried;
-    reading("water in and out", state.budget.came, there + gone, Tolerance::Relative(0.01));
-    reading("water in the puddle", state.budget.in_puddles, stands, Tolerance::None);
+    finding.add("water in and out", "m^3", [state.budget.came, there + gone], Tolerance::Relative(0.01));
+    finding.add("water in the puddle", "m^3", [state.budget.in_puddles, stands], Tolerance::None);
     Ok(finding)
 }

@@ -8,11 +8,9 @@
 //!
 //! Tolerance 3 %. Systematic: reflectances are kept in 8 bits, 0.4 % of the factor at most.
 
-use super::lit::{LightPicture, overcast_card, paint_card};
-use super::plot::{Axis, Plot, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
-};
+use super::lit::{LightPicture, level_square, overcast_card, paint_card};
+use super::plot::Series;
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
 
@@ -37,8 +35,6 @@ const BOARD_HALF_SIDE_M: f64 = 0.7;
 const BOARD_SPACING_M: f64 = 2.0;
 const BOARD_HEIGHT_M: f64 = 0.06;
 const SPLAT_SPACING_M: f64 = 0.1;
-/// Refractive index of water.
-const WATER_INDEX: f64 = 1.333;
 /// Reflections between a board and the underside of the water that are summed.
 const REFLECTION_COUNT: i32 = 60;
 
@@ -47,7 +43,7 @@ const REFLECTION_COUNT: i32 = 60;
 /// `s / (s + n^2 a)`.
 fn with_full_pores(albedo: f64) -> f64 {
     let (scatters, absorbs) = (albedo, 1.0 - albedo);
-    scatters / (scatters + WATER_INDEX * WATER_INDEX * absorbs)
+    scatters / (scatters + expected::WATER_INDEX * expected::WATER_INDEX * absorbs)
 }
 
 /// The reflectance of a board under a film, by the light that leaves after each reflection.
@@ -63,7 +59,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let level = LevelFrame::of(&rig.site());
     let mut splats = Splats::default();
     let mut card = |center: [f64; 3], half: f64, albedo: f64| {
-        let halves = [[half, 0.0, 0.0], [0.0, half, 0.0]];
+        let halves = level_square(half);
         paint_card(&level, center, halves, SPLAT_SPACING_M, overcast_card(albedo, 0.0), &mut splats);
     };
     card([0.0; 3], YARD_HALF_SIDE_M, YARD_ALBEDO);
@@ -75,7 +71,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let wet =
         |amount: &str| request.with_light(&["light=off", "wetness.porosity=1", "wetness.puddles=0", amount]);
     let dry = request.with_light(&["light=off"])?;
-    let mut finding = Finding::default();
+    let mut finding = request.finding();
     let mut curves = Vec::new();
     type Law = fn(f64) -> f64;
     let states: [(&str, &str, Law); 2] = [
@@ -94,26 +90,18 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             };
             let measured = albedo * light(&weather)? / light(&dry)?;
             curve.push([albedo, measured]);
-            finding.readings.push(request.reading(
+            finding.add(
                 format!("reflectance of a board of {albedo} {name}"),
                 "",
                 [law(albedo), measured],
                 Tolerance::Relative(0.03),
-            ));
+            );
         }
         curves.push(Series::points(name, curve));
     }
-    finding.plots.push(Plot {
-        title: format!("Wet reflectance, {}", request.setting),
-        x: Axis::linear("reflectance of the dry board"),
-        y: Axis::linear("reflectance of the wet board"),
-        series: curves,
-    });
+    finding.plot("Wet reflectance", "reflectance of the dry board", "reflectance of the wet board", curves);
     let camera = level.camera((480, 320), 50.0, [0.0, -8.0, 5.0], [0.0, 0.0, 0.0])?;
     let shown = LightPicture::of(rig, subject, &camera, &wet("wetness.amount=1")?, request.time)?;
-    finding.pictures.push(MeasuredPicture::of(
-        format!("{}: the boards under a film", request.setting),
-        &shown.picture.frame,
-    ));
+    finding.show("the boards under a film", &shown.picture);
     Ok(finding)
 }

@@ -9,8 +9,10 @@
 
 mod particles;
 
-use crate::place::{PinholeContent, PinholeShot, PreparedPlace};
-use crate::{LensView, MovingCamera, Picture, Progress, Renderer, Result};
+use crate::drawing::Drawing;
+pub use crate::picture::SceneFlow;
+use crate::shot::{MovingCamera, PinholeContent, PinholeShot};
+use crate::{LensView, Picture, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 use wm_render::Frame;
@@ -23,16 +25,6 @@ const SAME_SURFACE_TOLERANCE: f32 = 0.02;
 const INTERPOLATION_TOLERANCE: f32 = 0.1;
 /// A point is hidden if it lies behind the surface of the next picture by more than this share.
 const OCCLUSION_TOLERANCE: f64 = 0.02;
-
-/// The flow from one picture to the next.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SceneFlow {
-    /// Pixels to the right and down from each pixel's middle, `[H, W, 2]`; NaN where
-    /// [`FlowState::Unknown`].
-    pub vectors: Vec<f32>,
-    /// The [`FlowState`] of each pixel as its number, `[H, W]`.
-    pub states: Vec<u8>,
-}
 
 /// The fate of what a pixel shows in the next picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -160,7 +152,6 @@ fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
 ///
 /// # Panics
 /// If a depth has another size than its camera.
-#[must_use]
 pub(crate) fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
     assert_eq!(from.depth.len(), width * height, "a depth a pixel");
@@ -201,7 +192,7 @@ pub(crate) fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
     flow
 }
 
-impl Renderer {
+impl Drawing<'_> {
     /// Finds the flow of the scene between two frames by the depth of their surfaces: what lies on
     /// the scene at each instant counts, and the surface of water.
     pub(crate) fn flow(
@@ -219,17 +210,15 @@ impl Renderer {
         });
         let view =
             |k: usize| FlowView { camera: &cameras[k], lens: lens.map(LensView::lens), depth: depths[k] };
-        self.backend().pool().install(|| scene_flow(&view(0), &view(1)))
+        self.renderer.backend().pool().install(|| scene_flow(&view(0), &view(1)))
     }
 
     /// Returns the depth of the surfaces in a frame without the scene's own sky, see
     /// [`FlowView::depth`].
     pub(crate) async fn surface_depth(
         &mut self,
-        place: &mut PreparedPlace,
         lens: Option<&LensView>,
         shot: &PinholeShot<'_>,
-        progress: &mut dyn Progress,
     ) -> Result<Vec<f32>> {
         // The sky of a reconstruction hangs some hundred metres away and shines through walls: it
         // is infinitely far.
@@ -237,13 +226,13 @@ impl Renderer {
         let shot = PinholeShot { weather, parts: &[], content: PinholeContent::Geometry, ..*shot };
         let mut picture = Picture::default();
         let Some(lens) = lens else {
-            self.draw_pinhole(place, &shot, &mut picture, progress).await?;
+            self.pinhole(&shot, &mut picture).await?;
             return Ok(depth_of_surfaces(&picture.frame));
         };
         let mut sides = Vec::new();
         for camera in lens.cameras(&shot.camera.camera) {
             let own = PinholeShot { camera: MovingCamera { camera, ..shot.camera }, ..shot };
-            self.draw_pinhole(place, &own, &mut picture, progress).await?;
+            self.pinhole(&own, &mut picture).await?;
             sides.push(depth_of_surfaces(&picture.frame));
         }
         let pixels = lens.intrinsics().width as usize * lens.intrinsics().height as usize;
@@ -251,7 +240,7 @@ impl Renderer {
             let Some(point) = lens.side_of(pixel) else { return 0.0 };
             point.long * DepthsAround::new(&sides[point.side], point.size, point.at).depth()
         };
-        Ok(self.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
+        Ok(self.renderer.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
     }
 }
 

@@ -86,6 +86,29 @@ impl<'a> FrameInputs<'a> {
     }
 }
 
+/// The picture that a frame is drawn into, and what draws it.
+struct FrameTarget<'a> {
+    backend: &'a mut dyn RenderBackend,
+    memory: &'a mut Pictures,
+    picture: &'a mut Picture,
+}
+
+impl FrameTarget<'_> {
+    /// Carries out a plan that draws into the picture, with the parts of it that are wanted.
+    async fn execute(
+        &mut self,
+        plan: &FramePlan<'_>,
+        color: PictureId,
+        parts: Option<PartPasses>,
+    ) -> Result<Stats, RenderError> {
+        self.memory.put(color, std::mem::take(&mut self.picture.frame));
+        let stats = self.backend.execute_async(plan, self.memory).await?;
+        self.picture.parts = parts.map(|parts| parts.finish(self.memory)).unwrap_or_default();
+        self.picture.frame = self.memory.take(color);
+        Ok(stats)
+    }
+}
+
 impl FrameInputs<'_> {
     /// Draws the frame into `picture`.
     ///
@@ -110,9 +133,9 @@ impl FrameInputs<'_> {
         picture.metres_per_unit = self.weather.site().metres_per_unit;
         (picture.stages, picture.water) = (PaperStages::default(), WaterLayers::default());
         let stats = if self.weather.paper_falls().is_empty() {
-            self.draw_in_blend(backend, memory, picture).await?
+            self.draw_in_blend(&mut FrameTarget { backend, memory, picture }).await?
         } else {
-            self.draw_as_paper(backend, memory, picture).await?
+            self.draw_as_paper(&mut FrameTarget { backend, memory, picture }).await?
         };
         if self.stages && self.weather.paper_falls().is_empty() {
             picture.stages.begin(&picture.frame);
@@ -121,16 +144,11 @@ impl FrameInputs<'_> {
     }
 
     /// Draws the frame with everything that falls in the blend.
-    async fn draw_in_blend(
-        &self,
-        backend: &mut dyn RenderBackend,
-        memory: &mut Pictures,
-        picture: &mut Picture,
-    ) -> Result<Stats, RenderError> {
+    async fn draw_in_blend(&self, to: &mut FrameTarget<'_>) -> Result<Stats, RenderError> {
         let water = self.weather.water(self.puddles);
         let water = water.and_then(|map| Water::new(map, self.weather, &self.camera.camera));
         if let Some(water) = water {
-            return self.draw_with_water(&water, backend, memory, picture).await;
+            return self.draw_with_water(&water, to).await;
         }
         let weather = self.weather.pass(&self.observer());
         let drops = self.drops_view();
@@ -141,7 +159,7 @@ impl FrameInputs<'_> {
         if let Some(drops) = &drops {
             drops.append(&mut plan, color);
         }
-        execute(&plan, color, parts, backend, memory, picture).await
+        to.execute(&plan, color, parts).await
     }
 
     /// Draws coverage, expected and median depth alone. Water counts as a surface where it hides at
@@ -162,7 +180,7 @@ impl FrameInputs<'_> {
         let hooks = Hooks { background: weather.hooks().background, ..Hooks::default() };
         let mut plan = FramePlan::new();
         let drawn = plan.draw(DrawPass::new(self.sets, camera, &config).with_hooks(hooks));
-        let stats = execute(&plan, drawn, None, backend, memory, picture).await?;
+        let stats = FrameTarget { backend, memory, picture }.execute(&plan, drawn, None).await?;
         picture.water = WaterLayers::default();
         let surface = self.weather.water(self.puddles).and_then(|map| WaterSurface::of(&map, camera));
         let Some(WaterSurface { depth, cover, .. }) = surface else { return Ok(stats) };
@@ -183,13 +201,7 @@ impl FrameInputs<'_> {
     }
 
     /// Draws the scene from the mirrored eye, then from its own, and lays the water between.
-    async fn draw_with_water(
-        &self,
-        water: &Water,
-        backend: &mut dyn RenderBackend,
-        memory: &mut Pictures,
-        picture: &mut Picture,
-    ) -> Result<Stats, RenderError> {
+    async fn draw_with_water(&self, water: &Water, to: &mut FrameTarget<'_>) -> Result<Stats, RenderError> {
         let camera = &self.camera.camera;
         let asked = self.config.outputs;
         let mirror_config =
@@ -240,24 +252,19 @@ impl FrameInputs<'_> {
         if let Some(drops) = &drops {
             drops.append(&mut plan, color);
         }
-        picture.spare.lend(&mut picture.frame);
-        let stats = execute(&plan, color, parts, backend, memory, picture).await?;
-        picture.water = match asked.water {
+        to.picture.spare.lend(&mut to.picture.frame);
+        let stats = to.execute(&plan, color, parts).await?;
+        to.picture.water = match asked.water {
             WaterPass::Off => WaterLayers::default(),
-            WaterPass::On => water.layers(&picture.frame),
+            WaterPass::On => water.layers(&to.picture.frame),
         };
         let wants_particles = asked.particles == ParticlePass::On;
-        picture.spare.take(&mut picture.frame, asked.geometry != Geometry::None, wants_particles);
+        to.picture.spare.take(&mut to.picture.frame, asked.geometry != Geometry::None, wants_particles);
         Ok(stats)
     }
 
     /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
-    async fn draw_as_paper(
-        &self,
-        backend: &mut dyn RenderBackend,
-        memory: &mut Pictures,
-        picture: &mut Picture,
-    ) -> Result<Stats, RenderError> {
+    async fn draw_as_paper(&self, to: &mut FrameTarget<'_>) -> Result<Stats, RenderError> {
         let (weather, observer) = (self.weather, self.observer());
         let camera = &self.camera.camera;
         let asked = self.config.outputs.geometry;
@@ -275,10 +282,26 @@ impl FrameInputs<'_> {
             .collect();
         let mut kept = PaperStages::default();
         let stages = Mutex::new(self.stages.then_some(&mut kept));
-        let begin = BeginStages(&stages);
-        let overlays: Vec<Overlay<'_, '_>> =
-            clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();
-        let finish = Finish(weather);
+        // Without what falls.
+        let begin = Effect(|_: SimdPath, picture: &mut Frame, _: &[&Frame]| {
+            if let Some(stages) = &mut *stages.lock().unwrap_or_else(PoisonError::into_inner) {
+                stages.begin(picture);
+            }
+        });
+        // Each lays one sub-cloud over the picture.
+        let stages = &stages;
+        let overlays: Vec<_> = clouds
+            .iter()
+            .map(|(blend, _)| {
+                Effect(move |_: SimdPath, picture: &mut Frame, inputs: &[&Frame]| {
+                    let mut stages = stages.lock().unwrap_or_else(PoisonError::into_inner);
+                    composite::add(blend, picture, inputs[0], stages.as_deref_mut());
+                })
+            })
+            .collect();
+        // Fog, blur and grade.
+        let finish =
+            Effect(|path: SimdPath, picture: &mut Frame, _: &[&Frame]| weather.finish(path, picture));
         let pass_weather = weather.pass(&observer);
         let drops = self.drops_view();
         let drops = drops.as_ref().map(|view| DropsPass::new(self, view));
@@ -305,12 +328,12 @@ impl FrameInputs<'_> {
         if let Some(drops) = &drops {
             drops.append(&mut plan, color);
         }
-        let stats = execute(&plan, color, None, backend, memory, picture).await?;
+        let stats = to.execute(&plan, color, None).await?;
         drop(plan);
         if asked == Geometry::None {
-            picture.frame.depth.clear();
+            to.picture.frame.depth.clear();
         }
-        picture.stages = kept;
+        to.picture.stages = kept;
         Ok(stats)
     }
 
@@ -347,22 +370,6 @@ impl FrameInputs<'_> {
         let Self { shelter, lamps, splashes, pool, .. } = *self;
         Observer { camera, velocity: *velocity, shelter, lamps, splashes, is_within: false, pool }
     }
-}
-
-/// Carries out a plan that draws into `picture`, with the parts of it that are wanted.
-async fn execute(
-    plan: &FramePlan<'_>,
-    color: PictureId,
-    parts: Option<PartPasses>,
-    backend: &mut dyn RenderBackend,
-    memory: &mut Pictures,
-    picture: &mut Picture,
-) -> Result<Stats, RenderError> {
-    memory.put(color, std::mem::take(&mut picture.frame));
-    let stats = backend.execute_async(plan, memory).await?;
-    picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
-    picture.frame = memory.take(color);
-    Ok(stats)
 }
 
 /// The wide view that drops on a glass show.
@@ -433,38 +440,11 @@ impl Water {
     }
 }
 
-/// The intermediate pictures that the passes of one plan write to in turn.
-type StagesOfPlan<'s, 'a> = &'s Mutex<Option<&'a mut PaperStages>>;
+/// A pass over a picture that a closure does.
+struct Effect<F>(F);
 
-/// Keeps the picture without what falls.
-struct BeginStages<'s, 'a>(StagesOfPlan<'s, 'a>);
-
-impl PictureEffect for BeginStages<'_, '_> {
-    fn apply(&self, _: SimdPath, picture: &mut Frame, _: &[&Frame]) {
-        if let Some(stages) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            stages.begin(picture);
-        }
-    }
-}
-
-/// Lays one sub-cloud of the paper's rain or snow over the picture.
-struct Overlay<'s, 'a> {
-    blend: &'s PaperBlend,
-    stages: StagesOfPlan<'s, 'a>,
-}
-
-impl PictureEffect for Overlay<'_, '_> {
-    fn apply(&self, _: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
-        let mut stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
-        composite::add(self.blend, picture, inputs[0], stages.as_deref_mut());
-    }
-}
-
-/// The last step of the paper's rain and snow: fog, blur and grade.
-struct Finish<'a>(&'a PreparedWeather);
-
-impl PictureEffect for Finish<'_> {
-    fn apply(&self, path: SimdPath, picture: &mut Frame, _: &[&Frame]) {
-        self.0.finish(path, picture);
+impl<F: Fn(SimdPath, &mut Frame, &[&Frame]) + Sync> PictureEffect for Effect<F> {
+    fn apply(&self, path: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
+        (self.0)(path, picture, inputs);
     }
 }

@@ -9,8 +9,9 @@
 //! weight in a pixel would take a sum a label. Votes need such sums: they are derivatives of
 //! colours, which a backward pass has.
 
-use crate::place::PreparedPlace;
-use crate::{LensView, Renderer, Result};
+use crate::drawing::Drawing;
+pub use crate::picture::LabelLayers;
+use crate::{LensView, Result};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Upstream};
@@ -23,27 +24,14 @@ const LABELS_PER_PASS: usize = 3;
 /// Least weight in all masks by which a splat gets a label, px: of less nothing is seen.
 const MIN_LABEL_WEIGHT_PX: f32 = 1e-3;
 
-/// The labels in a picture, `[H, W]`; empty where the place has none.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct LabelLayers {
-    /// The class of what each pixel shows, 0 for none.
-    pub label: Vec<u16>,
-    /// The thing that each pixel shows, 0 for none.
-    pub instance: Vec<u16>,
-}
-
-impl Renderer {
+impl Drawing<'_> {
     /// Draws the labels and the instances that the splats of a place have: those of the scene,
     /// without weather and what lies on it. Through a lens, the size is that of the lens.
-    pub(crate) fn labels(
-        &mut self,
-        place: &PreparedPlace,
-        lens: Option<&LensView>,
-        camera: &Camera,
-    ) -> Result<LabelLayers> {
+    pub(crate) fn labels(&mut self, lens: Option<&LensView>, camera: &Camera) -> Result<LabelLayers> {
+        let (place, backend) = (&*self.place, self.renderer.backend_mut());
         let mut frame = Frame::default();
         let mut draw = |camera: &Camera| -> Result<Vec<Option<u32>>> {
-            place.draw_median_splats(self.backend_mut(), camera, &mut frame)?;
+            place.draw_median_splats(backend, camera, &mut frame)?;
             Ok((0..frame.pixels()).map(|pixel| frame.median_splat(pixel)).collect())
         };
         let seen = match lens {

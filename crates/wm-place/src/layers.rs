@@ -68,18 +68,8 @@ enum Source {
     Frame(Outputs),
     /// A part of the picture, with passes of its own.
     Part(PicturePart),
-    /// Pictures of their own, after the first one.
-    Later(LaterPass),
-}
-
-/// A picture of its own that a layer needs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum LaterPass {
-    Clear,
-    SurfaceDepth,
-    Flow,
-    ParticleFlow,
-    Labels,
+    /// Pictures of their own, after the first one: their field among the passes.
+    Later(fn(&mut LayerPasses) -> &mut bool),
 }
 
 /// The form of a layer in a PNG file, and in the channels of an EXR file that holds it alone.
@@ -131,7 +121,6 @@ const RGB: &[&str] = &["R", "G", "B"];
 
 /// All layers, in the order in which messages list them.
 static ROWS: [Row; 19] = {
-    use LaterPass as L;
     use LayerForm as F;
     use PictureLayer as P;
     use Source::{Frame, Later, Part};
@@ -142,6 +131,8 @@ static ROWS: [Row; 19] = {
     let water = Frame(Outputs { water: WaterPass::On, ..PLAIN });
     let alpha = F::Share(ChannelBits::Sixteen);
     let cover = F::Share(ChannelBits::Eight);
+    let flow = Later(|passes| &mut passes.flow);
+    let labels = Later(|passes| &mut passes.labels);
     let (transmittance, clean, airlight) =
         (Part(PicturePart::Transmittance), Part(PicturePart::Clean), Part(PicturePart::Airlight));
     [
@@ -161,19 +152,31 @@ static ROWS: [Row; 19] = {
         row(P::Water, "water", &["A"], water, cover, |p| p.or_zeros(&p.water.cover)),
         row(P::Reflection, "reflection", &["A"], water, cover, |p| p.or_zeros(&p.water.reflected)),
         row(P::WaterDepth, "water-depth", &["Z"], water, F::Depth, |p| p.metres(&p.or_zeros(&p.water.depth))),
-        row(P::Flow, "flow", &["U", "V"], Later(L::Flow), F::Flow, |p| p.flow.vectors.as_slice().into()),
-        row(P::FlowMask, "flow-mask", &["STATE"], Later(L::Flow), F::States, |p| {
+        row(P::Flow, "flow", &["U", "V"], flow, F::Flow, |p| p.flow.vectors.as_slice().into()),
+        row(P::FlowMask, "flow-mask", &["STATE"], flow, F::States, |p| {
             p.flow.states.iter().map(|state| f32::from(*state)).collect()
         }),
-        row(P::ParticleFlow, "particle-flow", &["U", "V"], Later(L::ParticleFlow), F::Flow, |p| {
-            p.particle_flow.as_slice().into()
+        row(
+            P::ParticleFlow,
+            "particle-flow",
+            &["U", "V"],
+            Later(|passes| &mut passes.particle_flow),
+            F::Flow,
+            |p| p.particle_flow.as_slice().into(),
+        ),
+        row(P::Label, "label", &["ID"], labels, F::Ids, |p| ids_as_f32(&p.labels.label)),
+        row(P::Instance, "instance", &["ID"], labels, F::Ids, |p| ids_as_f32(&p.labels.instance)),
+        row(
+            P::SurfaceDepth,
+            "surface-depth",
+            &["Z"],
+            Later(|passes| &mut passes.surface_depth),
+            F::Depth,
+            |p| p.metres(&p.surface_depth),
+        ),
+        row(P::Clear, "clear", RGB, Later(|passes| &mut passes.clear), F::Color, |p| {
+            p.clear.as_slice().into()
         }),
-        row(P::Label, "label", &["ID"], Later(L::Labels), F::Ids, |p| ids_as_f32(&p.labels.label)),
-        row(P::Instance, "instance", &["ID"], Later(L::Labels), F::Ids, |p| ids_as_f32(&p.labels.instance)),
-        row(P::SurfaceDepth, "surface-depth", &["Z"], Later(L::SurfaceDepth), F::Depth, |p| {
-            p.metres(&p.surface_depth)
-        }),
-        row(P::Clear, "clear", RGB, Later(L::Clear), F::Color, |p| p.clear.as_slice().into()),
     ]
 };
 
@@ -232,7 +235,8 @@ impl PictureLayer {
     /// Returns true if the layer leads from one frame to the next, so that a request must name both.
     #[must_use]
     pub fn needs_next_frame(self) -> bool {
-        matches!(self.row().source, Source::Later(LaterPass::Flow | LaterPass::ParticleFlow))
+        let passes = LayerPasses::of(self.into());
+        passes.flow || passes.particle_flow
     }
 }
 
@@ -444,11 +448,7 @@ impl LayerPasses {
                     passes.picture = true;
                     passes.parts.push(part);
                 }
-                Source::Later(LaterPass::Clear) => passes.clear = true,
-                Source::Later(LaterPass::SurfaceDepth) => passes.surface_depth = true,
-                Source::Later(LaterPass::Flow) => passes.flow = true,
-                Source::Later(LaterPass::ParticleFlow) => passes.particle_flow = true,
-                Source::Later(LaterPass::Labels) => passes.labels = true,
+                Source::Later(pass) => *pass(&mut passes) = true,
             }
         }
         passes

@@ -13,6 +13,7 @@
 pub mod assets;
 mod bake;
 pub mod camera_model;
+mod drawing;
 mod error;
 pub mod flow;
 pub mod frame;
@@ -40,6 +41,7 @@ mod request;
 pub mod rig;
 pub mod sensor;
 pub mod sequence;
+mod shot;
 mod tags;
 mod thinned;
 pub mod view;
@@ -54,8 +56,9 @@ pub use picture::Picture;
 pub use place::{LevelCounts, PlaceFacts, PlaceOptions, PreparedPlace};
 pub use progress::Progress;
 pub use renderer::Renderer;
-pub use request::{FrameCamera, FrameRequest, MovingCamera, NextFrame, Patience};
+pub use request::{FrameCamera, FrameRequest, NextFrame};
 pub use sequence::VideoFile;
+pub use shot::{MovingCamera, Patience};
 pub use tags::picture_tags;
 // Types of these crates stand in public signatures.
 pub use wm_render::{CpuConfig, Device};

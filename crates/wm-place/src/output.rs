@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use wm_base::npy;
 use wm_image::color::Dither;
-use wm_image::{MediaError, PictureSize, exr, flow, png};
+use wm_image::{PictureSize, exr, flow, png};
 use wm_render::frame::{ColorEncoding, srgb_decode, srgb_encode};
 
 /// A file format of pictures.
@@ -25,13 +25,11 @@ pub enum PictureFormat {
 }
 
 impl PictureFormat {
-    const ALL: [(Self, &'static str); 3] = [(Self::Png, "png"), (Self::Exr, "exr"), (Self::Npy, "npy")];
-
     /// Returns the format of a file name's extension.
     pub fn of(path: &Path) -> Option<Self> {
         // Not `.flo`, which holds no colours.
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
-        Self::ALL.iter().find(|(_, name)| *name == extension).map(|(format, _)| *format)
+        [Self::Png, Self::Exr, Self::Npy].into_iter().find(|format| format.extension() == extension)
     }
 
     /// Returns the file name extension.
@@ -66,23 +64,16 @@ impl FromStr for LayerFile {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (name, extension) = match text.split_once('.') {
-            Some((name, extension)) => (name, Some(extension)),
-            None => (text, None),
-        };
+        let (name, extension) = text.split_once('.').map_or((text, None), |(name, end)| (name, Some(end)));
         // The colour is always written.
         let beside = PictureLayer::all().filter(|layer| *layer != PictureLayer::Color);
         let layer = PictureLayer::find(name, beside)?;
-        let format = match extension {
-            None => None,
-            Some("flo") if layer.form() == LayerForm::Flow => Some(PictureFormat::Flo),
-            Some("flo") => return Err(format!("`{text}`: .flo holds optical flow alone: use flow.flo")),
-            Some(extension) => Some(
-                PictureFormat::of(Path::new(&format!("x.{extension}")))
-                    .ok_or_else(|| format!("`{text}`: use .png, .exr or .npy"))?,
-            ),
-        };
-        Ok(Self { layer, format })
+        let format = extension.map(|extension| match extension {
+            "flo" if layer.form() == LayerForm::Flow => Ok(PictureFormat::Flo),
+            "flo" => Err(format!("`{text}`: .flo holds optical flow alone: use flow.flo")),
+            other => other.parse().map_err(|_| format!("`{text}`: use .png, .exr or .npy")),
+        });
+        Ok(Self { layer, format: format.transpose()? })
     }
 }
 
@@ -142,11 +133,9 @@ impl PictureStyle {
             PictureFormat::Exr => {
                 let layers = self.also.iter().filter(|also| self.place.is_layer(**also, format));
                 let channels: Vec<_> = layers.flat_map(|also| Self::channels(also.layer, picture)).collect();
-                self.exr(
-                    path,
-                    size,
-                    exr::ExrPlanes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
-                )?;
+                let planes =
+                    exr::ExrPlanes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() };
+                exr::write_exr(path, planes, size, &self.tags)?;
             }
             PictureFormat::Flo => {
                 let text = format!("{}: .flo holds no colours", path.display());
@@ -219,7 +208,7 @@ impl PictureStyle {
                         exr::ExrPlanes { channels: &named, ..planes }
                     }
                 };
-                self.exr(path, size, planes)?;
+                exr::write_exr(path, planes, size, &self.tags)?;
             }
             PictureFormat::Png => return self.write_png(layer, picture, size, path),
         }
@@ -236,58 +225,58 @@ impl PictureStyle {
     ) -> Result<String> {
         let (values, tags) = (picture.layer(layer), &self.tags);
         let names = |values: &[f32]| -> Vec<u16> { values.iter().map(|name| *name as u16).collect() };
-        let note = match layer.form() {
-            LayerForm::Color => {
-                png::write_rgb(path, &values, size, self.dither, tags)?;
-                String::new()
-            }
+        let mut note = String::new();
+        match layer.form() {
+            LayerForm::Color => png::write_rgb(path, &values, size, self.dither, tags)?,
             LayerForm::Light => {
                 let shown = |light: &f32| srgb_encode(f64::from(light.max(0.0))) as f32;
                 let shown: Vec<f32> = values.iter().map(shown).collect();
                 png::write_rgb(path, &shown, size, self.dither, tags)?;
-                String::new()
             }
             LayerForm::Depth => {
                 let scale = png::write_depth(path, &values, size, self.depth_scale, tags)?;
-                format!(", {scale} m a count, 0 for nothing")
+                note = format!(", {scale} m a count, 0 for nothing");
             }
             LayerForm::Normal => {
                 png::write_normals(path, &values, size, png::ChannelBits::Sixteen, tags)?;
-                String::new()
             }
-            LayerForm::Share(bits) => {
-                png::write_alpha(path, &values, size, bits, tags)?;
-                String::new()
-            }
-            LayerForm::ColorShares => {
-                png::write_shares(path, &values, size, tags)?;
-                String::new()
-            }
+            LayerForm::Share(bits) => png::write_alpha(path, &values, size, bits, tags)?,
+            LayerForm::ColorShares => png::write_shares(path, &values, size, tags)?,
             LayerForm::Particles => {
                 let coverage: Vec<f32> = values.iter().skip(3).step_by(4).copied().collect();
                 png::write_alpha(path, &coverage, size, png::ChannelBits::Eight, tags)?;
-                ", coverage alone".into()
+                note = ", coverage alone".into();
             }
-            LayerForm::Flow => match flow::write_kitti(path, &values, size, tags)? {
-                0 => ", 64 counts a px from 32768".into(),
-                long => format!(
-                    ", 64 counts a px from 32768; {long} vectors of 512 px or more are left out: use .flo"
-                ),
-            },
+            LayerForm::Flow => {
+                note = ", 64 counts a px from 32768".into();
+                let long = flow::write_kitti(path, &values, size, tags)?;
+                if long > 0 {
+                    note += &format!("; {long} vectors of 512 px or more are left out: use .flo");
+                }
+            }
             LayerForm::States => {
                 png::write_numbers(path, &names(&values), size, png::ChannelBits::Eight, tags)?;
-                ", 0 visible, 1 occluded, 2 outside, 3 unknown".into()
+                note = ", 0 visible, 1 occluded, 2 outside, 3 unknown".into();
             }
             LayerForm::Ids => {
                 png::write_numbers(path, &names(&values), size, png::ChannelBits::Sixteen, tags)?;
-                ", 0 for none".into()
+                note = ", 0 for none".into();
             }
-        };
+        }
         Ok(note)
     }
+}
 
-    fn exr(&self, path: &Path, size: PictureSize, planes: exr::ExrPlanes<'_>) -> Result<(), MediaError> {
-        exr::write_exr(path, planes, size, &self.tags)
+impl Picture {
+    /// Writes the colour as `.png` (8 bits, dithered), `.exr` or `.npy` (linear light). For depth,
+    /// normals and the other outputs see [`PictureStyle`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Media`] if the file cannot be written; [`crate::Error::Unsupported`] for
+    /// another extension.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let style = PictureStyle { tags: self.tags.clone(), ..PictureStyle::default() };
+        style.write(self, path.as_ref()).map(drop)
     }
 }
 

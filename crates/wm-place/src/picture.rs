@@ -1,10 +1,5 @@
 //! A rendered picture.
 
-use crate::Result;
-use crate::flow::SceneFlow;
-use crate::labels::LabelLayers;
-use crate::output::PictureStyle;
-use std::path::Path;
 use wm_render::Frame;
 use wm_render::hooks::Particle;
 use wm_render::parts::PictureParts;
@@ -94,15 +89,21 @@ pub struct WaterLayers {
     pub depth: Vec<f32>,
 }
 
-impl Picture {
-    /// Writes the colour as `.png` (8 bits, dithered), `.exr` or `.npy` (linear light). For depth,
-    /// normals and the other outputs see [`PictureStyle`].
-    ///
-    /// # Errors
-    /// [`crate::Error::Media`] if the file cannot be written; [`crate::Error::Unsupported`] for
-    /// another extension.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let style = PictureStyle { tags: self.tags.clone(), ..PictureStyle::default() };
-        style.write(self, path.as_ref()).map(drop)
-    }
+/// The flow from one picture to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneFlow {
+    /// Pixels to the right and down from each pixel's middle, `[H, W, 2]`; NaN where
+    /// [`FlowState::Unknown`](crate::flow::FlowState::Unknown).
+    pub vectors: Vec<f32>,
+    /// The [`FlowState`](crate::flow::FlowState) of each pixel as its number, `[H, W]`.
+    pub states: Vec<u8>,
+}
+
+/// The labels in a picture, `[H, W]`; empty where the place has none.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LabelLayers {
+    /// The class of what each pixel shows, 0 for none.
+    pub label: Vec<u16>,
+    /// The thing that each pixel shows, 0 for none.
+    pub instance: Vec<u16>,
 }

@@ -2,9 +2,11 @@
 //! own.
 
 use crate::camera_model::CameraModel;
+use crate::drawing::Drawing;
 use crate::layers::LayerPasses;
 use crate::picture::WaterLayers;
-use crate::place::{PinholeContent, PinholeShot, PreparedPlace, check_owner};
+use crate::place::{PreparedPlace, check_owner};
+use crate::shot::{PinholeContent, PinholeShot};
 use crate::tags::picture_tags;
 use crate::{Error, FrameCamera, FrameRequest, LensView, NextFrame, Picture, Progress, Renderer, Result};
 use wm_render::parts::PictureParts;
@@ -78,77 +80,64 @@ impl Renderer {
             content: PinholeContent::Picture,
         };
         let lens = camera.lens();
+        let mut drawing = Drawing { renderer: self, place, progress };
         let mut stats = Stats::default();
         if passes.picture {
-            stats += self.draw_with(place, camera, index, &shot, picture, progress).await?;
+            stats += drawing.of_camera(camera, index, &shot, picture).await?;
         } else {
             let size = lens.map_or(&shot.camera.camera, LensView::intrinsics);
             picture.frame = Frame { width: size.width, height: size.height, ..Frame::default() };
             (picture.parts, picture.water) = (PictureParts::default(), WaterLayers::default());
             picture.stages = PaperStages::default();
         }
-        picture.metres_per_unit = place.site().metres_per_unit;
+        picture.metres_per_unit = drawing.place.site().metres_per_unit;
         let next = request.next.map(|NextFrame { time, camera }| PinholeShot { time, camera, ..shot });
         picture.particle_flow.clear();
         if let Some(next) = next.as_ref().filter(|_| passes.particle_flow) {
-            picture.particle_flow = self.particle_flow(place, &shot, next, progress).await?;
+            picture.particle_flow = drawing.particle_flow(&shot, next).await?;
         }
         picture.surface_depth.clear();
         if passes.surface_depth || passes.flow {
-            picture.surface_depth = self.surface_depth(place, lens, &shot, progress).await?;
+            picture.surface_depth = drawing.surface_depth(lens, &shot).await?;
         }
         picture.flow = Default::default();
         if let Some(next) = next.as_ref().filter(|_| passes.flow) {
-            let depth = self.surface_depth(place, lens, next, progress).await?;
-            picture.flow = self.flow(lens, [&shot, next], [&picture.surface_depth, &depth]);
+            let depth = drawing.surface_depth(lens, next).await?;
+            picture.flow = drawing.flow(lens, [&shot, next], [&picture.surface_depth, &depth]);
         }
         if !passes.surface_depth {
             picture.surface_depth.clear();
         }
         picture.labels = Default::default();
         if passes.labels {
-            picture.labels = self.labels(place, lens, &shot.camera.camera)?;
+            picture.labels = drawing.labels(lens, &shot.camera.camera)?;
         }
         picture.clear.clear();
         if passes.clear {
             let weather = &Weather::clear();
             let outputs = Outputs::default();
             let shot = PinholeShot { weather, outputs, parts: &[], stages: false, ..shot };
-            let mut clear = std::mem::take(&mut self.clear);
-            stats += self.draw_with(place, camera, index, &shot, &mut clear, progress).await?;
+            let mut clear = std::mem::take(&mut drawing.renderer.clear);
+            stats += drawing.of_camera(camera, index, &shot, &mut clear).await?;
             std::mem::swap(&mut picture.clear, &mut clear.frame.rgb);
-            self.clear = clear;
+            drawing.renderer.clear = clear;
         }
         Ok(stats)
     }
+}
 
+impl Drawing<'_> {
     /// Draws a picture of a request's camera.
-    async fn draw_with(
+    async fn of_camera(
         &mut self,
-        place: &mut PreparedPlace,
         camera: FrameCamera<'_>,
         index: u32,
         shot: &PinholeShot<'_>,
         picture: &mut Picture,
-        progress: &mut dyn Progress,
     ) -> Result<Stats> {
         match camera {
-            FrameCamera::Device(camera) => self.expose(place, camera, index, shot, picture, progress).await,
-            FrameCamera::Pinhole(_) | FrameCamera::LookAt(_) => {
-                self.draw_pinhole(place, shot, picture, progress).await
-            }
+            FrameCamera::Device(camera) => self.expose(camera, index, shot, picture).await,
+            FrameCamera::Pinhole(_) | FrameCamera::LookAt(_) => self.pinhole(shot, picture).await,
         }
-    }
-
-    /// Draws a pinhole picture.
-    pub(crate) async fn draw_pinhole(
-        &mut self,
-        place: &mut PreparedPlace,
-        shot: &PinholeShot<'_>,
-        picture: &mut Picture,
-        progress: &mut dyn Progress,
-    ) -> Result<Stats> {
-        let (backend, memory) = self.drawing();
-        place.draw(backend, memory, shot, picture, progress).await
     }
 }

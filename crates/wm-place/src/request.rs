@@ -2,58 +2,11 @@
 
 use crate::camera_model::SensorCamera;
 use crate::layers::Layers;
+use crate::shot::{MovingCamera, Patience};
 use crate::view::ViewOptions;
-use crate::{Error, LensView, PreparedPlace, Result};
+use crate::{LensView, PreparedPlace, Result};
 use wm_scene::{Camera, LookAt};
 use wm_weather::Weather;
-
-/// Fastest camera, m/s: the streaks of what falls, and the volume that they are drawn from, grow
-/// with the speed.
-const MAX_SPEED: f64 = 1000.0;
-
-/// A camera and its motion.
-#[derive(Clone, Copy, Debug)]
-pub struct MovingCamera {
-    /// The camera.
-    pub camera: Camera,
-    /// Velocity, m/s, world axes. Falling particles are streaked by it.
-    pub velocity: [f64; 3],
-}
-
-impl MovingCamera {
-    /// Checks that what falls can be drawn before the camera.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] if it is faster than 1000 m/s.
-    pub fn check_speed(&self) -> Result<()> {
-        let speed = glam::DVec3::from_array(self.velocity).length();
-        if speed <= MAX_SPEED {
-            return Ok(());
-        }
-        Err(Error::Unsupported(format!(
-            "the camera moves at {speed:.4e} m/s: rain and snow can be drawn up to {MAX_SPEED} m/s; check the times of the path \
-             and the metres per unit"
-        )))
-    }
-}
-
-impl From<Camera> for MovingCamera {
-    /// A camera at rest.
-    fn from(camera: Camera) -> Self {
-        Self { camera, velocity: [0.0; 3] }
-    }
-}
-
-/// The treatment of assets that are not made yet.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Patience {
-    /// Every frame is complete: what is missing is made first.
-    #[default]
-    Whole,
-    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of
-    /// another instant, and roofs may not stop the rain.
-    Draft,
-}
 
 /// The camera of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -114,7 +67,7 @@ impl FrameCamera<'_> {
     /// Returns the pose, the intrinsics and the velocity at a time (s) in a place.
     ///
     /// # Errors
-    /// [`Error::Camera`] if the numbers make no camera.
+    /// [`crate::Error::Camera`] if the numbers make no camera.
     pub fn at(&self, time: f64, place: &PreparedPlace) -> Result<MovingCamera> {
         match self {
             Self::Pinhole(camera) => Ok(*camera),

@@ -13,6 +13,7 @@ use wm_place::levels::{LevelBudget, parse_memory};
 use wm_place::output::{LayerFile, PictureFormat};
 use wm_place::panorama_file::read_panorama;
 use wm_place::rig::Rig;
+use wm_place::view::ViewError;
 use wm_place::view::moves::PathSpec;
 use wm_place::view::spec::CameraSpec;
 use wm_place::{Error, Result};
@@ -110,6 +111,11 @@ impl PlanFault {
     }
 }
 
+/// The fault of a plan as an outcome.
+fn fault<T>(at: Option<usize>, key: &str, says: impl Into<String>) -> Result<T, PlanFault> {
+    Err(PlanFault::new(at, key, says))
+}
+
 impl BatchPlan {
     /// Reads a plan. Files that it names are found beside it.
     ///
@@ -177,23 +183,23 @@ impl PlanFile {
     fn plan(&self, file: &str, folder: &Path, stem: &str) -> Result<BatchPlan, PlanFault> {
         let name = self.name.clone().unwrap_or_else(|| slug(stem));
         if !is_name(&name) {
-            return Err(PlanFault::new(None, "name", format!("\"{name}\": {NAME_ADVICE}")));
+            return fault(None, "name", format!("\"{name}\": {NAME_ADVICE}"));
         }
         let scenes = self.scenes(folder)?;
         let weathers = self.weathers(folder)?;
         let (rig, own_rate) = self.rig(folder)?;
         let frame_rate = self.frame_rate.or(own_rate).unwrap_or(DEFAULT_RATE_HZ);
         if !(frame_rate > 0.0 && frame_rate <= 1000.0) {
-            return Err(PlanFault::new(
+            return fault(
                 None,
                 "frame_rate",
                 format!("{frame_rate}: it must be above 0 and at most 1000 Hz"),
-            ));
+            );
         }
         let is_rig = matches!(rig, PlanRig::Rig(_));
         let frames = self.frames.unwrap_or(if is_rig { DEFAULT_RIG_FRAMES } else { 1 });
         if frames == 0 || frames > 1_000_000 {
-            return Err(PlanFault::new(None, "frames", format!("{frames}: it must be from 1 to 1,000,000")));
+            return fault(None, "frames", format!("{frames}: it must be from 1 to 1,000,000"));
         }
         let paths = self.paths(folder, &scenes, f64::from(frames) / frame_rate)?;
         let is_of_photos = paths.iter().all(|path| matches!(path.kind, PlanPathKind::Photos { .. }));
@@ -210,7 +216,7 @@ impl PlanFile {
                         "{frame_rate} Hz is faster than sensor \"{}\" of {} Hz: give at most its rate",
                         slow.name, slow.rate
                     );
-                    return Err(PlanFault::new(None, "frame_rate", says));
+                    return fault(None, "frame_rate", says);
                 }
                 rig.sensors.iter().map(|sensor| readings(sensor.rate)).sum()
             }
@@ -218,11 +224,7 @@ impl PlanFile {
         };
         let block = self.block.unwrap_or((DEFAULT_BLOCK_READINGS / sensors.max(1)).max(1) as u32);
         if block == 0 || block > 100_000 {
-            return Err(PlanFault::new(
-                None,
-                "block",
-                format!("{block}: it must be from 1 to 100,000 frames"),
-            ));
+            return fault(None, "block", format!("{block}: it must be from 1 to 100,000 frames"));
         }
         let start = match &self.start {
             None => DEFAULT_START_S,
@@ -242,7 +244,7 @@ impl PlanFile {
             && !writes_frames
         {
             let says = format!("is of the layout {FRAMES_LAYOUT}, which is not among layouts");
-            return Err(PlanFault::new(None, key, says));
+            return fault(None, key, says);
         }
         let mut plan = BatchPlan {
             file: file.into(),
@@ -272,11 +274,7 @@ impl PlanFile {
 
     fn scenes(&self, folder: &Path) -> Result<Vec<PlanScene>, PlanFault> {
         if self.scene.is_empty() {
-            return Err(PlanFault::new(
-                None,
-                "scene",
-                "the plan has no scene: give one or more [[scene]] with file",
-            ));
+            return fault(None, "scene", "the plan has no scene: give one or more [[scene]] with file");
         }
         let mut scenes: Vec<PlanScene> = Vec::new();
         for entry in &self.scene {
@@ -284,22 +282,18 @@ impl PlanFile {
             let stem = entry.file.file_stem().unwrap_or_default().to_string_lossy();
             let name = entry.name.clone().unwrap_or_else(|| slug(&stem));
             if !is_name(&name) {
-                return Err(PlanFault::new(at, "scene name", format!("\"{name}\": {NAME_ADVICE}")));
+                return fault(at, "scene name", format!("\"{name}\": {NAME_ADVICE}"));
             }
             if scenes.iter().any(|other| other.name.eq_ignore_ascii_case(&name)) {
-                return Err(PlanFault::new(
+                return fault(
                     at,
                     "scene name",
                     format!("there are two scenes \"{name}\": give each a name of its own"),
-                ));
+                );
             }
             let file = folder.join(&entry.file);
             if !file.exists() {
-                return Err(PlanFault::new(
-                    at,
-                    "scene file",
-                    format!("{}: no such file or folder", file.display()),
-                ));
+                return fault(at, "scene file", format!("{}: no such file or folder", file.display()));
             }
             let facts = Metadata {
                 metres_per_unit: entry.metres_per_unit,
@@ -308,12 +302,12 @@ impl PlanFile {
                 ..Metadata::default()
             };
             if let Some(says) = facts.fault() {
-                return Err(PlanFault::new(at, "scene", says));
+                return fault(at, "scene", says);
             }
             let memory = entry.memory.as_deref().map(parse_memory).transpose();
             let memory = memory.map_err(|says| PlanFault::new(at, "scene memory", says))?;
             if entry.splats == Some(0) {
-                return Err(PlanFault::new(at, "scene splats", "a frame has one splat or more"));
+                return fault(at, "scene splats", "a frame has one splat or more");
             }
             let memory = memory.unwrap_or(LevelBudget::default().memory);
             let budget = LevelBudget { memory, splats: entry.splats };
@@ -325,7 +319,7 @@ impl PlanFile {
     fn weathers(&self, folder: &Path) -> Result<Vec<WeatherSource>, PlanFault> {
         if self.weather.is_empty() {
             let says = "the plan has no weather: give one or more [[weather]] with from, grid or samples";
-            return Err(PlanFault::new(None, "weather", says));
+            return fault(None, "weather", says);
         }
         let find: FindWeather<'_> = &find_weather;
         let sources = self.weather.iter().map(|entry| {
@@ -340,11 +334,7 @@ impl PlanFile {
         let (at, entry) = (Some(entry.span().start), entry.get_ref());
         if let Some(file) = &entry.file {
             if entry.size.is_some() || entry.fov.is_some() {
-                return Err(PlanFault::new(
-                    at,
-                    "rig",
-                    "size and fov are those of the sensors in its file: leave them out",
-                ));
+                return fault(at, "rig", "size and fov are those of the sensors in its file: leave them out");
             }
             let rig = Rig::read(&folder.join(file))
                 .map_err(|error| PlanFault::new(at, "rig file", error.to_string()))?;
@@ -358,14 +348,10 @@ impl PlanFile {
             || !sides.contains(&height)
             || u64::from(width) * u64::from(height) > wm_scene::camera::MAX_PIXELS
         {
-            return Err(PlanFault::new(
-                at,
-                "rig size",
-                format!("{width}x{height}: a side has 16 to {} px", sides.end()),
-            ));
+            return fault(at, "rig size", format!("{width}x{height}: a side has 16 to {} px", sides.end()));
         }
         if !FOV.contains(&fov) {
-            return Err(PlanFault::new(at, "rig fov", format!("{fov}: it must be 0.1 to 170 degrees")));
+            return fault(at, "rig fov", format!("{fov}: it must be 0.1 to 170 degrees"));
         }
         Ok((PlanRig::Camera { size: (width, height), fov }, None))
     }
@@ -385,7 +371,7 @@ impl PlanFile {
                 && !scenes.iter().any(|one| one.name == *scene)
             {
                 let near = meant(scene, scenes.iter().map(|one| one.name.as_str()));
-                return Err(PlanFault::new(at, "path scene", format!("there is no scene `{scene}`{near}")));
+                return fault(at, "path scene", format!("there is no scene `{scene}`{near}"));
             }
             let is_same = |other: &PlanPath| {
                 other.name.eq_ignore_ascii_case(&path.name)
@@ -393,23 +379,23 @@ impl PlanFile {
             };
             if paths.iter().any(is_same) {
                 let says = format!("there are two paths \"{}\": give each a name of its own", path.name);
-                return Err(PlanFault::new(at, "path name", says));
+                return fault(at, "path name", says);
             }
             paths.push(path);
         }
         if let Some(lonely) = scenes.iter().find(|scene| {
             paths.iter().all(|path| path.scene.as_ref().is_some_and(|name| *name != scene.name))
         }) {
-            return Err(PlanFault::new(None, "path", format!("scene \"{}\" has no path", lonely.name)));
+            return fault(None, "path", format!("scene \"{}\" has no path", lonely.name));
         }
         Ok(paths)
     }
 
     fn layouts(&self) -> Result<(Vec<&'static Layout>, bool), PlanFault> {
         let Some(names) = &self.layouts else { return Ok((Vec::new(), true)) };
-        let fault = |says: String| PlanFault::new(None, "layouts", says);
+        let wrong = |says: String| fault(None, "layouts", says);
         if names.is_empty() {
-            return Err(fault("the list is empty: leave it out for the program's own".into()));
+            return wrong("the list is empty: leave it out for the program's own".into());
         }
         let mut found: Vec<&'static Layout> = Vec::new();
         let mut writes_frames = false;
@@ -422,13 +408,13 @@ impl PlanFile {
             let Some(layout) = LAYOUTS.iter().find(|layout| layout.name == name) else {
                 let near = meant(name, all());
                 let all: Vec<&str> = all().collect();
-                return Err(fault(format!(
+                return wrong(format!(
                     "there is no layout `{name}`{near}; the layouts are {}",
                     all.join(", ")
-                )));
+                ));
             };
             if found.iter().any(|other| other.name == name) {
-                return Err(fault(format!("`{name}` is there twice")));
+                return wrong(format!("`{name}` is there twice"));
             }
             found.push(layout);
         }
@@ -439,18 +425,18 @@ impl PlanFile {
         if self.splits.is_empty() {
             return Ok(vec![("train".into(), 1.0)]);
         }
-        let fault = |says: String| PlanFault::new(None, "splits", says);
+        let wrong = |says: String| fault(None, "splits", says);
         for (name, share) in &self.splits {
             if !is_name(name) {
-                return Err(fault(format!("\"{name}\": use letters, digits, - and _")));
+                return wrong(format!("\"{name}\": use letters, digits, - and _"));
             }
             if !(0.0..=1.0).contains(share) {
-                return Err(fault(format!("{name} is {share}: it must be from 0 to 1")));
+                return wrong(format!("{name} is {share}: it must be from 0 to 1"));
             }
         }
         let sum: f64 = self.splits.values().sum();
         if (sum - 1.0).abs() > 1e-6 {
-            return Err(fault(format!("the shares sum to {sum}: they must sum to 1")));
+            return wrong(format!("the shares sum to {sum}: they must sum to 1"));
         }
         Ok(self.splits.iter().map(|(name, share)| (name.clone(), *share)).collect())
     }
@@ -458,7 +444,7 @@ impl PlanFile {
 
 impl PathEntry {
     fn path(&self, folder: &Path, number: usize, seconds: f64) -> Result<PlanPath, (String, String)> {
-        let fault = |key: &str, says: String| (format!("path {key}"), says);
+        let wrong = |key: &str, says: String| Err((format!("path {key}"), says));
         let kind = match self.cameras.as_deref() {
             Some("capture") => {
                 for (key, is_given) in [
@@ -469,21 +455,21 @@ impl PathEntry {
                     ("seconds", self.seconds.is_some()),
                 ] {
                     if is_given {
-                        return Err(fault(key, "cameras of photos stand still: leave it out".into()));
+                        return wrong(key, "cameras of photos stand still: leave it out".into());
                     }
                 }
                 let every = self.every.unwrap_or(1);
                 if every == 0 {
-                    return Err(fault("every", "0: it must be at least 1".into()));
+                    return wrong("every", "0: it must be at least 1".into());
                 }
                 PlanPathKind::Photos { every }
             }
             Some(other) => {
-                return Err(fault("cameras", format!("`{other}`: use capture, for those of the photos")));
+                return wrong("cameras", format!("`{other}`: use capture, for those of the photos"));
             }
             None => {
                 if self.every.is_some() {
-                    return Err(fault("every", "is for cameras = \"capture\"".into()));
+                    return wrong("every", "is for cameras = \"capture\"".into());
                 }
                 PlanPathKind::Motion(self.motion(folder, seconds)?)
             }
@@ -494,56 +480,40 @@ impl PathEntry {
             PlanPathKind::Motion(_) => format!("path-{}", number + 1),
         });
         if !is_name(&name) {
-            return Err(fault("name", format!("\"{name}\": {NAME_ADVICE}")));
+            return wrong("name", format!("\"{name}\": {NAME_ADVICE}"));
         }
         Ok(PlanPath { name, scene: self.scene.clone(), kind })
     }
 
     fn motion(&self, folder: &Path, seconds: f64) -> Result<MotionSpec, (String, String)> {
-        let fault = |key: &str, says: String| (format!("path {key}"), says);
-        let camera = match &self.camera {
-            None => None,
-            Some(text) => Some(
-                match text
-                    .parse()
-                    .map_err(|error: wm_place::view::ViewError| fault("camera", error.to_string()))?
-                {
-                    CameraSpec::File(file) => CameraSpec::File(folder.join(file)),
-                    other => other,
-                },
-            ),
-        };
-        let path = match &self.path {
-            None => None,
-            Some(text) => Some(
-                match text
-                    .parse()
-                    .map_err(|error: wm_place::view::ViewError| fault("path", error.to_string()))?
-                {
-                    PathSpec::File(file) => PathSpec::File(folder.join(file)),
-                    other => other,
-                },
-            ),
-        };
+        let wrong = |key: &str, says: String| Err((format!("path {key}"), says));
+        let parsed = |key: &str, error: ViewError| (format!("path {key}"), error.to_string());
+        let camera = self.camera.as_deref().map(str::parse).transpose();
+        let camera = camera.map_err(|error| parsed("camera", error))?.map(|camera| match camera {
+            CameraSpec::File(file) => CameraSpec::File(folder.join(file)),
+            other => other,
+        });
+        let path = self.path.as_deref().map(str::parse).transpose();
+        let path = path.map_err(|error| parsed("path", error))?.map(|path| match path {
+            PathSpec::File(file) => PathSpec::File(folder.join(file)),
+            other => other,
+        });
         if let Some(distance) = self.distance
             && !(distance.is_finite() && distance > 0.0 && path == Some(PathSpec::Dolly))
         {
-            return Err(fault(
-                "distance",
-                format!("{distance}: it is the length of path = \"dolly\", above 0 m"),
-            ));
+            return wrong("distance", format!("{distance}: it is the length of path = \"dolly\", above 0 m"));
         }
         if let Some(speed) = self.speed
             && !(speed.abs() <= 1000.0 && path.is_none())
         {
-            return Err(fault(
+            return wrong(
                 "speed",
                 format!("{speed}: it is that of a rig without path, from -1000 to 1000 m/s"),
-            ));
+            );
         }
         let seconds = self.seconds.unwrap_or(seconds);
         if !(seconds > 0.0 && seconds <= 1e6) {
-            return Err(fault("seconds", format!("{seconds}: it must be above 0")));
+            return wrong("seconds", format!("{seconds}: it must be above 0"));
         }
         Ok(MotionSpec { camera, path, distance: self.distance, speed: self.speed, seconds })
     }

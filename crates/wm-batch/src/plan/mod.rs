@@ -117,7 +117,6 @@ pub(crate) enum PlanRig {
 
 impl BatchPlan {
     /// The layers that the plan's files and layouts have of a camera.
-    #[must_use]
     pub(crate) fn layers(&self) -> Layers {
         let mut layers = layers_of(&self.also);
         let layouts = self.layouts.iter().map(|layout| layout.needs);

@@ -103,12 +103,10 @@ pub(super) type CopiedVariable = (String, Vec<String>);
 pub(crate) type KeyedResult<T> = Result<T, (String, String)>;
 
 /// Changes parameters of a weather.
-fn changed<'a>(weather: Weather, set: impl Iterator<Item = (&'a String, &'a Value)>) -> KeyedResult<Weather> {
-    let mut weather = weather;
-    for (key, value) in set {
-        weather = set_value(weather, key, value).map_err(|says| (key.clone(), says))?;
-    }
-    Ok(weather)
+fn changed(weather: &Weather, set: &[(String, Value)]) -> KeyedResult<Weather> {
+    set.iter().try_fold(weather.clone(), |weather, (key, value)| {
+        set_value(weather, key, value).map_err(|says| (key.clone(), says))
+    })
 }
 
 /// Changes one parameter of a weather.
@@ -153,7 +151,6 @@ pub(crate) fn value_of(weather: &Weather, key: &str, time: f64) -> Option<f64> {
 
 impl WeatherSource {
     /// The number of weathers for each path.
-    #[must_use]
     pub(crate) fn count(&self) -> u64 {
         let weathers = match &self.kind {
             SourceKind::List(list) => list.len() as u64,
@@ -164,28 +161,24 @@ impl WeatherSource {
     }
 
     /// Returns true if every path has weathers of its own.
-    #[must_use]
     pub(crate) fn is_sampled(&self) -> bool {
         matches!(self.kind, SourceKind::Samples { .. })
     }
 
     /// Returns the number of times at which clips of each weather begin.
-    #[must_use]
     pub(crate) fn times(&self) -> u64 {
         self.at.len() as u64
     }
 
     /// Checks that every value is one that its parameter takes.
     pub(super) fn check(&self) -> KeyedResult<()> {
+        let check_set = |weather: &Weather| {
+            changed(weather, &self.set).map(drop).map_err(|(key, says)| (format!("set {key}"), says))
+        };
         match &self.kind {
-            SourceKind::List(list) => {
-                for weather in list {
-                    changed(weather.clone(), self.set())
-                        .map_err(|(key, says)| (format!("set {key}"), says))?;
-                }
-            }
+            SourceKind::List(list) => list.iter().try_for_each(check_set)?,
             SourceKind::Grid { base, axes } => {
-                changed(base.clone(), self.set()).map_err(|(key, says)| (format!("set {key}"), says))?;
+                check_set(base)?;
                 for (key, values) in axes {
                     for value in values {
                         set_value(base.clone(), key, value).map_err(|says| (format!("grid {key}"), says))?;
@@ -193,7 +186,7 @@ impl WeatherSource {
                 }
             }
             SourceKind::Samples { base, variables, rules, copy, .. } => {
-                changed(base.clone(), self.set()).map_err(|(key, says)| (format!("set {key}"), says))?;
+                check_set(base)?;
                 for variable in variables {
                     for value in variable.extremes() {
                         let keys =
@@ -206,16 +199,11 @@ impl WeatherSource {
                     }
                 }
                 for rule in rules {
-                    let set = rule.set.iter().map(|(key, value)| (key, value));
-                    changed(base.clone(), set).map_err(|(key, says)| (format!("rules, set {key}"), says))?;
+                    changed(base, &rule.set).map_err(|(key, says)| (format!("rules, set {key}"), says))?;
                 }
             }
         }
         Ok(())
-    }
-
-    fn set(&self) -> impl Iterator<Item = (&String, &Value)> {
-        self.set.iter().map(|(key, value)| (key, value))
     }
 
     /// Weather `number` of a path. Samples are those of `place`, others are the same for all paths.
@@ -228,10 +216,10 @@ impl WeatherSource {
         let mut planned = PlannedWeather { weather: Weather::clear(), at, variables: BTreeMap::new() };
         match &self.kind {
             SourceKind::List(list) => {
-                planned.weather = changed(list[weather as usize % list.len()].clone(), self.set())?;
+                planned.weather = changed(&list[weather as usize % list.len()], &self.set)?;
             }
             SourceKind::Grid { base, axes } => {
-                planned.weather = changed(base.clone(), self.set())?;
+                planned.weather = changed(base, &self.set)?;
                 let mut rest = weather;
                 // The last key changes fastest.
                 for (key, values) in axes.iter().rev() {
@@ -245,7 +233,7 @@ impl WeatherSource {
                 }
             }
             SourceKind::Samples { base, variables, rules, copy, .. } => {
-                planned.weather = changed(base.clone(), self.set())?;
+                planned.weather = changed(base, &self.set)?;
                 self.sample(&mut planned, variables, rules, copy, place)?;
             }
         }

@@ -12,7 +12,6 @@
 //! 44  contents: postcard
 //! ```
 
-use super::kind::AssetFile;
 use super::packed::unpacked;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -40,6 +39,13 @@ const MOST_BYTES: u64 = 1 << 30;
 pub struct AssetCache {
     folder: Option<PathBuf>,
     scene: AssetDigest,
+}
+
+/// The name of an asset's file: a word, and numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct AssetFile {
+    pub word: &'static str,
+    pub numbers: Vec<f64>,
 }
 
 /// The digest of all that the prepared assets of a scene depend on, under which their files are
@@ -153,12 +159,12 @@ impl AssetCache {
 
     /// Writes an asset. A folder that cannot be written to is no fault: the asset is made again
     /// next time.
-    pub(crate) fn put<T: Serialize>(&self, file: Option<AssetFile>, asset: &T) {
+    pub(crate) fn put<T: Serialize>(&self, file: AssetFile, asset: &T) {
         // A browser has nothing to write to.
         if cfg!(target_arch = "wasm32") {
             return;
         }
-        let Some((path, digest)) = file.and_then(|file| self.entry(&file)) else { return };
+        let Some((path, digest)) = self.entry(&file) else { return };
         let Some(folder) = &self.folder else { return };
         let mut bytes = vec![0; HEADER];
         bytes[..8].copy_from_slice(MAGIC);
@@ -256,7 +262,7 @@ mod tests {
         let (cache, file) = (cache(folder.path()), file([0.0, 0.0, -1.0]));
         assert_eq!(cache.get::<Vec<f32>>(&file), None);
         let asset = vec![1.5f32, f32::NEG_INFINITY, -0.0];
-        cache.put(Some(file.clone()), &asset);
+        cache.put(file.clone(), &asset);
         assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset.clone()));
         let other = AssetCache::new(cache.folder.clone(), AssetDigest([8; 32]));
         assert_eq!(other.get::<Vec<f32>>(&file), None);
@@ -272,7 +278,7 @@ mod tests {
             assert_eq!(cache.get::<Vec<f32>>(&file), None, "cut at {at}");
         }
         // It is replaced.
-        cache.put(Some(file.clone()), &asset);
+        cache.put(file.clone(), &asset);
         assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset));
     }
 
@@ -281,7 +287,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cache = cache(folder.path());
         let sun = [0.48, 0.6, 0.64];
-        cache.put(Some(file(sun)), &1u8);
+        cache.put(file(sun), &1u8);
         let near = sun.map(|v: f64| v.next_up());
         assert_eq!(cache.get::<u8>(&file(near)), Some(1));
         assert_eq!(cache.get::<u8>(&file([0.48, 0.6, 0.640_001])), None);

@@ -1,20 +1,52 @@
 //! A kind of asset: what it is made of, how it is made, and how it is kept.
 
-use super::cache::AssetCache;
-use super::kinds::{LyingKey, SceneSurfaces, StandingOccluders};
-use super::make::Workshop;
-use crate::Result;
+use super::cache::{AssetCache, AssetFile};
+use super::views::path_of_photos;
+use crate::{Error, Result};
 use std::any::Any;
-use std::fmt;
-use std::sync::{Arc, Mutex};
-use wm_weather::cover::{Airflow, Cover, LyingCover};
-use wm_weather::light::{CaptureLight, LampLights, LampShadows, ShadowCasters, SunShadows};
-use wm_weather::open_water::OpenWater;
-use wm_weather::shelter::{Occluders, Shelter};
-use wm_weather::wetness::WetSurfaces;
+use std::sync::Arc;
+use wm_scene::{Scene, Splats};
+use wm_weather::Site;
+use wm_weather::cover::{Airflow, CoverRequest};
+use wm_weather::fused_surfaces::PhotoView;
+use wm_weather::light::{KnownSun, LampLights};
+use wm_weather::paper::PaperCover;
 
 /// An asset of any kind.
 pub(crate) type AnyAsset = Arc<dyn Any + Send + Sync>;
+/// An asset with its key.
+pub(crate) type KeyedAsset = (AssetKey, AnyAsset);
+
+/// An asset of a place: its kind, and the numbers that tell it from others of the kind.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum AssetKey {
+    Cover(Airflow),
+    Lying(LyingKey),
+    Light(()),
+    SunShadows([f64; 3]),
+    Casters(()),
+    Lamps(LampLights),
+    Wet(()),
+    Shelter([f64; 3]),
+    Occluders(()),
+    Surfaces(()),
+    Standing(()),
+    OpenWater(()),
+}
+
+impl AssetKey {
+    /// Finds the asset of the key among some.
+    pub fn find<'a>(&self, among: &'a [KeyedAsset]) -> Option<&'a AnyAsset> {
+        among.iter().find(|(known, _)| known == self).map(|(_, asset)| asset)
+    }
+}
+
+/// The law that something lies by, and how much.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum LyingKey {
+    Physical(Airflow, Vec<CoverRequest>),
+    Paper(PaperCover),
+}
 
 /// The time that an asset takes to make, without that of what it is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +73,8 @@ pub(crate) trait Asset: Any + Send + Sync + Sized {
     /// The numbers that tell one asset of the kind from another.
     type Key;
 
+    /// The key among those of all kinds.
+    const KEY: fn(Self::Key) -> AssetKey;
     /// The work, in words for a progress bar.
     const WORK: &'static str;
     const KEEP: Keep;
@@ -61,139 +95,83 @@ pub(crate) trait Asset: Any + Send + Sync + Sized {
     /// Makes the asset of those that it needs, which the workshop has.
     fn make(key: &Self::Key, workshop: &Workshop<'_>) -> Result<Self>;
 
-    /// The word that a file's name begins with, and the numbers that tell it from others of its
-    /// kind; `None` for a kind that is not kept on disk.
-    fn file(_: &Self::Key) -> Option<AssetFile> {
-        None
-    }
+    /// The files of the kind; `None` for a kind that is not kept on disk.
+    const FILES: Option<AssetFiles<Self>> = None;
+}
 
+/// The files of a kind of asset.
+pub(crate) struct AssetFiles<A: Asset> {
+    /// The name of the file of a key.
+    pub name: fn(&A::Key) -> AssetFile,
     /// Reads the asset for a scene of so many splats; `None` if there is no file that fits.
-    fn read(_: &Self::Key, _cache: &AssetCache, _splats: usize) -> Option<Self> {
-        None
+    pub read: fn(&A::Key, &AssetCache, &AssetFile, usize) -> Option<A>,
+    /// Writes the asset.
+    pub write: fn(&A, &AssetCache, AssetFile),
+}
+
+/// The views that surfaces are found in; empty for what is not made.
+#[derive(Default)]
+pub(crate) struct SurfaceViews {
+    pub shelter: Vec<PhotoView>,
+    pub cover: Vec<PhotoView>,
+}
+
+/// The inputs of [`MissingAssets::make`](super::MissingAssets::make). They are owned, so that
+/// another thread can do the work.
+pub struct AssetSource {
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) views: SurfaceViews,
+    /// The assets that are there.
+    pub(crate) known: Vec<KeyedAsset>,
+    pub(crate) site: Site,
+    /// The direction or elevation of the capture's sun, as the survey knows it.
+    pub(crate) known_sun: KnownSun,
+    pub(crate) threads: usize,
+    /// Up is stated or measured, not estimated from the splats.
+    pub(crate) is_up_known: bool,
+    pub(crate) cache: AssetCache,
+    /// The line along which cameras are, by its ends (world, scene units), of a place that reaches
+    /// far beyond what they see; `None` for that of the photos.
+    pub(crate) path: Option<[[f64; 3]; 2]>,
+    /// The number of the scene, among those of the place.
+    pub(crate) scene_number: u64,
+}
+
+impl AssetSource {
+    /// The splats of the scene.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if they were released.
+    pub fn splats(&self) -> Result<&Splats> {
+        if self.scene.splats.is_empty() {
+            return Err(Error::Unsupported(
+                "the splats of this place were released: load the scene again to change its weather".into(),
+            ));
+        }
+        Ok(&self.scene.splats)
     }
 
-    /// Writes the asset.
-    fn write(&self, _: &Self::Key, _cache: &AssetCache) {}
+    /// The line along which cameras are, by its ends (world, scene units).
+    pub fn path(&self) -> [[f64; 3]; 2] {
+        self.path.unwrap_or_else(|| path_of_photos(&self.scene))
+    }
 }
 
-/// The name of an asset's file: a word, and numbers.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct AssetFile {
-    pub word: &'static str,
-    pub numbers: Vec<f64>,
+/// The inputs of one asset.
+pub(crate) struct Workshop<'a> {
+    pub source: &'a AssetSource,
+    pub made: &'a [KeyedAsset],
 }
 
-/// Lists the kinds, the slowest first: a progress bar shows the first that is missing.
-macro_rules! kinds {
-    ($($kind:ident($key:ty) => $asset:ty,)*) => {
-        /// An asset of a place: its kind, and the numbers that tell it from others of the kind.
-        #[derive(Clone, PartialEq)]
-        pub(crate) enum AssetKey {
-            $($kind($key),)*
-        }
-
-        impl fmt::Debug for AssetKey {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                match self {
-                    $(Self::$kind(key) => f.debug_tuple(stringify!($kind)).field(key).finish(),)*
-                }
-            }
-        }
-
-        $(impl AssetOf<$asset> for AssetKey {
-            fn of(key: $key) -> Self {
-                Self::$kind(key)
-            }
-        })*
-
-        impl AssetKey {
-            /// The place of the kind in the list.
-            pub fn rank(&self) -> usize {
-                let mut rank = 0;
-                $(
-                    if matches!(self, Self::$kind(_)) {
-                        return rank;
-                    }
-                    rank += 1;
-                )*
-                rank
-            }
-
-            pub fn is_of<A: Asset>(&self) -> bool {
-                match self {
-                    $(Self::$kind(_) => std::any::TypeId::of::<A>() == std::any::TypeId::of::<$asset>(),)*
-                }
-            }
-
-            pub fn work(&self) -> &'static str {
-                match self { $(Self::$kind(_) => <$asset>::WORK,)* }
-            }
-
-            pub fn keep(&self) -> Keep {
-                match self { $(Self::$kind(_) => <$asset>::KEEP,)* }
-            }
-
-            pub fn drafts_do_without(&self) -> bool {
-                match self { $(Self::$kind(_) => <$asset>::DRAFTS_DO_WITHOUT,)* }
-            }
-
-            pub fn file_comes_last(&self) -> bool {
-                match self { $(Self::$kind(_) => <$asset>::FILE_COMES_LAST,)* }
-            }
-
-            pub fn cost(&self) -> Cost {
-                match self { $(Self::$kind(key) => <$asset>::cost(key),)* }
-            }
-
-            pub fn needs(&self) -> Vec<AssetKey> {
-                match self { $(Self::$kind(key) => <$asset>::needs(key),)* }
-            }
-
-            pub fn file(&self) -> Option<AssetFile> {
-                match self { $(Self::$kind(key) => <$asset>::file(key),)* }
-            }
-
-            pub fn make(&self, workshop: &Workshop<'_>) -> Result<AnyAsset> {
-                match self { $(Self::$kind(key) => Ok(Arc::new(<$asset>::make(key, workshop)?)),)* }
-            }
-
-            pub fn read(&self, cache: &AssetCache, splats: usize) -> Option<AnyAsset> {
-                match self {
-                    $(Self::$kind(key) => {
-                        <$asset>::read(key, cache, splats).map(|asset| Arc::new(asset) as AnyAsset)
-                    })*
-                }
-            }
-
-            pub fn write(&self, asset: &AnyAsset, cache: &AssetCache) {
-                match self {
-                    $(Self::$kind(key) => {
-                        if let Some(asset) = asset.downcast_ref::<$asset>() {
-                            asset.write(key, cache);
-                        }
-                    })*
-                }
-            }
-        }
-    };
-}
-
-/// The key of an asset of a type.
-pub(crate) trait AssetOf<A: Asset> {
-    fn of(key: A::Key) -> Self;
-}
-
-kinds! {
-    Cover(Airflow) => Mutex<Cover>,
-    Lying(LyingKey) => LyingCover,
-    Light(()) => CaptureLight,
-    SunShadows([f64; 3]) => SunShadows,
-    Casters(()) => ShadowCasters,
-    Lamps(LampLights) => LampShadows,
-    Wet(()) => WetSurfaces,
-    Shelter([f64; 3]) => Shelter,
-    Occluders(()) => Occluders,
-    Surfaces(()) => SceneSurfaces,
-    Standing(()) => StandingOccluders,
-    OpenWater(()) => OpenWater,
+impl Workshop<'_> {
+    /// An asset that was listed as needed.
+    ///
+    /// # Panics
+    /// If it was not.
+    pub fn get<A: Asset>(&self, key: A::Key) -> Arc<A> {
+        let key = A::KEY(key);
+        let asset = key.find(self.made).or_else(|| key.find(&self.source.known));
+        let asset = asset.expect("needs are made first");
+        Arc::clone(asset).downcast().expect("a key has assets of one type")
+    }
 }

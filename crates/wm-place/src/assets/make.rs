@@ -1,90 +1,15 @@
 //! Makes the assets that are missing, each after those that it is made of.
 
-use super::kind::{AnyAsset, Asset, AssetKey, AssetOf, Keep};
+use super::kind::{AssetKey, AssetSource, Cost, Keep, KeyedAsset, Workshop};
 use super::store::AssetStore;
-use super::{AssetCache, views};
 use crate::{Error, Progress, Result};
-use std::sync::Arc;
-use wm_scene::{Scene, Splats};
-use wm_weather::Site;
-use wm_weather::fused_surfaces::PhotoView;
-use wm_weather::light::KnownSun;
-
-/// The views that surfaces are found in; empty for what is not made.
-#[derive(Default)]
-pub(crate) struct SurfaceViews {
-    pub shelter: Vec<PhotoView>,
-    pub cover: Vec<PhotoView>,
-}
-
-/// The inputs of [`MissingAssets::make`]. They are owned, so that another thread can do the work.
-pub struct AssetSource {
-    pub(crate) scene: Arc<Scene>,
-    pub(crate) views: SurfaceViews,
-    /// The assets that are there.
-    pub(crate) known: AssetStore,
-    pub(crate) site: Site,
-    /// The direction or elevation of the capture's sun, as the survey knows it.
-    pub(crate) known_sun: KnownSun,
-    pub(crate) threads: usize,
-    /// Up is stated or measured, not estimated from the splats.
-    pub(crate) is_up_known: bool,
-    pub(crate) cache: AssetCache,
-    /// The line along which cameras are, by its ends (world, scene units), of a place that reaches
-    /// far beyond what they see; `None` for that of the photos.
-    pub(crate) path: Option<[[f64; 3]; 2]>,
-    /// The number of the scene, among those of the place.
-    pub(crate) scene_number: u64,
-}
-
-impl AssetSource {
-    /// The splats of the scene.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] if they were released.
-    pub fn splats(&self) -> Result<&Splats> {
-        if self.scene.splats.is_empty() {
-            return Err(Error::Unsupported(
-                "the splats of this place were released: load the scene again to change its weather".into(),
-            ));
-        }
-        Ok(&self.scene.splats)
-    }
-
-    /// The line along which cameras are, by its ends (world, scene units).
-    pub fn path(&self) -> [[f64; 3]; 2] {
-        self.path.unwrap_or_else(|| views::path_of_photos(&self.scene))
-    }
-}
 
 /// Assets that were made, to be taken by [`crate::Renderer::insert_assets`].
 pub struct Assets {
     /// In the order in which they were made.
-    pub(crate) made: Vec<(AssetKey, AnyAsset)>,
+    pub(crate) made: Vec<KeyedAsset>,
     /// As of [`AssetSource`].
     pub(crate) scene_number: u64,
-}
-
-/// The inputs of one asset.
-pub(crate) struct Workshop<'a> {
-    pub source: &'a AssetSource,
-    made: &'a [(AssetKey, AnyAsset)],
-}
-
-impl Workshop<'_> {
-    /// An asset that was listed as needed.
-    ///
-    /// # Panics
-    /// If it was not.
-    pub fn get<A: Asset>(&self, key: A::Key) -> Arc<A>
-    where
-        AssetKey: AssetOf<A>,
-    {
-        let key = AssetKey::of(key);
-        let made = self.made.iter().find(|(known, _)| *known == key).map(|(_, asset)| asset);
-        let asset = made.or_else(|| self.source.known.any(&key)).expect("needs are made first");
-        Arc::clone(asset).downcast().expect("a key has assets of one type")
-    }
 }
 
 /// The assets that a frame needs and that are not made yet. They take seconds for a large scene.
@@ -105,15 +30,7 @@ impl MissingAssets {
                 missing.asked.push(key);
             }
         }
-        let mut open = missing.asked.clone();
-        while let Some(key) = open.pop() {
-            for need in key.needs() {
-                if !store.has(&need) && !missing.asked.contains(&need) && !missing.needed.contains(&need) {
-                    missing.needed.push(need.clone());
-                    open.push(need);
-                }
-            }
-        }
+        missing.needed = needs_of(&missing.asked, |need| !store.has(need) && !missing.asked.contains(need));
         missing
     }
 
@@ -121,16 +38,7 @@ impl MissingAssets {
     pub(crate) fn only(self, is_wanted: impl Fn(&AssetKey) -> bool) -> Self {
         let mut asked = self.asked;
         asked.retain(is_wanted);
-        let mut needed = Vec::new();
-        let mut open = asked.clone();
-        while let Some(key) = open.pop() {
-            for need in key.needs() {
-                if self.needed.contains(&need) && !needed.contains(&need) {
-                    needed.push(need.clone());
-                    open.push(need);
-                }
-            }
-        }
+        let needed = needs_of(&asked, |need| self.needed.contains(need));
         Self { asked, needed }
     }
 
@@ -154,13 +62,13 @@ impl MissingAssets {
     /// Returns true if something is missing that takes no more than a second for most scenes.
     #[must_use]
     pub fn is_quick(&self) -> bool {
-        !self.is_empty() && self.all().all(|key| key.cost() == super::kind::Cost::Quick)
+        !self.is_empty() && self.all().all(|key| key.cost() == Cost::Quick)
     }
 
     /// The longest of the work, in words for a progress bar.
     #[must_use]
     pub fn description(&self) -> &'static str {
-        self.all().min_by_key(|key| key.rank()).map_or("", |key| key.work())
+        self.all().min_by_key(|key| key.rank()).map_or("", |key| key.kind().work)
     }
 
     /// Makes what is missing.
@@ -175,10 +83,10 @@ impl MissingAssets {
         for key in &self.asked {
             make(key, &source, &pool, &mut made, progress)?;
         }
-        for (key, asset) in made.iter().filter(|(key, _)| key.file_comes_last()) {
+        for (key, asset) in made.iter().filter(|(key, _)| key.kind().file_comes_last) {
             key.write(asset, &source.cache);
         }
-        let is_kept = |key: &AssetKey| match key.keep() {
+        let is_kept = |key: &AssetKey| match key.kind().keep {
             Keep::Last(_) => true,
             Keep::IfAsked => self.asked.contains(key),
             Keep::No => false,
@@ -188,15 +96,29 @@ impl MissingAssets {
     }
 }
 
+/// Lists what assets are made of, and what that is made of, as far as it is missing.
+fn needs_of(asked: &[AssetKey], is_missing: impl Fn(&AssetKey) -> bool) -> Vec<AssetKey> {
+    let (mut needed, mut open) = (Vec::new(), asked.to_vec());
+    while let Some(key) = open.pop() {
+        for need in key.needs() {
+            if is_missing(&need) && !needed.contains(&need) {
+                needed.push(need.clone());
+                open.push(need);
+            }
+        }
+    }
+    needed
+}
+
 /// Makes an asset if it is not there, after those that it is made of.
 fn make(
     key: &AssetKey,
     source: &AssetSource,
     pool: &rayon::ThreadPool,
-    made: &mut Vec<(AssetKey, AnyAsset)>,
+    made: &mut Vec<KeyedAsset>,
     progress: &mut dyn Progress,
 ) -> Result<()> {
-    if source.known.has(key) || made.iter().any(|(known, _)| known == key) {
+    if key.find(&source.known).or(key.find(made)).is_some() {
         return Ok(());
     }
     for need in key.needs() {
@@ -205,11 +127,11 @@ fn make(
     if progress.is_stopped() {
         return Err(Error::Stopped);
     }
-    progress.begin(key.work(), None);
+    progress.begin(key.kind().work, None);
     let asset = pool.install(|| key.make(&Workshop { source, made }));
     progress.end();
     let asset = asset?;
-    if !key.file_comes_last() {
+    if !key.kind().file_comes_last {
         key.write(&asset, &source.cache);
     }
     made.push((key.clone(), asset));

@@ -2,10 +2,10 @@
 //! the light of the capture, the ground under snow.
 //!
 //! An asset has a key: its kind, and the numbers that tell it from others of the kind. A kind is a
-//! file in `kinds/` and a line in `kind.rs`: what it is made of, how it is made, kept and written. A
-//! weather at an instant asks for keys; [`MissingAssets`] are those that are not there, with what
-//! they are made of, [`AssetSource`] holds what they are made from, and [`MissingAssets::make`]
-//! makes them, on any thread. [`AssetCache`] keeps them on disk.
+//! file in `kinds/`, a line in `kinds/mod.rs` and one in `kind.rs`: what it is made of, how it is
+//! made, kept and written. A weather at an instant asks for keys; [`MissingAssets`] are those that
+//! are not there, with what they are made of, [`AssetSource`] holds what they are made from, and
+//! [`MissingAssets::make`] makes them, on any thread. [`AssetCache`] keeps them on disk.
 //!
 //! [`PreparedPlace::missing_assets`](crate::PreparedPlace::missing_assets) tells what a frame
 //! lacks, and [`Renderer::insert_assets`](crate::Renderer::insert_assets) adds what was made. The
@@ -23,10 +23,10 @@ mod views;
 
 pub(crate) use cache::scene_digest;
 pub use cache::{AssetCache, AssetDigest};
-pub(crate) use kind::{AnyAsset, AssetKey, Keep};
-pub(crate) use kinds::{LyingKey, lock};
-pub(crate) use make::SurfaceViews;
-pub use make::{AssetSource, Assets, MissingAssets};
+pub use kind::AssetSource;
+pub(crate) use kind::{AnyAsset, AssetKey, Keep, KeyedAsset, LyingKey, SurfaceViews};
+pub(crate) use kinds::lock;
+pub use make::{Assets, MissingAssets};
 pub use packed::pack_asset;
 pub(crate) use store::AssetStore;
 pub(crate) use views::{ViewDetail, WithoutSky, photo_views};

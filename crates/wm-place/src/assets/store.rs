@@ -1,35 +1,29 @@
 //! The assets of a place that are in memory.
 
-use super::kind::{AnyAsset, Asset, AssetKey, AssetOf, Keep};
+use super::kind::{AnyAsset, Asset, AssetKey, Keep, KeyedAsset};
+use std::any::TypeId;
 use std::sync::Arc;
 
 /// The assets of a place, by their keys.
 #[derive(Clone, Default)]
 pub(crate) struct AssetStore {
     /// The last used at the end.
-    entries: Vec<(AssetKey, AnyAsset)>,
+    pub entries: Vec<KeyedAsset>,
 }
 
 impl AssetStore {
     pub fn has(&self, key: &AssetKey) -> bool {
-        self.entries.iter().any(|(known, _)| known == key)
+        key.find(&self.entries).is_some()
     }
 
     /// The asset of a key.
-    pub fn get<A: Asset>(&self, key: A::Key) -> Option<&A>
-    where
-        AssetKey: AssetOf<A>,
-    {
-        let key = AssetKey::of(key);
-        self.entries.iter().find(|(known, _)| *known == key)?.1.downcast_ref()
+    pub fn get<A: Asset>(&self, key: A::Key) -> Option<&A> {
+        A::KEY(key).find(&self.entries)?.downcast_ref()
     }
 
     /// The asset of a key, which counts as used now, so that it is kept longest.
-    pub fn take_up<A: Asset>(&mut self, key: A::Key) -> Option<Arc<A>>
-    where
-        AssetKey: AssetOf<A>,
-    {
-        let key = AssetKey::of(key);
+    pub fn take_up<A: Asset>(&mut self, key: A::Key) -> Option<Arc<A>> {
+        let key = A::KEY(key);
         let place = self.entries.iter().position(|(known, _)| *known == key)?;
         let entry = self.entries.remove(place);
         let found = Arc::clone(&entry.1).downcast().ok();
@@ -39,31 +33,19 @@ impl AssetStore {
 
     /// The asset of a kind that was used last.
     pub fn last<A: Asset>(&self) -> Option<Arc<A>> {
-        let (_, asset) = self.entries.iter().rev().find(|(key, _)| key.is_of::<A>())?;
+        let (_, asset) =
+            self.entries.iter().rev().find(|(key, _)| key.kind().type_id == TypeId::of::<A>())?;
         Arc::clone(asset).downcast().ok()
-    }
-
-    /// Adds all assets of another store.
-    pub fn add_all(&mut self, other: &Self) {
-        self.entries.extend(other.entries.iter().cloned());
-    }
-
-    /// The asset of a key, of any kind.
-    pub fn any(&self, key: &AssetKey) -> Option<&AnyAsset> {
-        self.entries.iter().find(|(known, _)| known == key).map(|(_, asset)| asset)
     }
 
     /// Adds an asset in the place of one with its key, and drops the one of its kind that was used
     /// longest ago where there are too many.
     pub fn add(&mut self, key: AssetKey, asset: AnyAsset) {
-        let most = match key.keep() {
-            Keep::Last(most) => most,
-            Keep::IfAsked | Keep::No => 1,
-        };
-        let rank = key.rank();
+        let kind = key.kind();
+        let most = if let Keep::Last(most) = kind.keep { most } else { 1 };
         self.entries.retain(|(known, _)| *known != key);
         self.entries.push((key, asset));
-        let is_own = |(known, _): &(AssetKey, AnyAsset)| known.rank() == rank;
+        let is_own = |(known, _): &KeyedAsset| known.kind().type_id == kind.type_id;
         if self.entries.iter().filter(|entry| is_own(entry)).count() > most
             && let Some(oldest) = self.entries.iter().position(is_own)
         {

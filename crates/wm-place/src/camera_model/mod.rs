@@ -30,10 +30,11 @@ pub use exposure::CameraExposure;
 pub use noise::SensorNoise;
 pub use shutter::{ReadoutSide, Shutter};
 
+use crate::drawing::Drawing;
 use crate::lens_view::{LensView, PictureRect};
 use crate::motion::CameraMotion;
-use crate::place::{PinholeShot, PreparedPlace};
-use crate::{Error, MovingCamera, Patience, Picture, Progress, Renderer, Result};
+use crate::shot::{MovingCamera, Patience, PinholeShot};
+use crate::{Error, Picture, Result};
 use exposure::LightMeter;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -183,7 +184,7 @@ impl SensorCamera {
     }
 }
 
-impl Renderer {
+impl Drawing<'_> {
     /// Takes a picture with a camera: through its lens, over its exposure and readout, as bright as
     /// its exposure says, with its noise. The pose is that of the camera at the time of the shot.
     ///
@@ -192,27 +193,26 @@ impl Renderer {
     /// not changed by exposure and noise.
     pub(crate) async fn expose(
         &mut self,
-        place: &mut PreparedPlace,
         camera: &SensorCamera,
         index: u32,
         shot: &PinholeShot<'_>,
         picture: &mut Picture,
-        progress: &mut dyn Progress,
     ) -> Result<Stats> {
         let SensorCamera { model, number, .. } = camera;
         model.check(shot.weather)?;
-        let shot = PinholeShot { camera: camera.at(shot.time, 0.0, place.site().metres_per_unit), ..*shot };
+        let shot =
+            PinholeShot { camera: camera.at(shot.time, 0.0, self.place.site().metres_per_unit), ..*shot };
         let mut stats = if model.shutter.is_instant() {
-            self.draw_through(place, model.lens.as_ref(), &shot, picture, progress).await?
+            self.through(model.lens.as_ref(), &shot, picture).await?
         } else {
-            self.expose_steps(place, camera, &shot, picture, progress).await?
+            self.expose_steps(camera, &shot, picture).await?
         };
         let started = web_time::Instant::now();
         let gain = match model.exposure {
             CameraExposure::Stops(stops) => stops.exp2(),
-            CameraExposure::Auto => self.metered_gain(place, camera, &shot, progress).await?,
+            CameraExposure::Auto => self.metered_gain(camera, &shot).await?,
         };
-        self.backend().pool().install(|| {
+        self.renderer.backend().pool().install(|| {
             if gain != 1.0 {
                 brighten(picture, gain as f32);
             }
@@ -227,13 +227,11 @@ impl Renderer {
     /// Renders the steps of an exposure, each with the lines that are exposed in it.
     async fn expose_steps(
         &mut self,
-        place: &mut PreparedPlace,
         camera: &SensorCamera,
         shot: &PinholeShot<'_>,
         picture: &mut Picture,
-        progress: &mut dyn Progress,
     ) -> Result<Stats> {
-        let (model, metres) = (&camera.model, place.site().metres_per_unit);
+        let (model, metres) = (&camera.model, self.place.site().metres_per_unit);
         let (shutter, size) = (model.shutter, camera.size(&shot.camera.camera));
         let steps = shutter.steps(camera.speed(shot.time, metres), shutter.lines(size));
         // What falls is streaked over one step: the streaks of all steps follow each other.
@@ -246,7 +244,7 @@ impl Renderer {
             if lines.is_empty() {
                 continue;
             }
-            if progress.is_stopped() {
+            if self.progress.is_stopped() {
                 return Err(Error::Stopped);
             }
             let rect = shutter.rect(size, &lines);
@@ -258,7 +256,7 @@ impl Renderer {
             };
             let time = shot.time + steps.time(step);
             let step_shot = PinholeShot { weather, time, camera: own, whole, ..*shot };
-            stats += self.draw_through(place, lens.as_ref(), &step_shot, &mut part, progress).await?;
+            stats += self.through(lens.as_ref(), &step_shot, &mut part).await?;
             let count = lines.end - lines.start;
             let share = |line: u32| steps.share(line, step) as f32;
             // The line of each row or column of the part.
@@ -268,27 +266,21 @@ impl Renderer {
             };
             let shares: Vec<f32> = (0..count).map(|k| share(line_at(k))).collect();
             let is_across = matches!(shutter.first, ReadoutSide::Left | ReadoutSide::Right);
-            self.backend().pool().install(|| exposed.add(&part, &rect, &shares, is_across));
+            self.renderer.backend().pool().install(|| exposed.add(&part, &rect, &shares, is_across));
         }
         let started = web_time::Instant::now();
-        self.backend().pool().install(|| exposed.finish(picture));
+        self.renderer.backend().pool().install(|| exposed.finish(picture));
         picture.metres_per_unit = part.metres_per_unit;
         stats.wall += started.elapsed().as_secs_f64();
         Ok(stats)
     }
 
     /// The gain of an automatic exposure.
-    async fn metered_gain(
-        &mut self,
-        place: &mut PreparedPlace,
-        camera: &SensorCamera,
-        shot: &PinholeShot<'_>,
-        progress: &mut dyn Progress,
-    ) -> Result<f64> {
+    async fn metered_gain(&mut self, camera: &SensorCamera, shot: &PinholeShot<'_>) -> Result<f64> {
         let mut meter = camera.meters.take(shot.weather);
         let mut picture = Picture::default();
         let is_pinhole = camera.model.lens.is_none();
-        let metres = place.site().metres_per_unit;
+        let metres = self.place.site().metres_per_unit;
         let measure = async |time: f64| {
             let mut moving = camera.at(time, 0.0, metres);
             let whole = moving.camera;
@@ -317,7 +309,7 @@ impl Renderer {
                 patience: Patience::Whole,
                 ..*shot
             };
-            self.draw_pinhole(place, &shot, &mut picture, progress).await?;
+            self.pinhole(&shot, &mut picture).await?;
             Ok::<f64, Error>(exposure::log_mean(&picture.frame))
         };
         let gain = meter.gain(shot.time, measure).await;

@@ -60,7 +60,6 @@ pub(crate) const MAX_DURATION_S: f64 = 1.0;
 
 impl Shutter {
     /// Returns true if a whole picture is of one instant.
-    #[must_use]
     pub(crate) fn is_instant(&self) -> bool {
         self.exposure == 0.0 && self.readout == 0.0
     }

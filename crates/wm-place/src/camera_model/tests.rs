@@ -1,5 +1,6 @@
 use super::*;
 use crate::{FrameCamera, FrameRequest, Layers};
+use crate::{PreparedPlace, Renderer};
 
 /// The built-in street, thinned, and a camera on it.
 fn street() -> (Renderer, PreparedPlace, Camera) {

@@ -2,8 +2,9 @@
 //! instant.
 
 use super::FlowView;
-use crate::place::{PinholeContent, PinholeShot, PreparedPlace};
-use crate::{Picture, Progress, Renderer, Result};
+use crate::drawing::Drawing;
+use crate::shot::{PinholeContent, PinholeShot};
+use crate::{Picture, Result};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -127,7 +128,6 @@ impl ParticleFootprint {
 ///
 /// # Panics
 /// If the view's depth has another size than its camera.
-#[must_use]
 pub(crate) fn particle_flow(
     from: &FlowView<'_>,
     next: &Camera,
@@ -182,24 +182,23 @@ pub(crate) fn particle_flow(
     vectors
 }
 
-impl Renderer {
+impl Drawing<'_> {
     /// Finds the flow of what falls from one pinhole picture to the next: of rain, snow and hail as
     /// they are drawn, not of splashes. Particles go on with their velocity of the first instant.
     pub(crate) async fn particle_flow(
         &mut self,
-        place: &mut PreparedPlace,
         from: &PinholeShot<'_>,
         to: &PinholeShot<'_>,
-        progress: &mut dyn Progress,
     ) -> Result<Vec<f32>> {
-        let depth = self.surface_depth(place, None, from, progress).await?;
+        let depth = self.surface_depth(None, from).await?;
         let shot = PinholeShot { content: PinholeContent::Particles, parts: &[], ..*from };
         let mut picture = Picture::default();
-        self.draw_pinhole(place, &shot, &mut picture, progress).await?;
+        self.pinhole(&shot, &mut picture).await?;
         let view = FlowView { camera: &from.camera.camera, lens: None, depth: &depth };
-        let velocity = from.camera.velocity.map(|v| v / place.site().metres_per_unit);
+        let velocity = from.camera.velocity.map(|v| v / self.place.site().metres_per_unit);
         let (next, seconds) = (&to.camera.camera, to.time - from.time);
-        Ok(self.backend().pool().install(|| particle_flow(&view, next, seconds, velocity, &picture.falling)))
+        let pool = self.renderer.backend().pool();
+        Ok(pool.install(|| particle_flow(&view, next, seconds, velocity, &picture.falling)))
     }
 }
 

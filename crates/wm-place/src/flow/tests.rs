@@ -1,6 +1,7 @@
 //! The flow of places that are known, by their own formulas.
 
 use super::*;
+use crate::Renderer;
 use crate::{FrameRequest, Layers, NextFrame};
 use wm_render::{CpuConfig, Device};
 use wm_scene::camera::Distortion;

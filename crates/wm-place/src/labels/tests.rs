@@ -1,6 +1,7 @@
 //! Labels by brute force and by truth.
 
 use super::*;
+use crate::{PreparedPlace, Renderer};
 use glam::DVec3;
 use wm_render::{CpuConfig, CpuDifferentiable, Device};
 use wm_scene::splats::{Splat, logit};
@@ -10,6 +11,15 @@ const SIZE: (u32, u32) = (64, 48);
 
 fn camera() -> Camera {
     Camera::looking(SIZE, 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap()
+}
+
+fn labels(
+    renderer: &mut Renderer,
+    place: &mut PreparedPlace,
+    lens: Option<&LensView>,
+    camera: &Camera,
+) -> LabelLayers {
+    Drawing { renderer, place, progress: &mut () }.labels(lens, camera).unwrap()
 }
 
 fn renderer() -> Renderer {
@@ -88,7 +98,7 @@ fn labels_are_those_of_brute_force() {
     let mut renderer = renderer();
     let mut place = renderer.load(Scene { splats: splats.clone(), ..Scene::default() }).unwrap();
     place.release_splats();
-    let labels = renderer.labels(&place, None, &camera()).unwrap();
+    let labels = labels(&mut renderer, &mut place, None, &camera());
     let (mut none, mut seen) = (0, 0);
     for (pixel, label) in labels.label.iter().enumerate() {
         let at = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
@@ -171,11 +181,11 @@ fn edges_mix_no_labels() {
         }
     }
     let mut renderer = renderer();
-    let place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();
+    let mut place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();
     let (fisheye, round) = LensModel::fisheye(SIZE, 180.0).unwrap();
     let fisheye = LensView::new(fisheye, &round).unwrap();
     for lens in [None, Some(&fisheye)] {
-        let labels = renderer.labels(&place, lens, &camera()).unwrap();
+        let labels = labels(&mut renderer, &mut place, lens, &camera());
         let found: BTreeSet<u16> = labels.label.iter().copied().collect();
         assert_eq!(found, BTreeSet::from([0, 10, 30]));
         // y is to the left.

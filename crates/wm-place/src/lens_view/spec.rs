@@ -1,6 +1,6 @@
 //! A lens in words: the text form that options and files name it by.
 
-use super::LensView;
+use super::view::LensView;
 use crate::Result;
 use std::path::PathBuf;
 use std::str::FromStr;

@@ -8,7 +8,6 @@ use wm_scene::Camera;
 ///
 /// Things in front of the box are not known. The area is exact but for the near plane, which cuts
 /// off what is behind it.
-#[must_use]
 pub(crate) fn coverage(low: [f32; 3], high: [f32; 3], camera: &Camera) -> f64 {
     let whole = f64::from(camera.width) * f64::from(camera.height);
     let (low, high) = (low.map(f64::from), high.map(f64::from));

@@ -37,7 +37,6 @@ pub(crate) struct CutBudget {
 
 impl CutBudget {
     /// So many splats, all of which are drawn.
-    #[must_use]
     pub(crate) fn of(splats: u64) -> Self {
         Self { splats, held: splats }
     }
@@ -71,13 +70,12 @@ impl VisibleLeaf {
 /// The level that each leaf of an index is drawn at.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct LevelCut {
-    positions: Vec<u16>,
-    splats: u64,
+    pub(crate) positions: Vec<u16>,
+    pub(crate) splats: u64,
 }
 
 impl LevelCut {
     /// All leaves at their coarsest level.
-    #[must_use]
     pub(crate) fn coarsest(index: &LevelIndex) -> Self {
         Self::at(index, |leaf| leaf.runs.len().saturating_sub(1))
     }
@@ -95,13 +93,11 @@ impl LevelCut {
     ///
     /// A leaf counts with the largest area that it covers in a picture. One that no picture shows
     /// stays at its coarsest level.
-    #[must_use]
     pub(crate) fn of(index: &LevelIndex, cameras: &[Camera], budget: &CutBudget) -> Self {
         Self::of_seen(index, cameras, &[], budget)
     }
 
     /// As [`Self::of`], with what is seen of each leaf; of those without, all.
-    #[must_use]
     pub(crate) fn of_seen(
         index: &LevelIndex,
         cameras: &[Camera],
@@ -147,18 +143,6 @@ impl LevelCut {
             steps.extend(step(next.leaf, to));
         }
         cut
-    }
-
-    /// The position in [`LevelLeaf::runs`] of each leaf.
-    #[must_use]
-    pub(crate) fn positions(&self) -> &[u16] {
-        &self.positions
-    }
-
-    /// Number of splats of all leaves.
-    #[must_use]
-    pub(crate) fn splats(&self) -> u64 {
-        self.splats
     }
 
     /// The leaves and the run that is drawn of each, in the order of the index that it was made
@@ -280,21 +264,18 @@ mod tests {
         let index = index(10, ERRORS);
         let budget = CutBudget::of(4000);
         let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &budget);
-        assert!(cut.positions().is_sorted() && cut.positions()[0] == 0 && cut.positions()[9] == 2, "{cut:?}");
-        assert!((3500..=4000).contains(&cut.splats()), "{cut:?}");
-        assert_eq!(cut.runs(&index).map(|(_, run)| run.count).sum::<u64>(), cut.splats());
+        assert!(cut.positions.is_sorted() && cut.positions[0] == 0 && cut.positions[9] == 2, "{cut:?}");
+        assert!((3500..=4000).contains(&cut.splats), "{cut:?}");
+        assert_eq!(cut.runs(&index).map(|(_, run)| run.count).sum::<u64>(), cut.splats);
         let away = LevelCut::of(&index, &[camera(-10.0, -1.0)], &budget);
         assert_eq!(away, LevelCut::coarsest(&index));
         // A path that ends there: both ends are fine, whatever the order of its cameras.
         let path = [camera(-10.0, 1.0), camera(110.0, -1.0)];
         let cut = LevelCut::of(&index, &path, &budget);
-        assert!(
-            cut.positions()[0] < cut.positions()[5] && cut.positions()[9] < cut.positions()[5],
-            "{cut:?}"
-        );
+        assert!(cut.positions[0] < cut.positions[5] && cut.positions[9] < cut.positions[5], "{cut:?}");
         assert_eq!(cut, LevelCut::of(&index, &[path[1], path[0]], &budget));
         let hidden = [VisibleLeaf { light: 0.0, drawn: 0.0 }; 2];
-        assert_eq!(LevelCut::of_seen(&index, &path, &hidden, &budget).positions()[..2], [3, 3]);
+        assert_eq!(LevelCut::of_seen(&index, &path, &hidden, &budget).positions[..2], [3, 3]);
     }
 
     #[test]
@@ -302,8 +283,8 @@ mod tests {
         let (mut before, index) = (LevelCut::coarsest(&index(30, ERRORS)), index(30, ERRORS));
         for splats in (0..32_000).step_by(1000) {
             let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &CutBudget::of(splats));
-            assert!(cut.splats() <= splats.max(30 * 125));
-            let coarser = cut.positions().iter().zip(before.positions()).filter(|(now, then)| now > then);
+            assert!(cut.splats <= splats.max(30 * 125));
+            let coarser = cut.positions.iter().zip(&before.positions).filter(|(now, then)| now > then);
             // The last leaf of the smaller budget may have had another step.
             assert!(coarser.count() <= 1);
             before = cut;
@@ -319,7 +300,7 @@ mod tests {
         let held = |held| LevelCut::of_seen(&index, &cameras, &fifth, &CutBudget { splats: 800, held });
         let (some, all) = (held(3000), LevelCut::of(&index, &cameras, &CutBudget::of(4000)));
         assert_eq!(held(9000), all);
-        assert!(some.splats() <= 3000 && all.splats() > 3000, "{some:?}");
+        assert!(some.splats <= 3000 && all.splats > 3000, "{some:?}");
     }
 
     #[test]
@@ -328,8 +309,8 @@ mod tests {
         for errors in ["", r#", "errors": [1e38, 0, 1e38, 0.5]"#, r#", "errors": [0, 0, 0, 0]"#] {
             let index = index(10, errors);
             let cut = LevelCut::of(&index, &cameras, &CutBudget::of(4000));
-            assert!(cut.splats() <= 4000, "{errors} {cut:?}");
-            assert_eq!(cut.positions()[0] == 0, errors.is_empty(), "{errors} {cut:?}");
+            assert!(cut.splats <= 4000, "{errors} {cut:?}");
+            assert_eq!(cut.positions[0] == 0, errors.is_empty(), "{errors} {cut:?}");
         }
     }
 }

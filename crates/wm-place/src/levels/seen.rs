@@ -102,7 +102,7 @@ impl LevelLooks<'_> {
         // As much as can be held, to see all of it.
         let first = CutBudget { splats: self.budget.held, ..self.budget };
         let cut = LevelCut::of_seen(self.index, self.cameras, &seen, &first);
-        if cut.splats() <= self.budget.splats {
+        if cut.splats <= self.budget.splats {
             return Ok(cut);
         }
         let held = hold(renderer, &cut)?;
@@ -339,7 +339,6 @@ impl DrawnPart {
     }
 
     /// Number of those that are drawn of a set of `splats`.
-    #[must_use]
     pub(crate) fn count(&self, splats: usize) -> usize {
         match self {
             Self::All => splats,

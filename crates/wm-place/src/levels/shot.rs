@@ -25,7 +25,6 @@ pub fn shot_cameras(frames: u32, camera: impl Fn(u32) -> Camera, has_lens: bool)
 
 /// Six cameras that see all sides of a point (world, scene units), for a cut of the levels in which
 /// a picture of any lens can be taken.
-#[must_use]
 pub(crate) fn cameras_around(eye: DVec3) -> Vec<Camera> {
     let sides = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z];
     let look = |side: DVec3| {

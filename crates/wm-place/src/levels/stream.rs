@@ -24,17 +24,17 @@ const DRAFT_SPLATS: u64 = 200_000;
 
 /// The splats of a scene in levels, read and dropped as they are wanted.
 pub(crate) struct LevelStream {
-    index: Arc<LevelIndex>,
+    pub(crate) index: Arc<LevelIndex>,
     /// The splats that are sky, where the files do not tell.
     sky: SkyRegion,
     /// Splats that cannot be drawn and files that cannot be read are left out.
     repairs: bool,
     held: BTreeMap<RunId, HeldRun>,
     /// The highest degree of splats that were read.
-    sh_degree: u8,
-    metadata: Metadata,
+    pub(crate) sh_degree: u8,
+    pub(crate) metadata: Metadata,
     /// Bytes of all that is held, and the most.
-    bytes: u64,
+    pub(crate) bytes: u64,
     most: u64,
     /// Counts cuts.
     clock: u64,
@@ -43,7 +43,7 @@ pub(crate) struct LevelStream {
     /// Files that have to be fetched first, as the present cut found.
     absent: BTreeSet<usize>,
     /// True once the present frame found that files have to be fetched.
-    waits: bool,
+    pub(crate) waits: bool,
     /// The eyes of the present frame.
     eyes: Vec<DVec3>,
     /// Counts frames, and the last in which each file was wanted.
@@ -97,21 +97,6 @@ impl LevelStream {
         (self.sky, self.most) = (sky, most);
     }
 
-    /// The highest SH degree that was read.
-    pub(crate) fn sh_degree(&self) -> u8 {
-        self.sh_degree
-    }
-
-    /// The facts that files state; the first that was read wins.
-    pub(crate) fn metadata(&self) -> &Metadata {
-        &self.metadata
-    }
-
-    /// The index.
-    pub(crate) fn index(&self) -> &Arc<LevelIndex> {
-        &self.index
-    }
-
     /// Adds a warning.
     pub(crate) fn warn(&mut self, text: String) {
         self.warnings.push(text);
@@ -127,12 +112,6 @@ impl LevelStream {
         self.held.get(&id)
     }
 
-    /// Bytes that are held.
-    #[cfg(test)]
-    pub(crate) fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
     /// Begins a frame that cameras see: what it has to wait for is noted once, that near them
     /// first.
     pub(crate) fn begin_frame(&mut self, cameras: &[Camera]) {
@@ -144,11 +123,6 @@ impl LevelStream {
     /// Sets the cameras about which files are wanted first.
     pub(crate) fn look_from(&mut self, cameras: &[Camera]) {
         self.eyes = cameras.iter().map(Camera::center).collect();
-    }
-
-    /// Returns true if files have to be fetched before the frame is as it must be.
-    pub(crate) fn waits(&self) -> bool {
-        self.waits
     }
 
     /// Notes the files that have to be fetched for runs, coarse ones first and then near ones.

@@ -33,8 +33,7 @@ impl PointColors {
     pub fn of(self, sweep: &LidarSweep) -> Vec<[u8; 3]> {
         match self {
             Self::Class => {
-                let heights: Vec<f64> =
-                    sweep.points.iter().map(|point| super::in_sensor(sweep, point)[2]).collect();
+                let heights: Vec<f64> = sweep.points.iter().map(|point| in_sensor(sweep, point)[2]).collect();
                 let of_surfaces = sweep.points.iter().zip(&heights);
                 let lowest = lowest(
                     of_surfaces
@@ -89,4 +88,9 @@ pub(super) fn range_color(point: &LidarPoint) -> [u8; 3] {
 pub(super) fn intensity_color(point: &LidarPoint) -> [u8; 3] {
     // As displays encode light, so that dark surfaces are told apart.
     [(255.0 * f64::from(point.intensity / 255.0).sqrt()).round() as u8; 3]
+}
+
+/// Returns a point in the axes of the sensor at the start of the sweep.
+pub(super) fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
+    sweep.frame.in_sensor(point.position, &sweep.pose, sweep.metres_per_unit).to_array()
 }

@@ -271,10 +271,5 @@ impl SensorMotion for UprightMotion<'_> {
     }
 }
 
-/// Returns a point in the axes of the sensor at the start of the sweep.
-fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
-    sweep.frame.in_sensor(point.position, &sweep.pose, sweep.metres_per_unit).to_array()
-}
-
 #[cfg(test)]
 mod tests;

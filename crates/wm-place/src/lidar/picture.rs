@@ -1,7 +1,6 @@
 //! Pictures of sweeps: ranges and intensities by direction, and points from above.
 
-use super::colors::{class_color, intensity_color, lowest, range_color};
-use super::in_sensor;
+use super::colors::{class_color, in_sensor, intensity_color, lowest, range_color};
 use std::path::Path;
 use std::str::FromStr;
 use wm_image::{MediaError, PictureSize, png};

@@ -2,59 +2,46 @@
 //!
 //! Frames draw a cut of the levels, which depends on the camera and the budget alone. Weather is
 //! prepared with fewer splats that are finest about where the cameras are, [`WeatherFocus`]: they
-//! are the splats of [`PreparedPlace::scene`]. A splat that is drawn has the attributes of the
-//! nearest of those in its leaf.
+//! are the splats of [`crate::PreparedPlace::scene`]. A splat that is drawn has the attributes of
+//! the nearest of those in its leaf.
 
-#[cfg(test)]
-mod tests;
-
-use super::{PlaceOptions, PreparedPlace};
-use crate::assets::{AssetCache, AssetNeeds, AssetStore, scene_digest};
-use crate::lamps::PlaceLamps;
 use crate::levels::{
     BudgetShares, CoarseLeaves, CutBudget, DrawnPart, HeldLeaf, LevelBudget, LevelCut, LevelLooks,
     LevelStream, RunId, WeatherFocus, WeatherScene, nearest_of,
 };
-use crate::place_light::PlaceLight;
-use crate::place_water::PlaceWater;
-use crate::{CameraMotion, Patience, Result};
+use crate::{Patience, Result};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
-use std::path::PathBuf;
 use std::sync::Arc;
 use wm_base::{FormatError, Problem, files};
 use wm_render::{AnyRenderer, RenderBackend, SetId, bytes_of_set};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
-use wm_scene::splats::LabelKind;
 use wm_scene::survey::{CapturedSky, SkyRegion, label_sky};
 use wm_scene::{Camera, Rasterization, Scene, Splats};
-use wm_weather::Weather;
 
 /// Cameras of a shot by which is told what is hidden, at most.
 const MOST_LOOKS: usize = 24;
-/// Places of a sensor on its way, less one.
-const WAY_STOPS: u32 = 32;
 
 /// The levels of a place.
 pub(crate) struct PlaceLevels {
-    stream: LevelStream,
+    pub(super) stream: LevelStream,
     shares: BudgetShares,
     /// The splats that are always drawn, and they in the renderer.
-    environment: Option<(Splats, SetId)>,
+    pub(super) environment: Option<(Splats, SetId)>,
     /// The camera of the last cut.
-    camera: Option<Camera>,
+    pub(super) camera: Option<Camera>,
     /// The runs of the cut of the shot; `None` where it is not known.
-    shot_cut: Option<Vec<RunId>>,
+    pub(super) shot_cut: Option<Vec<RunId>>,
     /// The shot that all frames are of; else each frame has a cut of its own.
-    shot: Option<Shot>,
+    pub(super) shot: Option<Shot>,
     /// All of it coarse, to tell what a camera sees.
     coarse: CoarseLeaves,
     rasterization: Rasterization,
     /// The place that the weather is prepared about; `None` for all of it alike.
-    focus: Option<WeatherFocus>,
+    pub(super) focus: Option<WeatherFocus>,
     /// True while the splats for another focus have to be fetched.
-    weather_waits: bool,
+    pub(super) weather_waits: bool,
     /// The sky of the capture as the survey of all of it found it: the light about a focus may tell
     /// another, for that focus alone.
     pub(super) captured_sky: CapturedSky,
@@ -63,15 +50,15 @@ pub(crate) struct PlaceLevels {
     /// Positions of the weather's splats.
     points: Arc<[[f32; 3]]>,
     /// The runs that are held for the picture, by leaf, and what is drawn of each.
-    drawn: Vec<(RunId, DrawnPart)>,
+    pub(super) drawn: Vec<(RunId, DrawnPart)>,
     /// The weather's splats for those of runs.
     choices: BTreeMap<RunId, Arc<[u32]>>,
 }
 
 /// Cameras whose frames share one cut of the levels.
-struct Shot {
-    cameras: Vec<Camera>,
-    focus: WeatherFocus,
+pub(super) struct Shot {
+    pub cameras: Vec<Camera>,
+    pub focus: WeatherFocus,
 }
 
 /// A set that a frame draws of a place in levels, and the weather's splat for each of its own.
@@ -94,7 +81,7 @@ pub struct LevelCounts {
 
 impl PlaceLevels {
     /// Opens a scene in levels. Returns the scene that it is surveyed with: all of it at one level.
-    fn open(
+    pub(super) fn open(
         backend: &mut AnyRenderer,
         index: LevelIndex,
         budget: &LevelBudget,
@@ -122,8 +109,8 @@ impl PlaceLevels {
         let WeatherScene { splats: outline, parts: leaves } = stream.weather_scene(&coarsest, None)?;
         let ends = leaves.into_iter().map(|((leaf, _), part)| (leaf as usize, part.end as u64)).collect();
         let coarse = CoarseLeaves { set: backend.load(&outline)?, ends };
-        let shares = budget.shares(stream.sh_degree());
-        if let Some(least) = budget.exceeded_by(&index, stream.sh_degree()) {
+        let shares = budget.shares(stream.sh_degree);
+        if let Some(least) = budget.exceeded_by(&index, stream.sh_degree) {
             let [given, least] = [budget.memory, least].map(|bytes| bytes >> 20);
             stream.warn(format!(
                 "{given} MiB of memory are too little: the coarsest level takes some {least} MiB"
@@ -138,7 +125,7 @@ impl PlaceLevels {
             }
             None => None,
         };
-        let metadata = index.metadata.clone().or(stream.metadata().clone());
+        let metadata = index.metadata.clone().or(stream.metadata.clone());
         let mut levels = Self {
             stream,
             shares,
@@ -169,10 +156,14 @@ impl PlaceLevels {
 
     /// The weather's splats about a focus; `None` if files have to be fetched first, which are
     /// noted.
-    fn weather_scene(&mut self, focus: &WeatherFocus, metres_per_unit: f64) -> Result<Option<Splats>> {
+    pub(super) fn weather_scene(
+        &mut self,
+        focus: &WeatherFocus,
+        metres_per_unit: f64,
+    ) -> Result<Option<Splats>> {
         let budget = CutBudget::of(self.shares.weather_splats);
         let cameras = focus.cameras(metres_per_unit);
-        let cut = LevelCut::of(self.stream.index(), &cameras, &budget);
+        let cut = LevelCut::of(&self.stream.index, &cameras, &budget);
         let always = self.environment.as_ref().map(|(splats, _)| splats);
         let runs = runs_of(&cut);
         self.stream.look_from(&cameras);
@@ -187,11 +178,16 @@ impl PlaceLevels {
     }
 
     /// Makes the renderer hold what a camera sees, and finds what of it is drawn.
-    fn cut_for(&mut self, backend: &mut AnyRenderer, camera: &Camera, patience: Patience) -> Result<()> {
+    pub(super) fn cut_for(
+        &mut self,
+        backend: &mut AnyRenderer,
+        camera: &Camera,
+        patience: Patience,
+    ) -> Result<()> {
         if self.camera == Some(*camera) {
             return Ok(());
         }
-        let index = Arc::clone(self.stream.index());
+        let index = Arc::clone(&self.stream.index);
         let cameras = self.shot.as_ref().map_or(std::slice::from_ref(camera), |shot| &shot.cameras).to_vec();
         self.stream.begin_frame(&cameras);
         if patience == Patience::Draft {
@@ -224,14 +220,14 @@ impl PlaceLevels {
         let parts = looks.drawn(camera, &held_leaves(stream, &runs), backend)?;
         self.drawn = runs.into_iter().zip(parts).collect();
         // Looks at what was not all there tell another cut.
-        let is_whole = !self.stream.waits();
+        let is_whole = !self.stream.waits;
         self.shot_cut = (self.shot.is_some() && is_whole).then_some(wanted);
         self.camera = is_whole.then_some(*camera);
         Ok(())
     }
 
     /// The sets of the last cut; with the weather's splats for theirs if `is_changed`.
-    fn sets(&mut self, pool: &rayon::ThreadPool, is_changed: bool) -> Vec<DrawnSet> {
+    pub(super) fn sets(&mut self, pool: &rayon::ThreadPool, is_changed: bool) -> Vec<DrawnSet> {
         if is_changed {
             self.find_choices(pool);
         }
@@ -284,7 +280,7 @@ impl PlaceLevels {
 
 /// The runs of all leaves at one level; of a leaf that lacks it, the finest coarser one, else the
 /// coarsest.
-fn runs_at(index: &LevelIndex, level: u32) -> Vec<RunId> {
+pub(super) fn runs_at(index: &LevelIndex, level: u32) -> Vec<RunId> {
     let run = |(leaf, of): (u32, &LevelLeaf)| Some((leaf, of.position_at(level)? as u16));
     (0u32..).zip(&index.leaves).filter_map(run).collect()
 }
@@ -300,211 +296,5 @@ fn held_leaves(stream: &LevelStream, runs: &[RunId]) -> Vec<HeldLeaf> {
 
 /// The runs of a cut.
 fn runs_of(cut: &LevelCut) -> Vec<RunId> {
-    (0u32..).zip(cut.positions()).map(|(leaf, position)| (leaf, *position)).collect()
-}
-
-impl PreparedPlace {
-    /// Opens a scene in levels: surveys it at one level, and loads what is always drawn.
-    pub(crate) fn load_levels(
-        backend: &mut AnyRenderer,
-        renderer: u64,
-        index: LevelIndex,
-        options: &PlaceOptions,
-        (budget, repairs): (&LevelBudget, bool),
-    ) -> Result<Self> {
-        let (levels, scene) = PlaceLevels::open(backend, index, budget, repairs)?;
-        let mut place = Self::load(backend, renderer, scene, options)?;
-        let levels = PlaceLevels { captured_sky: place.survey.captured_sky, ..levels };
-        place.levels = Some(Box::new(levels));
-        Ok(place)
-    }
-
-    /// Returns true if the place is drawn in levels of detail.
-    #[must_use]
-    pub fn has_levels(&self) -> bool {
-        self.levels.is_some()
-    }
-
-    /// The number of its splats, of a place in levels those of the finest.
-    #[must_use]
-    pub fn splats(&self) -> u64 {
-        let always =
-            |levels: &PlaceLevels| levels.environment.as_ref().map_or(0, |(splats, _)| splats.len() as u64);
-        match &self.levels {
-            Some(levels) => levels.stream.index().count_of_level(0) + always(levels),
-            None => self.scene.splats.len() as u64,
-        }
-    }
-
-    /// Draws all frames from one cut of the levels, the best for these cameras together, so that
-    /// nothing changes its level between them; without cameras each frame has a cut of its own
-    /// again. Other places stay as they are.
-    pub fn set_shot(&mut self, cameras: &[Camera]) {
-        let Some(levels) = &mut self.levels else { return };
-        if levels.shot.as_ref().map_or(&[][..], |shot| &shot.cameras) == cameras {
-            return;
-        }
-        levels.shot = (!cameras.is_empty())
-            .then(|| Shot { cameras: cameras.to_vec(), focus: WeatherFocus::along(cameras) });
-        (levels.camera, levels.shot_cut) = (None, None);
-    }
-
-    /// Returns true if all frames are drawn from one cut of the levels.
-    #[must_use]
-    pub fn has_shot(&self) -> bool {
-        self.levels.as_ref().is_some_and(|levels| levels.shot.is_some())
-    }
-
-    /// The splats of the last picture of a place in levels; `None` of other places.
-    #[must_use]
-    pub fn level_counts(&self) -> Option<LevelCounts> {
-        let levels = self.levels.as_ref()?;
-        let counts = levels.drawn.iter().filter_map(|(id, part)| {
-            let held = levels.stream.get(*id)?.means.len();
-            Some((part.count(held) as u64, held as u64))
-        });
-        Some(counts.fold(LevelCounts::default(), |sum, (drawn, held)| LevelCounts {
-            drawn: sum.drawn + drawn,
-            held: sum.held + held,
-        }))
-    }
-
-    /// Returns true if the last picture lacks files that have to be fetched, as in a browser; it
-    /// was drawn with coarser levels. Those of other places lack none.
-    #[must_use]
-    pub fn waits_for_files(&self) -> bool {
-        self.levels.as_ref().is_some_and(|levels| levels.weather_waits || levels.stream.waits())
-    }
-
-    /// The fetched files of a place in levels that the last picture did not need, those longest ago
-    /// first: they may be dropped, and are wanted again by pictures that need them.
-    #[must_use]
-    pub fn spare_files(&self) -> Vec<PathBuf> {
-        self.levels.as_ref().map_or_else(Vec::new, |levels| levels.stream.spare_files())
-    }
-
-    /// Makes the renderer hold what a camera sees of the levels.
-    pub(super) fn look(
-        &mut self,
-        backend: &mut AnyRenderer,
-        camera: &Camera,
-        patience: Patience,
-    ) -> Result<()> {
-        let Some(levels) = &mut self.levels else { return Ok(()) };
-        levels.cut_for(backend, camera, patience)?;
-        self.warnings.extend(levels.stream.take_warnings());
-        Ok(())
-    }
-
-    /// Returns true if no splats have to be read before a camera's pictures of a weather can be
-    /// prepared, as [`crate::Renderer::focus`] does.
-    #[must_use]
-    pub fn is_focused(&self, weather: &Weather, camera: &Camera) -> bool {
-        let Some(levels) = &self.levels else { return true };
-        !AssetNeeds::of(weather, &self.site).any(weather)
-            || levels.focus == Some(self.focus_for(levels, camera))
-    }
-
-    fn focus_for(&self, levels: &PlaceLevels, camera: &Camera) -> WeatherFocus {
-        match &levels.shot {
-            Some(shot) => shot.focus,
-            None => WeatherFocus::cell_of(camera, self.survey.up.value, self.site.metres_per_unit),
-        }
-    }
-
-    /// Takes the splats about a camera, or along its shot, for the weather's, if the weather needs
-    /// any.
-    pub(crate) fn focus(
-        &mut self,
-        backend: &mut AnyRenderer,
-        weather: &Weather,
-        camera: &Camera,
-    ) -> Result<()> {
-        if let Some(levels) = &mut self.levels {
-            levels.weather_waits = false;
-        }
-        match &self.levels {
-            Some(levels) if !self.is_focused(weather, camera) => {
-                self.focus_on(backend, self.focus_for(levels, camera))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Takes the splats along a sensor's whole way for the weather's, whichever part of it is asked
-    /// for.
-    pub(crate) fn focus_along(&mut self, backend: &mut AnyRenderer, motion: &CameraMotion) -> Result<()> {
-        if self.levels.is_none() {
-            return Ok(());
-        }
-        let at = |stop: u32| motion.camera(motion.duration() * f64::from(stop) / f64::from(WAY_STOPS));
-        let cameras: Vec<Camera> = (0..=WAY_STOPS).map(at).collect();
-        self.focus_on(backend, self.focus_of_all(&cameras))
-    }
-
-    /// The focus for all of some cameras: in one cell they share what is prepared with the other
-    /// cameras of that cell.
-    fn focus_of_all(&self, cameras: &[Camera]) -> WeatherFocus {
-        let (up, metres) = (self.survey.up.value, self.site.metres_per_unit);
-        let mut cells = cameras.iter().map(|camera| WeatherFocus::cell_of(camera, up, metres));
-        match cells.next() {
-            Some(first) if cells.all(|cell| cell == first) => first,
-            _ => WeatherFocus::along(cameras),
-        }
-    }
-
-    /// Takes the splats along the shot for the weather's; returns false if there is no shot, or if
-    /// files have to be fetched first.
-    pub(super) fn focus_on_shot(&mut self, backend: &mut AnyRenderer) -> Result<bool> {
-        let shot = self.levels.as_ref().and_then(|levels| levels.shot.as_ref());
-        let Some(Shot { focus, .. }) = shot else { return Ok(false) };
-        let focus = *focus;
-        self.focus_on(backend, focus)?;
-        Ok(self.levels.as_ref().is_some_and(|levels| levels.focus == Some(focus)))
-    }
-
-    /// Takes the splats about a place for the weather's.
-    fn focus_on(&mut self, backend: &mut AnyRenderer, focus: WeatherFocus) -> Result<()> {
-        let metres = self.site.metres_per_unit;
-        let Some(levels) = &mut self.levels else { return Ok(()) };
-        if levels.focus == Some(focus) {
-            return Ok(());
-        }
-        let Some(splats) = levels.weather_scene(&focus, metres)? else { return Ok(()) };
-        let captured_sky = levels.captured_sky;
-        let set = backend.load(&splats)?;
-        self.survey.captured_sky = captured_sky;
-        self.site.captured_sky = captured_sky;
-        self.scene_number += 1;
-        (self.near_ground, self.last_ground) = (None, None);
-        self.clear_cover(backend);
-        if let Some(thin) = self.thinned.take() {
-            backend.unload(thin.set);
-        }
-        backend.unload(std::mem::replace(&mut self.set, set));
-        let scene = Scene { splats, metadata: self.scene.metadata.clone(), ..Scene::default() };
-        let digest = self.assets.as_ref().map(|_| match self.given_digest {
-            Some(given) => given.about(&focus.path, scene.splats.len()),
-            None => scene_digest(&scene, &self.survey, &backend.arithmetic()),
-        });
-        self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
-        self.store = AssetStore::default();
-        self.light = PlaceLight::new(PlaceLamps::of(&scene, &self.survey));
-        self.water = PlaceWater::default();
-        self.labels = LabelKind::ALL.map(|kind| scene.splats.names(kind).into());
-        self.scene = Arc::new(scene);
-        self.is_released = false;
-        Ok(())
-    }
-
-    /// The line along which cameras are, where the place is in levels and the weather is prepared
-    /// about them.
-    pub(super) fn weather_path(&self) -> Option<[[f64; 3]; 2]> {
-        Some(self.levels.as_ref()?.focus?.path)
-    }
-
-    /// The sets that a frame draws: `scene` itself, or those of the last cut.
-    pub(super) fn drawn_sets(&mut self, backend: &AnyRenderer, is_changed: bool) -> Option<Vec<DrawnSet>> {
-        Some(self.levels.as_mut()?.sets(backend.pool(), is_changed))
-    }
+    (0u32..).zip(&cut.positions).map(|(leaf, position)| (leaf, *position)).collect()
 }

@@ -146,7 +146,6 @@ impl CameraPath {
     }
 
     /// The interpolated key at `time`, seconds.
-    #[must_use]
     pub(crate) fn key_at(&self, time: f64) -> PathKey {
         let next = self.keys.partition_point(|key| key.time <= time);
         if next == 0 {

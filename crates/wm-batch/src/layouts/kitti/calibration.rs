@@ -1,9 +1,11 @@
 //! Calibration files.
 
-use super::SLOTS;
 use crate::{CameraInfo, RigidPose, SensorInfoKind, SetInfo};
 use glam::{DMat3, DVec3};
 use std::fmt::Write;
+
+/// The numbers of the folders of cameras in the order of the rig.
+pub(super) const SLOTS: [usize; 4] = [2, 3, 1, 0];
 
 /// The sensors of a rig in KITTI's terms.
 pub(in super::super) struct KittiRig<'a> {

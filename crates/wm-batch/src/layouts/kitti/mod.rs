@@ -31,9 +31,7 @@ pub(super) use sequences::{sequence_folder, sequence_tables};
 pub(super) use trajectory::{KittiTrajectory, times};
 
 use crate::{SensorInfoKind, SetError, SetInfo};
-
-/// The numbers of the folders of cameras in the order of the rig.
-const SLOTS: [usize; 4] = [2, 3, 1, 0];
+use calibration::SLOTS;
 
 /// Sensors that a layout cannot do without.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -1,11 +1,15 @@
 //! All that casts the shadows of suns, for a sun that moves.
 
-use super::*;
+use super::standing::StandingOccluders;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_weather::light::ShadowCasters;
 
 impl Asset for ShadowCasters {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Casters;
     const WORK: &'static str = "casting the shadows of the sun";
     const KEEP: Keep = Keep::IfAsked;
     const DRAFTS_DO_WITHOUT: bool = true;

@@ -1,6 +1,9 @@
 //! The ground that snow and dust can lie on, by the airflow that carries them.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::AssetFile;
+use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use wm_weather::cover::{Airflow, Cover};
 use wm_weather::open_water::OpenWater;
@@ -16,7 +19,18 @@ pub(crate) fn lock(cover: &Mutex<Cover>) -> MutexGuard<'_, Cover> {
 impl Asset for Mutex<Cover> {
     type Key = Airflow;
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Cover;
     const WORK: &'static str = "finding what snow can lie on";
+    const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
+        name: |Airflow { slope, moved }| AssetFile {
+            word: "cover",
+            numbers: vec![slope[0], slope[1], *moved],
+        },
+        read: |_, cache, file, splats| {
+            cache.get(file).filter(|cover: &Cover| cover.is_consistent(splats)).map(Self::new)
+        },
+        write: |cover, cache, file| cache.put(file, &*lock(cover)),
+    });
     const KEEP: Keep = Keep::Last(MAX_AIRFLOWS);
     // With what has slid when it was first used.
     const FILE_COMES_LAST: bool = true;
@@ -33,18 +47,5 @@ impl Asset for Mutex<Cover> {
         let (splats, site) = (source.splats()?, &source.site);
         let cover = Cover::of(splats, &found, site, airflow, source.path());
         Ok(Self::new(cover.off_water(&water)))
-    }
-
-    fn file(Airflow { slope, moved }: &Airflow) -> Option<AssetFile> {
-        Some(AssetFile { word: "cover", numbers: vec![slope[0], slope[1], *moved] })
-    }
-
-    fn read(airflow: &Airflow, cache: &AssetCache, splats: usize) -> Option<Self> {
-        let cover: Cover = cache.get(&Self::file(airflow)?)?;
-        cover.is_consistent(splats).then(|| Self::new(cover))
-    }
-
-    fn write(&self, airflow: &Airflow, cache: &AssetCache) {
-        cache.put(Self::file(airflow), &*lock(self));
     }
 }

@@ -1,6 +1,9 @@
 //! The light of lamps, with the shadows that things cast in it.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::AssetFile;
+use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
 use wm_weather::light::{CaptureLight, LampLights, LampShadows};
 
 /// Lamps whose light is kept: those of the scene, and those that are guessed along the path.
@@ -9,7 +12,20 @@ const MAX_LAMP_SOURCES: usize = 2;
 impl Asset for LampShadows {
     type Key = LampLights;
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Lamps;
     const WORK: &'static str = "casting the shadows of the lamps";
+    // They are of single precision: four digits name them, and who reads them compares the others.
+    const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
+        name: |lamps| AssetFile {
+            word: "lamps",
+            numbers: lamps.numbers().into_iter().map(four_digits).collect(),
+        },
+        read: |lamps, cache, file, splats| {
+            let is_it = |found: &Self| found.is_consistent(splats) && are_same(found.lamps(), lamps);
+            cache.get(file).filter(is_it)
+        },
+        write: |asset, cache, file| cache.put(file, asset),
+    });
     const KEEP: Keep = Keep::Last(MAX_LAMP_SOURCES);
     const DRAFTS_DO_WITHOUT: bool = true;
 
@@ -24,22 +40,6 @@ impl Asset for LampShadows {
         let capture = workshop.get::<CaptureLight>(());
         let points = found.places(source.splats()?);
         Ok(Self::of(lamps, &found.casters(), &capture, points, &source.site)?)
-    }
-
-    fn file(lamps: &LampLights) -> Option<AssetFile> {
-        // They are of single precision: four digits name them, and who reads them compares the
-        // others.
-        let numbers = lamps.numbers().into_iter().map(four_digits).collect();
-        Some(AssetFile { word: "lamps", numbers })
-    }
-
-    fn read(lamps: &LampLights, cache: &AssetCache, splats: usize) -> Option<Self> {
-        let found: Self = cache.get(&Self::file(lamps)?)?;
-        (found.is_consistent(splats) && are_same(found.lamps(), lamps)).then_some(found)
-    }
-
-    fn write(&self, lamps: &LampLights, cache: &AssetCache) {
-        cache.put(Self::file(lamps), self);
     }
 }
 

@@ -1,13 +1,23 @@
 //! The light of the capture, split into sun and sky.
 
-use super::*;
+use super::standing::StandingOccluders;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::AssetFile;
+use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
 use wm_scene::Camera;
 use wm_weather::light::CaptureLight;
 
 impl Asset for CaptureLight {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Light;
     const WORK: &'static str = "splitting the light of the capture into sun and sky";
+    const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
+        name: |()| AssetFile { word: "light", numbers: Vec::new() },
+        read: |_, cache, file, splats| cache.get(file).filter(|found: &Self| found.is_consistent(splats)),
+        write: |asset, cache, file| cache.put(file, asset),
+    });
     const KEEP: Keep = Keep::Last(1);
 
     fn needs((): &()) -> Vec<AssetKey> {
@@ -22,17 +32,5 @@ impl Asset for CaptureLight {
         let cameras: Vec<Camera> = source.scene.views.iter().map(|view| view.camera).collect();
         let (splats, sun, site) = (source.splats()?, source.known_sun, &source.site);
         Ok(Self::split(splats, &found, &standing.0, sun, &cameras, site))
-    }
-
-    fn file((): &()) -> Option<AssetFile> {
-        Some(AssetFile { word: "light", numbers: Vec::new() })
-    }
-
-    fn read(key: &(), cache: &AssetCache, splats: usize) -> Option<Self> {
-        cache.get::<Self>(&Self::file(key)?).filter(|found| found.is_consistent(splats))
-    }
-
-    fn write(&self, key: &(), cache: &AssetCache) {
-        cache.put(Self::file(key), self);
     }
 }

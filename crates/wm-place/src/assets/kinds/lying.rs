@@ -1,21 +1,15 @@
 //! The splats of snow or dust at one instant.
 
 use super::cover::lock;
-use super::*;
+use crate::Result;
+use crate::assets::kind::{Asset, AssetKey, Cost, Keep, LyingKey, Workshop};
 use std::sync::Mutex;
-use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
-use wm_weather::paper::PaperCover;
-
-/// The law that something lies by, and how much.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum LyingKey {
-    Physical(Airflow, Vec<CoverRequest>),
-    Paper(PaperCover),
-}
+use wm_weather::cover::{Cover, LyingCover};
 
 impl Asset for LyingCover {
     type Key = LyingKey;
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Lying;
     const WORK: &'static str = "laying out the snow";
     // The renderer keeps it.
     const KEEP: Keep = Keep::IfAsked;

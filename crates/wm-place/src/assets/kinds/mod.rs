@@ -1,4 +1,4 @@
-//! The kinds of assets, a file each.
+//! The kinds of assets, a file each, and the list of them.
 
 mod casters;
 mod cover;
@@ -14,11 +14,105 @@ mod surfaces;
 mod wet;
 
 pub(crate) use cover::lock;
-pub(crate) use lying::LyingKey;
-pub(crate) use standing::StandingOccluders;
-pub(crate) use surfaces::SceneSurfaces;
 
-use super::cache::AssetCache;
-use super::kind::{Asset, AssetFile, AssetKey, Cost, Keep};
-use super::make::Workshop;
+use super::cache::{AssetCache, AssetFile};
+use super::kind::{AnyAsset, Asset, AssetKey, Cost, Keep, Workshop};
 use crate::Result;
+use standing::StandingOccluders;
+use std::any::TypeId;
+use std::sync::{Arc, Mutex};
+use surfaces::SceneSurfaces;
+use wm_weather::cover::{Cover, LyingCover};
+use wm_weather::light::{CaptureLight, LampShadows, ShadowCasters, SunShadows};
+use wm_weather::open_water::OpenWater;
+use wm_weather::shelter::{Occluders, Shelter};
+use wm_weather::wetness::WetSurfaces;
+
+/// The kind of an asset, whatever its key: see [`Asset`].
+pub(crate) struct AssetKind {
+    pub type_id: TypeId,
+    pub work: &'static str,
+    pub keep: Keep,
+    pub drafts_do_without: bool,
+    pub file_comes_last: bool,
+}
+
+impl AssetKind {
+    pub fn of<A: Asset>() -> Self {
+        Self {
+            type_id: TypeId::of::<A>(),
+            work: A::WORK,
+            keep: A::KEEP,
+            drafts_do_without: A::DRAFTS_DO_WITHOUT,
+            file_comes_last: A::FILE_COMES_LAST,
+        }
+    }
+}
+
+/// Lists the kinds, the slowest first: a progress bar shows the first that is missing.
+macro_rules! kinds {
+    ($($kind:ident => $asset:ty,)*) => {
+        impl AssetKey {
+            pub fn kind(&self) -> AssetKind {
+                match self { $(Self::$kind(_) => AssetKind::of::<$asset>(),)* }
+            }
+
+            /// The place of the kind in the list.
+            pub fn rank(&self) -> Option<usize> {
+                let own = self.kind().type_id;
+                [$(TypeId::of::<$asset>()),*].iter().position(|kind| *kind == own)
+            }
+
+            pub fn cost(&self) -> Cost {
+                match self { $(Self::$kind(key) => <$asset>::cost(key),)* }
+            }
+
+            pub fn needs(&self) -> Vec<AssetKey> {
+                match self { $(Self::$kind(key) => <$asset>::needs(key),)* }
+            }
+
+            pub fn file(&self) -> Option<AssetFile> {
+                match self { $(Self::$kind(key) => Some((<$asset>::FILES?.name)(key)),)* }
+            }
+
+            pub fn make(&self, workshop: &Workshop<'_>) -> Result<AnyAsset> {
+                match self { $(Self::$kind(key) => Ok(Arc::new(<$asset>::make(key, workshop)?)),)* }
+            }
+
+            pub fn read(&self, cache: &AssetCache, splats: usize) -> Option<AnyAsset> {
+                let file = self.file()?;
+                match self {
+                    $(Self::$kind(key) => {
+                        Some(Arc::new((<$asset>::FILES?.read)(key, cache, &file, splats)?))
+                    })*
+                }
+            }
+
+            pub fn write(&self, asset: &AnyAsset, cache: &AssetCache) {
+                let Some(file) = self.file() else { return };
+                match self {
+                    $(Self::$kind(_) => {
+                        if let Some((asset, files)) = asset.downcast_ref().zip(<$asset>::FILES) {
+                            (files.write)(asset, cache, file);
+                        }
+                    })*
+                }
+            }
+        }
+    };
+}
+
+kinds! {
+    Cover => Mutex<Cover>,
+    Lying => LyingCover,
+    Light => CaptureLight,
+    SunShadows => SunShadows,
+    Casters => ShadowCasters,
+    Lamps => LampShadows,
+    Wet => WetSurfaces,
+    Shelter => Shelter,
+    Occluders => Occluders,
+    Surfaces => SceneSurfaces,
+    Standing => StandingOccluders,
+    OpenWater => OpenWater,
+}

@@ -1,6 +1,7 @@
 //! The surfaces that may stop what falls: roofs and crowns.
 
-use super::*;
+use crate::Result;
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::shelter::{Occluders, ShelterOptions};
 
@@ -11,6 +12,7 @@ const SHELTER_REACH_M: f64 = 100.0;
 impl Asset for Occluders {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Occluders;
     const WORK: &'static str = "finding where roofs keep the rain off";
     const KEEP: Keep = Keep::Last(1);
 

@@ -1,11 +1,14 @@
 //! The open water of the photos, where nothing lies and nothing gets wet.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_weather::open_water::OpenWater;
 
 impl Asset for OpenWater {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::OpenWater;
     const WORK: &'static str = "finding open water";
     const KEEP: Keep = Keep::No;
 

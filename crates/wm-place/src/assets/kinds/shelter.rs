@@ -1,6 +1,8 @@
 //! The map of where a fall leaves the ground dry, by its direction.
 
-use super::*;
+use crate::Result;
+use crate::assets::cache::AssetFile;
+use crate::assets::kind::{Asset, AssetFiles, AssetKey, Cost, Keep, Workshop};
 use wm_weather::shelter::{Occluders, Shelter};
 
 /// Directions of fall whose maps are kept: enough for a wind that turns.
@@ -9,7 +11,13 @@ const MAX_FALLS: usize = 6;
 impl Asset for Shelter {
     type Key = [f64; 3];
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Shelter;
     const WORK: &'static str = "finding where roofs keep the rain off";
+    const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
+        name: |fall| AssetFile { word: "shelter", numbers: fall.to_vec() },
+        read: |_, cache, file, _| cache.get(file).filter(|found: &Self| found.is_consistent()),
+        write: |asset, cache, file| cache.put(file, asset),
+    });
     const KEEP: Keep = Keep::Last(MAX_FALLS);
 
     fn cost(_: &[f64; 3]) -> Cost {
@@ -22,17 +30,5 @@ impl Asset for Shelter {
 
     fn make(fall: &[f64; 3], workshop: &Workshop<'_>) -> Result<Self> {
         Ok(workshop.get::<Occluders>(()).shelter(*fall))
-    }
-
-    fn file(fall: &[f64; 3]) -> Option<AssetFile> {
-        Some(AssetFile { word: "shelter", numbers: fall.to_vec() })
-    }
-
-    fn read(fall: &[f64; 3], cache: &AssetCache, _: usize) -> Option<Self> {
-        cache.get::<Self>(&Self::file(fall)?).filter(Self::is_consistent)
-    }
-
-    fn write(&self, fall: &[f64; 3], cache: &AssetCache) {
-        cache.put(Self::file(fall), self);
     }
 }

@@ -1,6 +1,8 @@
 //! What stands in the way of the sun: the surfaces that cast shadows, without what hangs in the air.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
 use wm_weather::shelter::{Occluders, ShelterOptions};
 
 /// Distance from the photos' path up to which the light is split finely, m.
@@ -12,6 +14,7 @@ pub(crate) struct StandingOccluders(pub Occluders);
 impl Asset for StandingOccluders {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Standing;
     const WORK: &'static str = "finding what casts shadows";
     const KEEP: Keep = Keep::No;
 

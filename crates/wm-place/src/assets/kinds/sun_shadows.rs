@@ -1,6 +1,8 @@
 //! The shadows of a sun, by the direction towards it.
 
-use super::*;
+use crate::Result;
+use crate::assets::cache::AssetFile;
+use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
 use wm_weather::light::{CaptureLight, ShadowCasters, SunShadows};
 
 /// Places of the sun whose shadows are kept.
@@ -9,7 +11,13 @@ const MAX_SUNS: usize = 4;
 impl Asset for SunShadows {
     type Key = [f64; 3];
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::SunShadows;
     const WORK: &'static str = "casting the shadows of the sun";
+    const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
+        name: |sun| AssetFile { word: "sun", numbers: sun.to_vec() },
+        read: |_, cache, file, splats| cache.get(file).filter(|found: &Self| found.len() == splats),
+        write: |asset, cache, file| cache.put(file, asset),
+    });
     const KEEP: Keep = Keep::Last(MAX_SUNS);
     const DRAFTS_DO_WITHOUT: bool = true;
 
@@ -22,17 +30,5 @@ impl Asset for SunShadows {
         let capture = workshop.get::<CaptureLight>(());
         let casters = workshop.get::<ShadowCasters>(());
         Ok(Self::of(&casters, &capture, *sun, &source.site))
-    }
-
-    fn file(sun: &[f64; 3]) -> Option<AssetFile> {
-        Some(AssetFile { word: "sun", numbers: sun.to_vec() })
-    }
-
-    fn read(sun: &[f64; 3], cache: &AssetCache, splats: usize) -> Option<Self> {
-        cache.get::<Self>(&Self::file(sun)?).filter(|found| found.len() == splats)
-    }
-
-    fn write(&self, sun: &[f64; 3], cache: &AssetCache) {
-        cache.put(Self::file(sun), self);
     }
 }

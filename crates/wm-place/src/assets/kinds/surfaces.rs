@@ -1,6 +1,8 @@
 //! The surfaces that the photos show.
 
-use super::*;
+use crate::Result;
+use crate::assets::cache::AssetFile;
+use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
 use std::ops::Deref;
 use wm_scene::Splats;
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField};
@@ -37,7 +39,20 @@ impl SceneSurfaces {
 impl Asset for SceneSurfaces {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Surfaces;
     const WORK: &'static str = "finding the surfaces that the photos show";
+    const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
+        name: |()| AssetFile { word: "surfaces", numbers: Vec::new() },
+        read: |(), cache, file, splats| {
+            let found: FusedSurfaces<'static> = cache.get(file)?;
+            found.is_consistent(splats).then_some(Self(Some(found)))
+        },
+        write: |surfaces, cache, file| {
+            if let Some(found) = &surfaces.0 {
+                cache.put(file, found);
+            }
+        },
+    });
     const KEEP: Keep = Keep::No;
 
     fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
@@ -48,20 +63,5 @@ impl Asset for SceneSurfaces {
         }
         let on_ground = GroundField::snap(&source.views.cover, site.up, site.metres_per_unit);
         Ok(Self(Some(FusedSurfaces::from_views(splats, &on_ground, site).into_owned())))
-    }
-
-    fn file((): &()) -> Option<AssetFile> {
-        Some(AssetFile { word: "surfaces", numbers: Vec::new() })
-    }
-
-    fn read(key: &(), cache: &AssetCache, splats: usize) -> Option<Self> {
-        let found: FusedSurfaces<'static> = cache.get(&Self::file(key)?)?;
-        found.is_consistent(splats).then_some(Self(Some(found)))
-    }
-
-    fn write(&self, key: &(), cache: &AssetCache) {
-        if let Some(found) = &self.0 {
-            cache.put(Self::file(key), found);
-        }
     }
 }

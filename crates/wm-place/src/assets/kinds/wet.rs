@@ -1,6 +1,9 @@
 //! The surfaces that get wet.
 
-use super::*;
+use super::surfaces::SceneSurfaces;
+use crate::Result;
+use crate::assets::cache::AssetFile;
+use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
 use wm_weather::light::CaptureLight;
 use wm_weather::open_water::OpenWater;
 use wm_weather::wetness::WetSurfaces;
@@ -8,7 +11,13 @@ use wm_weather::wetness::WetSurfaces;
 impl Asset for WetSurfaces {
     type Key = ();
 
+    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Wet;
     const WORK: &'static str = "finding what gets wet";
+    const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
+        name: |()| AssetFile { word: "wet", numbers: Vec::new() },
+        read: |_, cache, file, splats| cache.get(file).filter(|found: &Self| found.is_consistent(splats)),
+        write: |asset, cache, file| cache.put(file, asset),
+    });
     const KEEP: Keep = Keep::Last(1);
 
     fn needs((): &()) -> Vec<AssetKey> {
@@ -23,17 +32,5 @@ impl Asset for WetSurfaces {
         let water = workshop.get::<OpenWater>(());
         let (splats, path, is_up_known) = (source.splats()?, source.path(), source.is_up_known);
         Ok(Self::of(splats, &found, &capture, &water, path, is_up_known, &source.site))
-    }
-
-    fn file((): &()) -> Option<AssetFile> {
-        Some(AssetFile { word: "wet", numbers: Vec::new() })
-    }
-
-    fn read(key: &(), cache: &AssetCache, splats: usize) -> Option<Self> {
-        cache.get::<Self>(&Self::file(key)?).filter(|found| found.is_consistent(splats))
-    }
-
-    fn write(&self, key: &(), cache: &AssetCache) {
-        cache.put(Self::file(key), self);
     }
 }

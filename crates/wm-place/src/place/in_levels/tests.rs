@@ -1,14 +1,16 @@
 use super::*;
-use crate::levels::{coverage, held_bytes};
-use crate::{Error, FrameRequest, Renderer};
+use crate::levels::{LevelBudget, LevelStream, RunId, coverage, held_bytes};
+use crate::place::levels::runs_at;
+use crate::{Error, FrameRequest, PlaceOptions};
 use glam::DVec3;
+use std::collections::BTreeMap;
 use std::fs;
-use std::path::PathBuf;
 use tempfile::TempDir;
 use wm_base::files::fetched;
 use wm_scene::Group;
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
-use wm_scene::levels::{LevelWriteOptions, LevelWriter, NewLeaf};
+use wm_scene::levels::{LevelIndex, LevelLeaf, LevelWriteOptions, LevelWriter, NewLeaf};
+use wm_scene::survey::SkyRegion;
 
 /// The built-in street in leaves of 8 m and three levels, of which each leaves out every other
 /// splat of the one before.
@@ -121,12 +123,12 @@ fn memory_is_bounded() {
     stream.limit(SkyRegion::None, most);
     for some in all.chunks(3) {
         assert_eq!(stream.hold(&mut backend, some, Patience::Whole).unwrap(), some);
-        assert!(stream.bytes() <= most, "{}", stream.bytes());
+        assert!(stream.bytes <= most, "{}", stream.bytes);
         assert!(some.iter().all(|id| stream.get(*id).is_some()));
     }
     assert!(stream.get(all[0]).is_none());
     stream.clear(&mut backend);
-    assert_eq!(stream.bytes(), 0);
+    assert_eq!(stream.bytes, 0);
 }
 
 /// A file that is missing or damaged is named, or by choice what it holds is drawn at a coarser
