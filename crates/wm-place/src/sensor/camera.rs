@@ -1,6 +1,7 @@
 //! Cameras of a rig.
 
-use super::{EntryFault, Reading, Sensor, SensorEntry, SensorInstant, SensorKind, SensorRun};
+use super::device::{Reading, RigCamera, Sensor, SensorInstant, SensorKind, SensorRun};
+use super::entry::{EntryFault, SensorEntry};
 use crate::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorCamera, SensorNoise, Shutter};
 use crate::lens_view::{LensSpec, LensView};
 use crate::{CameraMotion, FrameRequest, Layers, NextFrame, PreparedPlace, Progress, Renderer, Result};
@@ -26,15 +27,6 @@ pub(super) const KIND: SensorKind = SensorKind {
     ],
     read: |entry| Ok(Arc::new(RigCamera::read(entry)?)),
 };
-
-/// A camera as a device.
-#[derive(Clone, Debug)]
-pub struct RigCamera {
-    /// The size, the focal lengths and the principal point of its pictures.
-    pub intrinsics: Camera,
-    /// Lens, shutter, exposure and noise.
-    pub model: CameraModel,
-}
 
 impl RigCamera {
     pub(super) fn read(entry: &SensorEntry<'_>) -> Result<Self, EntryFault> {

@@ -1,7 +1,8 @@
 //! Event cameras of a rig: their pixels ([`wm_sensors::events`]) behind a pinhole or a lens. A
 //! reading is a slice of time, for which several pictures are rendered.
 
-use super::{EntryFault, Reading, RigCamera, Sensor, SensorEntry, SensorInstant, SensorKind, SensorRun};
+use super::device::{Reading, RigCamera, Sensor, SensorInstant, SensorKind, SensorRun};
+use super::entry::{EntryFault, SensorEntry};
 use crate::camera_model::{CameraModel, SensorCamera};
 use crate::{CameraMotion, FrameRequest, Layers, Picture, PreparedPlace, Progress, Renderer, Result};
 use rayon::prelude::*;

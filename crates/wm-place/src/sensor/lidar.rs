@@ -1,6 +1,7 @@
 //! Lidars of a rig.
 
-use super::{EntryFault, ReadAhead, Reading, Sensor, SensorEntry, SensorInstant, SensorKind, SensorRun};
+use super::device::{ReadAhead, Reading, Sensor, SensorInstant, SensorKind, SensorRun};
+use super::entry::{EntryFault, SensorEntry};
 use crate::error::check_physical;
 use crate::lidar::{LidarModel, LidarSweep, PointFormat, ReturnMode, ScanOptions, SubRays};
 use crate::{CameraMotion, Layers, PreparedPlace, Progress, Renderer, Result};

@@ -1,0 +1,196 @@
+//! What every sensor is: the trait, the instant of a reading, and what was read.
+
+use super::entry::{EntryFault, SensorEntry};
+use crate::camera_model::CameraModel;
+use crate::lidar::LidarSweep;
+use crate::output::PictureStyle;
+use crate::radar::RadarSweep;
+use crate::{CameraMotion, Error, Layers, Picture, PreparedPlace, Progress, Renderer, Result};
+use std::any::Any;
+use std::collections::VecDeque;
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+use wm_scene::Camera;
+use wm_sensors::events::EventSlice;
+use wm_weather::Weather;
+
+/// A kind of sensor in rig files.
+pub struct SensorKind {
+    /// The word for it in `kind`.
+    pub name: &'static str,
+    /// The keys that only some kinds have.
+    pub keys: &'static [&'static str],
+    /// Reads a sensor of this kind.
+    pub(crate) read: fn(&SensorEntry<'_>) -> Result<Arc<dyn Sensor>, EntryFault>,
+}
+
+/// A device that reads a place along its way.
+pub trait Sensor: Any + fmt::Debug + Send + Sync {
+    /// The name of its kind, see [`SENSOR_KINDS`](super::SENSOR_KINDS).
+    fn kind(&self) -> &'static str;
+
+    /// Readings a second, if they follow from its model; else the rig says them.
+    fn own_rate(&self) -> Option<f64> {
+        None
+    }
+
+    /// The camera, if it takes pictures.
+    fn camera(&self) -> Option<&RigCamera> {
+        None
+    }
+
+    /// The intrinsics, if it sees as a camera does.
+    fn intrinsics(&self) -> Option<&Camera> {
+        self.camera().map(|camera| &camera.intrinsics)
+    }
+
+    /// The ending of its files, if it is not that of pictures.
+    fn extension(&self) -> Option<&'static str>;
+
+    /// What else describes it in manifests: names and values.
+    fn facts(&self) -> Vec<(&'static str, serde_json::Value)>;
+
+    /// Checks that it can read a weather, and a camera these layers.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unsupported`] with what it cannot do.
+    fn check(&self, weather: &Weather, layers: Layers) -> Result<()>;
+
+    /// Begins its readings along a motion of its own; `number` is its place on the rig, which seeds
+    /// its noise.
+    fn begin(&self, motion: CameraMotion, number: u32) -> Box<dyn SensorRun>;
+}
+
+impl dyn Sensor {
+    /// Returns the sensor as one of a kind, if it is of that.
+    #[must_use]
+    pub fn of_kind<T: Sensor>(&self) -> Option<&T> {
+        (self as &dyn Any).downcast_ref()
+    }
+}
+
+/// The readings of a sensor of one place, in one weather, one after the other. A reading does not
+/// depend on those before it.
+pub trait SensorRun: Send + Sync {
+    /// Makes a reading. Memory in `reading` is used again.
+    ///
+    /// # Errors
+    /// [`crate::Error::Stopped`] if `progress` asked to stop; errors of the place and the weather.
+    fn read(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        instant: &SensorInstant<'_>,
+        reading: &mut Reading,
+        progress: &mut dyn Progress,
+    ) -> Result<()>;
+}
+
+/// The instant of a reading.
+#[derive(Clone, Copy, Debug)]
+pub struct SensorInstant<'a> {
+    /// The weather.
+    pub weather: &'a Weather,
+    /// The time of the weather of reading 0, s.
+    pub start: f64,
+    /// The time of this reading, s.
+    pub time: f64,
+    /// The number of this reading.
+    pub index: u32,
+    /// Readings a second.
+    pub rate: f64,
+    /// Readings from this one on that will be asked for, at least 1: some are cheaper together.
+    pub ahead: u32,
+    /// The seed of noise.
+    pub seed: u64,
+    /// The layers of pictures.
+    pub layers: Layers,
+}
+
+/// A camera as a device.
+#[derive(Clone, Debug)]
+pub struct RigCamera {
+    /// The size, the focal lengths and the principal point of its pictures.
+    pub intrinsics: Camera,
+    /// Lens, shutter, exposure and noise.
+    pub model: CameraModel,
+}
+
+/// What a sensor has read.
+#[derive(Default)]
+pub enum Reading {
+    /// Nothing yet.
+    #[default]
+    Nothing,
+    /// A picture.
+    Picture(Box<Picture>),
+    /// The sweep of a lidar.
+    Points(LidarSweep),
+    /// The sweep of a radar.
+    Detections(RadarSweep),
+    /// The events of a slice of time.
+    Events(EventSlice),
+}
+
+impl Reading {
+    /// Writes the reading; `style` is that of pictures.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if the format is unknown or the file cannot be written.
+    pub fn save(&self, path: &Path, style: &PictureStyle) -> Result<()> {
+        match self {
+            Self::Nothing => Ok(()),
+            Self::Picture(picture) => style.write(picture, path).map(drop),
+            Self::Points(sweep) => Ok(sweep.save(path)?),
+            Self::Detections(sweep) => Ok(sweep.save(path)?),
+            Self::Events(slice) => Ok(slice.save(path)?),
+        }
+    }
+
+    /// The picture; an empty one takes the place of another reading.
+    pub(crate) fn picture_mut(&mut self) -> &mut Picture {
+        if !matches!(self, Self::Picture(_)) {
+            *self = Self::Picture(Box::default());
+        }
+        match self {
+            Self::Picture(picture) => picture,
+            _ => unreachable!("it was just made"),
+        }
+    }
+}
+
+/// Readings that were made together, from the number of the first on.
+#[derive(Debug)]
+pub(super) struct ReadAhead<T> {
+    next: u32,
+    made: VecDeque<T>,
+}
+
+impl<T> Default for ReadAhead<T> {
+    fn default() -> Self {
+        Self { next: 0, made: VecDeque::new() }
+    }
+}
+
+impl<T> ReadAhead<T> {
+    /// Takes reading `index`; `make` makes it and those behind it if it was not made yet.
+    pub(super) fn take(
+        &mut self,
+        index: u32,
+        make: impl FnOnce(&mut dyn FnMut(T) -> Result<()>) -> Result<u32>,
+    ) -> Result<T> {
+        if self.next != index {
+            self.made.clear();
+        }
+        if self.made.is_empty() {
+            let made = &mut self.made;
+            make(&mut |reading| {
+                made.push_back(reading);
+                Ok(())
+            })?;
+        }
+        self.next = index + 1;
+        self.made.pop_front().ok_or(Error::Stopped)
+    }
+}
