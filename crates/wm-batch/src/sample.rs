@@ -5,7 +5,7 @@ use super::shots::{ReadingBuffer, Shots};
 use super::weathers::meant;
 use crate::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo, SensorInfo};
 use std::collections::BTreeMap;
-use wm_place::sensor::Reading;
+use wm_place::sensor::SensorData;
 use wm_place::{Error, Layers, Picture, PictureLayer, Result};
 use wm_weather::Weather;
 
@@ -115,15 +115,15 @@ impl BatchRun {
         let mut buffer = ReadingBuffer::default();
         shots.take(&mut self.renderer, &mut open.place, part.clip as usize, &active, 0, &mut buffer)?;
         let data = match &mut buffer.reading {
-            Reading::Picture(picture) => {
+            SensorData::Picture(picture) => {
                 let mut layers: Vec<PictureLayer> = layers.iter().collect();
                 layers.sort_unstable_by_key(|layer| layer.name());
                 let mut bytes = [std::mem::take(&mut buffer.rgb), std::mem::take(&mut buffer.clear)];
                 let arrays = layers.into_iter().map(|layer| array_of(layer, picture, &mut bytes));
                 SampleData::Picture(arrays.collect::<Result<_>>()?)
             }
-            Reading::Points(_) => SampleData::Points(buffer.points),
-            Reading::Detections(_) => SampleData::Detections(buffer.detections),
+            SensorData::Points(_) => SampleData::Points(buffer.points),
+            SensorData::Detections(_) => SampleData::Detections(buffer.detections),
             _ => {
                 let kind = self.rig.sensors[sensor].device.kind();
                 return Err(fault(format!("a sample has no room for the readings of kind {kind}")));

@@ -8,7 +8,7 @@ use wm_base::random::bits;
 use wm_image::PictureSize;
 use wm_image::color::{Dither, quantize_rgb8};
 use wm_place::rig::Rig;
-use wm_place::sensor::{Reading, SensorInstant, SensorRun};
+use wm_place::sensor::{SensorData, SensorInstant, SensorRun};
 use wm_place::{CameraMotion, Layers, Picture, PictureLayer, PreparedPlace, Renderer, Result};
 use wm_scene::Camera;
 use wm_weather::Weather;
@@ -43,7 +43,7 @@ impl ActivePart {
 #[derive(Default)]
 pub(crate) struct ReadingBuffer {
     /// The reading.
-    pub(crate) reading: Reading,
+    pub(crate) reading: SensorData,
     /// The picture, `[H, W, 3]`, sRGB.
     pub(crate) rgb: Vec<u8>,
     /// The view without weather, `[H, W, 3]`, sRGB; empty unless it is needed.
@@ -60,7 +60,7 @@ impl ReadingBuffer {
     /// The picture that was read.
     pub(crate) fn picture(&self) -> Option<&Picture> {
         match &self.reading {
-            Reading::Picture(picture) => Some(picture),
+            SensorData::Picture(picture) => Some(picture),
             _ => None,
         }
     }
@@ -68,7 +68,7 @@ impl ReadingBuffer {
     /// Makes what data sets have of the reading.
     fn convert(&mut self) {
         match &self.reading {
-            Reading::Picture(picture) => {
+            SensorData::Picture(picture) => {
                 let size = PictureSize::new(picture.frame.width, picture.frame.height);
                 let bytes = |rgb: &[f32]| match rgb {
                     [] => Vec::new(),
@@ -77,8 +77,8 @@ impl ReadingBuffer {
                 (self.rgb, self.clear) = (bytes(&picture.frame.rgb), bytes(&picture.clear));
                 self.depth = picture.layer(PictureLayer::SurfaceDepth).into_owned();
             }
-            Reading::Points(sweep) => self.points = points_of(sweep),
-            Reading::Detections(sweep) => self.detections = detections_of(sweep),
+            SensorData::Points(sweep) => self.points = points_of(sweep),
+            SensorData::Detections(sweep) => self.detections = detections_of(sweep),
             _ => {}
         }
     }

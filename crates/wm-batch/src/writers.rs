@@ -11,7 +11,7 @@ use wm_image::PictureSize;
 use wm_image::png::{DepthScale, write_rgb8};
 use wm_place::output::{PictureStyle, beside};
 use wm_place::rig::Rig;
-use wm_place::sensor::Reading;
+use wm_place::sensor::SensorData;
 use wm_place::{Picture, Result};
 
 /// The depth that 16-bit depths of all scenes reach, m: one scale for the whole set.
@@ -159,15 +159,15 @@ impl<'a> BlockWriters<'a> {
 /// The data of a reading for layouts; `None` if they have no room for it.
 fn data_of(buffer: &ReadingBuffer) -> Option<ReadingData<'_>> {
     match &buffer.reading {
-        Reading::Picture(picture) => Some(ReadingData::Picture(PictureReading {
+        SensorData::Picture(picture) => Some(ReadingData::Picture(PictureReading {
             rgb: &buffer.rgb,
             clean: (!buffer.clear.is_empty()).then_some(&buffer.clear[..]),
             depth: (!buffer.depth.is_empty()).then_some(&buffer.depth[..]),
             flow: Some(&picture.flow.vectors[..]).filter(|flow| !flow.is_empty()),
             flow_states: Some(&picture.flow.states[..]).filter(|states| !states.is_empty()),
         })),
-        Reading::Points(_) => Some(ReadingData::Points(&buffer.points)),
-        Reading::Detections(_) => Some(ReadingData::Detections(&buffer.detections)),
+        SensorData::Points(_) => Some(ReadingData::Points(&buffer.points)),
+        SensorData::Detections(_) => Some(ReadingData::Detections(&buffer.detections)),
         _ => None,
     }
 }

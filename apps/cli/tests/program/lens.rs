@@ -248,7 +248,7 @@ fn shutters_and_rigs_make_what_they_say() {
         (
             rig.replace("pictures = 2", "iso = 100"),
             "",
-            "rig.toml, line 18: sensor \"dvs\": iso is not for kind events",
+            "rig.toml, line 19: sensor \"dvs\": iso is not for kind events",
         ),
         (rig.to_owned(), "--iso 100", "leave out --iso"),
         (rig.to_owned(), "--set lens.rate=10", "sensor \"front\": drops on the lens"),

@@ -1,6 +1,6 @@
 //! Cameras of a rig.
 
-use super::device::{Reading, RigCamera, Sensor, SensorInstant, SensorKind, SensorRun};
+use super::device::{RigCamera, Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
 use super::entry::{EntryFault, SensorEntry};
 use crate::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorCamera, SensorNoise, Shutter};
 use crate::lens_view::{LensSpec, LensView};
@@ -136,7 +136,7 @@ impl SensorRun for CameraRun {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
-        reading: &mut Reading,
+        reading: &mut SensorData,
         progress: &mut dyn Progress,
     ) -> Result<()> {
         let SensorInstant { weather, time, index, rate, seed, layers, .. } = *instant;

@@ -82,7 +82,7 @@ pub trait SensorRun: Send + Sync {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
-        reading: &mut Reading,
+        reading: &mut SensorData,
         progress: &mut dyn Progress,
     ) -> Result<()>;
 }
@@ -119,7 +119,7 @@ pub struct RigCamera {
 
 /// What a sensor has read.
 #[derive(Default)]
-pub enum Reading {
+pub enum SensorData {
     /// Nothing yet.
     #[default]
     Nothing,
@@ -133,7 +133,7 @@ pub enum Reading {
     Events(EventSlice),
 }
 
-impl Reading {
+impl SensorData {
     /// Writes the reading; `style` is that of pictures.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Event cameras of a rig: their pixels ([`wm_sensors::events`]) behind a pinhole or a lens. A
 //! reading is a slice of time, for which several pictures are rendered.
 
-use super::device::{Reading, RigCamera, Sensor, SensorInstant, SensorKind, SensorRun};
+use super::device::{RigCamera, Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
 use super::entry::{EntryFault, SensorEntry};
 use crate::camera_model::{CameraModel, SensorCamera};
 use crate::{CameraMotion, FrameRequest, Layers, Picture, PreparedPlace, Progress, Renderer, Result};
@@ -141,7 +141,7 @@ impl SensorRun for EventRun {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
-        reading: &mut Reading,
+        reading: &mut SensorData,
         progress: &mut dyn Progress,
     ) -> Result<()> {
         let SensorInstant { weather, start, index, rate, seed, .. } = *instant;
@@ -161,7 +161,7 @@ impl SensorRun for EventRun {
             light = self.light(renderer, place, weather, *time, progress)?;
             sampler.advance(time - times[0], &light);
         }
-        *reading = Reading::Events(sampler.finish(times[0]));
+        *reading = SensorData::Events(sampler.finish(times[0]));
         self.last = Some((index + 1, light));
         Ok(())
     }

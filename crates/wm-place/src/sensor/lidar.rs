@@ -1,6 +1,6 @@
 //! Lidars of a rig.
 
-use super::device::{ReadAhead, Reading, Sensor, SensorInstant, SensorKind, SensorRun};
+use super::device::{ReadAhead, Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
 use super::entry::{EntryFault, SensorEntry};
 use crate::error::check_physical;
 use crate::lidar::{LidarModel, LidarSweep, PointFormat, ReturnMode, ScanOptions, SubRays};
@@ -93,7 +93,7 @@ impl SensorRun for LidarRun {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
-        reading: &mut Reading,
+        reading: &mut SensorData,
         progress: &mut dyn Progress,
     ) -> Result<()> {
         let SensorInstant { weather, start, index, ahead, seed, .. } = *instant;
@@ -111,7 +111,7 @@ impl SensorRun for LidarRun {
         let sweep = self.made.take(index, |keep| {
             renderer.scan(place, weather, model, &self.motion, &options, keep, progress)
         })?;
-        *reading = Reading::Points(sweep);
+        *reading = SensorData::Points(sweep);
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ mod events;
 mod lidar;
 mod radar;
 
-pub use device::{Reading, RigCamera, Sensor, SensorInstant, SensorKind, SensorRun};
+pub use device::{RigCamera, Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
 pub use entry::{EntryFault, SensorEntry};
 pub use events::RigEventCamera;
 pub use lidar::RigLidar;

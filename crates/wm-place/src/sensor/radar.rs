@@ -1,6 +1,6 @@
 //! Radars of a rig.
 
-use super::device::{ReadAhead, Reading, Sensor, SensorInstant, SensorKind, SensorRun};
+use super::device::{ReadAhead, Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
 use super::entry::{EntryFault, SensorEntry};
 use crate::error::check_physical;
 use crate::lidar::PointFormat;
@@ -76,7 +76,7 @@ impl SensorRun for RadarRun {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
-        reading: &mut Reading,
+        reading: &mut SensorData,
         progress: &mut dyn Progress,
     ) -> Result<()> {
         let SensorInstant { weather, start, index, ahead, seed, .. } = *instant;
@@ -92,7 +92,7 @@ impl SensorRun for RadarRun {
         let sweep = self.made.take(index, |keep| {
             renderer.scan_radar(place, weather, &self.model, &self.motion, &options, keep, progress)
         })?;
-        *reading = Reading::Detections(sweep);
+        *reading = SensorData::Detections(sweep);
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::output::{LayerFile, PictureStyle, layers_of};
 use weather_magician::rig::{Rig, RigSensor};
-use weather_magician::sensor::{Reading, SensorInstant};
+use weather_magician::sensor::{SensorData, SensorInstant};
 use weather_magician::{Camera, CameraMotion, Error, Weather, picture_tags};
 use wm_image::png::DepthScale;
 
@@ -136,7 +136,7 @@ impl RigJob<'_> {
         let motion = sensor.motion(&self.base, self.loaded.place.site().metres_per_unit);
         let mut run = sensor.device.begin(motion.clone(), number as u32);
         let layers = layers_of(&self.args.output.also);
-        let mut reading = Reading::default();
+        let mut reading = SensorData::default();
         for (at, (index, time)) in missing.iter().enumerate() {
             stop_if_asked()?;
             let rest = missing[at..].iter().zip(*index..).take_while(|((other, _), index)| other == index);
