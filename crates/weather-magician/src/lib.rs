@@ -79,9 +79,9 @@
 //! # let (mut renderer, weather) = (Renderer::cpu()?, Weather::preset("fog")?);
 //! # let mut place = renderer.load(scene)?;
 //! # let camera = Camera::look_at([4.0, -20.0, 1.6], [4.0, -30.0, 1.5]).size(60, 40);
-//! use weather_magician::{CameraMotion, PlaceView, lidar::{LidarModel, ScanOptions}};
+//! use weather_magician::{CameraMotion, FrameCamera, lidar::{LidarModel, ScanOptions}};
 //!
-//! let view = camera.camera_at(&place)?;
+//! let view = FrameCamera::from(camera).at(0.0, &place)?;
 //! let motion = CameraMotion::from(view.camera);
 //! let model = LidarModel::find("vlp-16")?;
 //! let sweep = renderer.scan_once(&mut place, &weather, &model, &motion, &ScanOptions::default())?;
@@ -91,7 +91,7 @@
 //! ```
 //!
 //! **A rig** is read from TOML: cameras as devices ([`camera_model`]: lens, shutter, exposure, noise),
-//! lidars and radars, each with its pose, rate and phase.
+//! lidars, radars and event cameras behind one trait ([`sensor`]), each with its pose, rate and phase.
 //! ```
 //! # use weather_magician::{Camera, FrameRequest, Renderer, Weather};
 //! # let folder = tempfile::tempdir()?;
@@ -99,16 +99,18 @@
 //! # let (mut renderer, weather) = (Renderer::cpu()?, Weather::preset("fog")?);
 //! # let mut place = renderer.load(scene)?;
 //! # let camera = Camera::look_at([4.0, -20.0, 1.6], [4.0, -30.0, 1.5]).size(60, 40);
-//! use weather_magician::{CameraMotion, PlaceView, camera_model::SensorCamera, rig::{Rig, RigDevice}};
+//! use weather_magician::{CameraMotion, FrameCamera, output::PictureStyle, rig::Rig};
+//! use weather_magician::sensor::{SensorData, SensorInstant};
 //!
-//! let rig = Rig::parse("[[sensor]]\nname = 'front'\nkind = 'camera'\nsize = [60, 40]\nreadout = 0.02", "rig.toml")?;
-//! let car = CameraMotion::from(camera.camera_at(&place)?.camera).driven(1.0, 1.0)?;
-//! for sensor in &rig.sensors {
-//!     let RigDevice::Camera { model, .. } = &sensor.device else { continue };
-//!     let camera = SensorCamera::new((**model).clone(), sensor.motion(&car, place.site().metres_per_unit));
-//!     let (index, time) = sensor.times(0.0, 1.0).next().ok_or("no pictures")?;
-//!     renderer.render(&mut place, &FrameRequest::new(&weather, &camera, time))?.save(folder.path().join(format!("{index}.png")))?;
-//! }
+//! let text = "[[sensor]]\nname = 'top'\nkind = 'lidar'\nmodel = 'vlp-16'\nposition = [0, 0, 0.4]";
+//! let rig = Rig::parse(text, "rig.toml")?;
+//! let car = CameraMotion::from(FrameCamera::from(camera).at(0.0, &place)?.camera);
+//! let sensor = &rig.sensors[0];
+//! let mut run = sensor.device.begin(sensor.motion(&car, place.site().metres_per_unit), 0);
+//! let (instant, mut read) = (SensorInstant::first(&weather, sensor.rate), SensorData::default());
+//! run.read(&mut renderer, &mut place, &instant, &mut read, &mut ())?;
+//! read.save(&folder.path().join("000000.ply"), &PictureStyle::default())?;
+//! # assert!(folder.path().join("000000.ply").exists());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -169,7 +171,7 @@
 //! # let camera = Camera::look_at([4.0, -20.0, 1.6], [4.0, -30.0, 1.5]).size(60, 40);
 //! use weather_magician::measure::{INSTRUMENTS, MeasureRequest, PlaceRenderer};
 //!
-//! let view = weather_magician::PlaceView::camera_at(&camera, &place)?;
+//! let view = weather_magician::FrameCamera::from(camera).at(0.0, &place)?;
 //! let mut at = PlaceRenderer::new(renderer, place, view.camera);
 //! let request = MeasureRequest { weather: &weather, time: 0.0, setting: "fog" };
 //! let visibility = INSTRUMENTS.iter().find(|one| one.name == "visibility").ok_or("no such")?;

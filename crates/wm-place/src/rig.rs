@@ -172,15 +172,14 @@ impl Rig {
 
 /// Checks that a sensor has keys of its kind alone.
 fn check_keys(entry: &SensorEntry<'_>, kind: &SensorKind) -> Result<(), EntryFault> {
-    for (key, at) in entry.keys().filter(|(key, _)| !COMMON_KEYS.contains(key) && !kind.keys.contains(key)) {
-        let is_known = SENSOR_KINDS.iter().any(|other| other.keys.contains(&key));
-        let says = match is_known {
-            true => format!("{key} is not for kind {}", kind.name),
-            false => format!("unknown field `{key}`; kind {} has {}", kind.name, kind.keys.join(", ")),
-        };
-        return Err(EntryFault { at: Some(at), says });
-    }
-    Ok(())
+    let is_its_own = |key: &str| COMMON_KEYS.contains(&key) || kind.keys.contains(&key);
+    let Some((key, at)) = entry.keys().find(|(key, _)| !is_its_own(key)) else { return Ok(()) };
+    let is_known = SENSOR_KINDS.iter().any(|other| other.keys.contains(&key));
+    let says = match is_known {
+        true => format!("{key} is not for kind {}", kind.name),
+        false => format!("unknown field `{key}`; kind {} has {}", kind.name, kind.keys.join(", ")),
+    };
+    Err(EntryFault { at: Some(at), says })
 }
 
 impl RigSensor {

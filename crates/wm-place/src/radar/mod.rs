@@ -2,12 +2,13 @@
 //!
 //! ```
 //! use wm_place::radar::{RadarModel, RadarScanOptions};
-//! use wm_place::{Camera, CameraMotion, LookAt, PlaceView, Renderer, Weather};
+//! use wm_place::{Camera, CameraMotion, FrameCamera, Renderer, Weather};
 //!
 //! # let scene = wm_street::Street::builtin().sampling(0.1).scene(&|_| true).unwrap();
 //! let mut renderer = Renderer::cpu()?;
 //! let mut place = renderer.load(scene)?;
-//! let view = Camera::look_at([4.0, -20.0, 0.6], [4.0, -10.0, 0.6]).camera_at(&place)?;
+//! let look = Camera::look_at([4.0, -20.0, 0.6], [4.0, -10.0, 0.6]);
+//! let view = FrameCamera::from(look).at(0.0, &place)?;
 //! let weather = Weather::preset("heavy-rain")?;
 //! let radar = RadarModel::find("long-range-77")?;
 //! let motion = CameraMotion::from(view.camera);

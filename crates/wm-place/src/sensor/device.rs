@@ -108,6 +108,15 @@ pub struct SensorInstant<'a> {
     pub layers: Layers,
 }
 
+impl<'a> SensorInstant<'a> {
+    /// The first reading, at time 0, of a sensor of this rate, readings a second; pictures have
+    /// their colour.
+    #[must_use]
+    pub fn first(weather: &'a Weather, rate: f64) -> Self {
+        Self { weather, start: 0.0, time: 0.0, index: 0, rate, ahead: 1, seed: 0, layers: Layers::COLOR }
+    }
+}
+
 /// A camera as a device.
 #[derive(Clone, Debug)]
 pub struct RigCamera {
