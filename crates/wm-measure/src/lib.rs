@@ -9,7 +9,7 @@
 //! itself: rays, shadows, consistency and controls.
 //!
 //! [`INSTRUMENTS`] lists all of them, [`PlaceRenderer`] renders for them at a
-//! [`PreparedPlace`](crate::PreparedPlace):
+//! [`PreparedPlace`](wm_place::PreparedPlace):
 //!
 //! ```no_run
 //! use wm_measure::{INSTRUMENTS, MeasureRequest, PlaceRenderer};

@@ -11,7 +11,7 @@ pub struct Learn {
     pub quats: bool,
     /// Scales.
     pub log_scales: bool,
-    /// Opacities; nothing to learn where they are [`Opacity::Fixed`].
+    /// Opacities; nothing to learn where they are [`Opacity::Fixed`](crate::differentiable::Opacity::Fixed).
     pub logit_opacities: bool,
     /// Colours.
     pub sh: bool,

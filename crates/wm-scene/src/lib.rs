@@ -1,11 +1,8 @@
-//! Gaussian splatting scenes on disk and in memory: splats, cameras, metadata, file formats and
-//! captures.
+//! Gaussian splatting scenes on disk and in memory: splats, cameras, metadata and file formats.
 //!
 //! Reads and writes every common splat format ([`formats`]: PLY, compressed PLY, SPZ, SOG, glTF,
-//! .splat, .ksplat), the captures of photogrammetry programs ([`capture`]: COLMAP, nerfstudio,
-//! OpenSfM, Bundler), and estimates what splat files do not state ([`survey`]: up, ground, scale,
-//! sky). It has no GPU, no threads and no weather; every other crate of the workspace depends on
-//! it.
+//! .splat, .ksplat), and estimates what splat files do not state ([`survey`]: up, ground, scale,
+//! sky). It has no GPU, no threads and no weather.
 //!
 //! - [`Scene`]: the content of a scene file: splats, metadata and photographed views.
 //! - [`Splats`]: the Gaussians, structure of arrays, in their stored (trained) form.

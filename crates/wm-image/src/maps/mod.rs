@@ -11,7 +11,7 @@
 //! [`NormalAxes`], `Map::to_mask`. Which file belongs to a photo is told by its name
 //! ([`MapFolder`]). Pixels are those of the photo without its lens: where a camera has distortion,
 //! the maps are of the pinhole picture, or made so
-//! ([`Photos::without_lens`](crate::photos::Photos::without_lens)).
+//! (`Photos::without_lens` of `wm-train`).
 
 mod depth;
 mod error;

@@ -92,7 +92,7 @@ pub(super) struct Lying {
     pub set: SetId,
     pub buried: Buried,
     pub light: CoverLight,
-    /// Depths, as [`LyingCover::settled`] lists them, m.
+    /// Depths, as [`LyingCover::settled`](wm_weather::cover::LyingCover::settled) lists them, m.
     pub depths: Vec<Vec<f32>>,
 }
 

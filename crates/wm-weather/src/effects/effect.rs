@@ -98,7 +98,7 @@ impl EffectRole {
     }
 }
 
-/// Data of a place that an effect needs, beside its [`Site`], before the first frame.
+/// Data of a place that an effect needs, beside its [`Site`](crate::Site), before the first frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
     /// The map of what roofs and trees shelter ([`crate::shelter`]).
