@@ -221,7 +221,7 @@ fn a_build_without_networks_says_so() {
     let desk = desk();
     let picture = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates/wm-nets/fixtures/clip/wide.png");
     for name in ["a.png", "b.png"] {
-        desk.put(&format!("frames/{name}"), fs::read(&picture).unwrap());
+        desk.put(format!("frames/{name}"), fs::read(&picture).unwrap());
     }
     embeddings(&desk, "real.npy", 9, 0.0);
     desk.refused(
