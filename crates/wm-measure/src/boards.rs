@@ -122,8 +122,8 @@ impl Boards {
         let white = draw(rig, self.white, &self.camera, weather, time, Layers::COLOR)?;
         let black = draw(rig, self.black, &self.camera, weather, time, Layers::COLOR)?;
         let [light, dark] = [&white, &black].map(|picture| patches(&picture.frame.rgb_linear()));
-        let less = |(light, dark): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| light[k] - dark[k]);
-        Ok((light.iter().zip(&dark).map(less).collect(), black))
+        let less = |light: &[f64; 3], dark: &[f64; 3]| std::array::from_fn(|k| light[k] - dark[k]);
+        Ok((light.iter().zip(&dark).map(|(light, dark)| less(light, dark)).collect(), black))
     }
 }
 

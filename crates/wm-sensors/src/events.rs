@@ -286,7 +286,10 @@ mod tests {
         made.advance(0.1, &[light(0.0)]);
         made.advance(0.2, &[light(-2.0)]);
         let slice = made.finish(3.0);
-        let (up, down): (Vec<&Event>, Vec<&Event>) = slice.events.iter().partition(|event| event.is_brighter);
+        let of = |is_brighter| -> Vec<&Event> {
+            slice.events.iter().filter(|event| event.is_brighter == is_brighter).collect()
+        };
+        let [up, down] = [true, false].map(of);
         assert!((7..=8).contains(&up.len()) && down.len().abs_diff(up.len()) <= 1, "{slice:?}");
         for pair in up.windows(2) {
             assert!((pair[1].time - pair[0].time).abs_diff(12_500) <= 2, "{slice:?}");

@@ -87,10 +87,9 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     let rows: Vec<serde_json::Value> = rows.lines().map(|row| serde_json::from_str(row).unwrap()).collect();
     assert_eq!(rows.len(), 6);
     let list = |value: &serde_json::Value| value.as_array().unwrap().clone();
-    let is_frame = |(index, row): (usize, &serde_json::Value)| {
-        row["frame"] == index && list(&row["readings"]).len() == 2
-    };
-    assert!(rows.iter().enumerate().all(is_frame));
+    for (index, row) in rows.iter().enumerate() {
+        assert!(row["frame"] == index && list(&row["readings"]).len() == 2, "{index}: {row}");
+    }
     for file in rows.iter().flat_map(|row| list(&row["readings"])).flat_map(|one| list(&one["files"])) {
         let bytes = &whole[Path::new(file["path"].as_str().unwrap())];
         assert_eq!(file["bytes"].as_u64().unwrap(), bytes.len() as u64);
