@@ -1,4 +1,4 @@
-//! What every crate of the workspace uses: errors of files in one line, files that are whole or not
+//! Shared by every crate of the workspace: errors of files in one line, files that are whole or not
 //! there, random numbers by (seed, index), colours, arrays for NumPy, and small linear algebra.
 //!
 //! - [`FormatError`]: path, place, problem and remedy of a file, in one line.

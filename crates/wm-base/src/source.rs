@@ -176,10 +176,10 @@ impl<'a> Source<'a> {
         Ok(rest)
     }
 
-    /// What `parse` makes of all bytes from here on and the path.
+    /// Parses all bytes from here on; `parse` gets the path too.
     ///
     /// # Errors
-    /// Those of [`Self::rest`] and `parse`.
+    /// The errors of [`Self::rest`] and of `parse`.
     pub fn parsed<T>(
         &mut self,
         parse: impl FnOnce(&[u8], &Path) -> Result<T, Problem>,

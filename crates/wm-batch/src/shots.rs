@@ -115,7 +115,7 @@ impl<'a> Shots<'a> {
     /// Takes reading `index` of a part.
     ///
     /// # Errors
-    /// Those of [`SensorRun::read`].
+    /// The errors of [`SensorRun::read`].
     pub(crate) fn take(
         &mut self,
         renderer: &mut Renderer,

@@ -1,4 +1,4 @@
-//! What a lidar meets: a place in weather.
+//! The place in weather that a lidar scans.
 
 use crate::surface::SurfaceStates;
 use wm_render::RayTracer;

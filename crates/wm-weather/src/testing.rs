@@ -21,7 +21,7 @@ pub(crate) fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f6
     PhotoView::new(camera, (0..camera.width * camera.height).map(pixel).collect(), Vec::new())
 }
 
-/// What `work` makes on pools of so many threads each.
+/// Runs `work` on pools of so many threads each.
 pub(crate) fn on_threads<T: Send, const N: usize>(
     threads: [usize; N],
     work: impl Fn() -> T + Sync,

@@ -1,6 +1,6 @@
 //! KITTI's odometry benchmark, as pykitti's `odometry` reads it.
 //!
-//! Of each clip, as sequence SS with the clip's number,
+//! Each clip is a sequence SS, the clip's number, with the files
 //! `sequences/SS/{image_K,velodyne}/%06d.{png,bin}`, `calib.txt` (`P0` to `P3`, `Tr`), `times.txt`
 //! (seconds since the first frame), and `poses/SS.txt`: `T_w_cam0`, 3x4, in the axes of camera 0 at
 //! the first frame. The names of the sequences of a split are in `splits.json`. Axes and

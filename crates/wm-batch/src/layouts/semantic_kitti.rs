@@ -1,6 +1,6 @@
 //! SemanticKITTI (Behley et al. 2019): a class for each point of a lidar.
 //!
-//! Of each clip, as sequence SS with the clip's number,
+//! Each clip is a sequence SS, the clip's number, with the files
 //! `sequences/SS/{velodyne,labels}/%06d.{bin,label}`, `calib.txt`, `times.txt` and `poses.txt` as
 //! in [`super::kitti_odometry`]; the pictures are there. A label is u32: an instance, always 0, in
 //! the upper half and the class in the lower. Drops, flakes, fog and mirrored surfaces are

@@ -1,4 +1,4 @@
-//! What reading and writing share: marks, limits, faults and types of columns.
+//! Marks, limits, faults and types of columns, for reading and for writing.
 
 pub(super) const MAGIC: &[u8] = b"ARROW1";
 

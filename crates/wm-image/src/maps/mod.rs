@@ -70,7 +70,7 @@ impl Format {
 
 /// Reads a map; the format is told by the content.
 ///
-/// Of an EXR file the channels are, in this order: Z alone where there is no X beside it; N.X, N.Y,
+/// The channels of an EXR file are taken in this order: Z alone where there is no X beside it; N.X, N.Y,
 /// N.Z; X, Y, Z; R, G, B; Y; else the first.
 ///
 /// # Errors

@@ -17,12 +17,12 @@ pub struct Assets {
 pub struct MissingAssets {
     /// The assets that were asked for, in the order in which they are made.
     pub(crate) asked: Vec<AssetKey>,
-    /// What they are made of and what is not there either.
+    /// Missing assets from which those are made.
     pub(crate) needed: Vec<AssetKey>,
 }
 
 impl MissingAssets {
-    /// Those of the assets that were asked for that a store lacks.
+    /// The assets that were asked for and that a store lacks.
     pub(crate) fn of(asked: impl IntoIterator<Item = AssetKey>, store: &AssetStore) -> Self {
         let mut missing = Self::default();
         for key in asked {

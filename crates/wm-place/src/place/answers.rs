@@ -1,4 +1,4 @@
-//! What is asked of a place in a weather beside pictures: what lies, the light, the water.
+//! Answers about a place in a weather without a picture: lying snow, the light, the water.
 
 use super::prepared::PreparedPlace;
 use crate::assets::{AssetKey, AssetNeeds, MissingAssets, lock};

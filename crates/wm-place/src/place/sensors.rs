@@ -1,4 +1,4 @@
-//! What sensors other than cameras need of a place.
+//! Access of lidars and radars to a prepared place.
 
 use super::prepared::PreparedPlace;
 use crate::assets::{AssetKey, MissingAssets};
@@ -11,7 +11,7 @@ use wm_weather::{PreparedWeather, Weather};
 impl PreparedPlace {
     /// Hands what sensors other than cameras need of an instant of a weather to `scan`: the
     /// threads, the weather at the place, the shelter of what falls and the wetness of the splats.
-    /// What is missing is made first.
+    /// Missing assets are made first.
     pub(crate) fn for_sensors<R>(
         &mut self,
         backend: &mut AnyRenderer,

@@ -1,4 +1,4 @@
-//! What every sensor is: the trait, the instant of a reading, and what was read.
+//! The trait of all sensors, the instant of a reading, and the reading.
 
 use super::entry::{EntryFault, SensorEntry};
 use crate::camera_model::CameraModel;
@@ -48,7 +48,7 @@ pub trait Sensor: Any + fmt::Debug + Send + Sync {
     /// The ending of its files, if it is not that of pictures.
     fn extension(&self) -> Option<&'static str>;
 
-    /// What else describes it in manifests: names and values.
+    /// More facts about it for manifests: names and values.
     fn facts(&self) -> Vec<(&'static str, serde_json::Value)>;
 
     /// Checks that it can read a weather, and a camera these layers.
@@ -126,7 +126,7 @@ pub struct RigCamera {
     pub model: CameraModel,
 }
 
-/// What a sensor has read.
+/// A reading of a sensor.
 #[derive(Default)]
 pub enum SensorData {
     /// Nothing yet.

@@ -80,7 +80,7 @@ pub(crate) struct Lists {
 
 /// The names of some buffers of [`Lists`], for errors.
 pub(crate) struct ListNames {
-    /// Of each half of the pairs.
+    /// One for each half of the pairs.
     pub(crate) depths: [&'static str; 2],
     pub(crate) counts: &'static str,
     pub(crate) entries: &'static str,

@@ -131,7 +131,7 @@ pub fn remove(folder: &Path) -> Result<(), BlockError> {
 /// Removes what was trained of a block.
 ///
 /// # Errors
-/// Those of [`remove`].
+/// The errors of [`remove`].
 pub fn remove_block(folder: &Path, block: usize) -> Result<(), BlockError> {
     remove_if_there(&folder_of(folder, block))
 }

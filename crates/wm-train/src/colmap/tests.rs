@@ -138,7 +138,7 @@ impl Place {
     }
 }
 
-/// Of the four steps the last message says that all is done.
+/// The last message of the four steps says that all is done.
 fn assert_steps(told: &[ColmapProgress]) {
     for (step, total) in [
         (ColmapStep::Features, 3),

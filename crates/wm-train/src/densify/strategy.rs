@@ -1,4 +1,4 @@
-//! What the strategies of densification have in common.
+//! The interface of all strategies of densification.
 
 use super::population::Population;
 use crate::check::ConfigValue;

@@ -1,4 +1,4 @@
-//! What the terms of the loss have in common: their input, and what they give.
+//! The interface of the terms of the loss: their input, and what they give.
 
 use crate::priors::Prior;
 use wm_render::simd::SimdPath;

@@ -27,7 +27,7 @@ pub struct Effect {
     pub params: &'static [Param],
     /// Adds what the effect contributes at the values of its parameters.
     pub(crate) contribute: Contribute,
-    /// The same by the paper's formulas; `None` if the paper does not have the effect.
+    /// The effect by the paper's formulas; `None` if the paper does not have the effect.
     pub(crate) contribute_as_paper: Option<Contribute>,
 }
 

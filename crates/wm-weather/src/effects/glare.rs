@@ -123,9 +123,9 @@ impl PixelContribution for Glare {
 
 /// A lamp before a lens.
 struct Source {
-    /// Its direction, camera axes, length 1.
+    /// Direction to the source in camera axes, length 1.
     towards: DVec3,
-    /// Its place in the picture, px.
+    /// Position in the picture, px.
     at: DVec2,
     /// Display value of the luminance of a lux, over pi, by channel.
     light: [f64; 3],

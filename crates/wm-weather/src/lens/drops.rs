@@ -230,7 +230,7 @@ pub(super) fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
     [from, to].map(|v| (v / cell).floor() as i64)
 }
 
-/// What `make` finds in each row from the first to the last, on all threads.
+/// Runs `make` for each row on all threads; results from the first row to the last.
 fn in_rows<T: Send>(ends: [i64; 2], make: impl Fn(i64, &mut Vec<T>) + Sync + Send) -> Vec<Vec<T>> {
     let row = |row| {
         let mut found = Vec::new();

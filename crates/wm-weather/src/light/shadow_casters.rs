@@ -1,4 +1,4 @@
-//! What casts the shadows of a sun, and the shadows that it casts.
+//! The surfaces that cast the shadows of a sun, and those shadows.
 
 use super::capture::CaptureLight;
 use super::sun_search::sun_map;

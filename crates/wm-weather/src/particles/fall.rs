@@ -68,7 +68,7 @@ pub(crate) struct WindSample {
     pub(crate) mean: [f64; 2],
 }
 
-/// What particles move in, and from where they are seen.
+/// The air in which particles move, and the eye that sees them.
 #[derive(Clone)]
 pub(crate) struct Surroundings<'a> {
     pub(crate) site: &'a Site,

@@ -138,7 +138,7 @@ impl PreparedWeather {
         (!moving.is_nothing()).then_some(moving)
     }
 
-    /// What particles move in before an eye, without lamps.
+    /// The air and the eye for particles, without lamps.
     pub(super) fn surroundings<'a>(&'a self, air: Arc<Atmosphere>, seen: &Observer<'a>) -> Surroundings<'a> {
         let Observer { shelter, velocity, .. } = *seen;
         let (site, wind, time) = (&self.site, self.wind_now, self.time);

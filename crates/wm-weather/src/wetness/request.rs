@@ -1,4 +1,4 @@
-//! What is asked for of wet surfaces.
+//! The request for wet surfaces.
 
 use super::column::WetStep;
 

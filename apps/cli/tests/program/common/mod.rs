@@ -66,7 +66,7 @@ impl Workshop {
         Self { folder, usual: usual.into(), remarks, has_own_weights: false }
     }
 
-    /// The same, whose commands find no weights of networks that this user has downloaded.
+    /// Hides the network weights that this user has downloaded from its commands.
     pub fn with_own_weights(self) -> Self {
         Self { has_own_weights: true, ..self }
     }
