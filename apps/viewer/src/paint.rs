@@ -177,10 +177,10 @@ impl FrameReport<'_> {
         let camera = view.camera();
         let mor = sky.air.mor_at(camera.center().to_array());
         let rate = |name: &str| -> f64 {
-            sky.falling().iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
+            sky.falling.iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
         };
         let falls: Map<String, Value> =
-            sky.falling().iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
+            sky.falling.iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
         let [draw, encode] = self.seconds;
         json!({
             "seq": self.seq, "width": self.size.0, "height": self.size.1, "whole": self.is_whole, "time": time,

@@ -132,12 +132,12 @@ impl FrameInputs<'_> {
     ) -> Result<Stats, RenderError> {
         picture.metres_per_unit = self.weather.site().metres_per_unit;
         (picture.stages, picture.water) = (PaperStages::default(), WaterLayers::default());
-        let stats = if self.weather.paper_falls().is_empty() {
+        let stats = if self.weather.paper_falls.is_empty() {
             self.draw_in_blend(&mut FrameTarget { backend, memory, picture }).await?
         } else {
             self.draw_as_paper(&mut FrameTarget { backend, memory, picture }).await?
         };
-        if self.stages && self.weather.paper_falls().is_empty() {
+        if self.stages && self.weather.paper_falls.is_empty() {
             picture.stages.begin(&picture.frame);
         }
         Ok(stats)
@@ -212,7 +212,7 @@ impl FrameInputs<'_> {
         let mirrored_weather = self.weather.pass(&mirrored_observer);
         // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats will
         // do. The lamps and their glow are mirrored too.
-        let is_unclear = water.surface.is_blurred() || water.motion.is_rough();
+        let is_unclear = water.surface.is_blurred() || water.motion.is_rough;
         let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.elsewhere);
         let mirrored = DrawPass {
             cut: Some(mirror.cut),
@@ -276,7 +276,7 @@ impl FrameInputs<'_> {
             ..config
         };
         let clouds: Vec<(PaperBlend, Vec<Splats>)> = weather
-            .paper_falls()
+            .paper_falls
             .iter()
             .map(|fall| (weather.blend(fall, camera), weather.sub_clouds(fall, &observer)))
             .collect();
@@ -359,7 +359,7 @@ impl FrameInputs<'_> {
     /// shows what nobody photographed as haze, never black.
     fn beyond_the_picture(&self, outputs: Outputs) -> RenderConfig {
         let background = match self.config.background {
-            Background::Color(_) => Background::Color(self.weather.haze().map(|v| srgb_encode(v) as f32)),
+            Background::Color(_) => Background::Color(self.weather.site().airlight.map(|v| srgb_encode(v) as f32)),
             sky => sky,
         };
         RenderConfig { outputs, background, ..*self.config }

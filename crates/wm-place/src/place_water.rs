@@ -126,7 +126,7 @@ impl PlaceWater {
     pub fn splash_ground(&self, prepared: &PreparedWeather, site: &Site) -> Option<SplashGround<'_>> {
         let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
         let asked =
-            prepared.wetness().filter(|_| prepared.cover().is_empty() && prepared.splash().is_some())?;
+            prepared.wetness().filter(|_| prepared.cover().is_empty() && prepared.splash.is_some())?;
         let (surfaces, shares, tiles) = (&reached.surfaces, &reached.shares, &reached.tiles);
         Some(SplashGround::new(surfaces, shares, state, asked.texture, asked.eaves, tiles, site))
     }

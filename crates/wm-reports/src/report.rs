@@ -56,7 +56,7 @@ impl WeatherReport {
     /// use wm_reports::{ReportOptions, WeatherReport};
     ///
     /// let report = WeatherReport::read("ww 75", "ww", &ReportOptions::default())?;
-    /// assert_eq!(report.weather().at(0.0).prepare(&wm_weather::Site::PLAIN).falling()[0].rate, 4.0);
+    /// assert_eq!(report.weather().at(0.0).prepare(&wm_weather::Site::PLAIN).falling[0].rate, 4.0);
     /// # Ok::<(), wm_reports::ReportError>(())
     /// ```
     ///

@@ -66,7 +66,7 @@ pub(crate) fn echoes(
     air: &InfraredAir,
     duration: f64,
 ) -> Vec<(u32, Echo)> {
-    if scene.weather.falling().is_empty() {
+    if scene.weather.falling.is_empty() {
         return Vec::new();
     }
     let count = (duration / MAX_SLICE_S).ceil().max(1.0) as usize;

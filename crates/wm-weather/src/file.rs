@@ -18,7 +18,7 @@
 
 use crate::easing::Easing;
 use crate::effects::{EFFECTS, Effect};
-use crate::param::{Param, ParamInput, ParamValue, meant};
+use crate::param::{Param, ParamInput, ParamValue, meant, one_line};
 use crate::track::{Keyframe, Track};
 use crate::weather::{Fidelity, Weather};
 use std::ops::Range;
@@ -338,10 +338,6 @@ fn position(effect: &Effect, name: &str) -> Result<usize, String> {
 
 fn param_names(effect: &Effect) -> String {
     effect.params.iter().map(|param| param.name).collect::<Vec<_>>().join(", ")
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@
 //!
 //! let site = Site { metres_per_unit: 0.4, airlight: [0.7, 0.75, 0.8], ..Site::PLAIN };
 //! let prepared = weather.at(5.0).prepare(&site);
-//! assert_eq!(prepared.falling()[0].rate, 13.5);
+//! assert_eq!(prepared.falling[0].rate, 13.5);
 //! # Ok::<(), wm_weather::WeatherError>(())
 //! ```
 //!

@@ -1,7 +1,7 @@
 //! The reference of all effects and presets as text: for help and for `docs/reference/weather.md`.
 
 use crate::effects::EFFECTS;
-use crate::param::{Param, ParamKind};
+use crate::param::{Param, ParamKind, one_line};
 use crate::presets::PRESETS;
 use crate::weather::Weather;
 use std::fmt::Write;
@@ -21,7 +21,7 @@ pub fn markdown() -> String {
         page.push_str("| parameter | default | range | unit | meaning |\n|---|---|---|---|---|\n");
         for param in effect.params {
             let (range, unit) = (range(param), if param.unit.is_empty() { "-" } else { param.unit });
-            let (name, default, meaning) = (param.name, &param.default, meaning(param));
+            let (name, default, meaning) = (param.name, &param.default, one_line(param.meaning));
             _ = writeln!(page, "| `{name}` | {default} | {range} | {unit} | {meaning} |");
         }
     }
@@ -41,7 +41,13 @@ pub fn help() -> String {
         for param in effect.params {
             let unit = if param.unit.is_empty() { String::new() } else { format!(" {}", param.unit) };
             let key = format!("{}.{}", effect.name, param.name);
-            _ = writeln!(text, "  {key:<24} {}{unit}, {}: {}", param.default, range(param), meaning(param));
+            _ = writeln!(
+                text,
+                "  {key:<24} {}{unit}, {}: {}",
+                param.default,
+                range(param),
+                one_line(param.meaning)
+            );
         }
     }
     text
@@ -56,10 +62,6 @@ fn range(param: &Param) -> String {
         ParamKind::Word(words) => words.join(", "),
         ParamKind::ImageOrAuto => "path, auto".into(),
     }
-}
-
-fn meaning(param: &Param) -> String {
-    param.meaning.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 const LOOKS: &str = "

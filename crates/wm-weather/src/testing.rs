@@ -4,6 +4,7 @@ use crate::effects::Effect;
 use crate::fused_surfaces::PhotoView;
 use crate::optics::Site;
 use crate::track::Track;
+use crate::weather::Weather;
 use glam::DVec3;
 use wm_scene::Camera;
 
@@ -28,6 +29,13 @@ pub(crate) fn on_threads<T: Send, const N: usize>(
 ) -> [T; N] {
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     threads.map(|threads| pool(threads).install(&work))
+}
+
+/// Clear weather with changes, each as it is written on the command line.
+pub(crate) fn weather<T: AsRef<str>>(sets: impl IntoIterator<Item = T>) -> Weather {
+    let mut weather = Weather::clear();
+    sets.into_iter().for_each(|set| weather.set_text(set.as_ref()).unwrap());
+    weather
 }
 
 /// A parameter over time, as it is written on the command line.

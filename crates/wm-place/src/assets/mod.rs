@@ -62,7 +62,7 @@ impl AssetNeeds {
     pub fn of(weather: &Weather, site: &Site) -> Self {
         use wm_weather::{Fidelity, Need};
         let prepared = weather.at(0.0).prepare(site);
-        let paper_cover = prepared.paper_cover().cloned();
+        let paper_cover = prepared.paper_cover.clone();
         // The paper's rain falls through roofs.
         let shelter = weather.needs(Need::Shelter) && weather.fidelity == Fidelity::Physical;
         let lies = weather.needs(Need::Cover) && paper_cover.is_none();

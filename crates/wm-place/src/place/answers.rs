@@ -26,7 +26,7 @@ impl Renderer {
     ) -> Result<Option<LyingCover>> {
         let backend = self.backend_of(place)?;
         let prepared = place.prepare_weather(weather, time);
-        if let Some(paper) = prepared.paper_cover() {
+        if let Some(paper) = &prepared.paper_cover {
             let snow = backend.pool().install(|| paper.snow(&place.scene.splats, &place.site));
             return Ok(Some(LyingCover::on_top(snow)));
         }

@@ -47,7 +47,7 @@ impl PreparedPlace {
         self.look(backend, shot.whole.as_ref().unwrap_or(camera), shot.patience)?;
         let mut prepared = self.prepared_at(weather, time, camera);
         // Before assets are made and kept.
-        if !prepared.falling().is_empty() {
+        if !prepared.falling.is_empty() {
             shot.camera.check_speed()?;
         }
         if let Some(glass) = prepared.glass() {

@@ -101,8 +101,8 @@ impl Lying {
     /// or place than the weather asks for.
     pub fn is_of(&self, prepared: &PreparedWeather) -> bool {
         match &self.what {
-            LyingKey::Paper(_) => prepared.paper_cover().is_some(),
-            LyingKey::Physical(..) => prepared.paper_cover().is_none() && !prepared.cover().is_empty(),
+            LyingKey::Paper(_) => prepared.paper_cover.is_some(),
+            LyingKey::Physical(..) => prepared.paper_cover.is_none() && !prepared.cover().is_empty(),
         }
     }
 }

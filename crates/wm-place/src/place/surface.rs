@@ -94,7 +94,7 @@ impl PreparedPlace {
                          flood.ground";
             return Err(Error::Unsupported(fault.into()));
         }
-        if !prepared.paper_falls().is_empty() {
+        if !prepared.paper_falls.is_empty() {
             let fault = "flood cannot be drawn together with rain or snow of fidelity `paper`: use fidelity `physical`";
             return Err(Error::Unsupported(fault.into()));
         }

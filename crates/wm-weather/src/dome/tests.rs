@@ -29,8 +29,7 @@ fn dome(words: &[&str], picture: fn(usize) -> [f32; 3]) -> Dome {
 }
 
 fn weather(words: &[&str], picture: fn(usize) -> [f32; 3]) -> WeatherSample {
-    let mut weather = Weather::clear();
-    words.iter().for_each(|word| weather.set_text(word).unwrap());
+    let mut weather = crate::testing::weather(words);
     weather.load_images(|_| Panorama::new(256, 128, picture).map(Arc::new)).unwrap();
     weather.at(0.0)
 }

@@ -10,16 +10,16 @@
 //! Sources: Vos, "On the cause of disability glare and its dependence on glare angle, age and
 //! ocular pigmentation", Clin. Exp. Optom. 86 (2003); Born and Wolf, "Principles of Optics", 8.5.
 
+use super::light_in_picture::add_light;
 use crate::effects::effect::{Effect, EffectRole};
-use crate::light::{LampKind, ShadowedLight};
+use crate::light::{LampKind, SeenLight, ShadowedLight};
 use crate::param::ParamValue;
 use crate::weather::observer::Observer;
 use crate::weather::prepared::{PixelContribution, PreparedWeather};
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
-use wm_base::color::{srgb_decode, srgb_encode};
-use wm_render::hooks::{Medium, PATCH, PixelBatch, PixelEffect};
+use wm_render::hooks::{Medium, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
@@ -90,13 +90,9 @@ impl PixelContribution for Glare {
             if !matches!(light.kind, LampKind::Ball | LampKind::Window) {
                 return None;
             }
-            let at = Vec3::from_array(light.at).as_dvec3();
-            let view = camera.rotation() * (at - camera.center());
-            let (length, towards) = (view.length(), (camera.center() - at).normalize_or_zero());
-            if view.z <= 0.0 || length <= 0.0 {
-                return None;
-            }
-            let open = cube.map_or(1.0, |cube| f64::from(cube.open((camera.center() - at).as_vec3())));
+            let SeenLight { view, pixel, to_eye, length } = light.seen_by(camera, 0.0)?;
+            let towards = to_eye.normalize_or_zero();
+            let open = cube.map_or(1.0, |cube| f64::from(cube.open(to_eye.as_vec3())));
             let metres = (length * weather.site().metres_per_unit).max(f64::from(light.radius));
             let air = weather.air.evaluate_reference(camera.center().to_array(), (-towards).to_array(), length);
             let share = f64::from(light.share(towards.as_vec3())) * open * view.z / length / (metres * metres);
@@ -108,7 +104,7 @@ impl PixelContribution for Glare {
             let peak = 10.0 * scatter / (CORE_DEG * CORE_DEG) + ray * (camera.fx * camera.fy).powf(1.5);
             (most * peak > MIN_LIGHT).then(|| Source {
                 towards: view / length,
-                at: DVec2::new(camera.fx * view.x / view.z + camera.cx, camera.fy * view.y / view.z + camera.cy),
+                at: pixel,
                 light,
             })
         };
@@ -169,65 +165,38 @@ impl GlareInLens {
 impl PixelEffect for GlareInLens {
     fn apply(&self, _: SimdPath, pixels: &mut PixelBatch<'_>) {
         let Camera { fx, fy, cx, cy, .. } = self.camera;
-        for at in 0..PATCH * PATCH {
-            let x = f64::from(pixels.x) + (at % PATCH) as f64 + 0.5;
-            let y = f64::from(pixels.y) + (at / PATCH) as f64 + 0.5;
-            let towards = DVec3::new((x - cx) / fx, (y - cy) / fy, 1.0).normalize();
+        add_light(pixels, |_, _, at| {
+            let towards = DVec3::new((at.x - cx) / fx, (at.y - cy) / fy, 1.0).normalize();
             let mut sum = [0.0; 3];
             for source in &self.sources {
-                let share = self.share(source, DVec2::new(x, y), towards);
+                let share = self.share(source, at, towards);
                 (0..3).for_each(|k| sum[k] += share * source.light[k]);
             }
-            if sum.iter().all(|light| *light < MIN_LIGHT) {
-                continue;
-            }
-            for k in 0..3 {
-                let value = &mut pixels.rgb[k][at];
-                *value = srgb_encode(srgb_decode(f64::from(*value)) + sum[k]) as f32;
-            }
-        }
+            sum.iter().any(|light| *light >= MIN_LIGHT).then_some(sum)
+        });
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Site;
+    use crate::effects::light_in_picture;
     use crate::light::{LampLight, LampsOn};
-    use crate::{Site, Weather};
-    use wm_render::hooks::PATCH_PIXELS;
+    use crate::testing::weather;
 
     /// The gain of the middle of a patch that looks `degrees` off a lamp of 1000 cd, 10 m away.
     fn gain(text: &str, degrees: [f64; 2]) -> f64 {
-        let mut weather = Weather::clear();
-        text.split(' ').for_each(|change| weather.set_text(change).unwrap());
-        let prepared = weather.at(0.0).prepare(&Site::PLAIN);
-        let lamp = LampLight {
-            at: [0.0, 10.0, 0.0],
-            intensity: [1000.0; 3],
-            axis: [0.0; 3],
-            up: [0.0; 3],
-            exponent: 0.0,
-            radius: 0.05,
-            kind: LampKind::Ball,
-        };
+        let prepared = weather(text.split(' ')).at(0.0).prepare(&Site::PLAIN);
+        let (at, intensity, kind) = ([0.0, 10.0, 0.0], [1000.0; 3], LampKind::Ball);
+        let lamp = LampLight { at, intensity, radius: 0.05, kind, ..LampLight::DARK };
         let lights = [(lamp, None)];
         let lamps = LampsOn { lights: &lights, display: 1e-4 };
         let camera = Camera::looking((400, 400), 40.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let observer = Observer { lamps: Some(&lamps), ..Observer::at_rest(&camera) };
-        let Some(effect) = prepared.pass(&observer).hooks().pixels.first().map(|_| ()).and_then(|()| {
-            prepared.pixels[0].in_pass(&prepared, &observer)
-        }) else {
-            return 0.0;
-        };
+        let Some(effect) = prepared.pixels[0].in_pass(&prepared, &observer) else { return 0.0 };
         let [right, down] = degrees.map(|angle| camera.fx * angle.to_radians().tan());
-        let pixel = [camera.cx + right, camera.cy + down].map(|side| side as u32);
-        let mut rgb = [[0.5f32; PATCH_PIXELS]; 3];
-        let none = [0.0; PATCH_PIXELS];
-        let [x, y] = pixel.map(|side| side / PATCH as u32 * PATCH as u32);
-        let mut batch = PixelBatch { x, y, rgb: &mut rgb, alpha: &none, depth_sum: &none };
-        effect.apply(SimdPath::widest(), &mut batch);
-        let at = (pixel[1] - y) as usize * PATCH + (pixel[0] - x) as usize;
-        srgb_decode(f64::from(rgb[0][at])) - srgb_decode(0.5)
+        light_in_picture::gain(&*effect, [camera.cx + right, camera.cy + down].map(|side| side as u32))
     }
 
     /// 10 lux at the lens, and Vos's veil at 5 and 10 degrees.

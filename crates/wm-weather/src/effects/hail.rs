@@ -105,11 +105,12 @@ fn contribute(now: &EffectContext<'_>, weather: &mut WeatherBuilder) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::particles::near::each_particle;
     use crate::particles::spectrum::flux;
     use crate::testing::SITE;
     use crate::weather::{Observer, Weather};
     use glam::DVec3;
-    use wm_render::hooks::{ParticleGroup, ParticleView};
+    use wm_render::hooks::ParticleView;
     use wm_render::simd::SimdPath;
     use wm_scene::Camera;
 
@@ -155,12 +156,9 @@ mod tests {
             let pass = weather.pass(&Observer::at_rest(&camera));
             let particles = pass.hooks().particles[0];
             let mut all = Vec::new();
-            for part in particles.parts(&view) {
-                let mut take = |group: &ParticleGroup| {
-                    all.extend(group.particles().filter(|one| one.area > 0.0).map(|one| one.offset));
-                };
-                particles.gather(SimdPath::available()[0], &view, part, &mut take);
-            }
+            each_particle(particles, SimdPath::available()[0], &view, |one| {
+                all.extend((one.area > 0.0).then_some(one.offset));
+            });
             all
         };
         let first = stones(0);

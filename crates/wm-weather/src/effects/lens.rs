@@ -61,7 +61,10 @@ pub(crate) const EFFECT: Effect = Effect {
     needs: &[],
     precipitation: None,
     params: LensParams::PARAMS,
-    contribute: |now, weather| weather.set_glass(LensParams::of(now.values).glass(now)),
+    contribute: |now, weather| {
+        let glass = Box::new(LensParams::of(now.values).glass(now));
+        weather.prepared.glass = Some(glass).filter(|glass| !glass.is_clear());
+    },
     contribute_as_paper: None,
 };
 

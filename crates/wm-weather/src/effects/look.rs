@@ -45,7 +45,8 @@ pub(crate) const EFFECT: Effect = Effect {
     params: LookParams::PARAMS,
     contribute: |now, weather| {
         let LookParams { exposure, saturation, contrast, temperature } = LookParams::of(now.values);
-        weather.set_grade(ColorGrade::new(exposure, saturation, contrast, temperature));
+        let grade = ColorGrade::new(exposure, saturation, contrast, temperature);
+        weather.prepared.grade = Some(grade).filter(|grade| !grade.is_neutral());
     },
     contribute_as_paper: None,
 };

@@ -16,6 +16,7 @@ pub use effect::{Effect, EffectRole, Need};
 mod air;
 mod drops;
 pub(crate) mod effect;
+mod light_in_picture;
 
 macro_rules! effects {
     ($($name:ident),+ $(,)?) => {

@@ -13,14 +13,14 @@
 //! by the sun's irradiance `E`. All rain in front of the pixel is assumed to be
 //! sunlit, and the air to be as at the eye.
 
+use super::light_in_picture::add_light;
 use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
 use crate::weather::observer::Observer;
 use crate::weather::prepared::{PixelContribution, PreparedWeather};
 use std::f64::consts::PI;
 use std::sync::{Arc, LazyLock};
-use wm_base::color::{srgb_decode, srgb_encode};
-use wm_render::hooks::{PATCH, PixelBatch, PixelEffect};
+use wm_render::hooks::{PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
@@ -100,29 +100,21 @@ impl PixelEffect for BowBeforeCamera {
     fn apply(&self, _: SimdPath, pixels: &mut PixelBatch<'_>) {
         let Camera { fx, fy, cx, cy, .. } = self.camera;
         let table = &*PHASE;
-        for row in 0..PATCH {
-            let v = (f64::from(pixels.y) + row as f64 + 0.5 - cy) / fy;
-            for column in 0..PATCH {
-                let u = (f64::from(pixels.x) + column as f64 + 0.5 - cx) / fx;
-                let length = (u * u + v * v + 1.0).sqrt();
-                let [x, y, z] = self.opposite;
-                let cosine = (u * x + v * y + z) / length;
-                if !table.cosines.contains(&cosine) {
-                    continue;
-                }
-                let phase = table.at(cosine.acos().to_degrees());
-                let at = row * PATCH + column;
-                let (alpha, sum) = (f64::from(pixels.alpha[at]), f64::from(pixels.depth_sum[at]));
-                let seen = |metres: f64| 1.0 - (-self.extinction * metres).exp();
-                let near = if alpha > 0.0 { seen(sum / alpha * length * self.metres_per_unit) } else { 0.0 };
-                let amount = alpha * near + (1.0 - alpha) * seen(FAR_M);
-                for k in 0..3 {
-                    let value = &mut pixels.rgb[k][at];
-                    let light = srgb_decode(f64::from(*value)) + amount * self.light[k] * phase[k];
-                    *value = srgb_encode(light) as f32;
-                }
+        add_light(pixels, |pixels, pixel, at| {
+            let [u, v] = [(at.x - cx) / fx, (at.y - cy) / fy];
+            let length = (u * u + v * v + 1.0).sqrt();
+            let [x, y, z] = self.opposite;
+            let cosine = (u * x + v * y + z) / length;
+            if !table.cosines.contains(&cosine) {
+                return None;
             }
-        }
+            let phase = table.at(cosine.acos().to_degrees());
+            let (alpha, sum) = (f64::from(pixels.alpha[pixel]), f64::from(pixels.depth_sum[pixel]));
+            let seen = |metres: f64| 1.0 - (-self.extinction * metres).exp();
+            let near = if alpha > 0.0 { seen(sum / alpha * length * self.metres_per_unit) } else { 0.0 };
+            let amount = alpha * near + (1.0 - alpha) * seen(FAR_M);
+            Some(std::array::from_fn(|k| amount * self.light[k] * phase[k]))
+        });
     }
 }
 
@@ -251,10 +243,9 @@ fn channels(nm: f64) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::SITE;
-    use crate::weather::Weather;
+    use crate::effects::light_in_picture::gain;
+    use crate::testing::{SITE, weather};
     use glam::DVec3;
-    use wm_render::hooks::PATCH_PIXELS;
 
     /// The angle between two at which a channel of the table is brightest.
     fn peak(channel: usize, degrees: [f64; 2]) -> f64 {
@@ -279,11 +270,8 @@ mod tests {
     /// the sun, by the formula, without depth in the rain's far distance.
     #[test]
     fn a_picture_gains_the_light_of_the_formula() {
-        let mut weather = Weather::clear();
-        for text in ["light.model=clear", "light.sun_elevation=20", "light.sun_azimuth=0",
-            "light.clouds=0.3", "rain.rate=10", "rainbow=on"] {
-            weather.set_text(text).unwrap();
-        }
+        let light = ["light.model=clear", "light.sun_elevation=20", "light.sun_azimuth=0", "light.clouds=0.3"];
+        let weather = weather(light.into_iter().chain(["rain.rate=10", "rainbow=on"]));
         let prepared = weather.at(0.0).prepare(&SITE);
         let (sun, light) = prepared.sunlight().unwrap();
         let opposite = -DVec3::from_array(sun);
@@ -299,11 +287,7 @@ mod tests {
             let observer = Observer::at_rest(&camera);
             let pass = Rainbow { brightness: 1.0 };
             let effect = pass.in_pass(&prepared, &observer).unwrap();
-            let mut rgb = [[0.5f32; PATCH_PIXELS]; 3];
-            let (alpha, depth_sum) = ([0.0; PATCH_PIXELS], [0.0; PATCH_PIXELS]);
-            let mut batch = PixelBatch { x: 0, y: 0, rgb: &mut rgb, alpha: &alpha, depth_sum: &depth_sum };
-            effect.apply(SimdPath::widest(), &mut batch);
-            let gain = srgb_decode(f64::from(rgb[0][8 * PATCH + 8])) - srgb_decode(0.5);
+            let gain = gain(&*effect, [8, 8]);
             let all = prepared.air.extinction_at([0.0; 3])[1];
             let share = 0.5 * prepared.rain_extinction() / all;
             let want = PI * light[0] * PHASE.at(degrees)[0] * share;

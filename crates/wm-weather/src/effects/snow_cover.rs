@@ -8,6 +8,7 @@
 use crate::cover::{CoverMaterial, CoverRequest, Snowpack};
 use crate::effects::effect::{Effect, EffectRole, Need, WeatherSample};
 use crate::paper::PaperCover;
+use crate::paper::cover::{MAX_SNOW_SPLATS, USUAL_DARTS};
 use crate::param::ParamValue;
 
 /// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is
@@ -94,7 +95,6 @@ pub(crate) const EFFECT: Effect = Effect {
     },
     contribute_as_paper: Some(|now, weather| {
         let params = SnowCoverParams::of(now.values);
-        let defaults = PaperCover::default();
         weather.prepared.paper_cover = Some(PaperCover {
             seed_cosine: params.paper_seed_cosine,
             fill_angle: params.paper_fill_angle,
@@ -107,9 +107,10 @@ pub(crate) const EFFECT: Effect = Effect {
             flatness: params.paper_flatness,
             lift: params.paper_lift,
             opacity: params.paper_opacity,
-            color: params.paper_color.map_or(defaults.color, |rgb| rgb.map(|v| v as f32)),
+            color: params.paper_color.map_or([0.92, 0.93, 0.95], |rgb| rgb.map(|v| v as f32)),
             seed: params.paper_seed as u64,
-            ..defaults
+            darts: USUAL_DARTS,
+            most: MAX_SNOW_SPLATS,
         });
     }),
 };

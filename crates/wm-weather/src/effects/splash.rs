@@ -6,7 +6,6 @@
 
 use crate::effects::effect::{Effect, EffectRole, Need};
 use crate::param::ParamValue;
-use crate::splash::Splash;
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -27,7 +26,7 @@ pub(crate) const EFFECT: Effect = Effect {
     params: SplashParams::PARAMS,
     contribute: |now, weather| {
         let SplashParams { amount } = SplashParams::of(now.values);
-        weather.set_splash(Splash { amount: amount.unwrap_or(1.0) });
+        weather.prepared.splash = Some(amount.unwrap_or(1.0)).filter(|amount| *amount > 0.0);
     },
     contribute_as_paper: Some(|_, _| {}),
 };

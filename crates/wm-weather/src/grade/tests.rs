@@ -102,8 +102,7 @@ fn camera() -> Camera {
 
 #[test]
 fn the_defaults_are_no_effect() {
-    let mut weather = Weather::clear();
-    weather.set_text("look=on").unwrap();
+    let mut weather = testing::weather(["look=on"]);
     let pixels = |weather: &Weather| {
         let weather = weather.at(0.0).prepare(&SITE);
         weather.pass(&Observer::at_rest(&camera())).hooks().pixels.len()
@@ -157,10 +156,8 @@ fn each_parameter_does_what_it_says() {
 
 #[test]
 fn it_acts_after_fog_over_pixels() {
-    let mut weather = Weather::clear();
-    for text in ["look.exposure=-1", "fog.paper_intensity=1", "fog.paper_color=#ffffff", "fidelity=paper"] {
-        weather.set_text(text).unwrap();
-    }
+    let sets = ["look.exposure=-1", "fog.paper_intensity=1", "fog.paper_color=#ffffff", "fidelity=paper"];
+    let weather = testing::weather(sets);
     let mut rgb = [[0.0f32; PATCH_PIXELS]; 3];
     let (weather, camera) = (weather.at(0.0).prepare(&SITE), camera());
     let pass = weather.pass(&Observer::at_rest(&camera));

@@ -77,10 +77,10 @@ impl Headlamps {
             intensity: self.intensity.to_array(),
             axis: self.forward.to_array(),
             up: self.up.to_array(),
-            exponent: 1.0,
             // The air before the car is seen over its bonnet, not in the lamps.
             radius: 1.0,
             kind: LampKind::Headlamps,
+            ..LampLight::DARK
         }
     }
 }

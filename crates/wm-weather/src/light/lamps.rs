@@ -3,11 +3,11 @@
 //! Intensities are candela by channel with luminance in cd, irradiances lux. A camera at night is
 //! balanced for the lamps about it: colours are those of black bodies beside one of [`BALANCE`].
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use wm_base::color::luminance;
-use wm_scene::{Lamp, LitWindow};
+use wm_scene::{Camera, Lamp, LitWindow};
 
 /// Colour temperature that is shown as white by lamplight, K.
 const BALANCE: f64 = 4_000.0;
@@ -60,7 +60,38 @@ pub enum LampKind {
     Headlamps,
 }
 
+/// A light as a camera sees it.
+pub(crate) struct SeenLight {
+    /// Position in camera axes, scene units.
+    pub(crate) view: DVec3,
+    /// Position in the picture, px.
+    pub(crate) pixel: DVec2,
+    /// The way from the light to the camera, world axes, scene units, and its length.
+    pub(crate) to_eye: DVec3,
+    pub(crate) length: f64,
+}
+
 impl LampLight {
+    /// A light to all sides that is off.
+    pub(crate) const DARK: Self = Self {
+        at: [0.0; 3],
+        intensity: [0.0; 3],
+        axis: [0.0; 3],
+        up: [0.0; 3],
+        exponent: 1.0,
+        radius: 1.0,
+        kind: LampKind::Ball,
+    };
+
+    /// Where a camera sees it; `None` within a depth of `near`.
+    pub(crate) fn seen_by(&self, camera: &Camera, near: f64) -> Option<SeenLight> {
+        let (at, Camera { fx, fy, cx, cy, .. }) = (Vec3::from_array(self.at).as_dvec3(), *camera);
+        let view = camera.rotation() * (at - camera.center());
+        let pixel = DVec2::new(fx * view.x / view.z + cx, fy * view.y / view.z + cy);
+        let (to_eye, length) = (camera.center() - at, view.length());
+        (view.z > near).then_some(SeenLight { view, pixel, to_eye, length })
+    }
+
     /// A lamp.
     pub(crate) fn of_lamp(lamp: &Lamp) -> Self {
         let axis = lamp.aim.map_or(DVec3::ZERO, |aim| DVec3::from_array(aim).normalize_or_zero());
@@ -68,10 +99,10 @@ impl LampLight {
             at: lamp.at.map(|v| v as f32),
             intensity: black_body(lamp.kelvin).map(|v| (v * lamp.intensity()) as f32),
             axis: axis.as_vec3().to_array(),
-            up: [0.0; 3],
             exponent: lamp.exponent() as f32,
             radius: lamp.radius as f32,
             kind: LampKind::Ball,
+            ..Self::DARK
         }
     }
 
@@ -86,10 +117,9 @@ impl LampLight {
             at: at.as_vec3().to_array(),
             intensity: black_body(window.kelvin).map(|v| (v * window.luminance * metres) as f32),
             axis: out.as_vec3().to_array(),
-            up: [0.0; 3],
-            exponent: 1.0,
             radius: (metres / PI).sqrt() as f32,
             kind: LampKind::Window,
+            ..Self::DARK
         }
     }
 
@@ -121,10 +151,9 @@ impl LampLight {
             // A matt surface of this flux has its share of 1 / pi straight up.
             intensity: self.intensity.map(|v| (f64::from(v) * down * GROUND / PI) as f32),
             axis: up.as_vec3().to_array(),
-            up: [0.0; 3],
-            exponent: 1.0,
             radius: (0.5 * metres) as f32,
             kind: LampKind::Ground,
+            ..Self::DARK
         })
     }
 

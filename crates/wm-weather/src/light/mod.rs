@@ -54,6 +54,7 @@ pub(crate) use headlamps::Headlamps;
 pub(crate) use lamp_glow::LampGlow;
 pub use lamp_glow::{LampsOn, ShadowedLight};
 pub use lamp_shadows::LampShadows;
+pub(crate) use lamps::SeenLight;
 pub use lamps::{LampKind, LampLight, LampLights};
 pub use moving::MovingLight;
 pub use placed::{NearSplats, PlacedSurfaces};

@@ -52,6 +52,16 @@ const MOST_NEIGHBOURS: usize = 64;
 const MOST_DARTS: f64 = 256.0;
 /// Largest coordinate, scene units: its square and sums of such still are numbers in f32.
 const MAX_COORDINATE: f32 = 1e15;
+/// Opacity below which a splat holds no snow.
+const MIN_OPACITY: f64 = 0.1;
+/// Standard deviation above which a splat holds no snow, m. Nor is there snow of such: what is so
+/// sparse is no surface.
+const MAX_SIGMA_M: f64 = 2.0;
+/// Radius in which neighbours of what stays are counted, median distances between neighbours there.
+const OUTLIER_RADIUS: f64 = 3.0;
+/// Points tried in a disc as large as the spacing, and most snow Gaussians, if not set otherwise.
+pub(crate) const USUAL_DARTS: f64 = 8.0;
+pub(crate) const MAX_SNOW_SPLATS: usize = 4_000_000;
 /// Share of the middle variance of points in the largest below which they lie on a line.
 const LINE: f64 = 1e-6;
 
@@ -62,11 +72,6 @@ pub struct PaperCover {
     pub(crate) seed_cosine: f64,
     /// Angle between a plane's normal and up below which it is filled, degrees, 0-90.
     pub(crate) fill_angle: f64,
-    /// Opacity below which a splat holds no snow, 0-1.
-    pub(crate) least_opacity: f64,
-    /// Standard deviation above which a splat holds no snow, m, above 0. Nor is there snow of such:
-    /// what is so sparse is no surface.
-    pub(crate) largest: f64,
     /// k: neighbours that a plane is estimated from, 3-64. A smaller scene has fewer.
     pub(crate) neighbours: usize,
     /// Weight of sigma / mean in the radius of a plane, 0 or more.
@@ -79,10 +84,8 @@ pub struct PaperCover {
     /// Standard deviations above the mean from which distances to the neighbours are an outlier's,
     /// 0 or more.
     pub(crate) outlier_sigmas: f64,
-    /// Neighbours within [`Self::outlier_radius`] that what stays has at least, 0-64.
+    /// Neighbours within [`OUTLIER_RADIUS`] that what stays has at least, 0-64.
     pub(crate) outlier_neighbours: usize,
-    /// Radius in which they are counted, median distances between neighbours there, above 0.
-    pub(crate) outlier_radius: f64,
     /// Standard deviation of a snow Gaussian along its plane, spacings, above 0. At 0.7 hardly a
     /// gap is left.
     pub(crate) size: f64,
@@ -100,32 +103,6 @@ pub struct PaperCover {
     /// Most snow Gaussians. Half are for those on splats: of more, equally likely ones are left
     /// out, and the others are larger for it.
     pub(crate) most: usize,
-}
-
-impl Default for PaperCover {
-    fn default() -> Self {
-        Self {
-            seed_cosine: 0.5,
-            fill_angle: 30.0,
-            least_opacity: 0.1,
-            largest: 2.0,
-            neighbours: 16,
-            spread: 2.0,
-            spacing: 0.5,
-            darts: 8.0,
-            outlier_sigmas: 2.0,
-            outlier_neighbours: 6,
-            outlier_radius: 3.0,
-            size: 0.7,
-            flatness: 0.2,
-            lift: 0.25,
-            opacity: 0.97,
-            // 0.82, 0.85 and 0.88 in linear light.
-            color: [0.92, 0.93, 0.95],
-            seed: 0,
-            most: 4_000_000,
-        }
-    }
 }
 
 /// The position of a snow Gaussian.
@@ -182,8 +159,8 @@ impl PaperCover {
         for i in 0..splats.len() {
             let [a, b, c] = splats.log_scales[i];
             let holds = splats.groups[i] == Group::Scene
-                && splats.opacity(i) >= self.least_opacity
-                && f64::from(a.max(b).max(c)).exp() * metres <= self.largest;
+                && splats.opacity(i) >= MIN_OPACITY
+                && f64::from(a.max(b).max(c)).exp() * metres <= MAX_SIGMA_M;
             let faults = splats.faults(i);
             let is_sound = !(faults.mean || faults.scale || faults.quat || faults.zero_quat)
                 && splats.means[i].iter().all(|v| v.abs() <= MAX_COORDINATE);
@@ -238,7 +215,7 @@ impl PaperCover {
             let spacing = self.spacing * median;
             let radius = median / (1.0 + self.spread * sigma / mean);
             let mut patch = Patch { spacing: 0.0, normal: None, darts: Vec::new() };
-            if !(radius > 0.0 && spacing > 0.0 && self.size * spacing * metres <= self.largest) {
+            if !(radius > 0.0 && spacing > 0.0 && self.size * spacing * metres <= MAX_SIGMA_M) {
                 return patch;
             }
             patch.spacing = spacing;
@@ -315,7 +292,7 @@ impl PaperCover {
             let mut sorted = means;
             sorted.sort_unstable_by(f64::total_cmp);
             let ([own, _], last) = own[i];
-            flakes[i].spacing > 0.0 && own <= most && last <= self.outlier_radius * median(&sorted)
+            flakes[i].spacing > 0.0 && own <= most && last <= OUTLIER_RADIUS * median(&sorted)
         })
     }
 

@@ -107,8 +107,6 @@ pub(crate) struct Points {
     pub(crate) last: f32,
 }
 
-impl Points {}
-
 /// The view of a camera up to a distance, in level axes and metres from its centre.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ViewFrustum {

@@ -44,25 +44,18 @@ pub(crate) fn particles(
     let fall = FallingParticles::new(&bare, around.clone()).within(&ranges);
     let metres = around.site.metres_per_unit;
     let mut found = Vec::new();
-    for part in fall.parts(view) {
-        fall.gather(path, view, part, &mut |group| {
-            for particle in group.particles() {
-                let width = f64::from(particle.sigma) / DISC;
-                // One of the last below the density that is requested is there by a half: it is
-                // there or not.
-                if f64::from(particle.area) < 0.5 * PI / 4.0 * width * width {
-                    continue;
-                }
-                let offset = particle.offset.map(|v| f64::from(v) * metres);
-                let diameter = width * metres;
-                if offset.iter().map(|v| v * v).sum::<f64>().sqrt() > reach(shape, diameter) {
-                    continue;
-                }
-                let velocity = particle.reach[0].map(|v| f64::from(v) * metres / (exposure * LINE));
-                found.push(NearParticle { offset, velocity, diameter, shape });
-            }
-        });
-    }
+    each_particle(&fall, path, view, |particle| {
+        let width = f64::from(particle.sigma) / DISC;
+        let (offset, diameter) = (particle.offset.map(|v| f64::from(v) * metres), width * metres);
+        // One of the last below the density that is requested is there by a half: it is there or
+        // not.
+        if f64::from(particle.area) >= 0.5 * PI / 4.0 * width * width
+            && offset.iter().map(|v| v * v).sum::<f64>().sqrt() <= reach(shape, diameter)
+        {
+            let velocity = particle.reach[0].map(|v| f64::from(v) * metres / (exposure * LINE));
+            found.push(NearParticle { offset, velocity, diameter, shape });
+        }
+    });
     found
 }
 
@@ -80,12 +73,20 @@ pub(crate) fn drawn(
     let seconds = kind.look.exposure * LINE;
     let velocity = |one: &Particle| one.reach[0].map(|v| f64::from(v) / seconds);
     let mut found = Vec::new();
-    for part in fall.parts(&view) {
-        fall.gather(path, &view, part, &mut |group| {
-            found.extend(group.particles().map(|one| (one, velocity(&one))));
-        });
-    }
+    each_particle(&fall, path, &view, |one| found.push((one, velocity(&one))));
     found
+}
+
+/// Visits all particles that a view shows.
+pub(crate) fn each_particle<P: Particles + ?Sized>(
+    particles: &P,
+    path: SimdPath,
+    view: &ParticleView,
+    mut take: impl FnMut(Particle),
+) {
+    for part in particles.parts(view) {
+        particles.gather(path, view, part, &mut |group| group.particles().for_each(&mut take));
+    }
 }
 
 #[cfg(test)]
@@ -95,6 +96,12 @@ mod tests {
     use crate::{Observer, Weather};
     use glam::DVec3;
     use wm_scene::Camera;
+
+    /// The distance from a point to the nearest particle, m.
+    fn nearest(particles: &[NearParticle], at: DVec3) -> f64 {
+        let distances = particles.iter().map(|one| DVec3::from_array(one.offset).distance(at));
+        distances.fold(f64::INFINITY, f64::min)
+    }
 
     /// The drops of a camera's picture are found again, at the same place within a thousandth of a
     /// pixel.
@@ -110,9 +117,7 @@ mod tests {
             let near = prepared.near_particles(path, &view, None, 0.0, 0.0, &|_, _| 3.0);
             let mut seen = Vec::new();
             for kind in prepared.pass(&Observer::at_rest(&camera)).hooks().particles {
-                for part in kind.parts(&view) {
-                    kind.gather(path, &view, part, &mut |group| seen.extend(group.particles()));
-                }
+                each_particle(kind, path, &view, |particle| seen.push(particle));
             }
             let offset = |offset: [f32; 3]| DVec3::from_array(offset.map(f64::from));
             // Those in front of the middle of the picture; flakes that show their arms are three.
@@ -120,12 +125,7 @@ mod tests {
             let seen: Vec<DVec3> =
                 seen.iter().map(|one| offset(one.offset)).filter(|at| is_near(*at)).collect();
             assert!(seen.len() > 10, "{key}: {}", seen.len());
-            let twin = |at: &DVec3| {
-                near.iter()
-                    .map(|one| DVec3::from_array(one.offset).distance(*at))
-                    .fold(f64::INFINITY, f64::min)
-            };
-            let farthest = seen.iter().map(twin).fold(0.0, f64::max);
+            let farthest = seen.iter().map(|at| nearest(&near, *at)).fold(0.0, f64::max);
             assert!(farthest < 1e-5, "{key}: {farthest} m");
         }
     }
@@ -150,10 +150,7 @@ mod tests {
             .collect();
         assert!(inside.len() > 100, "{}", inside.len());
         for place in inside {
-            let nearest = then
-                .iter()
-                .map(|one| DVec3::from_array(one.offset).distance(place))
-                .fold(f64::INFINITY, f64::min);
+            let nearest = nearest(&then, place);
             assert!(nearest < 1e-4, "{nearest}");
         }
     }

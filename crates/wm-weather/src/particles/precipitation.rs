@@ -67,7 +67,7 @@ impl Precipitation {
             look,
             airlight,
             numbers: kind.densities(&classes, rate),
-            reference: kind.reference(&classes),
+            reference: kind.densities(&classes, kind.reference_rate),
             classes,
         }
     }
@@ -77,15 +77,10 @@ impl Precipitation {
         self.classes.iter().zip(self.numbers.iter().copied())
     }
 
-    /// Extinction of all of it, 1/m.
-    pub(crate) fn sigma_t(&self) -> f64 {
-        self.kind.sigma_t(&self.classes, self.rate)
-    }
-
     /// The air that all of it together is.
     pub(crate) fn layer(&self) -> AirLayer {
         AirLayer {
-            sigma_t: [self.sigma_t(); 3],
+            sigma_t: [self.kind.sigma_t(&self.classes, self.rate); 3],
             airlight: self.airlight,
             scale_height: f64::INFINITY,
             base_height: 0.0,

@@ -245,11 +245,6 @@ impl PrecipitationKind {
         numbers.into_iter().map(|number| number * scale).collect()
     }
 
-    /// Drops a m^3 of each of `classes` up to a threshold of 1.
-    pub(crate) fn reference(&self, classes: &[SizeClass]) -> Vec<f64> {
-        self.densities(classes, self.reference_rate)
-    }
-
     /// Extinction at `rate` mm/h, 1/m: twice the cross-section of all of them, as for all that is
     /// larger than light's waves. Of rain `0.365e-3 R^0.63`, the same sum over Marshall and
     /// Palmer's law with its smaller drops; of snow the sum over `classes`.

@@ -36,5 +36,4 @@ pub(crate) mod particles;
 mod tests;
 
 pub use ground::{SplashGround, SplashTiles};
-pub use particles::Splash;
 pub(crate) use particles::SplashParticles;

@@ -59,12 +59,6 @@ const EAVES: usize = 64;
 const DRIFT: f64 = 0.5;
 
 /// Splashes at an instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Splash {
-    /// Factor on the water that drops throw.
-    pub(crate) amount: f64,
-}
-
 /// Splashes before a camera.
 pub(crate) struct SplashParticles<'a> {
     rain: &'a Precipitation,
@@ -85,7 +79,7 @@ impl<'a> SplashParticles<'a> {
     /// The splashes of `rain` on a ground and on water at the height `plane` (m along up from the
     /// world's origin). `seed` is that of the water.
     pub(crate) fn new(
-        splash: Splash,
+        amount: f64,
         rain: &'a Precipitation,
         seed: u64,
         around: Surroundings<'a>,
@@ -106,7 +100,7 @@ impl<'a> SplashParticles<'a> {
             },
             metres_per_unit: site.metres_per_unit,
             camera: DVec3::from_array(to_level(&axes, around.velocity)),
-            amount: splash.amount,
+            amount,
             radiance: Vec3::from_array(rain.radiance()),
             standing: flying.younger(CROWN + half),
             flying,

@@ -25,7 +25,7 @@ pub struct WaterGrid {
     /// Some of them, sorted.
     levels: Vec<f32>,
     /// Streams on slopes.
-    rills: Option<Rills>,
+    pub(super) rills: Option<Rills>,
 }
 
 /// Water at a node.
@@ -90,20 +90,11 @@ pub(crate) struct WaterSample {
 }
 
 impl WaterMap {
-    /// Water everywhere, `level` metres over the ground of the site.
-    pub(crate) fn flood(level: f64, site: &Site) -> Self {
-        let height = site.ground * site.metres_per_unit + level;
-        Self { plane: Some(height), ..Self::of_grid(None, site) }
-    }
-
-    /// Water on the nodes of a grid.
-    pub(crate) fn of_grid(grid: Option<Arc<WaterGrid>>, site: &Site) -> Self {
-        Self { axes: level_axes(site.up), metres_per_unit: site.metres_per_unit, plane: None, grid }
-    }
-
-    /// Adds the water of a grid where that stands higher.
-    pub(crate) fn with_grid(self, grid: Option<Arc<WaterGrid>>) -> Self {
-        Self { grid, ..self }
+    /// Water on the nodes of a grid, and everywhere `flood` metres over the ground of the site,
+    /// each where it stands higher.
+    pub(crate) fn new(flood: Option<f64>, grid: Option<Arc<WaterGrid>>, site: &Site) -> Self {
+        let plane = flood.map(|level| site.ground * site.metres_per_unit + level);
+        Self { axes: level_axes(site.up), metres_per_unit: site.metres_per_unit, plane, grid }
     }
 
     /// Puddles and films, if there are any.
@@ -153,10 +144,6 @@ const LEVEL_STRIDE: usize = 16;
 
 impl WaterGrid {
     /// Adds streams on its nodes.
-    pub(crate) fn with_rills(self, rills: Option<Rills>) -> Self {
-        Self { rills, ..self }
-    }
-
     /// Hides the water where something lies on it: `hidden` is the share of the water at a node
     /// that is not seen, 0-1.
     #[must_use]
@@ -173,7 +160,7 @@ impl WaterGrid {
             }
             WaterNode { depth: depth.min(seen * HIDING_DEPTH_M), film: film * seen, ..node }
         });
-        Self::new(self.origin, self.step, self.size, nodes).with_rills(self.rills.clone())
+        Self { rills: self.rills.clone(), ..Self::new(self.origin, self.step, self.size, nodes) }
     }
 
     /// Returns the streams, and the nodes that they are on.

@@ -23,7 +23,9 @@ pub struct WaterMotion {
     /// The water whose streams run, and the time, s.
     pub(super) running: Option<(Arc<WaterGrid>, f64)>,
     /// The strongest wind of the shot makes slopes of [`ROUGH`] or more.
-    is_rough: bool,
+    /// True if the water is so rough at some time of the shot that what it mirrors is seen in
+    /// pieces: for a whole shot, so that nothing changes at once when the wind rises.
+    pub is_rough: bool,
     /// The foam of the wind.
     pub(crate) foam: Option<Foam>,
 }
@@ -48,12 +50,13 @@ pub(crate) struct WaterForces {
 }
 
 impl WaterMotion {
-    /// The motion of water under these forces.
-    pub(crate) fn new(forces: &WaterForces) -> Self {
+    /// The motion of water under these forces, with the streams of a grid.
+    pub(crate) fn new(forces: &WaterForces, grid: Option<&Arc<WaterGrid>>) -> Self {
         let strongest = forces.wind[0].hypot(forces.wind[1]).max(forces.strongest);
         let roughest = WindWaves::new([strongest, 0.0], forces.fetch, strongest);
         let is_rough = roughest.is_some_and(|waves| waves.slope_variance() >= ROUGH);
-        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running: None, is_rough, foam: None };
+        let running = grid.filter(|grid| grid.rills.is_some()).map(|grid| (Arc::clone(grid), forces.time));
+        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running, is_rough, foam: None };
         let rms = ripples::slope_rms(forces.rain, forces.depth);
         if let Some(waves) = WindWaves::new(forces.wind, forces.fetch, forces.strongest) {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
@@ -64,19 +67,6 @@ impl WaterMotion {
             motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ ripples::FIELD));
         }
         motion
-    }
-
-    /// Returns true if the water is so rough at some time of the shot that what it mirrors is seen
-    /// in pieces. The same for a whole shot, so that nothing changes at once when the wind rises.
-    #[must_use]
-    pub fn is_rough(&self) -> bool {
-        self.is_rough
-    }
-
-    /// Adds the streams of a water at a time, s.
-    pub(crate) fn with_rills(self, grid: Option<&Arc<WaterGrid>>, time: f64) -> Self {
-        let running = grid.filter(|grid| grid.rills().is_some()).map(|grid| (Arc::clone(grid), time));
-        Self { running, ..self }
     }
 
     /// Adds the slopes of streams at a place, metres along the two level axes, of a piece `width`

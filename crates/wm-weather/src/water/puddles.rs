@@ -57,8 +57,9 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
     // Nodes are the middles of cells.
     let origin = [x + 0.5 * state.step, y + 0.5 * state.step];
     let nodes = (0..state.ground.len()).map(node);
-    let grid = WaterGrid::new(origin, state.step, [state.width, state.height], nodes);
-    grid.with_rills(Rills::new(streams, state.ground.clone(), state.step, state.width))
+    let mut grid = WaterGrid::new(origin, state.step, [state.width, state.height], nodes);
+    grid.rills = Rills::new(streams, state.ground.clone(), state.step, state.width);
+    grid
 }
 
 /// Depths of standing water at each node, m, below 0 beside it. Levels go on beyond the cells of

@@ -38,6 +38,10 @@ impl WaterBody {
 
 const SITE: Site = Site::PLAIN;
 
+fn on_grid(grid: WaterGrid) -> WaterMap {
+    WaterMap::new(None, Some(Arc::new(grid)), &SITE)
+}
+
 fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
     let [eye, target] = [eye, target].map(glam::DVec3::from_array);
     Camera::looking((160, 120), 60.0, eye, target, glam::DVec3::Z).unwrap()
@@ -117,7 +121,7 @@ fn foam_covers_its_share_of_the_water() {
     }
     let mean = |wind: f64, depth: f32, width: f32| {
         let forces = WaterForces { wind: [wind, 0.0], fetch: 300.0, ..WaterForces::default() };
-        let motion = WaterMotion::new(&forces);
+        let motion = WaterMotion::new(&forces, None);
         let foam = motion.foam.as_ref().unwrap();
         let at = |k: u32| slope(&motion, 0.37 * f64::from(k % 60), 0.41 * f64::from(k / 60), width);
         let sum: f32 =
@@ -135,7 +139,7 @@ fn foam_covers_its_share_of_the_water() {
     let depths = [0.0, 0.02, 0.05, 1.0].map(|depth| mean(12.0, depth, 0.05));
     assert!((depths[0] - 0.5).abs() < 0.07 && depths.is_sorted_by(|a, b| a > b), "{depths:?}");
     let calm = WaterForces { wind: [3.0, 0.0], fetch: 300.0, ..WaterForces::default() };
-    assert!(WaterMotion::new(&calm).foam.is_none());
+    assert!(WaterMotion::new(&calm, None).foam.is_none());
 }
 
 /// The variance of slopes on tiles, and within what is too wide to see them, is that of the law.
@@ -144,7 +148,7 @@ fn slopes_have_the_variance_of_their_spectrum() {
     let (mut wind, mut rain) = (0.0, 0.0);
     let times = [0.0, 1.7, 33.0];
     for time in times {
-        let of = |forces| f64::from(slope(&WaterMotion::new(&forces), 0.3, 0.7, 1e4)[2]);
+        let of = |forces| f64::from(slope(&WaterMotion::new(&forces, None), 0.3, 0.7, 1e4)[2]);
         let still = of(WaterForces::default());
         wind += of(WaterForces { wind: [5.0, 2.0], fetch: 50.0, time, ..WaterForces::default() }) - still;
         rain += of(WaterForces { rain: 10.0, depth: 1.0, time, ..WaterForces::default() }) - still;
@@ -176,7 +180,7 @@ fn motion_is_fixed_to_the_world() {
         seed: 1,
         ..WaterForces::default()
     };
-    let [now, again, later] = [2.0, 2.0, 2.1].map(|time| WaterMotion::new(&forces(time)));
+    let [now, again, later] = [2.0, 2.0, 2.1].map(|time| WaterMotion::new(&forces(time), None));
     let at = |motion: &WaterMotion| slope(motion, 12.3, -4.5, 0.01);
     assert_eq!(at(&now), at(&again));
     assert_ne!(at(&now), at(&later));
@@ -184,7 +188,7 @@ fn motion_is_fixed_to_the_world() {
 
 #[test]
 fn a_ray_meets_the_water_where_it_stands() {
-    let map = WaterMap::flood(0.5, &SITE);
+    let map = WaterMap::new(Some(0.5), None, &SITE);
     let camera = camera([0.0, 0.0, 2.0], [10.0, 0.0, 0.5]);
     let surface = WaterSurface::of(&map, &camera).unwrap();
     let mut wet = 0;
@@ -203,7 +207,7 @@ fn a_ray_meets_the_water_where_it_stands() {
     let depth = |near: f64| WaterSurface::of(&map, &Camera { near, ..camera }).unwrap().depth;
     assert!(depth(5.0).iter().zip(&surface.depth).all(|(a, b)| a.to_bits() == b.to_bits()));
     // From below the surface nothing is seen of it.
-    assert!(WaterSurface::of(&WaterMap::flood(2.5, &SITE), &camera).is_none());
+    assert!(WaterSurface::of(&WaterMap::new(Some(2.5), None, &SITE), &camera).is_none());
 }
 
 #[test]
@@ -221,7 +225,7 @@ fn a_puddle_has_soft_edges_and_its_own_level() {
         roughness: 0.0,
     };
     let grid = WaterGrid::new([3.0, -2.0], 0.1, [width, height], nodes.map(node));
-    let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
+    let map = on_grid(grid);
     let surface = WaterSurface::of(&map, &camera([0.0, 0.0, 1.6], [5.0, 0.0, 0.0])).unwrap();
     assert!((surface.level - 0.02).abs() < 1e-6);
     let soft = surface.cover.iter().filter(|cover| (0.05..0.95).contains(*cover)).count();
@@ -261,12 +265,12 @@ fn wet_ground_is_met_on_its_slope() {
     let dry = WaterState { filled: none.clone(), pores: none.clone(), ..state.clone() };
     let dry = puddles(&dry, 0.8, &SITE);
     let lawn = WaterState { matte: vec![1.0; none.len()], ..state.clone() };
-    let lawn = WaterMap::of_grid(Some(Arc::new(puddles(&lawn, 0.8, &SITE))), &SITE);
+    let lawn = on_grid(puddles(&lawn, 0.8, &SITE));
     // Full pores without a film mirror as roughly as the grains lie.
     let damp = WaterState { filled: none, ..state.clone() };
-    let damp = WaterMap::of_grid(Some(Arc::new(puddles(&damp, 0.8, &SITE))), &SITE);
-    let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
-    let dry = WaterMap::of_grid(Some(Arc::new(dry)), &SITE);
+    let damp = on_grid(puddles(&damp, 0.8, &SITE));
+    let map = on_grid(grid);
+    let dry = on_grid(dry);
     for i in 0..width - 1 {
         // Deeper than some millimetres water hides the ground, and is smooth; a film is rough, and
         // lawn does not shine.
@@ -310,7 +314,7 @@ fn wet_ground_is_met_on_its_slope() {
 /// from the right.
 #[test]
 fn the_mirrored_eye_sees_mirror_images() {
-    let map = WaterMap::flood(0.3, &SITE);
+    let map = WaterMap::new(Some(0.3), None, &SITE);
     let eye = camera([1.0, -2.0, 1.7], [8.0, 0.5, 0.9]);
     let surface = WaterSurface::of(&map, &eye).unwrap();
     let mirror = MirrorView::new(&map, &surface, &eye);

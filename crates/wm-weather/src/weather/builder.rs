@@ -3,14 +3,11 @@
 use super::prepared::PreparedWeather;
 use crate::cover::CoverRequest;
 use crate::dome::Dome;
-use crate::grade::ColorGrade;
-use crate::lens::Glass;
 use crate::level::level_axes;
 use crate::light::{Flash, FlashLight, LightChange};
 use crate::optics::{AirLayer, Atmosphere, Daylight, Site, SiteLight};
 use crate::particles::fall::WindSample;
 use crate::particles::{LEAST_RATE, Precipitation};
-use crate::splash::Splash;
 use crate::wind::Wind;
 use wm_render::hooks::SkySplats;
 
@@ -116,21 +113,6 @@ impl WeatherBuilder {
         if !request.is_nothing() {
             self.prepared.cover.push(request);
         }
-    }
-
-    /// Has the rain splash.
-    pub fn set_splash(&mut self, splash: Splash) {
-        self.prepared.splash = Some(splash).filter(|splash| splash.amount > 0.0);
-    }
-
-    /// Grades the finished picture.
-    pub fn set_grade(&mut self, grade: ColorGrade) {
-        self.prepared.grade = Some(grade).filter(|grade| !grade.is_neutral());
-    }
-
-    /// Puts a glass before the camera.
-    pub fn set_glass(&mut self, glass: Glass) {
-        self.prepared.glass = Some(Box::new(glass)).filter(|glass| !glass.is_clear());
     }
 
     /// Ends the weather: the air of all layers, and what depends on the light.

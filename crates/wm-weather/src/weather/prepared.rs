@@ -15,7 +15,6 @@ use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
 use crate::particles::fall::{Surroundings, WindSample};
 use crate::particles::{NearParticle, ParticleShape, Precipitation, near};
 use crate::shelter::Shelter;
-use crate::splash::Splash;
 use crate::water::{Flood, WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
 use crate::wetness::{SkySheen, SlantedRain, WetRequest};
 use std::fmt;
@@ -48,8 +47,10 @@ pub struct PreparedWeather {
     pub(super) site: Site,
     pub(super) time: f64,
     pub(crate) paper: Vec<PaperFog>,
-    pub(crate) paper_falls: Vec<PaperFall>,
-    pub(super) falling: Vec<Precipitation>,
+    /// The paper's rain and snow: overlaid on the picture that [`Self::pass`] gives.
+    pub paper_falls: Vec<PaperFall>,
+    /// The kinds that fall, with their rates.
+    pub falling: Vec<Precipitation>,
     /// The layers of the air that float: all but those of what falls.
     pub(crate) floating: Vec<AirLayer>,
     pub(super) wind_now: WindSample,
@@ -62,18 +63,20 @@ pub struct PreparedWeather {
     /// There may be lightning at other instants.
     pub(super) has_lightning: bool,
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
-    pub(super) grade: Option<ColorGrade>,
+    pub(crate) grade: Option<ColorGrade>,
     /// The covers, the lowest first.
     pub(super) cover: Vec<CoverRequest>,
     /// The least wind that carries some of what may lie along the ground, m/s at 10 m.
     pub(super) carried: f64,
-    pub(crate) paper_cover: Option<PaperCover>,
+    /// The paper's lying snow, if there is any: the same at all times.
+    pub paper_cover: Option<PaperCover>,
     pub(crate) wetness: Option<WetRequest>,
     /// Water at one level.
     pub(crate) flood: Option<Flood>,
-    pub(super) splash: Option<Splash>,
+    /// Factor on the splashes of the rain; `None` where it does not splash.
+    pub splash: Option<f64>,
     /// The glass before the camera, if it shows.
-    pub(super) glass: Option<Box<Glass>>,
+    pub(crate) glass: Option<Box<Glass>>,
     /// Changes of finished pixels that effects contribute.
     pub(crate) pixels: Vec<Arc<dyn PixelContribution>>,
     /// The strongest wind of the whole time, m/s.
@@ -143,12 +146,6 @@ impl PreparedWeather {
         let Observer { shelter, velocity, .. } = *seen;
         let (site, wind, time) = (&self.site, self.wind_now, self.time);
         Surroundings { site, air, shelter, lamps: None, wind, velocity, time }
-    }
-
-    /// Returns the kinds that fall, with their rates.
-    #[must_use]
-    pub fn falling(&self) -> &[Precipitation] {
-        &self.falling
     }
 
     /// Returns the rate of the rain, mm/h: of all that is water.
@@ -233,12 +230,6 @@ impl PreparedWeather {
         self.falling.iter().flat_map(of_kind).collect()
     }
 
-    /// The paper's rain and snow: overlaid on the picture that [`Self::pass`] gives.
-    #[must_use]
-    pub fn paper_falls(&self) -> &[PaperFall] {
-        &self.paper_falls
-    }
-
     /// The sub-clouds of one of [`Self::paper_falls`], the farthest first, each to be rendered by
     /// itself.
     #[must_use]
@@ -284,12 +275,6 @@ impl PreparedWeather {
         self.flood.as_ref().filter(|flood| flood.level > 0.0)
     }
 
-    /// Returns the splashes of the rain; `None` where it does not splash.
-    #[must_use]
-    pub fn splash(&self) -> Option<Splash> {
-        self.splash
-    }
-
     /// Returns the glass before the camera; `None` if it changes no picture.
     #[must_use]
     pub fn glass(&self) -> Option<&Glass> {
@@ -305,11 +290,9 @@ impl PreparedWeather {
     /// Returns where water stands, with the puddles of the place; `None` where none does.
     #[must_use]
     pub fn water(&self, puddles: Option<&Arc<WaterGrid>>) -> Option<WaterMap> {
-        match (self.flood(), puddles.cloned()) {
-            (Some(flood), puddles) => Some(WaterMap::flood(flood.height(), &self.site).with_grid(puddles)),
-            (None, Some(puddles)) => Some(WaterMap::of_grid(Some(puddles), &self.site)),
-            (None, None) => None,
-        }
+        let flood = self.flood().map(Flood::height);
+        let has_water = flood.is_some() || puddles.is_some();
+        has_water.then(|| WaterMap::new(flood, puddles.cloned(), &self.site))
     }
 
     /// Returns the motion of the water, with the streams of the place.
@@ -320,7 +303,7 @@ impl PreparedWeather {
         let (wind, time, strongest) = (self.wind_now.mean, self.time, self.strongest_wind);
         let depth = if self.flood().is_some() { FLOOD_DEPTH_M } else { PUDDLE_DEPTH_M };
         let forces = WaterForces { wind, strongest, fetch, rain, depth, time, seed };
-        WaterMotion::new(&forces).with_rills(puddles, time)
+        WaterMotion::new(&forces, puddles)
     }
 
     /// Returns what the water is like that has depth.
@@ -350,13 +333,6 @@ impl PreparedWeather {
         SkySheen::new(camera.center().to_array(), &level_axes(self.site.up), sky)
     }
 
-    /// The radiance of the sky near the horizon, linear RGB: what stands where a picture knows
-    /// nothing.
-    #[must_use]
-    pub fn haze(&self) -> [f64; 3] {
-        self.site.airlight
-    }
-
     /// Returns the effect of the mean wind on what lies, while it falls and along the ground: no
     /// more than 45 degrees from straight down ([`Self::slant`]), and along the ground the more the
     /// farther it is above the threshold.
@@ -365,12 +341,6 @@ impl PreparedWeather {
         let [x, y] = self.wind_now.mean;
         let moved = DRIFTING_SHARE * ((x.hypot(y) / self.carried).powi(3) - 1.0).clamp(0.0, 1.0);
         Airflow { slope: self.slant(FLAKE_FALL_SPEED), moved }
-    }
-
-    /// Returns the paper's lying snow, if there is any: the same at all times.
-    #[must_use]
-    pub fn paper_cover(&self) -> Option<&PaperCover> {
-        self.paper_cover.as_ref()
     }
 
     /// Returns the sideways drift by the mean wind, for each metre of fall at `speed`, m/s, along

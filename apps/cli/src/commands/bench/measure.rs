@@ -115,7 +115,7 @@ impl BenchCase {
 
     /// The cover of the paper that the weather has, if any.
     pub(crate) fn paper_cover(&self) -> Option<&PaperCover> {
-        self.sky.paper_cover()
+        self.sky.paper_cover.as_ref()
     }
 
     /// The covers that the weather needs.

@@ -25,11 +25,7 @@ fn half_shaded() -> Splats {
 
 /// A weather of an hour a second.
 fn hours(sets: &[&str]) -> crate::Weather {
-    let mut weather = crate::Weather::clear();
-    for text in sets.iter().chain(&["snow_cover.lapse=3600"]) {
-        weather.set_text(text).unwrap();
-    }
-    weather
+    testing::weather(sets.iter().chain(&["snow_cover.lapse=3600"]))
 }
 
 /// The shade is bare later than the sun, but it does get bare, and new snow lies on both; in
@@ -125,13 +121,8 @@ fn water_is_kept_through_thaws() {
 fn snow_lies_on_sand() {
     let splats = half_shaded();
     let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
-    let weather = |snow: f64| {
-        let mut weather = crate::Weather::clear();
-        for text in [format!("snow_cover.depth={snow}"), "dust_cover.depth=0.03".into()] {
-            weather.set_text(&text).unwrap();
-        }
-        weather
-    };
+    let weather =
+        |snow: f64| testing::weather([format!("snow_cover.depth={snow}"), "dust_cover.depth=0.03".into()]);
     let mut lying = |snow: f64| {
         let sky = weather(snow).at(0.0).prepare(&SITE);
         (cover.lay_all(sky.cover()), sky.cover().len())

@@ -4,7 +4,7 @@ mod melting;
 
 use super::*;
 use crate::particles::random::RandomSequence;
-use crate::testing::{SITE, photo_view};
+use crate::testing::{self, SITE, photo_view};
 use glam::DVec3;
 use wm_scene::Camera;
 use wm_scene::splats::Splat;
@@ -465,18 +465,14 @@ fn wet_snow_sticks_to_the_windward_wall() {
 fn water_is_kept_over_time() {
     let splats = porch();
     let mut cover = cover_of(&splats, &Airflow::default(), [5.0, 4.0, 0.0]);
-    let mut weather = crate::Weather::clear();
-    for text in [
+    let weather = testing::weather([
         "snowfall.rate=0:2,4:4,6:0",
         "snow_cover.depth=auto",
-        // Settled from the start: water is volume times density.
         "snow_cover.density=300",
         "snow_cover.temperature=0:-3,6:-3,8:6",
         "snow_cover.lapse=3600",
         "snow_cover.hours=2",
-    ] {
-        weather.set_text(text).unwrap();
-    }
+    ]);
     // 2 h of 2 mm before, then up to 4 and down to 0, by hand.
     for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
         let sky = weather.at(time).prepare(&SITE);

@@ -24,10 +24,9 @@
 mod lamps_on;
 mod scene;
 
-use super::lamps::{LampKind, LampLight};
+use super::lamps::{LampKind, LampLight, SeenLight};
 use crate::optics::{Atmosphere, Site};
 use fearless_simd::{SimdBase, SimdFloat, SimdMask};
-use glam::Vec3;
 pub use lamps_on::{LampsOn, ShadowedLight};
 use scene::{COLUMN, Column, FIRST_NODE_M, GlowScene, NODES, STEP};
 use std::f64::consts::{PI, TAU};
@@ -327,12 +326,8 @@ impl Head {
         if light.kind != LampKind::Ball {
             return None;
         }
-        let point = Vec3::from_array(light.at).as_dvec3();
-        let view = camera.rotation() * (point - camera.center());
-        if view.z <= camera.near {
-            return None;
-        }
-        let at = [camera.fx * view.x / view.z + camera.cx, camera.fy * view.y / view.z + camera.cy];
+        let SeenLight { view, pixel, to_eye, length } = light.seen_by(camera, camera.near)?;
+        let at = pixel.to_array();
         let pixels = camera.fx * camera.fy;
         let radius = f64::from(light.radius) / (view.z * site.metres_per_unit) * pixels.sqrt();
         let variance = 0.25 * radius * radius + f64::from(PIXEL);
@@ -341,8 +336,7 @@ impl Head {
         if !(0..2).all(|k| at[k] > -reach && at[k] < size[k] + reach) {
             return None;
         }
-        let length = view.length();
-        let towards = (camera.center() - point) / length;
+        let towards = to_eye / length;
         let kept =
             air.evaluate_reference(camera.center().to_array(), (-towards).to_array(), length).transmittance;
         // The light that reaches the camera goes to the pixels of its picture; each holds this

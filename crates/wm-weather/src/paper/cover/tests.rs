@@ -6,6 +6,13 @@ use wm_scene::synthetic::{Builder, moved};
 
 const SITE: Site = Site { airlight: [0.7; 3], far: 60.0, ..testing::SITE };
 
+impl Default for PaperCover {
+    fn default() -> Self {
+        let weather = testing::weather(["fidelity=paper", "snow_cover=on"]);
+        weather.at(0.0).prepare(&SITE).paper_cover.unwrap()
+    }
+}
+
 fn snow(splats: &Splats) -> Splats {
     PaperCover::default().snow(splats, &SITE)
 }

@@ -1,16 +1,12 @@
 use super::*;
 use crate::PreparedWeather;
 use crate::testing;
-use crate::weather::{Observer, Weather};
+use crate::weather::Observer;
 
 const SITE: Site = Site { metres_per_unit: 0.5, airlight: [0.7; 3], far: 60.0, ..testing::SITE };
 
 fn sky(texts: &[&str], time: f64) -> PreparedWeather {
-    let mut weather = Weather::clear();
-    for text in ["fidelity=paper"].iter().chain(texts) {
-        weather.set_text(text).unwrap();
-    }
-    weather.at(time).prepare(&SITE)
+    testing::weather(["fidelity=paper"].iter().chain(texts)).at(time).prepare(&SITE)
 }
 
 fn camera() -> Camera {
@@ -28,7 +24,7 @@ fn sub_clouds_partition_the_noise() {
     let camera = camera();
     for (texts, each) in [(["rain.paper_k=4"], 1), (["snowfall.paper_k=7"], 3), (["rain.paper_k=1"], 1)] {
         let sky = sky(&texts, 3.0);
-        let fall = &sky.paper_falls()[0];
+        let fall = &sky.paper_falls[0];
         let noise = fall.noise(&before(&camera));
         let clouds = fall.sub_clouds(&before(&camera));
         assert!(noise.len() > 400, "{}", noise.len());
@@ -64,7 +60,7 @@ fn sub_clouds_partition_the_noise() {
 fn it_fills_what_is_seen_of_the_box_evenly() {
     let camera = camera();
     let sky = sky(&["rain.paper_number=400000", "rain.paper_box=20"], 12.3);
-    let noise = sky.paper_falls()[0].noise(&before(&camera));
+    let noise = sky.paper_falls[0].noise(&before(&camera));
     let within =
         |radius: f64| noise.iter().filter(|t| DVec3::from_array(t.offset).length() < radius).count() as f64;
     // Of a cone the volume goes with the cube of the distance: half of it in the outer 20.6 %.
@@ -81,7 +77,7 @@ fn things_fall_as_a_function_of_time() {
     let camera = camera();
     let at = |time: f64| {
         let sky = sky(&["rain.paper_speed=0:8,10:4", "rain.seed=3"], time);
-        sky.paper_falls()[0].noise(&before(&camera))
+        sky.paper_falls[0].noise(&before(&camera))
     };
     let (first, then, again) = (at(2.0), at(2.01), at(2.0));
     assert_eq!(first, again);
@@ -103,7 +99,7 @@ fn things_fall_as_a_function_of_time() {
         );
     }
     assert!(pairs > first.len() / 2);
-    let other = sky(&["rain.seed=4"], 2.0).paper_falls()[0].noise(&before(&camera));
+    let other = sky(&["rain.seed=4"], 2.0).paper_falls[0].noise(&before(&camera));
     assert_ne!(other.first().map(|t| t.offset), first.first().map(|t| t.offset));
 }
 
@@ -121,7 +117,7 @@ fn things_stand_in_the_world() {
     )
     .unwrap();
     let sky = sky(&["snowfall.rate=1"], 5.0);
-    let fall = &sky.paper_falls()[0];
+    let fall = &sky.paper_falls[0];
     let (here, there) = (fall.noise(&before(&camera)), fall.noise(&before(&other)));
     let mut same = 0;
     for thing in &here {
@@ -137,7 +133,7 @@ fn a_drop_lies_along_its_apparent_way() {
     let camera = camera();
     // Wind of 8 m/s along x, drops at 8 m/s, by a camera that goes 3 m/s along y.
     let sky = sky(&["rain.paper_speed=8", "wind.speed=8", "wind.direction=0", "wind.gusts=0"], 1.0);
-    let fall = &sky.paper_falls()[0];
+    let fall = &sky.paper_falls[0];
     let clouds = sky.sub_clouds(fall, &Observer { velocity: [0.0, 3.0, 0.0], ..Observer::at_rest(&camera) });
     let cloud = &clouds[0];
     for i in 0..cloud.len() {
@@ -157,7 +153,7 @@ fn a_drop_lies_along_its_apparent_way() {
 fn a_flake_has_three_arms_at_60_degrees() {
     let camera = camera();
     let sky = sky(&["snowfall.rate=1"], 0.0);
-    let cloud = &sky.paper_falls()[0].sub_clouds(&before(&camera))[0];
+    let cloud = &sky.paper_falls[0].sub_clouds(&before(&camera))[0];
     let mut normals = DVec3::ZERO;
     for flake in 0..cloud.len() / 3 {
         let axis = |arm: usize| {

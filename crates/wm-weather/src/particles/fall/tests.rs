@@ -2,11 +2,11 @@
 
 use super::*;
 use crate::effects::EFFECTS;
+use crate::particles::near::each_particle;
 use crate::particles::{ParticleAppearance, PrecipitationKind, RAIN, SNOW};
 use crate::shelter::Occluders;
 use crate::testing;
 use glam::DVec3;
-use std::sync::Arc;
 use wm_scene::Camera;
 
 const SITE: Site = Site { metres_per_unit: 0.5, ..testing::SITE };
@@ -146,20 +146,16 @@ fn sizes_follow_the_law() {
 }
 
 /// Adds the drops of a view.
-fn gathered(fall: &FallingParticles<'_>, view: &ParticleView, out: &mut Vec<Particle>) {
-    let path = SimdPath::available()[0];
-    for part in fall.parts(view) {
-        fall.gather(path, view, part, &mut |group| out.extend(group.particles()));
-    }
+fn gathered(fall: &FallingParticles<'_>, view: &ParticleView) -> Vec<Particle> {
+    let mut out = Vec::new();
+    each_particle(fall, SimdPath::available()[0], view, |particle| out.push(particle));
+    out
 }
 
 /// The drops of a frame.
 fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, wind: WindSample) -> Vec<Particle> {
     let fall = FallingParticles::new(precipitation, Surroundings { wind, time, ..around() });
-    let view = ParticleView::new(camera);
-    let mut out = Vec::new();
-    gathered(&fall, &view, &mut out);
-    out
+    gathered(&fall, &ParticleView::new(camera))
 }
 
 /// A place in the world, m.
@@ -265,11 +261,9 @@ fn roofs_keep_dry_what_is_below() {
     let shelter = Occluders::of(&splats, &SITE, &Default::default()).shelter([0.0, 0.0, -1.0]);
     let (rain, camera) = (precipitation(&RAIN, 20.0, 0), camera((900, 600)));
     let view = ParticleView::new(&camera);
-    let [mut open, mut dry] = [Vec::new(), Vec::new()];
-    for (out, shelter) in [(&mut open, None), (&mut dry, Some(&shelter))] {
-        let fall = FallingParticles::new(&rain, Surroundings { shelter, time: 1.0, ..around() });
-        gathered(&fall, &view, out);
-    }
+    let [open, dry] = [None, Some(&shelter)].map(|shelter| {
+        gathered(&FallingParticles::new(&rain, Surroundings { shelter, time: 1.0, ..around() }), &view)
+    });
     let under = |list: &[Particle]| {
         let is_under = |p: &&Particle| {
             let at = place(p, &camera) / SITE.metres_per_unit;
@@ -319,7 +313,7 @@ fn drops_and_air_together_are_the_law() {
             }
             let drawn = cover / (f64::from(times) * angle);
             let wanted = residual.depth(metres);
-            let law = falling.sigma_t() * metres;
+            let law = falling.layer().sigma_t[1] * metres;
             println!("{} {metres} m: {drawn:.5} drawn, {wanted:.5} left out of {law:.5}", kind.name);
             if (drawn - wanted).abs() > 0.02 * law {
                 off.push(metres);

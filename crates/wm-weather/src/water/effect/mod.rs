@@ -32,7 +32,7 @@ impl PictureEffect for WaterEffect<'_> {
         let scene = Scene::new(self, &mirrored);
         let has_films = !self.surface.roughness.is_empty();
         let films = has_films.then(|| ReflectionNodes::new(&scene, path, NodeKind::Films));
-        let is_rough = self.motion.is_rough() && !self.surface.is_film();
+        let is_rough = self.motion.is_rough && !self.surface.is_film();
         let reach = is_rough.then(|| ReflectionNodes::new(&scene, path, NodeKind::Reach));
         let width = picture.width as usize;
         let Frame { rgb, front, depth, alpha, particles, .. } = picture;
