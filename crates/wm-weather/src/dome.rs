@@ -132,8 +132,7 @@ impl Dome {
 
     /// The airlight under it, linear RGB: its mean radiance near the horizon, as the survey takes
     /// it from the splats of a sky; `None` of a sky that is black.
-    #[must_use]
-    pub fn airlight(&self) -> Option<[f64; 3]> {
+    pub(crate) fn airlight(&self) -> Option<[f64; 3]> {
         let light = match &self.look {
             SkyAppearance::Panorama { panorama, .. } => {
                 let light = panorama.airlight()?.map(|v| self.brightness * v);

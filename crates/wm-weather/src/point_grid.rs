@@ -43,12 +43,17 @@ impl PointGrid {
     /// The indices of points in the cells within a width of `point`, in a fixed order.
     pub(crate) fn near(&self, point: Vec3) -> impl Iterator<Item = usize> {
         let middle = (point / self.width).floor().as_ivec3();
-        let ways =
-            (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| IVec3::new(x, y, z))));
-        ways.filter_map(move |way| self.cells.get(&(middle + way)))
+        cubes_about(middle, 1)
+            .filter_map(|cube| self.cells.get(&cube))
             .flat_map(|range| &self.order[range.start as usize..range.end as usize])
             .map(|index| *index as usize)
     }
+}
+
+/// A cube and those within a reach of it.
+pub(crate) fn cubes_about(middle: IVec3, reach: i32) -> impl Iterator<Item = IVec3> {
+    let line = move || -reach..=reach;
+    line().flat_map(move |x| line().flat_map(move |y| line().map(move |z| middle + IVec3::new(x, y, z))))
 }
 
 /// Median distance from a point to the nearest other, as far as `most`.

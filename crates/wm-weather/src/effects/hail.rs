@@ -141,7 +141,6 @@ mod tests {
             let [most, slope] = (HAIL.spectrum)(rate);
             let own = most / slope * (-slope * HAIL.diameters[0]).exp();
             let ratio = numbers.iter().sum::<f64>() / own;
-            println!("{rate} mm/h: {own:.2} stones a m^3, as drawn {ratio:.2} times");
             assert!(!(20.0..50.0).contains(&rate) || (0.9..1.2).contains(&ratio), "{rate}: {ratio}");
         }
     }

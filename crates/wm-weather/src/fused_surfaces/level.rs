@@ -1,7 +1,7 @@
 //! Levels discs onto the surface through those about them.
 
 use super::cubes::Disc;
-use crate::point_grid::PlaceMap;
+use crate::point_grid::{PlaceMap, cubes_about};
 use crate::threads::map;
 use fearless_simd::{Select, Simd, SimdBase, f32x8};
 use glam::{DVec3, IVec3};
@@ -79,8 +79,7 @@ impl Grid {
     /// Returns the discs of its own in a cell after a round.
     fn levelled(&self, cell: IVec3, own: &[u32], discs: &[Disc], origin: DVec3) -> Vec<Disc> {
         let path = SimdPath::widest();
-        let ways = (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| [x, y, z])));
-        let about = ways.filter_map(|way| self.places.get(&(cell + IVec3::from(way))));
+        let about = cubes_about(cell, 1).filter_map(|cube| self.places.get(&cube));
         let about: Vec<&[Block]> = about.map(|range| &self.blocks[range.clone()]).collect();
         let level = |index: &u32| {
             let own = discs[*index as usize];

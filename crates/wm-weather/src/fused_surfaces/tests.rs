@@ -45,7 +45,6 @@ fn discs_lie_on_what_cameras_see_and_look_where_it_looks() {
         count[k] += 1;
     }
     let rough = [0, 1].map(|k| (worst[k] / f64::from(count[k])).sqrt());
-    println!("{count:?} discs, off by {rough:.4?} m, {turned:?} turned, {edges:?} edges");
     assert!(count[0] > 500 && count[1] > 1000 && rough[0] < 0.02 && rough[1] < 0.03, "{rough:?}");
     assert!(turned[0] * 50 < count[0] && turned[1] * 50 < count[1], "{turned:?} of {count:?}");
     assert!(edges[0] * 5 < count[0] && edges[1] * 5 < count[1], "{edges:?} of {count:?}");
@@ -136,7 +135,6 @@ fn the_ground_of_a_walk_is_where_it_must_be() {
         }
         wall += i32::from((x - 3.0).abs() < 0.1 && above > 0.3);
     }
-    println!("{ground} discs of ground within {off:.3} m, {wall} of the wall");
     assert!(ground > 2000 && off < 0.2 && wall > 1000, "{ground} {off} {wall}");
 }
 
@@ -183,7 +181,6 @@ fn the_ground_of_a_court_is_where_all_cameras_are_as_high() {
         let [x, y, z] = mean.map(f64::from);
         rows[(y as usize).min(off as usize - 1)] += i32::from(z.abs() < 0.01 && x.abs() < 2.0);
     }
-    println!("{rows:?} discs a metre");
     assert!(rows[6..off as usize - 1].iter().all(|count| *count >= 6), "{rows:?}");
 }
 
@@ -249,7 +246,6 @@ fn ground_at_a_grazing_angle_is_closed_and_posts_stay() {
     let before = found(&views);
     let [snapped, again] = on_threads([2, 3], || GroundField::snap(&views, SITE.up, SITE.metres_per_unit));
     let after = found(&snapped);
-    println!("closed metres of {}, discs of the post and of the lump: {before:?}, then {after:?}", 13 * 8);
     assert!(before.0 < 90 && after.0 >= 100, "{before:?} {after:?}");
     assert!(after.1 > 10 && after.1 * 4 >= before.1 * 3, "{before:?} {after:?}");
     assert!(before.2 > 20 && after.2 == 0, "{before:?} {after:?}");

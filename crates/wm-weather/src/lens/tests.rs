@@ -105,7 +105,6 @@ fn as_many_drops_land_as_the_flux_says() {
         let expected = flux * patch * (to - from);
         let found = count_landings(&glass, bounds, [from, to]) as f64;
         let sigma = expected.sqrt();
-        println!("{found} of {expected:.0} +- {sigma:.0}");
         // Classes of diameters are some thousandths off.
         assert!((found - expected).abs() < 3.0 * sigma + 0.005 * expected, "{found} of {expected}");
         assert!((found - 1.1 * expected).abs() > 5.0 * sigma, "a tenth more would pass");
@@ -129,7 +128,6 @@ fn landings_follow_rain_that_changes() {
         })
         .sum();
     let found = count_landings(&glass, bounds, [1.0, 9.0]) as f64;
-    println!("{found} of {expected:.0}");
     assert!((found - expected).abs() < 3.0 * expected.sqrt() + 0.01 * expected, "{found} of {expected}");
 }
 
@@ -151,7 +149,6 @@ fn a_drop_shows_the_scene_upside_down() {
         DropLayer::new(&glass, &view, &camera, &[drop], &wide, LayerScale::new(0.0), SimdPath::widest());
     let at = |x: usize, y: usize| layer.pixels[y * layer.width + x];
     let (top, bottom, rim, beside) = (at(100, 78), at(100, 122), at(138, 100), at(150, 100));
-    println!("top {top:?} bottom {bottom:?} rim {rim:?}");
     assert!(top[0] < 0.05 && bottom[0] > 0.8, "{top:?} {bottom:?}");
     assert!((top[3], bottom[3], beside[3]) == (1.0, 1.0, 0.0));
     // The rim is darker than both halves' mean: it mirrors what is inside.
@@ -176,7 +173,6 @@ fn a_long_rain_leaves_no_more_work_than_a_short_one() {
     let rain = steady(Rainfall::onto_glass(15.0));
     let bounds = [[-0.3, -0.2], [0.3, 0.2]];
     let numbers = [300.0, 3000.0, 300_000.0].map(|time| drops(&glass(rain.clone(), 0.5, time), bounds).len());
-    println!("{numbers:?}");
     assert!(numbers.iter().all(|n| (0.8..1.25).contains(&(*n as f64 / numbers[0] as f64))), "{numbers:?}");
 }
 
@@ -229,7 +225,6 @@ fn a_bright_source_has_the_veil_of_vos() {
         let x = 450.0 + camera.fx * degrees.to_radians().tan();
         let found = f64::from(haze.column(&line, x as usize)[0]);
         let wanted = 10.0 * illuminance / degrees.powi(2);
-        println!("{degrees}: {:.3} of the law", found / wanted);
         assert!((0.6..1.6).contains(&(found / wanted)), "{degrees}: {found} for {wanted}");
     }
 }

@@ -36,8 +36,7 @@ impl SkyGradation {
 
     /// The CIE's overcast sky, `L = Z (1 + 2 z) / 3`, with this irradiance on level ground:
     /// `(7 pi / 9) Z`.
-    #[must_use]
-    pub fn overcast(irradiance: [f64; 3]) -> Self {
+    pub(crate) fn overcast(irradiance: [f64; 3]) -> Self {
         let third = irradiance.map(|v| 3.0 * v / (7.0 * PI));
         Self { level: third, rise: third.map(|v| 2.0 * v) }
     }

@@ -5,7 +5,7 @@ use super::places::Surfaces;
 use super::sun_search::lifted;
 use crate::level::{from_level, level_axes};
 use crate::optics::Site;
-use crate::point_grid::PlaceMap;
+use crate::point_grid::{PlaceMap, cubes_about};
 use crate::shelter::{Occluders, Shelter};
 use crate::threads::map;
 use glam::{IVec3, Vec3};
@@ -82,9 +82,7 @@ fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site) -> Vec<[f32; 2]
     map(surfaces.len(), |i| {
         let (point, (middle, side)) = (surfaces.points[i], key(i));
         let (mut sums, mut weights) = ([0.0f32; 2], 0.0f32);
-        let ways =
-            (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| IVec3::new(x, y, z))));
-        for block in ways.filter_map(|way| blocks.get(&(middle + way, side))) {
+        for block in cubes_about(middle, 1).filter_map(|cube| blocks.get(&(cube, side))) {
             let weight = (1.0 - block.middle.distance_squared(point) / (reach * reach)).max(0.0).powi(2);
             (0..2).for_each(|k| sums[k] += weight * block.open[k]);
             weights += weight;

@@ -8,7 +8,7 @@ use super::capture::CaptureLight;
 use super::irradiance::SurfaceLight;
 use super::sun_shadows::SunShadows;
 use crate::optics::Site;
-use crate::point_grid::PlaceMap;
+use crate::point_grid::{PlaceMap, cubes_about};
 use crate::threads::map;
 use glam::{IVec3, Vec3};
 use wm_scene::splats::shortest_axis;
@@ -99,19 +99,11 @@ impl NearSplats {
     /// or else the first within two cells; none in the open.
     fn near(&self, point: Vec3) -> NearShares {
         let middle = (point / self.width).floor().as_ivec3();
-        let at = |x: i32, y: i32, z: i32| self.cells.get(&(middle + IVec3::new(x, y, z))).copied();
-        let shell = |reach: i32| {
-            (-reach..=reach).flat_map(move |x| {
-                (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |z| (x, y, z)))
-            })
-        };
-        let mut found: Vec<(f32, u32)> = shell(1)
-            .filter_map(|(x, y, z)| at(x, y, z))
-            .map(|(index, place)| (place.distance_squared(point), index))
-            .collect();
+        let within = |reach: i32| cubes_about(middle, reach).filter_map(|cube| self.cells.get(&cube));
+        let mut found: Vec<(f32, u32)> =
+            within(1).map(|(index, place)| (place.distance_squared(point), *index)).collect();
         if found.is_empty() {
-            let farther = shell(2).filter_map(|(x, y, z)| at(x, y, z)).next();
-            found.extend(farther.map(|(index, _)| (0.0, index)));
+            found.extend(within(2).next().map(|(index, _)| (0.0, *index)));
         }
         found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         found.truncate(MOST_BESIDE);

@@ -292,7 +292,6 @@ mod tests {
             assert!((flux(&classes, &numbers) / rate - 1.0).abs() < 1e-12);
             // Marshall and Palmer's own numbers, before they are scaled.
             let count = numbers.iter().sum::<f64>();
-            println!("{rate} mm/h: {count:.0} drops a m^3 for {number}");
             assert!((count / number - 1.0).abs() < 0.25, "{rate}: {count}");
             let sigma = 1e3 * RAIN.sigma_t(&classes, rate);
             assert!((sigma / law - 1.0).abs() < 0.01, "{rate}: {sigma} a km");
@@ -311,7 +310,6 @@ mod tests {
             let mean = classes.iter().zip(&numbers).map(|(c, n)| c.fall_speed * n).sum::<f64>()
                 / numbers.iter().sum::<f64>();
             assert!((0.7..1.2).contains(&mean), "{mean} m/s");
-            println!("{rate} mm/h: {:.2} a km for {dims}", 1e3 * SNOW.sigma_t(&classes, rate));
             let sigma = 1e3 * SNOW.sigma_t(&classes, rate);
             assert!((sigma / dims - 1.0).abs() < 0.35, "{rate}: {sigma} a km");
         }

@@ -138,50 +138,6 @@ impl Shelter {
         self.ahead(point) >= -self.query.margin
     }
 
-    /// Returns the exposure of a point (world, scene units), 0-1, with soft edges: the share of the
-    /// cells within `radius` (m, at most 64 cells) of it, across the fall, that hold nothing above
-    /// it, nearer ones counting more (`1 - r^2 / radius^2`): it changes smoothly as the point
-    /// moves, and is a half under a straight edge.
-    ///
-    /// What stands in another cell must be above the point by more than it is away, and the margin,
-    /// so that slopes up to 45 degrees do not shelter themselves, and low things have harder edges
-    /// than high ones. A radius below half a cell asks for the point's own cell. Visits about
-    /// `4 (radius / cell)^2` cells.
-    pub(crate) fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
-        let own = || if self.is_exposed(point) { 1.0 } else { 0.0 };
-        let reach = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
-        let [u, v, t] = self.locate(point);
-        let [width, height] = self.query.size;
-        let is_near = u > -reach && v > -reach && u < width + reach && v < height + reach;
-        if reach.is_nan() || reach < 0.5 || !is_near {
-            return own();
-        }
-        let [columns, rows] = [self.grid.columns, self.grid.rows].map(|v| v as i32);
-        let within = |at: f32| ((at - reach - 0.5).ceil() as i32, (at + reach - 0.5).floor() as i32);
-        let ((left, right), (top, bottom)) = (within(u), within(v));
-        let (mut open, mut all) = (0.0, 0.0);
-        for row in top..=bottom {
-            let dv = row as f32 + 0.5 - v;
-            for column in left..=right {
-                let du = column as f32 + 0.5 - u;
-                let away = du * du + dv * dv;
-                let weight = (1.0 - away / (reach * reach)).max(0.0);
-                all += weight;
-                let is_known = row >= 0 && row < rows && column >= 0 && column < columns;
-                let stop = if is_known {
-                    self.stops[row as usize * self.grid.columns + column as usize]
-                } else {
-                    f32::INFINITY
-                };
-                let above = t - stop;
-                let is_shelter = above > self.query.margin + away.sqrt() * self.query.cell;
-                open += if is_shelter { 0.0 } else { weight };
-            }
-        }
-        // A small circle about a corner of cells reaches none of their middles.
-        if all > 0.0 { open / all } else { own() }
-    }
-
     /// The direction that it was made for, world axes, length 1.
     pub(crate) fn fall(&self) -> [f64; 3] {
         self.grid.axes[2]

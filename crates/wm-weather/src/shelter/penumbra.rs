@@ -130,25 +130,54 @@ impl Shelter {
         (count > 0.0).then(|| sum / count)
     }
 
-    /// The share of the cells within a radius (cells) of a receiver that do not shade it, those
-    /// across the rim by their part.
+    /// Returns the exposure of a point (world, scene units), 0-1, with soft edges: the share of the
+    /// cells within `radius` (m, at most 64 cells) of it, across the fall, that hold nothing above
+    /// it, nearer ones counting more (`1 - r^2 / radius^2`): it changes smoothly as the point
+    /// moves, and is a half under a straight edge.
+    ///
+    /// What stands in another cell must be above the point by more than it is away, and the margin,
+    /// so that slopes up to 45 degrees do not shelter themselves, and low things have harder edges
+    /// than high ones. A radius below half a cell asks for the point's own cell. Visits about
+    /// `4 (radius / cell)^2` cells.
+    pub(crate) fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
+        let own = || if self.is_exposed(point) { 1.0 } else { 0.0 };
+        let reach = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
+        let [u, v, t] = self.locate(point);
+        let [width, height] = self.query.size;
+        let is_near = u > -reach && v > -reach && u < width + reach && v < height + reach;
+        if reach.is_nan() || reach < 0.5 || !is_near {
+            return own();
+        }
+        let (at, margin, spread) = (Vec2::new(u, v), self.query.margin, self.query.cell);
+        let receiver = Receiver { at, t, slope: Vec2::ZERO, margin, spread };
+        let weight = |away: Vec2| (1.0 - away.length_squared() / (reach * reach)).max(0.0);
+        self.mean_open(&receiver, reach, weight).unwrap_or_else(own)
+    }
+
+    /// The share of the source that a receiver sees, smoothed over a radius in cells.
     fn open_within(&self, receiver: &Receiver, radius: f32) -> f32 {
-        let Vec2 { x: u, y: v } = receiver.at;
         let reach = radius + 0.5;
+        let weight = |away: Vec2| (reach - away.length()).clamp(0.0, 1.0);
+        self.mean_open(receiver, reach, weight).unwrap_or(1.0)
+    }
+
+    /// The share of the cells about a receiver that do not shade it, weighted by how far away they
+    /// are; `None` if none has a weight.
+    #[inline]
+    fn mean_open(&self, receiver: &Receiver, reach: f32, weight: impl Fn(Vec2) -> f32) -> Option<f32> {
         let within = |at: f32| ((at - reach - 0.5).ceil() as i32, (at + reach - 0.5).floor() as i32);
-        let ((left, right), (top, bottom)) = (within(u), within(v));
+        let ((left, right), (top, bottom)) = (within(receiver.at.x), within(receiver.at.y));
         let (mut open, mut all) = (0.0f32, 0.0f32);
         for row in top..=bottom {
             for column in left..=right {
-                let away = (Vec2::new(column as f32 + 0.5, row as f32 + 0.5) - receiver.at).length();
-                let weight = (reach - away).clamp(0.0, 1.0);
+                let weight = weight(Vec2::new(column as f32 + 0.5, row as f32 + 0.5) - receiver.at);
                 if weight > 0.0 {
                     all += weight;
                     open += if self.shade(receiver, column, row).is_none() { weight } else { 0.0 };
                 }
             }
         }
-        if all > 0.0 { open / all } else { 1.0 }
+        (all > 0.0).then(|| open / all)
     }
 }
 

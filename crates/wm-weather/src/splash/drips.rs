@@ -69,8 +69,7 @@ impl Fall {
     }
 
     /// The speed after some seconds, m/s.
-    #[must_use]
-    pub fn speed(self, age: f64) -> f64 {
+    pub(crate) fn speed(self, age: f64) -> f64 {
         self.terminal * (age.max(0.0) * GRAVITY / self.terminal).tanh()
     }
 }

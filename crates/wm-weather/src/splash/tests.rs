@@ -50,7 +50,6 @@ fn as_many_drops_splash_as_the_sizes_of_the_rain_say() {
             [(all, flux(rate, |d, _| d > 1.0)), (splashes, flux(rate, |d, speed| throws(d, speed, film)))]
         {
             let wanted = wanted * area_time;
-            println!("{rate} mm/h, {film} mm: {found} for {wanted:.0}");
             // Three standard deviations of a Poisson count, and 1 % for classes of one speed; a
             // tenth is far more.
             let allowed = 3.0 * wanted.sqrt() + 0.01 * wanted;
@@ -137,7 +136,6 @@ fn droplets_fly_as_drag_lets_them() {
         }
     }
     let means = sums.map(|sum| sum / count);
-    println!("height, range and time: {means:.3?}");
     // On the average they are within a twentieth: an error of a tenth shows.
     assert!(means.iter().all(|mean| mean.abs() < 0.05), "{means:?}");
 }

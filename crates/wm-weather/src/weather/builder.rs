@@ -22,7 +22,7 @@ pub(crate) struct WeatherBuilder {
 
 impl WeatherBuilder {
     /// A clear instant, in seconds, at a place.
-    pub fn new(site: Site, time: f64) -> Self {
+    pub(crate) fn new(site: Site, time: f64) -> Self {
         let prepared = PreparedWeather {
             air: Atmosphere::new(Vec::new(), site),
             site,
@@ -51,13 +51,13 @@ impl WeatherBuilder {
     }
 
     /// The place, with the light of the effects so far.
-    pub fn site(&self) -> &Site {
+    pub(crate) fn site(&self) -> &Site {
         &self.prepared.site
     }
 
     /// Puts a sky behind the scene. It must come before all other effects, so that they are lit by
     /// this sky.
-    pub fn set_sky(&mut self, sky: Dome) {
+    pub(crate) fn set_sky(&mut self, sky: Dome) {
         let site = &mut self.prepared.site;
         let lights = site.daylight == Daylight::Guessed || sky.sky_splats == SkySplats::LeftOut;
         site.airlight = sky.airlight().filter(|_| lights).unwrap_or(site.airlight);
@@ -65,7 +65,7 @@ impl WeatherBuilder {
     }
 
     /// Changes the light on the scene, and with it the sky if no effect has named one.
-    pub fn change_light(&mut self, change: LightChange) {
+    pub(crate) fn change_light(&mut self, change: LightChange) {
         if change.is_nothing() {
             return;
         }
@@ -79,7 +79,7 @@ impl WeatherBuilder {
     }
 
     /// Adds lightning, which flashes at the instant or does not.
-    pub fn set_flash(&mut self, flash: Option<Flash>) {
+    pub(crate) fn set_flash(&mut self, flash: Option<Flash>) {
         self.flash = flash;
         self.prepared.has_lightning = true;
         self.prepared.site.light = SiteLight::OfWeather;
@@ -87,20 +87,20 @@ impl WeatherBuilder {
     }
 
     /// Adds a layer of air that floats.
-    pub fn add_air(&mut self, layer: AirLayer) {
+    pub(crate) fn add_air(&mut self, layer: AirLayer) {
         self.layers.push(layer);
         self.prepared.floating.push(layer);
     }
 
     /// Sets the wind.
-    pub fn set_wind(&mut self, wind: &Wind) {
+    pub(crate) fn set_wind(&mut self, wind: &Wind) {
         let time = self.prepared.time;
         self.prepared.wind_now =
             WindSample { drift: wind.drift(time), wind: wind.at(time), mean: wind.mean(time) };
     }
 
     /// Adds something that falls, and its part of the air.
-    pub fn add_fall(&mut self, fall: Precipitation) {
+    pub(crate) fn add_fall(&mut self, fall: Precipitation) {
         if fall.rate >= LEAST_RATE {
             self.layers.push(fall.layer());
             self.prepared.falling.push(fall);
@@ -108,7 +108,7 @@ impl WeatherBuilder {
     }
 
     /// Adds something that lies, on what lies already.
-    pub fn add_cover(&mut self, request: CoverRequest) {
+    pub(crate) fn add_cover(&mut self, request: CoverRequest) {
         self.prepared.carried = self.prepared.carried.min(request.threshold);
         if !request.is_nothing() {
             self.prepared.cover.push(request);
@@ -116,7 +116,7 @@ impl WeatherBuilder {
     }
 
     /// Ends the weather: the air of all layers, and what depends on the light.
-    pub fn finish(self) -> PreparedWeather {
+    pub(crate) fn finish(self) -> PreparedWeather {
         let Self { mut prepared, layers, flash } = self;
         let site = prepared.site;
         prepared.air = Atmosphere::new(layers, site);

@@ -99,7 +99,6 @@ fn water_is_kept_through_thaws() {
         let area = f64::from(cover.rings[0].cell).powi(2);
         let [lies, melted, shed] = account(&cover, &lying);
         let all: f64 = cover.rings[0].share.iter().map(|share| f64::from(*share) * area * fell).sum();
-        println!("{time} h: {lies:.1} kg lie, {melted:.1} melted, {shed:.1} shed of {all:.1}");
         assert!(((lies + melted + shed) / all - 1.0).abs() < 0.01, "{time}: {lies} {melted} {shed} {all}");
         // Counted from the places: each loses by its own light what can melt, as far as it has any.
         // Until then there were 26 degrees and hours, of which each melts 4 mm in a day.
@@ -110,7 +109,6 @@ fn water_is_kept_through_thaws() {
                 can.min(fell * f64::from(ground.share[node])) * area
             };
             let by_hand: f64 = (0..ground.len()).map(melts).sum();
-            println!("{by_hand:.1} kg by hand");
             assert!((melted / by_hand - 1.0).abs() < 0.01, "{melted} {by_hand}");
         }
     }

@@ -80,7 +80,6 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
     let below = mean(&cover, &lying, [5.0, 6.0], [4.0, 5.0], [-0.2, 0.2]);
-    println!("open {open:.4}, roof {roof:.4}, below {below:.4}");
     assert!((open / 0.1 - 1.0).abs() < 0.03 && (roof / 0.1 - 1.0).abs() < 0.03, "{open} {roof}");
     assert!(below < 0.005, "{below}");
     // What fell lies.
@@ -239,7 +238,6 @@ fn snow_closes_over_rough_ground_and_posts_stick_out() {
     let far = |index: &usize| (splats.means[*index][0] - 1.5).hypot(splats.means[*index][1] - 1.5) > 1.0;
     let open: Vec<usize> = (0..rough).filter(far).collect();
     let covered = open.iter().filter(|index| snow[**index] > 0.95).count();
-    println!("{covered} of {} rough splats and {:?} below are hidden", open.len(), &snow[rough..lawn]);
     assert!(covered as f64 > 0.97 * open.len() as f64 && open.len() > 400, "{covered} of {}", open.len());
     assert!(snow[rough..lawn].iter().all(|hidden| *hidden > 0.95), "{:?}", &snow[rough..lawn]);
     assert!(snow[lawn] < 0.05, "the post is hidden by {}", snow[lawn]);
@@ -376,7 +374,6 @@ fn the_lee_of_a_house_holds_less() {
     let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
-    println!("windward {windward:.4}, lee {lee:.4}, open {open:.4}");
     assert!(windward > 0.09 && lee < 0.02 && (open / 0.1 - 1.0).abs() < 0.03, "{windward} {lee} {open}");
 }
 
@@ -397,7 +394,6 @@ fn what_falls_is_what_lies() {
         let gone = lying.melted[0] * cell;
         let shed = (lying.settled[0].lost + 0.1 * ground.shed) * cell;
         let fell = 0.1 * yard(ground);
-        println!("{flow:?}: {lies:.4} m^3 lie, {gone:.4} melted, {shed:.4} shed of {fell:.4}");
         assert!(((lies + gone + shed) / fell - 1.0).abs() < 0.01, "{flow:?}: {lies} {gone} {shed} {fell}");
         assert!((gone > 0.3 * fell) == (melted > 0.0));
     }
@@ -418,7 +414,6 @@ fn snow_drifts_behind_a_wall() {
     };
     let (before, lee, far) = (side(0.5, [4.0, 6.0]), side(0.5, [9.0, 11.0]), side(0.5, [16.0, 18.0]));
     let still = side(0.0, [9.0, 11.0]);
-    println!("before {before:.4}, lee {lee:.4} (without wind {still:.4}), far {far:.4}");
     assert!(lee > 1.3 * still && (before / 0.1 - 1.0).abs() < 0.05 && far > 0.05, "{before} {lee} {far}");
 }
 
@@ -442,7 +437,6 @@ fn wet_snow_sticks_to_the_windward_wall() {
         sides(&cover.lay_all(&[CoverRequest { wet_fall, ..ASKED }]).splats)
     };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
-    println!("{windward} on the windward wall, {lee} in the lee");
     assert!(windward > 300 && lee == 0, "{windward} {lee}");
     // The same where the place reaches far, and the widest cells are wide.
     let mut far = Builder::new(2);
@@ -480,7 +474,6 @@ fn water_is_kept_over_time() {
         let [lies, melted, shed] = account(&cover, &lying);
         let fell = fell * yard(&cover.rings[0]);
         let all = (lies + melted + shed) / fell;
-        println!("{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {fell:.1}");
         assert!((all - 1.0).abs() < 0.01, "{time}: {all}");
         assert!((melted > 0.0) == (time > 6.0));
     }

@@ -114,7 +114,6 @@ fn a_gauge_catches_what_is_asked() {
             }
             // mm^3 on that area in 10 s.
             let found = water * 1e-6 / (side * side) * 360.0;
-            println!("{} {rate} mm/h: {found:.2} caught", kind.name);
             assert!((found / rate - 1.0).abs() < 0.05, "{} {rate}: {found}", kind.name);
         }
     }
@@ -141,7 +140,6 @@ fn sizes_follow_the_law() {
         let off = sizes.iter().enumerate().map(|(i, d)| (below(*d) - (i as f64 + 0.5) / count).abs());
         worst = worst.max(off.fold(0.0, f64::max));
     }
-    println!("Kolmogorov-Smirnov {worst:.4}");
     assert!(worst < 0.01, "{worst}");
 }
 
@@ -243,7 +241,6 @@ fn ramps_move_nothing() {
         let second = frame(&falls[1], &wide, 3.0 + step, WindSample::default());
         let (found, all) = followed(&first, &second, [&wide, &wide], step, 4e-3);
         let share = found as f64 / all as f64;
-        println!("{} {rates:?}: {found} of {all} went on", kind.name);
         // As many stay as the rates say, and those that stay are where their speed takes them.
         let least = if rates[1] > rates[0] { 0.99 } else { 0.6 };
         assert!(share > least && all > 100, "{} {rates:?}: {found} of {all}", kind.name);
