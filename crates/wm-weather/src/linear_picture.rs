@@ -33,16 +33,42 @@ impl LinearPicture {
         let u = (x * scale - 0.5).clamp(0.0, (self.width - 1) as f32);
         let v = (y * scale - 0.5).clamp(0.0, (self.height - 1) as f32);
         let (left, top) = (u as usize, v as usize);
-        let (fx, fy) = (u - left as f32, v - top as f32);
-        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
-        let [a, b] = [left, right].map(|column| &self.pixels[top * self.width + column]);
-        let [c, d] = [left, right].map(|column| &self.pixels[bottom * self.width + column]);
-        std::array::from_fn(|k| {
-            let upper = a[k] + fx * (b[k] - a[k]);
-            let lower = c[k] + fx * (d[k] - c[k]);
-            upper + fy * (lower - upper)
-        })
+        between(&self.pixels, self.width, [left, top], [u - left as f32, v - top as f32])
     }
+}
+
+/// Parts of the way from a pixel to the next ones; beyond the edge those are the last pixels.
+#[inline(always)]
+pub(crate) fn between<const N: usize>(
+    pixels: &[[f32; N]],
+    width: usize,
+    place: [usize; 2],
+    parts: [f32; 2],
+) -> [f32; N] {
+    let ([left, top], height) = (place, pixels.len() / width);
+    let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
+    let row = |y: usize| mix(&pixels[y * width + left], &pixels[y * width + right], parts[0]);
+    mix(&row(top), &row(bottom), parts[1])
+}
+
+/// Part of the way from one pixel to another.
+#[inline(always)]
+pub(crate) fn mix<const N: usize>(a: &[f32; N], b: &[f32; N], part: f32) -> [f32; N] {
+    std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
+}
+
+/// A picture of half as many pixels along both sides, and its width.
+pub(crate) fn halved<const N: usize>(width: usize, pixels: &[[f32; N]]) -> (usize, Vec<[f32; N]>) {
+    let height = pixels.len() / width;
+    let (across, down) = (width.div_ceil(2), height.div_ceil(2));
+    let mut half = Vec::with_capacity(across * down);
+    for (y, x) in (0..down).flat_map(|y| (0..across).map(move |x| (y, x))) {
+        let (right, below) = ((2 * x + 1).min(width - 1), (2 * y + 1).min(height - 1));
+        let four = [(2 * x, 2 * y), (right, 2 * y), (2 * x, below), (right, below)];
+        let four = four.map(|(x, y)| pixels[y * width + x]);
+        half.push(std::array::from_fn(|k| 0.25 * four.iter().map(|pixel| pixel[k]).sum::<f32>()));
+    }
+    (across, half)
 }
 
 /// Display-referred pixels of a row in linear light.

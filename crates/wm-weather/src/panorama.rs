@@ -53,13 +53,14 @@ pub enum PanoramaError {
     },
 }
 
-/// The lower half of a panorama.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LowerHemisphere {
-    /// Haze of the colours just above it.
-    Haze,
-    /// The lower half of the image.
-    Image,
+crate::param::words! {
+    /// The lower half of a panorama.
+    enum LowerHemisphere {
+        /// Haze of the colours just above it.
+        Haze = "haze",
+        /// The lower half of the image.
+        Image = "picture",
+    }
 }
 
 /// A picture of all directions.

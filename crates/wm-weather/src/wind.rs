@@ -8,6 +8,7 @@
 
 use crate::param::ParamValue;
 use crate::track::Track;
+use glam::DVec2;
 use std::f64::consts::TAU;
 use wm_base::random::uniform;
 
@@ -87,16 +88,12 @@ impl Wind {
             .collect();
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
-        let mut sum = [0.0; 2];
-        for pair in breaks.windows(2) {
-            let part = self.part(pair[0], pair[1]);
-            (0..2).for_each(|k| sum[k] += part[k]);
-        }
-        if time < 0.0 { sum.map(|v| -v) } else { sum }
+        let sum: DVec2 = breaks.windows(2).map(|pair| self.part(pair[0], pair[1])).sum();
+        if time < 0.0 { -sum } else { sum }.to_array()
     }
 
     /// The integral between two times, with no key of a track between.
-    fn part(&self, from: f64, to: f64) -> [f64; 2] {
+    fn part(&self, from: f64, to: f64) -> DVec2 {
         let middle = 0.5 * (from + to);
         let steady = |track: &Track| {
             let value = track.at(middle);
@@ -109,18 +106,17 @@ impl Wind {
                 wave[0] / wave[1] * (end(to) - end(from))
             };
             let [a, b] = self.waves.each_ref().map(|waves| self.gusts * waves.iter().map(way).sum::<f64>());
-            return turned(self.mean(middle), [to - from + a, b]);
+            return turned(self.mean(middle), [to - from + a, b]).into();
         }
         let steps = ((to - from) / STEP).ceil().max(1.0);
         let length = (to - from) / steps;
         // Gauss and Legendre with three points: exact to the fifth power.
         let points = [(-0.6f64.sqrt(), 5.0 / 18.0), (0.0, 4.0 / 9.0), (0.6f64.sqrt(), 5.0 / 18.0)];
-        let mut sum = [0.0; 2];
+        let mut sum = DVec2::ZERO;
         for step in 0..steps as u64 {
             let center = from + length * (step as f64 + 0.5);
             for (off, weight) in points {
-                let wind = self.at(center + 0.5 * length * off);
-                (0..2).for_each(|k| sum[k] += weight * length * wind[k]);
+                sum += weight * length * DVec2::from_array(self.at(center + 0.5 * length * off));
             }
         }
         sum

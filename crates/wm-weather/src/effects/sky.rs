@@ -39,16 +39,6 @@ crate::param::words! {
 }
 
 crate::param::words! {
-    /// The lower half of a panorama.
-    enum Lower {
-        /// Haze of the colours just above it.
-        Haze = "haze",
-        /// The lower half of the image.
-        Image = "picture",
-    }
-}
-
-crate::param::words! {
     /// The treatment of the scene's own sky splats.
     enum SceneSky {
         /// It stays before this one.
@@ -83,7 +73,7 @@ crate::param::params! {
         heading: f64 = ParamValue::Number(0.0), -36_000.0 => 36_000.0, "deg";
         /// Lower half of a panorama: `haze` of the colours just above the horizon, or the lower
         /// half of the `picture`.
-        below: Lower = ParamValue::Word("haze"), 0.0 => 0.0, "";
+        below: LowerHemisphere = ParamValue::Word("haze"), 0.0 => 0.0, "";
         /// Factor on its light.
         brightness: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
         /// Treatment of the scene's own sky, if it has one: `keep` draws it in front of this one,
@@ -124,11 +114,7 @@ impl SkyParams {
             Model::Auto => {
                 let panorama = self.panorama.as_ref().and_then(ImageFile::panorama);
                 if let Some(panorama) = panorama {
-                    let below = match self.below {
-                        Lower::Haze => LowerHemisphere::Haze,
-                        Lower::Image => LowerHemisphere::Image,
-                    };
-                    return SkyAppearance::Panorama { panorama: panorama.clone(), heading: self.heading, below };
+                    return SkyAppearance::Panorama { panorama: panorama.clone(), heading: self.heading, below: self.below };
                 }
                 if let Some(color) = self.color {
                     return SkyAppearance::Plain(color.map(srgb_decode));

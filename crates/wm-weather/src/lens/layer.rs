@@ -9,6 +9,7 @@ use super::drops::GlassDrop;
 use super::geometry::GlassView;
 use super::glass::Glass;
 use super::wide::WideView;
+use crate::linear_picture::mix;
 use crate::water::WATER_INDEX;
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
@@ -220,11 +221,7 @@ impl DropLayer {
         let [top, below] = [top, below].map(|row| &self.pixels[row * self.width..][first..last]);
         line.clear();
         line.extend([[0.0; 4]; PADDING]);
-        line.extend(
-            top.iter()
-                .zip(below)
-                .map(|(a, b)| -> [f32; 4] { std::array::from_fn(|k| a[k] + part * (b[k] - a[k])) }),
-        );
+        line.extend(top.iter().zip(below).map(|(a, b)| mix(a, b, part)));
         line.extend([[0.0; 4]; PADDING]);
         Some(first)
     }
@@ -252,7 +249,7 @@ impl DropLayer {
                 let x = first + j as isize;
                 if (0..width as isize).contains(&x) {
                     let part = (j as f32 + shift) / scale as f32;
-                    seen.push((x as u32, std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))));
+                    seen.push((x as u32, mix(a, b, part)));
                 }
             }
         }

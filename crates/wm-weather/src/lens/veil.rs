@@ -3,6 +3,7 @@
 use super::geometry::GlassView;
 use super::glass::Glass;
 use super::wide::WideView;
+use crate::linear_picture::{between, halved, mix};
 use rayon::prelude::*;
 use wm_base::random::bits;
 use wm_render::Frame;
@@ -92,7 +93,7 @@ impl Haze {
 
     /// Writes what is added and kept along a row of the picture, a number for each column.
     pub(crate) fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) {
-        let (top, below, part) = between(y, self.cell, self.height);
+        let (top, below, part) = cells_about(y, self.cell, self.height);
         let [top, below] = [top, below].map(|row| &self.nodes[row * self.width..][..self.width]);
         line.clear();
         line.extend(top.iter().zip(below).map(|(a, b)| mix(a, b, part)));
@@ -101,19 +102,14 @@ impl Haze {
     /// Veil at a column, from the line that [`Self::row`] wrote.
     #[inline(always)]
     pub(crate) fn column(&self, line: &[[f32; 4]], x: usize) -> [f32; 4] {
-        let (left, right, part) = between(x, self.cell, self.width);
+        let (left, right, part) = cells_about(x, self.cell, self.width);
         mix(&line[left], &line[right], part)
     }
 }
 
-#[inline(always)]
-fn mix(a: &[f32; 4], b: &[f32; 4], part: f32) -> [f32; 4] {
-    std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
-}
-
 /// The cells around the middle of a pixel, and its place between their middles.
 #[inline(always)]
-fn between(x: usize, cell: usize, count: usize) -> (usize, usize, f32) {
+fn cells_about(x: usize, cell: usize, count: usize) -> (usize, usize, f32) {
     let at = ((x as f32 + 0.5) / cell as f32 - 0.5).clamp(0.0, (count - 1) as f32);
     let first = at as usize;
     (first, (first + 1).min(count - 1), at - first as f32)
@@ -172,19 +168,17 @@ fn veil(width: usize, light: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
         .collect();
     let mut sum: Option<(usize, Vec<[f32; 3]>)> = None;
     for (level, (width, light)) in levels.iter().enumerate().rev() {
-        let height = light.len() / width;
         let weight = OCTAVE * if level + 1 == RINGS { LAST_RING_SHARE } else { 1.0 } / RING_DIRECTIONS as f64;
         let mut own = vec![[0.0f32; 3]; light.len()];
         own.par_chunks_mut(*width).enumerate().for_each(|(y, line)| {
             for (x, out) in line.iter_mut().enumerate() {
                 for [dx, dy] in &ring {
-                    let seen = look_up(light, *width, height, x as f64 + dx, y as f64 + dy);
+                    let seen = look_up(light, *width, x as f64 + dx, y as f64 + dy);
                     (0..3).for_each(|k| out[k] += weight as f32 * seen[k]);
                 }
                 if let Some((coarse_width, coarse)) = &sum {
-                    let coarse_height = coarse.len() / coarse_width;
                     let at = |v: usize| 0.5 * v as f64 - 0.25;
-                    let seen = look_up(coarse, *coarse_width, coarse_height, at(x), at(y));
+                    let seen = look_up(coarse, *coarse_width, at(x), at(y));
                     (0..3).for_each(|k| out[k] += seen[k]);
                 }
             }
@@ -194,34 +188,11 @@ fn veil(width: usize, light: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
     sum.map(|(_, veil)| veil).unwrap_or_default()
 }
 
-/// A grid of half as many cells along both sides.
-fn halved(width: usize, light: &[[f32; 3]]) -> (usize, Vec<[f32; 3]>) {
-    let height = light.len() / width;
-    let (across, down) = (width.div_ceil(2), height.div_ceil(2));
-    let mut half = Vec::with_capacity(across * down);
-    for y in 0..down {
-        for x in 0..across {
-            let (right, below) = ((2 * x + 1).min(width - 1), (2 * y + 1).min(height - 1));
-            let four = [(2 * x, 2 * y), (right, 2 * y), (2 * x, below), (right, below)];
-            let four = four.map(|(x, y)| light[y * width + x]);
-            half.push(std::array::from_fn(|k| 0.25 * four.iter().map(|light| light[k]).sum::<f32>()));
-        }
-    }
-    (across, half)
-}
-
 /// Between the cells about a point; beyond the edge its last cells.
 #[inline(always)]
-fn look_up(light: &[[f32; 3]], width: usize, height: usize, x: f64, y: f64) -> [f32; 3] {
-    let (x, y) = (x.clamp(0.0, (width - 1) as f64), y.clamp(0.0, (height - 1) as f64));
+fn look_up(light: &[[f32; 3]], width: usize, x: f64, y: f64) -> [f32; 3] {
+    let last = [width, light.len() / width].map(|count| (count - 1) as f64);
+    let (x, y) = (x.clamp(0.0, last[0]), y.clamp(0.0, last[1]));
     let (left, top) = (x as usize, y as usize);
-    let (fx, fy) = ((x - left as f64) as f32, (y - top as f64) as f32);
-    let (right, below) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
-    let [a, b] = [left, right].map(|x| light[top * width + x]);
-    let [c, d] = [left, right].map(|x| light[below * width + x]);
-    std::array::from_fn(|k| {
-        let upper = a[k] + fx * (b[k] - a[k]);
-        let lower = c[k] + fx * (d[k] - c[k]);
-        upper + fy * (lower - upper)
-    })
+    between(light, width, [left, top], [x - left as f64, y - top as f64].map(|part| part as f32))
 }

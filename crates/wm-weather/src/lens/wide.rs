@@ -1,6 +1,6 @@
 //! The wide view that drops show.
 
-use crate::linear_picture::LinearPicture;
+use crate::linear_picture::{LinearPicture, halved};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::Frame;
 use wm_render::simd::{Lanes, SimdPath};
@@ -31,17 +31,7 @@ impl WideView {
     pub(crate) fn new(path: SimdPath, frame: &Frame) -> Self {
         let mut levels = vec![LinearPicture::new(path, frame)];
         while let Some(last) = levels.last().filter(|last| last.width > 2) {
-            let (side, half) = (last.width, last.width / 2);
-            let mut pixels = Vec::with_capacity(half * half);
-            for y in 0..half {
-                for x in 0..half {
-                    let from = 2 * y * side + 2 * x;
-                    let four = [from, from + 1, from + side, from + side + 1].map(|i| last.pixels[i]);
-                    pixels.push(std::array::from_fn(|k| {
-                        0.25 * (four[0][k] + four[1][k] + four[2][k] + four[3][k])
-                    }));
-                }
-            }
+            let (half, pixels) = halved(last.width, &last.pixels);
             levels.push(LinearPicture { width: half, height: half, pixels });
         }
         Self { levels }
