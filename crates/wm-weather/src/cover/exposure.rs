@@ -93,8 +93,9 @@ impl GroundGrid {
         let nodes = self.len();
         let grid = self.places.axes();
         let points: Vec<[f32; 3]> = map(nodes, |node| {
-            let place = self.place(node).map(|v| v as f64 + 0.5);
-            self.places.point(place, f64::from(self.height[node]) + OBSTACLE_HEIGHT_M).map(|v| v as f32)
+            self.places
+                .point(self.middle(node), f64::from(self.height[node]) + OBSTACLE_HEIGHT_M)
+                .map(|v| v as f32)
         });
         let maps: Vec<(&Shelter, [f32; 3])> =
             maps.iter().map(|map| (map, to_level(&grid, map.fall()).map(|v| v as f32))).collect();

@@ -237,11 +237,10 @@ impl Painter<'_> {
         if soaked <= LEAST_SOAKED {
             return;
         }
-        let place = ground.place(node).map(|v| v as f64 + 0.5);
         let [dx, dy] = ground.slope[node].map(|slope| f64::from(slope).clamp(-1.7, 1.7));
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
         let wide = SPREADS * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
-        let at = ground.places.point(place, f64::from(top[node]) + FILM);
+        let at = ground.places.point(ground.middle(node), f64::from(top[node]) + FILM);
         self.put(at, normal, [wide, wide, THICKNESS], WATER, soaked, splats);
     }
 

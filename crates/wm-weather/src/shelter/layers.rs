@@ -111,6 +111,11 @@ impl HeightLayers {
         ([column, row], -dot(from, axes[2]) * self.metres_per_unit)
     }
 
+    /// The place of the middle of a cell, cells.
+    pub(crate) fn middle(&self, cell: usize) -> [f64; 2] {
+        [cell % self.grid.columns, cell / self.grid.columns].map(|v| v as f64 + 0.5)
+    }
+
     /// The cell of a place in columns and rows; `None` off the grid.
     pub(crate) fn cell_at(&self, place: [f64; 2]) -> Option<usize> {
         let [column, row] = place;

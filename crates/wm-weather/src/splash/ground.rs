@@ -34,7 +34,8 @@ impl SplashTiles {
     #[must_use]
     pub fn of(surfaces: &WetSurfaces, site: &Site) -> Self {
         let ground = surfaces.ground();
-        let ([columns, rows], cell, origin) = (ground.size(), ground.cell(), origin_of(ground, site));
+        let ([columns, rows], cell, origin) =
+            (ground.places.size(), ground.places.cell(), origin_of(ground, site));
         let tile = |k: usize, cells: usize| {
             ((origin[k] + cells as f64 * cell) / SIZE).floor().clamp(-1e15, 1e15) as i64
         };
@@ -118,7 +119,7 @@ impl<'a> SplashGround<'a> {
             let film = f64::from(wet.depth) + IN_TEXTURE * texture * f64::from(wet.film);
             [wet.pores, (1e-3 * film) as f32]
         });
-        let (origin, per_cell) = (origin_of(ground, site), 1.0 / ground.cell());
+        let (origin, per_cell) = (origin_of(ground, site), 1.0 / ground.places.cell());
         let sheds = 1e-3 / 3600.0 * eaves * state.runs_off();
         Self { ground, shares: &shares.ground, levels: &state.levels, tiles, origin, per_cell, sheds, films }
     }
@@ -135,7 +136,7 @@ impl<'a> SplashGround<'a> {
     pub(super) fn under(&self, eave: &Eave) -> ([f64; 3], f64) {
         let cell = 1.0 / self.per_cell;
         let [x, y] = eave.place.map(f64::from);
-        let [columns, _] = self.ground.size();
+        let [columns, _] = self.ground.places.size();
         let tilt = self.ground.tilt_at(y as usize * columns + x as usize);
         let height = self.origin[2] + f64::from(eave.ground + tilt) + LIFT;
         ([self.origin[0] + x * cell, self.origin[1] + y * cell, height], cell)
@@ -144,7 +145,7 @@ impl<'a> SplashGround<'a> {
     /// Returns the ground or puddle at a place, m along the level axes; `None` where there is no
     /// ground.
     fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
-        let [columns, rows] = self.ground.size();
+        let [columns, rows] = self.ground.places.size();
         let (u, v) = ((x - self.origin[0]) * self.per_cell, (y - self.origin[1]) * self.per_cell);
         if !(u >= 0.0 && v >= 0.0 && u < columns as f64 && v < rows as f64) {
             return None;

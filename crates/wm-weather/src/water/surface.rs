@@ -75,11 +75,7 @@ impl WaterSurface {
         if eye[2] <= high || eye[2] <= low {
             return None;
         }
-        let world_from_camera = camera.rotation().transpose();
-        let (right, down) = (world_from_camera.x_axis / camera.fx, world_from_camera.y_axis / camera.fy);
-        let corner = world_from_camera.z_axis - right * camera.cx - down * camera.cy;
-        let along = |axis: glam::DVec3| map.axes.map(|level| metres * dot(level, axis.to_array()));
-        let (right, down, corner) = (along(right), along(down), along(corner));
+        let [right, down, corner] = ray_axes(map, camera);
         let ray = |x: usize, y: usize| -> [f64; 3] {
             let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
             std::array::from_fn(|k| right[k] * x + down[k] * y + corner[k])
@@ -234,6 +230,15 @@ impl WaterSurface {
         let stillest = seen.fold(f32::INFINITY, f32::min);
         Self { depth, cover, roughness, level, rows: 0..0, stillest }
     }
+}
+
+/// The rays of pixels, level axes, m: x times the first axis, y times the second, and the third.
+pub(super) fn ray_axes(map: &WaterMap, camera: &Camera) -> [[f64; 3]; 3] {
+    let world_from_camera = camera.rotation().transpose();
+    let (right, down) = (world_from_camera.x_axis / camera.fx, world_from_camera.y_axis / camera.fy);
+    let corner = world_from_camera.z_axis - right * camera.cx - down * camera.cy;
+    let along = |axis: [f64; 3]| map.axes.map(|level| map.metres_per_unit * dot(level, axis));
+    [right, down, corner].map(|axis| along(axis.to_array()))
 }
 
 /// The number below which half of the weight is; `None` of nothing.

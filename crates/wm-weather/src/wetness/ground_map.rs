@@ -61,7 +61,7 @@ const SLOPE_OVER: f64 = 1.5;
 /// The ground of a place and its depressions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroundMap {
-    places: HeightLayers,
+    pub(crate) places: HeightLayers,
     /// Slope of the ground as a whole along columns and rows, that is an error of up, m a cell.
     tilt: [f64; 2],
     /// Smoothed heights above it, m, `[rows, columns]`; not a number where there is no ground.
@@ -84,7 +84,7 @@ pub struct GroundMap {
 impl GroundMap {
     /// Returns true if its parts fit each other and a scene of `splats` splats.
     pub(super) fn is_consistent(&self, splats: usize) -> bool {
-        let Some(cells) = self.size()[0].checked_mul(self.size()[1]) else { return false };
+        let Some(cells) = self.places.size()[0].checked_mul(self.places.size()[1]) else { return false };
         let lengths =
             [self.ground.len(), self.rough.len(), self.open.len(), self.seen.len(), self.matte.len()];
         let eaves = self
@@ -124,7 +124,7 @@ impl GroundMap {
         let cell = places.cell() as f32;
         let mut open = vec![f32::NAN; floor.len()];
         for (at, (height, open)) in floor.iter_mut().zip(&mut open).enumerate() {
-            let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
+            let middle = places.middle(at);
             if height.is_finite() {
                 if !water.covers(places.point(middle, f64::from(*height))) {
                     continue;
@@ -137,13 +137,12 @@ impl GroundMap {
         let tilt = if is_up_known { [0.0; 2] } else { tilt_of(&floor, columns, f64::from(cell)) };
         for heights in [&mut floor, &mut top, &mut open] {
             for (at, height) in heights.iter_mut().enumerate() {
-                let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
-                *height -= tilted(tilt, middle) as f32;
+                *height -= tilted(tilt, places.middle(at)) as f32;
             }
         }
         let ground = smoothed(&floor, &top, columns, cell);
         let bumps = map(ground.len(), |at| {
-            let [x, y] = [at % columns, at / columns].map(|v| (v as f64 + 0.5) * f64::from(cell));
+            let [x, y] = places.middle(at).map(|v| v * f64::from(cell));
             relief(x, y) as f32
         });
         let beyond = |at: usize| {
@@ -171,21 +170,6 @@ impl GroundMap {
         if open.is_finite() { open } else { ground }
     }
 
-    /// Columns and rows.
-    pub(crate) fn size(&self) -> [usize; 2] {
-        self.places.size()
-    }
-
-    /// Width of a cell, m.
-    pub(crate) fn cell(&self) -> f64 {
-        self.places.cell()
-    }
-
-    /// The world axes of columns, of rows, and up.
-    pub(crate) fn axes(&self) -> [[f64; 3]; 3] {
-        self.places.axes()
-    }
-
     /// The point (world, scene units) at a place in columns and rows from the first corner, and a
     /// height above the tilt, m.
     pub(crate) fn point(&self, place: [f64; 2], height: f64) -> [f64; 3] {
@@ -203,13 +187,13 @@ impl GroundMap {
     /// that no photo shows, 0-1.
     pub(super) fn lower_share(&self, point: [f64; 3]) -> f32 {
         let ([x, y], _) = self.locate(point);
-        relief::lower_share(relief(x * self.cell(), y * self.cell()))
+        relief::lower_share(relief(x * self.places.cell(), y * self.places.cell()))
     }
 
     /// Finds which cells are lawn or soil, by the mean reflectance of points (world, scene units)
     /// that lie on the ground, each with its weight.
     pub(super) fn find_matte(&mut self, points: impl Iterator<Item = ([f32; 3], f32, [f32; 3])>) {
-        let [columns, _] = self.size();
+        let [columns, _] = self.places.size();
         let mut sums = vec![[0.0f32; 3]; self.ground.len()];
         for (point, weight, albedo) in points {
             let (place, height) = self.locate(point.map(f64::from));
@@ -241,23 +225,20 @@ impl GroundMap {
     /// none.
     #[must_use]
     pub fn middle(&self, cell: usize) -> Option<[f64; 3]> {
-        let [columns, _] = self.size();
         let height = self.ground[cell];
-        let place = [cell % columns, cell / columns].map(|v| v as f64 + 0.5);
-        height.is_finite().then(|| self.point(place, f64::from(height)))
+        height.is_finite().then(|| self.point(self.places.middle(cell), f64::from(height)))
     }
 
     /// The height of the tilt at the middle of a cell, m.
     pub(crate) fn tilt_at(&self, cell: usize) -> f32 {
-        let [columns, _] = self.size();
-        tilted(self.tilt, [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5]) as f32
+        tilted(self.tilt, self.places.middle(cell)) as f32
     }
 
     /// The basin at a place (columns, rows), and the height of the ground there with its relief, m;
     /// `None` where there is none.
     pub(super) fn basin_at(&self, point: [f64; 2]) -> Option<(u32, f32)> {
         let [x, y] = point;
-        let [columns, rows] = self.size();
+        let [columns, rows] = self.places.size();
         let [i, j] = [x - 0.5, y - 0.5].map(f64::floor);
         let is_in = i >= 0.0 && j >= 0.0 && i + 1.0 < columns as f64 && j + 1.0 < rows as f64;
         if !is_in {
@@ -275,7 +256,7 @@ impl GroundMap {
                 weight += share;
             }
         }
-        let bump = relief(x * self.cell(), y * self.cell()) as f32;
+        let bump = relief(x * self.places.cell(), y * self.places.cell()) as f32;
         (weight > 0.0).then(|| (basin, sum / weight + bump))
     }
 }

@@ -32,13 +32,13 @@ impl RunOff {
     #[must_use]
     pub fn of(surfaces: &WetSurfaces, shares: &WetShares) -> Self {
         let ground = surfaces.ground();
-        let [columns, _] = ground.size();
-        let area = gathered(&ground.rough, &shares.ground, columns, ground.cell());
+        let [columns, _] = ground.places.size();
+        let area = gathered(&ground.rough, &shares.ground, columns, ground.places.cell());
         let is_free = |at: usize| ground.basins.of[at] == NO_BASIN;
         let slope = (0..area.len()).map(|at| {
-            if is_free(at) { slope_at(&ground.ground, at, columns, ground.cell() as f32) } else { 0.0 }
+            if is_free(at) { slope_at(&ground.ground, at, columns, ground.places.cell() as f32) } else { 0.0 }
         });
-        Self { slope: slope.collect(), area, cell: ground.cell() }
+        Self { slope: slope.collect(), area, cell: ground.places.cell() }
     }
 
     /// Depth of the running water, mm, if `rate` mm/h run off of ground that gets all of the rain;

@@ -21,7 +21,7 @@ impl Catchments {
     #[must_use]
     pub fn of(surfaces: &WetSurfaces, shares: &WetShares) -> Self {
         let ground = surfaces.ground();
-        let area = ground.cell() * ground.cell();
+        let area = ground.places.cell() * ground.places.cell();
         let mut made = Self { areas: vec![[0.0; SHARES]; ground.basins.all.len()], leaves: [0.0; SHARES] };
         for (at, drain) in ground.basins.drain.iter().enumerate() {
             if ground.ground[at].is_nan() {
@@ -209,7 +209,7 @@ impl WaterState {
     #[must_use]
     pub fn of(surfaces: &WetSurfaces, shares: &WetShares, run_off: &RunOff, state: &WetState) -> Self {
         let ground = surfaces.ground();
-        let [width, height] = ground.size();
+        let [width, height] = ground.places.size();
         let wet = shares.ground.iter().map(|share| state.wet(Drainage::Level, f64::from(*share)));
         let of = &ground.basins.of;
         let level = (0..of.len()).map(|at| {
@@ -229,8 +229,8 @@ impl WaterState {
         }
         Self {
             origin: ground.point([0.0; 2], 0.0),
-            axes: ground.axes(),
-            step: ground.cell(),
+            axes: ground.places.axes(),
+            step: ground.places.cell(),
             width,
             height,
             level: level.enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),

@@ -269,14 +269,14 @@ impl WetShares {
             WetLook { class, lower: splat.lower, albedo: splat.albedo, flags: mirrors | in_pond }
         });
         let map_of_ground = &surfaces.ground;
-        let [columns, _] = map_of_ground.size();
         let ground = map(map_of_ground.ground.len(), |at| {
             let height = map_of_ground.surface(at, map_of_ground.ground[at]);
             if height.is_nan() {
                 return 0.0;
             }
-            let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
-            let point = map_of_ground.point(middle, f64::from(height + LIFT)).map(|v| v as f32);
+            let point = map_of_ground
+                .point(map_of_ground.places.middle(at), f64::from(height + LIFT))
+                .map(|v| v as f32);
             shelter.map_or(1.0, |shelter| shelter.exposure(point, SOFT[1]))
         });
         Self { rain: *rain, looks, ground }

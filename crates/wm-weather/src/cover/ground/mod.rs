@@ -358,9 +358,14 @@ impl GroundGrid {
         [(cell % self.size[0]) as i64, (cell / self.size[0]) as i64]
     }
 
+    /// The place of the middle of a node's cell, cells.
+    pub(super) fn middle(&self, node: usize) -> [f64; 2] {
+        self.places.middle(self.cells[node] as usize)
+    }
+
     /// The middle of a node, world, scene units.
     pub(super) fn point(&self, node: usize) -> [f64; 3] {
-        self.places.point(self.place(node).map(|v| v as f64 + 0.5), f64::from(self.height[node]))
+        self.places.point(self.middle(node), f64::from(self.height[node]))
     }
 
     /// Height of a node's surface at a place (columns, rows) in its cell, m.

@@ -60,8 +60,7 @@ fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]
     let ground = &cover.rings[0];
     let (mut sum, mut count) = (0.0, 0);
     for node in 0..lying.settled[0].depth.len() {
-        let [column, row] = ground.place(node).map(|v| v as f64 + 0.5);
-        let at = ground.places.point([column, row], f64::from(ground.height[node]));
+        let at = ground.point(node);
         let is_in = |k: usize, ends: [f64; 2]| at[k] > ends[0] && at[k] < ends[1];
         if is_in(0, x) && is_in(1, y) && is_in(2, z) {
             sum += f64::from(lying.settled[0].depth[node]);
@@ -102,11 +101,7 @@ fn a_pit_fills_to_its_rim() {
     }
     let cover = cover_of(&place.build(), &Airflow::default(), [3.0, 4.0, 0.0]);
     let ground = &cover.rings[0];
-    let z = |node: usize| {
-        let at = ground.place(node).map(|v| v as f64 + 0.5);
-        ground.places.point(at, f64::from(ground.height[node]))[2]
-    };
-    let is_in_slit = |node: usize| z(node) < -0.7;
+    let is_in_slit = |node: usize| ground.point(node)[2] < -0.7;
     let fell: Vec<f32> = (0..ground.len()).map(|node| if is_in_slit(node) { 2.5 } else { 0.0 }).collect();
     let settled = settle::settle(ground, &fell, ASKED.repose as f32);
     let depths = (0..ground.len()).filter(|node| is_in_slit(*node)).map(|node| settled.depth[node]);
@@ -345,8 +340,7 @@ fn the_street_is_covered_where_it_is_open() {
     };
     let floor: Vec<f32> = (0..ground.height.len())
         .filter(|node| {
-            let [column, row] = ground.place(*node).map(|v| v as f64 + 0.5);
-            let at = DVec3::from_array(ground.places.point([column, row], f64::from(ground.height[*node])));
+            let at = DVec3::from_array(ground.point(*node));
             inside(at) && (at.z - low.z).abs() < 0.2
         })
         .map(|node| lying.settled[0].depth[node])

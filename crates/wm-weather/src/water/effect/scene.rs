@@ -4,7 +4,7 @@ use crate::water::body::WaterBody;
 use crate::water::map::WaterMap;
 use crate::water::mirror::{MirrorView, MirroredPicture};
 use crate::water::motion::WaterMotion;
-use crate::water::surface::WaterSurface;
+use crate::water::surface::{WaterSurface, ray_axes};
 use fearless_simd::SimdFloat;
 use wm_render::hooks::{GROUP, Medium, PixelEffect};
 use wm_render::simd::Lanes;
@@ -112,9 +112,6 @@ impl<'a> Scene<'a> {
         let map = of.map;
         let to_level = |v: glam::DVec3| map.axes.map(|axis| glam::DVec3::from_array(axis).dot(v));
         let camera = of.camera;
-        let world_from_camera = camera.rotation().transpose();
-        let (right, down) = (world_from_camera.x_axis / camera.fx, world_from_camera.y_axis / camera.fy);
-        let corner = world_from_camera.z_axis - right * camera.cx - down * camera.cy;
         let metres = map.metres_per_unit;
         let single = |v: [f64; 3]| v.map(|v| v as f32);
         let eye = to_level(camera.center()).map(|v| v * metres);
@@ -123,7 +120,7 @@ impl<'a> Scene<'a> {
         Self {
             of,
             mirrored,
-            axes: [right, down, corner].map(|axis| single(to_level(axis).map(|v| v * metres))),
+            axes: ray_axes(map, camera).map(single),
             height: (eye[2] - of.surface.level) as f32,
             view: [0, 1, 2].map(|k| single(to_level(rotation.row(k)))),
             focal: [view.fx as f32, view.fy as f32],
