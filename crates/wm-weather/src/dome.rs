@@ -215,11 +215,6 @@ impl Dome {
     }
 }
 
-/// The overcast zenith, linear RGB.
-pub(crate) fn overcast_zenith() -> [f64; 3] {
-    OVERCAST
-}
-
 /// The overcast horizon, linear RGB.
 pub(crate) fn overcast_horizon() -> [f64; 3] {
     OVERCAST.map(|v| OVERCAST_HORIZON * v)

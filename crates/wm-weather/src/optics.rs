@@ -22,6 +22,7 @@
 //! transmittance and airlight along a ray ([`wm_render::hooks::Medium`]); shading, the parts of a
 //! picture and the f64 reference are made of these two. `optics.wgsl` is the same for GPUs.
 
+use crate::level::dot;
 use crate::particles::Residual;
 use crate::particles::residual::{FARTHEST_NODE, NEAREST_NODE, NODES};
 use fearless_simd::{Select, SimdBase, SimdFloat};
@@ -214,8 +215,7 @@ impl Atmosphere {
 
     /// Height above the ground of a world point, m.
     fn height(&self, point: [f64; 3]) -> f64 {
-        let along: f64 = (0..3).map(|k| point[k] * self.site.up[k]).sum();
-        (along - self.site.ground) * self.site.metres_per_unit
+        (dot(point, self.site.up) - self.site.ground) * self.site.metres_per_unit
     }
 
     /// Optical depth of one layer along a ray, relative to `sigma_t`, m.
@@ -242,7 +242,7 @@ impl Atmosphere {
         channel: usize,
     ) -> f64 {
         let height = self.height(origin);
-        let rise: f64 = (0..3).map(|k| direction[k] * self.site.up[k]).sum();
+        let rise = dot(direction, self.site.up);
         let metres = distance * self.site.metres_per_unit;
         let of = |layer: &AirLayer| layer.sigma_t[channel] * Self::path_length(layer, height, rise, metres);
         self.layers.iter().map(of).sum()
@@ -484,7 +484,7 @@ impl Medium for Atmosphere {
 
     fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay {
         let height = self.height(origin);
-        let rise: f64 = (0..3).map(|k| direction[k] * self.site.up[k]).sum();
+        let rise = dot(direction, self.site.up);
         let metres = distance * self.site.metres_per_unit;
         let paths: Vec<f64> =
             self.layers.iter().map(|layer| Self::path_length(layer, height, rise, metres)).collect();

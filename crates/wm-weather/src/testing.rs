@@ -6,6 +6,7 @@ use crate::optics::Site;
 use crate::track::Track;
 use crate::weather::Weather;
 use glam::DVec3;
+use wm_render::frame::Frame;
 use wm_scene::Camera;
 
 /// A place in metres with z up.
@@ -20,6 +21,13 @@ pub(crate) fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f6
         way(center, ray).map_or(0.0, |way| (way * ray.dot(forward)) as f32)
     };
     PhotoView::new(camera, (0..camera.width * camera.height).map(pixel).collect(), Vec::new())
+}
+
+/// A picture of something opaque at one depth.
+pub(crate) fn frame(size: [u32; 2], rgb: Vec<f32>, depth: f32) -> Frame {
+    let [width, height] = size;
+    let pixels = (width * height) as usize;
+    Frame { width, height, rgb, alpha: vec![1.0; pixels], depth: vec![depth; pixels], ..Frame::default() }
 }
 
 /// Runs `work` on pools of so many threads each.

@@ -279,13 +279,16 @@ mod tests {
         testing::track("snowfall", "rate", text)
     }
 
+    /// Snow that falls from the start on, an hour a second.
+    fn falling<'a>(rate: &'a Track, temperature: &'a Track) -> Snowpack<'a> {
+        Snowpack { depth: None, rate: Some(rate), temperature, density: None, hours: 0.0, lapse: 3600.0 }
+    }
+
     #[test]
     fn a_millimetre_of_water_is_a_centimetre_of_new_snow() {
         let (rate, temperature) = (snow("1"), track("temperature", "-1.5"));
-        let pack = |density, hours, time| {
-            let temperature = &temperature;
-            Snowpack { depth: None, rate: Some(&rate), temperature, density, hours, lapse: 3600.0 }.at(time)
-        };
+        let pack =
+            |density, hours, time| Snowpack { density, hours, ..falling(&rate, &temperature) }.at(time);
         // 3 h before the start and 1 h after it.
         let new = pack(Some(100.0), 3.0, 1.0);
         assert!((new.fell.water - 4.0).abs() < 1e-9 && new.thaw().is_none(), "{new:?}");
@@ -294,15 +297,7 @@ mod tests {
         // It settles to a third in some days.
         let after = |hours: f64| {
             let stops = snow("0:1,1:1:hold,1.01:0");
-            let temperature = &temperature;
-            let pack = Snowpack {
-                depth: None,
-                rate: Some(&stops),
-                temperature,
-                density: Some(100.0),
-                hours: 3.0,
-                lapse: 3600.0,
-            };
+            let pack = Snowpack { density: Some(100.0), hours: 3.0, ..falling(&stops, &temperature) };
             pack.at(1.0 + hours).fell.depth()
         };
         let depths = [0.0, 12.0, 36.0, 120.0].map(after);
@@ -365,18 +360,7 @@ mod tests {
     fn new_snow_lies_on_bare_ground_and_on_old_snow() {
         let (rate, temperature) =
             (snow("0:2,3:2,3.1:0,9:0,9.1:2"), track("temperature", "0:-3,3:-3,4:6,9:6,9.1:-3"));
-        let at = |time: f64| {
-            let temperature = &temperature;
-            let snow = Snowpack {
-                depth: None,
-                rate: Some(&rate),
-                temperature,
-                density: None,
-                hours: 1.0,
-                lapse: 3600.0,
-            };
-            snow.at(time)
-        };
+        let at = |time: f64| Snowpack { hours: 1.0, ..falling(&rate, &temperature) }.at(time);
         // Some 8.1 mm fall; 5.5 mm can melt by 9 h. So 3 mm before the start and 1 h less of it are
         // gone by then.
         let (bare, again) = (at(9.0), at(10.1));
@@ -407,11 +391,7 @@ mod tests {
             time in -2.0..12.0f64,
         ) {
             let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
-            let lapse = 3600.0;
-            let snow = Snowpack {
-                depth: None, rate: Some(&rate), temperature: &temperature, density: None, hours, lapse,
-            };
-            let pack = snow.at(time);
+            let pack = Snowpack { hours, ..falling(&rate, &temperature) }.at(time);
             let before = (hours + time.min(0.0)).max(0.0) * rates[0];
             let fell = before + rate.integral(0.0, time.max(0.0));
             prop_assert!((pack.fell.water - fell).abs() < 1e-6 * fell.max(1.0), "{pack:?} {fell}");
@@ -436,9 +416,7 @@ mod tests {
             time in 0.0..12.0f64,
         ) {
             let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
-            let snow = Snowpack {
-                depth: None, rate: Some(&rate), temperature: &temperature, density: None, hours: 2.0, lapse: 3600.0,
-            };
+            let snow = Snowpack { hours: 2.0, ..falling(&rate, &temperature) };
             let [first, next] = [0.0, 1.0 / 60.0].map(|later| snow.at(time + later));
             let all = |pack: &SnowpackState| pack.left.unwrap_or([pack.fell; PACES.len()]);
             for ((a, b), pace) in all(&first).iter().zip(all(&next)).zip(PACES) {

@@ -94,25 +94,24 @@ impl PixelContribution for Glare {
             let towards = to_eye.normalize_or_zero();
             let open = cube.map_or(1.0, |cube| f64::from(cube.open(to_eye.as_vec3())));
             let metres = (length * weather.site().metres_per_unit).max(f64::from(light.radius));
-            let air = weather.air.evaluate_reference(camera.center().to_array(), (-towards).to_array(), length);
-            let share = f64::from(light.share(towards.as_vec3())) * open * view.z / length / (metres * metres);
+            let air =
+                weather.air.evaluate_reference(camera.center().to_array(), (-towards).to_array(), length);
+            let share =
+                f64::from(light.share(towards.as_vec3())) * open * view.z / length / (metres * metres);
             // A luminance of L is shown as pi L.
             let lux = PI * f64::from(lamps.display) * share;
             let light: [f64; 3] =
                 std::array::from_fn(|k| f64::from(light.intensity[k]) * lux * air.transmittance[k]);
             let most = light.iter().copied().fold(0.0, f64::max);
             let peak = 10.0 * scatter / (CORE_DEG * CORE_DEG) + ray * (camera.fx * camera.fy).powf(1.5);
-            (most * peak > MIN_LIGHT).then(|| Source {
-                towards: view / length,
-                at: pixel,
-                light,
-            })
+            (most * peak > MIN_LIGHT).then(|| Source { towards: view / length, at: pixel, light })
         };
         let sources: Vec<Source> = lamps.lights.iter().filter_map(source).collect();
         (!sources.is_empty()).then(|| {
             let step = TAU / sides.max(1.0);
             let turn = turn.to_radians();
-            Box::new(GlareInLens { camera: *camera, sources, scatter, ray, step, turn }) as Box<dyn PixelEffect>
+            Box::new(GlareInLens { camera: *camera, sources, scatter, ray, step, turn })
+                as Box<dyn PixelEffect>
         })
     }
 }

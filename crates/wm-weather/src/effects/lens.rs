@@ -93,7 +93,14 @@ impl LensParams {
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
         let least = 1e-3 * self.runs_from;
-        let rain = GlassRain::new(-self.rained_before, &breaks, rainfall, self.contact_angle.to_radians(), self.size, least);
+        let rain = GlassRain::new(
+            -self.rained_before,
+            &breaks,
+            rainfall,
+            self.contact_angle.to_radians(),
+            self.size,
+            least,
+        );
         Glass {
             distance: self.distance,
             aperture: 1e-3 * self.aperture,

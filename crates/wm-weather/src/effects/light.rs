@@ -14,11 +14,11 @@
 //! by sun, sky and lamps, not the frame: pans and zooms change no brightness. By night it stays
 //! behind, as a camera's does.
 
-use crate::dome::{Dome, SkyAppearance, overcast_horizon, overcast_zenith};
+use crate::dome::{Dome, OVERCAST, SkyAppearance, overcast_horizon};
 use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
 use crate::level::level_axes;
-use crate::light::{OpenLight, SunPosition};
 use crate::light::change::{LightChange, MIN_EXPOSED_LX, OVERCAST_EXPOSURE};
+use crate::light::{OpenLight, SunPosition};
 use crate::optics::{CapturedSky, LampSource, Site};
 use crate::param::ParamValue;
 use crate::track::Track;
@@ -143,7 +143,7 @@ pub(crate) const EFFECT: Effect = Effect {
         if change.clouds < 1.0 {
             return;
         }
-        let (zenith, horizon) = (overcast_zenith(), overcast_horizon());
+        let (zenith, horizon) = (OVERCAST, overcast_horizon());
         let look = SkyAppearance::Overcast { zenith, horizon };
         let up = weather.site().up;
         weather.set_sky(Dome::new(look, None, 1.0, up, SkySplats::LeftOut));
@@ -248,7 +248,9 @@ impl LightParams {
             lamps,
             lamp_level,
             has_headlamps,
-            has_cloud_shadows: self.cloud_shadows == Switch::On && shines && (1e-3..CLOSED_CLOUD_COVER).contains(&clouds),
+            has_cloud_shadows: self.cloud_shadows == Switch::On
+                && shines
+                && (1e-3..CLOSED_CLOUD_COVER).contains(&clouds),
         }
     }
 
@@ -296,7 +298,10 @@ impl LightParams {
 /// count from and the one clockwise of it.
 fn compass(site: &Site) -> [[f64; 3]; 2] {
     let [forward, right, _] = level_axes(site.up);
-    site.earth.map_or([forward, right], |earth| [earth.north, cross(earth.north, site.up)])
+    site.earth.map_or([forward, right], |earth| {
+        let [north, up] = [earth.north, site.up].map(DVec3::from_array);
+        [north, north.cross(up)].map(|axis| axis.to_array())
+    })
 }
 
 /// Cloud cover by all that falls: it gathers before, and goes after.
@@ -309,7 +314,8 @@ fn clouds_by_weather(now: &EffectContext<'_>) -> f64 {
     };
     // Fixed instants, so that nothing steps as time goes on.
     let first = ((now.time - CLOUD_GATHERING_S) / CLOUD_GATHERING_STEP_S).ceil();
-    let around = (0..=(2.0 * CLOUD_GATHERING_S / CLOUD_GATHERING_STEP_S) as u32).map(|k| CLOUD_GATHERING_STEP_S * (first + f64::from(k)));
+    let around = (0..=(2.0 * CLOUD_GATHERING_S / CLOUD_GATHERING_STEP_S) as u32)
+        .map(|k| CLOUD_GATHERING_STEP_S * (first + f64::from(k)));
     let keys = rates.iter().flat_map(|rate| rate.keys()).map(|key| key.time);
     around.chain(keys).chain([now.time]).map(cover).fold(0.0, f64::max)
 }
@@ -328,10 +334,6 @@ fn depth(now: &EffectContext<'_>, site: &Site) -> [f64; 3] {
     sum
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 const A_DAY: f64 = 86_400.0;
 /// Mean year of the Gregorian calendar, s.
 const A_YEAR: f64 = 31_556_952.0;
@@ -341,9 +343,9 @@ const THIS_YEAR: f64 = 56.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_base::color::luminance;
     use crate::testing::SITE;
     use crate::{Weather, optics::EarthPlace};
+    use wm_base::color::luminance;
 
     fn change(text: &str, site: &Site) -> LightChange {
         let weather = Weather::parse(&format!("[light]\n{text}\n"), "test").unwrap();
@@ -371,7 +373,8 @@ mod tests {
     /// A shower that begins at once: the clouds are there when it does, and never jump.
     #[test]
     fn clouds_gather_before_the_rain() {
-        let text = "[light]\nmodel = 'clear'\n[rain]\nrate = { keys = [[30, 0, 'hold'], [30.001, 20], [60, 0]] }\n";
+        let text =
+            "[light]\nmodel = 'clear'\n[rain]\nrate = { keys = [[30, 0, 'hold'], [30.001, 20], [60, 0]] }\n";
         let weather = Weather::parse(text, "test").unwrap();
         let clouds = |time: f64| weather.at(time).prepare(&SITE).light().unwrap().clouds;
         assert_eq!([clouds(0.0), clouds(30.5), clouds(80.0)], [0.0, 1.0, 0.0]);
@@ -387,7 +390,8 @@ mod tests {
     #[test]
     fn exposure_follows_the_light_without_a_jump() {
         let card = |elevation: f64, clouds: f64| {
-            let change = change(&format!("model = 'clear'\nsun_elevation = {elevation}\nclouds = {clouds}"), &SITE);
+            let change =
+                change(&format!("model = 'clear'\nsun_elevation = {elevation}\nclouds = {clouds}"), &SITE);
             let open = change.open.as_ref().unwrap();
             luminance(open.light.irradiance(open.sin_sun)) * change.display(&SITE)
         };

@@ -180,9 +180,7 @@ impl BowPhase {
         let at = (degrees / BIN_DEG - 0.5).clamp(0.0, (self.bins.len() - 1) as f64);
         let (first, share) = (at as usize, at.fract());
         let next = (first + 1).min(self.bins.len() - 1);
-        std::array::from_fn(|k| {
-            (self.bins[first][k] * (1.0 - share) + self.bins[next][k] * share).max(0.0)
-        })
+        std::array::from_fn(|k| (self.bins[first][k] * (1.0 - share) + self.bins[next][k] * share).max(0.0))
     }
 }
 
@@ -261,16 +259,23 @@ mod tests {
         let (red, blue) = (peak(0, [38.0, 46.0]), peak(2, [38.0, 46.0]));
         assert!((41.6..42.6).contains(&red) && (40.2..41.4).contains(&blue), "{red} {blue}");
         let (second_red, second_blue) = (peak(0, [48.0, 57.0]), peak(2, [48.0, 57.0]));
-        assert!((50.0..51.5).contains(&second_red) && second_blue > second_red + 1.0, "{second_red} {second_blue}");
+        assert!(
+            (50.0..51.5).contains(&second_red) && second_blue > second_red + 1.0,
+            "{second_red} {second_blue}"
+        );
         let [primary, band, secondary] = [red, 46.0, second_red].map(|at| PHASE.at(at)[0]);
-        assert!(primary > 2.0 * secondary && secondary > 5.0 * band.max(1e-4), "{primary} {band} {secondary}");
+        assert!(
+            primary > 2.0 * secondary && secondary > 5.0 * band.max(1e-4),
+            "{primary} {band} {secondary}"
+        );
     }
 
     /// The light that a picture of the sky gains, and where: on circles about the point opposite to
     /// the sun, by the formula, without depth in the rain's far distance.
     #[test]
     fn a_picture_gains_the_light_of_the_formula() {
-        let light = ["light.model=clear", "light.sun_elevation=20", "light.sun_azimuth=0", "light.clouds=0.3"];
+        let light =
+            ["light.model=clear", "light.sun_elevation=20", "light.sun_azimuth=0", "light.clouds=0.3"];
         let weather = weather(light.into_iter().chain(["rain.rate=10", "rainbow=on"]));
         let prepared = weather.at(0.0).prepare(&SITE);
         let (sun, light) = prepared.sunlight().unwrap();
@@ -301,7 +306,10 @@ mod tests {
             other.set_text(text).unwrap();
             let prepared = other.at(0.0).prepare(&SITE);
             let camera = Camera::looking((16, 16), 50.0, DVec3::ZERO, opposite, DVec3::Z).unwrap();
-            assert!(Rainbow { brightness: 1.0 }.in_pass(&prepared, &Observer::at_rest(&camera)).is_none(), "{text}");
+            assert!(
+                Rainbow { brightness: 1.0 }.in_pass(&prepared, &Observer::at_rest(&camera)).is_none(),
+                "{text}"
+            );
         }
     }
 }

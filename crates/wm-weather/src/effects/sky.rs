@@ -114,7 +114,11 @@ impl SkyParams {
             Model::Auto => {
                 let panorama = self.panorama.as_ref().and_then(ImageFile::panorama);
                 if let Some(panorama) = panorama {
-                    return SkyAppearance::Panorama { panorama: panorama.clone(), heading: self.heading, below: self.below };
+                    return SkyAppearance::Panorama {
+                        panorama: panorama.clone(),
+                        heading: self.heading,
+                        below: self.below,
+                    };
                 }
                 if let Some(color) = self.color {
                     return SkyAppearance::Plain(color.map(srgb_decode));
@@ -128,7 +132,10 @@ impl SkyParams {
             Model::Overcast => {
                 let zenith = self.zenith.map_or(OVERCAST, |color| color.map(srgb_decode));
                 let horizon = self.horizon.map(|color| color.map(srgb_decode));
-                SkyAppearance::Overcast { zenith, horizon: horizon.unwrap_or(zenith.map(|v| OVERCAST_HORIZON * v)) }
+                SkyAppearance::Overcast {
+                    zenith,
+                    horizon: horizon.unwrap_or(zenith.map(|v| OVERCAST_HORIZON * v)),
+                }
             }
             Model::Gradient => {
                 let take = |color: Option<[f64; 3]>, other| color.map_or(other, |c| c.map(|v| v as f32));

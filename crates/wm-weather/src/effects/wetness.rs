@@ -12,9 +12,9 @@ use crate::param::ParamValue;
 use crate::particles::{LEAST_RATE, ParticleAppearance, Precipitation, RAIN};
 use crate::track::Track;
 use crate::weather::slant::fall_of;
-use crate::wetness::{SlantedRain, WetRequest, driving_rain};
 use crate::wetness::drying::penman;
 use crate::wetness::timeline::RainHistory;
+use crate::wetness::{SlantedRain, WetRequest, driving_rain};
 
 crate::param::params! {
     /// The parameters of the effect.
@@ -84,7 +84,15 @@ const DEFAULT_RAIN_RATE: f64 = 10.0;
 /// A request that wets nothing.
 fn dry(site: &Site) -> WetRequest {
     let rain = SlantedRain { fall: site.up.map(|v| -v), driving: [0.0; 3] };
-    WetRequest { steps: Vec::new(), amount: None, puddles: None, porosity: 0.0, texture: 1.0, eaves: 0.0, rain }
+    WetRequest {
+        steps: Vec::new(),
+        amount: None,
+        puddles: None,
+        porosity: 0.0,
+        texture: 1.0,
+        eaves: 0.0,
+        rain,
+    }
 }
 
 impl WetnessParams {

@@ -4,9 +4,9 @@ use super::layer::{DropLayer, LayerScale};
 use super::veil::Haze;
 use super::wide::WideView;
 use super::*;
+use crate::testing;
 use std::f64::consts::PI;
 use wm_base::random::bits;
-use wm_render::Frame;
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
@@ -136,7 +136,7 @@ fn a_drop_shows_the_scene_upside_down() {
     // Bright above, dark below.
     let side = 256;
     let rgb = (0..side * side).flat_map(|i| [if i / side < side / 2 { 1.0f32 } else { 0.1 }; 3]).collect();
-    let frame = Frame { width: side as u32, height: side as u32, rgb, ..Frame::default() };
+    let frame = testing::frame([side as u32; 2], rgb, 1.0);
     let wide = WideView::new(SimdPath::widest(), &frame);
     // Rays are nearly along the axis.
     let camera = camera(200, 200, 10.0);
@@ -205,16 +205,14 @@ fn drops_run_down() {
 fn a_bright_source_has_the_veil_of_vos() {
     let camera = camera(900, 600, 50.0);
     let size = (camera.width * camera.height) as usize;
-    let mut frame =
-        Frame { width: camera.width, height: camera.height, rgb: vec![0.0; 3 * size], ..Frame::default() };
+    let mut frame = testing::frame([camera.width, camera.height], vec![0.0; 3 * size], 1.0);
     // A square of 12 px with a light of 1.
     for y in 294..306 {
         for x in 444..456 {
             frame.rgb[3 * (y * 900 + x)..][..3].fill(1.0);
         }
     }
-    let wide = Frame { width: 256, height: 256, rgb: vec![0.0; 3 * 256 * 256], ..Frame::default() };
-    let wide = WideView::new(SimdPath::widest(), &wide);
+    let wide = WideView::new(SimdPath::widest(), &testing::frame([256; 2], vec![0.0; 3 * 256 * 256], 1.0));
     let glass = Glass { veil: 1.0, ..glass(steady(Rainfall::onto_glass(0.0)), 0.0, 0.0) };
     let view = GlassView::new(&glass, &camera);
     let haze = Haze::new(&glass, &view, &camera, &frame, &wide).unwrap();

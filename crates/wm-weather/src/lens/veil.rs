@@ -4,6 +4,7 @@ use super::geometry::GlassView;
 use super::glass::Glass;
 use super::wide::WideView;
 use crate::linear_picture::{between, halved, mix};
+use crate::wetness::between_corners;
 use rayon::prelude::*;
 use wm_base::random::bits;
 use wm_render::Frame;
@@ -117,14 +118,11 @@ fn cells_about(x: usize, cell: usize, count: usize) -> (usize, usize, f32) {
 
 /// Even noise between nodes at whole numbers, 0-1.
 fn noise(seed: u64, at: [f64; 2]) -> f64 {
-    let corner = at.map(f64::floor);
-    let part = [at[0] - corner[0], at[1] - corner[1]].map(|v| v * v * (3.0 - 2.0 * v));
-    let node = |dx: f64, dy: f64| {
-        let [x, y] = [corner[0] + dx, corner[1] + dy].map(|v| v as i64 as u64 & 0xffff_ffff);
-        bits(seed ^ 0x6469_7274, x << 32 ^ y) as f64 / 2f64.powi(64)
-    };
-    let row = |dy: f64| node(0.0, dy) + part[0] * (node(1.0, dy) - node(0.0, dy));
-    row(0.0) + part[1] * (row(1.0) - row(0.0))
+    between_corners(
+        at,
+        |v| v * v * (3.0 - 2.0 * v),
+        |key| bits(seed ^ 0x6469_7274, key) as f64 / 2f64.powi(64),
+    )
 }
 
 /// Mean light of the cells of a picture, linear.

@@ -4,7 +4,7 @@ use super::capture::CaptureLight;
 use super::day::OpenLight;
 use super::gains::NewLight;
 use super::irradiance::{SceneLight, SkyGradation};
-use crate::dome::{Dome, SkyAppearance, overcast_horizon, overcast_zenith};
+use crate::dome::{Dome, OVERCAST, SkyAppearance, overcast_horizon};
 use crate::optics::{CapturedSky, LampSource, Site};
 use std::sync::Arc;
 use wm_base::color::{luminance, srgb_decode};
@@ -120,8 +120,7 @@ impl LightChange {
         }
         // Behind what fades of the captured sky, or in the place of the plain one.
         let plain = SkyGradient::daylight(site.up.map(|v| v as f32));
-        let (zenith, brightness) =
-            (overcast_zenith(), (self.exposure - OVERCAST_EXPOSURE * self.clouds).exp2());
+        let (zenith, brightness) = (OVERCAST, (self.exposure - OVERCAST_EXPOSURE * self.clouds).exp2());
         let between = |from: [f32; 3], to: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|k| {
                 let from = srgb_decode(f64::from(from[k]));
@@ -139,6 +138,6 @@ impl LightChange {
 
 /// The tint of an overcast sky at the luminance of an irradiance.
 fn white_as(light: [f64; 3]) -> [f64; 3] {
-    let zenith = overcast_zenith();
+    let zenith = OVERCAST;
     zenith.map(|v| v * luminance(light) / luminance(zenith))
 }

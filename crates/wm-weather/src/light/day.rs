@@ -8,6 +8,7 @@
 
 use super::clear_sky::ClearSky;
 use super::irradiance::{SceneLight, SkyGradation};
+use crate::level::dot;
 use std::f64::consts::PI;
 use wm_base::color::luminance;
 
@@ -121,8 +122,7 @@ impl OpenLight {
     /// the irradiance of a level surface under a whole sky of this radiance, linear RGB, lx. Below
     /// the horizon it is that of the horizon above.
     pub(crate) fn radiance(&self, direction: [f64; 3], sin: f64) -> [f64; 3] {
-        let to_sun: f64 = (0..3).map(|k| direction[k] * self.glow_center[k]).sum();
-        let clear = self.clear.radiance(sin, to_sun);
+        let clear = self.clear.radiance(sin, dot(direction, self.glow_center));
         // CIE overcast: the zenith has 9/7 of the mean.
         let cloudy = (1.0 + 2.0 * sin.clamp(0.0, 1.0)) * 3.0 / 7.0;
         std::array::from_fn(|k| PI * EFFICACY * self.tint[k] * clear[k] + cloudy * self.overcast[k])

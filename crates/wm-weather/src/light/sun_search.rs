@@ -8,7 +8,7 @@
 //! are far from it.
 
 use super::places::Surfaces;
-use crate::level::{from_level, level_axes};
+use crate::level::{dot, from_level, level_axes};
 use crate::optics::Site;
 use crate::point_grid::PointGrid;
 use crate::shelter::{Occluders, Shelter};
@@ -99,7 +99,7 @@ pub(crate) struct FoundSun {
 impl FoundSun {
     /// Returns true if the evidence is enough for a sun over a place whose up is `up`.
     pub(crate) fn is_sun(&self, up: [f64; 3]) -> bool {
-        let sin = along(self.direction, up);
+        let sin = dot(self.direction, up);
         self.score >= LEAST_SCORE && self.score >= MIN_SCORE_RATIO * self.rival && sin > MIN_SUN_SINE
     }
 
@@ -225,11 +225,6 @@ fn at_elevation(direction: [f64; 3], elevation: f64, site: &Site) -> [f64; 3] {
     (level * cos + up * sin).to_array()
 }
 
-/// The dot product of two directions.
-pub(super) fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| a[k] * b[k]).sum()
-}
-
 /// Looks for the sun by wide pairs, then by narrow ones, at `elevation` (radians) if that is known.
 /// `open` is what each surface sees of the sky. `None` if no ground tells. Under clouds no
 /// direction explains the shadows, and the best is no sun ([`FoundSun::is_sun`]).
@@ -269,7 +264,7 @@ pub(super) fn find_sun(
     let guesses = map(tried.len(), |k| score(surfaces, &wide, tried[k], &quick, tells));
     let mut ranked: Vec<usize> = (0..tried.len()).collect();
     ranked.sort_by(|a, b| guesses[*b].total_cmp(&guesses[*a]));
-    let is_far = |a: usize, b: usize| along(tried[a], tried[b]) < OTHER_DIRECTION_COSINE;
+    let is_far = |a: usize, b: usize| dot(tried[a], tried[b]) < OTHER_DIRECTION_COSINE;
     let rivals = ranked.iter().filter(|k| is_far(**k, ranked[0])).take(MAX_CANDIDATES);
     let mut kept: Vec<usize> = ranked.iter().take(MAX_CANDIDATES).chain(rivals).copied().collect();
     kept.sort_unstable();

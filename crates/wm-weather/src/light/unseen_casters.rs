@@ -71,39 +71,26 @@ pub(super) fn may_be_shaded(
     })
 }
 
-/// The shares of level ground that have each reflectance.
-struct Reflectances {
-    shares: Vec<f32>,
+/// The shares of level ground that have the reflectance of each bin, by known ones, linear RGB, of
+/// which there must be some.
+fn shares_of_bins(known: &[Vec3]) -> Vec<f32> {
+    let mut counts = vec![0.0f32; COUNTS.iter().product()];
+    known.iter().filter_map(|color| bin(*color)).for_each(|bin| counts[bin] += 1.0);
+    for axis in 0..3 {
+        counts = smoothed(&counts, axis);
+    }
+    counts.iter_mut().for_each(|count| *count /= known.len() as f32);
+    counts
 }
 
-impl Reflectances {
-    /// Counts known reflectances, linear RGB, of which there must be some.
-    fn new(known: &[Vec3]) -> Self {
-        let mut counts = vec![0.0f32; COUNTS.iter().product()];
-        known.iter().filter_map(|color| bin(*color)).for_each(|bin| counts[index(bin)] += 1.0);
-        for axis in 0..3 {
-            counts = smoothed(&counts, axis);
-        }
-        counts.iter_mut().for_each(|count| *count /= known.len() as f32);
-        Self { shares: counts }
-    }
-
-    fn share(&self, color: Vec3) -> f32 {
-        bin(color).map_or(0.0, |bin| self.shares[index(bin)])
-    }
-}
-
-fn bin(color: Vec3) -> Option<[usize; 3]> {
+/// The bin of a reflectance; `None` for one that is in no bin.
+fn bin(color: Vec3) -> Option<usize> {
     let shares = chromaticity(color);
     // The log of nothing is below all bins.
     let at = [(luminance(color).ln() - DARKEST) / BINS[0], shares.x / BINS[1], shares.y / BINS[2]];
     let inside = (0..3).all(|k| at[k] >= 0.0 && at[k] < COUNTS[k] as f32);
-    inside.then(|| at.map(|v| v as usize))
-}
-
-fn index(cell: [usize; 3]) -> usize {
-    let [a, b, c] = cell;
-    (a * COUNTS[1] + b) * COUNTS[2] + c
+    let [a, b, c] = at.map(|v| v as usize);
+    inside.then_some((a * COUNTS[1] + b) * COUNTS[2] + c)
 }
 
 /// The mean of each bin and those beside it along an axis, weighted 1, 2, 1.
@@ -148,10 +135,11 @@ pub(super) fn amend(
     if known.len() < LEAST_KNOWN {
         return;
     }
-    let common = Reflectances::new(&known);
+    let common = shares_of_bins(&known);
+    let share = |color: Vec3| bin(color).map_or(0.0, |bin| common[bin]);
     let asked: Vec<usize> = (0..surfaces.len()).filter(|i| may_be[*i] && shares[*i] > 0.5).collect();
     let said = map(asked.len(), |k| {
-        let [shade, sunny] = reflectance(asked[k]).map(|color| common.share(color));
+        let [shade, sunny] = reflectance(asked[k]).map(share);
         let odds = IN_SHADE * (shade + BIN_FLOOR) / ((1.0 - IN_SHADE) * (sunny + BIN_FLOOR));
         odds.ln().clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS)
     });

@@ -88,7 +88,7 @@ fn agree(backend: Backend, atmosphere: &Atmosphere, seed: u64) {
             let want = atmosphere.reference(origin.map(f64::from), direction, distance, rgb);
             for k in 0..3 {
                 let got = f64::from(seen.rgb[k][lane]);
-                let rise: f64 = (0..3).map(|k| direction[k] * SITE.up[k]).sum();
+                let rise = dot(direction, SITE.up);
                 let tolerance = 1e-5 + 4e-7 / rise.abs().max(1e-7);
                 assert!(
                     (got - want[k]).abs() < tolerance,
@@ -131,7 +131,7 @@ fn transmittance_and_airlight_agree_with_f64_and_with_colors() {
                 let direction = [0, 1, 2].map(|k| f64::from(rays[g].direction[k][lane]));
                 let distance = f64::from(rays[g].distance[lane]);
                 let want = atmosphere.evaluate_reference(origin.map(f64::from), direction, distance);
-                let rise: f64 = (0..3).map(|k| direction[k] * SITE.up[k]).sum();
+                let rise = dot(direction, SITE.up);
                 let tolerance = 1e-5 + 4e-7 / rise.abs().max(1e-7);
                 for k in 0..3 {
                     let (kept, added) = (air[g].transmittance[k][lane], air[g].airlight[k][lane]);

@@ -20,21 +20,19 @@ impl Occluders {
     /// Makes quick maps with cells a number of times as wide: of merged occluders, floaters among
     /// them.
     pub(crate) fn sketched(&self, times: f64) -> Self {
-        let cell = times * self.options.cell;
-        let floaters = FloaterRule::Stop;
-        Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
+        self.coarse_maps(times, self.merged(times * self.options.cell))
     }
 
     /// Makes soft maps of falls that are nearly straight down, with cells a number of times as
     /// wide; what floats stops them too.
     pub(crate) fn softened(&self, times: f64) -> Self {
-        let cell = times * self.options.cell;
-        let floaters = FloaterRule::Stop;
-        Self { all: self.pooled(0.5 * cell), ..*self }.mapped(&ShelterOptions {
-            cell,
-            floaters,
-            ..self.options
-        })
+        self.coarse_maps(times, self.pooled(0.5 * times * self.options.cell))
+    }
+
+    /// Makes maps of other occluders, floaters among them, with cells a number of times as wide.
+    fn coarse_maps(&self, times: f64, all: Vec<Occluder>) -> Self {
+        let (cell, floaters) = (times * self.options.cell, FloaterRule::Stop);
+        Self { all, ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
     }
 
     /// Merges the occluders of each cube of `width` metres into one, for maps whose cells are no

@@ -491,6 +491,7 @@ fn near(i: usize, k: usize, size: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing;
 
     /// The difference of a light and a dark stripe, seen in pieces of this extent, px.
     #[inline(always)]
@@ -507,14 +508,8 @@ mod tests {
     #[test]
     fn tall_pieces_keep_what_stands_upright() {
         let light = |i: usize| f32::from(u8::from((i % 64 / 8).is_multiple_of(2)));
-        let frame = Frame {
-            width: 64,
-            height: 64,
-            rgb: (0..64 * 64).flat_map(|i| [light(i); 3]).collect(),
-            alpha: vec![1.0; 64 * 64],
-            depth: vec![1.0; 64 * 64],
-            ..Frame::default()
-        };
+        let rgb = (0..64 * 64).flat_map(|i| [light(i); 3]).collect();
+        let frame = testing::frame([64, 64], rgb, 1.0);
         for path in SimdPath::available() {
             let picture = MirroredPicture::new(path, &frame, 1.0);
             let of = |extent| dispatch!(path, s => contrast(s, &picture, extent));
@@ -525,14 +520,7 @@ mod tests {
 
     #[test]
     fn a_sky_that_a_training_left_too_bright_is_mirrored_white() {
-        let frame = Frame {
-            width: 4,
-            height: 4,
-            rgb: [1.0, 1.3, 1.2].repeat(16),
-            alpha: vec![1.0; 16],
-            depth: vec![0.0; 16],
-            ..Frame::default()
-        };
+        let frame = testing::frame([4, 4], [1.0, 1.3, 1.2].repeat(16), 0.0);
         let path = SimdPath::available()[0];
         let [white, bright] = [1.0, f32::INFINITY].map(|white| MirroredPicture::new(path, &frame, white));
         assert!(white.pixels.iter().all(|pixel| pixel[..3].iter().all(|v| (v - 1.0).abs() < 1e-5)));

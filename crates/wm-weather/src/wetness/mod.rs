@@ -48,7 +48,7 @@ pub(crate) use column::Drainage;
 pub(crate) use eaves::Eave;
 pub use gains::WetGains;
 pub(crate) use ground_map::GroundMap;
-pub(crate) use relief::{lower_share, relief, smooth_noise};
+pub(crate) use relief::{between_corners, lower_share, relief, smooth_noise};
 pub(crate) use request::driving_rain;
 pub use request::{SlantedRain, WetRequest};
 pub use run_off::RunOff;

@@ -62,11 +62,17 @@ fn filled_from_below(mean: f32, lower: f32, width: f32) -> f32 {
 
 /// Smooth noise in -1 to 1, between corners a length of 1 apart by an `ease` from 0 to 1.
 pub(crate) fn smooth_noise(seed: u64, place: [f64; 2], ease: impl Fn(f64) -> f64) -> f64 {
+    between_corners(place, ease, |key| 2.0 * uniform(seed, key) - 1.0)
+}
+
+/// The value at a place of a field that has a `value` by key at each corner, a length of 1 apart,
+/// and goes from one to the next by an `ease` from 0 to 1.
+pub(crate) fn between_corners(place: [f64; 2], ease: impl Fn(f64) -> f64, value: impl Fn(u64) -> f64) -> f64 {
     let [i, j] = place.map(f64::floor);
     let [u, v] = [place[0] - i, place[1] - j].map(ease);
     let corner = |di: f64, dj: f64| {
         let [i, j] = [i + di, j + dj].map(|v| v as i64 as u32);
-        2.0 * uniform(seed, u64::from(i) << 32 | u64::from(j)) - 1.0
+        value(u64::from(i) << 32 | u64::from(j))
     };
     let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
     mix(mix(corner(0.0, 0.0), corner(1.0, 0.0), u), mix(corner(0.0, 1.0), corner(1.0, 1.0), u), v)

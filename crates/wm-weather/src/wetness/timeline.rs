@@ -12,7 +12,7 @@ const STEP: f64 = 0.125;
 const EACH: usize = 64;
 
 /// Rain over the time of a weather.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RainHistory<'a> {
     /// Rain, mm/h, over time; `None` for none.
     pub(crate) rate: Option<&'a Track>,
@@ -119,14 +119,8 @@ mod tests {
             hours: 0.0,
             lapse: 3600.0,
         };
-        let history = RainHistory {
-            rate: None,
-            before: [0.0; 2],
-            stopped: 0.0,
-            drying: [0.0, 0.2],
-            lapse: 3600.0,
-            snow: Some(pack),
-        };
+        let history =
+            RainHistory { drying: [0.0, 0.2], lapse: 3600.0, snow: Some(pack), ..RainHistory::default() };
         let mut last = 0.0;
         for time in [0.0, 1.0, 2.4, 3.3, 5.6, 30.0] {
             let columns = WetColumns::dry(0.8).after(&history.steps(time));
@@ -157,14 +151,8 @@ mod tests {
     #[test]
     fn wetness_goes_on_evenly() {
         let rate = rate("0:0,2:40,30:0");
-        let history = RainHistory {
-            rate: Some(&rate),
-            before: [0.0; 2],
-            stopped: 0.0,
-            drying: [0.0, 0.3],
-            lapse: 60.0,
-            snow: None,
-        };
+        let history =
+            RainHistory { rate: Some(&rate), drying: [0.0, 0.3], lapse: 60.0, ..RainHistory::default() };
         let at = |time: f64| WetColumns::dry(0.8).after(&history.steps(time)).column(Drainage::Level, 1.0);
         for step in 0..300 {
             let time = 0.2 * f64::from(step);

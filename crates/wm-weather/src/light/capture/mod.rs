@@ -31,11 +31,12 @@ use super::openness;
 use super::places::{Surfaces, light_of};
 use super::quantile::{median, quantile};
 use super::shadow_edges::{edge_share, sharpened_share};
-use super::sun_search::{self, FoundSun, along};
+use super::sun_search::{self, FoundSun};
 use super::sun_shadows::SunShadows;
 use super::white_card::WhiteCard;
 use crate::cover::ground::FarFloor;
 use crate::fused_surfaces::FusedSurfaces;
+use crate::level::dot;
 use crate::optics::{CapturedSky, Site};
 use crate::point_grid::PointGrid;
 use crate::shelter::Occluders;
@@ -186,7 +187,7 @@ impl CaptureLight {
         let sun = known
             .direction
             .or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
-        let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
+        let sun = sun.filter(|sun| dot(*sun, site.up) > LOWEST_SUN);
         let split = sun
             .and_then(|sun| Split::new(&surfaces, &open, &wide, occluders, coarseness, sun, cameras, site));
         let (capture_sun, seen, amounts) = match split {
@@ -207,7 +208,7 @@ impl CaptureLight {
         let is_known = capture_sun.is_some() || is_overcast;
         let exposure = exposure(&surfaces, &light, is_known, mean.under(&light), up, place);
         let of_sky =
-            capture_sun.map_or(1.0, |sun| 1.0 / (1.0 + luminance(sun.ratio) * along(sun.direction, site.up)));
+            capture_sun.map_or(1.0, |sun| 1.0 / (1.0 + luminance(sun.ratio) * dot(sun.direction, site.up)));
         let under_light = mean.under(&light);
         let card = WhiteCard::new(&surfaces, site, of_sky, is_overcast, |i| {
             luminance(place(i).irradiance(&light, under_light))
@@ -275,7 +276,7 @@ impl CaptureLight {
     /// A line about the sun that was found, or about the reason for none.
     #[must_use]
     pub fn report(&self, up: [f64; 3]) -> String {
-        let height = |direction: [f64; 3]| along(direction, up).clamp(-1.0, 1.0).asin().to_degrees();
+        let height = |direction: [f64; 3]| dot(direction, up).clamp(-1.0, 1.0).asin().to_degrees();
         if let Some(sun) = &self.sun {
             let [r, g, b] = sun.ratio;
             return format!(
@@ -389,7 +390,7 @@ impl CaptureLight {
 
     /// Sine of the elevation of the captured sun; 0 without one.
     pub(crate) fn sin_sun(&self, up: [f64; 3]) -> f64 {
-        self.sun.map_or(0.0, |sun| along(sun.direction, up))
+        self.sun.map_or(0.0, |sun| dot(sun.direction, up))
     }
 
     /// The mean irradiance of the surfaces under a light, without what they return to each other;

@@ -1,11 +1,12 @@
 //! Splits the captured light into that of the sun and that of the sky.
 
 use super::terms::{CaptureSun, MeanSurface, captured_light, surface_of};
+use crate::level::dot;
 use crate::light::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use crate::light::places::Surfaces;
 use crate::light::quantile::median;
 use crate::light::shadow_edges::ShadowEdges;
-use crate::light::sun_search::{self, Pair, along};
+use crate::light::sun_search::{self, Pair};
 use crate::light::unseen_casters::{self, MappedLight};
 use crate::optics::Site;
 use crate::shelter::Occluders;
@@ -83,7 +84,7 @@ impl Split {
             let of_pairs = |pairs| sun_to_sky(surfaces, pairs, known, &mean, |i| place(seen, i));
             let ratio = of_pairs(&on_ground).or_else(|| of_pairs(pairs))?;
             // Corners under a grey sky are darker too, but not by this.
-            (luminance(ratio) * along(direction, site.up) >= LEAST_SUN).then_some((mean, ratio))
+            (luminance(ratio) * dot(direction, site.up) >= LEAST_SUN).then_some((mean, ratio))
         };
         let in_light = |(mean, ratio): &(MeanSurface, [f64; 3])| {
             let sun = CaptureSun { direction, ratio: *ratio, lit: 0.0, contrast_left: 1.0 };

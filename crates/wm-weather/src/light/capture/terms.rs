@@ -1,8 +1,8 @@
 //! The sun of a capture, and the terms by which its light falls on a surface.
 
+use crate::level::dot;
 use crate::light::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use crate::light::openness;
-use crate::light::sun_search::along;
 use crate::optics::Site;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -80,7 +80,7 @@ pub(super) fn captured_light(sun: Option<&CaptureSun>, site: &Site) -> SceneLigh
     let Some(sun) = sun else {
         return SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
     };
-    let sin = along(sun.direction, site.up).max(LOWEST_SUN);
+    let sin = dot(sun.direction, site.up).max(LOWEST_SUN);
     let sky = sun.ratio.map(|ratio| 1.0 / (1.0 + ratio * sin));
     SceneLight { sun: std::array::from_fn(|k| sky[k] * sun.ratio[k]), sky: SkyGradation::even(sky) }
 }

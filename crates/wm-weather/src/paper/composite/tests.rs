@@ -1,4 +1,5 @@
 use super::*;
+use crate::testing;
 use glam::DVec3;
 use wm_render::simd::SimdChoice;
 use wm_render::{CpuConfig, CpuRenderer, DrawPass, Geometry, Outputs, RenderBackend, RenderConfig, SetView};
@@ -50,14 +51,7 @@ fn the_mask_is_the_papers() {
 }
 
 fn frame(rgb: [f32; 3], alpha: f32, depth: f32) -> Frame {
-    Frame {
-        width: 1,
-        height: 1,
-        rgb: rgb.to_vec(),
-        alpha: vec![alpha],
-        depth: vec![depth],
-        ..Frame::default()
-    }
+    Frame { alpha: vec![alpha], ..testing::frame([1, 1], rgb.to_vec(), depth) }
 }
 
 /// Two layers over one pixel: the second sees what the first has left.
@@ -123,15 +117,7 @@ fn one_cloud_loses_a_near_drop_before_a_far_one() {
         ..RenderConfig::default()
     };
     // A dark wall 5 units away.
-    let pixels = 32 * 32;
-    let wall = Frame {
-        width: 32,
-        height: 32,
-        rgb: vec![0.2; 3 * pixels],
-        alpha: vec![1.0; pixels],
-        depth: vec![5.0; pixels],
-        ..Frame::default()
-    };
+    let wall = testing::frame([32, 32], vec![0.2; 3 * 32 * 32], 5.0);
     let mut over = |clouds: &[&Splats]| {
         let mut picture = wall.clone();
         for cloud in clouds {
@@ -153,8 +139,7 @@ fn one_cloud_loses_a_near_drop_before_a_far_one() {
 
 #[test]
 fn the_blur_keeps_light_and_is_a_gaussian() {
-    let (width, height) = (21u32, 17u32);
-    let mut picture = Frame { width, height, rgb: vec![0.0; 3 * 21 * 17], ..Frame::default() };
+    let mut picture = testing::frame([21, 17], vec![0.0; 3 * 21 * 17], 1.0);
     picture.rgb[3 * (8 * 21 + 10) + 1] = 1.0;
     blur(1.5, &mut picture);
     let sum: f32 = picture.rgb.iter().sum();
@@ -164,7 +149,7 @@ fn the_blur_keeps_light_and_is_a_gaussian() {
     assert!((at(13, 6) / at(10, 8) - 0.055_637).abs() < 1e-4);
     assert!(picture.rgb.iter().skip(2).step_by(3).all(|v| *v == 0.0));
     // At the edge the last pixel goes on.
-    let mut plain = Frame { width: 5, height: 4, rgb: vec![0.7; 60], ..Frame::default() };
+    let mut plain = testing::frame([5, 4], vec![0.7; 60], 1.0);
     blur(2.0, &mut plain);
     assert!(plain.rgb.iter().all(|v| (v - 0.7).abs() < 1e-6));
 }
@@ -174,16 +159,9 @@ fn the_blur_keeps_light_and_is_a_gaussian() {
 fn effects_reach_every_pixel_once() {
     let grade = ColorGrade { gains: [2.0; 3], saturation: 1.0, contrast: 1.0 };
     let path = SimdPath::select(SimdChoice::Auto).unwrap();
-    let (width, height) = (37u32, 19u32);
     let pixels = 37 * 19;
-    let mut picture = Frame {
-        width,
-        height,
-        rgb: (0..3 * pixels).map(|i| i as f32 / (6 * pixels) as f32).collect(),
-        alpha: vec![1.0; pixels],
-        depth: vec![1.0; pixels],
-        ..Frame::default()
-    };
+    let rgb = (0..3 * pixels).map(|i| i as f32 / (6 * pixels) as f32).collect();
+    let mut picture = testing::frame([37, 19], rgb, 1.0);
     let clear = picture.clone();
     apply(&[&grade], path, &mut picture);
     for i in 0..pixels {
