@@ -6,6 +6,7 @@
 //! - [`random`]: numbers that are pure functions of a seed and an index.
 //! - [`color`]: sRGB and linear light. [`npy`]: arrays for NumPy.
 //! - [`statistics`]: the median and other quantiles. [`linear`], [`jacobi`]: eigenvectors.
+//! - [`kd_tree`]: nearest neighbours.
 
 pub mod calendar;
 pub mod color;
@@ -13,6 +14,7 @@ pub mod error;
 pub mod file_index;
 pub mod files;
 pub mod jacobi;
+pub mod kd_tree;
 pub mod linear;
 mod nearest;
 pub mod npy;

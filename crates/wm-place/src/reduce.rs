@@ -15,8 +15,7 @@ use crate::view::space::OccupancyGrid;
 use crate::view::{DEFAULT_FOV, ViewOptions};
 use crate::{Error, Progress, Result};
 use glam::{DQuat, DVec3};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use std::num::NonZero;
+use wm_base::kd_tree::KdTree;
 use wm_image::quality::psnr;
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
 use wm_scene::survey::Survey;
@@ -181,18 +180,17 @@ fn merged(splats: &Splats, worth: &[f64], target: usize) -> Splats {
     kept.sort_unstable();
     gone.sort_unstable();
     let places: Vec<[f64; 3]> = kept.iter().map(|i| splats.means[*i].map(f64::from)).collect();
-    let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else { return splats.select(kept) };
+    let tree = KdTree::new(&places);
     let mut taken: Vec<Vec<usize>> = vec![Vec::new(); kept.len()];
     for index in gone.iter().copied() {
         let at = splats.means[index].map(f64::from);
         let longest =
             |i: usize| f64::from(splats.log_scales[i].iter().fold(f32::MIN, |a, b| a.max(*b))).exp();
-        let found = tree.query(&at).nearest_n::<SquaredEuclidean<f64>>(NonZero::<usize>::MIN).execute();
-        let Some(near) = found.first() else { continue };
-        let keeper = kept[near.item as usize];
+        let Some(near) = tree.nearest(&at, 1).pop() else { continue };
+        let keeper = kept[near.index as usize];
         let alike = splats.groups[keeper] == splats.groups[index] && splats.groups[index] != Group::Sky;
-        if alike && near.distance.sqrt() <= MAX_MERGE_DISTANCE_SIGMA * (longest(index) + longest(keeper)) {
-            taken[near.item as usize].push(index);
+        if alike && near.square.sqrt() <= MAX_MERGE_DISTANCE_SIGMA * (longest(index) + longest(keeper)) {
+            taken[near.index as usize].push(index);
         }
     }
     let mut out = splats.select(kept);

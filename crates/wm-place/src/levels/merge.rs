@@ -6,8 +6,7 @@
 
 use crate::moments::{apart, covariance, put};
 use glam::{DMat3, DVec3};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use std::num::NonZero;
+use wm_base::kd_tree::KdTree;
 use wm_scene::Splats;
 
 /// Number of neighbours that a splat may be merged with.
@@ -62,15 +61,14 @@ pub(crate) fn halved(splats: &Splats, worth: &[f64], target: usize) -> (Splats, 
 /// Pairs of neighbours, the cheapest first.
 fn pairs(splats: &Splats, worth: &[f64]) -> Vec<Pair> {
     let places: Vec<[f64; 3]> = splats.means.iter().map(|mean| mean.map(f64::from)).collect();
-    let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else { return Vec::new() };
+    let tree = KdTree::new(&places);
     let covariances: Vec<DMat3> = (0..splats.len()).map(|i| covariance(splats, i)).collect();
     // What is worth nothing has an order too.
     let least = 1e-6 * worth.iter().sum::<f64>() / worth.len().max(1) as f64 + 1e-30;
-    let count = NonZero::new(NEIGHBOUR_COUNT + 1).unwrap_or(NonZero::<usize>::MIN);
     let mut pairs = Vec::with_capacity(splats.len() * NEIGHBOUR_COUNT);
     for (a, place) in places.iter().enumerate() {
-        for near in &tree.query(place).nearest_n::<SquaredEuclidean<f64>>(count).execute() {
-            let b = near.item as usize;
+        for near in tree.nearest(place, NEIGHBOUR_COUNT + 1) {
+            let b = near.index as usize;
             if a == b || splats.groups[a] != splats.groups[b] {
                 continue;
             }

@@ -4,10 +4,9 @@
 use super::shot::cameras_around;
 use super::stream::{LevelStream, RunId};
 use glam::DVec3;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
-use std::num::NonZero;
 use std::ops::Range;
+use wm_base::kd_tree::KdTree;
 use wm_scene::{Camera, Splats};
 
 /// Width of a cell of the ground, m: cameras in one cell share the splats that weather is prepared
@@ -71,15 +70,13 @@ pub(crate) struct WeatherScene {
 /// The splats of a drawn run in the terms of the weather's: for each the nearest of the same leaf.
 pub(crate) fn nearest_of(means: &[[f32; 3]], part: &[[f32; 3]], first: usize) -> Vec<u32> {
     let places: Vec<[f64; 3]> = part.iter().map(|mean| mean.map(f64::from)).collect();
-    let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else {
-        return vec![first as u32; means.len()];
-    };
+    let tree = KdTree::new(&places);
     means
         .par_iter()
         .map(|mean| {
             let at = mean.map(f64::from);
-            let found = tree.query(&at).nearest_n::<SquaredEuclidean<f64>>(NonZero::<usize>::MIN).execute();
-            (first + found.first().map_or(0, |found| found.item as usize)) as u32
+            let found = tree.nearest(&at, 1);
+            first as u32 + found.first().map_or(0, |near| near.index)
         })
         .collect()
 }

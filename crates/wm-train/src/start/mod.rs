@@ -10,9 +10,8 @@ pub(crate) use sky::{SkyPhotos, add_sky};
 
 use crate::random::{Purpose, Random};
 use glam::DVec3;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
-use std::num::NonZero;
+use wm_base::kd_tree::KdTree;
 use wm_scene::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
@@ -102,18 +101,16 @@ pub(crate) fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Sp
 /// Returns the root mean square distance to the nearest neighbours; `alone` for a point without
 /// any.
 fn neighbour_distances(positions: &[[f32; 3]], alone: f64) -> Vec<f64> {
-    let Some(tree) =
-        (positions.len() > 1).then(|| ImmutableKdTree::<f32, 3>::new_from_slice(positions).ok()).flatten()
-    else {
+    if positions.len() < 2 {
         return vec![alone; positions.len()];
-    };
-    let wanted = NonZero::new(NEIGHBOURS + 1).unwrap_or(NonZero::<usize>::MIN);
+    }
+    let tree = KdTree::new(positions);
     positions
         .par_iter()
         .map(|position| {
             // The nearest is the point itself.
-            let found = tree.query(position).nearest_n::<SquaredEuclidean<f32>>(wanted).execute();
-            let squares: Vec<f64> = found.iter().skip(1).map(|near| f64::from(near.distance)).collect();
+            let found = tree.nearest(position, NEIGHBOURS + 1);
+            let squares: Vec<f64> = found.iter().skip(1).map(|near| f64::from(near.square)).collect();
             (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
         })
         .collect()

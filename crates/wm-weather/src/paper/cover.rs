@@ -38,10 +38,9 @@ use crate::particles::random::RandomSequence;
 use crate::threads::map;
 use cells::Cells;
 use glam::{DQuat, DVec3};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::f64::consts::TAU;
-use std::num::NonZero;
 use wm_base::jacobi::jacobi;
+use wm_base::kd_tree::KdTree;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::values::MAX_LOG_SCALE;
 use wm_scene::{Group, Splats, quat};
@@ -398,7 +397,7 @@ struct Near {
     /// About one of them, with up between the axes: the tree halves along each axis in turn, and
     /// every third time would halve a floor into an upper and a lower sheet.
     points: Vec<[f32; 3]>,
-    tree: Option<ImmutableKdTree<f32, 3>>,
+    tree: KdTree<f32>,
 }
 
 impl Near {
@@ -408,20 +407,13 @@ impl Near {
         let middle = flakes.get(flakes.len() / 2).map_or(DVec3::ZERO, |flake| place(flake.at));
         let turned = |flake: &Flake| (turn * (place(flake.at) - middle)).to_array().map(|v| v as f32);
         let points: Vec<[f32; 3]> = flakes.iter().map(turned).collect();
-        let tree = if points.len() > 1 { ImmutableKdTree::new_from_slice(&points).ok() } else { None };
-        Self { points, tree }
+        Self { tree: KdTree::new(&points), points }
     }
 
     /// The `count` nearest to flake `index`, the nearest first, without itself.
     fn of(&self, index: usize, count: usize) -> impl Iterator<Item = usize> {
-        let wanted = NonZero::new(count + 1).unwrap_or(NonZero::<usize>::MIN);
-        let at = &self.points[index];
-        let found = self
-            .tree
-            .as_ref()
-            .map(|tree| tree.query(at).nearest_n::<SquaredEuclidean<f32>>(wanted).execute())
-            .unwrap_or_default();
-        found.into_iter().map(|near| near.item as usize).filter(move |near| *near != index).take(count)
+        let found = self.tree.nearest(&self.points[index], count + 1);
+        found.into_iter().map(|near| near.index as usize).filter(move |near| *near != index).take(count)
     }
 }
 

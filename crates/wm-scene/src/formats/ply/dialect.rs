@@ -19,9 +19,9 @@ use crate::{
     splats::{logit, sigmoid},
     values::FARTHEST,
 };
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use std::num::NonZero;
 use wm_base::error::{Problem, excerpt};
+use wm_base::kd_tree::KdTree;
+use wm_base::statistics::median;
 
 /// The parts of a splat that a file has, and in which form.
 #[derive(Debug)]
@@ -233,7 +233,7 @@ fn apply_filter(splats: &mut Splats, index: usize, filter: f64, axes: usize) {
 }
 
 /// Neighbours that determine the size of a ball.
-const NEIGHBOURS: NonZero<usize> = NonZero::new(4).unwrap();
+const NEIGHBOURS: usize = 4;
 /// Standard deviation of a ball in distances to its neighbours: leaves no gaps in a surface.
 const BALL_SCALE: f64 = 0.5;
 /// Largest ratio of a ball to the median one: a stray point is far from others without being large.
@@ -245,18 +245,19 @@ const BALL_LOGIT: f32 = 4.0;
 fn draw_as_balls(splats: &mut Splats) {
     let is_place = |mean: &[f32; 3]| mean.iter().all(|v| v.abs() <= FARTHEST);
     let places: Vec<[f32; 3]> = splats.means.iter().copied().filter(is_place).collect();
-    let tree = (places.len() > 1).then(|| ImmutableKdTree::<f32, 3>::new_from_slice(&places).ok()).flatten();
+    let tree = KdTree::new(&places);
     let distance = |mean: &[f32; 3]| -> f64 {
-        let Some(tree) = tree.as_ref().filter(|_| is_place(mean)) else { return 0.0 };
+        if !is_place(mean) {
+            return 0.0;
+        }
         // The nearest is the point itself.
-        let found = tree.query(mean).nearest_n::<SquaredEuclidean<f32>>(NEIGHBOURS).execute();
-        let squares = found.iter().skip(1).map(|near| f64::from(near.distance));
+        let found = tree.nearest(mean, NEIGHBOURS);
+        let squares = found.iter().skip(1).map(|near| f64::from(near.square));
         (squares.sum::<f64>() / found.len().saturating_sub(1).max(1) as f64).sqrt()
     };
     let distances: Vec<f64> = splats.means.iter().map(distance).collect();
     let mut known: Vec<f64> = distances.iter().copied().filter(|d| *d > 0.0 && d.is_finite()).collect();
-    let half = known.len() / 2;
-    let middle = if known.is_empty() { 1.0 } else { *known.select_nth_unstable_by(half, f64::total_cmp).1 };
+    let middle = median(&mut known).unwrap_or(1.0);
     for (scales, distance) in splats.log_scales.iter_mut().zip(distances) {
         // Points that share a place are as large as the others.
         let distance = if distance > 0.0 { distance.min(MAX_BALL_RATIO * middle) } else { middle };
