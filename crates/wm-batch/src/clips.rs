@@ -98,7 +98,7 @@ impl BatchClips {
     /// them.
     ///
     /// # Errors
-    /// Those of `views`; [`Error::Unsupported`] if there are no photos, too many cameras or too
+    /// Errors of `views`; [`Error::Unsupported`] if there are no photos, too many cameras or too
     /// many frames.
     pub fn of(plan: &BatchPlan, views: &mut dyn FnMut(usize) -> Result<Vec<SceneView>>) -> Result<Self> {
         let fault = |says: String| Error::Unsupported(format!("{}: {says}", plan.file));
