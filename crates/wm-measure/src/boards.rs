@@ -83,28 +83,25 @@ impl Boards {
         // A narrow band about the horizon, so that all rays are nearly level.
         let camera = level.camera(size, 8.0, [0.0, 0.0, EYE_HEIGHT_M], [0.0, 1.0, EYE_HEIGHT_M])?;
         let count = BOARD_GRID.0 * BOARD_GRID.1;
-        let distances = (0..count).map(|index| {
+        let board = |index: usize| {
             // 7 has no divisor in common with 16: near and far are mixed over the picture.
             let far = (7 * index % count) as f64 / (count - 1) as f64;
-            range * 0.1 * 12f64.powf(far)
-        });
-        let board = |(index, metres): (usize, f64)| {
-            let (x, y) = middle(index);
+            let (metres, (x, y)) = (range * 0.1 * 12f64.powf(far), middle(index));
             let pixel = (x as f64 + 0.5, y as f64 + 0.5);
             Card::over(&camera, pixel, BOARD_HALF_SIDE_PX, level.units(metres), camera.ray(pixel.0, pixel.1))
         };
-        let cards: Vec<Card> = distances.enumerate().map(board).collect();
+        let cards: Vec<Card> = (0..count).map(board).collect();
         let mut painted = |rgb: [f32; 3]| {
             let mut splats = Splats::default();
             cards.iter().for_each(|card| card.paint(&mut splats, (18, 18), rgb));
             bench.rig.set_up(splats)
         };
         let (white, black) = (painted([1.0; 3])?, painted([0.0; 3])?);
-        let length = |(index, card): (usize, &Card)| {
+        let length = |index: usize| {
             let (x, y) = middle(index);
-            level.metres(card.ray_length(&camera, x as f64 + 0.5, y as f64 + 0.5))
+            level.metres(cards[index].ray_length(&camera, x as f64 + 0.5, y as f64 + 0.5))
         };
-        let metres = cards.iter().enumerate().map(length).collect();
+        let metres = (0..count).map(length).collect();
         let mut boards = Self { camera, metres, white, black, contrast: Vec::new() };
         boards.contrast = boards.seen(bench, &clear(), bench.time)?.0;
         Ok(boards)

@@ -495,7 +495,7 @@ fn each_instrument_finds_its_own_error_and_no_other() {
         let mut found = Vec::new();
         for (index, instrument) in instruments.iter().enumerate() {
             let (own, shots) = &faultless[index];
-            let changes = |(k, shot): (usize, &OwnedShot)| {
+            let changes = |k: usize| {
                 matches!(
                     fault,
                     Fault::Upright
@@ -504,10 +504,10 @@ fn each_instrument_finds_its_own_error_and_no_other() {
                         | Fault::Echoes
                         | Fault::WetEchoes
                         | Fault::Points
-                ) || fault.light(shot).is_some()
-                    || fault.falsified(k, shot) != *shot
+                ) || fault.light(&shots[k]).is_some()
+                    || fault.falsified(k, &shots[k]) != shots[k]
             };
-            let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);
+            let is_touched = fault.is_for(instrument.name) && (0..shots.len()).any(changes);
             let finding = if is_touched { read(&mut rig, fault, index).0 } else { own.clone() };
             for reading in finding.readings.iter().filter(|reading| !reading.passes()) {
                 println!("{fault:?}: {} finds {reading:?}", instrument.name);

@@ -130,12 +130,12 @@ fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
             let known = pairs.iter().flat_map(|pair| if is_known(pair) { *pair } else { [0.0; 2] });
             let states = picture.flow_states.unwrap_or_default();
             let state = |pixel: usize| states.get(pixel).copied().unwrap_or(0);
-            let masked = |(pixel, pair): (usize, &[f32; 2])| match state(pixel) {
-                _ if !is_known(pair) => 1,
+            let masked = |pixel: usize| match state(pixel) {
+                _ if !is_known(&pairs[pixel]) => 1,
                 2 => OUTSIDE_FLOW,
                 state => u8::from(state > 0),
             };
-            let mask: Vec<u8> = pairs.iter().enumerate().map(masked).collect();
+            let mask: Vec<u8> = (0..pairs.len()).map(masked).collect();
             let name = format!("{folder}/flow/{index:06}_{:06}", index + 1);
             files.write(&format!("{name}_flow.npy"), &array_files::floats(known, &[height, width, 2]))?;
             files.write(&format!("{name}_mask.npy"), &array_files::bytes(&mask, &[height, width]))?;
