@@ -581,7 +581,7 @@ impl PyRenderer {
                     if reporter.is_stopped() {
                         return reporter.outcome(Err(Failure::Stopped));
                     }
-                    let found = (instrument.read)(&mut field, &request).map_err(|error| {
+                    let found = instrument.read(&mut field, &request).map_err(|error| {
                         Failure::Library(format!("{}: {}", instrument.name, line_of(&error)))
                     })?;
                     field.clear_away();

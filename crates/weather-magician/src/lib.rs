@@ -175,7 +175,7 @@
 //! let mut at = PlaceRenderer::new(renderer, place, view.camera);
 //! let request = MeasureRequest { weather: &weather, time: 0.0, setting: "fog" };
 //! let visibility = INSTRUMENTS.iter().find(|one| one.name == "visibility").ok_or("no such")?;
-//! for reading in (visibility.read)(&mut at, &request)?.readings {
+//! for reading in visibility.read(&mut at, &request)?.readings {
 //!     assert!(reading.passes(), "{}: {} {}", reading.quantity, reading.measured, reading.unit);
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -1,8 +1,7 @@
 //! Questions that several layouts ask of cameras and of what they took.
 
 use crate::{
-    CameraInfo, PictureReading, ReadingData, RigidPose, SensorInfo, SensorInfoKind, SensorReading, SetError,
-    SetInfo,
+    CameraInfo, PictureReading, ReadingData, RigidPose, SensorInfo, SensorReading, SetError, SetInfo,
 };
 use wm_scene::LensModel;
 
@@ -18,10 +17,8 @@ pub(crate) fn refuse_equirectangular(layout: &'static str, sensor: &SensorInfo) 
 
 /// The cameras of a set with their indices.
 pub(crate) fn cameras(set: &SetInfo) -> impl Iterator<Item = (usize, &SensorInfo, &CameraInfo)> {
-    set.sensors.iter().enumerate().filter_map(|(index, sensor)| match &sensor.kind {
-        SensorInfoKind::Camera(camera) => Some((index, sensor, camera)),
-        _ => None,
-    })
+    let sensors = set.sensors.iter().enumerate();
+    sensors.filter_map(|(index, sensor)| Some((index, sensor, sensor.camera()?)))
 }
 
 /// Checks that a set has a camera.
@@ -56,8 +53,8 @@ pub(crate) fn picture<'a>(
     reading: &SensorReading<'a>,
 ) -> Option<(&'a SensorInfo, &'a CameraInfo, PictureReading<'a>)> {
     let sensor = &set.sensors[reading.info.sensor];
-    match (&sensor.kind, reading.data) {
-        (SensorInfoKind::Camera(camera), ReadingData::Picture(picture)) => Some((sensor, camera, picture)),
+    match reading.data {
+        ReadingData::Picture(picture) => Some((sensor, sensor.camera()?, picture)),
         _ => None,
     }
 }
@@ -88,7 +85,7 @@ pub(crate) fn wxyz_and_translation(pose: &RigidPose) -> [f64; 7] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{self, MemorySink};
+    use crate::testing;
 
     /// The first clip, read as a capture, has cameras that show the spot where the set's own do.
     #[test]
@@ -100,7 +97,7 @@ mod tests {
             let folder = root.path().join(crate::stills::folder(&set, &testing::clips()[0]));
             let capture = wm_capture::read(&folder, &wm_capture::CaptureOptions::default()).unwrap();
             let readings = testing::readings(&set);
-            let mut seen = 0;
+            let mut seen = testing::SpotCount::default();
             assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
             for view in &capture.views {
                 let [sensor_name, index] = [0, 1].map(|part| view.name.rsplit('/').nth(1 - part).unwrap());
@@ -109,14 +106,13 @@ mod tests {
                 let index: u32 = index.trim_end_matches(".jpg").parse().unwrap();
                 let info = readings.iter().find(|info| info.sensor == sensor && info.index == index).unwrap();
                 let local = view.camera.viewmat.transform_point3(testing::SPOT);
-                let spot = info.world_from_sensor(&set).inverse().point(testing::SPOT);
+                let spot = testing::spot_in(&set, info);
                 assert!(local.distance(spot) < 1e-9, "{}: {local} is not {spot}", view.name);
                 let intrinsics = [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy];
                 assert_eq!(intrinsics[..], [camera.focal, camera.center].concat());
                 assert!(capture.images.join(&view.file).is_file());
-                seen += usize::from(testing::pixel(camera, spot).is_some());
+                seen.add(&set, info, testing::project(camera, local));
             }
-            assert!(seen > 10, "{seen} pictures show the spot");
         }
     }
 
@@ -124,12 +120,7 @@ mod tests {
     fn files_of_readings_do_not_depend_on_blocks() {
         for name in ["argoverse2", "tartanair"] {
             let layout = testing::layout(name);
-            let [short, long] = [3, 20].map(|frames| {
-                let mut files = MemorySink::default();
-                testing::write_in_blocks(layout, frames, &mut files).unwrap();
-                files.0
-            });
-            assert!(short == long, "{name}");
+            assert!(testing::written(layout, 3) == testing::written(layout, 20), "{name}");
         }
     }
 }

@@ -98,7 +98,7 @@ impl BatchClips {
     /// them.
     ///
     /// # Errors
-    /// Those of `views`; [`Error::Unsupported`] if there are no photos, too many cameras or too
+    /// Errors of `views`; [`Error::Unsupported`] if there are no photos, too many cameras or too
     /// many frames.
     pub fn of(plan: &BatchPlan, views: &mut dyn FnMut(usize) -> Result<Vec<SceneView>>) -> Result<Self> {
         let fault = |says: String| Error::Unsupported(format!("{}: {says}", plan.file));
@@ -257,8 +257,8 @@ impl BatchClips {
         let own = &self.scenes[scene];
         let ways = own.ways.len() as u64;
         let (mut weather, way) = ((number - own.first) / ways, (number - own.first) % ways);
-        let fault = |(key, says): (String, String)| {
-            Error::Unsupported(format!("{}: clip {number}: {key}: {says}", plan.file))
+        let fault = |fault: (String, String)| {
+            Error::Unsupported(format!("{}: clip {number}: {}: {}", plan.file, fault.0, fault.1))
         };
         let mut entry = 0;
         while weather >= plan.weathers[entry].count() {

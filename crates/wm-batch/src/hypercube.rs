@@ -119,8 +119,8 @@ mod tests {
         let mut xs: Vec<f64> = (0..1000).map(|index| cube.at(index, "wind.speed")).collect();
         xs.sort_by(f64::total_cmp);
         let distance =
-            |(k, x): (usize, &f64)| (x - k as f64 / 1000.0).abs().max((x - (k + 1) as f64 / 1000.0).abs());
-        let most = xs.iter().enumerate().map(distance).fold(0.0, f64::max);
+            |k: usize| (xs[k] - k as f64 / 1000.0).abs().max((xs[k] - (k + 1) as f64 / 1000.0).abs());
+        let most = (0..1000).map(distance).fold(0.0, f64::max);
         assert!(most < 1.63 / 1000f64.sqrt(), "{most}");
     }
 }

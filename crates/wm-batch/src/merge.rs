@@ -4,7 +4,7 @@ use super::run::BatchRun;
 use super::store::{BatchStore, BlockMarker, MarkedClip, MarkedFile, TableFiles, digest_of};
 use super::summary::SetSummary;
 use super::writers::frame_files;
-use crate::{ClipRecord, ReadingInfo, SensorInfoKind, SetError};
+use crate::{ClipInfo, ClipRecord, ReadingInfo, SensorInfoKind, SetError};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -188,17 +188,16 @@ impl<'a> SetRows<'a> {
             self.merged.bytes += file.bytes;
         }
         let files = marker.files.iter().map(|file| (file.path.as_str(), file)).collect();
-        for marked in &marker.clips {
-            let record = record_of(self.store, marked)?;
-            if self.last.replace(record.clip.number) != Some(record.clip.number) {
+        for MarkedClip { clip, at, variables, readings } in &marker.clips {
+            if self.last.replace(clip.number) != Some(clip.number) {
                 self.merged.counts[0] += 1;
-                self.summary.add(&record.clip, &marked.variables);
-                clips.write(&clip_row(&record, marked.at, &marked.variables))?;
+                self.summary.add(clip, variables);
+                clips.write(&clip_row(clip, *at, variables))?;
             }
-            for own in record.readings.chunk_by(|a, b| a.frame == b.frame) {
+            for own in readings.chunk_by(|a, b| a.frame == b.frame) {
                 self.merged.counts[1] += u64::from(own.iter().any(|info| info.is_key));
                 self.merged.counts[2] += own.len() as u64;
-                frames.write(&frame_row(self.run, &record, own, &files))?;
+                frames.write(&frame_row(self.run, clip, own, &files))?;
             }
         }
         self.renderers.insert(marker.renderer);
@@ -213,12 +212,6 @@ fn marker_of(run: &BatchRun, store: &BatchStore, block: u64) -> Result<BlockMark
     marker.ok_or_else(|| {
         Error::Unsupported(format!("{}: the marker of block {block} is gone", store.folder().display()))
     })
-}
-
-/// The clip of a marker.
-fn record_of(store: &BatchStore, marked: &MarkedClip) -> Result<ClipRecord> {
-    let fault = |says: String| Error::Unsupported(format!("{}: {says}", store.folder().display()));
-    marked.record().map_err(fault)
 }
 
 fn write_text(path: &Path, text: &str) -> Result<()> {
@@ -253,11 +246,10 @@ impl ClipRecords<'_> {
     fn read(&mut self) -> Result<()> {
         let marker = marker_of(self.run, self.store, self.block)?;
         self.block += 1;
-        for marked in &marker.clips {
-            let record = record_of(self.store, marked)?;
+        for MarkedClip { clip, readings, .. } in marker.clips {
             match &mut self.open {
-                Some(open) if open.clip.number == record.clip.number => open.readings.extend(record.readings),
-                open => self.waiting.extend(open.replace(record)),
+                Some(open) if open.clip.number == clip.number => open.readings.extend(readings),
+                open => self.waiting.extend(open.replace(ClipRecord { clip, readings })),
             }
         }
         Ok(())
@@ -281,8 +273,7 @@ impl Iterator for ClipRecords<'_> {
 }
 
 /// A row of [`CLIPS`].
-fn clip_row(record: &ClipRecord, at: f64, variables: &BTreeMap<String, f64>) -> Json {
-    let clip = &record.clip;
+fn clip_row(clip: &ClipInfo, at: f64, variables: &BTreeMap<String, f64>) -> Json {
     let weather = &clip.weather;
     json!({
         "clip": clip.number,
@@ -308,11 +299,11 @@ fn clip_row(record: &ClipRecord, at: f64, variables: &BTreeMap<String, f64>) -> 
 /// A row of [`FRAMES`].
 fn frame_row(
     run: &BatchRun,
-    record: &ClipRecord,
+    clip: &ClipInfo,
     readings: &[ReadingInfo],
     files: &BTreeMap<&str, &MarkedFile>,
 ) -> Json {
-    let (plan, rig, clip) = (&run.plan, &run.rig, &record.clip);
+    let (plan, rig) = (&run.plan, &run.rig);
     let frame = clip.number * u64::from(plan.frames) + u64::from(readings[0].frame);
     let row = |info: &ReadingInfo| {
         let pose = info.world_from_sensor(&run.set);
@@ -397,12 +388,12 @@ fn sensor_row(sensor: &crate::SensorInfo) -> Json {
     let (t, q) = (sensor.rig_from_sensor.translation, sensor.rig_from_sensor.rotation);
     let mut row = json!({
         "name": sensor.name,
+        "kind": sensor.kind.name(),
         "rate": sensor.rate,
         "rig_from_sensor": { "translation": [t.x, t.y, t.z], "quaternion": [q.w, q.x, q.y, q.z] },
     });
     match &sensor.kind {
         SensorInfoKind::Camera(camera) => {
-            row["kind"] = "camera".into();
             row["intrinsics"] = json!({
                 "width": camera.size.0, "height": camera.size.1,
                 "fx": camera.focal[0], "fy": camera.focal[1], "cx": camera.center[0], "cy": camera.center[1],
@@ -410,15 +401,11 @@ fn sensor_row(sensor: &crate::SensorInfo) -> Json {
             row["lens"] = camera.lens.map(|lens| format!("{lens:?}")).into();
         }
         SensorInfoKind::Lidar { model, rings } => {
-            row["kind"] = "lidar".into();
             row["model"] = model.as_str().into();
             row["rings"] = (*rings).into();
         }
-        SensorInfoKind::Radar { model } => {
-            row["kind"] = "radar".into();
-            row["model"] = model.as_str().into();
-        }
-        SensorInfoKind::Other { kind } => row["kind"] = (*kind).into(),
+        SensorInfoKind::Radar { model } => row["model"] = model.as_str().into(),
+        SensorInfoKind::Other { .. } => {}
     }
     row
 }

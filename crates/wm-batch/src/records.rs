@@ -38,6 +38,21 @@ pub struct SensorInfo {
     pub kind: SensorInfoKind,
 }
 
+impl SensorInfo {
+    /// The camera, if it is one.
+    pub(crate) fn camera(&self) -> Option<&CameraInfo> {
+        match &self.kind {
+            SensorInfoKind::Camera(camera) => Some(camera),
+            _ => None,
+        }
+    }
+
+    /// Returns true if it is a lidar.
+    pub(crate) fn is_lidar(&self) -> bool {
+        matches!(self.kind, SensorInfoKind::Lidar { .. })
+    }
+}
+
 /// The device of a [`SensorInfo`].
 #[derive(Clone, Debug)]
 pub enum SensorInfoKind {
@@ -62,6 +77,18 @@ pub enum SensorInfoKind {
     },
 }
 
+impl SensorInfoKind {
+    /// The kind in rig files.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Camera(_) => "camera",
+            Self::Lidar { .. } => "lidar",
+            Self::Radar { .. } => "radar",
+            Self::Other { kind } => kind,
+        }
+    }
+}
+
 /// The intrinsics of a camera; the centre of the first pixel is at (0.5, 0.5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraInfo {
@@ -77,7 +104,7 @@ pub struct CameraInfo {
 }
 
 /// A clip: one drive through one scene in one weather.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct ClipInfo {
     /// The number in the plan.
     pub number: u64,
@@ -90,8 +117,10 @@ pub struct ClipInfo {
     /// Seconds from the first frame to the end of the last.
     pub seconds: f64,
     /// The place.
+    #[serde(flatten)]
     pub place: PlaceInfo,
     /// The weather.
+    #[serde(flatten)]
     pub weather: WeatherInfo,
 }
 
@@ -103,9 +132,10 @@ impl ClipInfo {
 }
 
 /// The place of a clip.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct PlaceInfo {
     /// The name: letters, digits, `-` and `_`.
+    #[serde(rename = "place")]
     pub name: String,
     /// Latitude and longitude, degrees, of the world's origin, and its height, m; `None` where they
     /// are not known.
@@ -115,14 +145,16 @@ pub struct PlaceInfo {
 }
 
 /// The weather of a clip.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct WeatherInfo {
     /// The name of the weather: letters, digits, `-` and `_`.
+    #[serde(rename = "weather")]
     pub name: String,
     /// The condition that prevails.
     pub condition: Condition,
     /// Visibility, m (5 % of light is left): of fog, haze, smog and what falls together; infinite
     /// in clear air.
+    #[serde(deserialize_with = "read_mor")]
     pub mor: f64,
     /// Rain, mm/h.
     pub rain_rate: f64,
@@ -131,11 +163,18 @@ pub struct WeatherInfo {
     /// True if it is dark without lamps.
     pub is_night: bool,
     /// The weather as a weather file.
+    #[serde(rename = "weather_file")]
     pub file: String,
 }
 
+/// Reads a visibility: JSON has no infinite number.
+fn read_mor<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
+}
+
 /// The condition that prevails in a weather, by which data sets sort their pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Condition {
     /// None of the others.
     Clear,

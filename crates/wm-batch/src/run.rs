@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use wm_place::levels::shot_cameras;
-use wm_place::rig::{Rig, RigSensor};
+use wm_place::rig::Rig;
 use wm_place::sequence::render_and_write;
 use wm_place::view::ViewOptions;
 use wm_place::{CameraMotion, Error, Layers, PlaceOptions, Progress, Renderer, Result};
@@ -191,15 +191,14 @@ impl BatchRun {
     fn shot(&self, active: &ActivePart, metres_per_unit: f64) -> Vec<Camera> {
         let time = |frame: u32| active.clip.weather.at + f64::from(frame) / self.plan.frame_rate;
         let only = self.clips.way(&active.clip).sensor;
-        let shot = |(number, sensor): (usize, &RigSensor)| match sensor.device.camera() {
-            Some(camera) if only.is_none_or(|only| only == number) => {
-                let motion = sensor.motion(&active.base, metres_per_unit);
-                let has_lens = camera.model.lens.is_some();
-                shot_cameras(self.plan.frames, |frame| motion.camera(time(frame)), has_lens)
-            }
-            _ => Vec::new(),
+        let shot = |number: usize| {
+            let sensor = &self.rig.sensors[number];
+            let camera = sensor.device.camera().filter(|_| only.is_none_or(|only| only == number))?;
+            let motion = sensor.motion(&active.base, metres_per_unit);
+            let has_lens = camera.model.lens.is_some();
+            Some(shot_cameras(self.plan.frames, |frame| motion.camera(time(frame)), has_lens))
         };
-        self.rig.sensors.iter().enumerate().flat_map(shot).collect()
+        (0..self.rig.sensors.len()).filter_map(shot).flatten().collect()
     }
 
     /// Draws the frames of some parts of clips of one scene.
@@ -238,11 +237,12 @@ impl BatchRun {
             return Err(Error::Stopped);
         }
         self.written.writing += writers.finish()?;
-        let marked = |active: &ActivePart| {
-            let weather = &active.clip.weather;
-            MarkedClip::new(&active.info, weather.at, &weather.variables, &active.readings)
+        let marked = |active: ActivePart| {
+            let weather = active.clip.weather;
+            let (at, variables) = (weather.at, weather.variables);
+            MarkedClip { clip: active.info, at, variables, readings: active.readings }
         };
-        Ok(parts.iter().map(marked).collect())
+        Ok(parts.into_iter().map(marked).collect())
     }
 }
 

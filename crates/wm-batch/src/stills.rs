@@ -3,7 +3,7 @@
 
 use crate::cameras::picture;
 use crate::layouts::{BlockWriter, ClipStream, FileSink};
-use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, ReadingInfo, SensorInfoKind, SensorReading};
+use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, ReadingInfo, SensorReading};
 use crate::{SetError, SetInfo, picture_files};
 use std::collections::BTreeMap;
 
@@ -62,10 +62,7 @@ pub(crate) fn readings<'a>(
     records: &'a [ClipRecord],
 ) -> impl Iterator<Item = (&'a ClipInfo, &'a ReadingInfo, &'a CameraInfo)> {
     let all = records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
-    all.filter_map(|(clip, info)| match &set.sensors[info.sensor].kind {
-        SensorInfoKind::Camera(camera) => Some((clip, info, camera)),
-        _ => None,
-    })
+    all.filter_map(|(clip, info)| Some((clip, info, set.sensors[info.sensor].camera()?)))
 }
 
 /// Writes the pictures of all cameras of a block as JPEG, into `images/` of their scenes.

@@ -4,7 +4,7 @@
 //! A marker is written last. So a block without one is made again, from the beginning, and a second
 //! run gives the same bytes.
 
-use crate::{ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, SetError, WeatherInfo};
+use crate::{ClipInfo, FileSink, ReadingInfo, SetError};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -68,96 +68,15 @@ impl MarkedFile {
 }
 
 /// A clip, or a part of one, in a marker.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub(crate) struct MarkedClip {
-    number: u64,
-    name: String,
-    split: String,
-    start: i64,
-    seconds: f64,
-    place: String,
-    origin: Option<[f64; 3]>,
-    is_north_known: bool,
-    weather: String,
-    condition: String,
-    /// m; `None` in clear air.
-    mor: Option<f64>,
-    rain_rate: f64,
-    snow_rate: f64,
-    is_night: bool,
-    /// The weather as a file, with its seeds.
-    weather_file: String,
+    #[serde(flatten)]
+    pub(crate) clip: ClipInfo,
     /// The time of the weather at which the clip begins, s.
     pub(crate) at: f64,
     /// The values of what is varied.
     pub(crate) variables: BTreeMap<String, f64>,
-    readings: Vec<ReadingInfo>,
-}
-
-impl MarkedClip {
-    /// A clip with some of its readings.
-    pub(crate) fn new(
-        clip: &ClipInfo,
-        at: f64,
-        variables: &BTreeMap<String, f64>,
-        readings: &[ReadingInfo],
-    ) -> Self {
-        let weather = &clip.weather;
-        Self {
-            number: clip.number,
-            name: clip.name.clone(),
-            split: clip.split.clone(),
-            start: clip.start,
-            seconds: clip.seconds,
-            place: clip.place.name.clone(),
-            origin: clip.place.origin,
-            is_north_known: clip.place.is_north_known,
-            weather: weather.name.clone(),
-            condition: weather.condition.name().into(),
-            mor: weather.mor.is_finite().then_some(weather.mor),
-            rain_rate: weather.rain_rate,
-            snow_rate: weather.snow_rate,
-            is_night: weather.is_night,
-            weather_file: weather.file.clone(),
-            at,
-            variables: variables.clone(),
-            readings: readings.to_vec(),
-        }
-    }
-
-    /// The clip.
-    ///
-    /// # Errors
-    /// The problem of a marker that this program did not write.
-    pub(crate) fn record(&self) -> Result<ClipRecord, String> {
-        let condition = Condition::ALL.into_iter().find(|one| one.name() == self.condition);
-        let condition = condition.ok_or_else(|| format!("condition \"{}\" is not known", self.condition))?;
-        Ok(ClipRecord {
-            clip: ClipInfo {
-                number: self.number,
-                name: self.name.clone(),
-                split: self.split.clone(),
-                start: self.start,
-                seconds: self.seconds,
-                place: PlaceInfo {
-                    name: self.place.clone(),
-                    origin: self.origin,
-                    is_north_known: self.is_north_known,
-                },
-                weather: WeatherInfo {
-                    name: self.weather.clone(),
-                    condition,
-                    mor: self.mor.unwrap_or(f64::INFINITY),
-                    rain_rate: self.rain_rate,
-                    snow_rate: self.snow_rate,
-                    is_night: self.is_night,
-                    file: self.weather_file.clone(),
-                },
-            },
-            readings: self.readings.clone(),
-        })
-    }
+    pub(crate) readings: Vec<ReadingInfo>,
 }
 
 fn fault(path: &Path, says: impl std::fmt::Display) -> Error {

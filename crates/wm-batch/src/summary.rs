@@ -58,9 +58,8 @@ pub(crate) struct SetSummary {
     title: String,
     clips: u64,
     shown: Vec<(u64, String)>,
-    conditions: BTreeMap<&'static str, u64>,
-    splits: BTreeMap<String, u64>,
-    scenes: BTreeMap<String, u64>,
+    /// Clips by their condition, scene and split.
+    counts: [BTreeMap<String, u64>; 3],
     variables: BTreeMap<String, Vec<f64>>,
 }
 
@@ -71,18 +70,17 @@ impl SetSummary {
             title: plan.name.clone(),
             clips,
             shown: Vec::new(),
-            conditions: BTreeMap::new(),
-            splits: BTreeMap::new(),
-            scenes: BTreeMap::new(),
+            counts: Default::default(),
             variables: BTreeMap::new(),
         }
     }
 
     /// Counts a clip.
     pub(crate) fn add(&mut self, clip: &ClipInfo, variables: &BTreeMap<String, f64>) {
-        *self.conditions.entry(clip.weather.condition.name()).or_default() += 1;
-        *self.splits.entry(clip.split.clone()).or_default() += 1;
-        *self.scenes.entry(clip.place.name.clone()).or_default() += 1;
+        let names = [clip.weather.condition.name(), &clip.place.name, &clip.split];
+        for (counts, name) in self.counts.iter_mut().zip(names) {
+            *counts.entry(name.into()).or_default() += 1;
+        }
         for (name, value) in variables {
             let kept = self.variables.entry(name.clone()).or_default();
             if kept.len() < MAX_VALUES {
@@ -122,14 +120,9 @@ impl SetSummary {
              @media(prefers-color-scheme:dark){{body{{background:#111;color:#ddd}}}}</style><h1>{0}</h1>",
             self.title
         );
-        let tables: [(&str, Vec<(String, u64)>); 3] = [
-            ("Weather", self.conditions.iter().map(|(name, count)| ((*name).to_string(), *count)).collect()),
-            ("Scene", self.scenes.iter().map(|(name, count)| (name.clone(), *count)).collect()),
-            ("Split", self.splits.iter().map(|(name, count)| (name.clone(), *count)).collect()),
-        ];
-        for (title, rows) in &tables {
+        for (title, counts) in ["Weather", "Scene", "Split"].into_iter().zip(&self.counts) {
             let _ = write!(page, "<table><tr><th>{title}<th>Clips");
-            for (name, count) in rows {
+            for (name, count) in counts {
                 let _ = write!(page, "<tr><td>{name}<td>{count}");
             }
             page.push_str("</table>");

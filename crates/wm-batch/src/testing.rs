@@ -149,15 +149,23 @@ pub fn layout(name: &str) -> &'static Layout {
 /// Writes the set in a layout, eight frames a block.
 ///
 /// # Errors
-/// Those of the layout.
+/// [`SetError`] of the layout.
 pub fn write(layout: &Layout, files: &mut dyn FileSink) -> Result<(), SetError> {
     write_in_blocks(layout, BLOCK, files)
+}
+
+/// The files of the set in a layout, `frames` frames a block, by path.
+#[cfg(test)]
+pub(crate) fn written(layout: &Layout, frames: u32) -> BTreeMap<String, Vec<u8>> {
+    let mut files = MemorySink::default();
+    write_in_blocks(layout, frames, &mut files).expect("files in memory");
+    files.0
 }
 
 /// Writes the set in a layout, `frames` frames a block.
 ///
 /// # Errors
-/// Those of the layout.
+/// [`SetError`] of the layout.
 pub(crate) fn write_in_blocks(
     layout: &Layout,
     frames: u32,
@@ -191,32 +199,27 @@ pub fn truth(set: &SetInfo) -> Value {
     let sensors = set.sensors.iter().map(|sensor| {
         let mut value = json!({
             "name": sensor.name,
+            "kind": sensor.kind.name(),
             "rate": sensor.rate,
             "rig_from_sensor": rows(&sensor.rig_from_sensor),
         });
         match &sensor.kind {
             SensorInfoKind::Camera(camera) => {
-                value["kind"] = "camera".into();
                 value["size"] = json!([camera.size.0, camera.size.1]);
                 value["focal"] = json!(camera.focal);
                 value["center"] = json!(camera.center);
             }
             SensorInfoKind::Lidar { model, rings } => {
-                value["kind"] = "lidar".into();
                 value["model"] = json!(model);
                 value["rings"] = json!(rings);
             }
-            SensorInfoKind::Radar { model } => {
-                value["kind"] = "radar".into();
-                value["model"] = json!(model);
-            }
-            SensorInfoKind::Other { kind } => value["kind"] = json!(kind),
+            SensorInfoKind::Radar { model } => value["model"] = json!(model),
+            SensorInfoKind::Other { .. } => {}
         }
         value
     });
     let clips = clips().into_iter().map(|clip| {
         let readings = readings(set).into_iter().map(|info| {
-            let spot = info.world_from_sensor(set).inverse().point(SPOT);
             let mut value = json!({
                 "sensor": set.sensors[info.sensor].name,
                 "index": info.index,
@@ -225,10 +228,10 @@ pub fn truth(set: &SetInfo) -> Value {
                 "timestamp": info.timestamp(&clip),
                 "world_from_rig": rows(&info.world_from_rig),
                 "world_from_sensor": rows(&info.world_from_sensor(set)),
-                "spot": spot.to_array(),
+                "spot": spot_in(set, &info).to_array(),
             });
-            if let SensorInfoKind::Camera(camera) = &set.sensors[info.sensor].kind {
-                value["spot_pixel"] = json!(pixel(camera, spot));
+            if set.sensors[info.sensor].camera().is_some() {
+                value["spot_pixel"] = json!(spot_pixel(set, &info));
             }
             value
         });
@@ -274,14 +277,50 @@ pub fn pixel(camera: &CameraInfo, point: DVec3) -> Option<[f64; 2]> {
     (point.z > 0.1 && x >= 0.0 && y >= 0.0 && x < width && y < height).then_some([x, y])
 }
 
+/// The spot in the axes of a reading's sensor.
+pub(crate) fn spot_in(set: &SetInfo, info: &ReadingInfo) -> DVec3 {
+    info.world_from_sensor(set).inverse().point(SPOT)
+}
+
+/// The pixel of the spot; `None` if the reading is no picture or does not show it.
+pub(crate) fn spot_pixel(set: &SetInfo, info: &ReadingInfo) -> Option<[f64; 2]> {
+    pixel(set.sensors[info.sensor].camera()?, spot_in(set, info))
+}
+
+/// Counts pictures that show the spot, which must be at the pixels where they do.
+#[cfg(test)]
+#[derive(Debug, Default)]
+pub(crate) struct SpotCount(usize);
+
+#[cfg(test)]
+impl SpotCount {
+    /// Compares a pixel that files give, counted from the corner of the first.
+    ///
+    /// # Panics
+    /// If the picture shows the spot elsewhere.
+    pub(crate) fn add(&mut self, set: &SetInfo, info: &ReadingInfo, found: [f64; 2]) {
+        if let Some(truth) = spot_pixel(set, info) {
+            let off = (found[0] - truth[0]).hypot(found[1] - truth[1]);
+            assert!(off < 1e-6, "{found:?} is not {truth:?}");
+            self.0 += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+impl Drop for SpotCount {
+    fn drop(&mut self) {
+        assert!(std::thread::panicking() || self.0 > 10, "{} pictures show the spot", self.0);
+    }
+}
+
 /// Makes what a sensor reads.
 fn with_data(
     set: &SetInfo,
     info: ReadingInfo,
     take: &mut dyn FnMut(&SensorReading<'_>) -> Result<(), SetError>,
 ) -> Result<(), SetError> {
-    let sensor_from_world = info.world_from_sensor(set).inverse();
-    let spot = sensor_from_world.point(SPOT);
+    let spot = spot_in(set, &info);
     match &set.sensors[info.sensor].kind {
         SensorInfoKind::Camera(camera) => {
             let pixels = (SIZE.0 * SIZE.1) as usize;

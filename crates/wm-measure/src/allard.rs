@@ -13,13 +13,11 @@
 
 use super::boards::slope;
 use super::expected;
-use super::lit::{LightPicture, level_square, paint_card};
+use super::lit::{LightPicture, level_square};
 use super::plot::{Axis, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, fov_of,
-};
+use super::{Bench, Instrument, MeasuredPicture, fov_of};
 use wm_place::Result;
-use wm_scene::{Lamp, Splats};
+use wm_scene::Lamp;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -28,13 +26,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "Nine lamps shine by night at 20 to 400 m. The light of one is the sum over its pixels in a picture, what is around \
             them taken off; its logarithm with the square of the distance is a line over the distance, whose slope is the extinction.",
     applies: |weather, time| !expected::airs(weather, time).is_empty(),
-    read,
-    sweep: &[
-        &["fog.mor=100"],
-        &["fog.mor=200"],
-        &["fog.mor=500"],
-        &["haze.mor=1500", "haze.scale_height=inf"],
-    ],
+    measure,
+    sweep: &["fog.mor=100", "fog.mor=200", "fog.mor=500", "haze.mor=1500, haze.scale_height=inf"],
 };
 
 /// Height of the camera and of the lamps above the ground, m.
@@ -56,30 +49,14 @@ const DISC_RADIUS_PX: f64 = 9.0;
 const RING_RADII_PX: [f64; 2] = [10.0, 15.0];
 /// A sky of so much light, lx, to which the exposure is set: in the dark of a night lamps would
 /// burn out.
-const SKY_GLOW: &str = "light.glow=100";
-const EXPOSURE: &str = "light.exposure=-8.5";
+const EXPOSURE: &str = "light.glow=100, light.exposure=-8.5";
 
 /// Changes that make night with lamps.
-pub(crate) const NIGHT: [&str; 6] = [
-    "light.model=night",
-    "light.photos=diffuse",
-    "light.clouds=0",
-    "light.lamps=on",
-    "light.headlamps=off",
-    "light.cloud_shadows=off",
-];
+pub(crate) const NIGHT: &str = "light.model=night, light.photos=diffuse, light.clouds=0, light.lamps=on, \
+    light.headlamps=off, light.cloud_shadows=off";
 /// Changes that take away all that falls, lies, or is painted behind lamps.
-pub(crate) const NOTHING_FALLS: [&str; 9] = [
-    "rain=off",
-    "snowfall=off",
-    "hail=off",
-    "snow_cover=off",
-    "dust_cover=off",
-    "wind=off",
-    "sky=off",
-    "look=off",
-    "lightning=off",
-];
+pub(crate) const NOTHING_FALLS: &str = "rain=off, snowfall=off, hail=off, snow_cover=off, dust_cover=off, \
+    wind=off, sky=off, look=off, lightning=off";
 
 /// Sum over the pixels of a lamp in the middle of a picture, with what is around them taken off, by
 /// channel.
@@ -103,10 +80,10 @@ fn lamp_sum(picture: &LightPicture) -> [f64; 3] {
     std::array::from_fn(|k| inside[k] - around[k] / ring * count)
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
-    let weather = request.with(&[&NOTHING_FALLS[..], &NIGHT, &[SKY_GLOW, EXPOSURE]].concat())?;
-    let asked = expected::extinction(&weather, request.time, EYE_HEIGHT_M);
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
+    let weather = bench.with(&format!("{NOTHING_FALLS}, {NIGHT}, {EXPOSURE}"))?;
+    let asked = expected::extinction(&weather, bench.time, EYE_HEIGHT_M);
     let limits =
         [0, 1].map(|end: usize| (OPTICAL_DEPTHS[end] / asked[1]).clamp(DISTANCES_M[0], DISTANCES_M[1]));
     let lamp = |index: usize| {
@@ -125,14 +102,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         ..Lamp::new(level.point(*at).to_array())
     });
     // Behind the camera, since a place has ground somewhere.
-    let mut ground = Splats::default();
-    paint_card(&level, [0.0, -30.0, 0.0], level_square(2.0), 0.25, 0.25, &mut ground);
-    let subject = rig.set_up_lit(ground, lamps.collect())?;
+    let subject = bench.card_by_lamps([0.0, -30.0, 0.0], level_square(2.0), 0.25, 0.25, lamps.collect())?;
     let (mut points, mut strip) = ([const { Vec::new() }; 3], Vec::new());
     for (metres, at) in &all {
         let fov = fov_of(0.5 * f64::from(PICTURE_SIDE_PX) / LAMP_RADIUS_PX * LAMP_RADIUS_M / metres);
         let camera = level.camera((PICTURE_SIDE_PX, PICTURE_SIDE_PX), fov, [0.0, 0.0, EYE_HEIGHT_M], *at)?;
-        let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
+        let picture = bench.light(subject, &camera, &weather)?;
         let pixel = 1.0 / (camera.fx * camera.fy);
         let sum = lamp_sum(&picture);
         if picture.brightest() < 1.0 {
@@ -145,19 +120,18 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
         strip.push(picture.picture.frame.rgb);
     }
-    let mut finding = request.finding();
     for (k, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        finding.add(
+        bench.share(
             format!("extinction by lamps, {name}"),
             "1/km",
             [1e3 * asked[k], if points[k].len() < LAMP_COUNT { f64::NAN } else { 1e3 * slope(&points[k]) }],
-            Tolerance::Relative(0.03),
+            0.03,
         );
     }
     let first = points[1].first().copied().unwrap_or_default();
     let shown = |[metres, log]: [f64; 2]| [metres, (first[1] - log).exp()];
     let law = (0..=60).map(|k| limits[0] + (limits[1] - limits[0]) * f64::from(k) / 60.0);
-    finding.plot(
+    bench.plot(
         "Light of lamps",
         "distance, m",
         Axis::log("E d\u{b2}, share of the nearest"),
@@ -169,15 +143,15 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             Series::points("green", points[1].iter().copied().map(shown).collect()),
         ],
     );
-    finding.pictures.push(MeasuredPicture {
+    bench.show_picture(MeasuredPicture {
         caption: format!(
-            "{}: the lamps at {:.0} to {:.0} m, each through a lens by its distance",
-            request.setting, limits[0], limits[1]
+            "the lamps at {:.0} to {:.0} m, each through a lens by its distance",
+            limits[0], limits[1]
         ),
         rgb: side_by_side(&strip),
         size: (PICTURE_SIDE_PX * LAMP_COUNT as u32, PICTURE_SIDE_PX),
     });
-    Ok(finding)
+    Ok(())
 }
 
 /// Square pictures in a row.

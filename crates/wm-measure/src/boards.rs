@@ -12,9 +12,7 @@
 
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Series};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, draw, median,
-};
+use super::{Bench, Instrument, clear, median};
 use wm_place::Result;
 use wm_place::{Layers, Picture};
 use wm_scene::card::Card;
@@ -29,16 +27,16 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             of their difference in a picture is the transmittance of the air on the way to them; its logarithm over the length of the rays \
             is a line, whose slope is the extinction, and 2.996 over that the meteorological optical range (5 % of the light, WMO).",
     applies: |weather, time| expected::extinction(weather, time, EYE_HEIGHT_M)[1] > 0.0,
-    read,
+    measure,
     sweep: &[
-        &["fog.mor=50"],
-        &["fog.mor=100"],
-        &["fog.mor=200"],
-        &["fog.mor=500"],
-        &["fog.mor=1000"],
-        &["haze.mor=2000", "haze.scale_height=inf"],
-        &["smog.mor=800", "smog.scale_height=inf"],
-        &["rain.rate=25"],
+        "fog.mor=50",
+        "fog.mor=100",
+        "fog.mor=200",
+        "fog.mor=500",
+        "fog.mor=1000",
+        "haze.mor=2000, haze.scale_height=inf",
+        "smog.mor=800, smog.scale_height=inf",
+        "rain.rate=25",
     ],
 };
 
@@ -79,48 +77,40 @@ fn middle(index: usize) -> (usize, usize) {
 }
 
 impl Boards {
-    fn new(rig: &mut dyn InstrumentRenderer, range: f64, time: f64) -> Result<Self> {
-        let level = LevelFrame::of(&rig.site());
+    fn new(bench: &mut Bench<'_>, range: f64) -> Result<Self> {
+        let level = bench.level;
         let size = ((BOARD_GRID.0 * FIELD_SIDE_PX) as u32, (BOARD_GRID.1 * FIELD_SIDE_PX) as u32);
         // A narrow band about the horizon, so that all rays are nearly level.
         let camera = level.camera(size, 8.0, [0.0, 0.0, EYE_HEIGHT_M], [0.0, 1.0, EYE_HEIGHT_M])?;
         let count = BOARD_GRID.0 * BOARD_GRID.1;
-        let distances = (0..count).map(|index| {
+        let board = |index: usize| {
             // 7 has no divisor in common with 16: near and far are mixed over the picture.
             let far = (7 * index % count) as f64 / (count - 1) as f64;
-            range * 0.1 * 12f64.powf(far)
-        });
-        let board = |(index, metres): (usize, f64)| {
-            let (x, y) = middle(index);
+            let (metres, (x, y)) = (range * 0.1 * 12f64.powf(far), middle(index));
             let pixel = (x as f64 + 0.5, y as f64 + 0.5);
             Card::over(&camera, pixel, BOARD_HALF_SIDE_PX, level.units(metres), camera.ray(pixel.0, pixel.1))
         };
-        let cards: Vec<Card> = distances.enumerate().map(board).collect();
+        let cards: Vec<Card> = (0..count).map(board).collect();
         let mut painted = |rgb: [f32; 3]| {
             let mut splats = Splats::default();
             cards.iter().for_each(|card| card.paint(&mut splats, (18, 18), rgb));
-            rig.set_up(splats)
+            bench.rig.set_up(splats)
         };
         let (white, black) = (painted([1.0; 3])?, painted([0.0; 3])?);
-        let length = |(index, card): (usize, &Card)| {
+        let length = |index: usize| {
             let (x, y) = middle(index);
-            level.metres(card.ray_length(&camera, x as f64 + 0.5, y as f64 + 0.5))
+            level.metres(cards[index].ray_length(&camera, x as f64 + 0.5, y as f64 + 0.5))
         };
-        let metres = cards.iter().enumerate().map(length).collect();
+        let metres = (0..count).map(length).collect();
         let mut boards = Self { camera, metres, white, black, contrast: Vec::new() };
-        boards.contrast = boards.seen(rig, &clear(), time)?.0;
+        boards.contrast = boards.seen(bench, &clear(), bench.time)?.0;
         Ok(boards)
     }
 
     /// White less black of each board through a weather, and the picture of the black ones.
-    fn seen(
-        &self,
-        rig: &mut dyn InstrumentRenderer,
-        weather: &Weather,
-        time: f64,
-    ) -> Result<(Light, Picture)> {
-        let white = draw(rig, self.white, &self.camera, weather, time, Layers::COLOR)?;
-        let black = draw(rig, self.black, &self.camera, weather, time, Layers::COLOR)?;
+    fn seen(&self, bench: &mut Bench<'_>, weather: &Weather, time: f64) -> Result<(Light, Picture)> {
+        let mut look = |board| bench.draw_at(time, board, &self.camera, weather, Layers::COLOR);
+        let (white, black) = (look(self.white)?, look(self.black)?);
         let [light, dark] = [&white, &black].map(|picture| patches(&picture.frame.rgb_linear()));
         let less = |light: &[f64; 3], dark: &[f64; 3]| std::array::from_fn(|k| light[k] - dark[k]);
         Ok((light.iter().zip(&dark).map(|(light, dark)| less(light, dark)).collect(), black))
@@ -151,23 +141,20 @@ pub(super) fn slope(points: &[[f64; 2]]) -> f64 {
     products / points.iter().map(|p| (p[0] - x).powi(2)).sum::<f64>()
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let asked =
-        expected::extinction(request.weather, request.time, EYE_HEIGHT_M).map(|sigma| MOR_DEPTH / sigma);
-    let boards = Boards::new(rig, asked[1], request.time)?;
-    let times =
-        if expected::fall_extinction(request.weather, request.time) > 0.0 { FALL_PICTURES } else { 1 };
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let asked = expected::extinction(bench.weather, bench.time, EYE_HEIGHT_M).map(|sigma| MOR_DEPTH / sigma);
+    let boards = Boards::new(bench, asked[1])?;
+    let times = if expected::fall_extinction(bench.weather, bench.time) > 0.0 { FALL_PICTURES } else { 1 };
     let mut kept = vec![[0.0; 3]; boards.metres.len()];
     let mut shown = Picture::default();
     for index in 0..times {
         let (light, picture) =
-            boards.seen(rig, request.weather, request.time + PICTURE_INTERVAL_S * index as f64)?;
+            boards.seen(bench, bench.weather, bench.time + PICTURE_INTERVAL_S * index as f64)?;
         for (kept, (light, clear)) in kept.iter_mut().zip(light.iter().zip(&boards.contrast)) {
             (0..3).for_each(|k| kept[k] += light[k] / clear[k] / times as f64);
         }
         shown = picture;
     }
-    let mut finding = request.finding();
     let farthest = boards.metres.iter().copied().fold(0.0, f64::max);
     let law = (0..=60).map(|k| farthest * f64::from(k) / 60.0);
     let mut series = vec![Series::line(
@@ -185,19 +172,19 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|(metres, kept)| [*metres, -kept[channel].ln()])
             .collect();
         let measured = if points.len() < 4 { f64::NAN } else { MOR_DEPTH / slope(&points) };
-        finding.add(format!("MOR, {name}"), "m", [asked[channel], measured], Tolerance::Relative(0.03));
+        bench.share(format!("MOR, {name}"), "m", [asked[channel], measured], 0.03);
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
-    finding.plot(
+    bench.plot(
         "Contrast left",
         "distance of the board, m",
         Axis::log("white less black, share of clear air"),
         series,
     );
     let near = median(boards.metres.clone());
-    finding.show(
+    bench.show(
         format!("black boards at {:.0} to {farthest:.0} m, half of them within {near:.0} m", 0.1 * asked[1]),
         &shown,
     );
-    Ok(finding)
+    Ok(())
 }

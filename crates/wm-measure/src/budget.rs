@@ -10,11 +10,8 @@
 //!
 //! Tolerance: 1 % of what fell.
 
-use super::lit::LightPicture;
 use super::stake::{level_card, median_depth};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, clear, expected, fov_of,
-};
+use super::{Bench, Instrument, LevelFrame, Tolerance, clear, expected, fov_of};
 use wm_place::Result;
 use wm_scene::Splats;
 use wm_weather::Weather;
@@ -27,14 +24,14 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             maps differ by, summed over the picture, is a volume, and its water is held against what rate and hours have brought in between. \
             Where it thaws: a level yard without snow and with it, and 4 mm a degree and day less. Density 300 kg/m\u{b3}, to which snow settles, so that volume is water. Without wind.",
     applies: |weather, time| fallen(weather, time).is_some_and(|fallen| fallen.fell > 0.0),
-    read,
+    measure,
     sweep: &[
-        &["snowfall.rate=1", "snow_cover.depth=auto", "snow_cover.hours=96"],
-        &["snowfall.rate=2", "snow_cover.depth=auto", "snow_cover.hours=40"],
-        &["snowfall.rate=3", "snow_cover.depth=auto", "snow_cover.hours=40"],
-        &["snowfall.rate=5", "snow_cover.depth=auto", "snow_cover.hours=30"],
-        &["snow_cover.depth=0.3"],
-        &["snowfall.rate=4", "snow_cover.depth=auto", "snow_cover.hours=15", "snow_cover.temperature=3"],
+        "snowfall.rate=1, snow_cover.depth=auto, snow_cover.hours=96",
+        "snowfall.rate=2, snow_cover.depth=auto, snow_cover.hours=40",
+        "snowfall.rate=3, snow_cover.depth=auto, snow_cover.hours=40",
+        "snowfall.rate=5, snow_cover.depth=auto, snow_cover.hours=30",
+        "snow_cover.depth=0.3",
+        "snowfall.rate=4, snow_cover.depth=auto, snow_cover.hours=15, snow_cover.temperature=3",
     ],
 };
 
@@ -114,18 +111,17 @@ fn yard(level: &LevelFrame, is_level: bool) -> Splats {
     splats
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let Some(SnowWater { fell, melted }) = fallen(request.weather, request.time) else {
-        return Ok(Finding::default());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let Some(SnowWater { fell, melted }) = fallen(bench.weather, bench.time) else {
+        return Ok(());
     };
-    let level = LevelFrame::of(&rig.site());
-    let subject = rig.set_up(yard(&level, melted > 0.0))?;
-    let changes = ["wind=off", "fog=off", "haze=off", "smog=off", "rain=off", "snow_cover.density=300"];
-    let weather = request.with(&changes)?;
-    let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, request.time)? };
+    let level = bench.level;
+    let subject = bench.rig.set_up(yard(&level, melted > 0.0))?;
+    let weather = bench.with("wind=off, fog=off, haze=off, smog=off, rain=off, snow_cover.density=300")?;
+    let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, bench.time)? };
     let fov = fov_of(WINDOW_HALF_SIDE_M / EYE_HEIGHT_M);
     let camera = level.camera((400, 400), fov, [0.0, 0.0, EYE_HEIGHT_M], [0.0; 3])?;
-    let mut depths = |weather: &Weather| median_depth(rig, subject, &camera, weather, request);
+    let mut depths = |weather: &Weather| median_depth(bench, subject, &camera, weather);
     let (less, more) = (depths(&before)?, depths(&weather)?);
     let (mut volume, mut area) = (0.0, 0.0);
     for (less, more) in less.iter().zip(&more) {
@@ -135,9 +131,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         volume += pixel * (less - more);
         area += pixel;
     }
-    let mut finding = request.finding();
     let came = fell - stock;
-    finding.add(
+    bench.add(
         format!("water that came to lie, of {came:.0} mm that fell"),
         "mm",
         [came - melted, volume / area * SETTLED_DENSITY_KG_M3],
@@ -145,7 +140,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     );
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;
     let what = if melted > 0.0 { "the level yard" } else { "the yard with its steep ridge" };
-    let seen = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
-    finding.show(what, &seen.picture);
-    Ok(finding)
+    let seen = bench.light(subject, &camera, &weather)?;
+    bench.show(what, &seen.picture);
+    Ok(())
 }

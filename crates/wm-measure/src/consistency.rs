@@ -16,8 +16,7 @@
 //! pixel far away holds several).
 
 use super::{
-    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
-    clear, draw, expected, mean, median, painted,
+    AIR, Bench, Instrument, MeasuredPicture, ShotSubject, Tolerance, clear, expected, mean, median, painted,
 };
 use wm_place::Picture;
 use wm_place::Result;
@@ -33,18 +32,18 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             of the air and on where snow lies. Beside them the same for weather that is painted on the clear frames, one by one, \
             without geometry.",
     applies: |weather, time| !expected::airs(weather, time).is_empty() || weather.has(EffectRole::Lies),
-    read,
+    measure,
     sweep: &[
-        &["fog.mor=50"],
-        &["fog.mor=100"],
-        &["fog.mor=200"],
-        &["fog.mor=500"],
-        &["haze.mor=1000"],
-        &["snow_cover.depth=0.05"],
-        &["snow_cover.depth=0.1"],
-        &["snow_cover.depth=0.2"],
-        &["snow_cover.depth=0.3"],
-        &["snow_cover.depth=0.5"],
+        "fog.mor=50",
+        "fog.mor=100",
+        "fog.mor=200",
+        "fog.mor=500",
+        "haze.mor=1000",
+        "snow_cover.depth=0.05",
+        "snow_cover.depth=0.1",
+        "snow_cover.depth=0.2",
+        "snow_cover.depth=0.3",
+        "snow_cover.depth=0.5",
     ],
 };
 
@@ -72,8 +71,8 @@ struct Pair {
 }
 
 impl View {
-    fn new(rig: &mut dyn InstrumentRenderer, camera: Camera, weather: &Weather, time: f64) -> Result<Self> {
-        let picture = draw(rig, ShotSubject::Place, &camera, weather, time, AIR)?;
+    fn new(bench: &mut Bench<'_>, camera: Camera, weather: &Weather) -> Result<Self> {
+        let picture = bench.draw(ShotSubject::Place, &camera, weather, AIR)?;
         let frame = &picture.frame;
         let sharp = |at: usize| {
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));
@@ -163,27 +162,25 @@ fn overlap(pairs: &[Pair], masks: [&[bool]; 2]) -> f64 {
     both as f64 / either as f64
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let cameras = rig.views()?;
-    let weather = request.with(&["rain=off", "snowfall=off"])?;
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let [a, b] = bench.rig.views()?;
+    let weather = bench.with("rain=off, snowfall=off")?;
     let mut look = |weather: &Weather| -> Result<[View; 2]> {
-        let [a, b] = cameras;
-        Ok([View::new(rig, a, weather, request.time)?, View::new(rig, b, weather, request.time)?])
+        Ok([View::new(bench, a, weather)?, View::new(bench, b, weather)?])
     };
     let (bare, seen) = (look(&clear())?, look(&weather)?);
-    let mut finding = request.finding();
     let (bare_pairs, pairs) = (bare[0].pairs(&bare[1]), seen[0].pairs(&seen[1]));
     let size = seen[0].size();
     let percent = |values: Vec<f64>| 100.0 * mean(values);
     let own = percent(differences(&pairs, &seen[0].rgb, &seen[1].rgb));
     let clear_error = differences(&bare_pairs, &bare[0].rgb, &bare[1].rgb);
-    let has_air = !expected::airs(&weather, request.time).is_empty();
+    let has_air = !expected::airs(&weather, bench.time).is_empty();
     let lies = weather.has(EffectRole::Lies);
     let dimmed = |share: &[f32]| -> Vec<f64> {
         clear_error.iter().zip(&bare_pairs).map(|(e, pair)| e * f64::from(share[pair.here])).collect()
     };
     let above = Tolerance::Above(0.5);
-    finding.add(
+    bench.add(
         "warping error of what stands still",
         "% of white",
         [percent(dimmed(&seen[0].share)), own],
@@ -192,7 +189,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     if has_air {
         let views = [&seen[0], &seen[1]];
         let apart = disagreement(&pairs, views, [&seen[0].share, &seen[1].share]);
-        finding.add(
+        bench.add(
             "two views' extinction is apart by, median",
             "%",
             [0.0, 100.0 * apart],
@@ -201,14 +198,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let paint = [0, 1].map(|k| painted::fog(&bare[k].rgb, size.0, size.1, k as u64 + 1));
         let error = percent(differences(&bare_pairs, &paint[0].rgb, &paint[1].rgb));
         let none = Tolerance::None;
-        finding.add(
+        bench.add(
             "painted a frame: warping error",
             "% of white",
             [percent(dimmed(&paint[0].share)), error],
             none,
         );
         let apart = disagreement(&bare_pairs, [&bare[0], &bare[1]], [&paint[0].share, &paint[1].share]);
-        finding.add("painted a frame: extinction apart by", "%", [0.0, 100.0 * apart], none);
+        bench.add("painted a frame: extinction apart by", "%", [0.0, 100.0 * apart], none);
     }
     if lies {
         let covered = |k: usize| -> Vec<bool> {
@@ -219,7 +216,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         };
         let masks = [covered(0), covered(1)];
         let same = overlap(&pairs, [&masks[0], &masks[1]]);
-        finding.add(
+        bench.add(
             "snow that both views show, of what either does",
             "",
             [1.0, same],
@@ -227,15 +224,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         );
         let paint = [0, 1].map(|k| painted::snow(&bare[k].rgb, size.0, size.1, k as u64 + 1));
         let same = overlap(&bare_pairs, [&paint[0], &paint[1]]);
-        finding.add("painted a frame: the same", "", [1.0, same], Tolerance::None);
+        bench.add("painted a frame: the same", "", [1.0, same], Tolerance::None);
     }
-    finding.show("the first of the two views", &seen[0].picture);
+    bench.show("the first of the two views", &seen[0].picture);
     let mut error = vec![0.0f32; size.0 * size.1];
     for (pair, value) in pairs.iter().zip(differences(&pairs, &seen[0].rgb, &seen[1].rgb)) {
         error[pair.here] = (5.0 * value) as f32;
     }
-    let caption =
-        format!("{}: its warping error, five times; black is none or not seen twice", request.setting);
-    finding.pictures.push(MeasuredPicture::grey(caption, error.into_iter(), (size.0 as u32, size.1 as u32)));
-    Ok(finding)
+    let caption = "its warping error, five times; black is none or not seen twice";
+    bench.show_picture(MeasuredPicture::grey(caption, error.into_iter(), (size.0 as u32, size.1 as u32)));
+    Ok(())
 }

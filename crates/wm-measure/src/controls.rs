@@ -10,8 +10,8 @@
 use super::drops::{DropSample, MeasuredDrop};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES,
-    ShotSubject, Tolerance, clear, draw, expected, mean, median, streaks,
+    Bench, Instrument, MeasuredPicture, PARTICLES, ShotSubject, Tolerance, clear, expected, mean, median,
+    streaks,
 };
 use wm_image::PictureSize;
 use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
@@ -31,15 +31,15 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             the place - and every step must move it the same way. A place in the lee of a tower may be dry all the same.",
     // A sheet is of no weather but its own.
     applies: |_, _| false,
-    read,
-    sweep: &[&[]],
+    measure,
+    sweep: &[""],
 };
 
 /// A row of the sheet.
 struct Control {
     name: &'static str,
     /// Parameters of all pictures of the row.
-    base: &'static [&'static str],
+    base: &'static str,
     /// The parameter and its values.
     key: &'static str,
     values: [&'static str; STEP_COUNT],
@@ -77,8 +77,8 @@ impl MeasuredQuantity {
 }
 
 /// Streaks that show their way: many drops, in a short exposure.
-const STREAKS: &[&str] =
-    &["rain.rate=60", "rain.exposure=0.006", "rain.size=2", "rain.opacity=4", "wind.gusts=0", "wind.speed=6"];
+const STREAKS: &str =
+    "rain.rate=60, rain.exposure=0.006, rain.size=2, rain.opacity=4, wind.gusts=0, wind.speed=6";
 
 /// The direction of the wind. It is turned from the right of the picture, so that streaks lean
 /// alike in any view.
@@ -86,16 +86,16 @@ const WIND_DIRECTION: &str = "wind.direction";
 
 #[rustfmt::skip]
 const CONTROLS: [Control; 9] = [
-    Control { name: "fog intensity", base: &[], key: "fog.mor", values: ["1000", "400", "150", "60", "25"], seen: MeasuredQuantity::Lost },
-    Control { name: "particle opacity", base: &["rain.rate=25", "rain.exposure=0.004", "rain.size=2"], key: "rain.opacity",
+    Control { name: "fog intensity", base: "", key: "fog.mor", values: ["1000", "400", "150", "60", "25"], seen: MeasuredQuantity::Lost },
+    Control { name: "particle opacity", base: "rain.rate=25, rain.exposure=0.004, rain.size=2", key: "rain.opacity",
         values: ["0.5", "1", "2", "4", "8"], seen: MeasuredQuantity::Coverage },
-    Control { name: "particle size", base: &["rain.rate=25", "rain.exposure=0.004", "rain.opacity=4"], key: "rain.size",
+    Control { name: "particle size", base: "rain.rate=25, rain.exposure=0.004, rain.opacity=4", key: "rain.size",
         values: ["0.5", "1", "1.5", "2", "3"], seen: MeasuredQuantity::Coverage },
-    Control { name: "particle density", base: &["rain.exposure=0.004", "rain.size=2", "rain.opacity=4"], key: "rain.rate",
+    Control { name: "particle density", base: "rain.exposure=0.004, rain.size=2, rain.opacity=4", key: "rain.rate",
         values: ["2", "10", "25", "60", "120"], seen: MeasuredQuantity::Coverage },
-    Control { name: "snowfall", base: &[], key: "snowfall.rate", values: ["0.5", "1", "2", "4", "8"], seen: MeasuredQuantity::Coverage },
-    Control { name: "cover depth", base: &[], key: "snow_cover.depth", values: ["0.002", "0.006", "0.02", "0.08", "0.3"], seen: MeasuredQuantity::Whitened },
-    Control { name: "dust colour", base: &["dust_cover.depth=0.05", "haze.mor=800", "haze.airlight=#d8b888"], key: "dust_cover.color",
+    Control { name: "snowfall", base: "", key: "snowfall.rate", values: ["0.5", "1", "2", "4", "8"], seen: MeasuredQuantity::Coverage },
+    Control { name: "cover depth", base: "", key: "snow_cover.depth", values: ["0.002", "0.006", "0.02", "0.08", "0.3"], seen: MeasuredQuantity::Whitened },
+    Control { name: "dust colour", base: "dust_cover.depth=0.05, haze.mor=800, haze.airlight=#d8b888", key: "dust_cover.color",
         values: ["#b8b4ae", "#b8a890", "#b89c74", "#b89058", "#b8803c"], seen: MeasuredQuantity::Redness },
     Control { name: "wind direction", base: STREAKS, key: WIND_DIRECTION, values: ["180", "135", "90", "45", "0"], seen: MeasuredQuantity::Lean },
     Control { name: "wind speed", base: STREAKS, key: "wind.speed", values: ["0", "2", "4", "8", "14"], seen: MeasuredQuantity::Lean },
@@ -113,19 +113,18 @@ const MAX_LEAN_ERROR_DEGREES: f64 = 1.5;
 /// Standard errors by which a step must be seen.
 const SIGNIFICANCE_SIGMA: f64 = 3.0;
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let [camera, _] = rig.views()?;
-    let heading = LevelFrame::of(&rig.site()).heading(camera.rotation().row(0));
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let [camera, _] = bench.rig.views()?;
+    let heading = bench.level.heading(camera.rotation().row(0));
     let height =
         (f64::from(PICTURE_WIDTH_PX) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(PICTURE_WIDTH_PX, height as u32);
-    let bare = draw(rig, ShotSubject::Place, &camera, &clear(), request.time, PARTICLES)?;
-    let mut finding = request.finding();
+    let bare = bench.draw(ShotSubject::Place, &camera, &clear(), PARTICLES)?;
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
         let (mut points, mut errors) = (Vec::new(), Vec::new());
         for (step, value) in control.values.iter().enumerate() {
-            let mut weather = request.with(control.base)?;
+            let mut weather = bench.with(control.base)?;
             let turn = if control.key == WIND_DIRECTION { turn_of(value)? } else { 0.0 };
             let direction = format!("{WIND_DIRECTION}={:.0}", (heading + turn).rem_euclid(360.0));
             let change = match control.key {
@@ -140,10 +139,10 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
                 MeasuredQuantity::Lost => PARTICLES.with(Layers::TRANSMITTANCE),
                 _ => PARTICLES,
             };
-            let picture = draw(rig, ShotSubject::Place, &camera, &weather, request.time, layers)?;
+            let picture = bench.draw(ShotSubject::Place, &camera, &weather, layers)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
-                None => lean(rig, &weather, request.time, heading)?,
+                None => lean(bench, &weather, heading)?,
             };
             points.push([(step + 1) as f64, value]);
             errors.push(error);
@@ -160,8 +159,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             short(points[STEP_COUNT - 1][1])
         );
         let values = [(STEP_COUNT - 1) as f64, rising.count() as f64];
-        finding.add(quantity, "", values, Tolerance::Absolute(0.0)).setting = control.name.to_owned();
-        finding.plots.push(Plot {
+        bench.add(quantity, "", values, Tolerance::Absolute(0.0)).setting = control.name.to_owned();
+        bench.finding.plots.push(Plot {
             title: format!("{}: {} = {}", control.name, control.key, control.values.join(", ")),
             x: Axis::linear("step"),
             y: Axis::linear(control.seen.label()),
@@ -176,12 +175,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         STEP_COUNT as u32,
     );
     let size = layout.size();
-    finding.pictures.push(MeasuredPicture {
+    bench.finding.pictures.push(MeasuredPicture {
         caption: SHEET.to_owned(),
         rgb: sheet(&layout, &panels),
         size: (size.width, size.height),
     });
-    Ok(finding)
+    Ok(())
 }
 
 /// The caption of the sheet in a report.
@@ -229,10 +228,10 @@ fn measured(seen: MeasuredQuantity, picture: &Picture, bare: &Picture) -> Option
 ///
 /// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to
 /// be seen, and says nothing of its lean.
-fn lean(rig: &mut dyn InstrumentRenderer, weather: &Weather, time: f64, heading: f64) -> Result<[f64; 2]> {
-    let look = streaks::look(weather, time)?.turned(heading);
+fn lean(bench: &mut Bench<'_>, weather: &Weather, heading: f64) -> Result<[f64; 2]> {
+    let look = streaks::look(weather, bench.time)?.turned(heading);
     let mut caught = DropSample::default();
-    look.take(rig, time, LEAN_SLABS, &mut caught)?;
+    look.take(bench, LEAN_SLABS, &mut caught)?;
     let degrees = |drop: &MeasuredDrop| drop.blob.angle.to_degrees();
     let law =
         |drop: &MeasuredDrop| f64::atan2(look.across, expected::gunn_kinzer(drop.diameter)).to_degrees();

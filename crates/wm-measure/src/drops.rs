@@ -8,7 +8,7 @@
 
 use super::blobs::{BlobSplit, ParticleBlob, blobs};
 use super::expected::{self, effect, falling};
-use super::{InstrumentRenderer, LevelFrame, MeasuredPicture, PARTICLES};
+use super::{Bench, LevelFrame, MeasuredPicture, PARTICLES};
 use std::f64::consts::PI;
 use wm_place::Result;
 use wm_place::{FrameRequest, Picture};
@@ -175,25 +175,19 @@ impl SlabView {
     }
 
     /// Takes `pictures` more pictures, each at another place.
-    pub(crate) fn take(
-        &self,
-        rig: &mut dyn InstrumentRenderer,
-        time: f64,
-        pictures: usize,
-        caught: &mut DropSample,
-    ) -> Result<()> {
-        let (slab, level) = (&self.slab, LevelFrame::of(&rig.site()));
+    pub(crate) fn take(&self, bench: &mut Bench<'_>, pictures: usize, caught: &mut DropSample) -> Result<()> {
+        let (slab, level, time) = (&self.slab, bench.level, bench.time);
         let mut picture = Picture::default();
         for index in caught.pictures..caught.pictures + pictures {
             // Places so far apart that none shows a drop of another.
             let place = self.first + index;
             let eye = [40.0 * (place % 8) as f64, 40.0 * (place / 8) as f64, 2.0];
             let camera = slab.camera(&level, eye, self.heading)?;
-            let board = rig.set_up(slab.board(&level, &camera))?;
+            let board = bench.rig.set_up(slab.board(&level, &camera))?;
             let mut seen = |time: f64, picture: &mut Picture| -> Result<_> {
                 let request =
                     FrameRequest { layers: PARTICLES, ..FrameRequest::new(&self.weather, camera, time) };
-                rig.draw(board, &request, picture)?;
+                bench.rig.draw(board, &request, picture)?;
                 Ok(blobs(&picture.frame.particles, slab.size as usize, self.opacity, slab.split))
             };
             let is_pair = index % slab.pairs == 0;
@@ -205,7 +199,7 @@ impl SlabView {
                 caught.drops.push(MeasuredDrop { diameter, velocity, blob, picture: index });
             }
             caught.volume += slab.volume();
-            rig.clear_away();
+            bench.rig.clear_away();
         }
         caught.pictures += pictures;
         caught.shown = Some(self.part(&picture.frame.particles));

@@ -104,12 +104,11 @@ pub(crate) fn airs(weather: &Weather, time: f64) -> Vec<ExpectedAir> {
 /// Extinction of what falls, 1/m: by the published law of its kind, or else by the program's own
 /// sum over its particles: published laws of snow are apart by a factor of 3 and more.
 pub(crate) fn fall_extinction(weather: &Weather, time: f64) -> f64 {
-    let own = |(kind, rate): (&PrecipitationKind, f64)| match FallLaw::of(kind).and_then(|law| law.extinction)
-    {
+    let own = |kind: &PrecipitationKind, rate: f64| match FallLaw::of(kind).and_then(|law| law.extinction) {
         Some(extinction) => extinction(rate),
         None => kind.sigma_t(&kind.classes(), rate),
     };
-    falling(weather, time).into_iter().map(own).sum()
+    falling(weather, time).into_iter().map(|(kind, rate)| own(kind, rate)).sum()
 }
 
 /// Extinction of the whole air at a height above the ground, 1/m.

@@ -15,14 +15,11 @@
 //! it, and a tenth of a degree of elevation is 0.5 %.
 
 use super::allard::NIGHT;
-use super::expected;
-use super::lit::{LightPicture, level_square, overcast_card, paint_card};
+use super::lit::{LIGHT_ALONE, LightPicture, level_square, overcast_card};
 use super::plot::Series;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, mean,
-};
+use super::{Bench, Instrument, ShotSubject, changed, expected, mean};
 use wm_place::Result;
-use wm_scene::{Camera, Splats};
+use wm_scene::Camera;
 use wm_weather::Weather;
 
 /// The instrument.
@@ -34,10 +31,10 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     applies: |weather, time| {
         expected::number(weather, time, "lightning", "rate").is_some_and(|rate| rate > 0.0)
     },
-    read,
+    measure,
     sweep: &[
-        &["lightning.rate=20", "lightning.distance=1000"],
-        &["lightning.rate=20", "lightning.distance=2500", "lightning.seed=3"],
+        "lightning.rate=20, lightning.distance=1000",
+        "lightning.rate=20, lightning.distance=2500, lightning.seed=3",
     ],
 };
 
@@ -51,7 +48,7 @@ const MAX_STROKES: usize = 3;
 /// Illuminance by the glow of the sky, lx, and the weather that has it, exposed so that flashes do
 /// not burn out.
 const GLOW_LX: f64 = 10.0;
-const EXPOSURE: [&str; 2] = ["light.glow=10", "light.exposure=-6.5"];
+const EXPOSURE: &str = "light.glow=10, light.exposure=-6.5";
 /// Exposure that holds one stroke, s.
 const STROKE_EXPOSURE_S: f64 = 0.038;
 /// Frames that must be dark before a first stroke.
@@ -77,79 +74,63 @@ struct Film<'a> {
 
 impl Film<'_> {
     /// Mean light of the card's picture, linear.
-    fn light(&self, rig: &mut dyn InstrumentRenderer, weather: &Weather, time: f64) -> Result<f64> {
-        let picture = LightPicture::of(rig, self.subject, &self.camera, weather, time)?;
+    fn light(&self, bench: &mut Bench<'_>, weather: &Weather, time: f64) -> Result<f64> {
+        let picture = bench.light_at(time, self.subject, &self.camera, weather)?;
         let middle = 0.5 * f64::from(CARD_SIDE_PX);
         Ok(picture.patch(middle, middle, 4))
     }
 
     /// Illuminance by lightning of an exposure from `time` on, lx, in the mean over it.
-    fn lux(&self, rig: &mut dyn InstrumentRenderer, time: f64, exposure: f64) -> Result<f64> {
-        let mut weather = self.weather.clone();
-        weather.set_text(&format!("lightning.exposure={exposure}"))?;
-        Ok(GLOW_LX * (self.light(rig, &weather, time)? / self.dark - 1.0))
+    fn lux(&self, bench: &mut Bench<'_>, time: f64, exposure: f64) -> Result<f64> {
+        let weather = changed(self.weather, &format!("lightning.exposure={exposure}"))?;
+        Ok(GLOW_LX * (self.light(bench, &weather, time)? / self.dark - 1.0))
     }
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
-    let rate = expected::number(request.weather, request.time, "lightning", "rate").unwrap_or(0.0);
-    let storm = |changes: &[&str]| -> Result<Weather> {
-        let mut weather = request.weather.clone();
-        let off = super::lit::LIGHT_ALONE.iter().filter(|change| **change != "lightning=off");
-        off.chain(&NIGHT).chain(&EXPOSURE).chain(changes).try_for_each(|change| weather.set_text(change))?;
-        Ok(weather)
-    };
-    let (weather, calm) = (storm(&[])?, storm(&["lightning=off"])?);
-    let mut card = Splats::default();
-    let halves = level_square(2.0);
-    paint_card(
-        &level,
-        [0.0, 0.0, CARD_HEIGHT_M],
-        halves,
-        0.2,
-        overcast_card(CARD_REFLECTANCE, 0.0),
-        &mut card,
-    );
-    let subject = rig.set_up_lit(card, Vec::new())?;
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
+    let rate = bench.number("lightning", "rate").unwrap_or(0.0);
+    let alone = LIGHT_ALONE.replace("lightning=off, ", "");
+    let weather = bench.with(&format!("{alone}, {NIGHT}, {EXPOSURE}"))?;
+    let calm = changed(&weather, "lightning=off")?;
+    let light = overcast_card(CARD_REFLECTANCE, 0.0);
+    let subject = bench.card([0.0, 0.0, CARD_HEIGHT_M], level_square(2.0), 0.2, light)?;
     let camera =
         level.camera((CARD_SIDE_PX, CARD_SIDE_PX), 10.0, [0.0, 0.0, 4.0], [0.0, 0.0, CARD_HEIGHT_M])?;
     let mut film = Film { subject, camera, dark: 1.0, weather: &weather };
-    film.dark = film.light(rig, &calm, request.time)?;
+    film.dark = film.light(bench, &calm, bench.time)?;
 
     let seconds = (60.0 * FLASHES_PER_FILM / rate).clamp(FILM_SECONDS[0], FILM_SECONDS[1]).round();
     let mut films: [Vec<f64>; 2] = Default::default();
     for (frames, rate) in films.iter_mut().zip(FRAME_RATES_HZ) {
         for frame in 0..(seconds * rate) as u32 {
-            let time = request.time + f64::from(frame) / rate;
-            frames.push(film.lux(rig, time, 1.0 / rate)?);
+            let time = bench.time + f64::from(frame) / rate;
+            frames.push(film.lux(bench, time, 1.0 / rate)?);
         }
     }
     let sums = [0, 1].map(|k: usize| films[k].iter().sum::<f64>() / FRAME_RATES_HZ[k]);
-    let mut finding = request.finding();
-    finding.add(
+    bench.share(
         format!("light of {seconds:.0} s at 24 frames a second, by that at 60"),
         "lx s",
         [sums[1], if sums[1] > 0.01 { sums[0] } else { f64::NAN }],
-        Tolerance::Relative(0.01),
+        0.01,
     );
     let fast = &films[1];
     let is_lit = |frame: usize| fast[frame] > 0.02;
     let begins = (DARK_FRAMES..fast.len()).filter(|at| is_lit(*at) && !(at - DARK_FRAMES..*at).any(is_lit));
     for (number, frame) in begins.take(MAX_STROKES).enumerate() {
-        let time = request.time + frame as f64 / FRAME_RATES_HZ[1];
-        let measured = STROKE_EXPOSURE_S * film.lux(rig, time, STROKE_EXPOSURE_S)?;
-        let mut lit = weather.clone();
-        lit.set_text(&format!("lightning.exposure={STROKE_EXPOSURE_S}"))?;
-        let (sin, picture) = brightest(rig, &level, subject, &lit, &calm, time)?;
-        finding.add(
+        let time = bench.time + frame as f64 / FRAME_RATES_HZ[1];
+        let measured = STROKE_EXPOSURE_S * film.lux(bench, time, STROKE_EXPOSURE_S)?;
+        let lit = changed(&weather, &format!("lightning.exposure={STROKE_EXPOSURE_S}"))?;
+        let (sin, picture) = brightest(bench, subject, [&lit, &calm], time)?;
+        bench.share(
             format!("stroke {} at {:.1} km", number + 1, 1e-3 * STROKE_HEIGHT_M / sin),
             "lx s",
             [STROKE_LX_S * (1_000.0 * sin / STROKE_HEIGHT_M).powi(2), measured],
-            Tolerance::Relative(0.03),
+            0.03,
         );
         if number == 0 {
-            finding.show("the sky of a stroke about its brightest", &picture.picture);
+            bench.show("the sky of a stroke about its brightest", &picture.picture);
         }
     }
     let curve = |k: usize| {
@@ -159,40 +140,38 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|(frame, lux)| [(frame as f64 + 0.5) / FRAME_RATES_HZ[k], *lux])
             .collect()
     };
-    finding.plot(
+    bench.plot(
         "Light of lightning",
         "time, s",
         "illuminance, mean of a frame, lx",
         vec![Series::line("24 frames a second", curve(0)), Series::line("60 frames a second", curve(1))],
     );
-    Ok(finding)
+    Ok(())
 }
 
 /// Sine of the elevation of the brightest of the sky in lightning, against a calm sky, and the last
 /// picture in which it was looked for.
 fn brightest(
-    rig: &mut dyn InstrumentRenderer,
-    level: &LevelFrame,
+    bench: &mut Bench<'_>,
     subject: ShotSubject,
-    weather: &Weather,
-    calm: &Weather,
+    weathers: [&Weather; 2],
     time: f64,
 ) -> Result<(f64, LightPicture)> {
     // High above the card; the card is below what is looked at.
-    let eye = [0.0, 0.0, 30.0];
-    let towards = |rig: &mut dyn InstrumentRenderer, fov: f64, direction: [f64; 3]| -> Result<_> {
+    let (level, eye) = (bench.level, [0.0, 0.0, 30.0]);
+    let mut towards = |fov: f64, direction: [f64; 3]| -> Result<_> {
         let target = std::array::from_fn(|k| eye[k] + direction[k]);
         let camera = level.camera((SKY_SIDE_PX, SKY_SIDE_PX), fov, eye, target)?;
-        let mut picture = LightPicture::of(rig, subject, &camera, weather, time)?;
+        let [picture, dark] = weathers.map(|weather| bench.light_at(time, subject, &camera, weather));
+        let (mut picture, dark) = (picture?, dark?);
         // Without the light that the sky has anyway.
-        let dark = LightPicture::of(rig, subject, &camera, calm, time)?;
         picture.rgb.iter_mut().zip(&dark.rgb).for_each(|(light, dark)| *light -= dark);
         Ok((camera, picture))
     };
     let mut best = (0.0, [0.0; 3]);
     for turn in 0..6 {
         let (sin, cos) = (f64::from(turn) * std::f64::consts::PI / 3.0).sin_cos();
-        let (camera, picture) = towards(rig, 80.0, [sin, cos, 0.8])?;
+        let (camera, picture) = towards(80.0, [sin, cos, 0.8])?;
         for at in 0..(SKY_SIDE_PX * SKY_SIDE_PX) as usize {
             let (x, y) = (at % SKY_SIDE_PX as usize, at / SKY_SIDE_PX as usize);
             if picture.light(x, y) > best.0 {
@@ -204,7 +183,7 @@ fn brightest(
     let mut direction = best.1;
     let mut last = None;
     for fov in [30.0, 24.0, 24.0] {
-        let (camera, picture) = towards(rig, fov, direction)?;
+        let (camera, picture) = towards(fov, direction)?;
         let [x, y] = peak(&picture);
         let ray = camera.ray(x, y).normalize();
         direction = level.axes.map(|axis| axis.dot(ray));

@@ -8,14 +8,12 @@
 //! Tolerance 3 %. Systematic: still water has slopes of 0.4 % rms, which change 0.1 % at 5 degrees;
 //! below 1 % in all.
 
-use super::lit::LightPicture;
 use super::plot::{Axis, Series};
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use super::{Bench, Instrument, changed, expected};
 use std::f64::consts::FRAC_PI_2;
 use wm_base::color::srgb_encode;
 use wm_place::Result;
-use wm_scene::Splats;
-use wm_scene::card::Card;
+use wm_weather::Weather;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -24,8 +22,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "Black water before a board of half of white that fills all it mirrors: the light of the water over that of the board, \
             at elevations of 5 to 60 degrees, against Fresnel's equations.",
     applies: expected::is_flooded,
-    read,
-    sweep: &[&["flood.level=0.3"]],
+    measure,
+    sweep: &["flood.level=0.3"],
 };
 
 /// Elevations, degrees.
@@ -40,24 +38,22 @@ pub(super) const PICTURE_SIDE_PX: u32 = 64;
 const PATCH_HALF_SIDE_PX: usize = 8;
 const FIELD_OF_VIEW_DEGREES: f64 = 4.0;
 
-/// The weather with still and black water alone.
-pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm_weather::Weather> {
-    let mut weather = request.weather.clone();
-    for effect in weather.clone().effects().map(|(effect, _)| effect.name).filter(|name| *name != "flood") {
-        weather.set_text(&format!("{effect}=off"))?;
-    }
+/// Changes that make water black.
+pub(super) const BLACK_WATER: &str = "flood.tint=0,0,0, flood.secchi=0.05";
+
+/// The weather with still water alone, and with changes.
+pub(super) fn still(bench: &Bench<'_>, changes: &str) -> Result<Weather> {
+    let mut weather = bench.alone("flood")?;
     // Instruments set up boards at heights over the ground of the site.
     weather.set_text("flood.ground=0")?;
-    changes.iter().try_for_each(|change| weather.set_text(change))?;
-    Ok(weather)
+    changed(&weather, changes)
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
     let reflectance = |elevation: f64| expected::water_reflectance(FRAC_PI_2 - elevation.to_radians());
-    let height = expected::number(request.weather, request.time, "flood", "level").unwrap_or_default();
-    let weather = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
-    let mut finding = request.finding();
+    let height = bench.number("flood", "level").unwrap_or_default();
+    let weather = still(bench, BLACK_WATER)?;
     let mut points = Vec::new();
     for degrees in ELEVATIONS_DEGREES {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -68,34 +64,30 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             eye,
             [0.0, 0.0, height],
         )?;
-        let center = level.point([DISTANCES_M[1] * cos, 0.0, height + DISTANCES_M[1] * sin]);
-        let half = level.units(0.9);
-        let up = level.vector([-sin, 0.0, cos]);
-        let card = Card { center, u: level.vector([0.0, 1.0, 0.0]) * half, v: up * half };
-        let mut splats = Splats::default();
-        card.paint(&mut splats, (24, 24), [srgb_encode(BOARD_LIGHT) as f32; 3]);
-        let subject = rig.set_up(splats)?;
-        let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
+        let center = [DISTANCES_M[1] * cos, 0.0, height + DISTANCES_M[1] * sin];
+        let subject = bench.square(
+            center,
+            [[0.0, 1.0, 0.0], [-sin, 0.0, cos]],
+            0.9,
+            24,
+            srgb_encode(BOARD_LIGHT) as f32,
+        )?;
+        let picture = bench.light(subject, &camera, &weather)?;
         let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
         let measured = picture.patch(middle, middle, PATCH_HALF_SIDE_PX) / BOARD_LIGHT;
         let asked = reflectance(degrees);
-        finding.add(
-            format!("reflectance of water at {degrees} degrees"),
-            "",
-            [asked, measured],
-            Tolerance::Relative(0.03),
-        );
+        bench.share(format!("reflectance of water at {degrees} degrees"), "", [asked, measured], 0.03);
         points.push([degrees, measured]);
         if degrees == ELEVATIONS_DEGREES[1] {
-            finding.show(format!("water that mirrors a board, at {degrees} degrees"), &picture.picture);
+            bench.show(format!("water that mirrors a board, at {degrees} degrees"), &picture.picture);
         }
     }
     let law = (1..=90).map(|degrees| [f64::from(degrees), reflectance(f64::from(degrees))]);
-    finding.plot(
+    bench.plot(
         "Reflectance of water",
         "elevation of the view, degrees",
         Axis::log("share of light that is reflected"),
         vec![Series::line("Fresnel, 1.333", law.collect()), Series::points("measured", points)],
     );
-    Ok(finding)
+    Ok(())
 }

@@ -20,7 +20,7 @@ use super::blobs::BlobSplit;
 use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView};
 use super::expected::{FallLaw, effect, falling};
 use super::plot::{Axis, Series};
-use super::{Finding, Instrument, InstrumentRenderer, MeasureRequest, Tolerance, expected, mean, median};
+use super::{Bench, Instrument, Tolerance, expected, mean, median};
 use std::ops::Range;
 use wm_place::Result;
 use wm_weather::particles::{ParticleShape, PrecipitationKind, RAIN};
@@ -36,23 +36,21 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             against the spectrum of Marshall and Palmer; and in classes of a quarter of a millimetre speed over what Gunn and Kinzer measured, \
             of which the class that is farthest off counts.",
     applies: |weather, time| falling(weather, time).iter().any(|(kind, _)| FallLaw::of(kind).is_some()),
-    read,
-    sweep: SWEEP,
+    measure,
+    sweep: &[
+        "rain.rate=1",
+        "rain.rate=2.5",
+        "rain.rate=10",
+        "rain.rate=25",
+        "rain.rate=50",
+        "rain.rate=10, wind.speed=6",
+        "snowfall.rate=0.5",
+        "snowfall.rate=1",
+        "snowfall.rate=2",
+        "snowfall.rate=3",
+        "snowfall.rate=5",
+    ],
 };
-
-const SWEEP: &[&[&str]] = &[
-    &["rain.rate=1"],
-    &["rain.rate=2.5"],
-    &["rain.rate=10"],
-    &["rain.rate=25"],
-    &["rain.rate=50"],
-    &["rain.rate=10", "wind.speed=6"],
-    &["snowfall.rate=0.5"],
-    &["snowfall.rate=1"],
-    &["snowfall.rate=2"],
-    &["snowfall.rate=3"],
-    &["snowfall.rate=5"],
-];
 
 /// Standard error of a rate at which pictures are enough, as a share.
 const TARGET_STANDARD_ERROR: f64 = 0.012;
@@ -97,15 +95,9 @@ struct Lens {
 
 impl Lens {
     /// The close one and the wide one.
-    fn both(
-        request: &MeasureRequest<'_>,
-        kind: &PrecipitationKind,
-        law: &FallLaw,
-        rate: f64,
-    ) -> Result<[Self; 2]> {
-        let wind = expected::number(request.weather, request.time, "wind", "speed").unwrap_or(0.0);
-        let mut weather = request.weather.clone();
-        weather.set_text(&format!("{}.exposure=0.00001", effect(kind)))?;
+    fn both(bench: &Bench<'_>, kind: &PrecipitationKind, law: &FallLaw, rate: f64) -> Result<[Self; 2]> {
+        let wind = bench.number("wind", "speed").unwrap_or(0.0);
+        let weather = bench.with(&format!("{}.exposure=0.00001", effect(kind)))?;
         let (opacity, [least, large], close) = match kind.shape {
             ParticleShape::Ball => {
                 // Of what is larger than drops the whole slab is as much larger: the smallest are
@@ -140,14 +132,14 @@ impl Lens {
             let thickness = most.clamp(0.1, close.thickness);
             // Between two pictures drops go the same way in pixels.
             let slab = AirSlab { scale, thickness, apart: close.apart * wider, ..close };
-            let look = SlabView::new(&weather, request.time, kind, slab, opacity)?.beginning_at(first);
+            let look = SlabView::new(&weather, bench.time, kind, slab, opacity)?.beginning_at(first);
             Ok(Self { look, diameters, caught: DropSample::default() })
         };
         Ok([lens(least, 0.0..large, 1.0, 0)?, lens(large, large..f64::INFINITY, 2.0, WIDE_LENS_FIRST_PLACE)?])
     }
 
-    fn take(&mut self, rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<()> {
-        self.look.take(rig, request.time, PICTURES_PER_ROUND, &mut self.caught)
+    fn take(&mut self, bench: &mut Bench<'_>) -> Result<()> {
+        self.look.take(bench, PICTURES_PER_ROUND, &mut self.caught)
     }
 
     fn drops(&self) -> impl Iterator<Item = &MeasuredDrop> {
@@ -179,14 +171,9 @@ impl Lens {
 }
 
 /// Looks until the rate is told well enough; gives it with its standard error, mm/h.
-fn look(
-    rig: &mut dyn InstrumentRenderer,
-    request: &MeasureRequest<'_>,
-    law: &FallLaw,
-    lenses: &mut [Lens; 2],
-) -> Result<[f64; 2]> {
+fn look(bench: &mut Bench<'_>, law: &FallLaw, lenses: &mut [Lens; 2]) -> Result<[f64; 2]> {
     for lens in lenses.iter_mut() {
-        lens.take(rig, request)?;
+        lens.take(bench)?;
     }
     loop {
         let fluxes = lenses.each_ref().map(|lens| lens.flux(law));
@@ -197,18 +184,17 @@ fn look(
         }
         // What another picture would take of the variance.
         let [close, wide] = [0, 1].map(|k| fluxes[k][1] / pictures[k] as f64);
-        lenses[usize::from(wide > close)].take(rig, request)?;
+        lenses[usize::from(wide > close)].take(bench)?;
     }
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let mut finding = request.finding();
-    for (kind, rate) in falling(request.weather, request.time) {
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    for (kind, rate) in falling(bench.weather, bench.time) {
         let Some(law) = FallLaw::of(kind) else { continue };
-        let mut lenses = Lens::both(request, kind, law, rate)?;
-        let [measured, error] = look(rig, request, law, &mut lenses)?;
+        let mut lenses = Lens::both(bench, kind, law, rate)?;
+        let [measured, error] = look(bench, law, &mut lenses)?;
         let five = Tolerance::Relative(0.05);
-        let told = finding.add(format!("{} rate", kind.name), "mm/h", [rate, measured], five);
+        let told = bench.add(format!("{} rate", kind.name), "mm/h", [rate, measured], five);
         told.standard_error = Some(error);
         let speeds = classes(kind, law, &lenses);
         let farthest =
@@ -217,23 +203,22 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         if *kind == RAIN {
             // Of an exponential spectrum the same beyond any diameter.
             let wanted = 1.0 / expected::rain_slope(rate);
-            finding.add("mean diameter beyond 0.7 mm", "mm", [wanted, beyond(&lenses)], five);
-            plot_sizes(&mut finding, rate, &lenses);
+            bench.add("mean diameter beyond 0.7 mm", "mm", [wanted, beyond(&lenses)], five);
+            plot_sizes(bench, rate, &lenses);
         }
-        finding.add(quantity, "", [1.0, farthest.unwrap_or(f64::NAN)], five);
-        plot_speeds(&mut finding, law, &speeds);
+        bench.add(quantity, "", [1.0, farthest.unwrap_or(f64::NAN)], five);
+        plot_speeds(bench, law, &speeds);
         for (lens, what) in lenses.iter_mut().zip(["close", "wide"]) {
             let (count, volume, scale) = (lens.drops().count(), lens.caught.volume, lens.look.slab.scale);
             if let Some(mut shown) = lens.caught.shown.take() {
                 shown.caption = format!(
-                    "{}: a part of a slab in the {what} lens, {scale} px to a metre; {count} caught in {volume:.0} m\u{b3} of air",
-                    request.setting
+                    "a part of a slab in the {what} lens, {scale} px to a metre; {count} caught in {volume:.0} m\u{b3} of air"
                 );
-                finding.pictures.push(shown);
+                bench.show_picture(shown);
             }
         }
     }
-    Ok(finding)
+    Ok(())
 }
 
 /// By how much drops above [`MIN_SPEED_DROP_MM`] are wider than that in the mean, mm.
@@ -291,9 +276,9 @@ fn curve(most: f64, f: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
     (5..=60).map(|k| f64::from(k) / 60.0 * most).map(|d| [d, f(d)]).collect()
 }
 
-fn plot_speeds(finding: &mut Finding, law: &FallLaw, classes: &[[f64; 3]]) {
+fn plot_speeds(bench: &mut Bench<'_>, law: &FallLaw, classes: &[[f64; 3]]) {
     let most = classes.iter().map(|class| 1.1 * class[0]).fold(6.0, f64::max);
-    finding.plot(
+    bench.plot(
         "Fall speed",
         "diameter, mm",
         "fall speed, m/s",
@@ -307,7 +292,7 @@ fn plot_speeds(finding: &mut Finding, law: &FallLaw, classes: &[[f64; 3]]) {
     );
 }
 
-fn plot_sizes(finding: &mut Finding, rate: f64, lenses: &[Lens; 2]) {
+fn plot_sizes(bench: &mut Bench<'_>, rate: f64, lenses: &[Lens; 2]) {
     let slope = expected::rain_slope(rate);
     let mut numbers = [(0usize, 0.0); 24];
     for lens in lenses {
@@ -320,7 +305,7 @@ fn plot_sizes(finding: &mut Finding, rate: f64, lenses: &[Lens; 2]) {
     let full = numbers.iter().enumerate().filter(|(_, (count, _))| *count > 3);
     let numbers = full.map(|(k, (_, number))| [0.5 + SPEED_CLASS_WIDTH * (k as f64 + 0.5), *number]);
     let spectrum = curve(6.0, |d| 8000.0 * (-slope * d).exp()).into_iter().filter(|p| p[1] > 0.05);
-    finding.plot(
+    bench.plot(
         "Sizes",
         "diameter, mm",
         Axis::log("drops a m\u{b3} and mm"),

@@ -12,14 +12,14 @@
 //! The lamp's intensity in the picture is measured by its own light on a level card 3 m below it in
 //! clear air, at the same exposure. Tolerance 5 %.
 
+use super::Instrument;
 use super::allard::{NIGHT, NOTHING_FALLS};
-use super::expected;
-use super::lit::{LightPicture, level_square, overcast_card, paint_card};
+use super::lit::{LightPicture, level_square, overcast_card};
 use super::plot::{Axis, Series};
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
+use super::{Bench, changed, expected};
 use std::f64::consts::PI;
 use wm_place::Result;
-use wm_scene::{Camera, Lamp, Splats};
+use wm_scene::{Camera, Lamp};
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -32,8 +32,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
         airs.iter().any(|air| MIN_MEAN_FREE_PATH_M * air.share(LAMP_HEIGHT_M) * air.sigma_t[1] > 1.0)
             && airs.iter().all(|air| air.scale_height.is_infinite())
     },
-    read,
-    sweep: &[&["fog.mor=50"], &["fog.mor=100"], &["fog.mor=200"], &["fog.mor=500"]],
+    measure,
+    sweep: &["fog.mor=50", "fog.mor=100", "fog.mor=200", "fog.mor=500"],
 };
 
 /// Air in which a lamp has no halo to speak of: 1 over its extinction, m.
@@ -98,13 +98,11 @@ fn on_ring(picture: &LightPicture, camera: &Camera, ring: f64, sigma: f64) -> [f
     [seen / count, law / count]
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
-    let exposure = ["light.glow=0", "light.exposure=-4.8"];
-    let weather = request.with(&[&NOTHING_FALLS[..], &NIGHT, &exposure].concat())?;
-    let mut without_air = weather.clone();
-    ["fog=off", "haze=off", "smog=off"].iter().try_for_each(|change| without_air.set_text(change))?;
-    let sigma = expected::extinction(&weather, request.time, LAMP_HEIGHT_M)[1];
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
+    let weather = bench.with(&format!("{NOTHING_FALLS}, {NIGHT}, light.glow=0, light.exposure=-4.8"))?;
+    let without_air = changed(&weather, "fog=off, haze=off, smog=off")?;
+    let sigma = expected::extinction(&weather, bench.time, LAMP_HEIGHT_M)[1];
     let at = [0.0, LAMP_DISTANCE_M, LAMP_HEIGHT_M];
     let lamp = Lamp {
         lumens: LAMP_FLUX_LM,
@@ -112,23 +110,20 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         kelvin: 4_000.0,
         ..Lamp::new(level.point(at).to_array())
     };
-    let mut card = Splats::default();
     let middle = [at[0], at[1], LAMP_HEIGHT_M - CARD_DISTANCE_M];
-    let halves = level_square(0.5);
-    paint_card(&level, middle, halves, 0.05, overcast_card(CARD_REFLECTANCE, 0.0), &mut card);
-    let subject = rig.set_up_lit(card, vec![lamp])?;
+    let light = overcast_card(CARD_REFLECTANCE, 0.0);
+    let subject = bench.card_by_lamps(middle, level_square(0.5), 0.05, light, vec![lamp])?;
 
     let above = level.camera((33, 33), 8.0, [at[0], at[1], LAMP_HEIGHT_M - 0.5], middle)?;
-    let lit = LightPicture::of(rig, subject, &above, &without_air, request.time)?;
+    let lit = bench.light(subject, &above, &without_air)?;
     // The irradiance in the picture's unit, of a white card, is `pi` times the radiance of one of
     // it.
     let intensity = lit.patch(16.5, 16.5, 3) / CARD_REFLECTANCE
         * (CARD_DISTANCE_M * CARD_DISTANCE_M + LAMP_RADIUS_M * LAMP_RADIUS_M);
     let camera = level.camera(SIZE, FOV, [0.0, 0.0, LAMP_HEIGHT_M], at)?;
-    let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
+    let picture = bench.light(subject, &camera, &weather)?;
     let is_burned = lit.patch(16.5, 16.5, 3) > 0.95;
 
-    let mut finding = request.finding();
     let (mut seen, mut law) = (Vec::new(), Vec::new());
     for ring in RING_RADII_PX {
         let [measured, asked] = on_ring(&picture, &camera, ring, sigma);
@@ -137,21 +132,21 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let metres = LAMP_DISTANCE_M * (ring / camera.fx);
         seen.push([metres, measured]);
         law.push([metres, asked]);
-        finding.add(
+        bench.share(
             format!("light {ring:.0} px from the lamp, over its intensity"),
             "1/m\u{b2}",
             [asked, if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured }],
-            Tolerance::Relative(0.05),
+            0.05,
         );
     }
-    finding.plot(
+    bench.plot(
         "Light around a lamp",
         Axis::log("distance from the lamp, m"),
         Axis::log("radiance over intensity, 1/m\u{b2}"),
         vec![Series::line("scattered once", law), Series::points("seen", seen)],
     );
-    finding.show(format!("the lamp, {LAMP_DISTANCE_M} m off"), &picture.picture);
-    Ok(finding)
+    bench.show(format!("the lamp, {LAMP_DISTANCE_M} m off"), &picture.picture);
+    Ok(())
 }
 
 /// Returns true if a picture has no more room for light at a distance from its middle.

@@ -9,8 +9,8 @@
 //!
 //! Tolerance 7 %.
 
-use super::lit::{LightPicture, overcast_card, paint_card};
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use super::lit::{overcast_card, paint_card};
+use super::{Bench, Instrument, LevelFrame, expected};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_place::Result;
@@ -24,8 +24,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "A white board before a black wall, mirrored in a yard under a film: length and width of its streak against those of facets with the \
             slopes of the film.",
     applies: |weather, time| film(weather, time).is_some(),
-    read,
-    sweep: &[&["wetness.amount=1"], &["wetness.amount=0.8"]],
+    measure,
+    sweep: &["wetness.amount=1", "wetness.amount=0.8"],
 };
 
 /// Ends and half the width of the yard, m; the distance, the height and half the side of the board;
@@ -123,9 +123,9 @@ fn spread(level: &LevelFrame, camera: &Camera, light: impl Fn((usize, usize), DV
     [0, 1].map(|k| (second[k] / sum - (first[k] / sum).powi(2)).sqrt())
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let Some(film) = film(request.weather, request.time) else { return Ok(Finding::default()) };
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let Some(film) = film(bench.weather, bench.time) else { return Ok(()) };
+    let level = bench.level;
     let place = |has_lamp: bool| {
         let mut splats = Splats::default();
         let mut card = |center: [f64; 3], halves: [[f64; 3]; 2], grain: f64, light: f64| {
@@ -147,22 +147,21 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         }
         splats
     };
-    let subjects = [true, false].map(|has_lamp| rig.set_up_lit(place(has_lamp), Vec::new()));
-    let [with, without] = subjects;
-    let (with, without) = (with?, without?);
     let amount = format!("wetness.amount={}", 0.5 * (film + 1.0));
-    let weather = request.with_light(&["light=off", "wetness.puddles=0", &amount])?;
+    let weather = bench.with_light(&format!("light=off, wetness.puddles=0, {amount}"))?;
     let camera = level.camera(SIZE, FIELD_OF_VIEW_DEGREES, [0.0, 0.0, EYE_HEIGHT_M], TARGET)?;
-    let with = LightPicture::of(rig, with, &camera, &weather, request.time)?;
-    let without = LightPicture::of(rig, without, &camera, &weather, request.time)?;
+    let [with, without] = [true, false].map(|has_lamp| {
+        let subject = bench.set_up_lit(place(has_lamp))?;
+        bench.light(subject, &camera, &weather)
+    });
+    let (with, without) = (with?, without?);
     let measured = spread(&level, &camera, |(x, y), _| (with.light(x, y) - without.light(x, y)).max(0.0));
     let slopes = RMS_SLOPE * (-2.0 * film).exp();
     let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));
-    let mut finding = request.finding();
     for (axis, what) in [(1, "length"), (0, "width")] {
         let quantity = format!("{what} of the streak, standard deviation");
-        finding.add(quantity, "px", [asked[axis], measured[axis]], Tolerance::Relative(0.07));
+        bench.share(quantity, "px", [asked[axis], measured[axis]], 0.07);
     }
-    finding.show("a white board in a wet yard", &with.picture);
-    Ok(finding)
+    bench.show("a white board in a wet yard", &with.picture);
+    Ok(())
 }

@@ -23,7 +23,7 @@
 //! weather.set_text("fog.mor=100")?;
 //! let request = MeasureRequest { weather: &weather, time: 0.0, setting: "fog" };
 //! for instrument in INSTRUMENTS.iter().filter(|instrument| (instrument.applies)(&weather, 0.0)) {
-//!     for reading in (instrument.read)(&mut place, &request)?.readings {
+//!     for reading in instrument.read(&mut place, &request)?.readings {
 //!         println!("{}: {} {}", reading.quantity, reading.measured, reading.unit);
 //!     }
 //! }
@@ -36,6 +36,7 @@
 //! error and no other.
 
 mod allard;
+mod bench;
 mod blobs;
 mod boards;
 mod budget;
@@ -73,10 +74,10 @@ mod wet_card;
 
 pub use place_renderer::PlaceRenderer;
 
+use bench::Bench;
 use glam::DVec3;
-use plot::{Axis, Plot, Series};
+use plot::Plot;
 use serde::Serialize;
-use std::fmt::Display;
 use wm_base::statistics;
 use wm_place::lidar::{LidarModel, LidarSweep};
 use wm_place::{CameraMotion, FrameRequest, Layers, Picture, Result};
@@ -96,11 +97,22 @@ pub struct Instrument {
     pub about: &'static str,
     /// Returns true if the instrument can measure something in a weather at a time, s.
     pub applies: fn(&Weather, f64) -> bool,
+    measure: fn(&mut Bench<'_>) -> Result<()>,
+    /// The weathers that are measured if none is given, as changes of clear weather: see [`changed`].
+    pub sweep: &'static [&'static str],
+}
+
+impl Instrument {
     /// Renders, measures and compares. Targets that it sets up stay until
     /// [`InstrumentRenderer::clear_away`].
-    pub read: fn(&mut dyn InstrumentRenderer, &MeasureRequest<'_>) -> Result<Finding>,
-    /// The weathers that are measured if none is given, as changes of clear weather.
-    pub sweep: &'static [&'static [&'static str]],
+    ///
+    /// # Errors
+    /// [`wm_place::Error`] if a picture cannot be rendered.
+    pub fn read(&self, rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+        let mut bench = Bench::new(rig, request);
+        (self.measure)(&mut bench)?;
+        Ok(bench.finding)
+    }
 }
 
 /// Every instrument, in the order of the report.
@@ -143,21 +155,17 @@ pub struct MeasureRequest<'a> {
     pub setting: &'a str,
 }
 
-impl MeasureRequest<'_> {
-    /// Begins the finding in this setting.
-    fn finding(&self) -> Finding {
-        Finding { setting: self.setting.to_owned(), ..Finding::default() }
-    }
-
-    /// Returns the weather with changes.
-    ///
-    /// # Errors
-    /// [`wm_place::Error::Weather`] if a change is not of the form `effect.parameter=value`.
-    pub fn with(&self, changes: &[&str]) -> Result<Weather> {
-        let mut weather = self.weather.clone();
-        changes.iter().try_for_each(|change| weather.set_text(change))?;
-        Ok(weather)
-    }
+/// Returns a weather with changes of the form `effect.parameter=value`, parted by `", "`.
+///
+/// # Errors
+/// [`wm_place::Error::Weather`] if a change is of another form.
+pub fn changed(weather: &Weather, changes: &str) -> Result<Weather> {
+    let mut weather = weather.clone();
+    changes
+        .split(", ")
+        .filter(|change| !change.is_empty())
+        .try_for_each(|change| weather.set_text(change))?;
+    Ok(weather)
 }
 
 /// The allowed difference between a measured and an expected value.
@@ -250,41 +258,6 @@ pub struct Finding {
     pub pictures: Vec<MeasuredPicture>,
     /// The weather in words.
     setting: String,
-}
-
-impl Finding {
-    /// Adds a reading without a standard error: the expected and the measured value.
-    fn add(
-        &mut self,
-        quantity: impl Into<String>,
-        unit: &'static str,
-        values: [f64; 2],
-        tolerance: Tolerance,
-    ) -> &mut Reading {
-        let [asked, measured] = values;
-        let (quantity, setting, at) = (quantity.into(), self.setting.clone(), self.readings.len());
-        self.readings.push(Reading {
-            quantity,
-            setting,
-            unit,
-            asked,
-            measured,
-            standard_error: None,
-            tolerance,
-        });
-        &mut self.readings[at]
-    }
-
-    /// Adds curves over two axes, with the setting in their title.
-    fn plot(&mut self, title: &str, x: impl Into<Axis>, y: impl Into<Axis>, series: Vec<Series>) {
-        let title = format!("{title}, {}", self.setting);
-        self.plots.push(Plot { title, x: x.into(), y: y.into(), series });
-    }
-
-    /// Adds the colours of a picture, with the setting before its caption.
-    fn show(&mut self, caption: impl Display, picture: &Picture) {
-        self.pictures.push(MeasuredPicture::of(format!("{}: {caption}", self.setting), &picture.frame));
-    }
 }
 
 /// The splats that are rendered.
@@ -453,21 +426,6 @@ impl LevelFrame {
 /// what is asked for then fills a part of the picture.
 fn fov_of(tangent: f64) -> f64 {
     (2.0 * tangent.atan().to_degrees()).max(*wm_scene::camera::FOV.start())
-}
-
-/// Draws layers of the place or a target.
-fn draw(
-    rig: &mut dyn InstrumentRenderer,
-    subject: ShotSubject,
-    camera: &Camera,
-    weather: &Weather,
-    time: f64,
-    layers: Layers,
-) -> Result<Picture> {
-    let mut picture = Picture::default();
-    let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
-    rig.draw(subject, &request, &mut picture)?;
-    Ok(picture)
 }
 
 /// Returns the clear weather.

@@ -5,7 +5,7 @@
 //! surface of 10 % at the reference range in clear air.
 
 use super::expected::{self, ExpectedAir};
-use super::{InstrumentRenderer, InstrumentScan, LevelFrame, ShotSubject};
+use super::{Bench, InstrumentScan, ShotSubject};
 use wm_place::lidar::{LidarModel, LidarSweep};
 use wm_place::{CameraMotion, Error, Result};
 use wm_weather::Weather;
@@ -30,17 +30,8 @@ pub(crate) const OVERLAP_RANGES_M: [f64; 2] = [0.9, 1.0];
 /// Extinction at 905 nm over that of green light (Mie theory).
 const INFRARED_EXTINCTION_RATIOS: [(&str, f64); 3] = [("fog", 1.02), ("haze", 0.523), ("smog", 0.61)];
 /// Changes that take away all but the air and what falls.
-pub(crate) const AIR_ALONE: [&str; 9] = [
-    "snow_cover=off",
-    "dust_cover=off",
-    "wetness=off",
-    "flood=off",
-    "light=off",
-    "sky=off",
-    "look=off",
-    "lightning=off",
-    "lens=off",
-];
+pub(crate) const AIR_ALONE: &str = "snow_cover=off, dust_cover=off, wetness=off, flood=off, light=off, \
+    sky=off, look=off, lightning=off, lens=off";
 
 /// A lidar whose receiver sees its beam between two ranges, m, of so many columns and rows within
 /// angles, degrees.
@@ -69,16 +60,15 @@ pub(crate) fn square_model(overlap: [f64; 2], pulses: u32, half: f64) -> Result<
 /// Sweeps a target from [`EYE_HEIGHT_M`] over its middle, ahead along the second axis, with one ray
 /// a pulse and all returns.
 pub(crate) fn sweep(
-    rig: &mut dyn InstrumentRenderer,
+    bench: &mut Bench<'_>,
     subject: ShotSubject,
     lidar: &LidarModel,
     weather: &Weather,
-    time: f64,
 ) -> Result<LidarSweep> {
-    let level = LevelFrame::of(&rig.site());
-    let camera = level.camera((8, 8), 60.0, [0.0, 0.0, EYE_HEIGHT_M], [0.0, 10.0, EYE_HEIGHT_M])?;
+    let eye = [0.0, 0.0, EYE_HEIGHT_M];
+    let camera = bench.level.camera((8, 8), 60.0, eye, [0.0, 10.0, EYE_HEIGHT_M])?;
     let motion = CameraMotion::from(camera);
-    rig.scan(&InstrumentScan { subject, lidar, motion: &motion, weather, time })
+    bench.rig.scan(&InstrumentScan { subject, lidar, motion: &motion, weather, time: bench.time })
 }
 
 /// Extinction of the air and of what falls at 905 nm, 1/m, at the lidar's height.

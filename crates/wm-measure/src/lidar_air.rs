@@ -15,18 +15,17 @@
 //! 20,000 echoes are within 0.7 %. A tenth more backscatter is 2.5 to 5 % of the reach, and 3 to
 //! 14 % of the echoes.
 
-use super::expected;
+use super::Instrument;
 use super::lidar::{
     AIR_ALONE, EYE_HEIGHT_M, MIN_RANGE_M, OVERLAP_RANGES_M, PULSE_HALF_LENGTH_M, RECEIVER_NOISE, crossing,
     extinction, normal, reach, square_model, sweep,
 };
-use super::lit::{level_square, paint_card};
+use super::lit::level_square;
 use super::plot::Series;
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
+use super::{Bench, expected};
 use std::f64::consts::PI;
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarPoint};
-use wm_scene::Splats;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -38,8 +37,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
         let has = |effect: &str| expected::is_on(weather, effect);
         expected::number(weather, time, "fog", "mor").is_some() && !has("haze") && !has("smog")
     },
-    read,
-    sweep: &[&["fog.mor=50"], &["fog.mor=100"], &["fog.mor=500"]],
+    measure,
+    sweep: &["fog.mor=50", "fog.mor=100", "fog.mor=500"],
 };
 
 /// Lidar ratio of droplets, sr.
@@ -69,15 +68,12 @@ fn echoes_within(overlap: f64, extinction: f64) -> f64 {
     (0..steps).map(|i| step / PULSE_HALF_LENGTH_M * at(i)).sum()
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let weather = request.with(&[&AIR_ALONE[..], &["rain=off", "snowfall=off", "hail=off"]].concat())?;
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let weather = bench.with(&format!("{AIR_ALONE}, rain=off, snowfall=off, hail=off"))?;
     let lidar = square_model(OVERLAP_RANGES_M, PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
     // Behind the lidar, since a place has ground somewhere.
-    let mut ground = Splats::default();
-    paint_card(&level, [0.0, -30.0, EYE_HEIGHT_M - 1.8], level_square(2.0), 0.25, 0.25, &mut ground);
-    let subject = rig.set_up_lit(ground, Vec::new())?;
-    let seen = sweep(rig, subject, &lidar, &weather, request.time)?;
+    let subject = bench.card([0.0, -30.0, EYE_HEIGHT_M - 1.8], level_square(2.0), 0.25, 0.25)?;
+    let seen = sweep(bench, subject, &lidar, &weather)?;
     let mut shares = [0.0; BIN_COUNT];
     for point in seen.points.iter().filter(|point| point.class == EchoClass::Air) {
         // Each pulse has one bin of air in each length of a bin.
@@ -86,23 +82,20 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     }
     let points: Vec<[f64; 2]> =
         (0..BIN_COUNT).map(|bin| [PULSE_HALF_LENGTH_M * (bin as f64 + 0.5), shares[bin]]).collect();
-    let sigma = extinction(&weather, request.time);
-    let mut finding = request.finding();
+    let sigma = extinction(&weather, bench.time);
     let asked = reach(PI * sigma / LIDAR_RATIO_SR * PULSE_HALF_LENGTH_M, sigma);
-    let values = [asked, crossing(&points, share_at(1.0))];
-    let tolerance = Tolerance::Relative(0.02);
-    finding.add("reach of echoes of the air", "m", values, tolerance);
+    bench.share("reach of echoes of the air", "m", [asked, crossing(&points, share_at(1.0))], 0.02);
     let defocused = square_model([0.0, asked], PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
-    let seen = sweep(rig, subject, &defocused, &weather, request.time)?;
+    let seen = sweep(bench, subject, &defocused, &weather)?;
     let is_near = |point: &&LidarPoint| point.class == EchoClass::Air && f64::from(point.range) < asked;
     let near = seen.points.iter().filter(is_near).count() as f64 / seen.pulses as f64;
     let values = [echoes_within(asked, sigma), near];
-    finding.add("echoes of a pulse before full overlap", "", values, tolerance);
-    finding.plot(
+    bench.share("echoes of a pulse before full overlap", "", values, 0.02);
+    bench.plot(
         "Echoes of the air",
         "range, m",
         "share of pulses with an echo",
         vec![Series::line("open air", points)],
     );
-    Ok(finding)
+    Ok(())
 }

@@ -16,14 +16,10 @@ use super::lidar::{
     AIR_ALONE, EYE_HEIGHT_M, OVERLAP_RANGES_M, REFERENCE_REFLECTANCE, crossing, extinction, reach,
     square_model, sweep,
 };
-use super::lit::paint_card;
 use super::plot::Series;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, mean,
-};
+use super::{Bench, Instrument, ShotSubject, Tolerance, mean};
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarSweep};
-use wm_scene::Splats;
 use wm_weather::Weather;
 
 /// The instrument.
@@ -35,15 +31,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     applies: |weather, time| {
         !expected::airs(weather, time).is_empty() || expected::fall_extinction(weather, time) > 0.0
     },
-    read,
-    sweep: &[
-        &["fog.mor=50"],
-        &["fog.mor=100"],
-        &["fog.mor=500"],
-        &["haze.mor=800"],
-        &["rain.rate=25"],
-        &["snowfall.rate=1"],
-    ],
+    measure,
+    sweep: &["fog.mor=50", "fog.mor=100", "fog.mor=500", "haze.mor=800", "rain.rate=25", "snowfall.rate=1"],
 };
 
 /// Distance of the board in clear air, m.
@@ -61,21 +50,11 @@ const PULSES_PER_SIDE: u32 = 40;
 const HALF_ANGLE_DEGREES: f64 = 1.5;
 
 /// A board of a reflectance across the way at a distance, m.
-fn board(rig: &mut dyn InstrumentRenderer, metres: f64, reflectance: f64) -> Result<ShotSubject> {
-    let level = LevelFrame::of(&rig.site());
+fn board(bench: &mut Bench<'_>, metres: f64, reflectance: f64) -> Result<ShotSubject> {
     let half = 0.05 * metres + 0.5;
-    let mut splats = Splats::default();
     let halves = [[half, 0.0, 0.0], [0.0, 0.0, half]];
-    let grey = (reflectance - 0.05) / 0.8;
-    paint_card(
-        &level,
-        [0.0, metres, EYE_HEIGHT_M],
-        halves,
-        0.02 * metres.clamp(5.0, 20.0),
-        grey,
-        &mut splats,
-    );
-    rig.set_up_lit(splats, Vec::new())
+    let grain = 0.02 * metres.clamp(5.0, 20.0);
+    bench.card([0.0, metres, EYE_HEIGHT_M], halves, grain, (reflectance - 0.05) / 0.8)
 }
 
 /// The points of a board in a sweep.
@@ -83,51 +62,49 @@ fn on_board(sweep: &LidarSweep) -> impl Iterator<Item = &wm_place::lidar::LidarP
     sweep.points.iter().filter(|point| point.class == EchoClass::Surface)
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let weather = request.with(&AIR_ALONE)?;
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let weather = bench.with(AIR_ALONE)?;
     let clear = Weather::clear();
     let lidar = square_model(OVERLAP_RANGES_M, PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
-    let time = request.time;
-    let mut finding = request.finding();
 
-    let near = board(rig, CLEAR_DISTANCE_M, BRIGHT_REFLECTANCE)?;
-    let seen = sweep(rig, near, &lidar, &clear, time)?;
+    let near = board(bench, CLEAR_DISTANCE_M, BRIGHT_REFLECTANCE)?;
+    let seen = sweep(bench, near, &lidar, &clear)?;
     // Across the board: ranges to its sides are longer.
     let range = mean(
         on_board(&seen)
             .map(|point| f64::from(point.range) * f64::from(point.angles[0].cos() * point.angles[1].cos())),
     );
     let intensity = mean(on_board(&seen).map(|point| f64::from(point.intensity)));
-    finding.add("range of a board", "m", [CLEAR_DISTANCE_M, range], Tolerance::Absolute(0.015));
+    bench.add("range of a board", "m", [CLEAR_DISTANCE_M, range], Tolerance::Absolute(0.015));
     let asked = 255.0 * BRIGHT_REFLECTANCE;
-    finding.add("intensity of a board of 50 %", "", [asked, intensity], Tolerance::Relative(0.03));
+    bench.share("intensity of a board of 50 %", "", [asked, intensity], 0.03);
 
-    let sigma = extinction(&weather, time);
+    let sigma = extinction(&weather, bench.time);
     let metres = (0.5 * OPTICAL_DEPTH / sigma).clamp(DISTANCES_M[0], DISTANCES_M[1]);
-    let far = board(rig, metres, BRIGHT_REFLECTANCE)?;
+    let far = board(bench, metres, BRIGHT_REFLECTANCE)?;
     let [dimmed, bright] = [&weather, &clear].map(|weather| -> Result<f64> {
-        let seen = sweep(rig, far, &lidar, weather, time)?;
+        let seen = sweep(bench, far, &lidar, weather)?;
         Ok(mean(on_board(&seen).map(|point| f64::from(point.intensity))))
     });
     let depth = (bright? / dimmed?).ln();
     let values = [1e3 * sigma, 1e3 * 0.5 * depth / metres];
-    finding.add("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03));
+    bench.share("extinction at 905 nm", "1/km", values, 0.03);
 
     let asked = reach(REFERENCE_REFLECTANCE, sigma);
     let mut shares = Vec::new();
     for step in -BOARDS_PER_SIDE..=BOARDS_PER_SIDE {
         let metres = asked * (1.0 + BOARD_STEP_SHARE * f64::from(step));
-        let subject = board(rig, metres, REFERENCE_REFLECTANCE)?;
-        let seen = sweep(rig, subject, &lidar, &weather, time)?;
+        let subject = board(bench, metres, REFERENCE_REFLECTANCE)?;
+        let seen = sweep(bench, subject, &lidar, &weather)?;
         shares.push([metres, on_board(&seen).count() as f64 / seen.pulses as f64]);
     }
     let measured = crossing(&shares, 0.5);
-    finding.add("range of a board of 10 %", "m", [asked, measured], Tolerance::Relative(0.03));
-    finding.plot(
+    bench.share("range of a board of 10 %", "m", [asked, measured], 0.03);
+    bench.plot(
         "Boards of 10 %",
         "range, m",
         "share of pulses that come back",
         vec![Series::line("boards", shares)],
     );
-    Ok(finding)
+    Ok(())
 }

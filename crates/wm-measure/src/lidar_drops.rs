@@ -8,17 +8,16 @@
 //! Tolerance 4 %, of some 8,000 points and more: one beam's drops are in part the next one's, so
 //! that their number scatters by twice the square root. A tenth more rain is 6 % more points.
 
-use super::expected;
+use super::Instrument;
 use super::lidar::{
     AIR_ALONE, DIVERGENCE_RAD, EYE_HEIGHT_M, OVERLAP_RANGES_M, PULSE_HALF_LENGTH_M, RECEIVER_NOISE,
     extinction, model, normal, signal, sweep,
 };
-use super::lit::{level_square, paint_card};
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
+use super::lit::level_square;
+use super::{Bench, expected};
 use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use wm_place::Result;
 use wm_place::lidar::EchoClass;
-use wm_scene::Splats;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -27,8 +26,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "A lidar looks all around into open rain. The points of drops are counted, against a count by Marshall and Palmer's sizes and Gunn and Kinzer's fall speeds, the volume \
             of the beams and the echo of a ball of water.",
     applies: |weather, time| expected::number(weather, time, "rain", "rate").is_some_and(|rate| rate > 0.0),
-    read,
-    sweep: &[&["rain.rate=5"], &["rain.rate=25"], &["rain.rate=100"]],
+    measure,
+    sweep: &["rain.rate=5", "rain.rate=25", "rain.rate=100"],
 };
 
 /// Reflectance of a drop that fills the beam, at 905 nm.
@@ -77,22 +76,18 @@ fn a_pulse(rate: f64, sigma: f64) -> f64 {
     (0..BIN_COUNT).map(bin).sum()
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let rain_alone = ["fog=off", "haze=off", "smog=off", "snowfall=off", "hail=off", "splash=off"];
-    let weather = request.with(&[&AIR_ALONE[..], &rain_alone].concat())?;
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let weather = bench
+        .with(&format!("{AIR_ALONE}, fog=off, haze=off, smog=off, snowfall=off, hail=off, splash=off"))?;
     let lidar = model(OVERLAP_RANGES_M, COLUMNS, [180.0, -180.0], ROWS, [-40.0, 50.0])?;
     // Below the lidar's beams.
-    let mut ground = Splats::default();
-    paint_card(&level, [0.0, 0.0, EYE_HEIGHT_M - 1.8], level_square(0.5), 0.25, 0.25, &mut ground);
-    let subject = rig.set_up_lit(ground, Vec::new())?;
-    let seen = sweep(rig, subject, &lidar, &weather, request.time)?;
-    let rate = expected::number(request.weather, request.time, "rain", "rate").unwrap_or(0.0);
+    let subject = bench.card([0.0, 0.0, EYE_HEIGHT_M - 1.8], level_square(0.5), 0.25, 0.25)?;
+    let seen = sweep(bench, subject, &lidar, &weather)?;
+    let rate = bench.number("rain", "rate").unwrap_or(0.0);
     let found = seen.points.iter().filter(|point| point.class == EchoClass::Drop).count() as f64;
-    let mut finding = request.finding();
-    let asked = seen.pulses as f64 * a_pulse(rate, extinction(&weather, request.time));
+    let asked = seen.pulses as f64 * a_pulse(rate, extinction(&weather, bench.time));
     let quantity = format!("drops in {} pulses", seen.pulses);
-    let counted = finding.add(quantity, "", [asked, found], Tolerance::Relative(0.04));
+    let counted = bench.share(quantity, "", [asked, found], 0.04);
     counted.standard_error = Some(found.sqrt());
-    Ok(finding)
+    Ok(())
 }

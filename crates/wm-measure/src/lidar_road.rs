@@ -11,12 +11,10 @@
 //! road errs by centimetres) and 3 % of the range.
 
 use super::lidar::{EYE_HEIGHT_M, OVERLAP_RANGES_M, RECEIVER_NOISE, model, normal, signal, sweep};
-use super::lit::paint_card;
 use super::plot::Series;
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected, mean};
+use super::{Bench, Instrument, changed, expected, mean};
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarSweep};
-use wm_scene::Splats;
 use wm_weather::Weather;
 
 /// The instrument.
@@ -26,8 +24,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "A level road of 20 % ahead of a lidar, dry and under a film of water: the ratio of their intensities at 6 and 12 m against Fresnel's \
             equations at the beam's angle, and how far away each is seen against the lidar equation.",
     applies: |weather, _| expected::is_on(weather, "wetness"),
-    read,
-    sweep: &[&["wetness.amount=1"]],
+    measure,
+    sweep: &["wetness.amount=1"],
 };
 
 /// Reflectance of the road, and the linear grey that has it: `0.05 + 0.8 grey`.
@@ -88,28 +86,18 @@ fn intensity_at(seen: &LidarSweep, range: f64) -> f64 {
     mean(points.filter(|point| is_near(point.angles[1])).map(|point| f64::from(point.intensity)))
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let mut wet = request.weather.clone();
-    for (effect, _) in request.weather.effects().filter(|(effect, _)| effect.name != "wetness") {
-        wet.set_text(&format!("{}=off", effect.name))?;
-    }
-    ["wetness.porosity=1", "wetness.puddles=0", "wetness.amount=1"]
-        .iter()
-        .try_for_each(|change| wet.set_text(change))?;
-    let level = LevelFrame::of(&rig.site());
-    let mut splats = Splats::default();
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let wet = changed(&bench.alone("wetness")?, "wetness.porosity=1, wetness.puddles=0, wetness.amount=1")?;
     let halves = [[ROAD_HALF_WIDTH_M, 0.0, 0.0], [0.0, 0.5 * (ROAD_ENDS_M[1] - ROAD_ENDS_M[0]), 0.0]];
     let middle = [0.0, 0.5 * (ROAD_ENDS_M[0] + ROAD_ENDS_M[1]), 0.0];
-    paint_card(&level, middle, halves, SPLAT_SPACING_M, (ROAD_REFLECTANCE - 0.05) / 0.8, &mut splats);
-    let subject = rig.set_up_lit(splats, Vec::new())?;
+    let subject = bench.card(middle, halves, SPLAT_SPACING_M, (ROAD_REFLECTANCE - 0.05) / 0.8)?;
     let [near, far] = COUNTED_RANGE_M.map(|range| -(EYE_HEIGHT_M / range).asin().to_degrees());
     let lidar =
         model(OVERLAP_RANGES_M, COLUMNS, [HALF_ANGLE_DEGREES, -HALF_ANGLE_DEGREES], ROWS, [near, far])?;
-    let mut finding = request.finding();
     let mut series = Vec::new();
     let mut sweeps = Vec::new();
     for (name, weather, is_wet) in [("dry", &Weather::clear(), false), ("wet", &wet, true)] {
-        let seen = sweep(rig, subject, &lidar, weather, request.time)?;
+        let seen = sweep(bench, subject, &lidar, weather)?;
         let counted = shares(&seen);
         let law = |[range, _]: &[f64; 2]| {
             let cosine = EYE_HEIGHT_M / range;
@@ -118,8 +106,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         };
         let expected: Vec<[f64; 2]> = counted.iter().map(law).collect();
         let values = [seen_up_to(&expected), seen_up_to(&counted)];
-        let tolerance = Tolerance::Relative(0.03);
-        finding.add(format!("range of a {name} road"), "m", values, tolerance);
+        bench.share(format!("range of a {name} road"), "m", values, 0.03);
         let grouped = |rows: &[[f64; 2]]| [0, 1].map(|k| mean(rows.iter().map(|row| row[k])));
         series.push(Series::line(format!("{name}, by the lidar equation"), expected));
         series.push(Series::points(name, counted.chunks(ROWS_PER_POINT).map(grouped).collect()));
@@ -129,8 +116,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let [dry, wet] = [0, 1].map(|at| intensity_at(&sweeps[at], range));
         let values = [film_factor(EYE_HEIGHT_M / range), wet / dry];
         let quantity = format!("wet road over dry, {range} m away");
-        finding.add(quantity, "", values, Tolerance::Relative(0.04));
+        bench.share(quantity, "", values, 0.04);
     }
-    finding.plot("A road before a lidar", "range, m", "share of pulses that come back", series);
-    Ok(finding)
+    bench.plot("A road before a lidar", "range, m", "share of pulses that come back", series);
+    Ok(())
 }

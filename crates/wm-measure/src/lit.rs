@@ -1,32 +1,21 @@
 //! Lit targets: cards with the colours that photos of an overcast day show, and pictures of their
 //! light.
 
-use super::{InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, draw};
+use super::LevelFrame;
 use glam::{DMat3, DQuat};
 use wm_base::color::{luminance, srgb_encode};
 use wm_base::random;
-use wm_place::{Layers, Picture, Result};
+use wm_place::Picture;
 use wm_scene::splats::{Splat, logit};
-use wm_scene::{Camera, Group, Splats};
-use wm_weather::Weather;
+use wm_scene::{Group, Splats};
 
 /// Changes that leave nothing in a weather but light: no air, nothing that falls or lies.
-pub(crate) const LIGHT_ALONE: [&str; 14] = [
-    "rain=off",
-    "snowfall=off",
-    "hail=off",
-    "look=off",
-    "snow_cover=off",
-    "dust_cover=off",
-    "flood=off",
-    "wind=off",
-    "fog=off",
-    "haze=off",
-    "smog=off",
-    "sky=off",
-    "lightning=off",
-    "wetness=off",
-];
+pub(crate) const LIGHT_ALONE: &str = "rain=off, snowfall=off, hail=off, look=off, snow_cover=off, \
+    dust_cover=off, flood=off, wind=off, fog=off, haze=off, smog=off, sky=off, lightning=off, wetness=off";
+
+/// Changes of light that leave the sky and the sun over a lit target.
+pub(crate) const OPEN_SKY: &str =
+    "light.photos=diffuse, light.lamps=off, light.headlamps=off, light.cloud_shadows=off";
 
 /// The reflectance that surfaces have in the mean: of the ground that upright cards see, too.
 pub(crate) const GROUND: f64 = 0.25;
@@ -96,18 +85,11 @@ pub(crate) struct LightPicture {
 }
 
 impl LightPicture {
-    /// Draws a target by its light alone.
-    pub(crate) fn of(
-        rig: &mut dyn InstrumentRenderer,
-        subject: ShotSubject,
-        camera: &Camera,
-        weather: &Weather,
-        time: f64,
-    ) -> Result<Self> {
-        let picture = draw(rig, subject, camera, weather, time, Layers::COLOR)?;
+    /// Returns the light of a picture.
+    pub(crate) fn of(picture: Picture) -> Self {
         let frame = &picture.frame;
         let size = (frame.width as usize, frame.height as usize);
-        Ok(Self { rgb: frame.rgb_linear(), alpha: frame.alpha.clone(), size, picture })
+        Self { rgb: frame.rgb_linear(), alpha: frame.alpha.clone(), size, picture }
     }
 
     /// The light of a pixel, linear RGB.
@@ -134,15 +116,5 @@ impl LightPicture {
     /// The brightest channel of any pixel.
     pub(crate) fn brightest(&self) -> f64 {
         f64::from(self.rgb.iter().copied().fold(0.0, f32::max))
-    }
-}
-
-impl MeasureRequest<'_> {
-    /// Returns the weather with its light alone, and with changes.
-    ///
-    /// # Errors
-    /// As [`MeasureRequest::with`].
-    pub(super) fn with_light(&self, changes: &[&str]) -> Result<Weather> {
-        self.with(&[&LIGHT_ALONE[..], changes].concat())
     }
 }

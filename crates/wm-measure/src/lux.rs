@@ -12,12 +12,9 @@
 //! Tolerance 3 %. Systematic: a disc hides 0.2 % of the sky's light; directions to the sky are few
 //! (the light of a sky that is seen from a board is summed over 32).
 
-use super::lit::{LightPicture, OVERCAST_UPRIGHT, level_square, overcast_card, paint_card};
+use super::lit::{OPEN_SKY, OVERCAST_UPRIGHT, level_square, overcast_card, paint_card};
 use super::plot::Series;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, expected,
-    lit,
-};
+use super::{Bench, Instrument, LevelFrame, ShotSubject, Tolerance, expected, lit};
 use std::f64::consts::PI;
 use wm_base::color::luminance;
 use wm_place::Result;
@@ -32,13 +29,13 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             board, against the CIE's overcast sky. Under a sun: a level board in the shade of a small disc against the sum of the sky's pixels, and \
             what the sun adds to level and upright boards against its elevation.",
     applies: |weather, time| sky(weather, time).is_some(),
-    read,
+    measure,
     sweep: &[
-        &["light.model=clear", "light.clouds=1"],
-        &["light.model=clear", "light.sun_elevation=60", "light.sun_azimuth=200"],
-        &["light.model=clear", "light.sun_elevation=35", "light.sun_azimuth=140"],
-        &["light.model=clear", "light.sun_elevation=15", "light.sun_azimuth=250", "light.turbidity=4"],
-        &["light.model=clear", "light.sun_elevation=40", "light.clouds=0.4"],
+        "light.model=clear, light.clouds=1",
+        "light.model=clear, light.sun_elevation=60, light.sun_azimuth=200",
+        "light.model=clear, light.sun_elevation=35, light.sun_azimuth=140",
+        "light.model=clear, light.sun_elevation=15, light.sun_azimuth=250, light.turbidity=4",
+        "light.model=clear, light.sun_elevation=40, light.clouds=0.4",
     ],
 };
 
@@ -106,8 +103,8 @@ struct Boards {
 }
 
 impl Boards {
-    fn new(rig: &mut dyn InstrumentRenderer, sun: Option<[f64; 2]>) -> Result<Self> {
-        let level = LevelFrame::of(&rig.site());
+    fn new(bench: &mut Bench<'_>, sun: Option<[f64; 2]>) -> Result<Self> {
+        let level = bench.level;
         let [elevation, azimuth] = sun.unwrap_or([0.5 * PI, 0.0]);
         // Azimuths turn clockwise seen from above, from the first axis.
         let heading = [azimuth.cos(), azimuth.sin() * -level.hand()];
@@ -141,7 +138,7 @@ impl Boards {
                 }
             }
         }
-        let subject = rig.set_up_lit(splats, Vec::new())?;
+        let subject = bench.set_up_lit(splats)?;
         Ok(Self { subject, ..boards })
     }
 
@@ -156,20 +153,14 @@ impl Boards {
 
     /// Irradiances of a level board and of an upright one that faces the sun, in the picture's
     /// unit.
-    fn irradiances(
-        &self,
-        rig: &mut dyn InstrumentRenderer,
-        weather: &Weather,
-        time: f64,
-        shaded: bool,
-    ) -> Result<[f64; 2]> {
+    fn irradiances(&self, bench: &mut Bench<'_>, weather: &Weather, shaded: bool) -> Result<[f64; 2]> {
         let [flat, stood] = self.middles(shaded);
         let [x, y] = self.heading;
         let before = [stood[0] + 3.0 * x, stood[1] + 3.0 * y, stood[2]];
         let mut out = [0.0; 2];
         for (out, (eye, at)) in out.iter_mut().zip([([flat[0], flat[1], 3.0], flat), (before, stood)]) {
             let camera = self.level.camera((33, 33), 8.0, eye, at)?;
-            let picture = LightPicture::of(rig, self.subject, &camera, weather, time)?;
+            let picture = bench.light(self.subject, &camera, weather)?;
             *out = picture.patch(16.5, 16.5, 6) / BOARD_REFLECTANCE;
         }
         Ok(out)
@@ -177,19 +168,14 @@ impl Boards {
 
     /// Irradiance of level ground by the sky's pixels, and the light of the zenith, times pi;
     /// `None` if it burns out.
-    fn sky(
-        &self,
-        rig: &mut dyn InstrumentRenderer,
-        weather: &Weather,
-        time: f64,
-    ) -> Result<Option<[f64; 2]>> {
+    fn sky(&self, bench: &mut Bench<'_>, weather: &Weather) -> Result<Option<[f64; 2]>> {
         let eye = [0.0, 0.0, 60.0];
         let sides = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]];
         let (mut sum, mut zenith, mut brightest) = (0.0, 0.0, 0.0f64);
         for side in sides {
             let target = std::array::from_fn(|k| eye[k] + side[k]);
             let camera = self.level.camera((SKY_SIDE_PX, SKY_SIDE_PX), 90.0, eye, target)?;
-            let picture = LightPicture::of(rig, self.subject, &camera, weather, time)?;
+            let picture = bench.light(self.subject, &camera, weather)?;
             for y in 0..SKY_SIDE_PX as usize {
                 for x in 0..SKY_SIDE_PX as usize {
                     let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5).normalize();
@@ -211,55 +197,44 @@ impl Boards {
     }
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let Some(sky) = sky(request.weather, request.time) else { return Ok(Finding::default()) };
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let Some(sky) = sky(bench.weather, bench.time) else { return Ok(()) };
     let sun = match sky {
         BoardSky::Overcast => None,
         BoardSky::Sunny(sun) => Some(sun),
     };
-    let boards = Boards::new(rig, sun)?;
-    let time = request.time;
-    let exposed = |exposure: &str| {
-        request.with_light(&[
-            "light.photos=diffuse",
-            "light.lamps=off",
-            "light.headlamps=off",
-            "light.cloud_shadows=off",
-            exposure,
-        ])
-    };
+    let boards = Boards::new(bench, sun)?;
+    let exposed = |exposure: &str| bench.with_light(&format!("{OPEN_SKY}, {exposure}"));
     let (weather, darker) = (exposed(EXPOSURE[0])?, exposed(EXPOSURE[1])?);
     // Five steps of exposure are a factor of 32.
-    let seen = boards.sky(rig, &darker, time)?.map(|sky| sky.map(|v| 32.0 * v));
+    let seen = boards.sky(bench, &darker)?.map(|sky| sky.map(|v| 32.0 * v));
     let [sum, zenith] = seen.unwrap_or([f64::NAN; 2]);
-    let [flat, stood] = boards.irradiances(rig, &weather, time, false)?;
-    let mut finding = request.finding();
-    let three = Tolerance::Relative(0.03);
+    let [flat, stood] = boards.irradiances(bench, &weather, false)?;
     match sun {
         None => {
-            finding.add(
+            bench.share(
                 "upright board under clouds, over level board",
                 "",
                 [OVERCAST_UPRIGHT + 0.5 * lit::GROUND, stood / flat],
-                three,
+                0.03,
             );
-            finding.add(
+            bench.share(
                 "light of the zenith over level board",
                 "",
                 [9.0 / (7.0 * PI), zenith / PI / flat],
-                three,
+                0.03,
             );
-            finding.add("level board over the sum of the sky", "", [1.0, flat / sum], three);
+            bench.share("level board over the sum of the sky", "", [1.0, flat / sum], 0.03);
         }
         Some([elevation, _]) => {
-            let [shade, stood_shade] = boards.irradiances(rig, &weather, time, true)?;
-            finding.add("level board in shade over the sum of the sky", "", [1.0, shade / sum], three);
+            let [shade, stood_shade] = boards.irradiances(bench, &weather, true)?;
+            bench.share("level board in shade over the sum of the sky", "", [1.0, shade / sum], 0.03);
             let ratio = (stood - stood_shade) / (flat - shade);
-            finding.add("beam on upright board over level board", "", [1.0 / elevation.tan(), ratio], three);
-            let is_cloudless = expected::number(request.weather, time, "light", "clouds").is_none();
+            bench.share("beam on upright board over level board", "", [1.0 / elevation.tan(), ratio], 0.03);
+            let is_cloudless = bench.number("light", "clouds").is_none();
             if is_cloudless {
                 let ratio = (flat - shade) / shade;
-                finding.add(
+                bench.add(
                     "sun over sky on the level, of a clear day",
                     "",
                     [day(elevation), ratio],
@@ -268,7 +243,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             }
         }
     }
-    finding.plot(
+    bench.plot(
         "Irradiances",
         "1: the sky's pixels, 2: level board, 3: upright board",
         "irradiance, of display white",
@@ -277,7 +252,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let [x, y] = boards.heading;
     let eye = [11.0 * x - 3.0 * y, 11.0 * y + 3.0 * x, 4.0];
     let camera = boards.level.camera((480, 320), 50.0, eye, [0.0, 0.0, 0.6])?;
-    let shown = LightPicture::of(rig, boards.subject, &camera, &weather, time)?;
-    finding.show("the boards, those to one side in the shade of discs", &shown.picture);
-    Ok(finding)
+    let shown = bench.light(boards.subject, &camera, &weather)?;
+    bench.show("the boards, those to one side in the shade of discs", &shown.picture);
+    Ok(())
 }

@@ -6,12 +6,10 @@
 //!
 //! Tolerance 1 px of a picture of 480 x 360.
 
-use super::fresnel::still;
-use super::lit::LightPicture;
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use super::fresnel::{BLACK_WATER, still};
+use super::{Bench, Instrument, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
-use wm_scene::card::Card;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -20,8 +18,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "White marks at heights of 0.3 to 1.4 m over still water, 4 and 9 m away: the middle of the light of their images in \
             the water against the points that lie as deep as the marks are high.",
     applies: expected::is_flooded,
-    read,
-    sweep: &[&["flood.level=0.5"]],
+    measure,
+    sweep: &["flood.level=0.5"],
 };
 
 /// Heights of the marks over the water, their distances, and how far they are to the side, m.
@@ -37,31 +35,29 @@ const FIELD_OF_VIEW_DEGREES: f64 = 60.0;
 /// Half the side of the part of the picture that an image is looked for in, px.
 const SEARCH_HALF_SIDE_PX: f64 = 12.0;
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
-    let water = expected::number(request.weather, request.time, "flood", "level").unwrap_or_default();
-    let weather = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
+    let water = bench.number("flood", "level").unwrap_or_default();
+    let weather = still(bench, BLACK_WATER)?;
     let camera = level.camera(
         SIZE,
         FIELD_OF_VIEW_DEGREES,
         [0.0, 0.0, water + EYE_HEIGHT_M],
         [6.0, 0.0, water + 0.3],
     )?;
-    let mut finding = request.finding();
     let mut farthest: f64 = 0.0;
     for [x, y] in MARK_POSITIONS_M {
         for height in MARK_HEIGHTS_M {
-            let card = Card {
-                center: level.point([x, y, water + height]),
-                u: level.vector([0.0, 1.0, 0.0]) * level.units(MARK_HALF_SIDE_M),
-                v: level.vector([0.0, 0.0, 1.0]) * level.units(MARK_HALF_SIDE_M),
-            };
-            let mut splats = Splats::default();
-            card.paint(&mut splats, (6, 6), [1.0; 3]);
-            let subject = rig.set_up(splats)?;
-            let with = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
-            let bare = rig.set_up(Splats::default())?;
-            let without = LightPicture::of(rig, bare, &camera, &weather, request.time)?;
+            let subject = bench.square(
+                [x, y, water + height],
+                [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+                MARK_HALF_SIDE_M,
+                6,
+                1.0,
+            )?;
+            let with = bench.light(subject, &camera, &weather)?;
+            let bare = bench.rig.set_up(Splats::default())?;
+            let without = bench.light(bare, &camera, &weather)?;
             let image = level.point([x, y, water - height]);
             let Some((u, v, _)) = camera.project(image) else { continue };
             let (mut sum, mut at) = (0.0, [0.0; 2]);
@@ -81,15 +77,15 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let off = if sum > 1e-3 { (at[0] / sum - u).hypot(at[1] / sum - v) } else { f64::NAN };
             farthest = farthest.max(if off.is_nan() { f64::INFINITY } else { off });
             if height == MARK_HEIGHTS_M[1] && x == MARK_POSITIONS_M[0][0] {
-                finding.show("a mark and its image in still water", &with.picture);
+                bench.show("a mark and its image in still water", &with.picture);
             }
         }
     }
-    finding.add(
+    bench.add(
         "images in the water, farthest from their places",
         "px",
         [0.0, farthest],
         Tolerance::Absolute(1.0),
     );
-    Ok(finding)
+    Ok(())
 }

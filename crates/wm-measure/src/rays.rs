@@ -11,10 +11,7 @@
 //! slanted surfaces the splats of a pixel are nearer and farther than its depth.
 
 use super::plot::Series;
-use super::{
-    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, ShotSubject, Tolerance,
-    clear, draw, expected, median,
-};
+use super::{AIR, Bench, Instrument, MeasuredPicture, ShotSubject, Tolerance, clear, expected, median};
 use glam::DVec3;
 use wm_place::Result;
 
@@ -25,14 +22,14 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "A view of the place itself: at each pixel the share of light that the air lets through, against the extinction that is asked \
             for, integrated along that ray to the depth that it shows. Heights count, where the air thins upwards.",
     applies: |weather, time| !expected::airs(weather, time).is_empty(),
-    read,
+    measure,
     sweep: &[
-        &["fog.mor=50"],
-        &["fog.mor=100"],
-        &["fog.mor=200"],
-        &["fog.mor=500"],
-        &["fog.mor=60", "fog.scale_height=10"],
-        &["haze.mor=1000"],
+        "fog.mor=50",
+        "fog.mor=100",
+        "fog.mor=200",
+        "fog.mor=500",
+        "fog.mor=60, fog.scale_height=10",
+        "haze.mor=1000",
     ],
 };
 
@@ -45,19 +42,19 @@ const THIN_AIR_RANGE_SIZES: f64 = 100.0;
 /// Distance of the pixels that are taken, px.
 const PIXEL_STEP: usize = 3;
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let site = rig.site();
-    let [camera, _] = rig.views()?;
-    let weather = request.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
-    let picture = draw(rig, ShotSubject::Place, &camera, &weather, request.time, AIR)?;
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let site = bench.level.site;
+    let [camera, _] = bench.rig.views()?;
+    let weather = bench.with("rain=off, snowfall=off, snow_cover=off, dust_cover=off")?;
+    let picture = bench.draw(ShotSubject::Place, &camera, &weather, AIR)?;
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is
     // endlessly far.
     let mut thin = clear();
     thin.set_text(&format!("fog.mor={}", (THIN_AIR_RANGE_SIZES * site.far).max(1.0)))?;
-    let sky = draw(rig, ShotSubject::Place, &camera, &thin, request.time, AIR)?;
+    let sky = bench.draw(ShotSubject::Place, &camera, &thin, AIR)?;
     let nearness = &sky.parts.transmittance;
-    let airs = expected::airs(&weather, request.time);
+    let airs = expected::airs(&weather, bench.time);
     let up = DVec3::from_array(site.up);
     let height = (camera.center().dot(up) - site.ground) * site.metres_per_unit;
     let mut points = Vec::new();
@@ -82,17 +79,16 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     // The median: some edges slip through.
     let ratio = median(points.iter().map(|p| p[1] / p[0]).collect());
     let off = median(points.iter().map(|p| (p[1] / p[0] - 1.0).abs()).collect());
-    let mut finding = request.finding();
     let count = points.len();
-    finding.add(
+    bench.share(
         format!("optical depth over the integral, median of {count} rays"),
         "",
         [1.0, if count < 100 { f64::NAN } else { ratio }],
-        Tolerance::Relative(0.03),
+        0.03,
     );
-    finding.add("single rays are off by, median", "", [0.0, off], Tolerance::Absolute(0.03));
+    bench.add("single rays are off by, median", "", [0.0, off], Tolerance::Absolute(0.03));
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
-    finding.plot(
+    bench.plot(
         "Optical depth of rays",
         "asked: integral along the ray",
         "measured: -ln of the transmittance",
@@ -102,11 +98,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         ],
     );
     let size = (camera.width, camera.height);
-    finding.pictures.push(MeasuredPicture::of(request.setting.to_owned(), frame));
-    finding.pictures.push(MeasuredPicture::grey(
-        format!("{}: transmittance, white is all", request.setting),
-        shares.iter().skip(1).step_by(3).copied(),
-        size,
-    ));
-    Ok(finding)
+    bench.show_place(frame);
+    let shares = shares.iter().skip(1).step_by(3).copied();
+    bench.show_picture(MeasuredPicture::grey("transmittance, white is all", shares, size));
+    Ok(())
 }

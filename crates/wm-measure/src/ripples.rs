@@ -22,10 +22,10 @@
 //! readings have the standard error that their own instants show. Two laws of fall speeds differ by
 //! 1 % in the slopes.
 
-use super::fresnel::still;
+use super::fresnel::{BLACK_WATER, still};
 use super::lit::LightPicture;
 use super::plot::Series;
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use super::{Bench, Instrument, LevelFrame, changed, expected};
 use glam::DVec3;
 use wm_base::color::srgb_encode;
 use wm_place::Result;
@@ -41,12 +41,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             The slopes' rms against 1 % of the drops' energy over the viscous decay of waves of 31 mm, and their frequency against the \
             dispersion law.",
     applies: |weather, time| expected::is_flooded(weather, time) && rate(weather, time) > 0.0,
-    read,
-    sweep: &[
-        &["flood.level=1", "rain.rate=5"],
-        &["flood.level=1", "rain.rate=10"],
-        &["flood.level=1", "rain.rate=20"],
-    ],
+    measure,
+    sweep: &["flood.level=1, rain.rate=5", "flood.level=1, rain.rate=10", "flood.level=1, rain.rate=20"],
 };
 
 /// Heights of the eye and of the board over the water, m; half the side of the board.
@@ -260,31 +256,26 @@ fn slopes(board: &Mirrored<'_>, patch: &Patch, calibrations: &[Calibration; 2]) 
     patch.pixels.iter().map(slope).collect()
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
-    let water = expected::number(request.weather, request.time, "flood", "level").unwrap_or_default();
-    let rate = rate(request.weather, request.time);
-    let calm = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
-    let mut weather = calm.clone();
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
+    let water = bench.number("flood", "level").unwrap_or_default();
+    let rate = rate(bench.weather, bench.time);
+    let calm = still(bench, BLACK_WATER)?;
     // Drops themselves are not looked at.
-    for change in [&format!("rain.rate={rate}"), "rain.opacity=0"] {
-        weather.set_text(change)?;
-    }
-    let subjects = [rig.set_up(board(&level, water, false))?, rig.set_up(board(&level, water, true))?];
+    let weather = changed(&calm, &format!("rain.rate={rate}, rain.opacity=0"))?;
+    let dark = bench.rig.set_up(board(&level, water, false))?;
+    let lit = bench.rig.set_up(board(&level, water, true))?;
     let camera = level.camera(
         (PICTURE_SIDE_PX, PICTURE_SIDE_PX),
         FIELD_OF_VIEW_DEGREES,
         [0.0, 0.0, water + EYE_HEIGHT_M],
         [0.0, 0.0, water],
     )?;
-    let mut look = |has_light: bool, weather: &Weather, time: f64| -> Result<LightPicture> {
-        LightPicture::of(rig, subjects[usize::from(has_light)], &camera, weather, time)
-    };
     // Water that reflects 2 % is so dark that the light of the air before it, of drops too small to
     // be seen, is a tenth of it.
-    let [calm_air, air] = [&calm, &weather].map(|weather| look(false, weather, request.time));
+    let [calm_air, air] = [&calm, &weather].map(|weather| bench.light(dark, &camera, weather));
     let (calm_air, air) = (calm_air?, air?);
-    let without = Mirrored(look(true, &calm, request.time)?, &calm_air);
+    let without = Mirrored(bench.light(lit, &camera, &calm)?, &calm_air);
     let calibrations = [0, 1].map(|axis| Calibration::of(&without, &level, &camera, axis));
     let patch = Patch::of(&level, &camera);
     let quarter = 0.5 * std::f64::consts::PI / frequency();
@@ -293,15 +284,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     // Products of waves with themselves and with those a quarter of a period later.
     let mut products = [0.0; 3];
     let waves = Waves::of(&patch);
-    let mut finding = request.finding();
     let mut curve = Vec::new();
     for instant in 0..INSTANT_COUNT {
-        let time = request.time + INSTANT_INTERVAL_S * f64::from(instant);
-        let first = Mirrored(look(true, &weather, time)?, &air);
+        let time = bench.time + INSTANT_INTERVAL_S * f64::from(instant);
+        let first = Mirrored(bench.light_at(time, lit, &camera, &weather)?, &air);
         let now = slopes(&first, &patch, &calibrations);
         squares.push(now.iter().map(|[x, y]| x * x + y * y).sum::<f64>() / now.len() as f64);
         if instant < FOLLOWED_INSTANTS {
-            let later = Mirrored(look(true, &weather, time + quarter)?, &air);
+            let later = Mirrored(bench.light_at(time + quarter, lit, &camera, &weather)?, &air);
             let later = slopes(&later, &patch, &calibrations);
             for ([a, b], [c, d]) in waves.strengths(&now).into_iter().zip(waves.strengths(&later)) {
                 let all = [a * a + b * b, c * c + d * d, a * c + b * d];
@@ -312,7 +302,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let middle = patch.columns * (patch.columns / 2);
             let line = patch.pixels[middle..middle + patch.columns].iter().zip(&now[middle..]);
             curve = line.map(|((_, way), slope)| [1e3 * EYE_HEIGHT_M * way.x / -way.z, slope[0]]).collect();
-            finding.show("a board in the rings of rain, from above", &first.0.picture);
+            bench.show("a board in the rings of rain, from above", &first.0.picture);
         }
     }
     let count = f64::from(INSTANT_COUNT);
@@ -321,12 +311,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let rms = mean.sqrt();
     let error = 0.5 / rms * (scatter / count).sqrt();
     let alike = products[2] / (products[0] * products[1]).sqrt();
-    let slope = finding.add("slopes of rings, rms", "", [slopes_of(rate), rms], Tolerance::Relative(0.04));
+    let slope = bench.share("slopes of rings, rms", "", [slopes_of(rate), rms], 0.04);
     slope.standard_error = Some(error);
     let hertz = std::f64::consts::TAU.recip();
     let measured = alike.clamp(-1.0, 1.0).acos() / quarter;
     let values = [hertz * frequency(), hertz * measured];
-    finding.add("frequency of rings", "Hz", values, Tolerance::Relative(0.05));
-    finding.plot("Slopes along a line of the water", "mm", "slope", vec![Series::line("measured", curve)]);
-    Ok(finding)
+    bench.share("frequency of rings", "Hz", values, 0.05);
+    bench.plot("Slopes along a line of the water", "mm", "slope", vec![Series::line("measured", curve)]);
+    Ok(())
 }

@@ -15,11 +15,11 @@
 //! that was reconstructed from photos. A place that was captured under clouds must not change: less
 //! than 1 % in the mean.
 
-use super::lit::{GROUND, LIGHT_ALONE};
+use super::lit::GROUND;
 use super::plot::Series;
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, SURFACES,
-    ShadowReport, ShotSubject, Tolerance, clear, draw, expected, fov_of, mean, median,
+    Bench, Instrument, MeasuredPicture, SURFACES, ShadowReport, ShotSubject, Tolerance, changed, clear,
+    expected, fov_of, mean, median,
 };
 use glam::{DQuat, DVec3};
 use wm_base::color::luminance;
@@ -36,8 +36,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     applies: |weather, time| {
         ["overcast", "auto"].iter().any(|model| expected::says(weather, time, "light", "model", model))
     },
-    read,
-    sweep: &[&["light.model=overcast"], &["light.model=auto", "rain.rate=10"]],
+    measure,
+    sweep: &["light.model=overcast", "light.model=auto, rain.rate=10"],
 };
 
 /// Turns of the camera about up, degrees.
@@ -107,14 +107,8 @@ struct FarView {
 
 impl FarView {
     /// The place about some points, seen from a direction in a square picture of a side, px.
-    fn of(
-        rig: &mut dyn InstrumentRenderer,
-        points: &[DVec3],
-        towards: DVec3,
-        side: u32,
-        site: &Site,
-        time: f64,
-    ) -> Result<Self> {
+    fn of(bench: &mut Bench<'_>, points: &[DVec3], towards: DVec3, side: u32) -> Result<Self> {
+        let site = bench.level.site;
         let middle = points.iter().sum::<DVec3>() / points.len() as f64;
         let reach =
             points.iter().map(|at| (at - middle).reject_from(towards).length()).fold(0.0, f64::max) * 1.05;
@@ -125,9 +119,8 @@ impl FarView {
         let mut camera = Camera::looking((side, side), fov, middle + towards * away, middle, up)?;
         camera.near = 0.5 * away;
         // Without the sky, which stands between.
-        let mut weather = clear();
-        ["sky=overcast", "sky.scene_sky=replace"].iter().try_for_each(|change| weather.set_text(change))?;
-        let shot = PlaceShot::of(rig, &camera, &weather, time, SURFACES)?;
+        let weather = changed(&clear(), "sky=overcast, sky.scene_sky=replace")?;
+        let shot = PlaceShot::of(bench, &camera, &weather, SURFACES)?;
         Ok(Self { camera, depth: shot.frame.median_depth, metres_per_unit: site.metres_per_unit })
     }
 
@@ -159,14 +152,8 @@ struct PlaceShot {
 }
 
 impl PlaceShot {
-    fn of(
-        rig: &mut dyn InstrumentRenderer,
-        camera: &Camera,
-        weather: &Weather,
-        time: f64,
-        layers: Layers,
-    ) -> Result<Self> {
-        let picture = draw(rig, ShotSubject::Place, camera, weather, time, layers)?;
+    fn of(bench: &mut Bench<'_>, camera: &Camera, weather: &Weather, layers: Layers) -> Result<Self> {
+        let picture = bench.draw(ShotSubject::Place, camera, weather, layers)?;
         let light = picture.frame.rgb_linear();
         Ok(Self { camera: *camera, frame: picture.frame, light })
     }
@@ -186,15 +173,15 @@ impl PlaceShot {
     }
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    match rig.shadows()? {
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    match bench.rig.shadows()? {
         ShadowReport::Split { sun, is_photographed } => {
             let most = if is_photographed { MAX_RECONSTRUCTED_CONTRAST } else { MAX_SAMPLED_CONTRAST };
-            contrast(rig, request, sun, Tolerance::Above(most))
+            contrast(bench, sun, Tolerance::Above(most))
         }
-        ShadowReport::None => control(rig, request),
+        ShadowReport::None => control(bench),
         // The program says that it leaves them.
-        ShadowReport::Kept { sun } => contrast(rig, request, sun, Tolerance::None),
+        ShadowReport::Kept { sun } => contrast(bench, sun, Tolerance::None),
     }
 }
 
@@ -207,24 +194,17 @@ fn turned(camera: &Camera, site: &Site, degrees: f64) -> Camera {
 }
 
 /// Measures what is left of shadows.
-fn contrast(
-    rig: &mut dyn InstrumentRenderer,
-    request: &MeasureRequest<'_>,
-    sun: DVec3,
-    tolerance: Tolerance,
-) -> Result<Finding> {
-    let site = rig.site();
-    let [camera, _] = rig.views()?;
-    let mut cloudy = request.with(&LIGHT_ALONE)?;
-    cloudy.set_text("light.clouds=1")?;
+fn contrast(bench: &mut Bench<'_>, sun: DVec3, tolerance: Tolerance) -> Result<()> {
+    let site = bench.level.site;
+    let [camera, _] = bench.rig.views()?;
+    let cloudy = bench.with_light("light.clouds=1")?;
     let layers = SURFACES.with(Layers::NORMAL);
     let mut found: Vec<ShadowPair> = Vec::new();
-    let mut finding = request.finding();
     for degrees in TURNS_DEGREES {
         let camera = turned(&camera, &site, degrees);
-        let captured = PlaceShot::of(rig, &camera, &clear(), request.time, layers)?;
-        let Some(seen) = seen_points(rig, &captured, &site, sun, request.time)? else { continue };
-        let relit = PlaceShot::of(rig, &camera, &cloudy, request.time, SURFACES)?;
+        let captured = PlaceShot::of(bench, &camera, &clear(), layers)?;
+        let Some(seen) = seen_points(bench, &captured, sun)? else { continue };
+        let relit = PlaceShot::of(bench, &camera, &cloudy, SURFACES)?;
         for [lit, shaded] in pairs(&captured, &seen, &site) {
             let ratio = |shot: &PlaceShot| {
                 (luminance(shot.rgb(lit)).max(1e-6) / luminance(shot.rgb(shaded)).max(1e-6)).ln()
@@ -245,16 +225,16 @@ fn contrast(
                 Some(false) => 0.0,
                 None => 0.5,
             });
-            let name = request.setting;
-            finding.pictures.push(MeasuredPicture::of("as captured", &captured.frame));
-            finding.pictures.push(MeasuredPicture::of(format!("{name}: under clouds"), &relit.frame));
-            finding.pictures.push(MeasuredPicture::grey("seen from the sun: white is lit", shade, size));
+            bench.finding.pictures.push(MeasuredPicture::of("as captured", &captured.frame));
+            bench.show_picture(MeasuredPicture::of("under clouds", &relit.frame));
+            let told = MeasuredPicture::grey("seen from the sun: white is lit", shade, size);
+            bench.finding.pictures.push(told);
         }
     }
     // A contrast far from that of most pairs is one of materials: black and white are of one hue.
     let most = median(found.iter().map(|pair| pair.own).collect());
     found.retain(|pair| (pair.own - most).abs() < MAX_LOG_SPREAD);
-    let under_sky = contrasts_under_sky(rig, &found, &site, request.time)?;
+    let under_sky = contrasts_under_sky(bench, &found)?;
     let of_pairs = |value: fn(&ShadowPair) -> f64| {
         median(found.iter().zip(&under_sky).map(|(pair, under_sky)| value(pair) - under_sky).collect())
     };
@@ -262,7 +242,7 @@ fn contrast(
     let left = (of_pairs(|pair| pair.left) / of_pairs(|pair| pair.own)).abs();
     let points: Vec<[f64; 2]> = found.iter().map(|pair| [pair.own, pair.left]).collect();
     let is_told = count >= MIN_PAIRS;
-    finding.add(
+    bench.add(
         if is_told {
             format!("contrast left of shadows, median of {count} pairs")
         } else {
@@ -273,7 +253,7 @@ fn contrast(
         if is_told { tolerance } else { Tolerance::None },
     );
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
-    finding.plot(
+    bench.plot(
         "Light over shade",
         "log of the ratio, as captured",
         "log of the ratio, under clouds",
@@ -283,23 +263,17 @@ fn contrast(
             Series::points("pairs", few),
         ],
     );
-    Ok(finding)
+    Ok(())
 }
 
 /// The log of the ratio of light of each pair under the CIE's overcast sky: by the parts of the sky
 /// that the first and the second see, and what comes from other surfaces instead of the rest.
-fn contrasts_under_sky(
-    rig: &mut dyn InstrumentRenderer,
-    pairs: &[ShadowPair],
-    site: &Site,
-    time: f64,
-) -> Result<Vec<f64>> {
+fn contrasts_under_sky(bench: &mut Bench<'_>, pairs: &[ShadowPair]) -> Result<Vec<f64>> {
     let places: Vec<ShadowPoint> = pairs.iter().flat_map(|pair| pair.places).collect();
     if places.len() < 2 * MIN_PAIRS {
         return Ok(vec![0.0; pairs.len()]);
     }
     let points: Vec<DVec3> = places.iter().map(|place| place.at).collect();
-    let level = LevelFrame::of(site);
     // The light of the sky, and the part of all that a surface sees which is sky.
     let mut light = vec![[0.0f64; 2]; places.len()];
     for k in 0..SKY_VIEWS {
@@ -307,8 +281,8 @@ fn contrasts_under_sky(
         let z = (k as f64 + 0.5) / SKY_VIEWS as f64;
         let (sin, cos) = (std::f64::consts::TAU * 0.618_034 * k as f64).sin_cos();
         let r = (1.0 - z * z).sqrt();
-        let towards = level.vector([r * cos, r * sin, z]).normalize();
-        let view = FarView::of(rig, &points, towards, SKY_SIDE_PX, site, time)?;
+        let towards = bench.level.vector([r * cos, r * sin, z]).normalize();
+        let view = FarView::of(bench, &points, towards, SKY_SIDE_PX)?;
         for (place, [sky, part]) in places.iter().zip(&mut light) {
             let facing = place.normal.dot(towards);
             if facing <= 0.0 {
@@ -330,13 +304,11 @@ fn contrasts_under_sky(
 
 /// The points of a view, with what the sun says of them; `None` if there are next to none.
 fn seen_points(
-    rig: &mut dyn InstrumentRenderer,
+    bench: &mut Bench<'_>,
     shot: &PlaceShot,
-    site: &Site,
     sun: DVec3,
-    time: f64,
 ) -> Result<Option<Vec<Option<ShadowPoint>>>> {
-    let far = MAX_POINT_DISTANCE_M / site.metres_per_unit;
+    let far = bench.level.units(MAX_POINT_DISTANCE_M);
     let point = |pixel: usize| {
         let normal = DVec3::from_array(std::array::from_fn(|k| f64::from(shot.frame.normal[3 * pixel + k])));
         let at = shot.point(pixel).filter(|at| at.distance(shot.camera.center()) < far)?;
@@ -347,7 +319,7 @@ fn seen_points(
     if known.len() < MIN_PAIRS {
         return Ok(None);
     }
-    let from_sun = FarView::of(rig, &known, sun, SUN_SIDE_PX, site, time)?;
+    let from_sun = FarView::of(bench, &known, sun, SUN_SIDE_PX)?;
     for point in seen.iter_mut().flatten() {
         let behind = |dx: i64, dy: i64| from_sun.behind(point.at, dx, dy);
         let around = [-AGREEING_PIXELS, 0, AGREEING_PIXELS]
@@ -402,19 +374,16 @@ fn is_one_color(a: [f64; 3], b: [f64; 3]) -> bool {
 }
 
 /// Measures the change of a place without shadows.
-fn control(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let [camera, _] = rig.views()?;
-    let mut without = request.weather.clone();
-    without.set_text("light=off")?;
-    let lit = PlaceShot::of(rig, &camera, request.weather, request.time, SURFACES)?;
-    let plain = PlaceShot::of(rig, &camera, &without, request.time, SURFACES)?;
+fn control(bench: &mut Bench<'_>) -> Result<()> {
+    let [camera, _] = bench.rig.views()?;
+    let lit = PlaceShot::of(bench, &camera, bench.weather, SURFACES)?;
+    let plain = PlaceShot::of(bench, &camera, &bench.with("light=off")?, SURFACES)?;
     let sums = [&lit, &plain].map(|shot| shot.light.iter().map(|v| f64::from(*v)).sum::<f64>());
-    let is_overcast = rig.site().captured_sky == CapturedSky::Overcast;
-    let mut finding = request.finding();
+    let is_overcast = bench.level.site.captured_sky == CapturedSky::Overcast;
     // Where the sky does not say that it was overcast, clouds take 0.3 EV of exposure.
     let tolerance = if is_overcast { Tolerance::Relative(0.01) } else { Tolerance::None };
     let quantity = "mean light of a place without shadows, over that without the effect";
-    finding.add(quantity, "", [1.0, sums[0] / sums[1]], tolerance);
-    finding.pictures.push(MeasuredPicture::of(request.setting.to_owned(), &lit.frame));
-    Ok(finding)
+    bench.add(quantity, "", [1.0, sums[0] / sums[1]], tolerance);
+    bench.show_place(&lit.frame);
+    Ok(())
 }

@@ -9,15 +9,13 @@
 //! 5 cm snow is drawn higher than it is, by up to 7 mm, so as to hide the ground; that is above the
 //! tolerance, and such depths are not swept.
 
-use super::lit::{LightPicture, level_square};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, clear, draw,
-    expected,
-};
+use super::lit::level_square;
+use super::{Bench, Instrument, LevelFrame, ShotSubject, Tolerance, clear, expected};
 use super::{SURFACES, mean};
 use wm_place::Result;
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
+use wm_weather::Weather;
 
 /// The instrument.
 pub(crate) const INSTRUMENT: Instrument = Instrument {
@@ -27,18 +25,18 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             how deep it lies - in the open, on the roof, and under it, where none may lie. Without wind, which carries snow under \
             roofs.",
     applies: |weather, time| depth(weather, time).is_some(),
-    read,
+    measure,
     sweep: &[
-        &["snow_cover.depth=0.05"],
-        &["snow_cover.depth=0.1"],
-        &["snow_cover.depth=0.2"],
-        &["snow_cover.depth=0.3"],
-        &["snow_cover.depth=0.5"],
+        "snow_cover.depth=0.05",
+        "snow_cover.depth=0.1",
+        "snow_cover.depth=0.2",
+        "snow_cover.depth=0.3",
+        "snow_cover.depth=0.5",
     ],
 };
 
 /// The depth of the snow, m, if it is given as a number and nothing melts.
-fn depth(weather: &wm_weather::Weather, time: f64) -> Option<f64> {
+fn depth(weather: &Weather, time: f64) -> Option<f64> {
     let number = |param: &str| expected::number(weather, time, "snow_cover", param);
     let is_cold = number("temperature").is_some_and(|temperature| temperature <= 0.0);
     number("depth").filter(|depth| *depth > 0.0 && is_cold)
@@ -69,17 +67,15 @@ fn middle_depth(level: &LevelFrame, camera: &Camera, depth: &[f32]) -> f64 {
     level.metres(mean(pixels.map(|at| f64::from(depth[at]))))
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
     let mut yard = Splats::default();
     level_card(&level, [0.0; 3], level_square(YARD_HALF_SIDE_M), &mut yard);
     level_card(&level, ROOF_CENTER_M, level_square(ROOF_HALF_SIDE_M), &mut yard);
-    let subject = rig.set_up(yard)?;
-    let weather =
-        request.with(&["wind=off", "fog=off", "haze=off", "smog=off", "snowfall=off", "rain=off"])?;
-    let wanted = depth(request.weather, request.time).unwrap_or(0.0);
+    let subject = bench.rig.set_up(yard)?;
+    let weather = bench.with("wind=off, fog=off, haze=off, smog=off, snowfall=off, rain=off")?;
+    let wanted = depth(bench.weather, bench.time).unwrap_or(0.0);
     let down = |eye: [f64; 3]| level.camera((160, 160), 20.0, eye, [eye[0], eye[1], 0.0]);
-    let mut finding = request.finding();
     for (name, eye, asked, tolerance) in [
         ("in the open", [-2.5, 0.0, 9.0], wanted, Tolerance::Relative(0.03)),
         ("on the roof", [ROOF_CENTER_M[0], ROOF_CENTER_M[1], 9.0], wanted, Tolerance::Relative(0.03)),
@@ -87,25 +83,24 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     ] {
         let camera = down(eye)?;
         let mut z = |weather| -> Result<_> {
-            let depth = median_depth(rig, subject, &camera, weather, request)?;
+            let depth = median_depth(bench, subject, &camera, weather)?;
             Ok(middle_depth(&level, &camera, &depth))
         };
         let measured = z(&clear())? - z(&weather)?;
-        finding.add(format!("snow depth {name}"), "m", [asked, measured], tolerance);
+        bench.add(format!("snow depth {name}"), "m", [asked, measured], tolerance);
     }
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
-    let seen = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
-    finding.show("the yard, with its roof", &seen.picture);
-    Ok(finding)
+    let seen = bench.light(subject, &camera, &weather)?;
+    bench.show("the yard, with its roof", &seen.picture);
+    Ok(())
 }
 
 /// The median depth of every pixel of a target.
 pub(crate) fn median_depth(
-    rig: &mut dyn InstrumentRenderer,
+    bench: &mut Bench<'_>,
     subject: ShotSubject,
     camera: &Camera,
-    weather: &wm_weather::Weather,
-    request: &MeasureRequest<'_>,
+    weather: &Weather,
 ) -> Result<Vec<f32>> {
-    Ok(draw(rig, subject, camera, weather, request.time, SURFACES)?.frame.median_depth)
+    Ok(bench.draw(subject, camera, weather, SURFACES)?.frame.median_depth)
 }

@@ -12,7 +12,7 @@
 
 use super::blobs::BlobSplit;
 use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView, main_kind};
-use super::{Finding, Instrument, InstrumentRenderer, MeasureRequest, Tolerance, expected, median};
+use super::{Bench, Instrument, Tolerance, expected, median};
 use wm_place::Result;
 use wm_weather::Weather;
 use wm_weather::particles::RAIN;
@@ -25,13 +25,13 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             moment apart say how fast each goes; its streak must be as long as that speed times the exposure, as high as a drop of its size falls in it by Gunn and \
             Kinzer, and lie along its way. How fast they go sideways is the wind.",
     applies: |weather, time| main_kind(weather, time) == Some(&RAIN),
-    read,
+    measure,
     sweep: &[
-        &["rain.rate=2.5", "rain.exposure=0.002"],
-        &["rain.rate=2.5", "rain.exposure=0.004", "wind.speed=2"],
-        &["rain.rate=2.5", "rain.exposure=0.008", "wind.speed=5"],
-        &["rain.rate=2.5", "rain.exposure=0.0125", "wind.speed=10"],
-        &["rain.rate=2.5", "rain.exposure=0.0166", "wind.speed=15"],
+        "rain.rate=2.5, rain.exposure=0.002",
+        "rain.rate=2.5, rain.exposure=0.004, wind.speed=2",
+        "rain.rate=2.5, rain.exposure=0.008, wind.speed=5",
+        "rain.rate=2.5, rain.exposure=0.0125, wind.speed=10",
+        "rain.rate=2.5, rain.exposure=0.0166, wind.speed=15",
     ],
 };
 
@@ -84,11 +84,11 @@ pub(crate) fn long(caught: &DropSample) -> impl Iterator<Item = &MeasuredDrop> {
     caught.drops.iter().filter(|drop| drop.blob.length > MIN_STREAK_PX)
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let (exposure, look) = (exposure(request.weather, request.time), look(request.weather, request.time)?);
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let (exposure, look) = (exposure(bench.weather, bench.time), look(bench.weather, bench.time)?);
     let (scale, wind) = (look.slab.scale, look.across);
     let mut caught = DropSample::default();
-    look.take(rig, request.time, PICTURE_PAIRS, &mut caught)?;
+    look.take(bench, PICTURE_PAIRS, &mut caught)?;
     let (mut lengths, mut laws, mut angles, mut drifts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for drop in long(&caught) {
         let Some([across, down]) = drop.velocity else { continue };
@@ -99,25 +99,20 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         drifts.push(across);
     }
     let count = lengths.len();
-    let mut finding = request.finding();
     let five = Tolerance::Relative(0.05);
-    finding.add(
+    bench.add(
         format!("length over speed times exposure, median of {count}"),
         "",
         [1.0, median(lengths)],
         five,
     );
-    finding.add("its fall over Gunn-Kinzer's speed times exposure, median", "", [1.0, median(laws)], five);
-    finding.add("angle off the drops' way, median", "deg", [0.0, median(angles)], Tolerance::Absolute(1.5));
+    bench.add("its fall over Gunn-Kinzer's speed times exposure, median", "", [1.0, median(laws)], five);
+    bench.add("angle off the drops' way, median", "deg", [0.0, median(angles)], Tolerance::Absolute(1.5));
     let tolerance = if wind > 0.0 { five } else { Tolerance::Absolute(0.05) };
-    finding.add("drift with the wind, median", "m/s", [wind, median(drifts)], tolerance);
+    bench.add("drift with the wind, median", "m/s", [wind, median(drifts)], tolerance);
     if let Some(mut shown) = caught.shown {
-        shown.caption = format!(
-            "{}: a part of one of the slabs, drops marked, {:.1} ms",
-            request.setting,
-            1e3 * exposure
-        );
-        finding.pictures.push(shown);
+        shown.caption = format!("a part of one of the slabs, drops marked, {:.1} ms", 1e3 * exposure);
+        bench.show_picture(shown);
     }
-    Ok(finding)
+    Ok(())
 }

@@ -15,12 +15,9 @@
 //!
 //! Tolerance: 2 % of the length, 1 degree, 15 % of the width.
 
-use super::lit::{GROUND, LightPicture, overcast_card, paint_card};
+use super::lit::{GROUND, LightPicture, OPEN_SKY, overcast_card, paint_card};
 use super::plot::Series;
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, expected,
-    mean,
-};
+use super::{Bench, Instrument, LevelFrame, ShotSubject, Tolerance, expected, mean};
 use std::f64::consts::{PI, TAU};
 use wm_place::Result;
 use wm_scene::{Camera, Splats};
@@ -33,13 +30,13 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "A rod of 2 m on a board: how long its shadow is and where it points, seen from above, against the sun's elevation and azimuth, \
             given or by day, hour and latitude. And how wide the edge of a wall's shadow is at 30 to 50 m, against 0.0093 rad.",
     applies: |weather, time| sun(weather, time).is_some(),
-    read,
+    measure,
     sweep: &[
-        &["light.model=clear", "light.sun_elevation=30", "light.sun_azimuth=210"],
-        &["light.model=clear", "light.sun_elevation=55", "light.sun_azimuth=100"],
-        &["light.model=clear", "light.latitude=52", "light.day=80", "light.hour=10"],
-        &["light.model=clear", "light.latitude=52", "light.day=172", "light.hour=15"],
-        &["light.model=clear", "light.latitude=-34", "light.day=355", "light.hour=8.5"],
+        "light.model=clear, light.sun_elevation=30, light.sun_azimuth=210",
+        "light.model=clear, light.sun_elevation=55, light.sun_azimuth=100",
+        "light.model=clear, light.latitude=52, light.day=80, light.hour=10",
+        "light.model=clear, light.latitude=52, light.day=172, light.hour=15",
+        "light.model=clear, light.latitude=-34, light.day=355, light.hour=8.5",
     ],
 };
 
@@ -108,8 +105,11 @@ const SUN_DIAMETER_RAD: f64 = 0.0093;
 const TENTH_WIDTH_SHARE: f64 = 0.687;
 const EXPOSURE: &str = "light.exposure=-1";
 
-/// Level coordinates along and across the shadow of a sun.
+/// A sun, its weather, and level coordinates along and across its shadows.
 struct Dial {
+    /// Elevation of the sun, radians.
+    elevation: f64,
+    weather: Weather,
     level: LevelFrame,
     /// Away from the sun, and a quarter turn to the left of it.
     away: [f64; 2],
@@ -140,12 +140,11 @@ impl Dial {
 
     /// A level card.
     fn lie(&self, along: f64, halves: [f64; 2], splats: &mut Splats) {
-        let [u, v] = [(self.away, halves[0]), (self.aside, halves[1])];
-        let card = |(axis, half): ([f64; 2], f64)| [axis[0] * half, axis[1] * half, 0.0];
+        let side = |axis: [f64; 2], half: f64| [axis[0] * half, axis[1] * half, 0.0];
         paint_card(
             &self.level,
             self.at(along, 0.0, 0.0),
-            [card(u), card(v)],
+            [side(self.away, halves[0]), side(self.aside, halves[1])],
             SPLAT_SPACING_M,
             overcast_card(GROUND, 0.0),
             splats,
@@ -153,52 +152,28 @@ impl Dial {
     }
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let Some([elevation, azimuth]) = sun(request.weather, request.time) else {
-        return Ok(Finding::default());
-    };
-    let weather = request.with_light(&[
-        "light.photos=diffuse",
-        "light.lamps=off",
-        "light.headlamps=off",
-        "light.cloud_shadows=off",
-        EXPOSURE,
-    ])?;
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let Some([elevation, azimuth]) = sun(bench.weather, bench.time) else { return Ok(()) };
+    let weather = bench.with_light(&format!("{OPEN_SKY}, {EXPOSURE}"))?;
+    let level = bench.level;
     // Azimuths turn clockwise seen from above, from the first axis; the second axis is to its right
     // or left.
     let turn = azimuth.to_radians();
     let sun = [turn.cos(), -level.hand() * turn.sin()];
     let away = sun.map(|v| -v);
-    let dial = Dial { level, away, aside: [-away[1], away[0]] };
-    let mut finding = request.finding();
-    let asked = DialRequest { elevation: elevation.to_radians(), weather: &weather, request };
-    rod(rig, &dial, &asked, &mut finding)?;
-    edge(rig, &dial, &asked, &mut finding)?;
-    Ok(finding)
-}
-
-/// The sun and the weather that a dial is read in.
-struct DialRequest<'a> {
-    /// Elevation of the sun, radians.
-    elevation: f64,
-    weather: &'a Weather,
-    request: &'a MeasureRequest<'a>,
+    let elevation = elevation.to_radians();
+    let dial = Dial { level, away, aside: [-away[1], away[0]], elevation, weather };
+    rod(bench, &dial)?;
+    edge(bench, &dial)
 }
 
 /// Measures the shadow of the rod.
-fn rod(
-    rig: &mut dyn InstrumentRenderer,
-    dial: &Dial,
-    asked: &DialRequest<'_>,
-    finding: &mut Finding,
-) -> Result<()> {
-    let time = asked.request.time;
-    let reach = ROD_HEIGHT_M / asked.elevation.tan();
+fn rod(bench: &mut Bench<'_>, dial: &Dial) -> Result<()> {
+    let reach = ROD_HEIGHT_M / dial.elevation.tan();
     let mut splats = Splats::default();
     dial.lie(0.0, [reach + 1.2, 1.5], &mut splats);
     dial.stand(ROD_HALF_WIDTH_M, ROD_HEIGHT_M, SPLAT_SPACING_M, &mut splats);
-    let subject = rig.set_up_lit(splats, Vec::new())?;
+    let subject = bench.set_up_lit(splats)?;
     // From the side, where it covers half of a pixel row.
     let side = dial.level.camera(
         (64, 256),
@@ -206,7 +181,7 @@ fn rod(
         dial.at(-6.0, 0.0, ROD_HEIGHT_M),
         dial.at(0.0, 0.0, ROD_HEIGHT_M),
     )?;
-    let picture = LightPicture::of(rig, subject, &side, asked.weather, time)?;
+    let picture = bench.light(subject, &side, &dial.weather)?;
     let column: Vec<f64> = (0..picture.size.1)
         .map(|y| mean((29..35).map(|x| f64::from(picture.alpha[y * picture.size.0 + x]))))
         .collect();
@@ -220,15 +195,15 @@ fn rod(
         dial.at(0.5 * reach, 0.0, high),
         dial.at(0.5 * reach, 0.0, 0.0),
     )?;
-    let picture = LightPicture::of(rig, subject, &above, asked.weather, time)?;
+    let picture = bench.light(subject, &above, &dial.weather)?;
     let seen = shadow(dial, &above, &picture, reach);
     let length = seen.map_or(f64::NAN, |seen| seen.length);
     let turn = seen.map_or(f64::NAN, |seen| seen.turn.to_degrees());
-    let law = height / asked.elevation.tan();
+    let law = height / dial.elevation.tan();
     let two = Tolerance::Relative(0.02);
-    finding.add(format!("shadow of a rod of {height:.3} m"), "m", [law, length], two);
-    finding.add("azimuth of the shadow, off the sun's", "deg", [0.0, turn], Tolerance::Absolute(1.0));
-    finding.show(format!("the rod from above, its shadow {length:.2} m long"), &picture.picture);
+    bench.add(format!("shadow of a rod of {height:.3} m"), "m", [law, length], two);
+    bench.add("azimuth of the shadow, off the sun's", "deg", [0.0, turn], Tolerance::Absolute(1.0));
+    bench.show(format!("the rod from above, its shadow {length:.2} m long"), &picture.picture);
     Ok(())
 }
 
@@ -261,10 +236,9 @@ impl Bins {
 
     /// The middles of the bins, from `start` on, with their mean light.
     fn profile(&self, start: f64) -> Vec<[f64; 2]> {
-        let mean = |(bin, sum): (usize, &[f64; 2])| {
-            (sum[1] > 0.0).then(|| [(bin as f64 + 0.5) * BIN_WIDTH_M - start, sum[0] / sum[1]])
-        };
-        self.0.iter().enumerate().filter_map(mean).collect()
+        let middles = (0..self.0.len()).map(|bin| (bin as f64 + 0.5) * BIN_WIDTH_M - start);
+        let bins = middles.zip(&self.0).filter(|(_, sum)| sum[1] > 0.0);
+        bins.map(|(middle, sum)| [middle, sum[0] / sum[1]]).collect()
     }
 }
 
@@ -317,13 +291,8 @@ fn crossing(values: &[f64], level: f64) -> Option<f64> {
 }
 
 /// Measures the edge of the shadow of a wall.
-fn edge(
-    rig: &mut dyn InstrumentRenderer,
-    dial: &Dial,
-    asked: &DialRequest<'_>,
-    finding: &mut Finding,
-) -> Result<()> {
-    let (sin, cos) = asked.elevation.sin_cos();
+fn edge(bench: &mut Bench<'_>, dial: &Dial) -> Result<()> {
+    let (sin, cos) = dial.elevation.sin_cos();
     let mut splats = Splats::default();
     let high = EDGE_DISTANCES_M[2] * sin + 4.0;
     // To the right of the way of the shadow, with its edge upon it.
@@ -340,35 +309,34 @@ fn edge(
     for metres in EDGE_DISTANCES_M {
         dial.lie(metres * cos, STRIP_HALF_SIDES_M, &mut splats);
     }
-    let subject = rig.set_up_lit(splats, Vec::new())?;
+    let subject = bench.set_up_lit(splats)?;
     let mut series = Vec::new();
     for metres in EDGE_DISTANCES_M {
-        let (width, profile) = edge_at(rig, dial, subject, asked, metres, metres * cos)?;
-        finding.add(
+        let (width, profile) = edge_at(bench, dial, subject, metres, metres * cos)?;
+        bench.share(
             format!("width of a shadow's edge at {metres} m"),
             "m",
             [SUN_DIAMETER_RAD * metres, width],
-            Tolerance::Relative(0.15),
+            0.15,
         );
         series.push(Series::line(format!("{metres} m"), profile));
     }
-    finding.plot("Edge of a wall's shadow", "place across the edge, m", "light, of the lit side", series);
+    bench.plot("Edge of a wall's shadow", "place across the edge, m", "light, of the lit side", series);
     Ok(())
 }
 
 /// Width of the edge at a distance, m, on the ground `along` the shadow, with the light across it.
 fn edge_at(
-    rig: &mut dyn InstrumentRenderer,
+    bench: &mut Bench<'_>,
     dial: &Dial,
     subject: ShotSubject,
-    asked: &DialRequest<'_>,
     metres: f64,
     along: f64,
 ) -> Result<(f64, Vec<[f64; 2]>)> {
     // Upright would be in the wall; a little from beyond, so that up is up.
     let (eye, at) = (dial.at(along + 0.5, 0.0, 3.0), dial.at(along, 0.0, 0.0));
     let camera = dial.level.camera((240, 240), 28.0, eye, at)?;
-    let picture = LightPicture::of(rig, subject, &camera, asked.weather, asked.request.time)?;
+    let picture = bench.light(subject, &camera, &dial.weather)?;
     let reach = 1.2 * SUN_DIAMETER_RAD * metres;
     let mut lines = Bins::of(2.0 * reach);
     for y in 0..picture.size.1 {

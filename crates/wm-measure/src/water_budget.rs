@@ -9,7 +9,7 @@
 
 use super::budget::fallen;
 use super::lit::{level_square, overcast_card, paint_card};
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use super::{Bench, Instrument, Tolerance, expected};
 use wm_place::Result;
 use wm_scene::Splats;
 use wm_weather::Weather;
@@ -22,19 +22,13 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
             puddle, as the levels over its nodes say, with what ran off and has dried, against the rain. Snow that melts on it is water in the same \
             way: 4 mm a degree and day.",
     applies: |weather, time| minutes(weather, time).is_some() || melt(weather, time) > 0.0,
-    read,
+    measure,
     sweep: &[
-        &["rain.rate=5", "wetness.rained_before=30"],
-        &["rain.rate=25", "wetness.rained_before=10"],
-        &["rain.rate=60", "wetness.rained_before=10"],
-        &["wetness.rate_before=20", "wetness.rained_before=20", "wetness.stopped=15"],
-        &[
-            "snowfall.rate=2",
-            "snow_cover.depth=auto",
-            "snow_cover.hours=12",
-            "snow_cover.temperature=5",
-            "wetness.rained_before=0",
-        ],
+        "rain.rate=5, wetness.rained_before=30",
+        "rain.rate=25, wetness.rained_before=10",
+        "rain.rate=60, wetness.rained_before=10",
+        "wetness.rate_before=20, wetness.rained_before=20, wetness.stopped=15",
+        "snowfall.rate=2, snow_cover.depth=auto, snow_cover.hours=12, snow_cover.temperature=5, wetness.rained_before=0",
     ],
 };
 
@@ -67,10 +61,10 @@ fn minutes(weather: &Weather, time: f64) -> Option<[f64; 2]> {
     (is_by_rain && rate > 0.0).then_some([rate, number("rained_before")?]).filter(|rain| rain[1] > 0.0)
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let melted = melt(request.weather, request.time);
-    let [rate, before] = minutes(request.weather, request.time).unwrap_or_default();
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let melted = melt(bench.weather, bench.time);
+    let [rate, before] = minutes(bench.weather, bench.time).unwrap_or_default();
+    let level = bench.level;
     let mut splats = Splats::default();
     let tiles = (YARD_HALF_SIDE_M / TILE_SIDE_M).round() as i32;
     for row in -tiles..tiles {
@@ -82,22 +76,21 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             paint_card(&level, center, halves, 0.5 * TILE_SIDE_M, overcast_card(ALBEDO, 0.0), &mut splats);
         }
     }
-    let subject = rig.set_up_lit(splats, Vec::new())?;
-    let weather = request.with(&["light=off", "wind=off", "fog=off", "haze=off", "smog=off", "look=off"])?;
-    let mut finding = request.finding();
-    let Some(state) = rig.water(subject, &weather, request.time)? else { return Ok(finding) };
-    let texture = expected::number(&weather, request.time, "wetness", "texture").unwrap_or(f64::NAN);
+    let subject = bench.set_up_lit(splats)?;
+    let weather = bench.with("light=off, wind=off, fog=off, haze=off, smog=off, look=off")?;
+    let Some(state) = bench.rig.water(subject, &weather, bench.time)? else { return Ok(()) };
+    let texture = bench.number("wetness", "texture").unwrap_or(f64::NAN);
     let nodes = state.ground.iter().filter(|height| height.is_finite()).count() as f64;
-    let now = expected::number(&weather, request.time, "rain", "rate").unwrap_or(0.0);
+    let now = bench.number("rain", "rate").unwrap_or(0.0);
     let area = nodes * state.step * state.step;
-    let rain = 1e-3 * area * (rate * before / 60.0 + now * request.time / 3600.0);
+    let rain = 1e-3 * area * (rate * before / 60.0 + now * bench.time / 3600.0);
     let melt = 1e-3 * area * melted;
     let stands = state.water_in_puddles();
     let there = state.water_in_pores() + state.water_in_films(texture) + stands;
     let what = if melt > 0.0 { "rain and melt water on the ground" } else { "rain on the ground" };
-    finding.add(what, "m^3", [rain + melt, state.budget.came], Tolerance::Relative(0.01));
+    bench.share(what, "m^3", [rain + melt, state.budget.came], 0.01);
     let gone = state.budget.left + state.budget.dried;
-    finding.add("water in and out", "m^3", [state.budget.came, there + gone], Tolerance::Relative(0.01));
-    finding.add("water in the puddle", "m^3", [state.budget.in_puddles, stands], Tolerance::None);
-    Ok(finding)
+    bench.share("water in and out", "m^3", [state.budget.came, there + gone], 0.01);
+    bench.add("water in the puddle", "m^3", [state.budget.in_puddles, stands], Tolerance::None);
+    Ok(())
 }

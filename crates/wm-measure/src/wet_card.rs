@@ -8,9 +8,9 @@
 //!
 //! Tolerance 3 %. Systematic: reflectances are kept in 8 bits, 0.4 % of the factor at most.
 
-use super::lit::{LightPicture, level_square, overcast_card, paint_card};
+use super::lit::{level_square, overcast_card, paint_card};
 use super::plot::Series;
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
+use super::{Bench, Instrument, changed, expected};
 use wm_place::Result;
 use wm_scene::Splats;
 
@@ -21,8 +21,8 @@ pub(crate) const INSTRUMENT: Instrument = Instrument {
     about: "Level boards of reflectances 0.1 to 0.5 under an overcast sky, from above: the light of the wet boards over that of the dry \
             ones, with full pores against Angstrom's law, and under a film against the sum of the reflections between the board and the water.",
     applies: |weather, _| expected::is_on(weather, "wetness"),
-    read,
-    sweep: &[&["wetness.amount=1"]],
+    measure,
+    sweep: &["wetness.amount=1"],
 };
 
 /// Reflectances of the boards, and of the yard.
@@ -55,8 +55,8 @@ fn under_film(albedo: f64) -> f64 {
         .sum()
 }
 
-fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
-    let level = LevelFrame::of(&rig.site());
+fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let level = bench.level;
     let mut splats = Splats::default();
     let mut card = |center: [f64; 3], half: f64, albedo: f64| {
         let halves = level_square(half);
@@ -67,11 +67,10 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     for (index, albedo) in BOARD_REFLECTANCES.into_iter().enumerate() {
         card(place(index), BOARD_HALF_SIDE_M, albedo);
     }
-    let subject = rig.set_up_lit(splats, Vec::new())?;
-    let wet =
-        |amount: &str| request.with_light(&["light=off", "wetness.porosity=1", "wetness.puddles=0", amount]);
-    let dry = request.with_light(&["light=off"])?;
-    let mut finding = request.finding();
+    let subject = bench.set_up_lit(splats)?;
+    let soaked = bench.with_light("light=off, wetness.porosity=1, wetness.puddles=0")?;
+    let wet = |amount: &str| changed(&soaked, amount);
+    let dry = bench.with_light("light=off")?;
     let mut curves = Vec::new();
     type Law = fn(f64) -> f64;
     let states: [(&str, &str, Law); 2] = [
@@ -85,23 +84,23 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let [x, y, _] = place(index);
             let camera = level.camera((33, 33), 8.0, [x, y, 3.0], place(index))?;
             let mut light = |weather| -> Result<f64> {
-                let picture = LightPicture::of(rig, subject, &camera, weather, request.time)?;
+                let picture = bench.light(subject, &camera, weather)?;
                 Ok(picture.patch(16.5, 16.5, 6))
             };
             let measured = albedo * light(&weather)? / light(&dry)?;
             curve.push([albedo, measured]);
-            finding.add(
+            bench.share(
                 format!("reflectance of a board of {albedo} {name}"),
                 "",
                 [law(albedo), measured],
-                Tolerance::Relative(0.03),
+                0.03,
             );
         }
         curves.push(Series::points(name, curve));
     }
-    finding.plot("Wet reflectance", "reflectance of the dry board", "reflectance of the wet board", curves);
+    bench.plot("Wet reflectance", "reflectance of the dry board", "reflectance of the wet board", curves);
     let camera = level.camera((480, 320), 50.0, [0.0, -8.0, 5.0], [0.0, 0.0, 0.0])?;
-    let shown = LightPicture::of(rig, subject, &camera, &wet("wetness.amount=1")?, request.time)?;
-    finding.show("the boards under a film", &shown.picture);
-    Ok(finding)
+    let shown = bench.light(subject, &camera, &wet("wetness.amount=1")?)?;
+    bench.show("the boards under a film", &shown.picture);
+    Ok(())
 }

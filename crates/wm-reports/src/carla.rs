@@ -303,12 +303,7 @@ fn write_water(carla: &CarlaParameters, draft: &mut Draft) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hourly::tests::track;
-    use wm_weather::Weather;
-
-    fn value(weather: &Weather, key: &str) -> Option<f64> {
-        track(weather, key)?.at(0.0).number()
-    }
+    use crate::hourly::tests::value;
 
     #[test]
     fn presets_are_weathers_of_their_laws() {

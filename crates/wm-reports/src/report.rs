@@ -85,26 +85,23 @@ impl WeatherReport {
         }
         // A table is named after its file, without the folder and the ending.
         let stem = || Path::new(source).file_stem().map_or_else(|| source.into(), OsStr::to_string_lossy);
-        match kind {
+        let read = match kind {
             ReportKind::Metar => {
-                let (metar, written) = metar::read(line, options)?;
-                Ok(Self::of(DecodedReport::Metar(Box::new(metar)), written))
+                metar::read(line, options).map(|(metar, file)| (DecodedReport::Metar(Box::new(metar)), file))
             }
-            ReportKind::Carla => {
-                let (parameters, written) = carla::read(line)?;
-                Ok(Self::of(DecodedReport::Carla(parameters), written))
-            }
+            ReportKind::Carla => carla::read(line).map(|(own, file)| (DecodedReport::Carla(own), file)),
             ReportKind::PresentWeather => {
-                let (row, written) = present_weather::read(line)?;
-                Ok(Self::of(DecodedReport::PresentWeather(row), written))
+                present_weather::read(line).map(|(row, file)| (DecodedReport::PresentWeather(row), file))
             }
             ReportKind::Words => {
-                let (words, written) = words::read(line)?;
-                Ok(Self::of(DecodedReport::Words(Box::new(words)), written))
+                words::read(line).map(|(words, file)| (DecodedReport::Words(Box::new(words)), file))
             }
-            ReportKind::HourlyJson => WeatherTable::parse_json(text, source)?.weather(&stem(), options),
-            ReportKind::HourlyCsv => WeatherTable::parse_csv(text, source)?.weather(&stem(), options),
-        }
+            ReportKind::HourlyJson => {
+                return WeatherTable::parse_json(text, source)?.weather(&stem(), options);
+            }
+            ReportKind::HourlyCsv => return WeatherTable::parse_csv(text, source)?.weather(&stem(), options),
+        };
+        read.map(|(decoded, written)| Self::of(decoded, written))
     }
 
     /// Reads a report from a file.

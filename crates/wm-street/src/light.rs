@@ -99,7 +99,8 @@ impl LightMap {
             grids.push((first, nu, nv));
             cells.extend((0..nv).flat_map(|row| (0..nu).map(move |column| (which, column, row))));
         }
-        let light = |(which, column, row): (usize, u16, u16)| {
+        let light = |cell: (usize, u16, u16)| {
+            let (which, column, row) = cell;
             let (_, nu, nv) = grids[which];
             let (a, b) = (f64::from(column) / f64::from(nu), f64::from(row) / f64::from(nv));
             let size = DVec2::new(1.0 / f64::from(nu), 1.0 / f64::from(nv));

@@ -47,14 +47,12 @@ impl Park {
     /// The walk along the path around pond and lawn; `time` runs from 0 to 1.
     fn dolly(place: &Place, time: f64) -> Viewpoint {
         let path = &place.sights.path;
-        let above =
-            |at: DVec2, height: f64| at.extend(place.ground_height(at.x, at.y).unwrap_or_default() + height);
         let (eye, _) = along(path, 0.9 * time);
         let (ahead, _) = along(path, 0.9 * time + 0.1);
         Viewpoint {
             name: "dolly",
-            eye: above(eye, EYE_HEIGHT_M),
-            target: above(ahead, EYE_HEIGHT_M - 0.3),
+            eye: place.above(eye, EYE_HEIGHT_M),
+            target: place.above(ahead, EYE_HEIGHT_M - 0.3),
             fov_y: 50.0,
         }
     }

@@ -133,8 +133,7 @@ impl Place {
     fn middle(&self, camera: &Camera, x: u32, y: u32) -> Option<CenterHit> {
         let (eye, direction) = (camera.center(), camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let (which, crossing) = self.nearest(eye, direction, f64::INFINITY)?;
-        let outward = self.primitives[which].shape.spot_anywhere(crossing.a, crossing.b).normal;
-        let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
+        let normal = self.facing(which, &crossing, direction);
         let point = eye + direction * crossing.t;
         let (material, label) = self.matter(which, point);
         Some(CenterHit { which, crossing, point, normal, material, label })

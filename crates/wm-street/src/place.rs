@@ -6,7 +6,7 @@ use crate::exposed;
 use crate::ground::GroundCover;
 use crate::light_map::LightMap;
 use crate::paint::{Label, Material, Paint};
-use crate::shape::Crossing;
+use crate::shape::{Crossing, Shape};
 use crate::sky::{self, Lighting};
 use crate::views::{Audience, Viewpoint};
 use glam::{DVec2, DVec3};
@@ -128,10 +128,15 @@ impl Place {
     pub fn first(&self, origin: DVec3, direction: DVec3) -> Option<SurfaceHit> {
         let direction = direction.try_normalize()?;
         let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
-        let outward = self.primitives[which].shape.spot_anywhere(crossing.a, crossing.b).normal;
-        let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
+        let normal = self.facing(which, &crossing, direction);
         let (material, label) = self.matter(which, origin + direction * crossing.t);
         Some(SurfaceHit { t: crossing.t, normal, material, label })
+    }
+
+    /// Normal at a crossing of a primitive, on the side that a ray comes from.
+    pub(crate) fn facing(&self, which: usize, crossing: &Crossing, direction: DVec3) -> DVec3 {
+        let outward = self.primitives[which].shape.spot_anywhere(crossing.a, crossing.b).normal;
+        if outward.dot(direction) > 0.0 { -outward } else { outward }
     }
 
     /// Height of the ground at a position, m: of what lies under trees and things, and of the
@@ -152,6 +157,11 @@ impl Place {
             from = point - DVec3::Z * 1e-6;
         }
         None
+    }
+
+    /// The point at a height above the ground, m, or above 0 where there is none.
+    pub(crate) fn above(&self, at: DVec2, height: f64) -> DVec3 {
+        at.extend(self.ground_height(at.x, at.y).unwrap_or_default() + height)
     }
 
     /// Linear radiance of the sky in a direction (any length but 0).
@@ -221,20 +231,17 @@ impl Place {
     pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3, high: f64) -> Option<(usize, Crossing)> {
         let fixed = self.tree.nearest(|which| &self.primitives[which].shape, origin, direction, 1e-9, high);
         let high = fixed.map_or(high, |(_, crossing)| crossing.t);
-        let shape = |which: usize| &self.primitives[self.fixed + which].shape;
-        let moving = self.movers.nearest(shape, origin, direction, 1e-9, high);
+        let moving = self.movers.nearest(|which| self.mover(which), origin, direction, 1e-9, high);
         moving.map(|(which, crossing)| (self.fixed + which, crossing)).or(fixed)
+    }
+
+    fn mover(&self, which: usize) -> &Shape {
+        &self.primitives[self.fixed + which].shape
     }
 
     /// Returns true if anything stands in the way before `high`.
     pub(crate) fn blocked(&self, origin: DVec3, direction: DVec3, high: f64) -> bool {
         self.tree.any(|which| &self.primitives[which].shape, origin, direction, 1e-9, high)
-            || self.movers.any(
-                |which| &self.primitives[self.fixed + which].shape,
-                origin,
-                direction,
-                1e-9,
-                high,
-            )
+            || self.movers.any(|which| self.mover(which), origin, direction, 1e-9, high)
     }
 }

@@ -51,18 +51,17 @@ fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{self, MemorySink};
+    use crate::testing;
 
     #[test]
     fn each_picture_has_its_reference() {
-        let mut files = MemorySink::default();
-        testing::write(&LAYOUT, &mut files).unwrap();
-        assert_eq!(files.0.len(), 2 * 2 * 3 * testing::FRAMES as usize);
+        let files = testing::written(&LAYOUT, 8);
+        assert_eq!(files.len(), 2 * 2 * 3 * testing::FRAMES as usize);
         let name = "000000-bend-rain-front";
         let weathered = format!("rgb_anon/rain/train/{name}/{name}_frame_000007_rgb_anon.png");
         let clean = format!("rgb_anon/rain/train_ref/{name}/{name}_frame_000007_rgb_ref_anon.png");
         // The red spot is only in the weathered one.
-        assert_ne!(files.0[&weathered], files.0[&clean]);
-        assert!(files.0.keys().any(|path| path.starts_with("rgb_anon/snow/val/")));
+        assert_ne!(files[&weathered], files[&clean]);
+        assert!(files.keys().any(|path| path.starts_with("rgb_anon/snow/val/")));
     }
 }

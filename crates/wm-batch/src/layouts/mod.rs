@@ -83,13 +83,13 @@ pub trait BlockWriter: Send {
     /// Takes the next reading, in the order of [`BlockInfo::readings`].
     ///
     /// # Errors
-    /// Those of `files`; [`SetError::Picture`].
+    /// [`SetError`] of `files`; [`SetError::Picture`].
     fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError>;
 
     /// Writes what is left.
     ///
     /// # Errors
-    /// Those of `files`.
+    /// [`SetError`] of `files`.
     fn finish(self: Box<Self>, _files: &mut dyn FileSink) -> Result<(), SetError> {
         Ok(())
     }

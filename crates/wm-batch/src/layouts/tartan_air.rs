@@ -130,12 +130,12 @@ fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
             let known = pairs.iter().flat_map(|pair| if is_known(pair) { *pair } else { [0.0; 2] });
             let states = picture.flow_states.unwrap_or_default();
             let state = |pixel: usize| states.get(pixel).copied().unwrap_or(0);
-            let masked = |(pixel, pair): (usize, &[f32; 2])| match state(pixel) {
-                _ if !is_known(pair) => 1,
+            let masked = |pixel: usize| match state(pixel) {
+                _ if !is_known(&pairs[pixel]) => 1,
                 2 => OUTSIDE_FLOW,
                 state => u8::from(state > 0),
             };
-            let mask: Vec<u8> = pairs.iter().enumerate().map(masked).collect();
+            let mask: Vec<u8> = (0..pairs.len()).map(masked).collect();
             let name = format!("{folder}/flow/{index:06}_{:06}", index + 1);
             files.write(&format!("{name}_flow.npy"), &array_files::floats(known, &[height, width, 2]))?;
             files.write(&format!("{name}_mask.npy"), &array_files::bytes(&mask, &[height, width]))?;
@@ -147,35 +147,33 @@ fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{self, MemorySink, SPOT};
+    use crate::testing::{self, SPOT};
     use glam::DQuat;
 
     #[test]
     fn the_spot_is_where_poses_say() {
-        let mut files = MemorySink::default();
-        testing::write(&LAYOUT, &mut files).unwrap();
+        let files = testing::written(&LAYOUT, 8);
         let set = testing::set();
         let folder = folder(&testing::clips()[0]);
-        let text = String::from_utf8(files.0[&format!("{folder}/pose_left.txt")].clone()).unwrap();
+        let text = String::from_utf8(files[&format!("{folder}/pose_left.txt")].clone()).unwrap();
         let readings: Vec<_> = testing::readings(&set).into_iter().filter(|info| info.sensor == 0).collect();
         assert_eq!(text.lines().count(), readings.len());
         let (_, _, camera) = cameras(&set).next().unwrap();
-        let mut seen = 0;
+        let mut seen = testing::SpotCount::default();
         for (line, info) in text.lines().zip(readings) {
             let numbers: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
             let [x, y, z, qx, qy, qz, qw] = numbers[..] else { panic!("{line}") };
             let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
             let pose = RigidPose { rotation, translation: DVec3::new(x, y, z) };
             let local = pose.inverse().point(DVec3::new(SPOT.y, SPOT.x, -SPOT.z));
-            let truth = info.world_from_sensor(&set).inverse().point(SPOT);
+            let truth = testing::spot_in(&set, &info);
             // Forward, right and down.
             assert!((local - DVec3::new(truth.z, truth.x, truth.y)).length() < 1e-9);
-            seen += usize::from(testing::pixel(camera, truth).is_some());
+            seen.add(&set, &info, testing::project(camera, DVec3::new(local.y, local.z, local.x)));
         }
-        assert!(seen > 10);
-        let count = |part: &str| files.0.keys().filter(|path| path.contains(part)).count();
+        let count = |part: &str| files.keys().filter(|path| path.contains(part)).count();
         assert_eq!([count("_left.png"), count("_left_depth.npy"), count("_flow.npy")], [40, 40, 38]);
-        assert_eq!(files.0[&format!("{folder}/depth_left/000003_left_depth.npy")].len(), 128 + 4 * 64 * 40);
+        assert_eq!(files[&format!("{folder}/depth_left/000003_left_depth.npy")].len(), 128 + 4 * 64 * 40);
     }
 
     #[test]

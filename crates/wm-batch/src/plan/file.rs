@@ -8,6 +8,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
+use wm_base::calendar::days;
 use wm_place::MotionSpec;
 use wm_place::levels::{LevelBudget, parse_memory};
 use wm_place::output::{LayerFile, PictureFormat};
@@ -538,9 +539,6 @@ fn seconds_of(time: &toml::value::Datetime) -> Result<i64, String> {
     if !(1980..=2200).contains(&year) {
         return Err(format!("year {year}: give one from 1980 to 2200"));
     }
-    // Days since 1970 by the rule of leap years, with years that begin in March.
-    let (y, m) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let days = 365 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day - 1 - 719_468;
     let clock = time.time.as_ref().map_or(0, |time| {
         i64::from(time.hour) * 3600 + i64::from(time.minute) * 60 + i64::from(time.second.unwrap_or(0))
     });
@@ -548,5 +546,5 @@ fn seconds_of(time: &toml::value::Datetime) -> Result<i64, String> {
         Some(toml::value::Offset::Custom { minutes }) => i64::from(minutes) * 60,
         _ => 0,
     };
-    Ok(days * 86_400 + clock - offset)
+    Ok(days(year, month, day) * 86_400 + clock - offset)
 }

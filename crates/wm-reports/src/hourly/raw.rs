@@ -113,10 +113,8 @@ impl RawTable<'_> {
         }
         // At the end of a table there are often hours that nobody has measured or forecast yet.
         let is_empty = |cells: &&Vec<Cell>| {
-            let told = |(column, cell): (&Option<Column>, &Cell)| {
-                column.is_some_and(|one| !is_time(one.field)) && *cell != Cell::Missing
-            };
-            !columns.iter().zip(*cells).any(told)
+            let weather = columns.iter().map(|column| column.is_some_and(|one| !is_time(one.field)));
+            !weather.zip(*cells).any(|(is_weather, cell)| is_weather && *cell != Cell::Missing)
         };
         let empty = self.rows.iter().rev().take_while(is_empty).count();
         let has_amounts =

@@ -12,6 +12,11 @@ pub(crate) fn track<'a>(weather: &'a Weather, key: &str) -> Option<&'a Track> {
     tracks.get(effect.param(param)?)
 }
 
+/// The number of a parameter at the beginning, if its effect is on.
+pub(crate) fn value(weather: &Weather, key: &str) -> Option<f64> {
+    track(weather, key)?.at(0.0).number()
+}
+
 /// Integral of a track over a time by the midpoints of small steps: not by the track's own.
 fn integral(track: &Track, seconds: f64) -> f64 {
     let steps = 48_000;
@@ -48,7 +53,7 @@ fn the_sums_of_the_table_are_those_of_the_weather() {
         let rain = track(weather, "rain.rate").unwrap();
         assert_eq!(rain.at(9.5 * seconds_per_hour), ParamValue::Number(2.6));
         for lapse in ["wetness.lapse", "snow_cover.lapse"] {
-            let number = track(weather, lapse).unwrap().at(0.0).number().unwrap();
+            let number = value(weather, lapse).unwrap();
             assert!((number * seconds_per_hour / 3600.0 - 1.0).abs() < 1e-3, "{lapse}");
         }
     }
@@ -67,9 +72,9 @@ fn the_sun_and_the_wind_go_as_they_do() {
         assert!((hour.at(time).number().unwrap() - want).abs() < 1e-3, "{time}: {:?}", hour.at(time));
     }
     // Most of a winter's day is night or overcast.
-    let radiation = track(weather, "wetness.radiation").unwrap().at(0.0).number().unwrap();
+    let radiation = value(weather, "wetness.radiation").unwrap();
     assert!((-25.0..30.0).contains(&radiation), "{radiation}");
-    assert_eq!(track(weather, "light.day").unwrap().at(0.0), ParamValue::Number(14.0));
+    assert_eq!(value(weather, "light.day"), Some(14.0));
     // 350 to 10 degrees is 20 degrees, not 340.
     let text = "time,wspd,wdir\n2024-01-15 06:00,18,350\n2024-01-15 07:00,18,10\n";
     let report = WeatherTable::parse_csv(text, "t").unwrap().weather("t", &ReportOptions::default()).unwrap();

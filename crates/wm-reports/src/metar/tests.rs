@@ -1,12 +1,8 @@
 use super::*;
 use crate::draft::ReportNoteKind;
-use crate::hourly::tests::track;
+use crate::hourly::tests::value;
 use crate::report::{DecodedReport, WeatherReport};
 use wm_weather::Weather;
-
-fn value(weather: &Weather, key: &str) -> Option<f64> {
-    track(weather, key)?.at(0.0).number()
-}
 
 fn weather(text: &str) -> WeatherReport {
     WeatherReport::read(text, "metar", &ReportOptions::default())

@@ -47,6 +47,11 @@ impl Frame {
         Self { origin: self.at(x, y, z), ..*self }
     }
 
+    /// Returns the frame of somebody on the other side, whose origin is at a local point.
+    pub(super) fn opposite(&self, x: f64, y: f64) -> Self {
+        Self { origin: self.at(x, y, 0.0), right: -self.right, back: -self.back }
+    }
+
     /// At a local point, turned left (seen from above) by `degrees`.
     pub(super) fn turned(&self, x: f64, y: f64, z: f64, degrees: f64) -> Self {
         let (sin, cos) = degrees.to_radians().sin_cos();

@@ -98,13 +98,15 @@ pub(super) fn trees(b: &mut Builder, p: &Palette) {
     {
         tree(b, DVec3::new(x, y, PLOT_HEIGHT_M - 0.03), &kind, 200 + seed as u64);
     }
-    let on = |b: &mut Builder, (y0, y1): (f64, f64), (x0, x1): (f64, f64), z: f64, count: u32, seed: u64| {
-        g::fallen(b, DVec2::new(x0, y0), DVec2::new(x1, y1), |_| z, count, p.fallen, seed);
-    };
-    on(b, (36.0, 46.0), (-3.0, -2.2), 0.0, 260, 301);
-    on(b, (35.0, 46.0), (-5.2, -3.2), PLOT_HEIGHT_M, 260, 302);
-    on(b, (28.0, 38.0), (2.1, 3.0), 0.0, 260, 303);
-    on(b, (28.0, 38.0), (3.2, 5.2), PLOT_HEIGHT_M, 260, 304);
-    on(b, (8.0, 16.0), (-5.2, -2.3), 0.0, 120, 305);
-    on(b, (36.5, 45.0), (-11.5, -6.0), PLOT_HEIGHT_M, 380, 306);
+    for (low, high, z, count, seed) in [
+        ([-3.0, 36.0], [-2.2, 46.0], 0.0, 260, 301),
+        ([-5.2, 35.0], [-3.2, 46.0], PLOT_HEIGHT_M, 260, 302),
+        ([2.1, 28.0], [3.0, 38.0], 0.0, 260, 303),
+        ([3.2, 28.0], [5.2, 38.0], PLOT_HEIGHT_M, 260, 304),
+        ([-5.2, 8.0], [-2.3, 16.0], 0.0, 120, 305),
+        ([-11.5, 36.5], [-6.0, 45.0], PLOT_HEIGHT_M, 380, 306),
+    ] {
+        let [low, high] = [low, high].map(DVec2::from_array);
+        g::fallen(b, low, high, |_| z, count, p.fallen, seed);
+    }
 }

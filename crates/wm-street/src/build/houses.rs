@@ -47,8 +47,9 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
         chimney: p.brick,
         finish: p.finish(paints.white, paints.green),
     };
-    build_left(b, p, &paints, &base);
-    build_right(b, p, &paints, &base);
+    let across = House { ridge: Ridge::Across, columns: 3, ..base.clone() };
+    build_left(b, p, &paints, [&base, &across]);
+    build_right(b, p, &paints, [&base, &across]);
 }
 
 /// Moves a frame away from the street by a setback, m.
@@ -56,7 +57,7 @@ fn back(frame: Frame, setback: f64) -> Frame {
     frame.moved(0.0, setback, 0.0)
 }
 
-fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) {
+fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, [base, across]: [&House; 2]) {
     let &HousePaints { white, ochre, rose, blue, sage, red_door, green, navy, beam, .. } = paints;
     House {
         width: 11.0,
@@ -66,8 +67,7 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
         ..base.clone()
     }
     .build(b, &back(left(-29.0), 0.15));
-    House { ridge: Ridge::Across, columns: 3, finish: p.finish(ochre, red_door), ..base.clone() }
-        .build(b, &back(left(-14.0), 0.15));
+    House { finish: p.finish(ochre, red_door), ..across.clone() }.build(b, &back(left(-14.0), 0.15));
     House {
         width: 11.0,
         door: 2,
@@ -94,14 +94,12 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
         depth: 10.0,
         storey: 2.6,
         pitch: 50.0,
-        ridge: Ridge::Across,
-        columns: 3,
         door: 2,
         dress: Dress::Beams(beam),
         roof: p.brown_tiles,
         chimneys: vec![6.5],
         finish: p.finish(white, p.oak),
-        ..base.clone()
+        ..across.clone()
     };
     let at = back(left(27.2), 0.2);
     for (index, opening) in timbered.build(b, &at).iter().enumerate() {
@@ -124,12 +122,10 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
     PORCH.build(b, &at, p.slate, p);
     House {
         width: 9.0,
-        ridge: Ridge::Across,
-        columns: 3,
         door: 0,
         dress: Dress::Shutters(green),
         finish: p.finish(rose, green),
-        ..base.clone()
+        ..across.clone()
     }
     .build(b, &back(left(61.0), 0.2));
     House {
@@ -149,17 +145,15 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
 }
 
 /// Builds the right side; `right(y)` begins at the larger y.
-fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) {
+fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, [base, across]: [&House; 2]) {
     let &HousePaints { white, ochre, rose, blue, sage, red_door, green, navy, awning, .. } = paints;
     House { width: 11.0, finish: p.finish(white, navy), ..base.clone() }.build(b, &back(right(-13.0), 0.15));
     House {
         width: 10.5,
-        ridge: Ridge::Across,
-        columns: 3,
         roof: p.brown_tiles,
         dress: Dress::Shutters(green),
         finish: p.finish(white, green),
-        ..base.clone()
+        ..across.clone()
     }
     .build(b, &back(right(2.0), 0.15));
     let shop = House {
@@ -189,13 +183,11 @@ fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House)
     House {
         width: 9.4,
         depth: 10.0,
-        ridge: Ridge::Across,
         pitch: 47.0,
-        columns: 3,
         window: Filling::Sash,
         dress: Dress::Bands,
         finish: p.finish(p.brown_brick, p.oak),
-        ..base.clone()
+        ..across.clone()
     }
     .build(b, &back(right(28.6), 0.15));
     House {
@@ -209,17 +201,10 @@ fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House)
     .build(b, &back(right(50.0), 2.4));
     House { roof: p.slate, window: Filling::Sash, finish: p.finish(p.brick, navy), ..base.clone() }
         .build(b, &back(right(63.5), 0.2));
-    House {
-        width: 9.0,
-        ridge: Ridge::Across,
-        columns: 3,
-        roof: p.brown_tiles,
-        finish: p.finish(ochre, p.oak),
-        ..base.clone()
-    }
-    .build(b, &back(right(80.5), 0.2));
+    House { width: 9.0, roof: p.brown_tiles, finish: p.finish(ochre, p.oak), ..across.clone() }
+        .build(b, &back(right(80.5), 0.2));
     House { width: 11.0, finish: p.finish(sage, red_door), ..base.clone() }.build(b, &back(right(94.5), 0.2));
-    House { ridge: Ridge::Across, columns: 3, roof: p.slate, finish: p.finish(rose, navy), ..base.clone() }
+    House { roof: p.slate, finish: p.finish(rose, navy), ..across.clone() }
         .build(b, &back(right(108.5), 0.2));
     House { width: 12.0, storeys: 1, dormers: 3, columns: 5, finish: p.finish(white, green), ..base.clone() }
         .build(b, &back(right(125.0), 0.8));

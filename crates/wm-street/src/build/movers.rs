@@ -16,11 +16,9 @@ const PEOPLE_SPACING_M: f64 = 9.0;
 
 /// The traffic around a car at `at` on a road along y, `time` seconds after the first photo: a van
 /// ahead, cars the other way, people on both sides and one who crosses.
-pub(crate) fn traffic(b: &mut Builder, at: DVec2, time: f64, ground: &dyn Fn(DVec2) -> f64, seed: u64) {
+pub(crate) fn traffic(b: &mut Builder, at: DVec2, time: f64, ground: &dyn Fn(DVec2) -> DVec3, seed: u64) {
     let paints = Paints::new(b);
-    let on = |x: f64, y: f64, ahead: f64| {
-        Frame::facing(DVec2::new(x, y).extend(ground(DVec2::new(x, y))), DVec3::Y * ahead)
-    };
+    let on = |x: f64, y: f64, ahead: f64| Frame::facing(ground(DVec2::new(x, y)), DVec3::Y * ahead);
     // The van falls back and pulls away.
     let gap = 10.5 + 4.5 * (0.9 * time + seed as f64).sin();
     van(b, &on(at.x, at.y + gap, 1.0), &paints);
@@ -49,7 +47,7 @@ pub(crate) fn traffic(b: &mut Builder, at: DVec2, time: f64, ground: &dyn Fn(DVe
     let phase = (time / 6.0 + 0.3).fract();
     let mut dice = Dice::new(seed, 80_000);
     let (x, y) = (-5.0 + 10.0 * phase, at.y + 5.2 + 0.5 * (time * 2.0).sin());
-    let walker = Frame::facing(DVec2::new(x, y).extend(ground(DVec2::new(x, y))), DVec3::X);
+    let walker = Frame::facing(ground(DVec2::new(x, y)), DVec3::X);
     person(b, &walker, &paints, time, &mut dice);
 }
 

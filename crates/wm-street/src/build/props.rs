@@ -60,9 +60,7 @@ pub(super) fn crates(b: &mut Builder, frame: &Frame, wood: PaintId, fruit: Paint
 /// A sandwich board: two leaning panels in frames.
 pub(super) fn board(b: &mut Builder, frame: &Frame, p: &Palette) {
     let (w, h, lean) = (0.60, 1.02, 0.24);
-    for half in
-        [*frame, Frame { origin: frame.at(w, 2.0 * lean, 0.0), right: -frame.right, back: -frame.back }]
-    {
+    for half in [*frame, frame.opposite(w, 2.0 * lean)] {
         let (u, v) = (half.along(w, 0.0, 0.0), half.along(0.0, lean, h));
         let out = u.cross(v).normalize() * 0.012;
         b.quad(half.at(0.0, 0.0, 0.0), u, v, p.oak);

@@ -43,10 +43,7 @@ impl Roof {
         let rise = run * self.slope();
         let lift = ROOF_THICKNESS_M / self.pitch.to_radians().cos();
         // The second slope is the first seen from behind.
-        for half in [
-            *frame,
-            Frame { origin: frame.at(self.length, self.span, 0.0), right: -frame.right, back: -frame.back },
-        ] {
+        for half in [*frame, frame.opposite(self.length, self.span)] {
             let low = half.moved(-self.verge, -self.overhang, self.eaves - self.overhang * self.slope());
             let (u, v) = (half.along(across, 0.0, 0.0), half.along(0.0, run, rise));
             b.quad(low.at(0.0, 0.0, lift), u, v, self.paint);

@@ -139,7 +139,7 @@ fn take(
     let camera = shot.camera;
     let scene = match settings.kind {
         CaptureKind::Drive => {
-            let ground = |p: glam::DVec2| place.ground_height(p.x, p.y).unwrap_or_default();
+            let ground = |at: glam::DVec2| place.above(at, 0.0);
             let at = camera.center().truncate();
             Cow::Owned(place.with_movers(|b| movers::traffic(b, at, shot.time, &ground, settings.seed)))
         }
@@ -163,19 +163,20 @@ fn take(
     let exposure = settings.flaws.exposure(settings.seed, index);
     let rgb = flaws::developed(&light, exposure, settings.flaws.tone);
 
-    let name = format!("{index:05}.png");
+    let stem = format!("{index:05}");
+    let name = format!("{stem}.png");
     let gps = position(place, settings, index, &camera);
     let facts = exif::facts(place, settings, index, &shot, gps);
     let photo = folder.join("images").join(&name);
     files::write_png(&photo, settings.size, &rgb, Some(&facts.to_bytes()))?;
     if settings.truth == GroundTruth::Write {
         let folder = folder.join("truth");
-        files::write_maps(&folder, &format!("{index:05}"), &camera, &pixels)?;
+        files::write_maps(&folder, &stem, &camera, &pixels)?;
         let numbers = pixels.iter().map(|pixel| pixel.label.map_or(0.0, number));
-        files::write_map(&folder, "label", &format!("{index:05}"), &camera, numbers)?;
+        files::write_map(&folder, "label", &stem, &camera, numbers)?;
         if settings.kind == CaptureKind::Drive {
             let shares = pixels.iter().map(|pixel| pixel.moving as f32);
-            files::write_map(&folder, "movers", &format!("{index:05}"), &camera, shares)?;
+            files::write_map(&folder, "movers", &stem, &camera, shares)?;
         }
         let is_clean = settings.kind != CaptureKind::Drive && casting.air.is_none();
         let clean = if is_clean {

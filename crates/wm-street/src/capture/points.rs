@@ -2,7 +2,7 @@
 //! from noisy sightings, and some of them wrong.
 
 use super::settings::CaptureSettings;
-use crate::dataset::sees;
+use crate::dataset::{sees, to_byte};
 use crate::light::SHARED_BUDGET;
 use crate::{Material, Place, display_of};
 use glam::{DMat3, DVec2, DVec3};
@@ -105,7 +105,7 @@ fn candidate(
     // Few candidates come through: only those are worth light.
     let colored = |candidate: Candidate| {
         let hit = place.cast_with(eye, direction, SHARED_BUDGET);
-        let color = hit.map_or([0; 3], |hit| display_of(hit.radiance).map(|v| (255.0 * v).round() as u8));
+        let color = hit.map_or([0; 3], |hit| display_of(hit.radiance).map(to_byte));
         Candidate { color, ..candidate }
     };
     let noise = RandomStream::new(seed ^ index, 1u64, 0);

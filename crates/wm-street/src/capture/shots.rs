@@ -38,12 +38,13 @@ pub(super) fn shots(place: &Place, settings: &CaptureSettings) -> Result<Vec<Sho
         let noise = |which: u32| {
             DVec3::from_array(RandomStream::new(settings.seed, HAND_SHAKE_LANE, which).normal3(index.into()))
         };
-        let shot = match settings.kind {
-            CaptureKind::Nadir => nadir(place, settings, index, count, noise(0), noise(1)),
-            CaptureKind::Oblique => oblique(place, settings, index, count, noise(0), noise(1)),
-            CaptureKind::Walk => walk(place, settings, index, count, [noise(0), noise(1), noise(2)]),
-            CaptureKind::Drive => drive(place, settings, index, count, noise(0), noise(1)),
+        let take = match settings.kind {
+            CaptureKind::Nadir => nadir,
+            CaptureKind::Oblique => oblique,
+            CaptureKind::Walk => walk,
+            CaptureKind::Drive => drive,
         };
+        let shot = take(place, settings, index, count, [0, 1, 2].map(noise));
         shot.camera.check().map(|()| shot)
     };
     kept(count, settings.flaws.few).into_iter().map(shot).collect()
@@ -78,11 +79,8 @@ impl Attitude {
     }
 }
 
-fn above(place: &Place, at: DVec2, height: f64) -> DVec3 {
-    at.extend(place.ground_height(at.x, at.y).unwrap_or_default() + height)
-}
-
-fn nadir(place: &Place, settings: &CaptureSettings, index: u32, count: u32, one: DVec3, two: DVec3) -> Shot {
+fn nadir(place: &Place, settings: &CaptureSettings, index: u32, count: u32, noise: [DVec3; 3]) -> Shot {
+    let [one, two, _] = noise;
     let (width, height) = settings.size;
     let seen = 2.0 * SURVEY_HEIGHT_M * (0.5 * DRONE_FOV_DEG.to_radians()).tan();
     let along = seen * (1.0 - OVERLAP_SHARE);
@@ -106,14 +104,8 @@ fn nadir(place: &Place, settings: &CaptureSettings, index: u32, count: u32, one:
     Shot { camera, time: f64::from(index) * along / SPEEDS_M_S.0, shake: DVec2::ZERO }
 }
 
-fn oblique(
-    place: &Place,
-    settings: &CaptureSettings,
-    index: u32,
-    count: u32,
-    one: DVec3,
-    two: DVec3,
-) -> Shot {
+fn oblique(place: &Place, settings: &CaptureSettings, index: u32, count: u32, noise: [DVec3; 3]) -> Shot {
+    let [one, two, _] = noise;
     let turn = TAU * f64::from(index) / f64::from(count);
     let out = DVec2::new(turn.sin(), turn.cos());
     // Every third photo looks farther ahead, from lower down.
@@ -146,7 +138,7 @@ fn walk(place: &Place, settings: &CaptureSettings, index: u32, count: u32, noise
     let step = PHOTO_SPACING_M.0.min(whole / f64::from(count.max(2) - 1));
     let (at, ahead) = along(path, f64::from(index) * step / whole);
     let at = at + ahead.perp() * (0.25 * one.x);
-    let eye = above(place, at, 1.6 + 0.04 * one.y);
+    let eye = place.above(at, 1.6 + 0.04 * one.y);
     // Looks about, to both sides in turn, and now and then holds the phone badly.
     let look = 24.0 * (TAU * f64::from(index) / 9.0).sin();
     let is_clumsy = index % 10 == 7;
@@ -160,13 +152,14 @@ fn walk(place: &Place, settings: &CaptureSettings, index: u32, count: u32, noise
     Shot { camera, time: f64::from(index) * step / SPEEDS_M_S.1, shake: shake.clamp_length_max(8.0) }
 }
 
-fn drive(place: &Place, settings: &CaptureSettings, index: u32, count: u32, one: DVec3, two: DVec3) -> Shot {
+fn drive(place: &Place, settings: &CaptureSettings, index: u32, count: u32, noise: [DVec3; 3]) -> Shot {
+    let [one, two, _] = noise;
     let (from, to) = place.sights.road;
     let whole = from.distance(to);
     let step = PHOTO_SPACING_M.1.min(whole / f64::from(count.max(2) - 1));
     let ahead = (to - from) / whole;
     let at = from + ahead * (f64::from(index) * step) + ahead.perp() * (0.06 * one.x);
-    let eye = above(place, at, 1.45 + 0.02 * one.y);
+    let eye = place.above(at, 1.45 + 0.02 * one.y);
     let attitude =
         Attitude { heading: heading_of(ahead) + 0.8 * two.x, pitch: -1.5 + 0.6 * two.y, roll: 0.5 * two.z };
     let camera = attitude.camera(settings.size, 50.0, eye);

@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 use std::sync::OnceLock;
-use tempfile::tempdir;
+use tempfile::{TempDir, tempdir};
 use wm_base::npy;
 use wm_capture::{CaptureOptions, CaptureSite, gps, read};
-use wm_image::{header, header::read_header};
+use wm_image::header::{self, PhotoHeader, read_header};
 use wm_scene::survey::Survey;
 use wm_scene::{Metadata, Scene};
 
@@ -23,6 +23,18 @@ fn park() -> &'static Place {
 
 fn small(kind: CaptureKind, count: u32) -> CaptureSettings {
     CaptureSettings { count, size: (48, 32), samples: 1, points: 120, ..CaptureSettings::new(kind) }
+}
+
+/// A capture and its folder.
+fn made(place: &Place, settings: &CaptureSettings) -> (TempDir, Capture) {
+    let folder = tempdir().unwrap();
+    let capture = write(place, folder.path(), settings, &mut |_| true).unwrap().unwrap();
+    (folder, capture)
+}
+
+/// What the files of the photos say.
+fn headers(capture: &Capture) -> Vec<PhotoHeader> {
+    (0..capture.views.len()).map(|view| read_header(&capture.photo(view).unwrap()).unwrap()).collect()
 }
 
 fn json(folder: &Path) -> serde_json::Value {
@@ -54,8 +66,7 @@ fn exported_cameras_and_maps_agree_with_the_place() {
         (park(), CaptureKind::Walk),
         (street(), CaptureKind::Walk),
     ] {
-        let folder = tempdir().unwrap();
-        write(place, folder.path(), &small(kind, 3), &mut |_| true).unwrap().unwrap();
+        let (folder, _) = made(place, &small(kind, 3));
         let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
         capture.check_trainable().unwrap();
         let truth = json(folder.path());
@@ -92,12 +103,9 @@ fn exported_cameras_and_maps_agree_with_the_place() {
 
 #[test]
 fn positions_in_exif_fit_the_cameras_through_the_stated_axes() {
-    let folder = tempdir().unwrap();
-    let capture =
-        write(park(), folder.path(), &small(CaptureKind::Nadir, 12), &mut |_| true).unwrap().unwrap();
+    let (folder, capture) = made(park(), &small(CaptureKind::Nadir, 12));
     let truth = json(folder.path());
-    let headers: Vec<_> = (0..12).map(|view| read_header(&capture.photo(view).unwrap()).unwrap()).collect();
-    let places: Vec<_> = headers.iter().map(|header| header.gps).collect();
+    let places: Vec<_> = headers(&capture).iter().map(|header| header.gps).collect();
     for (index, gps) in places.iter().enumerate() {
         let at = gps.unwrap().enu_from(&park().sights.home);
         let eye = vector(&truth["photos"][index]["eye_world"]);
@@ -113,11 +121,10 @@ fn positions_in_exif_fit_the_cameras_through_the_stated_axes() {
 /// The survey of a small flight over the park with these lies of EXIF, by what its photos state
 /// alone, and its truth.
 fn surveyed(exif: Vec<ExifFault>) -> (Metadata, Survey, serde_json::Value) {
-    let folder = tempdir().unwrap();
     let flaws = CaptureFlaws { exif, ..CaptureFlaws::default() };
     let settings = CaptureSettings { flaws, size: (12, 8), points: 1, ..small(CaptureKind::Nadir, 24) };
-    let capture = write(park(), folder.path(), &settings, &mut |_| true).unwrap().unwrap();
-    let headers: Vec<_> = (0..24).map(|view| read_header(&capture.photo(view).unwrap()).unwrap()).collect();
+    let (folder, capture) = made(park(), &settings);
+    let headers = headers(&capture);
     let places: Vec<_> = headers.iter().map(|header| header.gps).collect();
     let times: Vec<_> = headers.iter().map(|header| header.taken).collect();
     let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();
@@ -164,12 +171,11 @@ fn lies_of_exif_give_no_sun() {
 
 #[test]
 fn times_of_exif_come_back() {
-    let folder = tempdir().unwrap();
     let settings = CaptureSettings { points: 1, size: (6, 4), ..small(CaptureKind::Walk, 3) };
-    let capture = write(park(), folder.path(), &settings, &mut |_| true).unwrap().unwrap();
+    let (folder, capture) = made(park(), &settings);
     let truth = json(folder.path());
-    for view in 0..3 {
-        let taken = read_header(&capture.photo(view).unwrap()).unwrap().taken.unwrap();
+    for (view, header) in headers(&capture).iter().enumerate() {
+        let taken = header.taken.unwrap();
         let [year, month, day, hour, minute, second] = wm_base::calendar::date_and_time(taken as i64);
         let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
         assert_eq!(truth["photos"][view]["time_utc"], text);
@@ -194,11 +200,11 @@ fn times_of_exif_come_back() {
 #[test]
 fn lies_of_exif_are_told() {
     let gps = |exif: Vec<ExifFault>| {
-        let folder = tempdir().unwrap();
         let flaws = CaptureFlaws { exif, ..CaptureFlaws::default() };
         let settings = CaptureSettings { flaws, points: 1, size: (6, 4), ..small(CaptureKind::Nadir, 3) };
-        let capture = write(park(), folder.path(), &settings, &mut |_| true).unwrap().unwrap();
-        [0, 1, 2].map(|view| read_header(&capture.photo(view).unwrap()).unwrap().gps.and_then(Gps::checked))
+        let (_folder, capture) = made(park(), &settings);
+        let headers = headers(&capture);
+        [0, 1, 2].map(|view| headers[view].gps.and_then(Gps::checked))
     };
     assert_eq!(gps(vec![ExifFault::Zero, ExifFault::Nonsense]), [None; 3]);
     let [far, zero, _] = gps(vec![ExifFault::Continent, ExifFault::Zero, ExifFault::Focal]);
@@ -260,24 +266,21 @@ fn threads_change_no_byte_and_seeds_do() {
         few: Some(3),
     };
     let settings = CaptureSettings { size: (30, 20), points: 40, flaws, ..small(CaptureKind::Drive, 7) };
-    let made = |threads: usize, seed: u64| {
-        let folder = tempdir().unwrap();
+    let bytes = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let settings = CaptureSettings { seed, ..settings.clone() };
-        pool.install(|| write(street(), folder.path(), &settings, &mut |_| true)).unwrap().unwrap();
+        let (folder, _) = pool.install(|| made(street(), &settings));
         files(folder.path())
     };
-    let one = made(1, 1);
+    let one = bytes(1, 1);
     assert_eq!(one.keys().filter(|path| path.starts_with("images")).count(), 3);
-    assert!(one == made(2, 1));
-    assert!(one[Path::new(TRUTH)] != made(2, 2)[Path::new(TRUTH)]);
+    assert!(one == bytes(2, 1));
+    assert!(one[Path::new(TRUTH)] != bytes(2, 2)[Path::new(TRUTH)]);
 }
 
 #[test]
 fn movers_are_in_their_masks_and_nowhere_else() {
-    let folder = tempdir().unwrap();
-    let settings = small(CaptureKind::Drive, 6);
-    write(street(), folder.path(), &settings, &mut |_| true).unwrap().unwrap();
+    let (folder, _) = made(street(), &small(CaptureKind::Drive, 6));
     let mut largest = 0.0f64;
     for index in 0..6 {
         let read =

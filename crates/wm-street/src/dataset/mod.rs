@@ -236,7 +236,7 @@ pub(crate) fn sees(place: &Place, camera: &Camera, point: DVec3, slack: f64) -> 
     (first.t > eye.distance(point) - slack).then_some([x as f32, y as f32])
 }
 
-fn to_byte(value: f64) -> u8 {
+pub(crate) fn to_byte(value: f64) -> u8 {
     (value * 255.0).round() as u8
 }
 

@@ -17,7 +17,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::measure::{
-    Finding, INSTRUMENTS, Instrument, InstrumentRenderer, MeasureRequest, PlaceRenderer, Reading,
+    Finding, INSTRUMENTS, Instrument, InstrumentRenderer, MeasureRequest, PlaceRenderer, Reading, changed,
 };
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
@@ -223,9 +223,8 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<InstrumentTask>> {
     let mut tasks = Vec::new();
     for instrument in instruments {
         for changes in instrument.sweep {
-            let mut weather = Weather::clear();
-            changes.iter().try_for_each(|change| weather.set_text(change))?;
-            let setting = if changes.is_empty() { weather.name.clone() } else { changes.join(", ") };
+            let weather = changed(&Weather::clear(), changes)?;
+            let setting = if changes.is_empty() { weather.name.clone() } else { (*changes).to_owned() };
             tasks.push(InstrumentTask { instrument, weather, setting });
         }
     }
@@ -288,8 +287,8 @@ fn measure(
         }
         bar.set_message(instrument.name);
         let request = MeasureRequest { weather: &weather, time: args.time, setting: &setting };
-        let finding = (instrument.read)(field, &request)
-            .with_context(|| format!("{} in {setting}", instrument.name))?;
+        let finding =
+            instrument.read(field, &request).with_context(|| format!("{} in {setting}", instrument.name))?;
         field.clear_away();
         match sections.last_mut().filter(|section| section.instrument.name == instrument.name) {
             Some(section) => section.findings.push(finding),

@@ -1,6 +1,7 @@
 //! Calibration files.
 
-use crate::{CameraInfo, RigidPose, SensorInfoKind, SetInfo};
+use crate::cameras::cameras;
+use crate::{CameraInfo, RigidPose, SensorInfo, SetInfo};
 use glam::{DMat3, DVec3};
 use std::fmt::Write;
 
@@ -22,12 +23,8 @@ pub(in super::super) struct KittiRig<'a> {
 
 impl<'a> KittiRig<'a> {
     pub(in super::super) fn new(set: &'a SetInfo) -> Self {
-        let indices = |is: fn(&SensorInfoKind) -> bool| {
-            set.sensors.iter().enumerate().filter(move |(_, sensor)| is(&sensor.kind)).map(|(index, _)| index)
-        };
-        let cameras: Vec<usize> =
-            indices(|kind| matches!(kind, SensorInfoKind::Camera(_))).take(SLOTS.len()).collect();
-        let lidar = indices(|kind| matches!(kind, SensorInfoKind::Lidar { .. })).next();
+        let cameras: Vec<usize> = cameras(set).map(|(index, _, _)| index).take(SLOTS.len()).collect();
+        let lidar = set.sensors.iter().position(SensorInfo::is_lidar);
         let pose = |index: usize| set.sensors[index].rig_from_sensor;
         let rig_from_velodyne = lidar.map_or(RigidPose::IDENTITY, pose);
         // Without cameras, a camera at the lidar that looks ahead.
@@ -53,10 +50,7 @@ impl<'a> KittiRig<'a> {
     fn camera(&self, slot: usize) -> Option<(RigidPose, CameraInfo)> {
         let place = SLOTS.iter().position(|number| *number == slot)?;
         let sensor = &self.set.sensors[*self.cameras.get(place).or(self.cameras.first())?];
-        match &sensor.kind {
-            SensorInfoKind::Camera(camera) => Some((sensor.rig_from_sensor, *camera)),
-            _ => None,
-        }
+        Some((sensor.rig_from_sensor, *sensor.camera()?))
     }
 
     /// Camera k from camera 0.
@@ -204,7 +198,7 @@ mod tests {
             let p = rig.projection(slot);
             let found = [0, 1, 2].map(|row| DVec4::from_slice(&p[4 * row..]).dot(in_camera0.extend(1.0)));
             let pose = set.sensors[sensor].rig_from_sensor.inverse().then(&set.sensors[3].rig_from_sensor);
-            let SensorInfoKind::Camera(camera) = &set.sensors[sensor].kind else { unreachable!() };
+            let camera = set.sensors[sensor].camera().unwrap();
             let expected = testing::project(camera, pose.point(point));
             for k in 0..2 {
                 assert!((found[k] / found[2] + 0.5 - expected[k]).abs() < 1e-9);

@@ -30,7 +30,7 @@ pub(super) use readings::{KittiFile, KittiFiles};
 pub(super) use sequences::{sequence_folder, sequence_tables};
 pub(super) use trajectory::{KittiTrajectory, times};
 
-use crate::{SensorInfoKind, SetError, SetInfo};
+use crate::{SensorInfo, SetError, SetInfo, cameras};
 use calibration::SLOTS;
 
 /// Sensors that a layout cannot do without.
@@ -46,12 +46,10 @@ pub(super) enum KittiNeed {
 
 /// Checks that a set has what KITTI's layouts can hold.
 pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Result<(), SetError> {
-    let refuse = |problem: String| Err(SetError::Layout { layout, problem });
+    let refuse = |problem: String| Err(cameras::refuse(layout, problem));
     let rig = KittiRig::new(set);
-    let count =
-        |is: fn(&SensorInfoKind) -> bool| set.sensors.iter().filter(|sensor| is(&sensor.kind)).count();
-    let lidars = count(|kind| matches!(kind, SensorInfoKind::Lidar { .. }));
-    let cameras = count(|kind| matches!(kind, SensorInfoKind::Camera(_)));
+    let count = |is: fn(&SensorInfo) -> bool| set.sensors.iter().filter(|sensor| is(sensor)).count();
+    let (lidars, cameras) = (count(SensorInfo::is_lidar), count(|sensor| sensor.camera().is_some()));
     if cameras > SLOTS.len() {
         return refuse(format!(
             "it holds 4 cameras and the rig has {cameras}: leave cameras out, or take the layout nuscenes"
@@ -79,9 +77,7 @@ pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Res
                 sensor.name, sensor.rate, set.frame_rate
             ));
         }
-        if let SensorInfoKind::Camera(camera) = &sensor.kind
-            && camera.lens.is_some()
-        {
+        if sensor.camera().is_some_and(|camera| camera.lens.is_some()) {
             return refuse(format!(
                 "camera \"{}\" has a lens, but pictures are rectified: give it a pinhole without distortion",
                 sensor.name

@@ -1,10 +1,9 @@
 //! Files of readings.
 
 use super::KittiRig;
+use crate::cameras::picture;
 use crate::picture_files;
-use crate::{
-    BlockInfo, BlockWriter, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, SetError,
-};
+use crate::{BlockInfo, BlockWriter, DatasetPoint, FileSink, ReadingData, SensorReading, SetError};
 
 /// A file of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,31 +41,26 @@ impl<P: Fn(KittiFile, u32) -> Option<String> + Send> BlockWriter for KittiFiles<
         if !info.is_key {
             return Ok(());
         }
-        let sensor = &self.block.set.sensors[info.sensor];
-        match (&reading.data, &sensor.kind) {
-            (ReadingData::Picture(picture), SensorInfoKind::Camera(camera)) => {
-                let path = self
-                    .rig
-                    .slot(info.sensor)
-                    .and_then(|slot| (self.path)(KittiFile::Picture(slot), info.frame));
-                if let Some(path) = path {
-                    files.write(&path, &picture_files::png(sensor, camera, picture.rgb)?)?;
-                }
+        if let Some((sensor, camera, picture)) = picture(self.block.set, reading) {
+            let slot = self.rig.slot(info.sensor);
+            if let Some(path) = slot.and_then(|slot| (self.path)(KittiFile::Picture(slot), info.frame)) {
+                files.write(&path, &picture_files::png(sensor, camera, picture.rgb)?)?;
             }
-            (ReadingData::Points(points), _) if self.rig.lidar == Some(info.sensor) => {
-                if let Some(path) = (self.path)(KittiFile::Points, info.frame) {
-                    files.write(&path, &velodyne(points))?;
-                }
-                if let Some(class) = &self.class
-                    && let Some(path) = (self.path)(KittiFile::Labels, info.frame)
-                {
-                    // The upper half would be the number of an instance.
-                    let labels: Vec<u8> =
-                        points.iter().flat_map(|point| u32::from(class(point)).to_le_bytes()).collect();
-                    files.write(&path, &labels)?;
-                }
+        }
+        if let ReadingData::Points(points) = reading.data
+            && self.rig.lidar == Some(info.sensor)
+        {
+            if let Some(path) = (self.path)(KittiFile::Points, info.frame) {
+                files.write(&path, &velodyne(points))?;
             }
-            _ => {}
+            if let Some(class) = &self.class
+                && let Some(path) = (self.path)(KittiFile::Labels, info.frame)
+            {
+                // The upper half would be the number of an instance.
+                let labels: Vec<u8> =
+                    points.iter().flat_map(|point| u32::from(class(point)).to_le_bytes()).collect();
+                files.write(&path, &labels)?;
+            }
         }
         Ok(())
     }

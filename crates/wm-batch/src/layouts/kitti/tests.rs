@@ -6,9 +6,7 @@ use glam::{DVec3, DVec4};
 use std::collections::BTreeMap;
 
 fn written(layout: &str, frames: u32) -> BTreeMap<String, Vec<u8>> {
-    let mut files = MemorySink::default();
-    testing::write_in_blocks(testing::layout(layout), frames, &mut files).unwrap();
-    files.0
+    testing::written(testing::layout(layout), frames)
 }
 
 fn text<'a>(files: &'a BTreeMap<String, Vec<u8>>, path: &str) -> &'a str {
@@ -41,8 +39,8 @@ fn check_pixels(frame: u32, of: &dyn Fn(usize) -> DVec3) -> Vec<usize> {
     let readings = testing::readings(&set);
     let is_before = |(sensor, slot): &(usize, usize)| {
         let info = readings.iter().find(|info| info.sensor == *sensor && info.frame == frame).unwrap();
-        let point = info.world_from_sensor(&set).inverse().point(SPOT);
-        let SensorInfoKind::Camera(camera) = &set.sensors[*sensor].kind else { unreachable!() };
+        let point = testing::spot_in(&set, info);
+        let camera = set.sensors[*sensor].camera().unwrap();
         if point.z < 1.0 {
             return false;
         }

@@ -96,8 +96,7 @@ fn check(set: &SetInfo) -> Result<(), String> {
         if (0..index).any(|other| self::frame(set, other) == frame) {
             return Err(format!("two sensors are \"{frame}\" in ROS; rename sensor \"{name}\""));
         }
-        if matches!(&sensor.kind, SensorInfoKind::Camera(camera) if camera.lens == Some(LensModel::Equirectangular))
-        {
+        if sensor.camera().is_some_and(|camera| camera.lens == Some(LensModel::Equirectangular)) {
             return Err(format!("CameraInfo has no equirectangular lens; change that of camera \"{name}\""));
         }
     }

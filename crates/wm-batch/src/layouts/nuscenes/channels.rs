@@ -10,8 +10,7 @@ use glam::DVec3;
 /// expects. All others have their own names.
 pub(super) fn channels(set: &SetInfo) -> Vec<String> {
     let seen: Vec<Option<&'static str>> = set.sensors.iter().map(direction).collect();
-    let first_lidar =
-        set.sensors.iter().position(|sensor| matches!(sensor.kind, SensorInfoKind::Lidar { .. }));
+    let first_lidar = set.sensors.iter().position(SensorInfo::is_lidar);
     let by_direction = |index: usize| match seen[index] {
         Some("LIDAR_TOP") => (first_lidar == Some(index)).then_some("LIDAR_TOP"),
         Some(name) => (seen.iter().filter(|other| **other == Some(name)).count() == 1).then_some(name),
@@ -62,12 +61,7 @@ fn direction(sensor: &SensorInfo) -> Option<&'static str> {
 }
 
 fn own_name(sensor: &SensorInfo) -> String {
-    let prefix = match sensor.kind {
-        SensorInfoKind::Camera(_) => "CAM_",
-        SensorInfoKind::Lidar { .. } => "LIDAR_",
-        SensorInfoKind::Radar { .. } => "RADAR_",
-        SensorInfoKind::Other { .. } => "",
-    };
-    let name = sensor.name.to_uppercase().replace('-', "_");
-    if name.starts_with(prefix) { name } else { format!("{prefix}{name}") }
+    let kind = if sensor.camera().is_some() { "CAM" } else { sensor.kind.name() };
+    let [prefix, name] = [format!("{kind}_"), sensor.name.replace('-', "_")].map(|name| name.to_uppercase());
+    if name.starts_with(&prefix) { name } else { prefix + &name }
 }

@@ -61,7 +61,7 @@ fn check(set: &SetInfo) -> Result<(), String> {
     }
     for sensor in &set.sensors {
         let name = &sensor.name;
-        if matches!(&sensor.kind, SensorInfoKind::Camera(camera) if camera.lens.is_some()) {
+        if sensor.camera().is_some_and(|camera| camera.lens.is_some()) {
             return Err(format!("camera \"{name}\" has a lens, but its cameras are pinholes: give it none"));
         }
         let rate = set.frame_rate / f64::from(key_interval(set));

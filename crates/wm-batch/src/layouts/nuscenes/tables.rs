@@ -2,7 +2,7 @@
 
 use super::{channels, classes_path, is_key, microseconds, reading_path, reading_token, token, version};
 use crate::layouts::surface_classes::LIDARSEG_NAMES;
-use crate::{CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetError, SetInfo, WeatherInfo, utc};
+use crate::{CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfo, SetError, SetInfo, WeatherInfo, utc};
 use glam::DQuat;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -88,7 +88,7 @@ struct ClipTables<'a> {
 
 impl<'a> ClipTables<'a> {
     fn new(set: &'a SetInfo, channels: &'a [String]) -> Self {
-        let has_lidar = set.sensors.iter().any(|sensor| matches!(sensor.kind, SensorInfoKind::Lidar { .. }));
+        let has_lidar = set.sensors.iter().any(SensorInfo::is_lidar);
         Self {
             set,
             channels,
@@ -152,11 +152,8 @@ impl<'a> ClipTables<'a> {
         let set = self.set;
         let token_of = |index: u32| reading_token(set, clip, info.sensor, index);
         let (own, timestamp) = (token_of(info.index), microseconds(clip, info));
-        let size = match &set.sensors[info.sensor].kind {
-            SensorInfoKind::Camera(camera) => camera.size,
-            _ => (0, 0),
-        };
-        let is_picture = size != (0, 0);
+        let camera = set.sensors[info.sensor].camera();
+        let size = camera.map_or((0, 0), |camera| camera.size);
         let mut pose = pose_row(&info.world_from_rig);
         pose["token"] = json!(own);
         pose["timestamp"] = json!(timestamp);
@@ -164,14 +161,15 @@ impl<'a> ClipTables<'a> {
         self.sample_data.push(&json!({
             "token": own, "sample_token": sample, "ego_pose_token": own,
             "calibrated_sensor_token": calibration_token(set, info.sensor), "timestamp": timestamp,
-            "fileformat": if is_picture { "jpg" } else { "pcd" }, "is_key_frame": is_key(set, info),
+            "fileformat": if camera.is_some() { "jpg" } else { "pcd" }, "is_key_frame": is_key(set, info),
             "height": size.1, "width": size.0,
             "filename": reading_path(set, clip, &self.channels[info.sensor], info),
             "prev": info.index.checked_sub(1).map_or_else(String::new, token_of),
             "next": if info.index + 1 < count { token_of(info.index + 1) } else { String::new() },
         }));
-        if let (SensorInfoKind::Lidar { .. }, true, Some(lidarseg)) =
-            (&set.sensors[info.sensor].kind, is_key(set, info), &mut self.lidarseg)
+        if let Some(lidarseg) = &mut self.lidarseg
+            && is_key(set, info)
+            && set.sensors[info.sensor].is_lidar()
         {
             lidarseg.push(&json!({
                 "token": own, "sample_data_token": own, "filename": classes_path(set, &own),
@@ -190,10 +188,9 @@ struct Sample {
 /// The samples of a clip; the time of each is that of its lidar, or of its first sensor where there
 /// is none.
 fn samples(set: &SetInfo, record: &ClipRecord) -> Vec<Sample> {
-    let is_lidar = |sensor: usize| matches!(set.sensors[sensor].kind, SensorInfoKind::Lidar { .. });
     let mut samples: BTreeMap<u32, (bool, i64)> = BTreeMap::new();
     for info in record.readings.iter().filter(|info| is_key(set, info)) {
-        let found = (is_lidar(info.sensor), microseconds(&record.clip, info));
+        let found = (set.sensors[info.sensor].is_lidar(), microseconds(&record.clip, info));
         let sample = samples.entry(info.frame).or_insert(found);
         if found.0 && !sample.0 {
             *sample = found;
@@ -209,17 +206,12 @@ fn sensor_tables(set: &SetInfo, channels: &[String]) -> [Table; 2] {
         // From nuScenes' axes of a lidar, x right and y forward, to x forward and y left.
         let quarter_turn = DQuat::from_rotation_z(-std::f64::consts::FRAC_PI_2);
         let pose = sensor.rig_from_sensor;
-        let (modality, rotation, intrinsics) = match &sensor.kind {
-            SensorInfoKind::Camera(camera) => ("camera", pose.rotation, intrinsics(camera)),
-            SensorInfoKind::Lidar { .. } => ("lidar", pose.rotation * quarter_turn, json!([])),
-            SensorInfoKind::Radar { .. } => ("radar", pose.rotation, json!([])),
-            SensorInfoKind::Other { kind } => (*kind, pose.rotation, json!([])),
-        };
-        sensors.push(&json!({ "token": own, "channel": channel, "modality": modality }));
+        let rotation = if sensor.is_lidar() { pose.rotation * quarter_turn } else { pose.rotation };
+        sensors.push(&json!({ "token": own, "channel": channel, "modality": sensor.kind.name() }));
         let mut row = pose_row(&RigidPose { rotation, ..pose });
         row["token"] = json!(calibration_token(set, index));
         row["sensor_token"] = json!(own);
-        row["camera_intrinsic"] = intrinsics;
+        row["camera_intrinsic"] = sensor.camera().map_or(json!([]), intrinsics);
         calibrations.push(&row);
     }
     [sensors, calibrations]

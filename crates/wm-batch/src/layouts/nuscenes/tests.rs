@@ -1,16 +1,14 @@
 //! The synthetic set, read back by code that knows the files alone.
 
 use super::*;
-use crate::testing::{self, MemorySink, SPOT};
+use crate::testing::{self, SPOT};
 use crate::{Condition, RigidPose};
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 fn written(frames: u32) -> BTreeMap<String, Vec<u8>> {
-    let mut files = MemorySink::default();
-    testing::write_in_blocks(&LAYOUT, frames, &mut files).unwrap();
-    files.0
+    testing::written(&LAYOUT, frames)
 }
 
 type Rows = Vec<Value>;
@@ -136,7 +134,7 @@ fn points_are_seen_where_pictures_show_them() {
                 .iter()
                 .position(|name| *name == channel(camera))
                 .unwrap();
-            let SensorInfoKind::Camera(info) = &set.sensors[index].kind else { unreachable!() };
+            let info = set.sensors[index].camera().unwrap();
             let point = world_from_sensor(camera).inverse().point(SPOT);
             if point.z > 1.0 {
                 for (k, expected) in testing::project(info, point).into_iter().enumerate() {
