@@ -7,6 +7,7 @@
 //! median depth, and the median depth elsewhere: on surfaces of many splats the first has no steps,
 //! at edges the second is no mixture.
 
+pub(crate) mod motion;
 pub(crate) mod particles;
 
 use crate::drawing::Drawing;

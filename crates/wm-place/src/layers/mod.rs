@@ -93,6 +93,9 @@ layers! {
     Flow FLOW = flow::ROW;
     /// The fate of each pixel of the flow: the numbers of [`crate::flow::FlowState`].
     FlowMask FLOW_MASK = flow::MASK_ROW;
+    /// Motion vectors of temporal upscalers: from each pixel to where the frame before showed the same
+    /// point, px to the right and down; 0 in the first frame.
+    Motion MOTION = flow::motion::ROW;
     /// The label of what each pixel shows, 0 for none.
     Label LABEL = labels::LABEL_ROW;
     /// The instance ID of the object that each pixel shows, 0 for none.
