@@ -186,7 +186,7 @@ fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
     frame.depth.iter().zip(&frame.median_depth).map(depth).collect()
 }
 
-/// What a pixel shows, in another view.
+/// The point that a pixel shows, in another view.
 struct MovedPixel {
     /// From the middle of the pixel, px to the right and down.
     vector: [f64; 2],
@@ -196,8 +196,8 @@ struct MovedPixel {
     depth: f64,
 }
 
-/// Finds in another view what the pixel at a point shows; `None` if the lens shows nothing there, or
-/// the other camera has it behind itself or beyond its lens.
+/// Finds in another view what the pixel at a point shows; `None` if the lens shows nothing there,
+/// or the other camera has it behind itself or beyond its lens.
 fn move_pixel(
     from: &FlowView<'_>,
     to: &FlowView<'_>,

@@ -17,7 +17,7 @@ pub struct Picture {
     pub parts: PictureParts,
     /// The water that it shows, if that was asked for.
     pub water: WaterLayers,
-    /// The same view without any weather, `[H, W, 3]` in the encoding of the frame.
+    /// The view without any weather, `[H, W, 3]` in the encoding of the frame.
     pub clear: Vec<f32>,
     /// The flow to the next frame.
     pub flow: SceneFlow,

@@ -2,8 +2,8 @@
 //!
 //! The convention is that of temporal upscalers (DLSS, FSR, XeSS) and of antialiasing over time:
 //! current to previous, px of this picture, to the right and down, without jitter. So the colour of
-//! pixel `p` is looked up at `p + vector` in the frame before. Over the width and the height they are
-//! in UV; `(2 u / width, -2 v / height)` in normalised device coordinates with y up.
+//! pixel `p` is looked up at `p + vector` in the frame before. Over the width and the height they
+//! are in UV; `(2 u / width, -2 v / height)` in normalised device coordinates with y up.
 
 use super::FlowView;
 use crate::drawing::Drawing;
@@ -22,7 +22,8 @@ pub(crate) const ROW: Row = Row {
     ..super::ROW
 };
 
-/// The vectors from a view to that of the frame before; 0 where that could not have shown the point.
+/// The vectors from a view to that of the frame before; 0 where that could not have shown the
+/// point.
 fn motion_vectors(from: &FlowView<'_>, to: &FlowView<'_>) -> Vec<f32> {
     let to_from_from = to.camera.viewmat * from.camera.viewmat.inverse();
     let vector = |pixel: usize| {
@@ -63,8 +64,8 @@ mod tests {
     /// The place of the wall `x = WALL_X`.
     const WALL_X: f64 = 4.0;
 
-    /// The way from a pixel to where `previous` shows the point of the wall that the ray of the pixel
-    /// meets, or the sky behind its edge: by rays and points in world axes alone.
+    /// The way from a pixel to where `previous` shows the point of the wall that the ray of the
+    /// pixel meets, or the sky behind its edge: by rays and points in world axes alone.
     fn expected(camera: &Camera, previous: &Camera, pixel: usize, is_wall: bool) -> [f64; 2] {
         let at = [pixel as u32 % SIZE.0, pixel as u32 / SIZE.0].map(|k| f64::from(k) + 0.5);
         let Camera { fx, fy, cx, cy, .. } = *camera;

@@ -1,9 +1,9 @@
 //! The layers that a frame is rendered with.
 //!
-//! A layer is one entry of `layers!`: its variant, its constant and its row, which has the name, the
-//! words of help, the channels, what is drawn for it, its form as a PNG and its values in a finished
-//! picture. The passes of a frame follow from the set of layers that a request asks for. A layer
-//! that is a picture of its own has its row beside the function that draws it.
+//! A layer is one entry of `layers!`: its variant, its constant and its row, which has the name,
+//! the words of help, the channels, what is drawn for it, its form as a PNG and its values in a
+//! finished picture. The passes of a frame follow from the set of layers that a request asks for. A
+//! layer that is a picture of its own has its row beside the function that draws it.
 
 mod row;
 mod set;
@@ -93,8 +93,8 @@ layers! {
     Flow FLOW = flow::ROW;
     /// The fate of each pixel of the flow: the numbers of [`crate::flow::FlowState`].
     FlowMask FLOW_MASK = flow::MASK_ROW;
-    /// Motion vectors of temporal upscalers: from each pixel to where the frame before showed the same
-    /// point, px to the right and down; 0 in the first frame.
+    /// Motion vectors of temporal upscalers: from each pixel to where the frame before showed the
+    /// same point, px to the right and down; 0 in the first frame.
     Motion MOTION = flow::motion::ROW;
     /// The label of what each pixel shows, 0 for none.
     Label LABEL = labels::LABEL_ROW;
@@ -103,7 +103,7 @@ layers! {
     /// Depth of the surfaces, metres, without what falls and without the scene's own sky: the
     /// expected depth where it agrees with the median, else the median; 0 in the sky.
     SurfaceDepth SURFACE_DEPTH = flow::DEPTH_ROW;
-    /// The same view without any weather, in the light and under the sky of the photos.
+    /// The view without any weather, in the light and under the sky of the photos.
     Clear CLEAR = render::CLEAR_ROW;
 }
 

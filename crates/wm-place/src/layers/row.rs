@@ -25,7 +25,7 @@ pub(crate) struct Row {
     pub values: fn(&Picture) -> Cow<'_, [f32]>,
 }
 
-/// What is drawn for a layer.
+/// The pictures that are drawn for a layer.
 #[derive(Clone, Copy)]
 pub(crate) enum Source {
     /// The picture's own pass: sets the outputs that it needs.

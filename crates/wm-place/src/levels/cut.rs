@@ -162,8 +162,8 @@ impl LevelCut {
 /// leaf is the greatest.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct LevelStep {
-    /// The bits of the squared error removed over splats that are drawn in addition: of numbers above
-    /// 0 they have the order of the numbers.
+    /// The bits of the squared error removed over splats that are drawn in addition: of numbers
+    /// above 0 they have the order of the numbers.
     gain: u64,
     leaf: Reverse<usize>,
     to: u16,

@@ -151,8 +151,8 @@ const TURBULENCE_M_S: f64 = 1.0;
 /// Standard deviation of the response in velocity, cells.
 const VELOCITY_BLUR_CELLS: f64 = 0.6;
 
-/// Makes one sweep of a radar, on the threads of the current pool, in a weather that is prepared for
-/// its time. It begins as many periods after the start as its number says.
+/// Makes one sweep of a radar, on the threads of the current pool, in a weather that is prepared
+/// for its time. It begins as many periods after the start as its number says.
 #[must_use]
 pub fn radar_sweep(
     model: &RadarModel,

@@ -49,8 +49,8 @@ impl AssetKind {
     }
 }
 
-/// Lists the kinds with what tells one asset of the kind from another, the slowest first: a progress
-/// bar shows the first that is missing.
+/// Lists the kinds with what tells one asset of the kind from another, the slowest first: a
+/// progress bar shows the first that is missing.
 macro_rules! kinds {
     ($($kind:ident($key:ty) => $asset:ty,)*) => {
         /// An asset of a place: its kind, and the numbers that tell it from others of the kind.

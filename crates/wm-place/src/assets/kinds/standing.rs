@@ -1,4 +1,4 @@
-//! What stands in the way of the sun: the surfaces that cast shadows, without what hangs in the air.
+//! Occluders of the sun: the surfaces that cast shadows, without what hangs in the air.
 
 use crate::Result;
 use crate::assets::AssetKey;
