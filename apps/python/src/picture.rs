@@ -42,8 +42,8 @@ impl PictureOutputs {
                         return Err(PyValueError::new_err(format!("outputs: `{name}` is not an output")));
                     }
                     let layer: PictureLayer = name.replace('_', "-").parse().map_err(wrong)?;
-                    if layer.needs_next_frame() {
-                        let says = "needs the next frame: use a plan with this layer, or `render --also`";
+                    if layer.needs_another_frame() {
+                        let says = "needs another frame: use a plan with this layer, or `render --also`";
                         return Err(PyValueError::new_err(format!("outputs: {name} {says}")));
                     }
                     if !outputs.layers.contains(&layer) {

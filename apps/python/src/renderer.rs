@@ -469,7 +469,7 @@ impl PyRenderer {
         ];
         let options = ScanOptions {
             time,
-            first: sweep,
+            index: sweep,
             seed,
             sub_rays: SubRays::of_count(rays.into())
                 .ok_or_else(|| PyValueError::new_err(format!("rays \"{rays}\": must be 1 or 7")))?,

@@ -7,16 +7,54 @@
 //! median depth, and the median depth elsewhere: on surfaces of many splats the first has no steps,
 //! at edges the second is no mixture.
 
-mod particles;
+pub(crate) mod motion;
+pub(crate) mod particles;
 
 use crate::drawing::Drawing;
+use crate::layers::{LayerForm, LayerSpan, Layers, Row, Source};
 pub use crate::picture::SceneFlow;
+use crate::render::LaterFrame;
 use crate::shot::{MovingCamera, PinholeContent, PinholeShot};
-use crate::{LensView, Picture, Result};
-use glam::DVec3;
+use crate::{LensView, Picture, PictureLayer, Result};
+use glam::{DMat4, DVec3};
 use rayon::prelude::*;
-use wm_render::Frame;
+use wm_render::{Frame, Stats};
 use wm_scene::{Camera, LensModel};
+
+pub(crate) const ROW: Row = Row {
+    name: "flow",
+    note: "optical flow of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's",
+    channels: &["U", "V"],
+    source: Source::Later(|drawing, frame, picture| Box::pin(drawing.flow(frame, picture))),
+    span: LayerSpan::ToNext,
+    form: LayerForm::Flow,
+    values: |picture| (&picture.flow.vectors).into(),
+};
+
+pub(crate) const MASK_ROW: Row = Row {
+    name: "flow-mask",
+    note: "0 visible, 1 occluded, 2 outside, 3 unknown",
+    channels: &["STATE"],
+    source: Source::With(Layers::FLOW),
+    form: LayerForm::States,
+    values: |picture| picture.flow.states.iter().map(|state| f32::from(*state)).collect(),
+    ..ROW
+};
+
+pub(crate) const DEPTH_ROW: Row = Row {
+    name: "surface-depth",
+    note: "metres, of surfaces without what falls: one more",
+    channels: &["Z"],
+    source: Source::Later(|drawing, frame, picture| {
+        Box::pin(async {
+            drawing.own_surface_depth(frame, picture).await?;
+            Ok(Stats::default())
+        })
+    }),
+    span: LayerSpan::Exposure,
+    form: LayerForm::Depth,
+    values: |picture| picture.metres(picture.later(PictureLayer::SurfaceDepth)),
+};
 
 /// Relative tolerance between expected and median depth on one surface. At edges the expected depth
 /// mixes near and far and differs by more.
@@ -42,34 +80,34 @@ pub enum FlowState {
 
 /// One of the two pictures: its camera, its lens and the depth of its surfaces.
 #[derive(Clone, Copy, Debug)]
-pub struct FlowView<'a> {
+struct FlowView<'a> {
     /// The pose, and the intrinsics that the lens uses.
-    pub camera: &'a Camera,
+    camera: Camera,
     /// The lens; `None` for a pinhole.
-    pub lens: Option<LensModel>,
+    lens: Option<LensModel>,
     /// The depth of the surface at each pixel, scene units, `[H, W]`: along the view axis for a
     /// pinhole, from the eye for a lens. 0 is no surface, infinitely far.
-    pub depth: &'a [f32],
+    depth: &'a [f32],
 }
 
 impl FlowView<'_> {
     /// The direction of a pixel in camera axes, by which its depth counts; `None` where the lens
     /// shows nothing.
     fn ray(&self, at: [f64; 2]) -> Option<DVec3> {
-        let Camera { fx, fy, cx, cy, .. } = *self.camera;
+        let Camera { fx, fy, cx, cy, .. } = self.camera;
         match self.lens {
             None => Some(DVec3::new((at[0] - cx) / fx, (at[1] - cy) / fy, 1.0)),
-            Some(lens) => lens.ray(self.camera, at),
+            Some(lens) => lens.ray(&self.camera, at),
         }
     }
 
     /// The picture point of a point or a direction in camera axes.
     fn project(&self, point: DVec3) -> Option<[f64; 2]> {
-        let Camera { fx, fy, cx, cy, .. } = *self.camera;
+        let Camera { fx, fy, cx, cy, .. } = self.camera;
         match self.lens {
             None if point.z <= 1e-9 * point.length() => None,
             None => Some([fx * point.x / point.z + cx, fy * point.y / point.z + cy]),
-            Some(lens) => lens.project(self.camera, point.normalize()),
+            Some(lens) => lens.project(&self.camera, point.normalize()),
         }
     }
 
@@ -148,78 +186,110 @@ fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
     frame.depth.iter().zip(&frame.median_depth).map(depth).collect()
 }
 
+/// The point that a pixel shows, in another view.
+struct MovedPixel {
+    /// From the middle of the pixel, px to the right and down.
+    vector: [f64; 2],
+    /// The place in the other picture, px.
+    found: [f64; 2],
+    /// The depth there; infinite in the sky.
+    depth: f64,
+}
+
+/// Finds in another view what the pixel at a point shows; `None` if the lens shows nothing there,
+/// or the other camera has it behind itself or beyond its lens.
+fn move_pixel(
+    from: &FlowView<'_>,
+    to: &FlowView<'_>,
+    to_from_from: &DMat4,
+    pixel: usize,
+) -> Option<MovedPixel> {
+    let width = from.camera.width as usize;
+    let at = [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5];
+    let (ray, depth) = (from.ray(at)?, f64::from(from.depth[pixel]));
+    // What is infinitely far turns with the camera alone.
+    let (point, depth) = if depth > 0.0 {
+        let point = to_from_from.transform_point3(ray * depth);
+        (point, to.depth_of(point))
+    } else {
+        (to_from_from.transform_vector3(ray), f64::INFINITY)
+    };
+    let found = to.project(point)?;
+    let mut vector = [0, 1].map(|k| found[k] - at[k]);
+    if to.lens == Some(LensModel::Equirectangular) {
+        // The shorter way around.
+        let width = f64::from(to.camera.width);
+        vector[0] = found[0] - (vector[0] / width).round() * width - at[0];
+    }
+    Some(MovedPixel { vector, found, depth })
+}
+
 /// The flow from one view to the next.
 ///
 /// # Panics
 /// If a depth has another size than its camera.
-pub(crate) fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
+fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
     assert_eq!(from.depth.len(), width * height, "a depth a pixel");
     let to_from_from = to.camera.viewmat * from.camera.viewmat.inverse();
-    let mut flow = SceneFlow { vectors: vec![f32::NAN; 2 * width * height], states: vec![0; width * height] };
-    let rows = flow.vectors.par_chunks_mut(2 * width).zip(flow.states.par_chunks_mut(width)).enumerate();
-    rows.for_each(|(y, (vectors, states))| {
-        for (x, (vector, state)) in vectors.as_chunks_mut::<2>().0.iter_mut().zip(states).enumerate() {
-            let at = [x as f64 + 0.5, y as f64 + 0.5];
-            let depth = f64::from(from.depth[y * width + x]);
-            let moved = from.ray(at).map(|ray| match depth > 0.0 {
-                true => (to_from_from.transform_point3(ray * depth), true),
-                false => (to_from_from.transform_vector3(ray), false),
-            });
-            let Some((point, is_near)) = moved else {
-                *state = FlowState::Unknown as u8;
-                continue;
-            };
-            let Some(mut found) = to.project(point) else {
-                *state = FlowState::Unknown as u8;
-                continue;
-            };
-            let size = [to.camera.width, to.camera.height].map(f64::from);
-            let is_inside = (0..2).all(|k| (0.0..=size[k]).contains(&found[k]));
-            let own = if is_near { to.depth_of(point) } else { f64::INFINITY };
-            *state = match () {
-                () if !is_inside => FlowState::Outside,
-                () if own > (1.0 + OCCLUSION_TOLERANCE) * to.farthest_at(found) => FlowState::Occluded,
-                () => FlowState::Visible,
-            } as u8;
-            if to.lens == Some(LensModel::Equirectangular) {
-                // The shorter way around.
-                found[0] -= ((found[0] - at[0]) / size[0]).round() * size[0];
-            }
-            *vector = [0, 1].map(|k| (found[k] - at[k]) as f32);
-        }
-    });
-    flow
+    let size = [to.camera.width, to.camera.height].map(f64::from);
+    let moved = |pixel: usize| {
+        let Some(MovedPixel { vector, found, depth }) = move_pixel(from, to, &to_from_from, pixel) else {
+            return ([f32::NAN; 2], FlowState::Unknown as u8);
+        };
+        let is_inside = (0..2).all(|k| (0.0..=size[k]).contains(&found[k]));
+        let state = match () {
+            () if !is_inside => FlowState::Outside,
+            () if depth > (1.0 + OCCLUSION_TOLERANCE) * to.farthest_at(found) => FlowState::Occluded,
+            () => FlowState::Visible,
+        };
+        (vector.map(|v| v as f32), state as u8)
+    };
+    let (vectors, states): (Vec<_>, _) = (0..width * height).into_par_iter().map(moved).unzip();
+    SceneFlow { vectors: vectors.into_flattened(), states }
+}
+
+impl FlowView<'_> {
+    /// The view of a pinhole, or of a lens that has its pose.
+    fn new<'a>(lens: Option<&LensView>, camera: &Camera, depth: &'a [f32]) -> FlowView<'a> {
+        let camera = match lens {
+            None => *camera,
+            Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
+        };
+        FlowView { camera, lens: lens.map(LensView::lens), depth }
+    }
 }
 
 impl Drawing<'_> {
-    /// Finds the flow of the scene between two frames by the depth of their surfaces: what lies on
+    /// Finds the flow of the scene to the next frame by the depth of their surfaces: what lies on
     /// the scene at each instant counts, and the surface of water.
-    pub(crate) fn flow(
-        &self,
-        lens: Option<&LensView>,
-        shots: [&PinholeShot<'_>; 2],
-        depths: [&[f32]; 2],
-    ) -> SceneFlow {
-        let cameras = shots.map(|shot| {
-            let camera = &shot.camera.camera;
-            match lens {
-                None => *camera,
-                Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
-            }
-        });
-        let view =
-            |k: usize| FlowView { camera: &cameras[k], lens: lens.map(LensView::lens), depth: depths[k] };
-        self.renderer.backend().pool().install(|| scene_flow(&view(0), &view(1)))
+    async fn flow(&mut self, frame: &LaterFrame<'_>, picture: &mut Picture) -> Result<Stats> {
+        let Some(next) = &frame.next else { return Ok(Stats::default()) };
+        let lens = frame.camera.lens();
+        let depth = self.own_surface_depth(frame, picture).await?;
+        let next_depth = self.surface_depth(lens, next).await?;
+        let from = FlowView::new(lens, &frame.shot.camera.camera, depth);
+        let to = FlowView::new(lens, &next.camera.camera, &next_depth);
+        picture.flow = self.renderer.backend().pool().install(|| scene_flow(&from, &to));
+        Ok(Stats::default())
     }
 
-    /// Returns the depth of the surfaces in a frame without the scene's own sky, see
-    /// [`FlowView::depth`].
-    pub(crate) async fn surface_depth(
+    /// Returns the depth of the surfaces in the frame itself, which several layers share.
+    async fn own_surface_depth<'p>(
         &mut self,
-        lens: Option<&LensView>,
-        shot: &PinholeShot<'_>,
-    ) -> Result<Vec<f32>> {
+        frame: &LaterFrame<'_>,
+        picture: &'p mut Picture,
+    ) -> Result<&'p [f32]> {
+        if !picture.later.contains_key(&PictureLayer::SurfaceDepth) {
+            let depth = self.surface_depth(frame.camera.lens(), &frame.shot).await?;
+            picture.later.insert(PictureLayer::SurfaceDepth, depth);
+        }
+        Ok(picture.later(PictureLayer::SurfaceDepth))
+    }
+
+    /// Draws the depth of the surfaces in a frame without the scene's own sky, see
+    /// [`FlowView::depth`].
+    async fn surface_depth(&mut self, lens: Option<&LensView>, shot: &PinholeShot<'_>) -> Result<Vec<f32>> {
         // The sky of a reconstruction hangs some hundred metres away and shines through walls: it
         // is infinitely far.
         let weather = &shot.weather.clone().set("sky.scene_sky", "replace")?;

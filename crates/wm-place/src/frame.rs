@@ -28,10 +28,10 @@ use wm_weather::{Observer, PassWeather, PreparedWeather};
 pub struct FrameInputs<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
-    /// The same with fewer splats, for what drops on the lens show and films and waves mirror;
+    /// These sets with fewer splats, for what drops on the lens show and films and waves mirror;
     /// `None` for [`Self::elsewhere`].
     pub thinned: Option<&'a [SetView<'a>]>,
-    /// The same for other eyes and wider views: with splats that the camera does not see.
+    /// These sets for other eyes and wider views: with splats that the camera does not see.
     pub elsewhere: &'a [SetView<'a>],
     /// The weather at the instant.
     pub weather: &'a PreparedWeather,
@@ -343,7 +343,8 @@ impl FrameInputs<'_> {
         DrawPass { whole: self.whole, ..pass }
     }
 
-    /// The view that drops on the glass before the camera show; `None` where they change no picture.
+    /// The view that drops on the glass before the camera show; `None` where they change no
+    /// picture.
     fn drops_view(&self) -> Option<DropsView<'_>> {
         let glass = self.weather.glass()?;
         let camera = &self.camera.camera;

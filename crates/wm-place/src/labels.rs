@@ -10,11 +10,12 @@
 //! colours, which a backward pass has.
 
 use crate::drawing::Drawing;
+use crate::layers::{LayerForm, LayerSpan, Layers, Row, Source, ids_as_f32};
 pub use crate::picture::LabelLayers;
 use crate::{LensView, Result};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
-use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Upstream};
+use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Stats, Upstream};
 use wm_scene::sh::C0;
 pub use wm_scene::splats::LabelKind;
 use wm_scene::{Camera, Rasterization, Splats};
@@ -23,6 +24,29 @@ use wm_scene::{Camera, Rasterization, Splats};
 const LABELS_PER_PASS: usize = 3;
 /// Least weight in all masks by which a splat gets a label, px: of less nothing is seen.
 const MIN_LABEL_WEIGHT_PX: f32 = 1e-3;
+
+pub(crate) const LABEL_ROW: Row = Row {
+    name: "label",
+    note: "of a scene that has them, 0 for none: one more render",
+    channels: &["ID"],
+    source: Source::Later(|drawing, frame, picture| {
+        Box::pin(async {
+            picture.labels = drawing.labels(frame.camera.lens(), &frame.shot.camera.camera)?;
+            Ok(Stats::default())
+        })
+    }),
+    span: LayerSpan::Instant,
+    form: LayerForm::Ids,
+    values: |picture| ids_as_f32(&picture.labels.label),
+};
+
+pub(crate) const INSTANCE_ROW: Row = Row {
+    name: "instance",
+    note: "as label",
+    source: Source::With(Layers::LABEL),
+    values: |picture| ids_as_f32(&picture.labels.instance),
+    ..LABEL_ROW
+};
 
 impl Drawing<'_> {
     /// Draws the labels and the instances that the splats of a place have: those of the scene,

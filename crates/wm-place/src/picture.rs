@@ -1,5 +1,7 @@
 //! A rendered picture.
 
+use crate::PictureLayer;
+use std::collections::BTreeMap;
 use wm_render::Frame;
 use wm_render::hooks::Particle;
 use wm_render::parts::PictureParts;
@@ -15,15 +17,10 @@ pub struct Picture {
     pub parts: PictureParts,
     /// The water that it shows, if that was asked for.
     pub water: WaterLayers,
-    /// The same view without any weather, `[H, W, 3]` in the encoding of the frame.
+    /// The view without any weather, `[H, W, 3]` in the encoding of the frame.
     pub clear: Vec<f32>,
-    /// The depth of the surfaces, scene units, `[H, W]`, 0 in the sky; see
-    /// [`PictureLayer::SurfaceDepth`](crate::PictureLayer::SurfaceDepth).
-    pub surface_depth: Vec<f32>,
     /// The flow to the next frame.
     pub flow: SceneFlow,
-    /// The flow of what falls to the next frame, `[H, W, 2]`, px; NaN where nothing falls.
-    pub particle_flow: Vec<f32>,
     /// The labels of what is seen.
     pub labels: LabelLayers,
     /// The steps of the paper's rain and snow.
@@ -33,11 +30,27 @@ pub struct Picture {
     /// Names and values that are written into a file beside its pixels: the scene, the weather, the
     /// camera.
     pub tags: Vec<(String, String)>,
+    /// The values of other layers that are pictures of their own: depth of surfaces in scene units.
+    pub(crate) later: BTreeMap<PictureLayer, Vec<f32>>,
     /// Arrays that the frame was made with and nobody asked for: memory for the next one.
     pub(crate) spare: SpareArrays,
     /// The particles of a picture that shows nothing else (`PinholeContent::Particles`), with their
     /// velocity relative to the camera, scene units a second.
     pub(crate) falling: Vec<(Particle, [f64; 3])>,
+}
+
+impl Picture {
+    /// Removes the layers that are pictures of their own.
+    pub(crate) fn clear_later(&mut self) {
+        self.clear.clear();
+        self.later.clear();
+        (self.flow, self.labels) = Default::default();
+    }
+
+    /// The values of a layer among `later`; empty if it was not drawn.
+    pub(crate) fn later(&self, layer: PictureLayer) -> &[f32] {
+        self.later.get(&layer).map_or(&[], Vec::as_slice)
+    }
 }
 
 /// Memory of arrays of a frame.

@@ -46,14 +46,14 @@ struct RelitKey {
 
 /// The light on what lies on a place.
 pub(crate) struct CoverLight {
-    /// Its splats, until their surfaces are found.
+    /// The splats, until their surfaces are found.
     splats: Option<Splats>,
     surfaces: Option<PlacedSurfaces>,
     relit: Option<Relit>,
 }
 
 impl CoverLight {
-    /// Of these splats, not yet lit.
+    /// The light of these splats, which are not lit yet.
     pub fn of(splats: Splats) -> Self {
         Self { splats: Some(splats), surfaces: None, relit: None }
     }

@@ -3,12 +3,15 @@
 
 use crate::camera_model::CameraModel;
 use crate::drawing::Drawing;
-use crate::layers::LayerPasses;
+use crate::layers::{LayerForm, LayerPasses, LayerSpan, Layers, RGB, Row, Source};
 use crate::picture::WaterLayers;
 use crate::place::{PreparedPlace, check_owner};
 use crate::shot::{PinholeContent, PinholeShot};
 use crate::tags::picture_tags;
-use crate::{Error, FrameCamera, FrameRequest, LensView, NextFrame, Picture, Progress, Renderer, Result};
+use crate::{
+    Camera, Error, FrameCamera, FrameRequest, LensView, NextFrame, Picture, PictureLayer, Progress, Renderer,
+    Result,
+};
 use wm_render::parts::PictureParts;
 use wm_render::{Frame, Outputs, Stats, at_once};
 use wm_weather::Weather;
@@ -61,7 +64,8 @@ impl Renderer {
             _ => request.layers.check(&CameraModel::default(), request.weather)?,
         }
         let passes = LayerPasses::of(request.layers);
-        if (passes.flow || passes.particle_flow) && request.next.is_none() {
+        let leads_to_next = |layer: PictureLayer| layer.row().span == LayerSpan::ToNext;
+        if request.next.is_none() && request.layers.iter().any(leads_to_next) {
             return Err(Error::Unsupported(
                 "layers flow, flow-mask and particle-flow need the next frame: name its time and camera"
                     .into(),
@@ -79,52 +83,54 @@ impl Renderer {
             patience,
             content: PinholeContent::Picture,
         };
-        let lens = camera.lens();
         let mut drawing = Drawing { renderer: self, place, progress };
         let mut stats = Stats::default();
         if passes.picture {
             stats += drawing.of_camera(camera, index, &shot, picture).await?;
         } else {
-            let size = lens.map_or(&shot.camera.camera, LensView::intrinsics);
+            let size = camera.lens().map_or(&shot.camera.camera, LensView::intrinsics);
             picture.frame = Frame { width: size.width, height: size.height, ..Frame::default() };
             (picture.parts, picture.water) = (PictureParts::default(), WaterLayers::default());
             picture.stages = PaperStages::default();
         }
         picture.metres_per_unit = drawing.place.site().metres_per_unit;
+        picture.clear_later();
         let next = request.next.map(|NextFrame { time, camera }| PinholeShot { time, camera, ..shot });
-        picture.particle_flow.clear();
-        if let Some(next) = next.as_ref().filter(|_| passes.particle_flow) {
-            picture.particle_flow = drawing.particle_flow(&shot, next).await?;
+        let frame = LaterFrame { shot, camera, index, next, previous: request.previous };
+        for layer in passes.later.iter() {
+            if let Source::Later(draw) = layer.row().source {
+                stats += draw(&mut drawing, &frame, picture).await?;
+            }
         }
-        picture.surface_depth.clear();
-        if passes.surface_depth || passes.flow {
-            picture.surface_depth = drawing.surface_depth(lens, &shot).await?;
-        }
-        picture.flow = Default::default();
-        if let Some(next) = next.as_ref().filter(|_| passes.flow) {
-            let depth = drawing.surface_depth(lens, next).await?;
-            picture.flow = drawing.flow(lens, [&shot, next], [&picture.surface_depth, &depth]);
-        }
-        if !passes.surface_depth {
-            picture.surface_depth.clear();
-        }
-        picture.labels = Default::default();
-        if passes.labels {
-            picture.labels = drawing.labels(lens, &shot.camera.camera)?;
-        }
-        picture.clear.clear();
-        if passes.clear {
-            let weather = &Weather::clear();
-            let outputs = Outputs::default();
-            let shot = PinholeShot { weather, outputs, parts: &[], stages: false, ..shot };
-            let mut clear = std::mem::take(&mut drawing.renderer.clear);
-            stats += drawing.of_camera(camera, index, &shot, &mut clear).await?;
-            std::mem::swap(&mut picture.clear, &mut clear.frame.rgb);
-            drawing.renderer.clear = clear;
+        // Others may have needed it.
+        if !passes.later.contains(Layers::SURFACE_DEPTH) {
+            picture.later.remove(&PictureLayer::SurfaceDepth);
         }
         Ok(stats)
     }
 }
+
+/// A frame, for layers that are pictures of their own.
+pub(crate) struct LaterFrame<'a> {
+    pub shot: PinholeShot<'a>,
+    pub camera: FrameCamera<'a>,
+    /// The number of the frame.
+    pub index: u32,
+    /// The next frame, which layers that lead to it have.
+    pub next: Option<PinholeShot<'a>>,
+    /// The camera of the frame before.
+    pub previous: Option<Camera>,
+}
+
+pub(crate) const CLEAR_ROW: Row = Row {
+    name: "clear",
+    note: "the view without any weather: one more",
+    channels: RGB,
+    source: Source::Later(|drawing, frame, picture| Box::pin(drawing.clear(frame, picture))),
+    span: LayerSpan::Exposure,
+    form: LayerForm::Color,
+    values: |picture| (&picture.clear).into(),
+};
 
 impl Drawing<'_> {
     /// Draws a picture of a request's camera.
@@ -139,5 +145,17 @@ impl Drawing<'_> {
             FrameCamera::Device(camera) => self.expose(camera, index, shot, picture).await,
             FrameCamera::Pinhole(_) | FrameCamera::LookAt(_) => self.pinhole(shot, picture).await,
         }
+    }
+
+    /// Draws the frame without weather.
+    async fn clear(&mut self, frame: &LaterFrame<'_>, picture: &mut Picture) -> Result<Stats> {
+        let weather = &Weather::clear();
+        let outputs = Outputs::default();
+        let shot = PinholeShot { weather, outputs, parts: &[], stages: false, ..frame.shot };
+        let mut clear = std::mem::take(&mut self.renderer.clear);
+        let stats = self.of_camera(frame.camera, frame.index, &shot, &mut clear).await?;
+        std::mem::swap(&mut picture.clear, &mut clear.frame.rgb);
+        self.renderer.clear = clear;
+        Ok(stats)
     }
 }

@@ -120,6 +120,8 @@ pub struct FrameRequest<'a> {
     pub layers: Layers,
     /// The next frame, for the layers that lead to it.
     pub next: Option<NextFrame>,
+    /// The camera of the frame before, for the layers that lead back to it; `None` in the first.
+    pub previous: Option<Camera>,
     /// The treatment of assets that are not made yet.
     pub patience: Patience,
 }
@@ -134,6 +136,7 @@ impl<'a> FrameRequest<'a> {
             index: 0,
             layers: Layers::COLOR,
             next: None,
+            previous: None,
             patience: Patience::Whole,
         }
     }

@@ -85,10 +85,10 @@ pub struct VideoFile<'a> {
 }
 
 impl Renderer {
-    /// Renders a video into a file: frame `i` shows the weather and the camera at `i` over the frame
-    /// rate. The tags of the settings are kept; the weather, the camera and the renderer are added
-    /// where there are none. A place in levels of detail that has
-    /// no shot ([`PreparedPlace::set_shot`]) is drawn from one cut for all frames.
+    /// Renders a video into a file: frame `i` shows the weather and the camera at `i` over the
+    /// frame rate. The tags of the settings are kept; the weather, the camera and the renderer are
+    /// added where there are none. A place in levels of detail that has no shot
+    /// ([`PreparedPlace::set_shot`]) is drawn from one cut for all frames.
     ///
     /// # Errors
     /// [`Error::Media`] if the video cannot be written, [`Error::Stopped`] if `progress` asked to

@@ -184,8 +184,8 @@ impl FaceSlice<'_> {
         }
     }
 
-    /// The echo of a particle in the beam of a pulse that starts at `from`, m from the middle of the
-    /// view.
+    /// The echo of a particle in the beam of a pulse that starts at `from`, m from the middle of
+    /// the view.
     fn meet(&self, particle: &NearParticle, pulse: &Pulse, from: DVec3) -> Option<Echo> {
         let (model, direction) = (self.model, pulse.direction);
         let time = pulse.beam.time - self.middle;

@@ -19,7 +19,7 @@ use std::io::Cursor;
 use std::path::Path;
 use wm_base::files::write_atomically;
 use wm_base::npy;
-use wm_base::random::RandomStream;
+use wm_base::random::{RandomSequence, RandomStream, bits};
 use wm_base::{FormatError, Problem};
 
 /// The light below which a pixel is dark, as a share of white: what its dark current adds.
@@ -169,15 +169,24 @@ impl EventSampler {
     #[must_use]
     pub fn finish(mut self, start: f64) -> EventSlice {
         let [width, height] = self.size;
-        // Of one draw a pixel: the share of slices with noise is that of a rare Poisson event.
-        let share = -f64::exp_m1(-self.model.noise * self.time);
-        for at in 0..self.pixels.len() as u64 {
-            let draw = self.stream.uniform(2 * at);
-            if draw < share {
-                let time = (self.stream.uniform(2 * at + 1) * self.time * 1e6) as u32;
+        let (rate, span, stream) = (self.model.noise, self.time, self.stream.seed());
+        // A Poisson process a pixel: the gaps between its events are exponential.
+        let noise = |at: u64| {
+            let mut draws = RandomSequence::new(bits(stream, at));
+            let mut seconds = 0.0;
+            std::iter::from_fn(move || {
+                seconds -= f64::ln_1p(-draws.uniform()) / rate;
                 let (y, x) = ((at / u64::from(width)) as u16, (at % u64::from(width)) as u16);
-                self.events.push(Event { time, y, x, is_brighter: draw < 0.5 * share });
-            }
+                (seconds < span).then(|| Event {
+                    time: (seconds * 1e6) as u32,
+                    y,
+                    x,
+                    is_brighter: draws.uniform() < 0.5,
+                })
+            })
+        };
+        if rate > 0.0 {
+            self.events.par_extend((0..self.pixels.len() as u64).into_par_iter().flat_map_iter(noise));
         }
         self.events.par_sort_unstable();
         EventSlice { width, height, start, events: self.events }
@@ -321,17 +330,30 @@ mod tests {
         let mut made = EventSampler::new(model, [1, 1], &[light(-3.0)], 1, 0);
         made.advance(0.1, &[light(0.0)]);
         assert!(made.finish(0.0).events.len() <= 3);
-        let noisy = EventModel { noise: 2.0, mismatch: 0.1, ..EVEN };
-        let make = |index: u32| {
-            let mut made = EventSampler::new(noisy, [100, 100], &[0.5; 10_000], 1, index);
+        let noisy = |noise: f64, index: u32| {
+            let model = EventModel { noise, mismatch: 0.1, ..EVEN };
+            let mut made = EventSampler::new(model, [100, 100], &[0.5; 10_000], 1, index);
             made.advance(0.1, &[0.5; 10_000]);
             made.finish(0.0)
         };
-        let seen = make(0).events.len() as f64;
-        let want = 10_000.0 * (1.0 - f64::exp(-0.2));
-        assert!((seen / want - 1.0).abs() < 0.1, "{seen} {want}");
-        assert!(make(0) == make(0) && make(0) != make(1));
-        assert!(make(3).events.is_sorted());
+        // Five standard deviations of Poisson counts; at the most a pixel has a hundred.
+        for (noise, want) in [(0.0, 0.0), (2.0, 2000.0), (1000.0, 1_000_000.0)] {
+            let slice = noisy(noise, 0);
+            let (seen, brighter) =
+                (slice.events.len() as f64, slice.events.iter().filter(|event| event.is_brighter).count());
+            assert!((seen - want).abs() <= 5.0 * f64::sqrt(want), "{seen} {want}");
+            assert!((2.0 * brighter as f64 - want).abs() <= 10.0 * f64::sqrt(want), "{brighter} of {want}");
+            // As many in each half of the slice.
+            let early = slice.events.iter().filter(|event| event.time < 50_000).count();
+            assert!((2.0 * early as f64 - want).abs() <= 10.0 * f64::sqrt(want), "{early} of {want}");
+        }
+        // The counts of pixels spread as Poisson's: their variance is their mean.
+        let mut counts = vec![0.0; 10_000];
+        noisy(20.0, 0).events.iter().for_each(|e| counts[100 * usize::from(e.y) + usize::from(e.x)] += 1.0);
+        let variance = counts.iter().map(|count: &f64| (count - 2.0).powi(2)).sum::<f64>() / 10_000.0;
+        assert!((variance - 2.0).abs() < 0.15, "{variance}");
+        assert!(noisy(2.0, 0) == noisy(2.0, 0) && noisy(2.0, 0) != noisy(2.0, 1));
+        assert!(noisy(2.0, 3).events.is_sorted());
     }
 
     #[test]
@@ -347,7 +369,13 @@ mod tests {
         assert_eq!(rows[8..13], [1, 0, 2, 0, 1]);
         assert!(bytes.len() % 64 == 26 && String::from_utf8_lossy(&bytes).contains("('p', 'u1')]"));
         slice.save(&folder.path().join("a.h5")).unwrap();
-        assert!(std::fs::read(folder.path().join("a.h5")).unwrap().starts_with(b"\x89HDF\r\n\x1a\n"));
+        let bytes = std::fs::read(folder.path().join("a.h5")).unwrap();
+        assert!(bytes.starts_with(b"\x89HDF\r\n\x1a\n"));
+        // Times, columns, rows, signs and the offset, little-endian, each as an array of its own.
+        let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
+        assert!(holds(&[10u32, 2000].map(u32::to_le_bytes).concat()));
+        assert!(holds(&[1, 0, 3, 0]) && holds(&[2, 0, 2, 0]) && holds(&2_500_000i64.to_le_bytes()));
+        assert!(holds(&[0u64, 1, 1, 2].map(u64::to_le_bytes).concat()), "ms_to_idx");
         let error = slice.save(Path::new("a.raw")).unwrap_err().to_string();
         assert_eq!(error, "a.raw: events are written to names that end in .npy or .h5");
     }

@@ -11,7 +11,7 @@
 //! - [`LidarModel`]: a lidar, from a preset ([`PRESETS`]) or a TOML file.
 //! - [`SensorPose`], [`SensorMotion`]: where it is, over time.
 //! - [`LidarScene`]: splats, weather and wet surfaces.
-//! - [`sweep()`], [`SweepOptions`]: one sweep.
+//! - [`sweep()`], [`ScanOptions`]: one sweep.
 //! - [`LidarSweep`]: its points, which [`LidarSweep::save`] writes as PLY, PCD, NPY, LAS or KITTI's
 //!   .bin.
 //!
@@ -21,7 +21,7 @@
 //! use glam::DVec3;
 //! use wm_render::simd::SimdPath;
 //! use wm_scene::Splats;
-//! use wm_sensors::{DrySurfaces, EchoClass, LidarModel, LidarScene, ReturnMode, SensorPose, SweepOptions};
+//! use wm_sensors::{DrySurfaces, EchoClass, LidarModel, LidarScene, ReturnMode, SensorPose, ScanOptions};
 //! use wm_sensors::{reflecting_splats, sweep};
 //! use wm_weather::{Site, Weather};
 //!
@@ -44,7 +44,7 @@
 //! };
 //! let pose = SensorPose::upright(DVec3::ZERO, DVec3::X, DVec3::Z);
 //! // Near fog is stronger than the wall, which comes last.
-//! let options = SweepOptions { returns: ReturnMode::Last, ..SweepOptions::default() };
+//! let options = ScanOptions { returns: ReturnMode::Last, ..ScanOptions::default() };
 //! let made = sweep(&lidar, &pose, &scene, &options);
 //! assert!(made.count(EchoClass::Surface) > 500 && made.count(EchoClass::Air) > 0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -96,4 +96,4 @@ pub use pose::{EvenMotion, SensorMotion, SensorPose};
 pub use presets::{PRESETS, about};
 pub use scene::LidarScene;
 pub use surface::{DrySurfaces, SurfaceState, SurfaceStates, base_reflectance, reflecting_splats};
-pub use sweep::{LidarPoint, LidarSweep, PointFrame, SubRays, SweepOptions, sweep};
+pub use sweep::{LidarPoint, LidarSweep, PointFrame, ScanOptions, SubRays, sweep};

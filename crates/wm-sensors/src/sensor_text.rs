@@ -80,8 +80,8 @@ impl<'a> SensorText<'a> {
         })
     }
 
-    /// Says which of some numbers, each with its key, its range and its unit, is the first beyond its
-    /// range.
+    /// Says which of some numbers, each with its key, its range and its unit, is the first beyond
+    /// its range.
     ///
     /// # Errors
     /// As [`Self::fault`].

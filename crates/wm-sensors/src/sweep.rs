@@ -74,16 +74,17 @@ impl PointFrame {
     }
 }
 
-/// Options of a sweep.
+/// Options of the sweeps of a scan.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct SweepOptions {
-    /// Start of the sweep, s; the weather must be prepared for this time.
+pub struct ScanOptions {
+    /// Start of sweep 0, s: of the weather, and along the path.
     pub time: f64,
-    /// The number, which random numbers and patterns that do not repeat depend on.
+    /// The number of the sweep, or of the first: random numbers and patterns that do not repeat
+    /// depend on it.
     pub index: u32,
-    /// The seed of noise.
+    /// The seed of noise. What falls has the seed of its weather.
     pub seed: u64,
-    /// The number of the sensor on its car.
+    /// The number of the sensor on its rig: its noise depends on it.
     pub sensor: u8,
     /// Rays of a pulse.
     pub sub_rays: SubRays,
@@ -165,18 +166,20 @@ const MIRROR_CLEARANCE_M: f64 = 0.02;
 /// Pulses that a thread turns into points at a time.
 const CHUNK_PULSES: usize = 1024;
 
-/// Makes one sweep, on the threads of the current pool.
+/// Makes one sweep, on the threads of the current pool, in a weather that is prepared for its time.
+/// It begins as many periods after the start as its number says.
 #[must_use]
 pub fn sweep(
     model: &LidarModel,
     motion: &dyn SensorMotion,
     scene: &LidarScene<'_>,
-    options: &SweepOptions,
+    options: &ScanOptions,
 ) -> LidarSweep {
     let beams = model.pattern.beams(u64::from(options.index));
     let period = model.period();
+    let time = options.time + f64::from(options.index) * period;
     let air = scene.weather.infrared_air(model.wavelength, options.lidar_ratio);
-    let start = motion.pose(options.time);
+    let start = motion.pose(time);
     let purpose = 0x40 | u64::from(options.sensor & 0x3f);
     let random = RandomStream::new(options.seed, purpose, options.index);
     let speckle = RandomStream::new(options.seed, purpose ^ 0xc0, options.index);
@@ -185,7 +188,7 @@ pub fn sweep(
         let pulses: Vec<Pulse> = beams
             .par_iter()
             .map(|beam| {
-                let pose = motion.pose(options.time + beam.time);
+                let pose = motion.pose(time + beam.time);
                 let direction = pose.to_world(direction(beam.azimuth, beam.elevation));
                 Pulse { beam: *beam, pose, direction }
             })
@@ -235,7 +238,7 @@ pub fn sweep(
     }
     LidarSweep {
         name: model.name.clone(),
-        time: [options.time, period],
+        time: [time, period],
         pose: start,
         metres_per_unit: scene.site.metres_per_unit,
         frame: options.frame,

@@ -58,7 +58,7 @@ impl SurfaceStates for WetSurfaces {
 }
 
 /// One sweep by one ray a pulse from the height of 1.8 m.
-fn swept(lidar: &LidarModel, splats: &Splats, set: &[(&str, f64)], options: &SweepOptions) -> LidarSweep {
+fn swept(lidar: &LidarModel, splats: &Splats, set: &[(&str, f64)], options: &ScanOptions) -> LidarSweep {
     swept_on(lidar, splats, set, options, &DrySurfaces)
 }
 
@@ -72,7 +72,7 @@ fn swept_on(
     lidar: &LidarModel,
     splats: &Splats,
     set: &[(&str, f64)],
-    options: &SweepOptions,
+    options: &ScanOptions,
     surfaces: &dyn SurfaceStates,
 ) -> LidarSweep {
     let weather =
@@ -85,7 +85,7 @@ fn swept_on(
     sweep(lidar, &pose, &scene, options)
 }
 
-const ALL: SweepOptions = SweepOptions {
+const ALL: ScanOptions = ScanOptions {
     time: 0.0,
     index: 0,
     seed: 5,
@@ -100,7 +100,7 @@ const ALL: SweepOptions = SweepOptions {
 fn a_wall_is_as_far_as_it_is() {
     let lidar = lidar(ahead(4000));
     for sub_rays in [SubRays::One, SubRays::Seven] {
-        let made = swept(&lidar, &plate(0, 20.0, 0.5), &[], &SweepOptions { sub_rays, ..ALL });
+        let made = swept(&lidar, &plate(0, 20.0, 0.5), &[], &ScanOptions { sub_rays, ..ALL });
         assert_eq!((made.points.len(), made.count(EchoClass::Surface)), (4000, 4000));
         let off: Vec<f64> = made.points.iter().map(|point| f64::from(point.position[0]) - 20.0).collect();
         let mean = off.iter().sum::<f64>() / 4000.0;
@@ -188,7 +188,7 @@ fn air_is_seen_as_far_as_its_backscatter_says() {
 /// points are few, and none are of air.
 #[test]
 fn devices_see_dense_fog_and_no_mist() {
-    let options = SweepOptions { returns: ReturnMode::Strongest, ..ALL };
+    let options = ScanOptions { returns: ReturnMode::Strongest, ..ALL };
     for name in ["vlp-16", "os1-64", "pandar64"] {
         let around = (0..4000u64).map(|i| [180.0 - 0.09 * i as f64, 40.0 * random::uniform(4, i) - 20.0]);
         let lidar = LidarModel { pattern: lidar(around).pattern, ..LidarModel::preset(name).unwrap() };
@@ -292,7 +292,7 @@ fn motion_is_taken_out_of_the_points() {
     let start = SensorPose::upright(DVec3::new(4.0, 0.0, 1.8), DVec3::X, DVec3::Z);
     let motion = EvenMotion { start, velocity: DVec3::X * 20.0 };
     let spread = |frame: PointFrame, middle: f32| {
-        let made = sweep(&lidar, &motion, &scene, &SweepOptions { frame, ..ALL });
+        let made = sweep(&lidar, &motion, &scene, &ScanOptions { frame, ..ALL });
         made.points.iter().map(|point| (point.position[0] - middle).abs()).fold(0.0, f32::max)
     };
     assert!(spread(PointFrame::Compensated, 26.0) < 0.1);
@@ -308,7 +308,7 @@ fn any_number_of_threads_gives_the_same_points() {
     scene.append(&plate(0, 25.0, 0.6));
     let made = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let options = SweepOptions { seed, sub_rays: SubRays::Seven, ..ALL };
+        let options = ScanOptions { seed, sub_rays: SubRays::Seven, ..ALL };
         let set = [("fog.mor", 100.0), ("rain.rate", 20.0), ("snowfall.rate", 0.5)];
         pool.install(|| swept_on(&lidar, &scene, &set, &options, &WetSurfaces))
     };
@@ -341,7 +341,7 @@ fn the_street_is_where_it_is() {
     let scene = dry(&rays, &weather);
     let eye = street.dolly(0.3).camera((300, 200)).unwrap();
     let pose = SensorPose::upright(eye.center() + DVec3::Z * 0.2, eye.forward(), DVec3::Z);
-    let made = sweep(&lidar, &pose, &scene, &SweepOptions { frame: PointFrame::World, ..ALL });
+    let made = sweep(&lidar, &pose, &scene, &ScanOptions { frame: PointFrame::World, ..ALL });
     let mut errors: Vec<f64> = Vec::new();
     for point in &made.points {
         let at = glam::Vec3::from_array(point.position).as_dvec3();

@@ -230,8 +230,8 @@ pub fn scan(path: &Path) -> Outcome {
         stage.prepare(&weather)?;
         let Stage { renderer, place, .. } = stage;
         let mut taken = |_| Ok(());
-        let options = ScanOptions { sweeps: 1, ..ScanOptions::default() };
-        done(renderer.scan(place, &weather, &lidar, &motion, &options, &mut taken, &mut ()))
+        let options = ScanOptions::default();
+        done(renderer.scan(place, &weather, &lidar, &motion, &options, 1, &mut taken, &mut ()))
     })
 }
 

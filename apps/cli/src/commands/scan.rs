@@ -149,14 +149,7 @@ const FRAMES: &[Choice<PointFrame>] = &[
 
 impl From<&ScanArgs> for RadarScanOptions {
     fn from(args: &ScanArgs) -> Self {
-        Self {
-            time: args.output.time,
-            first: 0,
-            sweeps: args.output.sweeps,
-            seed: args.lidar.seed,
-            sensor: 0,
-            frame: args.output.frame,
-        }
+        Self { time: args.output.time, seed: args.lidar.seed, frame: args.output.frame, ..Self::default() }
     }
 }
 
@@ -164,14 +157,12 @@ impl From<&ScanArgs> for ScanOptions {
     fn from(args: &ScanArgs) -> Self {
         Self {
             time: args.output.time,
-            first: 0,
-            sweeps: args.output.sweeps,
             seed: args.lidar.seed,
-            sensor: 0,
             sub_rays: args.lidar.sub_rays.unwrap_or_default(),
             returns: args.lidar.returns.unwrap_or_default(),
             frame: args.output.frame,
             lidar_ratio: args.lidar.lidar_ratio,
+            ..Self::default()
         }
     }
 }
@@ -362,7 +353,7 @@ pub(crate) fn run(args: &ScanArgs) -> Result<()> {
     let motion = motion(&spec, &ViewOptions::default(), &mut loaded)?;
     let OpenScene { renderer, place } = &mut loaded;
     let mut files = SweepFiles { files, index: 0, began: Instant::now() };
-    let progress = &mut Reporter::default();
+    let (sweeps, progress) = (args.output.sweeps, &mut Reporter::default());
     let made = match &scanner {
         Scanner::Lidar(lidar, views) => {
             let mut take = |sweep: LidarSweep| {
@@ -370,7 +361,8 @@ pub(crate) fn run(args: &ScanArgs) -> Result<()> {
                 let names = views.iter().map(|view| view.name());
                 files.save(&line(&sweep), |file| Ok(sweep.save(file)?), names, picture)
             };
-            renderer.scan(place, &weather, lidar, &motion, &ScanOptions::from(args), &mut take, progress)?
+            let options = ScanOptions::from(args);
+            renderer.scan(place, &weather, lidar, &motion, &options, sweeps, &mut take, progress)?
         }
         Scanner::Radar(radar, views) => {
             let mut take = |sweep: RadarSweep| {
@@ -379,11 +371,11 @@ pub(crate) fn run(args: &ScanArgs) -> Result<()> {
                 files.save(&radar_line(&sweep), |file| Ok(sweep.save(file)?), names, picture)
             };
             let options = RadarScanOptions::from(args);
-            renderer.scan_radar(place, &weather, radar, &motion, &options, &mut take, progress)?
+            renderer.scan_radar(place, &weather, radar, &motion, &options, sweeps, &mut take, progress)?
         }
     };
     loaded.warn();
-    if made < args.output.sweeps {
+    if made < sweeps {
         bail!(weather_magician::Error::Stopped);
     }
     Ok(())

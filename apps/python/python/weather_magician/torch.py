@@ -30,9 +30,6 @@ __all__ = ["CLEAREST", "CONDITIONS", "BlockShuffle", "WeatherDataset"]
 #: Visibility of clear air in targets, m: that of the plan is infinite.
 CLEAREST = 20_000.0
 
-#: Arrays ``[H, W, C]`` of a sample, which become tensors ``[C, H, W]``.
-_CHANNELS_LAST = ("rgb", "clear", "clean", "airlight", "transmittance", "normal", "particles", "flow", "particle_flow")
-
 
 class WeatherDataset(Dataset):
     """The frames of a plan, or of one of its splits, each as a dictionary.
@@ -94,7 +91,7 @@ class WeatherDataset(Dataset):
     def __getitem__(self, index: int) -> Any:
         frame = self._frames[index]
         read = self.batch.sample(frame, self.sensor, self.layers, places=self.places)
-        sample = {name: _tensor(name, value) for name, value in read.items() if hasattr(value, "__array__")}
+        sample = {name: _tensor(value) for name, value in read.items() if hasattr(value, "__array__")}
         weather = read["weather"]
         sample["frame"] = frame
         sample["condition"] = CONDITIONS.index(read["condition"])
@@ -105,12 +102,13 @@ class WeatherDataset(Dataset):
         return sample if self.transform is None else self.transform(sample)
 
 
-def _tensor(name: str, value: Any) -> torch.Tensor:
+def _tensor(value: Any) -> torch.Tensor:
     if value.dtype.name == "uint16":
         # PyTorch computes with few operations on uint16; labels below 32768 have the same bits.
         value = value.view("int16")
     tensor = torch.from_numpy(value)
-    return tensor.permute(2, 0, 1) if name in _CHANNELS_LAST and tensor.ndim == 3 else tensor
+    # Of three axes are layers alone: [H, W, C].
+    return tensor.permute(2, 0, 1) if tensor.ndim == 3 else tensor
 
 
 class BlockShuffle(Sampler):

@@ -1,45 +1,23 @@
 //! A kind of asset: what it is made of, how it is made, and how it is kept.
 
 use super::cache::{AssetCache, AssetFile};
+use super::kinds::{AssetKey, SceneSurfaces};
 use super::views::path_of_photos;
 use crate::{Error, Result};
 use std::any::Any;
+use std::borrow::Cow;
 use std::sync::Arc;
 use wm_scene::{Scene, Splats};
 use wm_weather::Site;
 use wm_weather::cover::{Airflow, CoverRequest};
-use wm_weather::fused_surfaces::PhotoView;
-use wm_weather::light::{KnownSun, LampLights};
+use wm_weather::fused_surfaces::{FusedSurfaces, PhotoView};
+use wm_weather::light::KnownSun;
 use wm_weather::paper::PaperCover;
 
 /// An asset of any kind.
 pub(crate) type AnyAsset = Arc<dyn Any + Send + Sync>;
 /// An asset with its key.
 pub(crate) type KeyedAsset = (AssetKey, AnyAsset);
-
-/// An asset of a place: its kind, and the numbers that tell it from others of the kind.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum AssetKey {
-    Cover(Airflow),
-    Lying(LyingKey),
-    Light(()),
-    SunShadows([f64; 3]),
-    Casters(()),
-    Lamps(LampLights),
-    Wet(()),
-    Shelter([f64; 3]),
-    Occluders(()),
-    Surfaces(()),
-    Standing(()),
-    OpenWater(()),
-}
-
-impl AssetKey {
-    /// Finds the asset of the key among some.
-    pub fn find<'a>(&self, among: &'a [KeyedAsset]) -> Option<&'a AnyAsset> {
-        among.iter().find(|(known, _)| known == self).map(|(_, asset)| asset)
-    }
-}
 
 /// The law that something lies by, and how much.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,13 +46,17 @@ pub(crate) enum Keep {
     No,
 }
 
-/// A kind of asset.
-pub(crate) trait Asset: Any + Send + Sync + Sized {
+/// A kind of asset in the list of all kinds.
+pub(crate) trait Keyed {
     /// The numbers that tell one asset of the kind from another.
     type Key;
 
     /// The key among those of all kinds.
     const KEY: fn(Self::Key) -> AssetKey;
+}
+
+/// A kind of asset.
+pub(crate) trait Asset: Keyed + Any + Send + Sync + Sized {
     /// The work, in words for a progress bar.
     const WORK: &'static str;
     const KEEP: Keep;
@@ -168,10 +150,17 @@ impl Workshop<'_> {
     ///
     /// # Panics
     /// If it was not.
-    pub fn get<A: Asset>(&self, key: A::Key) -> Arc<A> {
+    pub fn get<A: Asset>(&self, key: A::Key) -> &A {
         let key = A::KEY(key);
         let asset = key.find(self.made).or_else(|| key.find(&self.source.known));
-        let asset = asset.expect("needs are made first");
-        Arc::clone(asset).downcast().expect("a key has assets of one type")
+        asset.expect("needs are made first").downcast_ref().expect("a key has assets of one type")
+    }
+
+    /// The surfaces of the scene, for those who need [`SceneSurfaces`].
+    ///
+    /// # Errors
+    /// As [`AssetSource::splats`].
+    pub fn surfaces(&self) -> Result<Cow<'_, FusedSurfaces<'_>>> {
+        Ok(self.get::<SceneSurfaces>(()).of(self.source.splats()?))
     }
 }

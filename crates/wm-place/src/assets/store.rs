@@ -1,6 +1,7 @@
 //! The assets of a place that are in memory.
 
-use super::kind::{AnyAsset, Asset, AssetKey, Keep, KeyedAsset};
+use super::kind::{AnyAsset, Asset, Keep, KeyedAsset};
+use super::kinds::AssetKey;
 use std::any::TypeId;
 use std::sync::Arc;
 

@@ -69,19 +69,24 @@ impl CameraModel {
     ///
     /// # Errors
     /// [`Error::Unsupported`] with the value; or that rain and snow of the paper's fidelity have no
-    /// motion, or that drops on the lens need the whole picture at once.
+    /// motion, or that drops on the lens and glare need the whole picture at once.
     pub fn check(&self, weather: &Weather) -> Result<()> {
         let fault = self.shutter.check().and_then(|()| self.noise.iter().try_for_each(SensorNoise::check));
         fault.map_err(Error::Unsupported)?;
-        if !self.shutter.is_instant() && weather.fidelity == Fidelity::Paper {
-            let says = "an exposure time and a readout need rain and snow that move: use fidelity `physical`";
-            return Err(Error::Unsupported(says.into()));
-        }
-        if self.shutter.readout > 0.0 && weather.effects().any(|(effect, _)| effect.name == "lens") {
-            let says = "drops on the lens need the whole picture at once: turn the effect `lens` off, or give no readout";
-            return Err(Error::Unsupported(says.into()));
-        }
-        Ok(())
+        let has = |name: &str| weather.effects().any(|(effect, _)| effect.name == name);
+        let refused = if !self.shutter.is_instant() && weather.fidelity == Fidelity::Paper {
+            "an exposure time and a readout need rain and snow that move: use fidelity `physical`"
+        } else if self.shutter.readout > 0.0 && has("lens") {
+            "drops on the lens need the whole picture at once: turn the effect `lens` off, or give no readout"
+        } else if self.lens.is_some() && has("lens") {
+            "drops on the lens are drawn for pinholes only: turn the effect `lens` off, or use no other lens"
+        } else if self.lens.as_ref().is_some_and(LensView::is_composed) && has("glare") {
+            // Each pinhole picture has an axis of its own, about which rays stand and light slants.
+            "glare is drawn for lenses below 112 degrees only: turn the effect `glare` off, or use another lens"
+        } else {
+            return Ok(());
+        };
+        Err(Error::Unsupported(refused.into()))
     }
 
     /// Describes shutter, exposure and noise in a text that differs between models; `None` if all

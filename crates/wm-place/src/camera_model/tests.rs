@@ -149,8 +149,31 @@ fn models_that_cannot_work_are_refused() {
     let noise = SensorNoise { iso: 0.0, ..SensorNoise::default() };
     let noisy = CameraModel { noise: Some(noise), ..CameraModel::default() };
     assert!(fault(noisy, "heavy-rain").contains("ISO is 0"));
-    let mut drops = Weather::clear();
-    drops.set_text("lens.size=1").unwrap();
-    assert!(readout(0.01).check(&drops).unwrap_err().to_string().contains("lens"));
-    assert!(CameraModel::default().check(&drops).is_ok());
+    let (wide, round) = LensModel::fisheye((64, 64), 180.0).unwrap();
+    let narrow = LensModel::Perspective(wm_scene::camera::Distortion::of([-0.1, 0.02, 0.0, 0.0, 0.0]));
+    let bent = Camera { fx: 60.0, fy: 60.0, ..round };
+    let through = |lens: LensModel, camera: &Camera| CameraModel {
+        lens: Some(LensView::new(lens, camera).unwrap()),
+        ..CameraModel::default()
+    };
+    let [wide, narrow] = [through(wide, &round), through(narrow, &bent)];
+    for (model, set, says) in [
+        (&readout(0.01), "lens.size=1", Some("need the whole picture at once")),
+        (&wide, "lens.size=1", Some("drawn for pinholes only")),
+        (&narrow, "lens.size=1", Some("drawn for pinholes only")),
+        (&wide, "glare.scatter=1", Some("glare is drawn for lenses below 112 degrees only")),
+        (&narrow, "glare.scatter=1", None),
+        (&readout(0.01), "glare.scatter=1", None),
+        (&CameraModel::default(), "lens.size=1", None),
+    ] {
+        let mut weather = Weather::clear();
+        weather.set_text(set).unwrap();
+        let found = model.check(&weather).map_err(|error| error.to_string());
+        match says {
+            Some(says) => {
+                assert!(found.as_ref().is_err_and(|found| found.contains(says)), "{set}: {found:?}")
+            }
+            None => assert_eq!(found, Ok(()), "{set}"),
+        }
+    }
 }

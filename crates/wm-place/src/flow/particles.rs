@@ -3,14 +3,26 @@
 
 use super::FlowView;
 use crate::drawing::Drawing;
+use crate::layers::Row;
+use crate::layers::Source;
+use crate::render::LaterFrame;
 use crate::shot::{PinholeContent, PinholeShot};
-use crate::{Picture, Result};
+use crate::{Picture, PictureLayer, Result};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use wm_render::Stats;
 use wm_render::hooks::Particle;
 use wm_render::stages::particles as stage;
 use wm_scene::Camera;
+
+pub(crate) const ROW: Row = Row {
+    name: "particle-flow",
+    note: "of falling rain, snow and hail",
+    source: Source::Later(|drawing, frame, picture| Box::pin(drawing.particle_flow(frame, picture))),
+    values: |picture| picture.later(PictureLayer::ParticleFlow).into(),
+    ..super::ROW
+};
 
 /// Added to the diagonal of the covariance in the picture, px^2, as in the drawing of particles.
 const DILATION: f64 = stage::DILATION as f64;
@@ -128,7 +140,7 @@ impl ParticleFootprint {
 ///
 /// # Panics
 /// If the view's depth has another size than its camera.
-pub(crate) fn particle_flow(
+fn particle_flow(
     from: &FlowView<'_>,
     next: &Camera,
     seconds: f64,
@@ -141,7 +153,7 @@ pub(crate) fn particle_flow(
     // is.
     let drift = DVec3::from_array(velocity) * seconds + from.camera.center() - next.center();
     let project = |(particle, own): &(Particle, [f64; 3])| {
-        ParticleFootprint::project(particle, DVec3::from_array(*own), from.camera, next, seconds, drift)
+        ParticleFootprint::project(particle, DVec3::from_array(*own), &from.camera, next, seconds, drift)
     };
     let footprints: Vec<ParticleFootprint> = particles.par_iter().filter_map(project).collect();
     let mut strips: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(STRIP_ROWS)];
@@ -185,20 +197,24 @@ pub(crate) fn particle_flow(
 impl Drawing<'_> {
     /// Finds the flow of what falls from one pinhole picture to the next: of rain, snow and hail as
     /// they are drawn, not of splashes. Particles go on with their velocity of the first instant.
-    pub(crate) async fn particle_flow(
-        &mut self,
-        from: &PinholeShot<'_>,
-        to: &PinholeShot<'_>,
-    ) -> Result<Vec<f32>> {
-        let depth = self.surface_depth(None, from).await?;
+    async fn particle_flow(&mut self, frame: &LaterFrame<'_>, picture: &mut Picture) -> Result<Stats> {
+        let (LaterFrame { shot: from, .. }, Some(to)) = (frame, &frame.next) else {
+            return Ok(Stats::default());
+        };
         let shot = PinholeShot { content: PinholeContent::Particles, parts: &[], ..*from };
-        let mut picture = Picture::default();
-        self.pinhole(&shot, &mut picture).await?;
-        let view = FlowView { camera: &from.camera.camera, lens: None, depth: &depth };
+        let mut fallen = Picture::default();
+        self.pinhole(&shot, &mut fallen).await?;
+        let depth = self.own_surface_depth(frame, picture).await?;
+        let view = FlowView::new(None, &from.camera.camera, depth);
         let velocity = from.camera.velocity.map(|v| v / self.place.site().metres_per_unit);
         let (next, seconds) = (&to.camera.camera, to.time - from.time);
-        let pool = self.renderer.backend().pool();
-        Ok(pool.install(|| particle_flow(&view, next, seconds, velocity, &picture.falling)))
+        let flow = self
+            .renderer
+            .backend()
+            .pool()
+            .install(|| particle_flow(&view, next, seconds, velocity, &fallen.falling));
+        picture.later.insert(PictureLayer::ParticleFlow, flow);
+        Ok(Stats::default())
     }
 }
 
@@ -230,7 +246,7 @@ mod tests {
         };
         for (depth, hides) in [(0.0, false), (10.0, false), (2.5, true), (1.0, true)] {
             let depth = vec![depth; 80 * 60];
-            let view = FlowView { camera: &camera, lens: None, depth: &depth };
+            let view = FlowView::new(None, &camera, &depth);
             let flow = particle_flow(&view, &next, 0.02, [10.0, 0.0, 0.0], &particles);
             let at = |[x, y]: [f64; 2]| {
                 let pixel = 2 * (y as usize * 80 + x as usize);

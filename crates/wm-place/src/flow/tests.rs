@@ -9,9 +9,9 @@ use wm_scene::splats::Splat;
 use wm_scene::{Group, Scene, Splats};
 use wm_weather::Weather;
 
-const SIZE: (u32, u32) = (96, 72);
+pub(super) const SIZE: (u32, u32) = (96, 72);
 
-fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
+pub(super) fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
     Camera::looking(SIZE, 60.0, DVec3::from_array(eye), DVec3::from_array(target), DVec3::Z).unwrap()
 }
 
@@ -25,7 +25,7 @@ struct Plane {
 /// Returns the depth of a plane at every pixel, `factor` times as far.
 fn plane_depth(camera: &Camera, lens: Option<LensModel>, plane: Plane, factor: f64) -> Vec<f32> {
     let Plane { normal, height } = plane;
-    let view = FlowView { camera, lens, depth: &[] };
+    let view = FlowView { camera: *camera, lens, depth: &[] };
     let depth = |i: u32| {
         let at = [f64::from(i % camera.width) + 0.5, f64::from(i / camera.width) + 0.5];
         let Some(ray) = view.ray(at) else { return 0.0 };
@@ -64,10 +64,7 @@ fn ground_error(factor: f64) -> [f64; 2] {
     let (from, to) = (camera([0.0; 3], [10.0, 0.0, -2.0]), camera([0.3, 0.05, 0.02], [10.0, 0.2, -2.0]));
     let ground = Plane { normal: DVec3::Z, height: -1.5 };
     let [a, b] = [&from, &to].map(|camera| plane_depth(camera, None, ground, factor));
-    let flow = scene_flow(
-        &FlowView { camera: &from, lens: None, depth: &a },
-        &FlowView { camera: &to, lens: None, depth: &b },
-    );
+    let flow = scene_flow(&FlowView::new(None, &from, &a), &FlowView::new(None, &to, &b));
     let (mut worst, mut most) = (0.0f64, 0.0f64);
     for (i, vector) in flow.vectors.as_chunks::<2>().0.iter().enumerate() {
         let at = [(i as u32 % SIZE.0) as f64 + 0.5, (i as u32 / SIZE.0) as f64 + 0.5];
@@ -106,10 +103,7 @@ fn a_wall_in_front_hides_what_is_behind_its_edge() {
     };
     let (a, b) = (walls(&to), walls(&from));
     // From the left eye back to the middle one: the near wall moves to the left, over the far one.
-    let flow = scene_flow(
-        &FlowView { camera: &to, lens: None, depth: &a },
-        &FlowView { camera: &from, lens: None, depth: &b },
-    );
+    let flow = scene_flow(&FlowView::new(None, &to, &a), &FlowView::new(None, &from, &b));
     let edges = [&to, &from].map(|c| c.project(DVec3::new(4.0, 0.0, 0.0)).unwrap().0);
     let moved = [4.0, 10.0].map(|z| from.fx * 0.5 / z);
     assert!((edges[0] - edges[1] - moved[0]).abs() < 1e-9 && moved[0] - moved[1] > 4.0);
@@ -132,10 +126,7 @@ fn a_wall_in_front_hides_what_is_behind_its_edge() {
     }
     assert!(row.contains(&(FlowState::Occluded as u8)) && row.contains(&(FlowState::Outside as u8)));
     // The other way, the far wall comes out, and nothing is hidden.
-    let back = scene_flow(
-        &FlowView { camera: &from, lens: None, depth: &b },
-        &FlowView { camera: &to, lens: None, depth: &a },
-    );
+    let back = scene_flow(&FlowView::new(None, &from, &b), &FlowView::new(None, &to, &a));
     assert!(!back.states.contains(&(FlowState::Occluded as u8)));
 }
 
@@ -150,8 +141,8 @@ fn lenses_have_the_flow_of_their_own_projection() {
         let (from, to) = (posed([0.0; 3], [10.0, 0.0, -2.0]), posed([0.3, 0.05, 0.02], [10.0, 0.2, -2.0]));
         let [a, b] = [&from, &to].map(|camera| plane_depth(camera, Some(lens), ground, 1.0));
         let flow = scene_flow(
-            &FlowView { camera: &from, lens: Some(lens), depth: &a },
-            &FlowView { camera: &to, lens: Some(lens), depth: &b },
+            &FlowView { camera: from, lens: Some(lens), depth: &a },
+            &FlowView { camera: to, lens: Some(lens), depth: &b },
         );
         let mut seen = 0;
         for (i, vector) in flow.vectors.as_chunks::<2>().0.iter().enumerate() {
@@ -185,10 +176,7 @@ fn nothing_is_infinitely_far_and_turns_with_the_camera() {
     let from = camera([0.0; 3], [10.0, 0.0, 0.0]);
     let to = camera([3.0, 1.0, 0.0], [13.0, 1.5, 0.0]);
     let none = vec![0.0; (SIZE.0 * SIZE.1) as usize];
-    let flow = scene_flow(
-        &FlowView { camera: &from, lens: None, depth: &none },
-        &FlowView { camera: &to, lens: None, depth: &none },
-    );
+    let flow = scene_flow(&FlowView::new(None, &from, &none), &FlowView::new(None, &to, &none));
     let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
     let way = from.ray(48.5, 36.5);
     let (x, y, _) = to.project(to.center() + way).unwrap();
@@ -200,7 +188,7 @@ fn nothing_is_infinitely_far_and_turns_with_the_camera() {
 }
 
 /// A wall of small discs across the x axis.
-fn wall(x: f32, left: f32, right: f32, splats: &mut Splats) {
+pub(super) fn wall(x: f32, left: f32, right: f32, splats: &mut Splats) {
     let step = 0.05;
     for i in 0..=((left - right) / step) as usize {
         for j in -60..=60 {

@@ -2,7 +2,7 @@
 
 use crate::drawing::Drawing;
 use crate::shot::{MovingCamera, PinholeShot};
-use crate::{Error, Picture, Result};
+use crate::{Picture, Result};
 use glam::{DMat3, DMat4, DVec3, Vec4};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -162,6 +162,11 @@ impl LensView {
     #[must_use]
     pub fn intrinsics(&self) -> &Camera {
         &self.camera
+    }
+
+    /// True if the picture is put together from several pinhole pictures.
+    pub(crate) fn is_composed(&self) -> bool {
+        self.sides.len() > 1
     }
 
     /// The view of a part of the picture, whose pixels are those of the whole.
@@ -446,8 +451,7 @@ impl Drawing<'_> {
     /// count then. Depths through a lens are distances from the eye.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] with drops on a lens that is no pinhole; else those of the place and
-    /// the renderer.
+    /// Those of the place and the renderer.
     pub(crate) async fn through(
         &mut self,
         lens: Option<&LensView>,
@@ -455,10 +459,6 @@ impl Drawing<'_> {
         picture: &mut Picture,
     ) -> Result<Stats> {
         let Some(lens) = lens else { return self.pinhole(shot, picture).await };
-        if shot.weather.effects().any(|(effect, _)| effect.name == "lens") {
-            let says = "drops on the lens are drawn for pinholes only: turn the effect `lens` off, or use no other lens";
-            return Err(Error::Unsupported(says.into()));
-        }
         let cameras = lens.cameras(&shot.camera.camera);
         let mut sides = std::mem::take(&mut self.renderer.sides);
         sides.resize_with(cameras.len(), Picture::default);

@@ -152,7 +152,7 @@ impl LevelBuilder {
                 self.count(&leaf);
                 jobs.extend(self.writer.add(leaf)?);
             }
-            self.write(jobs)?;
+            write(jobs, self.judges.len())?;
             progress.advance(some.iter().map(|leaf| leaf.len() as u64).sum());
         }
         progress.end();
@@ -192,10 +192,6 @@ impl LevelBuilder {
             Ok(NewLeaf { levels, errors })
         };
         over_threads(&mut self.judges, leaves.len(), work)
-    }
-
-    fn write(&mut self, jobs: Vec<LevelFileJob>) -> Result<()> {
-        write(jobs, self.judges.len())
     }
 }
 

@@ -10,7 +10,7 @@
 
 use super::coverage;
 use rayon::prelude::*;
-use std::{cmp::Ordering, cmp::Reverse, collections::BinaryHeap};
+use std::{cmp::Reverse, collections::BinaryHeap};
 use wm_scene::{
     Camera,
     levels::{LevelIndex, LevelLeaf, LevelRun},
@@ -122,25 +122,25 @@ impl LevelCut {
         };
         let first = |leaf: usize| step(leaf, usize::from(cut.positions[leaf]));
         let mut steps: BinaryHeap<LevelStep> = (0..areas.len()).filter_map(first).collect();
-        while let Some(next) = steps.pop() {
-            let (runs, from) = (&index.leaves[next.leaf].runs, usize::from(cut.positions[next.leaf]));
+        while let Some(LevelStep { leaf: Reverse(leaf), to: best, .. }) = steps.pop() {
+            let (runs, from) = (&index.leaves[leaf].runs, usize::from(cut.positions[leaf]));
             // The splats that are held and those that are drawn in addition.
             let added = |to: usize| {
-                let drawn = drawn_of(next.leaf, &runs[to]).saturating_sub(drawn_of(next.leaf, &runs[from]));
+                let drawn = drawn_of(leaf, &runs[to]).saturating_sub(drawn_of(leaf, &runs[from]));
                 (runs[to].count.saturating_sub(runs[from].count), drawn)
             };
             let left = (budget.held.saturating_sub(cut.splats), budget.splats.saturating_sub(drawn));
             let fits = |to: &usize| added(*to).0 <= left.0 && added(*to).1 <= left.1;
             // The finest of it that fits, and then no other leaf: it would look better than one
             // that is worth more.
-            let Some(to) = (usize::from(next.to)..from).find(fits) else { break };
+            let Some(to) = (usize::from(best)..from).find(fits) else { break };
             cut.splats += added(to).0;
             drawn += added(to).1;
-            cut.positions[next.leaf] = to as u16;
-            if to != usize::from(next.to) {
+            cut.positions[leaf] = to as u16;
+            if to != usize::from(best) {
                 break;
             }
-            steps.extend(step(next.leaf, to));
+            steps.extend(step(leaf, to));
         }
         cut
     }
@@ -158,11 +158,14 @@ impl LevelCut {
     }
 }
 
-/// A finer level of a leaf.
+/// A finer level of a leaf, in the order in which they are taken: of equal ones that of the first
+/// leaf is the greatest.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct LevelStep {
-    /// Squared error removed over splats that are drawn in addition.
-    gain: f64,
-    leaf: usize,
+    /// The bits of the squared error removed over splats that are drawn in addition: of numbers
+    /// above 0 they have the order of the numbers.
+    gain: u64,
+    leaf: Reverse<usize>,
     to: u16,
 }
 
@@ -175,12 +178,14 @@ impl LevelStep {
         }
         let lost = |position: usize| seen_error(leaf, position, area).powi(2);
         let (now, count) = (lost(from), leaf.runs.get(from)?.count);
-        let mut best: Option<Self> = None;
+        let (mut best, mut most) = (None, 0.0);
         for to in (0..from).rev() {
             let added = seen.drawn_of(leaf.runs[to].count).saturating_sub(seen.drawn_of(count));
             let gain = weight * (now - lost(to)) / added.max(1) as f64;
-            if gain > best.as_ref().map_or(0.0, |best| best.gain) {
-                best = Some(Self { gain, leaf: number, to: u16::try_from(to).ok()? });
+            if gain > most {
+                most = gain;
+                best =
+                    Some(Self { gain: gain.to_bits(), leaf: Reverse(number), to: u16::try_from(to).ok()? });
             }
         }
         best
@@ -200,26 +205,6 @@ fn seen_error(leaf: &LevelLeaf, position: usize, area: f64) -> f64 {
     );
     error * (area / count.max(1.0)).sqrt().min(1.0)
 }
-
-impl Ord for LevelStep {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.gain.total_cmp(&other.gain).then_with(|| Reverse(self.leaf).cmp(&Reverse(other.leaf)))
-    }
-}
-
-impl PartialOrd for LevelStep {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for LevelStep {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for LevelStep {}
 
 #[cfg(test)]
 mod tests {

@@ -1,4 +1,5 @@
-//! Scenes in levels of detail: how they are built, and which part is drawn under a budget of splats.
+//! Scenes in levels of detail: how they are built, and which part is drawn under a budget of
+//! splats.
 //!
 //! [`LevelBuilder`] takes splats block by block and writes leaves, each at levels with half the
 //! splats of the one before. A cut (`LevelCut`) chooses a level for each leaf of a

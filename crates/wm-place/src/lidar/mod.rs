@@ -25,8 +25,8 @@ pub use colors::PointColors;
 pub use overlay::PointOverlay;
 pub use picture::{SweepPicture, SweepView};
 pub use wm_sensors::{
-    EchoClass, LidarModel, LidarPoint, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, SensorError,
-    SensorPose, SubRays, about,
+    EchoClass, LidarModel, LidarPoint, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, ScanOptions,
+    SensorError, SensorPose, SubRays, about,
 };
 
 use crate::error::check_physical;
@@ -39,49 +39,10 @@ use std::sync::Arc;
 use wm_render::RayTracer;
 use wm_scene::reflectance::by_label;
 use wm_scene::{Group, Splats};
-use wm_sensors::{LidarScene, SensorMotion, SurfaceState, SurfaceStates, SweepOptions};
+use wm_sensors::{LidarScene, SensorMotion, SurfaceState, SurfaceStates};
 use wm_sensors::{base_reflectance, sweep};
 use wm_weather::wetness::WetGains;
 use wm_weather::{Site, Weather};
-
-/// Options of a scan.
-#[derive(Clone, Copy, Debug)]
-pub struct ScanOptions {
-    /// Start of sweep 0, s: of the weather, and along the path.
-    pub time: f64,
-    /// The first sweep to make.
-    pub first: u32,
-    /// Number of sweeps, one after the other.
-    pub sweeps: u32,
-    /// The seed of noise. What falls has the seed of its weather.
-    pub seed: u64,
-    /// The number of the lidar on its rig: its noise depends on it.
-    pub sensor: u8,
-    /// Rays of a pulse.
-    pub sub_rays: SubRays,
-    /// The returns that become points.
-    pub returns: ReturnMode,
-    /// The axes of the points.
-    pub frame: PointFrame,
-    /// Extinction over backscatter of fog, haze and smog, sr; `None` for that of each.
-    pub lidar_ratio: Option<f64>,
-}
-
-impl Default for ScanOptions {
-    fn default() -> Self {
-        Self {
-            time: 0.0,
-            first: 0,
-            sweeps: 1,
-            seed: 0,
-            sensor: 0,
-            sub_rays: SubRays::default(),
-            returns: ReturnMode::default(),
-            frame: PointFrame::default(),
-            lidar_ratio: None,
-        }
-    }
-}
 
 impl Renderer {
     /// Makes one sweep of a lidar that is where the camera of `motion` is: upright, and ahead as
@@ -99,12 +60,11 @@ impl Renderer {
         options: &ScanOptions,
     ) -> Result<LidarSweep> {
         let mut made = None;
-        let options = ScanOptions { sweeps: 1, ..*options };
         let mut take = |sweep| {
             made = Some(sweep);
             Ok(())
         };
-        self.scan(place, weather, lidar, motion, &options, &mut take, &mut ())?;
+        self.scan(place, weather, lidar, motion, options, 1, &mut take, &mut ())?;
         made.ok_or(Error::Stopped)
     }
 
@@ -126,6 +86,7 @@ impl Renderer {
         lidar: &LidarModel,
         motion: &CameraMotion,
         options: &ScanOptions,
+        sweeps: u32,
         take: &mut dyn FnMut(LidarSweep) -> Result<()>,
         progress: &mut dyn Progress,
     ) -> Result<u32> {
@@ -137,8 +98,8 @@ impl Renderer {
         let covers = |index: u32| weather.at(time(index)).prepare(&site).cover().to_vec();
         let motion = UprightMotion::new(motion, &site, options.time);
         let is_snow = weather.effects().any(|(effect, _)| effect.name == "snow_cover");
-        let end = options.first.saturating_add(options.sweeps);
-        let mut index = options.first;
+        let end = options.index.saturating_add(sweeps);
+        let mut index = options.index;
         while index < end {
             let lying = self.lying_cover(place, weather, time(index), progress)?;
             let lies = covers(index);
@@ -165,23 +126,14 @@ impl Renderer {
             let mut mirrored = mirrored.transpose()?;
             while index < end && covers(index) == lies {
                 if progress.is_stopped() {
-                    return Ok(index - options.first);
+                    return Ok(index - options.index);
                 }
                 let path = self.backend().path();
-                let own = SweepOptions {
-                    time: time(index),
-                    index,
-                    seed: options.seed,
-                    sensor: options.sensor,
-                    sub_rays: options.sub_rays,
-                    returns: options.returns,
-                    frame: options.frame,
-                    lidar_ratio: options.lidar_ratio,
-                };
+                let own = ScanOptions { index, ..*options };
                 let made = place.for_sensors(
                     self.backend_mut(),
                     weather,
-                    own.time,
+                    time(index),
                     progress,
                     |pool, prepared, shelter, wet| {
                         let surfaces =
@@ -205,7 +157,7 @@ impl Renderer {
                 index += 1;
             }
         }
-        Ok(index - options.first)
+        Ok(index - options.index)
     }
 }
 

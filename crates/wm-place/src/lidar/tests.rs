@@ -99,16 +99,17 @@ fn a_later_sweep_is_the_same_when_made_alone() {
     let (mut place, motion) = place(&mut renderer);
     let lidar = LidarModel::find("mid-40").unwrap();
     let weather = Weather::clear().set("snowfall.rate", 0.3).unwrap();
-    let options = ScanOptions { sweeps: 2, seed: 3, sub_rays: SubRays::One, ..ScanOptions::default() };
+    let options = ScanOptions { seed: 3, sub_rays: SubRays::One, ..ScanOptions::default() };
     let mut made = Vec::new();
     let mut take = |sweep| {
         made.push(sweep);
         Ok(())
     };
-    let count = renderer.scan(&mut place, &weather, &lidar, &motion, &options, &mut take, &mut ()).unwrap();
+    let count =
+        renderer.scan(&mut place, &weather, &lidar, &motion, &options, 2, &mut take, &mut ()).unwrap();
     assert_eq!((count, made.len()), (2, 2));
     assert!(made[0].points != made[1].points && made[0].count(EchoClass::Flake) > 0);
-    let alone = ScanOptions { first: 1, sweeps: 1, ..options };
+    let alone = ScanOptions { index: 1, ..options };
     let second = renderer.scan_once(&mut place, &weather, &lidar, &motion, &alone).unwrap();
     assert!(second == made[1]);
 }

@@ -73,9 +73,9 @@ pub(super) struct DrawnSet {
 /// The splats of a picture of a scene in levels, without those that are always drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LevelCounts {
-    /// Those that are drawn.
+    /// The splats that are drawn.
     pub drawn: u64,
-    /// Those that the renderer holds for the picture.
+    /// The splats that the renderer holds for the picture.
     pub held: u64,
 }
 

@@ -20,7 +20,9 @@
 mod picture;
 
 pub use picture::{RadarPicture, RadarView};
-pub use wm_sensors::radar::{RADAR_PRESETS, RadarClass, RadarDetection, RadarModel, RadarSweep};
+pub use wm_sensors::radar::{
+    RADAR_PRESETS, RadarClass, RadarDetection, RadarModel, RadarScanOptions, RadarSweep,
+};
 pub use wm_sensors::{PointFrame, SensorError, about};
 
 use crate::error::check_physical;
@@ -30,31 +32,8 @@ use crate::place::{PreparedPlace, check_owner};
 use crate::{Error, Progress, Renderer, Result};
 use std::sync::Arc;
 use wm_scene::Group;
-use wm_sensors::radar::{RadarOptions, RadarScene, radar_sweep};
+use wm_sensors::radar::{RadarScene, radar_sweep};
 use wm_weather::Weather;
-
-/// Options of a scan by radar.
-#[derive(Clone, Copy, Debug)]
-pub struct RadarScanOptions {
-    /// Start of sweep 0, s: of the weather, and along the path.
-    pub time: f64,
-    /// The first sweep to make.
-    pub first: u32,
-    /// Number of sweeps, one after the other.
-    pub sweeps: u32,
-    /// The seed of noise, speckle and rays.
-    pub seed: u64,
-    /// The number of the radar on its rig: its noise depends on it.
-    pub sensor: u8,
-    /// The axes of the detections.
-    pub frame: PointFrame,
-}
-
-impl Default for RadarScanOptions {
-    fn default() -> Self {
-        Self { time: 0.0, first: 0, sweeps: 1, seed: 0, sensor: 0, frame: PointFrame::default() }
-    }
-}
 
 impl Renderer {
     /// Makes one sweep of a radar that is where the camera of `motion` is: upright, and ahead as
@@ -71,12 +50,11 @@ impl Renderer {
         options: &RadarScanOptions,
     ) -> Result<RadarSweep> {
         let mut made = None;
-        let options = RadarScanOptions { sweeps: 1, ..*options };
         let mut take = |sweep| {
             made = Some(sweep);
             Ok(())
         };
-        self.scan_radar(place, weather, radar, motion, &options, &mut take, &mut ())?;
+        self.scan_radar(place, weather, radar, motion, options, 1, &mut take, &mut ())?;
         made.ok_or(Error::Stopped)
     }
 
@@ -98,6 +76,7 @@ impl Renderer {
         radar: &RadarModel,
         motion: &CameraMotion,
         options: &RadarScanOptions,
+        sweeps: u32,
         take: &mut dyn FnMut(RadarSweep) -> Result<()>,
         progress: &mut dyn Progress,
     ) -> Result<u32> {
@@ -110,27 +89,22 @@ impl Renderer {
         let splats = &scene.splats;
         let is_met = |index: usize| splats.groups[index] != Group::Sky;
         let mut rays = self.backend_mut().ray_splats(splats, is_met, |_| 0.0)?;
-        for index in options.first..options.first.saturating_add(options.sweeps) {
+        for index in options.index..options.index.saturating_add(sweeps) {
             if progress.is_stopped() {
-                return Ok(index - options.first);
+                return Ok(index - options.index);
             }
             let path = self.backend().path();
-            let own = RadarOptions {
-                time: options.time + f64::from(index) * radar.period(),
-                index,
-                seed: options.seed,
-                sensor: options.sensor,
-                frame: options.frame,
-            };
+            let own = RadarScanOptions { index, ..*options };
+            let time = options.time + f64::from(index) * radar.period();
             let scan = |pool: &rayon::ThreadPool, prepared: &_, shelter: Option<&_>| {
                 let scene = RadarScene { splats: &rays, weather: prepared, site: &site, shelter, path };
                 pool.install(|| radar_sweep(radar, &motion, &scene, &own))
             };
-            let made = place.for_radars(self.backend_mut(), weather, own.time, progress, scan)?;
+            let made = place.for_radars(self.backend_mut(), weather, time, progress, scan)?;
             self.backend_mut().check_rays(&mut rays)?;
             take(made)?;
         }
-        Ok(options.sweeps)
+        Ok(sweeps)
     }
 }
 

@@ -18,19 +18,20 @@ fn rain_dims_a_street_and_adds_its_own_detections() {
     let radar =
         RadarModel::parse(&preset.replace("velocity_cell = 0.12", "velocity_cell = 0.5"), "test").unwrap();
     assert_eq!(radar.cells()[2], 160);
-    let options = RadarScanOptions { sweeps: 2, seed: 3, ..RadarScanOptions::default() };
-    let mut scan = |rain: f64, options: &RadarScanOptions| {
+    let options = RadarScanOptions { seed: 3, ..RadarScanOptions::default() };
+    let mut scan = |rain: f64, options: &RadarScanOptions, sweeps: u32| {
         let weather = Weather::clear().set("rain.rate", rain).unwrap();
         let mut made = Vec::new();
         let mut take = |sweep| {
             made.push(sweep);
             Ok(())
         };
-        let count = renderer.scan_radar(&mut place, &weather, &radar, &motion, options, &mut take, &mut ());
-        assert_eq!(count.unwrap() as usize, made.len());
+        let count =
+            renderer.scan_radar(&mut place, &weather, &radar, &motion, options, sweeps, &mut take, &mut ());
+        assert_eq!([count.unwrap(), sweeps], [made.len() as u32; 2]);
         made
     };
-    let clear = scan(0.0, &options);
+    let clear = scan(0.0, &options, 2);
     let surfaces = clear[0].count(RadarClass::Surface);
     assert!(surfaces > 30 && clear[0].count(RadarClass::Rain) == 0, "{surfaces}");
     // What stands is still over the ground, and comes nearer ahead.
@@ -38,7 +39,7 @@ fn rain_dims_a_street_and_adds_its_own_detections() {
         assert!(one.ground_velocity.abs() < 0.5, "{one:?}");
         assert!((one.velocity + 10.0 * one.azimuth.cos() * one.elevation.cos()).abs() < 0.5, "{one:?}");
     }
-    let rain = scan(100.0, &RadarScanOptions { sweeps: 1, ..options });
+    let rain = scan(100.0, &options, 1);
     assert!(rain[0].count(RadarClass::Rain) > 0);
     // 100 mm/h take 58 dB from a kilometre there and back.
     let far = |sweep: &RadarSweep| -> [f64; 2] {
@@ -52,7 +53,7 @@ fn rain_dims_a_street_and_adds_its_own_detections() {
     println!("{loss:.2} dB at {metres:.1} m");
     assert!((loss / (0.0584 * metres) - 1.0).abs() < 0.3, "{loss} dB at {metres} m");
     // A later sweep is the same when made alone.
-    let alone = scan(0.0, &RadarScanOptions { first: 1, sweeps: 1, ..options });
+    let alone = scan(0.0, &RadarScanOptions { index: 1, ..options }, 1);
     assert!(alone[0] == clear[1] && alone[0] != clear[0]);
     for (view, _) in RadarView::ALL {
         let picture = RadarPicture::of(&rain[0], view);

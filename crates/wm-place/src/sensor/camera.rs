@@ -141,12 +141,14 @@ impl SensorRun for CameraRun {
     ) -> Result<()> {
         let SensorInstant { weather, time, index, rate, seed, layers, .. } = *instant;
         let after = time + 1.0 / rate;
-        let camera = self.0.motion().at(after, place.site().metres_per_unit);
+        let motion = self.0.motion();
+        let camera = motion.at(after, place.site().metres_per_unit);
         let request = FrameRequest {
             // The number of the picture seeds its noise.
             index: index ^ (seed as u32) << 8,
             layers,
             next: Some(NextFrame { time: after, camera }),
+            previous: (index > 0).then(|| motion.camera(time - 1.0 / rate)),
             ..FrameRequest::new(weather, &self.0, time)
         };
         renderer.render_into(place, &request, reading.picture_mut(), progress)?;

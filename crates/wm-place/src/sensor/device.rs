@@ -92,9 +92,11 @@ pub trait SensorRun: Send + Sync {
 pub struct SensorInstant<'a> {
     /// The weather.
     pub weather: &'a Weather,
-    /// The time of the weather of reading 0, s.
+    /// The time of the weather of reading 0, s. Sweeps and slices count from it by their number and
+    /// their own rate, so that each ends where the next begins, to the last bit, and several can be
+    /// made at once; `time` may differ from that by rounding.
     pub start: f64,
-    /// The time of this reading, s.
+    /// The time of this reading, s, at which a camera takes its picture.
     pub time: f64,
     /// The number of this reading.
     pub index: u32,

@@ -100,8 +100,7 @@ impl SensorRun for LidarRun {
         let RigLidar { model, sub_rays, returns, .. } = &self.lidar;
         let options = ScanOptions {
             time: start,
-            first: index,
-            sweeps: ahead,
+            index,
             seed,
             sensor: self.number as u8,
             sub_rays: *sub_rays,
@@ -109,7 +108,7 @@ impl SensorRun for LidarRun {
             ..ScanOptions::default()
         };
         let sweep = self.made.take(index, |keep| {
-            renderer.scan(place, weather, model, &self.motion, &options, keep, progress)
+            renderer.scan(place, weather, model, &self.motion, &options, ahead, keep, progress)
         })?;
         *reading = SensorData::Points(sweep);
         Ok(())

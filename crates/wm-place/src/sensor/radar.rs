@@ -81,16 +81,9 @@ impl SensorRun for RadarRun {
     ) -> Result<()> {
         let SensorInstant { weather, start, index, ahead, seed, .. } = *instant;
         let sensor = self.number as u8;
-        let options = RadarScanOptions {
-            time: start,
-            first: index,
-            sweeps: ahead,
-            seed,
-            sensor,
-            ..RadarScanOptions::default()
-        };
+        let options = RadarScanOptions { time: start, index, seed, sensor, ..RadarScanOptions::default() };
         let sweep = self.made.take(index, |keep| {
-            renderer.scan_radar(place, weather, &self.model, &self.motion, &options, keep, progress)
+            renderer.scan_radar(place, weather, &self.model, &self.motion, &options, ahead, keep, progress)
         })?;
         *reading = SensorData::Detections(sweep);
         Ok(())

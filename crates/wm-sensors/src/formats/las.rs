@@ -1,11 +1,10 @@
 //! LAS 1.2 with points of format 3 (ASPRS 2008).
 
-use super::write_parts;
+use super::write_records;
 use crate::echo::EchoClass;
 use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};
 use std::path::Path;
-use wm_base::files::write_atomically;
 
 /// Metres of a step of a coordinate.
 const STEP_M: f64 = 0.001;
@@ -34,11 +33,7 @@ pub(super) fn save(sweep: &LidarSweep, path: &Path) -> Result<(), SensorError> {
     // Coordinates of the world, whose origin goes into the offset, to the millimetre.
     let world = |place: &[f64; 3]| [0, 1, 2].map(|k| place[k] + sweep.origin[k]);
     let header = header(count, &world(&offset), &world(&low), &world(&high));
-    write_atomically(path, |out| {
-        out.write_all(&header)?;
-        write_parts(&sweep.points, out, |point, out| record(point, &offset, sweep.time[0], out))
-    })?;
-    Ok(())
+    write_records(path, &header, &sweep.points, |point, out| record(point, &offset, sweep.time[0], out))
 }
 
 fn header(count: u32, offset: &[f64; 3], low: &[f64; 3], high: &[f64; 3]) -> Vec<u8> {

@@ -14,10 +14,9 @@ mod las;
 
 use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};
-use std::io::Write;
 use std::path::Path;
 use wm_base::files::write_atomically;
-use wm_base::{Problem, npy};
+use wm_base::npy;
 
 /// A format of points, and of the detections of a radar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +37,7 @@ pub enum PointFormat {
 const FIELDS: &str = "float x, float y, float z, float intensity, float range, float time, \
                       uint column, ushort ring, uchar return, uchar class";
 /// Points that are written at once.
-const PART_POINTS: usize = 4096;
+const PART_ITEMS: usize = 4096;
 
 impl PointFormat {
     /// The format of points in a file, by its name's extension.
@@ -80,13 +79,14 @@ impl PointFormat {
 }
 
 /// The header of a PLY of records of `fields`, their types and names.
-pub(crate) fn ply_header(comments: &str, fields: &str, count: usize) -> String {
+pub(crate) fn ply_header(comments: &str, fields: &str, count: usize) -> Vec<u8> {
     let fields: String = fields.split(", ").map(|field| format!("property {field}\n")).collect();
     format!("ply\nformat binary_little_endian 1.0\n{comments}element vertex {count}\n{fields}end_header\n")
+        .into()
 }
 
 /// The header of a PCD of the same.
-pub(crate) fn pcd_header(comments: &str, fields: &str, count: usize) -> String {
+pub(crate) fn pcd_header(comments: &str, fields: &str, count: usize) -> Vec<u8> {
     let mut lines = ["FIELDS", "SIZE", "TYPE", "COUNT"].map(String::from);
     for (kind, name) in fields.split(", ").filter_map(|field| field.split_once(' ')) {
         let (size, kind) = match kind {
@@ -105,6 +105,7 @@ pub(crate) fn pcd_header(comments: &str, fields: &str, count: usize) -> String {
          WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n",
         lines.join("\n")
     )
+    .into()
 }
 
 impl LidarSweep {
@@ -122,15 +123,15 @@ impl LidarSweep {
                     self.time[0],
                     self.origin_line("comment ")
                 );
-                self.records(path, &ply_header(&about, FIELDS, self.points.len()), record)
+                write_records(path, &ply_header(&about, FIELDS, self.points.len()), &self.points, record)
             }
             PointFormat::Pcd => {
                 let [x, y, z, w] = glam::DQuat::from_mat3(&self.pose.world_from_sensor).to_array();
                 let origin = self.origin_line("# ");
                 let about = format!("# {name}; sensor in the scene, wxyz: {w} {x} {y} {z}\n{origin}");
-                self.records(path, &pcd_header(&about, FIELDS, self.points.len()), record)
+                write_records(path, &pcd_header(&about, FIELDS, self.points.len()), &self.points, record)
             }
-            PointFormat::Bin => self.records(path, "", |point, out| {
+            PointFormat::Bin => write_records(path, b"", &self.points, |point, out| {
                 let [x, y, z] = point.position;
                 [x, y, z, point.intensity / 255.0].iter().for_each(|v| out.extend(v.to_le_bytes()));
             }),
@@ -155,34 +156,25 @@ impl LidarSweep {
             [x, y, z] => format!("{comment}origin in the world: {x} {y} {z} m\n"),
         }
     }
-
-    /// Writes a header and a record a point.
-    fn records(
-        &self,
-        path: &Path,
-        header: &str,
-        record: impl Fn(&LidarPoint, &mut Vec<u8>),
-    ) -> Result<(), SensorError> {
-        write_atomically(path, |out| {
-            out.write_all(header.as_bytes())?;
-            write_parts(&self.points, out, record)
-        })?;
-        Ok(())
-    }
 }
 
-/// Writes records part by part.
-fn write_parts(
-    points: &[LidarPoint],
-    out: &mut dyn Write,
-    record: impl Fn(&LidarPoint, &mut Vec<u8>),
-) -> Result<(), Problem> {
-    let mut bytes = Vec::new();
-    for part in points.chunks(PART_POINTS) {
-        bytes.clear();
-        part.iter().for_each(|point| record(point, &mut bytes));
-        out.write_all(&bytes)?;
-    }
+/// Writes a header and a record of each item, part by part.
+pub(crate) fn write_records<T>(
+    path: &Path,
+    header: &[u8],
+    items: &[T],
+    record: impl Fn(&T, &mut Vec<u8>),
+) -> Result<(), SensorError> {
+    write_atomically(path, |out| {
+        out.write_all(header)?;
+        let mut bytes = Vec::new();
+        for part in items.chunks(PART_ITEMS) {
+            bytes.clear();
+            part.iter().for_each(|item| record(item, &mut bytes));
+            out.write_all(&bytes)?;
+        }
+        Ok(())
+    })?;
     Ok(())
 }
 

@@ -10,9 +10,8 @@
 
 use super::sweep::{RadarDetection, RadarSweep};
 use crate::error::SensorError;
-use crate::formats::{PointFormat, pcd_header, ply_header};
+use crate::formats::{PointFormat, pcd_header, ply_header, write_records};
 use std::path::Path;
-use wm_base::files::write_atomically;
 use wm_base::npy;
 
 /// Types and names of the numbers of a detection, in order.
@@ -50,12 +49,9 @@ impl RadarSweep {
                 return Ok(npy::write(path, &values, &[count, 11])?);
             }
         };
-        let mut bytes = header.into_bytes();
-        for one in &self.detections {
-            numbers(one).iter().for_each(|v| bytes.extend(v.to_le_bytes()));
-            bytes.push(one.class as u8);
-        }
-        write_atomically(path, |out| Ok(out.write_all(&bytes)?))?;
-        Ok(())
+        write_records(path, &header, &self.detections, |one, out| {
+            numbers(one).iter().for_each(|v| out.extend(v.to_le_bytes()));
+            out.push(one.class as u8);
+        })
     }
 }

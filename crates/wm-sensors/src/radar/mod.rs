@@ -8,7 +8,7 @@
 //! # Types to know
 //! - [`RadarModel`]: a radar, from a preset ([`RADAR_PRESETS`]) or a TOML file.
 //! - [`RadarScene`]: splats and weather.
-//! - [`radar_sweep`], [`RadarOptions`]: one sweep.
+//! - [`radar_sweep`], [`RadarScanOptions`]: one sweep.
 //! - [`RadarSweep`]: its detections, which [`RadarSweep::save`] writes as PLY, PCD or NPY.
 //!
 //! # Example
@@ -18,7 +18,7 @@
 //! use wm_render::RaySplats;
 //! use wm_render::simd::SimdPath;
 //! use wm_scene::Splats;
-//! use wm_sensors::radar::{RadarClass, RadarModel, RadarOptions, RadarScene, radar_sweep};
+//! use wm_sensors::radar::{RadarClass, RadarModel, RadarScanOptions, RadarScene, radar_sweep};
 //! use wm_sensors::{EvenMotion, SensorPose};
 //! use wm_weather::{Site, Weather};
 //!
@@ -38,7 +38,7 @@
 //! let start = SensorPose::upright(DVec3::ZERO, DVec3::X, DVec3::Z);
 //! let motion = EvenMotion { start, velocity: DVec3::X * 10.0 };
 //! let radar = RadarModel::find("mid-range-77")?;
-//! let made = radar_sweep(&radar, &motion, &scene, &RadarOptions::default());
+//! let made = radar_sweep(&radar, &motion, &scene, &RadarScanOptions::default());
 //! let found = made.detections.iter().find(|one| one.class == RadarClass::Surface).unwrap();
 //! assert!((found.range - 40.0).abs() < 0.3 && (found.velocity + 10.0).abs() < 0.12);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -67,4 +67,4 @@ mod tests;
 
 pub use crate::presets::RADAR_PRESETS;
 pub use model::RadarModel;
-pub use sweep::{RadarClass, RadarDetection, RadarOptions, RadarScene, RadarSweep, radar_sweep};
+pub use sweep::{RadarClass, RadarDetection, RadarScanOptions, RadarScene, RadarSweep, radar_sweep};

@@ -40,16 +40,16 @@ pub struct RadarScene<'a> {
     pub path: SimdPath,
 }
 
-/// Options of a radar's sweep.
+/// Options of the sweeps of a scan by radar.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct RadarOptions {
-    /// Start of the sweep, s; the weather must be prepared for this time.
+pub struct RadarScanOptions {
+    /// Start of sweep 0, s: of the weather, and along the path.
     pub time: f64,
-    /// The number, which random numbers depend on.
+    /// The number of the sweep, or of the first: random numbers depend on it.
     pub index: u32,
     /// The seed of noise, speckle and rays.
     pub seed: u64,
-    /// The number of the sensor on its car.
+    /// The number of the radar on its rig: its noise depends on it.
     pub sensor: u8,
     /// The axes of the detections: [`PointFrame::Raw`] is the same as [`PointFrame::Compensated`].
     pub frame: PointFrame,
@@ -151,16 +151,18 @@ const TURBULENCE_M_S: f64 = 1.0;
 /// Standard deviation of the response in velocity, cells.
 const VELOCITY_BLUR_CELLS: f64 = 0.6;
 
-/// Makes one sweep of a radar, on the threads of the current pool.
+/// Makes one sweep of a radar, on the threads of the current pool, in a weather that is prepared
+/// for its time. It begins as many periods after the start as its number says.
 #[must_use]
 pub fn radar_sweep(
     model: &RadarModel,
     motion: &dyn SensorMotion,
     scene: &RadarScene<'_>,
-    options: &RadarOptions,
+    options: &RadarScanOptions,
 ) -> RadarSweep {
-    let pose = motion.pose(options.time);
-    let moved = motion.pose(options.time + VELOCITY_WINDOW_S).origin - pose.origin;
+    let time = options.time + f64::from(options.index) * model.period();
+    let pose = motion.pose(time);
+    let moved = motion.pose(time + VELOCITY_WINDOW_S).origin - pose.origin;
     let velocity = moved * (scene.site.metres_per_unit / VELOCITY_WINDOW_S);
     let random = RandomStream::new(options.seed, 0xc0 | u64::from(options.sensor & 0x3f), options.index);
     let view = FanView { model, scene, pose, velocity };
@@ -187,7 +189,7 @@ pub fn radar_sweep(
     let detections: Vec<Vec<RadarDetection>> = (0..azimuths).into_par_iter().map(of_azimuth).collect();
     RadarSweep {
         name: model.name.clone(),
-        time: [options.time, model.period()],
+        time: [time, model.period()],
         pose,
         velocity,
         metres_per_unit: scene.site.metres_per_unit,

@@ -47,7 +47,7 @@ fn swept(
     splats: &Splats,
     set: &[(&str, f64)],
     speed: f64,
-    options: &RadarOptions,
+    options: &RadarScanOptions,
 ) -> RadarSweep {
     let rays = RaySplats::new(splats, |_| true);
     let weather = prepared(set);
@@ -65,7 +65,7 @@ fn strongest(sweep: &RadarSweep) -> RadarDetection {
 fn a_plate_is_where_it_is_and_comes_as_fast_as_it_does() {
     let radar = radar();
     for (range, azimuth, speed) in [(40.0, 0.0, 0.0), (63.3, 7.3f64.to_radians(), 8.1), (90.2, -0.2, 15.0)] {
-        let made = swept(&radar, &plate(range, azimuth), &[], speed, &RadarOptions::default());
+        let made = swept(&radar, &plate(range, azimuth), &[], speed, &RadarScanOptions::default());
         let found = strongest(&made);
         println!("{range} m, {azimuth:.3}, {speed} m/s: {found:?}");
         assert_eq!(found.class, RadarClass::Surface);
@@ -81,9 +81,9 @@ fn a_plate_is_where_it_is_and_comes_as_fast_as_it_does() {
         assert!((f64::from(found.rcs) - asked).abs() < 1.0, "{found:?} for {asked}");
     }
     // Twice the greatest speed is folded to nothing.
-    let fast = strongest(&swept(&radar, &plate(40.0, 0.0), &[], 40.0, &RadarOptions::default()));
+    let fast = strongest(&swept(&radar, &plate(40.0, 0.0), &[], 40.0, &RadarScanOptions::default()));
     assert!(fast.velocity.abs() < 0.1 && fast.ground_velocity.abs() < 0.1, "{fast:?}");
-    let world = RadarOptions { frame: PointFrame::World, ..RadarOptions::default() };
+    let world = RadarScanOptions { frame: PointFrame::World, ..RadarScanOptions::default() };
     let world = strongest(&swept(&radar, &plate(40.0, 0.0), &[], 0.0, &world));
     assert!((world.position[0] - 40.0).abs() < 0.1);
 }
@@ -94,7 +94,7 @@ fn rain_takes_what_the_recommendation_says() {
     let wall = plate(100.0, 0.0);
     let rcs = |set: &[(&str, f64)]| {
         let all = (0..4).map(|seed| {
-            let options = RadarOptions { seed, ..RadarOptions::default() };
+            let options = RadarScanOptions { seed, ..RadarScanOptions::default() };
             f64::from(strongest(&swept(&radar, &wall, set, 0.0, &options)).rcs)
         });
         all.sum::<f64>() / 4.0
@@ -178,7 +178,7 @@ fn any_number_of_threads_gives_the_same_detections() {
     scene.append(&plate(35.0, -0.15));
     let made = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let options = RadarOptions { seed, ..RadarOptions::default() };
+        let options = RadarScanOptions { seed, ..RadarScanOptions::default() };
         pool.install(|| swept(&radar, &scene, &[("rain.rate", 50.0)], 9.0, &options))
     };
     let one = made(1, 5);
@@ -189,7 +189,7 @@ fn any_number_of_threads_gives_the_same_detections() {
 
 #[test]
 fn files_have_eleven_columns() {
-    let made = swept(&radar(), &plate(40.0, 0.0), &[], 0.0, &RadarOptions::default());
+    let made = swept(&radar(), &plate(40.0, 0.0), &[], 0.0, &RadarScanOptions::default());
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     for (name, end) in [("a.ply", "end_header\n"), ("a.PCD", "DATA binary\n")] {

@@ -112,7 +112,7 @@ fn sweeps(
 ) -> Result<(Vec<Timing>, usize)> {
     let lidar = LidarModel::parse(LIDAR, "64x1800")?;
     let motion = CameraMotion::from(*camera);
-    let options = ScanOptions { sweeps: rounds + WARM_UP, sub_rays, ..ScanOptions::default() };
+    let options = ScanOptions { sub_rays, ..ScanOptions::default() };
     let (mut times, mut points) = (Vec::new(), 0);
     let mut clock = Clock::start();
     let mut take = |sweep: weather_magician::lidar::LidarSweep| {
@@ -124,7 +124,8 @@ fn sweeps(
         Ok(())
     };
     let OpenScene { renderer, place } = loaded;
-    renderer.scan(place, weather, &lidar, &motion, &options, &mut take, &mut Reporter::default())?;
+    let (sweeps, progress) = (rounds + WARM_UP, &mut Reporter::default());
+    renderer.scan(place, weather, &lidar, &motion, &options, sweeps, &mut take, progress)?;
     times.drain(..times.len().min(WARM_UP as usize));
     Ok((times, points))
 }

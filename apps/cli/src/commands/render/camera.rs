@@ -224,13 +224,24 @@ impl CameraPlan {
         (time / self.rate.seconds(1)).round() as i64 as u32
     }
 
-    /// Returns the time and the camera of the frame after that at `time`, seconds. The camera of a
-    /// single picture with a speed moves ahead by it; in a sequence such a camera stays, as its
-    /// frames show it.
+    /// Returns the time and the camera of the frame after that at `time`, seconds.
     pub(crate) fn next(&self, time: f64, metres_per_unit: f64) -> (f64, MovingCamera) {
         let after = time + self.rate.seconds(1);
-        let since = if self.frames == 1 { time } else { after };
-        (after, self.motion.driven_since(since, after, metres_per_unit))
+        (after, self.beside(time, after, metres_per_unit))
+    }
+
+    /// Returns the camera of the frame before that at `time`, seconds; `None` at the start of a path.
+    pub(crate) fn previous(&self, time: f64, metres_per_unit: f64) -> Option<Camera> {
+        let is_driven = self.frames == 1 && self.motion.duration() == 0.0;
+        let is_first = !is_driven && self.index(time) == 0;
+        (!is_first).then(|| self.beside(time, time - self.rate.seconds(1), metres_per_unit).camera)
+    }
+
+    /// Returns the camera at another time than that of a frame. The camera of a single picture with
+    /// a speed moves by it; in a sequence such a camera stays, as its frames show it.
+    fn beside(&self, time: f64, other: f64, metres_per_unit: f64) -> MovingCamera {
+        let since = if self.frames == 1 { time } else { other };
+        self.motion.driven_since(since, other, metres_per_unit)
     }
 
     /// Returns the time of frame `index`, seconds.

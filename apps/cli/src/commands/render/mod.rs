@@ -79,17 +79,7 @@ struct OutputArgs {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in
-    /// the air, with their coverage), transmittance (of the air: one more render), clean (without
-    /// air and particles: one more), airlight (light that the air adds: three more), water (its
-    /// share of a pixel), reflection (of a pixel's light), water-depth (metres), flow (optical flow
-    /// of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's),
-    /// flow-mask (0 visible, 1 occluded, 2 outside, 3 unknown), particle-flow (of falling rain,
-    /// snow and hail), label and instance (of a scene that has them, 0 for none: one more render),
-    /// surface-depth (metres, of surfaces without what falls: one more), clear (the view without
-    /// any weather: one more); append .png, .exr or .npy, or .flo for flow, to choose another
-    /// format than the colour's
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help = also_help(), help_heading = "Output")]
     also: Vec<LayerFile>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay,
     /// filtered and final; with --set fidelity=paper
@@ -243,12 +233,21 @@ impl OutputTarget {
 
 /// The parts of a picture that the air changes.
 const AIR_LAYERS: Layers = Layers::TRANSMITTANCE.with(Layers::CLEAN).with(Layers::AIRLIGHT);
-/// Flow and labels.
-const LATER_LAYERS: Layers = Layers::FLOW
-    .with(Layers::FLOW_MASK)
-    .with(Layers::PARTICLE_FLOW)
-    .with(Layers::LABEL)
-    .with(Layers::INSTANCE);
+
+/// Returns the help of `--also`: every layer with a few words.
+fn also_help() -> String {
+    let beside = PictureLayer::all().filter(|layer| *layer != PictureLayer::Color);
+    let layers: Vec<String> = beside
+        .map(|layer| match layer.note() {
+            "" => layer.name().into(),
+            note => format!("{layer} ({note})"),
+        })
+        .collect();
+    format!(
+        "Further pictures: {}; append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's",
+        layers.join(", ")
+    )
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
@@ -303,7 +302,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let model = args.device.model(lens, &weather)?;
     layers.check(&model, &weather).context("--also")?;
     if args.output.stages {
-        if layers.without(LATER_LAYERS) != layers {
+        if layers.iter().any(PictureLayer::is_of_instant) {
             bail!("--stages: shows neither flow nor labels; leave one of the two out");
         }
         layers |= Layers::PAPER_STAGES;
@@ -408,11 +407,13 @@ impl RenderJob {
     /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
         let Self { renderer, place, weather, camera, layers, plan } = self;
-        let (after, moving) = plan.next(time, place.site().metres_per_unit);
+        let metres = place.site().metres_per_unit;
+        let (after, moving) = plan.next(time, metres);
         let request = FrameRequest {
             index: plan.index(time),
             layers: *layers,
             next: Some(NextFrame { time: after, camera: moving }),
+            previous: plan.previous(time, metres),
             ..FrameRequest::new(weather, &*camera, time)
         };
         Ok(renderer.render_into(place, &request, picture, &mut Reporter::default())?)

@@ -1,9 +1,9 @@
 //! The ground that snow and dust can lie on, by the airflow that carries them.
 
-use super::surfaces::SceneSurfaces;
 use crate::Result;
+use crate::assets::AssetKey;
 use crate::assets::cache::AssetFile;
-use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
+use crate::assets::kind::{Asset, AssetFiles, Keep, Workshop};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use wm_weather::cover::{Airflow, Cover};
 use wm_weather::open_water::OpenWater;
@@ -17,9 +17,6 @@ pub(crate) fn lock(cover: &Mutex<Cover>) -> MutexGuard<'_, Cover> {
 }
 
 impl Asset for Mutex<Cover> {
-    type Key = Airflow;
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Cover;
     const WORK: &'static str = "finding what snow can lie on";
     const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
         name: |Airflow { slope, moved }| AssetFile {
@@ -41,8 +38,7 @@ impl Asset for Mutex<Cover> {
 
     fn make(airflow: &Airflow, workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
-        let surfaces = workshop.get::<SceneSurfaces>(());
-        let found = surfaces.of(source.splats()?);
+        let found = workshop.surfaces()?;
         let water = workshop.get::<OpenWater>(());
         let (splats, site) = (source.splats()?, &source.site);
         let cover = Cover::of(splats, &found, site, airflow, source.path());

@@ -1,18 +1,15 @@
 //! The light of lamps, with the shadows that things cast in it.
 
-use super::surfaces::SceneSurfaces;
 use crate::Result;
+use crate::assets::AssetKey;
 use crate::assets::cache::AssetFile;
-use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
+use crate::assets::kind::{Asset, AssetFiles, Keep, Workshop};
 use wm_weather::light::{CaptureLight, LampLights, LampShadows};
 
 /// Lamps whose light is kept: those of the scene, and those that are guessed along the path.
 const MAX_LAMP_SOURCES: usize = 2;
 
 impl Asset for LampShadows {
-    type Key = LampLights;
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Lamps;
     const WORK: &'static str = "casting the shadows of the lamps";
     // They are of single precision: four digits name them, and who reads them compares the others.
     const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
@@ -35,8 +32,7 @@ impl Asset for LampShadows {
 
     fn make(lamps: &LampLights, workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
-        let surfaces = workshop.get::<SceneSurfaces>(());
-        let found = surfaces.of(source.splats()?);
+        let found = workshop.surfaces()?;
         let capture = workshop.get::<CaptureLight>(());
         let points = found.places(source.splats()?);
         Ok(Self::of(lamps, &found.casters(), &capture, points, &source.site)?)

@@ -1,17 +1,14 @@
 //! The light of the capture, split into sun and sky.
 
 use super::standing::StandingOccluders;
-use super::surfaces::SceneSurfaces;
 use crate::Result;
+use crate::assets::AssetKey;
 use crate::assets::cache::AssetFile;
-use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
+use crate::assets::kind::{Asset, AssetFiles, Keep, Workshop};
 use wm_scene::Camera;
 use wm_weather::light::CaptureLight;
 
 impl Asset for CaptureLight {
-    type Key = ();
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Light;
     const WORK: &'static str = "splitting the light of the capture into sun and sky";
     const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
         name: |()| AssetFile { word: "light", numbers: Vec::new() },
@@ -26,8 +23,7 @@ impl Asset for CaptureLight {
 
     fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
-        let surfaces = workshop.get::<SceneSurfaces>(());
-        let found = surfaces.of(source.splats()?);
+        let found = workshop.surfaces()?;
         let standing = workshop.get::<StandingOccluders>(());
         let cameras: Vec<Camera> = source.scene.views.iter().map(|view| view.camera).collect();
         let (splats, sun, site) = (source.splats()?, source.known_sun, &source.site);

@@ -2,14 +2,12 @@
 
 use super::cover::lock;
 use crate::Result;
-use crate::assets::kind::{Asset, AssetKey, Cost, Keep, LyingKey, Workshop};
+use crate::assets::AssetKey;
+use crate::assets::kind::{Asset, Cost, Keep, LyingKey, Workshop};
 use std::sync::Mutex;
 use wm_weather::cover::{Cover, LyingCover};
 
 impl Asset for LyingCover {
-    type Key = LyingKey;
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Lying;
     const WORK: &'static str = "laying out the snow";
     // The renderer keeps it.
     const KEEP: Keep = Keep::IfAsked;

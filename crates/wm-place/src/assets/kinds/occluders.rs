@@ -1,7 +1,7 @@
 //! The surfaces that may stop what falls: roofs and crowns.
 
 use crate::Result;
-use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
+use crate::assets::kind::{Asset, Keep, Workshop};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::shelter::{Occluders, ShelterOptions};
 
@@ -10,9 +10,6 @@ use wm_weather::shelter::{Occluders, ShelterOptions};
 const SHELTER_REACH_M: f64 = 100.0;
 
 impl Asset for Occluders {
-    type Key = ();
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Occluders;
     const WORK: &'static str = "finding where roofs keep the rain off";
     const KEEP: Keep = Keep::Last(1);
 

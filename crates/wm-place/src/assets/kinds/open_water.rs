@@ -1,14 +1,11 @@
 //! The open water of the photos, where nothing lies and nothing gets wet.
 
-use super::surfaces::SceneSurfaces;
 use crate::Result;
-use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
+use crate::assets::AssetKey;
+use crate::assets::kind::{Asset, Keep, Workshop};
 use wm_weather::open_water::OpenWater;
 
 impl Asset for OpenWater {
-    type Key = ();
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::OpenWater;
     const WORK: &'static str = "finding open water";
     const KEEP: Keep = Keep::No;
 
@@ -19,8 +16,7 @@ impl Asset for OpenWater {
     fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
         let metadata = &source.scene.metadata;
-        let surfaces = workshop.get::<SceneSurfaces>(());
-        let found = surfaces.of(source.splats()?);
+        let found = workshop.surfaces()?;
         let mut water = Self::of(&found.splats, metadata.water.as_deref(), &source.site);
         water.add_labelled(source.splats()?, metadata.water_labels.as_deref().unwrap_or_default());
         Ok(water)

@@ -1,17 +1,15 @@
 //! The map of where a fall leaves the ground dry, by its direction.
 
 use crate::Result;
+use crate::assets::AssetKey;
 use crate::assets::cache::AssetFile;
-use crate::assets::kind::{Asset, AssetFiles, AssetKey, Cost, Keep, Workshop};
+use crate::assets::kind::{Asset, AssetFiles, Cost, Keep, Workshop};
 use wm_weather::shelter::{Occluders, Shelter};
 
 /// Directions of fall whose maps are kept: enough for a wind that turns.
 const MAX_FALLS: usize = 6;
 
 impl Asset for Shelter {
-    type Key = [f64; 3];
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Shelter;
     const WORK: &'static str = "finding where roofs keep the rain off";
     const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
         name: |fall| AssetFile { word: "shelter", numbers: fall.to_vec() },

@@ -1,8 +1,8 @@
-//! What stands in the way of the sun: the surfaces that cast shadows, without what hangs in the air.
+//! Occluders of the sun: the surfaces that cast shadows, without what hangs in the air.
 
-use super::surfaces::SceneSurfaces;
 use crate::Result;
-use crate::assets::kind::{Asset, AssetKey, Keep, Workshop};
+use crate::assets::AssetKey;
+use crate::assets::kind::{Asset, Keep, Workshop};
 use wm_weather::shelter::{Occluders, ShelterOptions};
 
 /// Distance from the photos' path up to which the light is split finely, m.
@@ -12,9 +12,6 @@ const LIGHT_REACH_M: f64 = 60.0;
 pub(crate) struct StandingOccluders(pub Occluders);
 
 impl Asset for StandingOccluders {
-    type Key = ();
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Standing;
     const WORK: &'static str = "finding what casts shadows";
     const KEEP: Keep = Keep::No;
 
@@ -24,8 +21,7 @@ impl Asset for StandingOccluders {
 
     fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
-        let surfaces = workshop.get::<SceneSurfaces>(());
-        let found = surfaces.of(source.splats()?);
+        let found = workshop.surfaces()?;
         let focus = Some((source.path(), LIGHT_REACH_M));
         let options = ShelterOptions { focus, ..ShelterOptions::default() };
         Ok(Self(Occluders::of(&found.casters(), &source.site, &options).standing()))

@@ -1,17 +1,15 @@
 //! The shadows of a sun, by the direction towards it.
 
 use crate::Result;
+use crate::assets::AssetKey;
 use crate::assets::cache::AssetFile;
-use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
+use crate::assets::kind::{Asset, AssetFiles, Keep, Workshop};
 use wm_weather::light::{CaptureLight, ShadowCasters, SunShadows};
 
 /// Places of the sun whose shadows are kept.
 const MAX_SUNS: usize = 4;
 
 impl Asset for SunShadows {
-    type Key = [f64; 3];
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::SunShadows;
     const WORK: &'static str = "casting the shadows of the sun";
     const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
         name: |sun| AssetFile { word: "sun", numbers: sun.to_vec() },

@@ -2,44 +2,25 @@
 
 use crate::Result;
 use crate::assets::cache::AssetFile;
-use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
-use std::ops::Deref;
+use crate::assets::kind::{Asset, AssetFiles, Keep, Workshop};
+use std::borrow::Cow;
 use wm_scene::Splats;
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField};
 
 /// The surfaces of a scene; without photos they are its splats themselves.
 pub(crate) struct SceneSurfaces(Option<FusedSurfaces<'static>>);
 
-/// The surfaces of a scene whose splats are at hand.
-pub(crate) enum SurfacesOf<'a> {
-    Fused(&'a FusedSurfaces<'static>),
-    Splats(Box<FusedSurfaces<'a>>),
-}
-
-impl<'a> Deref for SurfacesOf<'a> {
-    type Target = FusedSurfaces<'a>;
-
-    fn deref(&self) -> &FusedSurfaces<'a> {
-        match self {
-            Self::Fused(found) => found,
-            Self::Splats(found) => found,
-        }
-    }
-}
-
 impl SceneSurfaces {
-    pub fn of<'a>(&'a self, splats: &'a Splats) -> SurfacesOf<'a> {
+    /// The surfaces of the scene with these splats.
+    pub fn of<'a>(&'a self, splats: &'a Splats) -> Cow<'a, FusedSurfaces<'a>> {
         match &self.0 {
-            Some(found) => SurfacesOf::Fused(found),
-            None => SurfacesOf::Splats(Box::new(FusedSurfaces::from_splats(splats))),
+            Some(found) => Cow::Borrowed(found),
+            None => Cow::Owned(FusedSurfaces::from_splats(splats)),
         }
     }
 }
 
 impl Asset for SceneSurfaces {
-    type Key = ();
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Surfaces;
     const WORK: &'static str = "finding the surfaces that the photos show";
     const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
         name: |()| AssetFile { word: "surfaces", numbers: Vec::new() },

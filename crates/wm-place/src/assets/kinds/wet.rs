@@ -1,17 +1,14 @@
 //! The surfaces that get wet.
 
-use super::surfaces::SceneSurfaces;
 use crate::Result;
+use crate::assets::AssetKey;
 use crate::assets::cache::AssetFile;
-use crate::assets::kind::{Asset, AssetFiles, AssetKey, Keep, Workshop};
+use crate::assets::kind::{Asset, AssetFiles, Keep, Workshop};
 use wm_weather::light::CaptureLight;
 use wm_weather::open_water::OpenWater;
 use wm_weather::wetness::WetSurfaces;
 
 impl Asset for WetSurfaces {
-    type Key = ();
-
-    const KEY: fn(Self::Key) -> AssetKey = AssetKey::Wet;
     const WORK: &'static str = "finding what gets wet";
     const FILES: Option<AssetFiles<Self>> = Some(AssetFiles {
         name: |()| AssetFile { word: "wet", numbers: Vec::new() },
@@ -26,8 +23,7 @@ impl Asset for WetSurfaces {
 
     fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
         let source = workshop.source;
-        let surfaces = workshop.get::<SceneSurfaces>(());
-        let found = surfaces.of(source.splats()?);
+        let found = workshop.surfaces()?;
         let capture = workshop.get::<CaptureLight>(());
         let water = workshop.get::<OpenWater>(());
         let (splats, path, is_up_known) = (source.splats()?, source.path(), source.is_up_known);
