@@ -22,8 +22,6 @@ use wm_image::png::DepthScale;
 const MANIFEST: &str = "rig.json";
 /// Maximum number of pictures and sweeps of a run.
 const MAX_FILES: usize = 1_000_000;
-/// Most sweeps that are made together, since all are in memory.
-const MAX_AHEAD: usize = 32;
 
 /// The place, the weather and the path of a rig.
 struct RigJob<'a> {
@@ -107,11 +105,12 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
 }
 
 impl RigJob<'_> {
-    /// The file of a picture or sweep.
-    fn file(&self, sensor: &RigSensor, index: u32) -> PathBuf {
+    /// The file of each picture or sweep of a sensor, by its number.
+    fn files_of(&self, sensor: &RigSensor) -> impl Fn(u32) -> PathBuf + use<> {
         let extension =
             sensor.device.extension().unwrap_or_else(|| self.args.output.frame_format.extension());
-        self.folder.join(&sensor.name).join(format!("{index:06}.{extension}"))
+        let folder = self.folder.join(&sensor.name);
+        move |index| folder.join(format!("{index:06}.{extension}"))
     }
 
     /// Makes what a sensor sees; returns the numbers of files that were written and that were
@@ -124,8 +123,9 @@ impl RigJob<'_> {
         // The colour is written first and the other pictures after it: a frame is complete if the
         // last one exists.
         let last = self.args.output.also.last().filter(|_| sensor.device.camera().is_some());
+        let file = self.files_of(sensor);
         let is_there = |index: u32| {
-            let file = self.file(sensor, index);
+            let file = file(index);
             let other = |also: &LayerFile| PictureStyle::path_of(*also, format, &file).exists();
             file.exists() && last.is_none_or(other)
         };
@@ -137,31 +137,37 @@ impl RigJob<'_> {
         let mut run = sensor.device.begin(motion.clone(), number as u32);
         let layers = layers_of(&self.args.output.also);
         let mut reading = SensorData::default();
-        for (at, (index, time)) in missing.iter().enumerate() {
-            stop_if_asked()?;
-            let rest = missing[at..].iter().zip(*index..).take_while(|((other, _), index)| other == index);
-            let instant = SensorInstant {
-                weather: self.weather,
-                start: self.start + sensor.phase,
-                time: *time,
-                index: *index,
-                rate: sensor.rate,
-                ahead: rest.take(MAX_AHEAD).count() as u32,
-                seed: 0,
-                layers,
-            };
-            let OpenScene { renderer, place } = &mut self.loaded;
-            let progress = &mut Reporter::default();
-            match run.read(renderer, place, &instant, &mut reading, progress) {
-                Err(Error::Stopped) => return Err(stopped()),
-                read => read?,
+        for rest in missing.chunk_by(|(index, _), (next, _)| index + 1 == *next) {
+            let mut at = 0;
+            while let Some((index, time)) = rest.get(at).copied() {
+                stop_if_asked()?;
+                let instant = SensorInstant {
+                    weather: self.weather,
+                    start: self.start + sensor.phase,
+                    time,
+                    index,
+                    rate: sensor.rate,
+                    ahead: (rest.len() - at) as u32,
+                    seed: 0,
+                    layers,
+                };
+                let style = match sensor.device.camera() {
+                    Some(_) => self.style(sensor, &motion.camera(time), time),
+                    None => PictureStyle::default(),
+                };
+                let Self { loaded: OpenScene { renderer, place }, bar, .. } = self;
+                let mut save = |reading: &mut SensorData| {
+                    reading.save(&file(rest[at].0), &style)?;
+                    bar.inc(1);
+                    at += 1;
+                    Ok(())
+                };
+                let progress = &mut Reporter::default();
+                match run.read_ahead(renderer, place, &instant, &mut reading, &mut save, progress) {
+                    Ok(0) | Err(Error::Stopped) => return Err(stopped()),
+                    made => made?,
+                };
             }
-            let style = match sensor.device.camera() {
-                Some(_) => self.style(sensor, &motion.camera(*time), *time),
-                None => PictureStyle::default(),
-            };
-            reading.save(&self.file(sensor, *index), &style)?;
-            self.bar.inc(1);
         }
         Ok((missing.len(), kept))
     }
@@ -208,7 +214,7 @@ impl RigJob<'_> {
 
     fn sensor_manifest(&self, sensor: &RigSensor) -> Json {
         let metres = self.loaded.place.site().metres_per_unit;
-        let motion = sensor.motion(&self.base, metres);
+        let (motion, file) = (sensor.motion(&self.base, metres), self.files_of(sensor));
         let frames: Vec<Json> = sensor
             .times(self.start, self.seconds)
             .map(|(index, time)| {
@@ -219,7 +225,7 @@ impl RigJob<'_> {
                     let turned = rows.col(k);
                     [turned.x, turned.y, turned.z, at[k]]
                 };
-                let file = self.file(sensor, index);
+                let file = file(index);
                 let name = file.strip_prefix(&self.folder).unwrap_or(&file).display().to_string();
                 let last = [0.0, 0.0, 0.0, 1.0];
                 json!({ "file": name.replace('\\', "/"), "time": time, "world_from_sensor": [row(0), row(1), row(2), last] })
