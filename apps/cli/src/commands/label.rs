@@ -1,7 +1,6 @@
 //! `label`: gives splats labels or instances by masks of the photos.
 
 use crate::choices::{Choice, one_of};
-use crate::interrupt::{self, Interrupted};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::scene::{RunArgs, check, read_options, read_saying_remarks, save};
@@ -80,17 +79,11 @@ pub(crate) fn run(args: &LabelArgs) -> Result<()> {
     let masks = masks(&scene, args)?;
     let mut renderer = args.run.differentiable()?;
     let mut votes = LabelVotes::new(&scene.splats, scene.metadata.rasterization.unwrap_or_default());
-    let bar = progress::bar(masks.len() as u64, "masks");
-    for (camera, path) in &masks {
-        if interrupt::asked() {
-            bail!(Interrupted("nothing was written".into()));
-        }
+    progress::for_each(masks.iter(), "masks", "nothing was written", |(camera, path), _| {
         let (width, height) = PhotoSize::Longest(MAX_PICTURE_SIDE_PX).reduced(camera.width, camera.height);
         let camera = camera.resized(width, height);
-        votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?;
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?)
+    })?;
     let VotedLabels { labels, unseen, won } = votes.finish();
     let kind = args.kind;
     let count = labels.len();

@@ -11,8 +11,9 @@ mod report;
 mod sensors;
 mod training;
 
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::names::stem_of;
+use crate::output::print_json;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs, read_saying_remarks};
@@ -113,17 +114,14 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
 /// Prints reports as JSON, or by `print` for people.
 fn show<R: Serialize>(args: &BenchArgs, reports: &[R], print: impl FnOnce(&[R])) -> Result<()> {
     if args.json {
-        println!("{}", serde_json::to_string_pretty(reports)?);
-    } else {
-        print(reports);
+        return print_json(reports);
     }
+    print(reports);
     Ok(())
 }
 
-/// The error of a measurement that was stopped.
-fn incomplete() -> anyhow::Error {
-    Interrupted("the measurement is not complete".into()).into()
-}
+/// The words of a measurement that was stopped.
+pub(crate) const INCOMPLETE: &str = "the measurement is not complete";
 
 /// Calls `measure` for each scene with its name, the scene and the camera.
 fn each<R>(
@@ -341,9 +339,7 @@ fn measure_scene(
         bar.finish_and_clear();
         paths.push(PathSpeed::new(path.to_string(), &frames[0], &frames[1]));
     }
-    if interrupt::asked() {
-        return Err(incomplete());
-    }
+    interrupt::check(INCOMPLETE)?;
     let threads = ThreadsReport::new(threads, &pair[0], &pair[1]);
     Ok(SceneReport::new(name, loaded, &camera, measured, Some(threads), paths, memory))
 }

@@ -8,14 +8,14 @@
 //! picture the growth of time with pixels and splats. Numbers of different machines do not compare
 //! programs: the table names the machine.
 
-use super::BenchArgs;
 use super::measure::{BenchCase, BenchTarget, turns};
+use super::{BenchArgs, INCOMPLETE};
 use crate::interrupt;
+use crate::output::{json_text, make_folder, print_json, write_text};
 use crate::progress;
 use crate::report::plot::{Axis, Plot, Series};
-use crate::report::write_text;
 use crate::scene::{OpenScene, RunArgs};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         super::each(&args, |name, loaded, camera| table.add(name, loaded, &camera, &args.run, args.frames))?;
     }
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&table)?);
+        print_json(&table)?;
     } else {
         print!("{}", table.markdown());
     }
@@ -136,9 +136,7 @@ impl SpeedTable {
             super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
         let bar = progress::bar(u64::from(rounds), "rounds");
         let measured = super::in_turns(loaded, camera, &cases, run, rounds, &bar)?;
-        if interrupt::asked() {
-            return Err(super::incomplete());
-        }
+        interrupt::check(INCOMPLETE)?;
         let device = loaded.renderer.describe();
         let seconds = |case: &&str| -> Option<f64> {
             let place = cases.iter().position(|known| known.name == *case)?;
@@ -266,10 +264,9 @@ pub(crate) fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
 const TABLE: &str = "speed.md";
 
 fn write(table: &SpeedTable, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
-    let json = serde_json::to_string_pretty(table)? + "\n";
-    let mut files = vec![(TABLE, table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
+    make_folder(folder)?;
+    let mut files =
+        vec![(TABLE, table.markdown()), ("speed.csv", csv(table)), ("speed.json", json_text(table)?)];
     files.extend(plots(table).into_iter().map(|(name, plot)| (name, plot.svg())));
     for (name, text) in files {
         write_text(&folder.join(name), &text)?;

@@ -1,7 +1,7 @@
 //! Sensors of a scene: lidar sweeps, and pictures through a fisheye against those of a pinhole.
 
-use super::BenchArgs;
 use super::measure::{Clock, Timing, WARM_UP, median};
+use super::{BenchArgs, INCOMPLETE};
 use crate::interrupt;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
@@ -90,9 +90,7 @@ pub(crate) fn measure(
         cases.push(SensorCase::new(names[1], &fisheye, Some(&pinhole), None));
     }
     bar.finish_and_clear();
-    if interrupt::asked() {
-        return Err(super::incomplete());
-    }
+    interrupt::check(INCOMPLETE)?;
     Ok(SensorReport {
         scene: name.to_owned(),
         splats: loaded.place.scene().splats.len(),

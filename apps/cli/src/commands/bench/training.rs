@@ -1,7 +1,7 @@
 //! Training steps, measured on a scene's own splats.
 
-use super::BenchArgs;
 use super::measure::{Clock, Timing, WARM_UP, median};
+use super::{BenchArgs, INCOMPLETE};
 use crate::interrupt;
 use crate::progress;
 use crate::scene::RunArgs;
@@ -117,9 +117,7 @@ pub(crate) fn measure(
     let mut steps: [Vec<Step>; 2] = Default::default();
     for round in 0..args.frames + WARM_UP {
         for (trainer, steps) in trainers.iter_mut().zip(&mut steps) {
-            if interrupt::asked() {
-                return Err(super::incomplete());
-            }
+            interrupt::check(INCOMPLETE)?;
             // A GPU goes on with a step after the call, and the next call waits for it: it must
             // find the rest of a step.
             trainer.step(&truth, 0)?;

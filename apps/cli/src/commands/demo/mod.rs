@@ -10,7 +10,8 @@ pub(crate) mod street;
 
 use super::reconstruct::CHECKPOINT;
 use crate::choices::{ENCODERS, one_of};
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::stopped;
+use crate::output::make_folder;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{OpenScene, RunArgs};
@@ -201,8 +202,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     if !args.sampled {
         args.overwrite.check(&photos::run_folder(&path).join(CHECKPOINT), &[], OTHER)?;
     }
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
+    make_folder(&args.out)?;
     let film = args.out.join("fog.mp4");
     if args.wants(DemoOutput::Film) {
         // An unsuitable size or folder is reported before the work starts.
@@ -278,21 +278,21 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The words of stopped work on a file.
+fn not_written(path: &Path) -> String {
+    format!("{} is not written", path.display())
+}
+
 /// Renders one view in every weather of [`SHEET`].
 fn draw_sheet(studio: &mut OpenScene, camera: &Camera, path: &Path) -> Result<()> {
-    let bar = progress::bar(SHEET.len() as u64, "pictures");
     let mut pictures = Vec::new();
-    for (name, change) in SHEET {
-        if interrupt::asked() {
-            return Err(Interrupted(format!("{} is not written", path.display())).into());
-        }
+    progress::for_each(SHEET.into_iter(), "pictures", &not_written(path), |(name, change), _| {
         let mut weather = Weather::find(name)?;
         change.map_or(Ok(()), |change| weather.set_text(change))?;
         let picture = studio.renderer.render(&mut studio.place, &FrameRequest::new(&weather, camera, 0.0))?;
         pictures.push((picture.frame.rgb, label(&weather)));
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(())
+    })?;
     let panels: Vec<sheet::SheetPanel<'_>> =
         pictures.iter().map(|(rgb, label)| sheet::SheetPanel { rgb, label }).collect();
     let layout =
@@ -331,7 +331,7 @@ fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
     let frames: Vec<u32> = (0..all).collect();
     let written = render_and_write(&frames, &mut render, &mut write, &mut Reporter::default())?;
     if written < all {
-        return Err(Interrupted(format!("{} is not written", path.display())).into());
+        return Err(stopped(not_written(path)));
     }
     let report = sink.finish()?;
     println!(

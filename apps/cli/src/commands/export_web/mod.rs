@@ -11,7 +11,7 @@ mod single_file;
 mod site;
 
 use crate::commands::render::camera::ViewpointArgs;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
@@ -215,12 +215,12 @@ fn check_weather(weather: &Weather) -> Result<()> {
     }
 }
 
+/// The words of a stopped export.
+const NOT_WRITTEN: &str = "no site is written";
+
 /// Fails if Ctrl-C was pressed.
 fn stop_if_asked() -> Result<()> {
-    if interrupt::asked() {
-        bail!(Interrupted("no site is written".into()));
-    }
-    Ok(())
+    interrupt::check(NOT_WRITTEN)
 }
 
 /// Returns the lines about the parts of a site.

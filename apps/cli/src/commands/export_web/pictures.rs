@@ -1,7 +1,7 @@
 //! The pictures of a site: its poster, its video, and a small picture of each preset.
 
 use super::output::{make_folder, write};
-use super::{resized, stop_if_asked};
+use super::{NOT_WRITTEN, resized, stop_if_asked};
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
 use anyhow::{Error, Result};
@@ -51,12 +51,10 @@ pub(crate) fn poster(
 pub(crate) fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
     make_folder(folder)?;
     let camera = resized(start, thumbnail::WIDTH);
-    let bar = progress::bar(PRESETS.len() as u64, "thumbnails");
     let (mut names, mut picture) = (Vec::new(), Picture::default());
     let OpenScene { renderer, place } = loaded;
-    for (name, _) in PRESETS {
-        stop_if_asked()?;
-        let Some((weather, time)) = thumbnail_weather(name).map_err(Error::msg)? else { continue };
+    progress::for_each(PRESETS.iter(), "thumbnails", NOT_WRITTEN, |(name, _), _| {
+        let Some((weather, time)) = thumbnail_weather(name).map_err(Error::msg)? else { return Ok(()) };
         let missing = place.missing_assets(&weather, time);
         let is_similar = !missing.is_empty() && place.has_similar(&missing);
         let patience = if is_similar { Patience::Draft } else { Patience::Whole };
@@ -66,9 +64,8 @@ pub(crate) fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) 
             write(&folder.join(format!("{name}.jpg")), &jpeg(&picture.frame, thumbnail::QUALITY)?)?;
             names.push((*name).to_owned());
         }
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(())
+    })?;
     // They are of weathers that nobody asked for.
     loaded.place.take_warnings();
     Ok(names)

@@ -1,7 +1,7 @@
 //! The scene of a site: written for the browser, and opened again as the browser will see it.
 
 use super::output::make_folder;
-use super::{ExportWebArgs, MEMORY, at};
+use super::{ExportWebArgs, MEMORY, NOT_WRITTEN, at};
 use crate::choices::sky_word;
 use crate::commands::convert::levels;
 use crate::progress;
@@ -158,15 +158,12 @@ fn known(stated: Metadata, survey: &Survey) -> Metadata {
 /// the index is last. With `repairs` files that are missing or damaged are left out.
 fn copy_levels(index: &LevelIndex, folder: &Path, repairs: bool) -> Result<()> {
     let names: Vec<&String> = index.files.iter().chain(&index.environment).collect();
-    let bar = progress::bar(names.len() as u64, "copying the scene");
-    for name in names {
-        super::stop_if_asked()?;
+    progress::for_each(names.into_iter(), "copying the scene", NOT_WRITTEN, |name, bar| {
         match index.write_bundle(name, folder) {
             Err(error) if repairs => bar.suspend(|| eprintln!("warning: {error}; it is left out")),
             outcome => outcome?,
         }
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(())
+    })?;
     Ok(index.write_bundled(&folder.join(INDEX_NAME))?)
 }

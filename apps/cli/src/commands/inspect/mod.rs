@@ -6,6 +6,7 @@ mod inputs;
 mod levels;
 mod light;
 
+use crate::output::print_json;
 use crate::overwrite::OverwriteArgs;
 use crate::scene::{FactArgs, count_of, read_options};
 use anyhow::{Result, bail};
@@ -68,7 +69,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<()> {
         if args.json {
             let mut report = input.report(&args.scene);
             report["findings"] = json!(input.findings);
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            print_json(&report)?;
         } else {
             input.print(&args.scene);
             findings::print(&input.findings);
@@ -96,7 +97,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<()> {
         if let Some(levels) = &levels {
             report["levels"] = levels::report(levels);
         }
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        print_json(&report)?;
     } else {
         print(args, format, &scene, &health, &survey, labelled);
         findings::print(&findings);

@@ -4,7 +4,7 @@ use super::PriorsArgs;
 use super::work::{PriorAnswer, PriorEstimator};
 use crate::choices::{Choice, first_given, one_of};
 use crate::dataset::Dataset;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -212,9 +212,7 @@ fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
         .zip(&seen)
         .map(|(place, seen)| {
             bar.inc(1);
-            if interrupt::asked() {
-                return Err(Interrupted("no photo is done yet".into()).into());
-            }
+            interrupt::check("no photo is done yet")?;
             let Some(given) = maps.look(&data.photos, *place, data.name(*place))? else { return Ok(None) };
             let Some(depth) = given.depth else { return Ok(None) };
             let relative = Relative {

@@ -6,13 +6,12 @@ mod network;
 mod preview;
 mod work;
 
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::scene::threads;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::train::dataset::orientation;
 use weather_magician::train::priors::folder::{INDEX, Index, PriorsError};
@@ -151,11 +150,11 @@ fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> 
     let (capture, places, up) = (&data.capture, &data.places, up.as_ref());
     let written = photos::write_folder(capture, &data.photos, places, up, threads, &out, &mut |done| {
         bar.set_position(done as u64);
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt::flow()
     })?;
     bar.finish_and_clear();
     let Some(index) = written else {
-        return Err(Interrupted(format!("{} holds no priors yet", out.display())).into());
+        return Err(interrupt::stopped(format!("{} holds no priors yet", out.display())));
     };
     preview::write(args, &data)?;
     Ok(index)

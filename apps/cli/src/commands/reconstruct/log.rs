@@ -2,14 +2,13 @@
 
 use crate::choices::first_given;
 use crate::dataset::DatasetArgs;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use crate::scene::print_remarks;
 use anyhow::{Result, bail};
 use clap::Args;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::Metadata;
 use weather_magician::train::HeldOut;
@@ -143,13 +142,13 @@ fn write(log: &DrivingLog, folder: &Path, skip_bad: bool) -> Result<()> {
             bar = Some((what, progress::bar(total as u64, what)));
         }
         bar.iter().for_each(|(_, bar)| bar.set_position(done as u64));
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt::flow()
     };
     let written =
         log.write_capture(folder, &LogCaptureOptions { skip_bad, ..LogCaptureOptions::default() }, &mut show);
     bar.iter().for_each(|(_, bar)| bar.finish_and_clear());
     let Some(written) = written? else {
-        return Err(Interrupted("the log is not read yet".into()).into());
+        return Err(interrupt::stopped("the log is not read yet"));
     };
     for warning in written.warnings.iter().filter(|warning| !log.warnings.contains(warning)) {
         eprintln!("warning: {}: {warning}", log.source.display());
@@ -195,7 +194,7 @@ fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metada
         if interrupt::asked() {
             bar.finish_and_clear();
             writer.abandon();
-            return Err(Interrupted("the priors of the log are not made yet".into()).into());
+            return Err(interrupt::stopped("the priors of the log are not made yet"));
         }
         let make = |place: &usize| -> Result<Result<_, String>> {
             let photo = match photos.get(*place, 0) {

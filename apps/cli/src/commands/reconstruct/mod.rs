@@ -6,7 +6,7 @@ mod explain;
 mod log;
 mod lpips;
 mod prepare;
-mod watch;
+pub(crate) mod watch;
 
 pub(crate) use weather_magician::train::session::CHECKPOINT;
 

@@ -3,8 +3,9 @@
 use super::camera::{DEFAULT_SECONDS, motion};
 use super::{RenderArgs, check_labels, manifest};
 use crate::choices::first_given;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::names::stem_of;
+use crate::output::make_folder;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
 use anyhow::{Context, Result, bail};
@@ -20,6 +21,8 @@ use wm_image::png::DepthScale;
 
 /// The file that describes the sensors and their files.
 const MANIFEST: &str = "rig.json";
+/// The words of a rig that was stopped.
+const INCOMPLETE: &str = "the rig is not complete; the same command continues with the others";
 /// Maximum number of pictures and sweeps of a run.
 const MAX_FILES: usize = 1_000_000;
 
@@ -116,9 +119,7 @@ impl RigJob<'_> {
     /// Makes what a sensor sees; returns the numbers of files that were written and that were
     /// there.
     fn sensor(&mut self, sensor: &RigSensor, number: usize) -> Result<(usize, usize)> {
-        let folder = self.folder.join(&sensor.name);
-        std::fs::create_dir_all(&folder)
-            .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+        make_folder(&self.folder.join(&sensor.name))?;
         let format = self.args.output.frame_format;
         // The colour is written first and the other pictures after it: a frame is complete if the
         // last one exists.
@@ -140,7 +141,7 @@ impl RigJob<'_> {
         for rest in missing.chunk_by(|(index, _), (next, _)| index + 1 == *next) {
             let mut at = 0;
             while let Some((index, time)) = rest.get(at).copied() {
-                stop_if_asked()?;
+                interrupt::check(INCOMPLETE)?;
                 let instant = SensorInstant {
                     weather: self.weather,
                     start: self.start + sensor.phase,
@@ -164,7 +165,7 @@ impl RigJob<'_> {
                 };
                 let progress = &mut Reporter::default();
                 match run.read_ahead(renderer, place, &instant, &mut reading, &mut save, progress) {
-                    Ok(0) | Err(Error::Stopped) => return Err(stopped()),
+                    Ok(0) | Err(Error::Stopped) => return Err(interrupt::stopped(INCOMPLETE)),
                     made => made?,
                 };
             }
@@ -239,13 +240,4 @@ impl RigJob<'_> {
         }
         about
     }
-}
-
-/// Returns an error if the user asked to stop.
-fn stop_if_asked() -> Result<()> {
-    if interrupt::asked() { Err(stopped()) } else { Ok(()) }
-}
-
-fn stopped() -> anyhow::Error {
-    Interrupted("the rig is not complete; the same command continues with the others".into()).into()
 }

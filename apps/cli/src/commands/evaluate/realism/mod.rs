@@ -18,9 +18,9 @@ use with_networks as network;
 use without_networks as network;
 
 use crate::choices::first_given;
+use crate::output::{json_text, write_text};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use crate::report::write_text;
 use crate::scene::threads;
 use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
@@ -148,7 +148,7 @@ pub(crate) fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
     let write = |path: Option<&Path>, text: &str| path.map_or(Ok(()), |path| write_text(path, text));
     write(args.markdown.as_deref(), &markdown)?;
     write(args.csv.as_deref(), &tables.csv())?;
-    write(work.json, &format!("{}\n", serde_json::to_string_pretty(&tables.json())?))
+    write(work.json, &json_text(&tables.json())?)
 }
 
 /// Compares each collection with the real one.
