@@ -1,9 +1,13 @@
-//! Folders, texts and JSON that commands write or print.
+//! Folders, texts, JSON and sheets of pictures that commands write or print.
 
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::path::Path;
+use weather_magician::PictureSize;
 use wm_base::files::write_atomically;
+use wm_image::color::Dither;
+use wm_image::png::write_rgb;
+use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
 
 /// Makes a folder, with those that it lies in.
 pub(crate) fn make_folder(folder: &Path) -> Result<()> {
@@ -24,4 +28,21 @@ pub(crate) fn json_text(value: &(impl Serialize + ?Sized)) -> Result<String> {
 pub(crate) fn print_json(value: &(impl Serialize + ?Sized)) -> Result<()> {
     println!("{}", json_text(value)?.trim_end());
     Ok(())
+}
+
+/// Writes labelled pictures, each `[H, W, 3]` of the size `panel`, side by side in `columns` as a
+/// PNG; returns its size.
+pub(crate) fn write_sheet(
+    path: &Path,
+    panels: &[(Vec<f32>, impl AsRef<str>)],
+    panel: PictureSize,
+    columns: u32,
+    dither: Dither,
+    tags: &[(String, String)],
+) -> Result<PictureSize> {
+    let panels: Vec<SheetPanel<'_>> =
+        panels.iter().map(|(rgb, label)| SheetPanel { rgb, label: label.as_ref() }).collect();
+    let layout = SheetLayout::new(panel, panels.len() as u32, columns);
+    write_rgb(path, &sheet(&layout, &panels), layout.size(), dither, tags)?;
+    Ok(layout.size())
 }

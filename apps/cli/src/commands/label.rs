@@ -3,7 +3,7 @@
 use crate::choices::{Choice, one_of};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use crate::scene::{RunArgs, check, read_options, read_saying_remarks, save};
+use crate::scene::{RunArgs, read_checked, save};
 use anyhow::{Result, bail};
 use clap::Args;
 use std::collections::BTreeMap;
@@ -14,7 +14,6 @@ use weather_magician::train::photos::PhotoSize;
 use weather_magician::wm_image::maps::{Filter, MapFolder, read_map};
 use weather_magician::{Camera, Scene};
 use wm_base::files::check_writable;
-use wm_capture as capture;
 
 /// Longest side of the pictures in which splats vote, px.
 const MAX_PICTURE_SIDE_PX: u32 = 1280;
@@ -72,10 +71,7 @@ pub(crate) fn run(args: &LabelArgs) -> Result<()> {
     if !args.masks.is_dir() {
         bail!("--masks {}: there is no such folder", args.masks.display());
     }
-    let views = args.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
-    let mut scene = read_saying_remarks(&args.scene, &read_options(None))?;
-    views.into_iter().for_each(|views| scene.set_world_views(views));
-    check(&mut scene, &args.scene, args.repair)?;
+    let mut scene = read_checked(&args.scene, None, args.views.as_ref(), args.repair)?;
     let masks = masks(&scene, args)?;
     let mut renderer = args.run.differentiable()?;
     let mut votes = LabelVotes::new(&scene.splats, scene.metadata.rasterization.unwrap_or_default());

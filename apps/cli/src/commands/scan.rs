@@ -391,26 +391,20 @@ pub(crate) fn run(args: &ScanArgs) -> Result<()> {
 
 /// A sweep in one line.
 fn line(sweep: &LidarSweep) -> String {
-    let mut text = format!("{}, {} points of {} pulses", sweep.name, sweep.points.len(), sweep.pulses);
-    for class in EchoClass::ALL {
-        let count = sweep.count(class);
-        if count > 0 {
-            let _ = write!(text, ", {count} {}", class.name());
-        }
-    }
-    text
+    let text = format!("{}, {} points of {} pulses", sweep.name, sweep.points.len(), sweep.pulses);
+    text + &counts(EchoClass::ALL.map(|class| (class.name(), sweep.count(class))))
 }
 
 /// A radar's sweep in one line.
 fn radar_line(sweep: &RadarSweep) -> String {
     let [ranges, azimuths, velocities] = sweep.cells;
     let cells = format!("{ranges} x {azimuths} x {velocities} cells");
-    let mut text = format!("{}, {} detections in {cells}", sweep.name, sweep.detections.len());
-    for class in RadarClass::ALL {
-        let count = sweep.count(class);
-        if count > 0 {
-            let _ = write!(text, ", {count} {}", class.name());
-        }
-    }
-    text
+    let text = format!("{}, {} detections in {cells}", sweep.name, sweep.detections.len());
+    text + &counts(RadarClass::ALL.map(|class| (class.name(), sweep.count(class))))
+}
+
+/// The classes that something is of, with their numbers.
+fn counts<const N: usize>(classes: [(&str, usize); N]) -> String {
+    let found = classes.into_iter().filter(|(_, count)| *count > 0);
+    found.map(|(class, count)| format!(", {count} {class}")).collect()
 }

@@ -15,13 +15,12 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use weather_magician::Camera;
 use weather_magician::train::session::{
     HeldOutScores, ImageMoment, ObserverError, StepProgress, StepSummary, TrainImage, TrainObserver,
     TrainStart,
 };
-use weather_magician::{Camera, PictureSize};
-use wm_image::color::{Dither, quantize_rgb8};
-use wm_viewer::encode::jpeg;
+use wm_viewer::encode::frame_jpeg;
 use wm_viewer::page::PageKind;
 
 /// Time between pictures.
@@ -156,9 +155,7 @@ impl TrainObserver for ServedTraining {
 
     fn on_image(&mut self, image: &TrainImage<'_>) -> Result<(), ObserverError> {
         let TrainImage { step, frame, psnr, .. } = *image;
-        let size = (frame.width, frame.height);
-        let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(size.0, size.1), Dither::Ordered);
-        let bytes = jpeg(&bytes, size, QUALITY)?;
+        let bytes = frame_jpeg(frame, QUALITY)?;
         let mut state = self.board.lock();
         (state.picture, state.drawn) = (Some(bytes.into()), Some(Instant::now()));
         state.status.picture = Some(step);

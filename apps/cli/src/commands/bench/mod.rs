@@ -26,8 +26,8 @@ use report::{MeasuredCases, PathSpeed, SceneReport, ThreadsReport};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use weather_magician::formats::ReadOptions;
+use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{self, CameraSpec};
-use weather_magician::view::{self, choose};
 use weather_magician::{Camera, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
@@ -175,11 +175,8 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     } else {
         OpenScene::new(&read, &args.run, None)?
     };
-    let options = view::ViewOptions { up: None, fov: args.fov, near: None, size: Some(args.size) };
-    let camera = match &args.camera {
-        Some(spec) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
-        None => choose::choose(&mut loaded.site(options))?.camera,
-    };
+    let options = ViewOptions { up: None, fov: args.fov, near: None, size: Some(args.size) };
+    let camera = loaded.camera(args.camera.as_ref(), &options)?;
     Ok((loaded, camera))
 }
 

@@ -8,7 +8,6 @@ use crate::scene::threads;
 use anyhow::{Result, bail};
 use rayon::prelude::*;
 use std::path::Path;
-use weather_magician::formats::folder::scene_file;
 use wm_scene::levels::{LevelIndex, TilePlan};
 use wm_scene::sh::MAX_DEGREE;
 
@@ -23,13 +22,12 @@ pub(super) fn is_tileset(out: &Path) -> bool {
 
 /// Writes 3D Tiles of a scene in levels; returns the lines to print.
 pub(super) fn write(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
-    let main = scene_file(path)?;
-    if main.file_name().is_none_or(|name| name != "lod-meta.json") {
+    let Some(index) = LevelIndex::of_scene(path)? else {
         bail!(
             "{}: 3D Tiles are made of a scene in levels of detail; convert it to FOLDER/lod-meta.json first",
             path.display()
         );
-    }
+    };
     let change = &args.change;
     let others = first_given([
         (change.crop.is_some(), "--crop"),
@@ -44,7 +42,6 @@ pub(super) fn write(path: &Path, out: &Path, args: &ConvertArgs) -> Result<Strin
             "{option} does not go with 3D Tiles, which have all levels and splats; change the scene before"
         );
     }
-    let index = LevelIndex::open(&main)?;
     let plan = TilePlan::new(&index, out, change.sh_degree.unwrap_or(MAX_DEGREE))?;
     let bar = progress::bar(plan.len() as u64, "tiles");
     let starts: Vec<usize> = (0..plan.len()).step_by(TILES_AT_ONCE).collect();

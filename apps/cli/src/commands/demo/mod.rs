@@ -11,7 +11,7 @@ pub(crate) mod street;
 use super::reconstruct::CHECKPOINT;
 use crate::choices::{ENCODERS, one_of};
 use crate::interrupt::stopped;
-use crate::output::make_folder;
+use crate::output::{make_folder, write_sheet};
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{OpenScene, RunArgs};
@@ -29,7 +29,6 @@ use weather_magician::{
     Camera, FrameRequest, Metadata, Picture, PictureSize, Scene, Weather, picture_tags, video,
 };
 use wm_image::color::Dither;
-use wm_image::{png, sheet};
 use wm_street::dataset::{CameraRoute, DatasetOptions, GroundTruth};
 use wm_street::{Lighting, Street, Viewpoint};
 use wm_weather::ParamValue;
@@ -293,18 +292,14 @@ fn draw_sheet(studio: &mut OpenScene, camera: &Camera, path: &Path) -> Result<()
         pictures.push((picture.frame.rgb, label(&weather)));
         Ok(())
     })?;
-    let panels: Vec<sheet::SheetPanel<'_>> =
-        pictures.iter().map(|(rgb, label)| sheet::SheetPanel { rgb, label }).collect();
-    let layout =
-        sheet::SheetLayout::new(PictureSize::new(camera.width, camera.height), panels.len() as u32, 3);
     let (site, backend) = (studio.place.site(), studio.renderer.backend());
     let mut tags = picture_tags(SCENE, site, backend, &Weather::clear(), 0.0, camera);
     if let Some((_, text)) = tags.iter_mut().find(|(key, _)| key == "weather") {
         *text = pictures.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>().join("; ");
     }
-    png::write_rgb(path, &sheet::sheet(&layout, &panels), layout.size(), Dither::Ordered, &tags)?;
+    let size = PictureSize::new(camera.width, camera.height);
+    let whole = write_sheet(path, &pictures, size, 3, Dither::Ordered, &tags)?;
     let names = SHEET.map(|(name, _)| name).join(", ");
-    let whole = layout.size();
     println!("{}: {names}, {}x{}, {}", path.display(), whole.width, whole.height, megabytes(path));
     Ok(())
 }

@@ -24,6 +24,7 @@ use player::PlayerFiles;
 use std::path::{Path, PathBuf};
 use weather_magician::levels::parse_memory;
 use weather_magician::{Camera, Weather};
+use wm_viewer::ViewState;
 use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
 
@@ -184,7 +185,7 @@ pub(crate) fn run(args: &ExportWebArgs) -> Result<()> {
             .into_iter()
             .map(|view| SiteView { name: view.name, camera: view.camera })
             .collect(),
-        start: site::start(&start, &weather, args.time),
+        start: ViewState::new(&start, &weather, args.time),
         near: start.near,
         words: place.words,
         files: files

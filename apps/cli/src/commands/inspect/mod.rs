@@ -18,6 +18,7 @@ use weather_magician::Metadata;
 use weather_magician::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_base::files::check_writable;
 use wm_scene::health::{Bounds, Health, Histogram};
+use wm_scene::levels::LevelIndex;
 use wm_scene::posts::{Post, find_posts};
 use wm_scene::survey::{Sourced, Survey, label_sky};
 use wm_scene::{Group, Remark, Severity};
@@ -89,7 +90,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<()> {
         }
     }
     let survey = Survey::of(&scene, &given);
-    let levels = levels::of(&args.scene)?;
+    let levels = LevelIndex::of_scene(&args.scene)?;
     let findings = findings::of_scene(&scene, &health, &survey);
     if args.json {
         let mut report = report(args, format, &scene, &health, &survey);

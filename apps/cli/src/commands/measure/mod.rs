@@ -18,8 +18,8 @@ use std::time::Instant;
 use weather_magician::measure::{
     Finding, INSTRUMENTS, Instrument, InstrumentRenderer, MeasureRequest, PlaceRenderer, Reading,
 };
+use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{self, CameraSpec};
-use weather_magician::view::{self, choose};
 use weather_magician::{Camera, Metadata, Weather};
 
 use wm_base::files::check_writable;
@@ -262,12 +262,11 @@ fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<
 
 /// Returns the camera for views of the scene.
 fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
-    let options = view::ViewOptions { up: None, fov: None, near: None, size: Some(args.size) };
-    Ok(match (&args.camera, &args.scene) {
-        (Some(spec), _) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
-        (None, Some(_)) => choose::choose(&mut loaded.site(options))?.camera,
-        (None, None) => Street::views()[0].camera(args.size)?,
-    })
+    let options = ViewOptions { size: Some(args.size), ..ViewOptions::default() };
+    if args.camera.is_none() && args.scene.is_none() {
+        return Ok(Street::views()[0].camera(args.size)?);
+    }
+    loaded.camera(args.camera.as_ref(), &options)
 }
 
 /// Runs the instruments.
