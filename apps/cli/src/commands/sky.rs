@@ -23,6 +23,7 @@ use weather_magician::view::spec;
 use weather_magician::{Camera, PictureSize};
 use wm_base::color::{luminance, srgb_decode};
 use wm_base::files::check_writable;
+use wm_base::statistics::median;
 use wm_capture::{self as capture, CaptureOptions};
 use wm_image::{color::Dither, png::write_rgb};
 use wm_weather::dome::level_axes;
@@ -205,8 +206,7 @@ fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
 fn drop_dark(sums: &mut [[f32; 4]]) {
     let light = |sum: &[f32; 4]| luminance([0, 1, 2].map(|k| srgb_decode(f64::from(sum[k] / sum[3]))));
     let mut seen: Vec<f64> = sums.iter().filter(|sum| sum[3] > 0.0).map(light).collect();
-    seen.sort_by(f64::total_cmp);
-    let Some(middle) = seen.get(seen.len() / 2) else { return };
+    let Some(middle) = median(&mut seen) else { return };
     for sum in sums.iter_mut().filter(|sum| sum[3] > 0.0) {
         if light(sum) < DARK * middle {
             *sum = [0.0; 4];

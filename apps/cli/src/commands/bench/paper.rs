@@ -12,7 +12,6 @@ use super::measure::{BenchCase, BenchTarget, turns};
 use super::{BenchArgs, INCOMPLETE};
 use crate::interrupt;
 use crate::output::{json_text, make_folder, print_json, write_text};
-use crate::progress;
 use crate::report::plot::{Axis, Plot, Series};
 use crate::scene::{OpenScene, RunArgs};
 use anyhow::Result;
@@ -134,8 +133,7 @@ impl SpeedTable {
     ) -> Result<()> {
         let cases: Vec<BenchCase> =
             super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
-        let bar = progress::bar(u64::from(rounds), "rounds");
-        let measured = super::in_turns(loaded, camera, &cases, run, rounds, &bar)?;
+        let measured = super::in_turns(loaded, camera, &cases, run, rounds)?;
         interrupt::check(INCOMPLETE)?;
         let device = loaded.renderer.describe();
         let seconds = |case: &&str| -> Option<f64> {
@@ -161,11 +159,10 @@ impl SpeedTable {
             let small = camera.resized(side(camera.width), side(camera.height));
             let clear = &cases[BenchCase::position(&cases, "rgb")];
             let stand = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
-            let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), &bar)?;
+            let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), "rounds")?;
             let pixels = f64::from(small.width) * f64::from(small.height);
             points.push([pixels * 1e-6, 1e3 * frames[0].median(|sample| sample.wall)]);
         }
-        bar.finish_and_clear();
         self.by_pixels.push(BySize { scene: name.to_owned(), device, points });
         Ok(())
     }

@@ -15,6 +15,7 @@ use weather_magician::train::priors::fit::{Freedom, fit};
 use weather_magician::train::priors::points::{placed, seen_points};
 use weather_magician::train::priors::relative::{Relative, pairs};
 use weather_magician::wm_image::maps::{DepthForm, DepthUnit, MapFault, MapFolder, NormalAxes};
+use wm_base::statistics::quantile;
 
 /// The folders of maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
@@ -237,17 +238,16 @@ fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
              whether --depth-form is right"
         );
     }
-    scales.sort_by(f64::total_cmp);
-    let at = |share: f64| scales[((scales.len() - 1) as f64 * share).round() as usize];
+    let [quarter, middle, most] = [0.25, 0.5, 0.75].map(|share| quantile(&mut scales, share));
     eprintln!(
         "depth: 1 scene unit is {:.4} m by the points of {} photos (the middle half {:.4} to {:.4}); \
          --metres-per-unit says otherwise",
-        at(0.5),
+        middle,
         scales.len(),
-        at(0.25),
-        at(0.75)
+        quarter,
+        most
     );
-    Ok(at(0.5))
+    Ok(middle)
 }
 
 /// Prints a warning for photos without a map; returns an error for a folder without any.

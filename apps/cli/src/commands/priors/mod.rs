@@ -17,6 +17,7 @@ use weather_magician::train::dataset::orientation;
 use weather_magician::train::priors::folder::{INDEX, Index, PriorsError};
 use weather_magician::train::priors::{FOLDER, PriorsWriter, photos};
 use wm_base::FormatError;
+use wm_base::statistics::median;
 use wm_capture::folder_of;
 
 /// Options of `priors`.
@@ -184,9 +185,7 @@ fn report(folder: &Path, index: &Index) {
     }
     let mut residuals: Vec<f64> =
         index.photos.values().filter_map(|entry| Some(entry.fit?.residual)).collect();
-    residuals.sort_by(f64::total_cmp);
-    let residual = residuals
-        .get(residuals.len() / 2)
+    let residual = median(&mut residuals)
         .map(|median| format!(", off the points by {:.2} % (the median photo's residual)", 100.0 * median));
     println!("{}: {}{}", folder.display(), index.summary(), residual.unwrap_or_default());
 }
