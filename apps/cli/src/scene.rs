@@ -80,16 +80,17 @@ pub(crate) struct FactArgs {
 
 /// Device, threads and SIMD path.
 #[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Run")]
 pub(crate) struct RunArgs {
     /// Device that renders and trains: auto (a hardware GPU if there is one, else the CPU), cpu,
     /// gpu, or gpu:NAME with part of a GPU's name
-    #[arg(long, value_name = "DEVICE", default_value = "auto", help_heading = "Run")]
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub(crate) device: Device,
     /// Number of threads [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// SIMD path: auto, avx512, avx2, neon or portable
-    #[arg(long, value_name = "PATH", default_value = "auto", help_heading = "Run")]
+    #[arg(long, value_name = "PATH", default_value = "auto")]
     pub(crate) simd: SimdChoice,
 }
 
@@ -305,8 +306,8 @@ pub(crate) fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<
     Ok(scene)
 }
 
-/// Reads a level of a scene with the cameras of a folder of `views`, if one is given, and checks its
-/// splats, see [`check`].
+/// Reads a level of a scene with the cameras of a folder of `views`, if one is given, and checks
+/// its splats, see [`check`].
 pub(crate) fn read_checked(
     path: &Path,
     level: Option<u32>,

@@ -1,9 +1,9 @@
 //! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a
 //! weather.
 //!
-//! The sky of each photo is classified as for training ([`weather_magician::train::priors::sky`]). A direction
-//! gets the weighted mean of the photos that show sky there; weights fall towards a photo's edge,
-//! so that seams are soft. Directions that no photo shows get the mean colour of their elevation,
+//! The sky of each photo is classified as for training
+//! ([`weather_magician::train::priors::sky`]). A direction gets the weighted mean of the photos that
+//! show sky there; weights fall towards a photo's edge, so that seams are soft. Directions that no photo shows get the mean colour of their elevation,
 //! plus the difference of seen neighbours from theirs, interpolated from coarser and coarser means
 //! ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 

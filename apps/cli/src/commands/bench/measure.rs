@@ -149,7 +149,7 @@ pub(crate) struct FrameTiming {
     pub(crate) stats: Stats,
 }
 
-/// What was measured of one case, once per round.
+/// Measurements of one case, one per round.
 #[derive(Clone, Debug)]
 pub(crate) struct Rounds<T>(pub(crate) Vec<T>);
 

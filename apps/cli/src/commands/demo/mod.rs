@@ -106,8 +106,6 @@ pub(crate) struct DemoArgs {
         help_heading = "Photos"
     )]
     truth: GroundTruth,
-    #[command(flatten)]
-    capture: CaptureArgs,
     /// Number of training steps
     #[arg(long, value_name = "N", default_value_t = 2000, conflicts_with = "sampled", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
@@ -123,6 +121,8 @@ pub(crate) struct DemoArgs {
     /// Encoder of the film
     #[arg(long, value_parser = one_of(ENCODERS), default_value = "builtin")]
     encoder: video::VideoEncoder,
+    #[command(flatten)]
+    capture: CaptureArgs,
     #[command(flatten)]
     run: RunArgs,
 }

@@ -34,20 +34,21 @@ const BATCH: usize = 64;
 
 /// The part of a driving log that is read.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Driving log")]
 pub(crate) struct LogArgs {
     /// The log among several in the folder: a scene, a drive or a sequence [default: the first
     /// whose files are there]
-    #[arg(long, value_name = "NAME", help_heading = "Driving log")]
+    #[arg(long, value_name = "NAME")]
     log_scene: Option<String>,
     /// Cameras of the log, by its names for them, separated by commas [default: all that take
     /// colour pictures]
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', help_heading = "Driving log")]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     log_cameras: Vec<String>,
     /// Take every N-th picture of each camera [default: as needed for at most 600 pictures]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Driving log")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     log_every: Option<u32>,
     /// Seconds of the log to read, from its start [default: all]
-    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Driving log")]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..))]
     log_seconds: Option<u32>,
 }
 

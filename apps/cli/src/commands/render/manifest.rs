@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::{Value as Json, json};
 use std::path::Path;
 use std::time::{Instant, UNIX_EPOCH};
+use weather_magician::Picture;
 use weather_magician::sequence::render_and_write;
 use wm_weather::Site;
 
@@ -49,6 +50,15 @@ pub(crate) fn keep(folder: &Path, name: &str, manifest: &Json, holds: &str) -> R
     write_text(&path, &json_text(manifest)?)
 }
 
+/// A picture, and how it is written.
+#[derive(Default)]
+pub(crate) struct StyledPicture<S> {
+    /// The picture.
+    pub(crate) picture: Picture,
+    /// The style, or one for each of its files.
+    pub(crate) style: S,
+}
+
 /// The work on a folder.
 pub(crate) struct CompletedFolder {
     /// Number of frames that were rendered and written.
@@ -61,13 +71,13 @@ pub(crate) struct CompletedFolder {
 
 /// Renders those of the `wanted` frames of a folder that are not there, while another thread
 /// writes. Frames are called `what` in messages.
-pub(crate) fn complete<T: Default + Send>(
+pub(crate) fn complete<S: Default + Send>(
     folder: &Path,
     what: &str,
     wanted: &[u32],
     is_there: impl Fn(u32) -> bool,
-    render: &mut dyn FnMut(u32, &mut T) -> Result<()>,
-    write: &mut (dyn FnMut(u32, &T) -> Result<()> + Send),
+    render: &mut dyn FnMut(u32, &mut StyledPicture<S>) -> Result<()>,
+    write: &mut (dyn FnMut(u32, &StyledPicture<S>) -> Result<()> + Send),
 ) -> Result<CompletedFolder> {
     let missing: Vec<u32> = wanted.iter().copied().filter(|index| !is_there(*index)).collect();
     let (folder, all, kept) = (folder.display(), wanted.len(), wanted.len() - missing.len());

@@ -1,7 +1,7 @@
 //! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
 use super::RenderArgs;
-use super::manifest::{self, CompletedFolder};
+use super::manifest::{self, CompletedFolder, StyledPicture};
 use crate::choices::first_given;
 use crate::names::stem_of;
 use crate::output::make_folder;
@@ -109,9 +109,9 @@ pub(crate) fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     };
     let (time, clear) = (args.output.time(), Weather::clear());
     let scene = args.scene.scene.display().to_string();
-    let mut render = |index: u32, (picture, styles): &mut (Picture, [PictureStyle; 2])| {
+    let mut render = |index: u32, pair: &mut StyledPicture<[PictureStyle; 2]>| {
         let camera = shots[index as usize].camera;
-        *styles = [&clear, weather].map(|weather| PictureStyle {
+        pair.style = [&clear, weather].map(|weather| PictureStyle {
             dither: args.output.dither,
             tags: picture_tags(&scene, place.site(), renderer.backend(), weather, time, &camera),
             ..PictureStyle::default()
@@ -119,11 +119,11 @@ pub(crate) fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
         let request = FrameRequest { layers: LAYERS, ..FrameRequest::new(weather, moving, time) };
-        renderer.render_into(&mut place, &request, picture, &mut Reporter::default())?;
+        renderer.render_into(&mut place, &request, &mut pair.picture, &mut Reporter::default())?;
         Ok(())
     };
-    let mut write = |index: u32, (picture, styles): &(Picture, [PictureStyle; 2])| {
-        write_pair(&folder, &shots[index as usize], styles, picture)
+    let mut write = |index: u32, pair: &StyledPicture<[PictureStyle; 2]>| {
+        write_pair(&folder, &shots[index as usize], &pair.style, &pair.picture)
     };
     let wanted: Vec<u32> = (0..shots.len() as u32).collect();
     let completed = manifest::complete(&folder, "photos", &wanted, is_there, &mut render, &mut write);

@@ -1,6 +1,6 @@
 //! Frames over time: a video, or a folder of frames that a later run can complete.
 
-use super::manifest::{self, CompletedFolder};
+use super::manifest::{self, CompletedFolder, StyledPicture};
 use super::{RenderArgs, RenderJob};
 use crate::interrupt::stopped;
 use crate::progress::Reporter;
@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::Instant;
 use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
-use weather_magician::{Picture, PictureSize, video};
+use weather_magician::{PictureSize, video};
 use wm_image::png::DepthScale;
 
 /// The file that describes the frames of a folder.
@@ -75,14 +75,14 @@ pub(crate) fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &
     };
     let is_there = |index: u32| name(index).exists() && last(index).exists();
     let depth_scale = DepthScale::reaching(job.place.site().far);
-    let mut render = |index: u32, (picture, style): &mut (Picture, PictureStyle)| {
+    let mut render = |index: u32, frame: &mut StyledPicture<PictureStyle>| {
         let time = job.plan.time(index);
-        *style = job.style(args, depth_scale, time);
-        job.render(time, picture).map(drop)
+        frame.style = job.style(args, depth_scale, time);
+        job.render(time, &mut frame.picture).map(drop)
     };
     let mut beside = Vec::new();
-    let mut write = |index: u32, (picture, style): &(Picture, PictureStyle)| {
-        beside = style.write(picture, &name(index))?;
+    let mut write = |index: u32, frame: &StyledPicture<PictureStyle>| {
+        beside = frame.style.write(&frame.picture, &name(index))?;
         Ok(())
     };
     let CompletedFolder { written, kept, seconds } =
