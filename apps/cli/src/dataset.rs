@@ -11,32 +11,33 @@ use wm_capture::Capture;
 
 /// The folders of the photos, and the size at which they are used.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Photos")]
 pub(crate) struct DatasetArgs {
     /// Folder of the photos in the data set, such as images_4 [default: images, or another usual
     /// name]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    #[arg(long, value_name = "FOLDER")]
     pub(crate) images: Option<PathBuf>,
     /// Folder of masks in the data set; black pixels are ignored [default: masks, if it exists]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    #[arg(long, value_name = "FOLDER")]
     pub(crate) masks: Option<PathBuf>,
     /// Folder of the COLMAP model in the data set [default: the largest in sparse, or another usual
     /// place]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    #[arg(long, value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
     /// Folder of the original photos, whose EXIF gives position and time if the photos of the data
     /// set have none
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    #[arg(long, value_name = "FOLDER")]
     originals: Option<PathBuf>,
     /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with
     /// `reconstruct --preset draft`]
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=32768))]
     pub(crate) longest: Option<u32>,
     /// Skip photos that are missing or damaged, and of driving logs sweeps, labels, masks, poses
     /// and times
-    #[arg(long, help_heading = "Photos")]
+    #[arg(long)]
     pub(crate) skip_bad: bool,
     /// Memory for decoded photos, MiB
-    #[arg(long, value_name = "MIB", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Photos")]
+    #[arg(long, value_name = "MIB", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..))]
     cache: u32,
 }
 
@@ -81,12 +82,13 @@ impl DatasetArgs {
 
 /// The photos that are held out. Commands give the options a help text of their own.
 #[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Photos")]
 pub(crate) struct HeldOutArgs {
     /// Hold out every N-th photo (in the order of names); 0 for none
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Photos")]
+    #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) eval_every: u32,
     /// The first photo that is held out, from 0
-    #[arg(long, value_name = "K", default_value_t = 0, help_heading = "Photos")]
+    #[arg(long, value_name = "K", default_value_t = 0)]
     pub(crate) eval_from: u32,
 }
 

@@ -1,6 +1,7 @@
 //! Signals that end the program: work that checks [`asked`] stops between two steps, everything
 //! else at once; no partial file is left in either case.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -23,7 +24,22 @@ const SAME_SIGNAL_WITHIN: Duration = Duration::from_millis(500);
 /// The work was stopped by a signal.
 #[derive(Debug, Error)]
 #[error("stopped: {0}")]
-pub(crate) struct Interrupted(pub(crate) String);
+struct Interrupted(String);
+
+/// Returns the error of work that was stopped; it `says` what is left.
+pub(crate) fn stopped(says: impl Into<String>) -> anyhow::Error {
+    Interrupted(says.into()).into()
+}
+
+/// Returns [`stopped`] if a signal came.
+pub(crate) fn check(says: impl Into<String>) -> anyhow::Result<()> {
+    if asked() { Err(stopped(says)) } else { Ok(()) }
+}
+
+/// Ends a loop of the library if a signal came.
+pub(crate) fn flow() -> ControlFlow<()> {
+    if asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
 
 /// Returns true if an error says that the work was stopped, here or in the library.
 pub(crate) fn is_stop(error: &anyhow::Error) -> bool {

@@ -20,6 +20,7 @@ mod interrupt;
 mod level_args;
 mod memory;
 mod names;
+mod output;
 mod overwrite;
 mod progress;
 // The page is of the program as it is built by default.

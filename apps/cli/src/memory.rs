@@ -36,7 +36,12 @@ pub(crate) fn check_picture(width: u32, height: u32) -> Result<()> {
 
 /// Memory that the system can give, bytes; `None` where it does not say.
 fn available() -> Option<u64> {
-    let about = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = about.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    Some(line.trim().trim_end_matches(" kB").parse::<u64>().ok()? << 10)
+    Some(kilobytes("/proc/meminfo", "MemAvailable:")? << 10)
+}
+
+/// Returns what a file of the system says of a key, KiB.
+pub(crate) fn kilobytes(file: &str, key: &str) -> Option<u64> {
+    let about = std::fs::read_to_string(file).ok()?;
+    let line = about.lines().find_map(|line| line.strip_prefix(key))?;
+    line.trim().trim_end_matches(" kB").parse().ok()
 }

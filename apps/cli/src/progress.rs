@@ -1,6 +1,7 @@
 //! Progress of long work, on the error stream if it is a terminal.
 
 use crate::interrupt;
+use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use weather_magician::Progress;
 
@@ -16,6 +17,24 @@ pub(crate) fn spinner(what: &'static str) -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
+}
+
+/// Does `work` for each of `items`, which are called `what` beside a bar. Ctrl-C ends it between
+/// two of them, and `stopped` says what is left.
+pub(crate) fn for_each<T>(
+    items: impl ExactSizeIterator<Item = T>,
+    what: &'static str,
+    stopped: &str,
+    mut work: impl FnMut(T, &ProgressBar) -> Result<()>,
+) -> Result<()> {
+    let bar = bar(items.len() as u64, what);
+    for item in items {
+        interrupt::check(stopped)?;
+        work(item, &bar)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
 }
 
 /// Shows the progress of the library's work on the terminal, and stops it on Ctrl-C.

@@ -1,6 +1,6 @@
 //! Options of a scene, and opening it: reading, checking, surveying and loading.
 
-use crate::choices::{SKIES, one_of, sky_word};
+use crate::choices::{SKIES, first_given, one_of, sky_word};
 use crate::level_args::LevelArgs;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
@@ -14,8 +14,11 @@ use weather_magician::formats::folder::{cameras_path, write_cameras};
 use weather_magician::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
-use weather_magician::view::{self, spec};
-use weather_magician::{CpuConfig, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
+use weather_magician::view::spec::{self, CameraSpec};
+use weather_magician::view::{ViewOptions, choose};
+use weather_magician::{
+    Camera, CpuConfig, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene, Weather,
+};
 use wm_capture as capture;
 use wm_render::simd::SimdChoice;
 use wm_render::{AnyDifferentiable, RenderError};
@@ -77,16 +80,17 @@ pub(crate) struct FactArgs {
 
 /// Device, threads and SIMD path.
 #[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Run")]
 pub(crate) struct RunArgs {
     /// Device that renders and trains: auto (a hardware GPU if there is one, else the CPU), cpu,
     /// gpu, or gpu:NAME with part of a GPU's name
-    #[arg(long, value_name = "DEVICE", default_value = "auto", help_heading = "Run")]
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub(crate) device: Device,
     /// Number of threads [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// SIMD path: auto, avx512, avx2, neon or portable
-    #[arg(long, value_name = "PATH", default_value = "auto", help_heading = "Run")]
+    #[arg(long, value_name = "PATH", default_value = "auto")]
     pub(crate) simd: SimdChoice,
 }
 
@@ -164,10 +168,7 @@ impl OpenScene {
         // Cheap checks come before reading a large file.
         let facts = args.facts.metadata()?;
         let renderer = run.renderer()?;
-        let views = views.map(|folder| capture::read_views(folder)).transpose()?;
-        let mut scene = read_saying_remarks(&args.scene, &read_options(args.level))?;
-        views.into_iter().for_each(|views| scene.set_world_views(views));
-        check(&mut scene, &args.scene, args.repair)?;
+        let mut scene = read_checked(&args.scene, args.level, views, args.repair)?;
         if let Some(line) = change_sky(&mut scene, &args.scene, sky.sky, &facts)? {
             eprintln!("{line}");
         }
@@ -195,12 +196,7 @@ impl OpenScene {
         let index = if args.level.is_none() { budget.levels_of(&args.scene)? } else { None };
         let Some(index) = index else { return Self::with_sky(args, run, views, sky) };
         let facts = args.facts.metadata()?;
-        if sky.sky != OwnSky::Keep || views.is_some() {
-            let option = if views.is_some() { "--views" } else { "--sky" };
-            bail!(
-                "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
-            );
-        }
+        refuse_for_levels(sky, views)?;
         let assets = args.assets.clone().unwrap_or_default().folder(&args.scene);
         let mut renderer = run.renderer()?;
         let place = renderer.load_levels(
@@ -244,9 +240,13 @@ impl OpenScene {
         Ok(())
     }
 
-    /// Returns the scene as a site in which views are searched.
-    pub(crate) fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
-        self.renderer.view_search(&self.place, options)
+    /// Returns the camera that is given, or chooses one.
+    pub(crate) fn camera(&mut self, given: Option<&CameraSpec>, options: &ViewOptions) -> Result<Camera> {
+        let Self { renderer, place } = self;
+        Ok(match given {
+            Some(spec) => spec.camera(&place.scene().views, place.survey(), options)?,
+            None => choose::choose(&mut renderer.view_search(place, *options))?.camera,
+        })
     }
 }
 
@@ -304,6 +304,31 @@ pub(crate) fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<
     let mut scene = read_scene(path, options)?;
     print_remarks(&std::mem::take(&mut scene.remarks));
     Ok(scene)
+}
+
+/// Reads a level of a scene with the cameras of a folder of `views`, if one is given, and checks
+/// its splats, see [`check`].
+pub(crate) fn read_checked(
+    path: &Path,
+    level: Option<u32>,
+    views: Option<&PathBuf>,
+    repair: bool,
+) -> Result<Scene> {
+    let views = views.map(|folder| capture::read_views(folder)).transpose()?;
+    let mut scene = read_saying_remarks(path, &read_options(level))?;
+    views.into_iter().for_each(|views| scene.set_world_views(views));
+    check(&mut scene, path, repair)?;
+    Ok(scene)
+}
+
+/// Fails if a scene that is drawn in levels of detail is to have another sky or other views.
+pub(crate) fn refuse_for_levels(sky: OwnSkyArgs, views: Option<&PathBuf>) -> Result<()> {
+    let given = first_given([(views.is_some(), "--views"), (sky.sky != OwnSky::Keep, "--sky")]);
+    given.map_or(Ok(()), |option| {
+        bail!(
+            "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
+        )
+    })
 }
 
 /// Treats the sky of a scene; returns a line for people, `None` where the sky is kept.

@@ -7,16 +7,17 @@ use std::path::PathBuf;
 
 /// Source of a network's weights.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Network")]
 pub(crate) struct WeightsArgs {
     /// File of the network's weights (safetensors or PyTorch); repeat it for several files
     /// [default: download them once, after printing source and licence]
-    #[arg(long, value_name = "FILE", help_heading = "Network")]
+    #[arg(long, value_name = "FILE")]
     pub(crate) weights: Vec<PathBuf>,
     /// Expected SHA-256 of the file of weights
-    #[arg(long, value_name = "SHA256", help_heading = "Network")]
+    #[arg(long, value_name = "SHA256")]
     pub(crate) checksum: Option<String>,
     /// Download nothing: the weights must be given or already downloaded
-    #[arg(long, help_heading = "Network")]
+    #[arg(long)]
     offline: bool,
 }
 

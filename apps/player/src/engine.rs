@@ -10,7 +10,7 @@ use weather_magician::levels::LevelBudget;
 use weather_magician::{Patience, PlaceOptions, PreparedPlace, Renderer};
 use web_time::Instant;
 use wm_base::files::fetched;
-use wm_image::color::{Dither, quantize_rgb8};
+use wm_image::color::Dither;
 use wm_image::{PictureSize, png};
 use wm_render::Device;
 use wm_scene::formats::{ReadOptions, read_scene};
@@ -23,7 +23,7 @@ use wm_viewer::encode::to_bytes;
 use wm_viewer::pace::Pace;
 use wm_viewer::paint::{FrameReport, PaintOptions, ViewPainter, half_depth};
 use wm_viewer::site::{SiteFile, SiteView};
-use wm_viewer::state::{ViewOutput, ViewState};
+use wm_viewer::state::ViewState;
 
 /// Memory for the splats of a scene in levels of detail where the site says none, bytes.
 const MEMORY: u64 = 1 << 30;
@@ -239,12 +239,8 @@ impl Engine {
             let frame = &painter.render(renderer, place, view).await.map_err(said)?.frame;
             let wanted = fetched::take_wanted();
             if wanted.is_empty() {
-                let size = PictureSize::new(frame.width, frame.height);
-                let bytes = match view.state.output {
-                    ViewOutput::Rgb => quantize_rgb8(&frame.rgb, size, Dither::Ordered),
-                    output => to_bytes(frame, output, half, Dither::Off),
-                };
-                return png::encode_rgb8(&bytes, size).map_err(said);
+                let bytes = to_bytes(frame, view.state.output, half, Dither::Ordered);
+                return png::encode_rgb8(&bytes, PictureSize::new(frame.width, frame.height)).map_err(said);
             }
             self.wanted = wanted;
             self.prepare().await?;

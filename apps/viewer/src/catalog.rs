@@ -116,18 +116,7 @@ impl Catalog {
 
     /// Returns the initial state with a camera.
     pub fn initial_state(&self, camera: &Camera) -> ViewState {
-        ViewState {
-            camera: Pose::of(camera),
-            path: Vec::new(),
-            follow: Follow::Camera,
-            weather: weather_to_json(&self.weather),
-            time: 0.0,
-            output: ViewOutput::Rgb,
-            size: [camera.width, camera.height],
-            quality: 90,
-            divider: None,
-            lidar: None,
-        }
+        ViewState::new(camera, &self.weather, 0.0)
     }
 
     /// Returns the facts of the scene as JSON.

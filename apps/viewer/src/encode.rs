@@ -52,6 +52,15 @@ pub(crate) fn join_columns(left: (Vec<u8>, u32), right: (Vec<u8>, u32)) -> Vec<u
     }
 }
 
+/// Encodes the colours of a frame as [`jpeg`] does bytes.
+///
+/// # Errors
+/// The picture is too large for a JPEG.
+pub fn frame_jpeg(frame: &Frame, quality: u8) -> Result<Vec<u8>, JpegError> {
+    let size = (frame.width, frame.height);
+    jpeg(&to_bytes(frame, ViewOutput::Rgb, 0.0, Dither::Ordered), size, quality)
+}
+
 /// Encodes bytes `[H, W, 3]` as a JPEG; at low quality chroma is subsampled 2x2.
 ///
 /// # Errors

@@ -1,7 +1,8 @@
 //! The viewer without its server: everything about a picture in the browser that needs neither
 //! sockets nor threads.
 //!
-//! The program serves the page and renders for it (`apps/cli/src/viewer/`); on a static page the same code
+//! The program serves the page and renders for it (`apps/cli/src/viewer/`); on a static page the same
+//! code
 //! runs inside of the browser.
 //!
 //! - [`page::files_of`]: the files of a page.

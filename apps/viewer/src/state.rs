@@ -183,6 +183,22 @@ pub struct ViewState {
 }
 
 impl ViewState {
+    /// Returns the initial state of a page.
+    pub fn new(camera: &Camera, weather: &Weather, time: f64) -> Self {
+        Self {
+            camera: Pose::of(camera),
+            path: Vec::new(),
+            follow: Follow::Camera,
+            weather: weather_to_json(weather),
+            time,
+            output: ViewOutput::Rgb,
+            size: [camera.width, camera.height],
+            quality: 90,
+            divider: None,
+            lidar: None,
+        }
+    }
+
     /// Returns a copy with the fields of the object `patch` replaced.
     ///
     /// # Errors

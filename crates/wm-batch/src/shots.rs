@@ -4,12 +4,13 @@ use super::clips::{BlockPart, PlannedClip};
 use super::set::{detections_of, points_of};
 use super::weathers::PlannedWeather;
 use crate::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
+use std::collections::VecDeque;
 use wm_base::random::bits;
 use wm_image::PictureSize;
 use wm_image::color::{Dither, quantize_rgb8};
 use wm_place::rig::Rig;
 use wm_place::sensor::{SensorData, SensorInstant, SensorRun};
-use wm_place::{CameraMotion, Layers, Picture, PictureLayer, PreparedPlace, Renderer, Result};
+use wm_place::{CameraMotion, Error, Layers, Picture, PictureLayer, PreparedPlace, Renderer, Result};
 use wm_scene::Camera;
 use wm_weather::Weather;
 
@@ -84,11 +85,14 @@ impl ReadingBuffer {
     }
 }
 
+/// A sensor on its way, and what it read ahead.
+type SensorReadings = (Box<dyn SensorRun>, VecDeque<SensorData>);
+
 /// The sensors of [`Shots`] on their way, from one reading of a part to the next.
 pub(crate) struct ShotMemory {
     /// The part that the rest is of.
     part: usize,
-    runs: Vec<Option<Box<dyn SensorRun>>>,
+    runs: Vec<Option<SensorReadings>>,
 }
 
 impl Default for ShotMemory {
@@ -115,7 +119,7 @@ impl<'a> Shots<'a> {
     /// Takes reading `index` of a part.
     ///
     /// # Errors
-    /// The errors of [`SensorRun::read`].
+    /// The errors of [`SensorRun::read_ahead`].
     pub(crate) fn take(
         &mut self,
         renderer: &mut Renderer,
@@ -145,9 +149,19 @@ impl<'a> Shots<'a> {
             layers: self.layers,
         };
         let metres = place.site().metres_per_unit;
-        let begin = || sensor.device.begin(sensor.motion(&active.base, metres), info.sensor as u32);
-        let run = self.memory.runs[info.sensor].get_or_insert_with(begin);
-        run.read(renderer, place, &instant, &mut buffer.reading, &mut ())?;
+        let begin = || {
+            let motion = sensor.motion(&active.base, metres);
+            (sensor.device.begin(motion, info.sensor as u32), VecDeque::new())
+        };
+        let (run, made) = self.memory.runs[info.sensor].get_or_insert_with(begin);
+        if made.is_empty() {
+            let mut keep = |reading: &mut SensorData| {
+                made.push_back(std::mem::take(reading));
+                Ok(())
+            };
+            run.read_ahead(renderer, place, &instant, &mut buffer.reading, &mut keep, &mut ())?;
+        }
+        buffer.reading = made.pop_front().ok_or(Error::Stopped)?;
         buffer.convert();
         Ok(())
     }

@@ -360,7 +360,9 @@ impl FrameInputs<'_> {
     /// shows what nobody photographed as haze, never black.
     fn beyond_the_picture(&self, outputs: Outputs) -> RenderConfig {
         let background = match self.config.background {
-            Background::Color(_) => Background::Color(self.weather.site().airlight.map(|v| srgb_encode(v) as f32)),
+            Background::Color(_) => {
+                Background::Color(self.weather.site().airlight.map(|v| srgb_encode(v) as f32))
+            }
             sky => sky,
         };
         RenderConfig { outputs, background, ..*self.config }

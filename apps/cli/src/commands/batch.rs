@@ -1,7 +1,7 @@
 //! `batch`: makes a data set by a plan: scenes in many weathers, in the layouts that training code
 //! reads.
 
-use crate::interrupt::Interrupted;
+use crate::interrupt::stopped;
 use crate::progress::Reporter;
 use crate::scene::{RunArgs, count_of};
 use anyhow::{Context, Result, bail};
@@ -179,7 +179,7 @@ fn make(run: &mut BatchRun, store: &BatchStore, shard: Shard) -> Result<()> {
             Err(Error::Stopped) => {
                 progress.end();
                 let says = "the same command continues with the blocks that are not done";
-                return Err(Interrupted(format!("{}: {says}", store.folder().display())).into());
+                return Err(stopped(format!("{}: {says}", store.folder().display())));
             }
             made => made.with_context(|| format!("block {}", block.number))?,
         }

@@ -1,10 +1,9 @@
 //! `label`: gives splats labels or instances by masks of the photos.
 
 use crate::choices::{Choice, one_of};
-use crate::interrupt::{self, Interrupted};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use crate::scene::{RunArgs, check, read_options, read_saying_remarks, save};
+use crate::scene::{RunArgs, read_checked, save};
 use anyhow::{Result, bail};
 use clap::Args;
 use std::collections::BTreeMap;
@@ -15,7 +14,6 @@ use weather_magician::train::photos::PhotoSize;
 use weather_magician::wm_image::maps::{Filter, MapFolder, read_map};
 use weather_magician::{Camera, Scene};
 use wm_base::files::check_writable;
-use wm_capture as capture;
 
 /// Longest side of the pictures in which splats vote, px.
 const MAX_PICTURE_SIDE_PX: u32 = 1280;
@@ -73,24 +71,15 @@ pub(crate) fn run(args: &LabelArgs) -> Result<()> {
     if !args.masks.is_dir() {
         bail!("--masks {}: there is no such folder", args.masks.display());
     }
-    let views = args.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
-    let mut scene = read_saying_remarks(&args.scene, &read_options(None))?;
-    views.into_iter().for_each(|views| scene.set_world_views(views));
-    check(&mut scene, &args.scene, args.repair)?;
+    let mut scene = read_checked(&args.scene, None, args.views.as_ref(), args.repair)?;
     let masks = masks(&scene, args)?;
     let mut renderer = args.run.differentiable()?;
     let mut votes = LabelVotes::new(&scene.splats, scene.metadata.rasterization.unwrap_or_default());
-    let bar = progress::bar(masks.len() as u64, "masks");
-    for (camera, path) in &masks {
-        if interrupt::asked() {
-            bail!(Interrupted("nothing was written".into()));
-        }
+    progress::for_each(masks.iter(), "masks", "nothing was written", |(camera, path), _| {
         let (width, height) = PhotoSize::Longest(MAX_PICTURE_SIDE_PX).reduced(camera.width, camera.height);
         let camera = camera.resized(width, height);
-        votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?;
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?)
+    })?;
     let VotedLabels { labels, unseen, won } = votes.finish();
     let kind = args.kind;
     let count = labels.len();

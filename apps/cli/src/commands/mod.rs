@@ -14,7 +14,7 @@ mod inspect;
 mod label;
 mod measure;
 mod priors;
-mod reconstruct;
+pub(crate) mod reconstruct;
 pub(crate) mod render;
 pub(crate) mod scan;
 mod sky;

@@ -81,51 +81,47 @@ struct LidarArgs {
 
 /// The place of the sensor over time.
 #[derive(Args, Debug)]
+#[command(next_help_heading = "Sensor")]
 struct SensorPlaceArgs {
     /// Place of the sensor, which stands upright: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or
     /// number, or a JSON file of keyframes [default: a view chosen automatically]
-    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Sensor")]
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     at: Option<CameraSpec>,
     /// COLMAP model with the photos' cameras that --at may name
-    #[arg(long, value_name = "FOLDER", help_heading = "Sensor")]
+    #[arg(long, value_name = "FOLDER")]
     views: Option<PathBuf>,
     /// Move the sensor: orbit, dolly, capture (along the photos), or a JSON file of keyframes
-    #[arg(short, long, value_name = "PATH", help_heading = "Sensor")]
+    #[arg(short, long, value_name = "PATH")]
     path: Option<PathSpec>,
     /// Duration of an orbit, a dolly or a capture, seconds [default: 5]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Sensor")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// Forward speed of a sensor without a path, m/s
-    #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Sensor")]
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
     speed: Option<f64>,
 }
 
 /// The points and where they go.
 #[derive(Args, Debug)]
+#[command(next_help_heading = "Output")]
 struct PointArgs {
     /// Output: points as .ply, .pcd, .npy, .las or KITTI's .bin, of a radar as .ply, .pcd or .npy;
     /// several sweeps get numbers [default: a .ply named after scene and weather, in this folder]
-    #[arg(short, long, value_name = "PATH", help_heading = "Output")]
+    #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// Pictures of each sweep, as PNG beside the points: range, intensity, above; of a radar above
     /// (by velocity), rcs
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
     picture: Vec<String>,
     /// Axes of the points: compensated are those of the sensor at the start of the sweep, raw those
     /// at each pulse, world those of the scene in metres
-    #[arg(long, value_parser = one_of(FRAMES), default_value = "compensated", help_heading = "Output")]
+    #[arg(long, value_parser = one_of(FRAMES), default_value = "compensated")]
     frame: PointFrame,
     /// Time of the start, of the weather and along the path, seconds
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 0.0,
-        allow_negative_numbers = true,
-        help_heading = "Output"
-    )]
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
     /// Number of sweeps, one after the other
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Output")]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sweeps: u32,
 }
 
@@ -383,26 +379,20 @@ pub(crate) fn run(args: &ScanArgs) -> Result<()> {
 
 /// A sweep in one line.
 fn line(sweep: &LidarSweep) -> String {
-    let mut text = format!("{}, {} points of {} pulses", sweep.name, sweep.points.len(), sweep.pulses);
-    for class in EchoClass::ALL {
-        let count = sweep.count(class);
-        if count > 0 {
-            let _ = write!(text, ", {count} {}", class.name());
-        }
-    }
-    text
+    let text = format!("{}, {} points of {} pulses", sweep.name, sweep.points.len(), sweep.pulses);
+    text + &counts(EchoClass::ALL.map(|class| (class.name(), sweep.count(class))))
 }
 
 /// A radar's sweep in one line.
 fn radar_line(sweep: &RadarSweep) -> String {
     let [ranges, azimuths, velocities] = sweep.cells;
     let cells = format!("{ranges} x {azimuths} x {velocities} cells");
-    let mut text = format!("{}, {} detections in {cells}", sweep.name, sweep.detections.len());
-    for class in RadarClass::ALL {
-        let count = sweep.count(class);
-        if count > 0 {
-            let _ = write!(text, ", {count} {}", class.name());
-        }
-    }
-    text
+    let text = format!("{}, {} detections in {cells}", sweep.name, sweep.detections.len());
+    text + &counts(RadarClass::ALL.map(|class| (class.name(), sweep.count(class))))
+}
+
+/// The classes that something is of, with their numbers.
+fn counts<const N: usize>(classes: [(&str, usize); N]) -> String {
+    let found = classes.into_iter().filter(|(_, count)| *count > 0);
+    found.map(|(class, count)| format!(", {count} {class}")).collect()
 }

@@ -1,9 +1,9 @@
 //! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a
 //! weather.
 //!
-//! The sky of each photo is classified as for training ([`weather_magician::train::priors::sky`]). A direction
-//! gets the weighted mean of the photos that show sky there; weights fall towards a photo's edge,
-//! so that seams are soft. Directions that no photo shows get the mean colour of their elevation,
+//! The sky of each photo is classified as for training
+//! ([`weather_magician::train::priors::sky`]). A direction gets the weighted mean of the photos that
+//! show sky there; weights fall towards a photo's edge, so that seams are soft. Directions that no photo shows get the mean colour of their elevation,
 //! plus the difference of seen neighbours from theirs, interpolated from coarser and coarser means
 //! ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
@@ -23,6 +23,7 @@ use weather_magician::view::spec;
 use weather_magician::{Camera, PictureSize};
 use wm_base::color::{luminance, srgb_decode};
 use wm_base::files::check_writable;
+use wm_base::statistics::median;
 use wm_capture::{self as capture, CaptureOptions};
 use wm_image::{color::Dither, png::write_rgb};
 use wm_weather::dome::level_axes;
@@ -205,8 +206,7 @@ fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
 fn drop_dark(sums: &mut [[f32; 4]]) {
     let light = |sum: &[f32; 4]| luminance([0, 1, 2].map(|k| srgb_decode(f64::from(sum[k] / sum[3]))));
     let mut seen: Vec<f64> = sums.iter().filter(|sum| sum[3] > 0.0).map(light).collect();
-    seen.sort_by(f64::total_cmp);
-    let Some(middle) = seen.get(seen.len() / 2) else { return };
+    let Some(middle) = median(&mut seen) else { return };
     for sum in sums.iter_mut().filter(|sum| sum[3] > 0.0) {
         if light(sum) < DARK * middle {
             *sum = [0.0; 4];

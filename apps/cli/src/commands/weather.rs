@@ -1,7 +1,7 @@
 //! `weather`: weather files from weather reports.
 
+use crate::output::write_text;
 use crate::overwrite::OverwriteArgs;
-use crate::report::write_text;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};

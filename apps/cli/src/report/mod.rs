@@ -2,15 +2,7 @@
 
 pub(crate) mod picture;
 
-use anyhow::Result;
-use std::path::Path;
 pub(crate) use weather_magician::measure::plot::{self, escaped};
-use wm_base::files::write_atomically;
-
-/// Writes a text in place of a file.
-pub(crate) fn write_text(path: &Path, text: &str) -> Result<()> {
-    Ok(write_atomically(path, |out| Ok(out.write_all(text.as_bytes())?))?)
-}
 
 /// Returns cells as the line of a CSV file (RFC 4180), quoted where they have to be.
 pub(crate) fn csv_line<T: AsRef<str>>(cells: &[T]) -> String {

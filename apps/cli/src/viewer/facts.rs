@@ -95,20 +95,6 @@ impl FactChange {
         }
         Ok(())
     }
-
-    /// Returns the alignment that makes the change; `None` for saving and undoing.
-    fn alignment(self) -> Option<Alignment> {
-        let none = Alignment::default();
-        match self {
-            Self::Ground { points } => Some(Alignment { ground: Some(GivenGround::Points(points)), ..none }),
-            Self::Scale { points: [a, b], metres } => {
-                Some(Alignment { scale: Some(GivenScale::Distance(a, b, metres)), ..none })
-            }
-            Self::Flip {} => Some(Alignment { flip: true, ..none }),
-            Self::Undo {} | Self::Save {} | Self::Lamp { .. } | Self::Window { .. } | Self::Dark {} => None,
-            Self::Sun { .. } | Self::Clouds {} => None,
-        }
-    }
 }
 
 /// The reason why a change was not made, in one line.
@@ -253,36 +239,75 @@ impl FactEditor {
         place: &mut PreparedPlace,
         change: FactChange,
     ) -> Result<String, FactError> {
-        if let Some(by) = change.alignment() {
-            let aligned = renderer.align(place, &by)?;
-            self.is_unsaved = true;
-            return Ok(sentence(change, &aligned));
-        }
-        if let Some((lamps, windows)) = lights(place, change)? {
-            let text =
-                format!("{} and {}.", count_of(lamps.len(), "lamp"), count_of(windows.len(), "lit window"));
-            renderer.set_lamps(place, lamps, windows).map_err(refused)?;
-            self.is_unsaved = true;
-            return Ok(text);
-        }
-        if let Some((sun, text)) = photo_sun(place, change)? {
-            let mut facts = place.facts();
-            facts.scene.sun = Some(sun);
-            renderer.set_facts(place, facts)?;
-            self.is_unsaved = true;
-            return Ok(text);
-        }
-        if change == (FactChange::Undo {}) {
-            let Metadata { lamps, windows, .. } = self.saved.scene.clone();
-            let (lamps, windows) = (lamps.unwrap_or_default(), windows.unwrap_or_default());
-            renderer.set_lamps(place, lamps, windows)?;
-            if place.facts() != self.saved {
-                renderer.set_facts(place, self.saved.clone())?;
+        let none = Alignment::default();
+        let text = match change {
+            FactChange::Ground { points } => {
+                let aligned = renderer
+                    .align(place, &Alignment { ground: Some(GivenGround::Points(points)), ..none })?;
+                let side = match aligned.side {
+                    Some(UpSide::Cameras) => ", to the side of the cameras",
+                    Some(UpSide::Splats) => ", to the side where most of the scene is",
+                    Some(UpSide::Before) | None => "",
+                };
+                let text = format!("The ground is set. Up turned by {:.1}°{side}.", aligned.turned);
+                with_old_sky(text, &aligned)
             }
-            self.is_unsaved = false;
-            return Ok("The facts are those of the file again.".into());
-        }
-        self.save(place)
+            FactChange::Scale { points: [a, b], metres } => {
+                let scale = GivenScale::Distance(a, b, metres);
+                let aligned = renderer.align(place, &Alignment { scale: Some(scale), ..none })?;
+                format!("1 unit of the scene is {:.4} m.", aligned.after.metres_per_unit.value)
+            }
+            FactChange::Flip {} => with_old_sky(
+                "Up is turned round.".into(),
+                &renderer.align(place, &Alignment { flip: true, ..none })?,
+            ),
+            FactChange::Lamp { point } => {
+                let lamp = lamp_at(place, point);
+                set_lights(renderer, place, |lamps, _| lamps.push(lamp))?
+            }
+            FactChange::Window { points, eye } => {
+                let window = LitWindow::between(points, DVec3::from_array(place.site().up), eye);
+                let window = window.ok_or_else(|| {
+                    FactError::Refused("the corners of a window must not be level or above each other".into())
+                })?;
+                set_lights(renderer, place, |_, windows| windows.push(window))?
+            }
+            FactChange::Dark {} => set_lights(renderer, place, |lamps, windows| {
+                lamps.clear();
+                windows.clear();
+            })?,
+            FactChange::Sun { points: [top, end] } => {
+                let up = DVec3::from_array(place.site().up);
+                match PhotoSun::of_shadow(top, end) {
+                    Some(sun @ PhotoSun::Towards(towards)) if towards.dot(up) > 0.0 => {
+                        set_sun(renderer, place, sun)?;
+                        let height = towards.dot(up).asin().to_degrees();
+                        format!("The sun of the photos was {height:.0}° high.")
+                    }
+                    _ => {
+                        let why = "the shadow ends above what casts it: click the top first";
+                        return Err(FactError::Refused(why.into()));
+                    }
+                }
+            }
+            FactChange::Clouds {} => {
+                set_sun(renderer, place, PhotoSun::Diffuse)?;
+                "The photos have no shadows of a sun.".into()
+            }
+            FactChange::Undo {} => {
+                let Metadata { lamps, windows, .. } = self.saved.scene.clone();
+                let (lamps, windows) = (lamps.unwrap_or_default(), windows.unwrap_or_default());
+                renderer.set_lamps(place, lamps, windows)?;
+                if place.facts() != self.saved {
+                    renderer.set_facts(place, self.saved.clone())?;
+                }
+                self.is_unsaved = false;
+                return Ok("The facts are those of the file again.".into());
+            }
+            FactChange::Save {} => return self.save(place),
+        };
+        self.is_unsaved = true;
+        Ok(text)
     }
 
     fn save(&mut self, place: &PreparedPlace) -> Result<String, FactError> {
@@ -317,79 +342,44 @@ const ON_GROUND: f64 = 1.5;
 /// Width of the beam of a lamp, degrees.
 const BEAM: f64 = 140.0;
 
-/// A fault that the user can mend.
-fn refused(error: Error) -> FactError {
-    FactError::Refused(error.to_string())
-}
-
-/// The lamps and lit windows of a scene.
-type Lights = (Vec<Lamp>, Vec<LitWindow>);
-
-/// Returns the lamps and windows after a change; `None` if it is another change.
-fn lights(place: &PreparedPlace, change: FactChange) -> Result<Option<Lights>, FactError> {
-    let metadata = &place.scene().metadata;
-    let mut lamps = metadata.lamps.clone().unwrap_or_default();
-    let mut windows = metadata.windows.clone().unwrap_or_default();
+/// Returns the lamp that a point gets.
+fn lamp_at(place: &PreparedPlace, point: DVec3) -> Lamp {
     let site = place.site();
     let up = DVec3::from_array(site.up);
-    match change {
-        FactChange::Lamp { point } => {
-            let height = (up.dot(point) - site.ground) * site.metres_per_unit;
-            let rise = if height < ON_GROUND { POST } else { 0.0 };
-            let at = point + up * (rise / site.metres_per_unit);
-            lamps.push(Lamp { aim: Some((-up).to_array()), beam: BEAM, ..Lamp::new(at.to_array()) });
-        }
-        FactChange::Window { points, eye } => {
-            windows.push(LitWindow::between(points, up, eye).ok_or_else(|| {
-                FactError::Refused("the corners of a window must not be level or above each other".into())
-            })?);
-        }
-        FactChange::Dark {} => (lamps, windows) = (Vec::new(), Vec::new()),
-        _ => return Ok(None),
-    }
-    Ok(Some((lamps, windows)))
+    let height = (up.dot(point) - site.ground) * site.metres_per_unit;
+    let rise = if height < ON_GROUND { POST } else { 0.0 };
+    let at = point + up * (rise / site.metres_per_unit);
+    Lamp { aim: Some((-up).to_array()), beam: BEAM, ..Lamp::new(at.to_array()) }
 }
 
-/// Returns the sun of the photos after a change, and says what it is; `None` if it is another
-/// change.
-fn photo_sun(place: &PreparedPlace, change: FactChange) -> Result<Option<(PhotoSun, String)>, FactError> {
-    match change {
-        FactChange::Sun { points: [top, end] } => {
-            let up = DVec3::from_array(place.site().up);
-            match PhotoSun::of_shadow(top, end) {
-                Some(sun @ PhotoSun::Towards(towards)) if towards.dot(up) > 0.0 => {
-                    let height = towards.dot(up).asin().to_degrees();
-                    Ok(Some((sun, format!("The sun of the photos was {height:.0}° high."))))
-                }
-                _ => {
-                    Err(FactError::Refused("the shadow ends above what casts it: click the top first".into()))
-                }
-            }
-        }
-        FactChange::Clouds {} => Ok(Some((PhotoSun::Diffuse, "The photos have no shadows of a sun.".into()))),
-        _ => Ok(None),
-    }
+/// Changes the lamps and lit windows of a place; returns their numbers in a sentence.
+fn set_lights(
+    renderer: &mut Renderer,
+    place: &mut PreparedPlace,
+    change: impl FnOnce(&mut Vec<Lamp>, &mut Vec<LitWindow>),
+) -> Result<String, FactError> {
+    let Metadata { lamps, windows, .. } = &place.scene().metadata;
+    let mut lamps = lamps.clone().unwrap_or_default();
+    let mut windows = windows.clone().unwrap_or_default();
+    change(&mut lamps, &mut windows);
+    let text = format!("{} and {}.", count_of(lamps.len(), "lamp"), count_of(windows.len(), "lit window"));
+    // A fault that the user can mend.
+    let outcome = renderer.set_lamps(place, lamps, windows);
+    outcome.map_err(|error| FactError::Refused(error.to_string()))?;
+    Ok(text)
 }
 
-/// Says what a change did.
-fn sentence(change: FactChange, aligned: &Aligned) -> String {
-    let mut text = match change {
-        FactChange::Scale { .. } => {
-            let metres = aligned.after.metres_per_unit.value;
-            return format!("1 unit of the scene is {metres:.4} m.");
-        }
-        FactChange::Ground { .. } => {
-            let side = match aligned.side {
-                Some(UpSide::Cameras) => ", to the side of the cameras",
-                Some(UpSide::Splats) => ", to the side where most of the scene is",
-                Some(UpSide::Before) | None => "",
-            };
-            format!("The ground is set. Up turned by {:.1}°{side}.", aligned.turned)
-        }
-        _ => "Up is turned round.".into(),
-    };
-    if aligned.has_old_sky() {
-        text += " The scene's own sky was made for another up: after saving, start again with --sky rebuild if it looks wrong.";
+/// Sets the sun of the photos.
+fn set_sun(renderer: &mut Renderer, place: &mut PreparedPlace, sun: PhotoSun) -> Result<(), FactError> {
+    let mut facts = place.facts();
+    facts.scene.sun = Some(sun);
+    Ok(renderer.set_facts(place, facts)?)
+}
+
+/// Adds to what a change did that the scene's own sky was made along another up, if it was.
+fn with_old_sky(text: String, aligned: &Aligned) -> String {
+    if !aligned.has_old_sky() {
+        return text;
     }
-    text
+    text + " The scene's own sky was made for another up: after saving, start again with --sky rebuild if it looks wrong."
 }

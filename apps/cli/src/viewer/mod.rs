@@ -26,7 +26,7 @@ pub(crate) mod server;
 mod session;
 pub(crate) mod training;
 mod videos;
-mod words;
+pub(crate) mod words;
 mod workshop;
 
 use crate::commands::render::camera::ViewpointArgs;

@@ -45,18 +45,19 @@ const TOKEN_VARIABLE: &str = "WEATHER_MAGICIAN_TOKEN";
 
 /// Address, port and token of the page.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Server")]
 pub(crate) struct ServerArgs {
     /// Port of the page; 0 for any free port [default: 8787, or the next free one]
-    #[arg(long, value_name = "PORT", help_heading = "Server")]
+    #[arg(long, value_name = "PORT")]
     pub(crate) port: Option<u16>,
     /// Address to listen on. Connections are not encrypted, so prefer to forward the port with ssh
     /// to listening on another address than this computer's own (127.0.0.1)
-    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Server")]
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     pub(crate) host: IpAddr,
     /// File whose first line is the token that the page needs, at least 16 letters or digits; the
     /// environment variable WEATHER_MAGICIAN_TOKEN gives it too [default: a new one, which is
     /// printed]
-    #[arg(long, value_name = "FILE", help_heading = "Server")]
+    #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// An option of old versions, which other users of the computer could read; refused.
     #[arg(long, value_name = "TOKEN", hide = true)]

@@ -3,6 +3,7 @@
 
 use super::locked::locked;
 use super::server::{self, ServerArgs, refusal};
+use crate::commands::reconstruct::watch::TrainingPage;
 use anyhow::Result;
 use axum::Router;
 use axum::body::Bytes;
@@ -10,13 +11,16 @@ use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, put};
+use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
-use weather_magician::PictureSize;
-use wm_image::color::{Dither, quantize_rgb8};
-use wm_render::Frame;
-use wm_viewer::encode::jpeg;
+use weather_magician::Camera;
+use weather_magician::train::session::{
+    HeldOutScores, ImageMoment, ObserverError, StepProgress, StepSummary, TrainImage, TrainObserver,
+    TrainStart,
+};
+use wm_viewer::encode::frame_jpeg;
 use wm_viewer::page::PageKind;
 
 /// Time between pictures.
@@ -25,11 +29,14 @@ const PICTURE_EVERY: Duration = Duration::from_secs(3);
 const CLOSED_AFTER: Duration = Duration::from_secs(4);
 /// JPEG quality.
 const QUALITY: u8 = 88;
+/// Period of a swing, seconds, and its amplitude, radians.
+const SWING: f64 = 60.0;
+const WIDTH: f64 = 0.35;
 
 /// Camera of the training's pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum TrainingCamera {
+enum TrainingCamera {
     /// The camera of a photo.
     #[default]
     Photo,
@@ -70,87 +77,114 @@ struct BoardState {
 
 /// The state of a training and the requests of its page, shared by both.
 #[derive(Clone, Default)]
-pub(crate) struct TrainingBoard(Arc<Mutex<BoardState>>);
+struct TrainingBoard(Arc<Mutex<BoardState>>);
 
 impl TrainingBoard {
-    /// Serves the page of a training with this number of steps, and prints its address.
+    fn lock(&self) -> MutexGuard<'_, BoardState> {
+        // No critical section leaves the state half changed when it panics.
+        locked(&self.0)
+    }
+}
+
+impl BoardState {
+    /// Returns true if the page is open.
+    fn is_watched(&self) -> bool {
+        self.asked.is_some_and(|asked| asked.elapsed() < CLOSED_AFTER)
+    }
+}
+
+/// A training whose page is served.
+pub(crate) struct ServedTraining {
+    board: TrainingBoard,
+    started: Instant,
+    /// The distance to the point about which the camera swings, scene units.
+    reach: f64,
+}
+
+impl ServedTraining {
+    /// Serves the page of a training, and prints its address.
     ///
     /// # Errors
     /// No port is free.
-    pub(crate) fn serve(args: &ServerArgs, dataset: String, photo: String, steps: u32) -> Result<Self> {
+    pub(crate) fn serve(args: &ServerArgs, dataset: String, start: &TrainStart<'_>) -> Result<Self> {
         let status = TrainingStatus {
             program: wm_viewer::PROGRAM,
             dataset,
-            photo,
-            steps,
+            photo: start.photo.to_owned(),
+            steps: start.steps,
             ..TrainingStatus::default()
         };
-        let board = Self(Arc::new(Mutex::new(BoardState { status, ..BoardState::default() })));
+        let board = TrainingBoard(Arc::new(Mutex::new(BoardState { status, ..BoardState::default() })));
         let router = Router::new()
             .route("/training", get(status_json))
             .route("/training/picture", get(picture))
             .route("/training/camera", put(set_camera))
             .with_state(board.clone());
         println!("the training is shown at {}", server::serve(args, PageKind::Training, router)?);
-        Ok(board)
+        Ok(Self { board, started: Instant::now(), reach: start.extent })
+    }
+}
+
+impl TrainObserver for ServedTraining {
+    fn on_step(&mut self, progress: &StepProgress) {
+        let status = &mut self.board.lock().status;
+        (status.step, status.splats) = (progress.step, progress.splats);
+        status.seconds = self.started.elapsed().as_secs_f64();
     }
 
-    fn lock(&self) -> MutexGuard<'_, BoardState> {
-        // No critical section leaves the state half changed when it panics.
-        locked(&self.0)
+    fn on_summary(&mut self, summary: &StepSummary) {
+        self.board.lock().status.loss.push((summary.step, summary.loss));
     }
 
-    /// Sets the number of completed steps.
-    pub(crate) fn set_step(&self, step: u32, splats: usize, seconds: f64) {
-        let status = &mut self.lock().status;
-        (status.step, status.splats, status.seconds) = (step, splats, seconds);
+    fn on_evaluation(&mut self, scores: &HeldOutScores) {
+        self.board.lock().status.held_out.extend(scores.mean().map(|mean| (scores.step, mean.psnr)));
     }
 
-    /// Adds a point to the curve of the mean loss.
-    pub(crate) fn push_loss(&self, step: u32, loss: f64) {
-        self.lock().status.loss.push((step, loss));
-    }
-
-    /// Adds a point to the curve of the held-out photos' PSNR, dB.
-    pub(crate) fn push_held_out(&self, step: u32, psnr: f64) {
-        self.lock().status.held_out.push((step, psnr));
-    }
-
-    /// Returns the camera of the next picture if one is due and the page is open.
-    pub(crate) fn due_picture(&self) -> Option<TrainingCamera> {
-        let state = self.lock();
-        let is_watched = state.asked.is_some_and(|asked| asked.elapsed() < CLOSED_AFTER);
+    /// Wants a picture if one is due and the page is open.
+    fn wants_image(&mut self, _: ImageMoment, photo: &Camera) -> Option<Camera> {
+        let state = self.board.lock();
         let is_due = state.drawn.is_none_or(|drawn| drawn.elapsed() > PICTURE_EVERY);
-        (is_watched && is_due).then_some(state.status.camera)
+        (state.is_watched() && is_due).then(|| match state.status.camera {
+            TrainingCamera::Photo => *photo,
+            TrainingCamera::Orbit => {
+                let phase = self.started.elapsed().as_secs_f64() / SWING * std::f64::consts::TAU;
+                swing_camera(photo, self.reach, WIDTH * phase.sin())
+            }
+        })
     }
 
-    /// Sets the picture, with its PSNR if it shows a photo's view.
-    ///
-    /// # Errors
-    /// The picture is too large for a JPEG.
-    pub(crate) fn set_picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
-        let size = (frame.width, frame.height);
-        let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(size.0, size.1), Dither::Ordered);
-        let bytes = jpeg(&bytes, size, QUALITY)?;
-        let mut state = self.lock();
+    fn on_image(&mut self, image: &TrainImage<'_>) -> Result<(), ObserverError> {
+        let TrainImage { step, frame, psnr, .. } = *image;
+        let bytes = frame_jpeg(frame, QUALITY)?;
+        let mut state = self.board.lock();
         (state.picture, state.drawn) = (Some(bytes.into()), Some(Instant::now()));
         state.status.picture = Some(step);
         state.status.shown.extend(psnr.map(|psnr| (step, psnr)));
         Ok(())
     }
+}
 
-    /// Reports the end of the training to open pages.
-    pub(crate) fn finish(&self, text: String) {
-        let is_watched = {
-            let mut state = self.lock();
-            state.status.end = Some(text);
-            state.asked.is_some_and(|asked| asked.elapsed() < CLOSED_AFTER)
-        };
+impl TrainingPage for ServedTraining {
+    fn end(&self, text: String) {
+        let mut state = self.board.lock();
+        state.status.end = Some(text);
+        let is_watched = state.is_watched();
+        drop(state);
         if is_watched {
             // Pages poll once a second.
             std::thread::sleep(Duration::from_millis(2200));
         }
     }
+}
+
+/// Rotates a camera by an angle, radians, about its own up direction around the point `reach` ahead
+/// of it.
+fn swing_camera(camera: &Camera, reach: f64, angle: f64) -> Camera {
+    let pivot = camera.center() + camera.forward() * reach;
+    let turn = DMat3::from_axis_angle(camera.up(), angle);
+    let eye: DVec3 = pivot + turn * (camera.center() - pivot);
+    let rotation = camera.rotation() * turn.transpose();
+    Camera { viewmat: wm_scene::camera::viewmat_of(rotation, -(rotation * eye)), ..*camera }
 }
 
 async fn status_json(State(board): State<TrainingBoard>) -> Response {
@@ -179,5 +213,21 @@ async fn set_camera(State(board): State<TrainingBoard>, body: Bytes) -> Response
         Err(error) => {
             refusal(StatusCode::BAD_REQUEST, format!("camera: {error}; it is \"photo\" or \"orbit\""))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_swing_keeps_its_pivot_in_place() {
+        let camera = Camera::looking((60, 40), 50.0, DVec3::new(1.0, -4.0, 2.0), DVec3::Z, DVec3::Z).unwrap();
+        let pivot = camera.center() + camera.forward() * 3.0;
+        let other = swing_camera(&camera, 3.0, 0.4);
+        let [a, b] = [&camera, &other].map(|camera| camera.project(pivot).unwrap());
+        assert!((a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9 && (a.2 - b.2).abs() < 1e-9);
+        assert!((other.center().distance(camera.center()) - 6.0 * (0.2f64).sin()).abs() < 1e-9);
+        assert_eq!(other.check(), Ok(()));
     }
 }

@@ -70,7 +70,7 @@ export class Controls {
     return 0.12 * this.store.parameters.scene.radius * this.speed;
   }
 
-  /** What an orbit goes round: the middle of the place, as far as it is ahead. */
+  /** The point that an orbit goes round: the middle of the place, as far as it is ahead. */
   center() {
     if (this.pivot) return this.pivot;
     const { scene } = this.store.parameters;
@@ -217,7 +217,7 @@ export class Controls {
     }
   }
 
-  /** What keys and flights do since the last picture of the screen. @param {number} now */
+  /** Does what keys and flights do since the last picture of the screen. @param {number} now */
   tick(now) {
     const seconds = Math.min(0.1, (now - this.last) / 1000);
     this.last = now;
@@ -249,7 +249,7 @@ export class Controls {
     }
   }
 
-  /** Whether a key is one that moves. @param {string} code */
+  /** True for a key that moves. @param {string} code */
   static moves(code) {
     return /^(Key[WASDQE]|Arrow(Left|Right|Up|Down))$/.test(code);
   }

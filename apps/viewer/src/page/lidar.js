@@ -9,7 +9,7 @@ import { Store } from "./store.js";
 
 /** Colours of classes, as the program draws them; surfaces are coloured by height. */
 const CLASSES = { surface: "linear-gradient(90deg, #3e4dc0, #1ccfd0, #a3fd3c, #fb8022, #a31101)", drop: "#82e6ff", flake: "#fff", air: "#be96ff", ghost: "#ff3cc8" };
-/** What the colours say. @type {Object<string, string>} */
+/** The meaning of the colours. @type {Object<string, string>} */
 const SAID = {
   class: "Surfaces by height, red is 10 m above the lowest; weather in its own colours.",
   range: "Red is near, blue is 100 m away.",

@@ -71,7 +71,7 @@ function film(url) {
 
 let statusTimer = 0;
 
-/** What the program prepares; what is done at once is not said. @param {string} text */
+/** Says what the program prepares; what is done at once is not said. @param {string} text */
 function status(text) {
   clearTimeout(statusTimer);
   if (!text) return ($("status").hidden = true);

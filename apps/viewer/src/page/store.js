@@ -37,7 +37,7 @@ export class Store {
     this.listeners = new Set();
     /** When something last changed. */
     this.changedAt = 0;
-    /** Whether it goes on changing by itself. */
+    /** True while it goes on changing by itself. */
     this.isPlaying = false;
   }
 

@@ -62,7 +62,7 @@ export function withoutKey(track, time) {
   return keys.length > 0 ? { keys: /** @type {any} */ (keys) } : valueAt(track, time);
 }
 
-/** Whether there is a key at a time. @param {any} track @param {number} time */
+/** True if there is a key at a time. @param {any} track @param {number} time */
 export function hasKey(track, time) {
   return keysOf(track).some((key) => Math.abs(key[0] - time) < SAME);
 }

@@ -131,14 +131,15 @@ impl Sensor for RigCamera {
 struct CameraRun(SensorCamera);
 
 impl SensorRun for CameraRun {
-    fn read(
+    fn read_ahead(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
         reading: &mut SensorData,
+        take: &mut dyn FnMut(&mut SensorData) -> Result<()>,
         progress: &mut dyn Progress,
-    ) -> Result<()> {
+    ) -> Result<u32> {
         let SensorInstant { weather, time, index, rate, seed, layers, .. } = *instant;
         let after = time + 1.0 / rate;
         let motion = self.0.motion();
@@ -152,6 +153,7 @@ impl SensorRun for CameraRun {
             ..FrameRequest::new(weather, &self.0, time)
         };
         renderer.render_into(place, &request, reading.picture_mut(), progress)?;
-        Ok(())
+        take(reading)?;
+        Ok(1)
     }
 }

@@ -7,7 +7,6 @@ use crate::output::PictureStyle;
 use crate::radar::RadarSweep;
 use crate::{CameraMotion, Error, Layers, Picture, PreparedPlace, Progress, Renderer, Result};
 use std::any::Any;
-use std::collections::VecDeque;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
@@ -73,10 +72,27 @@ impl dyn Sensor {
 /// The readings of a sensor of one place, in one weather, one after the other. A reading does not
 /// depend on those before it.
 pub trait SensorRun: Send + Sync {
-    /// Makes a reading. Memory in `reading` is used again.
+    /// Makes a reading, and as many behind it as are cheaper together: `ahead` of the instant at
+    /// most. Each is handed to `take` when it is made, in `reading`, whose memory is used again.
+    /// Returns their number: 0 if `progress` asked to stop before the first.
     ///
     /// # Errors
-    /// [`crate::Error::Stopped`] if `progress` asked to stop; errors of the place and the weather.
+    /// [`Error::Stopped`] if `progress` asked to stop; errors of the place and the weather, and
+    /// those of `take`.
+    fn read_ahead(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        instant: &SensorInstant<'_>,
+        reading: &mut SensorData,
+        take: &mut dyn FnMut(&mut SensorData) -> Result<()>,
+        progress: &mut dyn Progress,
+    ) -> Result<u32>;
+
+    /// Makes one reading. Memory in `reading` is used again.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] if `progress` asked to stop; errors of the place and the weather.
     fn read(
         &mut self,
         renderer: &mut Renderer,
@@ -84,7 +100,13 @@ pub trait SensorRun: Send + Sync {
         instant: &SensorInstant<'_>,
         reading: &mut SensorData,
         progress: &mut dyn Progress,
-    ) -> Result<()>;
+    ) -> Result<()> {
+        let one = SensorInstant { ahead: 1, ..*instant };
+        match self.read_ahead(renderer, place, &one, reading, &mut |_| Ok(()), progress)? {
+            0 => Err(Error::Stopped),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The instant of a reading.
@@ -168,40 +190,5 @@ impl SensorData {
             Self::Picture(picture) => picture,
             _ => unreachable!("it was just made"),
         }
-    }
-}
-
-/// Readings that were made together, from the number of the first on.
-#[derive(Debug)]
-pub(super) struct ReadAhead<T> {
-    next: u32,
-    made: VecDeque<T>,
-}
-
-impl<T> Default for ReadAhead<T> {
-    fn default() -> Self {
-        Self { next: 0, made: VecDeque::new() }
-    }
-}
-
-impl<T> ReadAhead<T> {
-    /// Takes reading `index`; `make` makes it and those behind it if it was not made yet.
-    pub(super) fn take(
-        &mut self,
-        index: u32,
-        make: impl FnOnce(&mut dyn FnMut(T) -> Result<()>) -> Result<u32>,
-    ) -> Result<T> {
-        if self.next != index {
-            self.made.clear();
-        }
-        if self.made.is_empty() {
-            let made = &mut self.made;
-            make(&mut |reading| {
-                made.push_back(reading);
-                Ok(())
-            })?;
-        }
-        self.next = index + 1;
-        self.made.pop_front().ok_or(Error::Stopped)
     }
 }

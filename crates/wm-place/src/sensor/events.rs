@@ -136,14 +136,15 @@ impl EventRun {
 }
 
 impl SensorRun for EventRun {
-    fn read(
+    fn read_ahead(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
         reading: &mut SensorData,
+        take: &mut dyn FnMut(&mut SensorData) -> Result<()>,
         progress: &mut dyn Progress,
-    ) -> Result<()> {
+    ) -> Result<u32> {
         let SensorInstant { weather, start, index, rate, seed, .. } = *instant;
         // The end of a slice is the start of the next, to the last bit.
         let at =
@@ -163,6 +164,7 @@ impl SensorRun for EventRun {
         }
         *reading = SensorData::Events(sampler.finish(times[0]));
         self.last = Some((index + 1, light));
-        Ok(())
+        take(reading)?;
+        Ok(1)
     }
 }

@@ -1,9 +1,9 @@
 //! Lidars of a rig.
 
-use super::device::{ReadAhead, Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
+use super::device::{Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
 use super::entry::{EntryFault, SensorEntry};
 use crate::error::check_physical;
-use crate::lidar::{LidarModel, LidarSweep, PointFormat, ReturnMode, ScanOptions, SubRays};
+use crate::lidar::{LidarModel, PointFormat, ReturnMode, ScanOptions, SubRays};
 use crate::{CameraMotion, Layers, PreparedPlace, Progress, Renderer, Result};
 use serde_json::Value as Json;
 use std::path::Path;
@@ -75,7 +75,7 @@ impl Sensor for RigLidar {
     }
 
     fn begin(&self, motion: CameraMotion, number: u32) -> Box<dyn SensorRun> {
-        Box::new(LidarRun { lidar: self.clone(), motion, number, made: ReadAhead::default() })
+        Box::new(LidarRun { lidar: self.clone(), motion, number })
     }
 }
 
@@ -84,18 +84,18 @@ struct LidarRun {
     lidar: RigLidar,
     motion: CameraMotion,
     number: u32,
-    made: ReadAhead<LidarSweep>,
 }
 
 impl SensorRun for LidarRun {
-    fn read(
+    fn read_ahead(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
         reading: &mut SensorData,
+        take: &mut dyn FnMut(&mut SensorData) -> Result<()>,
         progress: &mut dyn Progress,
-    ) -> Result<()> {
+    ) -> Result<u32> {
         let SensorInstant { weather, start, index, ahead, seed, .. } = *instant;
         let RigLidar { model, sub_rays, returns, .. } = &self.lidar;
         let options = ScanOptions {
@@ -107,10 +107,10 @@ impl SensorRun for LidarRun {
             returns: *returns,
             ..ScanOptions::default()
         };
-        let sweep = self.made.take(index, |keep| {
-            renderer.scan(place, weather, model, &self.motion, &options, ahead, keep, progress)
-        })?;
-        *reading = SensorData::Points(sweep);
-        Ok(())
+        let mut keep = |sweep| {
+            *reading = SensorData::Points(sweep);
+            take(reading)
+        };
+        renderer.scan(place, weather, model, &self.motion, &options, ahead, &mut keep, progress)
     }
 }

@@ -1,10 +1,10 @@
 //! Radars of a rig.
 
-use super::device::{ReadAhead, Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
+use super::device::{Sensor, SensorData, SensorInstant, SensorKind, SensorRun};
 use super::entry::{EntryFault, SensorEntry};
 use crate::error::check_physical;
 use crate::lidar::PointFormat;
-use crate::radar::{RadarModel, RadarScanOptions, RadarSweep};
+use crate::radar::{RadarModel, RadarScanOptions};
 use crate::{CameraMotion, Layers, PreparedPlace, Progress, Renderer, Result};
 use serde_json::Value as Json;
 use std::path::Path;
@@ -58,7 +58,7 @@ impl Sensor for RigRadar {
     }
 
     fn begin(&self, motion: CameraMotion, number: u32) -> Box<dyn SensorRun> {
-        Box::new(RadarRun { model: self.model.clone(), motion, number, made: ReadAhead::default() })
+        Box::new(RadarRun { model: self.model.clone(), motion, number })
     }
 }
 
@@ -67,25 +67,25 @@ struct RadarRun {
     model: RadarModel,
     motion: CameraMotion,
     number: u32,
-    made: ReadAhead<RadarSweep>,
 }
 
 impl SensorRun for RadarRun {
-    fn read(
+    fn read_ahead(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         instant: &SensorInstant<'_>,
         reading: &mut SensorData,
+        take: &mut dyn FnMut(&mut SensorData) -> Result<()>,
         progress: &mut dyn Progress,
-    ) -> Result<()> {
+    ) -> Result<u32> {
         let SensorInstant { weather, start, index, ahead, seed, .. } = *instant;
         let sensor = self.number as u8;
         let options = RadarScanOptions { time: start, index, seed, sensor, ..RadarScanOptions::default() };
-        let sweep = self.made.take(index, |keep| {
-            renderer.scan_radar(place, weather, &self.model, &self.motion, &options, ahead, keep, progress)
-        })?;
-        *reading = SensorData::Detections(sweep);
-        Ok(())
+        let mut keep = |sweep| {
+            *reading = SensorData::Detections(sweep);
+            take(reading)
+        };
+        renderer.scan_radar(place, weather, &self.model, &self.motion, &options, ahead, &mut keep, progress)
     }
 }

@@ -1,8 +1,9 @@
 //! Cases of the benchmark, measured in turns.
 
 use crate::interrupt;
+use crate::memory::kilobytes;
+use crate::progress;
 use anyhow::{Result, ensure};
-use indicatif::ProgressBar;
 use std::time::Instant;
 use weather_magician::frame::FrameInputs;
 use weather_magician::{Camera, FrameRequest, Picture, PreparedPlace, Renderer, Weather};
@@ -148,29 +149,38 @@ pub(crate) struct FrameTiming {
     pub(crate) stats: Stats,
 }
 
-/// The frames of one case, one per round.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct FrameTimings(pub(crate) Vec<FrameTiming>);
+/// Measurements of one case, one per round.
+#[derive(Clone, Debug)]
+pub(crate) struct Rounds<T>(pub(crate) Vec<T>);
 
-impl FrameTimings {
+/// The frames of one case.
+pub(crate) type FrameTimings = Rounds<FrameTiming>;
+
+impl<T> Default for Rounds<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T> Rounds<T> {
     /// Returns the median over the rounds.
-    pub(crate) fn median(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
+    pub(crate) fn median(&self, of: impl Fn(&T) -> f64) -> f64 {
         median(self.0.iter().map(of).collect())
     }
 
     /// Returns the least value of all rounds, the one that other load on the machine affects least.
-    pub(crate) fn best(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
+    pub(crate) fn best(&self, of: impl Fn(&T) -> f64) -> f64 {
         self.0.iter().map(of).fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the median of the ratios to the frames of another case in the same rounds.
-    pub(crate) fn ratio(&self, to: &Self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
+    /// Returns the median of the ratios to another case in the same rounds.
+    pub(crate) fn ratio(&self, to: &Self, of: impl Fn(&T) -> f64) -> f64 {
         median(self.0.iter().zip(&to.0).map(|(a, b)| of(a) / of(b)).collect())
     }
 }
 
 /// Returns the median; NaN for an empty list.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
     match values.len() {
@@ -219,14 +229,16 @@ impl<'a> BenchTarget<'a> {
     }
 }
 
-/// Renders the cases of `plan` (target, case) in turns; stops early on Ctrl-C.
+/// Renders the cases of `plan` (target, case) in turns; stops early on Ctrl-C. The bar shows the
+/// rounds as `what`.
 pub(crate) fn turns(
     stands: &mut [BenchTarget<'_>],
     camera: &Camera,
     plan: &[(usize, &BenchCase)],
     rounds: u32,
-    bar: &ProgressBar,
+    what: &'static str,
 ) -> Result<Vec<FrameTimings>> {
+    let bar = progress::bar(u64::from(rounds), what);
     let mut measured = vec![FrameTimings::default(); plan.len()];
     let mut frames = vec![Picture::default(); plan.len()];
     for round in 0..rounds + WARM_UP {
@@ -248,6 +260,7 @@ pub(crate) fn turns(
             bar.inc(1);
         }
     }
+    bar.finish_and_clear();
     Ok(measured)
 }
 
@@ -295,10 +308,7 @@ fn cpu_seconds() -> Option<f64> {
 
 /// Returns the peak memory of this process, bytes, if the system reports it.
 pub(crate) fn peak_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kilobytes * 1024)
+    Some(kilobytes("/proc/self/status", "VmHWM:")? << 10)
 }
 
 #[cfg(test)]
@@ -308,7 +318,7 @@ mod tests {
     #[test]
     fn ratios_are_taken_round_by_round() {
         let samples = |walls: [f64; 3]| {
-            FrameTimings(walls.map(|wall| FrameTiming { wall, cpu: wall, stats: Stats::default() }).to_vec())
+            Rounds(walls.map(|wall| FrameTiming { wall, cpu: wall, stats: Stats::default() }).to_vec())
         };
         // The machine was ten times slower in the second round.
         let (a, b) = (samples([1.0, 10.0, 1.1]), samples([2.0, 20.0, 2.2]));

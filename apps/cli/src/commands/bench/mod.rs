@@ -11,22 +11,22 @@ mod report;
 mod sensors;
 mod training;
 
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::names::stem_of;
+use crate::output::print_json;
 use crate::overwrite::OverwriteArgs;
-use crate::progress::{self, Reporter};
+use crate::progress::Reporter;
 use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs, read_saying_remarks};
 use anyhow::{Context, Result};
 use clap::Args;
 use glam::DVec3;
-use indicatif::ProgressBar;
 use measure::{BenchCase, BenchTarget, FrameTimings, peak_memory, turns};
 use report::{MeasuredCases, PathSpeed, SceneReport, ThreadsReport};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use weather_magician::formats::ReadOptions;
+use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{self, CameraSpec};
-use weather_magician::view::{self, choose};
 use weather_magician::{Camera, Device, Metadata, PlaceOptions, PreparedPlace, Renderer, Scene};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
@@ -113,17 +113,14 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
 /// Prints reports as JSON, or by `print` for people.
 fn show<R: Serialize>(args: &BenchArgs, reports: &[R], print: impl FnOnce(&[R])) -> Result<()> {
     if args.json {
-        println!("{}", serde_json::to_string_pretty(reports)?);
-    } else {
-        print(reports);
+        return print_json(reports);
     }
+    print(reports);
     Ok(())
 }
 
-/// The error of a measurement that was stopped.
-fn incomplete() -> anyhow::Error {
-    Interrupted("the measurement is not complete".into()).into()
-}
+/// The words of a measurement that was stopped.
+pub(crate) const INCOMPLETE: &str = "the measurement is not complete";
 
 /// Calls `measure` for each scene with its name, the scene and the camera.
 fn each<R>(
@@ -177,11 +174,8 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     } else {
         OpenScene::new(&read, &args.run, None)?
     };
-    let options = view::ViewOptions { up: None, fov: args.fov, near: None, size: Some(args.size) };
-    let camera = match &args.camera {
-        Some(spec) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
-        None => choose::choose(&mut loaded.site(options))?.camera,
-    };
+    let options = ViewOptions { up: None, fov: args.fov, near: None, size: Some(args.size) };
+    let camera = loaded.camera(args.camera.as_ref(), &options)?;
     Ok((loaded, camera))
 }
 
@@ -253,7 +247,6 @@ fn in_turns(
     cases: &[BenchCase],
     run: &RunArgs,
     rounds: u32,
-    bar: &ProgressBar,
 ) -> Result<Vec<FrameTimings>> {
     // The first target is the bare scene, the second, if there is one, is lit by the weather.
     let lit: Vec<&BenchCase> = cases.iter().filter(|case| case.needs_place()).collect();
@@ -279,7 +272,7 @@ fn in_turns(
         let scene = SetView::plain(*scene).with_attributes(Some(buried));
         stands.push(BenchTarget::Sets { renderer, sets: vec![scene, SetView::plain(*snow)] });
     }
-    turns(&mut stands, camera, &plan, rounds, bar)
+    turns(&mut stands, camera, &plan, rounds, "rounds")
 }
 
 /// Measures the cases, the threads and the SIMD paths of a scene.
@@ -298,8 +291,6 @@ fn measure_scene(
     }
     let rounds = args.frames;
     let (full, rgb) = (BenchCase::position(&cases, "rgb+depth+normal"), BenchCase::position(&cases, "rgb"));
-
-    let bar = progress::bar(u64::from(rounds), "rounds");
     // Memory is that of one renderer: it is told before there is another.
     let plain: Vec<(usize, &BenchCase)> = cases
         .iter()
@@ -307,10 +298,9 @@ fn measure_scene(
         .map(|case| (0, case))
         .collect();
     let alone = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
-    turns(&mut [alone], &camera, &plain, 0, &bar)?;
+    turns(&mut [alone], &camera, &plain, 0, "rounds")?;
     let memory = peak_memory();
-    let measured = in_turns(loaded, &camera, &cases, &args.run, rounds, &bar)?;
-    bar.finish_and_clear();
+    let measured = in_turns(loaded, &camera, &cases, &args.run, rounds)?;
     let measured = MeasuredCases { cases: &cases, frames: &measured };
     // Threads and SIMD paths are the CPU's.
     if (!args.cases.is_empty() || loaded.renderer.backend().is_gpu()) && !interrupt::asked() {
@@ -324,9 +314,7 @@ fn measure_scene(
     let threads = loaded.renderer.backend().threads();
     let mut stands =
         [BenchTarget::plain(&mut loaded.renderer, loaded.place.set()), BenchTarget::plain(&mut single, set)];
-    let bar = progress::bar(u64::from(rounds), "threads");
-    let pair = turns(&mut stands, &camera, &[(0, &cases[full]), (1, &cases[full])], rounds, &bar)?;
-    bar.finish_and_clear();
+    let pair = turns(&mut stands, &camera, &[(0, &cases[full]), (1, &cases[full])], rounds, "threads")?;
     drop(single);
 
     // Every SIMD path on one thread; the slow ones in fewer rounds.
@@ -334,16 +322,12 @@ fn measure_scene(
     for path in SimdPath::available() {
         let mut renderer = RunArgs { simd: path.choice(), ..one.clone() }.renderer()?;
         let set = renderer.backend_mut().load(&loaded.place.scene().splats)?;
-        let bar = progress::bar(u64::from(rounds.min(8)), "paths");
         let mut stands = [BenchTarget::plain(&mut renderer, set)];
         let plan = [(0, &cases[rgb]), (0, &cases[full])];
-        let frames = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
-        bar.finish_and_clear();
+        let frames = turns(&mut stands, &camera, &plan, rounds.min(8), "paths")?;
         paths.push(PathSpeed::new(path.to_string(), &frames[0], &frames[1]));
     }
-    if interrupt::asked() {
-        return Err(incomplete());
-    }
+    interrupt::check(INCOMPLETE)?;
     let threads = ThreadsReport::new(threads, &pair[0], &pair[1]);
     Ok(SceneReport::new(name, loaded, &camera, measured, Some(threads), paths, memory))
 }

@@ -8,14 +8,13 @@
 //! picture the growth of time with pixels and splats. Numbers of different machines do not compare
 //! programs: the table names the machine.
 
-use super::BenchArgs;
 use super::measure::{BenchCase, BenchTarget, turns};
+use super::{BenchArgs, INCOMPLETE};
 use crate::interrupt;
-use crate::progress;
+use crate::output::{json_text, make_folder, print_json, write_text};
 use crate::report::plot::{Axis, Plot, Series};
-use crate::report::write_text;
 use crate::scene::{OpenScene, RunArgs};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -102,7 +101,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         super::each(&args, |name, loaded, camera| table.add(name, loaded, &camera, &args.run, args.frames))?;
     }
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&table)?);
+        print_json(&table)?;
     } else {
         print!("{}", table.markdown());
     }
@@ -134,11 +133,8 @@ impl SpeedTable {
     ) -> Result<()> {
         let cases: Vec<BenchCase> =
             super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
-        let bar = progress::bar(u64::from(rounds), "rounds");
-        let measured = super::in_turns(loaded, camera, &cases, run, rounds, &bar)?;
-        if interrupt::asked() {
-            return Err(super::incomplete());
-        }
+        let measured = super::in_turns(loaded, camera, &cases, run, rounds)?;
+        interrupt::check(INCOMPLETE)?;
         let device = loaded.renderer.describe();
         let seconds = |case: &&str| -> Option<f64> {
             let place = cases.iter().position(|known| known.name == *case)?;
@@ -163,11 +159,10 @@ impl SpeedTable {
             let small = camera.resized(side(camera.width), side(camera.height));
             let clear = &cases[BenchCase::position(&cases, "rgb")];
             let stand = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
-            let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), &bar)?;
+            let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), "rounds")?;
             let pixels = f64::from(small.width) * f64::from(small.height);
             points.push([pixels * 1e-6, 1e3 * frames[0].median(|sample| sample.wall)]);
         }
-        bar.finish_and_clear();
         self.by_pixels.push(BySize { scene: name.to_owned(), device, points });
         Ok(())
     }
@@ -266,10 +261,9 @@ pub(crate) fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
 const TABLE: &str = "speed.md";
 
 fn write(table: &SpeedTable, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
-    let json = serde_json::to_string_pretty(table)? + "\n";
-    let mut files = vec![(TABLE, table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
+    make_folder(folder)?;
+    let mut files =
+        vec![(TABLE, table.markdown()), ("speed.csv", csv(table)), ("speed.json", json_text(table)?)];
     files.extend(plots(table).into_iter().map(|(name, plot)| (name, plot.svg())));
     for (name, text) in files {
         write_text(&folder.join(name), &text)?;

@@ -1,7 +1,7 @@
 //! Sensors of a scene: lidar sweeps, and pictures through a fisheye against those of a pinhole.
 
-use super::BenchArgs;
-use super::measure::{Clock, Timing, WARM_UP, median};
+use super::measure::{Clock, Rounds, Timing, WARM_UP};
+use super::{BenchArgs, INCOMPLETE};
 use crate::interrupt;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
@@ -46,15 +46,18 @@ struct SensorCase {
 }
 
 impl SensorCase {
-    fn new(name: &'static str, rounds: &[Timing], against: Option<&[Timing]>, points: Option<usize>) -> Self {
-        let of = |pick: fn(&Timing) -> f64| 1e3 * median(rounds.iter().map(pick).collect());
-        let ratio = |plain: &[Timing]| median(rounds.iter().zip(plain).map(|(a, b)| a.cpu / b.cpu).collect());
+    fn new(
+        name: &'static str,
+        rounds: &Rounds<Timing>,
+        against: Option<&Rounds<Timing>>,
+        points: Option<usize>,
+    ) -> Self {
         Self {
             name,
-            wall_ms: of(|timing| timing.wall),
-            best_wall_ms: 1e3 * rounds.iter().map(|timing| timing.wall).fold(f64::INFINITY, f64::min),
-            cpu_ms: of(|timing| timing.cpu),
-            cpu_ratio: against.map(ratio),
+            wall_ms: 1e3 * rounds.median(|timing| timing.wall),
+            best_wall_ms: 1e3 * rounds.best(|timing| timing.wall),
+            cpu_ms: 1e3 * rounds.median(|timing| timing.cpu),
+            cpu_ratio: against.map(|plain| rounds.ratio(plain, |timing| timing.cpu)),
             points,
         }
     }
@@ -90,9 +93,7 @@ pub(crate) fn measure(
         cases.push(SensorCase::new(names[1], &fisheye, Some(&pinhole), None));
     }
     bar.finish_and_clear();
-    if interrupt::asked() {
-        return Err(super::incomplete());
-    }
+    interrupt::check(INCOMPLETE)?;
     Ok(SensorReport {
         scene: name.to_owned(),
         splats: loaded.place.scene().splats.len(),
@@ -109,7 +110,7 @@ fn sweeps(
     sub_rays: SubRays,
     rounds: u32,
     bar: &ProgressBar,
-) -> Result<(Vec<Timing>, usize)> {
+) -> Result<(Rounds<Timing>, usize)> {
     let lidar = LidarModel::parse(LIDAR, "64x1800")?;
     let motion = CameraMotion::from(*camera);
     let options = ScanOptions { sub_rays, ..ScanOptions::default() };
@@ -127,7 +128,7 @@ fn sweeps(
     let (sweeps, progress) = (rounds + WARM_UP, &mut Reporter::default());
     renderer.scan(place, weather, &lidar, &motion, &options, sweeps, &mut take, progress)?;
     times.drain(..times.len().min(WARM_UP as usize));
-    Ok((times, points))
+    Ok((Rounds(times), points))
 }
 
 /// Times of pictures of a pinhole and of a fisheye, in turns.
@@ -137,12 +138,12 @@ fn pictures(
     weather: &Weather,
     rounds: u32,
     bar: &ProgressBar,
-) -> Result<[Vec<Timing>; 2]> {
+) -> Result<[Rounds<Timing>; 2]> {
     let (lens, round) = LensModel::fisheye((SIDE, SIDE), 180.0)?;
     let lens = LensView::new(lens, &round)?;
     let camera = camera.refitted(SIDE, SIDE);
     let (mut pinhole, mut fisheye) = (Picture::default(), Picture::default());
-    let mut times = [Vec::new(), Vec::new()];
+    let mut times = [Rounds::default(), Rounds::default()];
     let OpenScene { renderer, place } = loaded;
     let request = FrameRequest::new(weather, camera, 1.0);
     let model = CameraModel { lens: Some(lens), ..CameraModel::default() };
@@ -159,8 +160,8 @@ fn pictures(
         renderer.render_into(place, &through, &mut fisheye, &mut ())?;
         let second = clock.stop();
         if round >= WARM_UP {
-            times[0].push(first);
-            times[1].push(second);
+            times[0].0.push(first);
+            times[1].0.push(second);
             bar.inc(1);
         }
     }

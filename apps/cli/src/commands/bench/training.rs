@@ -1,7 +1,7 @@
 //! Training steps, measured on a scene's own splats.
 
-use super::BenchArgs;
-use super::measure::{Clock, Timing, WARM_UP, median};
+use super::measure::{Clock, Rounds, Timing, WARM_UP};
+use super::{BenchArgs, INCOMPLETE};
 use crate::interrupt;
 use crate::progress;
 use crate::scene::RunArgs;
@@ -50,10 +50,10 @@ struct DeviceTimes {
 
 impl DeviceTimes {
     /// Computes the medians; `None` if a step was not timed.
-    fn of(steps: &[Step]) -> Option<Self> {
-        let clocks: Option<Vec<StepClock>> = steps.iter().map(|step| step.clock).collect();
-        let clocks = clocks.filter(|clocks| !clocks.is_empty())?;
-        let of = |value: fn(&StepClock) -> f64| 1e3 * median(clocks.iter().map(value).collect());
+    fn of(steps: &Rounds<Step>) -> Option<Self> {
+        let clocks: Option<Vec<StepClock>> = steps.0.iter().map(|step| step.clock).collect();
+        let clocks = Rounds(clocks.filter(|clocks| !clocks.is_empty())?);
+        let of = |value: fn(&StepClock) -> f64| 1e3 * clocks.median(value);
         Some(Self {
             lists: of(|clock| clock.lists),
             rasterize: of(|clock| clock.rasterize),
@@ -114,12 +114,10 @@ pub(crate) fn measure(
     let rgb: Vec<f32> = frame.rgb.iter().map(|v| 0.8 * v).collect();
     let truth = TrainPhoto { rgb: &rgb, mask: None, camera, prior: None };
     let bar = progress::bar(u64::from(args.frames), "steps");
-    let mut steps: [Vec<Step>; 2] = Default::default();
+    let mut steps: [Rounds<Step>; 2] = Default::default();
     for round in 0..args.frames + WARM_UP {
         for (trainer, steps) in trainers.iter_mut().zip(&mut steps) {
-            if interrupt::asked() {
-                return Err(super::incomplete());
-            }
+            interrupt::check(INCOMPLETE)?;
             // A GPU goes on with a step after the call, and the next call waits for it: it must
             // find the rest of a step.
             trainer.step(&truth, 0)?;
@@ -128,7 +126,7 @@ pub(crate) fn measure(
             let Timing { wall, cpu } = clock.stop();
             if round >= WARM_UP {
                 let clock = trainer.clock();
-                steps.push(Step { wall, cpu, times: report.times, visible: report.visible, clock });
+                steps.0.push(Step { wall, cpu, times: report.times, visible: report.visible, clock });
             }
         }
         if round >= WARM_UP {
@@ -136,15 +134,15 @@ pub(crate) fn measure(
         }
     }
     bar.finish_and_clear();
-    let of = |value: fn(&Step) -> f64| 1e3 * median(steps[0].iter().map(value).collect());
     let [all, one] = &steps;
+    let of = |value: fn(&Step) -> f64| 1e3 * all.median(value);
     Ok(TrainingReport {
         scene: name.to_owned(),
         splats: splats.len(),
         sh_degree: splats.sh_degree,
         width: camera.width,
         height: camera.height,
-        visible: all.first().map_or(0, |step| step.visible),
+        visible: all.0.first().map_or(0, |step| step.visible),
         threads: trainers[0].threads(),
         wall_ms: of(|step| step.wall),
         cpu_ms: of(|step| step.cpu),
@@ -152,8 +150,8 @@ pub(crate) fn measure(
         loss_ms: of(|step| step.times.loss),
         backward_ms: of(|step| step.times.backward),
         optimizer_ms: of(|step| step.times.optimizer),
-        one_thread_wall_ms: 1e3 * median(one.iter().map(|step| step.wall).collect()),
-        speedup: median(one.iter().zip(all).map(|(one, all)| one.wall / all.wall).collect()),
+        one_thread_wall_ms: 1e3 * one.median(|step| step.wall),
+        speedup: one.ratio(all, |step| step.wall),
         device_ms: DeviceTimes::of(all),
     })
 }

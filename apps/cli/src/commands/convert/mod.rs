@@ -74,32 +74,33 @@ pub(crate) struct ConvertArgs {
 
 /// Changes to apply, in this order.
 #[derive(Args, Debug)]
+#[command(next_help_heading = "Change")]
 struct ChangeArgs {
     /// Keep only splats in this box, two corners in the axes of the input scene
-    #[arg(long, value_name = "X,Y,Z:X,Y,Z", value_parser = parse_box, allow_hyphen_values = true, help_heading = "Change")]
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z", value_parser = parse_box, allow_hyphen_values = true)]
     crop: Option<CropBox>,
     /// Rotate the scene so that up becomes this direction, such as 0,1,0
-    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true)]
     up: Option<DVec3>,
     /// Up direction in the input scene, for --up [default: from the file, the photos or the splats]
-    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true)]
     up_now: Option<DVec3>,
     /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon
-    #[arg(long, value_name = "HOW", value_parser = one_of(SKIES), default_value = "keep", help_heading = "Change")]
+    #[arg(long, value_name = "HOW", value_parser = one_of(SKIES), default_value = "keep")]
     sky: OwnSky,
     /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is
     /// known
-    #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
+    #[arg(long, value_name = "FACTOR", value_parser = parse_scale)]
     scale: Option<LengthScale>,
     /// Keep positions relative to this point of the world, or to none [default: the origin of the
     /// input scene; one is chosen if its coordinates are far from zero]
-    #[arg(long, value_name = "X,Y,Z|none", allow_hyphen_values = true, help_heading = "Change")]
+    #[arg(long, value_name = "X,Y,Z|none", allow_hyphen_values = true)]
     origin: Option<GivenOrigin>,
     /// Remove SH above this degree, 0 to 3
-    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Change")]
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: Option<u8>,
     /// Reduce to this many splats; keeps those that contribute most to views around the scene
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Change")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     max_splats: Option<u64>,
 }
 

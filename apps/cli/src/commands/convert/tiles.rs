@@ -1,12 +1,13 @@
 //! 3D Tiles of a scene in levels.
 
 use super::ConvertArgs;
-use crate::interrupt::{self, Interrupted};
+use crate::choices::first_given;
+use crate::interrupt;
 use crate::progress;
+use crate::scene::threads;
 use anyhow::{Result, bail};
 use rayon::prelude::*;
 use std::path::Path;
-use weather_magician::formats::folder::scene_file;
 use wm_scene::levels::{LevelIndex, TilePlan};
 use wm_scene::sh::MAX_DEGREE;
 
@@ -21,45 +22,40 @@ pub(super) fn is_tileset(out: &Path) -> bool {
 
 /// Writes 3D Tiles of a scene in levels; returns the lines to print.
 pub(super) fn write(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
-    let main = scene_file(path)?;
-    if main.file_name().is_none_or(|name| name != "lod-meta.json") {
+    let Some(index) = LevelIndex::of_scene(path)? else {
         bail!(
             "{}: 3D Tiles are made of a scene in levels of detail; convert it to FOLDER/lod-meta.json first",
             path.display()
         );
-    }
+    };
     let change = &args.change;
-    let others = [
-        ("--crop", change.crop.is_some()),
-        ("--up", change.up.is_some()),
-        ("--scale", change.scale.is_some()),
-        ("--origin", change.origin.is_some()),
-        ("--max-splats", change.max_splats.is_some()),
-        ("--level", args.level.is_some()),
-    ];
-    if let Some((option, _)) = others.iter().find(|(_, is_given)| *is_given) {
+    let others = first_given([
+        (change.crop.is_some(), "--crop"),
+        (change.up.is_some(), "--up"),
+        (change.scale.is_some(), "--scale"),
+        (change.origin.is_some(), "--origin"),
+        (change.max_splats.is_some(), "--max-splats"),
+        (args.level.is_some(), "--level"),
+    ]);
+    if let Some(option) = others {
         bail!(
             "{option} does not go with 3D Tiles, which have all levels and splats; change the scene before"
         );
     }
-    let index = LevelIndex::open(&main)?;
     let plan = TilePlan::new(&index, out, change.sh_degree.unwrap_or(MAX_DEGREE))?;
     let bar = progress::bar(plan.len() as u64, "tiles");
-    let threads = args.run.threads.map_or(0, usize::from);
     let starts: Vec<usize> = (0..plan.len()).step_by(TILES_AT_ONCE).collect();
     let written = || {
         starts.par_iter().try_for_each(|start| {
-            if interrupt::asked() {
-                bail!(Interrupted(format!("{} of {} tiles are written", bar.position(), plan.len())));
-            }
+            interrupt::check(format!("{} of {} tiles are written", bar.position(), plan.len()))?;
             let tiles = *start..plan.len().min(start + TILES_AT_ONCE);
             let count = tiles.len() as u64;
             plan.write_tiles(tiles)?;
             bar.inc(count);
-            Ok(())
+            anyhow::Ok(())
         })
     };
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(written)?;
+    threads(args.run.threads)?.install(written)?;
     bar.finish_and_clear();
     plan.write_tileset()?;
     let (tiles, finest) = (plan.len(), index.count_of_level(0));

@@ -10,7 +10,8 @@ pub(crate) mod street;
 
 use super::reconstruct::CHECKPOINT;
 use crate::choices::{ENCODERS, one_of};
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::stopped;
+use crate::output::{make_folder, write_sheet};
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{OpenScene, RunArgs};
@@ -28,7 +29,6 @@ use weather_magician::{
     Camera, FrameRequest, Metadata, Picture, PictureSize, Scene, Weather, picture_tags, video,
 };
 use wm_image::color::Dither;
-use wm_image::{png, sheet};
 use wm_street::dataset::{CameraRoute, DatasetOptions, GroundTruth};
 use wm_street::{Lighting, Street, Viewpoint};
 use wm_weather::ParamValue;
@@ -106,8 +106,6 @@ pub(crate) struct DemoArgs {
         help_heading = "Photos"
     )]
     truth: GroundTruth,
-    #[command(flatten)]
-    capture: CaptureArgs,
     /// Number of training steps
     #[arg(long, value_name = "N", default_value_t = 2000, conflicts_with = "sampled", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
@@ -123,6 +121,8 @@ pub(crate) struct DemoArgs {
     /// Encoder of the film
     #[arg(long, value_parser = one_of(ENCODERS), default_value = "builtin")]
     encoder: video::VideoEncoder,
+    #[command(flatten)]
+    capture: CaptureArgs,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -201,8 +201,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     if !args.sampled {
         args.overwrite.check(&photos::run_folder(&path).join(CHECKPOINT), &[], OTHER)?;
     }
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
+    make_folder(&args.out)?;
     let film = args.out.join("fog.mp4");
     if args.wants(DemoOutput::Film) {
         // An unsuitable size or folder is reported before the work starts.
@@ -278,33 +277,29 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The words of stopped work on a file.
+fn not_written(path: &Path) -> String {
+    format!("{} is not written", path.display())
+}
+
 /// Renders one view in every weather of [`SHEET`].
 fn draw_sheet(studio: &mut OpenScene, camera: &Camera, path: &Path) -> Result<()> {
-    let bar = progress::bar(SHEET.len() as u64, "pictures");
     let mut pictures = Vec::new();
-    for (name, change) in SHEET {
-        if interrupt::asked() {
-            return Err(Interrupted(format!("{} is not written", path.display())).into());
-        }
+    progress::for_each(SHEET.into_iter(), "pictures", &not_written(path), |(name, change), _| {
         let mut weather = Weather::find(name)?;
         change.map_or(Ok(()), |change| weather.set_text(change))?;
         let picture = studio.renderer.render(&mut studio.place, &FrameRequest::new(&weather, camera, 0.0))?;
         pictures.push((picture.frame.rgb, label(&weather)));
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    let panels: Vec<sheet::SheetPanel<'_>> =
-        pictures.iter().map(|(rgb, label)| sheet::SheetPanel { rgb, label }).collect();
-    let layout =
-        sheet::SheetLayout::new(PictureSize::new(camera.width, camera.height), panels.len() as u32, 3);
+        Ok(())
+    })?;
     let (site, backend) = (studio.place.site(), studio.renderer.backend());
     let mut tags = picture_tags(SCENE, site, backend, &Weather::clear(), 0.0, camera);
     if let Some((_, text)) = tags.iter_mut().find(|(key, _)| key == "weather") {
         *text = pictures.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>().join("; ");
     }
-    png::write_rgb(path, &sheet::sheet(&layout, &panels), layout.size(), Dither::Ordered, &tags)?;
+    let size = PictureSize::new(camera.width, camera.height);
+    let whole = write_sheet(path, &pictures, size, 3, Dither::Ordered, &tags)?;
     let names = SHEET.map(|(name, _)| name).join(", ");
-    let whole = layout.size();
     println!("{}: {names}, {}x{}, {}", path.display(), whole.width, whole.height, megabytes(path));
     Ok(())
 }
@@ -331,7 +326,7 @@ fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
     let frames: Vec<u32> = (0..all).collect();
     let written = render_and_write(&frames, &mut render, &mut write, &mut Reporter::default())?;
     if written < all {
-        return Err(Interrupted(format!("{} is not written", path.display())).into());
+        return Err(stopped(not_written(path)));
     }
     let report = sink.finish()?;
     println!(

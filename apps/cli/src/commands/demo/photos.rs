@@ -2,7 +2,7 @@
 
 use crate::choices::Choice;
 use crate::commands::reconstruct::{self, ReconstructArgs};
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use crate::scene::{RunArgs, threads};
 use anyhow::{Context, Result, bail};
@@ -121,7 +121,7 @@ impl PhotoSession {
         bar.finish_and_clear();
         match taken {
             Some(_) => Ok(()),
-            None => Err(Interrupted(format!("{} is not a whole data set", folder.display())).into()),
+            None => Err(interrupt::stopped(format!("{} is not a whole data set", folder.display()))),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The built-in street as a scene.
 
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use anyhow::Result;
 use weather_magician::Scene;
@@ -28,7 +28,7 @@ pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<u16>) -> Resul
         })
     });
     bar.finish_and_clear();
-    sampled.ok_or_else(|| Interrupted("nothing was written yet".into()).into())
+    sampled.ok_or_else(|| interrupt::stopped("nothing was written yet"))
 }
 
 #[cfg(test)]

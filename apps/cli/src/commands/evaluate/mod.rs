@@ -11,9 +11,9 @@ mod views;
 use crate::choices::{Choice, one_of};
 use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
+use crate::output::{json_text, write_text};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use crate::report::write_text;
 use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use anyhow::{Result, bail};
 use clap::Args;
@@ -149,8 +149,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<()> {
     let report = EvaluationReport::new(args, &data, truth, evaluation);
     text::print(&report);
     if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&report.json())?;
-        write_text(path, &(text + "\n"))?;
+        write_text(path, &json_text(&report.json())?)?;
     }
     if let Some(path) = &args.report {
         let page = page::page(&report, &shown);

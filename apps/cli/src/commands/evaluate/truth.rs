@@ -10,30 +10,31 @@ use wm_scene::survey::Survey;
 
 /// The folders of ground-truth maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Truth")]
 pub(crate) struct TruthArgs {
     /// Folder of true depth, one file per photo and named after it: .png, .tiff, .exr or .npy; of
     /// any size with the photo's aspect ratio [default: truth/depth in the data set, if it exists]
-    #[arg(long, value_name = "FOLDER", help_heading = "Truth")]
+    #[arg(long, value_name = "FOLDER")]
     depth: Option<PathBuf>,
     /// Folder of true normals [default: truth/normal in the data set, if it exists]
-    #[arg(long, value_name = "FOLDER", help_heading = "Truth")]
+    #[arg(long, value_name = "FOLDER")]
     normal: Option<PathBuf>,
     /// Folder of true skies: white in the sky, else black [default: truth/sky in the data set, if
     /// it exists]
-    #[arg(long, value_name = "FOLDER", help_heading = "Truth")]
+    #[arg(long, value_name = "FOLDER")]
     sky: Option<PathBuf>,
     /// Unit of the depth maps: m, cm, mm, units (of the scene), or a number of metres. Metres
     /// become scene units by the scene's scale; if it has none, 1 m is 1 unit [default: the unit in
     /// a PNG's metadata; m for floats]
-    #[arg(long, value_name = "UNIT", help_heading = "Truth")]
+    #[arg(long, value_name = "UNIT")]
     depth_unit: Option<DepthUnit>,
     /// Quantity in the depth maps: z (distance from the camera's plane), ray (from its centre) or
     /// disparity (1 / z)
-    #[arg(long, value_name = "KIND", default_value = "z", help_heading = "Truth")]
+    #[arg(long, value_name = "KIND", default_value = "z")]
     depth_kind: DepthForm,
     /// Axes of the normal maps: world (of the scene), camera (x right, y down, z forward) or opengl
     /// (x right, y up, z towards the viewer)
-    #[arg(long, value_name = "AXES", default_value = "world", help_heading = "Truth")]
+    #[arg(long, value_name = "AXES", default_value = "world")]
     normal_axes: NormalAxes,
 }
 

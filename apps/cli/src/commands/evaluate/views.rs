@@ -4,7 +4,7 @@ use super::EvaluateArgs;
 use super::page::PhotoPanels;
 use super::truth::explain;
 use crate::dataset::Dataset;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::scene::OpenScene;
 use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
@@ -41,7 +41,7 @@ pub(crate) fn measure(
     let (backend, set) = (renderer.backend_mut(), place.set());
     let evaluated = evaluate(backend, set, place.scene(), data, truth, &options, &mut progress);
     let evaluation = evaluated.map_err(|error| match error {
-        EvaluationError::Stopped => Interrupted("nothing was written".into()).into(),
+        EvaluationError::Stopped => interrupt::stopped("nothing was written"),
         EvaluationError::NoPhotos => {
             anyhow!("{}: no photo is left to compare with; copy them again", args.dataset().display())
         }
@@ -67,7 +67,7 @@ struct ViewProgress<'a> {
 
 impl EvaluationObserver for ViewProgress<'_> {
     fn proceed(&mut self) -> ControlFlow<()> {
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt::flow()
     }
 
     fn on_left_out(&mut self, error: &PhotoError) {

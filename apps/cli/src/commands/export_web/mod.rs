@@ -11,7 +11,7 @@ mod single_file;
 mod site;
 
 use crate::commands::render::camera::ViewpointArgs;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
@@ -24,6 +24,7 @@ use player::PlayerFiles;
 use std::path::{Path, PathBuf};
 use weather_magician::levels::parse_memory;
 use weather_magician::{Camera, Weather};
+use wm_viewer::ViewState;
 use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
 
@@ -184,7 +185,7 @@ pub(crate) fn run(args: &ExportWebArgs) -> Result<()> {
             .into_iter()
             .map(|view| SiteView { name: view.name, camera: view.camera })
             .collect(),
-        start: site::start(&start, &weather, args.time),
+        start: ViewState::new(&start, &weather, args.time),
         near: start.near,
         words: place.words,
         files: files
@@ -215,12 +216,12 @@ fn check_weather(weather: &Weather) -> Result<()> {
     }
 }
 
+/// The words of a stopped export.
+const NOT_WRITTEN: &str = "no site is written";
+
 /// Fails if Ctrl-C was pressed.
 fn stop_if_asked() -> Result<()> {
-    if interrupt::asked() {
-        bail!(Interrupted("no site is written".into()));
-    }
-    Ok(())
+    interrupt::check(NOT_WRITTEN)
 }
 
 /// Returns the lines about the parts of a site.

@@ -1,7 +1,7 @@
 //! The pictures of a site: its poster, its video, and a small picture of each preset.
 
 use super::output::{make_folder, write};
-use super::{resized, stop_if_asked};
+use super::{NOT_WRITTEN, resized, stop_if_asked};
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
 use anyhow::{Error, Result};
@@ -14,9 +14,7 @@ use weather_magician::view::moves;
 use weather_magician::{
     Camera, CameraMotion, FrameRequest, Patience, Picture, PictureSize, Weather, picture_tags,
 };
-use wm_image::color::{Dither, quantize_rgb8};
-use wm_render::Frame;
-use wm_viewer::encode;
+use wm_viewer::encode::frame_jpeg;
 use wm_viewer::thumbnail::{self, thumbnail_weather};
 use wm_weather::presets::PRESETS;
 
@@ -43,7 +41,7 @@ pub(crate) fn poster(
     let OpenScene { renderer, place } = loaded;
     renderer.render_into(place, &request, &mut picture, &mut Reporter::default())?;
     loaded.warn();
-    write(path, &jpeg(&picture.frame, POSTER.1)?)
+    write(path, &frame_jpeg(&picture.frame, POSTER.1)?)
 }
 
 /// Writes a small picture of each preset into `folder`; returns the names of those that it wrote:
@@ -51,24 +49,21 @@ pub(crate) fn poster(
 pub(crate) fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
     make_folder(folder)?;
     let camera = resized(start, thumbnail::WIDTH);
-    let bar = progress::bar(PRESETS.len() as u64, "thumbnails");
     let (mut names, mut picture) = (Vec::new(), Picture::default());
     let OpenScene { renderer, place } = loaded;
-    for (name, _) in PRESETS {
-        stop_if_asked()?;
-        let Some((weather, time)) = thumbnail_weather(name).map_err(Error::msg)? else { continue };
+    progress::for_each(PRESETS.iter(), "thumbnails", NOT_WRITTEN, |(name, _), _| {
+        let Some((weather, time)) = thumbnail_weather(name).map_err(Error::msg)? else { return Ok(()) };
         let missing = place.missing_assets(&weather, time);
         let is_similar = !missing.is_empty() && place.has_similar(&missing);
         let patience = if is_similar { Patience::Draft } else { Patience::Whole };
         let request = FrameRequest { patience, ..FrameRequest::new(&weather, camera, time) };
         // Such as a flood where the ground is not known.
         if renderer.render_into(place, &request, &mut picture, &mut ()).is_ok() {
-            write(&folder.join(format!("{name}.jpg")), &jpeg(&picture.frame, thumbnail::QUALITY)?)?;
+            write(&folder.join(format!("{name}.jpg")), &frame_jpeg(&picture.frame, thumbnail::QUALITY)?)?;
             names.push((*name).to_owned());
         }
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(())
+    })?;
     // They are of weathers that nobody asked for.
     loaded.place.take_warnings();
     Ok(names)
@@ -125,10 +120,4 @@ pub(crate) fn video(
     }
     sink.finish()?;
     Ok(())
-}
-
-/// Returns the colours of a frame as a JPEG.
-fn jpeg(frame: &Frame, quality: u8) -> Result<Vec<u8>> {
-    let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(frame.width, frame.height), Dither::Ordered);
-    Ok(encode::jpeg(&bytes, (frame.width, frame.height), quality)?)
 }

@@ -1,21 +1,20 @@
 //! The scene of a site: written for the browser, and opened again as the browser will see it.
 
 use super::output::make_folder;
-use super::{ExportWebArgs, MEMORY, at};
-use crate::choices::sky_word;
+use super::{ExportWebArgs, MEMORY, NOT_WRITTEN, at};
 use crate::commands::convert::levels;
 use crate::progress;
-use crate::scene::{OpenScene, change_sky, check, read_options, read_saying_remarks};
+use crate::scene::{OpenScene, change_sky, read_checked, refuse_for_levels};
+use crate::viewer::words::{given_words, scene_words};
 use anyhow::{Result, bail};
 use std::fs;
 use std::path::Path;
 use weather_magician::formats::{ReadOptions, read_scene, write_scene};
 use weather_magician::levels::{LevelBudget, MAX_FRAME_SPLATS};
 use weather_magician::{Metadata, PlaceOptions, Scene};
-use wm_capture as capture;
 use wm_scene::SceneView;
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
-use wm_scene::survey::{FactSource, OwnSky, Survey, label_sky};
+use wm_scene::survey::{FactSource, Survey, label_sky};
 
 /// The scene as a site has it.
 pub(crate) struct SitePlace {
@@ -33,26 +32,22 @@ pub(crate) struct SitePlace {
 
 /// Writes the scene into `folder`, and opens what was written.
 pub(crate) fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlace)> {
-    let SceneOptions { facts, words } = SceneOptions::of(args)?;
+    let facts = args.scene.facts.metadata()?;
+    let words = scene_words(&args.scene, args.sky, args.viewpoint.views.as_ref());
+    let words = words.into_iter().map(|word| word.to_string_lossy().into_owned());
+    let words = words.chain(given_words(&args.scene.facts)).collect();
     make_folder(folder)?;
     let source = &args.scene.scene;
     let index = if args.scene.level.is_none() { LevelIndex::of_scene(source)? } else { None };
     // A page draws smaller ones as a whole.
     if let Some(index) = index.filter(|index| index.count_of_level(0) > MAX_FRAME_SPLATS) {
-        if args.sky.sky != OwnSky::Keep || args.viewpoint.views.is_some() {
-            let option = if args.viewpoint.views.is_some() { "--views" } else { "--sky" };
-            bail!(
-                "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
-            );
-        }
+        refuse_for_levels(args.sky, args.viewpoint.views.as_ref())?;
         copy_levels(&index, folder, args.scene.repair)?;
         return open_levels(args, folder, facts.or(index.metadata.clone()), words);
     }
     let bar = progress::spinner("reading the scene");
-    let views = args.viewpoint.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
-    let mut scene = read_saying_remarks(source, &read_options(args.scene.level))?;
-    views.into_iter().for_each(|views| scene.set_world_views(views));
-    check(&mut scene, source, args.scene.repair)?;
+    let views = args.viewpoint.views.as_ref();
+    let mut scene = read_checked(source, args.scene.level, views, args.scene.repair)?;
     if scene.splats.is_empty() {
         bail!("{}: there are no splats in it", source.display());
     }
@@ -87,30 +82,6 @@ pub(crate) fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, S
     let mut loaded = OpenScene { renderer, place };
     loaded.warn();
     Ok((loaded, SitePlace { file: "scene.sog", metadata, views, words, is_in_levels: false }))
-}
-
-/// The facts that were given, and the words of the command line that name the scene.
-struct SceneOptions {
-    facts: Metadata,
-    words: Vec<String>,
-}
-
-impl SceneOptions {
-    fn of(args: &ExportWebArgs) -> Result<Self> {
-        let facts = args.scene.facts.metadata()?;
-        let mut words = vec![args.scene.scene.display().to_string()];
-        let mut add = |option: &str, value: Option<String>| {
-            words.extend(value.map(|value| format!("--{option}={value}")));
-        };
-        add("level", args.scene.level.map(|level| level.to_string()));
-        add("sky", (args.sky.sky != OwnSky::Keep).then(|| sky_word(args.sky.sky).into()));
-        add("views", args.viewpoint.views.as_ref().map(|folder| folder.display().to_string()));
-        add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
-        add("ground", facts.ground.map(|height| height.to_string()));
-        add("metres-per-unit", facts.metres_per_unit.map(|metres| metres.to_string()));
-        words.extend(args.scene.repair.then(|| "--repair".into()));
-        Ok(Self { facts, words })
-    }
 }
 
 /// Opens a scene in levels that was written, with these facts.
@@ -158,15 +129,12 @@ fn known(stated: Metadata, survey: &Survey) -> Metadata {
 /// the index is last. With `repairs` files that are missing or damaged are left out.
 fn copy_levels(index: &LevelIndex, folder: &Path, repairs: bool) -> Result<()> {
     let names: Vec<&String> = index.files.iter().chain(&index.environment).collect();
-    let bar = progress::bar(names.len() as u64, "copying the scene");
-    for name in names {
-        super::stop_if_asked()?;
+    progress::for_each(names.into_iter(), "copying the scene", NOT_WRITTEN, |name, bar| {
         match index.write_bundle(name, folder) {
             Err(error) if repairs => bar.suspend(|| eprintln!("warning: {error}; it is left out")),
             outcome => outcome?,
         }
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(())
+    })?;
     Ok(index.write_bundled(&folder.join(INDEX_NAME))?)
 }

@@ -4,28 +4,7 @@ use super::output::write;
 use super::single_file::{STARTER, with_policy};
 use anyhow::Result;
 use std::path::Path;
-use weather_magician::{Camera, Weather};
 use wm_viewer::page::{PageKind, files_of};
-use wm_viewer::state::{Follow, Pose, ViewOutput, ViewState, weather_to_json};
-
-/// JPEG quality of pictures that a viewer sends, which a page that renders for itself does not use.
-const QUALITY: u8 = 90;
-
-/// Returns the initial state of a page.
-pub(crate) fn start(camera: &Camera, weather: &Weather, time: f64) -> ViewState {
-    ViewState {
-        camera: Pose::of(camera),
-        path: Vec::new(),
-        follow: Follow::Camera,
-        weather: weather_to_json(weather),
-        time,
-        output: ViewOutput::Rgb,
-        size: [camera.width, camera.height],
-        quality: QUALITY,
-        divider: None,
-        lidar: None,
-    }
-}
 
 /// The content policy: a page loads its own files, compiles its module, and shows pictures from
 /// memory.

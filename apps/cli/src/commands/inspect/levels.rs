@@ -1,18 +1,8 @@
 //! The levels of detail of a scene.
 
 use crate::scene::count_of;
-use anyhow::Result;
 use serde_json::{Value, json};
-use std::path::Path;
-use weather_magician::formats::folder::scene_file;
 use wm_scene::levels::LevelIndex;
-
-/// Reads the index of a scene in levels; `None` if it has none.
-pub(super) fn of(scene: &Path) -> Result<Option<LevelIndex>> {
-    let file = scene_file(scene)?;
-    let has_levels = file.file_name().is_some_and(|name| name == "lod-meta.json");
-    Ok(if has_levels { Some(LevelIndex::open(&file)?) } else { None })
-}
 
 /// A level: its splats, and the mean over the leaves of its error, if all state one.
 fn rows(index: &LevelIndex) -> impl Iterator<Item = (u32, u64, Option<f64>)> + '_ {

@@ -1,6 +1,7 @@
 //! `inspect --light`: the light of the photos, split into sun and sky, as a line and as a picture.
 
 use super::InspectArgs;
+use crate::output::write_sheet;
 use crate::progress::Reporter;
 use crate::scene::AssetFolder;
 use anyhow::{Context, Result};
@@ -9,7 +10,7 @@ use weather_magician::view::{ViewOptions, choose};
 use weather_magician::{
     Camera, FrameRequest, Metadata, PictureSize, PlaceOptions, PreparedPlace, Renderer, Scene, Weather,
 };
-use wm_image::{color::Dither, png, sheet};
+use wm_image::color::Dither;
 use wm_scene::{Splats, sh};
 use wm_weather::light::CaptureLight;
 
@@ -49,11 +50,9 @@ fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight
     for (shares, label) in shares {
         panels.push((painted(renderer, place, &shares, &camera)?, label));
     }
-    let panels: Vec<sheet::SheetPanel<'_>> =
-        panels.iter().map(|(rgb, label)| sheet::SheetPanel { rgb, label }).collect();
-    let layout = sheet::SheetLayout::new(PictureSize::new(PANEL.0, PANEL.1), panels.len() as u32, 2);
-    png::write_rgb(path, &sheet::sheet(&layout, &panels), layout.size(), Dither::Ordered, &[])
-        .with_context(|| format!("{}", path.display()))
+    let size = PictureSize::new(PANEL.0, PANEL.1);
+    let written = write_sheet(path, &panels, size, 2, Dither::Ordered, &[]);
+    written.map(drop).with_context(|| format!("{}", path.display()))
 }
 
 /// Renders the splats of a place in greys, 0-1, one a splat.

@@ -6,6 +6,7 @@ mod inputs;
 mod levels;
 mod light;
 
+use crate::output::print_json;
 use crate::overwrite::OverwriteArgs;
 use crate::scene::{FactArgs, count_of, read_options};
 use anyhow::{Result, bail};
@@ -17,6 +18,7 @@ use weather_magician::Metadata;
 use weather_magician::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_base::files::check_writable;
 use wm_scene::health::{Bounds, Health, Histogram};
+use wm_scene::levels::LevelIndex;
 use wm_scene::posts::{Post, find_posts};
 use wm_scene::survey::{Sourced, Survey, label_sky};
 use wm_scene::{Group, Remark, Severity};
@@ -68,7 +70,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<()> {
         if args.json {
             let mut report = input.report(&args.scene);
             report["findings"] = json!(input.findings);
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            print_json(&report)?;
         } else {
             input.print(&args.scene);
             findings::print(&input.findings);
@@ -88,7 +90,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<()> {
         }
     }
     let survey = Survey::of(&scene, &given);
-    let levels = levels::of(&args.scene)?;
+    let levels = LevelIndex::of_scene(&args.scene)?;
     let findings = findings::of_scene(&scene, &health, &survey);
     if args.json {
         let mut report = report(args, format, &scene, &health, &survey);
@@ -96,7 +98,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<()> {
         if let Some(levels) = &levels {
             report["levels"] = levels::report(levels);
         }
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        print_json(&report)?;
     } else {
         print(args, format, &scene, &health, &survey, labelled);
         findings::print(&findings);

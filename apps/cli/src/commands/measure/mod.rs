@@ -3,13 +3,12 @@
 mod page;
 mod tables;
 
-use crate::commands::bench::paper::SpeedTable;
+use crate::commands::bench::{INCOMPLETE, paper::SpeedTable};
 use crate::commands::demo::street;
-use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
+use crate::output::{json_text, make_folder, print_json, write_text};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use crate::report::write_text;
 use crate::scene::{FactArgs, OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
@@ -19,8 +18,8 @@ use std::time::Instant;
 use weather_magician::measure::{
     Finding, INSTRUMENTS, Instrument, InstrumentRenderer, MeasureRequest, PlaceRenderer, Reading, changed,
 };
+use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{self, CameraSpec};
-use weather_magician::view::{self, choose};
 use weather_magician::{Camera, Metadata, Weather};
 
 use wm_base::files::check_writable;
@@ -131,8 +130,7 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
     }
     let tasks = tasks(args)?;
     if let Some(folder) = &args.report {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+        make_folder(folder)?;
         check_writable(&folder.join(PAGE))?;
         args.overwrite.check_report(&folder.join(PAGE), &[])?;
     }
@@ -145,7 +143,7 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
     let mut field = PlaceRenderer::new(loaded.renderer, loaded.place, camera);
     let report = MeasureReport { speed, ..measure(args, &mut field, tasks, started)? };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&tables::json(&report))?);
+        print_json(&tables::json(&report))?;
     } else {
         print!("{}", tables::text(&report));
     }
@@ -165,9 +163,8 @@ const ROUNDS: u32 = 3;
 
 /// Writes the report, the page last.
 fn write(report: &MeasureReport, folder: &Path) -> Result<()> {
-    let json = serde_json::to_string_pretty(&tables::json(report))? + "\n";
     let mut files = vec![
-        ("readings.json".to_owned(), json),
+        ("readings.json".to_owned(), json_text(&tables::json(report))?),
         ("readings.csv".to_owned(), tables::csv(report)),
         ("readings.md".to_owned(), tables::markdown(report)),
     ];
@@ -264,12 +261,11 @@ fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<
 
 /// Returns the camera for views of the scene.
 fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
-    let options = view::ViewOptions { up: None, fov: None, near: None, size: Some(args.size) };
-    Ok(match (&args.camera, &args.scene) {
-        (Some(spec), _) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
-        (None, Some(_)) => choose::choose(&mut loaded.site(options))?.camera,
-        (None, None) => Street::views()[0].camera(args.size)?,
-    })
+    let options = ViewOptions { size: Some(args.size), ..ViewOptions::default() };
+    if args.camera.is_none() && args.scene.is_none() {
+        return Ok(Street::views()[0].camera(args.size)?);
+    }
+    loaded.camera(args.camera.as_ref(), &options)
 }
 
 /// Runs the instruments.
@@ -279,12 +275,9 @@ fn measure(
     tasks: Vec<InstrumentTask>,
     started: Instant,
 ) -> Result<MeasureReport> {
-    let bar = progress::bar(tasks.len() as u64, "readings");
     let mut sections: Vec<InstrumentSection> = Vec::new();
-    for InstrumentTask { instrument, weather, setting } in tasks {
-        if interrupt::asked() {
-            return Err(Interrupted("the measurement is not complete".into()).into());
-        }
+    progress::for_each(tasks.into_iter(), "readings", INCOMPLETE, |task, bar| {
+        let InstrumentTask { instrument, weather, setting } = task;
         bar.set_message(instrument.name);
         let request = MeasureRequest { weather: &weather, time: args.time, setting: &setting };
         let finding =
@@ -294,9 +287,8 @@ fn measure(
             Some(section) => section.findings.push(finding),
             None => sections.push(InstrumentSection { instrument, findings: vec![finding] }),
         }
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+        Ok(())
+    })?;
     let unit = &field.place.survey().metres_per_unit;
     // Four digits of whatever size.
     let metres: f64 = format!("{:.3e}", unit.value).parse()?;

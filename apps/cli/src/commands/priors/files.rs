@@ -4,7 +4,7 @@ use super::PriorsArgs;
 use super::work::{PriorAnswer, PriorEstimator};
 use crate::choices::{Choice, first_given, one_of};
 use crate::dataset::Dataset;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -15,58 +15,47 @@ use weather_magician::train::priors::fit::{Freedom, fit};
 use weather_magician::train::priors::points::{placed, seen_points};
 use weather_magician::train::priors::relative::{Relative, pairs};
 use weather_magician::wm_image::maps::{DepthForm, DepthUnit, MapFault, MapFolder, NormalAxes};
+use wm_base::statistics::quantile;
 
 /// The folders of maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Maps")]
 pub(crate) struct FileArgs {
     /// Folder of depth maps, one file per photo and named after it: .png, .tiff, .exr or .npy; of
     /// any size with the photo's aspect ratio
-    #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
+    #[arg(long, value_name = "FOLDER")]
     depth: Option<PathBuf>,
     /// Quantity in the depth maps: z (distance from the camera's plane), ray (from its centre) or
     /// disparity (1 / z)
-    #[arg(
-        long,
-        value_name = "FORM",
-        default_value = "z",
-        requires = "depth",
-        help_heading = "Maps",
-        hide_default_value = true
-    )]
+    #[arg(long, value_name = "FORM", default_value = "z", requires = "depth", hide_default_value = true)]
     depth_form: DepthForm,
     /// Scale of the depth maps: metric (metres), scaled (an unknown factor for each map) or
     /// relative (an unknown factor and offset of each map's 1 / z, as from most networks). Factors
     /// and offsets are fitted to the points [default: relative for disparity, else metric]
-    #[arg(long, value_name = "SCALE", requires = "depth", help_heading = "Maps")]
+    #[arg(long, value_name = "SCALE", requires = "depth")]
     depth_scale: Option<ScaleArg>,
     /// Unit of metric maps: m, cm, mm, units (of the scene), or a number of metres [default: the
     /// unit in a PNG's metadata; m for floats]
-    #[arg(long, value_name = "UNIT", requires = "depth", help_heading = "Maps")]
+    #[arg(long, value_name = "UNIT", requires = "depth")]
     depth_unit: Option<DepthUnit>,
     /// Metres per scene unit, for metric maps [default: one scale for all photos, fitted to the
     /// points]
-    #[arg(
-        long,
-        value_name = "METRES",
-        allow_negative_numbers = true,
-        requires = "depth",
-        help_heading = "Maps"
-    )]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, requires = "depth")]
     metres_per_unit: Option<f64>,
     /// Folder of normal maps [default: normals are computed from the depth]
-    #[arg(long, value_name = "FOLDER", requires = "normal_axes", help_heading = "Maps")]
+    #[arg(long, value_name = "FOLDER", requires = "normal_axes")]
     normal: Option<PathBuf>,
     /// Axes of the normal maps: world (of the scene), camera (x right, y down, z forward) or opengl
     /// (x right, y up, z towards the viewer)
-    #[arg(long, value_name = "AXES", requires = "normal", help_heading = "Maps")]
+    #[arg(long, value_name = "AXES", requires = "normal")]
     normal_axes: Option<NormalAxes>,
     /// Folder of masks of the sky: white is sky, black is not, grey is unknown [default: computed
     /// from depth and the photo's colours]
-    #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
+    #[arg(long, value_name = "FOLDER")]
     sky: Option<PathBuf>,
     /// Picture that the maps belong to if the lens distorts: photo (as it is stored) or pinhole
     /// (undistorted, as COLMAP's undistorter and this program make it)
-    #[arg(long, value_name = "PICTURE", value_parser = one_of(MAPS_OF), default_value = "photo", help_heading = "Maps")]
+    #[arg(long, value_name = "PICTURE", value_parser = one_of(MAPS_OF), default_value = "photo")]
     maps_of: MapsOf,
 }
 
@@ -212,9 +201,7 @@ fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
         .zip(&seen)
         .map(|(place, seen)| {
             bar.inc(1);
-            if interrupt::asked() {
-                return Err(Interrupted("no photo is done yet".into()).into());
-            }
+            interrupt::check("no photo is done yet")?;
             let Some(given) = maps.look(&data.photos, *place, data.name(*place))? else { return Ok(None) };
             let Some(depth) = given.depth else { return Ok(None) };
             let relative = Relative {
@@ -239,17 +226,16 @@ fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
              whether --depth-form is right"
         );
     }
-    scales.sort_by(f64::total_cmp);
-    let at = |share: f64| scales[((scales.len() - 1) as f64 * share).round() as usize];
+    let [quarter, middle, most] = [0.25, 0.5, 0.75].map(|share| quantile(&mut scales, share));
     eprintln!(
         "depth: 1 scene unit is {:.4} m by the points of {} photos (the middle half {:.4} to {:.4}); \
          --metres-per-unit says otherwise",
-        at(0.5),
+        middle,
         scales.len(),
-        at(0.25),
-        at(0.75)
+        quarter,
+        most
     );
-    Ok(at(0.5))
+    Ok(middle)
 }
 
 /// Prints a warning for photos without a map; returns an error for a folder without any.

@@ -6,18 +6,18 @@ mod network;
 mod preview;
 mod work;
 
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::scene::threads;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::train::dataset::orientation;
 use weather_magician::train::priors::folder::{INDEX, Index, PriorsError};
 use weather_magician::train::priors::{FOLDER, PriorsWriter, photos};
 use wm_base::FormatError;
+use wm_base::statistics::median;
 use wm_capture::folder_of;
 
 /// Options of `priors`.
@@ -151,11 +151,11 @@ fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> 
     let (capture, places, up) = (&data.capture, &data.places, up.as_ref());
     let written = photos::write_folder(capture, &data.photos, places, up, threads, &out, &mut |done| {
         bar.set_position(done as u64);
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt::flow()
     })?;
     bar.finish_and_clear();
     let Some(index) = written else {
-        return Err(Interrupted(format!("{} holds no priors yet", out.display())).into());
+        return Err(interrupt::stopped(format!("{} holds no priors yet", out.display())));
     };
     preview::write(args, &data)?;
     Ok(index)
@@ -185,9 +185,7 @@ fn report(folder: &Path, index: &Index) {
     }
     let mut residuals: Vec<f64> =
         index.photos.values().filter_map(|entry| Some(entry.fit?.residual)).collect();
-    residuals.sort_by(f64::total_cmp);
-    let residual = residuals
-        .get(residuals.len() / 2)
+    let residual = median(&mut residuals)
         .map(|median| format!(", off the points by {:.2} % (the median photo's residual)", 100.0 * median));
     println!("{}: {}{}", folder.display(), index.summary(), residual.unwrap_or_default());
 }

@@ -15,19 +15,14 @@ use clap::{Args, ValueEnum};
 
 /// The network, and the source of its weights.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Network")]
 pub(crate) struct NetworkArgs {
     /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335)
     /// [default: the size of --weights, else small]
-    #[arg(long, value_name = "SIZE", help_heading = "Network")]
+    #[arg(long, value_name = "SIZE")]
     network: Option<SizeArg>,
     /// Version of Depth Anything of the weights: v2 or v1
-    #[arg(
-        long = "version",
-        id = "network_version",
-        value_name = "VERSION",
-        default_value = "v2",
-        help_heading = "Network"
-    )]
+    #[arg(long = "version", id = "network_version", value_name = "VERSION", default_value = "v2")]
     version: VersionArg,
     #[command(flatten)]
     weights: WeightsArgs,

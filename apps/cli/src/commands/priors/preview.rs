@@ -2,15 +2,16 @@
 
 use super::PriorsArgs;
 use crate::dataset::Dataset;
+use crate::output::write_sheet;
 use anyhow::Result;
 use glam::DVec3;
 use std::fs;
+use std::path::Path;
 use weather_magician::train::photos::Photo;
 use weather_magician::train::priors::{Prior, Priors, SkyClass};
 use weather_magician::{Camera, PictureSize};
 use wm_base::{FormatError, Problem};
-use wm_image::sheet::{SheetLayout, SheetPanel, sheet};
-use wm_image::{color::Dither, png, ramps};
+use wm_image::{color::Dither, ramps};
 
 /// Number of photos on the sheet.
 const PHOTOS: usize = 6;
@@ -45,8 +46,7 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
         panels.extend(views(data.name(place), &photo, &prior, size));
     }
     if let Some(size) = size {
-        let layout = SheetLayout::new(size, panels.len() as u32, 4);
-        draw(&folder.join("preview.png"), &layout, &panels)?;
+        draw(&folder.join("preview.png"), &panels, size, 4)?;
     }
     if !args.preview {
         return Ok(());
@@ -58,8 +58,7 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(|e| FormatError::whole(parent, Problem::Write(e.into())))?;
         }
-        let panels = views(data.name(place), &photo, &prior, size);
-        draw(&path, &SheetLayout::new(size, panels.len() as u32, 2), &panels)?;
+        draw(&path, &views(data.name(place), &photo, &prior, size), size, 2)?;
     }
     Ok(())
 }
@@ -85,10 +84,9 @@ fn fitting(camera: &Camera, pixels: usize) -> PictureSize {
     PictureSize::new(width, height)
 }
 
-fn draw(path: &std::path::Path, layout: &SheetLayout, panels: &[(Vec<f32>, String)]) -> Result<()> {
-    let panels: Vec<SheetPanel<'_>> = panels.iter().map(|(rgb, label)| SheetPanel { rgb, label }).collect();
+fn draw(path: &Path, panels: &[(Vec<f32>, String)], size: PictureSize, columns: u32) -> Result<()> {
     let tags = [("what".to_owned(), "photo, disparity, normals, sky".to_owned())];
-    Ok(png::write_rgb(path, &sheet(layout, &panels), layout.size(), Dither::Off, &tags)?)
+    write_sheet(path, panels, size, columns, Dither::Off, &tags).map(drop)
 }
 
 /// Returns the photo, disparity, normals and sky, with labels.

@@ -2,7 +2,7 @@
 
 use super::{PriorsArgs, preview};
 use crate::dataset::Dataset;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use anyhow::Result;
 use rayon::prelude::*;
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator
             let done = writer.index().photos.len() + writer.index().left_out.len();
             let advice = "the same command with --resume continues";
             let all = data.places.len();
-            return Err(Interrupted(format!("{done} of {all} photos are done, {advice}")).into());
+            return Err(interrupt::stopped(format!("{done} of {all} photos are done, {advice}")));
         }
         let made = |index: &usize| make(args, data, source, data.places[*index], up.as_ref(), &seen[*index]);
         let made: Vec<Result<PriorResult>> = part.par_iter().map(made).collect();

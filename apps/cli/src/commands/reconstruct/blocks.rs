@@ -16,19 +16,20 @@ use weather_magician::{CropBox, Scene};
 
 /// The part of the place that is trained, and in how many blocks.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Blocks")]
 pub(crate) struct BlockArgs {
     /// Cut the ground into this many cells, train each with the photos that show it, and join them;
     /// auto takes one for every 400 photos. What is done already is kept, so the same command
     /// continues
-    #[arg(long, value_name = "N|auto", value_parser = parse_count, help_heading = "Blocks")]
+    #[arg(long, value_name = "N|auto", value_parser = parse_count)]
     blocks: Option<BlockCount>,
     /// Do one part of it, on any machine with the same folders: plan (write blocks.json), the
     /// number of a block from 0 (train it) or join (write the scene)
-    #[arg(long, value_name = "plan|K|join", value_parser = parse_step, requires = "blocks", help_heading = "Blocks")]
+    #[arg(long, value_name = "plan|K|join", value_parser = parse_step, requires = "blocks")]
     block: Option<BlockStep>,
     /// Train only what is in this box, two corners in the axes of the capture, with the photos that
     /// show it
-    #[arg(long, value_name = "X,Y,Z:X,Y,Z", value_parser = crate::commands::convert::parse_box, allow_hyphen_values = true, help_heading = "Blocks")]
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z", value_parser = crate::commands::convert::parse_box, allow_hyphen_values = true)]
     region: Option<CropBox>,
 }
 

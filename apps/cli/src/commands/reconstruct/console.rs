@@ -2,7 +2,7 @@
 //! browser.
 
 use super::ReconstructArgs;
-use super::watch::TrainingView;
+use super::watch::TrainingPage;
 use crate::interrupt;
 use crate::progress;
 use indicatif::ProgressBar;
@@ -24,7 +24,7 @@ pub(crate) struct TrainingConsole<'a> {
     folder: PathBuf,
     colmap: Option<colmap::ColmapStep>,
     bar: Option<ProgressBar>,
-    watch: Option<TrainingView>,
+    watch: Option<Box<dyn TrainingPage>>,
     splats: usize,
 }
 
@@ -50,7 +50,7 @@ impl<'a> TrainingConsole<'a> {
 
 impl TrainObserver for TrainingConsole<'_> {
     fn proceed(&mut self) -> ControlFlow<()> {
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt::flow()
     }
 
     fn on_warning(&mut self, warning: &TrainWarning) {
@@ -101,8 +101,7 @@ impl TrainObserver for TrainingConsole<'_> {
     fn on_start(&mut self, start: &TrainStart<'_>) -> Result<(), ObserverError> {
         self.clear();
         let dataset = self.args.dataset.display().to_string();
-        self.watch =
-            Some(TrainingView::new(&self.args.watch, dataset, start.photo, start.steps, start.extent)?);
+        self.watch = self.args.watch.page(dataset, start)?;
         let bar = progress::bar(u64::from(start.steps), "steps");
         bar.set_position(u64::from(start.step));
         bar.reset_eta();
@@ -115,16 +114,12 @@ impl TrainObserver for TrainingConsole<'_> {
         if let Some(bar) = &self.bar {
             bar.set_position(u64::from(progress.step));
         }
-        if let Some(watch) = &self.watch {
-            watch.step(progress.step, progress.splats);
-        }
+        self.watch.iter_mut().for_each(|watch| watch.on_step(progress));
     }
 
     fn on_summary(&mut self, summary: &StepSummary) {
-        let StepSummary { step, loss, splats, held_out_psnr, .. } = summary;
-        if let Some(watch) = &self.watch {
-            watch.loss(*step, *loss);
-        }
+        let StepSummary { loss, splats, held_out_psnr, .. } = summary;
+        self.watch.iter_mut().for_each(|watch| watch.on_summary(summary));
         if let Some(bar) = &self.bar {
             let held_out = held_out_psnr.map_or_else(String::new, |psnr| format!(", held-out {psnr:.2} dB"));
             bar.set_message(format!("loss {loss:.4}, {splats} splats{held_out}"));
@@ -132,21 +127,19 @@ impl TrainObserver for TrainingConsole<'_> {
     }
 
     fn on_evaluation(&mut self, scores: &HeldOutScores) {
-        if let (Some(watch), Some(mean)) = (&self.watch, scores.mean()) {
-            watch.held_out(scores.step, mean.psnr);
-        }
+        self.watch.iter_mut().for_each(|watch| watch.on_evaluation(scores));
     }
 
     fn wants_image(&mut self, moment: ImageMoment, photo: &Camera) -> Option<Camera> {
         match moment {
-            ImageMoment::Step => self.watch.as_ref()?.due_picture(photo),
+            ImageMoment::Step => self.watch.as_mut()?.wants_image(moment, photo),
             ImageMoment::Milestone => Some(*photo),
         }
     }
 
     fn on_image(&mut self, image: &TrainImage<'_>) -> Result<(), ObserverError> {
-        match (image.moment, &self.watch) {
-            (ImageMoment::Step, Some(watch)) => watch.picture(image.step, image.frame, image.psnr)?,
+        match (image.moment, &mut self.watch) {
+            (ImageMoment::Step, Some(watch)) => watch.on_image(image)?,
             (ImageMoment::Step, None) => {}
             (ImageMoment::Milestone, _) => {
                 let path = self.folder.join(format!("preview-{:06}.png", image.step));

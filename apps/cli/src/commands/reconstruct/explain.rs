@@ -1,6 +1,6 @@
 //! Errors of a session, with the options that help.
 
-use crate::interrupt::Interrupted;
+use crate::interrupt::stopped;
 use anyhow::anyhow;
 use weather_magician::train::colmap::ColmapError;
 use weather_magician::train::plan::PlanError;
@@ -13,14 +13,12 @@ const RESUME: &str = "the same command with --resume continues";
 pub(crate) fn explain(error: SessionError) -> anyhow::Error {
     match &error {
         SessionError::Colmap(ColmapError::Stopped { step, .. }) => {
-            Interrupted(format!("{} is not done, {RESUME}", step.name())).into()
+            stopped(format!("{} is not done, {RESUME}", step.name()))
         }
-        SessionError::Video(VideoError::Stopped) => {
-            Interrupted(format!("the video is not read yet, {RESUME}")).into()
-        }
-        SessionError::StoppedEarly => Interrupted("no step is done yet".into()).into(),
+        SessionError::Video(VideoError::Stopped) => stopped(format!("the video is not read yet, {RESUME}")),
+        SessionError::StoppedEarly => stopped("no step is done yet"),
         SessionError::Stopped { step, steps } => {
-            Interrupted(format!("{step} of {steps} steps are done, {RESUME}")).into()
+            stopped(format!("{step} of {steps} steps are done, {RESUME}"))
         }
         SessionError::NothingToResume(_) => anyhow!("{error}; leave out --resume"),
         SessionError::Unfinished(_) => {

@@ -2,14 +2,13 @@
 
 use crate::choices::first_given;
 use crate::dataset::DatasetArgs;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use crate::scene::print_remarks;
 use anyhow::{Result, bail};
 use clap::Args;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::Metadata;
 use weather_magician::train::HeldOut;
@@ -35,20 +34,21 @@ const BATCH: usize = 64;
 
 /// The part of a driving log that is read.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Driving log")]
 pub(crate) struct LogArgs {
     /// The log among several in the folder: a scene, a drive or a sequence [default: the first
     /// whose files are there]
-    #[arg(long, value_name = "NAME", help_heading = "Driving log")]
+    #[arg(long, value_name = "NAME")]
     log_scene: Option<String>,
     /// Cameras of the log, by its names for them, separated by commas [default: all that take
     /// colour pictures]
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', help_heading = "Driving log")]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     log_cameras: Vec<String>,
     /// Take every N-th picture of each camera [default: as needed for at most 600 pictures]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Driving log")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     log_every: Option<u32>,
     /// Seconds of the log to read, from its start [default: all]
-    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Driving log")]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..))]
     log_seconds: Option<u32>,
 }
 
@@ -143,13 +143,13 @@ fn write(log: &DrivingLog, folder: &Path, skip_bad: bool) -> Result<()> {
             bar = Some((what, progress::bar(total as u64, what)));
         }
         bar.iter().for_each(|(_, bar)| bar.set_position(done as u64));
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt::flow()
     };
     let written =
         log.write_capture(folder, &LogCaptureOptions { skip_bad, ..LogCaptureOptions::default() }, &mut show);
     bar.iter().for_each(|(_, bar)| bar.finish_and_clear());
     let Some(written) = written? else {
-        return Err(Interrupted("the log is not read yet".into()).into());
+        return Err(interrupt::stopped("the log is not read yet"));
     };
     for warning in written.warnings.iter().filter(|warning| !log.warnings.contains(warning)) {
         eprintln!("warning: {}: {warning}", log.source.display());
@@ -195,7 +195,7 @@ fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metada
         if interrupt::asked() {
             bar.finish_and_clear();
             writer.abandon();
-            return Err(Interrupted("the priors of the log are not made yet".into()).into());
+            return Err(interrupt::stopped("the priors of the log are not made yet"));
         }
         let make = |place: &usize| -> Result<Result<_, String>> {
             let photo = match photos.get(*place, 0) {

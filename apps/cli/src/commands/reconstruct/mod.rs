@@ -6,7 +6,7 @@ mod explain;
 mod log;
 mod lpips;
 mod prepare;
-mod watch;
+pub(crate) mod watch;
 
 pub(crate) use weather_magician::train::session::CHECKPOINT;
 
@@ -104,85 +104,86 @@ struct PhotoArgs {
 
 /// Options of the training.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Training")]
 struct TrainingArgs {
     /// Speed or quality: draft (600 steps, a first look), quick (2,000), standard (7,000) or best
     /// (30,000); fewer for few photos
-    #[arg(long, value_name = "PRESET", default_value = "standard", value_parser = one_of(PRESETS), help_heading = "Training")]
+    #[arg(long, value_name = "PRESET", default_value = "standard", value_parser = one_of(PRESETS))]
     preset: Preset,
     /// Number of steps, each with one photo [default: the preset's, at most 100 a photo, but 2000
     /// in any case]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     steps: Option<u32>,
     /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most
     /// one per 15 pixels that confirm what two others show]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000))]
     max_splats: Option<u32>,
     /// Densification strategy: mcmc (a fixed budget), adaptive (as first published) or fixed (no
     /// splats are added)
-    #[arg(long, value_name = "STRATEGY", default_value = "mcmc", value_parser = PossibleValuesParser::new(Densify::NAMES), help_heading = "Training")]
+    #[arg(long, value_name = "STRATEGY", default_value = "mcmc", value_parser = PossibleValuesParser::new(Densify::NAMES))]
     densify: String,
     /// Highest degree of the spherical harmonics
-    #[arg(long, value_name = "DEGREE", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Training")]
+    #[arg(long, value_name = "DEGREE", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
     /// Sizes of photos over time: coarse (a quarter, half, full) or full [default: the preset's]
-    #[arg(long, value_name = "SIZES", value_parser = one_of(RESOLUTIONS), help_heading = "Training")]
+    #[arg(long, value_name = "SIZES", value_parser = one_of(RESOLUTIONS))]
     resolution: Option<Resolution>,
     /// Exposure correction, for cameras that set it automatically: photo (one for each photo),
     /// shared (one for all), or auto (photo if the points of the model are brighter in some photos
     /// than in others, else shared)
-    #[arg(long, value_name = "WHOSE", default_value = "auto", value_parser = one_of(EXPOSURES), help_heading = "Training")]
+    #[arg(long, value_name = "WHOSE", default_value = "auto", value_parser = one_of(EXPOSURES))]
     exposure: ExposureMode,
     /// Pixels that show people, cars and what else is in one photo and not in others: auto (found
     /// and left out) or keep
-    #[arg(long, value_name = "CHOICE", default_value = "auto", value_parser = one_of(MOVERS), help_heading = "Training")]
+    #[arg(long, value_name = "CHOICE", default_value = "auto", value_parser = one_of(MOVERS))]
     movers: MoverMode,
     /// Photos that are blurred, or white or black over much of the picture: auto (found and left
     /// out) or keep
-    #[arg(long, value_name = "CHOICE", default_value = "auto", value_parser = one_of(POOR_PHOTOS), help_heading = "Training")]
+    #[arg(long, value_name = "CHOICE", default_value = "auto", value_parser = one_of(POOR_PHOTOS))]
     poor_photos: PoorPhotoMode,
     /// Haze in which the photos were taken: auto (looked for, measured and taken out), keep (a part
     /// of the scene), or its meteorological optical range in metres, which is taken out
-    #[arg(long, value_name = "auto|keep|METRES", default_value = "auto", value_parser = parse_haze, help_heading = "Training")]
+    #[arg(long, value_name = "auto|keep|METRES", default_value = "auto", value_parser = parse_haze)]
     haze: HazeMode,
     /// Background behind the splats during training: black or random
-    #[arg(long, value_name = "COLOR", default_value = "random", value_parser = one_of(BACKGROUNDS), help_heading = "Training")]
+    #[arg(long, value_name = "COLOR", default_value = "random", value_parser = one_of(BACKGROUNDS))]
     background: BackgroundKind,
     /// Rendering of splats smaller than a pixel: classic or antialiased
-    #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization, help_heading = "Training")]
+    #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization)]
     rasterization: Rasterization,
     /// Read all training options from this JSON file, such as a run folder's config.json; the other
     /// options of this group are ignored
-    #[arg(long, value_name = "FILE", help_heading = "Training")]
+    #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Seed of all random choices
-    #[arg(long, value_name = "SEED", default_value_t = 0, help_heading = "Training")]
+    #[arg(long, value_name = "SEED", default_value_t = 0)]
     seed: u64,
 }
 
 /// Presets.
 const PRESETS: &[Choice<Preset>] = &[
-    ("draft", "Draft", Preset::Draft),
-    ("quick", "Quick", Preset::Quick),
-    ("standard", "Standard", Preset::Standard),
-    ("best", "Best", Preset::Best),
+    ("draft", "", Preset::Draft),
+    ("quick", "", Preset::Quick),
+    ("standard", "", Preset::Standard),
+    ("best", "", Preset::Best),
 ];
 /// Sizes of photos over time.
 const RESOLUTIONS: &[Choice<Resolution>] =
-    &[("coarse", "Coarse", Resolution::Coarse), ("full", "Full", Resolution::Full)];
+    &[("coarse", "", Resolution::Coarse), ("full", "", Resolution::Full)];
 /// Exposures of photos.
 const EXPOSURES: &[Choice<ExposureMode>] = &[
-    ("shared", "Shared", ExposureMode::Shared),
-    ("photo", "Photo", ExposureMode::Photo),
-    ("auto", "Auto", ExposureMode::Auto),
+    ("shared", "", ExposureMode::Shared),
+    ("photo", "", ExposureMode::Photo),
+    ("auto", "", ExposureMode::Auto),
 ];
 /// Treatments of movers.
-const MOVERS: &[Choice<MoverMode>] = &[("auto", "Auto", MoverMode::Auto), ("keep", "Keep", MoverMode::Keep)];
+const MOVERS: &[Choice<MoverMode>] = &[("auto", "", MoverMode::Auto), ("keep", "", MoverMode::Keep)];
 /// Treatments of poor photos.
 const POOR_PHOTOS: &[Choice<PoorPhotoMode>] =
-    &[("auto", "Auto", PoorPhotoMode::Auto), ("keep", "Keep", PoorPhotoMode::Keep)];
+    &[("auto", "", PoorPhotoMode::Auto), ("keep", "", PoorPhotoMode::Keep)];
 /// Backgrounds behind the splats.
 const BACKGROUNDS: &[Choice<BackgroundKind>] =
-    &[("black", "Black", BackgroundKind::Black), ("random", "Random", BackgroundKind::Random)];
+    &[("black", "", BackgroundKind::Black), ("random", "", BackgroundKind::Random)];
 
 impl TrainingArgs {
     /// Returns the preset with its changes, except those of the loss and the sky.
@@ -207,17 +208,18 @@ impl TrainingArgs {
 
 /// The priors, and their weights.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Geometry")]
 struct GeometryArgs {
     /// Depth, normals and sky of the photos: a folder that `priors` wrote, photos (computed from
     /// the photos themselves) or none [default: priors in the data set if it exists, else photos]
-    #[arg(long, value_name = "FOLDER|photos|none", help_heading = "Geometry")]
+    #[arg(long, value_name = "FOLDER|photos|none")]
     priors: Option<PathBuf>,
     /// Number of splats of the sky, on a hemisphere around the scene; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1_000_000), help_heading = "Geometry")]
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     sky_splats: u32,
     /// Weight or other parameter of a loss term, by its name in config.json, such as depth=0.1 or
     /// normal=0; may be given several times
-    #[arg(long, value_name = "NAME=VALUE", value_parser = parse_loss, help_heading = "Geometry")]
+    #[arg(long, value_name = "NAME=VALUE", value_parser = parse_loss)]
     loss: Vec<(String, f64)>,
 }
 

@@ -23,48 +23,50 @@ const MAX_FRAMES: u32 = 1_000_000;
 
 /// Options of a camera that does not move.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Camera")]
 pub(crate) struct ViewpointArgs {
     /// Camera: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
     /// [default: a view chosen automatically]
-    #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
+    #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(crate) camera: Option<CameraSpec>,
     /// COLMAP model with the photos' cameras that --camera may name
-    #[arg(long, value_name = "FOLDER", help_heading = "Camera")]
+    #[arg(long, value_name = "FOLDER")]
     pub(crate) views: Option<PathBuf>,
     /// Picture size, px [default: 1280x720, or the photo's]
-    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = spec::parse_size, help_heading = "Camera")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = spec::parse_size)]
     pub(crate) size: Option<(u32, u32)>,
     /// Vertical field of view, degrees [default: 50, or the photo's]
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, help_heading = "Camera")]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     pub(crate) fov: Option<f64>,
     /// Splats nearer than this are not drawn, scene units [default: 0.2, less in small scenes]
-    #[arg(long, value_name = "UNITS", allow_negative_numbers = true, help_heading = "Camera")]
+    #[arg(long, value_name = "UNITS", allow_negative_numbers = true)]
     pub(crate) near: Option<f64>,
 }
 
 /// Options of a camera and its motion.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Camera")]
 pub(crate) struct CameraArgs {
     #[command(flatten)]
     pub(crate) viewpoint: ViewpointArgs,
     /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes,
     /// ours, nerfstudio's or SuperSplat's
-    #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
+    #[arg(short, long, value_name = "PATH")]
     pub(crate) path: Option<PathSpec>,
     /// Length of a dolly, metres [default: as far as the way is free]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Camera")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub(crate) distance: Option<f64>,
     /// Forward speed of a camera without a path, m/s, as in a car: rain and snow come towards it
-    #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
     pub(crate) camera_speed: Option<f64>,
     /// Lens of the camera instead of a pinhole: fisheye or fisheye:DEGREES (equidistant, a circle
     /// of 180 degrees if not given), equirectangular (a 360 degree panorama), or a TOML file of a
     /// calibrated lens. Depths are distances from the eye then
-    #[arg(long, value_name = "LENS", help_heading = "Camera")]
+    #[arg(long, value_name = "LENS")]
     pub(crate) lens: Option<LensSpec>,
     /// Write the camera's path to this JSON file: keyframes, or nerfstudio's format for a name that
     /// ends in camera_path.json, or SuperSplat's for settings.json
-    #[arg(long, value_name = "FILE", help_heading = "Camera")]
+    #[arg(long, value_name = "FILE")]
     pub(crate) save_path: Option<PathBuf>,
 }
 

@@ -1,11 +1,15 @@
-//! Manifests: files that say what a folder of pictures was made from, so that a later run can
-//! complete it.
+//! Folders of pictures that a later run can complete: their manifests, which say what they were
+//! made from, and the rendering of what they lack.
 
+use crate::interrupt::stopped;
+use crate::output::{json_text, make_folder, write_text};
+use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
 use serde_json::{Value as Json, json};
 use std::path::Path;
-use std::time::UNIX_EPOCH;
-use wm_base::files::write_atomically;
+use std::time::{Instant, UNIX_EPOCH};
+use weather_magician::Picture;
+use weather_magician::sequence::render_and_write;
 use wm_weather::Site;
 
 /// Size of a scene's file, bytes, and the time of its last change, s since 1970 where the system
@@ -33,8 +37,7 @@ pub(crate) fn scene_facts(scene: &Path, site: &Site) -> Result<Json> {
 /// Makes a folder and writes its manifest; returns an error if it has another one: that it `holds`
 /// such files.
 pub(crate) fn keep(folder: &Path, name: &str, manifest: &Json, holds: &str) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+    make_folder(folder)?;
     let path = folder.join(name);
     if path.exists() {
         let text = std::fs::read_to_string(&path);
@@ -44,6 +47,48 @@ pub(crate) fn keep(folder: &Path, name: &str, manifest: &Json, holds: &str) -> R
         }
         return Ok(());
     }
-    let text = serde_json::to_string_pretty(manifest)?;
-    Ok(write_atomically(&path, |out| Ok(writeln!(out, "{text}")?))?)
+    write_text(&path, &json_text(manifest)?)
+}
+
+/// A picture, and how it is written.
+#[derive(Default)]
+pub(crate) struct StyledPicture<S> {
+    /// The picture.
+    pub(crate) picture: Picture,
+    /// The style, or one for each of its files.
+    pub(crate) style: S,
+}
+
+/// The work on a folder.
+pub(crate) struct CompletedFolder {
+    /// Number of frames that were rendered and written.
+    pub(crate) written: usize,
+    /// Number of frames that were there.
+    pub(crate) kept: usize,
+    /// Duration, s.
+    pub(crate) seconds: f64,
+}
+
+/// Renders those of the `wanted` frames of a folder that are not there, while another thread
+/// writes. Frames are called `what` in messages.
+pub(crate) fn complete<S: Default + Send>(
+    folder: &Path,
+    what: &str,
+    wanted: &[u32],
+    is_there: impl Fn(u32) -> bool,
+    render: &mut dyn FnMut(u32, &mut StyledPicture<S>) -> Result<()>,
+    write: &mut (dyn FnMut(u32, &StyledPicture<S>) -> Result<()> + Send),
+) -> Result<CompletedFolder> {
+    let missing: Vec<u32> = wanted.iter().copied().filter(|index| !is_there(*index)).collect();
+    let (folder, all, kept) = (folder.display(), wanted.len(), wanted.len() - missing.len());
+    if kept > 0 {
+        eprintln!("{folder}: {kept} of {all} {what} exist, rendering the others");
+    }
+    let started = Instant::now();
+    let written = render_and_write(&missing, render, write, &mut Reporter::default())? as usize;
+    if written < missing.len() {
+        let advice = "the same command continues with the others";
+        return Err(stopped(format!("{} of {all} {what} are in {folder}, {advice}", kept + written)));
+    }
+    Ok(CompletedFolder { written, kept, seconds: started.elapsed().as_secs_f64() })
 }

@@ -72,63 +72,58 @@ pub(crate) struct RenderArgs {
 
 /// Options of the output.
 #[derive(Args, Debug)]
+#[command(next_help_heading = "Output")]
 struct OutputArgs {
     /// Output: a .png, .exr or .npy picture, an .mp4 video, or a folder of frames
     /// [default: named after scene and weather, in this folder]
-    #[arg(short, long, value_name = "PATH", help_heading = "Output")]
+    #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help = also_help(), help_heading = "Output")]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help = also_help())]
     also: Vec<LayerFile>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay,
     /// filtered and final; with --set fidelity=paper
-    #[arg(long, help_heading = "Output")]
+    #[arg(long)]
     stages: bool,
     /// Write the pictures of --also that have no format of their own as layers of the colour's .exr
-    #[arg(long, requires = "also", help_heading = "Output")]
+    #[arg(long, requires = "also")]
     layers: bool,
     /// Format of the frames in a folder: png, exr or npy
-    #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
+    #[arg(long, value_name = "FORMAT", default_value = "png")]
     frame_format: PictureFormat,
     /// Frame rate, frames a second, such as 30, 29.97 or 30000/1001
-    #[arg(
-        long,
-        value_name = "RATE",
-        allow_negative_numbers = true,
-        default_value = "30",
-        help_heading = "Output"
-    )]
+    #[arg(long, value_name = "RATE", allow_negative_numbers = true, default_value = "30")]
     fps: weather_magician::video::FrameRate,
     /// Length of a video, seconds [default: length of the camera's path, else 5]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// Render only these frames of the sequence, counted from 0: 300..420 (without 420), 300..=420
     /// or 300..; they keep the numbers and times that they have in the whole sequence
-    #[arg(long, value_name = "RANGE", allow_hyphen_values = true, help_heading = "Output")]
+    #[arg(long, value_name = "RANGE", allow_hyphen_values = true)]
     frames: Option<FrameRange>,
     /// Render only every N-th frame, from the first on; a video of them plays N times as fast
-    #[arg(long, value_name = "N", default_value = "1", help_heading = "Output")]
+    #[arg(long, value_name = "N", default_value = "1")]
     frame_step: NonZeroU32,
     /// Time of a picture, and of a video's first frame, seconds [default: 0]
-    #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Output")]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     time: Option<f64>,
     /// Background behind all splats: auto, sky, black or #rrggbb; auto is a plain sky if the scene
     /// has none. The sky of a weather (--set sky=overcast) replaces it
-    #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
+    #[arg(long, value_name = "COLOR", default_value = "auto")]
     background: BackgroundChoice,
     /// Rendering of splats smaller than a pixel: classic or antialiased [default: from the file,
     /// else classic]
-    #[arg(long, value_name = "MODE", value_parser = parse_rasterization, help_heading = "Output")]
+    #[arg(long, value_name = "MODE", value_parser = parse_rasterization)]
     rasterization: Option<Rasterization>,
     /// Quantisation of 8-bit pictures
-    #[arg(long, value_parser = one_of(DITHERS), default_value = "ordered", help_heading = "Output")]
+    #[arg(long, value_parser = one_of(DITHERS), default_value = "ordered")]
     dither: Dither,
     /// Encoder of videos
-    #[arg(long, value_parser = one_of(ENCODERS), default_value = "builtin", help_heading = "Output")]
+    #[arg(long, value_parser = one_of(ENCODERS), default_value = "builtin")]
     encoder: VideoEncoder,
     /// Bit rate of a video, bits a second [default: constant quality]
-    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..))]
     bitrate: Option<u32>,
 }
 

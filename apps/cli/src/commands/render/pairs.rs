@@ -1,19 +1,18 @@
 //! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
-use super::{RenderArgs, manifest};
+use super::RenderArgs;
+use super::manifest::{self, CompletedFolder, StyledPicture};
 use crate::choices::first_given;
-use crate::interrupt::Interrupted;
 use crate::names::stem_of;
+use crate::output::make_folder;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, print_warnings};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
-use std::time::Instant;
 use weather_magician::output::{PictureFormat, PictureStyle};
-use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
 use weather_magician::{
     Camera, FrameRequest, Layers, MovingCamera, Picture, PictureLayer, PictureSize, Weather, picture_tags,
@@ -104,49 +103,37 @@ pub(crate) fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     loaded.prepare(weather)?;
     let OpenScene { mut renderer, mut place } = loaded;
 
-    let is_there = |shot: &PhotoView| {
+    let is_there = |index: u32| {
+        let shot = &shots[index as usize];
         FOLDERS.iter().all(|(kind, format)| folder.join(shot.file(kind, *format)).exists())
     };
-    let missing: Vec<u32> = (0..shots.len() as u32).filter(|i| !is_there(&shots[*i as usize])).collect();
-    let kept = shots.len() - missing.len();
-    if kept > 0 {
-        eprintln!("{}: {kept} of {} photos exist, rendering the others", folder.display(), shots.len());
-    }
-    let (started, time, clear) = (Instant::now(), args.output.time(), Weather::clear());
+    let (time, clear) = (args.output.time(), Weather::clear());
     let scene = args.scene.scene.display().to_string();
-    let style = |weather: &Weather, camera: &Camera| PictureStyle {
-        dither: args.output.dither,
-        tags: picture_tags(&scene, place.site(), renderer.backend(), weather, time, camera),
-        ..PictureStyle::default()
-    };
-    let styles: Vec<[PictureStyle; 2]> =
-        shots.iter().map(|shot| [&clear, weather].map(|weather| style(weather, &shot.camera))).collect();
-    let mut render = |index: u32, picture: &mut Picture| {
+    let mut render = |index: u32, pair: &mut StyledPicture<[PictureStyle; 2]>| {
         let camera = shots[index as usize].camera;
+        pair.style = [&clear, weather].map(|weather| PictureStyle {
+            dither: args.output.dither,
+            tags: picture_tags(&scene, place.site(), renderer.backend(), weather, time, &camera),
+            ..PictureStyle::default()
+        });
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
         let request = FrameRequest { layers: LAYERS, ..FrameRequest::new(weather, moving, time) };
-        renderer.render_into(&mut place, &request, picture, &mut Reporter::default())?;
+        renderer.render_into(&mut place, &request, &mut pair.picture, &mut Reporter::default())?;
         Ok(())
     };
-    let mut write = |index: u32, picture: &Picture| {
-        let index = index as usize;
-        write_pair(&folder, &shots[index], &styles[index], picture)
+    let mut write = |index: u32, pair: &StyledPicture<[PictureStyle; 2]>| {
+        write_pair(&folder, &shots[index as usize], &pair.style, &pair.picture)
     };
-    let written = render_and_write(&missing, &mut render, &mut write, &mut Reporter::default())? as usize;
+    let wanted: Vec<u32> = (0..shots.len() as u32).collect();
+    let completed = manifest::complete(&folder, "photos", &wanted, is_there, &mut render, &mut write);
     print_warnings(&mut place);
-    if written < missing.len() {
-        let (done, all) = (kept + written, shots.len());
-        let advice = "the same command continues with the others";
-        return Err(
-            Interrupted(format!("{done} of {all} photos are in {}, {advice}", folder.display())).into()
-        );
-    }
+    let CompletedFolder { written, kept, seconds } = completed?;
     println!(
         "{}: {written} photos written, {kept} kept, {}, {:.1} s ({})",
         folder.display(),
         weather.name,
-        started.elapsed().as_secs_f64(),
+        seconds,
         renderer.describe()
     );
     Ok(())
@@ -247,8 +234,7 @@ fn write_pair(folder: &Path, shot: &PhotoView, styles: &[PictureStyle; 2], pictu
     let paths = FOLDERS.map(|(kind, format)| folder.join(shot.file(kind, format)));
     for path in &paths {
         let parent = path.parent().unwrap_or(folder);
-        std::fs::create_dir_all(parent)
-            .with_context(|| format!("cannot create the folder {}", parent.display()))?;
+        make_folder(parent)?;
     }
     let [clean, weather, depth, transmittance, particles] = paths;
     wm_image::png::write_rgb(&clean, &picture.clear, size, clear.dither, &clear.tags)?;

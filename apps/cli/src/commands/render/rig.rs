@@ -3,8 +3,9 @@
 use super::camera::{DEFAULT_SECONDS, motion};
 use super::{RenderArgs, check_labels, manifest};
 use crate::choices::first_given;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::names::stem_of;
+use crate::output::make_folder;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
 use anyhow::{Context, Result, bail};
@@ -20,10 +21,10 @@ use wm_image::png::DepthScale;
 
 /// The file that describes the sensors and their files.
 const MANIFEST: &str = "rig.json";
+/// The words of a rig that was stopped.
+const INCOMPLETE: &str = "the rig is not complete; the same command continues with the others";
 /// Maximum number of pictures and sweeps of a run.
 const MAX_FILES: usize = 1_000_000;
-/// Most sweeps that are made together, since all are in memory.
-const MAX_AHEAD: usize = 32;
 
 /// The place, the weather and the path of a rig.
 struct RigJob<'a> {
@@ -107,25 +108,25 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
 }
 
 impl RigJob<'_> {
-    /// The file of a picture or sweep.
-    fn file(&self, sensor: &RigSensor, index: u32) -> PathBuf {
+    /// The file of each picture or sweep of a sensor, by its number.
+    fn files_of(&self, sensor: &RigSensor) -> impl Fn(u32) -> PathBuf + use<> {
         let extension =
             sensor.device.extension().unwrap_or_else(|| self.args.output.frame_format.extension());
-        self.folder.join(&sensor.name).join(format!("{index:06}.{extension}"))
+        let folder = self.folder.join(&sensor.name);
+        move |index| folder.join(format!("{index:06}.{extension}"))
     }
 
     /// Makes what a sensor sees; returns the numbers of files that were written and that were
     /// there.
     fn sensor(&mut self, sensor: &RigSensor, number: usize) -> Result<(usize, usize)> {
-        let folder = self.folder.join(&sensor.name);
-        std::fs::create_dir_all(&folder)
-            .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+        make_folder(&self.folder.join(&sensor.name))?;
         let format = self.args.output.frame_format;
         // The colour is written first and the other pictures after it: a frame is complete if the
         // last one exists.
         let last = self.args.output.also.last().filter(|_| sensor.device.camera().is_some());
+        let file = self.files_of(sensor);
         let is_there = |index: u32| {
-            let file = self.file(sensor, index);
+            let file = file(index);
             let other = |also: &LayerFile| PictureStyle::path_of(*also, format, &file).exists();
             file.exists() && last.is_none_or(other)
         };
@@ -137,31 +138,37 @@ impl RigJob<'_> {
         let mut run = sensor.device.begin(motion.clone(), number as u32);
         let layers = layers_of(&self.args.output.also);
         let mut reading = SensorData::default();
-        for (at, (index, time)) in missing.iter().enumerate() {
-            stop_if_asked()?;
-            let rest = missing[at..].iter().zip(*index..).take_while(|((other, _), index)| other == index);
-            let instant = SensorInstant {
-                weather: self.weather,
-                start: self.start + sensor.phase,
-                time: *time,
-                index: *index,
-                rate: sensor.rate,
-                ahead: rest.take(MAX_AHEAD).count() as u32,
-                seed: 0,
-                layers,
-            };
-            let OpenScene { renderer, place } = &mut self.loaded;
-            let progress = &mut Reporter::default();
-            match run.read(renderer, place, &instant, &mut reading, progress) {
-                Err(Error::Stopped) => return Err(stopped()),
-                read => read?,
+        for rest in missing.chunk_by(|(index, _), (next, _)| index + 1 == *next) {
+            let mut at = 0;
+            while let Some((index, time)) = rest.get(at).copied() {
+                interrupt::check(INCOMPLETE)?;
+                let instant = SensorInstant {
+                    weather: self.weather,
+                    start: self.start + sensor.phase,
+                    time,
+                    index,
+                    rate: sensor.rate,
+                    ahead: (rest.len() - at) as u32,
+                    seed: 0,
+                    layers,
+                };
+                let style = match sensor.device.camera() {
+                    Some(_) => self.style(sensor, &motion.camera(time), time),
+                    None => PictureStyle::default(),
+                };
+                let Self { loaded: OpenScene { renderer, place }, bar, .. } = self;
+                let mut save = |reading: &mut SensorData| {
+                    reading.save(&file(rest[at].0), &style)?;
+                    bar.inc(1);
+                    at += 1;
+                    Ok(())
+                };
+                let progress = &mut Reporter::default();
+                match run.read_ahead(renderer, place, &instant, &mut reading, &mut save, progress) {
+                    Ok(0) | Err(Error::Stopped) => return Err(interrupt::stopped(INCOMPLETE)),
+                    made => made?,
+                };
             }
-            let style = match sensor.device.camera() {
-                Some(_) => self.style(sensor, &motion.camera(*time), *time),
-                None => PictureStyle::default(),
-            };
-            reading.save(&self.file(sensor, *index), &style)?;
-            self.bar.inc(1);
         }
         Ok((missing.len(), kept))
     }
@@ -208,7 +215,7 @@ impl RigJob<'_> {
 
     fn sensor_manifest(&self, sensor: &RigSensor) -> Json {
         let metres = self.loaded.place.site().metres_per_unit;
-        let motion = sensor.motion(&self.base, metres);
+        let (motion, file) = (sensor.motion(&self.base, metres), self.files_of(sensor));
         let frames: Vec<Json> = sensor
             .times(self.start, self.seconds)
             .map(|(index, time)| {
@@ -219,7 +226,7 @@ impl RigJob<'_> {
                     let turned = rows.col(k);
                     [turned.x, turned.y, turned.z, at[k]]
                 };
-                let file = self.file(sensor, index);
+                let file = file(index);
                 let name = file.strip_prefix(&self.folder).unwrap_or(&file).display().to_string();
                 let last = [0.0, 0.0, 0.0, 1.0];
                 json!({ "file": name.replace('\\', "/"), "time": time, "world_from_sensor": [row(0), row(1), row(2), last] })
@@ -233,13 +240,4 @@ impl RigJob<'_> {
         }
         about
     }
-}
-
-/// Returns an error if the user asked to stop.
-fn stop_if_asked() -> Result<()> {
-    if interrupt::asked() { Err(stopped()) } else { Ok(()) }
-}
-
-fn stopped() -> anyhow::Error {
-    Interrupted("the rig is not complete; the same command continues with the others".into()).into()
 }

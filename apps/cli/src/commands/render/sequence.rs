@@ -1,7 +1,8 @@
 //! Frames over time: a video, or a folder of frames that a later run can complete.
 
-use super::{RenderArgs, RenderJob, manifest};
-use crate::interrupt::Interrupted;
+use super::manifest::{self, CompletedFolder, StyledPicture};
+use super::{RenderArgs, RenderJob};
+use crate::interrupt::stopped;
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use serde_json::{Value, json};
@@ -9,7 +10,7 @@ use std::path::Path;
 use std::time::Instant;
 use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
-use weather_magician::{Picture, PictureSize, video};
+use weather_magician::{PictureSize, video};
 use wm_image::png::DepthScale;
 
 /// The file that describes the frames of a folder.
@@ -34,13 +35,13 @@ pub(crate) fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &Ren
     let all = wanted.len() as u32;
     let written = render_and_write(
         wanted,
-        &mut renderer(job),
+        &mut |index, picture| job.render(job.plan.time(index), picture).map(drop),
         &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?),
         &mut Reporter::default(),
     )?;
     if written < all {
         let advice = "nothing is written; a folder of frames (--out FOLDER) can be continued";
-        return Err(Interrupted(format!("{written} of {all} frames were done, {advice}")).into());
+        return Err(stopped(format!("{written} of {all} frames were done, {advice}")));
     }
     let report = sink.finish()?;
     println!(
@@ -72,49 +73,31 @@ pub(crate) fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &
         Some(also) => PictureStyle::path_of(*also, args.output.frame_format, &name(index)),
         None => name(index),
     };
-    let all = wanted.len() as u32;
     let is_there = |index: u32| name(index).exists() && last(index).exists();
-    let missing: Vec<u32> = wanted.iter().copied().filter(|index| !is_there(*index)).collect();
-    let kept = all - missing.len() as u32;
-    if kept > 0 {
-        eprintln!("{}: {kept} of {all} frames exist, rendering the others", folder.display());
-    }
-
-    let started = Instant::now();
-    let styles: Vec<PictureStyle> = missing
-        .iter()
-        .map(|index| job.style(args, DepthScale::reaching(job.place.site().far), job.plan.time(*index)))
-        .collect();
-    let (mut position, mut beside) = (0, Vec::new());
-    let mut write = |index: u32, picture: &Picture| -> Result<()> {
-        beside = styles[position].write(picture, &name(index))?;
-        position += 1;
+    let depth_scale = DepthScale::reaching(job.place.site().far);
+    let mut render = |index: u32, frame: &mut StyledPicture<PictureStyle>| {
+        let time = job.plan.time(index);
+        frame.style = job.style(args, depth_scale, time);
+        job.render(time, &mut frame.picture).map(drop)
+    };
+    let mut beside = Vec::new();
+    let mut write = |index: u32, frame: &StyledPicture<PictureStyle>| {
+        beside = frame.style.write(&frame.picture, &name(index))?;
         Ok(())
     };
-    let written = render_and_write(&missing, &mut renderer(job), &mut write, &mut Reporter::default())?;
-    if (written as usize) < missing.len() {
-        let done = kept + written;
-        let advice = "the same command continues with the others";
-        return Err(
-            Interrupted(format!("{done} of {all} frames are in {}, {advice}", folder.display())).into()
-        );
-    }
+    let CompletedFolder { written, kept, seconds } =
+        manifest::complete(folder, "frames", wanted, is_there, &mut render, &mut write)?;
     println!(
         "{}: {written} frames written, {kept} kept, {}, {:.1} frames a second ({})",
         folder.display(),
         job.weather.name,
-        f64::from(written) / started.elapsed().as_secs_f64().max(1e-9),
+        written as f64 / seconds.max(1e-9),
         job.renderer.describe()
     );
     for line in beside {
         println!("beside each frame, as {line}");
     }
     Ok(())
-}
-
-/// Returns a function that renders the frame of an index.
-fn renderer(job: &mut RenderJob) -> impl FnMut(u32, &mut Picture) -> Result<()> {
-    |index, picture| job.render(job.plan.time(index), picture).map(drop)
 }
 
 /// Returns everything that the frames of a folder depend on. It describes the whole sequence,

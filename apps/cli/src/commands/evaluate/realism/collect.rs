@@ -4,7 +4,7 @@ use super::cache::EmbeddingCache;
 use super::layout::{PictureSet, PictureSource};
 use super::network::{self, Embedder};
 use super::{RealismArgs, RealismOptions};
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use crate::progress;
 use anyhow::{Result, anyhow, bail};
 use std::path::{Path, PathBuf};
@@ -144,7 +144,7 @@ impl<'a> Collector<'a> {
         let mut count = 0;
         for (index, file) in files.iter().enumerate() {
             if interrupt::asked() {
-                return Err(stopped(part, index, files.len(), cache.keep()?).into());
+                return Err(stopped(part, index, files.len(), cache.keep()?));
             }
             let added = cache.add(file, || {
                 let photo = read_photo(file, &|_, _| Ok(()))?;
@@ -168,8 +168,8 @@ impl<'a> Collector<'a> {
 }
 
 /// Returns the error of stopped work, with the path of finished embeddings.
-fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> Interrupted {
-    Interrupted(match kept {
+fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> anyhow::Error {
+    interrupt::stopped(match kept {
         Some(path) => format!(
             "the embeddings of {done} of {of} pictures of {} are kept in {}; run it again to continue from there",
             part.path.display(),

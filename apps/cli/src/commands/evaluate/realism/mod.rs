@@ -18,9 +18,9 @@ use with_networks as network;
 use without_networks as network;
 
 use crate::choices::first_given;
+use crate::output::{json_text, write_text};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use crate::report::write_text;
 use crate::scene::threads;
 use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
@@ -51,6 +51,7 @@ const OF_SCENES: [&str; 10] = [
 
 /// The pictures that are compared.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Realism")]
 pub(crate) struct RealismArgs {
     /// Compare pictures with photographs by CMMD, instead of a scene with its photos: folders of
     /// pictures (JPEG, PNG) or NPY files of embeddings, each compared with --real
@@ -60,37 +61,30 @@ pub(crate) struct RealismArgs {
         num_args = 1..,
         requires = "real",
         conflicts_with = "paper",
-        conflicts_with_all = OF_SCENES,
-        help_heading = "Realism"
+        conflicts_with_all = OF_SCENES
     )]
     pub(crate) pictures: Vec<PathBuf>,
     /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the
     /// paper's own numbers; each contains folders fog, rain and snow with pictures, or with one
     /// folder of pictures per scene (docs/guide/evaluate.md)
-    #[arg(
-        long,
-        value_name = "FOLDER",
-        num_args = 0..,
-        conflicts_with_all = OF_SCENES,
-        help_heading = "Realism"
-    )]
+    #[arg(long, value_name = "FOLDER", num_args = 0.., conflicts_with_all = OF_SCENES)]
     pub(crate) paper: Option<Vec<PathBuf>>,
     /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain
     /// and snow in it
-    #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
+    #[arg(long, value_name = "PICTURES")]
     real: Option<PathBuf>,
     /// Scores from the UVQ program: CSV or JSON (docs/guide/evaluate.md)
-    #[arg(long, value_name = "FILE", requires = "paper", help_heading = "Realism")]
+    #[arg(long, value_name = "FILE", requires = "paper")]
     uvq: Vec<PathBuf>,
     /// Keep embeddings in this folder, as NPY files: stopped work can be continued, and no picture
     /// is embedded twice
-    #[arg(long, value_name = "FOLDER", requires = "real", help_heading = "Realism")]
+    #[arg(long, value_name = "FOLDER", requires = "real")]
     embeddings: Option<PathBuf>,
     /// Write the numbers to this CSV file
-    #[arg(long, value_name = "FILE", help_heading = "Realism")]
+    #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Write the tables to this Markdown file
-    #[arg(long, value_name = "FILE", help_heading = "Realism")]
+    #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
     #[command(flatten)]
     weights: WeightsArgs,
@@ -148,7 +142,7 @@ pub(crate) fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
     let write = |path: Option<&Path>, text: &str| path.map_or(Ok(()), |path| write_text(path, text));
     write(args.markdown.as_deref(), &markdown)?;
     write(args.csv.as_deref(), &tables.csv())?;
-    write(work.json, &format!("{}\n", serde_json::to_string_pretty(&tables.json())?))
+    write(work.json, &json_text(&tables.json())?)
 }
 
 /// Compares each collection with the real one.
@@ -243,8 +237,8 @@ fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
     Collection::new(all)
 }
 
-/// Returns a spinner, shown until it is dropped, while all pairs of pictures are compared; this takes
-/// a while for thousands of them.
+/// Returns a spinner, shown until it is dropped, while all pairs of pictures are compared; this
+/// takes a while for thousands of them.
 fn comparison_spinner() -> ProgressBar {
     progress::spinner("comparing collections").with_finish(ProgressFinish::AndClear)
 }
