@@ -288,7 +288,11 @@ mod tests {
             ("\"front\"", "\"../front\"", "its name becomes a folder"),
             ("phase = 0.02", "phase = -1", "phase is -1"),
             ("size = [64, 48]", "size = [0, 48]", "picture size 0x48"),
-            ("size = [64, 48]", "sise = [64, 48]", "r, line 6: sensor \"front\": unknown field `sise`; kind camera has size,"),
+            (
+                "size = [64, 48]",
+                "sise = [64, 48]",
+                "r, line 6: sensor \"front\": unknown field `sise`; kind camera has size,",
+            ),
             ("size = [64, 48]", "returns = \"dual\"", "returns is not for kind camera"),
             (
                 "kind = \"camera\"",
