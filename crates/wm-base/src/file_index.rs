@@ -512,7 +512,6 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
         fn any_name_is_looked_for(name in "[ab./\\\\%2:é ]{0,12}") {
             let disk = folder(&["a.jpg", "b/a.PNG", "é.jpg"]);

@@ -240,8 +240,6 @@ pub(super) mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
-
         #[test]
         fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), is_png: bool) {
             let start: &[u8] = if is_png { b"\x89PNG\r\n\x1a\n" } else { &[0xff, 0xd8, 0xff] };

@@ -58,12 +58,8 @@ fn damages() -> impl Strategy<Value = Vec<Damage>> {
     prop::collection::vec((any::<prop::sample::Index>(), prop_oneof![12 => 0u8..3, 1 => Just(3u8)], c), 0..5)
 }
 
-fn config(cases: u32) -> ProptestConfig {
-    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
-}
-
 proptest! {
-    #![proptest_config(config(300))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn damaged_reports_are_errors_or_weathers(which in any::<prop::sample::Index>(), damages in damages()) {

@@ -185,8 +185,6 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
-
         /// Colours stay where they are seen from the turned direction, to rounding of f32.
         #[test]
         fn colours_turn_with_the_scene(

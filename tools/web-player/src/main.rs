@@ -26,6 +26,7 @@ Usage: cargo run --release --manifest-path tools/web-player/Cargo.toml -- [OPTIO
   --out FOLDER     Output folder [default: target/web-player of the checkout]
   --opt-level L    Optimisation: 3, 2, s or z [default: 3]
   --crate FOLDER   Build this crate instead of apps/player
+  --no-lto         Do not optimise the program as a whole: built in half the time, for tests
   --no-wasm-opt    Do not use wasm-opt, even if there is one on PATH
 
 WM_WASM_RUSTC names a rustc to use where the target wasm32-unknown-unknown is not installed; debian-rustc.sh fetches one.";
@@ -38,6 +39,7 @@ struct Options {
     out: PathBuf,
     opt_level: String,
     krate: PathBuf,
+    is_whole: bool,
     shrinks: bool,
 }
 
@@ -50,6 +52,7 @@ impl Options {
             out: checkout.join("target/web-player"),
             opt_level: "3".into(),
             krate: checkout.join("apps/player"),
+            is_whole: true,
             shrinks: true,
         };
         let mut words = words.into_iter();
@@ -58,6 +61,7 @@ impl Options {
             match word.as_str() {
                 "--out" => options.out = value()?.into(),
                 "--crate" => options.krate = value()?.into(),
+                "--no-lto" => options.is_whole = false,
                 "--no-wasm-opt" => options.shrinks = false,
                 "--opt-level" => {
                     options.opt_level = value()?;
@@ -111,9 +115,9 @@ fn build(options: &Options) -> Result<PathBuf> {
     build.args(["build", "--release", "--locked", "--message-format", "json-render-diagnostics"]);
     build.args(["--target", TARGET, "--manifest-path"]).arg(&manifest);
     // Small and fast: the whole program is optimised as one, and nothing unwinds.
-    let profile =
-        [("lto", "\"fat\""), ("codegen-units", "1"), ("panic", "\"abort\""), ("strip", "\"debuginfo\"")];
-    for (key, value) in profile {
+    let whole = [("lto", "\"fat\""), ("codegen-units", "1")];
+    let always = [("panic", "\"abort\""), ("strip", "\"debuginfo\"")];
+    for (key, value) in whole.into_iter().filter(|_| options.is_whole).chain(always) {
         build.args(["--config", &format!("profile.release.{key}={value}")]);
     }
     let level = &options.opt_level;

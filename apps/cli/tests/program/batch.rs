@@ -3,7 +3,7 @@
 use crate::common::*;
 use crate::process::{fails, finish, printed, said, succeeds};
 use glam::DVec3;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::{Camera, SceneView};
 
@@ -53,7 +53,8 @@ samples = 1
 "#;
 
 /// The yard with three photos, a rig and a plan.
-fn place(workshop: &Workshop) -> PathBuf {
+fn place() -> Workshop {
+    let workshop = Workshop::new();
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     let view = |name: &str, x: f64| {
         let (eye, target) = (DVec3::new(x, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
@@ -63,20 +64,17 @@ fn place(workshop: &Workshop) -> PathBuf {
     let views = [view("one.jpg", 0.5), view("two.jpg", -2.0), view("three.jpg", 3.0)];
     write_cameras(&cameras_path(&scene), &views).unwrap();
     workshop.put("rig.toml", RIG);
-    workshop.put("plan.toml", PLAN)
+    workshop.put("plan.toml", PLAN);
+    workshop
 }
 
 fn batch(workshop: &Workshop, out: &str, options: &str) -> std::process::Command {
-    let mut command = binary();
-    command.args(["batch".as_ref(), workshop.path("plan.toml").as_os_str()]);
-    command.args(["--device", "cpu", "--out"]).arg(workshop.path(out)).args(options.split_whitespace());
-    command
+    workshop.command(&format!("batch plan.toml --device cpu --out {out} {options}"))
 }
 
 #[test]
 fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
-    let workshop = Workshop::new();
-    place(&workshop);
+    let workshop = place();
     succeeds(&mut batch(&workshop, "whole", ""));
     let whole = files(&workshop.path("whole"));
     let has = |name: &str| whole.keys().any(|path| path.ends_with(name));
@@ -149,8 +147,7 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
 
 #[test]
 fn a_camera_may_be_faster_than_frames_and_stand_behind_a_lidar() {
-    let workshop = Workshop::new();
-    place(&workshop);
+    let workshop = place();
     let camera = RIG.find("[[sensor]]\nname = \"front\"").unwrap();
     let lidar = RIG.find("[[sensor]]\nname = \"top\"").unwrap();
     let rig = format!("{}{}", &RIG[lidar..], RIG[camera..lidar].replace("rate = 10.0", "rate = 20.0"));
@@ -167,8 +164,7 @@ fn a_camera_may_be_faster_than_frames_and_stand_behind_a_lidar() {
 
 #[test]
 fn photos_get_their_weathers_and_wrong_plans_one_line() {
-    let workshop = Workshop::new();
-    place(&workshop);
+    let workshop = place();
     let plan = "pairs = true\n[[scene]]\nfile = \"yard.ply\"\n[[path]]\ncameras = \"capture\"\n[[weather]]\nfrom = [\"fog\", \"snow\"]\n";
     workshop.put("plan.toml", plan);
     let listed = printed(&finish(&mut batch(&workshop, "set", "--list")));

@@ -3,11 +3,7 @@
 
 use crate::common::*;
 
-/// A yard of some metres.
-fn place(workshop: &Workshop) -> (std::path::PathBuf, ViewArgs) {
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    (scene, yard_look((120, 80)).1)
-}
+const SIZE: (u32, u32) = (120, 80);
 
 /// Mean light of a picture's lower half.
 fn ground(picture: &Image<[u8; 3]>) -> f64 {
@@ -18,34 +14,31 @@ fn ground(picture: &Image<[u8; 3]>) -> f64 {
 
 #[test]
 fn snow_grows_and_every_frame_is_the_same_alone() {
-    let workshop = Workshop::new();
-    let (scene, view) = place(&workshop);
-    let clear = read_png(&workshop.render(&scene, &view, "clear.png", ""));
+    let yard = Shot::yard(SIZE);
+    let clear = yard.png("");
     let weather = "--set snow_cover.depth=0:0,2:0.2";
-    let folder = workshop.render(&scene, &view, "all", &format!("{weather} --seconds 2 --fps 4 --threads 1"));
+    let folder = yard.render("all", &format!("{weather} --seconds 2 --fps 4 --threads 1"));
     let frame = |k: usize| read_png(&folder.join(format!("{k:05}.png")));
     // Nothing lies at a depth of 0, nor before the first keyframe.
     assert!(frame(0) == clear);
-    let before = format!("{weather} --time -5");
-    assert!(read_png(&workshop.render(&scene, &view, "before.png", &before)) == clear);
+    assert!(yard.png(&format!("{weather} --time -5")) == clear);
     let light: Vec<f64> = (0..8).map(|k| ground(&frame(k))).collect();
     println!("{light:.3?}");
     assert!(light.windows(2).all(|pair| pair[1] > pair[0] - 0.01) && light[7] > light[0] + 0.1, "{light:?}");
     for (k, threads) in [(3, 2), (7, 5)] {
         let options = format!("{weather} --time {} --threads {threads}", f64::from(k) / 4.0);
-        assert!(read_png(&workshop.render(&scene, &view, "alone.png", &options)) == frame(k as usize), "{k}");
+        assert!(yard.png(&options) == frame(k as usize), "{k}");
     }
 }
 
 #[test]
 fn what_is_baked_is_what_is_rendered() {
-    let workshop = Workshop::new();
-    let (scene, view) = place(&workshop);
+    let yard = Shot::yard(SIZE);
     let paper = "snow_cover.depth=0.1 --set fidelity=paper";
     for asked in ["snow_cover.depth=0.1", "dust_cover.depth=0.05", paper] {
-        let live = read_png(&workshop.render(&scene, &view, "live.png", &format!("--set {asked}")));
-        workshop.run(&format!("bake yard.ply --set {asked} --overwrite -o baked.ply"));
-        let again = read_png(&workshop.render(&workshop.path("baked.ply"), &view, "again.png", ""));
+        let live = yard.png(&format!("--set {asked}"));
+        yard.run(&format!("bake yard.ply --set {asked} --overwrite -o baked.ply"));
+        let again = read_png(&(*yard).render(&yard.path("baked.ply"), &yard.view, "again.png", ""));
         let squares = live.pixels.iter().zip(&again.pixels);
         let squares = squares.flat_map(|(a, b)| (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)));
         let mean = squares.sum::<f64>() / (3 * live.pixels.len()) as f64;
@@ -58,12 +51,9 @@ fn what_is_baked_is_what_is_rendered() {
 /// The paper has no dust: the physical one lies under its rain as well.
 #[test]
 fn dust_lies_under_the_papers_rain() {
-    let workshop = Workshop::new();
-    let (scene, view) = place(&workshop);
-    let light = |options: &str| {
-        let options = format!("--set fidelity=paper --set rain.rate=5 {options}");
-        ground(&read_png(&workshop.render(&scene, &view, "rain.png", &options)))
-    };
+    let yard = Shot::yard(SIZE);
+    let light =
+        |options: &str| ground(&yard.png(&format!("--set fidelity=paper --set rain.rate=5 {options}")));
     let (bare, dust) = (light(""), light("--set dust_cover.depth=0.1 --set dust_cover.color=#ffffff"));
     assert!(dust > bare + 0.05, "{dust} {bare}");
 }
@@ -71,11 +61,9 @@ fn dust_lies_under_the_papers_rain() {
 /// Snow lies on sand, and where it is gone the sand is seen as if there had been none.
 #[test]
 fn sand_is_seen_where_no_snow_is() {
-    let workshop = Workshop::new();
-    let (scene, view) = place(&workshop);
+    let yard = Shot::yard(SIZE);
     let shown = |options: &str| {
-        let options = format!("--set dust_cover.depth=0.05 --set dust_cover.color=#400000 {options}");
-        read_png(&workshop.render(&scene, &view, "sand.png", &options))
+        yard.png(&format!("--set dust_cover.depth=0.05 --set dust_cover.color=#400000 {options}"))
     };
     let sand = shown("");
     assert!(shown("--set snow_cover.depth=0") == sand);
@@ -92,7 +80,7 @@ fn sand_is_seen_where_no_snow_is() {
 #[test]
 fn there_must_be_something_to_bake() {
     let workshop = Workshop::with("", &[]);
-    place(&workshop);
+    workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     for (words, says) in [
         ("none.ply", "nothing lies under the weather clear at 0 s"),
         ("none.ply --set snow_cover.depth=0", "nothing lies under the weather"),
@@ -110,13 +98,12 @@ fn there_must_be_something_to_bake() {
 /// Snow that has fallen since the start lies, and melts; and time before the start is no error.
 #[test]
 fn snow_falls_lies_and_melts() {
-    let workshop = Workshop::new();
-    let (scene, view) = place(&workshop);
+    let yard = Shot::yard(SIZE);
     let light = |time: f64| {
         let sets = "--set snowfall.rate=0:3,4:3,4.1:0 --set snowfall.opacity=0 --set snow_cover.depth=auto \
                     --set snow_cover.hours=1 --set snow_cover.lapse=3600 \
                     --set snow_cover.temperature=0:-2,5:-2,6:9";
-        ground(&read_png(&workshop.render(&scene, &view, "snow.png", &format!("{sets} --time {time}"))))
+        ground(&yard.png(&format!("{sets} --time {time}")))
     };
     let [before, start, snow, thaw, bare] = [-3.0, 0.0, 4.0, 13.0, 60.0].map(light);
     println!("{before:.3} {start:.3} {snow:.3} {thaw:.3} {bare:.3}");

@@ -76,11 +76,9 @@ fn every_weather_is_the_cpus() {
         return;
     }
     let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
-    let workshop = Workshop::new();
-    let (_, view) = yard_look(SIZE);
     let lamp = Lamp { aim: Some([0.0, 0.0, -1.0]), ..Lamp::new([-1.5, 1.0, 4.0]) };
     let facts = Metadata { lamps: Some(vec![lamp]), ..yard_metadata(1.0) };
-    let scene = workshop.scene("yard", yard().build(), &facts);
+    let yard = Shot::yard_with(SIZE, &facts);
     for weather in [
         "",
         "--set fog.mor=40",
@@ -100,15 +98,13 @@ fn every_weather_is_the_cpus() {
         "--set lens.rate=20 --set lens.distance=0.1 --set lens.dirt=0.1",
     ] {
         let pictures = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
-            let mut words = workshop.words(&scene, &view, "picture.exr", weather);
-            words.extend(["--device".to_owned(), device]);
-            run(&words);
-            read_exr(&workshop.path("picture.exr"))
+            let drawn = yard.command("picture.exr", weather).arg("--device").arg(device).output().unwrap();
+            assert!(drawn.status.success(), "{weather}: {}", said(&drawn));
+            read_exr(&yard.path("picture.exr"))
         });
         let [cpu, gpu] = pictures.each_ref().map(|picture| picture.pixels.as_flattened());
         let off: Vec<f64> = cpu.iter().zip(gpu).map(|(a, b)| (a - b).abs()).collect();
-        let (most, mean) =
-            (off.iter().copied().fold(0.0, f64::max), off.iter().sum::<f64>() / off.len() as f64);
+        let (most, mean) = (largest(off.iter().copied()), off.iter().sum::<f64>() / off.len() as f64);
         println!("`{weather}`: mean {mean:.1e}, most {most:.1e}");
         assert!(mean < 2e-5 && most < 0.02, "{weather}: {mean} {most}");
         assert!(cpu != gpu || weather.is_empty(), "`{weather}`: one device drew both");

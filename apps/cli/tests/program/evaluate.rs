@@ -3,7 +3,7 @@
 //! bad input.
 
 use crate::common::Workshop;
-use crate::process::{fails, finish, printed, said, succeeds};
+use crate::process::{fails, finish, said};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -47,12 +47,6 @@ fn desk() -> Workshop {
     Workshop::with(format!("evaluate {scene} --dataset {set}"), &["warning: "])
 }
 
-/// Returns stdout, stderr and the JSON.
-fn run(desk: &Workshop, options: &str) -> (String, String, Value) {
-    let output = succeeds(&mut desk.command(&format!("{options} --overwrite --json out.json")));
-    (printed(&output), said(&output), serde_json::from_slice(&desk.read("out.json")).unwrap())
-}
-
 /// Writes maps that `of` makes of the true depth.
 fn maps(desk: &Workshop, folder: &str, photos: &[&str], of: impl Fn(Vec<f32>) -> (Vec<f32>, [usize; 2])) {
     fs::create_dir(desk.path(folder)).unwrap();
@@ -70,7 +64,7 @@ fn mean(json: &Value, key: &str) -> f64 {
 #[test]
 fn the_street_is_near_to_itself_and_all_outputs_agree() {
     let desk = desk();
-    let (text, _, json) = run(&desk, "--report page.html --report-photos 2");
+    let (text, _, json) = desk.run_with_json("--report page.html --report-photos 2");
     // Splats are soft and photos of 120 px coarse: a pixel at 50 m is half a metre.
     for (key, low, high) in [
         ("psnr", 15.0, 40.0),
@@ -134,7 +128,7 @@ fn the_street_is_near_to_itself_and_all_outputs_agree() {
 fn threads_change_nothing() {
     let desk = desk();
     let on = |threads: u8| {
-        let (text, _, json) = run(&desk, &format!("--threads {threads} --report page.html"));
+        let (text, _, json) = desk.run_with_json(&format!("--threads {threads} --report page.html"));
         (text, json, desk.read("page.html"))
     };
     assert!(on(1) == on(3));
@@ -143,7 +137,7 @@ fn threads_change_nothing() {
 #[test]
 fn units_scale_the_truth() {
     let desk = desk();
-    let error = |options: &str| mean(&run(&desk, options).2, "median_depth_median_rel");
+    let error = |options: &str| mean(&desk.run_with_json(options).2, "median_depth_median_rel");
     let exact = error("");
     // Twice as far as it is: half of it is missing. Half as far: as much too much. Both: right.
     assert!((error("--depth-unit 2") - 0.5).abs() < 0.5 * exact + 0.01);
@@ -162,7 +156,7 @@ fn maps_may_be_of_other_sizes_and_of_some_photos() {
         let pick = |index: usize| depth[2 * (index / 60) * 120 + 2 * (index % 60)];
         ((0..40 * 60).map(pick).collect(), [40, 60])
     });
-    let (_, said, json) = run(&desk, "--depth half");
+    let (_, said, json) = desk.run_with_json("--depth half");
     assert!(said.contains("warning: half: no map of 00001.png; 2 of 3 photos have one"), "{said}");
     assert_eq!(json["truth"]["depth"]["missing"][0], "00001.png");
     assert!(
@@ -171,7 +165,7 @@ fn maps_may_be_of_other_sizes_and_of_some_photos() {
     let error = mean(&json, "median_depth_median_rel");
     assert!(error < 0.08, "{error}");
 
-    let (text, said, json) = run(&desk, "--eval-every 2 --exposure-fit affine --depth half");
+    let (text, said, json) = desk.run_with_json("--eval-every 2 --exposure-fit affine --depth half");
     assert!(text.contains("2 of 3 photos, every 2 from 0") && said.is_empty(), "{text}{said}");
     assert!(mean(&json, "psnr") > 15.0);
     assert_eq!(json["exposure_fit"], "affine");

@@ -4,7 +4,7 @@
 //! `WM_ALL_FAULTS=1` has every operation on files fail in turn; without it those of number 1, 4, 16
 //! and so on do.
 use crate::common::{Workshop, files, yard, yard_metadata};
-use crate::process::{begin, finish, listing, said, succeeds, wait};
+use crate::process::{begin, finish, listing, said, signal, succeeds, wait};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
@@ -203,15 +203,14 @@ impl Job {
     fn with_signals(&self) {
         let moments = if is_all() { 12 } else { 2 };
         let mut ended = 0;
-        for (signal, status) in SIGNALS {
+        for (name, status) in SIGNALS {
             for moment in 0..moments {
                 self.restore();
                 let share = (f64::from(moment) + 0.6) / f64::from(moments);
-                let what = format!("{:?} with {signal} at {share:.2}", self.words);
+                let what = format!("{:?} with {name} at {share:.2}", self.words);
                 let child = begin(&mut self.command(""));
                 sleep(self.duration.mul_f64(share));
-                let id = child.id().to_string();
-                let sent = Command::new("kill").args([signal, &id]).output().unwrap();
+                let is_sent = signal(&child, name);
                 let output = wait(child, &what);
                 // A command that had ended before is left alone, and one may end in the same
                 // moment.
@@ -220,9 +219,8 @@ impl Job {
                 let is_early = output.status.signal().is_some() && self.duration.mul_f64(share) < LISTENS;
                 assert!(
                     code == Some(status) || code == Some(0) || is_early,
-                    "{what}: {:?} {} {}",
+                    "{what}: {:?} {is_sent} {}",
                     output.status,
-                    sent.status,
                     said(&output)
                 );
                 ended += u32::from(code == Some(status));

@@ -1,8 +1,9 @@
 //! Floods the built-in street and holds the mirror against rays, threads against each other, and
 //! bad input against its message.
 
+use crate::common::weather;
 use glam::DVec3;
-use weather_magician::{FrameRequest, Metadata, Picture, PreparedPlace, Renderer, Weather};
+use weather_magician::{FrameRequest, Metadata, PreparedPlace, Renderer, Weather};
 use wm_base::color::{srgb_decode, srgb_encode};
 use wm_render::{CpuConfig, Device};
 use wm_scene::splats::Splat;
@@ -18,22 +19,9 @@ fn street() -> (Place, Scene) {
     (street, scene)
 }
 
-fn weather(changes: &[&str]) -> Weather {
-    let mut weather = Weather::clear();
-    changes.iter().for_each(|change| weather.set_text(change).unwrap());
-    weather
-}
-
-fn draw(
-    renderer: &mut Renderer,
-    place: &mut PreparedPlace,
-    weather: &Weather,
-    (camera, time): (&Camera, f64),
-) -> Picture {
-    let mut picture = Picture::default();
-    let request = FrameRequest::new(weather, camera, time);
-    renderer.render_into(place, &request, &mut picture, &mut ()).unwrap();
-    picture
+/// A request for the frame at 0 s.
+fn still<'a>(weather: &'a Weather, camera: &Camera) -> FrameRequest<'a> {
+    FrameRequest::new(weather, *camera, 0.0)
 }
 
 /// Still and black water mirrors what a ray from it meets.
@@ -49,7 +37,7 @@ fn still_water_mirrors_what_rays_meet() {
     for time in [0.02, 0.4] {
         let camera = Street::dolly(time).camera((240, 160)).unwrap();
         // The splats are not the street: what they show directly differs from what rays meet, too.
-        let clear = draw(&mut renderer, &mut place, &Weather::clear(), (&camera, 0.0));
+        let clear = renderer.render(&mut place, &still(&Weather::clear(), &camera)).unwrap();
         let (mut directly, mut pixels) = (0.0, 0);
         for (x, y) in (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y))) {
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -60,7 +48,7 @@ fn still_water_mirrors_what_rays_meet() {
             }
         }
         let direct_psnr = -10.0 * (directly / f64::from(pixels)).log10();
-        let picture = draw(&mut renderer, &mut place, &weather, (&camera, 0.0));
+        let picture = renderer.render(&mut place, &still(&weather, &camera)).unwrap();
         let (mut error, mut count) = (0.0, 0);
         for y in 0..camera.height {
             for x in 0..camera.width {
@@ -100,9 +88,8 @@ fn frames_are_functions_of_time() {
         let config = CpuConfig { threads: Some(threads), ..CpuConfig::default() };
         let mut renderer = Renderer::new(&Device::Cpu, config, |_| {}).unwrap();
         let mut place = renderer.load(scene.clone()).unwrap();
-        let mut all =
-            times.iter().map(|time| draw(&mut renderer, &mut place, &weather, (&camera, *time)).frame);
-        all.by_ref().last().unwrap()
+        let draw = |time: &f64| renderer.render(&mut place, &FrameRequest::new(&weather, camera, *time));
+        times.iter().map(draw).last().unwrap().unwrap().frame
     };
     let alone = drawn(1, &[2.0]);
     assert_eq!(alone, drawn(2, &[0.0, 1.0, 2.0]));
@@ -153,7 +140,7 @@ fn a_flood_stands_over_the_ground_under_the_camera() {
         assert!((depth - 0.3).abs() < 0.01, "{depth} m at {x}");
         // A frame alone does the same.
         let [alone, shot] =
-            [&flood, &own].map(|weather| draw(&mut renderer, &mut place, weather, (&eye(x), 0.0)));
+            [&flood, &own].map(|weather| renderer.render(&mut place, &still(weather, &eye(x))).unwrap());
         assert_eq!(alone.frame, shot.frame);
     }
     let shot = place.weather_of_shot(&flood, &eye(0.0));
@@ -168,10 +155,8 @@ fn an_eye_under_water_is_refused() {
     let mut renderer = Renderer::cpu().unwrap();
     let mut place = renderer.load(scene).unwrap();
     let camera = Street::dolly(0.1).camera((60, 40)).unwrap();
-    let mut picture = Picture::default();
     let mut draw = |weather: &Weather| {
-        let request = FrameRequest::new(weather, camera, 0.0);
-        renderer.render_into(&mut place, &request, &mut picture, &mut ()).map(|_| place.take_warnings())
+        renderer.render(&mut place, &still(weather, &camera)).map(|_| place.take_warnings())
     };
     let message = draw(&weather(&["flood.level=3"])).unwrap_err().to_string();
     assert!(

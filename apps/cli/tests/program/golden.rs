@@ -6,7 +6,7 @@
 
 use crate::common::*;
 use glam::DVec3;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use wm_render::simd::SimdChoice;
 use wm_render::testing::Backend;
 
@@ -23,10 +23,10 @@ const PICTURES: [(&str, &str); 4] = [
 const SIZE: (u32, u32) = (96, 64);
 
 /// The yard under a sky.
-fn scene(workshop: &Workshop) -> PathBuf {
+fn shot(size: (u32, u32)) -> Shot {
     let mut place = yard();
     place.sky(DVec3::ZERO, 300.0, 1200);
-    workshop.scene("yard", place.build(), &yard_metadata(1.0))
+    Shot::of("yard", place.build(), &yard_metadata(1.0), yard_look(size).1)
 }
 
 /// Differences of all bytes of two pictures, steps.
@@ -41,16 +41,14 @@ fn differences(a: &Image<[u8; 3]>, b: &Image<[u8; 3]>) -> Vec<u8> {
 /// alpha cut: less than a step, which rounding makes one step at most.
 #[test]
 fn the_portable_path_draws_the_golden_pictures() {
-    let workshop = Workshop::new();
-    let (scene, (_, view)) = (scene(&workshop), yard_look(SIZE));
+    let shot = shot(SIZE);
     for (name, weather) in PICTURES {
-        let options = format!("{weather} --dither off --simd portable");
-        let drawn = workshop.render(&scene, &view, &format!("{name}.png"), &options);
+        let drawn = shot.png(&format!("{weather} --dither off --simd portable"));
         let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
         if std::env::var_os("WM_UPDATE_GOLDEN").is_some_and(|v| v == "1") {
-            write_golden(&golden, &read_png(&drawn));
+            write_golden(&golden, &drawn);
         }
-        let (drawn, wanted) = (read_png(&drawn), read_png(&golden));
+        let wanted = read_png(&golden);
         let most = differences(&drawn, &wanted).into_iter().max().unwrap_or(0);
         println!("{name}: off by {most}/255 at most");
         assert!(most <= 1, "{name} is off by {most}/255; WM_UPDATE_GOLDEN=1 takes it for the new one");
@@ -79,13 +77,9 @@ fn write_golden(path: &Path, picture: &Image<[u8; 3]>) {
 /// 0.003 of a step, and the bytes next to a cut as much again.
 #[test]
 fn every_simd_path_draws_the_same_picture() {
-    let workshop = Workshop::new();
-    let (scene, (_, view)) = (scene(&workshop), yard_look(SIZE));
+    let shot = shot(SIZE);
     for (name, weather) in PICTURES {
-        let draw = |simd: SimdChoice| {
-            let options = format!("{weather} --dither off --simd {}", simd.name());
-            read_png(&workshop.render(&scene, &view, &format!("{name}.png"), &options))
-        };
+        let draw = |simd: SimdChoice| shot.png(&format!("{weather} --dither off --simd {}", simd.name()));
         let wanted = draw(SimdChoice::Portable);
         for simd in [SimdChoice::Avx512, SimdChoice::Avx2, SimdChoice::Neon] {
             // Those of other processors are not missing here.
@@ -104,17 +98,15 @@ fn every_simd_path_draws_the_same_picture() {
 
 #[test]
 fn threads_change_no_byte() {
-    let workshop = Workshop::new();
-    let (scene, (_, view)) = (scene(&workshop), yard_look((200, 130)));
+    let shot = shot((200, 130));
     let draw = |threads: u32, out: &str, options: &str| {
         let options = format!("-w fog-closing-in --threads {threads} {options}");
-        let path = workshop.render(&scene, &view, out, &options);
-        std::fs::read(&path).expect("it is written")
+        shot.render(out, &options);
+        shot.read(out)
     };
     let all = |threads: u32| {
         let picture = draw(threads, "a.png", "--time 4 --also depth.exr,normal");
-        let [depth, normal] = ["a.depth.exr", "a.normal.png"]
-            .map(|name| std::fs::read(workshop.path(name)).expect("it is written"));
+        let (depth, normal) = (shot.read("a.depth.exr"), shot.read("a.normal.png"));
         let mut files = vec![("PNG", picture), ("EXR depth", depth), ("PNG normals", normal)];
         files.push(("EXR", draw(threads, "a.exr", "--time 4")));
         if cfg!(feature = "h264") {

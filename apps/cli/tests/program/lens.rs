@@ -2,11 +2,10 @@
 //! through fisheyes, panoramas and distorted lenses.
 
 use crate::common::*;
+use crate::process::{finish, said};
 use glam::DVec3;
 use weather_magician::camera_model::{CameraModel, SensorCamera};
-use weather_magician::{
-    Camera, FrameCamera, FrameRequest, Layers, LensModel, LensView, Picture, Renderer, Scene, Weather,
-};
+use weather_magician::{Camera, FrameCamera, FrameRequest, Layers, LensModel, LensView, Picture, Renderer};
 use wm_scene::camera::Distortion;
 
 const SIZE: (u32, u32) = (144, 96);
@@ -27,10 +26,7 @@ veil = 1
 
 #[test]
 fn a_wet_lens_alone_is_that_of_the_sequence_on_any_number_of_threads() {
-    let workshop = Workshop::new();
-    let (_, view) = yard_look(SIZE);
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    workshop.check_frames_alone(&scene, &view, SHOWER);
+    Shot::yard(SIZE).check_frames_alone(SHOWER);
 }
 
 /// Mean and greatest change of colour between two pictures.
@@ -75,13 +71,10 @@ const RAIN: [&str; 2] = ["fog.mor=120", "rain.rate=30"];
 const WET: [&str; 2] = ["wetness.amount=1", "wetness.puddles=0.5"];
 
 /// A pinhole picture of the yard in a weather and one through a lens, with depth.
-fn both(camera: &Camera, lens: &LensView, weather_changes: &[&str]) -> [Picture; 2] {
+fn both(camera: &Camera, lens: &LensView, changes: &[&str]) -> [Picture; 2] {
     let mut renderer = Renderer::cpu().unwrap();
-    let metadata = yard_metadata(1.0);
-    let scene = Scene { splats: yard().build(), metadata, ..Scene::default() };
-    let mut place = renderer.load(scene).unwrap();
-    let mut weather = Weather::clear();
-    weather_changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
+    let mut place = load_yard(&mut renderer, &yard_metadata(1.0));
+    let weather = weather(changes);
     let model = CameraModel { lens: Some(lens.clone()), ..CameraModel::default() };
     let device = SensorCamera::new(model, (*camera).into());
     let cameras: [FrameCamera<'_>; 2] = [camera.into(), (&device).into()];
@@ -157,23 +150,17 @@ fn lenses_show_what_pinholes_show() {
 
 #[test]
 fn the_program_draws_through_lenses_and_refuses_what_it_cannot_draw() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    let view = yard_look((96, 64)).1.without("--fov");
+    let mut yard = Shot::yard((96, 64));
+    yard.view = yard.view.without("--fov");
     let options = "--weather heavy-rain --assets off --lens fisheye:200 --also depth.npy";
-    let one = workshop.render(&scene, &view, "one.png", &format!("{options} --threads 1"));
-    let two = workshop.render(&scene, &view, "two.png", &format!("{options} --threads 2"));
-    assert!(read_png(&one) == read_png(&two));
-    let toml = workshop.path("lens.toml");
+    let [one, two] = [1, 2].map(|threads| yard.png(&format!("{options} --threads {threads}")));
+    assert!(one == two);
     let says = |lens: &str, options: &str, words: &[&str]| {
-        std::fs::write(&toml, lens).unwrap();
-        let options = format!("--assets off --lens {} {options}", toml.display());
-        let arguments = workshop.words(&scene, &view, "no.png", &options);
-        let output = binary().args(arguments).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!output.status.success(), "{said}");
-        assert!(words.iter().all(|word| said.contains(word)), "{said}");
-        assert!(!workshop.path("no.png").exists());
+        yard.put("lens.toml", lens);
+        let output = finish(&mut yard.command("no.png", &format!("--assets off --lens lens.toml {options}")));
+        let said = said(&output);
+        assert!(!output.status.success() && words.iter().all(|word| said.contains(word)), "{said}");
+        assert!(!yard.path("no.png").exists());
     };
     let lens = "model = \"OPENCV\"\nsize = [96, 64]\nfocal = [80.0, 80.0]\n";
     says(&format!("{lens}distortion = [-2.0]\n"), "", &["lens.toml", "folds within the picture"]);
@@ -185,29 +172,22 @@ fn the_program_draws_through_lenses_and_refuses_what_it_cannot_draw() {
 
 #[test]
 fn shutters_and_rigs_make_what_they_say() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    let view = yard_look((96, 64)).1;
+    let mut yard = Shot::yard((96, 64));
     let options = "--weather heavy-rain --assets off --camera-speed 14 --readout 0.02 --exposure-time 0.004 --exposure auto --iso 400";
-    let one = workshop.render(&scene, &view, "one.png", &format!("{options} --threads 1"));
-    let two = workshop.render(&scene, &view, "two.png", &format!("{options} --threads 2"));
-    assert!(read_png(&one) == read_png(&two));
-    let toml = workshop.path("rig.toml");
+    let [one, two] = [1, 2].map(|threads| yard.png(&format!("{options} --threads {threads}")));
+    assert!(one == two);
     let rig = "[[sensor]]\nname = \"front\"\nkind = \"camera\"\nrate = 10\nphase = 0.05\nsize = [48, 32]\nreadout = 0.01\n\
                [[sensor]]\nname = \"top\"\nkind = \"lidar\"\nmodel = \"vlp-16\"\nsub_rays = 1\nformat = \"bin\"\n\
                [[sensor]]\nname = \"dvs\"\nkind = \"events\"\nrate = 10\nsize = [48, 32]\npictures = 2\n";
-    let view = view.without("--fov").without("--size");
-    let drive = |rig: &str, out: &str, options: &str| {
-        std::fs::write(&toml, rig).unwrap();
-        let options = format!(
-            "--assets off --weather moderate-rain --seconds 0.2 --camera-speed 10 --rig {} {options}",
-            toml.display()
-        );
-        binary().args(workshop.words(&scene, &view, out, &options)).output().unwrap()
+    yard.view = yard.view.without("--fov").without("--size");
+    let drive = |rig: &str, options: &str| {
+        yard.put("rig.toml", rig);
+        let usual = "--assets off --weather moderate-rain --seconds 0.2 --camera-speed 10 --rig rig.toml";
+        finish(&mut yard.command("drive", &format!("{usual} --also depth.npy {options}")))
     };
-    let output = drive(rig, "drive", "--also depth.npy");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let file = |name: &str| std::fs::read(workshop.path("drive").join(name)).unwrap();
+    let output = drive(rig, "");
+    assert!(output.status.success(), "{}", said(&output));
+    let file = |name: &str| yard.read(&format!("drive/{name}"));
     let about: serde_json::Value = serde_json::from_slice(&file("rig.json")).unwrap();
     let frames = |sensor: usize| about["sensors"][sensor]["frames"].as_array().unwrap().clone();
     assert_eq!((frames(0).len(), frames(1).len()), (2, 2));
@@ -232,10 +212,10 @@ fn shutters_and_rigs_make_what_they_say() {
     // 13 bytes an event, which a car at 10 m/s has at every edge.
     assert!(made[5].len() > 13 * 100 && made[5] != made[6], "{}", made[5].len());
     // What is missing is made again, with the same bytes.
-    std::fs::remove_file(workshop.path("drive").join(all[1])).unwrap();
-    std::fs::remove_file(workshop.path("drive").join(all[4])).unwrap();
-    std::fs::remove_file(workshop.path("drive").join(all[6])).unwrap();
-    assert!(drive(rig, "drive", "--also depth.npy").status.success());
+    for gone in [1, 4, 6] {
+        std::fs::remove_file(yard.path("drive").join(all[gone])).unwrap();
+    }
+    assert!(drive(rig, "").status.success());
     assert!(made == all.map(file));
     for (rig, options, says) in [
         (rig.replace("top", "front"), "", "rig.toml, line 8: there are two sensors \"front\""),
@@ -254,8 +234,8 @@ fn shutters_and_rigs_make_what_they_say() {
         (rig.to_owned(), "--set lens.rate=10", "sensor \"front\": drops on the lens"),
         (rig.to_owned(), "--time 1", "holds files of another run"),
     ] {
-        let output = drive(&rig, "drive", &format!("--also depth.npy {options}"));
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let output = drive(&rig, options);
+        let said = said(&output);
         assert!(!output.status.success() && said.contains(says), "{said}, not {says}");
     }
 }

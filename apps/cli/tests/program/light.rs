@@ -2,10 +2,11 @@
 //! jump.
 
 use crate::common::*;
+use crate::process::{said, succeeds};
 use glam::DVec3;
-use weather_magician::{FrameRequest, Picture, Renderer, Weather};
+use weather_magician::{FrameRequest, Renderer, Weather};
 use wm_base::color::luminance;
-use wm_scene::{Lamp, LitWindow, Metadata, Scene};
+use wm_scene::{Lamp, LitWindow, Metadata};
 
 const SIZE: (u32, u32) = (72, 48);
 
@@ -46,21 +47,15 @@ fn lit_yard() -> Metadata {
 
 #[test]
 fn a_frame_of_a_storm_alone_is_that_of_the_sequence_on_any_number_of_threads() {
-    let workshop = Workshop::new();
-    let (_, view) = yard_look(SIZE);
-    let scene = workshop.scene("yard", yard().build(), &lit_yard());
-    workshop.check_frames_alone(&scene, &view, STORM);
+    Shot::yard_with(SIZE, &lit_yard()).check_frames_alone(STORM);
 }
 
 /// Lamps, windows and headlamps shine by night alone.
 #[test]
 fn lamps_and_windows_are_seen_by_night() {
-    let workshop = Workshop::new();
-    let (_, view) = yard_look(SIZE);
-    let scene = workshop.scene("yard", yard().build(), &lit_yard());
+    let yard = Shot::yard_with(SIZE, &lit_yard());
     let draw = |options: &str| -> Vec<f64> {
-        let options = format!("{options} --set light.photos=diffuse --assets off");
-        let pixels = read_png(&workshop.render(&scene, &view, "a.png", &options)).pixels;
+        let pixels = yard.png(&format!("{options} --set light.photos=diffuse --assets off")).pixels;
         pixels.iter().map(|rgb| rgb.iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0).collect()
     };
     // Of the tenth that is brightest, over the median.
@@ -83,33 +78,26 @@ fn lamps_and_windows_are_seen_by_night() {
 
 #[test]
 fn lamps_that_nobody_states_are_told() {
-    let workshop = Workshop::new();
-    let (_, view) = yard_look(SIZE);
-    let told = |name: &str, facts: &Metadata, options: &str| {
-        let scene = workshop.scene(name, yard().build(), facts);
-        let options = format!("{options} --assets off --set light.photos=diffuse");
-        let output = run(&workshop.words(&scene, &view, &format!("{name}.png"), &options));
-        String::from_utf8_lossy(&output.stderr).contains("the scene states no lamps")
+    let told = |facts: &Metadata, weather: &str| {
+        let options = format!("--weather {weather} --assets off --set light.photos=diffuse");
+        let output = succeeds(&mut Shot::yard_with(SIZE, facts).command("a.png", &options));
+        said(&output).contains("the scene states no lamps")
     };
-    assert!(told("dark", &yard_metadata(1.0), "--weather night"));
-    assert!(!told("stated", &lit_yard(), "--weather night"));
-    assert!(!told("day", &yard_metadata(1.0), "--weather sunny"));
+    assert!(told(&yard_metadata(1.0), "night"));
+    assert!(!told(&lit_yard(), "night") && !told(&yard_metadata(1.0), "sunny"));
 }
 
 #[test]
 fn exposure_does_not_jump_from_sun_to_night() {
-    let scene = Scene { splats: yard().build(), metadata: lit_yard(), ..Scene::default() };
     let mut renderer = Renderer::cpu().unwrap();
-    let mut place = renderer.load(scene).unwrap();
+    let mut place = load_yard(&mut renderer, &lit_yard());
     let camera = yard_look((30, 20)).0;
     let mut weather = Weather::preset("sun-to-night").unwrap();
     for set in ["light.photos=diffuse", "lightning=off", "rain=off", "wind=off"] {
         weather.set_text(set).unwrap();
     }
-    let mut picture = Picture::default();
     let mut mean = |time: f64| {
-        let request = FrameRequest::new(&weather, camera, time);
-        renderer.render_into(&mut place, &request, &mut picture, &mut ()).unwrap();
+        let picture = renderer.render(&mut place, &FrameRequest::new(&weather, camera, time)).unwrap();
         let light = picture.frame.rgb_linear();
         let all = light.chunks_exact(3).map(|c| luminance([0, 1, 2].map(|k| f64::from(c[k]))));
         (all.sum::<f64>() / (light.len() / 3) as f64).log2()

@@ -12,8 +12,8 @@ const SIZE: (u32, u32) = (96, 64);
 const WEATHER: &str = "--set fog.mor=60 --set rain.rate=60 --set snowfall.rate=4 --set rain.seed=5";
 
 /// The yard with three photos' views, one of them in a folder of its own.
-fn place(workshop: &Workshop) -> PathBuf {
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+fn place() -> Shot {
+    let yard = Shot::yard(SIZE);
     let view = |name: &str, x: f64, size: (u32, u32)| {
         let (eye, target) = (DVec3::new(x, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
         let camera = Camera::looking(size, 50.0, eye, target, DVec3::Z).unwrap();
@@ -21,8 +21,8 @@ fn place(workshop: &Workshop) -> PathBuf {
     };
     let views =
         [view("one.jpg", 0.5, SIZE), view("left/two.png", -2.0, (80, 60)), view("three.JPG", 3.0, SIZE)];
-    write_cameras(&cameras_path(&scene), &views).unwrap();
-    scene
+    write_cameras(&cameras_path(&yard.scene), &views).unwrap();
+    yard
 }
 
 fn pairs(workshop: &Workshop, out: &str, options: &str) -> PathBuf {
@@ -33,10 +33,9 @@ fn pairs(workshop: &Workshop, out: &str, options: &str) -> PathBuf {
 
 #[test]
 fn the_layers_make_up_the_picture() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let yard = Shot::yard(SIZE);
     let options = format!("{WEATHER} --layers --also clean,transmittance,airlight,particles,depth");
-    let path = workshop.render(&scene, &yard_look(SIZE).1, "all.exr", &options);
+    let path = yard.render("all.exr", &options);
     let channel = |name: &str| read_channel(&path, name).pixels;
     let coverage = channel("particles.A");
     let (mut worst, mut covered, mut hazy) = (0.0f64, 0, 0);
@@ -56,15 +55,14 @@ fn the_layers_make_up_the_picture() {
     assert!(channel("depth.Z").iter().any(|metres| *metres > 10.0));
     // Without --layers each is a file of its own with the same numbers.
     let options = format!("{WEATHER} --also airlight,particles.npy,clean.png");
-    let beside = workshop.render(&scene, &yard_look(SIZE).1, "own.exr", &options);
+    let beside = yard.render("own.exr", &options);
     assert!(read_exr(&beside) == read_exr(&path));
-    assert!(read_channel(&workshop.path("own.airlight.exr"), "G").pixels == channel("airlight.G"));
-    let (values, shape) = npy::read(&workshop.path("own.particles.npy")).unwrap();
+    assert!(read_channel(&yard.path("own.airlight.exr"), "G").pixels == channel("airlight.G"));
+    let (values, shape) = npy::read(&yard.path("own.particles.npy")).unwrap();
     assert_eq!(shape, [SIZE.1 as usize, SIZE.0 as usize, 4]);
     assert!(values.iter().skip(3).step_by(4).map(|v| f64::from(*v)).eq(coverage.iter().copied()));
     // Clean is the picture without weather.
-    let bare = workshop.render(&scene, &yard_look(SIZE).1, "bare.exr", "");
-    let (bare, clean) = (read_channel(&bare, "G").pixels, channel("clean.G"));
+    let (bare, clean) = (read_channel(&yard.render("bare.exr", ""), "G").pixels, channel("clean.G"));
     assert!(largest(bare.iter().zip(&clean).map(|(a, b)| (a - b).abs())) < 1e-6);
 }
 
@@ -72,17 +70,15 @@ fn the_layers_make_up_the_picture() {
 /// by.
 #[test]
 fn transmittance_is_that_of_the_distance() {
-    let workshop = Workshop::new();
     let (camera, view) = look((96, 64), 40.0, DVec3::new(0.0, 0.0, 1.7), DVec3::new(0.0, 9.0, 1.7), DVec3::Z);
     for metres in [8.0, 35.0] {
         let card = Card::over(&camera, (48.0, 32.0), 16.0, metres, DVec3::Y);
         let mut splats = Splats::default();
         card.paint(&mut splats, (20, 20), [0.6, 0.2, 0.1]);
-        let scene = workshop.scene("card", splats, &yard_metadata(1.0));
+        let card_shot = Shot::of("card", splats, &yard_metadata(1.0), view.clone());
         for (set, mor) in [("fog.mor=50", 50.0), ("smog.mor=90 --set smog.scale_height=inf", 90.0)] {
-            let options = format!("--set {set} --also transmittance.npy");
-            workshop.render(&scene, &view, "card.png", &options);
-            let (shares, shape) = npy::read(&workshop.path("card.transmittance.npy")).unwrap();
+            card_shot.png(&format!("--set {set} --also transmittance.npy"));
+            let (shares, shape) = npy::read(&card_shot.path("shot.transmittance.npy")).unwrap();
             assert_eq!(shape, [64, 96, 3]);
             for (x, y) in [(44, 28), (48, 32), (53, 36)] {
                 let length = card.ray_length(&camera, x as f64 + 0.5, y as f64 + 0.5);
@@ -98,8 +94,7 @@ fn transmittance_is_that_of_the_distance() {
 
 #[test]
 fn a_data_set_has_every_photo_and_says_what_it_is() {
-    let workshop = Workshop::new();
-    place(&workshop);
+    let workshop = place();
     let folder = pairs(&workshop, "set", "--threads 1");
     let all = files(&folder);
     assert_eq!(all.len(), 3 * 5 + 1);
@@ -150,8 +145,7 @@ fn a_data_set_has_every_photo_and_says_what_it_is() {
 
 #[test]
 fn what_makes_no_data_set_is_said_in_a_line() {
-    let workshop = Workshop::new();
-    place(&workshop);
+    let workshop = place();
     workshop.scene("bare", yard().build(), &yard_metadata(1.0));
     workshop.put("taken", "a file");
     let set = "yard.ply --cameras capture --pairs";
@@ -181,5 +175,5 @@ fn what_makes_no_data_set_is_said_in_a_line() {
     pairs(&workshop, "set", "");
     let words = format!("render {set} -w fog -o set");
     workshop.refused(&words, &["holds pictures of another run"]);
-    assert!(said(&finish(&mut workshop.command(&words))).contains("another folder"));
+    assert!(said(&finish(&mut (*workshop).command(&words))).contains("another folder"));
 }

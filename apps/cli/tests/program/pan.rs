@@ -11,9 +11,9 @@
 
 use crate::common::*;
 use glam::DVec3;
+use wm_scene::Camera;
 use wm_scene::survey::label_sky;
 use wm_scene::synthetic::Builder;
-use wm_scene::{Camera, Metadata};
 
 const EYE: DVec3 = DVec3::new(0.0, 0.0, 6.0);
 const SIZE: (u32, u32) = (240, 160);
@@ -44,7 +44,6 @@ fn brightest(picture: &Image<[f64; 3]>) -> f64 {
 
 #[test]
 fn turning_from_the_sky_changes_no_color() {
-    let workshop = Workshop::new();
     let mut place = Builder::new(5);
     let meadow = |a: f64, _: f64| if (a * 9.0).fract() < 0.5 { [0.3, 0.38, 0.2] } else { [0.35, 0.4, 0.25] };
     place.surface(DVec3::new(-60.0, -60.0, 0.0), DVec3::X * 120.0, DVec3::Y * 120.0, 1.5, meadow);
@@ -67,9 +66,8 @@ fn turning_from_the_sky_changes_no_color() {
     boards.iter().for_each(|(board, rgb)| board.paint(&mut splats, (24, 24), *rgb));
     // The program has to find the sky by itself, and can.
     assert!(label_sky(&mut splats.clone()) > 2000);
-    let metadata =
-        Metadata { metres_per_unit: Some(1.0), up: Some(DVec3::Z), ground: Some(0.0), ..Metadata::default() };
-    let scene = workshop.scene("field", splats, &metadata);
+    let workshop = Workshop::new();
+    let scene = workshop.scene("field", splats, &yard_metadata(1.0));
 
     let views = [direction(0.0, 14.0), direction(4.0, -31.0)]
         .map(|towards| look(SIZE, 58.0, EYE, EYE + towards, DVec3::Z));

@@ -11,6 +11,11 @@ const D_MAX: f64 = 10.0;
 const INTENSITY: f64 = 2.2;
 const FOG: [f64; 3] = [0xc8 as f64 * STEP, 0xcd as f64 * STEP, 0xd2 as f64 * STEP];
 
+/// The yard at half a metre a unit, so that metres and units cannot be confused.
+fn yard(size: (u32, u32)) -> Shot {
+    Shot::yard_with(size, &yard_metadata(0.5))
+}
+
 /// `D_ref = min(1, D_abs / d_max)` where `D_abs` is the depth of the splats by their weights, and
 /// what they do not cover is `d_max` away.
 ///
@@ -21,20 +26,17 @@ const FOG: [f64; 3] = [0xc8 as f64 * STEP, 0xcd as f64 * STEP, 0xd2 as f64 * STE
 /// there is coverage.
 #[test]
 fn the_papers_equation_gives_the_picture() {
-    let workshop = Workshop::new();
-    // Half a metre a unit, so that metres and units cannot be confused.
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(0.5));
-    let (_, view) = yard_look((144, 96));
-    let clear = read_exr(&workshop.render(&scene, &view, "clear.exr", "--also depth,alpha"));
-    let depth = read_channel(&workshop.path("clear.depth.exr"), "Z");
-    let alpha = read_channel(&workshop.path("clear.alpha.exr"), "A");
+    let yard = yard((144, 96));
+    let clear = read_exr(&yard.render("clear.exr", "--also depth,alpha"));
+    let depth = read_channel(&yard.path("clear.depth.exr"), "Z");
+    let alpha = read_channel(&yard.path("clear.alpha.exr"), "A");
     let weather = format!(
         "--set fidelity=paper --set fog.paper_intensity={INTENSITY} --set fog.paper_d_max={D_MAX} \
          --set fog.paper_color=#c8cdd2"
     );
-    let exr = read_exr(&workshop.render(&scene, &view, "fog.exr", &weather));
-    let png = read_png(&workshop.render(&scene, &view, "fog.png", &format!("{weather} --dither off")));
-    let physical = read_exr(&workshop.render(&scene, &view, "physical.exr", "--set fog.mor=20"));
+    let exr = yard.exr(&weather);
+    let png = yard.png(&format!("{weather} --dither off"));
+    let physical = yard.exr("--set fog.mor=20");
 
     // Pixels that are covered, that are not, and that are as far as counts.
     let (mut covered, mut open, mut far) = (0, 0, 0);
@@ -78,14 +80,11 @@ const BARE: &str = "--set fidelity=paper --set rain.paper_width=0.03 --set rain.
 /// rounding of floats.
 #[test]
 fn rain_is_the_papers_sum_of_its_stages() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(0.5));
-    let (_, view) = yard_look((144, 96));
-    let clear = read_exr(&workshop.render(&scene, &view, "clear.exr", ""));
-    let options = format!("{BARE} --set rain.paper_k=1 --stages");
-    let rain = read_exr(&workshop.render(&scene, &view, "rain.exr", &options));
+    let yard = yard((144, 96));
+    let clear = yard.exr("");
+    let rain = yard.exr(&format!("{BARE} --set rain.paper_k=1 --stages"));
     let [noise, overlay, filtered, last] = ["noise", "overlay", "filtered", "final"].map(|name| {
-        read_png(&workshop.path(format!("rain.{name}.png"))).map(|rgb| rgb.map(|v| f64::from(v) * STEP))
+        read_png(&yard.path(format!("shot.{name}.png"))).map(|rgb| rgb.map(|v| f64::from(v) * STEP))
     });
     let (mut kept, mut masked, mut dark, mut bright) = (0, 0, (0.0, 0), (0.0, 0));
     for i in 0..clear.pixels.len() {
@@ -120,16 +119,14 @@ fn rain_is_the_papers_sum_of_its_stages() {
 /// The four pictures lie beside the one asked for, which is the same without them.
 #[test]
 fn stages_are_written_beside_the_picture() {
-    let workshop = Workshop::with("", &[]);
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(0.5));
-    let (_, view) = yard_look((144, 96));
+    let yard = yard((144, 96));
     let weather = "--set fidelity=paper --set snowfall.rate=2 --set rain.rate=5 --time 1.5";
-    workshop.render(&scene, &view, "plain.png", weather);
-    workshop.render(&scene, &view, "with.png", &format!("{weather} --stages"));
-    let plain = workshop.read("plain.png");
-    assert_eq!(plain, workshop.read("with.png"));
+    yard.render("plain.png", weather);
+    yard.render("with.png", &format!("{weather} --stages"));
+    let plain = yard.read("plain.png");
+    assert_eq!(plain, yard.read("with.png"));
     let pictures =
-        ["noise", "overlay", "filtered", "final"].map(|name| workshop.path(format!("with.{name}.png")));
+        ["noise", "overlay", "filtered", "final"].map(|name| yard.path(format!("with.{name}.png")));
     for (i, path) in pictures.iter().enumerate() {
         let picture = read_png(path);
         assert_eq!((picture.width, picture.height), (144, 96));
@@ -141,23 +138,20 @@ fn stages_are_written_beside_the_picture() {
         ("--set fidelity=paper --set fog.mor=50", "a.png", "add --set fidelity=paper and --set rain.rate=10"),
         ("--set fidelity=paper --set rain.rate=5 --seconds 1", "a.mp4", "--stages: is for a picture"),
     ] {
-        let words = workshop.words(&scene, &view, out, &format!("{options} --stages"));
-        workshop.refused_by(&mut workshop.program(words), &[says]);
+        yard.refused_by(&mut yard.command(out, &format!("{options} --stages")), &[says]);
     }
 }
 
 /// A frame alone, in its sequence, and by another number of threads.
 #[test]
 fn paper_rain_has_the_same_bytes_however_it_is_rendered() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(0.5));
-    let (_, view) = yard_look((80, 48));
+    let yard = yard((80, 48));
     let weather = "--set fidelity=paper --set rain.rate=0:2,1:20 --set rain.paper_width=0.03 \
                    --set rain.paper_speed=0:5,1:9 --set wind.speed=4 --seconds 0.2";
-    workshop.render(&scene, &view, "all", &format!("{weather} --threads 1"));
-    workshop.render(&scene, &view, "one", &format!("{weather} --threads 3 --frames 4..5"));
-    assert_eq!(workshop.read("all/00004.png"), workshop.read("one/00004.png"));
+    yard.render("all", &format!("{weather} --threads 1"));
+    yard.render("one", &format!("{weather} --threads 3 --frames 4..5"));
+    assert_eq!(yard.read("all/00004.png"), yard.read("one/00004.png"));
     // And it rains differently a thirtieth of a second later.
-    let [now, later] = ["all/00004.png", "all/00005.png"].map(|name| read_png(&workshop.path(name)).pixels);
+    let [now, later] = ["all/00004.png", "all/00005.png"].map(|name| read_png(&yard.path(name)).pixels);
     assert_ne!(now, later);
 }

@@ -39,6 +39,11 @@ pub fn wait(mut child: Child, what: &str) -> Output {
     child.wait_with_output().unwrap()
 }
 
+/// Sends a signal, such as `-INT`; returns false if the program has ended.
+pub fn signal(child: &Child, name: &str) -> bool {
+    Command::new("kill").args([name, &child.id().to_string()]).output().unwrap().status.success()
+}
+
 /// Returns the text of stderr.
 pub fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()

@@ -8,27 +8,24 @@
 use crate::common::*;
 use glam::DVec3;
 use wm_base::npy;
-use wm_scene::{Metadata, Splats};
+use wm_scene::{Camera, Metadata, Splats};
 
 const SIZE: (u32, u32) = (480, 320);
 const EYE: DVec3 = DVec3::new(0.0, 0.0, 2.0);
 
+/// The look along y.
+fn ahead() -> (Camera, ViewArgs) {
+    look(SIZE, 50.0, EYE, EYE + DVec3::Y, DVec3::Z)
+}
+
 /// A scene that is one board across the whole picture.
-fn board(workshop: &Workshop, name: &str, distance: f64, rgb: [f32; 3]) -> (std::path::PathBuf, ViewArgs) {
-    let (camera, view) = look(SIZE, 50.0, EYE, EYE + DVec3::Y, DVec3::Z);
+fn board(distance: f64, rgb: [f32; 3]) -> Shot {
     let half = 1.2 * distance;
     let card = Card { center: EYE + DVec3::Y * distance, u: DVec3::X * half, v: DVec3::Z * half };
     let mut splats = Splats::with_capacity(0, 0);
     card.paint(&mut splats, (60, 60), rgb);
-    let metadata = Metadata {
-        metres_per_unit: Some(1.0),
-        up: Some(DVec3::Z),
-        ground: Some(0.0),
-        airlight: Some([0.7; 3]),
-        ..Metadata::default()
-    };
-    assert!(camera.height == SIZE.1);
-    (workshop.scene(name, splats, &metadata), view)
+    let metadata = Metadata { airlight: Some([0.7; 3]), ..yard_metadata(1.0) };
+    Shot::of("board", splats, &metadata, ahead().1)
 }
 
 /// Mean over the picture, linear light.
@@ -38,23 +35,18 @@ fn mean(picture: &Image<[f64; 3]>) -> f64 {
 
 #[test]
 fn drops_and_air_dim_by_one_law_at_every_distance() {
-    let workshop = Workshop::new();
     // Rain: 0.365 R^0.63 a km. Snow: as the program's own sum over flakes; 9.36 a km at 2.5 mm/h.
     for (effect, rate, law) in [("rain", 50.0, 0.365e-3 * 50f64.powf(0.63)), ("snowfall", 2.5, 9.36e-3)] {
         for (distance, times) in [(5.0, 12), (20.0, 4), (100.0, 1), (500.0, 1)] {
-            let mut kept = 0.0;
-            for time in 0..times {
-                let light = |name: &str, rgb: [f32; 3]| {
-                    let (scene, view) = board(&workshop, name, distance, rgb);
-                    let options = format!("--set {effect}.rate={rate} --time {}", 3 * time);
-                    let weathered = mean(&read_exr(&workshop.render(&scene, &view, "w.exr", &options)));
-                    (weathered, mean(&read_exr(&workshop.render(&scene, &view, "c.exr", ""))))
-                };
-                let (white, black) = (light("white", [0.9; 3]), light("black", [0.0; 3]));
-                kept += (white.0 - black.0) / (white.1 - black.1) / f64::from(times);
-            }
+            let [white, black] = [[0.9; 3], BLACK].map(|rgb| board(distance, rgb));
+            let contrast = |options: &str| mean(&white.exr(options)) - mean(&black.exr(options));
+            let clear = contrast("");
+            let kept = (0..times)
+                .map(|time| contrast(&format!("--set {effect}.rate={rate} --time {}", 3 * time)))
+                .map(|weathered| weathered / clear / f64::from(times))
+                .sum::<f64>();
             // The mean way of a ray to the board is longer than its distance.
-            let (camera, _) = look(SIZE, 50.0, EYE, EYE + DVec3::Y, DVec3::Z);
+            let (camera, _) = ahead();
             let rays = (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y)));
             let through = |(x, y): (u32, u32)| {
                 let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -74,23 +66,20 @@ const SLEET: &str = "[rain]\nrate = { keys = [[0, 5], [2, 60]] }\n[snowfall]\nra
 
 #[test]
 fn a_frame_of_rain_and_snow_is_the_same_alone_and_with_any_threads() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    workshop.check_frames_alone(&scene, &yard_look((96, 64)).1, SLEET);
+    Shot::yard((96, 64)).check_frames_alone(SLEET);
 }
 
 /// White drops before a black board: which way their streaks lie. How long they are it does not
 /// tell.
 #[test]
 fn speed_ahead_streaks_away_from_where_it_goes() {
-    let workshop = Workshop::new();
-    let (scene, view) = board(&workshop, "black", 60.0, [0.0; 3]);
+    let board = board(60.0, BLACK);
     // How much longer differences go along the rows and columns in a picture's left part.
     let slant = |options: &str| {
         let options = format!(
             "--set rain.rate=60 --set rain.exposure=0.004 --set rain.airlight=#000000 --set rain.color=#ffffff {options}"
         );
-        let picture = read_exr(&workshop.render(&scene, &view, "s.exr", &options));
+        let picture = board.exr(&options);
         // The structure tensor: gradients stand across streaks.
         let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
         for y in 110..210 {
@@ -182,16 +171,14 @@ fn streaks_are_as_long_as_drops_of_their_size_fall() {
     const WIND: f64 = 4.0;
     // So that they stand out as far as they go: a streak ends where it covers less than 1/256.
     const OPACITY: f64 = 50.0;
-    let workshop = Workshop::new();
-    let (scene, view) = board(&workshop, "black", 60.0, [0.0; 3]);
-    let (camera, _) = look(SIZE, 50.0, EYE, EYE + DVec3::Y, DVec3::Z);
+    let (board, camera) = (board(60.0, BLACK), ahead().0);
     let picture = |time: f64| {
         let options = format!(
             "--time {time} --also particles.npy --set rain.rate=1 --set rain.exposure={SHUTTER} \
              --set rain.opacity={OPACITY} --set wind.speed={WIND} --set wind.direction=0 --set wind.gusts=0"
         );
-        workshop.render(&scene, &view, "s.exr", &options);
-        let (values, shape) = npy::read(&workshop.path("s.particles.npy")).unwrap();
+        board.render("s.exr", &options);
+        let (values, shape) = npy::read(&board.path("s.particles.npy")).unwrap();
         assert_eq!(shape, [SIZE.1 as usize, SIZE.0 as usize, 4]);
         let coverage: Vec<f64> = values.as_chunks::<4>().0.iter().map(|rgba| f64::from(rgba[3])).collect();
         streaks(&coverage, SIZE.0 as usize)

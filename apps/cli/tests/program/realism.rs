@@ -2,12 +2,13 @@
 //! `nets` on pictures by a small random network; and what they say to bad input.
 
 use crate::common::Workshop;
-use crate::process::{printed, said, succeeds};
+#[cfg(feature = "nets")]
+use crate::process::said;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 #[cfg(feature = "nets")]
-use std::{path::PathBuf, process::Command};
+use std::path::PathBuf;
 use wm_base::npy;
 use wm_base::random::uniform;
 use wm_train::metrics::{Collection, Embeddings};
@@ -37,12 +38,6 @@ fn embeddings(desk: &Workshop, name: &str, count: usize, shift: f64) -> Embeddin
     Embeddings::new(values, WIDTH).unwrap()
 }
 
-/// Returns stdout, stderr and the JSON.
-fn run(desk: &Workshop, options: &str) -> (String, String, Value) {
-    let output = succeeds(&mut desk.command(&format!("{options} --overwrite --json out.json")));
-    (printed(&output), said(&output), serde_json::from_slice(&desk.read("out.json")).unwrap())
-}
-
 fn cmmd(x: &Embeddings, y: &Embeddings) -> f64 {
     Collection::new(x.clone()).cmmd(&Collection::new(y.clone())).value
 }
@@ -62,7 +57,7 @@ fn embeddings_are_compared_and_all_outputs_agree() {
     let (near, far) = (embeddings(&desk, "near.npy", 30, 0.1), embeddings(&desk, "far.npy", 40, 0.5));
     let real = embeddings(&desk, "photos.npy", 50, 0.0);
     let (text, beside, json) =
-        run(&desk, "--pictures near.npy far.npy --real photos.npy --csv out.csv --markdown out.md");
+        desk.run_with_json("--pictures near.npy far.npy --real photos.npy --csv out.csv --markdown out.md");
     assert_eq!(beside, "");
     for (name, embeddings) in [("near", &near), ("far", &far)] {
         let value = found(&json, name, None, None);
@@ -78,7 +73,7 @@ fn embeddings_are_compared_and_all_outputs_agree() {
     assert!(!text.contains("paper") && json.get("paper").is_none(), "{text}");
     // On one thread the same bytes.
     let before = desk.read("out.json");
-    run(&desk, "--pictures near.npy far.npy --real photos.npy --threads 1");
+    desk.run_with_json("--pictures near.npy far.npy --real photos.npy --threads 1");
     assert_eq!(desk.read("out.json"), before);
 }
 
@@ -100,7 +95,8 @@ fn the_papers_tables_are_made_of_folders() {
         "uvq.csv",
         "method,weather,scene,uvq_1_0,uvq_1_5\nours,fog,garden,4.25,3.5\nours,fog,SJTU-main-gate,4.5,\n",
     );
-    let (text, beside, json) = run(&desk, "--paper ours other --real real --uvq uvq.csv --csv out.csv");
+    let (text, beside, json) =
+        desk.run_with_json("--paper ours other --real real --uvq uvq.csv --csv out.csv");
     assert_eq!(beside, "");
     let mut both = rain[0].clone();
     both.extend(&rain[1]);
@@ -133,7 +129,7 @@ fn the_papers_tables_are_made_of_folders() {
     assert_eq!(json["paper"]["cmmd"].as_array().unwrap().len(), 10);
     assert_eq!(json["uvq"][0]["uvq_1_5"], 3.5);
     // UVQ alone.
-    let (text, _, json) = run(&desk, "--paper --uvq uvq.csv");
+    let (text, _, json) = desk.run_with_json("--paper --uvq uvq.csv");
     assert!(text.starts_with("UVQ 1.0") && json["cmmd"].as_array().unwrap().is_empty(), "{text}");
 }
 
@@ -288,13 +284,13 @@ mod network {
         let frames = embedded(&clip, &files(&["frames/1.png", "frames/2.png", "frames/below/3.png"]));
         let photos = embedded(&clip, &files(&["photos/a.png", "photos/b.png"]));
         let options = with_weights("--pictures frames --real photos --embeddings kept");
-        let (_, beside, json) = run(&desk, &options);
+        let (_, beside, json) = desk.run_with_json(&options);
         assert!(beside.contains(REMARK), "{beside}");
         let value = found(&json, "frames", None, None);
         assert!((value - cmmd(&frames, &photos)).abs() < 1e-12, "{value}");
         assert_eq!(Embeddings::read(&desk.path("kept/frames.npy")).unwrap(), frames);
         // What is kept can be given in place of the pictures, without weights.
-        let (_, beside, json) = run(&desk, "--pictures kept/frames.npy --real kept/photos.npy");
+        let (_, beside, json) = desk.run_with_json("--pictures kept/frames.npy --real kept/photos.npy");
         assert_eq!((beside.as_str(), found(&json, "frames", None, None)), ("", value));
 
         // A picture that was spoilt without a trace is not looked at again; one that has another
@@ -308,13 +304,13 @@ mod network {
             File::options().write(true).open(&spoilt).unwrap().set_times(FileTimes::new().set_modified(time))
         };
         set(time).unwrap();
-        let (_, _, json) = run(&desk, &options);
+        let (_, _, json) = desk.run_with_json(&options);
         assert_eq!(found(&json, "frames", None, None), value);
         set(time + std::time::Duration::from_secs(1)).unwrap();
         let says = ["frames/1.png: the photo is damaged", "--skip-bad"];
         crate::process::fails(&mut desk.command(&options), &says, &["warning: "]);
         // What is left of them is kept for the next time, and left out where that is wished.
-        let (_, beside, json) = run(&desk, &format!("{options} --skip-bad"));
+        let (_, beside, json) = desk.run_with_json(&format!("{options} --skip-bad"));
         assert!(beside.contains(says[0]) && beside.contains("it is left out"), "{beside}");
         let rest = embedded(&clip, &files(&["frames/2.png", "frames/below/3.png"]));
         assert!((found(&json, "frames", None, None) - cmmd(&rest, &photos)).abs() < 1e-12);
@@ -324,7 +320,7 @@ mod network {
         // Files that do not fit each other are made anew.
         fs::write(&spoilt, &bytes).unwrap();
         fs::copy(desk.path("kept/photos.npy"), desk.path("kept/frames.npy")).unwrap();
-        let (_, _, json) = run(&desk, &options);
+        let (_, _, json) = desk.run_with_json(&options);
         assert_eq!(found(&json, "frames", None, None), value);
     }
 
@@ -340,12 +336,12 @@ mod network {
             ("photos/fog/b.png", "depth_anything/wide.png"),
         ];
         put_all(&desk, &pictures);
-        let (_, _, json) = run(&desk, &with_weights("--paper ours --real photos --embeddings kept"));
+        let (_, _, json) = desk.run_with_json(&with_weights("--paper ours --real photos --embeddings kept"));
         let whole = found(&json, "ours", Some("fog"), None);
         let garden = found(&json, "ours", Some("fog"), Some("garden"));
         assert!(whole != garden && json["cmmd"][0]["pictures"] == 4, "{json}");
         // The folder of embeddings is laid out as that of the pictures.
-        let (_, _, again) = run(&desk, "--paper kept/ours --real kept/real");
+        let (_, _, again) = desk.run_with_json("--paper kept/ours --real kept/real");
         assert_eq!(again["cmmd"], json["cmmd"]);
     }
 
@@ -411,7 +407,7 @@ mod network {
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
         std::thread::sleep(std::time::Duration::from_millis(300));
-        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        assert!(crate::process::signal(&child, "-INT"));
         let output = crate::process::wait(child, "stopped");
         let line = said(&output);
         assert_eq!(output.status.code(), Some(130), "{line}");
@@ -421,7 +417,7 @@ mod network {
         );
         let (values, shape) = npy::read(&desk.path("kept/many.unfinished.npy")).unwrap();
         assert!(shape[0] > 0 && shape[0] < 1500 && values.iter().all(|v| v.is_finite()), "{shape:?}");
-        run(&desk, &options);
+        desk.run_with_json(&options);
         assert_eq!(Embeddings::read(&desk.path("kept/many.npy")).unwrap().count(), 1500);
         assert!(
             !desk.path("kept/many.unfinished.npy").exists()

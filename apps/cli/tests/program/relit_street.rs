@@ -17,12 +17,8 @@ fn sampled(place: &Place) -> Scene {
 fn rendered(scene: Scene, weather: &Weather, cameras: &[Camera]) -> Vec<Picture> {
     let mut renderer = Renderer::cpu().unwrap();
     let mut place = renderer.load(scene).unwrap();
-    let draw = |camera: &Camera| {
-        let mut picture = Picture::default();
-        let request = FrameRequest::new(weather, camera, 0.0);
-        renderer.render_into(&mut place, &request, &mut picture, &mut ()).unwrap();
-        picture
-    };
+    let draw =
+        |camera: &Camera| renderer.render(&mut place, &FrameRequest::new(weather, camera, 0.0)).unwrap();
     let pictures = cameras.iter().map(draw).collect();
     assert!(place.take_warnings().is_empty());
     pictures

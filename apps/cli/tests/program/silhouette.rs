@@ -24,7 +24,6 @@ const AIRLIGHT: f64 = 0xbe as f64 * STEP;
 
 #[test]
 fn an_edge_is_the_blend_of_what_each_layer_sends_through_the_fog() {
-    let workshop = Workshop::new();
     let (camera, view) = look(SIZE, 40.0, DVec3::ZERO, DVec3::X, DVec3::Z);
     // 0.62 and 0.42 of the distance reach beyond the picture's borders; to the left is +y.
     let across = |distance: f64| Card {
@@ -35,29 +34,24 @@ fn an_edge_is_the_blend_of_what_each_layer_sends_through_the_fog() {
     let far = across(FAR);
     let near =
         Card { center: DVec3::new(NEAR, 0.31 * NEAR, 0.0), u: across(NEAR).u / 2.0, v: across(NEAR).v };
-    let metadata = Metadata {
-        metres_per_unit: Some(1.0),
-        up: Some(DVec3::Z),
-        ground: Some(-2.0),
-        ..Metadata::default()
-    };
+    let metadata = Metadata { ground: Some(-2.0), ..yard_metadata(1.0) };
     // Coarse, so that the edge is wide: 2.3 px of spacing, 1.8 px of standard deviation.
     let near_grid = (24, 32);
     let mut alone = Splats::default();
     near.paint(&mut alone, near_grid, WHITE);
-    let alone = workshop.scene("near", alone, &metadata);
-    workshop.render(&alone, &view, "near.exr", "--background black --also alpha");
-    let coverage = read_channel(&workshop.path("near.alpha.exr"), "A");
+    let alone = Shot::of("near", alone, &metadata, view.clone());
+    alone.exr("--background black --also alpha");
+    let coverage = read_channel(&alone.path("shot.alpha.exr"), "A");
 
     for (name, near_color, far_color) in [("black before white", 0.0, 1.0), ("white before black", 1.0, 0.0)]
     {
         let mut splats = Splats::default();
         near.paint(&mut splats, near_grid, [near_color as f32; 3]);
         far.paint(&mut splats, (72, 50), [far_color as f32; 3]);
-        let scene = workshop.scene("both", splats, &metadata);
+        let both = Shot::of("both", splats, &metadata, view.clone());
         for mor in [200.0, 1000.0] {
             let options = format!("--background black --set fog.mor={mor} --set fog.airlight=#bebebe");
-            let picture = read_exr(&workshop.render(&scene, &view, "fog.exr", &options));
+            let picture = both.exr(&options);
             let fogged = |color: f64, metres: f64| {
                 let kept = (-MOR_DEPTH / mor * metres).exp();
                 encode(decode(color) * kept + decode(AIRLIGHT) * (1.0 - kept))

@@ -21,10 +21,8 @@ amount = 10
 
 #[test]
 fn a_frame_with_splashes_alone_is_that_of_the_sequence_on_any_number_of_threads() {
-    let workshop = Workshop::new();
     let (_, view) = look(SIZE, 50.0, DVec3::new(0.5, -8.0, 1.6), DVec3::new(0.0, -4.0, 0.0), DVec3::Z);
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    workshop.check_frames_alone(&scene, &view, CLOUDBURST);
+    Shot::of("yard", yard().build(), &yard_metadata(1.0), view).check_frames_alone(CLOUDBURST);
 }
 
 /// Level ground, half of it (x below -1) under a roof.

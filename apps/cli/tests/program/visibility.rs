@@ -166,7 +166,7 @@ impl Chart {
         slope(&points.iter().map(|(_, metres, depth)| (*metres, *depth)).collect::<Vec<_>>())
     }
 
-    /// The same by view z: wrong, and to be told from right.
+    /// [`Self::extinction`] by view z: wrong, and to be told from right.
     fn extinction_by_z(&self, seen: &Pair) -> f64 {
         let z_of = |index: usize, metres: f64| {
             let (x, y) = Self::middle(index);

@@ -20,10 +20,7 @@ lapse = 60
 
 #[test]
 fn a_wet_frame_alone_is_that_of_the_sequence_on_any_number_of_threads() {
-    let workshop = Workshop::new();
-    let (_, view) = yard_look(SIZE);
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    workshop.check_frames_alone(&scene, &view, SHOWER);
+    Shot::yard(SIZE).check_frames_alone(SHOWER);
 }
 
 #[test]
@@ -61,15 +58,12 @@ fn water_darkens_and_dry_weather_changes_no_byte() {
 /// Wet ground without rain has a picture of particles too, with none in it.
 #[test]
 fn the_particles_of_dry_air_over_wet_ground_are_none() {
-    let workshop = Workshop::new();
-    let (_, view) = yard_look(SIZE);
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let yard = Shot::yard(SIZE);
     for set in ["wetness.amount=1", "flood.level=0.2"] {
-        workshop.render(&scene, &view, "a.png", &format!("--set {set} --also particles.npy"));
-        let (values, shape) = wm_base::npy::read(&workshop.path("a.particles.npy")).unwrap();
+        yard.render("a.png", &format!("--set {set} --also particles.npy"));
+        let (values, shape) = wm_base::npy::read(&yard.path("a.particles.npy")).unwrap();
         assert_eq!(shape, [SIZE.1 as usize, SIZE.0 as usize, 4]);
         assert!(values.iter().all(|value| *value == 0.0), "{set}");
-        std::fs::remove_file(workshop.path("a.png")).unwrap();
-        std::fs::remove_file(workshop.path("a.particles.npy")).unwrap();
+        std::fs::remove_file(yard.path("a.particles.npy")).unwrap();
     }
 }

@@ -92,8 +92,6 @@ fn states() -> impl Strategy<Value = ViewState> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
     #[test]
     fn a_link_opens_its_state_bit_by_bit(state in states()) {
         let catalog = catalog();

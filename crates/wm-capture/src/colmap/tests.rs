@@ -338,8 +338,6 @@ fn text_with_other_line_ends_and_a_missing_last_line() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
     #[test]
     fn both_forms_give_the_same(
         poses in prop::collection::vec(prop::array::uniform7(-5.0..5.0f64), 1..5),

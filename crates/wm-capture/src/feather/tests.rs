@@ -171,8 +171,6 @@ fn cut_files_are_errors() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
-
     #[test]
     fn tables_are_read_as_they_were_written(
         rows in prop::collection::vec((any::<i64>(), any::<u16>(), -1e300..1e300, ".{0,9}"), 0..70),
@@ -197,8 +195,6 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
-
     #[test]
     fn damaged_files_are_errors_or_tables(
         is_packed: bool,

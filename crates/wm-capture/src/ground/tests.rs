@@ -65,7 +65,9 @@ fn ratio(capture: &Capture, truth: f64) -> Result<f64, CaptureGroundError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    // Each takes a twentieth of a second.
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 8))]
+
     #[test]
     fn streets_have_their_ground(seed in 0u64..1000, size in -2.0..2.0f64, count in 8usize..60, height in 1.2..1.9f64) {
         let mut dice = Dice::new(seed);

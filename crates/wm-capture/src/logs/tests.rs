@@ -270,8 +270,7 @@ fn damaged_logs_are_errors_or_logs() {
         })
         .collect();
     let edits = prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4);
-    let config = ProptestConfig::with_cases(100);
-    proptest!(config, |(log in 0..MINI_LOGS.len(), file: prop::sample::Index, edits in edits, cut: Option<prop::sample::Index>)| {
+    proptest!(|(log in 0..MINI_LOGS.len(), file: prop::sample::Index, edits in edits, cut: Option<prop::sample::Index>)| {
         let (_, mini, files) = &logs[log];
         let file = &files[file.index(files.len())];
         let whole = std::fs::read(file).unwrap();

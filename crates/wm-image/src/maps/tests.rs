@@ -238,8 +238,6 @@ fn crc(bytes: &[u8]) -> u32 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
-
     #[test]
     fn damaged_files_never_panic(
         which in 0..4usize,

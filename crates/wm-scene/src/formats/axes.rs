@@ -114,8 +114,6 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(32))]
-
         #[test]
         fn turning_twice_changes_nothing(scene in any_scene(5)) {
             for axes in [Axes::YUpZBack, Axes::YUpZForward] {

@@ -281,8 +281,6 @@ fn what_lies_beside_a_far_file_is_moved_with_it_and_back() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
-
     /// A scene with an origin turns, grows and moves in the world as one without.
     #[test]
     fn similarities_are_those_of_the_world(

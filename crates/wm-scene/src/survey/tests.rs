@@ -506,7 +506,6 @@ fn a_handful_of_splats_tells_nothing() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn any_splats_can_be_surveyed(scene in crate::testing::any_scene(40)) {
         let found = Survey::of(&scene, &Metadata::default());

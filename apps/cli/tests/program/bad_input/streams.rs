@@ -69,9 +69,8 @@ fn names_of_any_bytes() {
 #[cfg(unix)]
 mod pipes {
     use super::*;
-    use crate::process::listing;
+    use crate::process::{listing, signal};
     use std::io::Write;
-    use std::process::Child;
     use std::thread;
 
     /// A pipe with a name, and a thread that writes `content` into it for one reader.
@@ -113,11 +112,6 @@ mod pipes {
         place.refuses(["inspect", "/dev/stdin"], &["/dev/stdin: the file is empty"]);
     }
 
-    fn send(child: &Child, signal: &str) {
-        let id = child.id().to_string();
-        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
-    }
-
     #[test]
     fn what_waits_can_be_ended() {
         let place = place();
@@ -127,7 +121,7 @@ mod pipes {
         let child = begin(&mut place.program(render("pipe", &[])));
         // Opens when the program does; it then waits for bytes that do not come.
         let held = fs::File::options().write(true).open(&path).unwrap();
-        send(&child, "-INT");
+        assert!(signal(&child, "-INT"));
         let output = wait(child, "a pipe that stays open, after Ctrl-C");
         drop(held);
         assert_eq!(output.status.code(), Some(130));
@@ -156,7 +150,7 @@ mod pipes {
                 assert!(started.elapsed() < PATIENCE, "no video begins");
                 thread::sleep(Duration::from_millis(5));
             }
-            signals.iter().for_each(|signal| send(&child, signal));
+            assert!(signals.iter().all(|name| signal(&child, name)));
             let output = wait(child, "a video, after a signal");
             assert_eq!(output.status.code(), Some(status), "{}", said(&output));
             assert_eq!(listing(&place.path("")), before, "{signals:?}");

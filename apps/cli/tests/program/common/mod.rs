@@ -5,10 +5,11 @@ use glam::DVec3;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
-use weather_magician::{FrameRequest, Picture, Renderer, Weather};
+use weather_magician::{FrameRequest, Picture, PreparedPlace, Renderer, Weather};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Metadata, Scene, Splats};
@@ -18,9 +19,9 @@ pub use wm_scene::card::Card;
 /// A step of an 8-bit picture.
 pub const STEP: f64 = 1.0 / 255.0;
 
-/// Display-referred colours of the cards.
+/// Display-referred colour of the white cards.
 pub const WHITE: [f32; 3] = [1.0; 3];
-/// The other one.
+/// Display-referred colour of the black cards.
 pub const BLACK: [f32; 3] = [0.0; 3];
 
 /// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8), typed anew so that
@@ -55,12 +56,12 @@ pub struct Workshop {
 }
 
 impl Workshop {
-    /// An empty one.
+    /// Makes an empty one.
     pub fn new() -> Self {
         Self::with("", &["warning: "])
     }
 
-    /// An empty one whose commands begin with words, and whose errors may come with remarks.
+    /// Makes an empty one whose commands begin with words, and whose errors may come with remarks.
     pub fn with(usual: impl Into<String>, remarks: &'static [&'static str]) -> Self {
         let folder = tempfile::tempdir().expect("a folder for the test");
         Self { folder, usual: usual.into(), remarks, has_own_weights: false }
@@ -128,6 +129,13 @@ impl Workshop {
         printed(&succeeds(&mut self.command(words)))
     }
 
+    /// Runs a command that must succeed and write `out.json`; returns stdout, stderr and the JSON.
+    pub fn run_with_json(&self, words: &str) -> (String, String, Value) {
+        let output = succeeds(&mut self.command(&format!("{words} --overwrite --json out.json")));
+        let json = serde_json::from_slice(&self.read("out.json")).expect("it is JSON");
+        (printed(&output), said(&output), json)
+    }
+
     /// Runs a command that must be refused with one line that holds each of `says`, and leave
     /// everything as it was.
     pub fn refused(&self, words: &str, says: &[&str]) -> String {
@@ -153,20 +161,75 @@ impl Workshop {
         run(&self.words(scene, view, out, options));
         self.path(out)
     }
+}
+
+/// A scene in a folder of its own, with the camera that looks at it.
+pub struct Shot {
+    workshop: Workshop,
+    /// The scene's file.
+    pub scene: PathBuf,
+    /// The camera on the command line.
+    pub view: ViewArgs,
+}
+
+impl Deref for Shot {
+    type Target = Workshop;
+
+    fn deref(&self) -> &Workshop {
+        &self.workshop
+    }
+}
+
+impl Shot {
+    /// The yard with its usual look.
+    pub fn yard(size: (u32, u32)) -> Self {
+        Self::yard_with(size, &yard_metadata(1.0))
+    }
+
+    /// [`Self::yard`] with other metadata.
+    pub fn yard_with(size: (u32, u32), metadata: &Metadata) -> Self {
+        Self::of("yard", yard().build(), metadata, yard_look(size).1)
+    }
+
+    /// Writes a scene.
+    pub fn of(name: &str, splats: Splats, metadata: &Metadata, view: ViewArgs) -> Self {
+        let workshop = Workshop::new();
+        Self { scene: workshop.scene(name, splats, metadata), workshop, view }
+    }
+
+    /// Returns a command that renders to `out` with further `options`, words apart by spaces.
+    pub fn command(&self, out: &str, options: &str) -> Command {
+        self.program(self.words(&self.scene, &self.view, out, options))
+    }
+
+    /// Renders and says where the output lies.
+    pub fn render(&self, out: &str, options: &str) -> PathBuf {
+        self.workshop.render(&self.scene, &self.view, out, options)
+    }
+
+    /// Renders an 8-bit picture.
+    pub fn png(&self, options: &str) -> Image<[u8; 3]> {
+        read_png(&self.render("shot.png", options))
+    }
+
+    /// Renders a picture in linear light.
+    pub fn exr(&self, options: &str) -> Image<[f64; 3]> {
+        read_exr(&self.render("shot.exr", options))
+    }
 
     /// Renders four seconds at two frames a second with the weather file `weather` and one thread,
     /// then three of the frames alone with other numbers of threads.
     ///
     /// # Panics
     /// If a frame alone is not that of the sequence, or if two of the three are equal.
-    pub fn check_frames_alone(&self, scene: &Path, view: &ViewArgs, weather: &str) {
+    pub fn check_frames_alone(&self, weather: &str) {
         let weather = self.put("weather.toml", weather);
         let shared = format!("--weather {} --assets off", weather.display());
-        let folder = self.render(scene, view, "all", &format!("{shared} --seconds 4 --fps 2 --threads 1"));
+        let folder = self.render("all", &format!("{shared} --seconds 4 --fps 2 --threads 1"));
         let mut different = std::collections::BTreeSet::new();
         for (frame, threads) in [(1, 2), (4, 7), (7, 1)] {
             let options = format!("{shared} --time {} --threads {threads}", f64::from(frame) / 2.0);
-            let alone = read_png(&self.render(scene, view, "alone.png", &options));
+            let alone = self.png(&options);
             assert!(alone == read_png(&folder.join(format!("{frame:05}.png"))), "frame {frame}");
             different.insert(format!("{:?}", alone.pixels));
         }
@@ -194,7 +257,7 @@ pub fn names(folder: &Path) -> Vec<String> {
 pub struct ViewArgs(Vec<String>);
 
 impl ViewArgs {
-    /// The same without an option, such as `--fov`.
+    /// Leaves out an option, such as `--fov`.
     pub fn without(self, option: &str) -> Self {
         Self(self.0.into_iter().filter(|word| !word.starts_with(option)).collect())
     }
@@ -267,7 +330,7 @@ impl<T: Copy> Image<T> {
         self.pixels[y * self.width + x]
     }
 
-    /// The same picture with every pixel changed.
+    /// Changes every pixel.
     pub fn map<U>(&self, change: impl FnMut(T) -> U) -> Image<U> {
         let pixels = self.pixels.iter().copied().map(change).collect();
         Image { width: self.width, height: self.height, pixels }
@@ -324,19 +387,26 @@ pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, f64::max)
 }
 
+/// Clear weather with changes, each as `--set` takes it.
+pub fn weather(changes: &[impl AsRef<str>]) -> Weather {
+    let mut weather = Weather::clear();
+    changes.iter().try_for_each(|change| weather.set_text(change.as_ref())).unwrap();
+    weather
+}
+
+/// The yard in a renderer.
+pub fn load_yard(renderer: &mut Renderer, metadata: &Metadata) -> PreparedPlace {
+    let scene = Scene { splats: yard().build(), metadata: metadata.clone(), ..Scene::default() };
+    renderer.load(scene).unwrap()
+}
+
 /// Pictures of a place of one unit a metre, at an instant of clear weather with changes, each a
 /// list of settings.
 pub fn pictures(splats: Splats, camera: &Camera, time: f64, changes: &[&[&str]]) -> Vec<Picture> {
     let mut renderer = Renderer::cpu().unwrap();
-    let mut place =
-        renderer.load(Scene { splats, metadata: yard_metadata(1.0), ..Scene::default() }).unwrap();
-    let picture = |changes: &&[&str]| {
-        let mut weather = Weather::clear();
-        changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
-        let mut picture = Picture::default();
-        let request = FrameRequest::new(&weather, camera, time);
-        renderer.render_into(&mut place, &request, &mut picture, &mut ()).unwrap();
-        picture
-    };
+    let scene = Scene { splats, metadata: yard_metadata(1.0), ..Scene::default() };
+    let mut place = renderer.load(scene).unwrap();
+    let picture =
+        |set: &&[&str]| renderer.render(&mut place, &FrameRequest::new(&weather(set), camera, time)).unwrap();
     changes.iter().map(picture).collect()
 }

@@ -1,7 +1,7 @@
 //! Trainings that are broken off and gone on with.
 
 use super::*;
-use crate::process::{PATIENCE, begin, wait};
+use crate::process::{PATIENCE, begin, signal, wait};
 use std::process::Child;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -19,10 +19,6 @@ fn started(place: &Workshop, more: &[&str], lines: usize) -> Child {
         sleep(Duration::from_millis(1));
     }
     child
-}
-
-fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
 /// So many that a test that waits for its turn still meets the training under way; a line of
@@ -47,7 +43,7 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
         let _ = fs::remove_dir_all(place.path("b.ply.run"));
         let _ = fs::remove_file(place.path("b.ply"));
         let child = started(&place, &hold_out, 10);
-        signal(&child, "-INT");
+        assert!(signal(&child, "-INT"));
         let output = wait(child, "a training after Ctrl-C");
         let (first, said) = (step_of(&place), said(&output));
         assert_eq!(output.status.code(), Some(130), "{said}");
@@ -91,11 +87,11 @@ fn a_training_survives_being_killed_at_any_moment() {
             let mut child = begin(&mut place.program(reconstruct("set", &more)));
             sleep(Duration::from_millis(delay));
             if child.try_wait().unwrap().is_none() {
-                signal(&child, way);
+                assert!(signal(&child, way));
                 if way == "-INT" {
                     sleep(Duration::from_millis(delay % 7));
                     // It may have ended by then.
-                    let _ = Command::new("kill").args([way, &child.id().to_string()]).output();
+                    let _ = signal(&child, way);
                 }
             }
             let output = wait(child, "a training that is killed");

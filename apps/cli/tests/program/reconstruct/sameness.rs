@@ -1,4 +1,4 @@
-//! The same training gives the same bytes.
+//! A training that is run again gives the same bytes.
 
 use super::*;
 

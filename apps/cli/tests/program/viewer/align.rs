@@ -4,6 +4,7 @@ use crate::common::{Workshop, yard, yard_metadata};
 use crate::viewer::client::{Viewer, until};
 use crate::viewer::page::screenshots;
 use crate::viewer::webdriver::Browser;
+use crate::viewer::yard_scene;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -152,9 +153,7 @@ fn pictures_follow_the_facts_at_once() {
 /// for `render`.
 #[test]
 fn lamps_are_put_where_a_click_was() {
-    let workshop = Workshop::new();
-    let metadata = Metadata { lamps: None, ..yard_metadata(1.0) };
-    let scene = workshop.scene("yard", yard().build(), &metadata);
+    let (workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0", CAMERA, "--simd=portable"]).loaded();
     let change = |body: &Value| viewer.json("POST", "/facts", body);
     let mut state = viewer.json("GET", "/state", &json!({}));
@@ -192,8 +191,7 @@ fn lamps_are_put_where_a_click_was() {
 /// The sun of the photos by a point and the end of its shadow; saved, it is there for `render`.
 #[test]
 fn the_sun_of_the_photos_is_told_by_a_shadow() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let (_workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0", CAMERA]).loaded();
     let change = |body: &Value| viewer.json("POST", "/facts", body);
     let answer = change(&json!({ "action": "sun", "points": [[0, 4, 3], [3, 4, 0]] }));
@@ -217,8 +215,7 @@ fn the_sun_of_the_photos_is_told_by_a_shadow() {
 /// The sun is set on its dial by keys.
 #[test]
 fn the_sun_stands_where_the_dial_says() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let (workshop, scene) = yard_scene();
     let Some(browser) = Browser::start(&workshop.path("")) else { return };
     let viewer = Viewer::of(&scene, &["--port=0", CAMERA]).loaded();
     browser.view(&viewer);

@@ -53,7 +53,7 @@ impl Viewer {
         self
     }
 
-    /// Its number of the system.
+    /// The number that the system gives it.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
@@ -83,7 +83,7 @@ impl Viewer {
         Socket::open(&self.address, &[headers, &[("Authorization", bearer.as_str())]].concat())
     }
 
-    /// The same without a body.
+    /// [`Self::ask`] without headers and body, by GET.
     pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
         self.ask("GET", path, &[], b"")
     }

@@ -11,7 +11,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use weather_magician::{Patience, PlaceOptions, PreparedPlace, Renderer, Weather};
 use wm_image::color::Dither;
 use wm_scene::Scene;
@@ -155,24 +155,6 @@ impl Site {
     }
 }
 
-/// The whole picture that is shown once it is.
-fn picture(browser: &Browser) -> String {
-    let start = Instant::now();
-    loop {
-        let failed = browser.script(
-            "return document.body.dataset.failed ? document.getElementById('veil-text').textContent : null",
-        );
-        assert!(failed.is_null(), "{failed}");
-        let whole = "const c = document.getElementById('picture'); \
-            return c.dataset.whole === 'true' && c.dataset.settled === 'true' ? c.toDataURL() : null";
-        if let Some(picture) = browser.script(whole).as_str() {
-            return picture.to_owned();
-        }
-        assert!(start.elapsed() < LONGEST, "no whole picture");
-        std::thread::sleep(Duration::from_millis(50));
-    }
-}
-
 /// The fragment of the link that the page shares, which is not the one that it was opened with.
 fn share(browser: &Browser) -> String {
     browser.script("history.replaceState(null, '', location.pathname + location.search)");
@@ -186,7 +168,7 @@ fn follow(browser: &Browser, fragment: &str) -> String {
     browser.script(&format!(
         "document.getElementById('picture').dataset.settled = 'false'; location.hash = '{fragment}'"
     ));
-    picture(browser)
+    browser.picture_within(LONGEST)
 }
 
 #[test]
@@ -201,7 +183,7 @@ fn a_site_draws_what_the_program_draws() {
 
     for (device, words) in [("gpu", "on GPU"), ("cpu", "on CPU")] {
         browser.open_at(&address, &format!("?device={device}"));
-        let fog = picture(&browser);
+        let fog = browser.picture_within(LONGEST);
         let stats = browser.text("stats");
         assert!(stats.contains(words), "{stats}");
         let mut shown = Vec::new();
@@ -221,7 +203,7 @@ fn a_site_draws_what_the_program_draws() {
         let mut shared = fragment.clone();
         for round in 0..2 {
             browser.open_at(&address, &format!("?device={device}&{round}#{shared}"));
-            assert!(picture(&browser) == *rain, "{device}: a frame alone is another");
+            assert!(browser.picture_within(LONGEST) == *rain, "{device}: a frame alone is another");
             let before = std::mem::replace(&mut shared, share(&browser));
             // JavaScript writes 5.0 as 5, so the first one, which is no page's, may have other
             // digits.

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A browser; it ends with the value.
 pub struct Browser {
@@ -138,8 +138,13 @@ impl Browser {
         lines.filter(is_bad).map(|line| line["message"].as_str().unwrap_or_default().to_owned()).collect()
     }
 
-    /// The whole picture that is shown once it is, as text.
+    /// Waits for the whole picture, and returns it as text.
     pub fn picture(&self) -> String {
+        self.picture_within(PATIENCE)
+    }
+
+    /// [`Self::picture`] with another patience; a page that says that it failed has none.
+    pub fn picture_within(&self, patience: Duration) -> String {
         let start = Instant::now();
         let whole = "const c = document.getElementById('picture'); \
             return c.dataset.whole === 'true' && c.dataset.settled === 'true' ? c.toDataURL() : null";
@@ -147,12 +152,12 @@ impl Browser {
             if let Some(picture) = self.script(whole).as_str() {
                 return picture.to_owned();
             }
-            if start.elapsed() > PATIENCE {
+            if start.elapsed() > patience || self.script("return document.body.dataset.failed").is_string() {
                 let shown = "return JSON.stringify([document.getElementById('picture').dataset, document.body.dataset, \
-                    document.getElementById('veil').textContent, document.getElementById('status').textContent])";
+                    document.getElementById('veil').textContent, document.getElementById('status')?.textContent])";
                 panic!("no whole picture: {} {:?}", self.script(shown), self.complaints());
             }
-            std::thread::sleep(std::time::Duration::from_millis(30));
+            std::thread::sleep(Duration::from_millis(30));
         }
     }
 }

@@ -202,8 +202,6 @@ fn packets_hold_each_ray_once() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
-
     #[test]
     fn any_rays_through_few_splats(seed in any::<u64>(), count in 1usize..200, splats in 1usize..60, path in 0.0f32..20.0) {
         let splats = random_splats(splats, 0, seed);

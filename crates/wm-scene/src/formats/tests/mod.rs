@@ -322,8 +322,6 @@ fn edited(text: &str, edits: &[Edit]) -> String {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
     #[test]
     fn mutated_cameras_are_read_or_refused_in_one_line(edits in edits()) {
         let folder = tempdir().unwrap();

@@ -19,8 +19,6 @@ fn memory(splats: &Splats) -> usize {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
     #[test]
     fn mutated_files_never_panic_nor_take_memory(
         scene in any_scene(4),

@@ -127,8 +127,6 @@ fn splat_table() -> impl Strategy<Value = (Table, Splats)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
     #[test]
     fn any_order_type_and_company_is_read(
         (vertex, splats) in splat_table(),

@@ -44,8 +44,6 @@ fn small_scene() -> Scene {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
     #[test]
     fn every_encoding_gives_everything_back(scene in any_scene(12)) {
         for encoding in PlyEncoding::ALL {
