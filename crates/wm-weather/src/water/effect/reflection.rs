@@ -1,4 +1,5 @@
-//! Reflections of water: samples of the lobe of a rough surface, and the distance to what they show.
+//! Reflections of water: samples of the lobe of a rough surface, and the distance to what they
+//! show.
 
 use super::scene::{Pixels, Scene, Water, dot};
 use crate::water::fresnel::fresnel_of;
