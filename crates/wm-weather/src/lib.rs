@@ -41,6 +41,7 @@ pub mod fused_surfaces;
 pub(crate) mod grade;
 pub(crate) mod image_file;
 pub(crate) mod infrared;
+mod lanes;
 pub mod lens;
 mod level;
 pub mod light;

@@ -186,10 +186,10 @@ fn height_of(outline: &[DVec3]) -> f64 {
 /// that an odd number of times.
 fn is_within(outline: &[DVec3], at: DVec3) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
-    let is_crossed = |(a, b): &(&DVec3, &DVec3)| {
+    let crossed = edges.filter(|(a, b)| {
         (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x)
-    };
-    edges.filter(is_crossed).count() % 2 == 1
+    });
+    crossed.count() % 2 == 1
 }
 
 /// The places in a square about one.

@@ -11,7 +11,7 @@
 //! optical depth over length `s` from height `zc` with rise `dz` a metre is, in closed form,
 //! `sigma_0 exp(-(zc - z0) / H) s (1 - e^-x) / x`, `x = s dz / H`.
 //!
-//! Of rain and snow the drops that are drawn do their own part: the air leaves it to them
+//! The drops of rain and snow that are drawn do their own part: the air leaves it to them
 //! ([`crate::particles::residual`]).
 //!
 //! Several layers at once: optical depths add, and the airlight is the mean of theirs weighted by

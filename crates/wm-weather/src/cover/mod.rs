@@ -398,7 +398,7 @@ impl Cover {
         // How it slides at the least depth says where even less lies.
         let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(MIN_RUNG_DEPTH_M);
         let settled = self.slid(slides, asked.repose);
-        let layer = |(ground, slid): (&GroundGrid, Settled)| {
+        let layer = |ground: &GroundGrid, slid: Settled| {
             let fell = |node: usize| slid.depth[node] * (fell / slides) as f32;
             let left = |node: usize| match &thaw {
                 None => CoverState { depth: fell(node), wet: 0.0 },
@@ -413,7 +413,7 @@ impl Cover {
             let settled = Settled { depth, lost: slid.lost * asked.depth / slides + fell_through };
             SettledLayer { settled, wet, melted }
         };
-        self.rings.iter().zip(settled).map(layer).collect()
+        self.rings.iter().zip(settled).map(|(ground, slid)| layer(ground, slid)).collect()
     }
 
     /// Returns the depths on each ring after sliding, for a depth on open level ground, m, the
@@ -427,13 +427,13 @@ impl Cover {
             &rungs.find(|rung| rung.depth == depth && rung.repose == repose).expect("just climbed").settled
         };
         let share = (depth - low) / (high - low);
-        let mix = |(low, high): (&Settled, &Settled)| Settled {
+        let mix = |low: &Settled, high: &Settled| Settled {
             depth: map(low.depth.len(), |node| {
                 low.depth[node] + (high.depth[node] - low.depth[node]) * share as f32
             }),
             lost: low.lost + (high.lost - low.lost) * share,
         };
-        rung(low).iter().zip(rung(high)).map(mix).collect()
+        rung(low).iter().zip(rung(high)).map(|(low, high)| mix(low, high)).collect()
     }
 
     /// Finds what has slid at two depths, if it is not known.

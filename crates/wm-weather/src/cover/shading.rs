@@ -25,11 +25,11 @@ impl GroundGrid {
         let bright =
             if known.is_empty() { 1.0 } else { *known.select_nth_unstable_by(rank, f32::total_cmp).1 };
         let bright = bright.max(1e-3);
-        let shade = |(light, open): (&f32, &f32)| {
-            let scene = if light.is_nan() { 1.0 } else { (light / bright).clamp(0.0, 1.0).powf(0.35) };
-            scene * (0.35 + 0.65 * open)
+        let lit = |light: f32| {
+            if light.is_nan() { 1.0 } else { (light / bright).clamp(0.0, 1.0).powf(0.35) }
         };
-        self.shade = light.iter().zip(&self.open).map(shade).collect();
+        let surfaces = light.iter().zip(&self.open);
+        self.shade = surfaces.map(|(light, open)| lit(*light) * (0.35 + 0.65 * open)).collect();
     }
 
     /// The luminance of the splats that make up each surface, linear; not a number where none

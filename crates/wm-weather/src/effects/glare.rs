@@ -28,8 +28,8 @@ crate::param::params! {
     struct GlareParams {
         /// Light that glass and dust scatter: 1 is an eye's, 0.2 a clean lens's, 3 a dirty one's.
         scatter: f64 = ParamValue::Number(0.3), 0.0 => 20.0, "";
-        /// Straight edges of the aperture, whose rays a lamp shows: as many if it is an even number,
-        /// else twice as many. 0 is a round aperture, without rays.
+        /// Straight edges of the aperture, whose rays a lamp shows: as many if it is an even
+        /// number, else twice as many. 0 is a round aperture, without rays.
         blades: f64 = ParamValue::Number(7.0), 0.0 => 24.0, "";
         /// Diameter of the aperture: 2.2 a phone, 6 a film camera at f/5.6. Small ones have longer
         /// rays.
@@ -139,7 +139,8 @@ struct GlareInLens {
 }
 
 impl GlareInLens {
-    /// The share of a lamp's light in the direction of a pixel, as a luminance over that on the lens.
+    /// The share of a lamp's light in the direction of a pixel, as a luminance over that on the
+    /// lens.
     fn share(&self, source: &Source, pixel: DVec2, towards: DVec3) -> f64 {
         let radians = source.towards.distance(towards);
         let degrees = radians.to_degrees();

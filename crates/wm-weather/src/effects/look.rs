@@ -2,7 +2,8 @@
 //!
 //! In linear light, in this order, on the colour `c` of a pixel:
 //!
-//! 1. exposure and temperature: `c_k 2^exposure w_k`, with the gains `w` of `balance` of `grade.rs`;
+//! 1. exposure and temperature: `c_k 2^exposure w_k`, with the gains `w` of `balance` in
+//!    `grade.rs`;
 //! 2. saturation `s`: `Y + s (c - Y)`, with `Y` the luminance (ITU-R BT.709), and not below 0;
 //! 3. contrast `a`: `0.18 (c / 0.18)^a`, each channel by itself: log2 of the light about mid grey
 //!    is scaled, so mid grey and black stay.

@@ -1,17 +1,17 @@
 //! Rainbows: sunlight that comes back from drops after one and two reflections inside of them.
 //!
-//! The drops that return one colour lie on circles around the antisolar point: red at 42.4 and violet
-//! at 40.6 degrees (primary bow), with the colours reversed between 50.4 and 53.5 degrees (secondary
-//! bow). The phase function `p` of the two paths through a sphere of
-//! water is found by tracing rays (Descartes; Fresnel's equations for both polarisations) and
-//! smoothed by the sun's disc and by the waves of light in drops of about 1 mm. With the extinction
-//! of the rain `s_r`, twice what the drops' area blocks, and that of all air `s`, a pixel at the
-//! distance `d` gains the radiance
+//! The drops that return one colour lie on circles around the antisolar point: red at 42.4 and
+//! violet at 40.6 degrees (primary bow), with the colours reversed between 50.4 and 53.5 degrees
+//! (secondary bow). The phase function `p` of the two paths through a sphere of water is found by
+//! tracing rays (Descartes; Fresnel's equations for both polarisations) and smoothed by the sun's
+//! disc and by the waves of light in drops of about 1 mm. With the extinction of the rain `s_r`,
+//! twice what the drops' area blocks, and that of all air `s`, a pixel at the distance `d` gains the
+//! radiance
 //!
 //! `E p(angle) s_r / (2 s) (1 - e^(-s d))`
 //!
-//! by the sun's irradiance `E`. All rain in front of the pixel is assumed to be
-//! sunlit, and the air to be as at the eye.
+//! by the sun's irradiance `E`. All rain in front of the pixel is assumed to be sunlit, and the air
+//! to be as at the eye.
 
 use super::light_in_picture::add_light;
 use crate::effects::effect::{Effect, EffectRole, Need};
@@ -211,10 +211,8 @@ fn smoothed(bins: &[[f64; 3]]) -> Vec<[f64; 3]> {
     (0..=last)
         .map(|bin| {
             std::array::from_fn(|k| {
-                let sum = |(j, weight): (usize, &f64)| {
-                    weight * bins[(bin + j as i64 - reach).clamp(0, last) as usize][k]
-                };
-                kernel.iter().enumerate().map(sum).sum::<f64>() / total
+                let beside = |j: i64| bins[(bin + j - reach).clamp(0, last) as usize][k];
+                kernel.iter().zip(0..).map(|(weight, j)| weight * beside(j)).sum::<f64>() / total
             })
         })
         .collect()

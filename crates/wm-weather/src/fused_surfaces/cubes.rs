@@ -178,8 +178,8 @@ pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> V
             *narrower.entry(cube.wider(doubled)).or_default() += sums.weight;
         }
     }
-    let is_finest = |(cube, sums): &&(Cube, Sums)| {
-        narrower.get(cube).is_none_or(|weight| *weight < NARROWER * sums.weight)
-    };
-    cubes.iter().filter(is_finest).map(|(cube, sums)| grid.disc(*cube, sums)).collect()
+    let finest = cubes
+        .iter()
+        .filter(|(cube, sums)| narrower.get(cube).is_none_or(|weight| *weight < NARROWER * sums.weight));
+    finest.map(|(cube, sums)| grid.disc(*cube, sums)).collect()
 }

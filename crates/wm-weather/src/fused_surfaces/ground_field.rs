@@ -163,17 +163,17 @@ impl GroundField {
         let reach = reach(points);
         let side = ((2.0 * reach / FINEST) as usize + 2).min(NODES);
         let spacing = 2.0 * reach / (side - 1) as f64;
-        let place =
-            |(point, _): &([f32; 3], f32)| [0, 1].map(|k| ((f64::from(point[k]) + reach) / spacing) as f32);
-        let places: Vec<[f32; 2]> = points.iter().map(place).collect();
+        let place = |point: &[f32; 3]| [0, 1].map(|k| ((f64::from(point[k]) + reach) / spacing) as f32);
+        let places: Vec<[f32; 2]> = points.iter().map(|(point, _)| place(point)).collect();
         let mut lattices: Vec<Lattice> = Vec::new();
         let mut left: Vec<f32> = vec![0.0; points.len()];
         for [over, under] in ROUNDS {
-            let weight = |((_, weight), off): (&([f32; 3], f32), &f32)| {
-                let off = if *off > 0.0 { off / over } else { -off / under };
-                weight * (1.0 - off * off).max(0.0).powi(2)
+            let kept = |off: f32| {
+                let off = if off > 0.0 { off / over } else { -off / under };
+                (1.0 - off * off).max(0.0).powi(2)
             };
-            let weights: Vec<f32> = points.iter().zip(&left).map(weight).collect();
+            let weights: Vec<f32> =
+                points.iter().zip(&left).map(|((_, weight), off)| weight * kept(*off)).collect();
             left = points.iter().map(|(point, _)| point[2]).collect();
             lattices.clear();
             let mut scale = (side - 1).next_power_of_two();

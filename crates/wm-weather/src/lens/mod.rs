@@ -7,10 +7,10 @@
 //! [`Glass::runs_from`] run down a hashed path, wipe what is on it and leave small ones behind.
 //!
 //! A drop is a cap of water on the outer side. It bends the view by Snell's law and so shows a wide
-//! picture upside down, from a small render of its own ([`wide_camera`], [`wide::WideView`]); rims that
-//! reflect the light back inside are dark. [`LensEffect`] draws drops into a layer as coarse as the
-//! aperture blurs the glass, blurs it by the disc of the aperture, and lays it over the picture in
-//! linear light.
+//! picture upside down, from a small render of its own ([`wide_camera`], [`wide::WideView`]); rims
+//! that reflect the light back inside are dark. [`LensEffect`] draws drops into a layer as coarse as
+//! the aperture blurs the glass, blurs it by the disc of the aperture, and lays it over the picture
+//! in linear light.
 //!
 //! The glass is the last picture pass. The wide picture has 256x256 px, is taken from the same eye,
 //! and shows fewer splats than the scene has.

@@ -1,5 +1,6 @@
 //! The wide view that drops show.
 
+use crate::lanes::SetLanes;
 use crate::linear_picture::{LinearPicture, halved};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::Frame;
@@ -78,10 +79,7 @@ impl WideView {
         (u * FOCAL as f32 + 0.5 * SIDE as f32).store_slice(&mut columns[..S::N]);
         (v * FOCAL as f32 + 0.5 * SIDE as f32).store_slice(&mut rows[..S::N]);
         wide.store_slice(&mut widths[..S::N]);
-        let mut todo = wanted;
-        while todo != 0 {
-            let i = (todo.trailing_zeros() & 15) as usize;
-            todo &= todo - 1;
+        for i in SetLanes(wanted) {
             let level = ((widths[i].to_bits() >> 23) as usize - 127).min(self.levels.len() - 1);
             light[i] = self.levels[level].at(columns[i], rows[i], level);
         }

@@ -4,8 +4,8 @@
 //! surface. Under another light it is `c' = c E' / E`: reflectance cancels, and texture stays. So
 //! what is found of a capture is not reflectance but how its light falls on each splat
 //! ([`CaptureLight`]): openness to the sky, and the share of the sun that it sees. Any light over
-//! the place ([`irradiance::SceneLight`]) then gives each splat a gain ([`LightGains`]), which does not depend
-//! on the view.
+//! the place ([`irradiance::SceneLight`]) then gives each splat a gain ([`LightGains`]), which does
+//! not depend on the view.
 //!
 //! A gain is a factor a channel, which the shading applies before the air. Gains are found again
 //! only if the light changes; headlamps, lightning and the shadows of drifting clouds are added a
@@ -13,8 +13,9 @@
 //! own brings its sky (`day.rs`), which is painted behind the scene by the same numbers, and its
 //! shadows (`sun_shadows.rs`).
 //!
-//! [`SunPosition`] says from which direction a place gets the sun at a time; [`clear_sky::ClearSky`] how much
-//! light comes from each direction of a clear sky then, and from the sun, both in one unit.
+//! [`SunPosition`] says from which direction a place gets the sun at a time;
+//! [`clear_sky::ClearSky`] how much light comes from each direction of a clear sky then, and from
+//! the sun, both in one unit.
 
 mod capture;
 pub(crate) mod change;

@@ -108,11 +108,11 @@ impl NearSplats {
         found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         found.truncate(MOST_BESIDE);
         let softness = (SOFTNESS * self.width).powi(2);
-        let weight = |(distance, _): &(f32, u32)| 1.0 / (distance + softness);
-        let all: f32 = found.iter().map(weight).sum();
+        let weight = |distance: f32| 1.0 / (distance + softness);
+        let all: f32 = found.iter().map(|(distance, _)| weight(*distance)).sum();
         let mut beside = [(0, 0.0); MOST_BESIDE];
-        for (slot, found) in beside.iter_mut().zip(&found) {
-            *slot = (found.1, weight(found) / all);
+        for (slot, (distance, index)) in beside.iter_mut().zip(&found) {
+            *slot = (*index, weight(*distance) / all);
         }
         beside
     }

@@ -28,7 +28,7 @@ fn sun() -> DVec3 {
 }
 
 fn is_lit(point: DVec3, sun: DVec3) -> bool {
-    WALLS.iter().all(|&(across, at, middle, half)| {
+    WALLS.into_iter().all(|(across, at, middle, half)| {
         let way = (at - point[across]) / sun[across];
         let hit = point + sun * way;
         way <= 0.05 || (hit[1 - across] - middle).abs() > half || hit.z > HIGH

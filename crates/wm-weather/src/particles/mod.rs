@@ -24,7 +24,7 @@
 //! numbers, so that the order of drops does not count.
 //!
 //! # Departures from the paper
-//! Its drops are bound to random places of the scene, moved by hand from frame to frame, and
+//! There, drops are bound to random places of the scene, moved by hand from frame to frame, and
 //! rendered as splats over splats in k layers. Here they are in physical units and tested against
 //! depth one by one ([`wm_render::stages::particles`]).
 

@@ -98,9 +98,9 @@ impl Precipitation {
 
     /// Mean fall speed by water, m/s; not a number where nothing falls.
     pub(crate) fn mean_speed(&self) -> f64 {
-        let water = |(class, number): (&SizeClass, f64)| class.water * number;
-        let all: f64 = self.classes().map(water).sum();
-        self.classes().map(|pair| pair.0.fall_speed * water(pair)).sum::<f64>() / all
+        let all: f64 = self.classes().map(|(class, number)| class.water * number).sum();
+        let passed = self.classes().map(|(class, number)| class.fall_speed * (class.water * number));
+        passed.sum::<f64>() / all
     }
 
     /// Up to where a class is drawn in a view, m.

@@ -86,7 +86,8 @@ mod tests {
     use wm_render::dispatch;
     use wm_render::simd::SimdPath;
 
-    /// Returns the share of a class that is drawn at `distance`, in units of the class's own distance.
+    /// Returns the share of a class that is drawn at `distance`, in units of the class's own
+    /// distance.
     fn fade(distance: f64) -> f64 {
         ((FADE[1] - distance) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
     }

@@ -135,8 +135,8 @@ impl Shelter {
     /// it, nearer ones counting more (`1 - r^2 / radius^2`): it changes smoothly as the point
     /// moves, and is a half under a straight edge.
     ///
-    /// What stands in another cell must be above the point by more than it is away, and the margin,
-    /// so that slopes up to 45 degrees do not shelter themselves, and low things have harder edges
+    /// A thing in another cell must be above the point by more than it is away, and the margin, so
+    /// that slopes up to 45 degrees do not shelter themselves, and low things have harder edges
     /// than high ones. A radius below half a cell asks for the point's own cell. Visits about
     /// `4 (radius / cell)^2` cells.
     pub(crate) fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
@@ -154,7 +154,8 @@ impl Shelter {
         self.mean_open(&receiver, reach, weight).unwrap_or_else(own)
     }
 
-    /// The share of the source that a receiver sees, smoothed over a radius in cells.
+    /// The share of the cells within a radius (cells) of a receiver that do not shade it, those
+    /// across the rim by their part.
     fn open_within(&self, receiver: &Receiver, radius: f32) -> f32 {
         let reach = radius + 0.5;
         let weight = |away: Vec2| (reach - away.length()).clamp(0.0, 1.0);

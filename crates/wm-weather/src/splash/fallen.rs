@@ -1,8 +1,8 @@
 //! The drops that have just fallen, on a tile that repeats.
 //!
-//! Those above 2 mm are those of the rings ([`crate::water::ripples`]); the others are a sequence
-//! of their own. Each drop has a rank: where fewer are wanted, those of the lowest ranks are taken,
-//! turned by a number of the tile so that no two tiles show the same ones.
+//! Drops above 2 mm are the ones that make rings ([`crate::water::ripples`]); the others are a
+//! sequence of their own. Each drop has a rank: where fewer are wanted, those of the lowest ranks
+//! are taken, turned by a number of the tile so that no two tiles show the same ones.
 
 use crate::particles::Precipitation;
 use crate::water::ripples::{self, SIZE};

@@ -2,7 +2,8 @@
 
 use super::map::WaterMap;
 use super::surface::WaterSurface;
-use super::tile::{LaneArray, LaneIndices, bilinear, fineness};
+use super::tile::{bilinear, fineness};
+use crate::lanes::{LaneArray, LaneIndices, SetLanes};
 use crate::linear_picture::LinearPicture;
 use fearless_simd::{Select, SimdBase, SimdFloat, f32x4};
 use rayon::prelude::*;
@@ -185,10 +186,7 @@ impl MirroredPicture {
         let middle = Spots::new(simd, within, scales[1], &first[1], &stride[1]);
         let coarse = Spots::new(simd, within, scales[2], &first[2], &stride[2]);
         let weights = LaneArray::new(simd, weights);
-        let mut todo = wanted;
-        while todo != 0 {
-            let i = (todo.trailing_zeros() & 15) as usize;
-            todo &= todo - 1;
+        for i in SetLanes(wanted) {
             let mut own = fine.look(simd, i, stride[0][i], &self.pixels) * shares[0].0[i];
             if shares[1].0[i] > 0.0 {
                 own = middle.look(simd, i, stride[1][i], &self.pixels) * shares[1].0[i] + own;
@@ -255,10 +253,7 @@ impl MirroredPicture {
             at_finest[k] = at_finest[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
         }
         let at_finest = [LaneIndices::new(simd, at_finest[0]), LaneIndices::new(simd, at_finest[1])];
-        let mut todo = seen.wanted;
-        while todo != 0 {
-            let i = (todo.trailing_zeros() & 15) as usize;
-            todo &= todo - 1;
+        for i in SetLanes(seen.wanted) {
             let (mut share, mut rows) = ([0.0; 3], [0; 3]);
             for level in 0..3 {
                 (share[level], rows[level]) = (shares[level].0[i], stride[level][i]);
@@ -322,10 +317,7 @@ impl MirroredPicture {
         let (column, row) = (LaneIndices::new(simd, within[0]), LaneIndices::new(simd, within[1]));
         let stride = self.size[0] as usize + 1;
         let mut found = [0.0; 16];
-        let mut todo = wanted;
-        while todo != 0 {
-            let i = (todo.trailing_zeros() & 15) as usize;
-            todo &= todo - 1;
+        for i in SetLanes(wanted) {
             found[i] = self.inverse[row.0[i] as usize * stride + column.0[i] as usize];
         }
         simd.load(&found)

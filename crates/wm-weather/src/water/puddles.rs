@@ -68,8 +68,9 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
 fn depths(state: &WaterState) -> Vec<f32> {
     let (width, height) = (state.width, state.height);
     let mut levels = state.level.clone();
-    let depth = |(level, ground): (&f32, &f32)| if level.is_nan() { DRY } else { level - ground };
-    let mut depths: Vec<f32> = levels.iter().zip(&state.ground).map(depth).collect();
+    let depth = |level: f32, ground: f32| if level.is_nan() { DRY } else { level - ground };
+    let nodes = levels.iter().zip(&state.ground);
+    let mut depths: Vec<f32> = nodes.map(|(level, ground)| depth(*level, *ground)).collect();
     let mut last: Vec<usize> = (0..levels.len()).filter(|at| levels[*at].is_finite()).collect();
     for _ in 0..BEYOND {
         let mut next = Vec::new();

@@ -49,8 +49,8 @@ impl Rills {
     /// The streams of these strengths on some ground; `None` if there are none.
     pub(crate) fn new(strength: Vec<f32>, ground: Vec<f32>, step: f64, columns: usize) -> Option<Self> {
         let (mut sum, mut weights) = (0.0, 0.0);
-        let is_running = |(at, own): &(usize, &f32)| **own > 0.0 && at % columns + 1 < columns;
-        for (at, own) in strength.iter().enumerate().filter(is_running) {
+        let is_running = |at: usize| strength[at] > 0.0 && at % columns + 1 < columns;
+        for (at, own) in strength.iter().enumerate().filter(|(at, _)| is_running(*at)) {
             let beside = [at + 1, at + columns].map(|next| ground.get(next).map(|next| next - ground[at]));
             if let [Some(along), Some(across)] = beside
                 && (along + across).is_finite()

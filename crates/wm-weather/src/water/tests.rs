@@ -105,7 +105,7 @@ fn slope(motion: &WaterMotion, x: f64, y: f64, width: f32) -> [f32; 3] {
     fn first<S: Lanes>(simd: S, motion: &WaterMotion, phases: &[[f32; 2]], width: f32) -> [f32; 3] {
         let here = [simd.set(0.0); 2];
         let found = motion.at(simd, here, phases, simd.set(width.log2()), 1);
-        found.map(|vector| tile::LaneArray::new(simd, vector).0[0])
+        found.map(|vector| crate::lanes::LaneArray::new(simd, vector).0[0])
     }
     let phases = motion.phases([x, y]);
     dispatch!(SimdPath::widest(), s => first(s, motion, &phases, width))
@@ -117,7 +117,7 @@ fn foam_covers_its_share_of_the_water() {
     #[inline(always)]
     fn share<S: Lanes>(simd: S, foam: &foam::Foam, depth: f32, slope: [f32; 3]) -> f32 {
         let square = simd.set(slope[0] * slope[0] + slope[1] * slope[1]);
-        tile::LaneArray::new(simd, foam.share(simd, simd.set(depth), square, simd.set(slope[2]))).0[0]
+        crate::lanes::LaneArray::new(simd, foam.share(simd, simd.set(depth), square, simd.set(slope[2]))).0[0]
     }
     let mean = |wind: f64, depth: f32, width: f32| {
         let forces = WaterForces { wind: [wind, 0.0], fetch: 300.0, ..WaterForces::default() };

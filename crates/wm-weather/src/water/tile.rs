@@ -4,6 +4,7 @@
 //! pixel is that is too wide to show the waves.
 
 use super::fft::SIDE;
+use crate::lanes::{LaneArray, LaneIndices, SetLanes, TWO_23};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x4, f32x8};
 use rayon::prelude::*;
 use wm_render::simd::Lanes;
@@ -109,10 +110,7 @@ impl SlopeTile {
         let spots = [Spots::new(simd, share, whole), Spots::new(simd, share, coarse)];
         let part = LaneArray::new(simd, level - whole);
         let mut sums = [[0.0f32; 16]; 3];
-        let mut todo = wanted;
-        while todo != 0 {
-            let i = (todo.trailing_zeros() & 15) as usize;
-            todo &= todo - 1;
+        for i in SetLanes(wanted) {
             let (fine, coarse) = (spots[0].look(simd, i, &self.nodes), spots[1].look(simd, i, &self.nodes));
             let mut sum = [0.0; 4];
             ((coarse - fine) * part.0[i] + fine).store_slice(&mut sum);
@@ -124,34 +122,6 @@ impl SlopeTile {
         [x, y, ((squares - x * x - y * y) * 0.5).max(simd.set(0.0))]
     }
 }
-
-/// A vector's lanes in memory.
-pub(super) struct LaneArray(pub [f32; 16]);
-
-impl LaneArray {
-    #[inline(always)]
-    pub(crate) fn new<S: Lanes>(_: S, vector: S::F) -> Self {
-        let mut kept = [0.0; 16];
-        vector.store_slice(&mut kept[..S::N]);
-        Self(kept)
-    }
-}
-
-/// Whole numbers at or above 0 and below 2^23, of a vector's lanes, in memory.
-pub(super) struct LaneIndices(pub [u32; 16]);
-
-impl LaneIndices {
-    #[inline(always)]
-    pub(crate) fn new<S: Lanes>(simd: S, vector: S::F) -> Self {
-        let mut kept = [0; 16];
-        let bits = (vector + TWO_23).to_bits() & S::U::splat(simd, 0x007f_ffff);
-        bits.store_slice(&mut kept[..S::N]);
-        Self(kept)
-    }
-}
-
-/// Adding it to a whole number below it leaves that in the low mantissa bits.
-const TWO_23: f32 = 8_388_608.0;
 
 /// `2^-level` of whole levels.
 #[inline(always)]

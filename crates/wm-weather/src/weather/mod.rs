@@ -158,8 +158,9 @@ impl Weather {
     #[must_use]
     pub fn at(&self, time: f64) -> WeatherSample {
         let values = |tracks: &[Track]| tracks.iter().map(|track| track.at(time)).collect();
-        let now =
-            |(effect, tracks): &(usize, Vec<Track>)| (&EFFECTS[*effect], values(tracks), tracks.clone());
-        WeatherSample { fidelity: self.fidelity, time, effects: self.active.iter().map(now).collect() }
+        let active = self.active.iter();
+        let effects =
+            active.map(|(effect, tracks)| (&EFFECTS[*effect], values(tracks), tracks.clone())).collect();
+        WeatherSample { fidelity: self.fidelity, time, effects }
     }
 }

@@ -287,8 +287,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below 0
-    /// it stands in the texture. `length` m below the upper edge of a `slope`. Gallaway (1971).
+    /// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below
+    /// 0 it stands in the texture. `length` m below the upper edge of a `slope`. Gallaway (1971).
     fn film_depth(texture: f64, length: f64, rain: f64, slope: f64) -> f64 {
         store_factor(texture, length, slope) * rain.powf(RAIN) - texture
     }

@@ -47,16 +47,16 @@ impl RunOff {
         if rate <= 0.0 {
             return vec![0.0; self.area.len()];
         }
-        let depth = |(area, slope): (&f32, &f32)| {
+        let depth = |area: f32, slope: f32| {
             let [least, most, steepest] = SLOPES;
-            if *slope <= least || *slope > steepest {
+            if slope <= least || slope > steepest {
                 return 0.0;
             }
-            let flow = f64::from(*area) * rate * 1e-3 / 3600.0 / self.cell;
-            let depth = 1e3 * (flow * MANNING / f64::from(*slope).sqrt()).powf(0.6);
+            let flow = f64::from(area) * rate * 1e-3 / 3600.0 / self.cell;
+            let depth = 1e3 * (flow * MANNING / f64::from(slope).sqrt()).powf(0.6);
             depth as f32 * ((slope - least) / (most - least)).min(1.0)
         };
-        self.area.iter().zip(&self.slope).map(depth).collect()
+        self.area.iter().zip(&self.slope).map(|(area, slope)| depth(*area, *slope)).collect()
     }
 }
 

@@ -97,11 +97,11 @@ impl WetState {
                 .for_each(|(volume, basin)| *volume = share * basin.capacity());
         }
         budget.in_puddles = volumes.iter().sum();
-        let level = |(basin, volume): (&super::basins::Basin, &f64)| match *volume > 0.0 {
+        let levels = basins.all.iter().zip(&volumes).map(|(basin, volume)| match *volume > 0.0 {
             true => basin.level(*volume).0,
             false => f32::NEG_INFINITY,
-        };
-        let levels = basins.all.iter().zip(&volumes).map(level).collect();
+        });
+        let levels = levels.collect();
         Self { columns, amount: request.amount, texture: request.texture, levels, budget }
     }
 
@@ -255,15 +255,16 @@ impl WaterState {
     /// Water in and above the texture of ground that drains, of a mean depth of `texture` mm, m^3.
     #[must_use]
     pub fn water_in_films(&self, texture: f64) -> f64 {
-        let depth = |(film, filled): (&f32, &f32)| f64::from(*film) + texture * f64::from(*filled);
-        1e-3 * self.step * self.step * self.film.iter().zip(&self.filled).map(depth).sum::<f64>()
+        let depths = self.film.iter().zip(&self.filled);
+        let depths = depths.map(|(film, filled)| f64::from(*film) + texture * f64::from(*filled));
+        1e-3 * self.step * self.step * depths.sum::<f64>()
     }
 
     /// Water that stands, m^3.
     #[must_use]
     pub fn water_in_puddles(&self) -> f64 {
-        let depth = |(level, ground): (&f32, &f32)| f64::from((level - ground).max(0.0));
-        let depths = self.level.iter().zip(&self.ground).filter(|(level, _)| level.is_finite()).map(depth);
+        let depths = self.level.iter().zip(&self.ground).filter(|(level, _)| level.is_finite());
+        let depths = depths.map(|(level, ground)| f64::from((level - ground).max(0.0)));
         self.step * self.step * depths.sum::<f64>()
     }
 }

@@ -233,13 +233,15 @@ impl CaptureLight {
             }
             let point = Vec3::from_array(points[index]);
             let distance = |i: &usize| surfaces.points[*i].distance_squared(point);
-            let nearest = |(grid, reach): &(PointGrid, f32)| {
-                let nearest =
-                    grid.near(point).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
-                nearest.filter(|i| distance(i) <= reach * reach)
+            let within = |grid: usize| {
+                let (grid, reach) = &grids[grid];
+                grid.near(point).filter(move |i| distance(i) <= reach * reach)
             };
-            let Some(nearest) = grids.iter().find_map(nearest) else { return IN_THE_OPEN };
-            let around = || grids[0].0.near(point).filter(|i| distance(i) <= grids[0].1 * grids[0].1);
+            let nearest = (0..grids.len()).find_map(|grid| {
+                within(grid).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
+            });
+            let Some(nearest) = nearest else { return IN_THE_OPEN };
+            let around = || within(0);
             let is_trained = found.oriented > 0;
             let share = if is_trained {
                 edge_share(&surfaces, &amounts, &seen, nearest, around, light_of(splats, index))

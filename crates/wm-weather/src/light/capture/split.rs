@@ -86,7 +86,8 @@ impl Split {
             // Corners under a grey sky are darker too, but not by this.
             (luminance(ratio) * dot(direction, site.up) >= LEAST_SUN).then_some((mean, ratio))
         };
-        let in_light = |(mean, ratio): &(MeanSurface, [f64; 3])| {
+        let in_light = |found: &(MeanSurface, [f64; 3])| {
+            let (mean, ratio) = found;
             let sun = CaptureSun { direction, ratio: *ratio, lit: 0.0, contrast_left: 1.0 };
             let light = captured_light(Some(&sun), site);
             (sun, light, mean.under(&light))

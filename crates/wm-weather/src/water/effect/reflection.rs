@@ -1,11 +1,12 @@
-//! Reflections of water: samples of the lobe of a rough surface, and the distance to what they show.
+//! Reflections of water: samples of the lobe of a rough surface, and the distance to what they
+//! show.
 
 use super::scene::{Pixels, Scene, Water, dot};
+use crate::lanes::{LaneArray, SetLanes};
 use crate::water::fresnel::fresnel_of;
 use crate::water::mirror::{Extent, ReflectionLanes};
 use crate::water::rills::Slope;
 use crate::water::surface::{FILM, NODES};
-use crate::water::tile::LaneArray;
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use wm_render::hooks::GROUP;
 use wm_render::simd::{Lanes, exp2, log2};
@@ -109,10 +110,7 @@ impl Scene<'_> {
         let width = LaneArray::new(simd, exp2(simd, [log_width])[0]);
         let (mut east, mut north) = (LaneArray::new(simd, slopes[0]), LaneArray::new(simd, slopes[1]));
         let mut variance = LaneArray::new(simd, slopes[2]);
-        let mut todo = wanted;
-        while todo != 0 {
-            let i = (todo.trailing_zeros() & 15) as usize;
-            todo &= todo - 1;
+        for i in SetLanes(wanted) {
             let place = [self.eye[0] + f64::from(x.0[i]), self.eye[1] + f64::from(y.0[i])];
             let mut slope = Slope { mean: [east.0[i], north.0[i]], variance: variance.0[i] };
             self.of.motion.add_rills(place, width.0[i], &mut slope);
@@ -250,10 +248,7 @@ impl Scene<'_> {
         let reflected = is_wet.select(seen * scale, simd.load(&water.reflected[start..]));
         reflected.store_slice(&mut water.reflected[start..start + S::N]);
         let scale = LaneArray::new(simd, scale);
-        let mut todo = wanted;
-        while todo != 0 {
-            let i = (todo.trailing_zeros() & 15) as usize;
-            todo &= todo - 1;
+        for i in SetLanes(wanted) {
             for k in 0..3 {
                 water.mirrored[k][start + i] = light[i][k] * scale.0[i];
             }
