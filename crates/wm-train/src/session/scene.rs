@@ -127,7 +127,7 @@ fn add_sky(
         let PriorView { prior, photo, .. } = views[index];
         let (width, height) = (f64::from(prior.width), f64::from(prior.height));
         let class = prior.sky[(y * height) as usize * prior.width as usize + (x * width) as usize];
-        (class, photo.at_share([x, y]))
+        (class, photo.at_share(x, y))
     };
     let gain = |index: usize| views[index].gain;
     let lowest = far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest());
@@ -199,7 +199,7 @@ fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, Sessio
             let [x, y] = [x / width as f64, y / height as f64];
             let ray = camera.ray(x * f64::from(camera.width), y * f64::from(camera.height));
             if LOW_SKY_SINES.contains(&ray.normalize().dot(up.up)) {
-                let rgb = photo.at_share([x, y]);
+                let rgb = photo.at_share(x, y);
                 (0..3).for_each(|c| shown[c].push(rgb[c]));
             }
         }

@@ -8,8 +8,8 @@ use crate::losses::{LossGradients, LossInput, OwnRender};
 use glam::DVec3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use wm_render::testing::{Backend, fallible_differentiable, random_splats, uniform};
-use wm_render::{Channels, CpuConfig, CpuDifferentiable, DepthAlpha, DrawnSplats, Learn, Opacity};
+use wm_render::testing::{Backend, fallible_differentiable, random_splats, threads, uniform};
+use wm_render::{Channels, CpuDifferentiable, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 const SIZE: (u32, u32) = (48, 32);
 
@@ -39,8 +39,7 @@ fn config(steps: u32) -> TrainConfig {
 }
 
 fn trainer(config: TrainConfig, splats: Splats) -> Trainer {
-    let run = CpuConfig { threads: Some(1), ..CpuConfig::default() };
-    Trainer::new(config, Box::new(CpuDifferentiable::new(run).unwrap()), splats, 3.0, 4)
+    Trainer::new(config, Box::new(CpuDifferentiable::new(threads(1)).unwrap()), splats, 3.0, 4)
 }
 
 /// Returns what each camera sees of the truth.
