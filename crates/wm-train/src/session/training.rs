@@ -133,7 +133,7 @@ impl Training {
             None => {
                 let gains = data.first_exposures(config.exposure, gains.as_ref());
                 let (part, known) = (options.part.as_deref(), priors.as_ref());
-                let splats = scene::start(dataset, &config, data, known, haze.as_ref(), gains, extent, part)?;
+                let splats = scene::start(dataset, &config, data, known, haze.as_ref(), gains, part)?;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if let Some(found) = gains {
                     trainer.state.exposures = Exposures::with_gains(&found.gains);
