@@ -94,6 +94,7 @@ impl Arrays {
     }
 
     /// Returns the numbers of a pixel.
+    #[cfg(feature = "gpu")]
     pub(crate) fn channels(self) -> usize {
         self.each().iter().sum()
     }
