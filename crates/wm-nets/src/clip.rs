@@ -14,11 +14,10 @@
 #[cfg(test)]
 mod tests;
 
-use crate::ops::{Activation, Image, Linear, Norm, numbers};
+use crate::ops::{Activation, Linear, Norm, numbers};
 use crate::pillow;
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Licence, Weights, WeightsError};
-use rayon::prelude::*;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -29,9 +28,7 @@ const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
 const HEAD_CHANNELS: usize = 64;
 /// The epsilon of the layer norms.
 const EPSILON: f64 = 1e-5;
-/// Most blocks, channels and pixels of a side that are taken; the largest published ones have 24,
-/// 1024 and 336.
-const MAX_BLOCKS: usize = 64;
+/// Most channels and pixels of a side that are taken; the largest published ones have 1024 and 336.
 const MAX_CHANNELS: usize = 1 << 13;
 const MAX_SIDE_PX: usize = 1 << 11;
 /// The advice where a file is of another network.
@@ -75,17 +72,10 @@ impl Architecture {
             return Err(weights.refuse(format!("{found} vision_model")));
         };
         let (channels, patch) = (*channels, *patch);
-        let length = |name: &str| {
-            let shape = weights.shape(name).ok_or_else(|| weights.refuse(format!("no tensor {name}")))?;
-            // An empty tensor may claim any side.
-            let length = shape.first().filter(|length| (1..=1 << 20).contains(*length)).copied();
-            length.ok_or_else(|| weights.refuse(format!("tensor {name} has shape {shape:?}")))
-        };
+        let length = |name: &str| weights.length(name, 0, 1 << 20);
         let positions = length("vision_model.embeddings.position_embedding.weight")?;
         let grid = (positions - 1).isqrt();
-        let is_there = |block: &usize| weights.shape(&of_block(*block, "layer_norm1.weight")).is_some();
-        // A missing tensor between others is reported when it is read.
-        let blocks = (0..MAX_BLOCKS).rev().find(is_there).map_or(0, |last| last + 1);
+        let blocks = weights.blocks(|block| of_block(block, "layer_norm1.weight"));
         let is_known = channels % HEAD_CHANNELS == 0
             && (HEAD_CHANNELS..=MAX_CHANNELS).contains(&channels)
             && patch == *other
@@ -138,8 +128,8 @@ impl Clip {
         let filters = tensor("vision_model.embeddings.patch_embedding.weight", &[channels, 3, patch, patch])?;
         let class = tensor("vision_model.embeddings.class_embedding", &[channels])?;
         let name = "vision_model.embeddings.position_embedding.weight";
-        let mut class_position = tensor(name, &[1 + grid * grid, channels])?;
-        let positions = class_position.split_off(channels);
+        let positions = tensor(name, &[1 + grid * grid, channels])?;
+        let embedding = Embedding::new(&filters, None, patch, class, positions, grid);
         let before = Norm::read("vision_model.pre_layrnorm", channels, EPSILON, &mut tensor)?;
         let kind = BlockKind {
             norms: ["layer_norm1", "layer_norm2"],
@@ -157,21 +147,10 @@ impl Clip {
         let blocks = (0..blocks).map(block).collect::<Result<_, _>>()?;
         let after = Norm::read("vision_model.post_layernorm", channels, EPSILON, &mut tensor)?;
         let projection = tensor("visual_projection.weight", &[width, channels])?;
-        Ok(Self {
-            architecture,
-            before,
-            blocks,
-            after,
-            identity: identity([&class, &class_position, &positions, &projection]),
-            embedding: Embedding {
-                patches: Linear::new(Embedding::filters(&filters, patch), None, 3 * patch * patch),
-                side: patch,
-                class,
-                class_position,
-                positions: Image { values: positions, width: grid, height: grid, channels },
-            },
-            project: Linear::new(projection, None, channels),
-        })
+        let Embedding { class, class_position, positions, .. } = &embedding;
+        let identity = identity([class, class_position, &positions.values, &projection]);
+        let project = Linear::new(projection, None, channels);
+        Ok(Self { architecture, embedding, before, blocks, after, project, identity })
     }
 
     /// Returns the length of an embedding: 768 for the published network.
@@ -204,8 +183,10 @@ impl Clip {
     /// If the picture is empty or no whole rows of `width`.
     pub fn embed(&self, rgb: &[u8], width: usize) -> Result<Vec<f32>, NotFinite> {
         let Architecture { channels, patch, grid, .. } = self.architecture;
-        let levels = square(rgb, width, patch * grid);
-        let mut x = self.before.apply(&self.embedding.apply(&normalized(&levels, patch * grid)));
+        let side = patch * grid;
+        let share = |level| level as f32 / 255.0;
+        let picture = pillow::normalized(&square(rgb, width, side), (side, side), share, MEAN, DEVIATION);
+        let mut x = self.before.apply(&self.embedding.apply(&picture));
         for block in &self.blocks {
             block.apply(&mut x, channels / HEAD_CHANNELS);
         }
@@ -247,19 +228,6 @@ fn square(rgb: &[u8], width: usize, side: usize) -> Vec<u8> {
     let (left, top) = ((width - length) / 2, (height - length) / 2);
     let row = |y: usize| &rgb[3 * (y * width + left)..3 * (y * width + left + length)];
     pillow::resized((top..top + length).flat_map(row).copied().collect(), length, length, (side, side))
-}
-
-fn normalized(levels: &[u8], side: usize) -> Image {
-    let tables: [[f32; 256]; 3] = std::array::from_fn(|lane| {
-        std::array::from_fn(|level| (level as f32 / 255.0 - MEAN[lane]) / DEVIATION[lane])
-    });
-    let value = |(index, level): (usize, &u8)| tables[index % 3][usize::from(*level)];
-    Image {
-        values: levels.par_iter().enumerate().map(value).collect(),
-        width: side,
-        height: side,
-        channels: 3,
-    }
 }
 
 /// FNV-1a of numbers' bits.

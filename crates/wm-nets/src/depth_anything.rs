@@ -117,8 +117,8 @@ impl DepthAnything {
     /// photo, the longer side of a smaller one.
     ///
     /// # Errors
-    /// [`DisparityError`] if a side is below 14 px or the longer one over [`model::MAX_ASPECT_RATIO`] times
-    /// the other.
+    /// [`DisparityError`] if a side is below 14 px or the longer one over
+    /// [`model::MAX_ASPECT_RATIO`] times the other.
     pub(crate) fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
         photo::size(width, height, self.side)
     }

@@ -76,8 +76,8 @@ impl Layer {
 /// `[out, in, k, k]`, bias `[out]` and head `[1, out, 1, 1]`.
 #[must_use]
 pub fn tensors() -> Vec<(String, Vec<usize>)> {
-    let of = |(index, layer): (usize, &Layer)| [layer.weight(), layer.bias(), layer.head(index)];
-    LAYERS.iter().enumerate().flat_map(of).collect()
+    let of = |index: usize| [LAYERS[index].weight(), LAYERS[index].bias(), LAYERS[index].head(index)];
+    (0..LAYERS.len()).flat_map(of).collect()
 }
 
 /// The network with its weights.
@@ -114,7 +114,7 @@ impl Lpips {
     /// shape or not finite.
     pub fn read(files: &[PathBuf]) -> Result<Self, WeightsError> {
         let mut weights = Weights::open(files, ADVICE)?;
-        let mut tensor = |(name, shape): (String, Vec<usize>)| weights.tensor(&name, &shape);
+        let mut tensor = |named: (String, Vec<usize>)| weights.tensor(&named.0, &named.1);
         let mut convolutions = Vec::new();
         for (index, layer) in LAYERS.iter().enumerate() {
             let weight = tensor(layer.weight())?;

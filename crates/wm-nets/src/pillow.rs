@@ -2,6 +2,7 @@
 //! convolution with a = -0.5, widened where the picture becomes smaller; first along rows, then
 //! along columns, each with weights of 22 bit and rounded to 8 bit.
 
+use crate::ops::Image;
 use rayon::prelude::*;
 
 /// Fractional bits of the weights.
@@ -44,6 +45,23 @@ pub(crate) fn resized(mut levels: Vec<u8>, width: usize, height: usize, to: (usi
         levels = rows;
     }
     levels
+}
+
+/// Normalises a picture, `[H, W, 3]`, whose width and height are `size`: the shares of its levels
+/// of 0-255, less the mean, by the deviation.
+pub(crate) fn normalized(
+    levels: &[u8],
+    size: (usize, usize),
+    share: impl Fn(usize) -> f32,
+    mean: [f32; 3],
+    deviation: [f32; 3],
+) -> Image {
+    let tables: [[f32; 256]; 3] = std::array::from_fn(|lane| {
+        std::array::from_fn(|level| (share(level) - mean[lane]) / deviation[lane])
+    });
+    let value = |index: usize| tables[index % 3][usize::from(levels[index])];
+    let values = (0..levels.len()).into_par_iter().map(value).collect();
+    Image { values, width: size.0, height: size.1, channels: 3 }
 }
 
 fn rounded(sum: i32) -> u8 {

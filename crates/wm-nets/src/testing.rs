@@ -3,7 +3,6 @@
 use crate::ops::numbers;
 use crate::weights::{Weights, WeightsError};
 use ::safetensors::SafeTensors;
-use ::safetensors::tensor::TensorView;
 use ::zip::write::SimpleFileOptions;
 use ::zip::{CompressionMethod, ZipWriter};
 use std::fs::{self, File};
@@ -143,14 +142,23 @@ pub(crate) fn tensors(path: &Path) -> Vec<Named> {
     let bytes = fs::read(path).unwrap();
     let mut weights = Weights::open(&[path.into()], "").unwrap();
     let all = SafeTensors::deserialize(&bytes).unwrap().tensors();
-    let mut value = |name: &str, shape: &[usize]| numbers(&weights.tensor(name, shape).unwrap());
-    let of = |(name, view): (String, TensorView<'_>)| {
-        let values = value(&name, view.shape());
-        (name, view.shape().to_vec(), values)
+    let mut of = |name: String, shape: &[usize]| {
+        let values = numbers(&weights.tensor(&name, shape).unwrap());
+        (name, shape.to_vec(), values)
     };
-    let mut named: Vec<Named> = all.into_iter().map(of).collect();
+    let mut named: Vec<Named> = all.into_iter().map(|(name, view)| of(name, view.shape())).collect();
     named.sort_by(|a, b| a.0.cmp(&b.0));
     named
+}
+
+/// Returns the place of the tensor of a name.
+pub(crate) fn index(tensors: &[Named], name: &str) -> usize {
+    tensors.iter().position(|tensor| tensor.0 == name).unwrap()
+}
+
+/// Returns what `work` gives on so many threads.
+pub(crate) fn on_threads<T: Send>(count: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap().install(work)
 }
 
 /// The one line with which something is refused.

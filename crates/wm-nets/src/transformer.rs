@@ -11,9 +11,9 @@ pub(crate) type Tensors<'a> = dyn FnMut(&str, &[usize]) -> Result<Vec<f32>, Weig
 #[derive(Debug)]
 pub(crate) struct Embedding {
     /// From a patch's pixels, row by row.
-    pub(crate) patches: Linear,
+    patches: Linear,
     /// Side of a patch, px.
-    pub(crate) side: usize,
+    side: usize,
     /// The class token before the patches, `[channels]`.
     pub(crate) class: Vec<f32>,
     /// The position embedding of the class token.
@@ -23,8 +23,29 @@ pub(crate) struct Embedding {
 }
 
 impl Embedding {
+    /// Makes the layers of filters `[channels, 3, side, side]` with their bias, a class token, and
+    /// position embeddings `[1 + grid grid, channels]`, that of the class first.
+    pub(crate) fn new(
+        filters: &[f32],
+        bias: Option<Vec<f32>>,
+        side: usize,
+        class: Vec<f32>,
+        mut class_position: Vec<f32>,
+        grid: usize,
+    ) -> Self {
+        let channels = class.len();
+        let values = class_position.split_off(channels);
+        Self {
+            patches: Linear::new(Self::filters(filters, side), bias, 3 * side * side),
+            side,
+            class,
+            class_position,
+            positions: Image { values, width: grid, height: grid, channels },
+        }
+    }
+
     /// Filters `[channels, 3, side, side]` for pixels that have their channels together.
-    pub(crate) fn filters(weight: &[f32], side: usize) -> Vec<f32> {
+    fn filters(weight: &[f32], side: usize) -> Vec<f32> {
         let square = side * side;
         let mut sorted = Vec::with_capacity(weight.len());
         for filter in weight.chunks_exact(3 * square) {
@@ -98,7 +119,7 @@ impl Block {
     /// Reads a block.
     ///
     /// # Errors
-    /// Those of `tensor`.
+    /// As `tensor` has them.
     pub(crate) fn read(kind: &BlockKind<'_>, tensor: &mut Tensors<'_>) -> Result<Self, WeightsError> {
         let (channels, wide) = (kind.channels, kind.wide);
         let norms = [
@@ -112,13 +133,9 @@ impl Block {
             bias.extend(tensor(&format!("{name}.bias"), &[rows])?);
         }
         let attend = Linear::new(weight, Some(bias), channels);
-        let mut linear = |name: &str, to: usize, from: usize| {
-            let weight = tensor(&format!("{name}.weight"), &[to, from])?;
-            Ok(Linear::new(weight, Some(tensor(&format!("{name}.bias"), &[to])?), from))
-        };
-        let project = linear(kind.project, channels, channels)?;
-        let widen = linear(kind.widen, wide, channels)?;
-        let narrow = linear(kind.narrow, channels, wide)?;
+        let project = Linear::read(kind.project, &[channels, channels], tensor)?;
+        let widen = Linear::read(kind.widen, &[wide, channels], tensor)?;
+        let narrow = Linear::read(kind.narrow, &[channels, wide], tensor)?;
         let scales = match kind.scales {
             Some([first, second]) => [tensor(first, &[channels])?, tensor(second, &[channels])?],
             None => [vec![1.0; channels], vec![1.0; channels]],
@@ -137,11 +154,23 @@ impl Block {
     }
 }
 
+impl Linear {
+    /// Reads `name.weight` of a shape, outputs first, and `name.bias`.
+    ///
+    /// # Errors
+    /// As `tensor` has them.
+    pub(crate) fn read(name: &str, shape: &[usize], tensor: &mut Tensors<'_>) -> Result<Self, WeightsError> {
+        let weight = tensor(&format!("{name}.weight"), shape)?;
+        let bias = tensor(&format!("{name}.bias"), &shape[..1])?;
+        Ok(Self::new(weight, Some(bias), shape[1..].iter().product()))
+    }
+}
+
 impl Norm {
     /// Reads `name.weight` and `name.bias`.
     ///
     /// # Errors
-    /// Those of `tensor`.
+    /// As `tensor` has them.
     pub(crate) fn read(
         name: &str,
         channels: usize,

@@ -62,7 +62,8 @@ pub enum MedianDepth {
     Splat,
 }
 
-/// The output of particles as a picture of their own beside the colour, see [`crate::Frame::particles`].
+/// The output of particles as a picture of their own beside the colour, see
+/// [`crate::Frame::particles`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ParticlePass {
     /// In the colour alone.

@@ -12,10 +12,9 @@ use crate::error::RenderError;
 use crate::even_air::EvenAir;
 use crate::frame::{Arrays, ColorEncoding, Frame};
 use crate::gradients::{Gradients, Learn};
-use crate::renderer::Stats;
+use crate::renderer::{Stats, check_count};
 use crate::simd::SimdPath;
 use crate::stages::compare::{Compared, Comparison};
-use crate::stages::intersect::MAX_SPLATS;
 use crate::stages::optimize::{Changed, Learnt, LearntMut, Noise, Shapes, Step};
 use std::sync::Arc;
 use wm_scene::{Camera, Rasterization, Splats, sh};
@@ -257,9 +256,7 @@ impl ForwardConfig {
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
         splats.check()?;
-        if splats.len() > MAX_SPLATS {
-            return Err(RenderError::TooMany(splats.len()));
-        }
+        check_count(splats.len())?;
         self.check_view(splats.sh_degree, camera, frame)
     }
 

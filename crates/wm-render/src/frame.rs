@@ -57,6 +57,10 @@ pub struct Frame {
 /// Channels of [`Frame::front`].
 pub const FRONT: usize = 5;
 
+/// Channels of the arrays of a [`Frame`]: colour, alpha, depth, median depth, normal, particles,
+/// what is before a surface.
+pub(crate) const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
+
 /// The arrays of a [`Frame`] that are filled, beside alpha, which always is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arrays {
@@ -80,7 +84,29 @@ pub(crate) fn splat_name(index: u32) -> f32 {
 /// Coverage below which depth and normal are noise and given as 0: one step of 8 bits.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
+impl Arrays {
+    /// Returns the channels of each array, in the order of [`CHANNELS`]; 0 of those that are not
+    /// there.
+    fn each(self) -> [usize; 7] {
+        let Self { rgb, depth, median_depth, normal, particles, front } = self;
+        let wanted = [rgb, true, depth, median_depth, normal, particles, front];
+        std::array::from_fn(|array| if wanted[array] { CHANNELS[array] } else { 0 })
+    }
+
+    /// Returns the numbers of a pixel.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn channels(self) -> usize {
+        self.each().iter().sum()
+    }
+}
+
 impl Frame {
+    /// Returns all arrays, in the order of [`CHANNELS`].
+    pub(crate) fn arrays_mut(&mut self) -> [&mut Vec<f32>; 7] {
+        let Self { rgb, alpha, depth, median_depth, normal, particles, front, .. } = self;
+        [rgb, alpha, depth, median_depth, normal, particles, front]
+    }
+
     /// Sizes the arrays for a picture; memory that fits is kept with what is in it.
     ///
     /// # Errors
@@ -93,16 +119,8 @@ impl Frame {
         arrays: Arrays,
     ) -> Result<(), RenderError> {
         let pixels = width as usize * height as usize;
-        for (array, wanted, channels) in [
-            (&mut self.rgb, arrays.rgb, 3),
-            (&mut self.alpha, true, 1),
-            (&mut self.depth, arrays.depth, 1),
-            (&mut self.median_depth, arrays.median_depth, 1),
-            (&mut self.normal, arrays.normal, 3),
-            (&mut self.particles, arrays.particles, 4),
-            (&mut self.front, arrays.front, FRONT),
-        ] {
-            let length = if wanted { pixels * channels } else { 0 };
+        for (array, channels) in self.arrays_mut().into_iter().zip(arrays.each()) {
+            let length = pixels * channels;
             if array.len() != length {
                 array.clear();
                 array.try_reserve_exact(length).map_err(|_| RenderError::Memory { width, height })?;

@@ -4,8 +4,9 @@ use crate::config::SetId;
 use crate::cpu::model::{Cluster, SplatGroup};
 use crate::error::RenderError;
 use crate::frame::Frame;
-use crate::plan::{DrawPass, FramePlan, Pictures};
+use crate::plan::{DrawPass, FramePlan, Pictures, SetView, SplatSource};
 use crate::sizes::{CLUSTER, GROUP, GROUPS};
+use crate::stages::intersect::MAX_SPLATS;
 use serde::Serialize;
 use std::future::Future;
 use std::ops::{Add, AddAssign};
@@ -129,10 +130,32 @@ impl<M> Models<M> {
         }
     }
 
-    /// Returns a loaded set.
-    pub(crate) fn get(&self, set: SetId) -> Result<&M, RenderError> {
-        self.0.get(set.0).and_then(Option::as_ref).ok_or(RenderError::UnknownSet(set.0))
+    /// Returns the set that a view draws: a loaded one, or `own`, which was made for the pass.
+    pub(crate) fn drawn<'a>(&'a self, view: &SetView<'_>, own: Option<&'a M>) -> Result<&'a M, RenderError> {
+        match view.splats {
+            SplatSource::Loaded(SetId(set)) => {
+                self.0.get(set).and_then(Option::as_ref).ok_or(RenderError::UnknownSet(set))
+            }
+            SplatSource::Transient(_) => Ok(own.expect("it was made for this pass")),
+        }
     }
+}
+
+/// Makes the sets of a pass that are not loaded; an element for each set.
+pub(crate) fn transient<M, E>(
+    pass: &DrawPass<'_>,
+    load: impl Fn(&Splats) -> Result<M, E>,
+) -> Result<Vec<Option<M>>, E> {
+    let made = pass.sets.iter().map(|view| match view.splats {
+        SplatSource::Loaded(_) => Ok(None),
+        SplatSource::Transient(splats) => load(splats).map(Some),
+    });
+    made.collect()
+}
+
+/// Checks that so many splats can be drawn together.
+pub(crate) fn check_count(splats: usize) -> Result<(), RenderError> {
+    if splats > MAX_SPLATS { Err(RenderError::TooMany(splats)) } else { Ok(()) }
 }
 
 /// The counts and times of one or more renders. Times are summed over threads, in seconds.
@@ -194,51 +217,36 @@ impl DeviceWork {
     }
 }
 
-impl AddAssign for DeviceWork {
-    fn add_assign(&mut self, other: Self) {
-        let Self { dispatches, submissions, sent, returned } = other;
-        self.dispatches += dispatches;
-        self.submissions += submissions;
-        self.sent += sent;
-        self.returned += returned;
-    }
+/// Adds structures field by field.
+macro_rules! add_fields {
+    ($name:ident { $($field:ident),* $(,)? }) => {
+        impl AddAssign for $name {
+            fn add_assign(&mut self, other: Self) {
+                // Whole, so that a field cannot be forgotten.
+                let Self { $($field),* } = other;
+                $(self.$field += $field;)*
+            }
+        }
+    };
 }
 
-impl AddAssign for Stats {
-    fn add_assign(&mut self, other: Self) {
-        // Whole, so that a field cannot be forgotten.
-        let Self {
-            visible,
-            intersections,
-            evaluated_pairs,
-            particles,
-            project,
-            medium,
-            intersect,
-            sort,
-            rasterize,
-            fall,
-            gather,
-            composite,
-            wall,
-            device,
-        } = other;
-        self.visible += visible;
-        self.intersections += intersections;
-        self.evaluated_pairs += evaluated_pairs;
-        self.particles += particles;
-        self.project += project;
-        self.medium += medium;
-        self.intersect += intersect;
-        self.sort += sort;
-        self.rasterize += rasterize;
-        self.fall += fall;
-        self.gather += gather;
-        self.composite += composite;
-        self.wall += wall;
-        self.device += device;
-    }
-}
+add_fields!(DeviceWork { dispatches, submissions, sent, returned });
+add_fields!(Stats {
+    visible,
+    intersections,
+    evaluated_pairs,
+    particles,
+    project,
+    medium,
+    intersect,
+    sort,
+    rasterize,
+    fall,
+    gather,
+    composite,
+    wall,
+    device,
+});
 
 impl Add for Stats {
     type Output = Self;

@@ -3,7 +3,7 @@
 //!
 //! `cargo run --release -p wm-train --example simulate_prior -- DATASET OUT [--blur 0.006] [--wave 0.05] [--noise 0.005] [--seed 0]`
 //!
-//! Of each `DATASET/truth/depth/NAME.npy` an `OUT/NAME.npy`: `scale (1 / z + shift)`, each photo
+//! Makes `OUT/NAME.npy` of each `DATASET/truth/depth/NAME.npy`: `scale (1 / z + shift)`, each photo
 //! with its own scale (0.1 to 10, log-uniform) and shift (within half of the median of 1 / z,
 //! either way). Before that the sky is 0, edges are blurred (Gaussian, `blur` of the width), and 1
 //! / z is off by `wave` over stretches of a sixth of the picture and by `noise` from pixel to pixel

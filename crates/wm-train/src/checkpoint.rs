@@ -249,9 +249,9 @@ pub(crate) fn hash(sum: u64, bytes: &[u8]) -> u64 {
 }
 
 /// Writes and updates the checksum.
-struct Summed<'a> {
-    inner: &'a mut dyn Write,
-    sum: u64,
+pub(crate) struct Summed<'a> {
+    pub(crate) inner: &'a mut dyn Write,
+    pub(crate) sum: u64,
 }
 
 impl Write for Summed<'_> {

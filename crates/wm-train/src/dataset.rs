@@ -60,7 +60,7 @@ impl DatasetReadOptions {
     /// Reads the cameras and points of the data set in a folder.
     ///
     /// # Errors
-    /// Those of [`capture::read`].
+    /// As [`capture::read`] has them.
     pub fn capture(&self, dataset: &Path) -> Result<Capture, FormatError> {
         let Self { images, masks, model, originals, .. } = self.clone();
         capture::read(dataset, &CaptureOptions { images, model, masks, originals })

@@ -67,7 +67,7 @@ pub(crate) fn fill(
                 if !taken.insert(Cell::of(at, distance(z))) {
                     continue;
                 }
-                let shown = photo.at_share([x / width as f64, y / height as f64]);
+                let shown = photo.at_share(x / width as f64, y / height as f64);
                 let kept = |haze: &PhotoHaze| haze.transmittance(camera.center().distance(at));
                 let color = haze.map_or(shown, |haze| haze.clear_color(shown, kept(haze)));
                 fresh.push((at.to_array(), color));

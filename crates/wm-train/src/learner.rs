@@ -219,8 +219,8 @@ mod tests {
     use crate::densify::mcmc::McmcConfig;
     use crate::densify::{DensifyStrategy, DensifyTime};
     use crate::random::Purpose;
-    use wm_render::testing::{Backend, fallible_differentiable, random_splats, small_gpu, uniform};
-    use wm_render::{CpuConfig, GpuDifferentiable};
+    use wm_render::GpuDifferentiable;
+    use wm_render::testing::{Backend, fallible_differentiable, random_splats, small_gpu, threads, uniform};
     use wm_scene::Group;
 
     /// Splats with something known of each number of theirs.
@@ -273,12 +273,11 @@ mod tests {
             ("control", &|population| control.apply(&at(3000, 5.0), population)),
         ];
         for (degree, most_binding) in [(2, 100_000_000), (2, 300_000), (0, 90_000)] {
-            let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
             let gpu = small_gpu(most_binding);
             for (name, change) in &changes {
                 let mut wanted = population(degree);
                 let mut found = wanted.clone();
-                let renderer = GpuDifferentiable::new(gpu.clone(), run).unwrap();
+                let renderer = GpuDifferentiable::new(gpu.clone(), threads(2)).unwrap();
                 let mut learner = Learner::new(Box::new(renderer));
                 // Twice: the second time of what was moved.
                 for round in 0..2 {

@@ -37,8 +37,8 @@
 //! Modules, from photos to scores:
 //! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]:
 //!   cameras of plain photos; [`video`]: photos out of a video.
-//! - [`wm_image::maps`]: depth, normals and masks of photos in files; [`priors`]: the same, fitted to the
-//!   scene before a training.
+//! - [`wm_image::maps`]: depth, normals and masks of photos in files; [`priors`]: the same, fitted
+//!   to the scene before a training.
 //! - [`config`], [`plan`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`blocks`]: trainings of the parts of a large place, and their join.
 //! - [`evaluation`], [`metrics`]: scores against photos and ground truth.

@@ -100,13 +100,13 @@ struct PointDetail {
 /// Damaged photos are not judged.
 pub(crate) fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<(usize, PhotoDefect)> {
     let seen = seen_points(capture, photos, places);
-    let of = |(place, seen): (&usize, Vec<u32>)| {
-        let get = |side: u32| photos.get(*place, photos.level_within(*place, side)).ok();
-        let shown = get(MAX_SIDES_PX[0]).map_or(Vec::new(), |photo| shown_points(capture, &photo, &seen));
+    let of = |place: usize, seen: &[u32]| {
+        let get = |side: u32| photos.get(place, photos.level_within(place, side)).ok();
+        let shown = get(MAX_SIDES_PX[0]).map_or(Vec::new(), |photo| shown_points(capture, &photo, seen));
         (shown, get(MAX_SIDES_PX[1]).map_or([0.0; 2], |photo| clipped(&photo)))
     };
     let (shown, clipped): (Vec<Vec<PointDetail>>, Vec<[f64; 2]>) =
-        places.par_iter().zip(seen).map(of).unzip();
+        places.par_iter().zip(&seen).map(|(place, seen)| of(*place, seen)).unzip();
     let usual = [0, 1].map(|k| median(clipped.iter().map(|shares| shares[k]).collect()).unwrap_or(0.0));
     let details = details(&shown, capture.points.len());
     let defect = |index: usize| {

@@ -1,5 +1,7 @@
 use super::*;
-use crate::testing::{self, Files, Named, gap, noise, npy, pth, safetensors, said, with_header};
+use crate::testing::{
+    self, Files, Named, gap, index, noise, npy, on_threads, pth, safetensors, said, with_header,
+};
 use std::path::Path;
 use std::sync::LazyLock;
 
@@ -56,10 +58,7 @@ fn embeddings_are_those_of_the_reference() {
 #[test]
 fn threads_do_not_change_the_result() {
     let (levels, width) = photo("wide");
-    let on = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| NETWORK.embed(&levels, width)).unwrap()
-    };
+    let on = |threads| on_threads(threads, || NETWORK.embed(&levels, width)).unwrap();
     assert_eq!([on(2), on(5)], [on(1), on(1)]);
 }
 
@@ -84,10 +83,6 @@ fn refused(change: impl FnOnce(&mut Vec<Named>)) -> String {
     let (files, mut tensors) = (Files::new(), tensors());
     change(&mut tensors);
     said(Clip::read(&[files.put("x.safetensors", safetensors(&tensors))]))
-}
-
-fn index(tensors: &[Named], name: &str) -> usize {
-    tensors.iter().position(|tensor| tensor.0 == name).unwrap()
 }
 
 #[test]

@@ -7,7 +7,7 @@
 
 use super::model::{DisparityError, MAX_ASPECT_RATIO, PATCH};
 use crate::ops::Image;
-use crate::pillow::resized;
+use crate::pillow;
 use rayon::prelude::*;
 
 /// Mean and deviation of ImageNet, red, green, blue.
@@ -38,11 +38,7 @@ pub(crate) fn size(width: usize, height: usize, side: usize) -> Result<(usize, u
 /// is clamped, NaN is 0.
 pub(crate) fn normalized(rgb: &[f32], width: usize, height: usize, to: (usize, usize)) -> Image {
     let levels: Vec<u8> = rgb.par_iter().map(|value| (255.0 * value).round() as u8).collect();
-    let levels = resized(levels, width, height, to);
-    let tables: [[f32; 256]; 3] = std::array::from_fn(|lane| {
-        std::array::from_fn(|level| ((level as f64 * (1.0 / 255.0)) as f32 - MEAN[lane]) / DEVIATION[lane])
-    });
-    let value = |(index, level): (usize, &u8)| tables[index % 3][usize::from(*level)];
-    let values = levels.par_iter().enumerate().map(value).collect();
-    Image { values, width: to.0, height: to.1, channels: 3 }
+    let levels = pillow::resized(levels, width, height, to);
+    let share = |level| (level as f64 * (1.0 / 255.0)) as f32;
+    pillow::normalized(&levels, to, share, MEAN, DEVIATION)
 }

@@ -3,7 +3,7 @@
 
 use super::model::{ModelSize, PATCH, Version};
 use super::network::{Backbone, Fusion, Head, Network, ResidualUnit};
-use crate::ops::{Activation, Convolution, Enlarge, Image, Linear, Norm, numbers};
+use crate::ops::{Activation, Convolution, Enlarge, Linear, Norm, numbers};
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Weights, WeightsError};
 use serde_json::Value;
@@ -52,18 +52,10 @@ impl Architecture {
             .into_iter()
             .find(|naming| weights.shape(&naming.patches("weight")).is_some())
             .ok_or_else(|| weights.refuse("no tensors of Depth Anything".into()))?;
-        let length = |name: String, axis: usize| {
-            let shape = weights.shape(&name).ok_or_else(|| weights.refuse(format!("no tensor {name}")))?;
-            // An empty tensor may claim any side.
-            let length = shape.get(axis).filter(|length| (1..=1 << 16).contains(*length)).copied();
-            length.ok_or_else(|| weights.refuse(format!("tensor {name} has shape {shape:?}")))
-        };
-        let of = |name: &str, axis: usize| length(naming.name(name), axis);
-        let channels = length(naming.patches("weight"), 0)?;
-        let is_there = |block: &usize| weights.shape(&naming.block(*block, "norm1.weight")).is_some();
-        // The largest published one has 40; one that is missing between others is named when it is
-        // read.
-        let blocks = (0..64).rev().find(is_there).map_or(0, |last| last + 1);
+        let of = |name: &str, axis: usize| weights.length(&naming.name(name), axis, 1 << 16);
+        let channels = weights.length(&naming.patches("weight"), 0, 1 << 16)?;
+        // The largest published one has 40.
+        let blocks = weights.blocks(|block| naming.block(block, "norm1.weight"));
         let heads = match config.heads {
             Some(heads) if heads > 0 && channels % heads == 0 => heads,
             None if channels % Self::HEAD_CHANNELS == 0 => channels / Self::HEAD_CHANNELS,
@@ -264,9 +256,7 @@ impl Reader<'_> {
 
     /// Reads a linear layer by its name and the shape of its weight.
     fn linear(&mut self, name: &str, shape: &[usize]) -> Read<Linear> {
-        let weight = self.tensor(&format!("{name}.weight"), shape)?;
-        let bias = self.tensor(&format!("{name}.bias"), &shape[..1])?;
-        Ok(Linear::new(weight, Some(bias), shape[1..].iter().product()))
+        Linear::read(name, shape, &mut |name, shape| self.tensor(name, shape))
     }
 
     fn convolution(&mut self, name: &str, to: usize, from: usize, stride: usize) -> Read<Convolution> {
@@ -281,18 +271,11 @@ impl Reader<'_> {
         let bias = self.exact(&self.architecture.naming.patches("bias"), &[channels])?;
         let class = self.tensor("backbone.embeddings.cls_token", &[1, 1, channels])?;
         let name = "backbone.embeddings.position_embeddings";
-        let mut class_position = self.tensor(name, &[1, 1 + grid * grid, channels])?;
-        let positions = class_position.split_off(channels);
+        let positions = self.tensor(name, &[1, 1 + grid * grid, channels])?;
+        let embedding = Embedding::new(&weight, Some(bias), PATCH, class, positions, grid);
         let blocks = (0..self.architecture.blocks).map(|index| self.block(index)).collect::<Read<_>>()?;
         let norm =
             Norm::read("backbone.layernorm", channels, EPSILON, &mut |name, shape| self.tensor(name, shape))?;
-        let embedding = Embedding {
-            patches: Linear::new(Embedding::filters(&weight, PATCH), Some(bias), 3 * PATCH * PATCH),
-            side: PATCH,
-            class,
-            class_position,
-            positions: Image { values: positions, width: grid, height: grid, channels },
-        };
         Ok(Backbone { embedding, blocks, norm, heads, taps: self.architecture.taps(version) })
     }
 

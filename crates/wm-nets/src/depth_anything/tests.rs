@@ -1,5 +1,7 @@
 use super::*;
-use crate::testing::{self, Files, Named, gap, noise, pth, safetensors, said, with_header};
+use crate::testing::{
+    self, Files, Named, gap, index, noise, on_threads, pth, safetensors, said, with_header,
+};
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -78,10 +80,7 @@ fn disparity_is_that_of_the_reference() {
 #[test]
 fn threads_do_not_change_the_result() {
     let (rgb, width) = photo("wide");
-    let on = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| NETWORKS[1].predict(&rgb, width)).unwrap()
-    };
+    let on = |threads| on_threads(threads, || NETWORKS[1].predict(&rgb, width)).unwrap();
     let one = on(1);
     for threads in [2, 3, 7] {
         assert!(on(threads) == one, "{threads} threads");
@@ -132,9 +131,8 @@ fn original(tensors: &[Named]) -> Vec<Named> {
         }
     }
     let of = |name: &str| tensors.iter().find(|tensor| tensor.0 == name);
-    let rename =
-        |(theirs, own): &(String, String)| of(theirs).map(|t| (own.clone(), t.1.clone(), t.2.clone()));
-    let mut named: Vec<Named> = pairs.iter().filter_map(rename).collect();
+    let rename = |theirs: &str, own: &str| of(theirs).map(|t| (own.to_owned(), t.1.clone(), t.2.clone()));
+    let mut named: Vec<Named> = pairs.iter().filter_map(|(theirs, own)| rename(theirs, own)).collect();
     for i in 0..12 {
         for part in ["weight", "bias"] {
             let name = |which| format!("backbone.encoder.layer.{i}.attention.attention.{which}.{part}");
@@ -211,10 +209,6 @@ fn refused(change: impl FnOnce(&mut Vec<Named>)) -> String {
     let (files, mut tensors) = (folder(), tensors_of_v2());
     change(&mut tensors);
     said(DepthAnything::read(&[files.put("x.safetensors", safetensors(&tensors))], Version::V2))
-}
-
-fn index(tensors: &[Named], name: &str) -> usize {
-    tensors.iter().position(|tensor| tensor.0 == name).unwrap()
 }
 
 #[test]

@@ -1,17 +1,18 @@
 use super::*;
-use crate::testing::{Files, Named, noise, pth, safetensors};
+use crate::testing::{Files, Named, noise, on_threads, pth, safetensors};
 use std::sync::LazyLock;
 
 /// Weights that neither kill nor blow up what goes through: stream 3 i of [`noise`] times
 /// `sqrt(6 / (in k k))` for the weights of convolution i, stream 3 i + 1 times 0.1 for its biases,
 /// stream 3 i + 2 in 0-1 for its head.
 fn made_up() -> Vec<Named> {
-    let stream = |stream: usize, (name, shape): (String, Vec<usize>), value: &dyn Fn(f64) -> f64| {
+    let stream = |stream: usize, tensor: (String, Vec<usize>), value: &dyn Fn(f64) -> f64| {
+        let (name, shape) = tensor;
         let count = shape.iter().product::<usize>() as u64;
         let values = (0..count).map(|index| value(noise(stream as u64, index)) as f32).collect();
         (name, shape, values)
     };
-    let layer = |(i, layer): (usize, &Layer)| {
+    let layer = |i: usize, layer: &Layer| {
         let scale = (6.0 / (layer.channels.0 * layer.kernel * layer.kernel) as f64).sqrt();
         [
             stream(3 * i, layer.weight(), &|v| v * scale),
@@ -19,7 +20,7 @@ fn made_up() -> Vec<Named> {
             stream(3 * i + 2, layer.head(i), &|v| 0.5 + 0.5 * v),
         ]
     };
-    LAYERS.iter().enumerate().flat_map(layer).collect()
+    LAYERS.iter().enumerate().flat_map(|(i, of)| layer(i, of)).collect()
 }
 
 static WEIGHTS: LazyLock<Vec<Named>> = LazyLock::new(made_up);
@@ -121,10 +122,7 @@ fn what_is_masked_does_not_count() {
 fn threads_do_not_change_the_result() {
     let size = (150, 90);
     let (x, y) = (picture(100, size), picture(110, size));
-    let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| NETWORK.distance(&x, &y, None, size.0))
-    };
+    let with = |threads| on_threads(threads, || NETWORK.distance(&x, &y, None, size.0));
     let one = with(1);
     assert_eq!([with(2), with(5)], [one; 2]);
 }

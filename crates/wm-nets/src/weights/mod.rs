@@ -16,6 +16,7 @@ mod tests;
 
 pub use licence::Licence;
 
+use crate::ops::numbers;
 use candle_core::{DType, Device, Tensor};
 use std::collections::HashMap;
 use std::fs::File;
@@ -161,6 +162,22 @@ impl Weights {
         self.files.iter().find_map(|file| file.entries.get(name)).map(|entry| &entry.shape[..])
     }
 
+    /// Returns the length of a side of a tensor, of 1 to `most`: an empty tensor may claim any.
+    ///
+    /// # Errors
+    /// [`WeightsError`] if there is no such tensor, or the side has another length.
+    pub(crate) fn length(&self, name: &str, axis: usize, most: usize) -> Result<usize, WeightsError> {
+        let shape = self.shape(name).ok_or_else(|| self.refuse(format!("no tensor {name}")))?;
+        let length = shape.get(axis).filter(|length| (1..=most).contains(*length)).copied();
+        length.ok_or_else(|| self.refuse(format!("tensor {name} has shape {shape:?}")))
+    }
+
+    /// Returns the number of blocks, up to 64, of which `name` names a tensor. One that is missing
+    /// between others is reported when it is read.
+    pub(crate) fn blocks(&self, name: impl Fn(usize) -> String) -> usize {
+        (0..64).rev().find(|block| self.shape(&name(*block)).is_some()).map_or(0, |last| last + 1)
+    }
+
     /// Returns an error about all files: the shapes of their tensors are of another network.
     pub(crate) fn refuse(&self, what: String) -> WeightsError {
         let files = self.files.iter().map(|file| file.path.clone()).collect();
@@ -237,8 +254,7 @@ fn load(
     let tensor = Tensor::from_raw_buffer(&bytes, dtype, shape, &Device::Cpu)
         .and_then(|tensor| tensor.to_dtype(DType::F32))
         .expect("as many bytes as the shape takes");
-    let values = tensor.flatten_all().and_then(|flat| flat.to_vec1::<f32>()).expect("numbers that are f32");
-    if !values.iter().all(|value| value.is_finite()) {
+    if !numbers(&tensor).iter().all(|value| value.is_finite()) {
         return Err(WeightsFault::NotFinite(name.into()));
     }
     Ok(tensor)

@@ -201,11 +201,11 @@ impl Machine {
         let Value::Dict(items) = &self.values[top] else {
             return Err(WeightsFault::NoTensors("its data.pkl holds no tensors by name"));
         };
-        let tensor = |(key, value): &(Id, Id)| match &self.values[*key] {
-            Value::Text(name) => Some((name.clone(), self.tensor(*value)?)),
+        let tensor = |key: Id, value: Id| match &self.values[key] {
+            Value::Text(name) => Some((name.clone(), self.tensor(value)?)),
             _ => None,
         };
-        Ok(items.iter().filter_map(tensor).collect())
+        Ok(items.iter().filter_map(|(key, value)| tensor(*key, *value)).collect())
     }
 
     /// One instruction; `None` if something that it needs is not there, false if it is none of

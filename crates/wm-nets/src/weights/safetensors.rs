@@ -27,7 +27,7 @@ pub(crate) fn entries(file: &mut File, length: u64) -> Result<HashMap<String, En
     if whole != Some(length) {
         return Err(damaged(&format_args!("{} bytes of numbers in a file of {length}", metadata.data_len())));
     }
-    let entry = |(name, info): (String, &safetensors::tensor::TensorInfo)| {
+    let entry = |info: &safetensors::tensor::TensorInfo| {
         let kind = match info.dtype {
             Dtype::F16 => Ok(DType::F16),
             Dtype::BF16 => Ok(DType::BF16),
@@ -37,7 +37,7 @@ pub(crate) fn entries(file: &mut File, length: u64) -> Result<HashMap<String, En
         };
         let (from, to) = info.data_offsets;
         let (offset, bytes) = (start + from as u64, (to - from) as u64);
-        (name, Entry { kind, shape: info.shape.clone(), offset, bytes })
+        Entry { kind, shape: info.shape.clone(), offset, bytes }
     };
-    Ok(metadata.tensors().into_iter().map(entry).collect())
+    Ok(metadata.tensors().into_iter().map(|(name, info)| (name, entry(info))).collect())
 }

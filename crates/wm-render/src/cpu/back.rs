@@ -2,7 +2,7 @@
 
 use crate::config::{Geometry, MedianDepth, ParticlePass};
 use crate::dispatch;
-use crate::frame::{Arrays, Frame};
+use crate::frame::{Arrays, CHANNELS, Frame};
 use crate::hooks::PATCH;
 use crate::plan::DrawPass;
 use crate::renderer::{Stats, WEIGHT_UNITS};
@@ -10,7 +10,7 @@ use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid, record_of};
 use crate::stages::project::Record;
-use crate::stages::rasterize::cpu::{BlendScratch, PatchSums, Surface, blend_tile};
+use crate::stages::rasterize::cpu::{BlendScratch, PatchSums, blend_tile};
 use crate::stages::sort::cpu::sort;
 use rayon::prelude::*;
 use std::ops::Add;
@@ -19,7 +19,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use web_time::Instant;
 
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
-pub(crate) const RUN: usize = 4;
+const RUN: usize = 4;
 
 /// The sums that are blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +79,10 @@ pub(crate) struct Back<'a> {
     pub(crate) grid: TileGrid,
     /// Width and height of the picture, px.
     pub(crate) size: (usize, usize),
-    pub(crate) features: Features,
+    /// Number of blended sums: 3, 4, 7, or 1, see
+    /// [`Channels::Depth`](crate::differentiable::Channels).
+    pub(crate) sums: usize,
+    pub(crate) median: MedianDepth,
     pub(crate) composite: Composite<'a>,
     /// View z of the surface that splits the blend ([`DrawPass::surface`]), `[H, W]`.
     pub(crate) surface: Option<&'a [f32]>,
@@ -89,15 +92,31 @@ pub(crate) struct Back<'a> {
 /// Working memory of one thread, kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Worker {
-    pub(crate) scratch: BlendScratch,
-    pub(crate) pixels: PatchPixels,
-    pub(crate) keys: Vec<u64>,
-    pub(crate) sort_scratch: Vec<u64>,
+    scratch: BlendScratch,
+    pixels: PatchPixels,
+    keys: Vec<u64>,
+    sort_scratch: Vec<u64>,
+}
+
+/// The place of a tile's results beside the picture.
+pub(crate) trait Keep: Send {
+    /// Takes the sorted keys of the tile, which `list` holds unsorted.
+    fn keys(&mut self, keys: &mut [u64], list: &[AtomicU64]);
+
+    /// Takes the sums of a patch before its pixels are made.
+    fn sums(&mut self, patch: usize, sums: &mut PatchSums);
+}
+
+/// Keeps nothing.
+impl Keep for () {
+    fn keys(&mut self, _: &mut [u64], _: &[AtomicU64]) {}
+
+    fn sums(&mut self, _: usize, _: &mut PatchSums) {}
 }
 
 impl Worker {
     /// Reads the list of a tile and sorts it.
-    pub(crate) fn sort(&mut self, list: &[AtomicU64]) {
+    fn sort(&mut self, list: &[AtomicU64]) {
         self.keys.clear();
         self.keys.extend(list.iter().map(|key| key.load(Ordering::Relaxed)));
         sort(&mut self.keys, &mut self.sort_scratch);
@@ -111,26 +130,32 @@ pub(crate) fn own<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
 }
 
 impl Back<'_> {
-    /// Renders all tiles into `frame` and adds counts and times to `stats`.
-    pub(crate) fn run(&self, frame: &mut Frame, stats: &mut Stats) {
-        let width = frame.width as usize;
-        let bands = bands(frame, width);
-        let done = bands
+    /// Renders all tiles into `frame` and adds counts and times to `stats`; `kept` has an element
+    /// for each tile.
+    pub(crate) fn run<K: Keep>(&self, kept: &mut [K], frame: &mut Frame, stats: &mut Stats) {
+        let done = bands(frame)
             .into_par_iter()
+            .zip(kept.par_chunks_mut(self.grid.columns as usize))
             .enumerate()
-            .flat_map_iter(|(band, rows)| runs(rows).into_iter().enumerate().map(move |run| (band, run)))
-            .map(|(band, (run, mut rows))| {
+            .flat_map_iter(|(band, (rows, kept))| {
+                runs(rows).into_iter().zip(kept.chunks_mut(RUN)).enumerate().map(move |run| (band, run))
+            })
+            .map(|(band, (run, (mut rows, kept)))| {
                 let mut stats = Stats::default();
                 let mut worker = own(self.workers);
-                let first = run * RUN;
-                let last = (first + RUN).min(self.grid.columns as usize);
-                for column in first..last {
-                    self.tile(&mut worker, (column, band), (column - first) * TILE, &mut rows, &mut stats);
+                for (i, kept) in kept.iter_mut().enumerate() {
+                    let tile = (run * RUN + i, band);
+                    self.tile(&mut worker, tile, i * TILE, kept, &mut rows, &mut stats);
                 }
                 stats
             })
             .reduce(Stats::default, Stats::add);
         *stats += done;
+    }
+
+    /// Returns the unsorted list of a tile.
+    fn list(&self, index: usize) -> &[AtomicU64] {
+        &self.keys[self.bounds[index] as usize..self.bounds[index + 1] as usize]
     }
 
     /// Adds the weights of all records to `weights`, one per record, in [`WEIGHT_UNITS`]: integers,
@@ -139,12 +164,11 @@ impl Back<'_> {
         (0..self.grid.tiles()).into_par_iter().with_min_len(RUN).for_each(|index| {
             let columns = self.grid.columns as usize;
             let tile = (index % columns, index / columns);
-            let list = &self.keys[self.bounds[index] as usize..self.bounds[index + 1] as usize];
             let mut worker = own(self.workers);
-            worker.sort(list);
+            worker.sort(self.list(index));
             let Worker { scratch, keys, .. } = &mut *worker;
             let (left, top) = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
-            let inside = inside(tile.0, tile.1, self.size.0, self.size.1);
+            let inside = inside(tile, self.size);
             scratch.weighed = (self.size.0 - tile.0 * TILE, self.size.1 - tile.1 * TILE);
             dispatch!(self.path, s => blend_tile::<_, 1, false, false, true>(s, self.records, keys, left, top, inside, scratch));
             for (key, weight) in keys.iter().zip(&scratch.weights) {
@@ -156,148 +180,123 @@ impl Back<'_> {
         });
     }
 
-    fn tile(
+    fn tile<K: Keep>(
         &self,
         worker: &mut Worker,
         tile: (usize, usize),
         offset: usize,
+        kept: &mut K,
         rows: &mut OutputRows<'_>,
         stats: &mut Stats,
     ) {
         let begun = Instant::now();
-        let index = tile.1 * self.grid.columns as usize + tile.0;
-        let list = &self.keys[self.bounds[index] as usize..self.bounds[index + 1] as usize];
+        let list = self.list(tile.1 * self.grid.columns as usize + tile.0);
         worker.sort(list);
+        kept.keys(&mut worker.keys, list);
         let sorted = Instant::now();
-        let inside = inside(tile.0, tile.1, self.size.0, self.size.1);
-        let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
-        stats.evaluated_pairs += blend(
-            self.path,
-            self.features.count(),
-            self.features.median,
-            self.records,
-            keys,
-            tile,
-            inside,
-            self.surface.map(|z| (z, self.size)),
-            scratch,
-        );
+        let inside = inside(tile, self.size);
+        stats.evaluated_pairs += self.blend(&worker.keys, tile, inside, &mut worker.scratch);
         let blended = Instant::now();
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
-            let sums = &worker.scratch.patches[patch];
-            finish(self.narrow, &self.composite, sums, tile, patch, &mut worker.pixels, offset, rows);
+            let sums = &mut worker.scratch.patches[patch];
+            kept.sums(patch, sums);
+            self.finish(sums, tile, patch, &mut worker.pixels, offset, rows);
         }
         stats.sort += (sorted - begun).as_secs_f64();
         stats.rasterize += (blended - sorted).as_secs_f64();
         stats.composite += blended.elapsed().as_secs_f64();
     }
-}
 
-/// Blends one tile with `features` sums (3, 4, 7, or 1: see
-/// [`Channels::Depth`](crate::differentiable::Channels)) and perhaps the median depth. One function
-/// for all callers, since every form of it is compiled for every path.
-#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
-pub(crate) fn blend(
-    path: SimdPath,
-    features: usize,
-    median: MedianDepth,
-    records: &[Record],
-    keys: &[u64],
-    tile: (usize, usize),
-    inside: u32,
-    surface: Option<Surface<'_>>,
-    scratch: &mut BlendScratch,
-) -> u64 {
-    let (left, top) = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
-    macro_rules! blend {
-        ($features:literal, $median:literal) => {
-            blend!($features, $median, false)
-        };
-        ($features:literal, $median:literal, $split:literal) => {
-            dispatch!(path, s => blend_tile::<_, $features, $median, $split, false>(s, records, keys, left, top, inside, scratch))
-        };
-    }
-    if let Some(surface) = surface {
-        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
-            let (column, row) = (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
-            scratch.patches[patch].set_surface(path.lanes(), surface, column, row);
+    /// Blends one tile. No generic function, since every form of the kernel is compiled for every
+    /// path.
+    fn blend(&self, keys: &[u64], tile: (usize, usize), inside: u32, scratch: &mut BlendScratch) -> u64 {
+        let (left, top) = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
+        macro_rules! blend {
+            ($sums:literal, $median:literal) => {
+                blend!($sums, $median, false)
+            };
+            ($sums:literal, $median:literal, $split:literal) => {
+                dispatch!(self.path, s => blend_tile::<_, $sums, $median, $split, false>(s, self.records, keys, left, top, inside, scratch))
+            };
         }
-        return match (features, median) {
-            (4, MedianDepth::Off) => blend!(4, false, true),
-            (4, _) => blend!(4, true, true),
-            (_, MedianDepth::Off) => blend!(7, false, true),
-            _ => blend!(7, true, true),
-        };
+        if let Some(depth) = self.surface {
+            for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+                let (column, row) = (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
+                scratch.patches[patch].set_surface(self.path.lanes(), (depth, self.size), column, row);
+            }
+            return match (self.sums, self.median) {
+                (4, MedianDepth::Off) => blend!(4, false, true),
+                (4, _) => blend!(4, true, true),
+                (_, MedianDepth::Off) => blend!(7, false, true),
+                _ => blend!(7, true, true),
+            };
+        }
+        match (self.sums, self.median) {
+            (1, _) => blend!(1, false),
+            (3, MedianDepth::Off) => blend!(3, false),
+            (3, _) => blend!(3, true),
+            (4, MedianDepth::Off) => blend!(4, false),
+            (4, _) => blend!(4, true),
+            (_, MedianDepth::Off) => blend!(7, false),
+            _ => blend!(7, true),
+        }
     }
-    match (features, median) {
-        (1, _) => blend!(1, false),
-        (3, MedianDepth::Off) => blend!(3, false),
-        (3, _) => blend!(3, true),
-        (4, MedianDepth::Off) => blend!(4, false),
-        (4, _) => blend!(4, true),
-        (_, MedianDepth::Off) => blend!(7, false),
-        _ => blend!(7, true),
+
+    /// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile
+    /// begins at column `offset`. No generic function, like [`Self::blend`].
+    fn finish(
+        &self,
+        sums: &PatchSums,
+        tile: (usize, usize),
+        patch: usize,
+        pixels: &mut PatchPixels,
+        offset: usize,
+        rows: &mut OutputRows<'_>,
+    ) {
+        let (right, down) = (patch % 2, patch / 2);
+        let (column, row) = (2 * tile.0 + right, 2 * tile.1 + down);
+        let corner = (offset + right * PATCH, down * PATCH);
+        let composite = &self.composite;
+        macro_rules! finish {
+            ($lanes:literal) => {
+                dispatch!(self.narrow, s => finish_patch::<_, $lanes>(s, composite, sums, column, row, pixels, corner, rows))
+            };
+        }
+        if self.path.lanes() == 16 { finish!(16) } else { finish!(8) }
     }
 }
 
-/// Returns a bit for each patch of tile `(column, row)` that holds pixels of a picture of `width` x
-/// `height` px.
-pub(crate) fn inside(column: usize, row: usize, width: usize, height: usize) -> u32 {
+/// Returns a bit for each patch of a tile that holds pixels of a picture of so many columns and
+/// rows.
+pub(crate) fn inside(tile: (usize, usize), size: (usize, usize)) -> u32 {
     let within =
-        |patch: usize| (2 * column + patch % 2) * PATCH < width && (2 * row + patch / 2) * PATCH < height;
+        |patch: usize| (2 * tile.0 + patch % 2) * PATCH < size.0 && (2 * tile.1 + patch / 2) * PATCH < size.1;
     (0..PATCHES).map(|patch| u32::from(within(patch)) << patch).sum()
 }
 
-/// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile begins
-/// at column `offset`. `narrow` is the path that moves pixels. One function for all callers, as
-/// [`blend`].
-#[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
-pub(crate) fn finish(
-    narrow: SimdPath,
-    composite: &Composite<'_>,
-    sums: &PatchSums,
-    tile: (usize, usize),
-    patch: usize,
-    pixels: &mut PatchPixels,
-    offset: usize,
-    rows: &mut OutputRows<'_>,
-) {
-    let (right, down) = (patch % 2, patch / 2);
-    let (column, row) = (2 * tile.0 + right, 2 * tile.1 + down);
-    let corner = (offset + right * PATCH, down * PATCH);
-    macro_rules! finish {
-        ($lanes:literal) => {
-            dispatch!(narrow, s => finish_patch::<_, $lanes>(s, composite, sums, column, row, pixels, corner, rows))
-        };
-    }
-    if composite.path.lanes() == 16 { finish!(16) } else { finish!(8) }
-}
-
 /// Splits the rows of a frame into bands of one row of tiles.
-pub(crate) fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
+fn bands(frame: &mut Frame) -> Vec<OutputRows<'_>> {
+    let width = frame.width as usize;
     let count = (frame.height as usize).div_ceil(TILE);
     let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
-    let Frame { rgb, alpha, depth, median_depth, normal, particles, front, .. } = frame;
-    let arrays = [rgb, alpha, depth, median_depth, normal, particles, front];
-    for (k, array) in arrays.into_iter().enumerate() {
-        for (y, row) in array.chunks_mut(width * OutputRows::CHANNELS[k]).enumerate() {
-            bands[y / TILE].array(k).push(row);
+    for (k, array) in frame.arrays_mut().into_iter().enumerate() {
+        for (y, row) in array.chunks_mut(width * CHANNELS[k]).enumerate() {
+            bands[y / TILE][k].push(row);
         }
     }
     bands
 }
 
 /// Splits the rows of a band into runs of tiles.
-pub(crate) fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
+fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
     let mut runs: Vec<OutputRows<'_>> = Vec::new();
-    let mut band = band;
-    for (k, channels) in OutputRows::CHANNELS.into_iter().enumerate() {
-        for row in std::mem::take(band.array(k)) {
-            for (run, part) in row.chunks_mut(RUN * TILE * channels).enumerate() {
+    for (k, rows) in band.into_iter().enumerate() {
+        for row in rows {
+            for (run, part) in row.chunks_mut(RUN * TILE * CHANNELS[k]).enumerate() {
                 if runs.len() <= run {
                     runs.push(OutputRows::default());
                 }
-                runs[run].array(k).push(part);
+                runs[run][k].push(part);
             }
         }
     }

@@ -16,8 +16,8 @@ use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, ProjectedGroup, project_group};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::shade::cpu::{fade_group, relight_group, shade_group, through_air};
+use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::atomic::AtomicU64;
 use web_time::Instant;
 use wm_scene::Rasterization;
 
@@ -27,7 +27,7 @@ pub(crate) struct Unit<'a> {
     attributes: Option<&'a dyn SplatAttributes>,
     clusters: Range<usize>,
     /// The first record of the part among those of the frame.
-    pub(crate) first_record: u32,
+    first_record: u32,
     records: &'a mut [Record],
 }
 
@@ -59,29 +59,38 @@ impl<'a> Unit<'a> {
 /// The results of the first sweep for one unit; kept from frame to frame for its memory.
 #[derive(Debug, Default)]
 pub(crate) struct Part {
+    /// The pairs of tiles and splats.
     pub(crate) pairs: Pairs,
-    /// Number of its records.
-    pub(crate) visible: u64,
-    project: f64,
-    medium: f64,
-    intersect: f64,
+    /// The number of the first pair among those of the frame, where pairs are numbered.
+    pub(crate) first_pair: usize,
+    /// The first record.
+    pub(crate) first_record: usize,
+    /// Counts and times.
+    pub(crate) stats: Stats,
 }
 
 impl Part {
-    /// Adds counts and times to the frame's.
-    pub(crate) fn add_to(&self, stats: &mut Stats) {
-        stats.visible += self.visible;
-        stats.project += self.project;
-        stats.medium += self.medium;
-        stats.intersect += self.intersect;
+    /// Forgets what an earlier unit left.
+    pub(crate) fn begin(&mut self, grid: TileGrid, first_record: u32) {
+        self.pairs.clear(grid);
+        (self.first_record, self.stats) = (first_record as usize, Stats::default());
     }
 
-    /// Fills the tile lists with this unit's splats; returns the seconds it took.
-    pub(crate) fn scatter(&mut self, lists: &[AtomicU64]) -> f64 {
-        let begun = Instant::now();
-        self.pairs.scatter(lists);
-        begun.elapsed().as_secs_f64()
+    /// Returns the number of records.
+    pub(crate) fn visible(&self) -> usize {
+        self.stats.visible as usize
     }
+}
+
+/// Fills the tile lists with the splats of all parts by `fill`; returns the seconds it took, summed
+/// over the threads.
+pub(crate) fn scatter(parts: &mut [Part], fill: impl Fn(&mut Part) + Sync) -> f64 {
+    let timed = |part: &mut Part| {
+        let begun = Instant::now();
+        fill(part);
+        begun.elapsed().as_secs_f64()
+    };
+    parts.par_iter_mut().map(timed).sum()
 }
 
 /// The inputs that all units of one frame share.
@@ -132,8 +141,7 @@ impl<'a> Front<'a> {
     /// Runs one unit.
     pub(crate) fn run(&self, unit: Unit<'_>, part: &mut Part) {
         let Unit { model, attributes, clusters, first_record, records } = unit;
-        part.pairs.clear(self.grid);
-        (part.visible, part.project, part.medium, part.intersect) = (0, 0.0, 0.0, 0.0);
+        part.begin(self.grid, first_record);
         let mut scratch = Box::<ClusterScratch>::default();
         let mut used = 0;
         let fading = attributes.filter(|attributes| attributes.changes_visibility());
@@ -185,11 +193,11 @@ impl<'a> Front<'a> {
                 }
             }
             used += visible;
-            part.project += (projected - begun).as_secs_f64();
-            part.medium += (seen - projected).as_secs_f64();
-            part.intersect += seen.elapsed().as_secs_f64();
+            part.stats.project += (projected - begun).as_secs_f64();
+            part.stats.medium += (seen - projected).as_secs_f64();
+            part.stats.intersect += seen.elapsed().as_secs_f64();
         }
-        part.visible = used as u64;
+        part.stats.visible = used as u64;
     }
 
     /// Projects and shades the groups of a cluster that have splats in view, and returns their

@@ -31,18 +31,17 @@ use crate::error::Listed;
 use crate::error::RenderError;
 use crate::frame::Frame;
 use crate::hooks::{Hooks, ParticleView};
-use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
+use crate::plan::{DrawPass, FramePass, FramePlan, Pictures};
 use crate::renderer::Models;
-use crate::renderer::{RenderBackend, Stats, WEIGHT_UNITS, check_weighed};
+use crate::renderer::{RenderBackend, Stats, WEIGHT_UNITS, check_count, check_weighed, transient};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
-use crate::stages::intersect::MAX_SPLATS;
 use crate::stages::intersect::{TileGrid, cpu as intersect};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::{ProjectCamera, Record};
 use back::{Back, Worker};
 pub(crate) use back::{Features, arrays};
-use front::{Front, Part, Unit};
+use front::{Front, Part, Unit, scatter};
 use model::CpuModel;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -100,23 +99,13 @@ impl CpuRenderer {
             }
             Target::Weights(_) => check_weighed(&pass.camera)?,
         }
-        let transient = pass.sets.iter().map(|view| match view.splats {
-            SplatSource::Loaded(_) => Ok(None),
-            SplatSource::Transient(splats) => CpuModel::new(splats).map(Some),
-        });
-        let transient = transient.collect::<Result<Vec<_>, _>>()?;
+        let transient = transient(pass, CpuModel::new)?;
         let mut sets = Vec::with_capacity(pass.sets.len());
         for (view, own) in pass.sets.iter().zip(&transient) {
-            let model = match (view.splats, own) {
-                (SplatSource::Loaded(set), _) => self.models.get(set)?,
-                (SplatSource::Transient(_), own) => own.as_ref().expect("it was loaded for this pass"),
-            };
-            sets.push((model, view.attributes));
+            sets.push((self.models.drawn(view, own.as_ref())?, view.attributes));
         }
         let total: usize = sets.iter().map(|(model, _)| model.source.len()).sum();
-        if total > MAX_SPLATS {
-            return Err(RenderError::TooMany(total));
-        }
+        check_count(total)?;
         grow(&mut self.records, total, Record::default);
         let grid = TileGrid::new(pass.camera.width, pass.camera.height);
         let camera = ProjectCamera::new(&pass.camera).part_of(pass.whole.as_ref());
@@ -124,15 +113,12 @@ impl CpuRenderer {
         self.parts.resize_with(units.len(), Part::default);
         let budget = FrameBudget::new(pass.camera.width, pass.camera.height);
         let front = Front::new(self.path, &camera, pass, grid, &budget);
-        let firsts: Vec<usize> = units.iter().map(|unit| unit.first_record as usize).collect();
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
 
         budget.check(Listed::Splats)?;
 
         let mut stats = Stats::default();
-        for part in &self.parts {
-            part.add_to(&mut stats);
-        }
+        self.parts.iter().for_each(|part| stats += part.stats);
         let laying = Instant::now();
         intersect::offsets(grid.tiles(), self.parts.iter_mut().map(|part| &mut part.pairs), &mut self.bounds);
         let pairs = self.bounds[grid.tiles()] as usize;
@@ -140,7 +126,7 @@ impl CpuRenderer {
         stats.intersections = pairs as u64;
         stats.intersect += laying.elapsed().as_secs_f64();
         let keys = &self.keys[..];
-        stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
+        stats.intersect += scatter(&mut self.parts, |part| part.pairs.scatter(keys));
 
         stats.fall = self.falling.fill(self.path, pass.particles(), &ParticleView::new(&pass.camera))?;
         stats.particles = self.falling.len() as u64;
@@ -154,7 +140,8 @@ impl CpuRenderer {
             bounds: &self.bounds,
             grid,
             size: (pass.camera.width as usize, pass.camera.height as usize),
-            features,
+            sums: features.count(),
+            median: features.median,
             surface: pass.surface.map(|surface| surface.depth),
             composite: Composite {
                 path: self.path,
@@ -166,7 +153,7 @@ impl CpuRenderer {
             workers: &self.workers,
         };
         match target {
-            Target::Picture(frame) => back.run(frame, &mut stats),
+            Target::Picture(frame) => back.run(&mut vec![(); grid.tiles()], frame, &mut stats),
             Target::Weights(weights) => {
                 let units: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
                 back.weigh(&units);
@@ -177,10 +164,11 @@ impl CpuRenderer {
                 }
                 weights.clear();
                 weights.resize(ends[ends.len() - 1].1, 0.0);
-                for (first, part) in firsts.into_iter().zip(&self.parts) {
+                for part in &self.parts {
+                    let first = part.first_record;
                     let set = ends.partition_point(|(records, _)| *records <= first) - 1;
                     let source = &sets[set].0.source;
-                    for record in first..first + part.visible as usize {
+                    for record in first..first + part.visible() {
                         let splat = source[self.records[record].index as usize] as usize;
                         weights[ends[set].1 + splat] =
                             units[record].load(Ordering::Relaxed) as f32 / WEIGHT_UNITS;

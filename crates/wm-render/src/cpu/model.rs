@@ -106,10 +106,8 @@ impl CpuModel {
             .into_par_iter()
             .map(|group| {
                 let lanes = &source[group * GROUP..(group + 1) * GROUP];
-                let bit = |(lane, index): (usize, &u32)| {
-                    u16::from(splats.groups[*index as usize] == Group::Sky) << lane
-                };
-                lanes.iter().enumerate().map(bit).sum()
+                let is_sky = |lane: usize| splats.groups[lanes[lane] as usize] == Group::Sky;
+                (0..GROUP).map(|lane| u16::from(is_sky(lane)) << lane).sum()
             })
             .collect();
         let clusters = (0..clusters)

@@ -15,30 +15,19 @@ fn devices_are_read_as_they_are_written() {
 mod with_gpu {
     use super::*;
     use crate::config::RenderConfig;
-    use crate::frame::srgb_decode;
-    use crate::hooks::{AirGroup, AirOnRay, Hooks, Medium, ShadeGroup};
+    use crate::hooks::Hooks;
     use crate::plan::{DrawPass, SetView};
-    use crate::testing::{Backend, RandomLoss, camera, gpu_renderer, random_splats};
+    use crate::testing::comparison::{HeavyAir, drawn, step};
+    use crate::testing::{
+        Backend, RandomLoss, camera, fallible_differentiable, gpu_renderer, random_splats, threads,
+    };
     use std::sync::atomic::{AtomicU32, Ordering};
 
     /// As `auto` makes it where there is a GPU; counts the warnings.
     fn fallible(warn: fn(&RenderError)) -> AnyRenderer {
-        let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
+        let config = threads(2);
         let body = Body::Gpu { gpu: Box::new(gpu_renderer()), kept: Some(Vec::new()) };
         AnyRenderer { config, path: SimdPath::select(config.simd).unwrap(), body, warn: Box::new(warn) }
-    }
-
-    struct NoWgsl;
-
-    impl Medium for NoWgsl {
-        fn evaluate(&self, _: SimdPath, _: [f32; 3], _: &[ShadeGroup], out: &mut [AirGroup]) {
-            let airlight = [[srgb_decode(0.25) as f32; 16]; 3];
-            out.fill(AirGroup { transmittance: [[0.0; 16]; 3], airlight });
-        }
-
-        fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], _: f64) -> AirOnRay {
-            AirOnRay { transmittance: [0.0; 3], airlight: [srgb_decode(0.25); 3] }
-        }
     }
 
     #[test]
@@ -53,15 +42,14 @@ mod with_gpu {
         let (camera, config) = (camera(64, 48), RenderConfig::default());
         let views = [SetView::plain(sets[0]), SetView::plain(sets[2])];
         let plain = DrawPass::new(&views, &camera, &config);
-        let air = plain.clone().with_hooks(Hooks { medium: Some(&NoWgsl), ..Hooks::default() });
-        let [mut before, mut through, mut after] = [Frame::default(), Frame::default(), Frame::default()];
-        renderer.render(&plain, &mut before).unwrap();
+        let air = plain.clone().with_hooks(Hooks { medium: Some(&HeavyAir), ..Hooks::default() });
+        let before = drawn(&mut renderer, &plain);
         assert!(renderer.is_gpu());
-        renderer.render(&air, &mut through).unwrap();
+        let through = drawn(&mut renderer, &air);
         assert!(!renderer.is_gpu() && WARNINGS.load(Ordering::Relaxed) == 1);
         // Every splat is grey through that air, and so is the background.
         assert!(through.rgb.iter().all(|v| (v - 0.25).abs() < 1e-3));
-        renderer.render(&plain, &mut after).unwrap();
+        let after = drawn(&mut renderer, &plain);
         let most = before.rgb.iter().zip(&after.rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(most < 1e-2 && most > 0.0, "{most}");
         // The name of the set that is gone is free.
@@ -74,25 +62,19 @@ mod with_gpu {
     fn what_a_lost_gpu_leaves_the_cpu_derives_with_one_warning() {
         static WARNINGS: AtomicU32 = AtomicU32::new(0);
         let Some(_) = Backend::gpu() else { return };
-        let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
         let (splats, camera) = (random_splats(300, 1, 4), camera(64, 48));
         let config = ForwardConfig { sh_degree: 1, ..ForwardConfig::default() };
         let loss = RandomLoss::new(config.channels, 64 * 48, 5, |_| true);
-        let (mut frame, mut want) = (Frame::default(), Gradients::default());
-        let mut cpu = CpuDifferentiable::new(run).unwrap();
-        cpu.forward(&splats, &camera, &config, &mut frame).unwrap();
-        cpu.backward(&splats, &loss.upstream(), Learn::ALL, &mut want).unwrap();
+        let mut cpu = CpuDifferentiable::new(threads(2)).unwrap();
+        let (_, want) = step(&mut cpu, &splats, &camera, &config, Learn::ALL).unwrap();
         for (place, lost_before) in [true, false].into_iter().enumerate() {
-            let gpu =
-                Gpu::open(&GpuConfig { choice: gpu::AdapterChoice::Any, ..GpuConfig::default() }).unwrap();
-            let warn: fn(&RenderError) = |_| {
+            let (mut any, gpu) = fallible_differentiable(|_| {
                 WARNINGS.fetch_add(1, Ordering::Relaxed);
-            };
-            let mut any = AnyDifferentiable::fallible(gpu.clone(), run, warn).unwrap();
+            });
             if lost_before {
                 gpu.lose();
             }
-            any.forward(&splats, &camera, &config, &mut frame).unwrap();
+            any.forward(&splats, &camera, &config, &mut Frame::default()).unwrap();
             gpu.lose();
             let mut gradients = Gradients::default();
             any.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();

@@ -4,8 +4,8 @@ use super::*;
 use crate::config::{Background, CpuConfig, RenderConfig};
 use crate::hooks::Hooks;
 use crate::plan::{DrawPass, SetView};
-use crate::renderer::RenderBackend;
-use crate::testing::{Backend, RandomLoss, camera, random_splats};
+use crate::testing::comparison::{self, drawn};
+use crate::testing::{Backend, RandomLoss, camera, random_splats, threads};
 use crate::{CpuDifferentiable, CpuRenderer, Geometry, Outputs};
 
 crate::parity! {
@@ -33,20 +33,13 @@ fn step(
     config: &ForwardConfig,
     learn: Learn,
 ) -> (Frame, Gradients) {
-    let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
-    renderer.forward(splats, &camera(333, 217), config, &mut frame).unwrap();
-    let loss = RandomLoss::new(config.channels, frame.pixels(), 5, |_| true);
-    renderer.backward(splats, &loss.upstream(), learn, &mut gradients).unwrap();
-    (frame, gradients)
+    comparison::step(renderer, splats, &camera(333, 217), config, learn).unwrap()
 }
 
 #[test]
 fn bytes_are_the_same_for_any_number_of_threads() {
     let splats = random_splats(20_000, 2, 90);
-    let of = |threads| {
-        let config = CpuConfig { threads: Some(threads), ..CpuConfig::default() };
-        step(&mut CpuDifferentiable::new(config).unwrap(), &splats, &CONFIG, Learn::ALL)
-    };
+    let of = |count| step(&mut CpuDifferentiable::new(threads(count)).unwrap(), &splats, &CONFIG, Learn::ALL);
     let one = of(1);
     assert!(one.1.visible.len() > 5000 && one.1.means.iter().flatten().any(|v| *v != 0.0));
     for threads in [2, 7] {
@@ -57,17 +50,13 @@ fn bytes_are_the_same_for_any_number_of_threads() {
 fn frames_are_alike(backend: Backend) {
     let splats = random_splats(5000, 2, 91);
     let (frame, _) = step(&mut *backend.differentiable(), &splats, &CONFIG, Learn::NONE);
-    let mut plain = CpuRenderer::new(CpuConfig::default()).unwrap();
-    let set = plain.load(&splats).unwrap();
     let config = RenderConfig {
         outputs: Outputs { geometry: Geometry::DepthNormal, ..Outputs::default() },
         background: Background::Color(CONFIG.background),
         rasterization: CONFIG.rasterization,
     };
-    let mut want = Frame::default();
-    let camera = camera(333, 217);
-    let sets = [SetView::plain(set)];
-    plain.render(&DrawPass::new(&sets, &camera, &config), &mut want).unwrap();
+    let pass = DrawPass::new(&[SetView::transient(&splats)], &camera(333, 217), &config);
+    let want = drawn(&mut CpuRenderer::new(CpuConfig::default()).unwrap(), &pass);
     let near = |got: &[f32], want: &[f32], scale: f32| {
         // Scales are activated in another precision: the odd splat falls on the other side of a
         // cut.
@@ -121,18 +110,16 @@ fn through_air(backend: Backend) {
     let (hazy, pulled) = step(&mut *backend.differentiable(), &splats, &config, Learn::ALL);
     let (clear, pulled_clear) =
         step(&mut *backend.differentiable(), &splats, &ForwardConfig { air: None, ..config }, Learn::ALL);
-    let mut plain = CpuRenderer::new(CpuConfig::default()).unwrap();
-    let set = plain.load(&splats).unwrap();
     let settings = RenderConfig {
         background: Background::Color(config.background),
         rasterization: config.rasterization,
         ..RenderConfig::default()
     };
-    let (mut want, camera, sets) = (Frame::default(), camera(333, 217), [SetView::plain(set)]);
     // The background of training is there in place of what no splat covers, and no air is before
     // it.
     let hooks = Hooks { medium: Some(&air), ..Hooks::default() };
-    plain.render(&DrawPass { hooks, ..DrawPass::new(&sets, &camera, &settings) }, &mut want).unwrap();
+    let pass = DrawPass::new(&[SetView::transient(&splats)], &camera(333, 217), &settings).with_hooks(hooks);
+    let want = drawn(&mut CpuRenderer::new(CpuConfig::default()).unwrap(), &pass);
     let far = |a: &[f32], b: &[f32], by: f32| a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() > by).count();
     assert!(far(&hazy.rgb, &want.rgb, 1e-4) * 1000 <= hazy.rgb.len());
     assert!(far(&hazy.rgb, &clear.rgb, 0.02) * 2 > hazy.rgb.len());
@@ -167,10 +154,8 @@ fn nothing_in_view(backend: Backend) {
             viewmat: glam::DMat4::from_translation(glam::DVec3::new(0.0, 0.0, -50.0)),
             ..camera(64, 48)
         };
-        let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
-        renderer.forward(&splats, &away, &CONFIG, &mut frame).unwrap();
-        let loss = RandomLoss::new(CONFIG.channels, frame.pixels(), 5, |_| true);
-        renderer.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();
+        let (frame, gradients) =
+            comparison::step(&mut *renderer, &splats, &away, &CONFIG, Learn::ALL).unwrap();
         assert!(gradients.visible.is_empty() && gradients.sh.is_empty());
         assert!(frame.alpha.iter().all(|a| *a == 0.0));
     }

@@ -3,10 +3,11 @@
 use super::device::{Gpu, WRITTEN};
 use super::error::GpuError;
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, SORT_BLOCK, WORKGROUP};
-use super::uniforms::{Capacity, SLOT};
+use super::uniforms::{Capacity, SLOT, Uniform, bytes_of};
 use wgpu::BufferUsages;
 
 pub(crate) const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
+pub(crate) const STRUCTURES: BufferUsages = BufferUsages::UNIFORM.union(BufferUsages::COPY_DST);
 
 /// A buffer that is allocated again when it is too small.
 #[derive(Default)]
@@ -42,6 +43,13 @@ impl GrowingBuffer {
         self.buffer = None;
         let buffer = gpu.buffer(what, bytes, usage)?;
         self.buffer = Some(buffer.clone());
+        Ok(buffer)
+    }
+
+    /// Returns the buffer with structures, one a slot.
+    pub(crate) fn structures(&mut self, gpu: &Gpu, all: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
+        let buffer = self.fit_unbound(gpu, "structures", SLOT * all.len() as u64, STRUCTURES)?;
+        gpu.write(&buffer, 0, &bytes_of(all));
         Ok(buffer)
     }
 
@@ -194,6 +202,14 @@ impl BufferPool {
         self.used = 0;
     }
 
+    fn next(&mut self) -> &mut GrowingBuffer {
+        if self.used == self.buffers.len() {
+            self.buffers.push(GrowingBuffer::default());
+        }
+        self.used += 1;
+        &mut self.buffers[self.used - 1]
+    }
+
     /// Returns the next buffer with at least `bytes` bytes.
     pub(crate) fn fit(
         &mut self,
@@ -202,11 +218,7 @@ impl BufferPool {
         bytes: u64,
         usage: BufferUsages,
     ) -> Result<wgpu::Buffer, GpuError> {
-        if self.used == self.buffers.len() {
-            self.buffers.push(GrowingBuffer::default());
-        }
-        self.used += 1;
-        self.buffers[self.used - 1].fit(gpu, what, bytes, usage)
+        self.next().fit(gpu, what, bytes, usage)
     }
 
     /// Returns the next buffer with `numbers` at its beginning.
@@ -216,9 +228,7 @@ impl BufferPool {
         what: &'static str,
         numbers: &[f32],
     ) -> Result<wgpu::Buffer, GpuError> {
-        let buffer = self.fit(gpu, what, size_of_val(numbers) as u64, WRITTEN)?;
-        gpu.write(&buffer, 0, bytemuck::cast_slice(numbers));
-        Ok(buffer)
+        self.next().write(gpu, what, numbers, WRITTEN)
     }
 }
 
@@ -241,8 +251,7 @@ impl Memory {
         let &Extent { slots, blocks, capacity, tiles, pixels, planes, normal, particles } = extent;
         let kept = &mut self.kept;
         kept.restart();
-        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let uniforms = kept.fit(gpu, "structures", SLOT * slots as u64, uniform)?;
+        let uniforms = kept.fit(gpu, "structures", SLOT * slots as u64, STRUCTURES)?;
         let records = kept.fit(gpu, "the splats in view", 64 * u64::from(capacity.visible), READ_BACK)?;
         let lists = Lists::fit(gpu, kept, &NAMES, blocks, capacity, tiles)?;
         let mut fit = |what, channels, usage| kept.fit(gpu, what, 4 * channels * pixels, usage);

@@ -20,7 +20,7 @@ use super::readback::{Part, copy};
 use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::source::COUNTER_WORDS;
 use super::stored::StoredModel;
-use super::uniforms::{self, Capacity, ItemBytes, SLOT, Uniform, ViewParameters, bytes_of};
+use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
 use crate::config::CpuConfig;
 use crate::cpu;
 use crate::differentiable::{
@@ -43,7 +43,6 @@ use crate::stages::rasterize_backward::GradientSlot;
 use crate::stages::rasterize_backward::gpu::{by_sums, rasterize_backward};
 use std::sync::Arc;
 use web_time::Instant;
-use wgpu::BufferUsages;
 use wm_scene::{Camera, Splats, sh};
 
 /// Words of a slot.
@@ -478,7 +477,7 @@ impl Differentiable for GpuDifferentiable {
 #[derive(Default)]
 pub(crate) struct StepRows {
     pub(super) kept: [GrowingBuffer; 3],
-    uniforms: GrowingBuffer,
+    pub(super) uniforms: GrowingBuffer,
     pub(super) last: Option<Last>,
 }
 
@@ -493,15 +492,5 @@ pub(super) struct Last {
 impl Last {
     pub(super) fn rows(&self) -> Rows<'_> {
         Rows { gradients: &self.gradients, by_sh: &self.by_sh, blocks: &self.blocks }
-    }
-}
-
-impl StepRows {
-    /// Structures in a buffer of their own.
-    pub(super) fn structures(&mut self, gpu: &Gpu, uniforms: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let buffer = self.uniforms.fit_unbound(gpu, "structures", SLOT * uniforms.len() as u64, usage)?;
-        gpu.write(&buffer, 0, &bytes_of(uniforms));
-        Ok(buffer)
     }
 }

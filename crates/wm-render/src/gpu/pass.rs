@@ -16,7 +16,7 @@ use crate::differentiable::Opacity;
 use crate::error::RenderError;
 use crate::frame::{Arrays, FRONT, Frame, splat_name};
 use crate::hooks::{ParticleView, WgslSource};
-use crate::plan::{DrawPass, SplatSource};
+use crate::plan::DrawPass;
 use crate::renderer::{Models, WEIGHT_UNITS};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
@@ -60,11 +60,7 @@ impl<'a> GpuPass<'a> {
     ) -> Result<Self, RenderError> {
         let mut sets = Vec::with_capacity(pass.sets.len());
         for (view, own) in pass.sets.iter().zip(transient) {
-            let model = match (view.splats, own) {
-                (_, Some(own)) => own,
-                (SplatSource::Loaded(set), None) => models.get(set)?,
-                (SplatSource::Transient(_), None) => unreachable!("transient splats were loaded"),
-            };
+            let model = models.drawn(view, own.as_ref())?;
             let numbers = || match view.attributes {
                 Some(attributes) => hosted::attributes(attributes, &model.source),
                 None => Vec::new(),
@@ -302,8 +298,8 @@ impl<'a> GpuPass<'a> {
         composite(recorder, self.pixels(), *form, self.particles, room, background);
     }
 
-    /// The pictures that come back, in the order of [`super::readback::ReadbackResults`], of no bytes
-    /// where they are not wanted.
+    /// The pictures that come back, in the order of [`super::readback::ReadbackResults`], of no
+    /// bytes where they are not wanted.
     pub(crate) fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
         let plane = 4 * u64::from(self.pixels());
         let bytes = |wanted: bool, channels: u64| if wanted { channels * plane } else { 0 };

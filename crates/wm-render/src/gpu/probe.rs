@@ -5,16 +5,18 @@ use super::device::Gpu;
 use super::lists::listed;
 use super::readback::copy;
 use super::recorder::{Recorder, Stage};
-use super::renderer::GpuRenderer;
 use super::source::{DISPATCH_ROW, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, Uniform, ViewParameters, bytes_of, sort_pass, view};
+use crate::config::RenderConfig;
 use crate::frame::Frame;
-use crate::plan::DrawPass;
+use crate::plan::{DrawPass, SetView};
 use crate::renderer::RenderBackend;
 use crate::stages::prefix_sum::gpu::{SPINE_ENTRIES, spine};
 use crate::stages::project::Record;
 use crate::stages::sort::gpu::{passes, sort};
+use crate::testing::gpu_renderer;
 use wgpu::BufferUsages;
+use wm_scene::{Camera, Splats};
 
 /// The results of the stages of one frame.
 pub(crate) struct Probe {
@@ -25,16 +27,18 @@ pub(crate) struct Probe {
 }
 
 impl Probe {
-    /// Renders `pass` and looks.
-    pub(crate) fn of(renderer: &mut GpuRenderer, pass: &DrawPass<'_>) -> Self {
-        let stats = renderer.render(pass, &mut Frame::default()).unwrap();
+    /// Renders splats and looks.
+    pub(crate) fn of(splats: &Splats, camera: &Camera, config: &RenderConfig) -> Self {
+        let mut renderer = gpu_renderer();
+        let pass = DrawPass::new(&[SetView::transient(splats)], camera, config);
+        let stats = renderer.render(&pass, &mut Frame::default()).unwrap();
         let gpu = renderer.gpu.clone();
         let room = renderer.room().expect("a frame was drawn");
         let words = read(&gpu, &room.records);
         let numbers = words.as_chunks::<16>().0.iter().take(stats.visible as usize);
         let records = numbers.map(|words| Record::of(words.map(f32::from_bits))).collect();
         let offsets = read(&gpu, &room.lists.offsets);
-        let tiles = ViewParameters::of(pass).tile_count();
+        let tiles = ViewParameters::of(&pass).tile_count();
         let names = read(&gpu, listed(room, tiles));
         let list = |ends: &[u32]| names[ends[0] as usize..ends[1] as usize].to_vec();
         Self { records, lists: offsets[..=tiles as usize].windows(2).map(list).collect() }
@@ -72,7 +76,7 @@ fn lists(gpu: &Gpu, items: u32) -> Lists {
 /// The prefix sums of counts, and their total; what would be sorted has that much room.
 pub(crate) fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let camera = crate::testing::camera(64, 48);
-    let config = crate::config::RenderConfig::default();
+    let config = RenderConfig::default();
     let pass = DrawPass::new(&[], &camera, &config);
     let view = view(&ViewParameters::of(&pass), 0, 0, Capacity { visible: 0, entries: room });
     let uniforms = filled(gpu, &bytes_of(&[view]), BufferUsages::UNIFORM);

@@ -1,6 +1,6 @@
 //! Splats for rays in the GPU's memory, see [`crate::stages::rays`].
 
-use super::buffers::{BufferPool, GrowingBuffer, ListNames, Lists, READ_BACK};
+use super::buffers::{BufferPool, GrowingBuffer, ListNames, Lists, READ_BACK, STRUCTURES};
 use super::device::{AdapterKind, Gpu, WRITTEN};
 use super::error::GpuError;
 use super::readback::copy;
@@ -11,7 +11,7 @@ use crate::cpu::model::morton_order;
 use crate::stages::intersect::gpu::ranges;
 use crate::stages::prefix_sum::gpu::{SPINE_ENTRIES, SPINE_VISIBLE, spine};
 use crate::stages::rays::gpu::{
-    CONE_WORDS, HIT_WORDS, RAY_WORDS, RECORD_INDEX, RECORD_WORDS, RayBuffers, RaySums, WRITE_TASK, record,
+    CONE_WORDS, HIT_WORDS, RAY_WORDS, RECORD_INDEX, RECORD_WORDS, RayBuffers, WRITE_TASK, record,
 };
 use crate::stages::rays::packets::{CHILDREN, PACKET, Packets, RayGroup};
 use crate::stages::rays::{RayHits, RayOutputs, Rays};
@@ -20,7 +20,6 @@ use rayon::prelude::*;
 use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
-use wgpu::BufferUsages;
 use wm_scene::Splats;
 
 /// Most entries of packets' lists that are held at once, unless there are more splats: 256 MiB with
@@ -89,7 +88,7 @@ struct Part<'a> {
     packets: Range<u32>,
     /// Cones of the group's tree, level by level.
     cones: &'a [f32],
-    sums: RaySums,
+    asked: RayOutputs,
 }
 
 /// The outcome of tracing some packets.
@@ -185,9 +184,8 @@ impl GpuRaySplats {
             return Ok(Some(hits));
         }
         let mut working = self.working.lock().unwrap_or_else(PoisonError::into_inner);
-        let sums = RaySums::of(asked);
         let packets = Packets::no_wider(rays, widest);
-        let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
+        let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + asked.features())) as u64;
         let most = (self.gpu.most_binding / ray_bytes).clamp(1, u64::from(MAX_PACKETS)) as u32;
         let mut made = Vec::new();
         for group in &packets.groups {
@@ -196,7 +194,7 @@ impl GpuRaySplats {
             let mut todo: Vec<Range<u32>> =
                 (0..all).step_by(most as usize).map(|first| first..all.min(first + most)).collect();
             while let Some(range) = todo.pop() {
-                let part = Part { group, packets: range.clone(), cones: &cones, sums };
+                let part = Part { group, packets: range.clone(), cones: &cones, asked };
                 let numbers = ray_words(rays, &packets, &part);
                 match self.run(&mut working, &part, &numbers, &mut made)? {
                     TraceOutcome::Whole => take(&mut hits, &packets, &part, &made),
@@ -246,7 +244,7 @@ impl GpuRaySplats {
         for of_entries in [false, true] {
             all.extend((0..4).map(|pass| uniforms::sort_pass(8 * pass, of_entries, false)));
         }
-        if part.sums.has_color() {
+        if part.asked.color {
             let piece = |piece: &ColorPiece| uniforms::color_piece(piece.first, piece.count, self.sh_stride);
             all.extend(self.colors.iter().map(piece));
         } else {
@@ -268,16 +266,15 @@ impl GpuRaySplats {
         let packets = part.packets.len() as u32;
         let capacity = Capacity { visible: self.count, entries: working.entries };
         let structures = self.uniforms(part, capacity);
-        let hit_words = HIT_WORDS + part.sums.features();
+        let hit_words = HIT_WORDS + part.asked.features();
         let ray_count = packets as usize * PACKET;
         let kept = &mut working.kept;
         kept.restart();
         let lists = Lists::fit(gpu, kept, &NAMES, self.count.div_ceil(WORKGROUP), capacity, packets)?;
         let mut fit = |what, bytes, usage| kept.fit(gpu, what, bytes, usage);
-        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let uniforms = fit("structures", SLOT * structures.len() as u64, uniform)?;
+        let uniforms = fit("structures", SLOT * structures.len() as u64, STRUCTURES)?;
         let cones = fit("cones of rays", size_of_val(part.cones) as u64, WRITTEN)?;
-        let feature_bytes = 4 * part.sums.features() as u64 * u64::from(self.count);
+        let feature_bytes = 4 * part.asked.features() as u64 * u64::from(self.count);
         let features = fit("colours of splats", feature_bytes, READ_BACK)?;
         let ray_buffer = fit("rays", size_of_val(rays) as u64, WRITTEN)?;
         let hits = fit("hits of rays", 4 * (hit_words * ray_count) as u64, READ_BACK)?;
@@ -301,15 +298,15 @@ impl GpuRaySplats {
         let slots = PACKET_PASSES..PACKET_PASSES + passes(u32::BITS - packets.leading_zeros()) as usize;
         let (keys, listed) = sort(&mut recorder, &lists, &lists.entry_pairs, ENTRY_SORT, slots);
         ranges(&mut recorder, packets, &lists, keys);
-        if part.sums.has_color() {
+        if part.asked.color {
             for (at, piece) in self.colors.iter().enumerate() {
-                buffers.see(&mut recorder, part.sums, PIECES + at, order, &piece.sh);
+                buffers.see(&mut recorder, part.asked, PIECES + at, order, &piece.sh);
             }
-        } else if part.sums.has_normal() {
+        } else if part.asked.normal {
             // Without colours one piece covers all records, and its coefficients are not read.
-            buffers.see(&mut recorder, part.sums, PIECES, order, &lists.counts);
+            buffers.see(&mut recorder, part.asked, PIECES, order, &lists.counts);
         }
-        buffers.blend(&mut recorder, part.sums, packets, listed, &ray_buffer, &hits);
+        buffers.blend(&mut recorder, part.asked, packets, listed, &ray_buffer, &hits);
         let mut numbers = [0u32; COUNTER_WORDS as usize];
         made.resize(hit_words * ray_count, 0);
         copy(
@@ -362,7 +359,7 @@ fn ray_words(rays: &Rays, packets: &Packets, part: &Part<'_>) -> Vec<f32> {
 
 /// Copies the results of some packets to those of all rays.
 fn take(hits: &mut RayHits, packets: &Packets, part: &Part<'_>, made: &[u32]) {
-    let words = HIT_WORDS + part.sums.features();
+    let words = HIT_WORDS + part.asked.features();
     for (at, of_packet) in made.chunks_exact(words * PACKET).enumerate() {
         let own = packets.rays(part.group.packets.start + part.packets.start as usize + at);
         for (ray, numbers) in own.iter().map(|ray| *ray as usize).zip(of_packet.chunks_exact(words)) {

@@ -153,11 +153,11 @@ impl ReadbackResults {
             stats.fall += seconds(Stage::Fall);
             stats.composite += seconds(Stage::Composite);
         }
-        let Frame { rgb, alpha, depth, median_depth, normal, particles, front, .. } = frame;
-        let depth = if depth.is_empty() { hidden } else { depth };
-        for array in [rgb, alpha, depth, median_depth, normal, particles, front] {
-            fill(bytemuck::cast_slice_mut(array));
+        let mut arrays = frame.arrays_mut().map(|array| &mut array[..]);
+        if arrays[2].is_empty() {
+            arrays[2] = hidden;
         }
+        arrays.into_iter().for_each(|array| fill(bytemuck::cast_slice_mut(array)));
         self.counted_in(pass)
     }
 }

@@ -13,12 +13,10 @@ use crate::at_once::at_once;
 use crate::config::{CpuConfig, SetId};
 use crate::cpu;
 use crate::error::RenderError;
-use crate::frame::FRONT;
 use crate::hooks::Hooks;
-use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
-use crate::renderer::{Models, RenderBackend, Stats, check_weighed};
+use crate::plan::{DrawPass, FramePass, FramePlan, Pictures};
+use crate::renderer::{Models, RenderBackend, Stats, check_count, check_weighed, transient};
 use crate::simd::SimdPath;
-use crate::stages::intersect::MAX_SPLATS;
 use crate::stages::particles::cpu::Falling;
 use std::sync::Arc;
 use web_time::Instant;
@@ -108,16 +106,15 @@ impl GpuRenderer {
         let Self { gpu, path, models, memory, room: last, capacity, clock, falling, .. } = self;
         let (clock, most) = (clock.as_ref(), gpu.most_binding);
         let draws: Vec<&DrawPass<'_>> = passes.iter().filter_map(drawn).collect();
-        let transient = transient(gpu, &draws)?;
+        let transient = draws.iter().map(|pass| transient(pass, |splats| GpuModel::new(gpu, splats)));
+        let transient = transient.collect::<Result<Vec<_>, _>>()?;
         memory.start_batch();
         let mut work: Vec<GpuPass<'_>> = Vec::with_capacity(draws.len());
         let mut slots = 0;
         for (pass, transient) in draws.into_iter().zip(&transient) {
             pass.camera.check()?;
             let prepared = GpuPass::new(gpu, memory, *path, models, pass, transient, slots)?;
-            if prepared.splats() > MAX_SPLATS {
-                return Err(RenderError::TooMany(prepared.splats()));
-            }
+            check_count(prepared.splats())?;
             capacity.start(prepared.splats(), most, ItemBytes::FRAME);
             slots += prepared.slots();
             work.push(prepared);
@@ -182,12 +179,10 @@ impl GpuRenderer {
         let (clock, most) = (clock.as_ref(), gpu.most_binding);
         // Weather does not count.
         let pass = DrawPass { hooks: Hooks::default(), ..pass.clone() };
-        let transient = transient(gpu, &[&pass])?;
+        let transient = transient(&pass, |splats| GpuModel::new(gpu, splats))?;
         memory.start_batch();
-        let own = GpuPass::new(gpu, memory, *path, models, &pass, &transient[0], 0)?;
-        if own.splats() > MAX_SPLATS {
-            return Err(RenderError::TooMany(own.splats()));
-        }
+        let own = GpuPass::new(gpu, memory, *path, models, &pass, &transient, 0)?;
+        check_count(own.splats())?;
         capacity.start(own.splats(), most, ItemBytes::FRAME);
         let mut stats = Stats::default();
         loop {
@@ -272,28 +267,13 @@ fn batch_length(passes: &[FramePass<'_>]) -> usize {
             return i;
         }
         let arrays = cpu::arrays(pass);
-        let planes = 4
-            + u64::from(arrays.depth)
-            + u64::from(arrays.median_depth)
-            + 3 * u64::from(arrays.normal)
-            + 4 * u64::from(arrays.particles)
-            + FRONT as u64 * u64::from(arrays.front);
-        let own = 4 * planes * u64::from(pass.camera.width) * u64::from(pass.camera.height);
+        let own = 4 * arrays.channels() as u64 * u64::from(pass.camera.width) * u64::from(pass.camera.height);
         if bytes > 0 && bytes + own > MAX_READBACK_BYTES {
             return i;
         }
         bytes += own;
     }
     passes.len()
-}
-
-/// Splats of each pass that no set holds, uploaded; one a set.
-fn transient(gpu: &Gpu, draws: &[&DrawPass<'_>]) -> Result<Vec<Vec<Option<GpuModel>>>, RenderError> {
-    let upload = |source: SplatSource<'_>| match source {
-        SplatSource::Loaded(_) => Ok(None),
-        SplatSource::Transient(splats) => GpuModel::new(gpu, splats).map(Some),
-    };
-    draws.iter().map(|pass| pass.sets.iter().map(|view| upload(view.splats)).collect()).collect()
 }
 
 impl RenderBackend for GpuRenderer {

@@ -2,9 +2,11 @@
 //! pictures and a loss's derivatives by these cross over.
 
 use super::buffers::READ_BACK;
-use super::device::WRITTEN;
+use super::device::{Gpu, WRITTEN};
 use super::differentiable::{ForwardTarget, GpuDifferentiable, Last};
+use super::error::GpuError;
 use super::recorder::{Recorder, Stage};
+use super::stored::StoredModel;
 use super::uniforms::{self, SLOT, Uniform, bytes_of};
 use crate::differentiable::{ForwardConfig, Opacity, Resident, StepClock, Target, Upstream};
 use crate::error::RenderError;
@@ -14,9 +16,23 @@ use crate::stages::compare::{Compared, Comparison};
 use crate::stages::optimize::gpu::{add, explore, optimize};
 use crate::stages::optimize::{Changed, Learnt, LearntMut, Noise, Shapes, Step};
 use std::sync::Arc;
-use wm_scene::Camera;
+use wm_scene::{Camera, Splats};
 
 impl GpuDifferentiable {
+    /// Puts `splats` in place of those that were there, by `change`.
+    fn replace(
+        &mut self,
+        splats: &Splats,
+        change: impl FnOnce(&mut StoredModel, &Gpu) -> Result<(), GpuError> + Send,
+    ) -> Result<(), RenderError> {
+        splats.check()?;
+        self.gpu.check()?;
+        self.forget();
+        self.rows.last = None;
+        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
+        Ok(pool.install(|| change(&mut self.model, &gpu))?)
+    }
+
     /// Submits what `record` does with the pieces of the splats; `structure` is in slot 0.
     fn submit_over_pieces(
         &mut self,
@@ -28,7 +44,7 @@ impl GpuDifferentiable {
         let gpu = Arc::clone(&self.gpu);
         let mut structures = vec![structure];
         structures.extend(self.model.uniforms(config));
-        let uniforms = self.rows.structures(&gpu, &structures)?;
+        let uniforms = self.rows.uniforms.structures(&gpu, &structures)?;
         let mut recorder = Recorder::new(&gpu, &uniforms, self.clock.as_ref());
         recorder.begin(stage);
         record(self, &mut recorder);
@@ -39,12 +55,7 @@ impl GpuDifferentiable {
 
 impl Resident for GpuDifferentiable {
     fn load(&mut self, learnt: Learnt<'_>) -> Result<(), RenderError> {
-        learnt.splats.check()?;
-        self.gpu.check()?;
-        self.forget();
-        self.rows.last = None;
-        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
-        Ok(pool.install(|| self.model.write_learnt(&gpu, learnt))?)
+        self.replace(learnt.splats, |model, gpu| model.write_learnt(gpu, learnt))
     }
 
     fn count(&self) -> usize {
@@ -58,12 +69,7 @@ impl Resident for GpuDifferentiable {
     }
 
     fn rearrange(&mut self, changed: &Changed<'_>) -> Result<(), RenderError> {
-        changed.splats.check()?;
-        self.gpu.check()?;
-        self.forget();
-        self.rows.last = None;
-        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
-        Ok(pool.install(|| self.model.rearrange(&gpu, changed))?)
+        self.replace(changed.splats, |model, gpu| model.rearrange(gpu, changed))
     }
 
     fn read(&mut self, learnt: LearntMut<'_>) -> Result<(), RenderError> {

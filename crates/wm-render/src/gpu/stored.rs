@@ -316,11 +316,10 @@ impl StoredModel {
             ungroup_shapes(&numbers, range.clone(), splats);
             ungroup(&of_colors, range.clone(), rest, &mut coefficients(&mut *splats.sh, stride));
             for (place, of) in moment_arrays_mut(moments).into_iter().enumerate() {
-                let mut fields = behind(geometry(of, stride), place * all_rows);
+                let [means, quats, log_scales, logit_opacities, sh] = of;
+                let shown = [means, quats, log_scales, logit_opacities, &mut *sh];
+                let mut fields = behind(geometry(shown, stride), place * all_rows);
                 ungroup(&numbers_moments, range.clone(), 2 * all_rows, &mut fields);
-            }
-            for (place, of) in moment_arrays_mut(moments).into_iter().enumerate() {
-                let [.., sh] = of;
                 let mut fields = behind(coefficients(sh, stride), place * rest);
                 ungroup(&of_colors_moments, range.clone(), 2 * rest, &mut fields);
             }
@@ -344,14 +343,14 @@ impl StoredModel {
 
     /// Returns the pieces, whose structures are in the slots from `first` on.
     pub(crate) fn pieces<'a>(&'a self, recorder: &Recorder<'a>, first: usize) -> Vec<Piece<'a>> {
-        let piece = |(i, part): (usize, &'a Part)| Piece {
-            uniform: recorder.uniform(first + i),
+        let piece = |slot: usize, part: &'a Part| Piece {
+            uniform: recorder.uniform(slot),
             splats: &part.splats,
             sh_rest: &part.sh_rest,
             attributes: None,
             blocks: part.piece.blocks,
         };
-        self.parts.iter().enumerate().map(piece).collect()
+        (first..).zip(&self.parts).map(|(slot, part)| piece(slot, part)).collect()
     }
 
     /// The optimiser's memory of each of its pieces; none where they do not learn here.

@@ -1,20 +1,19 @@
 //! The GPU back end as a whole: room, pieces, repetition, and errors.
 
 use super::*;
-use crate::config::{CpuConfig, RenderConfig};
+use crate::config::RenderConfig;
 use crate::differentiable::{Channels, Differentiable, ForwardConfig, Upstream};
 use crate::error::RenderError;
 use crate::frame::Frame;
 use crate::gradients::{Gradients, Learn};
-use crate::hooks::{AirGroup, AirOnRay, Hooks, Medium, ShadeGroup};
+use crate::hooks::Hooks;
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
 use crate::renderer::RenderBackend;
-use crate::simd::SimdPath;
-use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare};
+use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, HeavyAir, compare, drawn, step};
 use crate::testing::{
-    Backend, RandomLoss, camera, gpu_differentiable, gpu_renderer, random_splats, shell_camera, shell_splats,
-    small_gpu,
+    ANY_GPU, Backend, camera, gpu_differentiable, gpu_renderer, random_splats, shell_camera, shell_splats,
+    small_gpu, threads,
 };
 use std::sync::Arc;
 use wm_scene::{Camera, Splats};
@@ -22,13 +21,11 @@ use wm_scene::{Camera, Splats};
 /// A GPU of a test's own with all that the adapter has, or with little, and bindings that hold no
 /// more than that.
 fn own_gpu(most_binding: Option<u64>) -> Arc<Gpu> {
-    let all = || Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }).unwrap();
-    most_binding.map_or_else(all, small_gpu)
+    most_binding.map_or_else(|| Gpu::open(&ANY_GPU).unwrap(), small_gpu)
 }
 
 fn own(most_binding: Option<u64>) -> GpuRenderer {
-    let gpu = own_gpu(most_binding);
-    GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
+    GpuRenderer::new(own_gpu(most_binding), threads(2)).unwrap()
 }
 
 fn render(renderer: &mut GpuRenderer, splats: &Splats, camera: &Camera) -> Result<Frame, RenderError> {
@@ -63,12 +60,8 @@ fn room_that_is_too_small_grows_and_the_frame_is_whole() {
     let many = random_splats(30_000, 0, 5);
     let cpu = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
     let mut other = cpu.renderer();
-    let [one, two] = [&mut renderer as &mut dyn RenderBackend, &mut *other].map(|renderer| {
-        let set = renderer.load(&many).unwrap();
-        let mut frame = Frame::default();
-        renderer.render(&DrawPass { sets: vec![SetView::plain(set)], ..pass.clone() }, &mut frame).unwrap();
-        frame
-    });
+    let [one, two] = [&mut renderer as &mut dyn RenderBackend, &mut *other]
+        .map(|renderer| drawn(renderer, &DrawPass { sets: vec![SetView::transient(&many)], ..pass.clone() }));
     assert_alike(&one, &two);
 }
 
@@ -107,14 +100,8 @@ fn pictures_are_the_cpus() {
         let splats = shell_splats(count, cover, degree, 3);
         let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
         let [one, two] = [Backend::Gpu, cpu].map(|backend| {
-            let mut renderer = backend.renderer();
-            let set = renderer.load(&splats).unwrap();
-            let hooks = Hooks::default();
-            let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone());
-            let mut frame = Frame::default();
-            let stats = renderer.render(&pass, &mut frame).unwrap();
-            eprintln!("{}: {stats:?}", renderer.describe());
-            frame
+            let pass = DrawPass::new(&[SetView::transient(&splats)], &camera, &config);
+            drawn(&mut *backend.renderer(), &pass)
         });
         assert_alike(&one, &two);
     }
@@ -192,8 +179,7 @@ fn an_adapter_that_lacks_something_is_told_so() {
         (webgl, "max_compute_workgroup_storage_size is 16352, and 16384 is needed"),
         (storage, "max_storage_buffers_per_shader_stage is 4, and 8 is needed"),
     ] {
-        let config = GpuConfig { choice: AdapterChoice::Any, limits: Some(limits), ..GpuConfig::default() };
-        let Err(error) = Gpu::open(&config) else { panic!("{lack}") };
+        let Err(error) = Gpu::open(&GpuConfig { limits: Some(limits), ..ANY_GPU }) else { panic!("{lack}") };
         let said = error.to_string();
         assert!(said.ends_with(lack) && !said.contains('\n'), "{said}");
     }
@@ -210,28 +196,13 @@ fn a_gpu_that_is_not_there_is_named() {
     }
 }
 
-/// An air that is of the CPU alone.
-struct Heavy;
-
-impl Medium for Heavy {
-    fn evaluate(&self, _: SimdPath, _: [f32; 3], _: &[ShadeGroup], _: &mut [AirGroup]) {}
-
-    fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], _: f64) -> AirOnRay {
-        AirOnRay::CLEAR
-    }
-
-    fn name(&self) -> &'static str {
-        "heavy air"
-    }
-}
-
 #[test]
 fn an_air_without_wgsl_is_refused_by_name() {
     let Some(_) = Backend::gpu() else { return };
     let mut renderer = gpu_renderer();
     let set = renderer.load(&random_splats(50, 0, 1)).unwrap();
     let (camera, config) = (camera(32, 32), RenderConfig::default());
-    let hooks = Hooks { medium: Some(&Heavy), ..Hooks::default() };
+    let hooks = Hooks { medium: Some(&HeavyAir), ..Hooks::default() };
     let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks.clone());
     let error = renderer.render(&pass, &mut Frame::default()).unwrap_err();
     assert_eq!(error.to_string(), "heavy air has no form for the GPU yet: render with the CPU");
@@ -245,16 +216,11 @@ fn learn(
 ) -> Result<(Frame, Gradients), RenderError> {
     let channels = Channels::ColorDepthNormal;
     let config = ForwardConfig { channels, sh_degree: splats.sh_degree, ..ForwardConfig::default() };
-    let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
-    trainer.forward(splats, camera, &config, &mut frame)?;
-    let loss = RandomLoss::new(channels, frame.pixels(), 5, |_| true);
-    trainer.backward(splats, &loss.upstream(), Learn::ALL, &mut gradients)?;
-    Ok((frame, gradients))
+    step(trainer, splats, camera, &config, Learn::ALL)
 }
 
 fn own_trainer(most_binding: Option<u64>) -> GpuDifferentiable {
-    let gpu = own_gpu(most_binding);
-    GpuDifferentiable::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
+    GpuDifferentiable::new(own_gpu(most_binding), threads(2)).unwrap()
 }
 
 /// With splats about which all threads of a workgroup search the tiles, and others.
@@ -304,14 +270,8 @@ fn a_training_that_does_not_fit_or_loses_its_gpu_is_told_so() {
     let none = vec![0.0; 20_000];
     let upstream = Upstream { alpha: &none, ..Upstream::default() };
     let mut trainer = own_trainer(None);
-    trainer
-        .forward(
-            &few,
-            &camera,
-            &ForwardConfig { sh_degree: 1, ..ForwardConfig::default() },
-            &mut Frame::default(),
-        )
-        .unwrap();
+    let config = ForwardConfig { sh_degree: 1, ..ForwardConfig::default() };
+    trainer.forward(&few, &camera, &config, &mut Frame::default()).unwrap();
     trainer.gpu.lose();
     assert!(trainer.backward(&few, &upstream, Learn::ALL, &mut Gradients::default()).is_err());
 }

@@ -1,6 +1,5 @@
 use super::*;
-use crate::renderer::RenderBackend;
-use crate::testing::comparison::ALL_OUTPUTS;
+use crate::testing::comparison::{ALL_OUTPUTS, drawn};
 use crate::testing::{Backend, camera, random_splats};
 
 crate::parity! {
@@ -11,12 +10,6 @@ crate::parity! {
 
 fn config() -> RenderConfig {
     RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() }
-}
-
-fn alone(renderer: &mut dyn RenderBackend, pass: &DrawPass<'_>) -> Frame {
-    let mut frame = Frame::default();
-    renderer.render(pass, &mut frame).unwrap();
-    frame
 }
 
 /// Sizes differ, so that what one pass leaves in the memory of another would show.
@@ -30,7 +23,7 @@ fn separate_renders(backend: Backend) {
         .zip(sets)
         .map(|(camera, set)| DrawPass::new(&[SetView::plain(set)], camera, &config()))
         .collect();
-    let want: Vec<Frame> = passes.iter().map(|pass| alone(&mut *renderer, pass)).collect();
+    let want: Vec<Frame> = passes.iter().map(|pass| drawn(&mut *renderer, pass)).collect();
     let mut plan = FramePlan::new();
     let ids: Vec<PictureId> = passes.iter().map(|pass| plan.draw(pass.clone())).collect();
     // The last of several passes into one picture stays.
@@ -47,9 +40,9 @@ fn transient(backend: Backend) {
     let mut renderer = backend.renderer();
     let (splats, camera) = (random_splats(500, 2, 4), camera(75, 53));
     let set = renderer.load(&splats).unwrap();
-    let want = alone(&mut *renderer, &DrawPass::new(&[SetView::plain(set)], &camera, &config()));
+    let want = drawn(&mut *renderer, &DrawPass::new(&[SetView::plain(set)], &camera, &config()));
     renderer.unload(set);
-    let got = alone(&mut *renderer, &DrawPass::new(&[SetView::transient(&splats)], &camera, &config()));
+    let got = drawn(&mut *renderer, &DrawPass::new(&[SetView::transient(&splats)], &camera, &config()));
     assert!(got == want);
     // It is gone afterwards: its name is free.
     assert_eq!(renderer.load(&splats).unwrap(), set);
@@ -74,8 +67,8 @@ fn effects(backend: Backend) {
     let [first, second] = [4, 5].map(|seed| random_splats(400, 1, seed));
     let [a, b] =
         [&first, &second].map(|splats| DrawPass::new(&[SetView::transient(splats)], &camera, &config));
-    let mut want = alone(&mut *renderer, &a);
-    let (scene, noise) = (want.clone(), alone(&mut *renderer, &b));
+    let mut want = drawn(&mut *renderer, &a);
+    let (scene, noise) = (want.clone(), drawn(&mut *renderer, &b));
     Overlay.apply(SimdPath::available()[0], &mut want, &[&noise]);
     Overlay.apply(SimdPath::available()[0], &mut want, &[&scene]);
     let mut plan = FramePlan::new();

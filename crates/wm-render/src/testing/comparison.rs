@@ -3,14 +3,19 @@
 use super::{Backend, RandomLoss, random_splats};
 use crate::attributes::SplatAttributes;
 use crate::config::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
-use crate::differentiable::ForwardConfig;
+use crate::differentiable::{Differentiable, ForwardConfig};
+use crate::error::RenderError;
 use crate::frame::Frame;
+#[cfg(feature = "gpu")]
+use crate::frame::srgb_decode;
 use crate::gradients::{Gradients, Learn};
-use crate::hooks::{AirGroup, GROUP, Medium, ShadeGroup};
+use crate::hooks::{AirGroup, AirOnRay, GROUP, Medium, ShadeGroup, WgslSource};
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
 use crate::reference::backward::{self, Parameters, ReferenceGradients};
 use crate::reference::frame::ReferenceFrame;
+use crate::renderer::RenderBackend;
+use crate::simd::SimdPath;
 use wm_base::random::uniform;
 use wm_scene::{Camera, Splats, splats::logit};
 
@@ -137,6 +142,31 @@ pub(crate) fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) 
     if mean < 1e-5 { Ok(()) } else { Err(format!("mean difference {mean:.2e}, bound 1e-5")) }
 }
 
+/// Draws a pass into a frame of its own.
+pub(crate) fn drawn(renderer: &mut dyn RenderBackend, pass: &DrawPass<'_>) -> Frame {
+    let mut frame = Frame::default();
+    renderer.render(pass, &mut frame).unwrap();
+    frame
+}
+
+/// Makes a step of training: the picture, and the gradients of a random loss.
+///
+/// # Errors
+/// As [`Differentiable::forward`] and [`Differentiable::backward`] have them.
+pub(crate) fn step(
+    renderer: &mut dyn Differentiable,
+    splats: &Splats,
+    camera: &Camera,
+    config: &ForwardConfig,
+    learn: Learn,
+) -> Result<(Frame, Gradients), RenderError> {
+    let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
+    renderer.forward(splats, camera, config, &mut frame)?;
+    let loss = RandomLoss::new(config.channels, frame.pixels(), 5, |_| true);
+    renderer.backward(splats, &loss.upstream(), learn, &mut gradients)?;
+    Ok((frame, gradients))
+}
+
 /// Renders sets with their attributes as `pass` says, and compares the frame with the reference's.
 ///
 /// # Errors
@@ -147,23 +177,57 @@ pub(crate) fn rendered(
     pass: &DrawPass<'_>,
 ) -> Result<Frame, String> {
     let mut renderer = backend.renderer();
-    let mut view = |(set, attributes): &(&Splats, _)| {
-        SetView::plain(renderer.load(set).unwrap()).with_attributes(*attributes)
-    };
-    let views: Vec<SetView<'_>> = sets.iter().map(&mut view).collect();
-    let mut frame = Frame::default();
-    renderer.render(&DrawPass { sets: views, ..pass.clone() }, &mut frame).unwrap();
+    let views = sets.iter().map(|set| SetView::transient(set.0).with_attributes(set.1)).collect();
+    let frame = drawn(&mut *renderer, &DrawPass { sets: views, ..pass.clone() });
     compare(&frame, &reference::frame::render(sets, pass), 2.0)?;
     Ok(frame)
 }
 
+/// A medium that depends on everything it is given.
+pub(crate) struct Tint;
+
+impl Medium for Tint {
+    fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
+        evaluate_by_reference(self, origin, rays, out);
+    }
+
+    fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay {
+        let kept = [0.2, 0.25, 0.3].map(|sigma: f64| (-sigma * distance).exp());
+        let light = [0, 1, 2].map(|k| 0.5 + 0.3 * direction[k] + 0.01 * origin[k]);
+        AirOnRay { transmittance: kept, airlight: [0, 1, 2].map(|k| (1.0 - kept[k]) * light[k]) }
+    }
+
+    fn wgsl(&self, origin: [f32; 3]) -> Option<WgslSource> {
+        let wgsl = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
+            let kept = exp(-vec3<f32>(0.2, 0.25, 0.3) * min(distance, 1e6));
+            let origin = vec3<f32>(air[0], air[1], air[2]);
+            return AirOnRay(kept, (1.0 - kept) * (0.5 + 0.3 * direction + 0.01 * origin));
+        }";
+        Some(WgslSource { wgsl: wgsl.into(), parameters: origin.to_vec() })
+    }
+}
+
+/// An air that is of the CPU alone, and a grey of 0.25 wherever it is.
+#[cfg(feature = "gpu")]
+pub(crate) struct HeavyAir;
+
+#[cfg(feature = "gpu")]
+impl Medium for HeavyAir {
+    fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
+        evaluate_by_reference(self, origin, rays, out);
+    }
+
+    fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], _: f64) -> AirOnRay {
+        AirOnRay { transmittance: [0.0; 3], airlight: [srgb_decode(0.25); 3] }
+    }
+
+    fn name(&self) -> &'static str {
+        "heavy air"
+    }
+}
+
 /// Evaluates an air by its reference.
-pub(crate) fn evaluate_by_reference(
-    medium: &dyn Medium,
-    origin: [f32; 3],
-    rays: &[ShadeGroup],
-    out: &mut [AirGroup],
-) {
+fn evaluate_by_reference(medium: &dyn Medium, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
     for (rays, out) in rays.iter().zip(out) {
         for lane in 0..GROUP {
             let direction = [0, 1, 2].map(|k| f64::from(rays.direction[k][lane]));

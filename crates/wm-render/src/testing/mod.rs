@@ -12,7 +12,9 @@ use crate::differentiable::{Channels, Upstream};
 #[cfg(feature = "gpu")]
 use crate::error::RenderError;
 #[cfg(feature = "gpu")]
-use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer, source::Program};
+use crate::gpu::source::{Program, Subgroups};
+#[cfg(feature = "gpu")]
+use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer};
 #[cfg(feature = "gpu")]
 use crate::hooks::WgslSource;
 use crate::hooks::{Medium, ShadeGroup};
@@ -32,6 +34,7 @@ pub enum Backend {
     /// The CPU on one SIMD path.
     Cpu(SimdPath),
     /// A GPU: a real one, or one in software where there is no other.
+    #[cfg(feature = "gpu")]
     Gpu,
 }
 
@@ -59,13 +62,17 @@ impl Backend {
     /// As said.
     #[must_use]
     pub fn gpu() -> Option<Self> {
-        let missing = missing_gpu();
-        if let Some(reason) = &missing {
-            let required = std::env::var("WM_REQUIRE_GPU").is_ok_and(|v| v == "1");
-            assert!(!required, "{reason}, and WM_REQUIRE_GPU=1");
-            eprintln!("skipped: {reason}");
-        }
-        missing.is_none().then_some(Self::Gpu)
+        #[cfg(feature = "gpu")]
+        let found = shared_gpu().as_ref().map(|_| Self::Gpu);
+        #[cfg(not(feature = "gpu"))]
+        let found = Err("built without the GPU back end");
+        found
+            .inspect_err(|reason| {
+                let required = std::env::var("WM_REQUIRE_GPU").is_ok_and(|v| v == "1");
+                assert!(!required, "{reason}, and WM_REQUIRE_GPU=1");
+                eprintln!("skipped: {reason}");
+            })
+            .ok()
     }
 
     /// Returns the SIMD path, for checks that concern the CPU alone.
@@ -76,6 +83,7 @@ impl Backend {
     pub fn path(self) -> SimdPath {
         match self {
             Self::Cpu(path) => path,
+            #[cfg(feature = "gpu")]
             Self::Gpu => panic!("this check is of the CPU alone: list it under `cpu_parity!`"),
         }
     }
@@ -89,8 +97,6 @@ impl Backend {
             Self::Cpu(path) => medium.shade(path, origin, groups),
             #[cfg(feature = "gpu")]
             Self::Gpu => gpu_renderer().shade(medium, origin, groups).expect("a form for the GPU"),
-            #[cfg(not(feature = "gpu"))]
-            Self::Gpu => panic!("built without the GPU back end"),
         }
     }
 
@@ -102,13 +108,11 @@ impl Backend {
     pub fn renderer(self) -> Box<dyn RenderBackend> {
         match self {
             Self::Cpu(path) => {
-                let config = CpuConfig { threads: Some(2), simd: path.choice() };
+                let config = CpuConfig { simd: path.choice(), ..threads(2) };
                 Box::new(CpuRenderer::new(config).expect("threads start"))
             }
             #[cfg(feature = "gpu")]
             Self::Gpu => Box::new(gpu_renderer()),
-            #[cfg(not(feature = "gpu"))]
-            Self::Gpu => panic!("built without the GPU back end"),
         }
     }
 
@@ -120,16 +124,25 @@ impl Backend {
     pub fn differentiable(self) -> Box<dyn Differentiable> {
         match self {
             Self::Cpu(path) => {
-                let config = CpuConfig { threads: Some(2), simd: path.choice() };
+                let config = CpuConfig { simd: path.choice(), ..threads(2) };
                 Box::new(CpuDifferentiable::new(config).expect("threads start"))
             }
             #[cfg(feature = "gpu")]
             Self::Gpu => Box::new(gpu_differentiable()),
-            #[cfg(not(feature = "gpu"))]
-            Self::Gpu => panic!("built without the GPU back end"),
         }
     }
 }
+
+/// Returns the settings of the CPU back end with so many threads.
+#[must_use]
+pub fn threads(count: usize) -> CpuConfig {
+    CpuConfig { threads: Some(count), ..CpuConfig::default() }
+}
+
+/// The settings of whatever GPU there is.
+#[cfg(feature = "gpu")]
+pub(crate) const ANY_GPU: GpuConfig =
+    GpuConfig { choice: AdapterChoice::Any, limits: None, subgroups: Subgroups::Used };
 
 /// Makes a renderer for training on the shared GPU.
 ///
@@ -139,8 +152,7 @@ impl Backend {
 #[must_use]
 pub fn gpu_differentiable() -> GpuDifferentiable {
     let gpu = shared_gpu().clone().expect("a GPU");
-    GpuDifferentiable::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() })
-        .expect("threads start")
+    GpuDifferentiable::new(gpu, threads(2)).expect("threads start")
 }
 
 /// Makes a back end for training like `auto` on a GPU of its own, which may be taken away.
@@ -150,9 +162,8 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
 #[cfg(feature = "gpu")]
 #[must_use]
 pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Arc<Gpu>) {
-    let gpu = Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }).expect("a GPU");
-    let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
-    (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
+    let gpu = Gpu::open(&ANY_GPU).expect("a GPU");
+    (AnyDifferentiable::fallible(Arc::clone(&gpu), threads(2), warn).expect("threads start"), gpu)
 }
 
 /// Opens a GPU with the default limits of browsers, and bindings of at most `most_binding` bytes.
@@ -163,15 +174,14 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
 #[must_use]
 pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
     let limits = wgpu::Limits { max_storage_buffer_binding_size: most_binding, ..wgpu::Limits::default() };
-    let config = GpuConfig { choice: AdapterChoice::Any, limits: Some(limits), ..GpuConfig::default() };
-    Gpu::open(&config).expect("a GPU")
+    Gpu::open(&GpuConfig { limits: Some(limits), ..ANY_GPU }).expect("a GPU")
 }
 
 /// Returns the GPU that all tests of a program share, which is started once.
 #[cfg(feature = "gpu")]
 fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
     static SHARED: OnceLock<Result<Arc<Gpu>, GpuError>> = OnceLock::new();
-    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }))
+    SHARED.get_or_init(|| Gpu::open(&ANY_GPU))
 }
 
 /// Makes a renderer on the shared GPU.
@@ -181,7 +191,7 @@ fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
 #[cfg(feature = "gpu")]
 pub(crate) fn gpu_renderer() -> GpuRenderer {
     let gpu = shared_gpu().clone().expect("a GPU");
-    GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")
+    GpuRenderer::new(gpu, threads(2)).expect("threads start")
 }
 
 /// The text of every program of the GPU, but for those with the air of a weather.
@@ -206,13 +216,6 @@ pub fn check_air(air: &WgslSource) -> Result<(), String> {
         validator.validate(&module).map_err(|error| error.emit_to_string(&text))?;
     }
     Ok(())
-}
-
-fn missing_gpu() -> Option<String> {
-    #[cfg(feature = "gpu")]
-    return shared_gpu().as_ref().err().map(ToString::to_string);
-    #[cfg(not(feature = "gpu"))]
-    return Some("built without the GPU back end".to_owned());
 }
 
 /// Makes one test a back end of a check that takes a [`testing::Backend`](crate::testing::Backend):

@@ -14,7 +14,7 @@ use crate::stages::project::gpu::{ParameterForm, cull_program, project_program};
 use crate::stages::project_backward::gpu as gradients;
 use crate::stages::rasterize::gpu as blending;
 use crate::stages::rasterize_backward::gpu as blending_backward;
-use crate::stages::rays::gpu::{self as rays, RaySums};
+use crate::stages::rays::{RayOutputs, gpu as rays};
 use crate::stages::shade::gpu::{AirText, groups_program};
 use crate::stages::sort::gpu as sort;
 use std::borrow::Cow;
@@ -85,8 +85,13 @@ pub(crate) fn all() -> Vec<Program> {
             all.push(composite::composite_program(form, particles));
         }
     }
-    // Without sums there are no features to find.
-    all.extend(RaySums::ALL.into_iter().skip(1).map(rays::features_program));
-    all.extend(RaySums::ALL.map(rays::blend_program));
+    for (color, normal) in [(false, false), (true, false), (false, true), (true, true)] {
+        let asked = RayOutputs { color, normal, value: false };
+        all.push(rays::blend_program(asked));
+        // Without sums there are no features to find.
+        if asked.features() > 0 {
+            all.push(rays::features_program(asked));
+        }
+    }
     all
 }

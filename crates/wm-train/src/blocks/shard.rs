@@ -2,7 +2,7 @@
 
 use super::error::BlockError;
 use super::training::{BlockTraining, read_splats};
-use crate::checkpoint::{FNV_START, hash};
+use crate::checkpoint::{FNV_START, Summed};
 use crate::config::TrainConfig;
 use crate::dataset::HeldOut;
 use crate::files::write_json;
@@ -11,7 +11,7 @@ use crate::session::{CHECKPOINT, PriorSource, Resume, Session, SessionOptions, T
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, BufReader};
 use std::path::Path;
 use std::sync::Arc;
 use wm_base::files::write_durably;
@@ -138,13 +138,8 @@ fn text(sum: u64) -> String {
 
 /// Returns the size of a file, bytes, and its checksum.
 fn sum(path: &Path) -> io::Result<(u64, String)> {
-    let mut file = File::open(path)?;
-    let (mut buffer, mut bytes, mut sum) = (vec![0; 1 << 18], 0, FNV_START);
-    loop {
-        let read = file.read(&mut buffer)?;
-        if read == 0 {
-            return Ok((bytes, text(sum)));
-        }
-        (bytes, sum) = (bytes + read as u64, hash(sum, &buffer[..read]));
-    }
+    let mut file = BufReader::with_capacity(1 << 18, File::open(path)?);
+    let mut out = Summed { inner: &mut io::sink(), sum: FNV_START };
+    let bytes = io::copy(&mut file, &mut out)?;
+    Ok((bytes, text(out.sum)))
 }

@@ -1,9 +1,6 @@
-"""Finds the cameras of photos with pycolmap, one step a call, as the commands of COLMAP do.
+"""Finds the cameras of photos with pycolmap, by the command line of COLMAP as far as it is used here.
 
-find_cameras.py extract DATABASE PHOTOS SINGLE|AUTO
-find_cameras.py match DATABASE exhaustive|sequential
-find_cameras.py map DATABASE PHOTOS MODELS
-find_cameras.py undistort PHOTOS MODEL DATASET
+find_cameras.py feature_extractor|exhaustive_matcher|sequential_matcher|mapper|image_undistorter [--NAME VALUE]...
 """
 
 import sys
@@ -20,33 +17,32 @@ def on_cpu(new, old):
     return {name: options, "device": pycolmap.Device.cpu}
 
 
-def extract(database, photos, camera_mode):
-    # OPENCV holds the lenses of phones and cameras.
+command, given = sys.argv[1], dict(zip(sys.argv[2::2], sys.argv[3::2]))
+database, photos = given.get("--database_path"), given.get("--image_path")
+if command == "feature_extractor":
     reader = pycolmap.ImageReaderOptions()
-    reader.camera_model = "OPENCV"
+    reader.camera_model = given["--ImageReader.camera_model"]
+    has_one_camera = given["--ImageReader.single_camera"] == "1"
     pycolmap.extract_features(
         database_path=database,
         image_path=photos,
-        camera_mode=getattr(pycolmap.CameraMode, camera_mode),
+        camera_mode=pycolmap.CameraMode.SINGLE if has_one_camera else pycolmap.CameraMode.AUTO,
         reader_options=reader,
         **on_cpu(("extraction_options", "FeatureExtractionOptions"), ("sift_options", "SiftExtractionOptions")),
     )
-
-
-def match(database, pairs):
-    run = pycolmap.match_sequential if pairs == "sequential" else pycolmap.match_exhaustive
+elif command in ("exhaustive_matcher", "sequential_matcher"):
+    run = pycolmap.match_sequential if command == "sequential_matcher" else pycolmap.match_exhaustive
     options = on_cpu(("matching_options", "FeatureMatchingOptions"), ("sift_options", "SiftMatchingOptions"))
     run(database_path=database, **options)
-
-
-def find_cameras(database, photos, models):
+elif command == "mapper":
     # Writes each model to a folder with its number.
-    pycolmap.incremental_mapping(database_path=database, image_path=photos, output_path=models)
-
-
-def undistort(photos, model, dataset):
-    pycolmap.undistort_images(output_path=dataset, input_path=model, image_path=photos, output_type="COLMAP")
-
-
-steps = {"extract": extract, "match": match, "map": find_cameras, "undistort": undistort}
-steps[sys.argv[1]](*sys.argv[2:])
+    pycolmap.incremental_mapping(database_path=database, image_path=photos, output_path=given["--output_path"])
+elif command == "image_undistorter":
+    pycolmap.undistort_images(
+        output_path=given["--output_path"],
+        input_path=given["--input_path"],
+        image_path=photos,
+        output_type=given["--output_type"],
+    )
+else:
+    sys.exit(f"no command of COLMAP: {command}")

@@ -1,7 +1,6 @@
 //! The program that finds cameras, and its commands.
 
 use super::error::ColmapError;
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -81,101 +80,75 @@ pub(super) struct StepCommands {
 impl StepCommands {
     /// Checks that the program starts.
     pub(crate) fn new(tool: CameraTool, paths: RunPaths) -> Result<Self, ColmapError> {
-        let gpu_options = match &tool {
-            CameraTool::Colmap(program) => gpu_options(program)?,
-            CameraTool::Pycolmap(_) => Default::default(),
-        };
+        let gpu_options = gpu_options(&tool)?;
         Ok(Self { tool, paths, gpu_options })
     }
 
     /// Finds features.
     pub(crate) fn extract(&self, has_one_camera: bool) -> Command {
         let RunPaths { photos, database, .. } = &self.paths;
-        match &self.tool {
-            CameraTool::Colmap(_) => {
-                let mut command = self.colmap("feature_extractor");
-                command.arg("--database_path").arg(database).arg("--image_path").arg(photos);
-                // OPENCV holds the lenses of phones and cameras; one camera for all makes it
-                // certain, but is only allowed for photos of one size.
-                let single = if has_one_camera { "1" } else { "0" };
-                command.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", single]);
-                // The CPU works without a display and with every build of COLMAP.
-                command.args([&self.gpu_options[0], "0"]);
-                command
-            }
-            CameraTool::Pycolmap(_) => {
-                let mode = if has_one_camera { "SINGLE" } else { "AUTO" };
-                self.script("extract", &[database.as_ref(), photos.as_ref(), mode.as_ref()])
-            }
-        }
+        let mut command = self.command("feature_extractor");
+        command.arg("--database_path").arg(database).arg("--image_path").arg(photos);
+        // OPENCV holds the lenses of phones and cameras; one camera for all makes it certain, but
+        // is only allowed for photos of one size.
+        let single = if has_one_camera { "1" } else { "0" };
+        command.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", single]);
+        // The CPU works without a display and with every build of COLMAP.
+        command.args([&self.gpu_options[0], "0"]);
+        command
     }
 
     /// Matches the features of pairs of photos.
     pub(crate) fn compare(&self, is_exhaustive: bool) -> Command {
-        let database = &self.paths.database;
-        let pairs = if is_exhaustive { "exhaustive" } else { "sequential" };
-        match &self.tool {
-            CameraTool::Colmap(_) => {
-                let mut command = self.colmap(&format!("{pairs}_matcher"));
-                command.arg("--database_path").arg(database).args([&self.gpu_options[1], "0"]);
-                command
-            }
-            CameraTool::Pycolmap(_) => self.script("match", &[database.as_ref(), pairs.as_ref()]),
-        }
+        let name = if is_exhaustive { "exhaustive_matcher" } else { "sequential_matcher" };
+        let mut command = self.command(name);
+        command.arg("--database_path").arg(&self.paths.database).args([&self.gpu_options[1], "0"]);
+        command
     }
 
     /// Finds cameras.
     pub(crate) fn map(&self) -> Command {
         let RunPaths { photos, database, models, .. } = &self.paths;
-        match &self.tool {
-            CameraTool::Colmap(_) => {
-                let mut command = self.colmap("mapper");
-                command.arg("--database_path").arg(database).arg("--image_path").arg(photos);
-                command.arg("--output_path").arg(models);
-                command
-            }
-            CameraTool::Pycolmap(_) => {
-                self.script("map", &[database.as_ref(), photos.as_ref(), models.as_ref()])
-            }
-        }
+        let mut command = self.command("mapper");
+        command.arg("--database_path").arg(database).arg("--image_path").arg(photos);
+        command.arg("--output_path").arg(models);
+        command
     }
 
     /// Makes photos without distortion.
     pub(crate) fn undistort(&self, model: &Path) -> Command {
         let RunPaths { photos, dataset, .. } = &self.paths;
-        match &self.tool {
-            CameraTool::Colmap(_) => {
-                let mut command = self.colmap("image_undistorter");
-                command.arg("--image_path").arg(photos).arg("--input_path").arg(model);
-                command.arg("--output_path").arg(dataset).args(["--output_type", "COLMAP"]);
-                command
-            }
-            CameraTool::Pycolmap(_) => {
-                self.script("undistort", &[photos.as_ref(), model.as_ref(), dataset.as_ref()])
-            }
-        }
-    }
-
-    fn colmap(&self, name: &str) -> Command {
-        let mut command = Command::new(self.tool.program());
-        command.arg(name);
+        let mut command = self.command("image_undistorter");
+        command.arg("--image_path").arg(photos).arg("--input_path").arg(model);
+        command.arg("--output_path").arg(dataset).args(["--output_type", "COLMAP"]);
         command
     }
 
-    fn script(&self, step: &str, args: &[&OsStr]) -> Command {
+    /// Begins a command of COLMAP, which the script for pycolmap knows too.
+    fn command(&self, name: &str) -> Command {
         let mut command = Command::new(self.tool.program());
-        command.arg(&self.paths.script).arg(step).args(args);
+        if let CameraTool::Pycolmap(_) = self.tool {
+            command.arg(&self.paths.script);
+        }
+        command.arg(name);
         command
     }
 }
 
 /// Returns COLMAP's options that say whether the GPU is used: they changed with COLMAP 3.13, and a
-/// name that is not known ends a command.
-fn gpu_options(program: &Path) -> Result<[String; 2], ColmapError> {
-    let output = Command::new(program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
-    let output = output.map_err(|reason| ColmapError::Start { program: program.to_owned(), reason })?;
-    let said = [output.stdout, output.stderr].concat();
-    let is_new = String::from_utf8_lossy(&said).contains("--FeatureExtraction.use_gpu");
+/// name that is not known ends a command. The script for pycolmap takes either.
+fn gpu_options(tool: &CameraTool) -> Result<[String; 2], ColmapError> {
+    let is_new = match tool {
+        CameraTool::Colmap(program) => {
+            let output =
+                Command::new(program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
+            let output =
+                output.map_err(|reason| ColmapError::Start { program: program.to_owned(), reason })?;
+            let said = [output.stdout, output.stderr].concat();
+            String::from_utf8_lossy(&said).contains("--FeatureExtraction.use_gpu")
+        }
+        CameraTool::Pycolmap(_) => true,
+    };
     let names =
         if is_new { ["FeatureExtraction", "FeatureMatching"] } else { ["SiftExtraction", "SiftMatching"] };
     Ok(names.map(|name| format!("--{name}.use_gpu")))

@@ -81,15 +81,15 @@ pub(crate) fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Ve
             // Damaged photos are reported by the training when it reads them.
             let Ok(photo) = photos.get(*place, *level) else { return Vec::new() };
             let sums = LightSums::new(&photo);
-            let sighting = |(point, placed): &(u32, PlacedPoint)| {
-                let (scale, count) = least[*point as usize];
+            let sighting = |point: u32, placed: &PlacedPoint| {
+                let (scale, count) = least[point as usize];
                 let half = MIN_HALF_WINDOW_PX * placed.scale / scale;
                 let light = (count > 1 && half < MAX_HALF_WINDOW_PX)
                     .then(|| sums.mean(placed.at[0], placed.at[1], half))
                     .flatten()?;
-                Some((*point, Sighting { photo: index as u32, distance: placed.distance as f32, light }))
+                Some((point, Sighting { photo: index as u32, distance: placed.distance as f32, light }))
             };
-            seen.iter().filter_map(sighting).collect()
+            seen.iter().filter_map(|(point, placed)| sighting(*point, placed)).collect()
         })
         .collect();
     let mut tracks = vec![PointTrack::default(); capture.points.len()];

@@ -54,13 +54,6 @@ pub(crate) struct LossGradients {
 }
 
 impl LossGradients {
-    /// Empties all arrays.
-    pub(crate) fn forget(&mut self) {
-        for array in [&mut self.rgb, &mut self.alpha, &mut self.depth, &mut self.normal] {
-            array.clear();
-        }
-    }
-
     /// Sets all arrays to zeros of the sizes of `frame`.
     pub(crate) fn clear(&mut self, frame: &Frame) {
         let arrays = [

@@ -343,10 +343,7 @@ mod tests {
     #[test]
     fn threads_do_not_change_the_result() {
         let (x, y) = (made_up(130, 24, 5, 0.1), made_up(77, 24, 6, 0.0));
-        let on = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| cmmd(&x, &y))
-        };
+        let on = |threads| wm_render::cpu::pool(threads).unwrap().install(|| cmmd(&x, &y));
         assert_eq!([on(2), on(5)], [on(1); 2]);
     }
 

@@ -143,11 +143,11 @@ pub(crate) fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
         judged = share(found.iter().map(|(_, judged)| judged).sum());
         masks = found.into_iter().map(|(mask, _)| mask).collect();
     }
-    let mask = |(view, moves): (&MoverView, Vec<bool>)| {
+    let mask = |view: &MoverView, moves: Vec<bool>| {
         let (width, height) = (view.camera.width, view.camera.height);
         MoverMask { width, height, moves }
     };
-    let masks: Vec<MoverMask> = views.iter().zip(masks).map(mask).collect();
+    let masks: Vec<MoverMask> = views.iter().zip(masks).map(|(view, moves)| mask(view, moves)).collect();
     let moving = share(masks.iter().flat_map(|mask| &mask.moves).filter(|moves| **moves).count());
     let outcome = match () {
         () if judged < MIN_JUDGED_SHARE => MoverOutcome::TooFewJudged(judged),

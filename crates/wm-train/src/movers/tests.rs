@@ -45,9 +45,7 @@ fn views(red: bool, gain: impl Fn(usize) -> f32) -> Vec<MoverView> {
 #[test]
 fn what_moves_is_found_with_any_number_of_threads() {
     let views = views(true, |_| 1.0);
-    let with = |threads: usize| {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| find(&views))
-    };
+    let with = |threads| wm_render::cpu::pool(threads).unwrap().install(|| find(&views));
     let (outcome, masks) = with(1);
     let MoverOutcome::Found { photos: 8, share } = outcome else { panic!("{outcome:?}") };
     let disc = std::f64::consts::PI * 196.0 / f64::from(SIZE.0 * SIZE.1);

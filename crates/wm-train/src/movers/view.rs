@@ -72,8 +72,10 @@ impl MoverView {
         let (mut matched, mut around) = (alike(NEAR_RADIUS_PX), alike(FAR_RADIUS_PX));
         let dense = shares(&matches, width, NEAR_RADIUS_PX);
         let known = matches.iter().filter(|known| **known).count() as f32 / matches.len() as f32;
-        let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < MIN_KNOWN_SHARE;
-        let believed = stereo.iter().zip(&dense).map(|pair| if is_stray(pair) { f32::NAN } else { *pair.0 });
+        let kept = |disparity: f32, matched: f32| {
+            if disparity > 0.0 && matched < MIN_KNOWN_SHARE { f32::NAN } else { disparity }
+        };
+        let believed = stereo.iter().zip(&dense).map(|(disparity, matched)| kept(*disparity, *matched));
         let disparity = filled(&believed.collect::<Vec<f32>>(), width);
         // Clouds and the glow of the sky differ between photos, and nothing is behind them.
         for pixel in (0..stereo.len()).filter(|pixel| stereo[*pixel] == 0.0) {
@@ -195,9 +197,8 @@ fn filled(known: &[f32], width: usize) -> Vec<f32> {
         fine[at].fill_from(&coarse[0]);
     }
     let is_between = enclosed(known, width);
-    let value =
-        |((disparity, _), is_between): (&(f32, f32), bool)| if is_between { *disparity } else { f32::NAN };
-    layers[0].cells.iter().zip(is_between).map(value).collect()
+    let value = |pixel: usize| if is_between[pixel] { layers[0].cells[pixel].0 } else { f32::NAN };
+    (0..known.len()).map(value).collect()
 }
 
 /// Returns the pixels with known depth to the left and right, and above and below: depth is

@@ -55,7 +55,7 @@ impl Photo {
     }
 
     /// Returns the colour (sRGB) at a place in shares of width and height.
-    pub(crate) fn at_share(&self, [x, y]: [f64; 2]) -> [u8; 3] {
+    pub(crate) fn at_share(&self, x: f64, y: f64) -> [u8; 3] {
         let (column, row) = ((x * f64::from(self.width)) as usize, (y * f64::from(self.height)) as usize);
         let at = 3 * (row * self.width as usize + column);
         [0, 1, 2].map(|c| self.rgb[at + c])

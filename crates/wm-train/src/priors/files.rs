@@ -4,7 +4,7 @@ use super::SkyClass;
 use super::fit::Freedom;
 use super::given::{Given, GivenDepth, SkyBy};
 use crate::photos::Photos;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use wm_image::maps::{
     DepthForm, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes, read_map,
 };
@@ -75,32 +75,32 @@ impl FileMaps {
         let is_bent = self.of == MapsOf::Photo && photos.is_bent(place);
         let Some((_, first)) = depth.as_ref().or(normal.as_ref()).or(sky.as_ref()) else { return Ok(None) };
         let size = size_of(first, &camera, self.pixels, is_bent);
-        let fitted = |(path, map): (PathBuf, Map), filter: Filter| -> Result<(PathBuf, Map), MapError> {
+        let fitted = |path: &Path, map: &Map, filter: Filter| {
             let found = if is_bent {
-                photos.without_lens(place, &map, size, filter)
+                photos.without_lens(place, map, size, filter)
             } else {
                 map.check_shape(camera.width, camera.height).map(|()| map.resampled(size.0, size.1, filter))
             };
-            found.map(|map| (path.clone(), map)).map_err(|fault| MapError { path, fault })
+            found.map_err(|fault| MapError { path: path.to_owned(), fault })
         };
         let mut given = Given { width: size.0, height: size.1, ..Given::default() };
-        if let (Some(map), Some(files)) = (depth, &self.depth) {
+        if let (Some((path, map)), Some(files)) = (depth, &self.depth) {
             // Between two depths lies none, while disparity from networks is smooth.
             let filter = match files.form {
                 DepthForm::Disparity => Filter::Area,
                 DepthForm::Z | DepthForm::Ray => Filter::Nearest,
             };
-            let (path, map) = fitted(map, filter)?;
+            let map = fitted(&path, &map, filter)?;
             let depth = files.read(&map, &camera).map_err(|fault| MapError { path, fault })?;
             given.depth = Some(depth);
         }
-        if let (Some(map), Some((_, axes))) = (normal, &self.normal) {
-            let (path, map) = fitted(map, Filter::Nearest)?;
+        if let (Some((path, map)), Some((_, axes))) = (normal, &self.normal) {
+            let map = fitted(&path, &map, Filter::Nearest)?;
             let normal = axes.to_world(&map, &camera).and_then(|normal| facing(normal, &map, &camera));
             given.normal = Some(normal.map_err(|fault| MapError { path, fault })?);
         }
-        if let Some(map) = sky {
-            let (_, map) = fitted(map, Filter::Area)?;
+        if let Some((path, map)) = sky {
+            let map = fitted(&path, &map, Filter::Area)?;
             let class = |white: f32| match white {
                 MIN_SKY_WHITE.. => SkyClass::Sky,
                 ..=MAX_PLACE_WHITE => SkyClass::Place,

@@ -4,6 +4,7 @@
 
 use super::fit::Fit;
 use super::{Prior, SkyClass};
+use crate::files::remove;
 use crate::movers::MoverMask;
 use crate::photos::cache::{Cache, Weigh};
 use serde::{Deserialize, Serialize};
@@ -187,13 +188,6 @@ fn read_index(path: &Path) -> Result<Option<Index>, PriorsError> {
         return Err(fault(format!("version {} and not {VERSION}", index.version)));
     }
     Ok(Some(index))
-}
-
-fn remove(path: &Path) -> std::io::Result<()> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(e),
-        _ => Ok(()),
-    }
 }
 
 impl Priors {

@@ -74,9 +74,7 @@ use crate::plan::PlanError;
 use data::TrainData;
 use folder::RunFolder;
 use std::path::PathBuf;
-use std::sync::mpsc;
-use training::{Backend, Parts};
-use wm_render::{AnyDifferentiable, Device, Differentiable};
+use training::TrainInputs;
 use wm_scene::Scene;
 
 /// A training from photos to a scene.
@@ -87,7 +85,6 @@ pub struct Session {
     dataset: PathBuf,
     options: SessionOptions,
     metric: Option<Box<dyn PerceptualMetric>>,
-    backend: Option<Box<dyn Differentiable>>,
 }
 
 impl Session {
@@ -96,7 +93,7 @@ impl Session {
     /// Nothing is read yet.
     #[must_use]
     pub fn new(dataset: impl Into<PathBuf>) -> Self {
-        Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None, backend: None }
+        Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None }
     }
 
     /// Sets all options.
@@ -127,13 +124,6 @@ impl Session {
         self
     }
 
-    /// Sets the scale of the scene, metres per scene unit.
-    #[must_use]
-    pub fn metres_per_unit(mut self, metres: f64) -> Self {
-        self.options.facts.metres_per_unit = Some(metres);
-        self
-    }
-
     /// Holds out every N-th photo and evaluates on it.
     #[must_use]
     pub fn hold_out(mut self, every: u32) -> Self {
@@ -152,27 +142,6 @@ impl Session {
     #[must_use]
     pub fn resume(mut self) -> Self {
         self.options.resume = Resume::Always;
-        self
-    }
-
-    /// Replaces a training in the run folder.
-    #[must_use]
-    pub fn overwrite(mut self) -> Self {
-        self.options.resume = Resume::Overwrite;
-        self
-    }
-
-    /// Sets the device to train on.
-    #[must_use]
-    pub fn device(mut self, device: Device) -> Self {
-        self.options.device = device;
-        self
-    }
-
-    /// Sets a back end of the caller's, in place of that of [`SessionOptions::device`].
-    #[must_use]
-    pub fn backend(mut self, backend: Box<dyn Differentiable>) -> Self {
-        self.backend = Some(backend);
         self
     }
 
@@ -198,7 +167,7 @@ impl Session {
     /// # Errors
     /// [`SessionError`] as for [`Self::run`].
     pub fn prepare(self, observer: &mut dyn TrainObserver) -> Result<Training, SessionError> {
-        let Self { dataset, options, metric, backend } = self;
+        let Self { dataset, options, metric } = self;
         if let Some(height) = options.camera_height.filter(|height| !(height.is_finite() && *height > 0.0)) {
             return Err(SessionError::CameraHeight(height));
         }
@@ -232,25 +201,9 @@ impl Session {
         }
         let mut priors = priors::open(&dataset, &options, &data, &folder, observer)?;
         let movers = movers::search(&config, &options, &data, priors.as_mut(), &folder, observer)?;
-        let backend = match backend {
-            Some(renderer) => Backend { renderer, failures: mpsc::channel().1 },
-            None => open_backend(&options)?,
-        };
-        Training::new(
-            Parts { config, dataset, data, priors, movers, folder, options, metric, backend },
-            observer,
-        )
+        let inputs = TrainInputs { dataset, data, priors, movers, folder, options, metric };
+        Training::new(config, inputs, observer)
     }
-}
-
-/// Starts the back end that the options choose.
-fn open_backend(options: &SessionOptions) -> Result<Backend, SessionError> {
-    let (sender, failures) = mpsc::channel();
-    let renderer = AnyDifferentiable::new(&options.device, options.cpu, move |error| {
-        // The receiver lives as long as the back end.
-        let _ = sender.send(error.to_string());
-    })?;
-    Ok(Backend { renderer: Box::new(renderer), failures })
 }
 
 /// Refuses held-out photos that are too small for the metric.

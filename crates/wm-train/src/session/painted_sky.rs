@@ -118,6 +118,7 @@ mod tests {
     use crate::priors::Prior;
     use glam::DVec3;
     use std::sync::Arc;
+    use wm_render::testing::threads;
     use wm_scene::Camera;
 
     const SIZE: (u32, u32) = (48, 32);
@@ -155,8 +156,7 @@ mod tests {
             splats.groups.push(Group::Scene);
         }
         let views = [view(DVec3::ZERO), view(DVec3::new(0.3, -0.2, 0.0))];
-        let cpu = CpuConfig { threads: Some(1), ..CpuConfig::default() };
-        let count = label_painted_sky(&mut splats, &views, Rasterization::default(), cpu).unwrap();
+        let count = label_painted_sky(&mut splats, &views, Rasterization::default(), threads(1)).unwrap();
         assert_eq!(count, 1);
         assert_eq!(splats.groups, [Group::Sky, Group::Scene, Group::Scene, Group::Scene]);
     }

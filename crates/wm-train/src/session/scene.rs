@@ -36,7 +36,6 @@ const MAX_GPS_ERROR_DEG: f64 = 3.0;
 const MIN_GPS_EXTENT: f64 = 20.0;
 
 /// Returns the splats that a training starts with.
-#[expect(clippy::too_many_arguments)] // All that a start depends on.
 pub(super) fn start(
     dataset: &Path,
     config: &TrainConfig,
@@ -44,7 +43,6 @@ pub(super) fn start(
     priors: Option<&Priors>,
     haze: Option<&PhotoHaze>,
     gains: Option<&PhotoGains>,
-    extent: f64,
     part: Option<&TrainPart>,
 ) -> Result<Splats, SessionError> {
     let begin = StartConfig {
@@ -67,10 +65,11 @@ pub(super) fn start(
             .collect();
         fill(&mut points, &views, most, haze);
     }
-    let points = &points;
+    let cameras = data.cameras();
+    let extent = start::extent(&cameras);
     let mut splats = match points.is_empty() {
-        true => start::blind(&data.cameras(), extent, &begin),
-        false => start::from_points(points, extent, &begin),
+        true => start::blind(&cameras, extent, &begin),
+        false => start::from_points(&points, extent, &begin),
     };
     if splats.is_empty() {
         return Err(SessionError::NoFinitePoint(dataset.to_owned()));
@@ -78,7 +77,7 @@ pub(super) fn start(
     match part {
         Some(part) => part.add_sky(&mut splats),
         None if config.sky_splats > 0 && priors.is_some_and(Priors::has_sky) => {
-            add_sky(&mut splats, data, &views, extent, config.sky_splats, haze);
+            add_sky(&mut splats, data, &views, config.sky_splats, haze);
         }
         None => {}
     }
@@ -96,8 +95,7 @@ pub(super) fn sky(
 ) -> Result<Splats, SessionError> {
     let mut splats = Splats::with_capacity(0, config.sh_degree);
     if let Some(priors) = priors.filter(|priors| config.sky_splats > 0 && priors.has_sky()) {
-        let (views, extent) = (prior_views(data, priors, gains)?, start::extent(&data.cameras()));
-        add_sky(&mut splats, data, &views, extent, config.sky_splats, haze);
+        add_sky(&mut splats, data, &prior_views(data, priors, gains)?, config.sky_splats, haze);
     }
     Ok(splats)
 }
@@ -112,14 +110,7 @@ fn far_ground<'a>(
 }
 
 /// Adds the sky where the priors say that photos show it, and where haze looks like it.
-fn add_sky(
-    splats: &mut Splats,
-    data: &TrainData,
-    views: &[PriorView],
-    extent: f64,
-    count: u32,
-    haze: Option<&PhotoHaze>,
-) {
+fn add_sky(splats: &mut Splats, data: &TrainData, views: &[PriorView], count: u32, haze: Option<&PhotoHaze>) {
     let Some(up) = data.up else { return };
     let views: Vec<&PriorView> = views.iter().filter(|view| !view.prior.sky.is_empty()).collect();
     let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
@@ -127,12 +118,13 @@ fn add_sky(
         let PriorView { prior, photo, .. } = views[index];
         let (width, height) = (f64::from(prior.width), f64::from(prior.height));
         let class = prior.sky[(y * height) as usize * prior.width as usize + (x * width) as usize];
-        (class, photo.at_share([x, y]))
+        (class, photo.at_share(x, y))
     };
     let gain = |index: usize| views[index].gain;
-    let lowest = far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest());
+    let taught = data.cameras();
+    let lowest = far_ground(data, &taught, haze).map(|ground| ground.lowest());
     let photos = SkyPhotos { cameras: &cameras, look: &look, gain: &gain, up: up.up, lowest };
-    start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
+    start::add_sky(splats, &photos, &data.set.capture.points, start::extent(&taught), count as usize);
 }
 
 /// Returns the haze of the training photos, as the configuration has it, and their gains; tells the
@@ -199,7 +191,7 @@ fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, Sessio
             let [x, y] = [x / width as f64, y / height as f64];
             let ray = camera.ray(x * f64::from(camera.width), y * f64::from(camera.height));
             if LOW_SKY_SINES.contains(&ray.normalize().dot(up.up)) {
-                let rgb = photo.at_share([x, y]);
+                let rgb = photo.at_share(x, y);
                 (0..3).for_each(|c| shown[c].push(rgb[c]));
             }
         }

@@ -97,7 +97,9 @@ fn a_session_that_was_stopped_ends_in_the_same_scene() {
     assert_eq!((&again.splats, &again.metadata), (&scene.splats, &scene.metadata));
     let error = session(&set).run_folder(&run).run(&mut ()).unwrap_err();
     assert!(matches!(error, SessionError::Finished(_)), "{error}");
-    let again = session(&set).run_folder(&run).overwrite().run(&mut ()).unwrap();
+    let mut other = session(&set).run_folder(&run);
+    other.options.resume = Resume::Overwrite;
+    let again = other.run(&mut ()).unwrap();
     assert_eq!((again.splats, again.metadata), (scene.splats, scene.metadata));
 }
 

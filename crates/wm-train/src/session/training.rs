@@ -23,10 +23,10 @@ use crate::trainer::Trainer;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{self, Receiver};
 use std::time::Instant;
 use wm_image::quality::psnr;
-use wm_render::{Differentiable, Frame, RenderError};
+use wm_render::{AnyDifferentiable, Frame, RenderError};
 use wm_scene::{Camera, Scene, Splats};
 
 /// Photos that are decoded ahead of their step.
@@ -39,12 +39,6 @@ const MILESTONES: u32 = 10;
 /// Loss of PSNR of held-out photos that is worth a warning, dB.
 const WORSE_PSNR_DB: f64 = 0.1;
 
-/// A back end and the messages of why its GPU was given up.
-pub(super) struct Backend {
-    pub(crate) renderer: Box<dyn Differentiable>,
-    pub(crate) failures: Receiver<String>,
-}
-
 /// A training that is ready to run or under way; [`Session::prepare`](super::Session::prepare)
 /// makes it.
 ///
@@ -52,17 +46,10 @@ pub(super) struct Backend {
 /// their own.
 pub struct Training {
     trainer: Trainer,
+    /// Why the GPU was given up.
     failures: Receiver<String>,
-    dataset: PathBuf,
-    data: TrainData,
-    priors: Option<Priors>,
-    /// The pixels of each training photo that show movers; empty if there are none.
-    movers: Vec<MoverMask>,
-    folder: RunFolder,
-    options: SessionOptions,
+    inputs: TrainInputs,
     metrics: Metrics,
-    /// Takes a second a photo, so it is only used at the end.
-    metric: Option<Box<dyn PerceptualMetric>>,
     /// The number of halvings that leave photos large enough.
     last_level: u8,
     pixels: PhotoPixels,
@@ -100,28 +87,36 @@ impl PhotoPixels {
     }
 }
 
-/// The parts of a training.
-pub(super) struct Parts {
-    pub(crate) config: TrainConfig,
-    pub(crate) dataset: PathBuf,
-    pub(crate) data: TrainData,
-    pub(crate) priors: Option<Priors>,
-    pub(crate) movers: Vec<MoverMask>,
-    pub(crate) folder: RunFolder,
-    pub(crate) options: SessionOptions,
-    pub(crate) metric: Option<Box<dyn PerceptualMetric>>,
-    pub(crate) backend: Backend,
+/// The inputs of a training.
+pub(super) struct TrainInputs {
+    pub(super) dataset: PathBuf,
+    pub(super) data: TrainData,
+    pub(super) priors: Option<Priors>,
+    /// The pixels of each training photo that show movers; empty if there are none.
+    pub(super) movers: Vec<MoverMask>,
+    pub(super) folder: RunFolder,
+    pub(super) options: SessionOptions,
+    /// Takes a second a photo, so it is only used at the end.
+    pub(super) metric: Option<Box<dyn PerceptualMetric>>,
 }
 
 impl Training {
     /// Starts a training, or continues the one in the run folder.
-    pub(super) fn new(parts: Parts, observer: &mut dyn TrainObserver) -> Result<Self, SessionError> {
-        let Parts { config, dataset, data, priors, movers, folder, options, metric, backend } = parts;
-        let Backend { renderer, failures } = backend;
+    pub(super) fn new(
+        config: TrainConfig,
+        inputs: TrainInputs,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Self, SessionError> {
+        let TrainInputs { dataset, data, priors, folder, options, .. } = &inputs;
+        let (sender, failures) = mpsc::channel();
+        let renderer = Box::new(AnyDifferentiable::new(&options.device, options.cpu, move |error| {
+            // The receiver lives as long as the back end.
+            let _ = sender.send(error.to_string());
+        })?);
         failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let extent = start::extent(&data.cameras());
         let photos = data.set.places.len();
-        let (haze, gains) = scene::haze(config.haze, &data, priors.as_ref(), &options, observer)?.unzip();
+        let (haze, gains) = scene::haze(config.haze, data, priors.as_ref(), options, observer)?.unzip();
         let mut trainer = match folder.resumed()? {
             Some((head, state)) => {
                 let trainer = Trainer::resumed(config, renderer, state, extent, photos);
@@ -138,8 +133,7 @@ impl Training {
             None => {
                 let gains = data.first_exposures(config.exposure, gains.as_ref());
                 let (part, known) = (options.part.as_deref(), priors.as_ref());
-                let splats =
-                    scene::start(&dataset, &config, &data, known, haze.as_ref(), gains, extent, part)?;
+                let splats = scene::start(dataset, &config, data, known, haze.as_ref(), gains, part)?;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if let Some(found) = gains {
                     trainer.state.exposures = Exposures::with_gains(&found.gains);
@@ -157,21 +151,15 @@ impl Training {
         if let Some(path) = folder.checkpoint().filter(|_| !folder.resumes()) {
             // From now on the folder holds this training, and no other whose files were there
             // before.
-            write_checkpoint(&path, &mut trainer, &data)?;
+            write_checkpoint(&path, &mut trainer, data)?;
         }
         folder.write_config(&trainer.config)?;
         let metrics = folder.metrics(step, steps)?;
         Ok(Self {
             trainer,
             failures,
-            dataset,
-            data,
-            priors,
-            movers,
-            folder,
-            options,
+            inputs,
             metrics,
-            metric,
             last_level,
             pixels: PhotoPixels::default(),
             haze,
@@ -242,7 +230,7 @@ impl Training {
             observer.on_summary(&summary);
             self.metrics.add(&summary.json())?;
         }
-        if self.saved.elapsed() > self.options.checkpoint_every {
+        if self.saved.elapsed() > self.inputs.options.checkpoint_every {
             self.save(observer)?;
             self.saved = Instant::now();
         }
@@ -276,8 +264,8 @@ impl Training {
     /// # Errors
     /// [`SessionError`] if the file cannot be written or the device fails.
     pub fn save(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
-        let Some(path) = self.folder.checkpoint() else { return Ok(()) };
-        let step = write_checkpoint(&path, &mut self.trainer, &self.data)?;
+        let Some(path) = self.inputs.folder.checkpoint() else { return Ok(()) };
+        let step = write_checkpoint(&path, &mut self.trainer, &self.inputs.data)?;
         observer.on_checkpoint(&path, step);
         Ok(())
     }
@@ -289,7 +277,15 @@ impl Training {
     pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
         let splats = self.splats()?;
         let (config, haze) = (&self.trainer.config, self.haze.as_ref());
-        scene::finish(splats, config, &self.data, &self.options, self.priors.as_ref(), haze, observer)
+        scene::finish(
+            splats,
+            config,
+            &self.inputs.data,
+            &self.inputs.options,
+            self.inputs.priors.as_ref(),
+            haze,
+            observer,
+        )
     }
 
     /// Returns the splats as they are now, of which nothing is labelled yet but the sky that the
@@ -306,18 +302,20 @@ impl Training {
         let step = self.trainer.steps_done();
         let last = self.trainer.config.steps.saturating_sub(1);
         for ahead in step + 1..=(step + PREFETCHED_STEPS).min(last) {
-            let place = self.data.set.places[self.trainer.photo_at(ahead)];
-            self.data.set.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
+            let place = self.inputs.data.set.places[self.trainer.photo_at(ahead)];
+            self.inputs.data.set.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
         }
         let level = self.trainer.level_at(step, self.last_level);
         let (index, photo) = self.photo_at(step, level, observer)?;
-        let prior = self.prior(self.data.set.places[index])?;
+        let prior = self.prior(self.inputs.data.set.places[index])?;
         let prior = match (prior, &self.haze) {
             (Some(prior), Some(haze)) => Some(Arc::new(without_hidden(&prior, &photo, haze))),
             (prior, _) => prior,
         };
-        let truth =
-            TrainPhoto { prior: prior.as_deref(), ..self.pixels.truth(&photo, self.movers.get(index)) };
+        let truth = TrainPhoto {
+            prior: prior.as_deref(),
+            ..self.pixels.truth(&photo, self.inputs.movers.get(index))
+        };
         let done = self.trainer.step(&truth, index);
         self.failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let report = match done {
@@ -348,14 +346,14 @@ impl Training {
         level: u8,
         observer: &mut dyn TrainObserver,
     ) -> Result<(usize, Arc<Photo>), SessionError> {
-        let count = self.data.set.places.len();
+        let count = self.inputs.data.set.places.len();
         let first = self.trainer.photo_at(step);
         for index in (0..count).map(|further| (first + further) % count) {
-            if let Some(photo) = self.photo(self.data.set.places[index], level, observer)? {
+            if let Some(photo) = self.photo(self.inputs.data.set.places[index], level, observer)? {
                 return Ok((index, photo));
             }
         }
-        Err(SessionError::NoPhotoLeft(self.dataset.clone()))
+        Err(SessionError::NoPhotoLeft(self.inputs.dataset.clone()))
     }
 
     /// Reads a photo; `None` if it is damaged and may be left out.
@@ -368,9 +366,9 @@ impl Training {
         if self.damaged.contains(&place) {
             return Ok(None);
         }
-        match self.data.set.photos.get(place, level) {
+        match self.inputs.data.set.photos.get(place, level) {
             Ok(photo) => Ok(Some(photo)),
-            Err(error) if self.options.dataset.bad == BadPhotos::Skip => {
+            Err(error) if self.inputs.options.dataset.bad == BadPhotos::Skip => {
                 observer.on_warning(&TrainWarning::LeftOut(error));
                 self.damaged.insert(place);
                 Ok(None)
@@ -400,17 +398,17 @@ impl Training {
     }
 
     fn prior(&self, place: usize) -> Result<Option<Arc<Prior>>, SessionError> {
-        let Some(priors) = &self.priors else { return Ok(None) };
-        Ok(priors.get(self.data.set.name(place), &self.data.set.photos.camera(place, 0))?)
+        let Some(priors) = &self.inputs.priors else { return Ok(None) };
+        Ok(priors.get(self.inputs.data.set.name(place), &self.inputs.data.set.photos.camera(place, 0))?)
     }
 
     /// Returns the gain with which a photo is compared. Where each photo has an exposure of its own
     /// a held-out one learns none: the points that it shares with others tell its gain. In haze
     /// they do not, since haze changes their brightness too.
     fn gain(&self, place: usize) -> [f32; 3] {
-        let at = self.data.held_out.iter().position(|held_out| *held_out == place);
+        let at = self.inputs.data.held_out.iter().position(|held_out| *held_out == place);
         at.filter(|_| !self.trainer.state.exposures.changes.is_empty() && self.haze.is_none())
-            .map_or([1.0; 3], |at| self.data.held_out_gains()[at])
+            .map_or([1.0; 3], |at| self.inputs.data.held_out_gains()[at])
     }
 
     fn scores(
@@ -419,7 +417,7 @@ impl Training {
         observer: &mut dyn TrainObserver,
     ) -> Result<HeldOutScores, SessionError> {
         let (mut photos, mut ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
-        for place in self.data.held_out.clone() {
+        for place in self.inputs.data.held_out.clone() {
             let Some(photo) = self.photo(place, 0, observer)? else { continue };
             let mut frame = Frame::default();
             self.trainer.render_as_photo(&photo.camera, &mut frame)?;
@@ -430,15 +428,15 @@ impl Training {
             let ssim = ssim.masked_value(&shown, truth.rgb, truth.mask, width);
             let lpips = metric.map(|metric| metric.distance(&shown, truth.rgb, truth.mask, width));
             let score = HeldOutScore { psnr: psnr(&shown, truth.rgb, truth.mask), ssim, lpips };
-            photos.push((self.data.set.name(place).to_owned(), score));
+            photos.push((self.inputs.data.set.name(place).to_owned(), score));
         }
         Ok(HeldOutScores { step: self.trainer.steps_done(), splats: self.trainer.len(), photos })
     }
 
     /// Renders an image, if the observer wants one.
     fn show(&mut self, moment: ImageMoment, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
-        let place = self.data.shown();
-        let photo_camera = self.data.set.photos.camera(place, 0);
+        let place = self.inputs.data.shown();
+        let photo_camera = self.inputs.data.set.photos.camera(place, 0);
         let Some(camera) = observer.wants_image(moment, &photo_camera) else { return Ok(()) };
         let mut frame = Frame::default();
         // Milestones are kept as files, which have no score.
@@ -457,12 +455,12 @@ impl Training {
         });
         let step = self.trainer.steps_done();
         let image =
-            TrainImage { step, moment, photo: self.data.set.name(place), camera, frame: &frame, psnr };
+            TrainImage { step, moment, photo: self.inputs.data.set.name(place), camera, frame: &frame, psnr };
         observer.on_image(&image).map_err(SessionError::Observer)
     }
 
     fn report(&mut self, seconds: f64, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
-        let metric = self.metric.take();
+        let metric = self.inputs.metric.take();
         let held_out = self.scores(metric.as_deref(), observer)?;
         if let Some(line) = held_out.json() {
             self.metrics.add(&line)?;

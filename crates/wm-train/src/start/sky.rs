@@ -8,6 +8,7 @@ use crate::priors::SkyClass;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
+use wm_base::linear::direction;
 use wm_scene::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
@@ -95,15 +96,8 @@ pub(crate) fn add_sky(
     // Neighbours on a Fibonacci sphere are about this far apart, radians.
     let whole = (2 * count).max(2);
     let spacing = (4.0 * PI / whole as f64).sqrt();
-    let directions: Vec<DVec3> = (0..whole)
-        .map(|i| {
-            let height = 1.0 - (2.0 * i as f64 + 1.0) / whole as f64;
-            let (sin, cos) = (PI * (3.0 - 5f64.sqrt()) * i as f64).sin_cos();
-            let around = (1.0 - height * height).sqrt();
-            DVec3::new(around * cos, around * sin, height)
-        })
-        .filter(|direction| direction.dot(up) > below)
-        .collect();
+    let all = (0..whole).map(|index| direction(index, whole));
+    let directions: Vec<DVec3> = all.filter(|direction| direction.dot(up) > below).collect();
     let shown: Vec<ShownColors> =
         directions.par_iter().map(|direction| shown(photos, center + radius * *direction)).collect();
     let seen = shown.iter().filter(|shown| shown.weight > 0.0).count();
@@ -173,23 +167,20 @@ fn smoothed(directions: &[DVec3], shown: &[ShownColors], spacing: f64, up: DVec3
     let own = |i: usize| {
         let at = directions[i];
         let mut color = by_height.at(at.dot(up)).map(f64::from);
-        let mut refine = |(finer, weights): ([f64; 3], f64), width: f64, apart: f64, half: f64| {
+        let mut refine = |sources: &mut dyn Iterator<Item = usize>, width: f64, apart: f64, half: f64| {
+            let (finer, weights) = mean(at, sources, width);
             // The weight of a fully sampled sphere.
             let full = TAU * width * width / (apart * apart);
             let share = weights / (weights + half * full);
             (0..3).for_each(|c| color[c] += share * (finer[c] - color[c]));
         };
         let apart = spacing * (step as f64).sqrt();
-        refine(
-            mean(at, &mut (0..directions.len()).step_by(step), COARSE_DEVIATION),
-            COARSE_DEVIATION,
-            apart,
-            COARSE_HALF_WEIGHT,
-        );
+        let all = &mut (0..directions.len()).step_by(step);
+        refine(all, COARSE_DEVIATION, apart, COARSE_HALF_WEIGHT);
         let width = FINE_DEVIATION * spacing;
         let near = |height: f64| directions.partition_point(|d| d.z > height);
         let near = near(at.z + 3.0 * width)..near(at.z - 3.0 * width);
-        refine(mean(at, &mut near.into_iter(), width), width, spacing, FINE_HALF_WEIGHT);
+        refine(&mut near.into_iter(), width, spacing, FINE_HALF_WEIGHT);
         color.map(|v| v as f32)
     };
     (0..directions.len()).into_par_iter().map(own).collect()
@@ -214,8 +205,8 @@ impl ByHeight {
             sum.iter_mut().zip(color).for_each(|(sum, v)| *sum += weight * v);
             *weights += weight;
         }
-        let mean = |(sum, weights): ([f32; 3], f32)| (weights > 0.0).then(|| sum.map(|v| v / weights));
-        Self(sums.into_iter().map(mean).collect())
+        let mean = |sum: [f32; 3], weights: f32| (weights > 0.0).then(|| sum.map(|v| v / weights));
+        Self(sums.into_iter().map(|(sum, weights)| mean(sum, weights)).collect())
     }
 
     /// Returns the colour of the nearest ring that any photo shows.

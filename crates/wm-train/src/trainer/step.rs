@@ -10,7 +10,7 @@ use crate::schedule;
 use std::time::Instant;
 use wm_render::training::{Compared, Comparison, NO_EXPOSURE};
 use wm_render::training::{SplatTerms, Step};
-use wm_render::{Channels, DepthAlpha, ForwardConfig, RenderError};
+use wm_render::{Channels, DepthAlpha, ForwardConfig, Frame, RenderError};
 
 /// Steps between reads of the splats from a device, from which the training continues if the
 /// device fails.
@@ -155,7 +155,7 @@ impl Trainer {
         let (work, population, camera) = (&mut self.work, &self.state.population, truth.camera);
         let (visible, compared) = if self.learner.compares() {
             let (visible, compared) = self.learner.compare(population, camera, config, &comparison)?;
-            work.loss.forget();
+            work.loss.clear(&Frame::default());
             (visible, Some(compared))
         } else {
             let visible = self.learner.forward(population, camera, config, &mut work.frame)?;

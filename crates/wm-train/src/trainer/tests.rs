@@ -8,8 +8,8 @@ use crate::losses::{LossGradients, LossInput, OwnRender};
 use glam::DVec3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use wm_render::testing::{Backend, fallible_differentiable, random_splats, uniform};
-use wm_render::{Channels, CpuConfig, CpuDifferentiable, DepthAlpha, DrawnSplats, Learn, Opacity};
+use wm_render::testing::{Backend, fallible_differentiable, random_splats, threads, uniform};
+use wm_render::{Channels, CpuDifferentiable, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 const SIZE: (u32, u32) = (48, 32);
 
@@ -39,19 +39,29 @@ fn config(steps: u32) -> TrainConfig {
 }
 
 fn trainer(config: TrainConfig, splats: Splats) -> Trainer {
-    let run = CpuConfig { threads: Some(1), ..CpuConfig::default() };
-    Trainer::new(config, Box::new(CpuDifferentiable::new(run).unwrap()), splats, 3.0, 4)
+    Trainer::new(config, Box::new(CpuDifferentiable::new(threads(1)).unwrap()), splats, 3.0, 4)
 }
 
-/// Returns what each camera sees of the truth.
-fn photos() -> Vec<Vec<f32>> {
-    let mut truth = trainer(config(1), truth_splats());
-    let mut frame = Frame::default();
-    let mut see = |camera: &Camera| {
-        truth.render(camera, &mut frame).unwrap();
-        frame.rgb.clone()
-    };
-    cameras().iter().map(&mut see).collect()
+/// Photos of the truth, one of each camera.
+struct Photos(Vec<(Camera, Vec<f32>)>);
+
+impl Photos {
+    fn taken() -> Self {
+        let mut truth = trainer(config(1), truth_splats());
+        let mut frame = Frame::default();
+        let mut see = |camera: Camera| {
+            truth.render(&camera, &mut frame).unwrap();
+            (camera, frame.rgb.clone())
+        };
+        Self(cameras().into_iter().map(&mut see).collect())
+    }
+
+    /// Takes a step on the photo that is due, and returns its report.
+    fn step(&self, trainer: &mut Trainer) -> StepReport {
+        let index = trainer.photo_at(trainer.steps_done());
+        let (camera, rgb) = &self.0[index];
+        trainer.step(&TrainPhoto { rgb, mask: None, camera, prior: None }, index).unwrap()
+    }
 }
 
 /// The truth moved, resized and recoloured at random.
@@ -66,19 +76,12 @@ fn perturbed() -> Splats {
 
 #[test]
 fn what_was_perturbed_is_learnt_again() {
-    let (cameras, photos) = (cameras(), photos());
+    let photos = Photos::taken();
     let mut trainer = trainer(config(800), perturbed());
     // Of one round of the four photos.
     let mut losses = Vec::new();
     while !trainer.is_done() {
-        let mut sum = 0.0;
-        for _ in 0..4 {
-            let step = trainer.steps_done();
-            let index = trainer.photo_at(step);
-            let truth = TrainPhoto { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
-            sum += trainer.step(&truth, index).unwrap().loss;
-        }
-        losses.push(sum / 4.0);
+        losses.push((0..4).map(|_| photos.step(&mut trainer).loss).sum::<f64>() / 4.0);
     }
     let (first, last) = (losses[0], losses[losses.len() - 1]);
     assert!(last < first / 5.0, "{first} to {last}");
@@ -119,10 +122,8 @@ fn pulled(weight: f64, own: Option<OwnRender>) -> (Splats, Splats, u32, StepRepo
     let mut trainer = trainer(config, perturbed());
     let calls = Arc::new(AtomicU32::new(0));
     trainer.terms.push(Box::new(Pull { weight, own, calls: Arc::clone(&calls) }));
-    let (cameras, photos) = (cameras(), photos());
     let before = trainer.state().unwrap().population.splats.clone();
-    let truth = TrainPhoto { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
-    let report = trainer.step(&truth, 0).unwrap();
+    let report = Photos::taken().step(&mut trainer);
     (before, trainer.state().unwrap().population.splats.clone(), calls.load(Ordering::Relaxed), report)
 }
 
@@ -159,14 +160,13 @@ fn a_term_without_weight_is_never_called() {
 fn a_term_with_a_render_of_its_own_leaves_the_pulls() {
     let mut config = config(1000);
     config.densify = Densify::Adaptive(crate::densify::adaptive::AdaptiveConfig::for_steps(1000, 100));
-    let (cameras, photos) = (cameras(), photos());
-    let truth = TrainPhoto { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
+    let photos = Photos::taken();
     let pulls = [None, Some(OWN)].map(|own| {
         let mut trainer = trainer(config.clone(), perturbed());
         if own.is_some() {
             trainer.terms.push(Box::new(Pull { weight: 1.0, own, calls: Arc::default() }));
         }
-        trainer.step(&truth, 0).unwrap();
+        photos.step(&mut trainer);
         trainer.state().unwrap().population.pulls.clone()
     });
     assert_eq!(pulls[0], pulls[1]);
@@ -176,7 +176,7 @@ fn a_term_with_a_render_of_its_own_leaves_the_pulls() {
 fn losing(gpu_at: u32, config: &TrainConfig) -> (Trainer, Vec<(u32, u32)>) {
     let (renderer, gpu) = fallible_differentiable(|_| {});
     let mut trainer = Trainer::new(config.clone(), Box::new(renderer), perturbed(), 3.0, 4);
-    let (cameras, photos) = (cameras(), photos());
+    let photos = Photos::taken();
     let mut lost = Vec::new();
     let mut taken = 0;
     while !trainer.is_done() {
@@ -187,9 +187,7 @@ fn losing(gpu_at: u32, config: &TrainConfig) -> (Trainer, Vec<(u32, u32)>) {
         }
         taken += 1;
         let step = trainer.steps_done();
-        let index = trainer.photo_at(step);
-        let truth = TrainPhoto { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
-        let report = trainer.step(&truth, index).unwrap();
+        let report = photos.step(&mut trainer);
         if trainer.steps_done() <= step {
             lost.push((step, report.lost));
         }

@@ -1,7 +1,7 @@
 //! The sweeps of training over tiles: to pixels, and back from them.
 
 use crate::config::{Background, MedianDepth};
-use crate::cpu::back::{RUN, Worker, bands, blend, finish, inside, own, runs};
+use crate::cpu::back::{Back, Keep, Worker, inside, own};
 use crate::differentiable::{Channels, ForwardConfig, Upstream};
 use crate::dispatch;
 use crate::frame::Frame;
@@ -10,19 +10,18 @@ use crate::plan::Shading;
 use crate::renderer::Stats;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
-use crate::stages::composite::cpu::{Composite, OutputRows};
+use crate::stages::composite::cpu::Composite;
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::Record;
+use crate::stages::rasterize::cpu::PatchSums;
 use crate::stages::rasterize_backward::cpu::{
     BackwardScratch, RenderedPictures, blend_tile_backward, prepare_patch,
 };
 use crate::stages::rasterize_backward::{GradientSlot, NO_SLOT};
 use rayon::prelude::*;
-use std::ops::Add;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
-use web_time::Instant;
 use wm_scene::Camera;
 
 /// Working memory of one thread.
@@ -35,29 +34,44 @@ pub(super) struct BackwardWorker {
 
 /// The inputs that all tiles of one pass share.
 pub(crate) struct Tiles<'a> {
-    path: SimdPath,
-    records: &'a [Record],
-    entries: &'a [AtomicU64],
-    bounds: &'a [u32],
-    grid: TileGrid,
-    camera: &'a Camera,
-    config: &'a ForwardConfig,
+    pub(super) path: SimdPath,
+    pub(super) records: &'a [Record],
+    pub(super) entries: &'a [AtomicU64],
+    pub(super) bounds: &'a [u32],
+    pub(super) grid: TileGrid,
+    pub(super) camera: &'a Camera,
+    pub(super) config: &'a ForwardConfig,
 }
 
-impl<'a> Tiles<'a> {
-    /// The tiles of one view.
-    pub(crate) fn new(
-        path: SimdPath,
-        records: &'a [Record],
-        entries: &'a [AtomicU64],
-        bounds: &'a [u32],
-        grid: TileGrid,
-        camera: &'a Camera,
-        config: &'a ForwardConfig,
-    ) -> Self {
-        Self { path, records, entries, bounds, grid, camera, config }
+/// The sums of a tile, one array after the other, patch by patch; and the words of all pairs.
+struct Kept<'a> {
+    words: &'a [AtomicU32],
+    channels: Channels,
+    sums: &'a mut [[f32; PATCH_PIXELS]],
+}
+
+impl Keep for Kept<'_> {
+    /// Makes names of records and pairs of those of pairs.
+    fn keys(&mut self, keys: &mut [u64], list: &[AtomicU64]) {
+        for (key, entry) in keys.iter_mut().zip(list) {
+            let pair = *key as u32;
+            *key = u64::from(pair) << 32 | u64::from(self.words[pair as usize].load(Relaxed));
+            entry.store(*key, Relaxed);
+        }
     }
 
+    fn sums(&mut self, patch: usize, sums: &mut PatchSums) {
+        let count = self.channels.count();
+        let kept = &mut self.sums[patch * (count + 1)..][..count + 1];
+        kept[0] = sums.alpha;
+        kept[1..].copy_from_slice(&sums.features[..count]);
+        if self.channels == Channels::Depth {
+            sums.features[3] = sums.features[0];
+        }
+    }
+}
+
+impl Tiles<'_> {
     /// Kept arrays of a tile.
     fn arrays(&self) -> usize {
         PATCHES * (self.config.channels.count() + 1)
@@ -88,88 +102,24 @@ impl<'a> Tiles<'a> {
             falling: &falling,
             effects: &[],
         };
-        let (width, columns) = (frame.width as usize, self.grid.columns as usize);
-        let done = bands(frame, width)
-            .into_par_iter()
-            .zip(kept.par_chunks_mut(columns * self.arrays()))
-            .enumerate()
-            .flat_map_iter(|(band, (rows, kept))| {
-                let kept = kept.chunks_mut(RUN * self.arrays());
-                runs(rows).into_iter().zip(kept).enumerate().map(move |run| (band, run))
-            })
-            .map(|(band, (run, (mut rows, kept)))| {
-                let mut stats = Stats::default();
-                let mut worker = own(workers);
-                for (i, kept) in kept.chunks_mut(self.arrays()).enumerate() {
-                    let tile = (run * RUN + i, band);
-                    self.forward_tile(
-                        tile,
-                        words,
-                        &composite,
-                        &mut worker,
-                        kept,
-                        i * TILE,
-                        &mut rows,
-                        &mut stats,
-                    );
-                }
-                stats
-            })
-            .reduce(Stats::default, Stats::add);
-        *stats += done;
-    }
-
-    #[allow(clippy::too_many_arguments, reason = "few callers; a struct would only repeat the names")]
-    fn forward_tile(
-        &self,
-        tile: (usize, usize),
-        words: &[AtomicU32],
-        composite: &Composite<'_>,
-        worker: &mut Worker,
-        kept: &mut [[f32; PATCH_PIXELS]],
-        offset: usize,
-        rows: &mut OutputRows<'_>,
-        stats: &mut Stats,
-    ) {
-        let begun = Instant::now();
-        let index = tile.1 * self.grid.columns as usize + tile.0;
-        let list = &self.entries[self.bounds[index] as usize..self.bounds[index + 1] as usize];
-        worker.sort(list);
-        for (key, entry) in worker.keys.iter_mut().zip(list) {
-            let pair = *key as u32;
-            *key = u64::from(pair) << 32 | u64::from(words[pair as usize].load(Relaxed));
-            entry.store(*key, Relaxed);
-        }
-        let sorted = Instant::now();
-        let (width, height) = self.size();
-        let inside = inside(tile.0, tile.1, width, height);
-        let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
-        stats.evaluated_pairs += blend(
-            self.path,
-            self.config.channels.count(),
-            MedianDepth::Off,
-            self.records,
-            keys,
-            tile,
-            inside,
-            None,
-            scratch,
-        );
-        let blended = Instant::now();
-        let (channels, narrow) = (self.config.channels, self.path.narrow());
-        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
-            let sums = &mut worker.scratch.patches[patch];
-            let kept = &mut kept[patch * (channels.count() + 1)..][..channels.count() + 1];
-            kept[0] = sums.alpha;
-            kept[1..].copy_from_slice(&sums.features[..channels.count()]);
-            if channels == Channels::Depth {
-                sums.features[3] = sums.features[0];
-            }
-            finish(narrow, composite, sums, tile, patch, &mut worker.pixels, offset, rows);
-        }
-        stats.sort += (sorted - begun).as_secs_f64();
-        stats.rasterize += (blended - sorted).as_secs_f64();
-        stats.composite += blended.elapsed().as_secs_f64();
+        let back = Back {
+            path: self.path,
+            narrow: self.path.narrow(),
+            records: self.records,
+            keys: self.entries,
+            bounds: self.bounds,
+            grid: self.grid,
+            size: self.size(),
+            sums: self.config.channels.count(),
+            median: MedianDepth::Off,
+            composite,
+            surface: None,
+            workers,
+        };
+        let kept = kept.chunks_mut(self.arrays());
+        let mut kept: Vec<Kept<'_>> =
+            kept.map(|sums| Kept { words, channels: self.config.channels, sums }).collect();
+        back.run(&mut kept, frame, stats);
     }
 
     /// Sums the derivatives of the pixels over each pair of splat and tile. `places` receives the
@@ -212,8 +162,7 @@ impl<'a> Tiles<'a> {
         keys.extend(self.entries[list.clone()].iter().map(|entry| entry.load(Relaxed)));
         own_places.resize(keys.len(), NO_SLOT);
         let (left, top) = (tile.0 * TILE, tile.1 * TILE);
-        let (width, height) = self.size();
-        let inside = inside(tile.0, tile.1, width, height);
+        let inside = inside(tile, self.size());
         let count = self.config.channels.count();
         let pictures = RenderedPictures { config: self.config, upstream, size: self.size() };
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {

@@ -1,6 +1,6 @@
 //! The first sweep of training: stored parameters to records and windows of tiles.
 
-use crate::cpu::front::ClusterScratch;
+use crate::cpu::front::{ClusterScratch, Part};
 use crate::cpu::model::Cluster;
 use crate::differentiable::{DrawnSplats, ForwardConfig};
 use crate::dispatch;
@@ -8,7 +8,6 @@ use crate::hooks::{GROUP, Medium, ShadeGroup};
 use crate::simd::{Lanes, SimdPath};
 use crate::sizes::{CLUSTER, GROUPS};
 use crate::stages::intersect::TileGrid;
-use crate::stages::intersect::cpu::Pairs;
 use crate::stages::project::activate::{Activated, activate};
 use crate::stages::project::cpu::{ClusterCull, project_group};
 use crate::stages::project::{ProjectCamera, Record};
@@ -32,27 +31,14 @@ impl<'a> Unit<'a> {
             records.resize(count, Record::default());
         }
         let size = count.div_ceil(CLUSTER).div_ceil(wanted).max(1) * CLUSTER;
-        let units = records[..count].chunks_mut(size).enumerate();
-        let unit = |(i, records): (usize, &'a mut [Record])| {
-            let first = i * size;
-            Self { splats: first..first + records.len(), first_record: first as u32, records }
+        let unit = |first: usize, records: &'a mut [Record]| Self {
+            splats: first..first + records.len(),
+            first_record: first as u32,
+            records,
         };
-        units.map(unit).collect()
+        let units = (0..).step_by(size).zip(records[..count].chunks_mut(size));
+        units.map(|(first, records)| unit(first, records)).collect()
     }
-}
-
-/// The results of the first sweep for one unit; kept from step to step for its memory.
-#[derive(Debug, Default)]
-pub(crate) struct Part {
-    /// The pairs of tiles and splats.
-    pub(crate) pairs: Pairs,
-    /// The number of the first pair.
-    pub(crate) first_pair: usize,
-    /// The first record, and the number of records.
-    pub(crate) first_record: usize,
-    pub(crate) visible: usize,
-    pub(crate) project: f64,
-    pub(crate) intersect: f64,
 }
 
 /// The inputs that all units of one forward pass share.
@@ -87,9 +73,7 @@ impl<'a> Front<'a> {
     /// Runs one unit.
     pub(crate) fn run(&self, unit: Unit<'_>, part: &mut Part) {
         let Unit { splats, first_record, records } = unit;
-        part.pairs.clear(self.grid);
-        (part.first_record, part.visible, part.project, part.intersect) =
-            (first_record as usize, 0, 0.0, 0.0);
+        part.begin(self.grid, first_record);
         let (cluster, activated) = (ClusterScratch::default(), Activated::default());
         let mut scratch = Box::new(Scratch { cluster, activated, sh: [[0.0; GROUP]; 48] });
         let mut used = 0;
@@ -98,7 +82,7 @@ impl<'a> Front<'a> {
             let begun = Instant::now();
             let bound = dispatch!(self.path, s => bound(s, self.splats, own.clone()));
             if self.cull.culls(&bound) {
-                part.project += begun.elapsed().as_secs_f64();
+                part.stats.project += begun.elapsed().as_secs_f64();
                 continue;
             }
             let groups = self.project_cluster(own, &mut scratch);
@@ -109,10 +93,10 @@ impl<'a> Front<'a> {
             let first = first_record + used as u32;
             dispatch!(self.path, s => part.pairs.extend(s, own, &scratch.cluster.boxes, first, self.grid));
             used += visible;
-            part.project += (projected - begun).as_secs_f64();
-            part.intersect += projected.elapsed().as_secs_f64();
+            part.stats.project += (projected - begun).as_secs_f64();
+            part.stats.intersect += projected.elapsed().as_secs_f64();
         }
-        part.visible = used;
+        part.stats.visible = used as u64;
     }
 
     /// Projects and shades the groups of a cluster that have splats in view, and returns their

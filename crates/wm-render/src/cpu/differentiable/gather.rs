@@ -1,6 +1,7 @@
 //! The last sweep of training: slots to gradients, over the splats in view.
 
-use super::front::{Part, put_sky_far};
+use super::front::put_sky_far;
+use crate::cpu::front::Part;
 use crate::differentiable::ForwardConfig;
 use crate::dispatch;
 use crate::gradients::{Gradients, Learn};
@@ -128,7 +129,7 @@ impl Gather<'_> {
         let stride = gradients.sh_stride();
         let mut rest = Rows::of(gradients);
         let parts: Vec<(&Part, Rows<'_>)> =
-            parts.iter().map(|part| (part, rest.take(part.visible, stride))).collect();
+            parts.iter().map(|part| (part, rest.take(part.visible(), stride))).collect();
         parts.into_par_iter().for_each(|(part, rows)| self.part(part, rows, stride));
     }
 
@@ -137,8 +138,8 @@ impl Gather<'_> {
     fn part(&self, part: &Part, mut rows: Rows<'_>, stride: usize) {
         let mut scratch = Box::<Scratch>::default();
         let mut pairs = part.pairs.records().enumerate().peekable();
-        for first in (0..part.visible).step_by(GROUP) {
-            let count = (part.visible - first).min(GROUP);
+        for first in (0..part.visible()).step_by(GROUP) {
+            let count = (part.visible() - first).min(GROUP);
             let first = part.first_record + first;
             let records = &self.records[first..first + count];
             let mut ends = [0; GROUP];

@@ -12,6 +12,7 @@ mod front;
 mod gather;
 
 use super::back::Worker;
+use super::front::{Part, scatter};
 use super::pool::start;
 use crate::config::CpuConfig;
 use crate::differentiable::{Differentiable, ForwardConfig, Upstream};
@@ -25,7 +26,7 @@ use crate::stages::intersect::{PATCHES, TileGrid, cpu as intersect};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::rasterize_backward::GradientSlot;
 use back::{BackwardWorker, Tiles};
-use front::{Front, Part, Unit};
+use front::{Front, Unit};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64};
 use std::sync::{Arc, Mutex};
@@ -99,8 +100,8 @@ impl CpuDifferentiable {
         self.last = None;
         let grid = TileGrid::new(camera.width, camera.height);
         let project_camera = ProjectCamera::new(camera);
-        let units =
-            Unit::split(splats.len(), (8 * self.pool.current_num_threads()).max(32), &mut self.records);
+        let wanted = (8 * self.pool.current_num_threads()).max(32);
+        let units = Unit::split(splats.len(), wanted, &mut self.records);
         self.parts.resize_with(units.len(), Part::default);
         let front = Front::new(self.path, splats, &project_camera, config, grid);
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
@@ -110,9 +111,7 @@ impl CpuDifferentiable {
         for part in &mut self.parts {
             part.first_pair = pairs;
             pairs += part.pairs.len();
-            stats.visible += part.visible as u64;
-            stats.project += part.project;
-            stats.intersect += part.intersect;
+            stats += part.stats;
         }
         let laying = Instant::now();
         intersect::offsets(grid.tiles(), self.parts.iter_mut().map(|part| &mut part.pairs), &mut self.bounds);
@@ -126,18 +125,16 @@ impl CpuDifferentiable {
         stats.intersections = pairs as u64;
         stats.intersect += laying.elapsed().as_secs_f64();
         let (entries, words) = (&self.entries[..], &self.words[..]);
-        let scatter = |part: &mut Part| {
-            let begun = Instant::now();
+        stats.intersect += scatter(&mut self.parts, |part| {
             part.pairs.scatter_numbered(part.first_pair, entries, words);
-            begun.elapsed().as_secs_f64()
-        };
-        stats.intersect += self.parts.par_iter_mut().map(scatter).sum::<f64>();
+        });
 
         let arrays = grid.tiles() * PATCHES * (config.channels.count() + 1);
         if self.kept.len() < arrays {
             self.kept.resize(arrays, [0.0; PATCH_PIXELS]);
         }
-        let tiles = Tiles::new(self.path, &self.records, entries, &self.bounds, grid, camera, config);
+        let (path, records, bounds) = (self.path, &self.records[..], &self.bounds[..]);
+        let tiles = Tiles { path, records, entries, bounds, grid, camera, config };
         tiles.forward(words, &mut self.kept[..arrays], &self.workers, frame, &mut stats);
         self.last = Some(View {
             camera: *camera,
@@ -159,7 +156,9 @@ impl CpuDifferentiable {
     ) {
         let View { camera, config, visible, .. } = view;
         let grid = TileGrid::new(camera.width, camera.height);
-        let tiles = Tiles::new(self.path, &self.records, &self.entries, &self.bounds, grid, &camera, &config);
+        let (path, records, entries) = (self.path, &self.records[..], &self.entries[..]);
+        let tiles =
+            Tiles { path, records, entries, bounds: &self.bounds, grid, camera: &camera, config: &config };
         let workers = &self.backward_workers;
         tiles.backward(upstream, &self.kept, &mut self.slots, &self.places, workers);
         gradients.resize(visible, learn, config.sh_degree);

@@ -7,12 +7,11 @@ use crate::gpu::buffers::GrowingBuffer;
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Groups, Recorder, Stage, with_buffers};
 use crate::gpu::source::WORKGROUP;
-use crate::gpu::uniforms::{MomentReset, SLOT, Uniform, bytes_of, rearrangement};
+use crate::gpu::uniforms::{MomentReset, Uniform, rearrangement};
 use crate::stages::optimize::gpu::REARRANGE;
 use crate::stages::optimize::{Changed, DensifyStats, Origin, Shapes};
 use crate::stages::project::rows::{ROW_OPACITY, ROWS};
 use std::ops::Range;
-use wgpu::BufferUsages;
 use wm_scene::Splats;
 
 /// Flag of an origin whose moments are reset; the other bits are the row.
@@ -122,14 +121,12 @@ impl Moving<'_> {
         }
         let pairs: Vec<(usize, usize)> =
             (0..after.len()).flat_map(|now| (0..before.len()).map(move |then| (then, now))).collect();
-        let structure = |(then, now): &(usize, usize)| {
-            let now = ranges[*now].start as u32..ranges[*now].end as u32;
-            rearrangement(self.places[*then].clone(), now, rows, forgets)
+        let structure = |then: usize, now: usize| {
+            let now = ranges[now].start as u32..ranges[now].end as u32;
+            rearrangement(self.places[then].clone(), now, rows, forgets)
         };
-        let structures: Vec<Uniform> = pairs.iter().map(structure).collect();
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let uniforms = gpu.buffer("structures", SLOT * structures.len() as u64, usage)?;
-        gpu.write(&uniforms, 0, &bytes_of(&structures));
+        let structures: Vec<Uniform> = pairs.iter().map(|(then, now)| structure(*then, *now)).collect();
+        let uniforms = GrowingBuffer::default().structures(gpu, &structures)?;
         let mut recorder = Recorder::new(gpu, &uniforms, None);
         recorder.begin(Stage::Optimize);
         for (slot, (then, now)) in pairs.into_iter().enumerate() {

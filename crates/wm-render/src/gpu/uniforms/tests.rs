@@ -10,8 +10,9 @@ use crate::stages::intersect::gpu::INTERSECT;
 use crate::stages::optimize::gpu::{ADD_GRADIENTS, EXPLORE, OPTIMIZE, REARRANGE};
 use crate::stages::optimize::{Rates, SplatTerms};
 use crate::stages::project::gpu::{ParameterForm, cull_program};
+use crate::stages::rays::RayOutputs;
 use crate::stages::rays::Rays;
-use crate::stages::rays::gpu::{RaySums, features_program, touch_program};
+use crate::stages::rays::gpu::{features_program, touch_program};
 use crate::stages::rays::packets::Packets;
 use crate::stages::sort::gpu::COUNT;
 use crate::testing::camera;
@@ -54,7 +55,11 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
         (INTERSECT, "Task", intersect_task(true)),
         (touch_program(), "View", view_of_lists(3, 0, Capacity::default())),
         (touch_program(), "RayTask", ray_task(&packets.groups[0], &(0..1), 5, true)),
-        (features_program(RaySums::Color), "ColorPiece", color_piece(0, 5, 3)),
+        (
+            features_program(RayOutputs { color: true, ..RayOutputs::default() }),
+            "ColorPiece",
+            color_piece(0, 5, 3),
+        ),
     ] {
         let module = wgsl::parse_str(&program.text()).unwrap();
         let (wanted, span) = members(&module, name);

@@ -15,8 +15,8 @@
 //!   exposure `sum g [c, 1]^T`.
 //!
 //! Contract of geometry, with the expected depth `D`, the coverage `A` and the normal `N` of a
-//! pixel that is covered (`A >= ` [`MIN_COVERAGE`], `D > 0`), the [`PixelPrior`] in it, and a grid of G
-//! pixels:
+//! pixel that is covered (`A >= ` [`MIN_COVERAGE`], `D > 0`), the [`PixelPrior`] in it, and a grid of
+//! G pixels:
 //!
 //! - `Depth = sum sqrt(o^2 + t^2) - t over G`, `o = ln(D d)` with the believed inverse depth
 //!   `d > 0` and `t = max(sigma / d, `[`MIN_RELATIVE_SIGMA`]`)`.
@@ -24,12 +24,13 @@
 //! - `Coverage = sum max(|A - S| - `[`COVERAGE_TOLERANCE`]`, 0) over all pixels`, covered or not.
 //! - `Patches`: [`Patches`] of the grid, of `x = 1 / D` and `d >= 0`. With means and deviations of
 //!   a patch's covered pixels, `s` the deviation of all (global) or the patch's (local) and
-//!   [`DEVIATION_FLOOR`] of that of all added, `o = (x - mean x) / s_x - (d - mean d) / s_d`; the mean of the
-//!   squares of those above the margin, globally and, by its share, locally. The deviation of all
-//!   is a constant of the derivative; patches of fewer than [`MIN_PATCH_PIXELS`] do not count.
-//! - `Smooth = sum exp(-|y_i - y_j| / `[`EDGE_CONTRAST`]`) |x_i - x_j| over sum x`, over neighbouring
-//!   covered pixels, with the mean of the channels' differences; the sum below is a constant of the
-//!   derivative.
+//!   [`DEVIATION_FLOOR`] of that of all added, `o = (x - mean x) / s_x - (d - mean d) / s_d`; the
+//!   mean of the squares of those above the margin, globally and, by its share, locally. The
+//!   deviation of all is a constant of the derivative; patches of fewer than [`MIN_PATCH_PIXELS`]
+//!   do not count.
+//! - `Smooth = sum exp(-|y_i - y_j| / `[`EDGE_CONTRAST`]`) |x_i - x_j| over sum x`, over
+//!   neighbouring covered pixels, with the mean of the channels' differences; the sum below is a
+//!   constant of the derivative.
 //!
 //! The CPU's terms are the trainer's; this is for a device on which splats stay
 //! ([`Resident`](crate::Resident)).
@@ -153,8 +154,8 @@ pub struct Patches {
 /// A photo to compare with, and the weights of the terms; all 0 by default.
 #[derive(Clone, Copy, Default)]
 pub struct Comparison<'a> {
-    /// Number of the photo. Together with the size it names one photo for ever, so that a device can
-    /// keep it and the priors of it.
+    /// Number of the photo. Together with the size it names one photo for ever, so that a device
+    /// can keep it and the priors of it.
     pub photo: usize,
     /// `[H, W, 3]`, 0-1, display-referred.
     pub rgb: &'a [f32],

@@ -37,43 +37,9 @@ impl Default for PatchPixels {
     }
 }
 
-/// The rows of the frame that lie in one run of tiles; arrays that are not asked for have no rows.
-#[derive(Debug, Default)]
-pub(crate) struct OutputRows<'a> {
-    /// `[rows][run width * 3]`.
-    pub(crate) rgb: Vec<&'a mut [f32]>,
-    /// `[rows][run width]`.
-    pub(crate) alpha: Vec<&'a mut [f32]>,
-    /// `[rows][run width]`.
-    pub(crate) depth: Vec<&'a mut [f32]>,
-    /// `[rows][run width]`.
-    pub(crate) median_depth: Vec<&'a mut [f32]>,
-    /// `[rows][run width * 3]`.
-    pub(crate) normal: Vec<&'a mut [f32]>,
-    /// `[rows][run width * 4]`.
-    pub(crate) particles: Vec<&'a mut [f32]>,
-    /// `[rows][run width * 5]`.
-    pub(crate) front: Vec<&'a mut [f32]>,
-}
-
-impl<'a> OutputRows<'a> {
-    /// Channels of each array, in the order of [`Self::array`].
-    pub(crate) const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
-
-    /// Array number `index`: colour, alpha, depth, median depth, normal, particles, what is before
-    /// the surface.
-    pub(crate) fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
-        match index {
-            0 => &mut self.rgb,
-            1 => &mut self.alpha,
-            2 => &mut self.depth,
-            3 => &mut self.median_depth,
-            4 => &mut self.normal,
-            5 => &mut self.particles,
-            _ => &mut self.front,
-        }
-    }
-}
+/// The rows of the arrays of a frame, in the order of [`CHANNELS`](crate::frame::CHANNELS), that
+/// lie in one run of tiles: `[rows][run width * channels]`, no rows of arrays that are not asked for.
+pub(crate) type OutputRows<'a> = [Vec<&'a mut [f32]>; 7];
 
 /// Brings block order into rows.
 #[inline(always)]
@@ -119,6 +85,7 @@ pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
     out: &mut OutputRows<'_>,
 ) {
     let Composite { path, features, background, falling, effects } = *frame;
+    let [rgb, alpha, depth, median_depth, normal, particles, front] = out;
     to_rows::<LANES>(&sums.alpha, &mut pixels.alpha);
     background.fill(patch_x, patch_y, &mut pixels.background, &mut pixels.behind);
     for k in 0..3 {
@@ -127,28 +94,28 @@ pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
             pixels.rgb[k][i] += (1.0 - pixels.alpha[i]) * pixels.behind[k][i];
         }
     }
-    if features > 3 && !(out.depth.is_empty() && effects.is_empty()) {
+    if features > 3 && !(depth.is_empty() && effects.is_empty()) {
         to_rows::<LANES>(&sums.features[3], &mut pixels.depth);
     }
     let behind = (&sums.alpha, &sums.features[3]);
-    let falls = if out.particles.is_empty() {
+    let falls = if particles.is_empty() {
         None
     } else {
         pixels.falls = [[0.0; PATCH_PIXELS]; 4];
         Some(&mut pixels.falls)
     };
     // What lies between comes before what falls.
-    let drawn = (!out.front.is_empty()).then_some(pixels.rgb);
+    let drawn = (!front.is_empty()).then_some(pixels.rgb);
     falling.draw(path, patch_x, patch_y, &mut pixels.rgb, behind, falls);
     if let Some(drawn) = drawn {
         pixels.rgb = drawn;
     }
-    interleave_four(&pixels.falls, offset.0, offset.1, &mut out.particles);
-    if !out.front.is_empty() {
+    interleave_four(&pixels.falls, offset.0, offset.1, particles);
+    if !front.is_empty() {
         for (k, from) in sums.front.iter().enumerate() {
             let mut rows = [0.0; PATCH_PIXELS];
             to_rows::<LANES>(from, &mut rows);
-            copy_part(&rows, offset.0, offset.1, k, &mut out.front);
+            copy_part(&rows, offset.0, offset.1, k, front);
         }
     }
     for effect in effects {
@@ -163,16 +130,16 @@ pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
             },
         );
     }
-    interleave(&pixels.rgb, offset.0, offset.1, &mut out.rgb);
-    copy(&pixels.alpha, offset.0, offset.1, &mut out.alpha);
-    if !out.depth.is_empty() {
+    interleave(&pixels.rgb, offset.0, offset.1, rgb);
+    copy(&pixels.alpha, offset.0, offset.1, alpha);
+    if !depth.is_empty() {
         for i in 0..PATCH_PIXELS {
             let covered = pixels.alpha[i] >= MIN_ALPHA;
             pixels.depth[i] = if covered { pixels.depth[i] / pixels.alpha[i] } else { 0.0 };
         }
-        copy(&pixels.depth, offset.0, offset.1, &mut out.depth);
+        copy(&pixels.depth, offset.0, offset.1, depth);
     }
-    if !out.normal.is_empty() {
+    if !normal.is_empty() {
         for k in 0..3 {
             to_rows::<LANES>(&sums.features[4 + k], &mut pixels.normal[k]);
         }
@@ -185,14 +152,14 @@ pub(crate) fn finish_patch<S: Lanes, const LANES: usize>(
                 pixels.normal[k][i] *= scale;
             }
         }
-        interleave(&pixels.normal, offset.0, offset.1, &mut out.normal);
+        interleave(&pixels.normal, offset.0, offset.1, normal);
     }
-    if !out.median_depth.is_empty() {
+    if !median_depth.is_empty() {
         to_rows::<LANES>(&sums.median, &mut pixels.median);
         for i in 0..PATCH_PIXELS {
             pixels.median[i] = if pixels.alpha[i] >= 0.5 { pixels.median[i] } else { 0.0 };
         }
-        copy(&pixels.median, offset.0, offset.1, &mut out.median_depth);
+        copy(&pixels.median, offset.0, offset.1, median_depth);
     }
 }
 

@@ -6,7 +6,7 @@ use crate::hooks::{
 };
 use crate::plan::{DrawPass, SetView, Shading};
 use crate::simd::SimdPath;
-use crate::testing::comparison::{ALL_OUTPUTS, rendered};
+use crate::testing::comparison::{ALL_OUTPUTS, drawn, rendered};
 use crate::testing::{Backend, camera, random_splats};
 use crate::{Frame, Geometry, Outputs};
 use wm_scene::{Camera, Group};
@@ -51,9 +51,7 @@ fn sky(backend: Backend) {
     let mut renderer = backend.renderer();
     for (width, height) in [(900, 601), (322, 200), (70, 50)] {
         let camera = camera(width, height);
-        let mut frame = Frame::default();
-        let pass = DrawPass::new(&[], &camera, &config);
-        renderer.render(&pass, &mut frame).unwrap();
+        let frame = drawn(&mut *renderer, &DrawPass::new(&[], &camera, &config));
         let grid = BackgroundView::new(&background, None, Shading::Color, &camera, SimdPath::available()[0]);
         let mut out = [[0.0; PATCH_PIXELS]; 3];
         for row in 0..(height as usize).div_ceil(PATCH) {
@@ -85,16 +83,12 @@ impl PixelEffect for Coordinates {
 }
 
 fn frame(backend: Backend, camera: &Camera, effects: &[&dyn PixelEffect]) -> Frame {
-    let mut renderer = backend.renderer();
-    let set = renderer.load(&random_splats(400, 0, 3)).unwrap();
     let outputs = Outputs { geometry: Geometry::DepthNormal, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let hooks = Hooks { pixels: effects.to_vec(), ..Hooks::default() };
-    let mut frame = Frame::default();
-    renderer
-        .render(&DrawPass::new(&[SetView::plain(set)], camera, &config).with_hooks(hooks.clone()), &mut frame)
-        .unwrap();
-    frame
+    let splats = random_splats(400, 0, 3);
+    let pass = DrawPass::new(&[SetView::transient(&splats)], camera, &config).with_hooks(hooks);
+    drawn(&mut *backend.renderer(), &pass)
 }
 
 fn effects(backend: Backend) {

@@ -165,9 +165,9 @@ pub struct SplatTerms {
     pub opacity: f64,
     /// Weight of the mean scale.
     pub scale: f64,
-    /// Weight of the mean of `min(1, s_1 / s_2 - r)` with the shortest scale, the next and the ratio
-    /// r that is flat enough ([`MAX_FLAT_RATIO`]): the shortest gets shorter and the next longer. The sky has
-    /// no share in it.
+    /// Weight of the mean of `min(1, s_1 / s_2 - r)` with the shortest scale, the next and the
+    /// ratio r that is flat enough ([`MAX_FLAT_RATIO`]): the shortest gets shorter and the next
+    /// longer. The sky has no share in it.
     pub flatness: f64,
 }
 

@@ -12,7 +12,8 @@ struct Move {
     rows: u32,
     // 1 for moments, which may be forgotten.
     forgets: u32,
-    // A row that all splats forget, counted from the first of either moments, of so many; none of 0.
+    // A row that all splats forget, counted from the first of either moments, of so many; none of
+    // 0.
     forgotten_row: u32,
     period: u32,
 }

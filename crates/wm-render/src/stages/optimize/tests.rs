@@ -2,15 +2,14 @@
 
 use super::cpu::{add_terms, hold_sky, step};
 use super::*;
-use crate::config::CpuConfig;
-use crate::differentiable::{
-    Channels, Differentiable, DrawnSplats, ForwardConfig, Opacity, Resident, Target,
-};
+use crate::differentiable::{Channels, DrawnSplats, ForwardConfig, Opacity, Resident, Target};
 use crate::frame::Frame;
 use crate::gpu::GpuDifferentiable;
 use crate::gradients::Learn;
 use crate::simd::SimdPath;
-use crate::testing::{Backend, RandomLoss, camera, gpu_differentiable, random_splats, small_gpu};
+use crate::testing::{
+    Backend, RandomLoss, camera, comparison, gpu_differentiable, random_splats, small_gpu, threads,
+};
 use wm_scene::{Group, quat};
 
 const RATES: Rates =
@@ -74,12 +73,9 @@ fn learn_on_cpu(kept: &mut LearntState, degree: u8) {
     for number in 1..=2 {
         let mut sum = Gradients::default();
         for (place, config) in renders(degree).iter().enumerate() {
-            let mut frame = Frame::default();
-            let (seen, mut own) = (camera(75, 53 * number), Gradients::default());
-            Differentiable::forward(&mut gpu, &kept.splats, &seen, config, &mut frame).unwrap();
-            let loss = RandomLoss::new(config.channels, frame.pixels(), 9, |_| true);
             let learn = if place == 0 { Learn::ALL } else { OTHER };
-            Differentiable::backward(&mut gpu, &kept.splats, &loss.upstream(), learn, &mut own).unwrap();
+            let (seen, splats) = (camera(75, 53 * number), &kept.splats);
+            let (_, own) = comparison::step(&mut gpu, splats, &seen, config, learn).unwrap();
             if place == 0 { sum = own } else { sum.add_parameters(&own) }
         }
         let step_now = step_of(number);
@@ -96,7 +92,7 @@ fn learn_on(gpu: &mut GpuDifferentiable, degree: u8) {
         for (place, config) in renders(degree).iter().enumerate() {
             let mut frame = Frame::default();
             Resident::forward(gpu, &camera(75, 53 * number), config, &mut frame).unwrap();
-            let loss = RandomLoss::new(config.channels, frame.pixels(), 9, |_| true);
+            let loss = RandomLoss::new(config.channels, frame.pixels(), 5, |_| true);
             let target = if place == 0 { Target::Step } else { Target::Added(OTHER) };
             Resident::backward(gpu, &loss.upstream(), target).unwrap();
         }
@@ -149,8 +145,7 @@ fn what_learns_on_a_gpu_learns_the_same() {
         assert_ne!(got.splats.means, start.splats.means);
         assert_alike(&got, &want);
         // In many pieces, bit by bit.
-        let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
-        let mut gpu = GpuDifferentiable::new(small_gpu(900_000), run).unwrap();
+        let mut gpu = GpuDifferentiable::new(small_gpu(900_000), threads(2)).unwrap();
         let mut pieces = start.clone();
         gpu.load(start.learnt()).unwrap();
         learn_on(&mut gpu, degree);

@@ -5,9 +5,9 @@
 //! clamped) and the optical depth `tau = min(16, p k) exp(-q/2)`. What it hides, the integral of
 //! `1 - e^-tau`, is its area in pixels, however small, thin or fast it is: of a Gaussian of depth p
 //! it is `2 pi sqrt(det cov2d) Ein(p)`, so that `Ein(p) = w`, the area in pixels over
-//! `2 pi sqrt(det)`; p = `w` where it is faint, and [`PEAK_COEFFICIENTS`] gives it within 0.2 % up to 16. It
-//! ends at the radius where tau falls below 2^-8, as a splat does, but not below `q = 4.5`; `k`
-//! gives back what is cut off there.
+//! `2 pi sqrt(det)`; p = `w` where it is faint, and [`PEAK_COEFFICIENTS`] gives it within 0.2 % up
+//! to 16. It ends at the radius where tau falls below 2^-8, as a splat does, but not below
+//! `q = 4.5`; `k` gives back what is cut off there.
 //!
 //! At each pixel it counts whole if its view z is below that of the scene (expected depth), else by
 //! the share of the pixel that the scene leaves open, `1 - alpha`. Over all particles `t = sum tau`

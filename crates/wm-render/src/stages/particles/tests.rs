@@ -7,7 +7,8 @@ use crate::plan::{DrawPass, SetView};
 use crate::reference::particles::cover;
 use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
-use crate::testing::{Backend, random_splats};
+use crate::testing::comparison::drawn;
+use crate::testing::{Backend, random_splats, threads};
 use crate::{CpuRenderer, Frame};
 use glam::DVec3;
 use wm_base::random::uniform;
@@ -50,12 +51,11 @@ fn particles(count: u64) -> Vec<Particle> {
     (0..count).map(particle).collect()
 }
 
-fn on_cpu(path: SimdPath, threads: usize) -> CpuRenderer {
-    CpuRenderer::new(CpuConfig { simd: path.choice(), threads: Some(threads) }).unwrap()
+fn on_cpu(path: SimdPath, count: usize) -> CpuRenderer {
+    CpuRenderer::new(CpuConfig { simd: path.choice(), ..threads(count) }).unwrap()
 }
 
 fn render(splats: &Splats, list: &List, renderer: &mut dyn RenderBackend) -> Frame {
-    let set = renderer.load(splats).unwrap();
     let sources: [&dyn Particles; 1] = [list];
     let config = RenderConfig {
         background: Background::Color([0.3, 0.5, 0.7]),
@@ -63,17 +63,14 @@ fn render(splats: &Splats, list: &List, renderer: &mut dyn RenderBackend) -> Fra
         ..RenderConfig::default()
     };
     let hooks = Hooks { particles: sources.to_vec(), ..Hooks::default() };
-    let mut frame = Frame::default();
-    let pass = DrawPass::new(&[SetView::plain(set)], &camera(), &config).with_hooks(hooks.clone());
-    renderer.render(&pass, &mut frame).unwrap();
-    frame
+    drawn(renderer, &DrawPass::new(&[SetView::transient(splats)], &camera(), &config).with_hooks(hooks))
 }
 
 crate::parity! {
-    every_back_end_draws_what_the_reference_draws => drawn;
+    every_back_end_draws_what_the_reference_draws => cover_is_drawn;
 }
 
-fn drawn(backend: Backend) {
+fn cover_is_drawn(backend: Backend) {
     let splats = random_splats(60, 1, 9);
     let list = List(particles(300), 37);
     let bare = render(&splats, &List(Vec::new(), 1), &mut *backend.renderer());

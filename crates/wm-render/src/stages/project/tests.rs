@@ -5,11 +5,7 @@ use crate::config::RenderConfig;
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::hooks::{GROUP, ShadeGroup};
-#[cfg(feature = "gpu")]
-use crate::plan::{DrawPass, SetView};
 use crate::reference;
-#[cfg(feature = "gpu")]
-use crate::renderer::RenderBackend;
 use crate::simd::SimdPath;
 use crate::sizes::CLUSTER;
 use crate::testing::comparison::HardSplats;
@@ -37,26 +33,18 @@ struct Seen {
 }
 
 /// Every splat, in the order of the model.
-fn run(
-    backend: Backend,
-    splats: &Splats,
-    model: &CpuModel,
-    camera: &Camera,
-    mode: Rasterization,
-) -> Vec<Option<Seen>> {
+fn run(backend: Backend, splats: &Splats, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
     match backend {
-        Backend::Cpu(path) => run_on_cpu(path, model, camera, mode),
+        Backend::Cpu(path) => run_on_cpu(path, splats, camera, mode),
         #[cfg(feature = "gpu")]
-        Backend::Gpu => run_on_gpu(splats, model, camera, mode),
-        #[cfg(not(feature = "gpu"))]
-        Backend::Gpu => unreachable!("no test of the GPU runs {}", splats.len()),
+        Backend::Gpu => run_on_gpu(splats, camera, mode),
     }
 }
 
-fn run_on_cpu(path: SimdPath, model: &CpuModel, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
+fn run_on_cpu(path: SimdPath, splats: &Splats, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
     let project_camera = ProjectCamera::new(camera);
     let mut all = Vec::new();
-    for group in &model.groups {
+    for group in &CpuModel::new(splats).unwrap().groups {
         let (mut out, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
         dispatch!(path, s => project_group(s, group, &project_camera, mode, None, None, &mut out, &mut shade));
         let records = dispatch!(path, s => Record::transposed(s, &out, &shade, all.len() as u32));
@@ -71,13 +59,10 @@ fn run_on_cpu(path: SimdPath, model: &CpuModel, camera: &Camera, mode: Rasteriza
 }
 
 #[cfg(feature = "gpu")]
-fn run_on_gpu(splats: &Splats, model: &CpuModel, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
-    let mut renderer = crate::testing::gpu_renderer();
-    let set = renderer.load(splats).unwrap();
+fn run_on_gpu(splats: &Splats, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
     let config = RenderConfig { rasterization: mode, ..RenderConfig::default() };
-    let pass = DrawPass::new(&[SetView::plain(set)], camera, &config);
-    let probe = crate::gpu::probe::Probe::of(&mut renderer, &pass);
-    let mut all: Vec<Option<Seen>> = (0..model.source.len()).map(|_| None).collect();
+    let probe = crate::gpu::probe::Probe::of(splats, camera, &config);
+    let mut all: Vec<Option<Seen>> = splats.means.iter().map(|_| None).collect();
     assert!(probe.records.is_sorted_by_key(|record| record.index));
     for record in probe.records {
         all[record.index as usize] = Some(Seen { record, ends: None, ray: None });
@@ -88,7 +73,7 @@ fn run_on_gpu(splats: &Splats, model: &CpuModel, camera: &Camera, mode: Rasteriz
 fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
     let camera = camera(640, 400);
     let model = CpuModel::new(splats).unwrap();
-    let all = run(backend, splats, &model, &camera, mode);
+    let all = run(backend, splats, &camera, mode);
     let mut compared = 0;
     for i in 0..model.len {
         let seen = &all[i];
@@ -193,7 +178,7 @@ fn culling_loses_no_splat() {
             let project_camera = ProjectCamera::new(&camera);
             let cull = ClusterCull::new(&project_camera);
             let backend = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
-            let all = run(backend, &splats, &model, &camera, Rasterization::Classic);
+            let all = run(backend, &splats, &camera, Rasterization::Classic);
             for (i, cluster) in model.clusters.iter().enumerate() {
                 let visible = all[i * CLUSTER..(i + 1) * CLUSTER].iter().any(Option::is_some);
                 assert!(!(visible && cull.culls(cluster)), "cluster {i} of view {view}");

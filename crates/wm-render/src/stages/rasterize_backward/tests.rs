@@ -36,27 +36,21 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
 #[cfg(feature = "gpu")]
 #[test]
 fn subgroups_add_up_the_same() {
-    use crate::differentiable::Differentiable;
-    use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, Subgroups};
+    use crate::gpu::{Gpu, GpuConfig, GpuDifferentiable, Subgroups};
     use crate::gradients::Learn;
-    use crate::testing::RandomLoss;
+    use crate::testing::{ANY_GPU, comparison::step};
     let Some(_) = Backend::gpu() else { return };
     let splats = random_splats(900, 1, 77);
     let camera = camera(75, 53);
     let config =
         ForwardConfig { channels: Channels::ColorDepthNormal, sh_degree: 1, ..ForwardConfig::default() };
     let [with, without] = [Subgroups::Used, Subgroups::Unused].map(|subgroups| {
-        let gpu =
-            Gpu::open(&GpuConfig { choice: AdapterChoice::Any, subgroups, ..GpuConfig::default() }).unwrap();
+        let gpu = Gpu::open(&GpuConfig { subgroups, ..ANY_GPU }).unwrap();
         if gpu.subgroups != subgroups {
             eprintln!("skipped: {} has no subgroups", gpu.describe());
         }
         let mut device = GpuDifferentiable::new(gpu, crate::CpuConfig::default()).unwrap();
-        let (mut frame, mut gradients) = (crate::Frame::default(), crate::Gradients::default());
-        device.forward(&splats, &camera, &config, &mut frame).unwrap();
-        let loss = RandomLoss::new(config.channels, frame.pixels(), 9, |_| true);
-        device.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();
-        gradients
+        step(&mut device, &splats, &camera, &config, Learn::ALL).unwrap().1
     });
     assert!(!with.visible.is_empty() && with.visible == without.visible);
     for (name, a, b) in [

@@ -99,12 +99,12 @@ impl<'a> RaySplats<'a> {
     /// Colours of the records that any packet has, seen from the middle of a group.
     fn colors(&self, group: &RayGroup, pairs: &[BlockPairs]) -> Vec<[f32; 3]> {
         let center = Vec3::from_array(group.center);
-        let of_block = |(records, pairs): (&[RayRecord], &BlockPairs)| {
+        let of_block = |records: &[RayRecord], pairs: &BlockPairs| {
             let mut is_listed = [false; BLOCK];
             for (_, key) in &pairs.pairs {
                 is_listed[record_of(*key) % BLOCK] = true;
             }
-            let color = |(record, is_listed): (&RayRecord, bool)| {
+            let color = |record: &RayRecord, is_listed: bool| {
                 if !is_listed {
                     return [0.0; 3];
                 }
@@ -112,9 +112,11 @@ impl<'a> RaySplats<'a> {
                 let color = sh::color(self.splats.sh_of(record.index as usize), way.to_array());
                 color.map(|v| v as f32)
             };
-            records.iter().zip(is_listed).map(color).collect::<Vec<_>>()
+            let listed = records.iter().zip(is_listed);
+            listed.map(|(record, is_listed)| color(record, is_listed)).collect::<Vec<_>>()
         };
-        self.records.par_chunks(BLOCK).zip(pairs).flat_map_iter(of_block).collect()
+        let blocks = self.records.par_chunks(BLOCK).zip(pairs);
+        blocks.flat_map_iter(|(records, pairs)| of_block(records, pairs)).collect()
     }
 }
 

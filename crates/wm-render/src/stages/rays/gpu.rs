@@ -23,49 +23,15 @@ pub(crate) const CONE_WORDS: usize = 8;
 /// Words of a ray's result before its sums: coverage, distance, splat, value.
 pub(crate) const HIT_WORDS: usize = 4;
 
-/// The sums that are blended beside coverage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum RaySums {
-    /// None.
-    Coverage,
-    /// Colours.
-    Color,
-    /// Normals.
-    Normal,
-    /// Colours, then normals.
-    ColorNormal,
-}
-
-impl RaySums {
-    #[cfg(any(test, feature = "testing"))]
-    pub(crate) const ALL: [Self; 4] = [Self::Coverage, Self::Color, Self::Normal, Self::ColorNormal];
-
-    /// Chooses the sums for the outputs that are asked for.
-    pub(crate) fn of(asked: RayOutputs) -> Self {
-        match (asked.color, asked.normal) {
-            (false, false) => Self::Coverage,
-            (true, false) => Self::Color,
-            (false, true) => Self::Normal,
-            (true, true) => Self::ColorNormal,
-        }
-    }
-
-    pub(crate) fn has_color(self) -> bool {
-        matches!(self, Self::Color | Self::ColorNormal)
-    }
-
-    pub(crate) fn has_normal(self) -> bool {
-        matches!(self, Self::Normal | Self::ColorNormal)
-    }
-
-    /// Numbers of a splat.
+impl RayOutputs {
+    /// Numbers of a splat that are blended beside coverage: colours, then normals.
     pub(crate) fn features(self) -> usize {
-        3 * (usize::from(self.has_color()) + usize::from(self.has_normal()))
+        3 * (usize::from(self.color) + usize::from(self.normal))
     }
 
-    /// The constants of its programs, as WGSL.
+    /// The constants of the programs that blend them, as WGSL.
     fn switches(self) -> String {
-        let (color, normal, features) = (self.has_color(), self.has_normal(), self.features());
+        let (Self { color, normal, .. }, features) = (self, self.features());
         format!("const COLOR = {color};\nconst NORMAL = {normal};\nconst FEATURES = {features}u;")
     }
 }
@@ -86,13 +52,13 @@ pub(crate) fn sums_program() -> Program {
 }
 
 /// Finds their colours and normals.
-pub(crate) fn features_program(sums: RaySums) -> Program {
-    Program::new("see", &[RECORDS, include_str!("features.wgsl")]).with(constants()).with(sums.switches())
+pub(crate) fn features_program(asked: RayOutputs) -> Program {
+    Program::new("see", &[RECORDS, include_str!("features.wgsl")]).with(constants()).with(asked.switches())
 }
 
 /// Blends the lists of packets.
-pub(crate) fn blend_program(sums: RaySums) -> Program {
-    Program::new("blend", &[RECORDS, include_str!("blend.wgsl")]).with(constants()).with(sums.switches())
+pub(crate) fn blend_program(asked: RayOutputs) -> Program {
+    Program::new("blend", &[RECORDS, include_str!("blend.wgsl")]).with(constants()).with(asked.switches())
 }
 
 const RECORDS: &str = include_str!("records.wgsl");
@@ -187,14 +153,14 @@ impl RayBuffers<'_> {
     pub(crate) fn see(
         &self,
         recorder: &mut Recorder<'_>,
-        sums: RaySums,
+        asked: RayOutputs,
         slot: usize,
         order: &wgpu::Buffer,
         sh: &wgpu::Buffer,
     ) {
         let structures = vec![(0, recorder.uniform(COUNT_TASK)), (1, recorder.uniform(slot))];
         let buffers = [&self.lists.counters, self.records, order, sh, self.features];
-        recorder.dispatch(features_program(sums), self.over_visible(), with_buffers(structures, buffers));
+        recorder.dispatch(features_program(asked), self.over_visible(), with_buffers(structures, buffers));
     }
 
     /// Blends the lists of `packets` packets: reads offsets, entries and rays, and writes the
@@ -202,7 +168,7 @@ impl RayBuffers<'_> {
     pub(crate) fn blend(
         &self,
         recorder: &mut Recorder<'_>,
-        sums: RaySums,
+        asked: RayOutputs,
         packets: u32,
         entries: &wgpu::Buffer,
         rays: &wgpu::Buffer,
@@ -213,6 +179,6 @@ impl RayBuffers<'_> {
             vec![(0, recorder.uniform(COUNT_TASK))],
             [offsets, entries, self.records, self.features, rays, hits, counters],
         );
-        recorder.dispatch(blend_program(sums), Groups::Direct(packets), bindings);
+        recorder.dispatch(blend_program(asked), Groups::Direct(packets), bindings);
     }
 }

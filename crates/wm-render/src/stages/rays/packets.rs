@@ -185,8 +185,8 @@ impl Cone {
     fn around(others: impl Iterator<Item = (DVec3, f64)> + Clone) -> Self {
         let sum: DVec3 = others.clone().map(|(axis, _)| axis).sum();
         let axis = sum.normalize_or(DVec3::Z);
-        let reach = |(other, half): (DVec3, f64)| axis.dot(other).clamp(-1.0, 1.0).acos() + half;
-        Self { axis, half: others.map(reach).fold(0.0, f64::max) + SLACK }
+        let reaches = others.map(|(other, half)| axis.dot(other).clamp(-1.0, 1.0).acos() + half);
+        Self { axis, half: reaches.fold(0.0, f64::max) + SLACK }
     }
 }
 

@@ -4,8 +4,9 @@ use super::{RayHits, RayOutputs, RayTracer, Rays};
 use crate::config::RenderConfig;
 use crate::reference;
 use crate::simd::SimdPath;
+use crate::testing::comparison::drawn;
 use crate::testing::{Backend, random_splats};
-use crate::{DrawPass, Frame, SetView};
+use crate::{DrawPass, SetView};
 use glam::DVec3;
 use proptest::prelude::*;
 use wm_base::random::uniform;
@@ -135,7 +136,7 @@ fn threads_change_nothing() {
     let splats = random_splats(5000, 1, 2);
     let rays = rays(2000, 1.0, 9);
     let run = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = crate::cpu::pool(threads).unwrap();
         pool.install(|| ray_splats(&splats).trace(&rays, ALL, SimdPath::widest()))
     };
     let one = run(1);
@@ -159,11 +160,8 @@ fn pinhole_rays_draw_what_the_rasterizer_draws() {
     let rays = Rays::from_one([0.0; 3], directions);
     let path = SimdPath::widest();
     let hits = ray_splats(&splats).trace(&rays, ALL, path);
-    let mut renderer = Backend::Cpu(path).renderer();
-    let set = renderer.load(&splats).unwrap();
-    let mut frame = Frame::default();
-    let config = RenderConfig::default();
-    renderer.render(&DrawPass::new(&[SetView::plain(set)], &camera, &config), &mut frame).unwrap();
+    let pass = DrawPass::new(&[SetView::transient(&splats)], &camera, &RenderConfig::default());
+    let frame = drawn(&mut *Backend::Cpu(path).renderer(), &pass);
     let square: f64 = hits
         .color
         .as_flattened()

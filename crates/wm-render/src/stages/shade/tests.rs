@@ -4,13 +4,13 @@ use crate::config::{Background, RenderConfig, SkyGradient};
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::frame::srgb_decode;
-use crate::hooks::{AirGroup, AirOnRay, GROUP, Hooks, Medium, ShadeGroup, WgslSource};
 use crate::hooks::{Attribute, AttributeBlock, SplatAttributes};
-use crate::simd::SimdPath;
-use crate::testing::comparison::{ALL_OUTPUTS, evaluate_by_reference, rendered};
-use crate::testing::{Backend, camera, random_splats, uniform};
+use crate::hooks::{GROUP, Hooks, ShadeGroup};
 #[cfg(feature = "gpu")]
-use crate::{RenderBackend, SetView, reference};
+use crate::reference;
+use crate::simd::SimdPath;
+use crate::testing::comparison::{ALL_OUTPUTS, Tint, rendered};
+use crate::testing::{Backend, camera, random_splats, uniform};
 use wm_scene::{Group, sh};
 
 crate::parity! {
@@ -59,11 +59,8 @@ fn colors_on_gpu() {
     for degree in 0..=3 {
         let splats = random_splats(320, degree, 5);
         let model = CpuModel::new(&splats).unwrap();
-        let mut renderer = crate::testing::gpu_renderer();
-        let set = renderer.load(&splats).unwrap();
-        let (sets, config) = ([SetView::plain(set)], RenderConfig::default());
-        let pass = DrawPass::new(&sets, &camera, &config);
-        let records = crate::gpu::probe::Probe::of(&mut renderer, &pass).records;
+        let config = RenderConfig::default();
+        let records = crate::gpu::probe::Probe::of(&splats, &camera, &config).records;
         assert!(records.len() > 200);
         for record in records {
             let index = model.source[record.index as usize] as usize;
@@ -74,30 +71,6 @@ fn colors_on_gpu() {
                 assert!((got - want[k].max(0.0)).abs() < 6e-6, "{got}, want {}", want[k]);
             }
         }
-    }
-}
-
-/// A medium that depends on everything it is given.
-struct Tint;
-
-impl Medium for Tint {
-    fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
-        evaluate_by_reference(self, origin, rays, out);
-    }
-
-    fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay {
-        let kept = [0.2, 0.25, 0.3].map(|sigma: f64| (-sigma * distance).exp());
-        let light = [0, 1, 2].map(|k| 0.5 + 0.3 * direction[k] + 0.01 * origin[k]);
-        AirOnRay { transmittance: kept, airlight: [0, 1, 2].map(|k| (1.0 - kept[k]) * light[k]) }
-    }
-
-    fn wgsl(&self, origin: [f32; 3]) -> Option<WgslSource> {
-        let wgsl = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
-            let kept = exp(-vec3<f32>(0.2, 0.25, 0.3) * min(distance, 1e6));
-            let origin = vec3<f32>(air[0], air[1], air[2]);
-            return AirOnRay(kept, (1.0 - kept) * (0.5 + 0.3 * direction + 0.01 * origin));
-        }";
-        Some(WgslSource { wgsl: wgsl.into(), parameters: origin.to_vec() })
     }
 }
 

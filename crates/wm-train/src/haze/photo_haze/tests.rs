@@ -116,10 +116,7 @@ fn clear_air_is_no_haze() {
 #[test]
 fn a_measurement_is_the_same_for_any_number_of_threads() {
     let road = Road { extinction: 0.02, exposures: 0.1, strays: 0.05, seed: 6 };
-    let of = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| road.evidence())
-    };
+    let of = |threads| wm_render::cpu::pool(threads).unwrap().install(|| road.evidence());
     assert_eq!(of(1), of(3));
 }
 

@@ -413,9 +413,9 @@ mod tests {
         let photos = Photos::open(&capture, &PhotoOptions::default()).unwrap();
         let places: Vec<usize> = (0..5).collect();
         let options = StereoOptions { rounds: (3, 1), ..StereoOptions::default() };
-        let with = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| estimate(&capture, &photos, &places, &options, &|_| true)).unwrap().unwrap()
+        let with = |threads| {
+            let estimate = || estimate(&capture, &photos, &places, &options, &|_| true);
+            wm_render::cpu::pool(threads).unwrap().install(estimate).unwrap().unwrap()
         };
         let maps = with(1);
         let (mut errors, mut angles, mut surface, mut sky) = (Vec::new(), Vec::new(), 0, 0);
