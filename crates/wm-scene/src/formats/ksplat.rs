@@ -34,14 +34,11 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
     axes: Axes::Ply,
     loses: FormatLosses {
         sh_degree: 2,
-        groups: Retention::Not,
-        labels: Retention::Not,
-        metadata: Retention::Beside,
         rounding: "positions 1/65534 of the range of 256 neighbours, scales and SH 1/2048 of their value, rotations 0.05 \
                    degrees, colours and opacities 1/510 of 0-1",
         order: Retention::Not,
         log_scales: [-16.635_532, 11.09],
-        coarse: super::loss::coarse_floats,
+        ..FormatLosses::SPLATS_ALONE
     },
     sniff: |start| has_ending(start.path, "ksplat"),
     read: |source, _| source.parsed(|bytes, _| read(bytes)),
