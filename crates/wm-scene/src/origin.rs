@@ -194,13 +194,14 @@ fn digits(v: f64) -> String {
 /// zero and `metadata` state none, and makes them relative to it: `residues` are what f32 left of
 /// their positions, none or one a splat. Returns it, or zero; [`settle`] does the rest.
 pub(crate) fn subtract_fine(splats: &mut Splats, residues: &[[f32; 3]], metadata: &Metadata) -> DVec3 {
-    let fine = |(mean, residue): (&[f32; 3], &[f32; 3])| wide(*mean) + wide(*residue);
+    let fine = |mean: &[f32; 3], residue: &[f32; 3]| wide(*mean) + wide(*residue);
     let step = splats.len().div_ceil(SAMPLE_SIZE).max(1);
-    let positions: Vec<DVec3> = splats.means.iter().zip(residues).step_by(step).map(fine).collect();
+    let sampled = splats.means.iter().zip(residues).step_by(step);
+    let positions: Vec<DVec3> = sampled.map(|(mean, residue)| fine(mean, residue)).collect();
     let chosen = if metadata.origin.is_none() { choose(&positions, usual_size(splats)) } else { None };
     let Some(origin) = chosen else { return DVec3::ZERO };
     for (mean, residue) in splats.means.iter_mut().zip(residues) {
-        *mean = (fine((mean, residue)) - origin).to_array().map(|v| v as f32);
+        *mean = (fine(mean, residue) - origin).to_array().map(|v| v as f32);
     }
     origin
 }

@@ -99,7 +99,7 @@ impl Piece {
     }
 }
 
-/// ThinSplats splats over the cells of a level grid.
+/// Thin splats over the cells of a level grid.
 struct Columns {
     low: DVec2,
     side: usize,
@@ -141,7 +141,8 @@ impl Columns {
         near(row).map(move |row| row * side + near(column).start..row * side + near(column).end)
     }
 
-    /// The layer above the last of those that are filled from [`MIN_VISIBLE_HEIGHT_M`] on with small gaps.
+    /// The layer above the last of those that are filled from [`MIN_VISIBLE_HEIGHT_M`] on with
+    /// small gaps.
     fn top(&self, cell: usize) -> usize {
         // Posts lean and are rough: a cell and those beside it are one.
         let layers = self.rows(cell, 1).flatten().fold(0, |layers, cell| layers | self.filled[cell]);
@@ -373,11 +374,11 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
         .iter()
         .zip(over)
         .filter(|(_, over)| over.crown < MAX_CROWN_DENSITY && over.roof < MAX_ROOF_COVER);
-    let post = |(axis, height): &(Axis, f64)| {
+    let post = |axis: &Axis, height: f64| {
         let at = axis.at(height - HEAD_DEPTH_M) / metres;
-        Post { head: x * at.x + y * at.y + up * (survey.ground.value + at.z), height: *height }
+        Post { head: x * at.x + y * at.y + up * (survey.ground.value + at.z), height }
     };
-    free.map(|(found, _)| post(found)).collect()
+    free.map(|((axis, height), _)| post(axis, *height)).collect()
 }
 
 /// Areas of the splats over a post.
