@@ -10,6 +10,7 @@
 use crate::similarity::Similarity;
 use crate::{Group, Metadata, Remark, Scene, SceneView, Splats};
 use glam::DVec3;
+use wm_base::statistics::quantile;
 
 /// Distance from zero, in extents of a capture, beyond which its coordinates are far: steps of f32
 /// there are a 65,536th of its extent.
@@ -99,8 +100,7 @@ pub(crate) fn usual_size(splats: &Splats) -> f64 {
     let scales = splats.log_scales.iter().step_by(step);
     let mut sizes: Vec<f64> =
         scales.map(|scale| middle_size(*scale)).filter(|size| size.is_finite()).collect();
-    sizes.sort_unstable_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
+    quantile(&mut sizes, 0.5)
 }
 
 /// The standard deviation along the middle axis.

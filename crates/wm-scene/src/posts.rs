@@ -4,6 +4,7 @@ use crate::survey::{SkyRegion, Survey};
 use crate::{Splats, quat};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeSet;
+use wm_base::statistics::quantile;
 
 /// Width of a cell, m.
 const CELL_M: f64 = 0.15;
@@ -280,8 +281,7 @@ impl Axis {
             (sum > 0.0).then(|| (off / sum).length())
         };
         let mut offs: Vec<f64> = layers.filter_map(middle).collect();
-        offs.sort_by(f64::total_cmp);
-        (offs.len() >= MIN_LAYERS).then(|| offs[offs.len() / 2])
+        (offs.len() >= MIN_LAYERS).then(|| quantile(&mut offs, 0.5))
     }
 }
 

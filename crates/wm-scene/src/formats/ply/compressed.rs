@@ -29,6 +29,7 @@ use crate::{
         pack::{byte_of_logit, from_smallest_three, logit_of_byte, ranged, smallest_three, unit, unorm},
     },
     morton, sh,
+    values::{ends, finite},
 };
 use std::fmt::Write as _;
 use wm_base::{
@@ -286,14 +287,7 @@ fn shown(splats: &Splats, index: usize) -> [f32; 3] {
 impl Chunk {
     fn of(splats: &Splats, indices: &[u32]) -> Self {
         let range = |value: &dyn Fn(usize) -> [f32; 3]| {
-            let mut range = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-            for index in indices {
-                let value = value(*index as usize);
-                for k in (0..3).filter(|k| value[*k].is_finite()) {
-                    range[0][k] = range[0][k].min(value[k]);
-                    range[1][k] = range[1][k].max(value[k]);
-                }
-            }
+            let range = ends(indices.iter().map(|index| finite(value(*index as usize))));
             // Where no number was finite.
             range.map(|ends| ends.map(|v| if v.is_finite() { v } else { 0.0 }))
         };
