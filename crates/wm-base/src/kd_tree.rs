@@ -50,8 +50,8 @@ where
         Self { points }
     }
 
-    /// Returns the `count` points that are nearest to a place, or all, the nearest first; of equally
-    /// near ones, those that come first among the points.
+    /// Returns the `count` points that are nearest to a place, or all, the nearest first; of
+    /// equally near ones, those that come first among the points.
     pub fn nearest(&self, at: &[T; 3], count: usize) -> Vec<Neighbour<T>> {
         let mut search = Search { at, count, found: Vec::with_capacity(count.min(self.points.len())) };
         if count > 0 {

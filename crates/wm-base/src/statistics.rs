@@ -11,8 +11,7 @@ pub fn quantile(values: &mut [f64], q: f64) -> f64 {
 /// Returns the middle value, of an even number of values the upper one of the two; `None` if there
 /// are none. Reorders them.
 pub fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    (!values.is_empty()).then(|| quantile(values, 0.5))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use wm_base::jacobi::jacobi;
 use wm_base::linear::{horizontals, outer};
+use wm_base::statistics::quantile;
 use wm_scene::Gps;
 
 /// Facts of a place that the positions of its photos give.
@@ -85,15 +86,7 @@ pub fn fit_with_outliers(centers: &[DVec3], places: &[Option<Gps>]) -> (Option<G
 /// up are.
 fn middle(both: &[(DVec3, Gps)]) -> Option<Gps> {
     let all: Vec<DVec3> = both.iter().map(|(_, place)| place.ecef()).collect();
-    let median = |axis: usize| {
-        let mut along: Vec<f64> = all.iter().map(|p| p[axis]).collect();
-        let middle = along.len() / 2;
-        along.select_nth_unstable_by(middle, f64::total_cmp);
-        along[middle]
-    };
-    if all.is_empty() {
-        return None;
-    }
+    let median = |axis: usize| quantile(&mut all.iter().map(|p| p[axis]).collect::<Vec<_>>(), 0.5);
     let median = DVec3::new(median(0), median(1), median(2));
     let nearest = |a: &&(DVec3, Gps), b: &&(DVec3, Gps)| {
         a.1.ecef().distance(median).total_cmp(&b.1.ecef().distance(median))
@@ -247,8 +240,7 @@ impl Similarity {
     /// Median distance.
     fn residual(&self, pairs: &[(DVec3, DVec3)]) -> f64 {
         let mut off: Vec<f64> = pairs.iter().map(|(from, to)| (self.apply(*from) - *to).length()).collect();
-        let middle = off.len() / 2;
-        *off.select_nth_unstable_by(middle, f64::total_cmp).1
+        quantile(&mut off, 0.5)
     }
 }
 

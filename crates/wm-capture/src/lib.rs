@@ -3,8 +3,8 @@
 //!
 //! A format recognises its folders and reads a [`Capture`] from them: cameras with OpenCV axes, the
 //! distortion of their lenses, the points of the reconstruction, and the folder of the photos. The
-//! photos are opened only where a format does not state their size. To add a format: a module with a
-//! `read`, and that in the list.
+//! photos are opened only where a format does not state their size. To add a format: a module with
+//! a `read`, and that in the list.
 //!
 //! A [`DrivingLog`] is what a vehicle recorded, read from KITTI, nuScenes, Argoverse 2 or
 //! drivestudio; [`DrivingLog::write_capture`] makes a folder of it that is reconstructed like
@@ -31,13 +31,11 @@ mod transforms;
 pub mod up;
 
 use glam::{DMat3, DVec3};
-use serde::de::DeserializeOwned;
 use std::{
-    fs::{self, File},
-    io::BufReader,
+    fs,
     path::{Path, PathBuf},
 };
-use wm_base::{FormatError, error::json_fault, files};
+use wm_base::FormatError;
 use wm_scene::camera::Distortion;
 use wm_scene::{Camera, Remark, SceneView, SparsePoints, origin};
 
@@ -287,8 +285,8 @@ pub(crate) fn folds(name: &str) -> String {
 }
 
 /// The main file of a data set and the folder that the other files are relative to: the first of
-/// `names` that is in the folder `dataset`, or `dataset` itself if it is a file that `is_main` holds
-/// for. `None` if there is none.
+/// `names` that is in the folder `dataset`, or `dataset` itself if it is a file that `is_main`
+/// holds for. `None` if there is none.
 fn find_main(dataset: &Path, names: &[&str], is_main: impl Fn(&Path) -> bool) -> Option<(PathBuf, PathBuf)> {
     if dataset.is_dir() {
         let file = names.iter().map(|name| dataset.join(name)).find(|file| file.is_file())?;
@@ -298,13 +296,8 @@ fn find_main(dataset: &Path, names: &[&str], is_main: impl Fn(&Path) -> bool) ->
     is_main(dataset).then(|| (dataset.to_path_buf(), parent.to_path_buf()))
 }
 
-/// Reads a file of JSON; its errors have line and column.
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FormatError> {
-    let file = File::open(path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
-    let file = file.map_err(|error| FormatError::reading(path, error))?;
-    let advice = "correct the file or export it again";
-    serde_json::from_reader(file).map_err(|error| json_fault(path, &error, advice))
-}
+/// The advice for a file of JSON that cannot be read.
+const JSON_ADVICE: &str = "correct the file or export it again";
 
 fn read_as(dataset: &Path, options: &CaptureOptions, scope: ReadScope) -> Result<Capture, FormatError> {
     fs::metadata(dataset).map_err(|e| FormatError::reading(dataset, e))?;

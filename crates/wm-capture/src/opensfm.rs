@@ -6,7 +6,8 @@
 //! principal point is measured from the middle. Of the projections perspective, simple_radial,
 //! radial and brown are read.
 
-use super::{Capture, CaptureOptions, CaptureView, ReadScope, find_main, places, read_json};
+use super::{Capture, CaptureOptions, CaptureView, JSON_ADVICE, ReadScope, find_main, places};
+use crate::logs::read_json;
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -94,7 +95,7 @@ pub(super) fn read(
 ) -> Result<Option<Capture>, FormatError> {
     let is_main = |path: &Path| path.file_name().is_some_and(|name| name == FILES[0]);
     let Some((path, folder)) = find_main(dataset, &FILES, is_main) else { return Ok(None) };
-    let all: Vec<Reconstruction> = read_json(&path)?;
+    let all: Vec<Reconstruction> = read_json(&path, JSON_ADVICE)?;
     let fault = |what: String| FormatError::value(&path, one_line(&what));
     let (parts, shots) = (all.len(), all.iter().map(|one| one.shots.len()).sum::<usize>());
     // Of equal ones the first.

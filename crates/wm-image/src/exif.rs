@@ -2,9 +2,9 @@
 //!
 //! Only times of which the time zone is stated are read: the GPS time, which is UTC, else the
 //! camera's clock with its offset. Photos from Mapillary have the time, and the position, in their
-//! description. A block of EXIF may hold any bytes: what cannot be read is left out. The crate `exif`
-//! (kamadak-exif) reads the block: it checks all offsets and reads each directory once. It is given
-//! blocks of at most 64 KB, as its own search in files is without a limit.
+//! description. A block of EXIF may hold any bytes: what cannot be read is left out. The crate
+//! `exif` (kamadak-exif) reads the block: it checks all offsets and reads each directory once. It
+//! is given blocks of at most 64 KB, as its own search in files is without a limit.
 
 use ::exif::{In, Tag, Value};
 use serde::Deserialize;

@@ -1,5 +1,5 @@
-//! Reads and writes pictures and videos: photos ([`photo`]), depth, normal and mask maps ([`maps`]),
-//! PNG, EXR, MP4, and contact sheets.
+//! Reads and writes pictures and videos: photos ([`photo`]), depth, normal and mask maps
+//! ([`maps`]), PNG, EXR, MP4, and contact sheets.
 //!
 //! Everything takes plain slices, so that nothing here knows a renderer:
 //!

@@ -57,7 +57,8 @@ pub struct Metadata {
     /// of the photos, degrees, WGS 84.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub location: Option<[f64; 2]>,
-    /// The time of the photos, their median, seconds since 1 January 1970, 0:00 UTC, years 1800 to 3000.
+    /// The time of the photos, their median, seconds since 1 January 1970, 0:00 UTC, years 1800 to
+    /// 3000.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub captured: Option<f64>,
     /// Time between the first photo and the last, seconds, 0 and above; nothing if it is under a

@@ -1,5 +1,7 @@
 //! Morton curves: numbers of cells such that neighbours in space are mostly neighbours in number.
 
+use crate::values::ends;
+
 /// The number of a cell: the bits of its three coordinates, 21 of each, x lowest.
 #[must_use]
 pub fn code(cell: [u64; 3]) -> u64 {
@@ -22,15 +24,10 @@ const CELLS: f32 = ((1 << 20) - 1) as f32;
 /// Indices of splats along a Morton curve through their means: neighbours in space become
 /// neighbours in the file. Means that are NaN come last.
 pub(crate) fn order(means: &[[f32; 3]]) -> Vec<u32> {
-    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for mean in means.iter().filter(|mean| mean.iter().all(|v| v.is_finite())) {
-        for k in 0..3 {
-            low[k] = low[k].min(mean[k]);
-            high[k] = high[k].max(mean[k]);
-        }
-    }
+    let is_finite = |mean: &[f32; 3]| mean.iter().all(|v| v.is_finite());
+    let [low, high] = ends(means.iter().copied().filter(is_finite));
     let key = |mean: &[f32; 3]| {
-        if !mean.iter().all(|v| v.is_finite()) {
+        if !is_finite(mean) {
             return u64::MAX;
         }
         let cell: [u64; 3] = std::array::from_fn(|k| {

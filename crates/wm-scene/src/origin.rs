@@ -10,6 +10,7 @@
 use crate::similarity::Similarity;
 use crate::{Group, Metadata, Remark, Scene, SceneView, Splats};
 use glam::DVec3;
+use wm_base::statistics::quantile;
 
 /// Distance from zero, in extents of a capture, beyond which its coordinates are far: steps of f32
 /// there are a 65,536th of its extent.
@@ -99,8 +100,7 @@ pub(crate) fn usual_size(splats: &Splats) -> f64 {
     let scales = splats.log_scales.iter().step_by(step);
     let mut sizes: Vec<f64> =
         scales.map(|scale| middle_size(*scale)).filter(|size| size.is_finite()).collect();
-    sizes.sort_unstable_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
+    quantile(&mut sizes, 0.5)
 }
 
 /// The standard deviation along the middle axis.
@@ -194,13 +194,14 @@ fn digits(v: f64) -> String {
 /// zero and `metadata` state none, and makes them relative to it: `residues` are what f32 left of
 /// their positions, none or one a splat. Returns it, or zero; [`settle`] does the rest.
 pub(crate) fn subtract_fine(splats: &mut Splats, residues: &[[f32; 3]], metadata: &Metadata) -> DVec3 {
-    let fine = |(mean, residue): (&[f32; 3], &[f32; 3])| wide(*mean) + wide(*residue);
+    let fine = |mean: &[f32; 3], residue: &[f32; 3]| wide(*mean) + wide(*residue);
     let step = splats.len().div_ceil(SAMPLE_SIZE).max(1);
-    let positions: Vec<DVec3> = splats.means.iter().zip(residues).step_by(step).map(fine).collect();
+    let sampled = splats.means.iter().zip(residues).step_by(step);
+    let positions: Vec<DVec3> = sampled.map(|(mean, residue)| fine(mean, residue)).collect();
     let chosen = if metadata.origin.is_none() { choose(&positions, usual_size(splats)) } else { None };
     let Some(origin) = chosen else { return DVec3::ZERO };
     for (mean, residue) in splats.means.iter_mut().zip(residues) {
-        *mean = (fine((mean, residue)) - origin).to_array().map(|v| v as f32);
+        *mean = (fine(mean, residue) - origin).to_array().map(|v| v as f32);
     }
     origin
 }

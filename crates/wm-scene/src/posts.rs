@@ -4,6 +4,7 @@ use crate::survey::{SkyRegion, Survey};
 use crate::{Splats, quat};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeSet;
+use wm_base::statistics::quantile;
 
 /// Width of a cell, m.
 const CELL_M: f64 = 0.15;
@@ -99,7 +100,7 @@ impl Piece {
     }
 }
 
-/// ThinSplats splats over the cells of a level grid.
+/// Thin splats over the cells of a level grid.
 struct Columns {
     low: DVec2,
     side: usize,
@@ -141,7 +142,8 @@ impl Columns {
         near(row).map(move |row| row * side + near(column).start..row * side + near(column).end)
     }
 
-    /// The layer above the last of those that are filled from [`MIN_VISIBLE_HEIGHT_M`] on with small gaps.
+    /// The layer above the last of those that are filled from [`MIN_VISIBLE_HEIGHT_M`] on with
+    /// small gaps.
     fn top(&self, cell: usize) -> usize {
         // Posts lean and are rough: a cell and those beside it are one.
         let layers = self.rows(cell, 1).flatten().fold(0, |layers, cell| layers | self.filled[cell]);
@@ -279,8 +281,7 @@ impl Axis {
             (sum > 0.0).then(|| (off / sum).length())
         };
         let mut offs: Vec<f64> = layers.filter_map(middle).collect();
-        offs.sort_by(f64::total_cmp);
-        (offs.len() >= MIN_LAYERS).then(|| offs[offs.len() / 2])
+        (offs.len() >= MIN_LAYERS).then(|| quantile(&mut offs, 0.5))
     }
 }
 
@@ -373,11 +374,11 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
         .iter()
         .zip(over)
         .filter(|(_, over)| over.crown < MAX_CROWN_DENSITY && over.roof < MAX_ROOF_COVER);
-    let post = |(axis, height): &(Axis, f64)| {
+    let post = |axis: &Axis, height: f64| {
         let at = axis.at(height - HEAD_DEPTH_M) / metres;
-        Post { head: x * at.x + y * at.y + up * (survey.ground.value + at.z), height: *height }
+        Post { head: x * at.x + y * at.y + up * (survey.ground.value + at.z), height }
     };
-    free.map(|(found, _)| post(found)).collect()
+    free.map(|((axis, height), _)| post(axis, *height)).collect()
 }
 
 /// Areas of the splats over a post.

@@ -30,8 +30,8 @@ pub const C3: [f64; 7] = [
     -0.590_043_589_926_643_5,
 ];
 
-/// Nodes (cosines of the polar angle) and weights of Gauss-Legendre quadrature: with eight even steps
-/// around they integrate products of two functions of degree 3 over the sphere exactly.
+/// Nodes (cosines of the polar angle) and weights of Gauss-Legendre quadrature: with eight even
+/// steps around they integrate products of two functions of degree 3 over the sphere exactly.
 pub(crate) const QUADRATURE: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
     (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
@@ -106,16 +106,12 @@ mod tests {
     #[test]
     fn basis_is_orthonormal() {
         let n = 20_000;
-        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let mut gram = [[0.0; 16]; 16];
         for i in 0..n {
-            let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(n);
-            let r = (1.0 - z * z).sqrt();
-            let (sin, cos) = (golden * f64::from(i)).sin_cos();
-            let b = basis([r * cos, r * sin, z]);
+            let b = basis(wm_base::linear::direction(i, n).to_array());
             for j in 0..16 {
                 for k in 0..16 {
-                    gram[j][k] += b[j] * b[k] * 4.0 * std::f64::consts::PI / f64::from(n);
+                    gram[j][k] += b[j] * b[k] * 4.0 * std::f64::consts::PI / n as f64;
                 }
             }
         }

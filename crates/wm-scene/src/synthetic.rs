@@ -3,7 +3,7 @@
 //! They have what makes real scenes hard to judge: walls as large as the ground, normals that
 //! scatter, strays above and below, and surfaces only where a camera could have seen them.
 
-use crate::{Group, Splats, quat, similarity::Similarity, splats::Splat, splats::logit};
+use crate::{Group, Splats, quat, similarity::Similarity, splats::Splat, splats::logit, testing::Dice};
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 use wm_base::random::uniform;
@@ -12,8 +12,7 @@ use wm_base::random::uniform;
 #[derive(Clone, Debug)]
 pub struct Builder {
     splats: Splats,
-    seed: u64,
-    drawn: u64,
+    dice: Dice,
 }
 
 /// A display-referred colour, 0-1.
@@ -23,7 +22,7 @@ impl Builder {
     /// Nothing yet; equal seeds give equal places.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Self { splats: Splats::with_capacity(0, 0), seed, drawn: 0 }
+        Self { splats: Splats::with_capacity(0, 0), dice: Dice::new(seed) }
     }
 
     /// Returns the splats that were built.
@@ -33,8 +32,7 @@ impl Builder {
     }
 
     pub(crate) fn draw(&mut self, low: f64, high: f64) -> f64 {
-        self.drawn += 1;
-        low + (high - low) * uniform(self.seed, self.drawn)
+        self.dice.draw(low, high)
     }
 
     pub(crate) fn anywhere(&mut self) -> DVec3 {

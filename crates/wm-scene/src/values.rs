@@ -38,6 +38,23 @@ pub(crate) const MAX_QUAT: f32 = 1e15;
 /// white.
 pub(crate) const MAX_SH: f32 = 1e6;
 
+/// Returns the least and the greatest value along each axis, of which NaN is neither. The least is
+/// above the greatest where there are none.
+pub(crate) fn ends(values: impl IntoIterator<Item = [f32; 3]>) -> [[f32; 3]; 2] {
+    let [mut low, mut high] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+    for value in values {
+        for k in 0..3 {
+            (low[k], high[k]) = (low[k].min(value[k]), high[k].max(value[k]));
+        }
+    }
+    [low, high]
+}
+
+/// Returns NaN in place of infinities, for [`ends`].
+pub(crate) fn finite(values: [f32; 3]) -> [f32; 3] {
+    values.map(|v| if v.is_finite() { v } else { f32::NAN })
+}
+
 /// The faults of one splat, array by array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {

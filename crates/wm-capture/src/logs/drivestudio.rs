@@ -7,12 +7,13 @@
 //! it is shows in the matrices. Points are in the axes of the ego pose, or of the lidar pose where
 //! there is one. Frames are a tenth of a second apart.
 
-use super::files::{all_numbers, fault, files_in, name_of, pose_of_rows, read_json};
-use super::records::{Records, choose_folder};
+use super::files::{COPY_ADVICE, all_numbers, excerpt, fault, files_in, pose_of_rows, read_json};
+use super::log::{
+    DrivingLog, FRAME_NS, LogCamera, LogFormat, LogPictureMasks, check_cameras, is_asked, moved,
+    size_of_first,
+};
+use super::records::{LogOptions, Records, choose_folder, logs_in};
 use super::sweep::SweepRecords;
-use super::log::{DrivingLog, LogCamera, LogFormat, LogPicture, LogPictureMasks, is_asked, moved, size_of_first};
-use super::records::LogOptions;
-use super::sweep::LogSweep;
 use super::track::{LogBox, LogTrack};
 use crate::RigidPose;
 use glam::{DMat3, DQuat, DVec3};
@@ -27,8 +28,6 @@ use wm_scene::camera::Distortion;
 pub(super) const FORMAT: LogFormat = LogFormat { name: "drivestudio", read };
 
 const PHOTO_EXTENSIONS: &[&str] = &["jpg", "jpeg", "png"];
-/// Time between two frames, ns.
-const FRAME_NS: i64 = 100_000_000;
 /// Largest frame number.
 const MAX_FRAMES: u64 = 1_000_000;
 /// Most boxes.
@@ -41,14 +40,12 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let is_empty = files_in(&scene.join("images"), PHOTO_EXTENSIONS).is_ok_and(|files| files.is_empty());
         is_empty.then(|| "no pictures".to_owned())
     };
-    let Some((path, note)) = choose_folder(path, "scenes", options, is_scene, lacks)? else {
+    let Some((path, note)) = choose_folder(path, "scenes", options, logs_in(path, is_scene), lacks)? else {
         return Ok(None);
     };
     let path = path.as_path();
     let mut records = Records::new(options.skip_bad);
-    let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
-    let mut log = DrivingLog { source: path.into(), name: name_of(&whole), ..DrivingLog::default() };
-    log.warnings.extend(note);
+    let mut log = DrivingLog::begun(path, note);
     let rigs = poses(&path.join("ego_pose"), &mut records)?;
     let lidars = poses(&path.join("lidar_pose"), &mut records)?;
     let extrinsics = Extrinsics::read(&path.join("extrinsics"), &rigs, &mut records)?;
@@ -62,33 +59,26 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         }
     }
     let names: Vec<&str> = by_camera.keys().map(String::as_str).collect();
-    super::log::check_cameras(path, options, &names)?;
+    check_cameras(path, options, &names)?;
     let fine = path.join("fine_dynamic_masks/all");
     let movers = if fine.is_dir() { fine } else { path.join("dynamic_masks/all") };
-    for (name, files) in &by_camera {
-        if !is_asked(options, name) {
+    for (name, files) in by_camera {
+        if !is_asked(options, &name) {
             continue;
         }
-        let Some(size) = size_of_first(files, &mut records)? else { continue };
-        let camera = camera(&path.join("intrinsics").join(format!("{name}.txt")), name, size)?;
-        for (stem, file) in files {
-            let Some((frame, _)) = frame_and_camera(stem) else { continue };
-            let Some(world_from_camera) = extrinsics.at(&rigs, name, frame) else {
-                records.lost("pictures have no pose", 1);
-                continue;
-            };
-            let mask = |folder: PathBuf| {
-                Some(folder.join(format!("{frame:03}_{name}.png"))).filter(|file| file.is_file())
-            };
-            log.pictures.push(LogPicture {
-                camera: log.cameras.len(),
-                file: file.clone(),
-                timestamp: time_of(frame),
-                world_from_camera: moved(world_from_camera, log.origin),
-                masks: LogPictureMasks { movers: mask(movers.clone()), sky: mask(path.join("sky_masks")) },
-            });
+        let Some(size) = size_of_first(&files, &mut records)? else { continue };
+        let camera = camera(&path.join("intrinsics").join(format!("{name}.txt")), &name, size)?;
+        let (first, origin) = (log.pictures.len(), log.origin);
+        let at = |stem: &str| {
+            let (frame, _) = frame_and_camera(stem)?;
+            Some((time_of(frame), moved(extrinsics.at(&rigs, &name, frame)?, origin)))
+        };
+        log.add_camera(camera, files, at, "pictures have no pose", &mut records);
+        for picture in &mut log.pictures[first..] {
+            let file = format!("{:03}_{name}.png", picture.timestamp / FRAME_NS);
+            let mask = |folder: &Path| Some(folder.join(&file)).filter(|file| file.is_file());
+            picture.masks = LogPictureMasks { movers: mask(&movers), sky: mask(&path.join("sky_masks")) };
         }
-        log.cameras.push(camera);
     }
     let is_waymo = extrinsics.is_forward;
     let is_own = !lidars.is_empty();
@@ -120,7 +110,7 @@ fn pose(path: &Path) -> Result<RigidPose, FormatError> {
 
 /// The poses of a folder by frame; none if there is none.
 fn poses(folder: &Path, records: &mut Records) -> Result<BTreeMap<u64, RigidPose>, FormatError> {
-    let mut poses = Vec::new();
+    let mut poses: Vec<(u64, RigidPose)> = Vec::new();
     if folder.is_dir() {
         for (stem, file) in files_in(folder, &["txt"])? {
             if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MAX_FRAMES) {
@@ -128,8 +118,8 @@ fn poses(folder: &Path, records: &mut Records) -> Result<BTreeMap<u64, RigidPose
             }
         }
     }
-    let place = |(frame, pose): &(u64, RigidPose)| (time_of(*frame), pose.translation);
-    Ok(records.without_jumps(folder, poses, place)?.into_iter().collect())
+    let sound = records.without_jumps(folder, poses, |framed| (time_of(framed.0), framed.1.translation))?;
+    Ok(sound.into_iter().collect())
 }
 
 /// The poses of the cameras.
@@ -235,15 +225,12 @@ fn sweeps(
         _ => (0, Some(3), 255.0),
     };
     let layout = SweepRecords::Floats { columns: columns as usize, position, intensity, white };
-    for (stem, file) in files {
-        let Some((frame, pose)) = stem.parse().ok().and_then(|frame: u64| Some((frame, *poses.get(&frame)?)))
-        else {
-            records.lost("sweeps have no pose", 1);
-            continue;
-        };
-        log.sweeps.push(LogSweep::still(file, time_of(frame), moved(pose, log.origin), layout));
-    }
-    Ok(())
+    let origin = log.origin;
+    let at = |stem: &str| {
+        let frame = stem.parse().ok()?;
+        Some((time_of(frame), moved(*poses.get(&frame)?, origin)))
+    };
+    log.add_sweeps(&folder, layout, at, "sweeps have no pose", records)
 }
 
 #[derive(Deserialize)]
@@ -265,14 +252,14 @@ fn tracks(path: &Path, origin: DVec3, records: &mut Records) -> Result<Vec<LogTr
     if !path.is_file() {
         return Ok(Vec::new());
     }
-    let instances: BTreeMap<String, Instance> = read_json(path)?;
+    let instances: BTreeMap<String, Instance> = read_json(path, COPY_ADVICE)?;
     let (mut tracks, mut count) = (Vec::new(), 0);
     for (id, instance) in instances {
         let of = instance.frame_annotations;
         let mut boxes = Vec::with_capacity(of.frame_idx.len());
         for ((frame, matrix), size) in of.frame_idx.iter().zip(&of.obj_to_world).zip(&of.box_size) {
             let wrong = |what: String| {
-                fault(path, format!("instance {}, frame {frame}: {what}", super::files::excerpt(&id)))
+                fault(path, format!("instance {}, frame {frame}: {what}", excerpt(&id)))
             };
             let pose = if size.iter().all(|side| (0.0..1000.0).contains(side)) {
                 pose_of_rows(matrix.as_flattened()).map_err(wrong)

@@ -6,6 +6,7 @@ use std::fmt;
 use std::fs::{self, File};
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
+use wm_base::error::{json_fault, one_line};
 use wm_base::{FormatError, Location, Problem, files};
 use wm_scene::camera::rotation_of;
 
@@ -19,6 +20,8 @@ pub(super) const MAX_BINARY_BYTES: u64 = 512 << 20;
 const MAX_TABLE_BYTES: u64 = 16 << 30;
 /// Most files of a folder that are listed.
 const MAX_FILES: usize = 1_000_000;
+/// The advice for a file of a log that is damaged.
+pub(super) const COPY_ADVICE: &str = "copy the file again";
 /// Farthest that anything may be from the origin of a map, m: once around the world.
 const MAX_DISTANCE_M: f64 = 5e7;
 
@@ -30,11 +33,6 @@ pub(super) fn fault(path: &Path, what: impl Into<String>) -> FormatError {
 /// A fault in a line of a file, from 1.
 pub(super) fn fault_in_line(path: &Path, line: usize, what: impl Into<String>) -> FormatError {
     FormatError::at(path, Location::Line(line as u64), Problem::Value(one_line(&what.into())))
-}
-
-/// Text on one line, without control characters.
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// A part of a text for a message.
@@ -59,16 +57,22 @@ pub(super) fn shown(names: impl Iterator<Item = String>) -> String {
 /// # Errors
 /// It is missing, cannot be read, or is longer.
 pub(super) fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
+    let (file, length) = opened(path, most)?;
+    let mut bytes = Vec::with_capacity(length as usize);
+    // Files may grow while they are read.
+    file.take(most).read_to_end(&mut bytes).map_err(|e| FormatError::reading(path, e))?;
+    Ok(bytes)
+}
+
+/// Opens a file of at most `most` bytes, and tells how many it has.
+fn opened(path: &Path, most: u64) -> Result<(File, u64), FormatError> {
     let reading = |e| FormatError::reading(path, e);
     let file = File::open(path).map_err(reading)?;
     let length = file.metadata().map_err(reading)?.len();
     if length > most {
         return Err(fault(path, format!("{length} bytes are too many: {most} are read at most")));
     }
-    let mut bytes = Vec::with_capacity(length as usize);
-    // Files may grow while they are read.
-    file.take(most).read_to_end(&mut bytes).map_err(reading)?;
-    Ok(bytes)
+    Ok((file, length))
 }
 
 /// Reads a text file, without a byte order mark.
@@ -90,11 +94,11 @@ pub(super) fn line_records<T>(
     mut read: impl FnMut(usize, &str) -> Result<T, FormatError>,
 ) -> Result<Vec<Option<Result<T, FormatError>>>, FormatError> {
     let text = read_text(path)?;
-    let lines = text.trim_end().lines().enumerate();
-    let record = |(index, line): (usize, &str)| {
-        Some(line.trim()).filter(|line| !line.is_empty()).map(|line| read(index + 1, line))
-    };
-    Ok(lines.map(record).collect())
+    let mut records = Vec::new();
+    for (index, line) in text.trim_end().lines().map(str::trim).enumerate() {
+        records.push((!line.is_empty()).then(|| read(index + 1, line)));
+    }
+    Ok(records)
 }
 
 /// The numbers of one line, separated by blanks.
@@ -255,36 +259,21 @@ pub(super) fn read_table<T: DeserializeOwned>(
     Records(&mut take, std::marker::PhantomData)
         .deserialize(&mut deserializer)
         .and_then(|()| deserializer.end())
-        .map_err(|error| json_fault(path, &error))
+        .map_err(|error| json_fault(path, &error, COPY_ADVICE))
 }
 
-/// Reads one JSON value.
+/// Reads one JSON value; `advice` says how to correct its content.
 ///
 /// # Errors
 /// As [`read_table`].
-pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FormatError> {
-    serde_json::from_reader(open_table(path)?).map_err(|error| json_fault(path, &error))
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, advice: &str) -> Result<T, FormatError> {
+    serde_json::from_reader(open_table(path)?).map_err(|error| json_fault(path, &error, advice))
 }
 
 fn open_table(path: &Path) -> Result<BufReader<File>, FormatError> {
-    let reading = |e| FormatError::reading(path, e);
-    let file = File::open(path).map_err(reading)?;
-    let length = file.metadata().map_err(reading)?.len();
-    if length > MAX_TABLE_BYTES {
-        return Err(fault(path, format!("{length} bytes are too many: {MAX_TABLE_BYTES} are read at most")));
-    }
-    files::skip_byte_order_mark(BufReader::with_capacity(1 << 18, file)).map_err(reading)
-}
-
-fn json_fault(path: &Path, error: &serde_json::Error) -> FormatError {
-    if let Some(kind) = error.io_error_kind() {
-        return FormatError::reading(path, kind.into());
-    }
-    let place = Location::LineColumn(error.line() as u64, error.column() as u64);
-    let message = one_line(&error.to_string());
-    // The place is printed before the message.
-    let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(message, _)| message);
-    FormatError::at(path, place, Problem::Value(format!("{message}; copy the file again")))
+    let (file, _) = opened(path, MAX_TABLE_BYTES)?;
+    let reader = BufReader::with_capacity(1 << 18, file);
+    files::skip_byte_order_mark(reader).map_err(|e| FormatError::reading(path, e))
 }
 
 #[cfg(test)]

@@ -16,8 +16,9 @@ fn edit(path: &Path, change: impl Fn(&str) -> String) {
 /// Replaces a line of a file, from 0.
 fn set_line(path: &Path, number: usize, new: &str) {
     edit(path, |text| {
-        let line = |(index, line): (usize, &str)| format!("{}\n", if index == number { new } else { line });
-        text.lines().enumerate().map(line).collect()
+        let mut lines: Vec<&str> = text.lines().collect();
+        lines[number] = new;
+        lines.join("\n") + "\n"
     });
 }
 

@@ -8,12 +8,9 @@
 
 use super::files::{fault_in_line, files_in, folders_in, has_files, line_records, numbers, pose_of_rows};
 use super::kitti::KittiCalibration;
-use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
+use super::log::{DrivingLog, FRAME_NS, LogFormat, check_cameras, is_asked, size_of_first};
+use super::records::{ChosenLog, LogOptions, Records, choose_folder, whole_name};
 use super::sweep::SweepRecords;
-use super::log::{DrivingLog, LogFormat, check_cameras, is_asked, size_of_first};
-use super::records::LogOptions;
-use super::sweep::LogSweep;
-use crate::RigidPose;
 use std::path::{Path, PathBuf};
 use wm_base::FormatError;
 
@@ -21,20 +18,17 @@ use wm_base::FormatError;
 pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI odometry", read };
 
 const CAMERAS: [&str; 4] = ["image_0", "image_1", "image_2", "image_3"];
-/// Time between two frames where no times are stated, ns.
-const FRAME_NS: i64 = 100_000_000;
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
     let Some((path, note)) = find(path, options)? else { return Ok(None) };
     let path = path.as_path();
     let mut records = Records::new(options.skip_bad);
-    let (name, poses) = named(path)?;
+    let poses = poses_of(path);
     let calibration = KittiCalibration::read(&path.join("calib.txt"))?;
     let camera_from_rig = calibration.pose("Tr", None)?;
     let rig_from_camera = camera_from_rig.inverse();
 
-    let mut log = DrivingLog { source: path.into(), name, ..DrivingLog::default() };
-    log.warnings.extend(note);
+    let mut log = DrivingLog::begun(path, note);
     let lines = line_records(&poses, |line, text| {
         let pose =
             pose_of_rows(&numbers(&poses, line, text)?).map_err(|what| fault_in_line(&poses, line, what))?;
@@ -43,12 +37,10 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let empty = lines.iter().filter(|line| line.is_none()).count();
     records.lost("lines of the poses are empty, whose frames are missing", empty);
     let lines = records.sound_lines("poses", lines)?;
-    let found: Vec<(usize, RigidPose)> =
-        lines.into_iter().enumerate().filter_map(|(index, pose)| Some((index, pose?))).collect();
-    let frames = found.last().map_or(0, |(index, _)| index + 1);
+    let frames = lines.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
     let times = times(&path.join("times.txt"), frames, &mut log, &mut records)?;
-    let timed = |(index, pose): (usize, RigidPose)| Some((index, (*times.get(index)?)?, pose));
-    let timed = found.into_iter().filter_map(timed).collect();
+    let timed = lines.into_iter().zip(&times).enumerate();
+    let timed = timed.filter_map(|(index, (pose, time))| Some((index, (*time)?, pose?))).collect();
     let mut frames = vec![None; times.len()];
     for (index, time, pose) in
         records.without_jumps(&poses, timed, |(_, time, pose)| (*time, pose.translation))?
@@ -75,24 +67,16 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let lost = format!("pictures of {name} have no pose or time");
         log.add_camera(camera, files, world_from_camera, &lost, &mut records);
     }
-    let sweeps = path.join("velodyne");
-    if sweeps.is_dir() {
-        let folder = path.join("labels");
-        let mut unlabelled = 0;
-        for (stem, file) in files_in(&sweeps, &["bin"])? {
-            let Some((timestamp, world_from_rig)) = at(&stem) else {
-                records.lost("sweeps have no pose or time", 1);
-                continue;
-            };
-            let labels = Some(folder.join(format!("{stem}.label"))).filter(|labels| labels.is_file());
-            unlabelled += usize::from(labels.is_none());
-            let sweep = LogSweep::still(file, timestamp, world_from_rig, SweepRecords::KITTI);
-            log.sweeps.push(LogSweep { labels, ..sweep });
-        }
-        if folder.is_dir() && unlabelled > 0 {
-            log.warnings
-                .push(format!("{unlabelled} sweeps have no labels: what moves stays in their points"));
-        }
+    let lost = "sweeps have no pose or time";
+    log.add_sweeps(&path.join("velodyne"), SweepRecords::KITTI, at, lost, &mut records)?;
+    let folder = path.join("labels");
+    for sweep in &mut log.sweeps {
+        let labels = folder.join(sweep.file.file_name().unwrap_or_default()).with_extension("label");
+        sweep.labels = labels.is_file().then_some(labels);
+    }
+    let unlabelled = log.sweeps.iter().filter(|sweep| sweep.labels.is_none()).count();
+    if folder.is_dir() && unlabelled > 0 {
+        log.warnings.push(format!("{unlabelled} sweeps have no labels: what moves stays in their points"));
     }
     log.warnings.extend(records.warnings());
     Ok(Some(log))
@@ -114,32 +98,29 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>,
     if !sequences.iter().any(|sequence| is_sequence(sequence)) {
         return Ok(None);
     }
-    let mut candidates = Vec::with_capacity(sequences.len());
-    for sequence in sequences {
-        let (name, poses) = named(&sequence)?;
+    let lacks = |sequence: &Path| {
         let has_photos = |camera: &&str| has_files(&sequence.join(camera), &["png", "jpg"]);
-        let lacks =
-            match (CAMERAS.iter().any(has_photos), sequence.join("calib.txt").is_file(), poses.is_file()) {
-                (false, ..) => Some("no pictures".into()),
-                (_, false, _) => Some("no calib.txt".into()),
-                (_, _, false) => Some(format!(
-                    "no poses: poses/{name}.txt beside the sequences, or poses.txt in it, is needed"
-                )),
-                _ => None,
-            };
-        candidates.push(Candidate { name, value: sequence, lacks });
-    }
-    choose(path, "sequences", candidates, options.scene.as_deref()).map(Some)
+        if !CAMERAS.iter().any(has_photos) {
+            Some("no pictures".into())
+        } else if !sequence.join("calib.txt").is_file() {
+            Some("no calib.txt".into())
+        } else if !poses_of(sequence).is_file() {
+            let name = whole_name(sequence);
+            Some(format!("no poses: poses/{name}.txt beside the sequences, or poses.txt in it, is needed"))
+        } else {
+            None
+        }
+    };
+    choose_folder(path, "sequences", options, sequences, lacks)
 }
 
-/// The name of a sequence, and the file of its poses: beside the sequences, or with the sequence,
-/// as SemanticKITTI has them.
-fn named(sequence: &Path) -> Result<(String, PathBuf), FormatError> {
-    let whole = std::path::absolute(sequence).map_err(|e| FormatError::reading(sequence, e))?;
-    let name = whole_name(sequence);
-    let beside = whole.ancestors().nth(2).map(|root| root.join("poses").join(format!("{name}.txt")));
-    let poses = beside.filter(|file| file.is_file()).unwrap_or_else(|| sequence.join("poses.txt"));
-    Ok((name, poses))
+/// The file of the poses of a sequence: beside the sequences, or with the sequence, as
+/// SemanticKITTI has them.
+fn poses_of(sequence: &Path) -> PathBuf {
+    let whole = std::path::absolute(sequence).unwrap_or_else(|_| sequence.to_owned());
+    let name = format!("{}.txt", whole_name(sequence));
+    let beside = whole.ancestors().nth(2).map(|root| root.join("poses").join(name));
+    beside.filter(|file| file.is_file()).unwrap_or_else(|| sequence.join("poses.txt"))
 }
 
 /// The times of the frames, ns; `None` where a line is empty.

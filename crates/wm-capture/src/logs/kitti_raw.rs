@@ -8,18 +8,16 @@
 //! time zone, so that the time of day is not taken from them.
 
 use super::files::{
-    fault, fault_in_line, files_in, folders_in, has_files, line_records, name_of, numbers, read_text,
+    excerpt, fault, fault_in_line, files_in, folders_in, has_files, line_records, numbers, pose_of, read_text,
 };
 use super::kitti::KittiCalibration;
 use super::kitti_tracklets::read_tracklets;
-use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
+use super::log::{DrivingLog, FRAME_NS, LogFormat, check_cameras, is_asked, moved, size_of_first};
+use super::records::{ChosenLog, LogOptions, Records, choose_folder, logs_in};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
-use super::log::{DrivingLog, LogFormat, check_cameras, is_asked, moved, size_of_first};
-use super::records::LogOptions;
-use super::sweep::LogSweep;
 use crate::RigidPose;
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use wm_base::FormatError;
@@ -31,8 +29,6 @@ pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI raw", read };
 const CAMERAS: [&str; 4] = ["image_00", "image_01", "image_02", "image_03"];
 /// The equatorial radius, m, as the devkit has it.
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
-/// Time between two frames where no times are stated, ns.
-const FRAME_NS: i64 = 100_000_000;
 
 /// Times by the number of the record, ns; `None` where it is missing.
 type Times = Vec<Option<i64>>;
@@ -49,11 +45,12 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let lidar_from_rig = imu.pose("R", Some("T"))?;
     let rig_from_lidar = lidar_from_rig.inverse();
     let cam0_from_lidar = velo.pose("R", Some("T"))?;
-    let rectified = RigidPose { translation: DVec3::ZERO, ..rotation(&cams, "R_rect_00")? };
+    let axes = DMat3::from_cols_array(&cams.get::<9>("R_rect_00")?).transpose();
+    let rectified =
+        pose_of(&axes, DVec3::ZERO).map_err(|what| fault(&cams.path, format!("R_rect_00: {what}")))?;
     let rig_from_rectified = rectified.then(&cam0_from_lidar).then(&lidar_from_rig).inverse();
 
-    let mut log = DrivingLog { source: drive.clone(), name: name_of(&whole), ..DrivingLog::default() };
-    log.warnings.extend(note);
+    let mut log = DrivingLog::begun(&drive, note);
     let (track, times) = poses(&drive, &mut log, &mut records)?;
     let track = Arc::new(track);
     check_cameras(&drive, options, &CAMERAS)?;
@@ -77,7 +74,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let lost = format!("pictures of {name} have no time or no pose in oxts");
         log.add_camera(camera, files, world_from_camera, &lost, &mut records);
     }
-    log.sweeps = sweeps(&drive, &times, &track, rig_from_lidar, &mut records)?;
+    add_sweeps(&mut log, &times, &track, rig_from_lidar, &mut records)?;
     let tracks = read_tracklets(&drive.join("tracklet_labels.xml"), |frame| {
         let time = (*times.get(frame)?)?;
         Some((time, track.at(time)?.then(&rig_from_lidar)))
@@ -93,35 +90,26 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>,
     let is_drive =
         |folder: &Path| folder.join("oxts").is_dir() && CAMERAS.iter().any(|c| folder.join(c).is_dir());
     let is_day = |folder: &Path| folder.join("calib_cam_to_cam.txt").is_file();
-    let drives = if is_drive(path) {
+    let drives: Vec<PathBuf> = if is_drive(path) {
         vec![path.to_owned()]
     } else {
-        let days = if is_day(path) { vec![path.to_owned()] } else { folders_in(path) };
-        let days = days.into_iter().filter(|day| is_day(day));
+        let days = logs_in(path, is_day).into_iter();
         days.flat_map(|day| folders_in(&day)).filter(|folder| is_drive(folder)).collect()
     };
-    if drives.is_empty() && !is_day(path) {
-        return Ok(None);
+    if drives.is_empty() && is_day(path) {
+        return Err(fault(path, "there are no drives in it"));
     }
-    let candidate = |drive: PathBuf| {
-        let has_photos =
-            CAMERAS.iter().any(|camera| has_files(&drive.join(camera).join("data"), &["png", "jpg"]));
-        let lacks = match (has_files(&drive.join("oxts/data"), &["txt"]), has_photos) {
-            (false, _) => Some("no poses in oxts/data".into()),
-            (_, false) => Some("no pictures".into()),
-            _ => None,
-        };
-        Candidate { name: whole_name(&drive), value: drive, lacks }
+    let lacks = |drive: &Path| {
+        let has_photos = |camera: &&str| has_files(&drive.join(camera).join("data"), &["png", "jpg"]);
+        if !has_files(&drive.join("oxts/data"), &["txt"]) {
+            Some("no poses in oxts/data".into())
+        } else if !CAMERAS.iter().any(has_photos) {
+            Some("no pictures".into())
+        } else {
+            None
+        }
     };
-    let candidates = drives.into_iter().map(candidate).collect();
-    choose(path, "drives", candidates, options.scene.as_deref()).map(Some)
-}
-
-/// A rotation of nine numbers.
-fn rotation(cams: &KittiCalibration, key: &str) -> Result<RigidPose, FormatError> {
-    let [a, b, c, d, e, f, g, h, i] = cams.get::<9>(key)?;
-    let numbers = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0];
-    super::files::pose_of_rows(&numbers).map_err(|what| fault(&cams.path, format!("{key}: {what}")))
+    choose_folder(path, "drives", options, drives, lacks)
 }
 
 /// The time of a record by its number: its own where its sensor has times, else that of the frame.
@@ -180,7 +168,7 @@ fn poses(
         // One per file, whatever the names say.
         times = (0..=last.min(10 * files.len())).map(|index| Some(index as i64 * FRAME_NS)).collect();
     }
-    let mut found = Vec::with_capacity(files.len());
+    let mut found: Vec<(i64, Oxts)> = Vec::with_capacity(files.len());
     for (stem, file) in &files {
         let text = read_text(file)?;
         if text.trim().is_empty() {
@@ -193,8 +181,8 @@ fn poses(
             None => records.lost("poses of oxts have no time", 1),
         }
     }
-    let place = |(time, oxts): &(i64, Oxts)| (*time, oxts.position(oxts.scale()));
-    let found = records.without_jumps(&folder, found, place)?;
+    let found =
+        records.without_jumps(&folder, found, |timed| (timed.0, timed.1.position(timed.1.scale())))?;
     let Some((_, first)) = found.first() else {
         return Err(fault(&folder, "there are no poses in it; unpack the drive again"));
     };
@@ -202,45 +190,42 @@ fn poses(
     log.origin = first.position(scale);
     log.location = Some([first.latitude, first.longitude]);
     log.is_north_known = true;
-    let pose = |(time, oxts): &(i64, Oxts)| {
-        (*time, moved(RigidPose { rotation: oxts.rotation, translation: oxts.position(scale) }, log.origin))
-    };
-    Ok((EgoTrack::new(found.iter().map(pose).collect()), times))
+    let pose = |oxts: &Oxts| RigidPose { rotation: oxts.rotation, translation: oxts.position(scale) };
+    let poses = found.iter().map(|(time, oxts)| (*time, moved(pose(oxts), log.origin)));
+    Ok((EgoTrack::new(poses.collect()), times))
 }
 
-fn sweeps(
-    drive: &Path,
+fn add_sweeps(
+    log: &mut DrivingLog,
     times: &Times,
     track: &Arc<EgoTrack>,
     rig_from_lidar: RigidPose,
     records: &mut Records,
-) -> Result<Vec<LogSweep>, FormatError> {
+) -> Result<(), FormatError> {
+    let drive = log.source.clone();
     let data = drive.join("velodyne_points/data");
     if !data.is_dir() {
-        return Ok(Vec::new());
+        return Ok(());
     }
-    let mut read = |name: &str| times_of(drive, &format!("velodyne_points/{name}.txt"), records);
+    let mut read = |name: &str| times_of(&drive, &format!("velodyne_points/{name}.txt"), records);
     let (own, starts, ends) = (read("timestamps")?, read("timestamps_start")?, read("timestamps_end")?);
-    let mut sweeps = Vec::new();
-    for (stem, file) in files_in(&data, &["bin"])? {
-        let time = time_at(&stem, &own, times);
-        let Some((timestamp, world_from_rig)) = time.and_then(|time| Some((time, track.at(time)?))) else {
-            records.lost("sweeps have no time or no pose in oxts", 1);
-            continue;
-        };
-        let world_from_lidar = world_from_rig.then(&rig_from_lidar);
+    let at = |stem: &str| {
+        let time = time_at(stem, &own, times)?;
+        Some((time, track.at(time)?.then(&rig_from_lidar)))
+    };
+    log.add_sweeps(&data, SweepRecords::KITTI, at, "sweeps have no time or no pose in oxts", records)?;
+    for sweep in &mut log.sweeps {
+        let stem = sweep.file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
         let none = Vec::new();
-        let span = time_at(&stem, &starts, &none).zip(time_at(&stem, &ends, &none));
-        // A turn takes a tenth of a second; other times are faults of the file.
+        let span = time_at(stem, &starts, &none).zip(time_at(stem, &ends, &none));
+        // A turn takes a tenth of a second; other times are faults of the file, and the sweep is
+        // taken as still.
         let span = span.filter(|(start, end)| start < end && start.abs_diff(*end) < 500_000_000);
-        let motion = match span {
-            Some(span) => SweepMotion::Turning { track: Arc::clone(track), rig_from_lidar, span },
-            None => SweepMotion::Still(world_from_lidar),
-        };
-        let still = LogSweep::still(file, timestamp, world_from_lidar, SweepRecords::KITTI);
-        sweeps.push(LogSweep { motion, ..still });
+        if let Some(span) = span {
+            sweep.motion = SweepMotion::Turning { track: Arc::clone(track), rig_from_lidar, span };
+        }
     }
-    Ok(sweeps)
+    Ok(())
 }
 
 /// Nanoseconds since 1970 of a file of lines `2011-09-26 13:02:25.594360375`, by the number of the
@@ -252,7 +237,7 @@ fn times_of(drive: &Path, name: &str, records: &mut Records) -> Result<Times, Fo
     }
     let lines = line_records(&path, |line, text| {
         nanoseconds(text).ok_or_else(|| {
-            let text = super::files::excerpt(text);
+            let text = excerpt(text);
             fault_in_line(&path, line, format!("\"{text}\" is no time such as 2011-09-26 13:02:25.594360375"))
         })
     })?;

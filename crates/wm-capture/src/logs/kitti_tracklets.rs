@@ -86,13 +86,14 @@ pub(super) fn read_tracklets(
 }
 
 fn finished(id: String, track: Tracklet, at: &impl Fn(usize) -> Option<(i64, RigidPose)>) -> LogTrack {
-    let own = |(index, (floor, angle)): (usize, &(DVec3, f64))| {
+    let own = |index: usize, floor: &DVec3, angle: &f64| {
         let (timestamp, world_from_lidar) = at(track.first.saturating_add(index))?;
         let middle = *floor + DVec3::Z * 0.5 * track.size.z;
         let lidar_from_box = RigidPose { rotation: DQuat::from_rotation_z(*angle), translation: middle };
         Some(LogBox { timestamp, world_from_box: world_from_lidar.then(&lidar_from_box), size: track.size })
     };
-    let boxes = track.poses.iter().enumerate().filter_map(own).collect();
+    let poses = track.poses.iter().enumerate();
+    let boxes = poses.filter_map(|(index, (floor, angle))| own(index, floor, angle)).collect();
     LogTrack::new(id, track.kind, boxes)
 }
 

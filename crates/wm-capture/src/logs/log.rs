@@ -1,8 +1,8 @@
 //! A driving log in no format's terms, and what the readers of all formats share.
 
 use super::files;
-use super::records::{LogOptions, Records};
-use super::sweep::LogSweep;
+use super::records::{LogOptions, Records, whole_name};
+use super::sweep::{LogSweep, SweepRecords};
 use super::track::{LogBox, LogTrack};
 use crate::RigidPose;
 use glam::{DVec3, dvec3};
@@ -16,6 +16,9 @@ use wm_scene::camera::Distortion;
 /// Focal lengths and principal points that lenses have, px.
 const FOCAL_RANGE_PX: [f64; 2] = [1.0, 1e7];
 const CENTER_RANGE_PX: [f64; 2] = [-1e6, 1e6];
+
+/// Time between two frames where no times are stated, ns.
+pub(super) const FRAME_NS: i64 = 100_000_000;
 
 /// A format of driving logs.
 pub(crate) struct LogFormat {
@@ -104,6 +107,12 @@ impl LogCamera {
 }
 
 impl DrivingLog {
+    /// A log of the folder that was chosen, with nothing in it; `note` says what was passed over.
+    pub(super) fn begun(source: &Path, note: Option<String>) -> Self {
+        let warnings = note.into_iter().collect();
+        Self { source: source.into(), name: whole_name(source), warnings, ..Self::default() }
+    }
+
     /// Thins the pictures, and checks what all formats have in common.
     pub(super) fn finished(
         mut self,
@@ -200,6 +209,30 @@ impl DrivingLog {
             self.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
         }
         self.cameras.push(camera);
+    }
+
+    /// Adds the sweeps of a folder, if there is one, whose points are in the axes of one time. `at`
+    /// gives that time, ns, and the pose of the axes in the world by the stem of a sweep's file;
+    /// those without are counted as `lost`.
+    pub(super) fn add_sweeps(
+        &mut self,
+        folder: &Path,
+        layout: SweepRecords,
+        at: impl Fn(&str) -> Option<(i64, RigidPose)>,
+        lost: &str,
+        records: &mut Records,
+    ) -> Result<(), FormatError> {
+        if !folder.is_dir() {
+            return Ok(());
+        }
+        let extension = if layout == SweepRecords::Feather { "feather" } else { "bin" };
+        for (stem, file) in files::files_in(folder, &[extension])? {
+            match at(&stem) {
+                Some((timestamp, pose)) => self.sweeps.push(LogSweep::still(file, timestamp, pose, layout)),
+                None => records.lost(lost, 1),
+            }
+        }
+        Ok(())
     }
 
     /// The times of the first and the last picture, ns.

@@ -23,6 +23,7 @@ use std::path::Path;
 use wm_base::FormatError;
 
 pub use capture::{LogCaptureOptions, LogCaptureStep, LogCaptureSummary};
+pub(crate) use files::read_json;
 use log::LogFormat;
 pub use log::{DrivingLog, LogCamera, LogPicture, LogPictureMasks};
 pub use records::LogOptions;

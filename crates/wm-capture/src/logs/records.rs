@@ -57,8 +57,8 @@ impl Records {
         }
     }
 
-    /// The values of a file with one record a line, `None` for those that are missing, or damaged and
-    /// left out.
+    /// The values of a file with one record a line, `None` for those that are missing, or damaged
+    /// and left out.
     ///
     /// # Errors
     /// As [`Records::sound`].
@@ -152,8 +152,16 @@ pub(super) struct Candidate<T> {
 /// A log in a folder, and what was passed over, in words.
 pub(super) type ChosenLog<T> = (T, Option<String>);
 
-/// The log in a folder that is one, or in one of the folders in it. `lacks` says what a log lacks
-/// to be read. `None` if there is none.
+/// A folder if it is a log, or the folders in it that are.
+pub(super) fn logs_in(source: &Path, is_log: impl Fn(&Path) -> bool) -> Vec<PathBuf> {
+    if is_log(source) {
+        return vec![source.to_owned()];
+    }
+    folders_in(source).into_iter().filter(|folder| is_log(folder)).collect()
+}
+
+/// The log in one of the folders. `lacks` says what a log lacks to be read. `None` if there is
+/// none.
 ///
 /// # Errors
 /// As [`choose`].
@@ -161,14 +169,9 @@ pub(super) fn choose_folder(
     source: &Path,
     plural: &str,
     options: &LogOptions,
-    is_log: impl Fn(&Path) -> bool,
+    folders: Vec<PathBuf>,
     lacks: impl Fn(&Path) -> Option<String>,
 ) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
-    let folders = if is_log(source) {
-        vec![source.to_owned()]
-    } else {
-        folders_in(source).into_iter().filter(|folder| is_log(folder)).collect()
-    };
     if folders.is_empty() {
         return Ok(None);
     }

@@ -10,7 +10,8 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Capture, CaptureOptions, CaptureView, ReadScope, find_main, places, read_json};
+use super::{Capture, CaptureOptions, CaptureView, JSON_ADVICE, ReadScope, find_main, places};
+use crate::logs::read_json;
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -123,7 +124,7 @@ pub(super) fn read(
     let is_main =
         |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     let Some((path, folder)) = find_main(dataset, &FILES, is_main) else { return Ok(None) };
-    let transforms: Transforms = read_json(&path)?;
+    let transforms: Transforms = read_json(&path, JSON_ADVICE)?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
         return Err(FormatError::value(&path, problem));

@@ -70,8 +70,8 @@ impl Format {
 
 /// Reads a map; the format is told by the content.
 ///
-/// The channels of an EXR file are taken in this order: Z alone where there is no X beside it; N.X, N.Y,
-/// N.Z; X, Y, Z; R, G, B; Y; else the first.
+/// The channels of an EXR file are taken in this order: Z alone where there is no X beside it; N.X,
+/// N.Y, N.Z; X, Y, Z; R, G, B; Y; else the first.
 ///
 /// # Errors
 /// [`MapError`] if the file is missing, damaged, too large, or of another kind. Sizes are believed

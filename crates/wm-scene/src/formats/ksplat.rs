@@ -21,6 +21,7 @@ use super::bytes::{Bytes, floats, rows};
 use super::format::{SceneFormat, Writer, has_ending};
 use super::loss::{FormatLosses, Retention};
 use super::pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit};
+use crate::values::{ends, finite};
 use crate::{Scene, Splats, morton, sh};
 use half::f16;
 use std::io::Write;
@@ -34,14 +35,11 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
     axes: Axes::Ply,
     loses: FormatLosses {
         sh_degree: 2,
-        groups: Retention::Not,
-        labels: Retention::Not,
-        metadata: Retention::Beside,
         rounding: "positions 1/65534 of the range of 256 neighbours, scales and SH 1/2048 of their value, rotations 0.05 \
                    degrees, colours and opacities 1/510 of 0-1",
         order: Retention::Not,
         log_scales: [-16.635_532, 11.09],
-        coarse: super::loss::coarse_floats,
+        ..FormatLosses::SPLATS_ALONE
     },
     sniff: |start| has_ending(start.path, "ksplat"),
     read: |source, _| source.parsed(|bytes, _| read(bytes)),
@@ -207,13 +205,7 @@ struct Bucket<'a> {
 
 impl<'a> Bucket<'a> {
     fn of(splats: &Splats, indices: &'a [u32]) -> Self {
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for mean in indices.iter().map(|i| splats.means[*i as usize]) {
-            for k in (0..3).filter(|k| mean[*k].is_finite()) {
-                low[k] = low[k].min(mean[k]);
-                high[k] = high[k].max(mean[k]);
-            }
-        }
+        let [low, high] = ends(indices.iter().map(|i| finite(splats.means[*i as usize])));
         let center = std::array::from_fn(|k| if low[k] <= high[k] { 0.5 * (low[k] + high[k]) } else { 0.0 });
         let widths = (0..3).map(|k| high[k] - low[k]).filter(|v| v.is_finite());
         Self { indices, center, width: widths.fold(f32::MIN_POSITIVE, f32::max) }

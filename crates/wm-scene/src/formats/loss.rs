@@ -59,6 +59,10 @@ impl FormatLosses {
         coarse: coarse_floats,
     };
 
+    /// A packed format that holds splats and nothing about them.
+    pub(crate) const SPLATS_ALONE: Self =
+        Self { groups: Retention::Not, labels: Retention::Not, metadata: Retention::Beside, ..Self::NOTHING };
+
     /// The losses of every file of the format, a line each.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {

@@ -109,8 +109,8 @@ impl Scene {
     }
 }
 
-/// Reads a scene: a file of any format in [`FORMATS`], or the folder of a 3DGS training. Values of a
-/// sidecar win over those in the scene file, key by key.
+/// Reads a scene: a file of any format in [`FORMATS`], or the folder of a 3DGS training. Values of
+/// a sidecar win over those in the scene file, key by key.
 ///
 /// # Errors
 /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used.

@@ -9,7 +9,7 @@
 use super::axes::Axes;
 use super::bytes::{floats, rows};
 use super::format::{SceneFormat, Writer, has_ending};
-use super::loss::{ANY_SCALE, FormatLosses, Retention};
+use super::loss::FormatLosses;
 use super::pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit};
 use crate::{Scene, Splats};
 use std::io::Write;
@@ -26,13 +26,8 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
     axes: Axes::Ply,
     loses: FormatLosses {
         sh_degree: 0,
-        groups: Retention::Not,
-        labels: Retention::Not,
-        metadata: Retention::Beside,
         rounding: "rotations 1 degree, colours and opacities 1/510 of 0-1",
-        order: Retention::Inside,
-        log_scales: ANY_SCALE,
-        coarse: super::loss::coarse_floats,
+        ..FormatLosses::SPLATS_ALONE
     },
     sniff: |start| has_ending(start.path, "splat"),
     read: |source, _| read(source),

@@ -23,7 +23,7 @@
 use super::axes::Axes;
 use super::bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact};
 use super::format::{SceneFormat, SpzVersion, WriteOptions, Writer};
-use super::loss::{FormatLosses, Retention};
+use super::loss::FormatLosses;
 use super::pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm};
 use crate::{Metadata, Rasterization, Remark, Scene, Splats, origin, sh};
 use half::f16;
@@ -45,15 +45,11 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
     about: "Niantic's SPZ, versions 1 to 4, gzip or Zstandard",
     axes: Axes::YUpZBack,
     loses: FormatLosses {
-        sh_degree: 3,
-        groups: Retention::Not,
-        labels: Retention::Not,
-        metadata: Retention::Beside,
         rounding: "positions 2^-22 of the largest coordinate (2^-13 units in scenes wider than 1024), scales 3 %, rotations 0.25 degrees, opacities 1/510, colours 0.4 %, \
                    SH 1/128 (degree 1) and 1/64",
-        order: Retention::Inside,
         log_scales: [-10.0, 5.937_5],
         coarse: |splats| coarse_steps(splats, fractional_bits(splats)),
+        ..FormatLosses::SPLATS_ALONE
     },
     sniff: |start| start.bytes.starts_with(&MAGIC) || start.bytes.starts_with(&[0x1f, 0x8b]),
     read: |source, _| source.parsed(|bytes, _| read(bytes)),
@@ -103,6 +99,13 @@ impl Header {
             )));
         }
         Ok(Self { version, count, sh_degree, fractional_bits, flags })
+    }
+
+    /// Memory for all columns, if so much may be unpacked from a file.
+    fn body(&self, file: &[u8]) -> Result<Vec<u8>, Problem> {
+        let size = self.count * self.columns().iter().sum::<u64>();
+        check_unpacked(size, file.len() as u64, "the SPZ's header")?;
+        Ok(vec![0; size as usize])
     }
 
     /// Bytes a splat of each column.
@@ -163,9 +166,7 @@ fn read_gzip(file: &[u8]) -> Result<(Header, Vec<u8>), Problem> {
     let mut start = [0; 16];
     unpack_exact(&mut reader, &mut start, "the SPZ's header")?;
     let header = Header::parse(&mut Bytes::new(&start, "the SPZ's header"))?;
-    let size = header.count * header.columns().iter().sum::<u64>();
-    check_unpacked(size, file.len() as u64, "the SPZ's header")?;
-    let mut body = vec![0; size as usize];
+    let mut body = header.body(file)?;
     unpack_exact(&mut reader, &mut body, "the SPZ")?;
     Ok((header, body))
 }
@@ -183,9 +184,7 @@ fn read_zstd<'a>(
     let records = bytes.take(table)?.get(HEADER_BYTES as usize..).unwrap_or_default();
     let axes = if header.flags & EXTENDED == 0 { FORMAT.axes } else { axes_of(records)? };
     let table = bytes.take(16 * u64::from(streams))?;
-    let size = header.count * header.columns().iter().sum::<u64>();
-    check_unpacked(size, file.len() as u64, "the SPZ's header")?;
-    let mut body = vec![0; size as usize];
+    let mut body = header.body(file)?;
     let mut out = &mut body[..];
     let mut entries = table.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b));
     for size in header.columns() {

@@ -11,7 +11,7 @@ use crate::{
     },
     remark::add_new,
 };
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -121,11 +121,12 @@ struct RawBound {
     max: Option<[f32; 3]>,
 }
 
-#[derive(Deserialize)]
-struct RawRun {
-    file: usize,
-    offset: u64,
-    count: u64,
+/// A run as the file has it.
+#[derive(Deserialize, Serialize)]
+pub(super) struct RawRun {
+    pub(super) file: usize,
+    pub(super) offset: u64,
+    pub(super) count: u64,
 }
 
 impl RawNode {

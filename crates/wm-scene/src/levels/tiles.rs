@@ -29,7 +29,7 @@ use std::{
     ops::Range,
     path::{Path, PathBuf},
 };
-use wm_base::{FormatError, Problem, files::write_atomically};
+use wm_base::{FormatError, Problem, files::write_atomically, statistics::quantile};
 
 /// The tiles of a scene in levels, to be written in any order and on any threads, and then their
 /// `tileset.json`.
@@ -341,11 +341,8 @@ fn tile_from_scene() -> DMat3 {
 /// it.
 fn placed(metadata: &Metadata, boxes: &[Extent]) -> (DVec3, DMat4, Vec<String>) {
     let mut notes = Vec::new();
-    let median = |k: usize| {
-        let mut all: Vec<f64> = boxes.iter().map(|extent| extent.middle()[k]).collect();
-        all.sort_by(f64::total_cmp);
-        all[all.len() / 2]
-    };
+    let median =
+        |k: usize| quantile(&mut boxes.iter().map(|extent| extent.middle()[k]).collect::<Vec<_>>(), 0.5);
     let mut origin = DVec3::new(median(0), median(1), median(2));
     let up = metadata.up.map_or(DVec3::NEG_Y, DVec3::normalize);
     if metadata.metres_per_unit.is_none() {

@@ -2,6 +2,7 @@
 
 use super::{
     LevelIndex, LevelRun, MAX_LEVELS,
+    index::RawRun,
     tree::{BoxTree, Extent},
 };
 use crate::formats::format::write_files;
@@ -362,7 +363,8 @@ pub(super) fn ellipsoids(sets: &[Splats]) -> Extent {
     Extent { low: low.map(|v| outward(v, -1.0)), high: high.map(|v| outward(v, 1.0)) }
 }
 
-/// Share of a splat's squared error in that of pictures: its opacity squared times its area, above 0.
+/// Share of a splat's squared error in that of pictures: its opacity squared times its area, above
+/// 0.
 fn visibility(splats: &Splats, index: usize) -> f32 {
     let [x, y, z] = splats.log_scales[index];
     // Without the thinnest axis.
@@ -386,7 +388,7 @@ fn outward(v: f64, sign: f64) -> f32 {
 impl WrittenLeaf {
     fn node(&self, levels: usize, has_errors: bool) -> NodeJson {
         let run =
-            |run: &LevelRun| (run.level, RunJson { file: run.file, offset: run.offset, count: run.count });
+            |run: &LevelRun| (run.level, RawRun { file: run.file, offset: run.offset, count: run.count });
         // Levels that the leaf lacks have its last error.
         let error = |level: usize| Digits(self.errors[level.min(self.errors.len() - 1)]);
         NodeJson {
@@ -429,7 +431,7 @@ struct NodeJson {
     #[serde(skip_serializing_if = "Option::is_none")]
     children: Option<Box<[Self; 2]>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    lods: Option<BTreeMap<u32, RunJson>>,
+    lods: Option<BTreeMap<u32, RawRun>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     errors: Option<Vec<Digits>>,
 }
@@ -446,13 +448,6 @@ impl NodeJson {
             },
         }
     }
-}
-
-#[derive(Serialize)]
-struct RunJson {
-    file: usize,
-    offset: u64,
-    count: u64,
 }
 
 #[derive(Serialize)]

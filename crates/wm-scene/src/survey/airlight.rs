@@ -3,6 +3,7 @@
 //! In daylight it is about the mean radiance of the sky near the horizon. Where a scene has a sky,
 //! its splats say it; where not, the brightest surfaces give a measure of the daylight.
 
+use super::middle::weighted_median;
 use super::sample::SurveySample;
 use super::sky::SkyRegion;
 use crate::{Splats, sh};
@@ -128,7 +129,8 @@ pub fn airlight_of_sky(mut patches: Vec<SkyPatch>, sunlit: f64) -> Option<[f64; 
     }
     // What is far darker than the rest was never seen: it lies behind houses, and training left
     // anything there.
-    let typical = median_luminance(&mut patches)?;
+    patches.sort_by(|a, b| luminance(a.rgb).total_cmp(&luminance(b.rgb)));
+    let typical = weighted_median(patches.iter().map(|p| (luminance(p.rgb), p.weight)))?;
     patches.retain(|p| luminance(p.rgb) >= 0.65 * typical);
     let seen: f64 = patches.iter().map(|p| p.weight).sum();
     let mean = BAND_SINES
@@ -164,18 +166,6 @@ fn patch(splats: &Splats, index: usize, center: DVec3, up: DVec3) -> SkyPatch {
 /// The linear colour of a splat seen in a direction, 0-1.
 fn light(splats: &Splats, index: usize, direction: DVec3) -> [f64; 3] {
     sh::color(splats.sh_of(index), direction.to_array()).map(|v| srgb_decode(v.clamp(0.0, 1.0)))
-}
-
-/// Weighted median of the luminance; the patches are sorted by it.
-fn median_luminance(patches: &mut [SkyPatch]) -> Option<f64> {
-    patches.sort_by(|a, b| luminance(a.rgb).total_cmp(&luminance(b.rgb)));
-    let half = 0.5 * patches.iter().map(|p| p.weight).sum::<f64>();
-    let mut sum = 0.0;
-    let middle = patches.iter().find(|patch| {
-        sum += patch.weight;
-        sum >= half
-    });
-    middle.map(|patch| luminance(patch.rgb))
 }
 
 /// Mean radiance; `None` if the patches have no weight or less than `least` in all.

@@ -4,7 +4,7 @@
 //! The geometry of a scene stays as it is; its metadata say how it stands.
 
 use super::facts::Survey;
-use super::report::{Decimal, origin};
+use super::report::{Decimal, listed, origin};
 use super::sample::SurveySample;
 use super::sky::SkyRegion;
 use crate::Scene;
@@ -339,13 +339,12 @@ impl Aligned {
     pub fn lines(&self) -> Vec<String> {
         let (before, after) = (&self.before, &self.after);
         let mut lines = Vec::new();
-        let point = |p: DVec3| p.to_array().map(|v| Decimal(v, 3).to_string()).join(", ");
         if before.up != after.up || before.up_source != after.up_source {
             lines.push(format!(
                 "up: {} ({}) -> {} ({}), {:.1} degrees apart",
-                point(before.up.value),
+                listed(before.up.value.to_array(), 3),
                 origin(&before.up, &before.up_source),
-                point(after.up.value),
+                listed(after.up.value.to_array(), 3),
                 origin(&after.up, &after.up_source),
                 self.turned
             ));
@@ -369,8 +368,7 @@ impl Aligned {
                 origin(&after.metres_per_unit, &after.scale_source)
             ));
         }
-        let light = |survey: &Survey| survey.airlight.value.map(|v| Decimal(v, 2).to_string()).join(", ");
-        let (old, new) = (light(before), light(after));
+        let [old, new] = [before, after].map(|survey| listed(survey.airlight.value, 2));
         if old != new {
             lines.push(format!("airlight: {old} -> {new} linear (of the sky near the new horizon)"));
         }

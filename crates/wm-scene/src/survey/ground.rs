@@ -5,6 +5,7 @@
 //! cells of a grid they lie. The lowest height with a fair share of the best counts of both is the
 //! ground: floaters below it have no surface, a cellar or a pond has few cells.
 
+use super::middle::weighted_median;
 use super::sample::{SurveyPoint, SurveySample};
 use crate::SceneView;
 use glam::{DMat3, DVec3};
@@ -160,13 +161,7 @@ fn median_height(sample: &SurveySample, up: DVec3, height: f64, reach: f64) -> f
         })
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = 0.5 * near.iter().map(|n| n.1).sum::<f64>();
-    let mut sum = 0.0;
-    let middle = near.iter().find(|n| {
-        sum += n.1;
-        sum >= half
-    });
-    middle.map_or(height, |n| n.0)
+    weighted_median(near.iter().copied()).unwrap_or(height)
 }
 
 /// The plane of the ground about `height`, as its normal on the side of `up`.

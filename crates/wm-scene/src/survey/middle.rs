@@ -8,6 +8,17 @@ pub(crate) fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> 
     (0..count).step_by(count.div_ceil(most).max(1))
 }
 
+/// The weighted median of values that are sorted, each with its weight; `None` if there are none.
+pub(crate) fn weighted_median(mut sorted: impl Iterator<Item = (f64, f64)> + Clone) -> Option<f64> {
+    let half = 0.5 * sorted.clone().map(|(_, weight)| weight).sum::<f64>();
+    let mut sum = 0.0;
+    let reached = sorted.find(|(_, weight)| {
+        sum += weight;
+        sum >= half
+    });
+    reached.map(|(value, _)| value)
+}
+
 /// The middle of most of `points`, whatever the rest does: the geometric median, then that of the
 /// nearer three fifths. The origin if there are none.
 ///

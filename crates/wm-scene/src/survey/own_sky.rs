@@ -159,8 +159,8 @@ fn decisions(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<SkyDec
     let is_seen = |index: &usize| {
         views.iter().any(|view| {
             let (width, height) = (f64::from(view.camera.width), f64::from(view.camera.height));
-            let inside = |(x, y, _): (f64, f64, f64)| x >= 0.0 && x < width && y >= 0.0 && y < height;
-            view.camera.project(at(*index)).is_some_and(inside)
+            let place = view.camera.project(at(*index));
+            place.is_some_and(|(x, y, _)| x >= 0.0 && x < width && y >= 0.0 && y < height)
         })
     };
     // Some thousand tell the share.

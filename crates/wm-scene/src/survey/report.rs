@@ -2,8 +2,7 @@
 
 use super::facts::Survey;
 use super::sourced::{Confidence, FactSource, Sourced};
-use super::up::USUAL_UP;
-use super::up::{UpEstimate, UpScore};
+use super::up::{USUAL_UP, UpEstimate, UpScore};
 use crate::Remark;
 use crate::origin::text_of;
 use glam::DVec3;
@@ -13,9 +12,9 @@ impl Survey {
     /// One line a value with its source, for people.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
-        let [x, y, z] = self.up.value.to_array().map(|v| Decimal(v, 3));
+        let up = listed(self.up.value.to_array(), 3);
         let scale = self.metres_per_unit;
-        let [r, g, b] = self.airlight.value.map(|v| Decimal(v, 2));
+        let airlight = listed(self.airlight.value, 2);
         let light = match (self.airlight.source, self.sky_splats) {
             (FactSource::Estimated, 0) => "estimated from the brightest splats, as there is no sky".into(),
             (FactSource::Estimated, _) => "estimated from the sky near the horizon".into(),
@@ -26,7 +25,7 @@ impl Survey {
             count => format!("sky: {count} splats"),
         };
         let mut lines = vec![
-            format!("up: {x}, {y}, {z} ({})", origin(&self.up, &self.up_source)),
+            format!("up: {up} ({})", origin(&self.up, &self.up_source)),
             match self.ground.source {
                 FactSource::Assumed => {
                     format!(
@@ -46,7 +45,7 @@ impl Survey {
                 origin(&scale, &self.scale_source)
             ),
             format!("size: {} m", self.size()),
-            format!("airlight: {r}, {g}, {b} linear ({light})"),
+            format!("airlight: {airlight} linear ({light})"),
             sky,
         ];
         if self.origin != DVec3::ZERO {
@@ -70,19 +69,17 @@ impl Survey {
     #[must_use]
     pub fn up_warning(&self) -> Option<String> {
         (self.up.confidence == Confidence::Guess).then(|| {
-            let [x, y, z] = self.up.value.to_array().map(|v| Decimal(v, 3));
+            let point = |v: DVec3| v.to_array().map(|v| Decimal(v, 3).to_string()).join(",");
             // As most programs write it, unless that is the guess.
             let rival = self.up_estimate.as_ref().and_then(|estimate| match estimate.rival {
                 _ if self.up.value.dot(USUAL_UP) < 0.9 => Some(USUAL_UP),
                 rival => rival.map(|(rival, _)| rival),
             });
-            let rival = rival.map(|rival| {
-                let [x, y, z] = rival.to_array().map(|v| Decimal(v, 3));
-                format!(", it may be {x},{y},{z}")
-            });
+            let rival = rival.map(|rival| format!(", it may be {}", point(rival)));
             format!(
-                "up ({x},{y},{z}) is a guess{}: rain and snow may fall the wrong way; look at a picture, and give --up if \
+                "up ({}) is a guess{}: rain and snow may fall the wrong way; look at a picture, and give --up if \
                  it is wrong",
+                point(self.up.value),
                 rival.unwrap_or_default()
             )
         })
@@ -170,13 +167,13 @@ impl UpEstimate {
             .filter(|(_, lead)| lead.abs() >= 0.1)
             .map(|(name, lead)| format!("{name} {lead:+.1}"))
             .collect();
-        let [x, y, z] = rival.to_array().map(|v| Decimal(v, 3));
+        let rival = listed(rival.to_array(), 3);
         let lead = self.evidence.sum() - other.sum();
         let parts = parts.join(", ");
         Some(match lead {
-            0.0.. => format!("    before {x}, {y}, {z} by {lead:.1} nats: {parts}"),
+            0.0.. => format!("    before {rival} by {lead:.1} nats: {parts}"),
             _ => format!(
-                "    as most programs write it; the splats hardly tell, {x}, {y}, {z} leads by {:.1} nats",
+                "    as most programs write it; the splats hardly tell, {rival} leads by {:.1} nats",
                 -lead
             ),
         })
@@ -187,10 +184,10 @@ impl UpEstimate {
     fn slopes(&self) -> Option<String> {
         let ground = self.ground_normal.map(|normal| {
             let fall = normal.reject_from_normalized(self.up) / normal.dot(self.up);
-            let [x, y, z] = fall.normalize_or_zero().to_array().map(|v| Decimal(v, 2));
+            let towards = listed(fall.normalize_or_zero().to_array(), 2);
             match 100.0 * fall.length() {
                 ..0.2 => "the ground is level".to_owned(),
-                percent => format!("the ground falls by {percent:.1} % towards {x}, {y}, {z}"),
+                percent => format!("the ground falls by {percent:.1} % towards {towards}"),
             }
         });
         let walls = self
@@ -199,6 +196,11 @@ impl UpEstimate {
         let parts: Vec<String> = [ground, walls].into_iter().flatten().collect();
         (!parts.is_empty()).then(|| format!("    {}", parts.join("; ")))
     }
+}
+
+/// Three numbers of some decimals, such as "0, 0.5, 1".
+pub(super) fn listed(numbers: [f64; 3], decimals: usize) -> String {
+    numbers.map(|v| Decimal(v, decimals).to_string()).join(", ")
 }
 
 /// A number and the largest number of its decimals; prints without trailing zeros and without -0.

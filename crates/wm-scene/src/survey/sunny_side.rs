@@ -36,8 +36,8 @@ const MIN_SHARE_DIFFERENCE: f64 = 0.03;
 /// The directions from which suns of several elevations light most of a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunnySide {
-    /// For each of [`ELEVATIONS_DEG`]: the level direction towards the sun (world axes, length 1), and
-    /// the share of the surface that it reaches, 0-1; `None` where no side is better than the
+    /// For each of [`ELEVATIONS_DEG`]: the level direction towards the sun (world axes, length 1),
+    /// and the share of the surface that it reaches, 0-1; `None` where no side is better than the
     /// others.
     sides: [Option<(DVec3, f64)>; 3],
 }

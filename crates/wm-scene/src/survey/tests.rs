@@ -1,10 +1,8 @@
 use super::{sky::SkyRegion, *};
 use crate::synthetic::{Builder, aerial, moved, rotation, street, table};
 use crate::testing::{SPLAT, data};
-use crate::{Camera, Group, SceneView, Splats, splats::Splat};
-use crate::{Metadata, Scene};
-use glam::DQuat;
-use glam::DVec3;
+use crate::{Camera, Group, Metadata, Scene, SceneView, Splats, splats::Splat};
+use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 
 fn read(name: &str) -> Option<Scene> {
@@ -30,10 +28,20 @@ fn off(survey: &Survey, truth: DVec3) -> f64 {
     survey.up.value.angle_between(truth).to_degrees()
 }
 
+/// Four blocks on level ground of a size, at these corners.
+fn town(ground: f64, spacing: f64, corners: [[f64; 2]; 4], block: DVec3) -> Splats {
+    let mut place = Builder::new(3);
+    place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(ground, ground, 0.2), spacing, [0.4; 3]);
+    for [x, y] in corners {
+        place.block(DVec3::new(x, y, 0.0), block, spacing - 0.1, [0.6, 0.5, 0.4]);
+    }
+    place.build()
+}
+
 fn views(eyes: &[(DVec3, DVec3)]) -> Vec<SceneView> {
-    let camera = |(eye, target): &(DVec3, DVec3)| Camera::looking((300, 200), 50.0, *eye, *target, DVec3::Z);
-    let view = |(i, c)| SceneView { name: format!("{i}.jpg"), camera: c };
-    eyes.iter().map(camera).map(Result::unwrap).enumerate().map(view).collect()
+    let camera = |eye: DVec3, target| Camera::looking((300, 200), 50.0, eye, target, DVec3::Z).unwrap();
+    let views = eyes.iter().enumerate();
+    views.map(|(i, at)| SceneView { name: format!("{i}.jpg"), camera: camera(at.0, at.1) }).collect()
 }
 
 /// Up in the garden: 11 planes of facades, their rows of windows and plumb edges, and 9 pieces of
@@ -119,12 +127,8 @@ fn made_up_places_can_lie_any_way() {
 /// stands on the axis.
 #[test]
 fn no_axis_overrules_walls() {
-    let mut place = Builder::new(3);
-    place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(40.0, 40.0, 0.2), 0.4, [0.4; 3]);
-    for (x, y) in [(-11.0, -10.0), (11.0, -12.0), (-12.0, 11.0), (10.0, 10.0)] {
-        place.block(DVec3::new(x, y, 0.0), DVec3::new(9.0, 7.0, 8.0), 0.3, [0.6, 0.5, 0.4]);
-    }
-    let place = place.build();
+    let corners = [[-11.0, -10.0], [11.0, -12.0], [-12.0, 11.0], [10.0, 10.0]];
+    let place = town(40.0, 0.4, corners, DVec3::new(9.0, 7.0, 8.0));
     for (degrees, most) in [(0.2, 0.25), (0.8, 0.5), (1.5, 0.5), (2.5, 0.5)] {
         for axis in [DVec3::X, DVec3::Y, DVec3::new(0.6, -0.8, 0.0)] {
             let turn = DQuat::from_axis_angle(axis, f64::to_radians(degrees));
@@ -140,12 +144,8 @@ fn no_axis_overrules_walls() {
 /// Trainings leave the normals of walls biased; high walls still tell up by where they are.
 #[test]
 fn high_walls_tell_up_by_where_they_stand() {
-    let mut place = Builder::new(3);
-    place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(60.0, 60.0, 0.2), 0.6, [0.4; 3]);
-    for (x, y) in [(-18.0, -20.0), (22.0, -17.0), (-20.0, 21.0), (16.0, 20.0)] {
-        place.block(DVec3::new(x, y, 0.0), DVec3::new(12.0, 9.0, 35.0), 0.5, [0.6, 0.5, 0.4]);
-    }
-    let mut place = place.build();
+    let corners = [[-18.0, -20.0], [22.0, -17.0], [-20.0, 21.0], [16.0, 20.0]];
+    let mut place = town(60.0, 0.6, corners, DVec3::new(12.0, 9.0, 35.0));
     let bias = DQuat::from_axis_angle(DVec3::new(0.8, 0.6, 0.0), 2f64.to_radians());
     for (mean, quat) in place.means.iter().zip(&mut place.quats) {
         if mean[2] > 1.0 {
@@ -417,10 +417,7 @@ fn an_object_without_ground_has_no_more_than_a_guess_of_up() {
     // A ball of surface looks everywhere alike; stretched, one direction leads clearly.
     for stretch in [1.0, 0.3] {
         let mut splats = Splats::with_capacity(0, 0);
-        for i in 0..4000_u64 {
-            let z = 1.0 - (2.0 * i as f64 + 1.0) / 4000.0;
-            let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
-            let normal = DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
+        for normal in (0..4000).map(|i| wm_base::linear::direction(i, 4000)) {
             flat(&mut splats, normal * DVec3::new(1.0, 1.0, stretch), normal, [-3.2, -3.2, -6.0]);
         }
         let found = survey(splats);

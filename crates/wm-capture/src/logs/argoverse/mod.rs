@@ -8,14 +8,13 @@
 
 pub(super) mod table;
 
-use super::files::{MAX_BINARY_BYTES, fault, files_in, folders_in, has_files, name_of, pose_of_quaternion, read_bytes};
-use super::records::{ChosenLog, Records, choose_folder};
+use super::files::{
+    MAX_BINARY_BYTES, fault, files_in, folders_in, has_files, pose_of_quaternion, read_bytes,
+};
+use super::log::{DrivingLog, LogCamera, LogFormat, check_cameras, displaced, moved};
+use super::records::{ChosenLog, LogOptions, Records, choose_folder, logs_in};
 use super::sweep::SweepRecords;
-use super::track::EgoTrack;
-use super::log::{DrivingLog, LogCamera, LogFormat, displaced, moved};
-use super::records::LogOptions;
-use super::sweep::LogSweep;
-use super::track::{LogBox, LogTrack};
+use super::track::{EgoTrack, LogBox, LogTrack};
 use crate::RigidPose;
 use crate::feather::FeatherTable;
 use glam::DVec3;
@@ -48,22 +47,15 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let Some((path, note)) = find(path, options)? else { return Ok(None) };
     let path = path.as_path();
     let mut records = Records::new(options.skip_bad);
-    let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
-    let mut log = DrivingLog { source: path.into(), name: name_of(&whole), ..DrivingLog::default() };
-    log.warnings.extend(note);
+    let mut log = DrivingLog::begun(path, note);
     let track = ego_track(&path.join(POSES_FILE), &mut log, &mut records)?;
     cameras(path, options, &track, &mut log, &mut records)?;
+    let at = |stem: &str| {
+        let time = stem.parse().ok()?;
+        Some((time, track.at(time)?))
+    };
     let sweeps = path.join("sensors/lidar");
-    if sweeps.is_dir() {
-        for (stem, file) in files_in(&sweeps, &["feather"])? {
-            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?)))
-            else {
-                records.lost("sweeps have no pose", 1);
-                continue;
-            };
-            log.sweeps.push(LogSweep::still(file, timestamp, pose, SweepRecords::Feather));
-        }
-    }
+    log.add_sweeps(&sweeps, SweepRecords::Feather, at, "sweeps have no pose", &mut records)?;
     log.tracks = tracks(&path.join("annotations.feather"), &track, &mut records)?;
     log.location = place(path, log.origin);
     log.is_north_known = log.location.is_some();
@@ -82,12 +74,17 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>,
             None
         }
     };
-    choose_folder(path, "logs", options, |folder| folder.join(POSES_FILE).is_file(), lacks)
+    choose_folder(path, "logs", options, logs_in(path, |log| log.join(POSES_FILE).is_file()), lacks)
 }
 
 /// Reads columns of a file.
 fn table(path: &Path, names: &[&str]) -> Result<FeatherTable, FormatError> {
     table_of(path, &read_bytes(path, MAX_BINARY_BYTES)?, names)
+}
+
+/// Columns of floats.
+fn floats_of(path: &Path, table: &mut FeatherTable, names: &[&str]) -> Result<Vec<Vec<f64>>, FormatError> {
+    names.iter().map(|name| table.floats(name).map_err(|what| fault(path, what))).collect()
 }
 
 /// The poses of the rows; `None` for those that are damaged and left out.
@@ -96,10 +93,7 @@ fn poses_of(
     table: &mut FeatherTable,
     records: &mut Records,
 ) -> Result<Vec<Option<RigidPose>>, FormatError> {
-    let mut columns = Vec::with_capacity(POSE_COLUMNS.len());
-    for name in POSE_COLUMNS {
-        columns.push(table.floats(name).map_err(|what| fault(path, what))?);
-    }
+    let columns = floats_of(path, table, &POSE_COLUMNS)?;
     let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
     let mut pose = |row: usize| {
         let at = |column: usize| columns[column][row];
@@ -115,9 +109,9 @@ fn ego_track(path: &Path, log: &mut DrivingLog, records: &mut Records) -> Result
     let poses = poses_of(path, &mut table, records)?;
     log.captured =
         times.get(times.len() / 2).filter(|time| **time > EARLIEST_TIME_NS).map(|time| *time as f64 * 1e-9);
-    let poses = times.into_iter().zip(poses).filter_map(|(time, pose)| Some((time, pose?))).collect();
-    let mut poses =
-        records.without_jumps(path, poses, |(time, pose): &(i64, RigidPose)| (*time, pose.translation))?;
+    let poses: Vec<(i64, RigidPose)> =
+        times.into_iter().zip(poses).filter_map(|(time, pose)| Some((time, pose?))).collect();
+    let mut poses = records.without_jumps(path, poses, |timed| (timed.0, timed.1.translation))?;
     let Some((_, first)) = poses.first() else { return Err(fault(path, "there are no poses in it")) };
     log.origin = first.translation;
     for (_, pose) in &mut poses {
@@ -145,13 +139,10 @@ fn cameras(
     let columns = ["fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px"];
     let mut table_ = table(&file, &[&["sensor_name"], &columns[..]].concat())?;
     let names = table_.texts("sensor_name").map_err(|what| fault(&file, what))?;
-    let mut values = Vec::with_capacity(columns.len());
-    for column in columns {
-        values.push(table_.floats(column).map_err(|what| fault(&file, what))?);
-    }
+    let values = floats_of(&file, &mut table_, &columns)?;
     let folder = path.join("sensors/cameras");
     let known: Vec<&str> = names.iter().map(String::as_str).collect();
-    super::log::check_cameras(path, options, &known)?;
+    check_cameras(path, options, &known)?;
     for (row, name) in names.iter().enumerate() {
         // The stereo pair shows grey pictures of what the ring shows in colour.
         let is_wanted = if options.cameras.is_empty() {
@@ -197,10 +188,7 @@ fn tracks(path: &Path, ego: &EgoTrack, records: &mut Records) -> Result<Vec<LogT
     let told = |what: String| fault(path, what);
     let times = table.ints("timestamp_ns").map_err(told)?;
     let (ids, kinds) = (table.texts("track_uuid").map_err(told)?, table.texts("category").map_err(told)?);
-    let mut sides = Vec::with_capacity(3);
-    for name in ["length_m", "width_m", "height_m"] {
-        sides.push(table.floats(name).map_err(told)?);
-    }
+    let sides = floats_of(path, &mut table, &others[3..])?;
     let poses = poses_of(path, &mut table, records)?;
     let mut found = BTreeMap::<String, (String, Vec<LogBox>)>::new();
     let rows = times.iter().zip(ids).zip(kinds).zip(poses).enumerate();

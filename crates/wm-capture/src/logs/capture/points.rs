@@ -3,8 +3,8 @@
 use super::depth::LidarView;
 use super::photo::Rgb;
 use crate::logs::log::DrivingLog;
-use crate::logs::sweep::SweepPoints;
-use crate::logs::sweep::{LogPoint, LogSweep};
+use crate::logs::sweep::{LogPoint, LogSweep, SweepPoints};
+use crate::logs::track::LogBox;
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
 use wm_base::FormatError;
@@ -39,18 +39,15 @@ impl CleanSweep {
         let is_empty = points.is_empty() && unusable == 0;
         let boxes = log.movers_at(sweep.timestamp);
         // Within a sweep boxes move less than by what they are enlarged.
-        let reach: Vec<(DVec3, f64)> = boxes
-            .iter()
-            .map(|own| {
-                (own.world_from_box.translation, (0.5 * (1.0 + BOX_MARGIN_SHARE) * own.size.length()).powi(2))
-            })
-            .collect();
+        let squared = |own: &LogBox| (0.5 * (1.0 + BOX_MARGIN_SHARE) * own.size.length()).powi(2);
+        let reach: Vec<f64> = boxes.iter().map(squared).collect();
         points.retain(|point| {
-            let is_in = |(own, (middle, reach)): (&crate::logs::track::LogBox, &(DVec3, f64))| {
-                point.position.distance_squared(*middle) <= *reach
+            let is_in = |own: &LogBox, reach: f64| {
+                point.position.distance_squared(own.world_from_box.translation) <= reach
                     && own.has(point.position, BOX_MARGIN_SHARE)
             };
-            !point.moves && point.range >= MIN_POINT_RANGE_M && !boxes.iter().zip(&reach).any(is_in)
+            let is_moving = || boxes.iter().zip(&reach).any(|(own, reach)| is_in(own, *reach));
+            !point.moves && point.range >= MIN_POINT_RANGE_M && !is_moving()
         });
         Ok(Self { points, unusable, is_empty })
     }
@@ -109,17 +106,11 @@ impl VoxelCloud {
             let share = |index: usize| index as u128 * most.min(all) as u128 / all.max(1) as u128;
             share(index) != share(index + 1)
         };
-        let place = |(key, sum, count): &([i32; 3], [f32; 3], u32)| {
+        let voxels = self.sums.iter().enumerate().filter(|(index, _)| kept(*index));
+        let positions = voxels.map(|(_, (key, sum, count))| {
             middle(*key) * self.side + DVec3::from(sum.map(f64::from)) / f64::from(*count)
-        };
-        let positions: Vec<DVec3> = self
-            .sums
-            .iter()
-            .enumerate()
-            .filter(|(index, _)| kept(*index))
-            .map(|(_, voxel)| place(voxel))
-            .collect();
-        ColoredPoints::new(positions)
+        });
+        ColoredPoints::new(positions.collect())
     }
 }
 

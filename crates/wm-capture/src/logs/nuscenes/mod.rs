@@ -7,15 +7,16 @@
 
 mod tables;
 
-use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
-use super::records::{Candidate, Records, choose};
-use super::sweep::SweepRecords;
-use super::log::{DrivingLog, LogCamera, LogFormat, LogPicture, LogPictureMasks, displaced, is_asked, moved};
-use super::records::LogOptions;
-use super::sweep::LogSweep;
+use super::files::{excerpt, fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
+use super::log::{
+    DrivingLog, LogCamera, LogFormat, LogPicture, LogPictureMasks, check_cameras, displaced, is_asked, moved,
+};
+use super::records::{Candidate, LogOptions, Records, choose};
+use super::sweep::{LogSweep, SweepRecords};
 use super::track::{LogBox, LogTrack};
 use crate::RigidPose;
 use glam::DVec3;
+use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use tables::{
@@ -121,12 +122,10 @@ fn scene(
         } else {
             vec![None; scenes.len()]
         };
-        let candidate = |(scene, lacks): (SceneRecord, Option<String>)| Candidate {
-            name: scene.name.clone(),
-            value: scene,
-            lacks,
-        };
-        let candidates = scenes.into_iter().zip(lacks).map(candidate).collect();
+        let candidates = scenes.into_iter().zip(lacks);
+        let candidates = candidates
+            .map(|(scene, lacks)| Candidate { name: scene.name.clone(), value: scene, lacks })
+            .collect();
         match choose(&version.join("scene.json"), "scenes", candidates, asked.as_deref()) {
             Ok((scene, note)) => {
                 notes.extend(note);
@@ -189,19 +188,19 @@ fn missing(
         Ok(())
     })?;
     let mut counts = Vec::with_capacity(names.len());
-    let share = |(there, all): (usize, usize)| there as f64 / all.max(1) as f64;
+    let share = |there: usize, all: usize| there as f64 / all.max(1) as f64;
     for names in &names {
         let there = names.iter().filter(|name| matches!(files.find(name), Ok(Some(_)))).count();
         counts.push((there, names.len()));
-        if options.scene.is_none() && share((there, names.len())) >= MIN_PRESENT_SHARE {
+        if options.scene.is_none() && share(there, names.len()) >= MIN_PRESENT_SHARE {
             break;
         }
     }
-    let most = counts.iter().copied().map(share).fold(0.0, f64::max);
+    let most = counts.iter().map(|(there, all)| share(*there, *all)).fold(0.0, f64::max);
     let enough = most.clamp(f64::MIN_POSITIVE, MIN_PRESENT_SHARE);
     let lacks = |index: usize| {
         let (there, all) = *counts.get(index)?;
-        (share((there, all)) < enough).then(|| format!("{there} of {all} pictures of key frames are there"))
+        (share(there, all) < enough).then(|| format!("{there} of {all} pictures of key frames are there"))
     };
     Ok((0..scenes.len()).map(lacks).collect())
 }
@@ -209,27 +208,35 @@ fn missing(
 /// The name of the scene's map, if it is told.
 fn map_of(version: &Path, scene: &SceneRecord) -> Result<Option<String>, FormatError> {
     let path = version.join("log.json");
-    let mut map = None;
-    if path.is_file() {
-        read_table::<MapLogRecord>(&path, |record| {
-            if record.token == scene.log_token {
-                map = Some(record.location);
-            }
-            Ok(())
-        })?;
+    if !path.is_file() {
+        return Ok(None);
     }
-    Ok(map)
+    let maps = collected(&path, "there are too many logs", |record: MapLogRecord| {
+        Ok((record.token == scene.log_token).then_some((record.token, record.location)))
+    })?;
+    Ok(maps.into_values().next())
+}
+
+/// The entries that `entry` makes of the records of a table, [`MAX_SCENE_RECORDS`] at most, else
+/// `too_many` is the error.
+fn collected<R: DeserializeOwned, T>(
+    path: &Path,
+    too_many: &str,
+    mut entry: impl FnMut(R) -> Result<Option<(String, T)>, String>,
+) -> Result<BTreeMap<String, T>, FormatError> {
+    let mut all = BTreeMap::new();
+    read_table(path, |record| {
+        all.extend(entry(record)?);
+        if all.len() > MAX_SCENE_RECORDS { Err(too_many.into()) } else { Ok(()) }
+    })?;
+    Ok(all)
 }
 
 /// The times of the scene's samples, microseconds, by token.
 fn samples(version: &Path, scene: &SceneRecord) -> Result<BTreeMap<String, i64>, FormatError> {
     let path = version.join("sample.json");
-    let mut samples = BTreeMap::new();
-    read_table::<SampleRecord>(&path, |record| {
-        if record.scene_token == scene.token {
-            samples.insert(record.token, record.timestamp);
-        }
-        if samples.len() > MAX_SCENE_RECORDS { Err("the scene has too many samples".into()) } else { Ok(()) }
+    let samples = collected(&path, "the scene has too many samples", |record: SampleRecord| {
+        Ok((record.scene_token == scene.token).then_some((record.token, record.timestamp)))
     })?;
     if samples.is_empty() {
         return Err(fault(&path, format!("scene {:?} has no samples", scene.name)));
@@ -239,30 +246,21 @@ fn samples(version: &Path, scene: &SceneRecord) -> Result<BTreeMap<String, i64>,
 
 /// Cameras and lidars by the token of their calibration.
 fn calibrated(version: &Path) -> Result<BTreeMap<String, Calibrated>, FormatError> {
-    let mut channels = BTreeMap::new();
-    read_table::<SensorRecord>(&version.join("sensor.json"), |record| {
-        channels.insert(record.token, (record.channel, record.modality));
-        if channels.len() > MAX_SCENE_RECORDS { Err("there are too many sensors".into()) } else { Ok(()) }
+    const TOO_MANY: &str = "there are too many sensors";
+    let channels = collected(&version.join("sensor.json"), TOO_MANY, |record: SensorRecord| {
+        Ok(Some((record.token, (record.channel, record.modality))))
     })?;
-    let path = version.join("calibrated_sensor.json");
-    let mut sensors = BTreeMap::new();
-    read_table::<CalibratedRecord>(&path, |record| {
-        let Some((channel, modality)) = channels.get(&record.sensor_token) else { return Ok(()) };
+    collected(&version.join("calibrated_sensor.json"), TOO_MANY, |record: CalibratedRecord| {
+        let Some((channel, modality)) = channels.get(&record.sensor_token) else { return Ok(None) };
         let is_camera = modality == "camera";
-        if is_camera || modality == "lidar" {
-            let pose = pose_of_quaternion(record.rotation, record.translation.into());
-            let rig_from_sensor = pose.map_err(|what| format!("sensor {}: {what}", record.token))?;
-            let own = Calibrated {
-                channel: channel.clone(),
-                is_camera,
-                rig_from_sensor,
-                intrinsic: record.camera_intrinsic,
-            };
-            sensors.insert(record.token, own);
+        if !is_camera && modality != "lidar" {
+            return Ok(None);
         }
-        if sensors.len() > MAX_SCENE_RECORDS { Err("there are too many sensors".into()) } else { Ok(()) }
-    })?;
-    Ok(sensors)
+        let pose = pose_of_quaternion(record.rotation, record.translation.into());
+        let rig_from_sensor = pose.map_err(|what| format!("sensor {}: {what}", record.token))?;
+        let (channel, intrinsic) = (channel.clone(), record.camera_intrinsic);
+        Ok(Some((record.token, Calibrated { channel, is_camera, rig_from_sensor, intrinsic })))
+    })
 }
 
 /// The records of pictures and sweeps of the scene.
@@ -299,7 +297,8 @@ fn check_channels(
 ) -> Result<(), FormatError> {
     let names: BTreeSet<&str> =
         sensors.values().filter(|sensor| sensor.is_camera).map(|sensor| sensor.channel.as_str()).collect();
-    super::log::check_cameras(&version.join("sample_data.json"), options, &names.into_iter().collect::<Vec<_>>())
+    let names: Vec<&str> = names.into_iter().collect();
+    check_cameras(&version.join("sample_data.json"), options, &names)
 }
 
 /// The poses of the records, by token.
@@ -348,7 +347,7 @@ fn assemble(
             .components()
             .any(|part| !matches!(part, Component::Normal(_) | Component::CurDir))
         {
-            let name = super::files::excerpt(&record.filename);
+            let name = excerpt(&record.filename);
             let what = format!("the file name \"{name}\" leaves the data set");
             return Err(fault(&version.join("sample_data.json"), what));
         }
@@ -423,15 +422,13 @@ fn tracks(
     records: &mut Records,
 ) -> Result<Vec<LogTrack>, FormatError> {
     let names = |file: &str| -> Result<BTreeMap<String, String>, FormatError> {
-        let mut names = BTreeMap::new();
         let path = version.join(file);
-        if path.is_file() {
-            read_table::<NamedRecord>(&path, |record| {
-                names.insert(record.token, record.name);
-                if names.len() > MAX_SCENE_RECORDS { Err("there are too many records".into()) } else { Ok(()) }
-            })?;
+        if !path.is_file() {
+            return Ok(BTreeMap::new());
         }
-        Ok(names)
+        collected(&path, "there are too many records", |record: NamedRecord| {
+            Ok(Some((record.token, record.name)))
+        })
     };
     let (categories, attributes) = (names("category.json")?, names("attribute.json")?);
     let path = version.join("sample_annotation.json");
@@ -475,14 +472,11 @@ fn tracks(
     let mut kinds = BTreeMap::new();
     let instances = version.join("instance.json");
     if !found.is_empty() && instances.is_file() {
-        read_table::<InstanceRecord>(&instances, |record| {
-            if found.contains_key(&record.token) {
-                kinds.insert(record.token, record.category_token);
-            }
-            Ok(())
+        kinds = collected(&instances, "there are too many records", |record: InstanceRecord| {
+            Ok(found.contains_key(&record.token).then_some((record.token, record.category_token)))
         })?;
     }
-    let track = |(id, found): (String, FoundTrack)| {
+    let track = |id: String, found: FoundTrack| {
         let category = kinds.get(&id).and_then(|kind| categories.get(kind)).cloned().unwrap_or_default();
         let mut track = LogTrack::new(id, category, found.boxes);
         // Boxes of what is parked jitter; attributes know better.
@@ -492,5 +486,5 @@ fn tracks(
         track.is_mover |= found.moves;
         track
     };
-    Ok(found.into_iter().map(track).collect())
+    Ok(found.into_iter().map(|(id, found)| track(id, found)).collect())
 }

@@ -9,6 +9,7 @@ use crate::{
         spz,
     },
     splats::sigmoid,
+    values::ends,
 };
 use serde_json::{Map, Value, json};
 use std::io::Write;
@@ -161,13 +162,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
             view
         })
         .collect();
-    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for mean in splats.means.iter().map(|mean| FORMAT.axes.vector(*mean)) {
-        for k in 0..3 {
-            low[k] = low[k].min(mean[k]);
-            high[k] = high[k].max(mean[k]);
-        }
-    }
+    let [low, high] = ends(splats.means.iter().map(|mean| FORMAT.axes.vector(*mean)));
     let mut names = Map::new();
     let mut accessors = Vec::new();
     for (index, attribute) in all.iter().enumerate() {

@@ -28,13 +28,8 @@ pub(super) fn read(
     endian: Endian,
 ) -> Result<Rows, FormatError> {
     let (before, vertex) = (&header.elements[..layout.element], &header.elements[layout.element]);
-    let needed: u128 = before.iter().chain([vertex]).map(fewest_bytes).sum();
     let promised = vertex.count;
-    if let Some(there) = source.remaining()
-        && needed > u128::from(there)
-    {
-        return Err(source.whole(Problem::Truncated { promised, missing: needed - u128::from(there) }));
-    }
+    check_length(source, &header.elements[..=layout.element], promised)?;
     for element in before {
         let missing = skip(source, element, endian)?;
         if missing > 0 {
@@ -69,17 +64,24 @@ pub(super) fn read(
         };
         read.grow(layout, done + rows, promised);
         let size = rows as usize * row_size;
-        if vertex.has_lists() {
-            let put = layout.scatter(endian, &repacked, done as usize, &mut read);
-            put.map_err(|problem| source.whole(problem))?;
-        } else {
-            let put = layout.scatter(endian, &source.bytes()[..size], done as usize, &mut read);
-            put.map_err(|problem| source.whole(problem))?;
+        let bytes = if vertex.has_lists() { &repacked[..] } else { &source.bytes()[..size] };
+        let put = layout.scatter(endian, bytes, done as usize, &mut read);
+        put.map_err(|problem| source.whole(problem))?;
+        if !vertex.has_lists() {
             source.consume(size);
         }
         done += rows;
     }
     Ok(read)
+}
+
+/// Refuses a file, if its length is known, that is shorter than the rows of elements.
+pub(super) fn check_length(source: &Source, elements: &[Element], promised: u64) -> Result<(), FormatError> {
+    let needed: u128 = elements.iter().map(fewest_bytes).sum();
+    match source.remaining().map(u128::from).filter(|there| needed > *there) {
+        Some(there) => Err(source.whole(Problem::Truncated { promised, missing: needed - there })),
+        None => Ok(()),
+    }
 }
 
 /// Fewest bytes that the rows of an element take.

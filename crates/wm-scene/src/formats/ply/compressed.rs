@@ -17,6 +17,7 @@
 
 use super::{
     PlyEncoding,
+    binary::check_length,
     header::{Header, Kind, Scalar},
     write::metadata_lines,
 };
@@ -28,6 +29,7 @@ use crate::{
         pack::{byte_of_logit, from_smallest_three, logit_of_byte, ranged, smallest_three, unit, unorm},
     },
     morton, sh,
+    values::{ends, finite},
 };
 use std::fmt::Write as _;
 use wm_base::{
@@ -43,15 +45,12 @@ pub(crate) const FORMAT: SceneFormat = SceneFormat {
     about: "PlayCanvas compressed PLY, 16 bytes a splat",
     axes: Axes::Ply,
     loses: FormatLosses {
-        sh_degree: 3,
-        groups: Retention::Not,
-        labels: Retention::Not,
         metadata: Retention::Inside,
         rounding: "positions 1/4094 and scales 1/2046 of the range of 256 neighbours, rotations 0.25 degrees, colours and opacities \
                    1/510, SH 1/64",
         order: Retention::Not,
         log_scales: [-MAX_LOG_SCALE, MAX_LOG_SCALE],
-        coarse: crate::formats::loss::coarse_floats,
+        ..FormatLosses::SPLATS_ALONE
     },
     sniff: |start| super::is_ply(start.bytes) && is_named(start.bytes),
     read: |source, options| super::read(source, options),
@@ -107,12 +106,7 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
     let rest = sh.map_or(0, |e| e.properties.len());
     let degree = rest.is_multiple_of(3).then(|| sh::degree_of(rest / 3 + 1)).flatten();
     let degree = degree.ok_or_else(|| source.whole(Problem::ShCount(rest)))?;
-    let needed: u128 = header.elements.iter().map(|e| u128::from(e.count) * e.min_size() as u128).sum();
-    if let Some(there) = source.remaining()
-        && needed > u128::from(there)
-    {
-        return Err(source.whole(Problem::Truncated { promised, missing: needed - u128::from(there) }));
-    }
+    check_length(source, &header.elements, promised)?;
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut splats = Splats::zeroed(0, degree);
     for element in &header.elements {
@@ -293,14 +287,7 @@ fn shown(splats: &Splats, index: usize) -> [f32; 3] {
 impl Chunk {
     fn of(splats: &Splats, indices: &[u32]) -> Self {
         let range = |value: &dyn Fn(usize) -> [f32; 3]| {
-            let mut range = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-            for index in indices {
-                let value = value(*index as usize);
-                for k in (0..3).filter(|k| value[*k].is_finite()) {
-                    range[0][k] = range[0][k].min(value[k]);
-                    range[1][k] = range[1][k].max(value[k]);
-                }
-            }
+            let range = ends(indices.iter().map(|index| finite(value(*index as usize))));
             // Where no number was finite.
             range.map(|ends| ends.map(|v| if v.is_finite() { v } else { 0.0 }))
         };

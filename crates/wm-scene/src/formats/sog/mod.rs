@@ -29,7 +29,7 @@ pub(crate) mod zip;
 
 use super::axes::Axes;
 use super::format::{SceneFormat, Writer, has_ending};
-use super::loss::{ANY_SCALE, FormatLosses, Retention};
+use super::loss::{FormatLosses, Retention};
 use wm_base::error::Problem;
 
 #[cfg(test)]
@@ -40,15 +40,12 @@ pub(super) use {
 
 /// The losses of SOG.
 pub(super) const LOSES: FormatLosses = FormatLosses {
-    sh_degree: 3,
-    groups: Retention::Not,
-    labels: Retention::Not,
     metadata: Retention::Inside,
     rounding: "positions 1/131070 of the scene's extent in logarithm (1 + their value), scales and colours to 256 values, rotations 1 \
                degree, opacities 1/510, SH to a palette of 65536",
     order: Retention::Not,
-    log_scales: ANY_SCALE,
     coarse: write::coarse_steps,
+    ..FormatLosses::SPLATS_ALONE
 };
 
 /// The bundle, one ZIP.

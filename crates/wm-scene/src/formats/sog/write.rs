@@ -16,7 +16,7 @@ use super::{
 use crate::formats::format::{FileSink, NamedFile};
 use crate::formats::pack::{byte_of_logit, ranged};
 use crate::origin::{coarse_line, float_step};
-use crate::values::FLAT_LOG_SCALE;
+use crate::values::{FLAT_LOG_SCALE, ends};
 use crate::{Rasterization, Scene, Splats, morton};
 use serde_json::json;
 
@@ -33,13 +33,7 @@ pub(in crate::formats) struct Steps {
 
 impl Steps {
     pub(crate) fn for_means(means: &[[f32; 3]]) -> Self {
-        let (mut mins, mut maxs) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for mean in means {
-            for k in 0..3 {
-                let curved = Self::curved(mean[k]);
-                (mins[k], maxs[k]) = (mins[k].min(curved), maxs[k].max(curved));
-            }
-        }
+        let [mins, maxs] = ends(means.iter().map(|mean| mean.map(Self::curved)));
         Self { mins, maxs }
     }
 
