@@ -189,9 +189,7 @@ impl BatchStore {
             // On the disk before the marker says so.
             let opened = fs::OpenOptions::new().write(true).open(&from);
             opened.and_then(|file| file.sync_all()).map_err(|error| fault(&to, WriteFault::from(error)))?;
-            if let Some(folder) = to.parent() {
-                fs::create_dir_all(folder).map_err(|error| fault(folder, error))?;
-            }
+            make_folder_of(&to)?;
             rename(&from, &to).map_err(|error| fault(&to, WriteFault::from(error)))?;
         }
         fs::remove_dir_all(&block.staged).map_err(|error| fault(&block.staged, error))?;
@@ -215,12 +213,10 @@ impl BlockFiles {
     /// The path at which a file is made; `path` is from the folder of the set.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if its folder cannot be made.
-    pub(crate) fn path(&self, path: &str) -> Result<PathBuf> {
+    /// [`SetError::Write`] if its folder cannot be made.
+    pub(crate) fn path(&self, path: &str) -> Result<PathBuf, SetError> {
         let staged = self.staged.join(path);
-        if let Some(folder) = staged.parent() {
-            fs::create_dir_all(folder).map_err(|error| fault(folder, error))?;
-        }
+        make_folder_of(&staged)?;
         Ok(staged)
     }
 
@@ -238,11 +234,14 @@ impl BlockFiles {
     /// Writes a file of bytes; `path` is from the folder of the set.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if it cannot be written.
-    pub(crate) fn bytes_of(&mut self, path: &str, bytes: &[u8]) -> Result<()> {
-        let staged = self.path(path)?;
-        write_staged(&staged, bytes)
-            .map_err(|error| fault(&self.folder.join(path), WriteFault::from(error)))?;
+    /// [`SetError::Write`] if it cannot be written.
+    pub(crate) fn bytes_of(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
+        let staged = self.staged.join(path);
+        make_folder_of(&staged)?;
+        write_staged(&staged, bytes).map_err(|error| SetError::Write {
+            path: self.folder.join(path),
+            problem: WriteFault::from(error).to_string(),
+        })?;
         self.files.push(MarkedFile::new(path.into(), bytes));
         Ok(())
     }
@@ -267,15 +266,7 @@ pub(crate) struct LayoutFiles<'a> {
 
 impl FileSink for LayoutFiles<'_> {
     fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
-        let path = format!("{}/{path}", self.name);
-        let staged = self.files.staged.join(&path);
-        make_folder_of(&staged)?;
-        write_staged(&staged, bytes).map_err(|error| SetError::Write {
-            path: self.files.folder.join(&path),
-            problem: WriteFault::from(error).to_string(),
-        })?;
-        self.files.files.push(MarkedFile::new(path, bytes));
-        Ok(())
+        self.files.bytes_of(&format!("{}/{path}", self.name), bytes)
     }
 }
 

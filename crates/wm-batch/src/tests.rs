@@ -186,60 +186,50 @@ fn a_wrong_plan_is_told_with_its_line_and_key() {
     let scene = "[[scene]]\nfile = \"street.ply\"\n";
     let weather = "[[weather]]\nfrom = [\"fog\"]\n";
     for (text, says) in [
-        (format!("frames = 0\n{scene}{weather}"), "p.toml, line 1: frames: 0: it must be"),
-        (format!("sed = 1\n{scene}{weather}"), "p.toml, line 1: unknown field `sed`"),
-        (format!("name = \"a b\"\n{scene}{weather}"), "line 1: name"),
-        (weather.into(), "scene: the plan has no scene"),
-        (scene.into(), "weather: the plan has no weather"),
-        (format!("[[scene]]\nfile = \"gone.ply\"\n{weather}"), "line 2: scene file"),
-        (format!("{scene}{scene}{weather}"), "there are two scenes \"street\""),
+        ("frames = 0\n<scene><weather>", "p.toml, line 1: frames: 0: it must be"),
+        ("sed = 1\n<scene><weather>", "p.toml, line 1: unknown field `sed`"),
+        ("name = \"a b\"\n<scene><weather>", "line 1: name"),
+        ("<weather>", "scene: the plan has no scene"),
+        ("<scene>", "weather: the plan has no weather"),
+        ("[[scene]]\nfile = \"gone.ply\"\n<weather>", "line 2: scene file"),
+        ("<scene><scene><weather>", "there are two scenes \"street\""),
+        ("layouts = [\"kiti-raw\"]\n<scene><weather>", "line 1: layouts: there is no layout `kiti-raw`"),
+        ("layouts = []\n<scene><weather>", "layouts: the list is empty"),
+        ("also = [\"depht\"]\n<scene><weather>", "line 1: also: `depht`"),
+        ("splits = { train = 0.5 }\n<scene><weather>", "line 1: splits: the shares sum to 0.5"),
+        ("start = 08:00:00\n<scene><weather>", "line 1: start: a time without a date"),
         (
-            format!("layouts = [\"kiti-raw\"]\n{scene}{weather}"),
-            "line 1: layouts: there is no layout `kiti-raw`",
-        ),
-        (format!("layouts = []\n{scene}{weather}"), "layouts: the list is empty"),
-        (format!("also = [\"depht\"]\n{scene}{weather}"), "line 1: also: `depht`"),
-        (format!("splits = {{ train = 0.5 }}\n{scene}{weather}"), "line 1: splits: the shares sum to 0.5"),
-        (format!("start = 08:00:00\n{scene}{weather}"), "line 1: start: a time without a date"),
-        (
-            format!("{scene}{weather}[[path]]\nscene = \"stret\"\n"),
+            "<scene><weather>[[path]]\nscene = \"stret\"\n",
             "line 6: path scene: there is no scene `stret`, did you mean `street`?",
         ),
-        (format!("{scene}{weather}[[path]]\npath = \"dollly\"\n"), "line 6: path path"),
-        (format!("{scene}{weather}[[path]]\ncameras = \"capture\"\nspeed = 3\n"), "line 7: path speed"),
-        (format!("{scene}{weather}[rig]\nfov = 190\n"), "line 6: rig fov"),
-        (format!("{scene}{weather}[rig]\nfile = \"gone.toml\"\n"), "line 6: rig file"),
+        ("<scene><weather>[[path]]\npath = \"dollly\"\n", "line 6: path path"),
+        ("<scene><weather>[[path]]\ncameras = \"capture\"\nspeed = 3\n", "line 7: path speed"),
+        ("<scene><weather>[rig]\nfov = 190\n", "line 6: rig fov"),
+        ("<scene><weather>[rig]\nfile = \"gone.toml\"\n", "line 6: rig file"),
         (
-            format!("{scene}[[weather]]\nfrom = [\"fogg\"]\n"),
+            "<scene>[[weather]]\nfrom = [\"fogg\"]\n",
             "line 4: from: there is no weather `fogg`, did you mean `fog`?",
         ),
         (
-            format!(
-                "{scene}[[weather]]\nsamples = 5\n[weather.vary]\n\"fog.mor\" = {{ distribution = \"uniform\", min = 9 }}\n"
-            ),
+            "<scene>[[weather]]\nsamples = 5\n[weather.vary]\n\"fog.mor\" = { distribution = \"uniform\", min = 9 }\n",
             "line 6: vary fog.mor: max is missing",
         ),
         (
-            format!(
-                "{scene}[[weather]]\nsamples = 5\nset.temperature = 3\nvary.temperature = {{ distribution = \"uniform\", min = 9 }}\n"
-            ),
+            "<scene>[[weather]]\nsamples = 5\nset.temperature = 3\nvary.temperature = { distribution = \"uniform\", min = 9 }\n",
             "line 6: vary temperature: max is missing",
         ),
         (
-            format!(
-                "{scene}[[weather]]\nsamples = 5\n\nvary.\"fog.mor\" = {{ distribution = \"uniform\", min = 9 }}\n"
-            ),
+            "<scene>[[weather]]\nsamples = 5\n\nvary.\"fog.mor\" = { distribution = \"uniform\", min = 9 }\n",
             "line 6: vary fog.mor: max is missing",
         ),
         (
-            format!(
-                "{scene}[[weather]]\nsamples = 5\n[weather.vary]\n'fog.mor'.distribution = \"uniform\"\n'fog.mor'.min = 9\n"
-            ),
+            "<scene>[[weather]]\nsamples = 5\n[weather.vary]\n'fog.mor'.distribution = \"uniform\"\n'fog.mor'.min = 9\n",
             "line 6: vary fog.mor: max is missing",
         ),
-        (format!("splits.train = 0.5\n{scene}{weather}"), "line 1: splits: the shares sum to 0.5"),
-        (format!("{scene}{weather}[[path]]\n\npath=\"dollly\"\n"), "line 7: path path"),
+        ("splits.train = 0.5\n<scene><weather>", "line 1: splits: the shares sum to 0.5"),
+        ("<scene><weather>[[path]]\n\npath=\"dollly\"\n", "line 7: path path"),
     ] {
+        let text = text.replace("<scene>", scene).replace("<weather>", weather);
         let fault = parse(&text, folder.path()).unwrap_err();
         assert!(fault.contains(says) && !fault.contains('\n'), "{text}\n{fault}");
     }

@@ -106,10 +106,12 @@ impl<'a> BlockWriters<'a> {
         if plan.writes_frames {
             self.own(active, &info, buffer)?;
         }
-        // The first picture of the clip; buffers of other sensors may hold an old one.
+        // The first picture of the clip, in its first block: a camera may begin later. Buffers of
+        // other sensors may hold an old one.
         let is_camera = |sensor: usize| self.target.rig.sensors[sensor].device.camera().is_some();
         let first = active.readings.iter().find(|other| other.index == 0 && is_camera(other.sensor));
         if first == Some(&info)
+            && active.part.number == 0
             && is_shown(active.info.number, clips)
             && let Some(Picture { frame, .. }) = buffer.picture()
         {

@@ -8,8 +8,8 @@
 //! error, away: what is asked is the clear error times the transmittance of each pixel. At one
 //! instant, two views must agree on how thick the air is and on where snow lies.
 //!
-//! The same is done with weather that is painted on the clear frames one by one
-//! ([`super::painted`]), to show what is measured here.
+//! Weather that is painted on the clear frames one by one ([`super::painted`]) is measured alike,
+//! to show what is measured here.
 //!
 //! Tolerances: the error may be above that of clear air by 0.5 % of white; the extinction of two
 //! views apart by 3 %; nine tenths of the snow agree (cells of the cover are 6 cm and wider, and a

@@ -98,7 +98,8 @@ pub struct Instrument {
     /// Returns true if the instrument can measure something in a weather at a time, s.
     pub applies: fn(&Weather, f64) -> bool,
     measure: fn(&mut Bench<'_>) -> Result<()>,
-    /// The weathers that are measured if none is given, as changes of clear weather: see [`changed`].
+    /// The weathers that are measured if none is given, as changes of clear weather: see
+    /// [`changed`].
     pub sweep: &'static [&'static str],
 }
 

@@ -8,8 +8,8 @@ use crate::draft::{Basis, Datum, Draft, rounded};
 use crate::optics::{extinction, snow_rate, visibility};
 use wm_weather::optics::sigma_of_mor;
 
-/// Rates of light, moderate, heavy and violent rain, showers and drizzle, mm/h, and of hail, mm/h of
-/// water.
+/// Rates of light, moderate, heavy and violent rain, showers and drizzle, mm/h, and of hail, mm/h
+/// of water.
 pub(crate) const RAIN: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
 pub(crate) const SHOWERS: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
 pub(crate) const DRIZZLE: [f64; 4] = [0.1, 0.3, 0.8, 1.0];

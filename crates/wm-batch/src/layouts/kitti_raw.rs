@@ -62,7 +62,7 @@ fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Res
             let sweep = (1e9 / set.sensors[lidar].rate).round() as i64;
             let ends = lines(starts.clone().map(|time| time + sweep));
             let starts = lines(starts);
-            // Points are in the axes of the start of the sweep, which is thus the time of the whole.
+            // Points are in the axes of the start of the sweep, thus the time of the whole.
             for (name, text) in [("", &starts), ("_start", &starts), ("_end", &ends)] {
                 files.write(&format!("{drive}/velodyne_points/timestamps{name}.txt"), text.as_bytes())?;
             }

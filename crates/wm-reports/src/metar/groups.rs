@@ -177,7 +177,8 @@ fn is_runway_state(text: &str) -> bool {
 }
 
 impl Metar {
-    /// Reads the words on how a report was made at the beginning of some groups; returns the others.
+    /// Reads the words on how a report was made at the beginning of some groups; returns the
+    /// others.
     fn take_marks<'a>(&mut self, mut groups: &'a [Group<'a>]) -> &'a [Group<'a>] {
         while let Some((first, others)) = groups.split_first()
             && is_mark(first.text)

@@ -32,7 +32,7 @@ fn made(place: &Place, settings: &CaptureSettings) -> (TempDir, Capture) {
     (folder, capture)
 }
 
-/// What the files of the photos say.
+/// The headers of the files of the photos.
 fn headers(capture: &Capture) -> Vec<PhotoHeader> {
     (0..capture.views.len()).map(|view| read_header(&capture.photo(view).unwrap()).unwrap()).collect()
 }

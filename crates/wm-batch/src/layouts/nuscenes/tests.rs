@@ -37,24 +37,9 @@ fn pose(row: &Value) -> RigidPose {
 #[test]
 fn tables_link_and_files_are_there() {
     let files = written(8);
-    let tables: Vec<(&str, Rows)> = [
-        "category",
-        "attribute",
-        "visibility",
-        "instance",
-        "sensor",
-        "calibrated_sensor",
-        "ego_pose",
-        "log",
-        "scene",
-        "sample",
-        "sample_data",
-        "sample_annotation",
-        "map",
-        "lidarseg",
-    ]
-    .map(|name| (name, rows(&files, name)))
-    .into();
+    let names = "category attribute visibility instance sensor calibrated_sensor ego_pose log scene sample \
+                 sample_data sample_annotation map lidarseg";
+    let tables: Vec<(&str, Rows)> = names.split(' ').map(|name| (name, rows(&files, name))).collect();
     let find = |table: &str| &tables.iter().find(|(name, _)| *name == table).unwrap().1;
     for (name, rows) in &tables {
         let tokens = by_token(rows);
