@@ -42,6 +42,7 @@ pub mod rig;
 pub mod sensor;
 pub mod sequence;
 mod shot;
+mod sweep_picture;
 mod tags;
 mod thinned;
 pub mod view;

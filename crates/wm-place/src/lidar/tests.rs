@@ -53,7 +53,7 @@ fn weather_changes_what_a_lidar_sees_of_a_street() {
     };
     assert!(bright(&snow) > 1.5 * bright(&clear), "{} {}", bright(&snow), bright(&clear));
     for (view, _) in SweepView::ALL {
-        let picture = SweepPicture::of(&rain, view);
+        let picture = view.draw(&rain);
         assert_eq!(picture.rgb.len(), 3 * picture.size.pixels());
     }
     let mut flooded = Weather::clear();

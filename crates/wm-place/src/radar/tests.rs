@@ -56,7 +56,7 @@ fn rain_dims_a_street_and_adds_its_own_detections() {
     let alone = scan(0.0, &RadarScanOptions { index: 1, ..options }, 1);
     assert!(alone[0] == clear[1] && alone[0] != clear[0]);
     for (view, _) in RadarView::ALL {
-        let picture = RadarPicture::of(&rain[0], view);
+        let picture = view.draw(&rain[0]);
         assert_eq!(picture.rgb.len(), 3 * picture.size.pixels());
     }
 }
