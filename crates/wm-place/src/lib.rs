@@ -44,6 +44,8 @@ pub mod sequence;
 mod shot;
 mod sweep_picture;
 mod tags;
+#[cfg(test)]
+mod testing;
 mod thinned;
 pub mod view;
 
