@@ -177,6 +177,35 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
     assert!(fault.contains("layer flow: is that of one instant"), "{fault}");
 }
 
+/// Event cameras have files of their own; layouts and samples have no room for them, and say so.
+#[test]
+fn slices_of_events_are_files_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    place(folder.path());
+    let dvs = "[[sensor]]\nname = \"dvs\"\nkind = \"events\"\nrate = 10\nsize = [24, 16]\nnoise = 50\npictures = 2\n";
+    std::fs::write(folder.path().join("rig.toml"), format!("{RIG}{dvs}")).unwrap();
+    let parse = |text: &str| BatchPlan::parse(text, "p.toml", folder.path(), "p").unwrap();
+    let mut own = run(&parse(PLAN));
+    let store = BatchStore::new(&folder.path().join("set")).unwrap();
+    own.make_frames(&store, &(0..2), &mut ()).unwrap();
+    let clip = own.sample(0, &SampleOptions::default()).unwrap().clip.name;
+    let slices = folder.path().join("set").join(FRAMES_LAYOUT).join(clip).join("dvs");
+    for index in 0..2 {
+        let bytes = std::fs::read(slices.join(format!("{index:06}.npy"))).unwrap();
+        // The noise alone: 50 Hz over 0.1 s in 24 x 16 pixels, 13 bytes each.
+        assert!(bytes.starts_with(b"\x93NUMPY") && bytes.len() > 13 * 1600, "{}", bytes.len());
+    }
+    let sample = SampleOptions { sensor: Some("dvs"), ..SampleOptions::default() };
+    let fault = own.sample(0, &sample).unwrap_err().to_string();
+    assert!(fault.contains("a sample has no room for the readings of kind events"), "{fault}");
+    for layout in LAYOUTS.iter().map(|layout| layout.name) {
+        let plan = parse(&format!("layouts = [\"{FRAMES_LAYOUT}\", \"{layout}\"]\n{PLAN}"));
+        let fault = BatchRun::new(plan, Renderer::cpu().unwrap(), |_| None).err().unwrap().to_string();
+        let says = "it has no room for sensor \"dvs\", of kind events; leave out one of the two";
+        assert_eq!(fault, format!("layout {layout}: {says}"));
+    }
+}
+
 #[test]
 fn layers_are_known_by_their_names() {
     for name in ["rgb", "clear", "surface-depth", "median-depth", "flow-mask"] {

@@ -18,6 +18,7 @@ use crate::shot::{MovingCamera, PinholeContent, PinholeShot};
 use crate::{LensView, Picture, PictureLayer, Result};
 use glam::{DMat4, DVec3};
 use rayon::prelude::*;
+use std::collections::btree_map::Entry;
 use wm_render::{Frame, Stats};
 use wm_scene::{Camera, LensModel};
 
@@ -280,9 +281,8 @@ impl Drawing<'_> {
         frame: &LaterFrame<'_>,
         picture: &'p mut Picture,
     ) -> Result<&'p [f32]> {
-        if !picture.later.contains_key(&PictureLayer::SurfaceDepth) {
-            let depth = self.surface_depth(frame.camera.lens(), &frame.shot).await?;
-            picture.later.insert(PictureLayer::SurfaceDepth, depth);
+        if let Entry::Vacant(entry) = picture.later.entry(PictureLayer::SurfaceDepth) {
+            entry.insert(self.surface_depth(frame.camera.lens(), &frame.shot).await?);
         }
         Ok(picture.later(PictureLayer::SurfaceDepth))
     }

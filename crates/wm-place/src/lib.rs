@@ -42,7 +42,10 @@ pub mod rig;
 pub mod sensor;
 pub mod sequence;
 mod shot;
+mod sweep_picture;
 mod tags;
+#[cfg(test)]
+mod testing;
 mod thinned;
 pub mod view;
 

@@ -308,7 +308,8 @@ mod tests {
         );
     }
 
-    /// A threshold a tenth larger tells a tenth fewer events.
+    /// A threshold a tenth larger tells a tenth fewer events: as many as fit, but for half a one on
+    /// average, since references begin at the nearest level.
     #[test]
     fn thresholds_are_what_they_say() {
         let count = |threshold: f64| {
@@ -319,8 +320,9 @@ mod tests {
             made.finish(0.0).events.len() as f64 / 4096.0
         };
         for threshold in [0.1, 0.2, 0.22] {
-            let seen = count(threshold);
-            assert!((seen * threshold / 5.0 - 1.0).abs() < 0.02, "{threshold}: {seen}");
+            let (seen, want) = (count(threshold), 5.0 / threshold - 0.5);
+            // Five standard errors: pixels have one of two counts.
+            assert!((seen - want).abs() < 0.04, "{threshold}: {seen}, not {want}");
         }
     }
 

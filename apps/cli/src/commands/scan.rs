@@ -16,10 +16,10 @@ use std::time::Instant;
 use weather_magician::MotionSpec;
 use weather_magician::lidar::{
     EchoClass, LidarModel, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, ScanOptions, SubRays,
-    SweepPicture, SweepView, about,
+    SweepView, about,
 };
 use weather_magician::radar::{
-    RADAR_PRESETS, RadarClass, RadarModel, RadarPicture, RadarScanOptions, RadarSweep, RadarView,
+    RADAR_PRESETS, RadarClass, RadarModel, RadarScanOptions, RadarSweep, RadarView,
 };
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves::PathSpec;
@@ -353,7 +353,7 @@ pub(crate) fn run(args: &ScanArgs) -> Result<()> {
     let made = match &scanner {
         Scanner::Lidar(lidar, views) => {
             let mut take = |sweep: LidarSweep| {
-                let picture = |view: usize, file: &Path| SweepPicture::of(&sweep, views[view]).save(file);
+                let picture = |view: usize, file: &Path| views[view].draw(&sweep).save(file);
                 let names = views.iter().map(|view| view.name());
                 files.save(&line(&sweep), |file| Ok(sweep.save(file)?), names, picture)
             };
@@ -362,7 +362,7 @@ pub(crate) fn run(args: &ScanArgs) -> Result<()> {
         }
         Scanner::Radar(radar, views) => {
             let mut take = |sweep: RadarSweep| {
-                let picture = |view: usize, file: &Path| RadarPicture::of(&sweep, views[view]).save(file);
+                let picture = |view: usize, file: &Path| views[view].draw(&sweep).save(file);
                 let names = views.iter().map(|view| view.name());
                 files.save(&radar_line(&sweep), |file| Ok(sweep.save(file)?), names, picture)
             };

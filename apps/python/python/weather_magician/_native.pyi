@@ -487,7 +487,7 @@ class Batch:
         """Renders one reading of a frame in memory: the values that the files of the set have, in any order of frames.
 
         ``sensor`` is the first camera by default. ``layers`` are those of the plan by default, else ``rgb`` (uint8), ``clear`` (the same without weather),
-        and the outputs of :meth:`Renderer.render`, ``flow`` among them; arrays are ``[H, W]`` or ``[H, W, k]``. A lidar gives ``points [N, 4]``
+        and the outputs of :meth:`Renderer.render`, ``flow`` and ``motion`` beside them; arrays are ``[H, W]`` or ``[H, W, k]``. A lidar gives ``points [N, 4]``
         (m, intensity 0-255), ``range``, ``point_time``, ``angles``, ``ring``, ``label``, ``rank`` and ``class``; a radar ``detections [N, 7]``.
         Beside them are ``K [3, 3]`` (px), ``viewmat [4, 4]`` (OpenCV axes, metres), ``world_from_rig`` and ``world_from_sensor``, ``time`` (s),
         ``condition`` (one of :data:`CONDITIONS`), ``weather`` (``mor`` m, ``rain_rate`` and ``snow_rate`` mm/h, ``is_night``, ``variables``), ``clip``,

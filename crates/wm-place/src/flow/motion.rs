@@ -53,11 +53,11 @@ impl Drawing<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{SIZE, camera, wall};
+    use super::super::tests::{SIZE, camera, middle_of, wall};
     use super::*;
-    use crate::{Camera, FrameRequest, Layers, Renderer};
+    use crate::testing::renderer;
+    use crate::{Camera, FrameRequest, Layers};
     use glam::DVec3;
-    use wm_render::{CpuConfig, Device};
     use wm_scene::{Scene, Splats};
     use wm_weather::Weather;
 
@@ -67,7 +67,7 @@ mod tests {
     /// The way from a pixel to where `previous` shows the point of the wall that the ray of the
     /// pixel meets, or the sky behind its edge: by rays and points in world axes alone.
     fn expected(camera: &Camera, previous: &Camera, pixel: usize, is_wall: bool) -> [f64; 2] {
-        let at = [pixel as u32 % SIZE.0, pixel as u32 / SIZE.0].map(|k| f64::from(k) + 0.5);
+        let at = middle_of(pixel);
         let Camera { fx, fy, cx, cy, .. } = *camera;
         let ray = camera.rotation().transpose() * DVec3::new((at[0] - cx) / fx, (at[1] - cy) / fy, 1.0);
         let seen = match is_wall {
@@ -83,9 +83,7 @@ mod tests {
     fn a_rendered_wall_and_the_sky_have_the_vectors_of_their_points() {
         let mut splats = Splats::with_capacity(0, 0);
         wall(WALL_X as f32, 0.0, -4.0, &mut splats);
-        let mut renderer =
-            Renderer::new(&Device::Cpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }, |_| {})
-                .unwrap();
+        let mut renderer = renderer();
         let mut place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();
         let (weather, now) = (Weather::clear(), camera([0.3, 0.1, 0.05], [10.0, -0.4, 0.3]));
         let mut render = |previous: Option<Camera>| {

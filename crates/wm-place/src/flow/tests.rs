@@ -1,9 +1,8 @@
 //! The flow of places that are known, by their own formulas.
 
 use super::*;
-use crate::Renderer;
+use crate::testing::renderer;
 use crate::{FrameRequest, Layers, NextFrame};
-use wm_render::{CpuConfig, Device};
 use wm_scene::camera::Distortion;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Scene, Splats};
@@ -13,6 +12,11 @@ pub(super) const SIZE: (u32, u32) = (96, 72);
 
 pub(super) fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
     Camera::looking(SIZE, 60.0, DVec3::from_array(eye), DVec3::from_array(target), DVec3::Z).unwrap()
+}
+
+/// The middle of pixel `i` of a picture of [`SIZE`].
+pub(super) fn middle_of(i: usize) -> [f64; 2] {
+    [i as u32 % SIZE.0, i as u32 / SIZE.0].map(|k| f64::from(k) + 0.5)
 }
 
 /// The plane `normal . x = height`.
@@ -67,7 +71,7 @@ fn ground_error(factor: f64) -> [f64; 2] {
     let flow = scene_flow(&FlowView::new(None, &from, &a), &FlowView::new(None, &to, &b));
     let (mut worst, mut most) = (0.0f64, 0.0f64);
     for (i, vector) in flow.vectors.as_chunks::<2>().0.iter().enumerate() {
-        let at = [(i as u32 % SIZE.0) as f64 + 0.5, (i as u32 / SIZE.0) as f64 + 0.5];
+        let at = middle_of(i);
         // Next to the horizon the sky is one of the pixels that are interpolated.
         if a[i] == 0.0 || a[i] > 60.0 {
             continue;
@@ -146,7 +150,7 @@ fn lenses_have_the_flow_of_their_own_projection() {
         );
         let mut seen = 0;
         for (i, vector) in flow.vectors.as_chunks::<2>().0.iter().enumerate() {
-            let at = [(i as u32 % SIZE.0) as f64 + 0.5, (i as u32 / SIZE.0) as f64 + 0.5];
+            let at = middle_of(i);
             if flow.states[i] == FlowState::Unknown as u8 || a[i] == 0.0 {
                 continue;
             }
@@ -211,8 +215,7 @@ fn splats_have_the_flow_of_the_walls_that_they_are() {
     let mut splats = Splats::with_capacity(0, 0);
     wall(4.0, 0.0, -3.0, &mut splats);
     wall(8.0, 8.0, -8.0, &mut splats);
-    let mut renderer =
-        Renderer::new(&Device::Cpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }, |_| {}).unwrap();
+    let mut renderer = renderer();
     let mut place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();
     let (from, to) = (camera([0.0, 0.5, 0.0], [10.0, 0.5, 0.0]), camera([0.0; 3], [10.0, 0.0, 0.0]));
     let weather = Weather::clear();

@@ -1,9 +1,10 @@
 //! Labels by brute force and by truth.
 
 use super::*;
+use crate::testing::renderer;
 use crate::{PreparedPlace, Renderer};
 use glam::DVec3;
-use wm_render::{CpuConfig, CpuDifferentiable, Device};
+use wm_render::{CpuConfig, CpuDifferentiable};
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Group, LensModel, Scene};
 
@@ -20,10 +21,6 @@ fn labels(
     camera: &Camera,
 ) -> LabelLayers {
     Drawing { renderer, place, progress: &mut () }.labels(lens, camera).unwrap()
-}
-
-fn renderer() -> Renderer {
-    Renderer::new(&Device::Cpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }, |_| {}).unwrap()
 }
 
 /// Round splats before the camera, each with a label of its own.

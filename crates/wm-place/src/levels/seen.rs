@@ -88,8 +88,7 @@ impl LevelLooks<'_> {
         renderer: &mut R,
         mut hold: impl FnMut(&mut R, &LevelCut) -> Result<Vec<HeldLeaf>>,
     ) -> Result<LevelCut> {
-        let eyes: Vec<Camera> =
-            self.cameras.iter().step_by(self.cameras.len().div_ceil(self.most).max(1)).map(small).collect();
+        let eyes: Vec<Camera> = some_of(self.cameras, self.most).map(small).collect();
         let runs = self.coarse.ends.iter().scan(0, |start, (leaf, end)| {
             let count = (*end - std::mem::replace(start, *end)) as usize;
             Some((*leaf, count))
@@ -126,8 +125,7 @@ impl LevelLooks<'_> {
         if !self.tries_several {
             return Ok(cut_of(DEFAULT_LOSS));
         }
-        let few: Vec<Camera> =
-            eyes.iter().step_by(eyes.len().div_ceil(MAX_COMPARED_CAMERAS).max(1)).copied().collect();
+        let few: Vec<Camera> = some_of(&eyes, MAX_COMPARED_CAMERAS).copied().collect();
         let all = vec![DrawnPart::All; held.len()];
         let wanted = few
             .iter()
@@ -294,6 +292,11 @@ fn light_of(weights: &mut [f32]) -> (f64, [f64; TRIED_LOSSES.len()]) {
         1.0 - dark.count() as f64 / weights.len() as f64
     });
     (light, drawn)
+}
+
+/// Cameras at even steps, so many at most.
+fn some_of(cameras: &[Camera], most: usize) -> impl Iterator<Item = &Camera> {
+    cameras.iter().step_by(cameras.len().div_ceil(most).max(1))
 }
 
 /// The splats of a set that are drawn.

@@ -26,7 +26,7 @@ const DRAFT_SPLATS: u64 = 200_000;
 pub(crate) struct LevelStream {
     pub(crate) index: Arc<LevelIndex>,
     /// The splats that are sky, where the files do not tell.
-    sky: SkyRegion,
+    pub(crate) sky: SkyRegion,
     /// Splats that cannot be drawn and files that cannot be read are left out.
     repairs: bool,
     held: BTreeMap<RunId, HeldRun>,
@@ -35,7 +35,7 @@ pub(crate) struct LevelStream {
     pub(crate) metadata: Metadata,
     /// Bytes of all that is held, and the most.
     pub(crate) bytes: u64,
-    most: u64,
+    pub(crate) most: u64,
     /// Counts cuts.
     clock: u64,
     /// Files that could not be read.
@@ -49,7 +49,7 @@ pub(crate) struct LevelStream {
     /// Counts frames, and the last in which each file was wanted.
     frame: u64,
     used: BTreeMap<usize, u64>,
-    warnings: Vec<String>,
+    pub(crate) warnings: Vec<String>,
 }
 
 /// A run in the renderer.
@@ -90,16 +90,6 @@ impl LevelStream {
             used: BTreeMap::new(),
             warnings: Vec::new(),
         }
-    }
-
-    /// Sets the splats that are sky, and the bytes that may be held.
-    pub(crate) fn limit(&mut self, sky: SkyRegion, most: u64) {
-        (self.sky, self.most) = (sky, most);
-    }
-
-    /// Adds a warning.
-    pub(crate) fn warn(&mut self, text: String) {
-        self.warnings.push(text);
     }
 
     /// Takes the warnings that came up.

@@ -21,9 +21,10 @@ mod colors;
 mod overlay;
 mod picture;
 
+pub use crate::sweep_picture::SweepPicture;
 pub use colors::PointColors;
 pub use overlay::PointOverlay;
-pub use picture::{SweepPicture, SweepView};
+pub use picture::SweepView;
 pub use wm_sensors::{
     EchoClass, LidarModel, LidarPoint, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, ScanOptions,
     SensorError, SensorPose, SubRays, about,

@@ -1,9 +1,9 @@
 //! Pictures of sweeps: ranges and intensities by direction, and points from above.
 
 use super::colors::{class_color, in_sensor, intensity_color, lowest, range_color};
-use std::path::Path;
+use crate::sweep_picture::{LINE_COLOR, SweepPicture};
 use std::str::FromStr;
-use wm_image::{MediaError, PictureSize, png};
+use wm_image::PictureSize;
 use wm_sensors::{EchoClass, LidarPoint, LidarSweep};
 
 /// A way to look at a sweep.
@@ -41,17 +41,6 @@ impl FromStr for SweepView {
     }
 }
 
-/// A picture of a sweep, `[H, W, 3]`, sRGB.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SweepPicture {
-    /// The size.
-    pub size: PictureSize,
-    /// The pixels.
-    pub rgb: Vec<u8>,
-}
-
-const BACKGROUND: [u8; 3] = [14, 16, 20];
-const RING_COLOR: [u8; 3] = [48, 54, 62];
 /// Side of a picture from above, px.
 const ABOVE_SIDE_PX: u32 = 1000;
 /// Largest width of a picture by direction, and its usual height, px.
@@ -62,35 +51,14 @@ const SHOWN_POINT_SHARE: f64 = 0.95;
 /// Distances that it shows at least and at most, m.
 const RADIUS_LIMITS_M: [f64; 2] = [10.0, 100.0];
 
-impl SweepPicture {
-    /// Draws a view of a sweep.
+impl SweepView {
+    /// Draws a sweep.
     #[must_use]
-    pub fn of(sweep: &LidarSweep, view: SweepView) -> Self {
-        match view {
-            SweepView::Range => by_direction(sweep, range_color),
-            SweepView::Intensity => by_direction(sweep, intensity_color),
-            SweepView::Above => above(sweep),
-        }
-    }
-
-    /// Writes it as PNG.
-    ///
-    /// # Errors
-    /// [`MediaError`] if the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), MediaError> {
-        png::write_rgb8(path, &self.rgb, self.size, &[])
-    }
-
-    fn new(width: u32, height: u32) -> Self {
-        let size = PictureSize::new(width, height);
-        Self { size, rgb: BACKGROUND.repeat(size.pixels()) }
-    }
-
-    fn set(&mut self, x: i64, y: i64, color: [u8; 3]) {
-        let (width, height) = (i64::from(self.size.width), i64::from(self.size.height));
-        if (0..width).contains(&x) && (0..height).contains(&y) {
-            let at = 3 * (y * width + x) as usize;
-            self.rgb[at..at + 3].copy_from_slice(&color);
+    pub fn draw(self, sweep: &LidarSweep) -> SweepPicture {
+        match self {
+            Self::Range => by_direction(sweep, range_color),
+            Self::Intensity => by_direction(sweep, intensity_color),
+            Self::Above => above(sweep),
         }
     }
 }
@@ -111,7 +79,7 @@ fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> S
         let turn = (right - left).clamp(1e-6, std::f64::consts::TAU);
         let start = if turn < std::f64::consts::TAU { right } else { std::f64::consts::PI };
         let tall = DEFAULT_HEIGHT_PX.div_ceil(rows.max(1)).max(1);
-        let mut picture = SweepPicture::new(width, rows.max(1) * tall);
+        let mut picture = SweepPicture::new(PictureSize::new(width, rows.max(1) * tall));
         for point in order {
             let share = (start - f64::from(point.angles[0])) / turn;
             let x = (share * f64::from(width)).floor().rem_euclid(f64::from(width));
@@ -124,7 +92,7 @@ fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> S
     let (wide, high) = ((right - left).max(1e-6), (top - bottom).max(1e-6));
     let height = 3 * DEFAULT_HEIGHT_PX;
     let width = if wide.is_finite() { (f64::from(height) * wide / high).round() as u32 } else { height };
-    let mut picture = SweepPicture::new(width.clamp(16, MAX_WIDTH_PX), height);
+    let mut picture = SweepPicture::new(PictureSize::new(width.clamp(16, MAX_WIDTH_PX), height));
     let size = picture.size;
     for point in order {
         let [azimuth, elevation] = point.angles.map(f64::from);
@@ -155,13 +123,13 @@ fn above(sweep: &LidarSweep) -> SweepPicture {
     let reach = shown.clamp(RADIUS_LIMITS_M[0], RADIUS_LIMITS_M[1]);
     let scale = 0.5 * f64::from(ABOVE_SIDE_PX) / reach;
     let middle = f64::from(ABOVE_SIDE_PX / 2);
-    let mut picture = SweepPicture::new(ABOVE_SIDE_PX, ABOVE_SIDE_PX);
+    let mut picture = SweepPicture::new(PictureSize::new(ABOVE_SIDE_PX, ABOVE_SIDE_PX));
     for ring in 1..=(reach * 1.5 / 10.0) as u32 {
         let radius = 10.0 * f64::from(ring) * scale;
         let steps = (8.0 * radius) as u32;
         for step in 0..steps {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(steps)).sin_cos();
-            picture.set((middle + radius * cos) as i64, (middle + radius * sin) as i64, RING_COLOR);
+            picture.set((middle + radius * cos) as i64, (middle + radius * sin) as i64, LINE_COLOR);
         }
     }
     for ([x, y, z], class) in points {

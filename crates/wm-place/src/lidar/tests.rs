@@ -1,17 +1,11 @@
 use super::*;
-use crate::Camera;
-use crate::FrameCamera;
+use crate::testing::street;
 use std::collections::HashMap;
 use wm_scene::reflectance::LabelReflectance;
 
 fn place(renderer: &mut Renderer) -> (PreparedPlace, CameraMotion) {
-    let street = wm_street::Street::builtin();
-    let scene = street.sampling(0.1).scene(&|_| true).unwrap();
-    let place = renderer.load(scene).unwrap();
-    let view = street.dolly(0.3).camera((120, 80)).unwrap();
-    let at = Camera::look_at(view.center().to_array(), (view.center() + view.forward()).to_array());
-    let camera = FrameCamera::from(at).at(0.0, &place).unwrap().camera;
-    (place, CameraMotion::from(camera))
+    let (place, camera) = street(renderer);
+    (place, camera.into())
 }
 
 #[test]
@@ -53,7 +47,7 @@ fn weather_changes_what_a_lidar_sees_of_a_street() {
     };
     assert!(bright(&snow) > 1.5 * bright(&clear), "{} {}", bright(&snow), bright(&clear));
     for (view, _) in SweepView::ALL {
-        let picture = SweepPicture::of(&rain, view);
+        let picture = view.draw(&rain);
         assert_eq!(picture.rgb.len(), 3 * picture.size.pixels());
     }
     let mut flooded = Weather::clear();

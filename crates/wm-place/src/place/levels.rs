@@ -112,12 +112,12 @@ impl PlaceLevels {
         let shares = budget.shares(stream.sh_degree);
         if let Some(least) = budget.exceeded_by(&index, stream.sh_degree) {
             let [given, least] = [budget.memory, least].map(|bytes| bytes >> 20);
-            stream.warn(format!(
+            stream.warnings.push(format!(
                 "{given} MiB of memory are too little: the coarsest level takes some {least} MiB"
             ));
         }
         let outline = bytes_of_set(outline.len(), outline.sh_degree);
-        stream.limit(sky, shares.held_bytes.saturating_sub(outline));
+        (stream.sky, stream.most) = (sky, shares.held_bytes.saturating_sub(outline));
         let environment = match environment {
             Some(splats) => {
                 let set = backend.load(&splats)?;

@@ -19,7 +19,7 @@
 
 mod picture;
 
-pub use picture::{RadarPicture, RadarView};
+pub use picture::RadarView;
 pub use wm_sensors::radar::{
     RADAR_PRESETS, RadarClass, RadarDetection, RadarModel, RadarScanOptions, RadarSweep,
 };

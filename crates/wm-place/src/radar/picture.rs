@@ -1,8 +1,8 @@
 //! Pictures of a radar's sweeps, from above.
 
-use std::path::Path;
+use crate::sweep_picture::{LINE_COLOR, SweepPicture};
 use std::str::FromStr;
-use wm_image::{MediaError, PictureSize, png, ramps};
+use wm_image::{PictureSize, ramps};
 use wm_sensors::radar::{RadarClass, RadarDetection, RadarSweep};
 
 /// A way to look at a radar's sweep, from above, the sensor below the middle and ahead of it above.
@@ -36,17 +36,6 @@ impl FromStr for RadarView {
     }
 }
 
-/// A picture of a radar's sweep, `[H, W, 3]`, sRGB.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RadarPicture {
-    /// The size.
-    pub size: PictureSize,
-    /// The pixels.
-    pub rgb: Vec<u8>,
-}
-
-const BACKGROUND: [u8; 3] = [14, 16, 20];
-const LINE_COLOR: [u8; 3] = [48, 54, 62];
 /// Largest side of a picture, and the room around the field of view, px.
 const MAX_SIDE_PX: f64 = 1000.0;
 const MARGIN_PX: f64 = 20.0;
@@ -55,93 +44,58 @@ const RCS_RANGE_DBSM: [f64; 2] = [-30.0, 30.0];
 /// Radius of a detection, px: of the weakest, and what each dB over the threshold adds.
 const DISC_RADIUS_PX: [f64; 2] = [2.0, 0.06];
 
-impl RadarPicture {
-    /// Draws a view of a sweep.
+impl RadarView {
+    /// Draws a sweep.
     #[must_use]
-    pub fn of(sweep: &RadarSweep, view: RadarView) -> Self {
+    pub fn draw(self, sweep: &RadarSweep) -> SweepPicture {
         let field = Field::of(sweep);
-        let mut picture = Self { size: field.size, rgb: BACKGROUND.repeat(field.size.pixels()) };
-        picture.grid(sweep, &field);
+        let mut picture = SweepPicture::new(field.size);
+        field.draw_grid(sweep, &mut picture);
         // False alarms have any velocity: the fastest of the others gives the scale.
         let real = sweep.detections.iter().filter(|one| one.class != RadarClass::Noise);
         let fastest = real.map(|one| f64::from(one.velocity.abs())).fold(1.0, f64::max);
         let mut order: Vec<&RadarDetection> = sweep.detections.iter().collect();
         order.sort_by(|a, b| a.snr.total_cmp(&b.snr));
         for one in order {
-            let share = match view {
-                RadarView::Velocity => 0.5 + 0.5 * f64::from(one.velocity) / fastest,
-                RadarView::Rcs => {
+            let share = match self {
+                Self::Velocity => 0.5 + 0.5 * f64::from(one.velocity) / fastest,
+                Self::Rcs => {
                     (f64::from(one.rcs) - RCS_RANGE_DBSM[0]) / (RCS_RANGE_DBSM[1] - RCS_RANGE_DBSM[0])
                 }
             };
-            let color = match view {
-                RadarView::Velocity => ramps::signed(share.clamp(0.0, 1.0)),
-                RadarView::Rcs => ramps::turbo(1.0 - share.clamp(0.0, 1.0)),
+            let color = match self {
+                Self::Velocity => ramps::signed(share.clamp(0.0, 1.0)),
+                Self::Rcs => ramps::turbo(1.0 - share.clamp(0.0, 1.0)),
             };
             let radius = DISC_RADIUS_PX[0] + DISC_RADIUS_PX[1] * f64::from(one.snr).clamp(0.0, 60.0);
             let at = sweep.frame.in_sensor(one.position, &sweep.pose, sweep.metres_per_unit);
             let place = field.pixel([at.x, at.y]);
             // Rain is hollow, noise is a dot.
             match one.class {
-                RadarClass::Surface => picture.disc(place, [0.0, radius], color),
-                RadarClass::Rain => picture.disc(place, [radius, radius + 1.5], color),
-                RadarClass::Noise => picture.disc(place, [0.0, 1.0], color),
+                RadarClass::Surface => disc(&mut picture, place, [0.0, radius], color),
+                RadarClass::Rain => disc(&mut picture, place, [radius, radius + 1.5], color),
+                RadarClass::Noise => disc(&mut picture, place, [0.0, 1.0], color),
             }
         }
         picture
     }
+}
 
-    /// Writes it as PNG.
-    ///
-    /// # Errors
-    /// [`MediaError`] if the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), MediaError> {
-        png::write_rgb8(path, &self.rgb, self.size, &[])
-    }
+fn set_pixel(picture: &mut SweepPicture, point: [f64; 2], color: [u8; 3]) {
+    let [x, y] = point.map(|v| v.floor() as i64);
+    picture.set(x, y, color);
+}
 
-    fn set_pixel(&mut self, point: [f64; 2], color: [u8; 3]) {
-        let [x, y] = point;
-        let inside = |v: f64, size: u32| v >= 0.0 && v < f64::from(size);
-        if inside(x, self.size.width) && inside(y, self.size.height) {
-            let at = 3 * (y as usize * self.size.width as usize + x as usize);
-            self.rgb[at..at + 3].copy_from_slice(&color);
-        }
-    }
-
-    /// Fills the ring between two radii about a point, px.
-    fn disc(&mut self, center: [f64; 2], radii: [f64; 2], color: [u8; 3]) {
-        let ([x, y], [inner, outer]) = (center, radii);
-        let reach = outer.ceil() as i64;
-        for row in -reach..=reach {
-            for column in -reach..=reach {
-                let off = (column as f64).hypot(row as f64);
-                if (inner..=outer).contains(&off) {
-                    self.set_pixel([x + column as f64, y + row as f64], color);
-                }
+/// Fills the ring between two radii about a point, px.
+fn disc(picture: &mut SweepPicture, center: [f64; 2], radii: [f64; 2], color: [u8; 3]) {
+    let ([x, y], [inner, outer]) = (center, radii);
+    let reach = outer.ceil() as i64;
+    for row in -reach..=reach {
+        for column in -reach..=reach {
+            let off = (column as f64).hypot(row as f64);
+            if (inner..=outer).contains(&off) {
+                set_pixel(picture, [x + column as f64, y + row as f64], color);
             }
-        }
-    }
-
-    /// Arcs every 10 or 50 m, and the edges of the field of view.
-    fn grid(&mut self, sweep: &RadarSweep, field: &Field) {
-        let [low, high] = sweep.azimuth;
-        let at = |range: f64, azimuth: f64| [range * azimuth.cos(), range * azimuth.sin()];
-        let step = if sweep.reach > 120.0 { 50.0 } else { 10.0 };
-        for ring in 1..=(sweep.reach / step + 1e-6) as u32 {
-            let range = step * f64::from(ring);
-            let count = ((high - low) * range * field.scale * 2.0).ceil().max(1.0);
-            for index in 0..=count as u32 {
-                self.set_pixel(
-                    field.pixel(at(range, low + (high - low) * f64::from(index) / count)),
-                    LINE_COLOR,
-                );
-            }
-        }
-        let count = (2.0 * sweep.reach * field.scale).ceil().max(1.0);
-        for index in 0..=count as u32 {
-            let range = sweep.reach * f64::from(index) / count;
-            self.set_pixel(field.pixel(at(range, low)), LINE_COLOR);
-            self.set_pixel(field.pixel(at(range, high)), LINE_COLOR);
         }
     }
 }
@@ -182,5 +136,26 @@ impl Field {
     fn pixel(&self, point: [f64; 2]) -> [f64; 2] {
         let [x, y] = point;
         [MARGIN_PX + (self.corner[1] - y) * self.scale, MARGIN_PX + (self.corner[0] - x) * self.scale]
+    }
+
+    /// Arcs every 10 or 50 m, and the edges of the field of view.
+    fn draw_grid(&self, sweep: &RadarSweep, picture: &mut SweepPicture) {
+        let [low, high] = sweep.azimuth;
+        let at = |range: f64, azimuth: f64| [range * azimuth.cos(), range * azimuth.sin()];
+        let step = if sweep.reach > 120.0 { 50.0 } else { 10.0 };
+        for ring in 1..=(sweep.reach / step + 1e-6) as u32 {
+            let range = step * f64::from(ring);
+            let count = ((high - low) * range * self.scale * 2.0).ceil().max(1.0);
+            for index in 0..=count as u32 {
+                let azimuth = low + (high - low) * f64::from(index) / count;
+                set_pixel(picture, self.pixel(at(range, azimuth)), LINE_COLOR);
+            }
+        }
+        let count = (2.0 * sweep.reach * self.scale).ceil().max(1.0);
+        for index in 0..=count as u32 {
+            let range = sweep.reach * f64::from(index) / count;
+            set_pixel(picture, self.pixel(at(range, low)), LINE_COLOR);
+            set_pixel(picture, self.pixel(at(range, high)), LINE_COLOR);
+        }
     }
 }

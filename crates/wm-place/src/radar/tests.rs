@@ -1,18 +1,11 @@
 use super::*;
-use crate::Camera;
-use crate::FrameCamera;
+use crate::testing::street;
 
 #[test]
 fn rain_dims_a_street_and_adds_its_own_detections() {
     let mut renderer = Renderer::cpu().unwrap();
-    let street = wm_street::Street::builtin();
-    let mut place = renderer.load(street.sampling(0.1).scene(&|_| true).unwrap()).unwrap();
-    let view = street.dolly(0.3).camera((120, 80)).unwrap();
-    let at = Camera::look_at(view.center().to_array(), (view.center() + view.forward()).to_array());
-    let motion = CameraMotion::Still {
-        camera: Box::new(FrameCamera::from(at).at(0.0, &place).unwrap().camera),
-        speed: 10.0,
-    };
+    let (mut place, camera) = street(&mut renderer);
+    let motion = CameraMotion::Still { camera: Box::new(camera), speed: 10.0 };
     // The preset with fewer cells of velocity.
     let preset = RADAR_PRESETS.iter().find(|(name, _)| *name == "mid-range-77").unwrap().1;
     let radar =
@@ -56,7 +49,7 @@ fn rain_dims_a_street_and_adds_its_own_detections() {
     let alone = scan(0.0, &RadarScanOptions { index: 1, ..options }, 1);
     assert!(alone[0] == clear[1] && alone[0] != clear[0]);
     for (view, _) in RadarView::ALL {
-        let picture = RadarPicture::of(&rain[0], view);
+        let picture = view.draw(&rain[0]);
         assert_eq!(picture.rgb.len(), 3 * picture.size.pixels());
     }
 }

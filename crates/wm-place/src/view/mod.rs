@@ -22,6 +22,7 @@ mod testing;
 use glam::DVec3;
 use thiserror::Error;
 use wm_base::FormatError;
+use wm_base::error::escaped;
 use wm_render::{
     DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, RenderError, SetId, SetView,
 };
@@ -49,8 +50,8 @@ pub struct ViewOptions {
 impl ViewError {
     /// A text that cannot be understood, on one line.
     fn text(what: &'static str, text: &str, problem: impl Into<String>) -> Self {
-        let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-        Self::Text { what, text: text.chars().map(escape).collect(), problem: problem.into() }
+        // The problem may quote the text.
+        Self::Text { what, text: escaped(text), problem: escaped(&problem.into()) }
     }
 }
 

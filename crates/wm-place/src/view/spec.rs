@@ -252,6 +252,7 @@ mod tests {
             ("1,2,3", "camera \"1,2,3\": this is the eye alone; add the point it looks at: X,Y,Z:X,Y,Z"),
             ("1,2:3,4,5", "camera \"1,2:3,4,5\": \"1,2\" has 2 numbers, a point has three: X,Y,Z"),
             ("1,2,x:3,4,5", "camera \"1,2,x:3,4,5\": \"x\" is not a number"),
+            (",\n1:2,", "camera \",\\n1:2,\": \",\\n1\" has 2 numbers, a point has three: X,Y,Z"),
             ("1,2,inf:3,4,5", "camera \"1,2,inf:3,4,5\": \"inf\" is not a number"),
             (
                 "1,2,3:1,2,3",

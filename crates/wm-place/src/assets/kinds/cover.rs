@@ -42,6 +42,6 @@ impl Asset for Mutex<Cover> {
         let water = workshop.get::<OpenWater>(());
         let (splats, site) = (source.splats()?, &source.site);
         let cover = Cover::of(splats, &found, site, airflow, source.path());
-        Ok(Self::new(cover.off_water(&water)))
+        Ok(Self::new(cover.off_water(water)))
     }
 }

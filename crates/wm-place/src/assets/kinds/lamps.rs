@@ -35,7 +35,7 @@ impl Asset for LampShadows {
         let found = workshop.surfaces()?;
         let capture = workshop.get::<CaptureLight>(());
         let points = found.places(source.splats()?);
-        Ok(Self::of(lamps, &found.casters(), &capture, points, &source.site)?)
+        Ok(Self::of(lamps, &found.casters(), capture, points, &source.site)?)
     }
 }
 

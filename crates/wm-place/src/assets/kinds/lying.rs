@@ -29,7 +29,7 @@ impl Asset for LyingCover {
     fn make(key: &LyingKey, workshop: &Workshop<'_>) -> Result<Self> {
         match key {
             LyingKey::Physical(airflow, requests) => {
-                Ok(lock(&workshop.get::<Mutex<Cover>>(*airflow)).lay_all(requests))
+                Ok(lock(workshop.get::<Mutex<Cover>>(*airflow)).lay_all(requests))
             }
             LyingKey::Paper(paper) => {
                 Ok(Self::on_top(paper.snow(workshop.source.splats()?, &workshop.source.site)))

@@ -27,6 +27,6 @@ impl Asset for SunShadows {
         let source = workshop.source;
         let capture = workshop.get::<CaptureLight>(());
         let casters = workshop.get::<ShadowCasters>(());
-        Ok(Self::of(&casters, &capture, *sun, &source.site))
+        Ok(Self::of(casters, capture, *sun, &source.site))
     }
 }

@@ -27,6 +27,6 @@ impl Asset for WetSurfaces {
         let capture = workshop.get::<CaptureLight>(());
         let water = workshop.get::<OpenWater>(());
         let (splats, path, is_up_known) = (source.splats()?, source.path(), source.is_up_known);
-        Ok(Self::of(splats, &found, &capture, &water, path, is_up_known, &source.site))
+        Ok(Self::of(splats, &found, capture, water, path, is_up_known, &source.site))
     }
 }

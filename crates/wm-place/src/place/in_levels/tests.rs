@@ -10,7 +10,6 @@ use wm_base::files::fetched;
 use wm_scene::Group;
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
 use wm_scene::levels::{LevelIndex, LevelLeaf, LevelWriteOptions, LevelWriter, NewLeaf};
-use wm_scene::survey::SkyRegion;
 
 /// The built-in street in leaves of 8 m and three levels, of which each leaves out every other
 /// splat of the one before.
@@ -120,7 +119,7 @@ fn memory_is_bounded() {
     };
     let most = all.chunks(3).map(bytes).max().unwrap();
     assert!(most < bytes(&all) / 2);
-    stream.limit(SkyRegion::None, most);
+    stream.most = most;
     for some in all.chunks(3) {
         assert_eq!(stream.hold(&mut backend, some, Patience::Whole).unwrap(), some);
         assert!(stream.bytes <= most, "{}", stream.bytes);
