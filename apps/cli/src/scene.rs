@@ -26,7 +26,7 @@ use wm_scene::Remark;
 use wm_scene::survey::{OwnSky, known_distance};
 
 /// The scene file and its facts.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub(crate) struct SceneArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG
