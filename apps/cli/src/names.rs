@@ -1,6 +1,6 @@
 //! Names of output files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Returns the name of a scene for output files: that of the file, of the training's folder, or of
 /// the folder for files that have the same name in every folder, such as `meta.json`.
@@ -11,6 +11,13 @@ pub(crate) fn stem_of(scene: &Path) -> String {
     let part = if named.is_dir() { named.file_name() } else { named.file_stem() };
     let name = part.map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned());
     name.strip_suffix(".compressed").map_or(name.clone(), str::to_owned)
+}
+
+/// Returns a path with a text behind its name, which may contain dots.
+pub(crate) fn with_behind(path: &Path, text: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(text);
+    name.into()
 }
 
 #[cfg(test)]

@@ -1,9 +1,13 @@
-//! Folders, texts, JSON and sheets of pictures that commands write or print.
+//! Folders, texts, JSON, sheets of pictures and videos that commands write or print.
 
+use crate::interrupt;
+use crate::progress::Reporter;
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::path::Path;
-use weather_magician::PictureSize;
+use weather_magician::sequence::render_and_write;
+use weather_magician::video::{VideoReport, VideoSettings, create_video};
+use weather_magician::{Picture, PictureSize};
 use wm_base::files::write_atomically;
 use wm_image::color::Dither;
 use wm_image::png::write_rgb;
@@ -45,4 +49,22 @@ pub(crate) fn write_sheet(
     let layout = SheetLayout::new(panel, panels.len() as u32, columns);
     write_rgb(path, &sheet(&layout, &panels), layout.size(), dither, tags)?;
     Ok(layout.size())
+}
+
+/// Renders the frames of a video while another thread writes them. If Ctrl-C ends it there is no
+/// file, and `stopped` says so, by the number of frames that were done.
+pub(crate) fn write_video(
+    path: &Path,
+    settings: VideoSettings,
+    frames: &[u32],
+    render: &mut dyn FnMut(u32, &mut Picture) -> Result<()>,
+    stopped: impl FnOnce(u32) -> String,
+) -> Result<VideoReport> {
+    let mut sink = create_video(path, settings)?;
+    let mut write = |_: u32, picture: &Picture| -> Result<()> { Ok(sink.frame(&picture.frame.rgb)?) };
+    let written = render_and_write(frames, render, &mut write, &mut Reporter::default())?;
+    if (written as usize) < frames.len() {
+        return Err(interrupt::stopped(stopped(written)));
+    }
+    Ok(sink.finish()?)
 }

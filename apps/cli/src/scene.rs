@@ -26,7 +26,7 @@ use wm_scene::Remark;
 use wm_scene::survey::{OwnSky, known_distance};
 
 /// The scene file and its facts.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub(crate) struct SceneArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
     /// SOG
@@ -103,15 +103,11 @@ impl RunArgs {
     }
 
     /// Starts the back end that gives derivatives.
-    pub(crate) fn differentiable_backend(&self) -> Result<AnyDifferentiable, RenderError> {
-        AnyDifferentiable::new(&self.device, self.cpu(), |error| {
+    pub(crate) fn differentiable(&self) -> Result<Box<AnyDifferentiable>, RenderError> {
+        let backend = AnyDifferentiable::new(&self.device, self.cpu(), |error| {
             eprintln!("warning: {error}; training continues on the CPU");
-        })
-    }
-
-    /// Starts the back end of training.
-    pub(crate) fn differentiable(&self) -> Result<Box<AnyDifferentiable>> {
-        Ok(Box::new(self.differentiable_backend()?))
+        });
+        backend.map(Box::new)
     }
 
     /// Returns the configuration of the CPU renderer.

@@ -69,62 +69,57 @@ impl FileNames {
     /// Returns the command that renders the same; `video` is the frame rate and the length in
     /// seconds.
     pub fn command(&self, catalog: &Catalog, view: &View, video: Option<(FrameRate, f64)>) -> String {
-        let mut words = command_words("render", catalog);
         let state = &view.state;
         let [width, height] = state.size;
         let camera = if state.follow == Follow::Path { "path" } else { "camera" };
-        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}").into());
-        add("weather", self.weather.clone());
-        add(camera, self.camera.clone());
-        add("size", format!("{width}x{height}"));
+        let mut options = vec![
+            ("weather", self.weather.clone()),
+            (camera, self.camera.clone()),
+            ("size", format!("{width}x{height}")),
+        ];
         match video {
-            Some((rate, seconds)) => {
-                add("fps", rate.to_string());
-                add("seconds", seconds.to_string());
-                add("out", self.video.clone());
-            }
+            Some((rate, seconds)) => options.extend([
+                ("fps", rate.to_string()),
+                ("seconds", seconds.to_string()),
+                ("out", self.video.clone()),
+            ]),
             None => {
-                add("time", state.time.to_string());
+                options.push(("time", state.time.to_string()));
                 if state.output != ViewOutput::Rgb {
-                    add("also", state.output.name().into());
+                    options.push(("also", state.output.name().into()));
                 }
-                add("out", self.picture.clone());
+                options.push(("out", self.picture.clone()));
             }
         }
-        finished(words, catalog)
+        command_line("render", catalog, options)
     }
 
     /// Returns the command that makes the same points.
     pub fn scan(&self, catalog: &Catalog, view: &View) -> String {
-        let mut words = command_words("scan", catalog);
-        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}").into());
-        add("weather", self.weather.clone());
+        let mut options = vec![("weather", self.weather.clone())];
         if let Some(lidar) = &view.state.lidar {
-            add("lidar", lidar.model.clone());
-            add("sub-rays", lidar.sub_rays.to_string());
-            add("returns", lidar.returns.clone());
-            match lidar.at {
-                Some(place) => add("at", place.text(catalog.survey.origin)),
-                None if view.state.follow == Follow::Path => add("path", self.camera.clone()),
-                None => add("at", self.camera.clone()),
-            }
+            options.extend([
+                ("lidar", lidar.model.clone()),
+                ("sub-rays", lidar.sub_rays.to_string()),
+                ("returns", lidar.returns.clone()),
+            ]);
+            options.push(match lidar.at {
+                Some(place) => ("at", place.text(catalog.survey.origin)),
+                None if view.state.follow == Follow::Path => ("path", self.camera.clone()),
+                None => ("at", self.camera.clone()),
+            });
         }
-        add("time", view.state.time.to_string());
-        add("out", self.points.clone());
-        finished(words, catalog)
+        options.extend([("time", view.state.time.to_string()), ("out", self.points.clone())]);
+        command_line("scan", catalog, options)
     }
 }
 
-/// Returns the first words of a command for the scene.
-fn command_words(command: &str, catalog: &Catalog) -> Vec<OsString> {
-    let mut words = vec!["weather-magician".into(), command.into()];
+/// Returns a command for the scene with options as a line for a shell.
+fn command_line(command: &str, catalog: &Catalog, options: Vec<(&str, String)>) -> String {
+    let mut words: Vec<OsString> = vec!["weather-magician".into(), command.into()];
     words.extend(catalog.words.iter().cloned());
     words.extend(catalog.fact_words.iter().map(OsString::from));
-    words
-}
-
-/// Ends the words of a command, and joins them to a line for a shell.
-fn finished(mut words: Vec<OsString>, catalog: &Catalog) -> String {
+    words.extend(options.into_iter().map(|(option, value)| format!("--{option}={value}").into()));
     // What was saved with the other files lies where they do.
     words.push("--overwrite".into());
     words.extend(catalog.run_words.iter().map(OsString::from));

@@ -13,13 +13,13 @@ mod export_web;
 mod inspect;
 mod label;
 mod measure;
-mod priors;
+pub(crate) mod priors;
 pub(crate) mod reconstruct;
 pub(crate) mod render;
 pub(crate) mod scan;
 mod sky;
 #[cfg(feature = "viewer")]
-mod view;
+pub(crate) mod view;
 pub(crate) mod weather;
 
 use anyhow::Result;

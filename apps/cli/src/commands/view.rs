@@ -3,7 +3,7 @@
 use super::render::camera::ViewpointArgs;
 use crate::level_args::LevelArgs;
 use crate::scene::{OwnSkyArgs, RunArgs, SceneArgs};
-use crate::viewer::{ViewerOptions, run as serve, server::ServerArgs};
+use crate::viewer::{self, server::ServerArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result};
 use clap::Args;
@@ -18,11 +18,11 @@ use wm_viewer::catalog::{panorama_name, panoramas_of};
 #[command(after_long_help = wm_weather::reference_page::help())]
 pub(crate) struct ViewArgs {
     #[command(flatten)]
-    scene: SceneArgs,
+    pub(crate) scene: SceneArgs,
     #[command(flatten)]
-    sky: OwnSkyArgs,
+    pub(crate) sky: OwnSkyArgs,
     #[command(flatten)]
-    levels: LevelArgs,
+    pub(crate) levels: LevelArgs,
     #[command(flatten)]
     weather: WeatherArgs,
     /// Panorama that the page offers as a sky, in addition to the weather's; may be given several
@@ -30,11 +30,11 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     panorama: Vec<PathBuf>,
     #[command(flatten)]
-    viewpoint: ViewpointArgs,
+    pub(crate) viewpoint: ViewpointArgs,
     #[command(flatten)]
-    server: ServerArgs,
+    pub(crate) server: ServerArgs,
     #[command(flatten)]
-    run: RunArgs,
+    pub(crate) run: RunArgs,
 }
 
 /// Runs the command.
@@ -51,14 +51,5 @@ pub(crate) fn run(args: &ViewArgs) -> Result<()> {
     let mut panoramas = args.panorama.iter().map(panorama).collect::<Result<BTreeMap<_, _>>>()?;
     panoramas.extend(panoramas_of(&weather).map_err(anyhow::Error::msg)?);
     std::fs::metadata(&args.scene.scene).map_err(|error| FormatError::reading(&args.scene.scene, error))?;
-    let options = ViewerOptions {
-        scene: &args.scene,
-        sky: args.sky,
-        levels: args.levels,
-        viewpoint: &args.viewpoint,
-        run: &args.run,
-        weather,
-        panoramas,
-    };
-    serve(options, &args.server)
+    viewer::run(args, weather, panoramas)
 }

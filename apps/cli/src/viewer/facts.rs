@@ -10,6 +10,7 @@
 //! is replaced as a whole.
 
 use super::words::survey_words;
+use crate::names::with_behind;
 use crate::scene::count_of;
 use glam::DVec3;
 use serde::Deserialize;
@@ -326,9 +327,7 @@ impl FactEditor {
 
 /// Returns the path beside which the journal of a scene lies, as metadata lie beside a scene.
 fn journal_of(file: &Path) -> PathBuf {
-    let mut name = file.as_os_str().to_owned();
-    name.push(".unsaved");
-    name.into()
+    with_behind(file, ".unsaved")
 }
 
 fn modified(path: &Path) -> Option<SystemTime> {

@@ -29,11 +29,10 @@ mod videos;
 pub(crate) mod words;
 mod workshop;
 
-use crate::commands::render::camera::ViewpointArgs;
+use crate::commands::view::ViewArgs;
 use crate::interrupt;
-use crate::level_args::LevelArgs;
 use crate::names::stem_of;
-use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
+use crate::scene::OpenScene;
 use anyhow::Result;
 use context::{Loaded, ViewerContext};
 use facts::FactEditor;
@@ -49,43 +48,28 @@ use wm_weather::Panorama;
 /// Time for which the page of a scene that cannot be read is served, so that it can show the error.
 const FAREWELL: Duration = Duration::from_secs(10);
 
-/// The scene to show, and how.
-pub(crate) struct ViewerOptions<'a> {
-    /// The scene file and its facts.
-    pub(crate) scene: &'a SceneArgs,
-    /// The treatment of its sky.
-    pub(crate) sky: OwnSkyArgs,
-    /// The budget of a scene in levels of detail.
-    pub(crate) levels: LevelArgs,
-    /// The camera at the start.
-    pub(crate) viewpoint: &'a ViewpointArgs,
-    /// The device and other options of the run.
-    pub(crate) run: &'a RunArgs,
-    /// The weather at the start.
-    pub(crate) weather: Weather,
-    /// The weather's panoramas and further ones, by the paths that weather files use for them.
-    pub(crate) panoramas: BTreeMap<String, Arc<Panorama>>,
-}
+/// The panoramas that a page offers, by the paths that weather files use for them.
+pub(crate) type Panoramas = BTreeMap<String, Arc<Panorama>>;
 
 /// Serves the page of a scene until Ctrl-C.
 ///
 /// # Errors
 /// No port is free, or the scene cannot be read; the page shows this error too.
-pub(crate) fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()> {
+pub(crate) fn run(args: &ViewArgs, weather: Weather, panoramas: Panoramas) -> Result<()> {
     let context = Arc::new(ViewerContext::default());
-    let address = server::serve(server, PageKind::Server, routes::routes(Arc::clone(&context)))?;
+    let address = server::serve(&args.server, PageKind::Server, routes::routes(Arc::clone(&context)))?;
     println!("{address}");
     eprintln!("open this address in a browser; press Ctrl-C to quit");
     // What killed viewers left is removed. What is refused is told when a folder is needed.
     let _ = context.workshop.open();
-    let outcome = show(options, &context);
+    let outcome = show(args, weather, panoramas, &context);
     context.workshop.clear();
     outcome
 }
 
 /// Reads the scene, and renders it until Ctrl-C.
-fn show(options: ViewerOptions<'_>, context: &Arc<ViewerContext>) -> Result<()> {
-    let (renderer, place, facts) = match open(options, context) {
+fn show(args: &ViewArgs, weather: Weather, panoramas: Panoramas, context: &Arc<ViewerContext>) -> Result<()> {
+    let (renderer, place, facts) = match open(args, weather, panoramas, context) {
         Ok(stage) => {
             context.queue.broadcast(&context.greeting());
             stage
@@ -105,37 +89,34 @@ fn show(options: ViewerOptions<'_>, context: &Arc<ViewerContext>) -> Result<()> 
 
 /// Reads the scene and loads it.
 fn open(
-    options: ViewerOptions<'_>,
+    args: &ViewArgs,
+    weather: Weather,
+    panoramas: Panoramas,
     context: &ViewerContext,
 ) -> Result<(Renderer, PreparedPlace, FactEditor)> {
-    let mut loaded = OpenScene::in_levels(
-        options.scene,
-        options.run,
-        options.viewpoint.views.as_ref(),
-        options.sky,
-        options.levels,
-    )?;
-    let given_words = words::given_words(&options.scene.facts);
-    let mut facts = FactEditor::new(options.scene.scene.clone(), options.sky.sky, &loaded.place, given_words);
+    let views = args.viewpoint.views.as_ref();
+    let mut loaded = OpenScene::in_levels(&args.scene, &args.run, views, args.sky, args.levels)?;
+    let given_words = words::given_words(&args.scene.facts);
+    let mut facts = FactEditor::new(args.scene.scene.clone(), args.sky.sky, &loaded.place, given_words);
     facts.restore(&mut loaded.renderer, &mut loaded.place);
-    let camera = options.viewpoint.start(&mut loaded)?;
+    let camera = args.viewpoint.start(&mut loaded)?;
     let OpenScene { renderer, place } = loaded;
     let catalog = Catalog {
-        stem: stem_of(&options.scene.scene),
-        words: words::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref())
+        stem: stem_of(&args.scene.scene),
+        words: words::scene_words(&args.scene, args.sky, views)
             .into_iter()
-            .chain(options.levels.words().into_iter().map(Into::into))
+            .chain(args.levels.words().into_iter().map(Into::into))
             .collect(),
         fact_words: facts.words(&place),
         is_unsaved: facts.is_unsaved(),
-        run_words: words::run_words(options.run),
+        run_words: words::run_words(&args.run),
         survey: place.survey().clone(),
         near: camera.near,
         splats: place.splats() as usize,
         renderer: renderer.describe(),
         views: place.scene().views.iter().map(|view| (view.name.clone(), view.camera)).collect(),
-        weather: options.weather,
-        panoramas: options.panoramas,
+        weather,
+        panoramas,
         has_video: cfg!(feature = "h264"),
     };
     let start = catalog.initial_state(&camera);

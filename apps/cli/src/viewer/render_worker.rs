@@ -153,16 +153,18 @@ impl RenderWorker {
     /// half made is made anew.
     ///
     /// # Errors
-    /// The error of the work, or its panic in words.
-    fn attempt<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+    /// The error of the work, or its panic, in one line.
+    fn attempt<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T, String> {
         let outcome = catch_unwind(AssertUnwindSafe(|| work(self))).unwrap_or_else(|panic| {
             self.recover();
             Err(anyhow!("the program failed at this: {}", words_of(&*panic)))
         });
-        outcome.inspect_err(|error| {
-            if is_lost(error) {
-                self.broken = Some(anyhow!("{error:#}"));
+        outcome.map_err(|error| {
+            let text = format!("{error:#}");
+            if is_lost(&error) {
+                self.broken = Some(anyhow!("{text}"));
             }
+            text
         })
     }
 
@@ -189,9 +191,7 @@ impl RenderWorker {
         self.due.retain(|due| due.client != client);
         let ServedFrame { message, is_whole, lacks_sweep } = match served {
             Ok(frame) => frame,
-            Err(error) => {
-                return self.context.queue.fail_request(client, Some(request.seq), &format!("{error:#}"));
-            }
+            Err(why) => return self.context.queue.fail_request(client, Some(request.seq), &why),
         };
         client_queue.set_picture(message);
         let outcome = match (request.is_moving, is_whole) {
@@ -259,7 +259,7 @@ impl RenderWorker {
         status("").iter().for_each(|text| self.context.queue.broadcast(text));
         match made {
             Ok(()) => self.context.queue.resume_waiting(Some(client)),
-            Err(error) => self.context.queue.fail_request(client, Some(seq), &format!("{error:#}")),
+            Err(why) => self.context.queue.fail_request(client, Some(seq), &why),
         }
     }
 
@@ -296,7 +296,7 @@ impl RenderWorker {
             match ready {
                 Ok(true) => {}
                 Ok(false) => return self.wait(command),
-                Err(error) => return command.refuse(format!("{error:#}")),
+                Err(why) => return command.refuse(why),
             }
         }
         // Clients may have disconnected.
@@ -306,11 +306,10 @@ impl RenderWorker {
                     ResponseFormat::Png => worker.encode_png(&view),
                     ResponseFormat::Jpeg => worker.encode_jpeg(&view),
                 });
-                let _ = reply.send(picture.map_err(|error| format!("{error:#}")));
+                let _ = reply.send(picture);
             }
             ViewerCommand::Points { view, reply } => {
-                let points = self.attempt(|worker| worker.encode_points(&view));
-                let _ = reply.send(points.map_err(|error| format!("{error:#}")));
+                let _ = reply.send(self.attempt(|worker| worker.encode_points(&view)));
             }
             ViewerCommand::Pick { view, at, client_queue } => {
                 let point = self.attempt(|worker| {
@@ -321,19 +320,18 @@ impl RenderWorker {
                     Ok(point) => {
                         client_queue.push_message(json!({ "type": "picked", "point": point }).to_string());
                     }
-                    Err(error) => client_queue.push_error(&format!("{error:#}")),
+                    Err(why) => client_queue.push_error(&why),
                 }
             }
             ViewerCommand::Surface { view, at, reply } => {
-                let point = self.attempt(|worker| worker.surface_at(&view, at));
-                let _ = reply.send(point.map_err(|error| format!("{error:#}")));
+                let _ = reply.send(self.attempt(|worker| worker.surface_at(&view, at)));
             }
             ViewerCommand::Facts { change, reply } => {
                 let _ = reply.send(self.change_facts(change));
             }
             ViewerCommand::Video { view, job } => {
-                if let Err(error) = self.attempt(|worker| worker.start_video(&view, &job)) {
-                    job.end(Err(format!("{error:#}")));
+                if let Err(why) = self.attempt(|worker| worker.start_video(&view, &job)) {
+                    job.end(Err(why));
                 }
             }
             ViewerCommand::Thumbnail(name) => {
@@ -424,7 +422,7 @@ impl RenderWorker {
             let Self { facts, renderer, place, .. } = worker;
             Ok(facts.apply(renderer, place, change))
         });
-        let text = changed.unwrap_or_else(|error| Err(FactError::Failed(format!("{error:#}"))))?;
+        let text = changed.unwrap_or_else(|why| Err(FactError::Failed(why)))?;
         let (words, is_unsaved) = (self.facts.words(&self.place), self.facts.is_unsaved());
         let mut message = self.context.set_facts(self.place.survey(), words, is_unsaved);
         self.sound_facts = self.place.facts();

@@ -203,6 +203,13 @@ pub(crate) struct RequestQueue {
 const IDLE_AFTER: Duration = Duration::from_millis(1500);
 
 impl RequestQueue {
+    /// Changes the state, and wakes the worker if it waits.
+    fn change<T>(&self, change: impl FnOnce(&mut QueueState) -> T) -> T {
+        let changed = change(&mut locked(&self.state));
+        self.changed.notify_all();
+        changed
+    }
+
     /// Adds a client and returns its id; `None` if there are too many.
     pub(crate) fn add_client(&self, client_queue: Arc<ClientQueue>) -> Option<u64> {
         let mut state = locked(&self.state);
@@ -231,27 +238,24 @@ impl RequestQueue {
 
     /// Sets the request of a client, in place of its previous one.
     pub(crate) fn set_request(&self, id: u64, request: ViewRequest) {
-        let mut state = locked(&self.state);
-        state.asked = Some(Instant::now());
-        if let Some(client) = state.clients.iter_mut().find(|client| client.id == id) {
-            client.moved = request.is_moving.then(Instant::now);
-            (client.request, client.waits) = (Some(request), false);
-        }
-        drop(state);
-        self.changed.notify_all();
+        self.change(|state| {
+            state.asked = Some(Instant::now());
+            if let Some(client) = state.client(id) {
+                client.moved = request.is_moving.then(Instant::now);
+                (client.request, client.waits) = (Some(request), false);
+            }
+        });
     }
 
     /// Records that a client displays the frame `seq`.
     pub(crate) fn acknowledge_frame(&self, id: u64, seq: u64) {
-        let mut state = locked(&self.state);
-        if let Some(client) = state.clients.iter_mut().find(|client| client.id == id) {
+        self.change(|state| {
+            let Some(client) = state.client(id) else { return };
             if let Some((_, sent)) = client.unseen.iter().find(|(sent, _)| *sent == seq) {
                 client.on_its_way = sent.elapsed().as_secs_f64();
             }
             client.unseen.retain(|(sent, _)| *sent > seq);
-        }
-        drop(state);
-        self.changed.notify_all();
+        });
     }
 
     /// Appends a command.
@@ -259,39 +263,34 @@ impl RequestQueue {
     /// # Errors
     /// Gives the command back if too many are waiting.
     pub(crate) fn push_command(&self, command: ViewerCommand) -> Result<(), ViewerCommand> {
-        let mut state = locked(&self.state);
-        if state.commands.len() >= MAX_COMMANDS {
-            return Err(command);
-        }
-        state.asked = Some(Instant::now());
-        state.commands.push_back(command);
-        drop(state);
-        self.changed.notify_all();
-        Ok(())
+        self.change(|state| {
+            if state.commands.len() >= MAX_COMMANDS {
+                return Err(command);
+            }
+            state.asked = Some(Instant::now());
+            state.commands.push_back(command);
+            Ok(())
+        })
     }
 
     /// Asks for thumbnails of presets, to be rendered when there is nothing else to do.
     pub(crate) fn request_thumbnails(&self, names: impl IntoIterator<Item = String>) {
-        let mut state = locked(&self.state);
-        for name in names {
-            if !state.thumbnails.contains(&name) {
-                state.thumbnails.push_back(name);
+        self.change(|state| {
+            for name in names {
+                if !state.thumbnails.contains(&name) {
+                    state.thumbnails.push_back(name);
+                }
             }
-        }
-        drop(state);
-        self.changed.notify_all();
+        });
     }
 
     /// Lets requests continue that waited for assets. The client that the assets were made for is
     /// served first, before others need different ones.
     pub(crate) fn resume_waiting(&self, client: Option<u64>) {
-        let mut state = locked(&self.state);
-        state.clients.iter_mut().for_each(|client| client.waits = false);
-        if let Some(id) = client {
-            state.served = id.saturating_sub(1);
-        }
-        drop(state);
-        self.changed.notify_all();
+        self.change(|state| {
+            state.clients.iter_mut().for_each(|client| client.waits = false);
+            state.served = client.map_or(state.served, |id| id.saturating_sub(1));
+        });
     }
 
     /// Returns true if a client waits for the rest of the frame that it was sent for its request
@@ -306,8 +305,7 @@ impl RequestQueue {
 
     /// Makes the current or next call of [`Self::next_task`] return without a task.
     pub(crate) fn wake_worker(&self) {
-        locked(&self.state).is_woken = true;
-        self.changed.notify_all();
+        self.change(|state| state.is_woken = true);
     }
 
     /// Sends a text message to every client.
@@ -326,7 +324,7 @@ impl RequestQueue {
     pub(crate) fn finish_request(&self, id: u64, seq: u64, outcome: RequestOutcome) {
         let mut state = locked(&self.state);
         let sharing = state.clients.iter().filter(|client| client.is_moving()).count();
-        let Some(client) = state.clients.iter_mut().find(|client| client.id == id) else { return };
+        let Some(client) = state.client(id) else { return };
         client.unseen.push_back((seq, Instant::now()));
         if client.unseen.len() > MAX_UNSEEN {
             client.unseen.pop_front();
@@ -350,7 +348,7 @@ impl RequestQueue {
     /// request that came since is kept if `seq` is given.
     pub(crate) fn fail_request(&self, id: u64, seq: Option<u64>, why: &str) {
         let mut state = locked(&self.state);
-        let Some(client) = state.clients.iter_mut().find(|client| client.id == id) else { return };
+        let Some(client) = state.client(id) else { return };
         client.client_queue.push_error(why);
         client.waits = false;
         client.request.take_if(|request| seq.is_none_or(|seq| request.seq == seq));
@@ -388,6 +386,10 @@ pub(crate) enum RequestOutcome {
 }
 
 impl QueueState {
+    fn client(&mut self, id: u64) -> Option<&mut Client> {
+        self.clients.iter_mut().find(|client| client.id == id)
+    }
+
     fn next_task(&mut self) -> Option<WorkerTask> {
         if let Some(task) = self.next_client(true) {
             return Some(WorkerTask::Client(task));

@@ -17,14 +17,6 @@ const MAX_VIDEOS: usize = 4;
 /// Maximum length of a video, frames.
 pub(crate) const MAX_FRAMES: u32 = 20_000;
 
-/// State of a video.
-#[derive(Clone, Debug, PartialEq)]
-enum VideoStatus {
-    Running,
-    Done,
-    Failed(String),
-}
-
 /// A video that is or was rendered.
 pub(crate) struct ViewerVideo {
     /// Number of the video.
@@ -38,7 +30,8 @@ pub(crate) struct ViewerVideo {
     folder: TempDir,
     done: AtomicU32,
     is_stopped: AtomicBool,
-    status: Mutex<VideoStatus>,
+    /// The outcome; `None` while it is rendered.
+    outcome: Mutex<Option<Result<(), String>>>,
 }
 
 impl ViewerVideo {
@@ -59,25 +52,20 @@ impl ViewerVideo {
 
     /// Sets the outcome.
     pub(crate) fn end(&self, outcome: Result<(), String>) {
-        let status = outcome.map_or_else(VideoStatus::Failed, |()| VideoStatus::Done);
-        *locked(&self.status) = status;
+        *locked(&self.outcome) = Some(outcome);
     }
 
     /// Returns true if the file is complete.
     pub(crate) fn is_done(&self) -> bool {
-        *locked(&self.status) == VideoStatus::Done
-    }
-
-    fn is_running(&self) -> bool {
-        *locked(&self.status) == VideoStatus::Running
+        *locked(&self.outcome) == Some(Ok(()))
     }
 
     /// The status and progress as JSON.
     pub(crate) fn json(&self) -> Value {
-        let (state, error) = match &*locked(&self.status) {
-            VideoStatus::Running => ("running", None),
-            VideoStatus::Done => ("done", None),
-            VideoStatus::Failed(error) => ("failed", Some(error.clone())),
+        let (state, error) = match &*locked(&self.outcome) {
+            None => ("running", None),
+            Some(Ok(())) => ("done", None),
+            Some(Err(error)) => ("failed", Some(error.clone())),
         };
         let done = self.done.load(Ordering::Relaxed);
         json!({ "id": self.id, "name": self.name, "frames": self.frames, "done": done, "state": state, "error": error })
@@ -103,7 +91,7 @@ impl VideoList {
         folder: TempDir,
     ) -> Result<Arc<ViewerVideo>, String> {
         let mut all = locked(&self.all);
-        if all.1.values().any(|video| video.is_running()) {
+        if all.1.values().any(|video| locked(&video.outcome).is_none()) {
             return Err("a video is being rendered; wait for it or stop it".into());
         }
         all.0 += 1;
@@ -116,7 +104,7 @@ impl VideoList {
             folder,
             done: AtomicU32::new(0),
             is_stopped: AtomicBool::new(false),
-            status: Mutex::new(VideoStatus::Running),
+            outcome: Mutex::default(),
         });
         all.1.insert(id, Arc::clone(&video));
         while all.1.len() > MAX_VIDEOS {

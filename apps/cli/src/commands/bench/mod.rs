@@ -16,7 +16,7 @@ use crate::names::stem_of;
 use crate::output::print_json;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::Reporter;
-use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs, read_saying_remarks};
+use crate::scene::{AssetFolder, OpenScene, RunArgs, SceneArgs, read_saying_remarks};
 use anyhow::{Context, Result};
 use clap::Args;
 use glam::DVec3;
@@ -160,9 +160,8 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     let read = SceneArgs {
         scene: path.to_owned(),
         repair: true,
-        level: None,
         assets: Some(AssetFolder::Off),
-        facts: FactArgs::default(),
+        ..SceneArgs::default()
     };
     let mut loaded = if args.drop_sky {
         let mut scene = read_saying_remarks(path, &ReadOptions::default())?;

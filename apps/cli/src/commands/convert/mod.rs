@@ -277,7 +277,7 @@ fn folder_size(main: &Path) -> u64 {
 fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
     let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats, sky: _, origin: _ } = *change;
     let change = SceneChange { crop, up, up_now, scale, sh_degree, max_splats };
-    let renderer = || Ok(Box::new(run.differentiable_backend()?) as Box<dyn Differentiable>);
+    let renderer = || Ok(run.differentiable()? as Box<dyn Differentiable>);
     Ok(change.apply(scene, renderer, &mut Reporter::default())?)
 }
 

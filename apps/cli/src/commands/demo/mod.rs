@@ -10,8 +10,7 @@ pub(crate) mod street;
 
 use super::reconstruct::CHECKPOINT;
 use crate::choices::{ENCODERS, one_of};
-use crate::interrupt::stopped;
-use crate::output::{make_folder, write_sheet};
+use crate::output::{make_folder, write_sheet, write_video};
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{OpenScene, RunArgs};
@@ -23,7 +22,6 @@ use photos::{LIGHTS, PhotoSession, PhotoSet, PlaceChoice, ROUTES, TRUTHS};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::formats::{ReadOptions, read_scene, write_scene};
-use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
 use weather_magician::{
     Camera, FrameRequest, Metadata, Picture, PictureSize, Scene, Weather, picture_tags, video,
@@ -312,9 +310,8 @@ fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
     let rate = settings.frame_rate;
     let (site, backend) = (studio.place.site(), studio.renderer.backend());
     settings.tags = picture_tags(SCENE, site, backend, &weather, 0.0, &film.view(0.0).camera(args.size())?);
-    let mut sink = video::create_video(path, settings)?;
     let started = Instant::now();
-    let all = rate.frames_within(args.seconds);
+    let frames: Vec<u32> = (0..rate.frames_within(args.seconds)).collect();
     let mut render = |index: u32, picture: &mut Picture| {
         let time = rate.seconds(u64::from(index));
         let request = FrameRequest::new(&weather, film.view(time).camera(args.size())?, time);
@@ -322,13 +319,7 @@ fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
         renderer.render_into(place, &request, picture, &mut Reporter::default())?;
         Ok(())
     };
-    let mut write = |_: u32, picture: &Picture| -> Result<()> { Ok(sink.frame(&picture.frame.rgb)?) };
-    let frames: Vec<u32> = (0..all).collect();
-    let written = render_and_write(&frames, &mut render, &mut write, &mut Reporter::default())?;
-    if written < all {
-        return Err(stopped(not_written(path)));
-    }
-    let report = sink.finish()?;
+    let report = write_video(path, settings, &frames, &mut render, |_| not_written(path))?;
     println!(
         "{}: {}, {}x{}, {:.1} s, {:.1} MB, {:.1} frames a second ({})",
         path.display(),
@@ -337,7 +328,7 @@ fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
         args.size().1,
         report.seconds,
         report.bytes as f64 * 1e-6,
-        f64::from(all) / started.elapsed().as_secs_f64(),
+        frames.len() as f64 / started.elapsed().as_secs_f64(),
         studio.renderer.describe()
     );
     Ok(())

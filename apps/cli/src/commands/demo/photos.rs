@@ -1,5 +1,6 @@
 //! Photos of a built-in place, and their reconstruction.
 
+use super::street::in_light;
 use crate::choices::Choice;
 use crate::commands::reconstruct::{self, ReconstructArgs};
 use crate::interrupt;
@@ -106,10 +107,7 @@ impl PhotoSession {
         };
         let spinner = progress::spinner(message);
         let threads = threads(run.threads)?;
-        let place = threads.install(|| match self.light {
-            Lighting::Sunny => build(),
-            light => build().in_light(light),
-        });
+        let place = threads.install(|| in_light(build(), self.light));
         spinner.finish_and_clear();
         let bar = progress::bar(u64::from(self.count()), "photos");
         let taken = threads.install(|| {

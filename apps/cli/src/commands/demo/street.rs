@@ -4,7 +4,7 @@ use crate::interrupt;
 use crate::progress;
 use anyhow::Result;
 use weather_magician::Scene;
-use wm_street::{Lighting, Street};
+use wm_street::{Lighting, Place, Street};
 
 /// Builds the street in a light and samples it on `threads` (`None` for one per core).
 ///
@@ -12,10 +12,7 @@ use wm_street::{Lighting, Street};
 /// Ctrl-C was pressed, or threads cannot be started.
 pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<u16>) -> Result<Scene> {
     let spinner = progress::spinner("building the street");
-    let street = match light {
-        Lighting::Sunny => Street::builtin(),
-        other => Street::builtin().in_light(other),
-    };
+    let street = in_light(Street::builtin(), light);
     let sampling = street.sampling(detail);
     spinner.finish_and_clear();
 
@@ -29,6 +26,14 @@ pub(crate) fn scene(detail: f64, light: Lighting, threads: Option<u16>) -> Resul
     });
     bar.finish_and_clear();
     sampled.ok_or_else(|| interrupt::stopped("nothing was written yet"))
+}
+
+/// Puts a place, which is sunny as it is built, into a light.
+pub(super) fn in_light(place: Place, light: Lighting) -> Place {
+    match light {
+        Lighting::Sunny => place,
+        light => place.in_light(light),
+    }
 }
 
 #[cfg(test)]

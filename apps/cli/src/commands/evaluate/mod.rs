@@ -121,13 +121,7 @@ fn open(args: &EvaluateArgs) -> Result<Dataset> {
 /// Runs the command.
 pub(crate) fn run(args: &EvaluateArgs) -> Result<()> {
     if args.realism.asked() {
-        let work = realism::RealismOptions {
-            json: args.json.as_deref(),
-            overwrite: args.overwrite,
-            skip_bad: args.photos.set.skip_bad,
-            threads: args.run.threads,
-        };
-        return realism::run(&args.realism, &work);
+        return realism::run(args);
     }
     args.realism.check_idle()?;
     for out in [&args.json, &args.report].into_iter().flatten() {

@@ -1,14 +1,14 @@
 //! The pictures of a site: its poster, its video, and a small picture of each preset.
 
 use super::output::{make_folder, write};
-use super::{NOT_WRITTEN, resized, stop_if_asked};
+use super::{NOT_WRITTEN, resized};
+use crate::output::write_video;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
 use anyhow::{Error, Result};
 use std::path::Path;
 use weather_magician::levels::shot_cameras;
-use weather_magician::sequence::render_and_write;
-use weather_magician::video::{FrameRate, VideoSettings, create_video};
+use weather_magician::video::{FrameRate, VideoSettings};
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves;
 use weather_magician::{
@@ -98,26 +98,17 @@ pub(crate) fn video(
     let mut settings = VideoSettings::new(PictureSize::new(size.0, size.1), rate);
     settings.bitrate = Some(BITRATE);
     settings.tags = picture_tags("", place.site(), renderer.backend(), weather, time, &camera);
-    let mut sink = create_video(path, settings)?;
     let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();
     let at = |frame: u32| rate.seconds(u64::from(frame));
     place.set_shot(&shot_cameras(frames.len() as u32, |frame| motion.camera(at(frame)), false));
     let scale = place.site().metres_per_unit;
-    let written = render_and_write(
-        &frames,
-        &mut |frame, picture: &mut Picture| -> Result<()> {
-            let request = FrameRequest::new(weather, motion.at(at(frame), scale), time + at(frame));
-            renderer.render_into(place, &request, picture, &mut ())?;
-            Ok(())
-        },
-        &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?),
-        &mut Reporter::default(),
-    )?;
+    let mut render = |frame: u32, picture: &mut Picture| -> Result<()> {
+        let request = FrameRequest::new(weather, motion.at(at(frame), scale), time + at(frame));
+        renderer.render_into(place, &request, picture, &mut ())?;
+        Ok(())
+    };
+    let written = write_video(path, settings, &frames, &mut render, |_| NOT_WRITTEN.into());
     place.set_shot(&[]);
     loaded.warn();
-    if (written as usize) < frames.len() {
-        return stop_if_asked();
-    }
-    sink.finish()?;
-    Ok(())
+    written.map(drop)
 }

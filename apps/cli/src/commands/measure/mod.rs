@@ -233,11 +233,8 @@ fn open(args: &MeasureArgs) -> Result<OpenScene> {
     match &args.scene {
         Some(scene) => {
             let (scene, facts) = (scene.clone(), args.facts.clone());
-            OpenScene::new(
-                &SceneArgs { scene, level: None, repair: args.repair, assets: None, facts },
-                &args.run,
-                None,
-            )
+            let scene = SceneArgs { scene, repair: args.repair, facts, ..SceneArgs::default() };
+            OpenScene::new(&scene, &args.run, None)
         }
         None => {
             let scene = street::scene(1.0, Lighting::Sunny, args.run.threads)?;

@@ -4,7 +4,7 @@ mod data;
 mod files;
 mod network;
 mod preview;
-mod work;
+pub(crate) mod work;
 
 use crate::interrupt;
 use crate::overwrite::OverwriteArgs;

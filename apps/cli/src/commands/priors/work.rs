@@ -5,6 +5,7 @@ use crate::dataset::Dataset;
 use crate::interrupt;
 use crate::progress;
 use anyhow::Result;
+use indicatif::ProgressBar;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 use weather_magician::train::dataset::orientation;
@@ -45,7 +46,7 @@ pub(crate) trait PriorEstimator: Sync {
 }
 
 /// The result for a photo: a prior, or the reason why there is none.
-type PriorResult = Result<(Prior, Option<Fit>), String>;
+pub(crate) type PriorResult = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.
 pub(crate) fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Result<Index> {
@@ -74,25 +75,14 @@ pub(crate) fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator
             return Err(interrupt::stopped(format!("{done} of {all} photos are done, {advice}")));
         }
         let made = |index: &usize| make(args, data, source, data.places[*index], up.as_ref(), &seen[*index]);
-        let made: Vec<Result<PriorResult>> = part.par_iter().map(made).collect();
-        for (index, made) in part.iter().zip(made) {
-            let name = data.name(data.places[*index]);
-            let made = match made {
-                Ok(made) => made,
-                Err(error) => {
-                    // The error is reported; finished priors are kept if possible.
-                    match writer.index().photos.is_empty() {
-                        true => writer.abandon(),
-                        false => drop(writer.pause()),
-                    }
-                    return Err(error);
-                }
-            };
-            match made {
-                Ok((prior, fit)) => writer.add(name, &prior, fit)?,
-                Err(reason) => writer.leave_out(name, reason),
+        let name = |index: &usize| data.name(data.places[*index]);
+        if let Err(error) = make_part(part, &made, &name, &mut writer, &bar) {
+            // The error is reported; finished priors are kept if possible.
+            match writer.index().photos.is_empty() {
+                true => writer.abandon(),
+                false => drop(writer.pause()),
             }
-            bar.inc(1);
+            return Err(error);
         }
         if noted.elapsed() > INDEX_INTERVAL {
             writer.pause()?;
@@ -101,6 +91,25 @@ pub(crate) fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator
     }
     bar.finish_and_clear();
     finish(args, data, writer)
+}
+
+/// Makes the priors of some photos at once, and writes them in order.
+pub(crate) fn make_part<'d>(
+    part: &[usize],
+    make: &(dyn Fn(&usize) -> Result<PriorResult> + Sync),
+    name: &dyn Fn(&usize) -> &'d str,
+    writer: &mut PriorsWriter,
+    bar: &ProgressBar,
+) -> Result<()> {
+    let made: Vec<Result<PriorResult>> = part.par_iter().map(make).collect();
+    for (photo, made) in part.iter().zip(made) {
+        match made? {
+            Ok((prior, fit)) => writer.add(name(photo), &prior, fit)?,
+            Err(reason) => writer.leave_out(name(photo), reason),
+        }
+        bar.inc(1);
+    }
+    Ok(())
 }
 
 /// Makes the prior of a photo.

@@ -1,6 +1,7 @@
 //! Driving logs: the capture and the priors that are made of them before the training.
 
 use crate::choices::first_given;
+use crate::commands::priors::work::{PriorResult, make_part};
 use crate::dataset::DatasetArgs;
 use crate::interrupt;
 use crate::progress;
@@ -8,7 +9,6 @@ use crate::scene::print_remarks;
 use anyhow::{Result, bail};
 use clap::Args;
 use indicatif::ProgressBar;
-use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weather_magician::Metadata;
 use weather_magician::train::HeldOut;
@@ -197,7 +197,7 @@ fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metada
             writer.abandon();
             return Err(interrupt::stopped("the priors of the log are not made yet"));
         }
-        let make = |place: &usize| -> Result<Result<_, String>> {
+        let make = |place: &usize| -> Result<PriorResult> {
             let photo = match photos.get(*place, 0) {
                 Ok(photo) => photo,
                 Err(error) => return Ok(Err(error.to_string())),
@@ -208,14 +208,7 @@ fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metada
             let seed = photos.view(*place) as u64;
             Ok(given.prior(&photo, &[], up.as_ref(), seed).map_err(|reason| reason.to_string()))
         };
-        let made: Vec<Result<Result<_, String>>> = part.par_iter().map(make).collect();
-        for (place, made) in part.iter().zip(made) {
-            match made? {
-                Ok((prior, fit)) => writer.add(name(*place), &prior, fit)?,
-                Err(reason) => writer.leave_out(name(*place), reason),
-            }
-            bar.inc(1);
-        }
+        make_part(part, &make, &|place| name(*place), &mut writer, &bar)?;
     }
     bar.finish_and_clear();
     if writer.index().photos.is_empty() {

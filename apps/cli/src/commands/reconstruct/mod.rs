@@ -13,7 +13,7 @@ pub(crate) use weather_magician::train::session::CHECKPOINT;
 use crate::choices::{Choice, one_of};
 use crate::commands::convert::levels::{self, is_levels};
 use crate::dataset::{DatasetArgs, DatasetReadOptions, HeldOutArgs};
-use crate::names::stem_of;
+use crate::names::{stem_of, with_behind};
 use crate::overwrite::OverwriteArgs;
 use crate::scene::RunArgs;
 use anyhow::{Context, Result, bail};
@@ -367,10 +367,4 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<()> {
         eprintln!("warning: {}: weather is not prepared: {error:#}", out.display());
     }
     Ok(())
-}
-
-fn with_behind(path: &Path, text: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(text);
-    name.into()
 }

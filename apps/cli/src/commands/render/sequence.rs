@@ -2,15 +2,13 @@
 
 use super::manifest::{self, CompletedFolder, StyledPicture};
 use super::{RenderArgs, RenderJob};
-use crate::interrupt::stopped;
-use crate::progress::Reporter;
+use crate::output::write_video;
 use anyhow::{Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
-use weather_magician::sequence::render_and_write;
-use weather_magician::{PictureSize, video};
+use weather_magician::{Picture, PictureSize, video};
 use wm_image::png::DepthScale;
 
 /// The file that describes the frames of a folder.
@@ -29,21 +27,13 @@ pub(crate) fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &Ren
     settings.bitrate = args.output.bitrate;
     settings.dither = args.output.dither;
     settings.tags = job.style(args, DepthScale::Auto, start).tags;
-    let mut sink = video::create_video(path, settings)?;
-
-    let started = Instant::now();
-    let all = wanted.len() as u32;
-    let written = render_and_write(
-        wanted,
-        &mut |index, picture| job.render(job.plan.time(index), picture).map(drop),
-        &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?),
-        &mut Reporter::default(),
-    )?;
-    if written < all {
+    let (started, all) = (Instant::now(), wanted.len());
+    let mut render = |index: u32, picture: &mut Picture| job.render(job.plan.time(index), picture).map(drop);
+    let stopped = |written| {
         let advice = "nothing is written; a folder of frames (--out FOLDER) can be continued";
-        return Err(stopped(format!("{written} of {all} frames were done, {advice}")));
-    }
-    let report = sink.finish()?;
+        format!("{written} of {all} frames were done, {advice}")
+    };
+    let report = write_video(path, settings, wanted, &mut render, stopped)?;
     println!(
         "{}: {}x{}, {} frames, {:.1} s, {:.1} MB, {}, {:.1} frames a second ({})",
         path.display(),
@@ -53,7 +43,7 @@ pub(crate) fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &Ren
         report.seconds,
         report.bytes as f64 * 1e-6,
         job.weather.name,
-        f64::from(all) / started.elapsed().as_secs_f64(),
+        all as f64 / started.elapsed().as_secs_f64(),
         job.renderer.describe()
     );
     Ok(())

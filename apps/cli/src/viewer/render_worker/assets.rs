@@ -66,9 +66,9 @@ impl RenderWorker {
         }
         let insert =
             |worker: &mut Self, assets| Ok(worker.renderer.insert_assets(&mut worker.place, assets)?);
-        let inserted = made.and_then(|assets| self.attempt(|worker| insert(worker, assets)));
-        if let Err(error) = inserted {
-            self.refuse(owner, &format!("{error:#}"));
+        let inserted = self.attempt(|worker| insert(worker, made?));
+        if let Err(why) = inserted {
+            self.refuse(owner, &why);
         }
         self.context.queue.broadcast(&json!({ "type": "status", "text": "" }).to_string());
         let client = if let AssetOwner::Client(client) = owner { Some(client) } else { None };

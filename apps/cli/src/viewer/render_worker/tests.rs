@@ -53,14 +53,14 @@ fn after_a_panic_the_next_task_is_done_as_before() {
     let view = view_of(&worker);
     let before = drawn(&mut worker, &view);
     assert!(before.iter().any(|byte| *byte != before[0]));
-    let outcome: Result<()> = worker.attempt(|worker| {
+    let outcome: Result<(), String> = worker.attempt(|worker| {
         // Half of a change.
         let mut facts = worker.place.facts();
         facts.scene.up = Some(DVec3::X);
         worker.renderer.set_facts(&mut worker.place, facts)?;
         panic!("a fault of {}", "the program");
     });
-    let error = outcome.unwrap_err().to_string();
+    let error = outcome.unwrap_err();
     assert_eq!(error, "the program failed at this: a fault of the program");
     assert!(worker.broken.is_none());
     assert!(drawn(&mut worker, &view) == before, "the place is not as it was");

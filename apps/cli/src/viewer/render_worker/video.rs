@@ -42,7 +42,7 @@ impl RenderWorker {
                 Ok(true) => return self.video = Some(active),
                 // The writer ended, and says why.
                 Ok(false) => {}
-                Err(error) => return active.video.end(Err(format!("{error:#}"))),
+                Err(why) => return active.video.end(Err(why)),
             }
         }
         active.video.end(active.writer.finish());

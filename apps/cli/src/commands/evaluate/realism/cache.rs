@@ -2,6 +2,7 @@
 //! pictures of its rows. A row is reused if the network and the picture's name, size and
 //! modification time are the same.
 
+use crate::names::with_behind;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
@@ -154,10 +155,7 @@ fn read(path: &Path, identity: u64, width: usize) -> Option<HashMap<CachedPictur
 
 /// Appends an extension to a path, whose name may contain dots.
 fn named(path: &Path, extension: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".");
-    name.push(extension);
-    name.into()
+    with_behind(path, &format!(".{extension}"))
 }
 
 /// Returns the FNV-1a hash of the numbers' bits.

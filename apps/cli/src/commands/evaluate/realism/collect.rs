@@ -3,7 +3,7 @@
 use super::cache::EmbeddingCache;
 use super::layout::{PictureSet, PictureSource};
 use super::network::{self, Embedder};
-use super::{RealismArgs, RealismOptions};
+use crate::commands::evaluate::EvaluateArgs;
 use crate::interrupt;
 use crate::progress;
 use anyhow::{Result, anyhow, bail};
@@ -20,8 +20,7 @@ pub(crate) struct CollectedSet {
 
 /// The picture sets to embed. All their faults are reported before the first picture is embedded.
 pub(crate) struct Collector<'a> {
-    args: &'a RealismArgs,
-    work: &'a RealismOptions<'a>,
+    args: &'a EvaluateArgs,
     parts: Vec<(PictureSet, EmbeddingSource)>,
 }
 
@@ -34,13 +33,13 @@ enum EmbeddingSource {
 }
 
 impl<'a> Collector<'a> {
-    pub(crate) fn new(args: &'a RealismArgs, work: &'a RealismOptions<'a>) -> Self {
-        Self { args, work, parts: Vec::new() }
+    pub(crate) fn new(args: &'a EvaluateArgs) -> Self {
+        Self { args, parts: Vec::new() }
     }
 
     /// Returns an error for two sets of one name, which would share a file.
     pub(crate) fn forbid_one_name(&self, first: &Path, second: &Path) -> Result<()> {
-        if self.args.embeddings.is_none() {
+        if self.args.realism.embeddings.is_none() {
             return Ok(());
         }
         bail!(
@@ -62,7 +61,7 @@ impl<'a> Collector<'a> {
                         Err(error) => self.bad(&error.into())?,
                     }
                 }
-                let kept = self.args.embeddings.as_ref().map(|folder| folder.join(place));
+                let kept = self.args.realism.embeddings.as_ref().map(|folder| folder.join(place));
                 EmbeddingSource::Files(sound, kept)
             }
         };
@@ -77,7 +76,7 @@ impl<'a> Collector<'a> {
 
     /// Reports a picture that cannot be used: an error, or a warning with --skip-bad.
     fn bad(&self, error: &anyhow::Error) -> Result<()> {
-        if !self.work.skip_bad {
+        if !self.args.photos.set.skip_bad {
             bail!("{error:#} (--skip-bad continues without it)");
         }
         eprintln!("warning: {error:#}; it is left out");
@@ -88,7 +87,7 @@ impl<'a> Collector<'a> {
     pub(crate) fn run(self) -> Result<Vec<CollectedSet>> {
         let is_made = |wanted: &EmbeddingSource| matches!(wanted, EmbeddingSource::Files(..));
         let embedder: Option<Box<Embedder>> = match self.parts.iter().find(|(_, wanted)| is_made(wanted)) {
-            Some((part, _)) => Some(network::open(&self.args.weights, &part.path)?),
+            Some((part, _)) => Some(network::open(&self.args.realism.weights, &part.path)?),
             None => None,
         };
         self.check_widths(embedder.as_deref())?;
@@ -98,8 +97,8 @@ impl<'a> Collector<'a> {
         };
         let bar = progress::bar(self.parts.iter().map(pictures).sum(), "pictures");
         let mut collected = Vec::new();
-        let Self { args, work, parts } = self;
-        let this = Self { args, work, parts: Vec::new() };
+        let Self { args, parts } = self;
+        let this = Self { args, parts: Vec::new() };
         for (part, wanted) in parts {
             let embeddings = match (wanted, &embedder) {
                 (EmbeddingSource::Array(embeddings), _) => embeddings,

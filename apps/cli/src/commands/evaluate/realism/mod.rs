@@ -17,9 +17,9 @@ use with_networks as network;
 #[cfg(not(feature = "nets"))]
 use without_networks as network;
 
+use super::EvaluateArgs;
 use crate::choices::first_given;
 use crate::output::{json_text, write_text};
-use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::scene::threads;
 use crate::weights::WeightsArgs;
@@ -90,18 +90,6 @@ pub(crate) struct RealismArgs {
     weights: WeightsArgs,
 }
 
-/// Options of the comparison of pictures.
-pub(crate) struct RealismOptions<'a> {
-    /// The file for all numbers.
-    pub(crate) json: Option<&'a Path>,
-    /// The permission to replace files.
-    pub(crate) overwrite: OverwriteArgs,
-    /// True if pictures that cannot be read are left out.
-    pub(crate) skip_bad: bool,
-    /// Number of threads; `None` for one per core.
-    pub(crate) threads: Option<u16>,
-}
-
 impl RealismArgs {
     /// Returns true if pictures are compared, not a scene.
     pub(crate) fn asked(&self) -> bool {
@@ -128,31 +116,33 @@ impl RealismArgs {
 }
 
 /// Runs the command.
-pub(crate) fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
-    for out in [work.json, args.csv.as_deref(), args.markdown.as_deref()].into_iter().flatten() {
+pub(crate) fn run(whole: &EvaluateArgs) -> Result<()> {
+    let (args, json) = (&whole.realism, whole.json.as_deref());
+    for out in [json, args.csv.as_deref(), args.markdown.as_deref()].into_iter().flatten() {
         check_writable(out)?;
-        work.overwrite.check_report(out, &[])?;
+        whole.overwrite.check_report(out, &[])?;
     }
-    let tables = threads(work.threads)?.install(|| match &args.paper {
-        Some(methods) => of_paper(args, methods, work),
-        None => of_pictures(args, work),
+    let tables = threads(whole.run.threads)?.install(|| match &args.paper {
+        Some(methods) => of_paper(whole, methods),
+        None => of_pictures(whole),
     })?;
     let markdown = tables.markdown();
     print!("{markdown}");
     let write = |path: Option<&Path>, text: &str| path.map_or(Ok(()), |path| write_text(path, text));
     write(args.markdown.as_deref(), &markdown)?;
     write(args.csv.as_deref(), &tables.csv())?;
-    write(work.json, &json_text(&tables.json())?)
+    write(json, &json_text(&tables.json())?)
 }
 
 /// Compares each collection with the real one.
-fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> {
+fn of_pictures(whole: &EvaluateArgs) -> Result<Tables> {
+    let args = &whole.realism;
     let real = args.real.as_deref().expect("--pictures requires it");
     let mut parts = Vec::new();
     for path in args.pictures.iter().map(PathBuf::as_path).chain([real]) {
         parts.push(PictureSet::whole(path)?);
     }
-    let mut collector = Collector::new(args, work);
+    let mut collector = Collector::new(whole);
     for (index, part) in parts.iter().enumerate() {
         if let Some(other) = parts[..index].iter().find(|other| other.name == part.name) {
             collector.forbid_one_name(&other.path, &part.path)?;
@@ -169,7 +159,8 @@ fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> 
 }
 
 /// Makes the tables of the paper.
-fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) -> Result<Tables> {
+fn of_paper(whole: &EvaluateArgs, methods: &[PathBuf]) -> Result<Tables> {
+    let args = &whole.realism;
     let scores = args.uvq.iter().map(|file| uvq::read(file)).collect::<Result<Vec<_>>>()?.concat();
     let Some(real) = &args.real else {
         if !methods.is_empty() || scores.is_empty() {
@@ -181,7 +172,7 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) 
         return Ok(Tables { scores, paper: true, ..Tables::default() });
     };
     let names = names_of(methods)?;
-    let mut collector = Collector::new(args, work);
+    let mut collector = Collector::new(whole);
     let mut places = Vec::new();
     let methods = methods.iter().enumerate().map(|(index, folder)| (Some(index), folder));
     for (method, folder) in methods.chain([(None, real)]) {
