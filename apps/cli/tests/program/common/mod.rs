@@ -15,6 +15,8 @@ use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Metadata, Scene, Splats};
 
 pub use wm_scene::card::Card;
+use wm_street::Street;
+use wm_street::dataset::{self, DatasetOptions};
 
 /// A step of an 8-bit picture.
 pub const STEP: f64 = 1.0 / 255.0;
@@ -85,6 +87,12 @@ impl Workshop {
         path
     }
 
+    /// Writes a player of web pages that does nothing into `player`.
+    pub fn put_player(&self) {
+        self.put("player/player.js", "export class Player {}\n");
+        self.put("player/player_bg.wasm", b"\0asm\x01\0\0\0");
+    }
+
     /// Reads a file.
     pub fn read(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -107,6 +115,11 @@ impl Workshop {
         let scene = Scene { splats, metadata: metadata.clone(), ..Scene::default() };
         write_scene(&path, &scene).expect("the scene is written");
         path
+    }
+
+    /// Writes photos of the built-in street as a COLMAP data set.
+    pub fn photos(&self, name: &str, options: &DatasetOptions) {
+        dataset::write(&Street::builtin(), &self.path(name), options, &mut |_| true).unwrap();
     }
 
     /// Returns the binary with arguments, in this folder, without an input.
@@ -241,6 +254,13 @@ impl Shot {
 pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let all = listing(folder).into_iter().filter(|(path, _)| path.is_file());
     all.map(|(path, bytes)| (path.strip_prefix(folder).unwrap().to_owned(), bytes)).collect()
+}
+
+/// `words`, then `more`, then options of `usual` that `more` does not say.
+pub fn with_usual<'a>(words: &[&'a str], more: &[&'a str], usual: &[(&'a str, &'a str)]) -> Vec<&'a str> {
+    let usual =
+        usual.iter().filter(|(name, _)| !more.contains(name)).flat_map(|(name, value)| [*name, value]);
+    words.iter().chain(more).copied().chain(usual).collect()
 }
 
 /// Names in a folder, sorted.

@@ -146,7 +146,7 @@ fn what_ended_goes_on_and_any_number_of_threads_gives_the_same() {
 #[test]
 fn maps_of_a_bent_photo_are_bent_back() {
     let desk = desk();
-    write_set(&desk, &DatasetOptions { count: 3, ..PHOTOS });
+    desk.photos("set", &DatasetOptions { count: 3, ..PHOTOS });
     let mut made = capture(&desk.path("set"));
     let lens = Distortion::of([-0.2, 0.03, 0.0, 0.0, 0.0]);
     made.views.iter_mut().for_each(|view| view.distortion = lens);
