@@ -7,14 +7,16 @@
 
 use super::place_renderer::PlaceRenderer;
 use super::{
-    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentScan, MeasureRequest, ShadowReport, ShotSubject,
-    expected,
+    Finding, INSTRUMENTS, Instrument, InstrumentRenderer, InstrumentScan, MeasureRequest, ShadowReport,
+    ShotSubject, expected,
 };
 use glam::DVec3;
+use std::sync::Mutex;
 use wm_base::color::{srgb_decode, srgb_encode};
 use wm_place::lidar::LidarSweep;
 use wm_place::{FrameCamera, FrameRequest, Picture, Renderer, Result};
-use wm_scene::{Camera, Lamp, Splats, quat, sh};
+use wm_render::{CpuConfig, Device};
+use wm_scene::{Camera, Lamp, Scene, Splats, quat, sh};
 use wm_street::Street;
 use wm_weather::wetness::WaterState;
 use wm_weather::{Site, Weather};
@@ -506,69 +508,78 @@ impl InstrumentRenderer for Faulty {
     }
 }
 
-fn rig() -> Faulty {
-    let scene = Street::builtin().sampling(0.5).scene(&|_| true).unwrap();
-    let mut renderer = Renderer::cpu().unwrap();
+/// A rig on one thread, beside others.
+fn rig(scene: Scene) -> Faulty {
+    let config = CpuConfig { threads: Some(1), ..CpuConfig::default() };
+    let mut renderer = Renderer::new(&Device::Cpu, config, |_| {}).unwrap();
     let place = renderer.load(scene).unwrap();
     let camera = Street::views()[0].camera((240, 160)).unwrap();
     let field = PlaceRenderer::new(renderer, place, camera);
     Faulty { field, fault: Fault::None, shots: Vec::new() }
 }
 
-#[test]
-fn each_instrument_finds_its_own_error_and_no_other() {
-    let mut rig = rig();
-    let instruments: Vec<_> = INSTRUMENTS.iter().filter(|instrument| instrument.name != "controls").collect();
-    let read = |rig: &mut Faulty, fault: Fault, index: usize| -> (Finding, Vec<OwnedShot>) {
-        let instrument = instruments[index];
-        rig.fault = fault;
-        let mut all = Finding::default();
-        for weather in &weathers(instrument.name) {
-            assert!((instrument.applies)(weather, 0.0), "{}", instrument.name);
-            let request = MeasureRequest { weather, time: 0.0, setting: "test" };
-            let finding = (instrument.read)(rig, &request).unwrap();
-            assert!(!finding.readings.is_empty(), "{}", instrument.name);
-            all.readings.extend(finding.readings);
-            rig.clear_away();
-        }
-        (all, std::mem::take(&mut rig.shots))
-    };
-    let faultless: Vec<_> = (0..instruments.len()).map(|index| read(&mut rig, Fault::None, index)).collect();
+/// What an instrument reads on a rig with a fault, and what it asks for.
+fn read(rig: &mut Faulty, fault: Fault, instrument: &Instrument) -> (Finding, Vec<OwnedShot>) {
+    rig.fault = fault;
+    let mut all = Finding::default();
+    for weather in &weathers(instrument.name) {
+        assert!((instrument.applies)(weather, 0.0), "{}", instrument.name);
+        let request = MeasureRequest { weather, time: 0.0, setting: "test" };
+        let finding = (instrument.read)(rig, &request).unwrap();
+        assert!(!finding.readings.is_empty(), "{}", instrument.name);
+        all.readings.extend(finding.readings);
+        rig.clear_away();
+    }
+    (all, std::mem::take(&mut rig.shots))
+}
+
+/// Faults that an instrument finds without being expected to, and those that it does not find.
+fn mistakes(rig: &mut Faulty, instrument: &Instrument) -> Vec<String> {
+    let (own, shots) = read(rig, Fault::None, instrument);
     let mut wrong = Vec::new();
     for (fault, finds) in FINDS {
-        let mut found: Vec<&[&str; 2]> = Vec::new();
-        for (index, instrument) in instruments.iter().enumerate() {
-            let (own, shots) = &faultless[index];
-            let changes = |(k, shot): (usize, &OwnedShot)| {
-                matches!(
-                    fault,
-                    Fault::Upright
-                        | Fault::Puddles
-                        | Fault::Ranges
-                        | Fault::Echoes
-                        | Fault::WetEchoes
-                        | Fault::Points
-                ) || fault.light(shot).is_some()
-                    || fault.falsified(k, shot) != *shot
-            };
-            let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);
-            let finding = if is_touched { read(&mut rig, fault, index).0 } else { own.clone() };
-            for reading in finding.readings.iter().filter(|reading| !reading.passes()) {
-                println!("{fault:?}: {} finds {reading:?}", instrument.name);
-                let is_its =
-                    |find: &&[&str; 2]| find[0] == instrument.name && reading.quantity.contains(find[1]);
-                let find = finds.iter().find(is_its);
-                if find.is_none() {
-                    wrong.push(format!("{fault:?} is no error of {}: {reading:?}", instrument.name));
-                }
-                found.extend(find);
+        let mut missed: Vec<_> = finds.iter().filter(|find| find[0] == instrument.name).collect();
+        let changes = |(k, shot): (usize, &OwnedShot)| {
+            matches!(
+                fault,
+                Fault::Upright
+                    | Fault::Puddles
+                    | Fault::Ranges
+                    | Fault::Echoes
+                    | Fault::WetEchoes
+                    | Fault::Points
+            ) || fault.light(shot).is_some()
+                || fault.falsified(k, shot) != *shot
+        };
+        let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);
+        let finding = if is_touched { read(rig, fault, instrument).0 } else { own.clone() };
+        for reading in finding.readings.iter().filter(|reading| !reading.passes()) {
+            println!("{fault:?}: {} finds {reading:?}", instrument.name);
+            let is_its = |find: &[&str; 2]| find[0] == instrument.name && reading.quantity.contains(find[1]);
+            let expected = finds.iter().find(|find| is_its(find));
+            if expected.is_none() {
+                wrong.push(format!("{fault:?} is no error of {}: {reading:?}", instrument.name));
             }
+            missed.retain(|find| Some(*find) != expected);
         }
-        for find in finds {
-            if !found.contains(&find) {
-                wrong.push(format!("{fault:?} is not found by {find:?}"));
-            }
-        }
+        wrong.extend(missed.iter().map(|find| format!("{fault:?} is not found by {find:?}")));
     }
+    wrong
+}
+
+#[test]
+fn each_instrument_finds_its_own_error_and_no_other() {
+    let scene = Street::builtin().sampling(0.5).scene(&|_| true).unwrap();
+    let queue = Mutex::new(INSTRUMENTS.iter().filter(|instrument| instrument.name != "controls"));
+    let work = || {
+        let mut rig = rig(scene.clone());
+        let next = || queue.lock().unwrap().next();
+        std::iter::from_fn(next).flat_map(|instrument| mistakes(&mut rig, instrument)).collect::<Vec<_>>()
+    };
+    let wrong: Vec<String> = std::thread::scope(|scope| {
+        let count = std::thread::available_parallelism().map_or(1, usize::from).min(8);
+        let workers: Vec<_> = (0..count).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
