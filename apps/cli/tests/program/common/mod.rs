@@ -407,6 +407,18 @@ pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, f64::max)
 }
 
+/// The likeness of values from 0 to 1 by how far they are off: the mean square, dB below 1.
+pub fn psnr(errors: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) = errors.into_iter().fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
+    -10.0 * f64::log10(sum / count)
+}
+
+/// Column and row of every pixel of a picture.
+pub fn pixels(camera: &Camera) -> impl Iterator<Item = (u32, u32)> {
+    let (width, height) = (camera.width, camera.height);
+    (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)))
+}
+
 /// Clear weather with changes, each as `--set` takes it.
 pub fn weather(changes: &[impl AsRef<str>]) -> Weather {
     let mut weather = Weather::clear();
