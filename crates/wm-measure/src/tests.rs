@@ -7,14 +7,16 @@
 
 use super::place_renderer::PlaceRenderer;
 use super::{
-    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentScan, MeasureRequest, ShadowReport, ShotSubject,
-    changed, expected,
+    Finding, INSTRUMENTS, Instrument, InstrumentRenderer, InstrumentScan, MeasureRequest, ShadowReport,
+    ShotSubject, changed, expected,
 };
 use glam::DVec3;
+use std::sync::Mutex;
 use wm_base::color::{srgb_decode, srgb_encode};
 use wm_place::lidar::LidarSweep;
 use wm_place::{FrameCamera, FrameRequest, Picture, Renderer, Result};
-use wm_scene::{Camera, Lamp, Splats, quat, sh};
+use wm_render::{CpuConfig, Device};
+use wm_scene::{Camera, Lamp, Scene, Splats, quat, sh};
 use wm_street::Street;
 use wm_weather::wetness::WaterState;
 use wm_weather::{Site, Weather};
@@ -461,72 +463,84 @@ impl InstrumentRenderer for Faulty {
     }
 }
 
-fn rig() -> Faulty {
-    let scene = Street::builtin().sampling(0.5).scene(&|_| true).unwrap();
-    let mut renderer = Renderer::cpu().unwrap();
+/// A rig on one thread, beside others.
+fn rig(scene: Scene) -> Faulty {
+    let config = CpuConfig { threads: Some(1), ..CpuConfig::default() };
+    let mut renderer = Renderer::new(&Device::Cpu, config, |_| {}).unwrap();
     let place = renderer.load(scene).unwrap();
     let camera = Street::views()[0].camera((240, 160)).unwrap();
     let field = PlaceRenderer::new(renderer, place, camera);
     Faulty { field, fault: Fault::None, shots: Vec::new() }
 }
 
-#[test]
-fn each_instrument_finds_its_own_error_and_no_other() {
-    let mut rig = rig();
-    let instruments: Vec<_> = INSTRUMENTS.iter().filter(|instrument| instrument.name != "controls").collect();
-    let read = |rig: &mut Faulty, fault: Fault, index: usize| -> (Finding, Vec<OwnedShot>) {
-        let instrument = instruments[index];
-        rig.fault = fault;
-        let mut all = Finding::default();
-        for weather in &weathers(instrument.name) {
-            assert!((instrument.applies)(weather, 0.0), "{}", instrument.name);
-            let request = MeasureRequest { weather, time: 0.0, setting: "test" };
-            let finding = instrument.read(rig, &request).unwrap();
-            assert!(!finding.readings.is_empty(), "{}", instrument.name);
-            all.readings.extend(finding.readings);
-            rig.clear_away();
-        }
-        (all, std::mem::take(&mut rig.shots))
-    };
-    let faultless: Vec<_> = (0..instruments.len()).map(|index| read(&mut rig, Fault::None, index)).collect();
+/// What an instrument reads on a rig with a fault, and what it asks for.
+fn read(rig: &mut Faulty, fault: Fault, instrument: &Instrument) -> (Finding, Vec<OwnedShot>) {
+    rig.fault = fault;
+    let mut all = Finding::default();
+    for weather in &weathers(instrument.name) {
+        assert!((instrument.applies)(weather, 0.0), "{}", instrument.name);
+        let request = MeasureRequest { weather, time: 0.0, setting: "test" };
+        let finding = instrument.read(rig, &request).unwrap();
+        assert!(!finding.readings.is_empty(), "{}", instrument.name);
+        all.readings.extend(finding.readings);
+        rig.clear_away();
+    }
+    (all, std::mem::take(&mut rig.shots))
+}
+
+/// Faults that an instrument finds without being expected to, and those that it does not find.
+fn mistakes(rig: &mut Faulty, instrument: &Instrument) -> Vec<String> {
+    let (own, shots) = read(rig, Fault::None, instrument);
     let mut wrong = Vec::new();
     for (fault, finds) in FINDS {
-        let finds: Vec<_> = finds.split("; ").filter(|find| !find.is_empty()).collect();
-        let mut found = Vec::new();
-        for (index, instrument) in instruments.iter().enumerate() {
-            let (own, shots) = &faultless[index];
-            let changes = |k: usize| {
-                matches!(
-                    fault,
-                    Fault::Upright
-                        | Fault::Puddles
-                        | Fault::Ranges
-                        | Fault::Echoes
-                        | Fault::WetEchoes
-                        | Fault::Points
-                ) || fault.light(&shots[k]).is_some()
-                    || fault.falsified(k, &shots[k]) != shots[k]
-            };
-            let is_touched = fault.is_for(instrument.name) && (0..shots.len()).any(changes);
-            let finding = if is_touched { read(&mut rig, fault, index).0 } else { own.clone() };
-            for reading in finding.readings.iter().filter(|reading| !reading.passes()) {
-                println!("{fault:?}: {} finds {reading:?}", instrument.name);
-                let finds_it = |find: &&&str| {
-                    let (name, part) = find.split_once(": ").unwrap_or((find, ""));
-                    name == instrument.name && reading.quantity.contains(part)
-                };
-                let find = finds.iter().find(finds_it);
-                if find.is_none() {
-                    wrong.push(format!("{fault:?} is no error of {}: {reading:?}", instrument.name));
-                }
-                found.extend(find);
+        // Quantities that this instrument must find wrong; "" for any.
+        let own_finds = || {
+            let finds = finds.split("; ").map(|find| find.split_once(": ").unwrap_or((find, "")));
+            finds.filter(|find| find.0 == instrument.name).map(|find| find.1)
+        };
+        let mut missed: Vec<&str> = own_finds().collect();
+        let changes = |(k, shot): (usize, &OwnedShot)| {
+            matches!(
+                fault,
+                Fault::Upright
+                    | Fault::Puddles
+                    | Fault::Ranges
+                    | Fault::Echoes
+                    | Fault::WetEchoes
+                    | Fault::Points
+            ) || fault.light(shot).is_some()
+                || fault.falsified(k, shot) != *shot
+        };
+        let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);
+        let finding = if is_touched { read(rig, fault, instrument).0 } else { own.clone() };
+        for reading in finding.readings.iter().filter(|reading| !reading.passes()) {
+            println!("{fault:?}: {} finds {reading:?}", instrument.name);
+            let expected = own_finds().find(|part| reading.quantity.contains(part));
+            if expected.is_none() {
+                wrong.push(format!("{fault:?} is no error of {}: {reading:?}", instrument.name));
             }
+            missed.retain(|part| Some(*part) != expected);
         }
-        for find in &finds {
-            if !found.contains(&find) {
-                wrong.push(format!("{fault:?} is not found by {find:?}"));
-            }
-        }
+        wrong.extend(
+            missed.iter().map(|part| format!("{fault:?} is not found by {}: {part}", instrument.name)),
+        );
     }
+    wrong
+}
+
+#[test]
+fn each_instrument_finds_its_own_error_and_no_other() {
+    let scene = Street::builtin().sampling(0.5).scene(&|_| true).unwrap();
+    let queue = Mutex::new(INSTRUMENTS.iter().filter(|instrument| instrument.name != "controls"));
+    let work = || {
+        let mut rig = rig(scene.clone());
+        let next = || queue.lock().unwrap().next();
+        std::iter::from_fn(next).flat_map(|instrument| mistakes(&mut rig, instrument)).collect::<Vec<_>>()
+    };
+    let wrong: Vec<String> = std::thread::scope(|scope| {
+        let count = std::thread::available_parallelism().map_or(1, usize::from).min(8);
+        let workers: Vec<_> = (0..count).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

@@ -135,11 +135,7 @@ pub const TARGETS: &[Target] = &[
     reader("training", &[training], read_and_check),
     reader("metadata", &[metadata], read_as_inspect_does),
     reader("survey", &[ascii_ply, text_seed!("surfels.ply"), levels], read_as_inspect_does),
-    reader(
-        "colmap",
-        &[|folder| colmap_model(folder, false), |folder| colmap_model(folder, true)],
-        read_capture,
-    ),
+    reader("colmap", &[colmap_model::<false>, colmap_model::<true>], read_capture),
     reader(
         "captures",
         &[
@@ -149,18 +145,7 @@ pub const TARGETS: &[Target] = &[
         ],
         read_capture,
     ),
-    reader(
-        "logs",
-        &[
-            |folder| log(folder, 0),
-            |folder| log(folder, 1),
-            |folder| log(folder, 2),
-            |folder| log(folder, 3),
-            |folder| log(folder, 4),
-            |folder| log(folder, 5),
-        ],
-        read_log,
-    ),
+    reader("logs", &[log::<0>, log::<1>, log::<2>, log::<3>, log::<4>, log::<5>], read_log),
     reader("photos", &[photo_png, photo_jpeg], |path| {
         read_photo(path, &|width, height| match u64::from(width) * u64::from(height) {
             0..=1_000_000 => Ok(()),
@@ -198,12 +183,10 @@ pub const TARGETS: &[Target] = &[
     reader("rig", &[text_seed!("rig.toml")], |path| done(Rig::read(path))),
     reader("lens", &[text_seed!("lens.toml")], |path| done(LensModel::read(path))),
     reader("lidar", &[text_seed!("lidar.toml")], |path| {
-        let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
-        done(wm_sensors::LidarModel::parse(&text, "lidar"))
+        done(wm_sensors::LidarModel::parse(&text_of(path)?, "lidar"))
     }),
     reader("radar", &[text_seed!("radar.toml")], |path| {
-        let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
-        done(wm_sensors::radar::RadarModel::parse(&text, "radar"))
+        done(wm_sensors::radar::RadarModel::parse(&text_of(path)?, "radar"))
     }),
     reader("train-config", &[train_config], |path| done(wm_train::TrainConfig::read(path))),
     user(
@@ -219,15 +202,7 @@ pub const TARGETS: &[Target] = &[
     ),
     user("use-lens", &[text_seed!("lens.toml")], uses::render_lens),
     user("use-lidar", &[text_seed!("lidar.toml")], uses::scan),
-    user(
-        "use-links",
-        &[
-            |folder| uses::link_seed(folder, 0),
-            |folder| uses::link_seed(folder, 1),
-            |folder| uses::link_seed(folder, 2),
-        ],
-        uses::open_link,
-    ),
+    user("use-links", &[uses::link_seed::<0>, uses::link_seed::<1>, uses::link_seed::<2>], uses::open_link),
     user(
         "use-states",
         &[text_seed!("state.json"), text_seed!("state_path.json"), text_seed!("state_lidar.json")],
@@ -238,6 +213,10 @@ pub const TARGETS: &[Target] = &[
     user("use-assets", &[uses::assets_seed], uses::render_assets),
     user("use-edges", &[uses::edges_seed], uses::render_edges),
 ];
+
+fn text_of(path: &Path) -> Result<String, String> {
+    fs::read_to_string(path).map_err(|error| error.to_string())
+}
 
 /// Reads a scene and looks for faults.
 fn read_and_check(path: &Path) -> Result<(), String> {
@@ -363,7 +342,7 @@ fn metadata(folder: &Path) -> SeedPath {
     Ok(path)
 }
 
-fn colmap_model(folder: &Path, is_text: bool) -> SeedPath {
+fn colmap_model<const IS_TEXT: bool>(folder: &Path) -> SeedPath {
     let camera = |x: f64| Camera::posed((60, 40), 50.0, DVec3::new(x, 0.0, 0.0), glam::DMat3::IDENTITY);
     let points: Vec<DVec3> =
         (0..8).map(|i| DVec3::new(f64::from(i % 3) - 1.0, f64::from(i % 2), 5.0 + f64::from(i))).collect();
@@ -372,7 +351,7 @@ fn colmap_model(folder: &Path, is_text: bool) -> SeedPath {
     let model = folder.join("sparse/0");
     fs::create_dir_all(&model)?;
     fs::create_dir_all(folder.join("images"))?;
-    let storage = if is_text { ColmapStorage::Text } else { ColmapStorage::Binary };
+    let storage = if IS_TEXT { ColmapStorage::Text } else { ColmapStorage::Binary };
     write(&capture, &model, storage)?;
     for index in 0..3 {
         fs::write(folder.join(format!("images/{index:03}.jpg")), small_jpeg()?)?;
@@ -380,8 +359,8 @@ fn colmap_model(folder: &Path, is_text: bool) -> SeedPath {
     Ok(folder.to_path_buf())
 }
 
-fn log(folder: &Path, kind: usize) -> SeedPath {
-    Ok(MINI_LOGS[kind].1(folder)?.path)
+fn log<const KIND: usize>(folder: &Path) -> SeedPath {
+    Ok(MINI_LOGS[KIND].1(folder)?.path)
 }
 
 fn gradient() -> Vec<u8> {

@@ -16,7 +16,7 @@ use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::lidar::ScanOptions;
 use weather_magician::view::{ViewOptions, path::CameraPath};
 use weather_magician::{
-    Camera, CameraMotion, FrameRequest, LensSpec, Metadata, MovingCamera, Patience, Picture, PlaceOptions,
+    Camera, CameraMotion, FrameRequest, LensSpec, Metadata, MovingCamera, Patience, PlaceOptions,
     PreparedPlace, Renderer, Scene, Weather,
 };
 use wm_image::color::Dither;
@@ -85,9 +85,7 @@ impl Stage {
 
     fn render(&mut self, weather: &Weather, time: f64, camera: MovingCamera) -> Outcome {
         self.prepare(weather)?;
-        let mut picture = Picture::default();
-        let request = FrameRequest::new(weather, camera, time);
-        done(self.renderer.render_into(&mut self.place, &request, &mut picture, &mut ()))
+        done(self.renderer.render(&mut self.place, &FrameRequest::new(weather, camera, time)))
     }
 }
 
@@ -271,9 +269,9 @@ fn state(patch: &str, place: &PreparedPlace) -> Result<ViewState, String> {
 }
 
 /// Writes a link to one of [`STATES`].
-pub fn link_seed(folder: &Path, number: usize) -> SeedPath {
+pub fn link_seed<const NUMBER: usize>(folder: &Path) -> SeedPath {
     let stage = Stage::new(None)?;
-    put(folder, "link.txt", link::encode(&state(STATES[number], &stage.place)?)?)
+    put(folder, "link.txt", link::encode(&state(STATES[NUMBER], &stage.place)?)?)
 }
 
 /// Opens a damaged link, as the viewer and an exported page do, and draws its view.

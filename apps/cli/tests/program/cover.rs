@@ -39,10 +39,8 @@ fn what_is_baked_is_what_is_rendered() {
         let live = yard.png(&format!("--set {asked}"));
         yard.run(&format!("bake yard.ply --set {asked} --overwrite -o baked.ply"));
         let again = read_png(&(*yard).render(&yard.path("baked.ply"), &yard.view, "again.png", ""));
-        let squares = live.pixels.iter().zip(&again.pixels);
-        let squares = squares.flat_map(|(a, b)| (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)));
-        let mean = squares.sum::<f64>() / (3 * live.pixels.len()) as f64;
-        let psnr = 10.0 * (255.0 * 255.0 / mean.max(1e-9)).log10();
+        let pairs = live.pixels.as_flattened().iter().zip(again.pixels.as_flattened());
+        let psnr = psnr(pairs.map(|(a, b)| STEP * (f64::from(*a) - f64::from(*b))));
         println!("{asked}: {psnr:.1} dB");
         assert!(psnr > 45.0, "{asked}: {psnr} dB");
     }

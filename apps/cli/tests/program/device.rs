@@ -2,14 +2,10 @@
 
 use crate::common::*;
 use crate::process::{printed, said};
-use wm_capture::colmap::write::ColmapStorage;
 use wm_render::gpu::adapters;
 use wm_render::testing::Backend;
 use wm_scene::{Lamp, Metadata};
-use wm_street::{
-    Street,
-    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
-};
+use wm_street::dataset::DatasetOptions;
 
 const SIZE: (u32, u32) = (120, 80);
 
@@ -41,16 +37,8 @@ fn a_training_ends_as_near_as_the_cpus() {
     }
     let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
     let workshop = Workshop::new();
-    let options = DatasetOptions {
-        route: CameraRoute::Orbit,
-        count: 9,
-        size: (48, 32),
-        samples: 1,
-        points: 300,
-        storage: ColmapStorage::Binary,
-        truth: GroundTruth::Omit,
-    };
-    dataset::write(&Street::builtin(), &workshop.path("set"), &options, &mut |_| true).unwrap();
+    let options = DatasetOptions { count: 9, size: (48, 32), points: 300, ..DatasetOptions::TINY };
+    workshop.photos("set", &options);
     let psnr = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
         // Few steps: with more of them so few photos are learnt by heart, and no two ways of
         // rounding end alike.

@@ -9,21 +9,17 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 use wm_base::npy;
-use wm_capture::colmap::write::ColmapStorage;
 use wm_scene::Splats;
-use wm_street::{
-    Street,
-    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
-};
+use wm_street::Street;
+use wm_street::dataset::{CameraRoute, DatasetOptions, GroundTruth};
 
 const PHOTOS: DatasetOptions = DatasetOptions {
     route: CameraRoute::Walk,
     count: 3,
     size: (120, 80),
-    samples: 1,
     points: 50,
-    storage: ColmapStorage::Binary,
     truth: GroundTruth::Write,
+    ..DatasetOptions::TINY
 };
 
 /// The street and photos of it; tests read it and write elsewhere.
@@ -32,7 +28,7 @@ fn shared() -> &'static Workshop {
     MADE.get_or_init(|| {
         let made = Workshop::new();
         let street = Street::builtin();
-        dataset::write(&street, &made.path("set"), &PHOTOS, &mut |_| true).unwrap();
+        made.photos("set", &PHOTOS);
         let sampling = street.sampling(0.2);
         let mut splats = Splats::with_capacity(sampling.len(), 0);
         (0..sampling.len()).filter_map(|index| sampling.splat(index)).for_each(|splat| splats.push(&splat));

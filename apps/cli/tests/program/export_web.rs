@@ -29,8 +29,7 @@ fn desk() -> Workshop {
     let usual = "export-web a.ply --camera 0,-2.5,1.5:0,3,0.5 --size 48x32 --device cpu --player player";
     let desk = Workshop::with(usual, &["warning: "]);
     desk.scene("a", splats, &Metadata { ground: Some(0.0), ..Metadata::default() });
-    desk.put("player/player.js", "export class Player {}\n");
-    desk.put("player/player_bg.wasm", b"\0asm\x01\0\0\0");
+    desk.put_player();
     desk
 }
 

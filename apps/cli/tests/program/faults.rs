@@ -12,8 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
-use wm_street::Street;
-use wm_street::dataset::{self, CameraRoute, DatasetOptions};
+use wm_street::dataset::{CameraRoute, DatasetOptions};
 
 /// Files by their paths in the folder where a command runs.
 type Files = BTreeMap<PathBuf, Vec<u8>>;
@@ -71,9 +70,9 @@ struct Job {
 
 impl Job {
     /// Prepares the folder with `inputs`, and runs the command twice.
-    fn new(words: &str, again: &'static str, inputs: impl Fn(&Path)) -> Self {
+    fn new(words: &str, again: &'static str, inputs: impl Fn(&Workshop)) -> Self {
         let workshop = Workshop::new();
-        inputs(&workshop.path(""));
+        inputs(&workshop);
         let words = words.replace("LOOK", LOOK);
         let before = files(&workshop.path(""));
         let mut job = Self {
@@ -264,25 +263,23 @@ fn is_work(path: &Path) -> bool {
 }
 
 /// The yard, and a scene that is replaced.
-fn scenes(folder: &Path) {
-    let scene =
-        wm_scene::Scene { splats: yard().build(), metadata: yard_metadata(1.0), ..Default::default() };
-    wm_scene::formats::write_scene(&folder.join("yard.ply"), &scene).unwrap();
-    fs::write(folder.join("old.ply"), "old").unwrap();
+fn scenes(workshop: &Workshop) {
+    workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    workshop.put("old.ply", "old");
 }
 
-fn photos(folder: &Path) {
-    photos_along(CameraRoute::Orbit, folder);
+fn photos(workshop: &Workshop) {
+    workshop.photos("photos", &DatasetOptions::TINY);
 }
 
 /// Photos at eye level, with sky in them.
-fn photos_of_a_walk(folder: &Path) {
-    photos_along(CameraRoute::Walk, folder);
+fn photos_of_a_walk(workshop: &Workshop) {
+    workshop.photos("photos", &DatasetOptions { route: CameraRoute::Walk, ..DatasetOptions::TINY });
 }
 
-fn photos_along(route: CameraRoute, folder: &Path) {
-    let options = DatasetOptions { route, ..DatasetOptions::TINY };
-    dataset::write(&Street::builtin(), &folder.join("photos"), &options, &mut |_| true).unwrap();
+fn scenes_and_photos(workshop: &Workshop) {
+    scenes(workshop);
+    photos(workshop);
 }
 
 /// A test for each command.
@@ -312,32 +309,26 @@ jobs! {
     scan: "scan yard.ply --at=0,-8,1.5:0,4,1.5 --weather heavy-rain --sub-rays 1 --lidar vlp-16 --sweeps 4 --out points.ply",
         "--overwrite", scenes, [with_failing_files, with_signals];
     batch: "batch plan.toml --out data --device cpu", "",
-        |folder: &Path| {
-            scenes(folder);
-            fs::write(folder.join("plan.toml"), PLAN).unwrap();
-            fs::write(folder.join("rig.toml"), RIG).unwrap();
+        |workshop: &Workshop| {
+            scenes(workshop);
+            workshop.put("plan.toml", PLAN);
+            workshop.put("rig.toml", RIG);
         },
         [with_failing_files, with_signals];
     reconstruct: "reconstruct photos --no-assets --out trained.ply --steps 60 --max-splats 400 --sh-degree 1 --threads 1 \
                   --checkpoint-every 0.001",
         "--resume --overwrite", photos, [with_failing_files, with_signals];
     evaluate: "evaluate yard.ply --dataset photos --json told.json --report told.html --assets off", "--overwrite",
-        |folder: &Path| {
-            scenes(folder);
-            photos(folder);
-        },
-        [with_failing_files, with_signals];
+        scenes_and_photos, [with_failing_files, with_signals];
     priors: "priors photos --out maps --preview", "--overwrite", photos_of_a_walk, [with_failing_files, with_signals];
     sky: "sky photos --width 64 --out sky.png", "--overwrite", photos_of_a_walk, [with_failing_files, with_signals];
     label: "label yard.ply --views photos --masks masks --out labelled.ply --threads 1", "--overwrite",
-        |folder: &Path| {
-            scenes(folder);
-            photos(folder);
-            fs::create_dir(folder.join("masks")).unwrap();
+        |workshop: &Workshop| {
+            scenes_and_photos(workshop);
             let (width, height) = DatasetOptions::TINY.size;
             let labels: Vec<f32> = (0..width * height).map(|at| (at % width / 24) as f32).collect();
             for photo in 0..DatasetOptions::TINY.count {
-                let path = folder.join(format!("masks/{photo:05}.npy"));
+                let path = workshop.put(format!("masks/{photo:05}.npy"), "");
                 wm_base::npy::write(&path, &labels, &[height as usize, width as usize]).unwrap();
             }
         },
@@ -368,11 +359,9 @@ jobs! {
 #[cfg(feature = "viewer")]
 jobs! {
     page: "export-web yard.ply LOOK --prepare none --player player --out site", "--overwrite",
-        |folder: &Path| {
-            scenes(folder);
-            fs::create_dir(folder.join("player")).unwrap();
-            fs::write(folder.join("player/player.js"), "export class Player {}\n").unwrap();
-            fs::write(folder.join("player/player_bg.wasm"), b"\0asm\x01\0\0\0").unwrap();
+        |workshop: &Workshop| {
+            scenes(workshop);
+            workshop.put_player();
         },
         [with_few_failing_files];
 }

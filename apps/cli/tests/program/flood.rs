@@ -1,7 +1,7 @@
 //! Floods the built-in street and holds the mirror against rays, threads against each other, and
 //! bad input against its message.
 
-use crate::common::weather;
+use crate::common::{pixels, psnr, weather};
 use glam::DVec3;
 use weather_magician::{FrameRequest, Metadata, PreparedPlace, Renderer, Weather};
 use wm_base::color::{srgb_decode, srgb_encode};
@@ -38,41 +38,35 @@ fn still_water_mirrors_what_rays_meet() {
         let camera = Street::dolly(time).camera((240, 160)).unwrap();
         // The splats are not the street: what they show directly differs from what rays meet, too.
         let clear = renderer.render(&mut place, &still(&Weather::clear(), &camera)).unwrap();
-        let (mut directly, mut pixels) = (0.0, 0);
-        for (x, y) in (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y))) {
+        let mut directly = Vec::new();
+        for (x, y) in pixels(&camera) {
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let Some(hit) = street.cast(camera.center(), ray) else { continue };
             for (want, seen) in display_of(hit.radiance).into_iter().zip(clear.frame.rgb_at(x, y)) {
-                directly += (want - f64::from(seen)).powi(2);
-                pixels += 1;
+                directly.push(want - f64::from(seen));
             }
         }
-        let direct_psnr = -10.0 * (directly / f64::from(pixels)).log10();
+        let direct_psnr = psnr(directly);
         let picture = renderer.render(&mut place, &still(&weather, &camera)).unwrap();
-        let (mut error, mut count) = (0.0, 0);
-        for y in 0..camera.height {
-            for x in 0..camera.width {
-                let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                let distance = (camera.center().z - water) / -ray.z;
-                let is_water = ray.z < 0.0 && distance < 60.0;
-                let is_open =
-                    is_water && street.first(camera.center(), ray).is_none_or(|hit| hit.t > distance);
-                if !is_open {
-                    continue;
-                }
-                let point = camera.center() + distance * ray;
-                let up = DVec3::new(ray.x, ray.y, -ray.z);
-                let Some(hit) = street.cast(point, up) else { continue };
-                let share = f64::from(fresnel(-ray.z as f32));
-                let seen = picture.frame.rgb_at(x, y);
-                for (radiance, seen) in display_of(hit.radiance).into_iter().zip(seen) {
-                    let want = srgb_encode(share * srgb_decode(radiance));
-                    error += (want - f64::from(seen)).powi(2);
-                    count += 1;
-                }
+        let mut errors = Vec::new();
+        for (x, y) in pixels(&camera) {
+            let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let distance = (camera.center().z - water) / -ray.z;
+            let is_water = ray.z < 0.0 && distance < 60.0;
+            let is_open = is_water && street.first(camera.center(), ray).is_none_or(|hit| hit.t > distance);
+            if !is_open {
+                continue;
+            }
+            let point = camera.center() + distance * ray;
+            let up = DVec3::new(ray.x, ray.y, -ray.z);
+            let Some(hit) = street.cast(point, up) else { continue };
+            let share = f64::from(fresnel(-ray.z as f32));
+            for (radiance, seen) in display_of(hit.radiance).into_iter().zip(picture.frame.rgb_at(x, y)) {
+                errors.push(srgb_encode(share * srgb_decode(radiance)) - f64::from(seen));
             }
         }
-        let psnr = -10.0 * (error / f64::from(count)).log10();
+        let count = errors.len();
+        let psnr = psnr(errors);
         println!("{time}: {psnr:.2} dB over {} pixels, directly {direct_psnr:.2} dB", count / 3);
         assert!(count > 9000 && psnr > direct_psnr, "{psnr} dB over {count}, directly {direct_psnr} dB");
     }

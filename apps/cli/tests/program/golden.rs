@@ -1,8 +1,8 @@
 //! Pictures that must stay as they are, and bytes that must not depend on the machine's threads.
 //!
-//! `apps/cli/tests/golden/*.png` show a made-up yard in fog and under another sky, drawn on the portable
-//! path without dither. To change them on purpose, run this test with `WM_UPDATE_GOLDEN=1` and look
-//! at what changed.
+//! `apps/cli/tests/golden/*.png` show a made-up yard in fog and under another sky, drawn on the
+//! portable path without dither. To change them on purpose, run this test with `WM_UPDATE_GOLDEN=1`
+//! and look at what changed.
 
 use crate::common::*;
 use glam::DVec3;

@@ -49,9 +49,8 @@ fn a_weather_is_measured_as_it_was_asked_for() {
 
 #[test]
 fn what_cannot_be_measured_is_said_in_a_line() {
-    let workshop = Workshop::new();
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    let scene = scene.display();
+    let yard = Shot::yard((48, 32));
+    let scene = yard.scene.display();
     let fog = format!("{scene} --set fog.mor=50");
     for (arguments, says) in [
         (format!("{scene} --weather clear"), "has nothing for these instruments to measure"),

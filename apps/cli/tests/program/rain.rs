@@ -8,6 +8,7 @@
 use crate::common::*;
 use glam::DVec3;
 use wm_base::npy;
+use wm_base::statistics::median;
 use wm_scene::{Camera, Metadata, Splats};
 
 const SIZE: (u32, u32) = (480, 320);
@@ -47,12 +48,11 @@ fn drops_and_air_dim_by_one_law_at_every_distance() {
                 .sum::<f64>();
             // The mean way of a ray to the board is longer than its distance.
             let (camera, _) = ahead();
-            let rays = (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y)));
             let through = |(x, y): (u32, u32)| {
                 let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
                 (-law * distance / ray.y).exp()
             };
-            let wanted = rays.map(through).sum::<f64>() / f64::from(SIZE.0 * SIZE.1);
+            let wanted = pixels(&camera).map(through).sum::<f64>() / f64::from(SIZE.0 * SIZE.1);
             let (found, wanted) = (-kept.ln(), -wanted.ln());
             println!("{effect} {rate} mm/h, {distance} m: optical depth {found:.4}, by the law {wanted:.4}");
             assert!((found / wanted - 1.0).abs() < 0.03, "{effect} {distance} m: {found} {wanted}");
@@ -214,17 +214,13 @@ fn streaks_are_as_long_as_drops_of_their_size_fall() {
             speeds.push(speed / gunn_kinzer(diameter));
         }
     }
-    let median = |values: &mut Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
     let count = lengths.len();
     let within = |values: &[f64], around: f64, off: f64| {
         values.iter().filter(|v| (**v - around).abs() < off).count() as f64 / values.len() as f64
     };
     let (all, near, right) =
         (within(&lengths, 1.0, 0.05), within(&angles, 0.0, 2.0), within(&speeds, 1.0, 0.05));
-    let (length, angle, speed) = (median(&mut lengths), median(&mut angles), median(&mut speeds));
+    let [length, angle, speed] = [lengths, angles, speeds].map(|mut values| median(&mut values).unwrap());
     println!(
         "{count} streaks: length {length:.4} ({all:.2} within 5 %), angle off {angle:.3} degrees ({near:.2} within 2), speed {speed:.4} ({right:.2} within 5 %)"
     );

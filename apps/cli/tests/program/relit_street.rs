@@ -1,8 +1,10 @@
 //! Compares the street's light as weather changes it with the same street under the sky that it is
 //! changed to.
 
+use crate::common::psnr;
 use weather_magician::{FrameRequest, Picture, Renderer, Weather};
 use wm_base::color::{luminance, srgb_decode};
+use wm_base::statistics::median;
 use wm_scene::{Camera, Scene};
 use wm_street::{Lighting, Place, Street};
 
@@ -48,11 +50,6 @@ fn edges(place: &Place, camera: &Camera, picture: &Picture) -> Vec<f64> {
     pairs.filter_map(ratio).collect()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
 #[test]
 fn clouds_take_the_shadows_of_the_street_away() {
     let sunny = Street::builtin();
@@ -68,9 +65,9 @@ fn clouds_take_the_shadows_of_the_street_away() {
 
     let contrast = |pictures: &[Picture]| {
         let all = cameras.iter().zip(pictures).flat_map(|(camera, picture)| edges(&sunny, camera, picture));
-        let all: Vec<f64> = all.collect();
+        let mut all: Vec<f64> = all.collect();
         assert!(all.len() > 300, "{} pairs", all.len());
-        median(all)
+        median(&mut all).unwrap()
     };
     let [had, left, none] = [&before, &relit, &truth].map(|pictures| contrast(pictures));
     assert!(had > 0.4 && none.abs() < 0.1, "{had} before, {none} in truth");
@@ -79,8 +76,7 @@ fn clouds_take_the_shadows_of_the_street_away() {
     assert!(share < 0.15, "{share} of the contrast is left: {had} before, {left} relit, {none} in truth");
 
     for (relit, truth) in relit.iter().zip(&truth) {
-        let square = relit.frame.rgb.iter().zip(&truth.frame.rgb).map(|(a, b)| f64::from(a - b).powi(2));
-        let psnr = -10.0 * (square.sum::<f64>() / relit.frame.rgb.len() as f64).log10();
+        let psnr = psnr(relit.frame.rgb.iter().zip(&truth.frame.rgb).map(|(a, b)| f64::from(a - b)));
         assert!(psnr > 26.0, "{psnr} dB");
     }
 }

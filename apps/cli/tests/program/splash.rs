@@ -61,7 +61,7 @@ fn nothing_splashes_under_a_roof_or_on_dry_ground() {
         assert!(shown[a].frame == shown[b].frame, "{a} {b}");
     }
     let (mut dry, mut wet) = ([0, 0], [0, 0]);
-    for (x, y) in (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y))) {
+    for (x, y) in pixels(&camera) {
         let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let distance = -eye.z / ray.z;
         if ray.z > -0.05 || distance > 9.0 {

@@ -52,6 +52,13 @@ struct Pair {
     black: Image<[f64; 3]>,
 }
 
+impl Pair {
+    /// What a white card at a pixel sends more than a black one.
+    fn contrast(&self, x: usize, y: usize, channel: usize) -> f64 {
+        self.white.at(x, y)[channel] - self.black.at(x, y)[channel]
+    }
+}
+
 /// The source of the scale.
 #[derive(Clone, Copy)]
 enum Scale {
@@ -129,14 +136,13 @@ impl Chart {
     }
 
     /// Length of the ray through a pixel to card `index`, m.
-    fn metres(&self, index: usize, (x, y): (usize, usize)) -> f64 {
+    fn metres(&self, index: usize, x: usize, y: usize) -> f64 {
         self.cards[index].ray_length(&self.camera, x as f64 + 0.5, y as f64 + 0.5) * self.metres_per_unit
     }
 
     /// Optical depth that is measured at one pixel.
-    fn depth(&self, seen: &Pair, (x, y): (usize, usize), channel: usize) -> f64 {
-        let contrast = |pair: &Pair| pair.white.at(x, y)[channel] - pair.black.at(x, y)[channel];
-        -(contrast(seen) / contrast(&self.clear)).ln()
+    fn depth(&self, seen: &Pair, x: usize, y: usize) -> f64 {
+        -(seen.contrast(x, y, 1) / self.clear.contrast(x, y, 1)).ln()
     }
 
     /// Measures each card whose transmittance is between the two bounds, means over its patch:
@@ -146,9 +152,8 @@ impl Chart {
         for index in 0..self.cards.len() {
             let (mut metres, mut kept, mut count) = (0.0, 0.0, 0.0);
             for (x, y) in Self::patch(index) {
-                let contrast = |pair: &Pair| pair.white.at(x, y)[channel] - pair.black.at(x, y)[channel];
-                metres += self.metres(index, (x, y));
-                kept += contrast(seen) / contrast(&self.clear);
+                metres += self.metres(index, x, y);
+                kept += seen.contrast(x, y, channel) / self.clear.contrast(x, y, channel);
                 count += 1.0;
             }
             let transmittance: f64 = kept / count;
@@ -290,8 +295,8 @@ fn fog_that_thins_upwards_is_the_integral_along_each_ray() {
                 let rise = -chart.camera.ray(x as f64 + 0.5, y as f64 + 0.5).y;
                 for (x, y) in Chart::patch(index) {
                     let rise = -chart.camera.ray(x as f64 + 0.5, y as f64 + 0.5).y;
-                    measured += chart.depth(&seen, (x, y), 1);
-                    integral += simpson(15.0 - 3.0, rise, chart.metres(index, (x, y)), scale_height);
+                    measured += chart.depth(&seen, x, y);
+                    integral += simpson(15.0 - 3.0, rise, chart.metres(index, x, y), scale_height);
                 }
                 let pixels = Chart::patch(index).count() as f64;
                 // Neither next to nothing nor swamped.
@@ -324,8 +329,7 @@ fn fog_only_takes_contrast_and_ends_in_the_airlight() {
     let middle = chart.seen("exr", &fog(200.0));
     for (x, y) in (0..chart.cards.len()).flat_map(Chart::patch) {
         for (k, airlight) in airlight.into_iter().enumerate() {
-            let contrast = |pair: &Pair| pair.white.at(x, y)[k] - pair.black.at(x, y)[k];
-            let contrasts = [&thick, &middle, &thin, none].map(contrast);
+            let contrasts = [&thick, &middle, &thin, none].map(|pair| pair.contrast(x, y, k));
             // As far as f32 tells, which at 600 m and 50 m of range is nothing any more.
             assert!(contrasts.windows(2).all(|pair| pair[0] <= pair[1] + 1e-6), "{contrasts:?}");
             for pair in [&thick, &middle, &thin] {

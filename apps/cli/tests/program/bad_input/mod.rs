@@ -6,7 +6,7 @@ mod scenes;
 mod streams;
 mod weathers;
 
-use crate::common::Workshop;
+use crate::common::{Workshop, with_usual};
 use crate::process::{finish, said, succeeds, wait};
 use std::ffi::OsStr;
 use std::fs;
@@ -96,11 +96,6 @@ impl Workshop {
 
 /// The options of `render`: `more`, and what is usual where it says nothing.
 fn render<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
     // The tests that render often to one file replace it.
-    ["render", scene, "--overwrite"]
-        .into_iter()
-        .chain(more.iter().copied())
-        .chain(usual.flat_map(|(a, b)| [a, b]))
-        .collect()
+    with_usual(&["render", scene, "--overwrite"], more, &USUAL)
 }

@@ -15,6 +15,8 @@ use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Metadata, Scene, Splats};
 
 pub use wm_scene::card::Card;
+use wm_street::Street;
+use wm_street::dataset::{self, DatasetOptions};
 
 /// A step of an 8-bit picture.
 pub const STEP: f64 = 1.0 / 255.0;
@@ -85,6 +87,12 @@ impl Workshop {
         path
     }
 
+    /// Writes a player of web pages that does nothing into `player`.
+    pub fn put_player(&self) {
+        self.put("player/player.js", "export class Player {}\n");
+        self.put("player/player_bg.wasm", b"\0asm\x01\0\0\0");
+    }
+
     /// Reads a file.
     pub fn read(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -107,6 +115,11 @@ impl Workshop {
         let scene = Scene { splats, metadata: metadata.clone(), ..Scene::default() };
         write_scene(&path, &scene).expect("the scene is written");
         path
+    }
+
+    /// Writes photos of the built-in street as a COLMAP data set.
+    pub fn photos(&self, name: &str, options: &DatasetOptions) {
+        dataset::write(&Street::builtin(), &self.path(name), options, &mut |_| true).unwrap();
     }
 
     /// Returns the binary with arguments, in this folder, without an input.
@@ -241,6 +254,13 @@ impl Shot {
 pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let all = listing(folder).into_iter().filter(|(path, _)| path.is_file());
     all.map(|(path, bytes)| (path.strip_prefix(folder).unwrap().to_owned(), bytes)).collect()
+}
+
+/// `words`, then `more`, then options of `usual` that `more` does not say.
+pub fn with_usual<'a>(words: &[&'a str], more: &[&'a str], usual: &[(&'a str, &'a str)]) -> Vec<&'a str> {
+    let usual =
+        usual.iter().filter(|(name, _)| !more.contains(name)).flat_map(|(name, value)| [*name, value]);
+    words.iter().chain(more).copied().chain(usual).collect()
 }
 
 /// Names in a folder, sorted.
@@ -385,6 +405,18 @@ pub fn light_of(picture: &Image<[u8; 3]>) -> Image<[f64; 3]> {
 /// The largest of some numbers; 0 if there are none.
 pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, f64::max)
+}
+
+/// The likeness of values from 0 to 1 by how far they are off: the mean square, dB below 1.
+pub fn psnr(errors: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) = errors.into_iter().fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
+    -10.0 * f64::log10(sum / count)
+}
+
+/// Column and row of every pixel of a picture.
+pub fn pixels(camera: &Camera) -> impl Iterator<Item = (u32, u32)> {
+    let (width, height) = (camera.width, camera.height);
+    (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)))
 }
 
 /// Clear weather with changes, each as `--set` takes it.

@@ -1,6 +1,7 @@
 //! Maps whose truth is known.
 
 use super::*;
+use wm_base::statistics::median;
 use wm_capture::colmap::write;
 use wm_scene::camera::Distortion;
 use wm_train::photos::{PhotoOptions, Photos};
@@ -15,13 +16,12 @@ fn errors(desk: &Workshop, photo: usize) -> (f64, f64) {
     let known = prior.disparity.iter().zip(&depth).filter(|(d, z)| **d > 0.0 && **z > 0.0);
     let mut off: Vec<f64> = known.map(|(d, z)| f64::from((d * z - 1.0).abs())).collect();
     assert!(off.len() > depth.len() / 2, "{} of {} are known", off.len(), depth.len());
-    off.sort_by(f64::total_cmp);
     let wrong = prior.sky.iter().zip(&sky).filter(|(class, sky)| match class {
         SkyClass::Sky => **sky == 0.0,
         SkyClass::Place => **sky == 1.0,
         SkyClass::Unknown => false,
     });
-    (off[off.len() / 2], wrong.count() as f64 / sky.len() as f64)
+    (median(&mut off).unwrap(), wrong.count() as f64 / sky.len() as f64)
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn what_ended_goes_on_and_any_number_of_threads_gives_the_same() {
 #[test]
 fn maps_of_a_bent_photo_are_bent_back() {
     let desk = desk();
-    write_set(&desk, &DatasetOptions { count: 3, ..PHOTOS });
+    desk.photos("set", &DatasetOptions { count: 3, ..PHOTOS });
     let mut made = capture(&desk.path("set"));
     let lens = Distortion::of([-0.2, 0.03, 0.0, 0.0, 0.0]);
     made.views.iter_mut().for_each(|view| view.distortion = lens);

@@ -15,10 +15,7 @@ use wm_base::npy;
 use wm_capture::Capture;
 use wm_capture::CaptureOptions;
 use wm_capture::colmap::write::ColmapStorage;
-use wm_street::{
-    Street,
-    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
-};
+use wm_street::dataset::{CameraRoute, DatasetOptions, GroundTruth};
 use wm_train::priors::{Prior, Priors};
 
 /// Lines that may be printed beside the one line of error.
@@ -28,10 +25,9 @@ const PHOTOS: DatasetOptions = DatasetOptions {
     route: CameraRoute::Walk,
     count: 4,
     size: (120, 80),
-    samples: 1,
     points: 800,
-    storage: ColmapStorage::Binary,
     truth: GroundTruth::Write,
+    ..DatasetOptions::TINY
 };
 
 /// Photos of the street with their truth, in `set`; tests read it and write elsewhere.
@@ -39,14 +35,9 @@ fn shared() -> &'static Workshop {
     static MADE: OnceLock<Workshop> = OnceLock::new();
     MADE.get_or_init(|| {
         let made = Workshop::new();
-        write_set(&made, &PHOTOS);
+        made.photos("set", &PHOTOS);
         made
     })
-}
-
-/// Writes photos of the street into `set`.
-fn write_set(desk: &Workshop, options: &DatasetOptions) {
-    dataset::write(&Street::builtin(), &desk.path("set"), options, &mut |_| true).unwrap();
 }
 
 fn capture(dataset: &Path) -> Capture {
@@ -95,7 +86,7 @@ const SHAPE: [usize; 2] = [80, 120];
 #[test]
 fn stereo_is_made_once_and_found_by_reconstruct() {
     let desk = desk();
-    write_set(&desk, &DatasetOptions { route: CameraRoute::Orbit, count: 14, size: (96, 64), ..PHOTOS });
+    desk.photos("set", &DatasetOptions { route: CameraRoute::Orbit, count: 14, size: (96, 64), ..PHOTOS });
     let text = printed(&succeeds(&mut command_on_set(&desk, "")));
     assert!(text.starts_with("photo       known %     sky %\n00000.png"), "{text}");
     assert!(text.lines().last().unwrap().starts_with("set/priors: depth of "), "{text}");

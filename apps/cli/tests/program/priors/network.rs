@@ -79,7 +79,7 @@ mod with_networks {
     fn what_the_network_says_is_fitted_to_points() {
         const FIT: (f64, f64) = (0.3, 1.0);
         let desk = desk();
-        write_set(&desk, &DatasetOptions { size: (84, 84), count: 3, ..PHOTOS });
+        desk.photos("set", &DatasetOptions { size: (84, 84), count: 3, ..PHOTOS });
         let mut made = capture(&desk.path("set"));
         let photos = Photos::open(&made, &PhotoOptions::default()).unwrap();
         let network = DepthAnything::read(&[weights()], Version::V2).unwrap();

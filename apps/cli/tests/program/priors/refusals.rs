@@ -57,7 +57,7 @@ fn maps_that_do_not_fit() {
 #[test]
 fn too_few_points() {
     let desk = desk();
-    write_set(&desk, &DatasetOptions { points: 15, count: 3, ..PHOTOS });
+    desk.photos("set", &DatasetOptions { points: 15, count: 3, ..PHOTOS });
     let depth = "--depth set/truth/depth";
     for (options, says) in [
         ("--depth-scale relative", "points fall on known depth, 20 are needed"),
@@ -74,7 +74,7 @@ fn too_few_points() {
 #[test]
 fn a_data_set_that_cannot_be_written_to() {
     let desk = desk();
-    write_set(&desk, &DatasetOptions { count: 3, ..PHOTOS });
+    desk.photos("set", &DatasetOptions { count: 3, ..PHOTOS });
     // Whoever may write everywhere cannot make a folder of a file either.
     desk.put("set/priors", "a file");
     let sky = "--sky set/truth/sky";

@@ -11,17 +11,14 @@ mod resume;
 mod sameness;
 mod videos;
 
-use crate::common::Workshop;
+use crate::common::{Workshop, with_usual};
 use crate::process::{finish, listing, printed, said, succeeds};
 use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use wm_capture::colmap::write::ColmapStorage;
-use wm_street::{
-    Street,
-    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
-};
+use wm_street::dataset::{CameraRoute, DatasetOptions, GroundTruth};
 use wm_train::config::{AdaptiveConfig, Densify, McmcConfig};
 use wm_train::{Preset, TrainConfig};
 
@@ -49,7 +46,7 @@ fn place() -> Workshop {
 
 fn place_with(options: &DatasetOptions) -> Workshop {
     let place = Workshop::with("", &REMARKS);
-    dataset::write(&Street::builtin(), &place.path("set"), options, &mut |_| true).unwrap();
+    place.photos("set", options);
     place
 }
 
@@ -89,9 +86,7 @@ fn fails(command: &mut Command, says: &[&str]) -> String {
 /// The options of `reconstruct`: `more`, and what is usual where it says nothing. Weather is
 /// prepared in the test of the demo.
 fn reconstruct<'a>(dataset: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
-    let usual = usual.flat_map(|(name, value)| [name, value]);
-    ["reconstruct", dataset, "--no-assets"].into_iter().chain(more.iter().copied()).chain(usual).collect()
+    with_usual(&["reconstruct", dataset, "--no-assets"], more, &USUAL)
 }
 
 /// A training in which splats come and go early and often: presets begin after tens of steps.

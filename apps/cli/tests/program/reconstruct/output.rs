@@ -1,7 +1,7 @@
 //! The files that a training writes.
 
 use super::*;
-use crate::common::read_png;
+use crate::common::{STEP, psnr, read_png};
 use serde_json::Value;
 
 #[test]
@@ -123,12 +123,8 @@ fn photos_that_were_held_out_are_met_ever_better() {
 
 /// PSNR of a picture that has the mean colour of a photo everywhere, dB.
 fn flat_psnr(path: &Path) -> f64 {
-    let pixels = read_png(path).pixels;
-    let count = pixels.len() as f64;
-    let variance = |lane: usize| {
-        let values = || pixels.iter().map(|rgb| f64::from(rgb[lane]) / 255.0);
-        let mean = values().sum::<f64>() / count;
-        values().map(|v| (v - mean).powi(2)).sum::<f64>() / count
-    };
-    -10.0 * ((0..3).map(variance).sum::<f64>() / 3.0).log10()
+    let pixels = read_png(path).pixels.as_flattened().to_vec();
+    let lanes = [0, 1, 2].map(|lane| pixels[lane..].iter().step_by(3).map(|v| STEP * f64::from(*v)));
+    let mean = lanes.map(|lane| lane.sum::<f64>() / (pixels.len() / 3) as f64);
+    psnr(pixels.iter().enumerate().map(|(index, v)| STEP * f64::from(*v) - mean[index % 3]))
 }

@@ -3,7 +3,7 @@
 //! `WM_WEB_PLAYER` names the folder of the built player (`tools/web-player`); with
 //! `WM_REQUIRE_PLAYER=1` its lack is a failure.
 
-use crate::common::Workshop;
+use crate::common::{STEP, Workshop, psnr};
 use crate::viewer::page::click;
 use crate::viewer::webdriver::Browser;
 use crate::viewer::yard_scene;
@@ -149,9 +149,8 @@ impl Site {
         assert_eq!(info.color_type, png::ColorType::Rgba);
         let drawn = self.drawn(state, (info.width, info.height));
         let pixels = shown.as_chunks::<4>().0.iter().zip(drawn.as_chunks::<3>().0);
-        let square = |(a, b): (&u8, &u8)| (f64::from(*a) - f64::from(*b)).powi(2);
-        let squares: f64 = pixels.flat_map(|(shown, drawn)| shown.iter().zip(drawn).map(square)).sum();
-        20.0 * 255f64.log10() - 10.0 * (squares / drawn.len() as f64).log10()
+        let error = |(a, b): (&u8, &u8)| STEP * (f64::from(*a) - f64::from(*b));
+        psnr(pixels.flat_map(|(shown, drawn)| shown.iter().zip(drawn).map(error)))
     }
 }
 
