@@ -124,6 +124,13 @@ impl Session {
         self
     }
 
+    /// Sets the scale of the scene, metres per scene unit.
+    #[must_use]
+    pub fn metres_per_unit(mut self, metres: f64) -> Self {
+        self.options.facts.metres_per_unit = Some(metres);
+        self
+    }
+
     /// Holds out every N-th photo and evaluates on it.
     #[must_use]
     pub fn hold_out(mut self, every: u32) -> Self {
