@@ -216,7 +216,7 @@ def main():
 
 
 def made_up(args, count, work):
-    """A random scene of SH degree 3: splats of all sizes through a ball, 12 units before a camera."""
+    """A random scene of SH degree 3: splats of all sizes through a ball, 12 units in front of a camera."""
     random = np.random.default_rng(7)
     # About as many splats over each pixel however many there are.
     size = 2.0 * count ** -0.5

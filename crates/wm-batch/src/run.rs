@@ -78,7 +78,7 @@ impl BatchRun {
             (layout.check)(&set)?;
             if clips.cameras.len() > 1 && layout.needs_every_sensor {
                 return Err(Error::Unsupported(format!(
-                    "layout {}: the photos have {} different cameras, and it has one reading a camera and frame: give size and \
+                    "layout {}: the photos have {} different cameras, and it has one reading per camera and frame: give size and \
                      fov in [rig]",
                     layout.name,
                     clips.cameras.len()

@@ -263,7 +263,7 @@ fn rows(pose: &RigidPose) -> [[f64; 4]; 4] {
     pose.matrix().transpose().to_cols_array_2d()
 }
 
-/// The pixel of a point before a camera, in the camera's axes.
+/// The pixel of a point in front of a camera, in the camera's axes.
 #[must_use]
 pub fn project(camera: &CameraInfo, point: DVec3) -> [f64; 2] {
     [0, 1].map(|k| camera.focal[k] * point[k] / point.z + camera.center[k])

@@ -9,7 +9,7 @@
 //!
 //! | others | as named | as given |
 //!
-//! One function writes any of them: one kind a file, or all in one. Tags become string attributes
+//! One function writes any of them: one kind per file, or all in one. Tags become string attributes
 //! of the same name.
 
 use std::io::{Cursor, Write};

@@ -184,7 +184,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
 }
 
 /// The caption of the sheet in a report.
-pub(crate) const SHEET: &str = "The sheet: a control a row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
+pub(crate) const SHEET: &str = "The sheet: a control per row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
                          stands there";
 
 /// Returns the angle of a wind direction's step, degrees.

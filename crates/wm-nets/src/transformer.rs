@@ -82,7 +82,7 @@ impl Embedding {
     }
 }
 
-/// A block: attention, then a perceptron a patch, each added with a scale a channel.
+/// A block: attention, then a perceptron per patch, each added with a scale per channel.
 #[derive(Debug)]
 pub(crate) struct Block {
     norms: [Norm; 2],

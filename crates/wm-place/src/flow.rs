@@ -231,7 +231,7 @@ fn move_pixel(
 /// If a depth has another size than its camera.
 fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
-    assert_eq!(from.depth.len(), width * height, "a depth a pixel");
+    assert_eq!(from.depth.len(), width * height, "a depth per pixel");
     let to_from_from = to.camera.viewmat * from.camera.viewmat.inverse();
     let size = [to.camera.width, to.camera.height].map(f64::from);
     let moved = |pixel: usize| {

@@ -28,8 +28,8 @@ use wm_weather::{Observer, PassWeather, PreparedWeather};
 pub struct FrameInputs<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
-    /// These sets with fewer splats, for what drops on the lens show and films and waves mirror;
-    /// `None` for [`Self::elsewhere`].
+    /// These sets with fewer splats, for blurred views: through drops on the lens, and mirrored in
+    /// films of water and waves; `None` for [`Self::elsewhere`].
     pub thinned: Option<&'a [SetView<'a>]>,
     /// These sets for other eyes and wider views: with splats that the camera does not see.
     pub elsewhere: &'a [SetView<'a>],
@@ -53,8 +53,9 @@ pub struct FrameInputs<'a> {
     pub config: &'a RenderConfig,
     /// Parts of the picture that are rendered with it. The paper's rain and snow have none.
     pub parts: &'a [PicturePart],
-    /// True to keep the pictures between the clear one and the last in the paper's rain and snow.
-    /// With neither, they are the picture itself.
+    /// True to keep the pictures between the clear one and the last, of weather that is drawn as in
+    /// the paper ([`wm_weather::paper`]). Without the paper's rain and snow, each of them is the
+    /// picture itself.
     pub stages: bool,
 }
 
@@ -337,8 +338,8 @@ impl FrameInputs<'_> {
         DrawPass { whole: self.whole, ..pass }
     }
 
-    /// The view that drops on the glass before the camera show; `None` where they change no
-    /// picture.
+    /// The view that is seen through drops on the glass in front of the camera; `None` where they
+    /// change no picture.
     fn drops_view(&self) -> Option<DropsView<'_>> {
         let glass = self.weather.glass()?;
         let camera = &self.camera.camera;
@@ -376,7 +377,7 @@ struct DropsView<'a> {
     config: RenderConfig,
 }
 
-/// The glass before the camera as passes of a plan.
+/// The glass in front of the camera as passes of a plan.
 struct DropsPass<'a> {
     view: &'a DropsView<'a>,
     sets: &'a [SetView<'a>],
@@ -423,7 +424,7 @@ impl Water {
         }
     }
 
-    /// The water of a map before a camera; `None` if it sees none.
+    /// The water of a map in front of a camera; `None` if it sees none.
     fn new(map: WaterMap, weather: &PreparedWeather, camera: &Camera) -> Option<Self> {
         let surface = WaterSurface::of(&map, camera)?;
         let mirror = MirrorView::new(&map, &surface, camera);

@@ -141,7 +141,7 @@ impl LabelVotes {
         camera: &Camera,
         mask: &[u16],
     ) -> Result<(), RenderError> {
-        assert_eq!(mask.len(), camera.width as usize * camera.height as usize, "a label a pixel");
+        assert_eq!(mask.len(), camera.width as usize * camera.height as usize, "a label per pixel");
         let labels: Vec<u16> = mask.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let learn = Learn { sh: true, ..Learn::NONE };
         renderer.forward(&self.grey, camera, &self.config, &mut self.frame)?;

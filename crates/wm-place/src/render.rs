@@ -31,8 +31,8 @@ impl Renderer {
         Ok(picture)
     }
 
-    /// Renders a frame into `picture`, whose memory is used again and whose tags stay, and returns
-    /// what its colour took.
+    /// Renders a frame into `picture`, whose memory is used again and whose tags stay. Returns the
+    /// statistics of the passes.
     ///
     /// # Errors
     /// As [`Self::render`]; [`crate::Error::Stopped`] if `progress` asks to stop.
@@ -102,7 +102,7 @@ impl Renderer {
                 stats += draw(&mut drawing, &frame, picture).await?;
             }
         }
-        // Others may have needed it.
+        // It may have been drawn for another layer alone.
         if !passes.later.contains(Layers::SURFACE_DEPTH) {
             picture.later.remove(&PictureLayer::SurfaceDepth);
         }

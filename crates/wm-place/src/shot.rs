@@ -20,7 +20,7 @@ pub struct MovingCamera {
 }
 
 impl MovingCamera {
-    /// Checks that what falls can be drawn before the camera.
+    /// Checks that what falls can be drawn in front of the camera.
     ///
     /// # Errors
     /// [`Error::Unsupported`] if it is faster than 1000 m/s.

@@ -132,7 +132,7 @@ impl AttributeBlock {
     /// Most splats of a block.
     pub const SPLATS: usize = CLUSTER;
 
-    /// One column, a number a splat.
+    /// One column, a number per splat.
     #[inline]
     #[must_use]
     pub fn column(&self, attribute: Attribute) -> &[f32] {

@@ -2,11 +2,13 @@
 //!
 //! | acts on | when | hook |
 //! |---|---|---|
-//! | splats: wet, relit, under snow | before projection and when shaded | [`SplatAttributes`] of a splat set |
-//! | what stands behind all splats | after blending, before the air | [`Backdrop`] |
-//! | splats and background: extinction, airlight | when shaded | [`Medium`] |
-//! | pixels: drops, flakes, against depth | after blending and background | [`Particles`] |
+//! | splats and background: extinction, airlight | when each is shaded | [`Medium`] |
+//! | what stands behind all splats | after blending | [`Backdrop`] |
+//! | pixels: drops, flakes, against depth | after the background | [`Particles`] |
 //! | pixels | last | [`PixelEffect`] |
+//!
+//! What acts on single splats (wet, relit, under snow) comes with their set, as
+//! [`SplatAttributes`].
 //!
 //! A hook is a pure function of its own parameters: it has the weather of one instant in it, and is
 //! called from many threads in any order.
@@ -47,7 +49,7 @@ impl Hooks<'_> {
 pub struct ShadeGroup {
     /// Length of the ray from the camera, scene units; infinite for the sky.
     pub distance: [f32; GROUP],
-    /// Unit direction of the ray, world axes, one array an axis.
+    /// Unit direction of the ray, world axes: an array for each axis.
     pub direction: [[f32; GROUP]; 3],
     /// Display-referred colour (sRGB-encoded), not below 0, changed in place.
     pub rgb: [[f32; GROUP]; 3],
@@ -105,7 +107,7 @@ pub enum SkySplats {
     LeftOut,
 }
 
-/// The air along sixteen rays, one array a channel. Light `L` at the far end arrives as
+/// The air along sixteen rays, one array per channel. Light `L` at the far end arrives as
 /// `L transmittance + airlight`, in linear light.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
@@ -278,15 +280,15 @@ pub struct Particle {
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
 pub struct ParticleGroup {
-    /// From the camera's centre, world axes, scene units, one array an axis.
+    /// From the camera's centre, world axes, scene units, one array per axis.
     pub offset: [[f32; GROUP]; 3],
     /// Standard deviation in all directions, scene units.
     pub sigma: [f32; GROUP],
-    /// Further reach along two directions, scene units, one array an axis.
+    /// Further reach along two directions, scene units, one array per axis.
     pub reach: [[[f32; GROUP]; 3]; 2],
     /// Area that it hides, scene units^2.
     pub area: [f32; GROUP],
-    /// Radiance as seen through the air, linear RGB, one array a channel.
+    /// Radiance as seen through the air, linear RGB, one array per channel.
     pub rgb: [[f32; GROUP]; 3],
 }
 
@@ -406,7 +408,7 @@ pub struct PixelBatch<'a> {
     pub x: u32,
     /// Picture row of the first pixel.
     pub y: u32,
-    /// Display-referred colour, one array a channel, changed in place.
+    /// Display-referred colour, one array per channel, changed in place.
     pub rgb: &'a mut [[f32; PATCH_PIXELS]; 3],
     /// Coverage, 0-1.
     pub alpha: &'a [f32; PATCH_PIXELS],

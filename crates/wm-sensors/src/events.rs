@@ -7,7 +7,7 @@
 //!
 //! A slice of time is the same if it is made alone: at its start each reference is the nearest of
 //! the pixel's own levels, a threshold apart. So slices one after the other differ from one long
-//! recording by at most one event a pixel and slice.
+//! recording by at most one event per pixel and slice.
 //!
 //! Source: the model and its numbers are those of ESIM (Rebecq et al., CoRL 2018) and v2e (Hu et
 //! al., CVPRW 2021).

@@ -18,7 +18,7 @@
 //! optical depth: exact where the layers have one profile, and close to it otherwise.
 //!
 //! The air changes each splat when it is shaded, by the length of the splat's own ray. So
-//! silhouettes have no halos, which one depth a pixel cannot avoid. The hook is two primitives,
+//! silhouettes have no halos, which one depth per pixel cannot avoid. The hook is two primitives,
 //! transmittance and airlight along a ray ([`wm_render::hooks::Medium`]); shading, the parts of a
 //! picture and the f64 reference are made of these two. `optics.wgsl` is the same for GPUs.
 

@@ -187,7 +187,7 @@ fn bad_input_is_told_in_one_line() {
     // A photo as depth: counts without a unit.
     desk.put("photo/00000.png", shared().read("set/images/00000.png"));
     desk.refused("--depth photo", &["00000.png: holds whole numbers", "give --depth-unit, such as mm"]);
-    desk.refused("--depth photo --depth-unit mm", &["3 different channels, but one number a pixel"]);
+    desk.refused("--depth photo --depth-unit mm", &["3 different channels, but one number per pixel"]);
     // Two maps of a photo, neither of which has its whole name.
     fs::remove_file(desk.path("photo/00000.png")).unwrap();
     for name in ["photo/00000.npy", "photo/00000.exr"] {

@@ -4,7 +4,7 @@
 //! `a`, the eye gets `a` of the near card seen through 10 m of fog and `1 - a` of the far one
 //! through 1000 m. Each layer is fogged here in f64, in linear light, and the two are blended as
 //! the renderer blends, in display-referred colour, with the coverage that a clear picture of the
-//! near card shows. Fog from one depth a pixel, the mean of both, is computed as well: it draws a
+//! near card shows. Fog from one depth per pixel, the mean of both, is computed as well: it draws a
 //! bright rim about dark things, and the test must see it.
 //!
 //! Tolerance: 1/255. The splats that a pixel shows lie within two standard deviations, 3.6 px, of
@@ -81,7 +81,7 @@ fn an_edge_is_the_blend_of_what_each_layer_sends_through_the_fog() {
             );
             assert!(edge > 150, "{edge} pixels of edge");
             assert!(off <= STEP, "{name}, MOR {mor}: off by {:.2}/255", steps(off));
-            // The test can fail: one depth a pixel is off by more than ten times the bound.
+            // The test can fail: one depth per pixel is off by more than ten times the bound.
             assert!(off_by_mean > 10.0 * STEP, "{name}, MOR {mor}: {:.2}/255", steps(off_by_mean));
         }
     }

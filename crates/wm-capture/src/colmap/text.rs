@@ -1,5 +1,5 @@
-//! `cameras.txt`, `images.txt` and `points3D.txt`: comments after `#`, a camera or a point a line,
-//! an image two lines.
+//! `cameras.txt`, `images.txt` and `points3D.txt`: comments after `#`, a camera or a point per
+//! line, an image two lines.
 
 use super::{
     Cameras, CaptureView, Images, MAX_PARAMETERS, NumberedPoints, Observation, Places, add_camera, add_point,

@@ -57,7 +57,7 @@ impl Records {
         }
     }
 
-    /// The values of a file with one record a line, `None` for those that are missing, or damaged
+    /// The values of a file with one record per line, `None` for those that are missing, or damaged
     /// and left out.
     ///
     /// # Errors

@@ -103,7 +103,7 @@ impl Map {
         // Bits, so that a NaN is the same as itself.
         let is_grey = |p: &[f32]| p[1].to_bits() == p[0].to_bits() && p[2].to_bits() == p[0].to_bits();
         if channels > 2 && !pixels.clone().all(is_grey) {
-            return Err(MapFault::Channels { found: self.channels, wanted: "one number a pixel (grey)" });
+            return Err(MapFault::Channels { found: self.channels, wanted: "one number per pixel (grey)" });
         }
         Ok(pixels.map(|p| p[0]).collect())
     }

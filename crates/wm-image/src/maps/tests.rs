@@ -140,7 +140,7 @@ fn colour_is_no_depth_but_grey_colour_is() {
     let fault = Map::new(1, 1, 3, vec![2.0, 2.0, 3.0]).grey().unwrap_err();
     assert_eq!(
         fault.to_string(),
-        "3 different channels, but one number a pixel (grey) expected; choose another file or save it anew"
+        "3 different channels, but one number per pixel (grey) expected; choose another file or save it anew"
     );
 }
 

@@ -46,8 +46,8 @@ impl FromStr for ReadoutSide {
 /// The exposure and the readout of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shutter {
-    /// Exposure time of a line, s, 0 for an instant: what moves before the camera is blurred over
-    /// it.
+    /// Exposure time of a line, s, 0 for an instant: what moves in front of the camera is blurred
+    /// over it.
     pub exposure: f64,
     /// Time from the exposure of the first line to that of the last, s, 0 for a global shutter.
     pub readout: f64,

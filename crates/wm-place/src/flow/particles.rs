@@ -148,7 +148,7 @@ fn particle_flow(
     particles: &[(Particle, [f64; 3])],
 ) -> Vec<f32> {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
-    assert_eq!(from.depth.len(), width * height, "a depth a pixel");
+    assert_eq!(from.depth.len(), width * height, "a depth per pixel");
     // From where a particle would be seen by a camera that goes on evenly, to where the next camera
     // is.
     let drift = DVec3::from_array(velocity) * seconds + from.camera.center() - next.center();

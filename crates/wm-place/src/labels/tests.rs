@@ -23,7 +23,7 @@ fn labels(
     Drawing { renderer, place, progress: &mut () }.labels(lens, camera).unwrap()
 }
 
-/// Round splats before the camera, each with a label of its own.
+/// Round splats in front of the camera, each with a label of its own.
 fn cloud(count: u32) -> Splats {
     let mut splats = Splats::with_capacity(count as usize, 0);
     let random = |i: u32, k: u32| {

@@ -393,7 +393,7 @@ impl Stencil {
         }
     }
 
-    /// The weighted sample of one number a pixel.
+    /// The weighted sample of one number per pixel.
     #[inline]
     fn number(&self, pixels: &[f32]) -> f32 {
         let row = |row: usize| Vec4::from_slice(&pixels[self.first + row * self.width..][..4]);

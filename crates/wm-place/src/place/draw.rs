@@ -151,8 +151,8 @@ impl PreparedPlace {
         prepared
     }
 
-    /// Thins the scene for what drops on the lens show and films and waves mirror, if that is not
-    /// done and the splats are there.
+    /// Makes a scene of fewer splats for blurred views (through drops on the lens, mirrored in
+    /// films of water and waves), unless it is made or the splats are no longer here.
     pub(super) fn make_thinned(&mut self, backend: &mut AnyRenderer) -> Result<()> {
         if self.thinned.is_none() && !self.is_released {
             let (splats, chosen) =

@@ -29,7 +29,7 @@ pub trait Sensor: Any + fmt::Debug + Send + Sync {
     /// The name of its kind, see [`SENSOR_KINDS`](super::SENSOR_KINDS).
     fn kind(&self) -> &'static str;
 
-    /// Readings a second, if they follow from its model; else the rig says them.
+    /// Readings in a second, where the model fixes them; `None` where the rig file states them.
     fn own_rate(&self) -> Option<f64> {
         None
     }
@@ -72,9 +72,9 @@ impl dyn Sensor {
 /// The readings of a sensor of one place, in one weather, one after the other. A reading does not
 /// depend on those before it.
 pub trait SensorRun: Send + Sync {
-    /// Makes a reading, and as many behind it as are cheaper together: `ahead` of the instant at
-    /// most. Each is handed to `take` when it is made, in `reading`, whose memory is used again.
-    /// Returns their number: 0 if `progress` asked to stop before the first.
+    /// Makes a reading and, where several are cheaper together, those that follow it: up to
+    /// `instant.ahead` in all. Hands each to `take` when it is made, in `reading`, whose memory is
+    /// used again. Returns their number: 0 if `progress` asked to stop before the first.
     ///
     /// # Errors
     /// [`Error::Stopped`] if `progress` asked to stop; errors of the place and the weather, and

@@ -64,7 +64,7 @@ impl CameraPath {
             .map_err(|(location, message)| ViewError::Path(format!("{message}{location}")))
     }
 
-    /// Returns the text of the file that [`Self::write`] writes: one keyframe a line.
+    /// Returns the text of the file that [`Self::write`] writes: one keyframe per line.
     #[must_use]
     pub fn text(&self, origin: DVec3) -> String {
         let path = self.moved(origin);

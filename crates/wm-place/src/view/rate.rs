@@ -221,7 +221,7 @@ mod tests {
         let mut street = LoadedScene::new(place("street-sky"), Some(2));
         let good = rating(&mut street, [-20.0, 0.0, 1.7], [10.0, 0.0, 2.0]);
         for (what, eye, target) in [
-            ("a wall before the lens", [0.0, 4.0, 1.7], [0.0, 9.0, 1.7]),
+            ("a wall in front of the lens", [0.0, 4.0, 1.7], [0.0, 9.0, 1.7]),
             ("the back of a house", [0.0, -40.0, 4.0], [0.0, -6.0, 4.0]),
             ("the ground alone", [0.0, 0.0, 4.0], [1.0, 0.0, 0.0]),
             ("the sky alone", [0.0, 0.0, 2.0], [1.0, 0.0, 9.0]),

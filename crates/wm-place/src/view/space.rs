@@ -77,7 +77,7 @@ impl OccupancyGrid {
                 .collect();
             axes.sort_by(|a, b| b.0.total_cmp(&a.0));
             let [(long, u), (wide, v), (_, normal)] = axes[..] else { continue };
-            // Large splats fill many cells: a point a cell over one standard deviation to each
+            // Large splats fill many cells: a point per cell over one standard deviation to each
             // side.
             let points = |size: f64| ((size / self.cell) as i32).min(4);
             let (nu, nv) = (points(long), points(wide));

@@ -37,7 +37,7 @@ impl Features {
             !(pass.hooks.pixels.is_empty() && pass.particles().is_empty() && pass.surface.is_none());
         let geometry =
             if effects && asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
-        // Blending treats a splat index like a depth.
+        // The median of splat indices is found like that of depths.
         let median = match asked.median_depth {
             MedianDepth::Off => MedianDepth::Off,
             MedianDepth::On | MedianDepth::Splat => MedianDepth::On,

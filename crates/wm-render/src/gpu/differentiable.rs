@@ -8,7 +8,7 @@
 //! | composite | [`composite`](crate::stages::composite) | pictures of the sums |
 //! | back | [`rasterize_backward`](crate::stages::rasterize_backward) | by sums, by tiles: a slot a pair |
 //! | gather | [`project_backward`](crate::stages::project_backward) | slots of a splat, in the order of its tiles |
-//! | project back | the same, [`shade_backward`](crate::stages::shade_backward) | a thread a splat in view |
+//! | project back | the same, [`shade_backward`](crate::stages::shade_backward) | a thread per splat in view |
 //!
 //! No number is added by atomics, so gradients are the same, bit by bit, each time on one adapter.
 

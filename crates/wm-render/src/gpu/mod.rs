@@ -12,15 +12,15 @@
 //! | project | [`project`](crate::stages::project), [`shade`](crate::stages::shade), [`prefix_sum`](crate::stages::prefix_sum) | cull, spine, project with the air |
 //! | sort | [`sort`](crate::stages::sort) | four radix passes over depths |
 //! | intersect | [`intersect`](crate::stages::intersect) | count, spine, write, radix passes over tiles, ranges |
-//! | rasterize | [`rasterize`](crate::stages::rasterize) | a workgroup a tile |
-//! | fall | [`particles`](crate::stages::particles) | a workgroup a drop, sums of whole numbers |
+//! | rasterize | [`rasterize`](crate::stages::rasterize) | a workgroup per tile |
+//! | fall | [`particles`](crate::stages::particles) | a workgroup per drop, sums of whole numbers |
 //! | composite | [`composite`](crate::stages::composite) | background, particles |
 //!
 //! Everything is summed in an order that is fixed, so a frame is the same, byte by byte, each time
 //! on one adapter. Ties in depth are broken as on the CPU, since splats are in the same order.
 //!
-//! Tiles have 16x16 px, a thread a pixel. The splats in view are sorted by depth first; the sort of
-//! the entries by tile is stable, so that each list is in the order of depth.
+//! Tiles have 16x16 px, with a thread per pixel. Splats in view are sorted by depth first; the sort
+//! of the entries by tile is stable, so that each list is in the order of depth.
 //!
 //! Rays from anywhere ([`GpuRaySplats`], stage [`rays`](crate::stages::rays)) find their splats as
 //! tiles do, packet by packet, and are no frame.

@@ -19,7 +19,7 @@ use wm_scene::sh;
 pub(crate) const WORKGROUP: u32 = 256;
 /// Workgroups in a row of a dispatch: below every adapter's limit, so that any number fits in rows.
 pub(crate) const DISPATCH_ROW: u32 = 32_768;
-/// Side of a tile, px: a thread a pixel.
+/// Side of a tile, px: a thread per pixel.
 pub(crate) const TILE_SIDE: u32 = 16;
 /// Records that a tile holds at a time.
 pub(crate) const BATCH: u32 = 64;

@@ -41,7 +41,7 @@ pub(crate) fn write_maps(
     write_map(folder, "sky", stem, camera, pixels.iter().map(|pixel| f32::from(u8::from(pixel.is_sky))))
 }
 
-/// Writes a map of one number a pixel to the folder `kind`.
+/// Writes a map of one number per pixel to the folder `kind`.
 pub(crate) fn write_map(
     folder: &Path,
     kind: &str,

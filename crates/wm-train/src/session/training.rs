@@ -96,7 +96,7 @@ pub(super) struct TrainInputs {
     pub(super) movers: Vec<MoverMask>,
     pub(super) folder: RunFolder,
     pub(super) options: SessionOptions,
-    /// Takes a second a photo, so it is only used at the end.
+    /// Takes a second per photo, so it is only used at the end.
     pub(super) metric: Option<Box<dyn PerceptualMetric>>,
 }
 

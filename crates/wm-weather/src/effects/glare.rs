@@ -116,7 +116,7 @@ impl PixelContribution for Glare {
     }
 }
 
-/// A lamp before a lens.
+/// A lamp in front of a lens.
 struct Source {
     /// Direction to the source in camera axes, length 1.
     towards: DVec3,

@@ -1,4 +1,4 @@
-//! Lens: a wet, dirty glass before the camera, and light that scatters in it.
+//! Lens: a wet, dirty glass in front of the camera, and light that scatters in it.
 //!
 //! [`crate::lens`] finds the drops and draws them over the finished picture. Depth, normals and
 //! labels stay those of the scene. In fidelity `paper` it is drawn in the same way: the paper has
@@ -56,7 +56,7 @@ crate::param::params! {
 /// The entry of [`EFFECTS`](super::EFFECTS).
 pub(crate) const EFFECT: Effect = Effect {
     name: "lens",
-    about: "Drops, dirt and scattered light on the glass before the camera",
+    about: "Drops, dirt and scattered light on the glass in front of the camera",
     role: EffectRole::Lens,
     needs: &[],
     precipitation: None,

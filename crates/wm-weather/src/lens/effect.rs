@@ -21,7 +21,7 @@ pub struct LensEffect<'a> {
     pub camera: &'a Camera,
 }
 
-/// Most drops on the glass before a camera.
+/// Most drops on the glass in front of a camera.
 const MOST_DROPS: f64 = 3e7;
 
 impl Glass {

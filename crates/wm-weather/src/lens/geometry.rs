@@ -21,7 +21,7 @@ pub(crate) struct GlassView {
 }
 
 impl GlassView {
-    /// The glass before a camera.
+    /// The glass in front of a camera.
     pub(crate) fn new(glass: &Glass, camera: &Camera) -> Self {
         let (sin, cos) = glass.tilt.sin_cos();
         let mut view = Self {

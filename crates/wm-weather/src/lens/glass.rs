@@ -1,8 +1,8 @@
-//! The glass before a camera.
+//! The glass in front of a camera.
 
 use super::flux::GlassRain;
 
-/// The glass before the camera at an instant.
+/// The glass in front of the camera at an instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Glass {
     /// Distance along the view, m.

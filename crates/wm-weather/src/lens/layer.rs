@@ -49,7 +49,7 @@ pub(super) struct LayerScale {
 }
 
 impl LayerScale {
-    /// The scale for a glass before a camera.
+    /// The scale for a glass in front of a camera.
     pub(crate) fn before(glass: &Glass, camera: &Camera) -> Self {
         let focal = (camera.fx * camera.fy).sqrt();
         Self::new((glass.aperture / glass.distance * focal) as f32)
@@ -68,7 +68,7 @@ impl LayerScale {
     }
 }
 
-/// The drops before a picture.
+/// The drops in front of a picture.
 pub(super) struct DropLayer {
     pub(crate) scale: LayerScale,
     pub(crate) width: usize,
@@ -97,7 +97,7 @@ struct Optics<'a> {
 }
 
 impl DropLayer {
-    /// Draws drops before a camera.
+    /// Draws drops in front of a camera.
     pub(crate) fn new(
         glass: &Glass,
         view: &GlassView,

@@ -50,8 +50,8 @@ pub struct LightCasts<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightGains {
     gains: Vec<[f32; 3]>,
-    /// A bit a splat: those of the captured sky, and the factor on their opacity. Empty where that
-    /// is 1, and where there is no sky.
+    /// A bit per splat: those of the captured sky, and the factor on their opacity. Empty where
+    /// that is 1, and where there is no sky.
     sky: Vec<u64>,
     sky_opacity: f32,
     /// The splats on which light acts that changes from frame to frame; empty where there is no

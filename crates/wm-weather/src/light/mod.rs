@@ -7,7 +7,7 @@
 //! the place ([`irradiance::SceneLight`]) then gives each splat a gain ([`LightGains`]), which does
 //! not depend on the view.
 //!
-//! A gain is a factor a channel, which the shading applies before the air. Gains are found again
+//! A gain is a factor per channel, which the shading applies before the air. Gains are found again
 //! only if the light changes; headlamps, lightning and the shadows of drifting clouds are added a
 //! frame (`moving.rs`). The effect `light` says what light a weather has. A sun of the weather's
 //! own brings its sky (`day.rs`), which is painted behind the scene by the same numbers, and its

@@ -112,7 +112,7 @@ pub(crate) struct PaperParticle {
 }
 
 impl PaperFall {
-    /// t_D in metres before a camera.
+    /// t_D in metres in front of a camera.
     pub(crate) fn reach(&self, camera: &Camera) -> f64 {
         let seen = match self.kind.shape {
             ParticleShape::Ball => self.width,
@@ -189,7 +189,7 @@ impl PaperFall {
             };
             match self.kind.shape {
                 ParticleShape::Ball => {
-                    // Down, where it stands still before the camera.
+                    // Down, where it stands still in front of the camera.
                     let way = (air - up * thing.speed).try_normalize().unwrap_or(-up);
                     add(DQuat::from_rotation_arc(DVec3::X, way));
                 }

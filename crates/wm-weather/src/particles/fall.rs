@@ -42,7 +42,7 @@ const ARM: f64 = 0.1;
 /// Work is cut in parts of about so many slices.
 const SLICES: i64 = 6;
 
-/// Precipitation before a camera.
+/// Precipitation in front of a camera.
 pub(crate) struct FallingParticles<'a> {
     precipitation: &'a Precipitation,
     around: Surroundings<'a>,
@@ -522,7 +522,7 @@ impl<'a> Brush<'a> {
         self.count = 0;
     }
 
-    /// Radiance of particles by lamps, linear RGB, one array a channel.
+    /// Radiance of particles by lamps, linear RGB, one array per channel.
     fn lit_by(&self, lamps: &LampsOn<'_>, group: &ParticleGroup, lanes: Range<usize>) -> [[f32; GROUP]; 3] {
         let this = self.fall.precipitation;
         let (asymmetry, reflectance) = match this.kind.shape {

@@ -1,4 +1,4 @@
-//! Splashes before a camera.
+//! Splashes in front of a camera.
 
 use super::drips::{self, Drip, Fall};
 use super::fallen::{FallenDrop, FallenDrops};
@@ -59,7 +59,7 @@ const EAVES: usize = 64;
 const DRIFT: f64 = 0.5;
 
 /// Splashes at an instant.
-/// Splashes before a camera.
+/// Splashes in front of a camera.
 pub(crate) struct SplashParticles<'a> {
     rain: &'a Precipitation,
     around: Surroundings<'a>,

@@ -11,8 +11,8 @@ use crate::particles::{LEAST_RATE, Precipitation};
 use crate::wind::Wind;
 use wm_render::hooks::SkySplats;
 
-/// A weather in the making. Effects act in the order of their list: the light of those that follow
-/// is that of the sky and the light before them.
+/// A weather in the making. Effects contribute in the order of their list: each finds the light
+/// that the sky and the effects before it have left.
 pub(crate) struct WeatherBuilder {
     pub(crate) prepared: PreparedWeather,
     /// The layers of the air, those of what falls among them.

@@ -68,7 +68,8 @@ impl PreparedWeather {
         PassWeather { background: self.dome.as_ref(), air, particles, pixels }
     }
 
-    /// The splashes before a camera; `None` without rain, or without anything wet that it hits.
+    /// The splashes in front of a camera; `None` without rain, or without anything wet that it
+    /// hits.
     fn splashes<'a>(
         &'a self,
         observer: &Observer<'a>,

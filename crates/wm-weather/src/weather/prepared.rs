@@ -75,7 +75,7 @@ pub struct PreparedWeather {
     pub(crate) flood: Option<Flood>,
     /// Factor on the splashes of the rain; `None` where it does not splash.
     pub splash: Option<f64>,
-    /// The glass before the camera, if it shows.
+    /// The glass in front of the camera, if it shows.
     pub(crate) glass: Option<Box<Glass>>,
     /// Changes of finished pixels that effects contribute.
     pub(crate) pixels: Vec<Arc<dyn PixelContribution>>,
@@ -275,7 +275,7 @@ impl PreparedWeather {
         self.flood.as_ref().filter(|flood| flood.level > 0.0)
     }
 
-    /// Returns the glass before the camera; `None` if it changes no picture.
+    /// Returns the glass in front of the camera; `None` if it changes no picture.
     #[must_use]
     pub fn glass(&self) -> Option<&Glass> {
         self.glass.as_deref()

@@ -14,7 +14,7 @@
 //! wind of the start, so that no dry edge jumps.
 //!
 //! # How it looks
-//! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the
+//! The light of each splat is multiplied by a factor per channel ([`optics`]): in the slot of the
 //! light, so that both compose. What a splat is wetted by is found once a direction of the rain; a
 //! frame looks up two numbers a splat. Steep surfaces mirror the sky's light too ([`SkySheen`]): as
 //! a part of the same factor, since what depends on the direction is gone from a wet splat, so that

@@ -57,7 +57,7 @@ impl TrainObserver for TrainingConsole<'_> {
         match warning {
             TrainWarning::ManyPhotos { photos, most } => eprintln!(
                 "geometry: {photos} photos are more than the {most} for which depth is estimated by default; --priors photos \
-                 does it, in about a second a photo, or `weather-magician priors` once for all trainings"
+                 does it, in about a second per photo, or `weather-magician priors` once for all trainings"
             ),
             warning => eprintln!("warning: {warning}"),
         }

@@ -104,7 +104,7 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
         sensor.device.check(weather, layers_of(&output.also)).with_context(named)?;
     }
     let name = format!("{}-{}-rig", stem_of(&args.scene.scene), weather.name);
-    output.folder(name, "a rig has a folder a sensor")
+    output.folder(name, "a rig has a folder per sensor")
 }
 
 impl RigJob<'_> {

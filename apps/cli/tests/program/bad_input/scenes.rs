@@ -103,7 +103,7 @@ fn properties_that_are_not_there() {
     let mut ply = Ply::sound();
     ply.properties[0] = "list uchar float x".into();
     place.put("a.ply", ply.bytes());
-    both_refuse(&place, "a.ply", &["the property x is a list, not one number a splat"]);
+    both_refuse(&place, "a.ply", &["the property x is a list, not one number per splat"]);
     ply.properties[0] = "quaternion x".into();
     place.put("a.ply", ply.bytes());
     both_refuse(&place, "a.ply", &["line 4: \"quaternion\" is not a number type of PLY"]);

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 /// The frames of a clip, each by the reading that stands for it.
 pub(in super::super) struct KittiTrajectory {
-    /// One reading a frame: that of the lidar, or of the first camera where there is no lidar.
+    /// One reading per frame: that of the lidar, or of the first camera where there is no lidar.
     pub(super) frames: Vec<ReadingInfo>,
 }
 

@@ -1,7 +1,7 @@
 //! Masks of photos: what boxes of movers cover, and what the log's own masks say.
 //!
-//! A box before the camera is cut at a plane close to it; the convex hull of the corners in the
-//! ideal picture is cut to what the photo shows and then bent by the lens, edge by edge.
+//! A box in front of the camera is cut at a plane close to it; the convex hull of the corners in
+//! the ideal picture is cut to what the photo shows and then bent by the lens, edge by edge.
 
 use super::photo::read_grey;
 use crate::logs::files::fault;
@@ -13,7 +13,7 @@ use wm_base::FormatError;
 use wm_scene::Camera;
 use wm_scene::camera::Distortion;
 
-/// The plane at which boxes are cut, m before the camera.
+/// The plane at which boxes are cut, m in front of the camera.
 const NEAR_PLANE_M: f64 = 0.1;
 /// Parts of an edge of a hull across a photo.
 const EDGE_PARTS: f64 = 24.0;

@@ -375,4 +375,4 @@ impl Room {
     }
 }
 
-const _: () = assert!(WORKGROUP == 256, "a thread a pixel of a tile");
+const _: () = assert!(WORKGROUP == 256, "a thread per pixel of a tile");

@@ -1,5 +1,5 @@
-// Similarity of one channel, a workgroup a tile and a thread a pixel: its sum over the tile, and
-// its slopes by the windowed means. See the contract in `mod.rs`.
+// Similarity of one channel, a workgroup per tile and a thread per pixel: its sum over the tile,
+// and its slopes by the windowed means. See the contract in `mod.rs`.
 
 // `[3, H, W]`: by mx, exx and exy.
 @group(0) @binding(4) var<storage, read_write> slopes: array<f32>;

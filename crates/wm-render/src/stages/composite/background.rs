@@ -82,7 +82,7 @@ impl<'a> BackgroundView<'a> {
         }
     }
 
-    /// Writes the background of the pixels of one patch, row by row, one array a channel.
+    /// Writes the background of the pixels of one patch, row by row, one array per channel.
     #[inline(always)]
     pub(crate) fn fill(
         &self,

@@ -1,6 +1,6 @@
 //! Tile lists on the GPU: tiles of 16x16 px. The splats in view come by depth; each counts its
-//! tiles, and after prefix sums writes an entry a tile. Sorted by tile, and no further, the entries
-//! are the lists.
+//! tiles, and after prefix sums writes an entry per tile. Sorted by tile, and no further, the
+//! entries are the lists.
 
 use crate::gpu::buffers::{Lists, Room};
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};

@@ -1,5 +1,5 @@
-// Noise along the shapes of splats that are nearly transparent: a thread a splat; see the contract
-// in `mod.rs`.
+// Noise along the shapes of splats that are nearly transparent: a thread per splat; see the
+// contract in `mod.rs`.
 
 struct Noise {
     // Of the random numbers: the seed times a constant, both words.

@@ -1,4 +1,4 @@
-// Rows of splats to where the splats are now: a thread a splat, from one piece of what was to one
+// Rows of splats to where the splats are now: a thread per splat, from one piece of what was to one
 // of what is.
 
 struct Move {

@@ -1,6 +1,6 @@
 //! Gradients on the GPU: the slots of each splat are added in the order of its tiles, and derived
-//! by a thread a splat, with the colours ([`shade_backward`](crate::stages::shade_backward)) in the
-//! same program.
+//! by a thread per splat, with the colours ([`shade_backward`](crate::stages::shade_backward)) in
+//! the same program.
 
 use crate::differentiable::Channels;
 use crate::gpu::buffers::{Lists, Room};

@@ -1,4 +1,4 @@
-// The derivative of projection, as `cpu.rs` has it: a thread a splat in view; see the contract in
+// The derivative of projection, as `cpu.rs` has it: a thread per splat in view; see the contract in
 // `mod.rs`.
 
 @group(0) @binding(6) var<storage, read> records: array<Record>;

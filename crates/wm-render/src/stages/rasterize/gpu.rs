@@ -1,4 +1,4 @@
-//! Blending on the GPU: a workgroup a tile of 16x16 px, a thread a pixel.
+//! Blending on the GPU: a workgroup per tile of 16x16 px, a thread per pixel.
 
 use crate::config::{Geometry, MedianDepth};
 use crate::differentiable::Channels;

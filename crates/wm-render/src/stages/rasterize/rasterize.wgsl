@@ -1,6 +1,6 @@
-// Front-to-back blending: a workgroup a tile, a thread a pixel. See the contract in `mod.rs`; depth
-// and normal are finished here, by the contract of the composite, but where training keeps the
-// sums.
+// Front-to-back blending: a workgroup for each tile, a thread for each pixel. See the contract in
+// `mod.rs`. Depth and normal are finished here, by the contract of the composite, except in
+// training, which keeps the sums.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> tile_offsets: array<u32>;

@@ -1,4 +1,4 @@
-// The weights of records, summed over the pixels: a workgroup a tile, a thread a pixel. What is
+// The weights of records, summed over the pixels: a workgroup per tile, a thread per pixel. What is
 // blended is what `rasterize.wgsl` blends. Sums are whole numbers: they do not depend on the order
 // of the threads.
 

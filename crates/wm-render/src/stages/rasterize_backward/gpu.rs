@@ -1,4 +1,4 @@
-//! The derivative of blending on the GPU: a workgroup a tile. Each pair of splat and tile has its
+//! The derivative of blending on the GPU: a workgroup per tile. Each pair of splat and tile has its
 //! own slot, whose number the tile lists carry through their sort.
 
 use crate::differentiable::Channels;

@@ -8,7 +8,7 @@
 //! - `depth = D / A`: `v_D = v_depth / A`, `v_A -= v_D D / A` unless detached.
 //! - `normal = N / |N|`: `v_N = (v_n - (v_n . n) n) / |N|`.
 //!
-//! The forward pass is replayed front to back with one number a pixel, `R_i`, what is still to
+//! The forward pass is replayed front to back with one number per pixel, `R_i`, what is still to
 //! come: `D_i = sum_k v_k f_ik`, `R_0 = sum_k v_k O_k - v_A T`, `R_i = R_{i-1} - w_i D_i`. Then
 //! `dL/dalpha_i = T_i D_i - R_i / (1 - alpha_i)`, and `s_i = alpha_i dL/dalpha_i`, 0 where the
 //! clamp at 0.99 acts. The cut, the clamp and the stop fall as in the forward pass, since the same

@@ -82,7 +82,7 @@ fn the_gpu_gives_the_same_again_and_in_parts() {
     let scene = GpuRaySplats::new(Arc::clone(&gpu), &splats, |_| true, value).unwrap();
     let once = scene.trace(&rays, ALL).unwrap();
     assert!(once == scene.trace(&rays, ALL).unwrap());
-    // Room for an entry a splat and no more: almost every packet by itself.
+    // Room for an entry per splat and no more: almost every packet by itself.
     let scene = scene.holding(1);
     assert!(once == scene.trace(&rays, ALL).unwrap());
     // Bindings that hold the splats and little more.

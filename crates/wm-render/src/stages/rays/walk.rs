@@ -166,7 +166,7 @@ fn dot<S: Lanes>(simd: S, vectors: &[S::F; 3], row: &[f32; 3]) -> S::F {
     vectors[0].mul_add(simd.set(row[0]), vectors[1].mul_add(simd.set(row[1]), vectors[2] * row[2]))
 }
 
-/// The vectors of a packet that each of some splats may touch: a bit a vector.
+/// The vectors of a packet that each of some splats may touch: a bit per vector.
 #[inline(always)]
 fn vectors_touched<S: Lanes>(
     simd: S,

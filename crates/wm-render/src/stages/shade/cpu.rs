@@ -66,7 +66,7 @@ pub(crate) fn fade_group<S: Lanes>(simd: S, group: &SplatGroup, fade: &[f32; GRO
     }
 }
 
-/// Changes the light on one group: `gains` are factors on linear light, one array a channel.
+/// Changes the light on one group: `gains` are factors on linear light, one array per channel.
 #[inline(always)]
 pub(crate) fn relight_group<S: Lanes>(simd: S, gains: [&[f32; GROUP]; 3], shade: &mut ShadeGroup) {
     for first in (0..GROUP).step_by(S::N) {

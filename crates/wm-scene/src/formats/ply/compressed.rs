@@ -147,7 +147,7 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
             }
             "sh" if all(Scalar::U8) => {
                 if element.count != promised || splats.len() as u64 != promised {
-                    return Err(fault(source, "the element sh must have a row a splat, behind them"));
+                    return Err(fault(source, "the element sh must have a row per splat, behind them"));
                 }
                 if element.properties.len() != rest {
                     return Err(fault(source, "there are two elements sh"));

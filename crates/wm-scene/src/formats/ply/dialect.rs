@@ -184,7 +184,7 @@ impl Dialect {
 fn scalar(vertex: &Element, name: &str) -> Result<Scalar, Problem> {
     match vertex.properties.iter().find(|p| p.name == name).map(|p| p.kind) {
         Some(Kind::Scalar(scalar)) => Ok(scalar),
-        _ => Err(property(&format!("the property {name} is a list, not one number a splat"))),
+        _ => Err(property(&format!("the property {name} is a list, not one number per splat"))),
     }
 }
 

@@ -303,7 +303,7 @@ pub(crate) enum PlyEncoding {
     BinaryLittleEndian,
     /// Binary, most significant byte first.
     BinaryBigEndian,
-    /// Decimal text, one splat a line.
+    /// Decimal text, one splat per line.
     Ascii,
 }
 

@@ -309,7 +309,7 @@ fn find(element: &Element, name: &str, array: Array, lane: usize) -> Result<Opti
         return Err(property(&format!("the property {name} is declared twice")));
     }
     let Kind::Scalar(scalar) = first.kind else {
-        return Err(property(&format!("the property {name} is a list, not one number a splat")));
+        return Err(property(&format!("the property {name} is a list, not one number per splat")));
     };
     Ok(Some(Column { property: index, offset: offset_of(element, index), scalar, array, lane }))
 }

@@ -1,4 +1,4 @@
-//! ASCII bodies: one row a line.
+//! ASCII bodies: one row per line.
 
 use super::{
     header::{Element, Header, Kind},

@@ -7,9 +7,9 @@
 //! | picture | channels | version 2 | version 1 |
 //! |---|---|---|---|
 //! | `means` low, high | rgb | 16 bits of a range; the value v means sign(v) (exp\|v\| - 1) | the same |
-//! | `scales` | rgb | index into 256 logarithms | of a range an axis |
+//! | `scales` | rgb | index into 256 logarithms | of a range per axis |
 //! | `quats` | rgba | alpha - 252 is the place (wxyz) of the largest, rgb the others over +-1/sqrt(2) | the same |
-//! | `sh0` | rgba | index into 256 coefficients; alpha is the opacity | of a range a channel; alpha is the logit |
+//! | `sh0` | rgba | index into 256 coefficients; alpha is the opacity | of a range per channel; alpha is the logit |
 //! | `shN` labels | rg | 16-bit index into a palette | the same |
 //! | `shN` centroids | rgb | the palette, 64 entries a row, a pixel a coefficient: index into 256 values | of one range |
 //!

@@ -177,7 +177,7 @@ fn what_is_no_splat_is_named() {
         }
 
         properties.push(format!("list uchar float {name}"));
-        let expected = format!("a.ply: the property {name} is a list, not one number a splat{hint}");
+        let expected = format!("a.ply: the property {name} is a list, not one number per splat{hint}");
         assert_eq!(say(&header(&properties)), expected);
 
         assert_eq!(
