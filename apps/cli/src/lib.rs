@@ -37,6 +37,7 @@ use clap::Parser;
 use clap::error::ErrorKind;
 use std::ffi::OsString;
 use std::io::Write;
+use wm_base::error::escaped;
 
 /// Runs the program; `args` are its name and its options. Returns its exit status: 0 for success, 1
 /// for an error, 2 for wrong options, 130 if it was stopped by Ctrl-C, 143 by SIGTERM, 129 by
@@ -53,7 +54,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
                 interrupt::status()
             }
             Err(error) => {
-                eprintln!("error: {}", one_line(&format!("{error:#}")));
+                eprintln!("error: {}", escaped(&format!("{error:#}")));
                 1
             }
         },
@@ -85,17 +86,10 @@ fn usage(error: &clap::Error) -> u8 {
             let meant = parts
                 .find(|part| part.starts_with("tip: a similar ") || part.starts_with("tip: some similar "))
                 .map(|tip| tip.replacen("tip: ", "; ", 1));
-            eprintln!("{} (--help lists the options)", one_line(&(what + &meant.unwrap_or_default())));
+            eprintln!("{} (--help lists the options)", escaped(&(what + &meant.unwrap_or_default())));
             2
         }
     }
-}
-
-/// Escapes control characters, so that a message stays on one line: file names may contain any
-/// character.
-fn one_line(message: &str) -> String {
-    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    message.chars().map(escaped).collect()
 }
 
 #[cfg(test)]
