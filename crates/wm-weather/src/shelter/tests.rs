@@ -1,4 +1,4 @@
-use super::cast::{FILTER, LEAST_ALPHA, cast, project};
+use super::cast::{FILTER, Footprints, LEAST_ALPHA, cast, project};
 use super::grid::{Grid, unit};
 use super::occluder::Occluder;
 use super::*;
@@ -55,6 +55,19 @@ fn metres() -> Site {
 
 fn map(splats: &Splats, fall: [f64; 3]) -> Shelter {
     Occluders::of(splats, &metres(), &ShelterOptions::default()).shelter(fall)
+}
+
+/// What stands in a place that is measured in metres, for maps with cells of a width, m.
+fn with_cells(splats: &Splats, cell: f64) -> Occluders {
+    Occluders::of(splats, &metres(), &ShelterOptions { cell, ..ShelterOptions::default() })
+}
+
+/// The stops of footprints on a grid all of whose cells stop `before`; `clear` is the share of a
+/// fall that each cell still lets through.
+fn stops_of(footprints: &Footprints, grid: &Grid, before: f32, clear: &mut [f32]) -> Vec<f32> {
+    let (mut stops, mut splats) = (vec![before; clear.len()], vec![0; clear.len()]);
+    cast(footprints, grid, &mut stops, clear, &mut splats);
+    stops
 }
 
 fn point(x: f64, y: f64, z: f64) -> [f32; 3] {
@@ -287,23 +300,21 @@ fn referee(splats: &Splats, grid: &Grid, least_opacity: f64, middle: [f64; 2]) -
 
 #[test]
 fn the_grid_is_what_the_referee_says() {
-    let options = ShelterOptions { cell: 0.05, ..ShelterOptions::default() };
     for (seed, count, fall) in
         [(1, 600, [0.0, 0.0, -1.0]), (2, 2500, [0.5, -0.2, -0.8]), (3, 1200, [0.9, 0.1, 0.1])]
     {
         let splats = mess(seed, count);
-        let occluders = Occluders::of(&splats, &metres(), &options);
+        let occluders = with_cells(&splats, 0.05);
         assert!(occluders.all.len() > splats.len() / 2);
         let grid = occluders.grid(unit(fall).unwrap());
         let footprints = project(&occluders.all, &grid);
-        let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         let cells = grid.columns * grid.rows;
-        cast(&footprints, &grid, &mut stops, &mut vec![1.0; cells], &mut vec![0; cells]);
+        let stops = stops_of(&footprints, &grid, f32::NEG_INFINITY, &mut vec![1.0; cells]);
         let (mut stopped, mut loose) = (0, 0);
         for (cell, stop) in stops.iter().enumerate() {
             let (column, row) = (cell % grid.columns, cell / grid.columns);
             let middle = [(column, 0), (row, 1)].map(|(k, i)| grid.low[i] + (k as f64 + 0.5) * grid.cell);
-            let may = referee(&splats, &grid, options.least_opacity, middle);
+            let may = referee(&splats, &grid, occluders.options.least_opacity, middle);
             // Depth: 1e-5 standard deviations of up to 0.23, and rounding.
             let is_one = |want: &f64| f64::from(*stop) == *want || (f64::from(*stop) - want).abs() < 5e-6;
             assert!(may.iter().any(is_one), "seed {seed}, cell {column} {row}: {stop}, want {may:?}");
@@ -316,19 +327,15 @@ fn the_grid_is_what_the_referee_says() {
 
 #[test]
 fn cells_that_are_opened_again_meet_all_that_is_over_them() {
-    let options = ShelterOptions { cell: 0.03, ..ShelterOptions::default() };
-    let occluders = Occluders::of(&mess(5, 2000), &metres(), &options);
+    let occluders = with_cells(&mess(5, 2000), 0.03);
     let grid = occluders.grid([0.6, 0.0, -0.8]);
     let footprints = project(&occluders.all, &grid);
     let count = grid.columns * grid.rows;
     for share in [0.0, 0.001, 0.02, 1.0] {
         let clear: Vec<f32> = (0..count as u64).map(|i| f32::from(u8::from(uniform(3, i) < share))).collect();
         let few = footprints.over(&grid, &clear);
-        let stops = [&footprints, &few].map(|footprints| {
-            let mut stops = vec![0.1; count];
-            cast(footprints, &grid, &mut stops, &mut clear.clone(), &mut vec![0; clear.len()]);
-            stops
-        });
+        let stops =
+            [&footprints, &few].map(|footprints| stops_of(footprints, &grid, 0.1, &mut clear.clone()));
         assert_eq!(stops[0], stops[1]);
         assert_eq!(few.all.is_empty(), share == 0.0);
     }
@@ -344,15 +351,13 @@ fn pooled_occluders_let_as_much_through() {
         let at = DVec3::new(4.0 * draw(0) - 2.0, 4.0 * draw(1) - 2.0, 2.0 + 0.2 * draw(2));
         splats.push(&ball(at, 0.05, 0.8));
     }
-    let place = Occluders::of(&splats, &metres(), &ShelterOptions { cell: 0.2, ..ShelterOptions::default() });
+    let place = with_cells(&splats, 0.2);
     let softened = place.softened(2.0);
     assert!(softened.all.len() < place.all.len() / 2, "{} of {}", softened.all.len(), place.all.len());
     // The area, m^2, that all of them keep from what falls straight down.
     let shadow = |all: &[Occluder], grid: &Grid| {
-        let footprints = project(all, grid);
         let mut clear = vec![1.0; grid.columns * grid.rows];
-        let (mut stops, mut splats) = (vec![f32::NEG_INFINITY; clear.len()], vec![0; clear.len()]);
-        cast(&footprints, grid, &mut stops, &mut clear, &mut splats);
+        stops_of(&project(all, grid), grid, f32::NEG_INFINITY, &mut clear);
         clear.iter().map(|left| 1.0 - f64::from(*left)).sum::<f64>() * grid.cell * grid.cell
     };
     // Nothing stops, so that all is summed.
@@ -366,9 +371,8 @@ fn pooled_occluders_let_as_much_through() {
 #[test]
 fn maps_are_the_same_for_any_number_of_threads() {
     let splats = mess(4, 3000);
-    let options = ShelterOptions { cell: 0.02, ..ShelterOptions::default() };
     let [one, others @ ..] = on_threads([1, 2, 3, 16], || {
-        let shelter = Occluders::of(&splats, &metres(), &options).shelter([0.3, 0.1, -1.0]);
+        let shelter = with_cells(&splats, 0.02).shelter([0.3, 0.1, -1.0]);
         shelter.stops.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
     });
     assert!(one.len() > 10_000);
