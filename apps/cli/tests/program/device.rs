@@ -9,6 +9,13 @@ use wm_street::dataset::DatasetOptions;
 
 const SIZE: (u32, u32) = (120, 80);
 
+/// The GPU as `--device` names it; `None` without one.
+fn gpu() -> Option<String> {
+    Backend::gpu()?;
+    let fit = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap();
+    Some(format!("gpu:{}", fit.name))
+}
+
 #[test]
 fn devices_are_listed() {
     let said = printed(&run(&["devices", "--device", "cpu"]));
@@ -32,20 +39,17 @@ fn a_device_that_is_not_there_is_one_line() {
 /// Photos of the built-in street, on both devices: how near the ones that are held out are met, dB.
 #[test]
 fn a_training_ends_as_near_as_the_cpus() {
-    if Backend::gpu().is_none() {
-        return;
-    }
-    let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
+    let Some(gpu) = gpu() else { return };
     let workshop = Workshop::new();
     let options = DatasetOptions { count: 9, size: (48, 32), points: 300, ..DatasetOptions::TINY };
     workshop.photos("set", &options);
-    let psnr = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
+    let psnr = ["cpu", &gpu].map(|device| {
         // Few steps: with more of them so few photos are learnt by heart, and no two ways of
         // rounding end alike.
         let words = "reconstruct set --no-assets --out scene.ply --steps 100 --max-splats 800 --sh-degree 1 \
                      --eval-every 3 --sky-splats 200 --overwrite --device";
         let mut command = workshop.command(words);
-        let output = command.arg(&device).output().unwrap();
+        let output = command.arg(device).output().unwrap();
         let said = printed(&output) + &said(&output);
         assert!(output.status.success(), "{said}");
         let is_on = if device == "cpu" { " s on cpu, " } else { " s on gpu, " };
@@ -60,10 +64,7 @@ fn a_training_ends_as_near_as_the_cpus() {
 /// By the pictures' own numbers: what may be off is a splat at a cut.
 #[test]
 fn every_weather_is_the_cpus() {
-    if Backend::gpu().is_none() {
-        return;
-    }
-    let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
+    let Some(gpu) = gpu() else { return };
     let lamp = Lamp { aim: Some([0.0, 0.0, -1.0]), ..Lamp::new([-1.5, 1.0, 4.0]) };
     let facts = Metadata { lamps: Some(vec![lamp]), ..yard_metadata(1.0) };
     let yard = Shot::yard_with(SIZE, &facts);
@@ -85,7 +86,7 @@ fn every_weather_is_the_cpus() {
         "--set light.model=clear --set light.photos=diffuse --set light.clouds=0.5 --set light.cloud_shadows=on",
         "--set lens.rate=20 --set lens.distance=0.1 --set lens.dirt=0.1",
     ] {
-        let pictures = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
+        let pictures = ["cpu", &gpu].map(|device| {
             let drawn = yard.command("picture.exr", weather).arg("--device").arg(device).output().unwrap();
             assert!(drawn.status.success(), "{weather}: {}", said(&drawn));
             read_exr(&yard.path("picture.exr"))
