@@ -14,7 +14,7 @@
 //! takes.
 
 use super::airflow::Airflow;
-use super::ground::{GroundGrid, STEEP};
+use super::ground::{GroundGrid, SLIDING_SLOPES};
 use crate::level::{from_level, level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::{FloaterMap, FloaterRule, Occluders, Shelter, ShelterOptions};
@@ -22,35 +22,36 @@ use crate::threads::map;
 
 /// Spread of flakes about their mean direction, as a slope: in still air, and for each 1 of slope
 /// by wind.
-const SPREAD: [f64; 2] = [0.22, 0.3];
+const FLAKE_SPREAD_SLOPES: [f64; 2] = [0.22, 0.3];
 /// Directions on a circle about the mean one: for the narrowest cells, which show soft edges, and
 /// for others.
-const CIRCLE: [usize; 2] = [6, 4];
+const CIRCLE_DIRECTION_COUNTS: [usize; 2] = [6, 4];
 /// Width of the cells in which obstacles are looked for, in those of the grid, on all rings but the
 /// innermost.
-const COARSER: f64 = 2.0;
+const OBSTACLE_CELL_RATIO: f64 = 2.0;
 /// Height above a node from which obstacles are looked for, m.
 const OBSTACLE_HEIGHT_M: f64 = 0.06;
 /// Largest deposit on a slope that faces the wind, as a share of that on level ground.
 const MAX_DEPOSIT: f32 = 2.5;
-/// Over how far the wind lets go of what it carries: in the open, and out of the wind, m.
-const LENGTH: [f32; 2] = [5.0, 1.5];
+/// Over how far the wind lets go of what it carries: in the open, and out of the wind.
+const WIND_RELEASE_LENGTHS_M: [f32; 2] = [5.0, 1.5];
 /// Tangent of the angle below which it is out of the wind behind an edge.
-const SHADOW: f32 = 0.268;
+const LEE_SLOPE: f32 = 0.268;
 /// Depth below that line at which a node is out of the wind, m.
 const LEE_DEPTH_M: f32 = 0.04;
 /// Share of what the wind carries that stays at the foot of what stands in its way.
-const FOOT: f32 = 0.1;
+const WINDWARD_FOOT_SHARE: f32 = 0.1;
 /// Most that the wind gathers, as a share of the fall.
-const DRIFT: f32 = 4.0;
+const MAX_DRIFT_SHARE: f32 = 4.0;
 
 /// The directions in which flakes fall, world axes: on the innermost ground, or on one about it.
 fn falls(site: &Site, airflow: &Airflow, is_outer: bool) -> Vec<[f64; 3]> {
     let axes = level_axes(site.up);
     let [a, b] = airflow.slope;
-    let count = CIRCLE[usize::from(is_outer)];
+    let count = CIRCLE_DIRECTION_COUNTS[usize::from(is_outer)];
     // Of equal variance as a normal spread.
-    let reach = (SPREAD[0] + SPREAD[1] * a.hypot(b)) * (2.0 * (count + 1) as f64 / count as f64).sqrt();
+    let reach = (FLAKE_SPREAD_SLOPES[0] + FLAKE_SPREAD_SLOPES[1] * a.hypot(b))
+        * (2.0 * (count + 1) as f64 / count as f64).sqrt();
     let circle = (0..count).map(|k| {
         let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).sin_cos();
         [a + reach * cos, b + reach * sin]
@@ -73,7 +74,7 @@ pub(super) fn maps(
         // occluders.
         let next = match standing.last() {
             None => occluders.without(floaters).mapped(&options),
-            Some(inner) => inner.without(floaters).mapped(&options).softened(COARSER),
+            Some(inner) => inner.without(floaters).mapped(&options).softened(OBSTACLE_CELL_RATIO),
         };
         standing.push(next);
     }
@@ -133,7 +134,7 @@ impl GroundGrid {
     /// Returns the share of the fall on a node that stays there at first by its slope, 0-1.
     fn kept(&self, node: usize) -> f32 {
         let [a, b] = self.slope[node];
-        ((STEEP[1] - a.hypot(b)) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0)
+        ((SLIDING_SLOPES[1] - a.hypot(b)) / (SLIDING_SLOPES[1] - SLIDING_SLOPES[0])).clamp(0.0, 1.0)
     }
 
     /// Softens the edges of what is sheltered, over the nodes beside each other.
@@ -161,8 +162,8 @@ impl GroundGrid {
             ways: [(way(0), 1.0 - aside.abs()), (way(aside.signum() as i64), aside.abs())],
             unit,
             moved,
-            fallen_by: SHADOW * self.cell / unit[main].abs(),
-            lets_go: LENGTH.map(|length| 1.0 - (-self.cell / length).exp()),
+            fallen_by: LEE_SLOPE * self.cell / unit[main].abs(),
+            lets_go: WIND_RELEASE_LENGTHS_M.map(|length| 1.0 - (-self.cell / length).exp()),
         };
         let mut carried = vec![0.0f32; self.len()];
         let mut line = vec![f32::NEG_INFINITY; self.len()];
@@ -202,7 +203,7 @@ impl GroundGrid {
                 gale.moved * self.share[node] * (1.0 + 1.5 * rise).clamp(0.2, 1.6)
             };
             let leaves = on_its_way * gale.lets_go[usize::from(is_still)];
-            let leaves = leaves.min((DRIFT - self.share[node]).max(0.0) + takes);
+            let leaves = leaves.min((MAX_DRIFT_SHARE - self.share[node]).max(0.0) + takes);
             let takes = takes.min(self.share[node]);
             self.share[node] += leaves - takes;
             on_its_way += takes - leaves;
@@ -219,7 +220,7 @@ impl GroundGrid {
             let is_lower = |to: &usize| self.height[*to] < height && self.open[*to] > 0.0;
             let on = level.or_else(|| nodes?.find(is_lower));
             // Where something stands in the way some stays, and most goes over it.
-            let stays = if on.is_none() && !self.is_steep(node) { FOOT * goes } else { 0.0 };
+            let stays = if on.is_none() && !self.is_steep(node) { WINDWARD_FOOT_SHARE * goes } else { 0.0 };
             self.share[node] += stays;
             let to = on.unwrap_or(upper);
             carried[to] += goes - stays;

@@ -5,8 +5,8 @@
 //! (secondary bow). The phase function `p` of the two paths through a sphere of water is found by
 //! tracing rays (Descartes; Fresnel's equations for both polarisations) and smoothed by the sun's
 //! disc and by the waves of light in drops of about 1 mm. With the extinction of the rain `s_r`,
-//! twice what the drops' area blocks, and that of all air `s`, a pixel at the distance `d` gains the
-//! radiance
+//! twice what the drops' area blocks, and that of all air `s`, a pixel at the distance `d` gains
+//! the radiance
 //!
 //! `E p(angle) s_r / (2 s) (1 - e^(-s d))`
 //!
@@ -127,7 +127,7 @@ const SUN_RADIUS_DEG: f64 = 0.266;
 /// Standard deviation by which waves smooth the bows of drops of 1 mm, degrees.
 const DIFFRACTION_DEG: f64 = 0.25;
 /// Rays that are traced at each wavelength.
-const RAYS: usize = 4000;
+const RAY_COUNT: usize = 4000;
 
 /// The phase function of the two bows, 1/sr, by channel and angle.
 struct BowPhase {
@@ -150,8 +150,8 @@ impl BowPhase {
             let micrometres = nm * 1e-3;
             // Cauchy's formula for water at 20 C.
             let index = 1.3244 + 3.1e-3 / (micrometres * micrometres);
-            for ray in 0..RAYS {
-                let incident = ((ray as f64 + 0.5) / RAYS as f64).sqrt().asin();
+            for ray in 0..RAY_COUNT {
+                let incident = ((ray as f64 + 0.5) / RAY_COUNT as f64).sqrt().asin();
                 let refracted = (incident.sin() / index).asin();
                 let reflected = reflectance(incident, refracted);
                 for (order, angle) in
@@ -159,7 +159,7 @@ impl BowPhase {
                 {
                     let light: f64 = reflected
                         .iter()
-                        .map(|r| 0.5 * (1.0 - r) * (1.0 - r) * r.powi(order) / RAYS as f64)
+                        .map(|r| 0.5 * (1.0 - r) * (1.0 - r) * r.powi(order) / RAY_COUNT as f64)
                         .sum();
                     let degrees = angle.abs().to_degrees();
                     let bin = (degrees / BIN_DEG) as usize;

@@ -8,8 +8,8 @@ use wm_base::random::{RandomSequence, bits};
 
 /// Sides of the cells in which sitting and running drops land, m. A slot of their clocks is as long
 /// as one lands in a cell.
-pub(super) const CELL: f64 = 0.01;
-pub(super) const RUN_CELL: f64 = 0.04;
+pub(super) const SITTING_CELL_M: f64 = 0.01;
+pub(super) const RUNNING_CELL_M: f64 = 0.04;
 /// Share of the glass that all drops would cover which have landed in the time that is looked back.
 /// Older ones have become part of others.
 const COVERED_SHARE: f64 = 0.35;
@@ -21,7 +21,7 @@ const FADING_SHARE: f64 = 0.03;
 const MAX_RUN_M: f64 = 0.25;
 /// Mean way that a drop of the least running radius runs, m, and its mean speed, m/s.
 const MEAN_RUN_M: f64 = 0.08;
-const SPEED: f64 = 0.05;
+const MEAN_RUN_SPEED: f64 = 0.05;
 /// Longest time that a drop sits before it runs, s.
 const MAX_REST_S: f64 = 0.8;
 /// Share of the points of its path at which a running drop leaves a small one.
@@ -71,7 +71,7 @@ impl Run {
             [between(heights[0], heights[1]), TAU / between(lengths[0], lengths[1]), between(0.0, TAU)]
         };
         let waves = [wave([0.016, 0.035], [0.0003, 0.0012]), wave([0.05, 0.14], [0.001, 0.004])];
-        let speed = SPEED * down * size * between(0.5, 1.6);
+        let speed = MEAN_RUN_SPEED * down * size * between(0.5, 1.6);
         let slip = [TAU / between(0.008, 0.03), between(0.0, TAU)];
         let life = between(0.5, 1.0);
         Self { start, radius, landed, starts, way, speed, waves, slip, key: random.bits(), life }
@@ -279,11 +279,11 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
 
     let reach = (bounds[1][1] - bounds[0][1]).clamp(0.01, MAX_RUN_M);
     let runs_from = rain.landed(rain.time_of_small(small_from)).running.max(landed.running - MOST_RUNS);
-    let [first, last] = cells(bounds[0][1] - reach, bounds[1][1], RUN_CELL);
-    let columns = cells(bounds[0][0] - 0.01, bounds[1][0] + 0.01, RUN_CELL);
+    let [first, last] = cells(bounds[0][1] - reach, bounds[1][1], RUNNING_CELL_M);
+    let columns = cells(bounds[0][0] - 0.01, bounds[1][0] + 0.01, RUNNING_CELL_M);
     let runs: Vec<Vec<Run>> = in_rows([first, last], |row, runs| {
         let key = bits(glass.seed, 0x7275_6e73);
-        landings(key, RUN_CELL, columns, row, [runs_from, landed.running], |at, count, mut random| {
+        landings(key, RUNNING_CELL_M, columns, row, [runs_from, landed.running], |at, count, mut random| {
             let time = rain.time_of_running(count);
             let radius = rain.radius(time, random.uniform(), true);
             runs.push(Run::new(glass, at, time, radius, &mut random));
@@ -348,11 +348,11 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         }
     }
 
-    let [first, last] = cells(bounds[0][1], bounds[1][1], CELL);
-    let columns = cells(bounds[0][0], bounds[1][0], CELL);
+    let [first, last] = cells(bounds[0][1], bounds[1][1], SITTING_CELL_M);
+    let columns = cells(bounds[0][0], bounds[1][0], SITTING_CELL_M);
     let sitting: Vec<Vec<GlassDrop>> = in_rows([first, last], |row, sitting| {
         let key = bits(glass.seed, 0x6472_6f70);
-        landings(key, CELL, columns, row, [small_from, landed.small], |at, count, mut random| {
+        landings(key, SITTING_CELL_M, columns, row, [small_from, landed.small], |at, count, mut random| {
             let life = 0.5 + 0.5 * random.uniform();
             let age = landed.small - count;
             if age > span * life || !on_glass(at) {

@@ -17,12 +17,12 @@ use wm_scene::Metadata;
 /// Usual reflectances and the error of each, as a standard deviation of its logarithm: the median
 /// of ground that is not green, of walls, and of what is green, and the brightest twentieth of all
 /// that is not green.
-const GROUND: [f64; 2] = [0.22, 0.4];
-const WALLS: [f64; 2] = [0.3, 0.6];
-const GREEN: [f64; 2] = [0.1, 0.5];
-const BRIGHT: [f64; 2] = [0.6, 0.4];
+const GROUND_REFLECTANCE: [f64; 2] = [0.22, 0.4];
+const WALL_REFLECTANCE: [f64; 2] = [0.3, 0.6];
+const PLANT_REFLECTANCE: [f64; 2] = [0.1, 0.5];
+const BRIGHT_REFLECTANCE: [f64; 2] = [0.6, 0.4];
 /// Excess of green over red and blue by which plants are recognised.
-const GREENNESS: f32 = 1.06;
+const GREEN_EXCESS_RATIO: f32 = 1.06;
 /// Least share of the surfaces of a kind that tells.
 const LEAST_SHARE: f64 = 0.02;
 /// Brightness of a card on level ground over that of the sky near the horizon: under clouds (CIE
@@ -32,16 +32,16 @@ const BY_CLOUDS: [f64; 2] = [7.0 / 3.0, 0.5];
 const BY_SKY: [f64; 2] = [0.8, 0.6];
 /// Brightness of the sky from which it may be burned out: it is brighter by an unknown factor
 /// then.
-const BURNED: f64 = 0.85;
+const MIN_BURNED_BRIGHTNESS: f64 = 0.85;
 /// Lower clamp of the irradiance, over that of open ground.
-const DARKEST: f64 = 0.01;
+const MIN_IRRADIANCE: f64 = 0.01;
 /// Variance of the log irradiance above which it must show in the colours.
 const MIN_LOG_VARIANCE: f64 = 0.05;
 /// Bounds of the brightness of a card, display values.
-const BOUNDS: [f64; 2] = [0.3, 5.0];
+const CARD_BRIGHTNESS_LIMITS: [f64; 2] = [0.3, 5.0];
 /// Least cosine between up and the normal of ground, and greatest of a wall.
-const LEVEL: f32 = 0.8;
-const UPRIGHT: f32 = 0.3;
+const MIN_GROUND_COSINE: f32 = 0.8;
+const MAX_WALL_COSINE: f32 = 0.3;
 
 /// An estimate of the log brightness with its standard deviation; `is_least` if it is a lower
 /// bound.
@@ -85,13 +85,13 @@ impl WhiteCard {
         // Logarithms of the irradiance and of the light.
         let logs = |i: usize| {
             let light = luminance(surfaces.light[i].to_array().map(f64::from));
-            [irradiance(i).max(DARKEST).ln(), light.max(1e-4).ln()]
+            [irradiance(i).max(MIN_IRRADIANCE).ln(), light.max(1e-4).ln()]
         };
         let [mut ground, mut walls, mut green, mut neutral] = [const { Vec::new() }; 4];
         for i in 0..surfaces.len() {
             let normal = surfaces.normals[i];
             let color = surfaces.light[i];
-            if color.y > GREENNESS * color.x.max(color.z) {
+            if color.y > GREEN_EXCESS_RATIO * color.x.max(color.z) {
                 green.push(logs(i));
                 continue;
             }
@@ -100,9 +100,9 @@ impl WhiteCard {
             }
             neutral.push(logs(i));
             let rise = normal.dot(up);
-            if rise > LEVEL {
+            if rise > MIN_GROUND_COSINE {
                 ground.push(logs(i));
-            } else if rise.abs() < UPRIGHT {
+            } else if rise.abs() < MAX_WALL_COSINE {
                 walls.push(logs(i));
             }
         }
@@ -123,19 +123,20 @@ impl WhiteCard {
         let by_sky = knows_sky.then(|| BrightnessGuess {
             value: (sky * by_sky / sky_share.max(0.05)).ln(),
             error,
-            is_least: sky > BURNED,
+            is_least: sky > MIN_BURNED_BRIGHTNESS,
         });
         let clues: Vec<BrightnessGuess> = [
-            told(&ground, 0.5, GROUND),
-            told(&walls, 0.5, WALLS),
-            told(&green, 0.5, GREEN),
-            told(&neutral, 0.95, BRIGHT),
+            told(&ground, 0.5, GROUND_REFLECTANCE),
+            told(&walls, 0.5, WALL_REFLECTANCE),
+            told(&green, 0.5, PLANT_REFLECTANCE),
+            told(&neutral, 0.95, BRIGHT_REFLECTANCE),
             by_sky,
         ]
         .into_iter()
         .flatten()
         .collect();
-        let open = likely(&clues).map_or(1.0, f64::exp).clamp(BOUNDS[0], BOUNDS[1]);
+        let open =
+            likely(&clues).map_or(1.0, f64::exp).clamp(CARD_BRIGHTNESS_LIMITS[0], CARD_BRIGHTNESS_LIMITS[1]);
         Self { open, trust }
     }
 

@@ -62,7 +62,7 @@ const OUTLIER_RADIUS: f64 = 3.0;
 pub(crate) const USUAL_DARTS: f64 = 8.0;
 pub(crate) const MAX_SNOW_SPLATS: usize = 4_000_000;
 /// Share of the middle variance of points in the largest below which they lie on a line.
-const LINE: f64 = 1e-6;
+const MAX_LINE_VARIANCE_RATIO: f64 = 1e-6;
 
 /// Lying snow of the paper.
 #[derive(Clone, Debug, PartialEq)]
@@ -387,7 +387,7 @@ fn plane(around: &[DVec3], up: DVec3) -> Option<(DVec3, DVec3)> {
     let mut order = [0, 1, 2];
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
     let [least, between, most] = order;
-    let is_plane = values[between] > LINE * values[most] && values[most].is_finite();
+    let is_plane = values[between] > MAX_LINE_VARIANCE_RATIO * values[most] && values[most].is_finite();
     let normal = DVec3::from_array(vectors[least]).try_normalize()?;
     is_plane.then_some((middle, if normal.dot(up) < 0.0 { -normal } else { normal }))
 }

@@ -14,7 +14,7 @@ const MIN_SPLASH_DIAMETER_MM: f64 = 1.0;
 /// Most of the other drops, a m^2 and second: all of them at 300 mm/h.
 const MAX_DROP_FLUX: f64 = 12_000.0;
 /// Parts of the seeds.
-const OTHERS: u64 = 0x5350_4c41;
+const NEIGHBOUR_SEED: u64 = 0x5350_4c41;
 const DROP_SEED: u64 = 0x4f57_4e53;
 
 /// A drop that has fallen.
@@ -103,7 +103,7 @@ impl FallenDrops {
             (uniform(key, 1) < kept)
                 .then(|| made(key, drop.center, drop.time, &|draws| large.diameter(draws.uniform())))
         });
-        let (own, most) = (seed ^ OTHERS, MAX_DROP_FLUX * SIZE * SIZE);
+        let (own, most) = (seed ^ NEIGHBOUR_SEED, MAX_DROP_FLUX * SIZE * SIZE);
         let share = (others / MAX_DROP_FLUX).min(1.0);
         let above = (others - all_small) / others.max(1e-9);
         let [first, last] = span.map(|time| (time * most).floor() as i64);
