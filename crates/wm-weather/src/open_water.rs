@@ -83,7 +83,7 @@ impl OpenWater {
             return false;
         }
         let at = self.level * DVec3::from_array(point);
-        self.cells.get(&cell_of(at)).is_some_and(|height| is_own(at.z - height))
+        self.cells.get(&cell_of(at)).is_some_and(|height| is_water_surface(at.z - height))
             || self.outlines.iter().any(|outline| is_inside(outline, at))
     }
 
@@ -173,7 +173,7 @@ fn cell_of(at: DVec3) -> Cell {
 
 /// Returns true if a point is at the water inside of an outline.
 fn is_inside(outline: &[DVec3], at: DVec3) -> bool {
-    is_own(at.z - height_of(outline)) && is_within(outline, at)
+    is_water_surface(at.z - height_of(outline)) && is_within(outline, at)
 }
 
 /// The height of the water inside of an outline, m.
@@ -208,7 +208,7 @@ fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>, evidence: Evide
         return None;
     }
     let share = |is_counted: fn(&Patch) -> bool| -> f64 {
-        let at_height = |patch: &&Patch| is_own(patch.height - height) && is_counted(patch);
+        let at_height = |patch: &&Patch| is_water_surface(patch.height - height) && is_counted(patch);
         inside().filter(at_height).map(|patch| patch.area).sum()
     };
     if height - low > MAX_HEIGHT_RANGE_M || share(|patch| patch.is_water) < MIN_BLUE_SHARE * share(|_| true) {
@@ -290,7 +290,7 @@ fn widened(cells: &[Cell], radius: i32) -> BTreeSet<Cell> {
 }
 
 /// Returns true if a surface so far above water, m, is the water's own.
-fn is_own(above: f64) -> bool {
+fn is_water_surface(above: f64) -> bool {
     (-SURFACE_HEIGHTS_M[1]..SURFACE_HEIGHTS_M[0]).contains(&above)
 }
 

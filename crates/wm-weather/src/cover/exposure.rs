@@ -115,13 +115,13 @@ impl GroundGrid {
         (self.open, self.share) = reached.into_iter().unzip();
         for node in 0..nodes {
             let stays = self.share[node] * self.kept(node);
-            self.lose(node, self.share[node] - stays);
+            self.count_loss(node, self.share[node] - stays);
             self.share[node] = stays;
         }
         let (axes, [a, b]) = (level_axes(site.up), airflow.slope);
         let along = to_level(&grid, from_level(&axes, [a, b, 0.0]));
         if airflow.moved > 0.0 && a.hypot(b) > 1e-6 {
-            self.blow([along[0], along[1]].map(|v| v as f32), airflow.moved as f32);
+            self.drift_snow([along[0], along[1]].map(|v| v as f32), airflow.moved as f32);
         }
         self.soften();
         for node in 0..nodes {
@@ -152,7 +152,7 @@ impl GroundGrid {
     }
 
     /// Carries snow along the ground with the wind, which blows along `wind` (columns, rows).
-    fn blow(&mut self, wind: [f32; 2], moved: f32) {
+    fn drift_snow(&mut self, wind: [f32; 2], moved: f32) {
         let main = usize::from(wind[1].abs() > wind[0].abs());
         let length = wind[0].hypot(wind[1]);
         let unit = wind.map(|v| v / length);
@@ -173,7 +173,7 @@ impl GroundGrid {
             for other in 0..across {
                 let cell = if main == 0 { other * self.size[0] + k } else { k * self.size[0] + other };
                 for node in self.nodes_of(cell) {
-                    self.pass(node, &gale, &mut carried, &mut line);
+                    self.deposit_or_pass_on(node, &gale, &mut carried, &mut line);
                 }
             }
         }
@@ -181,7 +181,7 @@ impl GroundGrid {
 
     /// Deposits what the wind brings to each node, or passes it on: `carried` is on its way to each
     /// node, and below `line` (m) the air is still.
-    fn pass(&mut self, node: usize, gale: &WindField, carried: &mut [f32], line: &mut [f32]) {
+    fn deposit_or_pass_on(&mut self, node: usize, gale: &WindField, carried: &mut [f32], line: &mut [f32]) {
         let [column, row] = self.place(node);
         let (height, is_still) = (self.height[node], line[node] > self.height[node] + LEE_DEPTH_M);
         // From beyond the grid comes what a plain would give.
@@ -190,7 +190,7 @@ impl GroundGrid {
             let source = self.cell_of(column - x, row - y);
             if source.is_none_or(|cell| self.nodes_of(cell).is_empty()) && self.open[node] > 0.0 {
                 carried[node] += share * plain;
-                self.lose(node, -share * plain);
+                self.count_loss(node, -share * plain);
             }
         }
         let mut on_its_way = carried[node];
@@ -213,7 +213,7 @@ impl GroundGrid {
             let goes = share * on_its_way;
             let nodes = self.cell_of(column + x, row + y).map(|cell| self.nodes_of(cell));
             let Some(upper) = nodes.clone().and_then(|mut nodes| nodes.next()) else {
-                self.lose(node, goes);
+                self.count_loss(node, goes);
                 continue;
             };
             let level = self.level_with(node, column + x, row + y, self.edge);
@@ -230,7 +230,7 @@ impl GroundGrid {
 
     /// Counts what does not stay where it falls, or is carried off the grid, as a share of the fall
     /// on a cell.
-    fn lose(&mut self, node: usize, amount: f32) {
+    fn count_loss(&mut self, node: usize, amount: f32) {
         if !self.is_elsewhere(node) {
             self.shed += f64::from(amount);
         }

@@ -199,7 +199,7 @@ impl LyingCover {
     /// buried ones are transparent.
     #[must_use]
     pub fn over(&self, scene: &Splats) -> Splats {
-        self.laid(scene, scene.clone(), 0..scene.len())
+        self.lay_on_splats(scene, scene.clone(), 0..scene.len())
     }
 
     /// The scene with what lies on it, as one set of splats of the scene's SH degree.
@@ -207,11 +207,11 @@ impl LyingCover {
     pub fn bake(&self, scene: &Splats) -> Splats {
         let is_seen = |index: &usize| self.buried.factor(*index) > MIN_VISIBILITY;
         let kept: Vec<usize> = (0..scene.len()).filter(is_seen).collect();
-        self.laid(scene, scene.select(&kept), kept)
+        self.lay_on_splats(scene, scene.select(&kept), kept)
     }
 
     /// Lays it on splats of the scene, whose places there are `of`.
-    fn laid(&self, scene: &Splats, mut out: Splats, of: impl IntoIterator<Item = usize>) -> Splats {
+    fn lay_on_splats(&self, scene: &Splats, mut out: Splats, of: impl IntoIterator<Item = usize>) -> Splats {
         for (opacity, index) in out.logit_opacities.iter_mut().zip(of) {
             let factor = self.buried.factor(index);
             if factor < 1.0 {
@@ -286,7 +286,9 @@ impl Cover {
                     * RING_SIDE_CELLS
                     * if is_path && reach.is_finite() { PATH_LENGTH_FACTOR } else { 1.0 })
                     as usize,
-                focus: reach.is_finite().then(|| (about(path, reach / site.metres_per_unit, site), reach)),
+                focus: reach
+                    .is_finite()
+                    .then(|| (path_middle(path, reach / site.metres_per_unit, site), reach)),
                 margin: 0.1,
                 outliers: OUTLIER_SHARE,
                 ..ShelterOptions::default()
@@ -395,7 +397,7 @@ impl Cover {
         let CoverRequest { depth: fell, thaw, .. } = *asked;
         // How it slides at the least depth says where even less lies.
         let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(MIN_RUNG_DEPTH_M);
-        let settled = self.slid(slides, asked.repose);
+        let settled = self.slid_depths(slides, asked.repose);
         let layer = |ground: &GroundGrid, slid: Settled| {
             let fell = |node: usize| slid.depth[node] * (fell / slides) as f32;
             let left = |node: usize| match &thaw {
@@ -416,10 +418,10 @@ impl Cover {
 
     /// Returns the depths on each ring after sliding, for a depth on open level ground, m, the
     /// lowest of the ladder or more: mixed of the two depths of it about that.
-    fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
+    fn slid_depths(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
         let above = (depth / MIN_RUNG_DEPTH_M).log(RUNG_RATIO).ceil().max(1.0) as i32;
         let [low, high] = [above - 1, above].map(|k| MIN_RUNG_DEPTH_M * RUNG_RATIO.powi(k));
-        self.climb([low, high], repose);
+        self.find_slid_rungs([low, high], repose);
         let rung = |depth: f64| {
             let mut rungs = self.ladder.iter();
             &rungs.find(|rung| rung.depth == depth && rung.repose == repose).expect("just climbed").settled
@@ -435,7 +437,7 @@ impl Cover {
     }
 
     /// Finds what has slid at two depths, if it is not known.
-    fn climb(&mut self, depths: [f64; 2], repose: f64) {
+    fn find_slid_rungs(&mut self, depths: [f64; 2], repose: f64) {
         let is = |rung: &Rung, depth: f64| rung.depth == depth && rung.repose == repose;
         let missing: Vec<f64> =
             depths.into_iter().filter(|depth| !self.ladder.iter().any(|rung| is(rung, *depth))).collect();
@@ -458,7 +460,7 @@ impl Cover {
 }
 
 /// As much of the middle of a path as a ring has cells for that goes so far from it (scene units).
-fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
+fn path_middle(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
     let [a, b] = path.map(DVec3::from_array);
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
     let [across, along, _] = level_axes(site.up).map(|axis| half.dot(DVec3::from_array(axis)).abs());

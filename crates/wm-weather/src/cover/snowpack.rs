@@ -315,7 +315,7 @@ mod tests {
     }
 
     /// A depth that is requested, an hour a second.
-    fn asked(depth: &str, temperature: &str, time: f64) -> SnowpackState {
+    fn pack_of_depth(depth: &str, temperature: &str, time: f64) -> SnowpackState {
         let (depth, temperature) = (track("depth", depth), track("temperature", temperature));
         let (density, lapse) = (Some(100.0), 3600.0);
         let depth = Some(&depth);
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn warm_air_melts_it_and_leaves_the_ground_wet_for_a_while() {
-        let at = |time: f64| asked("0.02", "0:-5,2:-5,3:6", time);
+        let at = |time: f64| pack_of_depth("0.02", "0:-5,2:-5,3:6", time);
         assert!(at(2.0).thaw().is_none() && (at(2.0).fell.depth() - 0.02).abs() < 1e-12);
         // 2 mm of water melt by 1 mm/h from 3 h on, and some before.
         let half = at(3.73);
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn what_comes_down_on_bare_ground_is_new() {
-        let at = |time: f64| asked("0:0.02,10:0.02,11:0.05,20:0.05,21:0", "6", time);
+        let at = |time: f64| pack_of_depth("0:0.02,10:0.02,11:0.05,20:0.05,21:0", "6", time);
         // 2 cm are gone after 2 h in the open and after 4 h in the shade.
         assert!(at(3.0).open().depth() == 0.0 && shaded(&at(3.0)).depth() > 0.004);
         assert_eq!(shaded(&at(5.0)).depth(), 0.0);
@@ -356,7 +356,7 @@ mod tests {
         assert!((at(12.0).open().depth() - 0.01).abs() < 0.002);
         assert_eq!(at(21.0).fell.depth(), 0.0);
         // Cold air does not melt what fell in it when it was warm.
-        let falls = |time: f64| asked("0.1", "0:6,3:6,4:-10", time).open().depth();
+        let falls = |time: f64| pack_of_depth("0.1", "0:6,3:6,4:-10", time).open().depth();
         assert!((falls(5.0) - falls(9.0)).abs() < 1e-12 && falls(5.0) > 0.05);
     }
 

@@ -91,7 +91,7 @@ struct Lattice {
 }
 
 /// The four nodes about a place and their shares.
-fn about(side: usize, point: [f32; 2]) -> [(usize, f32); 4] {
+fn nodes_about(side: usize, point: [f32; 2]) -> [(usize, f32); 4] {
     let [x, y] = point;
     let cell = |v: f32| (v.max(0.0) as usize).min(side - 2);
     let (column, row) = (cell(x), cell(y));
@@ -115,19 +115,19 @@ impl Lattice {
         Self { side, scale: 1.0 / scale as f32, value: zeros(), weight: zeros(), spread: zeros() }
     }
 
-    fn about(&self, point: [f32; 2]) -> [(usize, f32); 4] {
+    fn nodes_about(&self, point: [f32; 2]) -> [(usize, f32); 4] {
         let [x, y] = point;
-        about(self.side, [x * self.scale, y * self.scale])
+        nodes_about(self.side, [x * self.scale, y * self.scale])
     }
 
     fn at(&self, place: [f32; 2]) -> f32 {
-        self.about(place).iter().map(|(node, share)| share * self.value[*node]).sum()
+        self.nodes_about(place).iter().map(|(node, share)| share * self.value[*node]).sum()
     }
 
     /// Fits what is left of the points, with their weights, and takes its part from them.
     fn fit(&mut self, places: &[[f32; 2]], left: &mut [f32], weights: &[f32]) {
         for ((place, left), weight) in places.iter().zip(left.iter()).zip(weights) {
-            for (node, share) in self.about(*place) {
+            for (node, share) in self.nodes_about(*place) {
                 self.weight[node] += weight * share * share;
                 self.value[node] += weight * share * share * left;
             }
@@ -137,7 +137,7 @@ impl Lattice {
         }
         for ((place, left), weight) in places.iter().zip(left).zip(weights) {
             *left -= self.at(*place);
-            for (node, share) in self.about(*place) {
+            for (node, share) in self.nodes_about(*place) {
                 self.spread[node] += weight * share * share * *left * *left;
             }
         }
@@ -191,7 +191,7 @@ impl GroundField {
             // The finest that points support, and what they leave there.
             let support = lattices.iter().rev().find_map(|lattice| {
                 let mean = |values: &[f32]| -> f32 {
-                    lattice.about(place).iter().map(|(node, share)| share * values[*node]).sum()
+                    lattice.nodes_about(place).iter().map(|(node, share)| share * values[*node]).sum()
                 };
                 let weight = mean(&lattice.weight);
                 let spread = || (mean(&lattice.spread) / weight).sqrt();
@@ -215,7 +215,9 @@ impl GroundField {
     }
 
     fn mean(&self, values: &[f32], place: [f32; 2]) -> f64 {
-        f64::from(about(self.side, place).iter().map(|(node, share)| share * values[*node]).sum::<f32>())
+        f64::from(
+            nodes_about(self.side, place).iter().map(|(node, share)| share * values[*node]).sum::<f32>(),
+        )
     }
 
     /// Height of a point (level axes, m) above the ground, m.

@@ -34,7 +34,7 @@ pub use floor::FloorPlane;
 use glam::DVec3;
 pub use ground_field::GroundField;
 pub use photo_view::PhotoView;
-use photo_view::{ViewEvidence, Word};
+use photo_view::{PointEvidence, ViewEvidence};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
@@ -146,8 +146,8 @@ impl<'a> FusedSurfaces<'a> {
         let witnesses = map(views.len(), |index| views[index].witness());
         let hears_of = |middle: DVec3, radius: f64| {
             let mut said = CameraVotes::default();
-            let word = |witness: &ViewEvidence| witness.word_of_ball(middle, radius, metres_per_unit);
-            witnesses.iter().for_each(|witness| said.add(word(witness)));
+            let evidence = |witness: &ViewEvidence| witness.evidence_at_ball(middle, radius, metres_per_unit);
+            witnesses.iter().for_each(|witness| said.add(evidence(witness)));
             said
         };
         let hears = |point: DVec3| hears_of(point, 0.0);
@@ -219,11 +219,11 @@ struct CameraVotes {
 }
 
 impl CameraVotes {
-    fn add(&mut self, word: Word) {
-        let (count, floors, floor) = match word {
-            Word::Seen { floor } => (&mut self.seen, &mut self.seen_floor, floor),
-            Word::Through { floor } => (&mut self.through, &mut self.through_floor, floor),
-            Word::Nothing => return,
+    fn add(&mut self, evidence: PointEvidence) {
+        let (count, floors, floor) = match evidence {
+            PointEvidence::OnSurface { floor } => (&mut self.seen, &mut self.seen_floor, floor),
+            PointEvidence::SeenThrough { floor } => (&mut self.through, &mut self.through_floor, floor),
+            PointEvidence::Unknown => return,
         };
         *count += 1;
         *floors += u32::from(floor);

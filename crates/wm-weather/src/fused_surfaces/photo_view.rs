@@ -51,13 +51,13 @@ pub(super) fn is_near(width: f64) -> bool {
 
 /// The evidence of one camera about a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Word {
+pub(super) enum PointEvidence {
     /// The point is on the visible surface.
-    Seen { floor: bool },
+    OnSurface { floor: bool },
     /// The camera sees through the point.
-    Through { floor: bool },
+    SeenThrough { floor: bool },
     /// It is off the picture, or behind something.
-    Nothing,
+    Unknown,
 }
 
 /// A view's evidence: its nearest surface within a pixel of each, and which of them are floors.
@@ -70,26 +70,26 @@ pub(super) struct ViewEvidence {
 impl ViewEvidence {
     /// Returns the evidence about a ball (world, scene units; radius 0 for a point). Where its
     /// middle is off the picture, the nearest part of the picture that it reaches tells.
-    pub(crate) fn word_of_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> Word {
-        let Some((x, y, z)) = self.camera.project(middle) else { return Word::Nothing };
+    pub(crate) fn evidence_at_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> PointEvidence {
+        let Some((x, y, z)) = self.camera.project(middle) else { return PointEvidence::Unknown };
         let [width, height] = [self.camera.width, self.camera.height].map(f64::from);
         let reach = radius * self.camera.fx / z;
         let [inside_x, inside_y] = [x.clamp(1.0, width - 2.0), y.clamp(1.0, height - 2.0)];
         let (off_x, off_y) = ((x - inside_x).abs().floor(), (y - inside_y).abs().floor());
         if off_x > reach || off_y > reach {
-            return Word::Nothing;
+            return PointEvidence::Unknown;
         }
         let (width, x, y) = (width as i64, inside_x as i64, inside_y as i64);
         let (nearest, floor) = self.nearest[(y * width + x) as usize];
         let nearest = f64::from(nearest);
         if z * (1.0 + SEE_THROUGH_DISTANCES[0]) + SEE_THROUGH_DISTANCES[1] / metres_per_unit < nearest {
-            Word::Through { floor }
+            PointEvidence::SeenThrough { floor }
         } else if z < nearest * (1.0 + SURFACE_DISTANCES[0]) + SURFACE_DISTANCES[1] / metres_per_unit
             && is_near(z * self.camera.widest_pixel() * metres_per_unit)
         {
-            Word::Seen { floor }
+            PointEvidence::OnSurface { floor }
         } else {
-            Word::Nothing
+            PointEvidence::Unknown
         }
     }
 }

@@ -42,7 +42,7 @@ pub(crate) struct GlassDrop {
 
 /// A drop that runs, or will.
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct RunningDrop {
     start: [f64; 2],
     radius: f64,
     /// When it landed and when it starts, s.
@@ -60,7 +60,7 @@ struct Run {
     life: f64,
 }
 
-impl Run {
+impl RunningDrop {
     fn new(glass: &Glass, start: [f64; 2], landed: f64, radius: f64, random: &mut RandomSequence) -> Self {
         let size = (radius / glass.runs_from).powi(2).min(4.0);
         let mut between = |low: f64, high: f64| low + (high - low) * random.uniform();
@@ -177,7 +177,7 @@ impl WipeTimes {
     }
 
     /// Returns true if what landed there then was wiped away since.
-    fn wipes(&self, point: [f64; 2], landed: f64) -> bool {
+    fn wipes_drop(&self, point: [f64; 2], landed: f64) -> bool {
         let [x, y] = point;
         let Some(row) = self.row(y) else { return false };
         let column = ((x - self.from[0]) / self.cell).clamp(0.0, (self.size[0] - 1) as f64) as usize;
@@ -281,12 +281,12 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
     let runs_from = rain.landed(rain.time_of_small(small_from)).running.max(landed.running - MOST_RUNS);
     let [first, last] = cells(bounds[0][1] - reach, bounds[1][1], RUNNING_CELL_M);
     let columns = cells(bounds[0][0] - 0.01, bounds[1][0] + 0.01, RUNNING_CELL_M);
-    let runs: Vec<Vec<Run>> = in_rows([first, last], |row, runs| {
+    let runs: Vec<Vec<RunningDrop>> = in_rows([first, last], |row, runs| {
         let key = bits(glass.seed, 0x7275_6e73);
         landings(key, RUNNING_CELL_M, columns, row, [runs_from, landed.running], |at, count, mut random| {
             let time = rain.time_of_running(count);
             let radius = rain.radius(time, random.uniform(), true);
-            runs.push(Run::new(glass, at, time, radius, &mut random));
+            runs.push(RunningDrop::new(glass, at, time, radius, &mut random));
         });
     });
 
@@ -315,7 +315,7 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
                 let at = [x + 0.4 * run.radius * (random(1) - 0.5), y + step * (random(2) - 0.5)];
                 // When its tail has passed.
                 let laid = pair[2].time;
-                if on_glass(at) && !wiped.wipes(at, laid) {
+                if on_glass(at) && !wiped.wipes_drop(at, laid) {
                     let share = random(3);
                     let radius =
                         left(run.radius * (0.09 + 0.2 * share * share), laid, age(laid), 0.3 * run.life);
@@ -330,7 +330,7 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
                 false => (run.at(run.way), run.radius(run.way), end),
             };
             // It does not wipe itself away.
-            if on_glass(at) && !wiped.wipes(at, since + 1e-3) {
+            if on_glass(at) && !wiped.wipes_drop(at, since + 1e-3) {
                 let radius = left(radius, run.landed, age(run.landed), run.life);
                 found.extend((radius > 0.0).then_some(GlassDrop { at, radius, aspect: 1.25 }));
             }
@@ -359,7 +359,7 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
                 return;
             }
             let time = rain.time_of_small(count);
-            if wiped.wipes(at, time) {
+            if wiped.wipes_drop(at, time) {
                 return;
             }
             let radius = left(rain.radius(time, random.uniform(), false), time, age, life);

@@ -105,7 +105,7 @@ impl LightChange {
         let left: [f64; 3] = std::array::from_fn(|k| (level[k] - sun[k] * sin.max(0.0)).max(0.0));
         let grey = 1.0 - beam[1];
         let clear = SkyGradation::even(left);
-        let cloudy = SkyGradation::overcast(white_as(left));
+        let cloudy = SkyGradation::overcast(overcast_tint(left));
         let light = SceneLight { sun, sky: clear.mixed(&cloudy, grey) }.times(self.exposure.exp2());
         let (sky_gain, sky_opacity) = (self.exposure.exp2(), 1.0 - self.clouds);
         NewLight { light, sin_sun: sin, sky_gain, sky_opacity, is_diffuse: self.is_diffuse, lamps: 0.0 }
@@ -140,7 +140,7 @@ impl LightChange {
 }
 
 /// The tint of an overcast sky at the luminance of an irradiance.
-fn white_as(light: [f64; 3]) -> [f64; 3] {
+fn overcast_tint(light: [f64; 3]) -> [f64; 3] {
     let zenith = OVERCAST_ZENITH;
     zenith.map(|v| v * luminance(light) / luminance(zenith))
 }

@@ -282,7 +282,7 @@ pub(super) fn find_sun(
     let raised = |direction: [f64; 3]| elevation.map_or(direction, |to| at_elevation(direction, to, site));
     // The true direction of either lies between those that were tried.
     let closer = |at: usize| {
-        let around = about(tried[at], WIDE_STEP_DEG, WIDE_RINGS);
+        let around = directions_about(tried[at], WIDE_STEP_DEG, WIDE_RINGS);
         let scores = map(around.len(), |k| score(surfaces, &wide, around[k], &coarse, tells));
         (raised(centred(&around, &scores, WIDE_PAIR_WEIGHT)), scores.into_iter().fold(0.0, f64::max))
     };
@@ -297,7 +297,7 @@ pub(super) fn find_sun(
     }
     let narrow = ground_pairs(surfaces, open, narrow, site);
     let fine = occluders.sketched(FINE_CELLS);
-    let around = about(direction, NARROW_STEP_DEG, NARROW_RINGS);
+    let around = directions_about(direction, NARROW_STEP_DEG, NARROW_RINGS);
     let tells = coarseness * NARROW_PAIR_GROUND_M;
     let scores = map(around.len(), |k| score(surfaces, &narrow, around[k], &fine, tells));
     // Rough geometry says nothing more finely.
@@ -307,7 +307,7 @@ pub(super) fn find_sun(
 }
 
 /// A direction and `rings` of those about it, some degrees apart, in a square.
-fn about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
+fn directions_about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
     let middle = DVec3::from_array(direction);
     let across = middle.any_orthonormal_vector();
     let axes = [across, middle.cross(across)].map(|axis| axis * degrees.to_radians());

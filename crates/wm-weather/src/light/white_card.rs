@@ -108,7 +108,7 @@ impl WhiteCard {
         }
         let trust = slope(&neutral);
         let least = LEAST_SHARE * surfaces.len() as f64;
-        let told = |kind: &[[f64; 2]], share: f64, [usual, error]: [f64; 2]| {
+        let guess = |kind: &[[f64; 2]], share: f64, [usual, error]: [f64; 2]| {
             // What little light reaches is known worst.
             let lit = quantile(kind.iter().map(|log| log[0]).collect(), 0.5)?;
             let lit = kind.iter().filter(|log| log[0] >= lit);
@@ -126,17 +126,18 @@ impl WhiteCard {
             is_least: sky > MIN_BURNED_BRIGHTNESS,
         });
         let clues: Vec<BrightnessGuess> = [
-            told(&ground, 0.5, GROUND_REFLECTANCE),
-            told(&walls, 0.5, WALL_REFLECTANCE),
-            told(&green, 0.5, PLANT_REFLECTANCE),
-            told(&neutral, 0.95, BRIGHT_REFLECTANCE),
+            guess(&ground, 0.5, GROUND_REFLECTANCE),
+            guess(&walls, 0.5, WALL_REFLECTANCE),
+            guess(&green, 0.5, PLANT_REFLECTANCE),
+            guess(&neutral, 0.95, BRIGHT_REFLECTANCE),
             by_sky,
         ]
         .into_iter()
         .flatten()
         .collect();
-        let open =
-            likely(&clues).map_or(1.0, f64::exp).clamp(CARD_BRIGHTNESS_LIMITS[0], CARD_BRIGHTNESS_LIMITS[1]);
+        let open = most_likely(&clues)
+            .map_or(1.0, f64::exp)
+            .clamp(CARD_BRIGHTNESS_LIMITS[0], CARD_BRIGHTNESS_LIMITS[1]);
         Self { open, trust }
     }
 
@@ -167,7 +168,7 @@ fn slope(logs: &[[f64; 2]]) -> f64 {
 }
 
 /// The most likely value of clues; `None` without any.
-fn likely(clues: &[BrightnessGuess]) -> Option<f64> {
+fn most_likely(clues: &[BrightnessGuess]) -> Option<f64> {
     let mut value = clues.iter().map(|clue| clue.value).sum::<f64>() / clues.len() as f64;
     for _ in 0..20 {
         let weight = |clue: &BrightnessGuess| {
@@ -195,16 +196,16 @@ mod tests {
 
     #[test]
     fn clues_are_weighed() {
-        assert_eq!(likely(&[]), None);
-        assert!((likely(&[clue(1.0, 0.5), clue(2.0, 0.5)]).unwrap() - 1.5).abs() < 1e-9);
-        assert!(likely(&[clue(1.0, 0.1), clue(2.0, 1.0)]).unwrap() < 1.1);
+        assert_eq!(most_likely(&[]), None);
+        assert!((most_likely(&[clue(1.0, 0.5), clue(2.0, 0.5)]).unwrap() - 1.5).abs() < 1e-9);
+        assert!(most_likely(&[clue(1.0, 0.1), clue(2.0, 1.0)]).unwrap() < 1.1);
         // One that is far off hardly counts.
-        let value = likely(&[clue(0.0, 0.3), clue(0.1, 0.3), clue(-0.1, 0.3), clue(6.0, 0.3)]).unwrap();
+        let value = most_likely(&[clue(0.0, 0.3), clue(0.1, 0.3), clue(-0.1, 0.3), clue(6.0, 0.3)]).unwrap();
         assert!(value.abs() < 0.1, "{value}");
         // The sky is burned out: it may be brighter, and not darker.
         let burned = |value: f64| BrightnessGuess { value, error: 0.3, is_least: true };
-        assert!((likely(&[clue(1.0, 0.3), burned(0.0)]).unwrap() - 1.0).abs() < 1e-6);
-        assert!(likely(&[clue(1.0, 0.3), burned(2.0)]).unwrap() > 1.4);
+        assert!((most_likely(&[clue(1.0, 0.3), burned(0.0)]).unwrap() - 1.0).abs() < 1e-6);
+        assert!(most_likely(&[clue(1.0, 0.3), burned(2.0)]).unwrap() > 1.4);
     }
 
     #[test]

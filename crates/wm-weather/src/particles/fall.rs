@@ -233,7 +233,8 @@ impl FallingParticles<'_> {
             for (cell, corner) in &visited {
                 let middle = corner.map(|v| v + half);
                 let off = middle.iter().map(|v| v * v).sum::<f64>().sqrt() - half * 3f64.sqrt();
-                let most = brush.density.most((off - cone.margin).max(0.0)).min(cells.thresholds[1] as f32);
+                let most =
+                    brush.density.max_threshold((off - cone.margin).max(0.0)).min(cells.thresholds[1] as f32);
                 let mut points = cells.begin();
                 // Where it stands still, so that it goes by nothing but itself.
                 let still = std::array::from_fn(|k| corner[k] + cone.center[k]);
@@ -271,7 +272,7 @@ impl Density {
     }
 
     /// The greatest threshold of those farther than `metres`.
-    fn most(&self, metres: f64) -> f32 {
+    fn max_threshold(&self, metres: f64) -> f32 {
         let keep = (self.merge / metres.max(1e-9)).powi(2).min(1.0);
         let fade = ((FADE_DISTANCE_SHARES[1] - metres / self.range)
             / (FADE_DISTANCE_SHARES[1] - FADE_DISTANCE_SHARES[0]))
@@ -522,7 +523,7 @@ impl<'a> Brush<'a> {
                 if width * f64::from(view.pixels())
                     >= MIN_ARMED_WIDTH_PX * f64::from(self.batch.distance[lane])
                 {
-                    self.spread(&mut group, lane, width * per_metre);
+                    self.add_arms(&mut group, lane, width * per_metre);
                 }
             }
         }
@@ -551,7 +552,7 @@ impl<'a> Brush<'a> {
 
     /// Makes three arms, in a plane that tumbles, of a flake of a group that is `width` scene units
     /// wide.
-    fn spread(&mut self, group: &mut ParticleGroup, lane: usize, width: f64) {
+    fn add_arms(&mut self, group: &mut ParticleGroup, lane: usize, width: f64) {
         if group.area[lane] <= 0.0 {
             return;
         }

@@ -234,15 +234,15 @@ impl<'a> Brush<'a> {
     }
 
     /// Width of droplets that are drawn at a distance, m; smaller ones are drawn fewer and so wide.
-    fn dot(&self, distance: f64) -> f64 {
+    fn droplet_width(&self, distance: f64) -> f64 {
         // More that hide less, where they would hide more than they are wide.
         DROPLET_MERGING_WIDTH_PX / self.of.rain.look.opacity.max(1.0).sqrt() * self.pixel * distance
     }
 
     /// Share of the drops whose droplets are drawn at a distance, m.
-    fn throwers(&self, distance: f64) -> f64 {
+    fn throwing_share(&self, distance: f64) -> f64 {
         let usual = 0.5 * (impact::DROPLET_DIAMETERS_M[0] + impact::DROPLET_DIAMETERS_M[1]);
-        (MIN_DRAWN_DROPLETS * (usual / self.dot(distance)).powi(2)).min(1.0)
+        (MIN_DRAWN_DROPLETS * (usual / self.droplet_width(distance)).powi(2)).min(1.0)
     }
 
     /// Makes the splashes of a tile.
@@ -262,9 +262,9 @@ impl<'a> Brush<'a> {
                 self.crown(hit);
             }
         });
-        of.flying.each(self.throwers(nearest), turn, |drop, rank| {
+        of.flying.each(self.throwing_share(nearest), turn, |drop, rank| {
             if let Some(hit) = self.hit(drop, number, corner, MAX_SPLASH_REACH_M, |brush, distance| {
-                Some(brush.throwers(distance)).filter(|share| rank < *share)
+                Some(brush.throwing_share(distance)).filter(|share| rank < *share)
             }) {
                 self.droplets(hit);
             }
@@ -311,7 +311,7 @@ impl<'a> Brush<'a> {
             if (MIN_DISTANCE_M..MAX_DISTANCE_M).contains(&distance) {
                 self.add(
                     at,
-                    own.max(self.dot(distance)) * DISC_SIGMA_RATIO,
+                    own.max(self.droplet_width(distance)) * DISC_SIGMA_RATIO,
                     [way * LINE_SIGMA_RATIO, DVec3::ZERO],
                     area,
                 );
@@ -323,7 +323,7 @@ impl<'a> Brush<'a> {
             let mut draws = drip.draws;
             let rank = draws.uniform();
             let hit = |keep| Hit { at: foot, distance, age, impact, draws, keep };
-            let (crowns, throwers) = (self.crowns(distance), self.throwers(distance));
+            let (crowns, throwers) = (self.crowns(distance), self.throwing_share(distance));
             if rank < crowns {
                 self.crown(hit(crowns));
             }
@@ -434,7 +434,7 @@ impl<'a> Brush<'a> {
             return;
         }
         let (look, amount) = (&self.of.rain.look, self.of.amount);
-        let dot = self.dot(hit.distance);
+        let dot = self.droplet_width(hit.distance);
         let thrown = amount * impact.droplets() / hit.keep;
         // Wider ones each stand for more, so that their mean area is right.
         let usual = 0.5 * (impact::DROPLET_DIAMETERS_M[0] + impact::DROPLET_DIAMETERS_M[1]) * look.size;

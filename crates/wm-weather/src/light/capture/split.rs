@@ -113,7 +113,7 @@ impl Split {
         }
         let prior = prior;
         let edges = ShadowEdges::new(surfaces, &is_sure, reach);
-        let told = |found: (MeanSurface, [f64; 3])| {
+        let solve_shares = |found: (MeanSurface, [f64; 3])| {
             let (sun, light, mean) = in_light(&found);
             let both = |i: usize| {
                 let shade = SurfaceLight { sun: 0.0, ..place(&prior, i) };
@@ -124,7 +124,7 @@ impl Split {
             let seen = edges.shares(&amounts, &prior);
             (sun, amounts, seen)
         };
-        let first = told(by_map);
+        let first = solve_shares(by_map);
         // The map without what colours contradict tells the ratio better, unless it gives way to
         // them.
         let agreed: Vec<f32> = prior
@@ -134,7 +134,7 @@ impl Split {
             .collect();
         let better = given(&first.2, &agreed)
             .filter(|(_, ratio)| luminance(*ratio) < MAX_RATIO_GROWTH * luminance(first.0.ratio));
-        let (trial, amounts, seen) = better.map_or(first, told);
+        let (trial, amounts, seen) = better.map_or(first, solve_shares);
         let facing: Vec<usize> =
             (0..surfaces.len()).filter(|i| surfaces.normals[*i].dot(sun) > 0.2).collect();
         let lit = facing.iter().map(|i| f64::from(seen[*i])).sum::<f64>() / facing.len().max(1) as f64;
