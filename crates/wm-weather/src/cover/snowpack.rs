@@ -12,7 +12,7 @@
 //! instants were asked for before.
 
 use super::surfels::coverage;
-use super::thaw::{MeltSample, PACES, Thaw};
+use super::thaw::{MELT_PACES, MeltSample, Thaw};
 use crate::track::Track;
 
 /// Density that snow settles towards, kg/m^3, and how fast, h.
@@ -72,8 +72,8 @@ pub(crate) struct SnowStock {
 pub(crate) struct SnowpackState {
     /// All that has fallen, as it would lie had none melted.
     pub(crate) fell: SnowStock,
-    /// The remaining snow at each of [`PACES`]; `None` where nothing has melted yet.
-    left: Option<[SnowStock; PACES.len()]>,
+    /// The remaining snow at each of [`MELT_PACES`]; `None` where nothing has melted yet.
+    left: Option<[SnowStock; MELT_PACES.len()]>,
     /// Water of the snow that fell so wet that it still sticks, mm.
     sticks: f64,
 }
@@ -140,7 +140,7 @@ impl SnowpackState {
 
     /// Returns the melt water until now, and the ground that is bare, at each pace.
     fn melt(&self) -> MeltSample {
-        let left = self.left.unwrap_or([self.fell; PACES.len()]);
+        let left = self.left.unwrap_or([self.fell; MELT_PACES.len()]);
         MeltSample {
             melted: left.map(|stock| stock.melted),
             bare: left.map(|stock| 1.0 - f64::from(coverage(stock.depth() as f32))),
@@ -159,11 +159,11 @@ impl SnowpackState {
         self.fell.fall(part);
         let can = MELT_MM_PER_K_H * warmth;
         if self.left.is_none() && can > 0.0 && self.fell.water > 0.0 {
-            let mut left = [self.fell; PACES.len()];
-            left.iter_mut().zip(PACES).for_each(|(stock, pace)| stock.melt(pace * can, part.hours));
+            let mut left = [self.fell; MELT_PACES.len()];
+            left.iter_mut().zip(MELT_PACES).for_each(|(stock, pace)| stock.melt(pace * can, part.hours));
             self.left = Some(left);
         } else if let Some(left) = &mut self.left {
-            for (stock, pace) in left.iter_mut().zip(PACES) {
+            for (stock, pace) in left.iter_mut().zip(MELT_PACES) {
                 stock.fall(part);
                 stock.melt(pace * can, part.hours);
             }
@@ -324,7 +324,7 @@ mod tests {
 
     /// Returns the remaining snow where it melts half as fast as in the open.
     fn shaded(pack: &SnowpackState) -> SnowStock {
-        let place = PACES.iter().position(|pace| *pace == 0.5).unwrap();
+        let place = MELT_PACES.iter().position(|pace| *pace == 0.5).unwrap();
         pack.left.map_or(pack.fell, |left| left[place])
     }
 
@@ -374,7 +374,7 @@ mod tests {
         assert!(bare.open().water > 2.0 && shaded(&bare).water > bare.open().water + 2.0);
         assert!((again.open().water - bare.open().water - 2.1).abs() < 0.1);
         // Twice as fast, as a place that gets half of it: bare at 9 h, and white an hour later.
-        let place = PACES.iter().position(|pace| *pace == 2.0).unwrap();
+        let place = MELT_PACES.iter().position(|pace| *pace == 2.0).unwrap();
         let [thin, new] = [&bare, &again].map(|pack| pack.left.unwrap()[place]);
         assert!(thin.water == 0.0 && thin.film > 0.0 && (new.water - 2.05).abs() < 0.1, "{thin:?} {new:?}");
         // Its density is that of new snow.
@@ -424,8 +424,8 @@ mod tests {
             let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
             let snow = Snowpack { hours: 2.0, ..falling(&rate, &temperature) };
             let [first, next] = [0.0, 1.0 / 60.0].map(|later| snow.at(time + later));
-            let all = |pack: &SnowpackState| pack.left.unwrap_or([pack.fell; PACES.len()]);
-            for ((a, b), pace) in all(&first).iter().zip(all(&next)).zip(PACES) {
+            let all = |pack: &SnowpackState| pack.left.unwrap_or([pack.fell; MELT_PACES.len()]);
+            for ((a, b), pace) in all(&first).iter().zip(all(&next)).zip(MELT_PACES) {
                 // 5 mm/h of new snow, 8 degrees of melt, and some settling.
                 let most = (5.0 + 8.0 * MELT_MM_PER_K_H * pace) / 60.0;
                 prop_assert!((a.water - b.water).abs() <= most, "{a:?} {b:?}");

@@ -1,6 +1,6 @@
 //! Snow as splats: flat, opaque, on the snow's own surface.
 
-use super::ground::{GroundGrid, WAYS};
+use super::ground::{GroundGrid, NEIGHBOUR_STEPS};
 use crate::optics::{Site, SiteLight};
 use crate::particles::random::RandomSequence;
 use crate::surfel::surfel;
@@ -187,7 +187,7 @@ impl Painter<'_> {
             None => true,
             Some(next) => ground.nodes_of(next).any(|other| ground.is_elsewhere(other)),
         };
-        let is_edge = usize::from((0..4).any(|way| level(way).is_none() && !goes_on(WAYS[way])));
+        let is_edge = usize::from((0..4).any(|way| level(way).is_none() && !goes_on(NEIGHBOUR_STEPS[way])));
         let place = [column, row].map(|v| v as f64 + 0.5 + off(MAX_OFFSETS_CELLS[is_edge]));
         let lift = off(MAX_UNEVENNESS_M) - SEEN_UNEVENNESS * MAX_UNEVENNESS_M;
         let cover = f64::from(coverage(depth[node]));
@@ -209,7 +209,7 @@ impl Painter<'_> {
         if deep <= 0.0 || ground.is_crown(node) {
             return;
         }
-        for (way, [x, y]) in WAYS.into_iter().enumerate() {
+        for (way, [x, y]) in NEIGHBOUR_STEPS.into_iter().enumerate() {
             let ends = level(way).map_or(1.0, |other| (10.0 * ((here - other) / own - 0.65)).clamp(0.0, 1.0));
             if ends <= 0.0 || goes_on([x, y]) {
                 continue;

@@ -9,7 +9,7 @@
 
 /// Paces that are kept, from a deep drift in the shade to next to nothing in the sun; narrow where
 /// most places are.
-pub(crate) const PACES: [f64; PACE_COUNT] = [
+pub(crate) const MELT_PACES: [f64; PACE_COUNT] = [
     0.0625, 0.09, 0.125, 0.18, 0.25, 0.3, 0.36, 0.43, 0.5, 0.55, 0.6, 0.67, 0.75, 0.82, 0.9, 1.0, 1.1, 1.25,
     1.5, 2.0, 3.0, 6.0,
 ];
@@ -17,7 +17,7 @@ const PACE_COUNT: usize = 22;
 /// Melt rate in full shade, as a share of that in the open.
 const SHADE_MELT_SHARE: f32 = 0.5;
 
-/// The depth that is left on level ground at each of [`PACES`].
+/// The depth that is left on level ground at each of [`MELT_PACES`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thaw {
     /// Depth, m.
@@ -66,17 +66,17 @@ impl Thaw {
     }
 }
 
-/// The place of a pace among [`PACES`]: the next one above it, and the share of the way to that
-/// from the one below.
+/// The place of a pace among [`MELT_PACES`]: the next one above it, and the share of the way to
+/// that from the one below.
 fn place_of(pace: f32) -> (usize, f32) {
-    let [first, last] = [PACES[0], PACES[PACE_COUNT - 1]].map(|pace| pace as f32);
+    let [first, last] = [MELT_PACES[0], MELT_PACES[PACE_COUNT - 1]].map(|pace| pace as f32);
     let pace = pace.clamp(first, last);
-    let above = PACES.partition_point(|known| (*known as f32) < pace).max(1);
-    let [low, high] = [PACES[above - 1], PACES[above]].map(|pace| pace as f32);
+    let above = MELT_PACES.partition_point(|known| (*known as f32) < pace).max(1);
+    let [low, high] = [MELT_PACES[above - 1], MELT_PACES[above]].map(|pace| pace as f32);
     (above, (pace - low) / (high - low))
 }
 
-/// Melt water and bare ground until an instant, at each of [`PACES`].
+/// Melt water and bare ground until an instant, at each of [`MELT_PACES`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MeltSample {
     /// All that has melted until then where all of the fall comes to lie, mm.
@@ -126,16 +126,16 @@ pub(crate) mod tests {
         /// open since, m.
         pub(crate) fn new(depth: f64, melts: f64, wet: f64) -> Self {
             Self {
-                depth: PACES.map(|pace| (depth - pace * melts).max(0.0) as f32),
-                wet: PACES.map(|pace| if pace * melts > 0.0 { wet as f32 } else { 0.0 }),
+                depth: MELT_PACES.map(|pace| (depth - pace * melts).max(0.0) as f32),
+                wet: MELT_PACES.map(|pace| if pace * melts > 0.0 { wet as f32 } else { 0.0 }),
             }
         }
     }
 
     #[test]
     fn paces_rise_and_the_open_is_one_of_them() {
-        assert!(PACES.windows(2).all(|pair| pair[0] < pair[1]));
-        assert_eq!(PACES[OPEN_GROUND_PACE], 1.0);
+        assert!(MELT_PACES.windows(2).all(|pair| pair[0] < pair[1]));
+        assert_eq!(MELT_PACES[OPEN_GROUND_PACE], 1.0);
         let thaw = Thaw::new(0.1, 0.04, 1.0);
         assert!((thaw.at(1.0, 1.0).depth - 0.06).abs() < 1e-6);
         // In full shade half as much, and a drift of twice the depth loses no more than level snow.

@@ -99,7 +99,7 @@ struct BowBeforeCamera {
 impl PixelEffect for BowBeforeCamera {
     fn apply(&self, _: SimdPath, pixels: &mut PixelBatch<'_>) {
         let Camera { fx, fy, cx, cy, .. } = self.camera;
-        let table = &*PHASE;
+        let table = &*BOW_PHASE;
         add_light(pixels, |pixels, pixel, at| {
             let [u, v] = [(at.x - cx) / fx, (at.y - cy) / fy];
             let length = (u * u + v * v + 1.0).sqrt();
@@ -136,7 +136,7 @@ struct BowPhase {
     cosines: std::ops::Range<f64>,
 }
 
-static PHASE: LazyLock<BowPhase> = LazyLock::new(BowPhase::new);
+static BOW_PHASE: LazyLock<BowPhase> = LazyLock::new(BowPhase::new);
 
 impl BowPhase {
     /// Traces rays through a sphere of water at wavelengths of 400 to 700 nm.
@@ -246,7 +246,7 @@ mod tests {
     /// The angle between two at which a channel of the table is brightest.
     fn peak(channel: usize, degrees: [f64; 2]) -> f64 {
         let angles = (0..).map(|k| degrees[0] + 0.02 * f64::from(k)).take_while(|at| *at < degrees[1]);
-        angles.max_by(|a, b| PHASE.at(*a)[channel].total_cmp(&PHASE.at(*b)[channel])).unwrap()
+        angles.max_by(|a, b| BOW_PHASE.at(*a)[channel].total_cmp(&BOW_PHASE.at(*b)[channel])).unwrap()
     }
 
     /// Angles of textbooks: red at 42.4 degrees outside of the primary bow and violet at 40.6
@@ -261,7 +261,7 @@ mod tests {
             (50.0..51.5).contains(&second_red) && second_blue > second_red + 1.0,
             "{second_red} {second_blue}"
         );
-        let [primary, band, secondary] = [red, 46.0, second_red].map(|at| PHASE.at(at)[0]);
+        let [primary, band, secondary] = [red, 46.0, second_red].map(|at| BOW_PHASE.at(at)[0]);
         assert!(
             primary > 2.0 * secondary && secondary > 5.0 * band.max(1e-4),
             "{primary} {band} {secondary}"
@@ -293,7 +293,7 @@ mod tests {
             let gain = gain(&*effect, [8, 8]);
             let all = prepared.air.extinction_at([0.0; 3])[1];
             let share = 0.5 * prepared.rain_extinction() / all;
-            let want = PI * light[0] * PHASE.at(degrees)[0] * share;
+            let want = PI * light[0] * BOW_PHASE.at(degrees)[0] * share;
             assert!((gain - want).abs() < 0.03 * want + 1e-6, "{degrees}: {gain} is not {want}");
             gains.push(gain);
         }

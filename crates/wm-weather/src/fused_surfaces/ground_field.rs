@@ -27,7 +27,7 @@ const PRIOR_WEIGHT: f32 = 4.0;
 const ROUND_DISTANCES_M: [[f32; 2]; 5] =
     [[f32::INFINITY; 2], [6.0, 18.0], [2.5, 7.0], [1.0, 2.0], [0.5, 0.7]];
 /// Height of cameras that a person carries, m, and the share by which most differ in it at most.
-const CARRIED: std::ops::Range<f64> = 0.8..3.0;
+const CARRIED_CAMERA_HEIGHTS_M: std::ops::Range<f64> = 0.8..3.0;
 const MAX_HEIGHT_SPREAD: f64 = 0.4;
 /// Weight from which a node of a lattice is supported by points.
 const MIN_SUPPORT_WEIGHT: f32 = 4.0;
@@ -155,7 +155,7 @@ impl GroundField {
             cameras.iter().filter(known).filter_map(|camera| self.above(*camera)).collect();
         heights.sort_by(f64::total_cmp);
         let [low, middle, high] = [1, 4, 7].map(|eighth| heights.get(heights.len() * eighth / 8).copied());
-        let middle = middle.filter(|height| CARRIED.contains(height))?;
+        let middle = middle.filter(|height| CARRIED_CAMERA_HEIGHTS_M.contains(height))?;
         (high? - low? < MAX_HEIGHT_SPREAD * middle).then_some(middle)
     }
 

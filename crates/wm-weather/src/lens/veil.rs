@@ -26,7 +26,7 @@ const RING_SCATTER_SHARE: f64 = 20.0 * std::f64::consts::PI * std::f64::consts::
 /// Part of the last ring that is within 30 degrees.
 const LAST_RING_SHARE: f64 = 0.907;
 /// Sizes of the patches of dirt, m, and their weights.
-const PATCHES: [(f64, f64); 3] = [(0.03, 0.45), (0.009, 0.35), (0.003, 0.2)];
+const DIRT_PATCHES: [(f64, f64); 3] = [(0.03, 0.45), (0.009, 0.35), (0.003, 0.2)];
 /// Cone of the light that dirt scatters.
 const SCATTER_CONE_RAD: f32 = 0.5;
 
@@ -76,7 +76,7 @@ impl Haze {
                 let [x, y] = [column, row].map(|v| (v as f64 + 0.5) * cell as f64);
                 let at = view.point(x, y);
                 let mut sum = 0.5;
-                for (i, (size, weight)) in PATCHES.into_iter().enumerate() {
+                for (i, (size, weight)) in DIRT_PATCHES.into_iter().enumerate() {
                     // The aperture blurs what is finer.
                     if size > 1.5 * glass.aperture {
                         sum += weight * (noise(glass.seed ^ i as u64, at.map(|v| v / size)) - 0.5);

@@ -10,7 +10,7 @@ const BEAM_ATTENUATION_SHARE: f64 = 0.75;
 /// Light that comes out of deep water over that of a white level board (water-leaving reflectance,
 /// pi L / E), linear RGB, by Secchi depth, m: brown floods and estuaries (Doxaran et al. 2002, Luo
 /// et al. 2018: 0.03 to 0.06 a sr in red where much is suspended), lakes and the sea.
-const KINDS: [(f64, [f64; 3]); 6] = [
+const WATER_KINDS: [(f64, [f64; 3]); 6] = [
     (0.05, [0.19, 0.145, 0.08]),
     (0.1, [0.17, 0.135, 0.075]),
     (0.3, [0.125, 0.105, 0.06]),
@@ -32,10 +32,10 @@ pub struct WaterBody {
     pub(crate) foam: [f32; 3],
 }
 
-/// The reflectance of deep water of a Secchi depth, m: between [`KINDS`], even in logarithms.
+/// The reflectance of deep water of a Secchi depth, m: between [`WATER_KINDS`], even in logarithms.
 fn reflectance(secchi: f64) -> [f64; 3] {
-    let after = KINDS.partition_point(|(depth, _)| *depth < secchi).clamp(1, KINDS.len() - 1);
-    let [(low, from), (high, to)] = [KINDS[after - 1], KINDS[after]];
+    let after = WATER_KINDS.partition_point(|(depth, _)| *depth < secchi).clamp(1, WATER_KINDS.len() - 1);
+    let [(low, from), (high, to)] = [WATER_KINDS[after - 1], WATER_KINDS[after]];
     let share = ((secchi / low).ln() / (high / low).ln()).clamp(0.0, 1.0);
     std::array::from_fn(|k| from[k] * (to[k] / from[k]).powf(share))
 }

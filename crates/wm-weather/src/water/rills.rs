@@ -8,7 +8,7 @@ use crate::wetness::smooth_noise;
 use std::f64::consts::TAU;
 
 /// Lengths of the waves, m, the speed at which they run, m/s, and their slopes, amplitudes.
-const WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 0.25, 0.035]];
+const RILL_WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 0.25, 0.035]];
 /// Width of the bumps by which phases are shifted, m, and by how many waves.
 const BUMP_WIDTH_M: f64 = 0.22;
 const PHASE_SHIFT_WAVES: f64 = 1.1;
@@ -98,7 +98,7 @@ impl Rills {
         if !(height.is_finite() && steep > 1e-4) {
             return;
         }
-        for (k, [length, speed, amplitude]) in WAVES.into_iter().enumerate() {
+        for (k, [length, speed, amplitude]) in RILL_WAVES.into_iter().enumerate() {
             // Waves of a steeper place are shorter.
             let own = (length * self.usual / steep).max(1e-3);
             let ease = |t: f64| t * t * (3.0 - 2.0 * t);

@@ -102,16 +102,18 @@ impl DropSums {
 /// mm/h: on deep water that at which waves lose by viscosity what drops bring.
 pub(crate) fn slope_rms(rate: f64, depth: f64) -> f64 {
     // (depth, share), between by its logarithm.
-    const SHARES: [(f64, f64); 4] = [(0.002, 0.29), (0.005, 0.49), (0.010, 0.83), (0.030, 1.0)];
+    const SLOPE_SHARES_BY_DEPTH: [(f64, f64); 4] =
+        [(0.002, 0.29), (0.005, 0.49), (0.010, 0.83), (0.030, 1.0)];
     let stiffness = GRAVITY + KINEMATIC_SURFACE_TENSION * WAVE_NUMBER * WAVE_NUMBER;
     let deep = (WAVE_ENERGY_SHARE * DropSums::new(rate).power
         / (4.0 * WATER_VISCOSITY * WATER_DENSITY * stiffness))
         .sqrt();
-    let share = match SHARES.iter().position(|(own, _)| depth < *own) {
-        None => SHARES[SHARES.len() - 1].1,
-        Some(0) => SHARES[0].1 * (depth / SHARES[0].0).max(0.0),
+    let share = match SLOPE_SHARES_BY_DEPTH.iter().position(|(own, _)| depth < *own) {
+        None => SLOPE_SHARES_BY_DEPTH[SLOPE_SHARES_BY_DEPTH.len() - 1].1,
+        Some(0) => SLOPE_SHARES_BY_DEPTH[0].1 * (depth / SLOPE_SHARES_BY_DEPTH[0].0).max(0.0),
         Some(next) => {
-            let [(shallow, less), (deeper, more)] = [SHARES[next - 1], SHARES[next]];
+            let [(shallow, less), (deeper, more)] =
+                [SLOPE_SHARES_BY_DEPTH[next - 1], SLOPE_SHARES_BY_DEPTH[next]];
             less + (more - less) * (depth / shallow).ln() / (deeper / shallow).ln()
         }
     };

@@ -178,7 +178,7 @@ pub(super) struct WaveField {
 }
 
 /// Fields that are kept, since frames of one shot share them: what is kept changes no number.
-static KEPT: Mutex<Vec<(FieldKey, Arc<WaveField>)>> = Mutex::new(Vec::new());
+static FIELD_CACHE: Mutex<Vec<(FieldKey, Arc<WaveField>)>> = Mutex::new(Vec::new());
 /// All that a field depends on.
 type FieldKey = [u64; 5];
 /// Most of them.
@@ -220,7 +220,7 @@ impl WaveField {
 
     /// The field of a key, made once.
     pub(crate) fn kept(key: FieldKey, make: impl FnOnce() -> Self) -> Arc<Self> {
-        let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = || FIELD_CACHE.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, field)) = kept().iter().find(|(own, _)| *own == key) {
             return Arc::clone(field);
         }

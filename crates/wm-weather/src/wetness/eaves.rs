@@ -5,7 +5,7 @@
 //! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
 //! falls is requested.
 
-use super::basins::{WAYS, away, neighbours};
+use super::basins::{NEIGHBOUR_STEPS, away, neighbours};
 use super::gather::gathered;
 use super::plane_fit::PlaneFit;
 use serde::{Deserialize, Serialize};
@@ -68,7 +68,7 @@ pub(crate) fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> V
                 let is_off = beyond(1).is_some_and(|next| roofs[next].is_nan());
                 from.zip(to).filter(|(_, to)| is_off && is_open(*to, roofs[at]))
             };
-            WAYS.into_iter().filter_map(onto).min_by(|a, b| ground[a.1].total_cmp(&ground[b.1]))
+            NEIGHBOUR_STEPS.into_iter().filter_map(onto).min_by(|a, b| ground[a.1].total_cmp(&ground[b.1]))
         };
         if let Some((from, to)) = (0..MAX_EDGE_CELLS).find_map(falls) {
             let (last, next) = (middle(from), middle(to));

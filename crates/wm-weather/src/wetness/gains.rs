@@ -23,7 +23,7 @@ const CLASS_COUNT: usize = DRY_CLASS as usize + 1;
 /// Porosity of leaves.
 const LEAF_POROSITY: f32 = 0.3;
 /// The look of what stays as it is.
-const STAYS: WetLook = WetLook { class: DRY_CLASS, lower: 0, albedo: [0; 3], flags: 0 };
+const DRY_LOOK: WetLook = WetLook { class: DRY_CLASS, lower: 0, albedo: [0; 3], flags: 0 };
 
 /// The look of the wet splats of a scene at one instant: factors on their light, and fades
 /// ([`Attribute::Fade`]).
@@ -138,10 +138,10 @@ impl<'a> WetGains<'a> {
     /// Multiplies the gains of splats, and writes their fade.
     pub fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
         // All at once: they lie anywhere in memory.
-        let mut looks = [STAYS; AttributeBlock::SPLATS];
+        let mut looks = [DRY_LOOK; AttributeBlock::SPLATS];
         for (look, index) in looks.iter_mut().zip(indices) {
             // What pads the last group has no splat.
-            *look = self.shares.looks.get(*index as usize).copied().unwrap_or(STAYS);
+            *look = self.shares.looks.get(*index as usize).copied().unwrap_or(DRY_LOOK);
         }
         let mut fades = [0.0; AttributeBlock::SPLATS];
         let [red, green, blue] = block.gains_mut();

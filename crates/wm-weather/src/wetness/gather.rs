@@ -66,6 +66,7 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
 /// The eight cells about a cell, first the [`STRAIGHT_WAY_COUNT`] ones; `None` beyond the edge of
 /// the grid.
 fn around(at: usize, columns: usize, count: usize) -> impl Iterator<Item = Option<usize>> {
-    const WAYS: [[i64; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
-    WAYS.into_iter().map(move |way| away(at, way, columns, count))
+    const NEIGHBOUR_STEPS: [[i64; 2]; 8] =
+        [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
+    NEIGHBOUR_STEPS.into_iter().map(move |way| away(at, way, columns, count))
 }

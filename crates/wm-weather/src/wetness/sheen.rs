@@ -22,7 +22,8 @@ const DAMP_ROUGHNESS: f32 = 0.25;
 /// The film, in depths of the texture, at which the table ends.
 const MOST_FILM: f32 = 4.0;
 /// Slopes in standard deviations, and their weights: a normal distribution.
-const SLOPES: [(f32, f32); 5] = [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
+const WEIGHTED_SLOPES: [(f32, f32); 5] =
+    [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
 /// Steps of the elevation up to which something stands before the sky; the last one sees none.
 const SKYLINE_STEP_COUNT: f64 = 254.0;
 pub(super) const NO_SKY: u8 = 255;
@@ -105,7 +106,7 @@ fn slopes_of(film: f32) -> f32 {
 fn mean_fresnel(cosine: f32, slopes: f32) -> f32 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (mut sum, mut weights) = (0.0, 0.0);
-    for (sigma, weight) in SLOPES {
+    for (sigma, weight) in WEIGHTED_SLOPES {
         let slope = sigma * slopes;
         let facing = (cosine + slope * sine) / (1.0 + slope * slope).sqrt();
         let weight = weight * facing.max(0.02);

@@ -83,7 +83,7 @@ const MIN_FLATNESS: f32 = 0.3;
 const SURFACE_THICKNESS_M: f32 = 0.12;
 const OWN_CELLS: f32 = 0.3;
 /// The four ways from a cell.
-pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+pub(super) const NEIGHBOUR_STEPS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// Splats that one thread takes at once.
 const CHUNK_SPLAT_COUNT: usize = 1 << 12;
 /// No node.
@@ -120,10 +120,10 @@ pub(crate) struct GroundGrid {
     /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a
     /// share of the fall on one cell.
     pub(crate) shed: f64,
-    /// Along [`WAYS`], where the node's surface goes on.
+    /// Along [`NEIGHBOUR_STEPS`], where the node's surface goes on.
     beside: Vec<[u32; 4]>,
-    /// Along [`WAYS`], the next node of the surface, or the node on which what falls over its edge
-    /// lands.
+    /// Along [`NEIGHBOUR_STEPS`], the next node of the surface, or the node on which what falls
+    /// over its edge lands.
     next: Vec<[u32; 4]>,
     /// True for nodes that an inner ground covers too.
     is_inner: Vec<bool>,
@@ -256,7 +256,7 @@ impl GroundGrid {
         ground.height = map(nodes, |node| ground.smooth(node));
         ground.beside = map(nodes, |node| {
             let [column, row] = ground.place(node);
-            WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
+            NEIGHBOUR_STEPS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
         });
         let (facing, spread) = ground.find_facing(scan, &of);
         ground.facing = facing;
@@ -378,7 +378,8 @@ impl GroundGrid {
         self.height[node] + a * off[0] + b * off[1]
     }
 
-    /// The nodes beside it along [`WAYS`] on its surface: those that no edge parts from it.
+    /// The nodes beside it along [`NEIGHBOUR_STEPS`] on its surface: those that no edge parts from
+    /// it.
     pub(super) fn beside(&self, node: usize) -> [Option<usize>; 4] {
         self.beside[node].map(|other| (other != NO_NODE).then_some(other as usize))
     }
@@ -390,7 +391,7 @@ impl GroundGrid {
 
     /// The uppermost node of the next cell that is open to the sky and lies below a height, m.
     pub(super) fn below(&self, node: usize, way: usize, height: f32) -> Option<usize> {
-        let ([column, row], [x, y]) = (self.place(node), WAYS[way]);
+        let ([column, row], [x, y]) = (self.place(node), NEIGHBOUR_STEPS[way]);
         let is_below = |to: &usize| self.height[*to] < height && self.open[*to] > 0.0;
         self.nodes_of(self.cell_of(column + x, row + y)?).find(is_below)
     }

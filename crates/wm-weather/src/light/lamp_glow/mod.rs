@@ -50,7 +50,7 @@ pub(crate) struct LampGlow {
     columns: usize,
     /// For each patch, the place in `fine` of its own table, if it is near a lamp.
     near: Vec<Option<u32>>,
-    /// Tables of patches, `[side, side]` with the sides of [`scene::FINE`], plus 1.
+    /// Tables of patches, `[side, side]` with the sides of [`scene::NEAR_LAMP_TABLES`], plus 1.
     fine: Vec<Vec<Column>>,
     heads: Vec<Head>,
     /// From pixels to the ray of view z 1.

@@ -28,8 +28,8 @@ pub(super) const NODE_DISTANCE_RATIO: f32 = 1.5;
 /// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of
 /// that along a side: one cell is 3 % off at three patches from a lamp, two cells are 2 % off at
 /// two, and four at one.
-pub(super) const FINE: [(i64, usize); 2] = [(2, 4), (3, 2)];
-const NEAR_PATCHES: i64 = FINE[1].0;
+pub(super) const NEAR_LAMP_TABLES: [(i64, usize); 2] = [(2, 4), (3, 2)];
+const NEAR_PATCHES: i64 = NEAR_LAMP_TABLES[1].0;
 /// Numbers of a column, for whole vectors.
 pub(super) const COLUMN_LENGTH: usize = (3 * RAY_NODE_COUNT).next_multiple_of(GROUP);
 /// Patches from corner to corner at which columns are summed up everywhere.
@@ -283,7 +283,8 @@ impl<'a> GlowScene<'a> {
                     });
                     let apart = (x as i64 - column).abs().max((y as i64 - row).abs());
                     let (_, cells, lights) = &mut work[*place as usize];
-                    let own = FINE.iter().find(|(reach, _)| apart <= *reach).map_or(1, |(_, own)| *own);
+                    let own =
+                        NEAR_LAMP_TABLES.iter().find(|(reach, _)| apart <= *reach).map_or(1, |(_, own)| *own);
                     *cells = own.max(*cells);
                     lights.push(index);
                 }
