@@ -10,7 +10,7 @@ use wm_base::color::{luminance, srgb_decode};
 use wm_render::RaySplats;
 use wm_scene::Splats;
 use wm_weather::water::{WATER_INDEX, fresnel};
-use wm_weather::wetness::optics::{BACK, pores_factor};
+use wm_weather::wetness::optics::{RETURNED_LIGHT_SHARE, pores_factor};
 
 /// Reflectance of black, and what white adds.
 const REFLECTANCE_FIT: [f64; 2] = [0.05, 0.8];
@@ -67,7 +67,7 @@ impl SurfaceStates for DrySurfaces {
 pub(crate) fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
     let through = 1.0 - mirrored(cosine);
     let index = f64::from(WATER_INDEX);
-    let film = through * through / (index * index * (1.0 - BACK * dry));
+    let film = through * through / (index * index * (1.0 - RETURNED_LIGHT_SHARE * dry));
     let rest = 1.0 - state.pores - state.film;
     dry * (rest + state.pores * pores_factor(dry) + state.film * film)
 }

@@ -28,26 +28,26 @@ use wm_render::{Background, SkyGradient};
 use wm_scene::survey::{SkyPatch, airlight_of_sky};
 
 /// Gradation of the CIE's clear skies.
-const CLEAR: f64 = -0.32;
+const CLEAR_SKY_GRADATION: f64 = -0.32;
 /// Sine of the depth below the horizon at which all is ground: 30 degrees.
-const GROUND: f64 = 0.5;
+const FULL_GROUND_SINE: f64 = 0.5;
 /// Light of the ground's haze against that of the horizon, where nothing says it: bare ground of
 /// albedo 0.2 has 0.47 of it under an overcast sky, and air before it.
 const GROUND_LIGHT: f64 = 0.6;
 /// Intervals in which a sky by elevation is tabled, by sine from -1 to 1. Linear between; a test
 /// has the error.
-const INTERVALS: usize = 2048;
+const ELEVATION_INTERVAL_COUNT: usize = 2048;
 /// Intervals of the table by which a panorama is brightened, and its last colour.
-const TONES: usize = 4096;
-const BRIGHTEST: f64 = 8.0;
+const TONE_INTERVAL_COUNT: usize = 4096;
+const MAX_TONE: f64 = 8.0;
 /// Luminance of the brightest airlight, as the survey has it.
-const AIRLIGHT: f64 = 0.9;
+const MAX_AIRLIGHT: f64 = 0.9;
 /// Sine of the elevation up to which the airlight of a sky by elevation is its mean: 20 degrees.
-const BAND: f64 = 0.342;
+const AIRLIGHT_BAND_SINE: f64 = 0.342;
 
 /// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a
 /// picture is exposed for the ground. White is reached at 37 degrees.
-pub(crate) const OVERCAST: [f64; 3] = [1.32, 1.35, 1.40];
+pub(crate) const OVERCAST_ZENITH: [f64; 3] = [1.32, 1.35, 1.40];
 /// The overcast horizon against its zenith (CIE).
 pub(crate) const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
 
@@ -115,11 +115,14 @@ impl Dome {
         dome.table = match dome.look {
             SkyAppearance::Panorama { .. } if brightness == 1.0 => Vec::new(),
             SkyAppearance::Open(_) => Vec::new(),
-            SkyAppearance::Panorama { .. } => (0..=TONES)
-                .map(|i| [dome.brightened(BRIGHTEST * i as f64 / TONES as f64) as f32; 3])
+            SkyAppearance::Panorama { .. } => (0..=TONE_INTERVAL_COUNT)
+                .map(|i| [dome.brightened(MAX_TONE * i as f64 / TONE_INTERVAL_COUNT as f64) as f32; 3])
                 .collect(),
-            _ => (0..=INTERVALS)
-                .map(|i| dome.by_elevation(2.0 * i as f64 / INTERVALS as f64 - 1.0).map(|v| v as f32))
+            _ => (0..=ELEVATION_INTERVAL_COUNT)
+                .map(|i| {
+                    dome.by_elevation(2.0 * i as f64 / ELEVATION_INTERVAL_COUNT as f64 - 1.0)
+                        .map(|v| v as f32)
+                })
                 .collect(),
         };
         dome
@@ -136,13 +139,14 @@ impl Dome {
         let light = match &self.look {
             SkyAppearance::Panorama { panorama, .. } => {
                 let light = panorama.airlight()?.map(|v| self.brightness * v);
-                let scale = (AIRLIGHT / luminance(light).max(AIRLIGHT)).min(1.0);
+                let scale = (MAX_AIRLIGHT / luminance(light).max(MAX_AIRLIGHT)).min(1.0);
                 light.map(|v| scale * v)
             }
             SkyAppearance::Open(open) => {
                 let axes = level_axes(self.up);
                 let patches = (0..256).map(|i| {
-                    let (sin, turn) = (BAND * (f64::from(i / 16) + 0.5) / 16.0, f64::from(i % 16) * PI / 8.0);
+                    let (sin, turn) =
+                        (AIRLIGHT_BAND_SINE * (f64::from(i / 16) + 0.5) / 16.0, f64::from(i % 16) * PI / 8.0);
                     let level = (1.0 - sin * sin).sqrt();
                     let direction = from_level(&axes, [level * turn.cos(), level * turn.sin(), sin]);
                     let rgb = open.radiance(direction, sin).map(|v| self.brightness * v);
@@ -152,7 +156,7 @@ impl Dome {
             }
             // As wide as the band, all alike around.
             _ => {
-                let sines = (0..64).map(|i| BAND * (f64::from(i) + 0.5) / 64.0);
+                let sines = (0..64).map(|i| AIRLIGHT_BAND_SINE * (f64::from(i) + 0.5) / 64.0);
                 let rgb = |sin| self.by_elevation(sin).map(srgb_decode);
                 airlight_of_sky(sines.map(|sin| SkyPatch { sin, weight: 1.0, rgb: rgb(sin) }).collect(), 0.0)?
             }
@@ -176,7 +180,7 @@ impl Dome {
             SkyAppearance::Plain(color) => *color,
             SkyAppearance::Overcast { zenith, horizon } => between(*horizon, *zenith, above),
             SkyAppearance::Clear { zenith, horizon } => {
-                let gradation = |sin: f64| 1.0 - (CLEAR / sin.max(1e-9)).exp();
+                let gradation = |sin: f64| 1.0 - (CLEAR_SKY_GRADATION / sin.max(1e-9)).exp();
                 let share = (gradation(above) - gradation(1.0)) / (1.0 - gradation(1.0));
                 between(*zenith, *horizon, share)
             }
@@ -193,7 +197,9 @@ impl Dome {
         };
         let light = match (&self.look, self.ground) {
             (SkyAppearance::Plain(_), None) => light,
-            _ => between(light, self.ground_under(light), f64::from(smooth((-sin / GROUND) as f32))),
+            _ => {
+                between(light, self.ground_under(light), f64::from(smooth((-sin / FULL_GROUND_SINE) as f32)))
+            }
         };
         light.map(|v| srgb_encode(self.brightness * v))
     }
@@ -217,7 +223,7 @@ impl Dome {
 
 /// The overcast horizon, linear RGB.
 pub(crate) fn overcast_horizon() -> [f64; 3] {
-    OVERCAST.map(|v| OVERCAST_HORIZON * v)
+    OVERCAST_ZENITH.map(|v| OVERCAST_HORIZON * v)
 }
 
 /// A display-referred colour with more light, linear RGB.
@@ -227,17 +233,17 @@ fn brightened_by(color: [f64; 3], light: [f64; 3]) -> [f64; 3] {
 }
 
 /// Light at which the brightest of a sky begins to burn out, of display white.
-const SHOULDER: f64 = 0.7;
+const SHOULDER_LUMINANCE: f64 = 0.7;
 
 /// A light whose channels do not exceed display white: what is brighter goes over into white, as it
 /// does in photos, where cutting off each channel would turn an evening sky neon.
 fn burned_out(light: [f64; 3]) -> [f64; 3] {
     let most = light.into_iter().fold(0.0, f64::max);
-    if most <= SHOULDER {
+    if most <= SHOULDER_LUMINANCE {
         return light;
     }
-    let room = 1.0 - SHOULDER;
-    let shown = 1.0 - room * (-(most - SHOULDER) / room).exp();
+    let room = 1.0 - SHOULDER_LUMINANCE;
+    let shown = 1.0 - room * (-(most - SHOULDER_LUMINANCE) / room).exp();
     // The more was taken, the whiter.
     let white = (1.0 - shown / most).powi(2);
     light.map(|v| {
@@ -341,7 +347,7 @@ impl Dome {
             return color;
         }
         let ground = self.panorama_ground(panorama);
-        let share = f64::from(smooth((-sin / GROUND) as f32));
+        let share = f64::from(smooth((-sin / FULL_GROUND_SINE) as f32));
         std::array::from_fn(|k| color[k] + (ground[k] - color[k]) * share)
     }
 
@@ -349,7 +355,7 @@ impl Dome {
     fn open_color(&self, open: &OpenLight, direction: [f64; 3]) -> [f64; 3] {
         let sin = dot(direction, self.up).clamp(-1.0, 1.0);
         let light = open.radiance(direction, sin);
-        let (ground, share) = (self.ground_under(light), f64::from(smooth((-sin / GROUND) as f32)));
+        let (ground, share) = (self.ground_under(light), f64::from(smooth((-sin / FULL_GROUND_SINE) as f32)));
         let light: [f64; 3] =
             std::array::from_fn(|k| self.brightness * (light[k] + (ground[k] - light[k]) * share));
         burned_out(light).map(srgb_encode)
@@ -373,7 +379,7 @@ impl Dome {
         for group in groups {
             if !self.table.is_empty() {
                 for value in group.rgb.as_flattened_mut() {
-                    let (from, to, share) = tabled(&self.table, *value * (1.0 / BRIGHTEST as f32));
+                    let (from, to, share) = tabled(&self.table, *value * (1.0 / MAX_TONE as f32));
                     *value = from[0] + (to[0] - from[0]) * share;
                 }
             }
@@ -382,7 +388,7 @@ impl Dome {
             }
             for lane in 0..GROUP {
                 let sin = (0..3).map(|k| group.direction[k][lane] * up[k]).sum::<f32>();
-                let share = smooth(-sin / GROUND as f32);
+                let share = smooth(-sin / FULL_GROUND_SINE as f32);
                 for k in 0..3 {
                     group.rgb[k][lane] += (ground[k] - group.rgb[k][lane]) * share;
                 }

@@ -9,15 +9,15 @@
 //! 905 nm, 18 to 28 sr at 1550 nm), 50 sr of small particles (guessed: 30 to 70 sr are measured of
 //! hazes). Rain and snow add none here: their particles are met one by one.
 
-use crate::optics::{AirLayer, Atmosphere, Site, WAVELENGTHS};
+use crate::optics::{AirLayer, Atmosphere, Site, WAVELENGTHS_NM};
 use crate::particles::Precipitation;
 
 /// Extinction by droplets over that of green light, by the wavelength, nm.
-const DROPLETS: [[f64; 2]; 3] = [[550.0, 1.0], [905.0, 1.02], [1550.0, 1.05]];
+const DROPLET_EXTINCTIONS: [[f64; 2]; 3] = [[550.0, 1.0], [905.0, 1.02], [1550.0, 1.05]];
 /// Lidar ratios of droplets and of small particles, sr.
-const RATIOS: [f64; 2] = [18.0, 50.0];
+const LIDAR_RATIOS: [f64; 2] = [18.0, 50.0];
 /// Angstrom exponent below which particles count as droplets.
-const GREY: f64 = 0.05;
+const MAX_DROPLET_EXPONENT: f64 = 0.05;
 
 /// The air for light of one wavelength of the near infrared.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,10 +40,10 @@ impl InfraredAir {
     ) -> Self {
         let float = |layer: &AirLayer| {
             let angstrom = angstrom(layer);
-            let (factor, ratio) = if angstrom.abs() < GREY {
-                (droplets(wavelength), RATIOS[0])
+            let (factor, ratio) = if angstrom.abs() < MAX_DROPLET_EXPONENT {
+                (droplets(wavelength), LIDAR_RATIOS[0])
             } else {
-                ((wavelength / WAVELENGTHS[1]).powf(-angstrom), RATIOS[1])
+                ((wavelength / WAVELENGTHS_NM[1]).powf(-angstrom), LIDAR_RATIOS[1])
             };
             let sigma = factor * layer.sigma_t[1];
             let scatter = std::f64::consts::PI * sigma / lidar_ratio.unwrap_or(ratio);
@@ -83,13 +83,13 @@ impl InfraredAir {
 /// The Angstrom exponent of a layer, between blue and red.
 fn angstrom(layer: &AirLayer) -> f64 {
     let [red, _, blue] = layer.sigma_t;
-    (blue / red).ln() / (WAVELENGTHS[0] / WAVELENGTHS[2]).ln()
+    (blue / red).ln() / (WAVELENGTHS_NM[0] / WAVELENGTHS_NM[2]).ln()
 }
 
 /// Extinction by droplets over that of green light.
 fn droplets(wavelength: f64) -> f64 {
-    let pair = if wavelength < DROPLETS[1][0] { 0 } else { 1 };
-    let [[from, low], [to, high]] = [DROPLETS[pair], DROPLETS[pair + 1]];
+    let pair = if wavelength < DROPLET_EXTINCTIONS[1][0] { 0 } else { 1 };
+    let [[from, low], [to, high]] = [DROPLET_EXTINCTIONS[pair], DROPLET_EXTINCTIONS[pair + 1]];
     low + (high - low) * ((wavelength - from) / (to - from)).clamp(0.0, 1.0)
 }
 

@@ -11,14 +11,13 @@ use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use wm_scene::{Group, Splats, sh};
 
-/// Width of a cell, m.
-const CELL: f64 = 0.25;
+const CELL_WIDTH_M: f64 = 0.25;
 /// Display-referred excess of blue over red that no paving has, and blue over green.
-const BLUE: [f32; 2] = [0.2, 0.85];
+const BLUE_EXCESSES: [f32; 2] = [0.2, 0.85];
 /// Least opacity of a splat that counts.
 const MIN_OPACITY: f64 = 0.3;
 /// Reach of a splat in geometric means of its two longer standard deviations, and at most, m.
-const REACH: f64 = 1.2;
+const SPLAT_REACH_SIGMAS: f64 = 1.2;
 const MAX_REACH_M: f64 = 2.0;
 /// Share of the surface in a pool that must be blue.
 const MIN_BLUE_SHARE: f64 = 0.5;
@@ -27,8 +26,8 @@ const MIN_POOL_AREA_M2: f64 = 6.0;
 /// Largest height, m, between the tenth and the ninetieth percentile of a pool's splats: a training
 /// sees through water.
 const MAX_HEIGHT_RANGE_M: f64 = 2.0;
-/// Gaps in a pool that are closed, cells.
-const GAP: i32 = 3;
+/// Gaps in a pool that are closed.
+const MAX_GAP_CELLS: i32 = 3;
 /// Most cells of a rectangle about a pool in which holes are filled: 250 m by 250 m.
 const MOST_ROUND: i64 = 1_000_000;
 /// Distance, cells, to which the surroundings reach, and the most by which water stands above them,
@@ -84,7 +83,7 @@ impl OpenWater {
             return false;
         }
         let at = self.level * DVec3::from_array(point);
-        self.cells.get(&cell_of(at)).is_some_and(|height| is_own(at.z - height))
+        self.cells.get(&cell_of(at)).is_some_and(|height| is_water_surface(at.z - height))
             || self.outlines.iter().any(|outline| is_inside(outline, at))
     }
 
@@ -111,13 +110,13 @@ impl OpenWater {
             let at = self.level * DVec3::from_array(splats.means[index].map(f64::from));
             let mut scales = splats.log_scales[index].map(|v| f64::from(v).exp() * self.metres_per_unit);
             scales.sort_by(f64::total_cmp);
-            let reach = (REACH * (scales[1] * scales[2]).sqrt()).min(MAX_REACH_M);
+            let reach = (SPLAT_REACH_SIGMAS * (scales[1] * scales[2]).sqrt()).min(MAX_REACH_M);
             let area = std::f64::consts::PI * reach * reach * opacity;
             let shows_water = shows_water(splats, index);
             let cell = cell_of(at);
             found.entry(cell).or_default().push(Patch { height: at.z, area, is_water: shows_water });
             if shows_water {
-                let cells = (reach / CELL).floor();
+                let cells = (reach / CELL_WIDTH_M).floor();
                 let is_near = |[x, y]: &Cell| f64::from(x * x + y * y) <= cells * cells;
                 let near = square(cells as i32).filter(is_near);
                 left.extend(near.map(|[x, y]| [cell[0] + x, cell[1] + y]));
@@ -146,7 +145,7 @@ impl OpenWater {
 /// Returns true if a splat has a blue that no paving has.
 fn is_blue(splats: &Splats, index: usize) -> bool {
     let [r, g, b] = [0, 1, 2].map(|c| 0.5 + sh::C0 as f32 * splats.sh_of(index)[c]);
-    b - r > BLUE[0] && b > BLUE[1] * g
+    b - r > BLUE_EXCESSES[0] && b > BLUE_EXCESSES[1] * g
 }
 
 /// The reason why splats count as water.
@@ -169,12 +168,12 @@ struct Patch {
 
 fn cell_of(at: DVec3) -> Cell {
     // Cells next to the farthest have numbers too.
-    [at.x, at.y].map(|v| (v / CELL).floor().clamp(-1e9, 1e9) as i32)
+    [at.x, at.y].map(|v| (v / CELL_WIDTH_M).floor().clamp(-1e9, 1e9) as i32)
 }
 
 /// Returns true if a point is at the water inside of an outline.
 fn is_inside(outline: &[DVec3], at: DVec3) -> bool {
-    is_own(at.z - height_of(outline)) && is_within(outline, at)
+    is_water_surface(at.z - height_of(outline)) && is_within(outline, at)
 }
 
 /// The height of the water inside of an outline, m.
@@ -205,11 +204,11 @@ fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>, evidence: Evide
     if evidence == Evidence::Label {
         return Some(height);
     }
-    if (pool.len() as f64) * CELL * CELL < MIN_POOL_AREA_M2 {
+    if (pool.len() as f64) * CELL_WIDTH_M * CELL_WIDTH_M < MIN_POOL_AREA_M2 {
         return None;
     }
     let share = |is_counted: fn(&Patch) -> bool| -> f64 {
-        let at_height = |patch: &&Patch| is_own(patch.height - height) && is_counted(patch);
+        let at_height = |patch: &&Patch| is_water_surface(patch.height - height) && is_counted(patch);
         inside().filter(at_height).map(|patch| patch.area).sum()
     };
     if height - low > MAX_HEIGHT_RANGE_M || share(|patch| patch.is_water) < MIN_BLUE_SHARE * share(|_| true) {
@@ -276,8 +275,8 @@ fn without_holes(mut pool: BTreeSet<Cell>) -> BTreeSet<Cell> {
 
 /// The cells with the gaps between them.
 fn closed(pool: &[Cell]) -> BTreeSet<Cell> {
-    let wide = widened(pool, GAP);
-    let is_inside = |[x, y]: &Cell| square(GAP).all(|[dx, dy]| wide.contains(&[x + dx, y + dy]));
+    let wide = widened(pool, MAX_GAP_CELLS);
+    let is_inside = |[x, y]: &Cell| square(MAX_GAP_CELLS).all(|[dx, dy]| wide.contains(&[x + dx, y + dy]));
     wide.iter().filter(|cell| is_inside(cell)).copied().collect()
 }
 
@@ -291,7 +290,7 @@ fn widened(cells: &[Cell], radius: i32) -> BTreeSet<Cell> {
 }
 
 /// Returns true if a surface so far above water, m, is the water's own.
-fn is_own(above: f64) -> bool {
+fn is_water_surface(above: f64) -> bool {
     (-SURFACE_HEIGHTS_M[1]..SURFACE_HEIGHTS_M[0]).contains(&above)
 }
 
@@ -301,7 +300,7 @@ mod tests {
     use wm_scene::synthetic::Builder;
 
     const SITE: Site = Site { metres_per_unit: 0.5, ..Site::PLAIN };
-    const POOL: [f32; 3] = [0.2, 0.55, 0.8];
+    const POOL_COLOR: [f32; 3] = [0.2, 0.55, 0.8];
 
     /// A yard of 20 m by 20 m with a square of 8 m by 8 m in a colour at some height, m.
     fn yard(rgb: [f32; 3], height: f64) -> Splats {
@@ -324,21 +323,21 @@ mod tests {
     #[test]
     fn blue_pools_are_found_and_blue_roofs_and_grey_yards_are_not() {
         let water = |rgb, height| OpenWater::of(&yard(rgb, height), None, &SITE);
-        let area = |water: &OpenWater| water.cells.len() as f64 * CELL * CELL;
-        let pool = water(POOL, -0.2);
+        let area = |water: &OpenWater| water.cells.len() as f64 * CELL_WIDTH_M * CELL_WIDTH_M;
+        let pool = water(POOL_COLOR, -0.2);
         assert!((50.0..85.0).contains(&area(&pool)), "{}", area(&pool));
         // 1 m in the air belongs to no water, and neither does the deck.
         assert!(
             pool.covers([0.0, 0.0, -0.4]) && !pool.covers([0.0, 0.0, 2.0]) && !pool.covers([12.0, 0.0, 0.0])
         );
-        assert_eq!(area(&water(POOL, 4.0)), 0.0);
+        assert_eq!(area(&water(POOL_COLOR, 4.0)), 0.0);
         assert_eq!(area(&water([0.5, 0.55, 0.6], -0.2)), 0.0);
     }
 
     /// White clouds that a pool mirrors are a part of it.
     #[test]
     fn a_pool_has_no_holes() {
-        let mut splats = yard(POOL, -0.2);
+        let mut splats = yard(POOL_COLOR, -0.2);
         let mut more = Builder::new(4);
         let unit = 1.0 / SITE.metres_per_unit;
         more.surface(
@@ -365,7 +364,7 @@ mod tests {
         water.add_labelled(&splats, &[3]);
         assert!(water.cells.is_empty(), "{} cells without its label", water.cells.len());
         water.add_labelled(&splats, &[3, 21]);
-        let area = water.cells.len() as f64 * CELL * CELL;
+        let area = water.cells.len() as f64 * CELL_WIDTH_M * CELL_WIDTH_M;
         assert!((55.0..80.0).contains(&area), "{area}");
         assert!(
             (water.above([0.0, 0.0, 0.0]).unwrap() + 0.2).abs() < 0.02 && !water.covers([12.0, 0.0, 0.0])
@@ -374,7 +373,7 @@ mod tests {
 
     #[test]
     fn outlines_are_filled_and_replace_the_guess() {
-        let splats = yard(POOL, 0.0);
+        let splats = yard(POOL_COLOR, 0.0);
         let corner = |x: f64, y: f64| [x / SITE.metres_per_unit, y / SITE.metres_per_unit, 0.0];
         // An L of 30 m^2.
         let outline = [(0.0, 0.0), (6.0, 0.0), (6.0, 3.0), (4.0, 3.0), (4.0, 6.0), (0.0, 6.0)];

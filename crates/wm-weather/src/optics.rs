@@ -38,8 +38,8 @@ pub use wm_scene::metadata::MOR_DEPTH;
 pub use wm_scene::survey::CapturedSky;
 /// `-ln(0.02)`: optical depth of Koschmieder's visual range.
 const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
-/// Wavelengths that stand for the display's primaries, nm.
-pub(crate) const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
+/// Wavelengths that stand for the display's primaries.
+pub(crate) const WAVELENGTHS_NM: [f64; 3] = [610.0, 550.0, 465.0];
 /// Distance of the sky and the background, m: beyond any atmosphere, yet safe in f32.
 pub(crate) const SKY_DISTANCE_M: f64 = 1e7;
 /// Longest path through a layer, m at its base density: finite, so that mean airlights stay
@@ -59,7 +59,7 @@ pub(crate) fn sigma_of_visual_range(range: f64) -> f64 {
 
 /// Extinction of the three channels relative to green (550 nm) for an Angstrom exponent.
 pub(crate) fn spectrum(angstrom: f64) -> [f64; 3] {
-    WAVELENGTHS.map(|wavelength| (wavelength / WAVELENGTHS[1]).powf(-angstrom))
+    WAVELENGTHS_NM.map(|wavelength| (wavelength / WAVELENGTHS_NM[1]).powf(-angstrom))
 }
 
 /// One kind of floating particles, homogeneous across, thinning upwards or not.

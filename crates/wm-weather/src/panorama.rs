@@ -23,13 +23,13 @@ use wm_scene::survey::{SkyPatch, airlight_of_sky};
 /// Most pixels: 8192 x 4096, 360 MB with the smaller sizes.
 pub const MAX_PIXELS: u64 = 1 << 25;
 /// Steps of a display-referred 1.
-const STEPS: f32 = 8192.0;
+const TONE_STEP_COUNT: f32 = 8192.0;
 /// Rows of the smallest size.
 const LEAST_ROWS: usize = 16;
 /// Sine of the depth below the horizon at which the mirrored sky has become the strip: 3 degrees.
-const MIRROR: f32 = 0.05;
+const FULL_STRIP_SINE: f32 = 0.05;
 /// Largest difference of width and twice the height, as a share.
-const ASPECT: f64 = 0.01;
+const MAX_ASPECT_ERROR: f64 = 0.01;
 
 /// Why a picture is no panorama.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
@@ -86,7 +86,7 @@ struct Level {
 /// [`PanoramaError`].
 pub fn check_size(width: u32, height: u32) -> Result<(), PanoramaError> {
     let (w, h) = (f64::from(width), 2.0 * f64::from(height));
-    if width < 2 || height == 0 || (w - h).abs() > ASPECT * h {
+    if width < 2 || height == 0 || (w - h).abs() > MAX_ASPECT_ERROR * h {
         return Err(PanoramaError::Aspect { width, height });
     }
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
@@ -111,7 +111,7 @@ impl Panorama {
         let rgb = (0..width * height).map(|i| steps(pixel(i))).collect();
         let mut levels = vec![Level { width, height, rgb }];
         let linear: Vec<f32> =
-            (0..=u16::MAX).map(|v| srgb_decode(f64::from(v) / f64::from(STEPS)) as f32).collect();
+            (0..=u16::MAX).map(|v| srgb_decode(f64::from(v) / f64::from(TONE_STEP_COUNT)) as f32).collect();
         while let Some(level) = levels.last().filter(|level| level.height >= 2 * LEAST_ROWS) {
             levels.push(level.halved(&linear));
         }
@@ -178,7 +178,7 @@ impl Panorama {
                     }
                 }
                 if is_haze {
-                    let (other, share) = (strip.at(u, 0.5, below), smooth(-up[i] / MIRROR));
+                    let (other, share) = (strip.at(u, 0.5, below), smooth(-up[i] / FULL_STRIP_SINE));
                     for k in 0..3 {
                         rgb[k] += (other[k] - rgb[k]) * share;
                     }
@@ -204,7 +204,7 @@ impl Panorama {
             return color;
         }
         let strip = self.smallest().reference(u, 0.5, below);
-        let share = f64::from(smooth((-up / f64::from(MIRROR)) as f32));
+        let share = f64::from(smooth((-up / f64::from(FULL_STRIP_SINE)) as f32));
         std::array::from_fn(|k| color[k] + (strip[k] - color[k]) * share)
     }
 }
@@ -212,7 +212,7 @@ impl Panorama {
 /// A display-referred colour in steps; what is beyond is clipped, what is no number is 0.
 fn steps(rgb: [f32; 3]) -> [u16; 4] {
     let [r, g, b] = rgb;
-    [r, g, b, 0.0].map(|v| (v * STEPS).round() as u16)
+    [r, g, b, 0.0].map(|v| (v * TONE_STEP_COUNT).round() as u16)
 }
 
 /// From 0 at 0 to 1 at 1 without a kink.
@@ -272,7 +272,7 @@ impl Level {
                 (std::f64::consts::PI * (0.5 - (row as f64 + 0.5) / self.height as f64)).sin_cos();
             let pixels = &self.rgb[row * self.width..][..self.width];
             // A sun is no measure of the air's light.
-            let light = |v: u16| srgb_decode((f64::from(v) / f64::from(STEPS)).min(1.0));
+            let light = |v: u16| srgb_decode((f64::from(v) / f64::from(TONE_STEP_COUNT)).min(1.0));
             pixels.iter().map(move |[r, g, b, _]| SkyPatch {
                 sin,
                 weight: level,
@@ -298,7 +298,7 @@ impl Level {
             let [a, b] = [row[first], row[next]].map(|pixel| pixel.map(f32::from));
             std::array::from_fn::<f32, 4, _>(|k| a[k] + (b[k] - a[k]) * across)
         });
-        std::array::from_fn(|k| (upper[k] + (lower[k] - upper[k]) * down) * (1.0 / STEPS))
+        std::array::from_fn(|k| (upper[k] + (lower[k] - upper[k]) * down) * (1.0 / TONE_STEP_COUNT))
     }
 
     fn reference(&self, u: f64, v: f64, below: LowerHemisphere) -> [f64; 3] {
@@ -313,7 +313,7 @@ impl Level {
         std::array::from_fn(|k| {
             let upper = corner(0, 0, k) * (1.0 - across) + corner(1, 0, k) * across;
             let lower = corner(0, 1, k) * (1.0 - across) + corner(1, 1, k) * across;
-            (upper * (1.0 - down) + lower * down) / f64::from(STEPS)
+            (upper * (1.0 - down) + lower * down) / f64::from(TONE_STEP_COUNT)
         })
     }
 }

@@ -9,7 +9,7 @@ use std::ops::Range;
 pub(crate) type PlaceMap<K, V> = rustc_hash::FxHashMap<K, V>;
 
 /// Surfaces whose nearest neighbour is looked for.
-const SAMPLED: usize = 4000;
+const MAX_SAMPLE_COUNT: usize = 4000;
 
 /// Points by cells of a grid.
 pub(crate) struct PointGrid {
@@ -59,7 +59,7 @@ pub(crate) fn cubes_about(middle: IVec3, reach: i32) -> impl Iterator<Item = IVe
 /// Median distance from a point to the nearest other, as far as `most`.
 pub(crate) fn median_spacing(points: &[Vec3], most: f32) -> f32 {
     let grid = PointGrid::new(points, most);
-    let asked = points.len().min(SAMPLED);
+    let asked = points.len().min(MAX_SAMPLE_COUNT);
     let mut nearest = map(asked, |k| {
         let index = k * points.len() / asked;
         let others = grid.near(points[index]).filter(|other| *other != index);

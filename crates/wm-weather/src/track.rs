@@ -137,11 +137,11 @@ impl Track {
             // An infinite value over no time is nothing, and not NaN.
             return if number.is_infinite() && from == to { 0.0 } else { number * (to - from) };
         }
-        self.gathered(to) - self.gathered(from)
+        self.integral_to(to) - self.integral_to(from)
     }
 
     /// Integral from the first key to `time`; negative before it.
-    fn gathered(&self, time: f64) -> f64 {
+    fn integral_to(&self, time: f64) -> f64 {
         let first = &self.keys[0];
         if time <= first.time {
             return first.number() * (time - first.time);

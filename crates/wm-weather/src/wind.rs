@@ -13,15 +13,14 @@ use std::f64::consts::TAU;
 use wm_base::random::uniform;
 
 /// Waves in each direction.
-const WAVES: usize = 12;
-/// Slowest and fastest, Hz.
-const FREQUENCIES: [f64; 2] = [0.02, 1.5];
-/// Length over speed that the spectrum goes by, m.
-const LENGTH: f64 = 30.0;
+const WAVE_COUNT: usize = 12;
+/// Slowest and fastest waves.
+const FREQUENCY_LIMITS_HZ: [f64; 2] = [0.02, 1.5];
+/// Length over speed that the spectrum goes by.
+const SPECTRUM_LENGTH_M: f64 = 30.0;
 /// Gusts across the wind, as a share of those along it.
-const ACROSS: f64 = 0.5;
-/// Longest step of the integral, s.
-const STEP: f64 = 0.25;
+const CROSSWIND_SHARE: f64 = 0.5;
+const MAX_STEP_S: f64 = 0.25;
 
 /// A gust's wave: amplitude, angular frequency, phase.
 type Wave = [f64; 3];
@@ -43,20 +42,20 @@ impl Wind {
     pub(crate) fn new(speed: Track, direction: Track, gusts: f64, seed: u64) -> Self {
         // The strength of waves goes by the typical speed of the whole time.
         let typical = speed.most().max(0.5);
-        let [slowest, fastest] = FREQUENCIES;
-        let ratio = (fastest / slowest).powf(1.0 / (WAVES - 1) as f64);
+        let [slowest, fastest] = FREQUENCY_LIMITS_HZ;
+        let ratio = (fastest / slowest).powf(1.0 / (WAVE_COUNT - 1) as f64);
         let waves = [0u64, 1].map(|way| {
-            let mut waves: Vec<Wave> = (0..WAVES)
+            let mut waves: Vec<Wave> = (0..WAVE_COUNT)
                 .map(|i| {
                     let draw = |k: u64| uniform(seed ^ 0x9057_5000, 100 * way + 2 * i as u64 + k);
                     // A little off the row, so that they never come together again.
                     let f = slowest * ratio.powf(i as f64 + 0.6 * (draw(0) - 0.5));
-                    let power = f / (1.0 + 6.0 * f * LENGTH / typical).powf(5.0 / 3.0);
+                    let power = f / (1.0 + 6.0 * f * SPECTRUM_LENGTH_M / typical).powf(5.0 / 3.0);
                     [power.sqrt(), TAU * f, TAU * draw(1)]
                 })
                 .collect();
             let variance: f64 = waves.iter().map(|wave| 0.5 * wave[0] * wave[0]).sum();
-            let scale = if way == 0 { 1.0 } else { ACROSS } / variance.sqrt();
+            let scale = if way == 0 { 1.0 } else { CROSSWIND_SHARE } / variance.sqrt();
             waves.iter_mut().for_each(|wave| wave[0] *= scale);
             waves
         });
@@ -108,7 +107,7 @@ impl Wind {
             let [a, b] = self.waves.each_ref().map(|waves| self.gusts * waves.iter().map(way).sum::<f64>());
             return turned(self.mean(middle), [to - from + a, b]).into();
         }
-        let steps = ((to - from) / STEP).ceil().max(1.0);
+        let steps = ((to - from) / MAX_STEP_S).ceil().max(1.0);
         let length = (to - from) / steps;
         // Gauss and Legendre with three points: exact to the fifth power.
         let points = [(-0.6f64.sqrt(), 5.0 / 18.0), (0.0, 4.0 / 9.0), (0.6f64.sqrt(), 5.0 / 18.0)];

@@ -14,7 +14,7 @@
 //! takes.
 
 use super::airflow::Airflow;
-use super::ground::{GroundGrid, STEEP};
+use super::ground::{GroundGrid, SLIDING_SLOPES};
 use crate::level::{from_level, level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::{FloaterMap, FloaterRule, Occluders, Shelter, ShelterOptions};
@@ -22,35 +22,36 @@ use crate::threads::map;
 
 /// Spread of flakes about their mean direction, as a slope: in still air, and for each 1 of slope
 /// by wind.
-const SPREAD: [f64; 2] = [0.22, 0.3];
+const FLAKE_SPREAD_SLOPES: [f64; 2] = [0.22, 0.3];
 /// Directions on a circle about the mean one: for the narrowest cells, which show soft edges, and
 /// for others.
-const CIRCLE: [usize; 2] = [6, 4];
+const CIRCLE_DIRECTION_COUNTS: [usize; 2] = [6, 4];
 /// Width of the cells in which obstacles are looked for, in those of the grid, on all rings but the
 /// innermost.
-const COARSER: f64 = 2.0;
+const OBSTACLE_CELL_RATIO: f64 = 2.0;
 /// Height above a node from which obstacles are looked for, m.
 const OBSTACLE_HEIGHT_M: f64 = 0.06;
 /// Largest deposit on a slope that faces the wind, as a share of that on level ground.
 const MAX_DEPOSIT: f32 = 2.5;
-/// Over how far the wind lets go of what it carries: in the open, and out of the wind, m.
-const LENGTH: [f32; 2] = [5.0, 1.5];
+/// Over how far the wind lets go of what it carries: in the open, and out of the wind.
+const WIND_RELEASE_LENGTHS_M: [f32; 2] = [5.0, 1.5];
 /// Tangent of the angle below which it is out of the wind behind an edge.
-const SHADOW: f32 = 0.268;
+const LEE_SLOPE: f32 = 0.268;
 /// Depth below that line at which a node is out of the wind, m.
 const LEE_DEPTH_M: f32 = 0.04;
 /// Share of what the wind carries that stays at the foot of what stands in its way.
-const FOOT: f32 = 0.1;
+const WINDWARD_FOOT_SHARE: f32 = 0.1;
 /// Most that the wind gathers, as a share of the fall.
-const DRIFT: f32 = 4.0;
+const MAX_DRIFT_SHARE: f32 = 4.0;
 
 /// The directions in which flakes fall, world axes: on the innermost ground, or on one about it.
 fn falls(site: &Site, airflow: &Airflow, is_outer: bool) -> Vec<[f64; 3]> {
     let axes = level_axes(site.up);
     let [a, b] = airflow.slope;
-    let count = CIRCLE[usize::from(is_outer)];
+    let count = CIRCLE_DIRECTION_COUNTS[usize::from(is_outer)];
     // Of equal variance as a normal spread.
-    let reach = (SPREAD[0] + SPREAD[1] * a.hypot(b)) * (2.0 * (count + 1) as f64 / count as f64).sqrt();
+    let reach = (FLAKE_SPREAD_SLOPES[0] + FLAKE_SPREAD_SLOPES[1] * a.hypot(b))
+        * (2.0 * (count + 1) as f64 / count as f64).sqrt();
     let circle = (0..count).map(|k| {
         let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).sin_cos();
         [a + reach * cos, b + reach * sin]
@@ -73,7 +74,7 @@ pub(super) fn maps(
         // occluders.
         let next = match standing.last() {
             None => occluders.without(floaters).mapped(&options),
-            Some(inner) => inner.without(floaters).mapped(&options).softened(COARSER),
+            Some(inner) => inner.without(floaters).mapped(&options).softened(OBSTACLE_CELL_RATIO),
         };
         standing.push(next);
     }
@@ -114,13 +115,13 @@ impl GroundGrid {
         (self.open, self.share) = reached.into_iter().unzip();
         for node in 0..nodes {
             let stays = self.share[node] * self.kept(node);
-            self.lose(node, self.share[node] - stays);
+            self.count_loss(node, self.share[node] - stays);
             self.share[node] = stays;
         }
         let (axes, [a, b]) = (level_axes(site.up), airflow.slope);
         let along = to_level(&grid, from_level(&axes, [a, b, 0.0]));
         if airflow.moved > 0.0 && a.hypot(b) > 1e-6 {
-            self.blow([along[0], along[1]].map(|v| v as f32), airflow.moved as f32);
+            self.drift_snow([along[0], along[1]].map(|v| v as f32), airflow.moved as f32);
         }
         self.soften();
         for node in 0..nodes {
@@ -133,7 +134,7 @@ impl GroundGrid {
     /// Returns the share of the fall on a node that stays there at first by its slope, 0-1.
     fn kept(&self, node: usize) -> f32 {
         let [a, b] = self.slope[node];
-        ((STEEP[1] - a.hypot(b)) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0)
+        ((SLIDING_SLOPES[1] - a.hypot(b)) / (SLIDING_SLOPES[1] - SLIDING_SLOPES[0])).clamp(0.0, 1.0)
     }
 
     /// Softens the edges of what is sheltered, over the nodes beside each other.
@@ -151,7 +152,7 @@ impl GroundGrid {
     }
 
     /// Carries snow along the ground with the wind, which blows along `wind` (columns, rows).
-    fn blow(&mut self, wind: [f32; 2], moved: f32) {
+    fn drift_snow(&mut self, wind: [f32; 2], moved: f32) {
         let main = usize::from(wind[1].abs() > wind[0].abs());
         let length = wind[0].hypot(wind[1]);
         let unit = wind.map(|v| v / length);
@@ -161,8 +162,8 @@ impl GroundGrid {
             ways: [(way(0), 1.0 - aside.abs()), (way(aside.signum() as i64), aside.abs())],
             unit,
             moved,
-            fallen_by: SHADOW * self.cell / unit[main].abs(),
-            lets_go: LENGTH.map(|length| 1.0 - (-self.cell / length).exp()),
+            fallen_by: LEE_SLOPE * self.cell / unit[main].abs(),
+            lets_go: WIND_RELEASE_LENGTHS_M.map(|length| 1.0 - (-self.cell / length).exp()),
         };
         let mut carried = vec![0.0f32; self.len()];
         let mut line = vec![f32::NEG_INFINITY; self.len()];
@@ -172,7 +173,7 @@ impl GroundGrid {
             for other in 0..across {
                 let cell = if main == 0 { other * self.size[0] + k } else { k * self.size[0] + other };
                 for node in self.nodes_of(cell) {
-                    self.pass(node, &gale, &mut carried, &mut line);
+                    self.deposit_or_pass_on(node, &gale, &mut carried, &mut line);
                 }
             }
         }
@@ -180,7 +181,7 @@ impl GroundGrid {
 
     /// Deposits what the wind brings to each node, or passes it on: `carried` is on its way to each
     /// node, and below `line` (m) the air is still.
-    fn pass(&mut self, node: usize, gale: &WindField, carried: &mut [f32], line: &mut [f32]) {
+    fn deposit_or_pass_on(&mut self, node: usize, gale: &WindField, carried: &mut [f32], line: &mut [f32]) {
         let [column, row] = self.place(node);
         let (height, is_still) = (self.height[node], line[node] > self.height[node] + LEE_DEPTH_M);
         // From beyond the grid comes what a plain would give.
@@ -189,7 +190,7 @@ impl GroundGrid {
             let source = self.cell_of(column - x, row - y);
             if source.is_none_or(|cell| self.nodes_of(cell).is_empty()) && self.open[node] > 0.0 {
                 carried[node] += share * plain;
-                self.lose(node, -share * plain);
+                self.count_loss(node, -share * plain);
             }
         }
         let mut on_its_way = carried[node];
@@ -202,7 +203,7 @@ impl GroundGrid {
                 gale.moved * self.share[node] * (1.0 + 1.5 * rise).clamp(0.2, 1.6)
             };
             let leaves = on_its_way * gale.lets_go[usize::from(is_still)];
-            let leaves = leaves.min((DRIFT - self.share[node]).max(0.0) + takes);
+            let leaves = leaves.min((MAX_DRIFT_SHARE - self.share[node]).max(0.0) + takes);
             let takes = takes.min(self.share[node]);
             self.share[node] += leaves - takes;
             on_its_way += takes - leaves;
@@ -212,14 +213,14 @@ impl GroundGrid {
             let goes = share * on_its_way;
             let nodes = self.cell_of(column + x, row + y).map(|cell| self.nodes_of(cell));
             let Some(upper) = nodes.clone().and_then(|mut nodes| nodes.next()) else {
-                self.lose(node, goes);
+                self.count_loss(node, goes);
                 continue;
             };
             let level = self.level_with(node, column + x, row + y, self.edge);
             let is_lower = |to: &usize| self.height[*to] < height && self.open[*to] > 0.0;
             let on = level.or_else(|| nodes?.find(is_lower));
             // Where something stands in the way some stays, and most goes over it.
-            let stays = if on.is_none() && !self.is_steep(node) { FOOT * goes } else { 0.0 };
+            let stays = if on.is_none() && !self.is_steep(node) { WINDWARD_FOOT_SHARE * goes } else { 0.0 };
             self.share[node] += stays;
             let to = on.unwrap_or(upper);
             carried[to] += goes - stays;
@@ -229,7 +230,7 @@ impl GroundGrid {
 
     /// Counts what does not stay where it falls, or is carried off the grid, as a share of the fall
     /// on a cell.
-    fn lose(&mut self, node: usize, amount: f32) {
+    fn count_loss(&mut self, node: usize, amount: f32) {
         if !self.is_elsewhere(node) {
             self.shed += f64::from(amount);
         }

@@ -67,19 +67,17 @@ const BURIAL_DEPTH_M: f32 = 0.08;
 /// Largest height of a splat above its ground, m, and the largest depth below a plain of one that
 /// is replaced.
 const MAX_SPLAT_HEIGHT_M: f32 = 1.5;
-/// Height above and below other level ground within which a replaced splat belongs to it, m.
-const HAZE: [f32; 2] = [0.25, 0.3];
+/// Height above and below other level ground within which a replaced splat belongs to it.
+const HAZE_HEIGHTS_M: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
-const SIDE: f64 = 420.0;
+const RING_SIDE_CELLS: f64 = 420.0;
 const RING_WIDTH_FACTOR: f64 = 4.0;
 /// Factor on the number of a ring's cells along a path.
 const PATH_LENGTH_FACTOR: f64 = 3.0;
-/// Rings at most.
-const RINGS: usize = 4;
-/// Narrowest cells, m.
-const NARROWEST: f64 = 0.06;
+const MAX_RING_COUNT: usize = 4;
+const MIN_CELL_WIDTH_M: f64 = 0.06;
 /// Share of the splats beyond the widest ring on each side: far hills are few splats.
-const OUTLIERS: f64 = 0.000_5;
+const OUTLIER_SHARE: f64 = 0.000_5;
 /// The lowest depth of the ladder, m, and how many times as deep each next one is.
 const MIN_RUNG_DEPTH_M: f64 = 0.005;
 const RUNG_RATIO: f64 = 1.5;
@@ -147,7 +145,7 @@ struct SettledLayer {
 struct Spot {
     ring: u8,
     /// The nodes under its middle and its ends.
-    nodes: [u32; ENDS],
+    nodes: [u32; SPLAT_PROBE_COUNT],
     /// Height that it reaches above the ground, m.
     reach: f32,
     /// True if it is no surface of its own: it is hidden where most of its nodes are.
@@ -155,7 +153,7 @@ struct Spot {
 }
 
 /// Places of a splat that must lie under snow for it to be hidden.
-const ENDS: usize = 5;
+const SPLAT_PROBE_COUNT: usize = 5;
 
 /// A cover that is laid out, ready to be drawn.
 #[derive(Clone, Debug)]
@@ -201,7 +199,7 @@ impl LyingCover {
     /// buried ones are transparent.
     #[must_use]
     pub fn over(&self, scene: &Splats) -> Splats {
-        self.laid(scene, scene.clone(), 0..scene.len())
+        self.lay_on_splats(scene, scene.clone(), 0..scene.len())
     }
 
     /// The scene with what lies on it, as one set of splats of the scene's SH degree.
@@ -209,11 +207,11 @@ impl LyingCover {
     pub fn bake(&self, scene: &Splats) -> Splats {
         let is_seen = |index: &usize| self.buried.factor(*index) > MIN_VISIBILITY;
         let kept: Vec<usize> = (0..scene.len()).filter(is_seen).collect();
-        self.laid(scene, scene.select(&kept), kept)
+        self.lay_on_splats(scene, scene.select(&kept), kept)
     }
 
     /// Lays it on splats of the scene, whose places there are `of`.
-    fn laid(&self, scene: &Splats, mut out: Splats, of: impl IntoIterator<Item = usize>) -> Splats {
+    fn lay_on_splats(&self, scene: &Splats, mut out: Splats, of: impl IntoIterator<Item = usize>) -> Splats {
         for (opacity, index) in out.logit_opacities.iter_mut().zip(of) {
             let factor = self.buried.factor(index);
             if factor < 1.0 {
@@ -278,19 +276,21 @@ impl Cover {
         let (mut rings, mut above) = (Vec::<GroundGrid>::new(), Vec::new());
         let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
         let is_path = path[0] != path[1];
-        for ring in 0..RINGS {
-            let cell = NARROWEST * RING_WIDTH_FACTOR.powi(ring as i32);
-            let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
+        for ring in 0..MAX_RING_COUNT {
+            let cell = MIN_CELL_WIDTH_M * RING_WIDTH_FACTOR.powi(ring as i32);
+            let reach = if ring + 1 == MAX_RING_COUNT { f64::INFINITY } else { 0.5 * RING_SIDE_CELLS * cell };
             let options = ShelterOptions {
                 cell,
                 // Only what goes along a path is longer; the outermost ring is the whole place.
-                most_cells: (SIDE
-                    * SIDE
+                most_cells: (RING_SIDE_CELLS
+                    * RING_SIDE_CELLS
                     * if is_path && reach.is_finite() { PATH_LENGTH_FACTOR } else { 1.0 })
                     as usize,
-                focus: reach.is_finite().then(|| (about(path, reach / site.metres_per_unit, site), reach)),
+                focus: reach
+                    .is_finite()
+                    .then(|| (path_middle(path, reach / site.metres_per_unit, site), reach)),
                 margin: 0.1,
-                outliers: OUTLIERS,
+                outliers: OUTLIER_SHARE,
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
@@ -382,9 +382,9 @@ impl Cover {
                 let sunk = ((top[node] - ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
                 sunk * (1.0 - seen[node])
             };
-            let mut hidden: [f32; ENDS] = std::array::from_fn(|k| hidden(&nodes[k]));
+            let mut hidden: [f32; SPLAT_PROBE_COUNT] = std::array::from_fn(|k| hidden(&nodes[k]));
             hidden.sort_by(f32::total_cmp);
-            1.0 - hidden[if *is_haze { ENDS / 2 } else { 0 }]
+            1.0 - hidden[if *is_haze { SPLAT_PROBE_COUNT / 2 } else { 0 }]
         };
         let buried = Buried::new(map(self.spots.len(), factor));
         let layers = layers.into_iter().flatten();
@@ -397,7 +397,7 @@ impl Cover {
         let CoverRequest { depth: fell, thaw, .. } = *asked;
         // How it slides at the least depth says where even less lies.
         let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(MIN_RUNG_DEPTH_M);
-        let settled = self.slid(slides, asked.repose);
+        let settled = self.slid_depths(slides, asked.repose);
         let layer = |ground: &GroundGrid, slid: Settled| {
             let fell = |node: usize| slid.depth[node] * (fell / slides) as f32;
             let left = |node: usize| match &thaw {
@@ -418,10 +418,10 @@ impl Cover {
 
     /// Returns the depths on each ring after sliding, for a depth on open level ground, m, the
     /// lowest of the ladder or more: mixed of the two depths of it about that.
-    fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
+    fn slid_depths(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
         let above = (depth / MIN_RUNG_DEPTH_M).log(RUNG_RATIO).ceil().max(1.0) as i32;
         let [low, high] = [above - 1, above].map(|k| MIN_RUNG_DEPTH_M * RUNG_RATIO.powi(k));
-        self.climb([low, high], repose);
+        self.find_slid_rungs([low, high], repose);
         let rung = |depth: f64| {
             let mut rungs = self.ladder.iter();
             &rungs.find(|rung| rung.depth == depth && rung.repose == repose).expect("just climbed").settled
@@ -437,7 +437,7 @@ impl Cover {
     }
 
     /// Finds what has slid at two depths, if it is not known.
-    fn climb(&mut self, depths: [f64; 2], repose: f64) {
+    fn find_slid_rungs(&mut self, depths: [f64; 2], repose: f64) {
         let is = |rung: &Rung, depth: f64| rung.depth == depth && rung.repose == repose;
         let missing: Vec<f64> =
             depths.into_iter().filter(|depth| !self.ladder.iter().any(|rung| is(rung, *depth))).collect();
@@ -460,7 +460,7 @@ impl Cover {
 }
 
 /// As much of the middle of a path as a ring has cells for that goes so far from it (scene units).
-fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
+fn path_middle(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
     let [a, b] = path.map(DVec3::from_array);
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
     let [across, along, _] = level_axes(site.up).map(|axis| half.dot(DVec3::from_array(axis)).abs());
@@ -509,7 +509,9 @@ fn spot(
             let below = match stand_in {
                 _ if ground.is_solid(*node) => f32::INFINITY,
                 StandIn::Itself => BURIAL_DEPTH_M,
-                StandIn::Discs if !(ground.is_plain(*node) || lies && ground.is_level(*node)) => HAZE[1],
+                StandIn::Discs if !(ground.is_plain(*node) || lies && ground.is_level(*node)) => {
+                    HAZE_HEIGHTS_M[1]
+                }
                 StandIn::Discs | StandIn::Floor => MAX_SPLAT_HEIGHT_M,
             };
             (-below.max(0.2 * ground.cell)..MAX_SPLAT_HEIGHT_M).contains(&above(*node))
@@ -519,7 +521,7 @@ fn spot(
     };
     let (node, above) = under(mean)?;
     let is_haze = stand_in != StandIn::Itself || above < -BURIAL_DEPTH_M;
-    let (mut nodes, mut reach) = ([node; ENDS], above);
+    let (mut nodes, mut reach) = ([node; SPLAT_PROBE_COUNT], above);
     // Wide ones lie on more than one node.
     if scales[order[0]] * metres_per_unit > 0.7 * f64::from(ground.cell) {
         for (end, node) in nodes.iter_mut().skip(1).enumerate() {
@@ -543,7 +545,7 @@ fn spot(
     let node = node as usize;
     reach = match stand_in {
         StandIn::Discs if ground.is_plain(node) => reach.min(0.0),
-        StandIn::Discs if ground.is_level(node) => reach - reach.clamp(0.0, HAZE[0]),
+        StandIn::Discs if ground.is_level(node) => reach - reach.clamp(0.0, HAZE_HEIGHTS_M[0]),
         StandIn::Floor if ground.is_level(node) => reach.min(0.0),
         _ => reach,
     };

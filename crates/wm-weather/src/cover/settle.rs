@@ -4,11 +4,11 @@ use super::ground::GroundGrid;
 use serde::{Deserialize, Serialize};
 
 /// Most rounds over all cells.
-const ROUNDS: usize = 120;
+const MAX_ROUND_COUNT: usize = 120;
 /// Least amount that a round must move to be followed by another, as a share of the total.
 const MIN_MOVED_SHARE: f64 = 2e-5;
 /// Excess over the fall that an edge holds before it falls over: snow holds together.
-const HOLDS: f32 = 1.3;
+const EDGE_EXCESS_RATIO: f32 = 1.3;
 
 /// The depths after sliding.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -31,7 +31,7 @@ pub(crate) fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled 
     let mut active: Vec<u32> = (0..depth.len() as u32).filter(|node| depth[*node as usize] > 0.0).collect();
     let mut is_active = vec![false; depth.len()];
     let is_steep: Vec<bool> = (0..depth.len()).map(|node| ground.is_steep(node)).collect();
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUND_COUNT {
         let mut moved = 0.0f64;
         for node in &active {
             let node = *node as usize;
@@ -52,7 +52,7 @@ pub(crate) fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled 
                 let own = depth[node];
                 let goes = if is_edge {
                     // Over an edge goes what came from above, and what lies on no surface.
-                    if is_steep[node] { own } else { (own - HOLDS * fell[node]).max(0.0) }
+                    if is_steep[node] { own } else { (own - EDGE_EXCESS_RATIO * fell[node]).max(0.0) }
                 } else {
                     (0.25 * (fall - step)).clamp(0.0, own)
                 };

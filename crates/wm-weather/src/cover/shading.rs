@@ -6,14 +6,14 @@ use wm_base::color::{luminance, srgb_decode};
 use wm_scene::Splats;
 
 /// Rounds of averaging over neighbouring cells: dark paint is not shade.
-const ROUNDS: usize = 6;
+const AVERAGING_ROUND_COUNT: usize = 6;
 
 impl GroundGrid {
     /// Finds how lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by
     /// how bright the scene is about it beside what is as open.
     pub(super) fn find_shades(&mut self, splats: &Splats) {
         let mut light = self.light(splats);
-        for _ in 0..ROUNDS {
+        for _ in 0..AVERAGING_ROUND_COUNT {
             light = map(self.len(), |node| {
                 let [light] = self.mean_about(node, |other| (!light[other].is_nan()).then(|| [light[other]]));
                 light

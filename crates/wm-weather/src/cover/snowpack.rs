@@ -12,30 +12,30 @@
 //! instants were asked for before.
 
 use super::surfels::coverage;
-use super::thaw::{MeltSample, PACES, Thaw};
+use super::thaw::{MELT_PACES, MeltSample, Thaw};
 use crate::track::Track;
 
 /// Density that snow settles towards, kg/m^3, and how fast, h.
-const SETTLED: f64 = 300.0;
-const SETTLES: f64 = 36.0;
+const SETTLED_DENSITY: f64 = 300.0;
+const SETTLING_TIME_H: f64 = 36.0;
 /// Density of new snow at most, kg/m^3.
-const DENSEST: f64 = 250.0;
+const MAX_NEW_SNOW_DENSITY: f64 = 250.0;
 /// Water that melts, mm a degree and hour.
-const MELT: f64 = 4.0 / 24.0;
+const MELT_MM_PER_K_H: f64 = 4.0 / 24.0;
 /// Water that stays on the ground at most, that makes it quite wet, and what dries of it where it
 /// is bare, mm and mm/h.
-const FILM: f64 = 0.5;
+const MAX_FILM_MM: f64 = 0.5;
 const WET_FILM_MM: f64 = 0.3;
-const DRIES: f64 = 0.15;
+const DRYING_MM_PER_H: f64 = 0.15;
 /// The share that falls off walls for each degree above 0 and hour.
-const FALLS: f64 = 0.3;
+const WALL_FALL_PER_K_H: f64 = 0.3;
 /// Steps of what fell before the start; length of those after it, s, and the most of them.
-const BEFORE: u32 = 256;
-const STEP: f64 = 1.0 / 16.0;
+const EARLIER_STEP_COUNT: u32 = 256;
+const FIRST_STEP_S: f64 = 1.0 / 16.0;
 const MAX_STEPS: f64 = 65_536.0;
-/// Depth at which the steps in which what is left is told begin to widen, m: they are the finer the
+/// Depth at which the steps in which what is left is told begin to widen: they are the finer the
 /// thinner it lies.
-const FINE: f64 = 0.01;
+const FINE_STEP_DEPTH_M: f64 = 0.01;
 
 /// The inputs of a snowpack.
 #[derive(Clone, Copy, Debug)]
@@ -72,8 +72,8 @@ pub(crate) struct SnowStock {
 pub(crate) struct SnowpackState {
     /// All that has fallen, as it would lie had none melted.
     pub(crate) fell: SnowStock,
-    /// The remaining snow at each of [`PACES`]; `None` where nothing has melted yet.
-    left: Option<[SnowStock; PACES.len()]>,
+    /// The remaining snow at each of [`MELT_PACES`]; `None` where nothing has melted yet.
+    left: Option<[SnowStock; MELT_PACES.len()]>,
     /// Water of the snow that fell so wet that it still sticks, mm.
     sticks: f64,
 }
@@ -94,12 +94,12 @@ struct Part {
 impl SnowStock {
     /// Depth, m.
     pub(crate) fn depth(&self) -> f64 {
-        self.water / SETTLED + self.loose
+        self.water / SETTLED_DENSITY + self.loose
     }
 
     fn fall(&mut self, part: &Part) {
         self.water += part.water;
-        self.loose = self.loose * part.settles + part.water * (1.0 / part.density - 1.0 / SETTLED);
+        self.loose = self.loose * part.settles + part.water * (1.0 / part.density - 1.0 / SETTLED_DENSITY);
     }
 
     /// Melts up to `can` mm of what lies. Meltwater wets the ground, which dries as far as it is
@@ -110,11 +110,11 @@ impl SnowStock {
             self.loose *= 1.0 - melts / self.water;
             self.water -= melts;
             self.melted += melts;
-            self.film = (self.film + melts).min(FILM);
+            self.film = (self.film + melts).min(MAX_FILM_MM);
         }
         if self.film > 0.0 {
             let bare = 1.0 - f64::from(coverage(self.depth() as f32));
-            self.film = (self.film - DRIES * hours * bare).max(0.0);
+            self.film = (self.film - DRYING_MM_PER_H * hours * bare).max(0.0);
         }
     }
 
@@ -128,7 +128,10 @@ impl SnowpackState {
     /// Returns the remaining snow wherever something has melted, in steps too fine to be seen;
     /// `None` where nothing has.
     pub(crate) fn thaw(&self) -> Option<Thaw> {
-        let step = |depth: f64| FINE * (((1.0 + depth / FINE).log2() * 256.0).round() / 256.0).exp2() - FINE;
+        let step = |depth: f64| {
+            FINE_STEP_DEPTH_M * (((1.0 + depth / FINE_STEP_DEPTH_M).log2() * 256.0).round() / 256.0).exp2()
+                - FINE_STEP_DEPTH_M
+        };
         self.left.map(|left| Thaw {
             depth: left.map(|stock| step(stock.depth()).max(0.0) as f32),
             wet: left.map(|stock| ((stock.film / WET_FILM_MM * 64.0).round() / 64.0) as f32),
@@ -137,7 +140,7 @@ impl SnowpackState {
 
     /// Returns the melt water until now, and the ground that is bare, at each pace.
     fn melt(&self) -> MeltSample {
-        let left = self.left.unwrap_or([self.fell; PACES.len()]);
+        let left = self.left.unwrap_or([self.fell; MELT_PACES.len()]);
         MeltSample {
             melted: left.map(|stock| stock.melted),
             bare: left.map(|stock| 1.0 - f64::from(coverage(stock.depth() as f32))),
@@ -151,15 +154,16 @@ impl SnowpackState {
 
     fn pass(&mut self, part: &Part) {
         let warmth = part.temperature.max(0.0) * part.hours;
-        self.sticks = (self.sticks + part.water * sticky(part.temperature)) * (-FALLS * warmth).exp();
+        self.sticks =
+            (self.sticks + part.water * sticky(part.temperature)) * (-WALL_FALL_PER_K_H * warmth).exp();
         self.fell.fall(part);
-        let can = MELT * warmth;
+        let can = MELT_MM_PER_K_H * warmth;
         if self.left.is_none() && can > 0.0 && self.fell.water > 0.0 {
-            let mut left = [self.fell; PACES.len()];
-            left.iter_mut().zip(PACES).for_each(|(stock, pace)| stock.melt(pace * can, part.hours));
+            let mut left = [self.fell; MELT_PACES.len()];
+            left.iter_mut().zip(MELT_PACES).for_each(|(stock, pace)| stock.melt(pace * can, part.hours));
             self.left = Some(left);
         } else if let Some(left) = &mut self.left {
-            for (stock, pace) in left.iter_mut().zip(PACES) {
+            for (stock, pace) in left.iter_mut().zip(MELT_PACES) {
                 stock.fall(part);
                 stock.melt(pace * can, part.hours);
             }
@@ -211,9 +215,9 @@ impl Snowpack<'_> {
         let mut pack = SnowpackState::default();
         let part = |time: f64, hours: f64, water: f64| {
             let temperature = number(self.temperature, time);
-            let new = || (67.92 + 51.25 * (temperature / 2.59).exp()).min(DENSEST);
+            let new = || (67.92 + 51.25 * (temperature / 2.59).exp()).min(MAX_NEW_SNOW_DENSITY);
             // What is requested is as deep as it lies.
-            let settles = if self.depth.is_some() { 1.0 } else { (-hours / SETTLES).exp() };
+            let settles = if self.depth.is_some() { 1.0 } else { (-hours / SETTLING_TIME_H).exp() };
             Part { hours, temperature, water, density: self.density.unwrap_or_else(new), settles }
         };
         // What a depth that is requested has grown or shrunk by; it falls at once, and then melts.
@@ -230,15 +234,16 @@ impl Snowpack<'_> {
         match self.depth {
             Some(track) => ask(&mut pack, track, time.min(0.0)),
             None => {
-                let hours = (self.hours + time.min(0.0) * self.lapse / 3600.0).max(0.0) / f64::from(BEFORE);
+                let hours = (self.hours + time.min(0.0) * self.lapse / 3600.0).max(0.0)
+                    / f64::from(EARLIER_STEP_COUNT);
                 let first = self.rate.map_or(0.0, |rate| number(rate, 0.0));
-                for _ in 0..BEFORE {
+                for _ in 0..EARLIER_STEP_COUNT {
                     pack.pass(&part(0.0, hours, first * hours));
                 }
             }
         }
         see(time.min(0.0), &pack);
-        let mut step = STEP;
+        let mut step = FIRST_STEP_S;
         while time / step > MAX_STEPS {
             step *= 2.0;
         }
@@ -267,7 +272,7 @@ mod tests {
     impl SnowpackState {
         /// Returns the remaining snow on open level ground.
         pub(crate) fn open(&self) -> SnowStock {
-            self.left.map_or(self.fell, |left| left[crate::cover::thaw::tests::OPEN])
+            self.left.map_or(self.fell, |left| left[crate::cover::thaw::tests::OPEN_GROUND_PACE])
         }
     }
 
@@ -304,13 +309,13 @@ mod tests {
         println!("{depths:.4?}");
         assert!(depths.windows(2).all(|pair| pair[1] < pair[0]) && (depths[3] / (4.0 / 300.0) - 1.0) < 0.1);
         // The closed form of constant snow: what is loose decays.
-        let tau = SETTLES;
-        let loose = (1.0 / 100.0 - 1.0 / SETTLED) * tau * (1.0 - (-4.0 / tau).exp());
-        assert!((new.fell.depth() - (4.0 / SETTLED + loose)).abs() < 2e-4);
+        let tau = SETTLING_TIME_H;
+        let loose = (1.0 / 100.0 - 1.0 / SETTLED_DENSITY) * tau * (1.0 - (-4.0 / tau).exp());
+        assert!((new.fell.depth() - (4.0 / SETTLED_DENSITY + loose)).abs() < 2e-4);
     }
 
     /// A depth that is requested, an hour a second.
-    fn asked(depth: &str, temperature: &str, time: f64) -> SnowpackState {
+    fn pack_of_depth(depth: &str, temperature: &str, time: f64) -> SnowpackState {
         let (depth, temperature) = (track("depth", depth), track("temperature", temperature));
         let (density, lapse) = (Some(100.0), 3600.0);
         let depth = Some(&depth);
@@ -319,13 +324,13 @@ mod tests {
 
     /// Returns the remaining snow where it melts half as fast as in the open.
     fn shaded(pack: &SnowpackState) -> SnowStock {
-        let place = PACES.iter().position(|pace| *pace == 0.5).unwrap();
+        let place = MELT_PACES.iter().position(|pace| *pace == 0.5).unwrap();
         pack.left.map_or(pack.fell, |left| left[place])
     }
 
     #[test]
     fn warm_air_melts_it_and_leaves_the_ground_wet_for_a_while() {
-        let at = |time: f64| asked("0.02", "0:-5,2:-5,3:6", time);
+        let at = |time: f64| pack_of_depth("0.02", "0:-5,2:-5,3:6", time);
         assert!(at(2.0).thaw().is_none() && (at(2.0).fell.depth() - 0.02).abs() < 1e-12);
         // 2 mm of water melt by 1 mm/h from 3 h on, and some before.
         let half = at(3.73);
@@ -342,7 +347,7 @@ mod tests {
 
     #[test]
     fn what_comes_down_on_bare_ground_is_new() {
-        let at = |time: f64| asked("0:0.02,10:0.02,11:0.05,20:0.05,21:0", "6", time);
+        let at = |time: f64| pack_of_depth("0:0.02,10:0.02,11:0.05,20:0.05,21:0", "6", time);
         // 2 cm are gone after 2 h in the open and after 4 h in the shade.
         assert!(at(3.0).open().depth() == 0.0 && shaded(&at(3.0)).depth() > 0.004);
         assert_eq!(shaded(&at(5.0)).depth(), 0.0);
@@ -351,7 +356,7 @@ mod tests {
         assert!((at(12.0).open().depth() - 0.01).abs() < 0.002);
         assert_eq!(at(21.0).fell.depth(), 0.0);
         // Cold air does not melt what fell in it when it was warm.
-        let falls = |time: f64| asked("0.1", "0:6,3:6,4:-10", time).open().depth();
+        let falls = |time: f64| pack_of_depth("0.1", "0:6,3:6,4:-10", time).open().depth();
         assert!((falls(5.0) - falls(9.0)).abs() < 1e-12 && falls(5.0) > 0.05);
     }
 
@@ -369,7 +374,7 @@ mod tests {
         assert!(bare.open().water > 2.0 && shaded(&bare).water > bare.open().water + 2.0);
         assert!((again.open().water - bare.open().water - 2.1).abs() < 0.1);
         // Twice as fast, as a place that gets half of it: bare at 9 h, and white an hour later.
-        let place = PACES.iter().position(|pace| *pace == 2.0).unwrap();
+        let place = MELT_PACES.iter().position(|pace| *pace == 2.0).unwrap();
         let [thin, new] = [&bare, &again].map(|pack| pack.left.unwrap()[place]);
         assert!(thin.water == 0.0 && thin.film > 0.0 && (new.water - 2.05).abs() < 0.1, "{thin:?} {new:?}");
         // Its density is that of new snow.
@@ -399,7 +404,8 @@ mod tests {
             // slower the more is left.
             let warm: Vec<f64> = (0..1200).map(|k| 0.01 * f64::from(k) + 0.005).filter(|at| *at < time)
                 .map(|at| temperature.at(at).number().unwrap().max(0.0) * 0.01).collect();
-            let can = MELT * (warm.iter().sum::<f64>() + temperatures[0].max(0.0) * (hours + time.min(0.0)).max(0.0));
+            let before_start = temperatures[0].max(0.0) * (hours + time.min(0.0)).max(0.0);
+            let can = MELT_MM_PER_K_H * (warm.iter().sum::<f64>() + before_start);
             let left = pack.open().water;
             prop_assert!(left > fell - can - 0.05 && left < fell + 1e-6, "{pack:?} {fell} {can}");
             if let Some(left) = pack.left {
@@ -418,15 +424,16 @@ mod tests {
             let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
             let snow = Snowpack { hours: 2.0, ..falling(&rate, &temperature) };
             let [first, next] = [0.0, 1.0 / 60.0].map(|later| snow.at(time + later));
-            let all = |pack: &SnowpackState| pack.left.unwrap_or([pack.fell; PACES.len()]);
-            for ((a, b), pace) in all(&first).iter().zip(all(&next)).zip(PACES) {
+            let all = |pack: &SnowpackState| pack.left.unwrap_or([pack.fell; MELT_PACES.len()]);
+            for ((a, b), pace) in all(&first).iter().zip(all(&next)).zip(MELT_PACES) {
                 // 5 mm/h of new snow, 8 degrees of melt, and some settling.
-                let most = (5.0 + 8.0 * MELT * pace) / 60.0;
+                let most = (5.0 + 8.0 * MELT_MM_PER_K_H * pace) / 60.0;
                 prop_assert!((a.water - b.water).abs() <= most, "{a:?} {b:?}");
                 // Snow that falls at 3 degrees has 231 kg/m^3, at -8 degrees 70; of old snow a mm
                 // of water is that deep too.
                 prop_assert!((a.depth() - b.depth()).abs() <= most / 67.0 + 0.001 * a.depth(), "{a:?} {b:?}");
-                prop_assert!((a.film - b.film).abs() <= most.max(DRIES / 60.0) + 1e-9, "{a:?} {b:?}");
+                let most_film = most.max(DRYING_MM_PER_H / 60.0) + 1e-9;
+                prop_assert!((a.film - b.film).abs() <= most_film, "{a:?} {b:?}");
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Snow as splats: flat, opaque, on the snow's own surface.
 
-use super::ground::{GroundGrid, WAYS};
+use super::ground::{GroundGrid, NEIGHBOUR_STEPS};
 use crate::optics::{Site, SiteLight};
 use crate::particles::random::RandomSequence;
 use crate::surfel::surfel;
@@ -9,13 +9,13 @@ use glam::DVec3;
 use wm_base::color::srgb_encode;
 use wm_scene::Splats;
 
-/// Depth below which the ground shows between flakes, m.
-const DUSTING: f32 = 0.006;
+/// Depth below which the ground shows between flakes.
+const DUSTING_DEPTH_M: f32 = 0.006;
 /// Standard deviation of a surfel along the surface, in cells: amid others, so wide that nothing is
 /// seen between them, and at an edge; how far off the middle it is at most; and through, m.
-const WIDTH: [f64; 2] = [0.8, 0.55];
-const ASIDE: [f64; 2] = [0.2, 0.1];
-const THICKNESS: f64 = 0.004;
+const SURFEL_SIGMAS_CELLS: [f64; 2] = [0.8, 0.55];
+const MAX_OFFSETS_CELLS: [f64; 2] = [0.2, 0.1];
+const SURFEL_SIGMA_M: f64 = 0.004;
 /// Opacity of a surfel of deep snow.
 pub(super) const SNOW_OPACITY: f64 = 0.985;
 /// Least depth that is drawn, m.
@@ -31,20 +31,20 @@ const RIM_LIFT_M: f32 = 0.018;
 const OPAQUE_COVERAGE: f32 = 0.995;
 /// Unevenness of the surface, m and as a slope, at most; and how far above the mean of it what is
 /// seen lies, as a share: of splats that overlap the uppermost.
-const ROUGH: f64 = 0.004;
+const MAX_UNEVENNESS_M: f64 = 0.004;
 const SEEN_UNEVENNESS: f64 = 0.55;
-const TILT: f64 = 0.06;
+const MAX_UNEVEN_SLOPE: f64 = 0.06;
 
 /// Nodes that one thread draws at a time.
-const PART: usize = 4096;
+const PART_NODE_COUNT: usize = 4096;
 /// Wet ground: height at which it is drawn, m, width, in cells, how much light it takes at most,
 /// and its own colour, sRGB.
-const FILM: f64 = 0.004;
-const SPREADS: f64 = 0.55;
-const SOAKED: f64 = 0.38;
+const FILM_LIFT_M: f64 = 0.004;
+const FILM_SIGMA_CELLS: f64 = 0.55;
+const MAX_DARKENING: f64 = 0.38;
 /// The darkening below which none is drawn.
-const LEAST_SOAKED: f64 = 0.004;
-const WATER: [f32; 3] = [0.1, 0.11, 0.12];
+const MIN_DARKENING: f64 = 0.004;
+const FILM_COLOR: [f32; 3] = [0.1, 0.11, 0.12];
 
 /// The colours of a cover in sun and shade.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +72,7 @@ impl CoverMaterial {
 /// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that
 /// cover fades out.
 pub(crate) fn coverage(depth: f32) -> f32 {
-    (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / MIN_DEPTH_M - 1.0).clamp(0.0, 1.0)
+    (1.0 - (-depth.max(0.0) / DUSTING_DEPTH_M).exp()) * (depth / MIN_DEPTH_M - 1.0).clamp(0.0, 1.0)
 }
 
 /// A cover on a ground, one value per node.
@@ -132,9 +132,9 @@ pub(crate) fn add(
         cell: f64::from(ground.cell),
     };
     let nodes = ground.len();
-    let parts = map(nodes.div_ceil(PART), |part| {
+    let parts = map(nodes.div_ceil(PART_NODE_COUNT), |part| {
         let mut splats = Splats::with_capacity(0, 0);
-        for node in part * PART..nodes.min((part + 1) * PART) {
+        for node in part * PART_NODE_COUNT..nodes.min((part + 1) * PART_NODE_COUNT) {
             painter.paint(node, &mut splats);
         }
         splats
@@ -180,16 +180,16 @@ impl Painter<'_> {
         };
         let mut draws = RandomSequence::new(node as u64 ^ 0x5e0f_0000_0000);
         let mut off = |most: f64| most * (2.0 * draws.uniform() - 1.0);
-        let dx = slope(level(0), level(2)).clamp(-1.7, 1.7) + off(TILT);
-        let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(TILT);
+        let dx = slope(level(0), level(2)).clamp(-1.7, 1.7) + off(MAX_UNEVEN_SLOPE);
+        let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(MAX_UNEVEN_SLOPE);
         let goes_on = |[x, y]: [i64; 2]| match ground.cell_of(column + x, row + y) {
             // Beyond the grid's end it goes on, and on an inner ground.
             None => true,
             Some(next) => ground.nodes_of(next).any(|other| ground.is_elsewhere(other)),
         };
-        let is_edge = usize::from((0..4).any(|way| level(way).is_none() && !goes_on(WAYS[way])));
-        let place = [column, row].map(|v| v as f64 + 0.5 + off(ASIDE[is_edge]));
-        let lift = off(ROUGH) - SEEN_UNEVENNESS * ROUGH;
+        let is_edge = usize::from((0..4).any(|way| level(way).is_none() && !goes_on(NEIGHBOUR_STEPS[way])));
+        let place = [column, row].map(|v| v as f64 + 0.5 + off(MAX_OFFSETS_CELLS[is_edge]));
+        let lift = off(MAX_UNEVENNESS_M) - SEEN_UNEVENNESS * MAX_UNEVENNESS_M;
         let cover = f64::from(coverage(depth[node]));
         let rim = if is_edge == 1 { f64::from(RIM_LIFT_M) * cover } else { 0.0 };
         // Splats are rough: what covers the ground must be above what they show of it.
@@ -200,16 +200,16 @@ impl Painter<'_> {
             std::array::from_fn(|k| material.shade[k] + (material.color[k] - material.shade[k]) * shade);
         let speckle = 1.0 + off(0.025);
         let rgb = color.map(|v| srgb_encode((v * speckle).max(0.0)) as f32);
-        let wide = WIDTH[is_edge] * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
+        let wide = SURFEL_SIGMAS_CELLS[is_edge] * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
         let at = ground.places.point(place, here + lift);
-        self.put(at, normal, [wide, wide, THICKNESS], rgb, SNOW_OPACITY * cover, splats);
+        self.put(at, normal, [wide, wide, SURFEL_SIGMA_M], rgb, SNOW_OPACITY * cover, splats);
         // The sides of deep snow, where its surface ends; they come and go evenly.
         let own = f64::from(depth[node]);
         let deep = (10.0 * (own / cell - 0.45)).clamp(0.0, 1.0);
         if deep <= 0.0 || ground.is_crown(node) {
             return;
         }
-        for (way, [x, y]) in WAYS.into_iter().enumerate() {
+        for (way, [x, y]) in NEIGHBOUR_STEPS.into_iter().enumerate() {
             let ends = level(way).map_or(1.0, |other| (10.0 * ((here - other) / own - 0.65)).clamp(0.0, 1.0));
             if ends <= 0.0 || goes_on([x, y]) {
                 continue;
@@ -221,7 +221,7 @@ impl Painter<'_> {
             self.put(
                 at,
                 outward,
-                [WIDTH[1] * cell, 0.4 * own, THICKNESS],
+                [SURFEL_SIGMAS_CELLS[1] * cell, 0.4 * own, SURFEL_SIGMA_M],
                 side,
                 SNOW_OPACITY * cover * deep * ends,
                 splats,
@@ -233,15 +233,15 @@ impl Painter<'_> {
     /// stays as it is when the last of that goes.
     fn wet(&self, node: usize, splats: &mut Splats) {
         let Self { ground, layer: CoverLayer { depth, top, wet, .. }, axes, cell, .. } = *self;
-        let soaked = SOAKED * f64::from(wet[node] * (1.0 - coverage(depth[node])));
-        if soaked <= LEAST_SOAKED {
+        let soaked = MAX_DARKENING * f64::from(wet[node] * (1.0 - coverage(depth[node])));
+        if soaked <= MIN_DARKENING {
             return;
         }
         let [dx, dy] = ground.slope[node].map(|slope| f64::from(slope).clamp(-1.7, 1.7));
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
-        let wide = SPREADS * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
-        let at = ground.places.point(ground.middle(node), f64::from(top[node]) + FILM);
-        self.put(at, normal, [wide, wide, THICKNESS], WATER, soaked, splats);
+        let wide = FILM_SIGMA_CELLS * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
+        let at = ground.places.point(ground.middle(node), f64::from(top[node]) + FILM_LIFT_M);
+        self.put(at, normal, [wide, wide, SURFEL_SIGMA_M], FILM_COLOR, soaked, splats);
     }
 
     /// Adds one: at a place (world, scene units), as wide as `scales` (m).

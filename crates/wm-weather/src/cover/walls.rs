@@ -18,25 +18,25 @@ use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
 
 /// Least slant of the fall that reaches walls.
-const SLANT: f64 = 0.15;
+const MIN_SLANT: f64 = 0.15;
 /// Largest cosine between up and the normal of what stands up.
-const UPRIGHT: f64 = 0.5;
+const MAX_UPRIGHT_COSINE: f64 = 0.5;
 /// Least cosine between its normal and the wind.
 const MIN_FACING_COSINE: f64 = 0.2;
 /// Least opacity, and the largest standard deviation, m, of a splat that shows a surface; how flat
 /// it is at least.
-const SOLID: f64 = 0.4;
-const WIDEST: f64 = 0.6;
-const FLAT: f64 = 0.6;
-/// Distance in front of a surface at which its exposure is tested, m.
-const BEFORE: f64 = 0.15;
+const MIN_OPACITY: f64 = 0.4;
+const MAX_SPLAT_SIGMA_M: f64 = 0.6;
+const MAX_THICKNESS_RATIO: f64 = 0.6;
+/// Distance in front of a surface at which its exposure is tested.
+const TEST_DISTANCE_M: f64 = 0.15;
 /// Share of what meets a wall that sticks, and the thickness at which it falls off, m.
-const STICKS: f64 = 0.3;
-const THICKEST: f64 = 0.03;
+const STICKING_SHARE: f64 = 0.3;
+const MAX_THICKNESS_M: f64 = 0.03;
 /// Least thickness that is drawn, m.
 const MIN_THICKNESS_M: f64 = 0.000_5;
 /// Brightness relative to level snow.
-const LIT: f64 = 0.75;
+const WALL_BRIGHTNESS_RATIO: f64 = 0.75;
 
 /// A splat of the scene that wet snow can stick to.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -63,7 +63,7 @@ impl Wall {
 pub(crate) fn find(splats: &Splats, occluders: &Occluders, site: &Site, airflow: &Airflow) -> Vec<Wall> {
     let [a, b] = airflow.slope;
     let slant = a.hypot(b);
-    if slant < SLANT {
+    if slant < MIN_SLANT {
         return Vec::new();
     }
     let axes = level_axes(site.up);
@@ -72,7 +72,10 @@ pub(crate) fn find(splats: &Splats, occluders: &Occluders, site: &Site, airflow:
     let up = DVec3::from_array(site.up).normalize();
     let shelter = occluders.shelter(fall);
     let found = map(splats.len(), |index| {
-        if splats.groups[index] == Group::Sky || !splats.is_sound(index) || splats.opacity(index) < SOLID {
+        if splats.groups[index] == Group::Sky
+            || !splats.is_sound(index)
+            || splats.opacity(index) < MIN_OPACITY
+        {
             return None;
         }
         let mut scales = splats.scales(index).map(|scale| scale * site.metres_per_unit);
@@ -80,12 +83,12 @@ pub(crate) fn find(splats: &Splats, occluders: &Occluders, site: &Site, airflow:
         let normal = DVec3::from_array(splats.normal(index));
         let normal = normal * -normal.dot(wind).signum();
         let faces = -normal.dot(wind);
-        let is_wall = normal.dot(up).abs() < UPRIGHT && faces > MIN_FACING_COSINE;
-        if !is_wall || scales[2] > WIDEST || scales[0] > FLAT * scales[1] {
+        let is_wall = normal.dot(up).abs() < MAX_UPRIGHT_COSINE && faces > MIN_FACING_COSINE;
+        if !is_wall || scales[2] > MAX_SPLAT_SIGMA_M || scales[0] > MAX_THICKNESS_RATIO * scales[1] {
             return None;
         }
         let mean = DVec3::from_array(splats.means[index].map(f64::from));
-        let before = mean + normal * ((BEFORE + 2.0 * scales[0]) / site.metres_per_unit);
+        let before = mean + normal * ((TEST_DISTANCE_M + 2.0 * scales[0]) / site.metres_per_unit);
         shelter.is_exposed(before.to_array().map(|v| v as f32)).then(|| Wall {
             mean: splats.means[index],
             normal: normal.to_array().map(|v| v as f32),
@@ -109,7 +112,7 @@ pub(crate) fn add(
     for (index, wall) in walls.iter().enumerate() {
         // Gusts make it patchy.
         let patchy = 0.3 + 1.4 * RandomSequence::new(index as u64 ^ 0x3a11_0000_0000).uniform();
-        let thick = (STICKS * stuck * f64::from(wall.share) * patchy).min(THICKEST);
+        let thick = (STICKING_SHARE * stuck * f64::from(wall.share) * patchy).min(MAX_THICKNESS_M);
         if thick < MIN_THICKNESS_M {
             continue;
         }
@@ -118,6 +121,13 @@ pub(crate) fn add(
         let at = DVec3::from_array(wall.mean.map(f64::from)) + normal * off;
         let scales = [wall.wide, wall.wide, wall.thick].map(|v| f64::from(v) / metres_per_unit);
         let opacity = SNOW_OPACITY * coverage(thick as f32) as f64;
-        splats.push(&surfel(at.to_array(), normal, up, scales, lit(material, LIT), opacity));
+        splats.push(&surfel(
+            at.to_array(),
+            normal,
+            up,
+            scales,
+            lit(material, WALL_BRIGHTNESS_RATIO),
+            opacity,
+        ));
     }
 }

@@ -10,7 +10,7 @@ use crate::param::ParamValue;
 use wm_base::color::srgb_decode;
 
 /// Dry sand, sRGB.
-const SAND: [f64; 3] = [0.76, 0.647, 0.467];
+const SAND_COLOR: [f64; 3] = [0.76, 0.647, 0.467];
 
 /// Wind that carries dry sand along the ground, m/s at 10 m.
 const DRIFT_WIND_SPEED: f64 = 7.0;
@@ -40,7 +40,7 @@ pub(crate) const EFFECT: Effect = Effect {
     params: DustCoverParams::PARAMS,
     contribute: |now, weather| {
         let DustCoverParams { depth, repose, color } = DustCoverParams::of(now.values);
-        let color = color.unwrap_or(SAND);
+        let color = color.unwrap_or(SAND_COLOR);
         let material = CoverMaterial::at(color.map(srgb_decode), [0.4; 3], f64::INFINITY, weather.site());
         weather.add_cover(CoverRequest {
             depth,

@@ -17,9 +17,9 @@ use crate::weather::builder::WeatherBuilder;
 use wm_render::frame::srgb_decode;
 
 /// Density of hailstones and of air, kg/m^3, and the drag coefficient of a stone.
-const ICE: f64 = 900.0;
-const AIR: f64 = 1.2;
-const DRAG: f64 = 0.55;
+const ICE_DENSITY: f64 = 900.0;
+const AIR_DENSITY: f64 = 1.2;
+const DRAG_COEFFICIENT: f64 = 0.55;
 /// Gravity, m/s^2.
 const GRAVITY: f64 = 9.81;
 /// Diameter of a stone when melted, as a share of its own: the cube root of 0.9.
@@ -27,7 +27,7 @@ const MELTED_DIAMETER: f64 = 0.965_489_384_605_629_7;
 /// Rate, mm/h, at which the slope of the spectrum is 1 a mm, and the power of the slope that the
 /// rate goes with: the integral of the spectrum times mass and speed.
 const UNIT_RATE: f64 = 9.58;
-const POWER: f64 = -0.87;
+const SLOPE_POWER: f64 = -0.87;
 
 /// Hailstones: Cheng and English's sizes, at the speed of drag.
 const HAIL: PrecipitationKind = PrecipitationKind {
@@ -40,9 +40,12 @@ const HAIL: PrecipitationKind = PrecipitationKind {
     reference_rate: 20.0,
     tiers: &[0.0, 0.1],
     width: |d| d / MELTED_DIAMETER,
-    speed: |d| (4.0 * ICE * GRAVITY * 1e-3 * (d / MELTED_DIAMETER) / (3.0 * AIR * DRAG)).sqrt(),
+    speed: |d| {
+        let weight = 4.0 * ICE_DENSITY * GRAVITY * 1e-3 * (d / MELTED_DIAMETER);
+        (weight / (3.0 * AIR_DENSITY * DRAG_COEFFICIENT)).sqrt()
+    },
     spectrum: |rate| {
-        let slope = (rate / UNIT_RATE).powf(1.0 / POWER).clamp(0.1, 1.0);
+        let slope = (rate / UNIT_RATE).powf(1.0 / SLOPE_POWER).clamp(0.1, 1.0);
         [115.0 * slope.powf(3.63) / MELTED_DIAMETER, slope / MELTED_DIAMETER]
     },
     extinction: None,

@@ -14,7 +14,7 @@
 //! by sun, sky and lamps, not the frame: pans and zooms change no brightness. By night it stays
 //! behind, as a camera's does.
 
-use crate::dome::{Dome, OVERCAST, SkyAppearance, overcast_horizon};
+use crate::dome::{Dome, OVERCAST_ZENITH, SkyAppearance, overcast_horizon};
 use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
 use crate::level::level_axes;
 use crate::light::change::{LightChange, MIN_EXPOSED_LX, OVERCAST_EXPOSURE};
@@ -143,7 +143,7 @@ pub(crate) const EFFECT: Effect = Effect {
         if change.clouds < 1.0 {
             return;
         }
-        let (zenith, horizon) = (OVERCAST, overcast_horizon());
+        let (zenith, horizon) = (OVERCAST_ZENITH, overcast_horizon());
         let look = SkyAppearance::Overcast { zenith, horizon };
         let up = weather.site().up;
         weather.set_sky(Dome::new(look, None, 1.0, up, SkySplats::LeftOut));
@@ -161,18 +161,18 @@ const AIR_HEIGHT_M: f64 = 100.0;
 /// Change of exposure by night: what is left is dark, and can be seen.
 const NIGHT_EXPOSURE: f64 = -3.5;
 /// Illuminances of dusk and of the night, lx, between which the exposure falls behind.
-const DUSK: [f64; 2] = [100.0, 0.5];
-/// Sun of the model `night`, degrees.
-const NIGHT: f64 = -30.0;
+const DUSK_LX: [f64; 2] = [100.0, 0.5];
+/// Sun of the model `night`.
+const NIGHT_SUN_ELEVATION_DEG: f64 = -30.0;
 /// Steps of the sun's place by which its shadows move, degrees.
 const SUN_STEP: f64 = 0.5;
 /// Lowest sun that casts shadows, degrees.
 pub(crate) const LOWEST_SHADOWS: f64 = 0.5;
-/// Glow of the sky under no and under full clouds, lx.
-const GLOW: [f64; 2] = [0.06, 0.6];
+/// Glow of the sky under no and under full clouds.
+const SKY_GLOW_LX: [f64; 2] = [0.06, 0.6];
 
-/// Natural illuminances at which lamps are at full and out, lx.
-const LAMPS: [f64; 2] = [20.0, 60.0];
+/// Natural illuminances at which lamps are at full and out.
+const LAMP_LX: [f64; 2] = [20.0, 60.0];
 /// Cloud cover from which clouds have no gaps to cast shadows with.
 const CLOSED_CLOUD_COVER: f64 = 0.97;
 
@@ -211,7 +211,7 @@ impl LightParams {
     /// The change to a sun and a sky of its own.
     fn open(&self, now: &EffectContext<'_>, site: &Site) -> LightChange {
         let [elevation, azimuth] = match self.model {
-            LightModel::Night => [NIGHT, 180.0],
+            LightModel::Night => [NIGHT_SUN_ELEVATION_DEG, 180.0],
             _ => self.sun(site),
         };
         let [north, east] = compass(site);
@@ -220,7 +220,7 @@ impl LightParams {
             std::array::from_fn(|k| cos * north[k] + sin * east[k])
         };
         let clouds = self.clouds.unwrap_or(clouds_by_weather(now));
-        let glow = self.glow.unwrap_or(GLOW[0] + (GLOW[1] - GLOW[0]) * clouds);
+        let glow = self.glow.unwrap_or(SKY_GLOW_LX[0] + (SKY_GLOW_LX[1] - SKY_GLOW_LX[0]) * clouds);
         let depth = depth(now, site);
         let open = OpenLight::new(towards(azimuth), site.up, elevation, self.turbidity, clouds, depth, glow);
         let shines = elevation > LOWEST_SHADOWS && open.light.sun[1] > 0.0;
@@ -234,7 +234,7 @@ impl LightParams {
         let lamp_level = lamps.map_or(0.0, |(source, share)| UNDER_LAMPS * share * site.lamps.of(source))
             + if has_headlamps { HEADLAMP_LEVEL } else { 0.0 };
         let level = (open.level() + lamp_level).max(MIN_EXPOSED_LX);
-        let dark = ((DUSK[0] / level).ln() / (DUSK[0] / DUSK[1]).ln()).clamp(0.0, 1.0);
+        let dark = ((DUSK_LX[0] / level).ln() / (DUSK_LX[0] / DUSK_LX[1]).ln()).clamp(0.0, 1.0);
         let exposure = OVERCAST_EXPOSURE * clouds + (NIGHT_EXPOSURE - OVERCAST_EXPOSURE * clouds) * dark;
         let exposure = self.exposure.unwrap_or(exposure);
         let is_diffuse = self.photos == PhotoLight::Diffuse;
@@ -257,7 +257,7 @@ impl LightParams {
     /// The lamps that shine in a natural light, lx, and the share of theirs.
     fn lamps_by(&self, level: f64) -> Option<(LampSource, f64)> {
         // Eyes and switches go by the logarithm.
-        let dark = ((LAMPS[1] / level).ln() / (LAMPS[1] / LAMPS[0]).ln()).clamp(0.0, 1.0);
+        let dark = ((LAMP_LX[1] / level).ln() / (LAMP_LX[1] / LAMP_LX[0]).ln()).clamp(0.0, 1.0);
         let (source, share) = match self.lamps {
             LampChoice::Off => return None,
             LampChoice::On => (LampSource::Scene, 1.0),

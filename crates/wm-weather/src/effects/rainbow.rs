@@ -5,8 +5,8 @@
 //! (secondary bow). The phase function `p` of the two paths through a sphere of water is found by
 //! tracing rays (Descartes; Fresnel's equations for both polarisations) and smoothed by the sun's
 //! disc and by the waves of light in drops of about 1 mm. With the extinction of the rain `s_r`,
-//! twice what the drops' area blocks, and that of all air `s`, a pixel at the distance `d` gains the
-//! radiance
+//! twice what the drops' area blocks, and that of all air `s`, a pixel at the distance `d` gains
+//! the radiance
 //!
 //! `E p(angle) s_r / (2 s) (1 - e^(-s d))`
 //!
@@ -99,7 +99,7 @@ struct BowBeforeCamera {
 impl PixelEffect for BowBeforeCamera {
     fn apply(&self, _: SimdPath, pixels: &mut PixelBatch<'_>) {
         let Camera { fx, fy, cx, cy, .. } = self.camera;
-        let table = &*PHASE;
+        let table = &*BOW_PHASE;
         add_light(pixels, |pixels, pixel, at| {
             let [u, v] = [(at.x - cx) / fx, (at.y - cy) / fy];
             let length = (u * u + v * v + 1.0).sqrt();
@@ -127,7 +127,7 @@ const SUN_RADIUS_DEG: f64 = 0.266;
 /// Standard deviation by which waves smooth the bows of drops of 1 mm, degrees.
 const DIFFRACTION_DEG: f64 = 0.25;
 /// Rays that are traced at each wavelength.
-const RAYS: usize = 4000;
+const RAY_COUNT: usize = 4000;
 
 /// The phase function of the two bows, 1/sr, by channel and angle.
 struct BowPhase {
@@ -136,7 +136,7 @@ struct BowPhase {
     cosines: std::ops::Range<f64>,
 }
 
-static PHASE: LazyLock<BowPhase> = LazyLock::new(BowPhase::new);
+static BOW_PHASE: LazyLock<BowPhase> = LazyLock::new(BowPhase::new);
 
 impl BowPhase {
     /// Traces rays through a sphere of water at wavelengths of 400 to 700 nm.
@@ -150,8 +150,8 @@ impl BowPhase {
             let micrometres = nm * 1e-3;
             // Cauchy's formula for water at 20 C.
             let index = 1.3244 + 3.1e-3 / (micrometres * micrometres);
-            for ray in 0..RAYS {
-                let incident = ((ray as f64 + 0.5) / RAYS as f64).sqrt().asin();
+            for ray in 0..RAY_COUNT {
+                let incident = ((ray as f64 + 0.5) / RAY_COUNT as f64).sqrt().asin();
                 let refracted = (incident.sin() / index).asin();
                 let reflected = reflectance(incident, refracted);
                 for (order, angle) in
@@ -159,7 +159,7 @@ impl BowPhase {
                 {
                     let light: f64 = reflected
                         .iter()
-                        .map(|r| 0.5 * (1.0 - r) * (1.0 - r) * r.powi(order) / RAYS as f64)
+                        .map(|r| 0.5 * (1.0 - r) * (1.0 - r) * r.powi(order) / RAY_COUNT as f64)
                         .sum();
                     let degrees = angle.abs().to_degrees();
                     let bin = (degrees / BIN_DEG) as usize;
@@ -246,7 +246,7 @@ mod tests {
     /// The angle between two at which a channel of the table is brightest.
     fn peak(channel: usize, degrees: [f64; 2]) -> f64 {
         let angles = (0..).map(|k| degrees[0] + 0.02 * f64::from(k)).take_while(|at| *at < degrees[1]);
-        angles.max_by(|a, b| PHASE.at(*a)[channel].total_cmp(&PHASE.at(*b)[channel])).unwrap()
+        angles.max_by(|a, b| BOW_PHASE.at(*a)[channel].total_cmp(&BOW_PHASE.at(*b)[channel])).unwrap()
     }
 
     /// Angles of textbooks: red at 42.4 degrees outside of the primary bow and violet at 40.6
@@ -261,7 +261,7 @@ mod tests {
             (50.0..51.5).contains(&second_red) && second_blue > second_red + 1.0,
             "{second_red} {second_blue}"
         );
-        let [primary, band, secondary] = [red, 46.0, second_red].map(|at| PHASE.at(at)[0]);
+        let [primary, band, secondary] = [red, 46.0, second_red].map(|at| BOW_PHASE.at(at)[0]);
         assert!(
             primary > 2.0 * secondary && secondary > 5.0 * band.max(1e-4),
             "{primary} {band} {secondary}"
@@ -293,7 +293,7 @@ mod tests {
             let gain = gain(&*effect, [8, 8]);
             let all = prepared.air.extinction_at([0.0; 3])[1];
             let share = 0.5 * prepared.rain_extinction() / all;
-            let want = PI * light[0] * PHASE.at(degrees)[0] * share;
+            let want = PI * light[0] * BOW_PHASE.at(degrees)[0] * share;
             assert!((gain - want).abs() < 0.03 * want + 1e-6, "{degrees}: {gain} is not {want}");
             gains.push(gain);
         }

@@ -14,7 +14,7 @@
 //!
 //! The paper has no such thing.
 
-use crate::dome::{Dome, OVERCAST, OVERCAST_HORIZON, SkyAppearance};
+use crate::dome::{Dome, OVERCAST_ZENITH, OVERCAST_HORIZON, SkyAppearance};
 use crate::effects::effect::{Effect, EffectRole};
 use crate::image_file::ImageFile;
 use crate::optics::Site;
@@ -130,7 +130,7 @@ impl SkyParams {
                 horizon: or(self.horizon, plain.horizon.map(f64::from)),
             },
             Model::Overcast => {
-                let zenith = self.zenith.map_or(OVERCAST, |color| color.map(srgb_decode));
+                let zenith = self.zenith.map_or(OVERCAST_ZENITH, |color| color.map(srgb_decode));
                 let horizon = self.horizon.map(|color| color.map(srgb_decode));
                 SkyAppearance::Overcast {
                     zenith,

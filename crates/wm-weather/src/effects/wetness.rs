@@ -75,9 +75,9 @@ pub(crate) const EFFECT: Effect = Effect {
 
 /// Net radiation where nothing says what it is, and by night, W/m^2; the share of the light of the
 /// sun and the sky that is left of it.
-const RADIATION: f64 = 150.0;
-const NIGHT: f64 = -30.0;
-const NET: f64 = 0.65;
+const USUAL_RADIATION: f64 = 150.0;
+const NIGHT_RADIATION: f64 = -30.0;
+const NET_SHARE: f64 = 0.65;
 /// Rain of a weather that says none, mm/h: how it slants.
 const DEFAULT_RAIN_RATE: f64 = 10.0;
 
@@ -140,13 +140,13 @@ impl WetnessParams {
     fn radiation(&self, now: &EffectContext<'_>) -> f64 {
         let light = |param: &str| now.weather.track("light", param).map(|track| track.at(now.time));
         let by_light = match light("model") {
-            Some(ParamValue::Word("night")) => NIGHT,
+            Some(ParamValue::Word("night")) => NIGHT_RADIATION,
             Some(ParamValue::Word("clear")) => {
                 let elevation = light("sun_elevation").and_then(|value| value.number()).unwrap_or(45.0);
                 let clouds = light("clouds").and_then(|value| value.number()).unwrap_or(0.0);
                 global_radiation(elevation.to_radians().sin(), clouds)
             }
-            _ => RADIATION,
+            _ => USUAL_RADIATION,
         };
         self.radiation.unwrap_or(by_light)
     }
@@ -156,7 +156,7 @@ impl WetnessParams {
 /// as Kasten and Czeplak found.
 fn global_radiation(sin: f64, clouds: f64) -> f64 {
     if sin <= 0.0 {
-        return NIGHT;
+        return NIGHT_RADIATION;
     }
-    (NET * 1098.0 * sin * (-0.057 / sin).exp() * (1.0 - 0.75 * clouds.powf(3.4))).max(NIGHT)
+    (NET_SHARE * 1098.0 * sin * (-0.057 / sin).exp() * (1.0 - 0.75 * clouds.powf(3.4))).max(NIGHT_RADIATION)
 }

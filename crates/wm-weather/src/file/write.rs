@@ -22,7 +22,7 @@ impl Weather {
             let _ = write!(text, "\n[{}]\n", effect.name);
             for (param, track) in effect.params.iter().zip(tracks) {
                 if *track != Track::constant(param.default.clone()) {
-                    line(&mut text, param.name, &written(track));
+                    line(&mut text, param.name, &track_text(track));
                 }
             }
         }
@@ -35,7 +35,7 @@ fn line(text: &mut String, key: &str, value: &str) {
     let _ = writeln!(text, "{key} = {value}");
 }
 
-fn written(track: &Track) -> String {
+fn track_text(track: &Track) -> String {
     // A single key holds at all times, whatever its time and easing.
     if let [only] = track.keys() {
         return value(&only.value);
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use crate::presets::PRESETS;
 
-    fn again(weather: &Weather) -> Weather {
+    fn parsed_again(weather: &Weather) -> Weather {
         let text = weather.to_toml();
         Weather::parse(&text, "again").unwrap_or_else(|error| panic!("{error}:\n{text}"))
     }
@@ -100,7 +100,7 @@ mod tests {
     fn what_is_written_is_read() {
         for (name, _) in PRESETS {
             let weather = Weather::preset(name).unwrap();
-            assert_eq!(again(&weather), weather, "{}", weather.to_toml());
+            assert_eq!(parsed_again(&weather), weather, "{}", weather.to_toml());
         }
         let mut weather = Weather::clear();
         weather.name = "a \"b\" \\ \u{1}ä".into();
@@ -117,7 +117,7 @@ mod tests {
         ] {
             weather.set_text(set).unwrap();
         }
-        assert_eq!(again(&weather), weather, "{}", weather.to_toml());
+        assert_eq!(parsed_again(&weather), weather, "{}", weather.to_toml());
     }
 
     #[test]

@@ -14,16 +14,16 @@ use wm_scene::{Group, Splats};
 
 /// Distance behind a surface, m.
 const BACKING_DEPTH_M: f64 = 0.4;
-/// Standard deviation along the surface and distance to which it must be hidden around, m: the wide
+/// Standard deviation along the surface and distance to which it must be hidden around: the wide
 /// one is tried first.
-const SIZES: [[f64; 2]; 2] = [[0.35, 0.5], [0.15, 0.2]];
-/// Standard deviation through it, m.
-const THICKNESS: f64 = 0.1;
-/// Width of the cubes of which each has one for each way that its surfaces look, m.
-const CUBE: f64 = 0.2;
+const BACKING_SIZES_M: [[f64; 2]; 2] = [[0.35, 0.5], [0.15, 0.2]];
+/// Standard deviation through the backing.
+const BACKING_SIGMA_M: f64 = 0.1;
+/// Width of the cubes of which each has one for each way that its surfaces look.
+const CUBE_WIDTH_M: f64 = 0.2;
 /// Least cosine between up and what is ground, which has nothing behind it that stands in the way
 /// of light.
-const LEVEL: f64 = 0.7;
+const MIN_GROUND_COSINE: f64 = 0.7;
 const BACKING_OPACITY: f64 = 0.95;
 
 /// The splats behind discs where no camera sees through, as `is_hidden` says of a point (world,
@@ -36,10 +36,10 @@ pub(super) fn behind(
 ) -> Splats {
     let unit = 1.0 / metres_per_unit;
     let mut taken: PlaceMap<(IVec3, u32), ()> = PlaceMap::default();
-    let cube = |disc: &Disc| (disc.point / (CUBE * unit)).floor().as_ivec3();
+    let cube = |disc: &Disc| (disc.point / (CUBE_WIDTH_M * unit)).floor().as_ivec3();
     let asked: Vec<&Disc> = discs
         .iter()
-        .filter(|disc| !disc.is_edge && disc.normal.dot(up) < LEVEL)
+        .filter(|disc| !disc.is_edge && disc.normal.dot(up) < MIN_GROUND_COSINE)
         .filter(|disc| taken.insert((cube(disc), disc.normal.is_negative_bitmask()), ()).is_none())
         .collect();
     let sizes = map(asked.len(), |k| {
@@ -48,13 +48,14 @@ pub(super) fn behind(
         let across = disc.normal.any_orthonormal_vector();
         let sides = [across, -across, disc.normal.cross(across), across.cross(disc.normal)];
         let is_solid = |reach: f64| sides.iter().all(|side| is_hidden(middle + reach * unit * *side));
-        let size = SIZES.iter().find(|[_, reach]| is_solid(*reach)).filter(|_| is_hidden(middle))?;
+        let size =
+            BACKING_SIZES_M.iter().find(|[_, reach]| is_solid(*reach)).filter(|_| is_hidden(middle))?;
         Some((middle, size[0] * unit))
     });
     let mut out = Splats::with_capacity(asked.len(), 0);
     for (disc, found) in asked.iter().zip(sizes) {
         if let Some((middle, wide)) = found {
-            let scales = [wide, wide, THICKNESS * unit];
+            let scales = [wide, wide, BACKING_SIGMA_M * unit];
             out.push(&Splat {
                 group: Group::Scene,
                 ..surfel(middle.to_array(), disc.normal, up, scales, disc.rgb, BACKING_OPACITY)

@@ -5,7 +5,7 @@
 //! is one surface. The narrowest are half as wide as the field over which discs are levelled:
 //! narrower ones would not be seen, and cost more.
 
-use super::photo_view::{CUBE, DOUBLED, PIXELS, PhotoView, Spot};
+use super::photo_view::{CUBE_WIDTH_PX, MAX_CUBE_DOUBLINGS, MIN_CUBE_WIDTH_M, PhotoView, Spot};
 use crate::level::level_matrix;
 use crate::point_grid::PlaceMap;
 use crate::threads::map;
@@ -14,11 +14,11 @@ use glam::{DMat3, DVec3, IVec3};
 /// Least height of cubes, as a power of two of the smallest width.
 const MIN_HEIGHT_LOG2: u32 = 1;
 /// Weight of a pixel without a normal.
-const EDGE: f64 = 0.2;
+const EDGE_PIXEL_WEIGHT: f64 = 0.2;
 /// Parts of the cubes, each of which one thread takes together.
-const PARTS: usize = 8;
+const PART_COUNT: usize = 8;
 /// Share of a cube's weight from which narrower cubes inside it take its place.
-const NARROWER: f64 = 0.5;
+const NARROWER_WEIGHT_SHARE: f64 = 0.5;
 
 /// A piece of a surface.
 #[derive(Clone, Copy, Debug)]
@@ -95,11 +95,12 @@ impl Grid {
 
     /// The cube of a pixel and what it adds; `None` where pixels are too far apart.
     fn of(&self, spot: &Spot) -> Option<(Cube, Sums)> {
-        let apart = PIXELS * spot.apart;
-        let doubled = (0..=DOUBLED).find(|doubled| apart <= self.cube * f64::from(1 << doubled))?;
+        let apart = CUBE_WIDTH_PX * spot.apart;
+        let doubled =
+            (0..=MAX_CUBE_DOUBLINGS).find(|doubled| apart <= self.cube * f64::from(1 << doubled))?;
         let (size, place) = (self.size(doubled), self.level * spot.point);
         let at = (place / size).floor();
-        let kind = if spot.normal.is_some() { 1.0 } else { EDGE };
+        let kind = if spot.normal.is_some() { 1.0 } else { EDGE_PIXEL_WEIGHT };
         let weight = (self.cube / apart).powi(2).min(16.0) * kind * spot.count;
         let sums = Sums {
             weight,
@@ -151,7 +152,7 @@ impl Cubes {
 /// Fuses the surfaces of all cameras in cubes; wide ones only where there are no narrow ones.
 pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> Vec<Disc> {
     let level = level_matrix(up);
-    let grid = Grid { level, cube: CUBE / metres_per_unit };
+    let grid = Grid { level, cube: MIN_CUBE_WIDTH_M / metres_per_unit };
     let each = map(views.len(), |index| {
         let mut cubes = Cubes::default();
         views[index].each_spot(grid.cube, |spot| {
@@ -159,13 +160,13 @@ pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> V
                 cubes.add(cube, &sums);
             }
         });
-        let mut parts = vec![Vec::new(); PARTS];
+        let mut parts = vec![Vec::new(); PART_COUNT];
         for (cube, sums) in cubes.all {
-            parts[cube.at[0].rem_euclid(PARTS as i32) as usize].push((cube, sums));
+            parts[cube.at[0].rem_euclid(PART_COUNT as i32) as usize].push((cube, sums));
         }
         parts
     });
-    let merged = map(PARTS, |part| {
+    let merged = map(PART_COUNT, |part| {
         let mut cubes = Cubes::default();
         each.iter().flat_map(|parts| &parts[part]).for_each(|(cube, sums)| cubes.add(*cube, sums));
         cubes.all
@@ -174,12 +175,12 @@ pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64) -> V
     cubes.sort_unstable_by_key(|(cube, _)| *cube);
     let mut narrower: PlaceMap<Cube, f64> = PlaceMap::default();
     for (cube, sums) in &cubes {
-        for doubled in cube.doubled + 1..=DOUBLED {
+        for doubled in cube.doubled + 1..=MAX_CUBE_DOUBLINGS {
             *narrower.entry(cube.wider(doubled)).or_default() += sums.weight;
         }
     }
-    let finest = cubes
-        .iter()
-        .filter(|(cube, sums)| narrower.get(cube).is_none_or(|weight| *weight < NARROWER * sums.weight));
+    let finest = cubes.iter().filter(|(cube, sums)| {
+        narrower.get(cube).is_none_or(|weight| *weight < NARROWER_WEIGHT_SHARE * sums.weight)
+    });
     finest.map(|(cube, sums)| grid.disc(*cube, sums)).collect()
 }

@@ -10,17 +10,17 @@ use glam::{DVec2, DVec3};
 use wm_scene::Camera;
 
 /// Distance from the camera to which its floor is known, camera heights.
-const REACH: f64 = 6.0;
+const FLOOR_REACH_HEIGHTS: f64 = 6.0;
 /// How far about a camera the path tells its slope, camera heights, and the spreads of the cameras
 /// along a direction at which they tell nothing of its slope, and all of it.
-const ABOUT: f64 = 4.0;
-const WAVERS: [f64; 2] = [0.75, 1.5];
+const SLOPE_RADIUS_HEIGHTS: f64 = 4.0;
+const PATH_SPREADS_HEIGHTS: [f64; 2] = [0.75, 1.5];
 /// Distance to which that of the whole place is known, camera heights: a court.
 const PLACE_REACH: f64 = 40.0;
 /// Largest spread of the cameras' heights above it, as a share, and largest sine of the pitch of
 /// most cameras: more is no walk but a flight.
 const MAX_HEIGHT_SPREAD: f64 = 0.2;
-const PITCHED: f64 = 0.26;
+const MAX_PITCH_SINE: f64 = 0.26;
 /// Height above the floor, camera heights, below which points belong to it: kerbs, cobbles and
 /// errors of depth.
 pub(super) const FLOOR_THICKNESS: f64 = 0.15;
@@ -48,7 +48,8 @@ impl FloorPlane {
     pub fn below(center: DVec3, cameras: &[DVec3], up: DVec3, height: f64) -> Self {
         let axis = up.any_orthonormal_vector();
         let axes = [axis, up.cross(axis)];
-        let weight = |offset: DVec2| (-0.5 * offset.length_squared() / (ABOUT * height).powi(2)).exp();
+        let weight =
+            |offset: DVec2| (-0.5 * offset.length_squared() / (SLOPE_RADIUS_HEIGHTS * height).powi(2)).exp();
         let (mut all, mut sum) = (0.0, DVec3::ZERO);
         let offset = |camera: &DVec3| {
             let off = *camera - center;
@@ -73,7 +74,7 @@ impl FloorPlane {
         let along = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
         let slope = [along, along.perp()].iter().fold(DVec2::ZERO, |slope, way| {
             let spread = way.x * way.x * xx + 2.0 * way.x * way.y * xy + way.y * way.y * yy;
-            let [low, high] = WAVERS.map(|wavers| (wavers * height).powi(2));
+            let [low, high] = PATH_SPREADS_HEIGHTS.map(|wavers| (wavers * height).powi(2));
             let belief = ((spread - low) / (high - low)).clamp(0.0, 1.0);
             if belief > 0.0 { slope + *way * (belief * way.dot(rises) / spread) } else { slope }
         });
@@ -82,7 +83,7 @@ impl FloorPlane {
         Self {
             point: center + (rise - height) * up,
             normal,
-            reach: REACH * height,
+            reach: FLOOR_REACH_HEIGHTS * height,
             slab: FLOOR_THICKNESS * height,
         }
     }
@@ -99,7 +100,7 @@ impl FloorPlane {
         let height = middle(&mut heights).filter(|height| *height > 0.0)?;
         let is_even = heights.iter().all(|other| (other - height).abs() < MAX_HEIGHT_SPREAD * height);
         let mut pitches: Vec<f64> = cameras.iter().map(|camera| camera.forward().dot(up)).collect();
-        let is_level = middle(&mut pitches)?.abs() < PITCHED;
+        let is_level = middle(&mut pitches)?.abs() < MAX_PITCH_SINE;
         let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len() as f64;
         let point = center - (center.dot(up) - ground) * up;
         (is_even && is_level).then_some(Self {

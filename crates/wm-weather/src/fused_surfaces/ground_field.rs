@@ -17,37 +17,38 @@ use crate::threads::map;
 use glam::{DMat3, DVec3};
 
 /// Width of the finest lattice, m, and nodes along a side at most.
-const FINEST: f64 = 1.0;
-const NODES: usize = 512;
+const MIN_LATTICE_WIDTH_M: f64 = 1.0;
+const MAX_SIDE_NODES: usize = 512;
 /// Largest distance of ground from the centre of the cameras, m.
 pub(super) const MAX_GROUND_DISTANCE_M: f64 = 400.0;
 /// Points that weigh as much as the coarser lattice does.
-const PRIOR: f32 = 4.0;
+const PRIOR_WEIGHT: f32 = 4.0;
 /// Distances above and below the last surface at which points count no more, m, in each round.
-const ROUNDS: [[f32; 2]; 5] = [[f32::INFINITY; 2], [6.0, 18.0], [2.5, 7.0], [1.0, 2.0], [0.5, 0.7]];
+const ROUND_DISTANCES_M: [[f32; 2]; 5] =
+    [[f32::INFINITY; 2], [6.0, 18.0], [2.5, 7.0], [1.0, 2.0], [0.5, 0.7]];
 /// Height of cameras that a person carries, m, and the share by which most differ in it at most.
-const CARRIED: std::ops::Range<f64> = 0.8..3.0;
+const CARRIED_CAMERA_HEIGHTS_M: std::ops::Range<f64> = 0.8..3.0;
 const MAX_HEIGHT_SPREAD: f64 = 0.4;
 /// Weight from which a node of a lattice is supported by points.
-const SUPPORTED: f32 = 4.0;
+const MIN_SUPPORT_WEIGHT: f32 = 4.0;
 /// Doubt of a height beside its spread: m, and for each metre of the lattice that supports it.
-const DOUBT: [f32; 2] = [0.05, 0.03];
+const HEIGHT_DOUBT_TERMS: [f32; 2] = [0.05, 0.03];
 /// Largest doubt of a height that is used: m, and as a share of the camera's height if that is
 /// more.
 const MOST_DOUBT: [f64; 2] = [1.2, 0.1];
 /// Largest sine of the angle between a ray and the ground that counts as grazing, and the doubt, m,
 /// from which pixels are put on the ground at any angle.
-const GRAZING: f64 = 0.25;
-const DOUBTFUL: f64 = 0.4;
+const MAX_GRAZING_SINE: f64 = 0.25;
+const MAX_DOUBT_M: f64 = 0.4;
 /// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle:
 /// errors of depth leave lumps as high as that on the ground.
-const LOW: f64 = 0.5;
+const PATH_SURFACE_DISTANCE_M: f64 = 0.5;
 /// Half of the slab about the surface that belongs to it: in doubts, at least and at most, m, and
 /// the most as a share of the camera's height if that is more.
-const SLAB: [f64; 4] = [2.0, 0.2, 0.6, 0.12];
+const SLAB_LIMITS: [f64; 4] = [2.0, 0.2, 0.6, 0.12];
 /// Steepest ground, as a tangent, that a ray may skip; and most steps of a ray.
-const STEEPEST: f64 = 0.5;
-const STEPS: usize = 60;
+const MAX_SKIPPED_SLOPE: f64 = 0.5;
+const MAX_STEP_COUNT: usize = 60;
 
 /// Heights of the ground with their doubt.
 #[derive(Clone, Debug)]
@@ -90,7 +91,7 @@ struct Lattice {
 }
 
 /// The four nodes about a place and their shares.
-fn about(side: usize, point: [f32; 2]) -> [(usize, f32); 4] {
+fn nodes_about(side: usize, point: [f32; 2]) -> [(usize, f32); 4] {
     let [x, y] = point;
     let cell = |v: f32| (v.max(0.0) as usize).min(side - 2);
     let (column, row) = (cell(x), cell(y));
@@ -114,29 +115,29 @@ impl Lattice {
         Self { side, scale: 1.0 / scale as f32, value: zeros(), weight: zeros(), spread: zeros() }
     }
 
-    fn about(&self, point: [f32; 2]) -> [(usize, f32); 4] {
+    fn nodes_about(&self, point: [f32; 2]) -> [(usize, f32); 4] {
         let [x, y] = point;
-        about(self.side, [x * self.scale, y * self.scale])
+        nodes_about(self.side, [x * self.scale, y * self.scale])
     }
 
     fn at(&self, place: [f32; 2]) -> f32 {
-        self.about(place).iter().map(|(node, share)| share * self.value[*node]).sum()
+        self.nodes_about(place).iter().map(|(node, share)| share * self.value[*node]).sum()
     }
 
     /// Fits what is left of the points, with their weights, and takes its part from them.
     fn fit(&mut self, places: &[[f32; 2]], left: &mut [f32], weights: &[f32]) {
         for ((place, left), weight) in places.iter().zip(left.iter()).zip(weights) {
-            for (node, share) in self.about(*place) {
+            for (node, share) in self.nodes_about(*place) {
                 self.weight[node] += weight * share * share;
                 self.value[node] += weight * share * share * left;
             }
         }
         for (value, weight) in self.value.iter_mut().zip(&self.weight) {
-            *value /= weight + PRIOR;
+            *value /= weight + PRIOR_WEIGHT;
         }
         for ((place, left), weight) in places.iter().zip(left).zip(weights) {
             *left -= self.at(*place);
-            for (node, share) in self.about(*place) {
+            for (node, share) in self.nodes_about(*place) {
                 self.spread[node] += weight * share * share * *left * *left;
             }
         }
@@ -148,26 +149,26 @@ impl GroundField {
     /// not.
     pub(super) fn carried_at(&self, cameras: &[DVec3]) -> Option<f64> {
         let known = |camera: &&DVec3| {
-            self.place(**camera).is_some_and(|place| self.mean(&self.doubt, place) < DOUBTFUL)
+            self.place(**camera).is_some_and(|place| self.mean(&self.doubt, place) < MAX_DOUBT_M)
         };
         let mut heights: Vec<f64> =
             cameras.iter().filter(known).filter_map(|camera| self.above(*camera)).collect();
         heights.sort_by(f64::total_cmp);
         let [low, middle, high] = [1, 4, 7].map(|eighth| heights.get(heights.len() * eighth / 8).copied());
-        let middle = middle.filter(|height| CARRIED.contains(height))?;
+        let middle = middle.filter(|height| CARRIED_CAMERA_HEIGHTS_M.contains(height))?;
         (high? - low? < MAX_HEIGHT_SPREAD * middle).then_some(middle)
     }
 
     /// Fits points (level axes from `middle`, m) with their weights.
     pub(super) fn fit(level: DMat3, metres_per_unit: f64, middle: DVec3, points: &[([f32; 3], f32)]) -> Self {
         let reach = reach(points);
-        let side = ((2.0 * reach / FINEST) as usize + 2).min(NODES);
+        let side = ((2.0 * reach / MIN_LATTICE_WIDTH_M) as usize + 2).min(MAX_SIDE_NODES);
         let spacing = 2.0 * reach / (side - 1) as f64;
         let place = |point: &[f32; 3]| [0, 1].map(|k| ((f64::from(point[k]) + reach) / spacing) as f32);
         let places: Vec<[f32; 2]> = points.iter().map(|(point, _)| place(point)).collect();
         let mut lattices: Vec<Lattice> = Vec::new();
         let mut left: Vec<f32> = vec![0.0; points.len()];
-        for [over, under] in ROUNDS {
+        for [over, under] in ROUND_DISTANCES_M {
             let kept = |off: f32| {
                 let off = if off > 0.0 { off / over } else { -off / under };
                 (1.0 - off * off).max(0.0).powi(2)
@@ -190,13 +191,15 @@ impl GroundField {
             // The finest that points support, and what they leave there.
             let support = lattices.iter().rev().find_map(|lattice| {
                 let mean = |values: &[f32]| -> f32 {
-                    lattice.about(place).iter().map(|(node, share)| share * values[*node]).sum()
+                    lattice.nodes_about(place).iter().map(|(node, share)| share * values[*node]).sum()
                 };
                 let weight = mean(&lattice.weight);
                 let spread = || (mean(&lattice.spread) / weight).sqrt();
-                (weight >= SUPPORTED).then(|| (spacing as f32 / lattice.scale, spread()))
+                (weight >= MIN_SUPPORT_WEIGHT).then(|| (spacing as f32 / lattice.scale, spread()))
             });
-            let doubt = support.map_or(f32::INFINITY, |(width, spread)| DOUBT[0] + DOUBT[1] * width + spread);
+            let doubt = support.map_or(f32::INFINITY, |(width, spread)| {
+                HEIGHT_DOUBT_TERMS[0] + HEIGHT_DOUBT_TERMS[1] * width + spread
+            });
             (height + middle.z as f32, doubt)
         };
         let (height, doubt) = map(side * side, node).into_iter().unzip();
@@ -212,7 +215,9 @@ impl GroundField {
     }
 
     fn mean(&self, values: &[f32], place: [f32; 2]) -> f64 {
-        f64::from(about(self.side, place).iter().map(|(node, share)| share * values[*node]).sum::<f32>())
+        f64::from(
+            nodes_about(self.side, place).iter().map(|(node, share)| share * values[*node]).sum::<f32>(),
+        )
     }
 
     /// Height of a point (level axes, m) above the ground, m.
@@ -223,12 +228,12 @@ impl GroundField {
     /// Follows a ray of length 1 (level axes) from a point (m) to the ground: the distance, m.
     fn meet(&self, from: DVec3, ray: DVec3) -> Option<f64> {
         let mut way = 0.0;
-        for _ in 0..STEPS {
+        for _ in 0..MAX_STEP_COUNT {
             let above = self.above(from + way * ray)?;
             if above < 0.005 {
                 return (above > -0.5).then_some(way);
             }
-            let closes = (STEEPEST * ray.truncate().length() - ray.z).max(1e-3);
+            let closes = (MAX_SKIPPED_SLOPE * ray.truncate().length() - ray.z).max(1e-3);
             way += above / closes;
         }
         None
@@ -263,10 +268,10 @@ impl GroundField {
     pub(super) fn snapped(&self, eye: Eye, ray: DVec3, depth: f64) -> Option<f64> {
         let Eye { at: eye, height } = eye;
         let ray = self.level * ray;
-        if ray.z > STEEPEST * ray.truncate().length() {
+        if ray.z > MAX_SKIPPED_SLOPE * ray.truncate().length() {
             return None;
         }
-        let widest = SLAB[2].max(SLAB[3] * height);
+        let widest = SLAB_LIMITS[2].max(SLAB_LIMITS[3] * height);
         let shown = eye + depth * self.metres_per_unit * ray;
         let above = if depth > 0.0 { self.above(shown)? } else { f64::NEG_INFINITY };
         if above > widest {
@@ -275,10 +280,10 @@ impl GroundField {
         let way = self.meet(eye, ray)?;
         let met = eye + way * ray;
         let doubt = self.mean(&self.doubt, self.place(met)?);
-        let slab = (SLAB[0] * doubt).clamp(SLAB[1], widest);
+        let slab = (SLAB_LIMITS[0] * doubt).clamp(SLAB_LIMITS[1], widest);
         let normal = self.normal(met)?;
-        let is_low = self.is_path && above.abs() < LOW;
-        let is_rough = doubt > DOUBTFUL || -(self.level * normal).dot(ray) < GRAZING;
+        let is_low = self.is_path && above.abs() < PATH_SURFACE_DISTANCE_M;
+        let is_rough = doubt > MAX_DOUBT_M || -(self.level * normal).dot(ray) < MAX_GRAZING_SINE;
         let is_known = doubt < MOST_DOUBT[0].max(MOST_DOUBT[1] * height);
         let is_shown = is_known && (is_low || is_rough && above < slab);
         is_shown.then_some(way / self.metres_per_unit)

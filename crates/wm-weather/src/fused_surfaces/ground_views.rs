@@ -15,13 +15,13 @@ const EXAMINED_REACH: f64 = 5.0;
 const LOST_FLOOR_SHARE: f64 = 0.4;
 /// Each so many pixels of a row and of a column give a point, and so many of those that are no
 /// farther apart than this, m.
-const STRIDES: [usize; 2] = [2, 4];
-const DENSE: f64 = 0.1;
+const PIXEL_STRIDES: [usize; 2] = [2, 4];
+const DENSE_SPACING_M: f64 = 0.1;
 /// Least cosine between a point's normal and up.
-const LEVEL: f64 = 0.75;
+const MIN_GROUND_COSINE: f64 = 0.75;
 /// Least weight of all points of a ground, and the weight of one under a camera, which is exact.
-const FEWEST: f32 = 100.0;
-const FOOT: f32 = 16.0;
+const MIN_GROUND_WEIGHT: f32 = 100.0;
+const FOOT_WEIGHT: f32 = 16.0;
 
 impl FloorPlane {
     /// Returns true if most of `views` that should show it see through it: a training has lost it.
@@ -96,25 +96,30 @@ impl GroundField {
         let middle = cameras.iter().sum::<DVec3>() / cameras.len().max(1) as f64;
         let found = map(views.len(), |index| {
             let mut points = Vec::new();
-            let stride = |apart: f64| STRIDES[usize::from(apart * metres_per_unit < DENSE)];
-            views[index].each_level_point(stride, DVec3::from_array(up), LEVEL, |point, stride| {
-                let off = level * point * metres_per_unit - middle;
-                if off.truncate().length() < MAX_GROUND_DISTANCE_M {
-                    // It stands for those that are left out.
-                    let weight = (stride / STRIDES[0]).pow(2) as f32;
-                    points.push((off.as_vec3().to_array(), weight));
-                }
-            });
+            let stride = |apart: f64| PIXEL_STRIDES[usize::from(apart * metres_per_unit < DENSE_SPACING_M)];
+            views[index].each_level_point(
+                stride,
+                DVec3::from_array(up),
+                MIN_GROUND_COSINE,
+                |point, stride| {
+                    let off = level * point * metres_per_unit - middle;
+                    if off.truncate().length() < MAX_GROUND_DISTANCE_M {
+                        // It stands for those that are left out.
+                        let weight = (stride / PIXEL_STRIDES[0]).pow(2) as f32;
+                        points.push((off.as_vec3().to_array(), weight));
+                    }
+                },
+            );
             points
         });
         let mut points: Vec<([f32; 3], f32)> = found.concat();
-        if points.iter().map(|(_, weight)| weight).sum::<f32>() < FEWEST {
+        if points.iter().map(|(_, weight)| weight).sum::<f32>() < MIN_GROUND_WEIGHT {
             return None;
         }
         let field = Self::fit(level, metres_per_unit, middle, &points);
         let Some(height) = field.carried_at(&cameras) else { return Some(field) };
         let feet = cameras.iter().map(|camera| *camera - middle - DVec3::new(0.0, 0.0, height));
-        points.extend(feet.map(|foot| (foot.as_vec3().to_array(), FOOT)));
+        points.extend(feet.map(|foot| (foot.as_vec3().to_array(), FOOT_WEIGHT)));
         let mut field = Self::fit(level, metres_per_unit, middle, &points);
         field.is_path = true;
         Some(field)

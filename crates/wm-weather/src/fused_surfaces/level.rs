@@ -10,14 +10,13 @@ use wm_render::dispatch;
 use wm_render::simd::SimdPath;
 
 /// Distance of the discs that a surface is fitted to, m, but so many of its own widths at least.
-const FIELD: f64 = 0.3;
-const WIDTHS: f64 = 4.0;
+const FIELD_RADIUS_M: f64 = 0.3;
+const FIELD_RADIUS_WIDTHS: f64 = 4.0;
 /// Least cosine between the normals of discs of one surface.
 const MIN_NORMAL_COSINE: f64 = 0.6;
 /// Length of the mean normal from which it is that of edges too.
-const AGREED: f64 = 0.8;
-/// The number of rounds.
-const ROUNDS: usize = 3;
+const MIN_MEAN_NORMAL_LENGTH: f64 = 0.8;
+const ROUND_COUNT: usize = 3;
 
 /// Discs that are taken at once.
 const LANES: usize = 8;
@@ -86,7 +85,7 @@ impl Grid {
             let Surroundings { weight, middle, normal } =
                 dispatch!(path, simd => surroundings(simd, &own, own.point - origin, self.reach, &about));
             // Edges take the normal of what is about them, if that is consistent.
-            if weight == 0.0 || own.is_edge && normal.length() < AGREED * weight {
+            if weight == 0.0 || own.is_edge && normal.length() < MIN_MEAN_NORMAL_LENGTH * weight {
                 return own;
             }
             let normal = normal.normalize_or(own.normal);
@@ -135,12 +134,12 @@ fn surroundings<S: Simd>(simd: S, own: &Disc, place: DVec3, reach: f64, about: &
 /// Moves each disc along the mean normal of those about it onto the plane through their middle, and
 /// turns it so.
 pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64) {
-    let reach_of = |disc: &Disc| (FIELD / metres_per_unit).max(WIDTHS * disc.size);
+    let reach_of = |disc: &Disc| (FIELD_RADIUS_M / metres_per_unit).max(FIELD_RADIUS_WIDTHS * disc.size);
     let mut reaches: Vec<f64> = discs.iter().map(reach_of).collect();
     reaches.sort_unstable_by(f64::total_cmp);
     reaches.dedup();
     let origin = discs.first().map_or(DVec3::ZERO, |disc| disc.point);
-    for _ in 0..ROUNDS {
+    for _ in 0..ROUND_COUNT {
         let grids = map(reaches.len(), |k| Grid::of(discs, origin, reaches[k], reach_of));
         let cells: Vec<(&Grid, &(IVec3, Vec<u32>))> =
             grids.iter().flat_map(|grid| grid.own.iter().map(move |cell| (grid, cell))).collect();

@@ -34,20 +34,20 @@ pub use floor::FloorPlane;
 use glam::DVec3;
 pub use ground_field::GroundField;
 pub use photo_view::PhotoView;
-use photo_view::{ViewEvidence, Word};
+use photo_view::{PointEvidence, ViewEvidence};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Splats};
 
 /// The number of cameras that must see through a point for it to be dropped.
-const CAMERAS: u32 = 2;
+const MIN_CAMERA_COUNT: u32 = 2;
 /// Distance, m, that a disc must have been moved by to be asked for again.
 const MIN_MOVE_M: f64 = 0.02;
 /// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in
 /// those; and opacity.
 const DISC_SIGMAS: [f64; 2] = [0.6, 0.4];
-const FLAT: f64 = 0.1;
+const DISC_FLATNESS_RATIO: f64 = 0.1;
 const DISC_OPACITY: f64 = 0.95;
 
 /// The surfaces of a scene.
@@ -146,8 +146,8 @@ impl<'a> FusedSurfaces<'a> {
         let witnesses = map(views.len(), |index| views[index].witness());
         let hears_of = |middle: DVec3, radius: f64| {
             let mut said = CameraVotes::default();
-            let word = |witness: &ViewEvidence| witness.word_of_ball(middle, radius, metres_per_unit);
-            witnesses.iter().for_each(|witness| said.add(word(witness)));
+            let evidence = |witness: &ViewEvidence| witness.evidence_at_ball(middle, radius, metres_per_unit);
+            witnesses.iter().for_each(|witness| said.add(evidence(witness)));
             said
         };
         let hears = |point: DVec3| hears_of(point, 0.0);
@@ -176,7 +176,8 @@ impl<'a> FusedSurfaces<'a> {
         let backing = backing::behind(&discs, &is_hidden, up, metres_per_unit);
         let mut out = Splats::with_capacity(discs.len(), 0);
         for disc in &discs {
-            let (wide, flat) = if disc.is_edge { (DISC_SIGMAS[1], 0.9) } else { (DISC_SIGMAS[0], FLAT) };
+            let (wide, flat) =
+                if disc.is_edge { (DISC_SIGMAS[1], 0.9) } else { (DISC_SIGMAS[0], DISC_FLATNESS_RATIO) };
             let wide = wide * disc.size;
             let (at, scales) = (disc.point.to_array(), [wide, wide, flat * wide]);
             out.push(&Splat {
@@ -218,11 +219,11 @@ struct CameraVotes {
 }
 
 impl CameraVotes {
-    fn add(&mut self, word: Word) {
-        let (count, floors, floor) = match word {
-            Word::Seen { floor } => (&mut self.seen, &mut self.seen_floor, floor),
-            Word::Through { floor } => (&mut self.through, &mut self.through_floor, floor),
-            Word::Nothing => return,
+    fn add(&mut self, evidence: PointEvidence) {
+        let (count, floors, floor) = match evidence {
+            PointEvidence::OnSurface { floor } => (&mut self.seen, &mut self.seen_floor, floor),
+            PointEvidence::SeenThrough { floor } => (&mut self.through, &mut self.through_floor, floor),
+            PointEvidence::Unknown => return,
         };
         *count += 1;
         *floors += u32::from(floor);
@@ -234,7 +235,7 @@ impl CameraVotes {
         if self.through_floor > 0 {
             return self.through > self.seen || self.through_floor >= self.seen;
         }
-        self.through >= CAMERAS && self.through > self.seen
+        self.through >= MIN_CAMERA_COUNT && self.through > self.seen
     }
 
     fn stand_in(self) -> StandIn {

@@ -6,8 +6,8 @@ use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
 /// Pixels to each side that a plane is fitted to, and the rounds of weighing them.
-const ASIDE: usize = 3;
-const ROUNDS: usize = 2;
+const PLANE_RADIUS_PX: usize = 3;
+const WEIGHING_ROUND_COUNT: usize = 2;
 /// Largest distance of a pixel from its plane, as a share of its inverse depth; more is an edge.
 const MAX_PLANE_ERROR: f32 = 0.03;
 /// Pixels that are fitted side by side, so that the compiler makes vectors of them.
@@ -48,10 +48,10 @@ impl InverseDepths {
     ) -> Vec<Option<DVec3>> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let mut normals = vec![None; width];
-        if y < ASIDE || y + ASIDE >= height || width <= 2 * ASIDE {
+        if y < PLANE_RADIUS_PX || y + PLANE_RADIUS_PX >= height || width <= 2 * PLANE_RADIUS_PX {
             return normals;
         }
-        let inner = ASIDE..width - ASIDE;
+        let inner = PLANE_RADIUS_PX..width - PLANE_RADIUS_PX;
         for first in inner.clone().step_by(LANES) {
             let last = inner.end.min(first + LANES);
             if !(first..last).any(&is_wanted) {
@@ -74,12 +74,12 @@ impl InverseDepths {
     #[inline(always)]
     fn fit(&self, x: usize, y: usize) -> Planes {
         let window = |dy: usize, dx: usize| -> &[f32; LANES] {
-            let from = (y + dy - ASIDE) * self.stride + x + dx - ASIDE;
+            let from = (y + dy - PLANE_RADIUS_PX) * self.stride + x + dx - PLANE_RADIUS_PX;
             self.values[from..].first_chunk().expect("rows end in zeros")
         };
-        let offset = |k: usize| k as f32 - ASIDE as f32;
-        let side = 2 * ASIDE + 1;
-        let own = window(ASIDE, ASIDE);
+        let offset = |k: usize| k as f32 - PLANE_RADIUS_PX as f32;
+        let side = 2 * PLANE_RADIUS_PX + 1;
+        let own = window(PLANE_RADIUS_PX, PLANE_RADIUS_PX);
         let inverse_off: [f32; LANES] = std::array::from_fn(|k| 1.0 / (MAX_PLANE_ERROR * own[k]));
         // All alike at first: then the sums of the offsets' products are known.
         let mut planes: Planes = [[0.0; LANES]; 3];
@@ -95,7 +95,7 @@ impl InverseDepths {
         for (plane, sum) in planes.iter_mut().zip([(side * side) as f32, squares, squares]) {
             plane.iter_mut().for_each(|value| *value /= sum);
         }
-        for _ in 0..ROUNDS {
+        for _ in 0..WEIGHING_ROUND_COUNT {
             let (mut moments, mut right) = ([[0.0; LANES]; 6], [[0.0; LANES]; 3]);
             for dy in 0..side {
                 let mut row = [[0.0; LANES]; 5];

@@ -9,21 +9,21 @@ use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
 /// Width of the smallest cubes, m, and how often it may double.
-pub(super) const CUBE: f64 = 0.12;
-pub(super) const DOUBLED: u32 = 4;
+pub(super) const MIN_CUBE_WIDTH_M: f64 = 0.12;
+pub(super) const MAX_CUBE_DOUBLINGS: u32 = 4;
 /// Width of cubes in distances between pixels.
-pub(super) const PIXELS: f64 = 1.5;
+pub(super) const CUBE_WIDTH_PX: f64 = 1.5;
 /// Distance in front of the surface from which a point is seen through, as a share of the ray's
 /// length, and m.
-const BEFORE: [f64; 2] = [0.1, 0.1];
+const SEE_THROUGH_DISTANCES: [f64; 2] = [0.1, 0.1];
 /// Distance from the visible surface within which a point is part of it, the same.
-const WITH: [f64; 2] = [0.04, 0.1];
+const SURFACE_DISTANCES: [f64; 2] = [0.04, 0.1];
 /// Least cosine between a ray and the normal for the distance between pixels along a surface; and
 /// how many places are taken of a pixel of a floor, which is known between pixels too.
-const GRAZING: f64 = 0.15;
+const MIN_GRAZING_COSINE: f64 = 0.15;
 const MAX_FLOOR_SAMPLES: f64 = 32.0;
 /// Places of a pixel of a floor in each cube, at least.
-const NARROW: f64 = 2.0;
+const MIN_PLACES_PER_CUBE: f64 = 2.0;
 
 /// The surface that one photo's camera sees: depth, colour and floors.
 #[derive(Clone, Debug)]
@@ -46,18 +46,18 @@ const ON_FIELD: u16 = u16::MAX;
 
 /// Returns true if pixels of this width, m, are fused.
 pub(super) fn is_near(width: f64) -> bool {
-    PIXELS * width <= CUBE * f64::from(1 << DOUBLED)
+    CUBE_WIDTH_PX * width <= MIN_CUBE_WIDTH_M * f64::from(1 << MAX_CUBE_DOUBLINGS)
 }
 
 /// The evidence of one camera about a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Word {
+pub(super) enum PointEvidence {
     /// The point is on the visible surface.
-    Seen { floor: bool },
+    OnSurface { floor: bool },
     /// The camera sees through the point.
-    Through { floor: bool },
+    SeenThrough { floor: bool },
     /// It is off the picture, or behind something.
-    Nothing,
+    Unknown,
 }
 
 /// A view's evidence: its nearest surface within a pixel of each, and which of them are floors.
@@ -70,26 +70,26 @@ pub(super) struct ViewEvidence {
 impl ViewEvidence {
     /// Returns the evidence about a ball (world, scene units; radius 0 for a point). Where its
     /// middle is off the picture, the nearest part of the picture that it reaches tells.
-    pub(crate) fn word_of_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> Word {
-        let Some((x, y, z)) = self.camera.project(middle) else { return Word::Nothing };
+    pub(crate) fn evidence_at_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> PointEvidence {
+        let Some((x, y, z)) = self.camera.project(middle) else { return PointEvidence::Unknown };
         let [width, height] = [self.camera.width, self.camera.height].map(f64::from);
         let reach = radius * self.camera.fx / z;
         let [inside_x, inside_y] = [x.clamp(1.0, width - 2.0), y.clamp(1.0, height - 2.0)];
         let (off_x, off_y) = ((x - inside_x).abs().floor(), (y - inside_y).abs().floor());
         if off_x > reach || off_y > reach {
-            return Word::Nothing;
+            return PointEvidence::Unknown;
         }
         let (width, x, y) = (width as i64, inside_x as i64, inside_y as i64);
         let (nearest, floor) = self.nearest[(y * width + x) as usize];
         let nearest = f64::from(nearest);
-        if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
-            Word::Through { floor }
-        } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit
+        if z * (1.0 + SEE_THROUGH_DISTANCES[0]) + SEE_THROUGH_DISTANCES[1] / metres_per_unit < nearest {
+            PointEvidence::SeenThrough { floor }
+        } else if z < nearest * (1.0 + SURFACE_DISTANCES[0]) + SURFACE_DISTANCES[1] / metres_per_unit
             && is_near(z * self.camera.widest_pixel() * metres_per_unit)
         {
-            Word::Seen { floor }
+            PointEvidence::OnSurface { floor }
         } else {
-            Word::Nothing
+            PointEvidence::Unknown
         }
     }
 }
@@ -250,7 +250,7 @@ impl PhotoView {
                 // or a row.
                 let across = self.camera.rotation() * floor.normal;
                 // Several in a cube say no more than one.
-                let taken = places.min((NARROW * width / (slant * cube)).ceil());
+                let taken = places.min((MIN_PLACES_PER_CUBE * width / (slant * cube)).ceil());
                 let count = places / taken;
                 for part in 0..taken as u32 {
                     let part = (f64::from(part) + 0.5) / taken;
@@ -265,7 +265,7 @@ impl PhotoView {
                 continue;
             }
             let normal = normals[x as usize].map(|normal| normal * -normal.dot(ray).signum());
-            let slant = normal.map_or(1.0, |normal| normal.dot(ray).abs().max(GRAZING));
+            let slant = normal.map_or(1.0, |normal| normal.dot(ray).abs().max(MIN_GRAZING_COSINE));
             work(Spot { point, normal, ray, apart: width / slant, count: 1.0, rgb });
         }
     }

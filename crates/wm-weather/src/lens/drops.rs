@@ -8,8 +8,8 @@ use wm_base::random::{RandomSequence, bits};
 
 /// Sides of the cells in which sitting and running drops land, m. A slot of their clocks is as long
 /// as one lands in a cell.
-pub(super) const CELL: f64 = 0.01;
-pub(super) const RUN_CELL: f64 = 0.04;
+pub(super) const SITTING_CELL_M: f64 = 0.01;
+pub(super) const RUNNING_CELL_M: f64 = 0.04;
 /// Share of the glass that all drops would cover which have landed in the time that is looked back.
 /// Older ones have become part of others.
 const COVERED_SHARE: f64 = 0.35;
@@ -21,7 +21,7 @@ const FADING_SHARE: f64 = 0.03;
 const MAX_RUN_M: f64 = 0.25;
 /// Mean way that a drop of the least running radius runs, m, and its mean speed, m/s.
 const MEAN_RUN_M: f64 = 0.08;
-const SPEED: f64 = 0.05;
+const MEAN_RUN_SPEED: f64 = 0.05;
 /// Longest time that a drop sits before it runs, s.
 const MAX_REST_S: f64 = 0.8;
 /// Share of the points of its path at which a running drop leaves a small one.
@@ -42,7 +42,7 @@ pub(crate) struct GlassDrop {
 
 /// A drop that runs, or will.
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct RunningDrop {
     start: [f64; 2],
     radius: f64,
     /// When it landed and when it starts, s.
@@ -60,7 +60,7 @@ struct Run {
     life: f64,
 }
 
-impl Run {
+impl RunningDrop {
     fn new(glass: &Glass, start: [f64; 2], landed: f64, radius: f64, random: &mut RandomSequence) -> Self {
         let size = (radius / glass.runs_from).powi(2).min(4.0);
         let mut between = |low: f64, high: f64| low + (high - low) * random.uniform();
@@ -71,7 +71,7 @@ impl Run {
             [between(heights[0], heights[1]), TAU / between(lengths[0], lengths[1]), between(0.0, TAU)]
         };
         let waves = [wave([0.016, 0.035], [0.0003, 0.0012]), wave([0.05, 0.14], [0.001, 0.004])];
-        let speed = SPEED * down * size * between(0.5, 1.6);
+        let speed = MEAN_RUN_SPEED * down * size * between(0.5, 1.6);
         let slip = [TAU / between(0.008, 0.03), between(0.0, TAU)];
         let life = between(0.5, 1.0);
         Self { start, radius, landed, starts, way, speed, waves, slip, key: random.bits(), life }
@@ -177,7 +177,7 @@ impl WipeTimes {
     }
 
     /// Returns true if what landed there then was wiped away since.
-    fn wipes(&self, point: [f64; 2], landed: f64) -> bool {
+    fn wipes_drop(&self, point: [f64; 2], landed: f64) -> bool {
         let [x, y] = point;
         let Some(row) = self.row(y) else { return false };
         let column = ((x - self.from[0]) / self.cell).clamp(0.0, (self.size[0] - 1) as f64) as usize;
@@ -279,14 +279,14 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
 
     let reach = (bounds[1][1] - bounds[0][1]).clamp(0.01, MAX_RUN_M);
     let runs_from = rain.landed(rain.time_of_small(small_from)).running.max(landed.running - MOST_RUNS);
-    let [first, last] = cells(bounds[0][1] - reach, bounds[1][1], RUN_CELL);
-    let columns = cells(bounds[0][0] - 0.01, bounds[1][0] + 0.01, RUN_CELL);
-    let runs: Vec<Vec<Run>> = in_rows([first, last], |row, runs| {
+    let [first, last] = cells(bounds[0][1] - reach, bounds[1][1], RUNNING_CELL_M);
+    let columns = cells(bounds[0][0] - 0.01, bounds[1][0] + 0.01, RUNNING_CELL_M);
+    let runs: Vec<Vec<RunningDrop>> = in_rows([first, last], |row, runs| {
         let key = bits(glass.seed, 0x7275_6e73);
-        landings(key, RUN_CELL, columns, row, [runs_from, landed.running], |at, count, mut random| {
+        landings(key, RUNNING_CELL_M, columns, row, [runs_from, landed.running], |at, count, mut random| {
             let time = rain.time_of_running(count);
             let radius = rain.radius(time, random.uniform(), true);
-            runs.push(Run::new(glass, at, time, radius, &mut random));
+            runs.push(RunningDrop::new(glass, at, time, radius, &mut random));
         });
     });
 
@@ -315,7 +315,7 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
                 let at = [x + 0.4 * run.radius * (random(1) - 0.5), y + step * (random(2) - 0.5)];
                 // When its tail has passed.
                 let laid = pair[2].time;
-                if on_glass(at) && !wiped.wipes(at, laid) {
+                if on_glass(at) && !wiped.wipes_drop(at, laid) {
                     let share = random(3);
                     let radius =
                         left(run.radius * (0.09 + 0.2 * share * share), laid, age(laid), 0.3 * run.life);
@@ -330,7 +330,7 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
                 false => (run.at(run.way), run.radius(run.way), end),
             };
             // It does not wipe itself away.
-            if on_glass(at) && !wiped.wipes(at, since + 1e-3) {
+            if on_glass(at) && !wiped.wipes_drop(at, since + 1e-3) {
                 let radius = left(radius, run.landed, age(run.landed), run.life);
                 found.extend((radius > 0.0).then_some(GlassDrop { at, radius, aspect: 1.25 }));
             }
@@ -348,18 +348,18 @@ pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         }
     }
 
-    let [first, last] = cells(bounds[0][1], bounds[1][1], CELL);
-    let columns = cells(bounds[0][0], bounds[1][0], CELL);
+    let [first, last] = cells(bounds[0][1], bounds[1][1], SITTING_CELL_M);
+    let columns = cells(bounds[0][0], bounds[1][0], SITTING_CELL_M);
     let sitting: Vec<Vec<GlassDrop>> = in_rows([first, last], |row, sitting| {
         let key = bits(glass.seed, 0x6472_6f70);
-        landings(key, CELL, columns, row, [small_from, landed.small], |at, count, mut random| {
+        landings(key, SITTING_CELL_M, columns, row, [small_from, landed.small], |at, count, mut random| {
             let life = 0.5 + 0.5 * random.uniform();
             let age = landed.small - count;
             if age > span * life || !on_glass(at) {
                 return;
             }
             let time = rain.time_of_small(count);
-            if wiped.wipes(at, time) {
+            if wiped.wipes_drop(at, time) {
                 return;
             }
             let radius = left(rain.radius(time, random.uniform(), false), time, age, life);

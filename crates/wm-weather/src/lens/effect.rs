@@ -98,7 +98,7 @@ struct RowScratch {
 fn lay_drops<S: Lanes>(simd: S, line: &mut [f32], seen: &[(u32, [f32; 4])]) {
     let mut over = RowBlend::default();
     for (x, drop) in seen {
-        over.add(simd, line, *x as usize, *drop, CLEAR);
+        over.add(simd, line, *x as usize, *drop, CLEAR_HAZE);
     }
     over.lay(simd, line);
 }
@@ -122,7 +122,7 @@ fn lay_with_haze<S: Lanes>(
 }
 
 /// Haze that adds nothing and keeps all.
-const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+const CLEAR_HAZE: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// Drops and haze over up to sixteen pixels of a row, one array a number.
 #[derive(Default)]

@@ -5,11 +5,11 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Parts of the time between two keyframes in each of which the rain counts as even.
-const PARTS: usize = 24;
+const KEYFRAME_PART_COUNT: usize = 24;
 /// Steps of a table of radii by their share.
-const QUANTILES: usize = 64;
+const QUANTILE_COUNT: usize = 64;
 /// Directions of the wind that are averaged.
-const DIRECTIONS: usize = 32;
+const WIND_DIRECTION_COUNT: usize = 32;
 /// Water that a drop takes along which grew by others until it ran, as a multiple of its own.
 const COLLECTED_WATER: f64 = 12.0;
 /// Largest radius of a drop that grew until it ran, as a multiple of the least.
@@ -43,9 +43,9 @@ impl Rainfall {
             return fall;
         }
         let (sin, cos) = self.tilt.sin_cos();
-        let toward = |k: usize| self.wind * (TAU * (k as f64 + 0.5) / DIRECTIONS as f64).cos();
+        let toward = |k: usize| self.wind * (TAU * (k as f64 + 0.5) / WIND_DIRECTION_COUNT as f64).cos();
         let met = |k: usize| ((self.speed + toward(k)) * cos + fall * sin).max(0.0);
-        (0..DIRECTIONS).map(met).sum::<f64>() / DIRECTIONS as f64
+        (0..WIND_DIRECTION_COUNT).map(met).sum::<f64>() / WIND_DIRECTION_COUNT as f64
     }
 }
 
@@ -69,7 +69,7 @@ pub(crate) struct LandedDrops {
 }
 
 /// Radii by the share of drops below, m.
-type Quantiles = [f32; QUANTILES + 1];
+type Quantiles = [f32; QUANTILE_COUNT + 1];
 
 /// A time of even rain.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,8 +109,10 @@ impl GlassRain {
         let mut times = vec![begin];
         times.extend(breaks.first().filter(|first| **first > begin));
         for pair in breaks.windows(2) {
-            let step = (pair[1] - pair[0]) / PARTS as f64;
-            times.extend((0..=PARTS).map(|k| pair[0] + step * k as f64).filter(|time| *time > begin));
+            let step = (pair[1] - pair[0]) / KEYFRAME_PART_COUNT as f64;
+            times.extend(
+                (0..=KEYFRAME_PART_COUNT).map(|k| pair[0] + step * k as f64).filter(|time| *time > begin),
+            );
         }
         times.dedup();
         let wide = 1e-3 * foot(contact) * size;
@@ -190,8 +192,8 @@ impl GlassRain {
     #[inline]
     pub(super) fn radius(&self, time: f64, share: f64, runs: bool) -> f64 {
         let table = &self.segment(time).radii[usize::from(runs)];
-        let at = share * QUANTILES as f64;
-        let k = (at as usize).min(QUANTILES - 1);
+        let at = share * QUANTILE_COUNT as f64;
+        let k = (at as usize).min(QUANTILE_COUNT - 1);
         let part = at - k as f64;
         f64::from(table[k]) + part * f64::from(table[k + 1] - table[k])
     }
@@ -223,10 +225,10 @@ impl Segment {
 /// Radii at even shares of all drops of classes: their radii at both ends, and how many there are.
 fn quantiles(classes: &[([f64; 2], f64)]) -> Quantiles {
     let total: f64 = classes.iter().map(|(_, number)| number).sum();
-    let mut table = [0.0; QUANTILES + 1];
+    let mut table = [0.0; QUANTILE_COUNT + 1];
     let (mut class, mut below) = (0, 0.0);
     for (k, radius) in table.iter_mut().enumerate() {
-        let wanted = total * k as f64 / QUANTILES as f64;
+        let wanted = total * k as f64 / QUANTILE_COUNT as f64;
         while class + 1 < classes.len() && below + classes[class].1 < wanted {
             below += classes[class].1;
             class += 1;

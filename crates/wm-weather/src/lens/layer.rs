@@ -18,22 +18,23 @@ use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::Camera;
 
 /// Radii up to which a drop joins others.
-const REACH: f32 = 1.4;
-/// Sum at the rim.
-const RIM: f32 = (1.0 - 1.0 / (REACH * REACH)) * (1.0 - 1.0 / (REACH * REACH));
+const JOINING_REACH_RADII: f32 = 1.4;
+/// Sum of what drops add at the rim of one.
+const RIM_SUM: f32 = (1.0 - 1.0 / (JOINING_REACH_RADII * JOINING_REACH_RADII))
+    * (1.0 - 1.0 / (JOINING_REACH_RADII * JOINING_REACH_RADII));
 /// Rows that one thread draws at a time.
-const BAND: usize = 8;
+const BAND_ROWS: usize = 8;
 /// Least radius that is drawn, px of the layer.
 pub(super) const MIN_RADIUS_PX: f64 = 0.4;
 /// Radius, m, from which a drop sags, and how much.
-const HEAVY: f32 = 2.5e-3;
-const SAG: f32 = 0.22;
+const SAGGING_RADIUS_M: f32 = 2.5e-3;
+const SAG_SHARE: f32 = 0.22;
 /// Coverage of a pixel below which drops in it are invisible.
 const MIN_COVER: f32 = 1.0 / 1024.0;
 /// Empty pixels before and after a row that is laid over the picture.
-const PADDING: usize = 2;
+const PADDING_PX: usize = 2;
 /// Light inside, which a rim reflects, as a share of the mean outside.
-const INSIDE: f32 = 0.05;
+const INSIDE_LIGHT_SHARE: f32 = 0.05;
 
 /// The fineness of a layer, and its blur.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,7 +121,7 @@ impl DropLayer {
                 }
                 let at = at.map(|v| (v * finer + scale.margin as f64) as f32);
                 let radii = radii.map(|v| v as f32);
-                let reach = radii.map(|v| v * REACH);
+                let reach = radii.map(|v| v * JOINING_REACH_RADII);
                 let is_seen = at[0] + reach[0] > 0.0
                     && at[0] - reach[0] < width as f32
                     && at[1] + reach[1] > 0.0
@@ -133,9 +134,9 @@ impl DropLayer {
                 })
             })
             .collect();
-        let mut bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND)];
+        let mut bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND_ROWS)];
         for (i, drop) in drawn.iter().enumerate() {
-            let row = |y: f32| (y.max(0.0) as usize / BAND).min(bands.len() - 1);
+            let row = |y: f32| (y.max(0.0) as usize / BAND_ROWS).min(bands.len() - 1);
             let (first, last) = (row(drop.at[1] - drop.reach[1]), row(drop.at[1] + drop.reach[1]));
             bands[first..=last].iter_mut().for_each(|band| band.push(i as u32));
         }
@@ -144,14 +145,14 @@ impl DropLayer {
         let metre = view.project([0.0; 2]).1[0] * finer;
         let optics = Optics {
             wide,
-            inside: wide.mean().map(|v| v * INSIDE),
+            inside: wide.mean().map(|v| v * INSIDE_LIGHT_SHARE),
             rim: glass.contact.sin() as f32,
             tilt: [sin as f32, cos as f32],
-            sag: 1.0 / (HEAVY * metre as f32),
+            sag: 1.0 / (SAGGING_RADIUS_M * metre as f32),
         };
         let mut pixels = vec![[0.0f32; 4]; width * height];
         let mut spans = vec![[0, 0]; height];
-        let lines = pixels.par_chunks_mut(BAND * width).zip(spans.par_chunks_mut(BAND)).zip(&bands);
+        let lines = pixels.par_chunks_mut(BAND_ROWS * width).zip(spans.par_chunks_mut(BAND_ROWS)).zip(&bands);
         lines.enumerate().for_each_init(Vec::new, |sums, (band, ((pixels, spans), list))| {
             if list.is_empty() {
                 return;
@@ -159,7 +160,8 @@ impl DropLayer {
             sums.clear();
             sums.resize(pixels.len(), [0.0f32; 4]);
             let drops = list.iter().map(|i| &drawn[*i as usize]);
-            dispatch!(path, s => optics.draw(s, drops, band * BAND, width, sums, spans, pixels, scale, camera));
+            let first_row = band * BAND_ROWS;
+            dispatch!(path, s => optics.draw(s, drops, first_row, width, sums, spans, pixels, scale, camera));
         });
         let mut layer = Self { scale, width, pixels, spans };
         if scale.disc > 0.0 && !drawn.is_empty() {
@@ -220,9 +222,9 @@ impl DropLayer {
         let [first, last] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])?;
         let [top, below] = [top, below].map(|row| &self.pixels[row * self.width..][first..last]);
         line.clear();
-        line.extend([[0.0; 4]; PADDING]);
+        line.extend([[0.0; 4]; PADDING_PX]);
         line.extend(top.iter().zip(below).map(|(a, b)| mix(a, b, part)));
-        line.extend([[0.0; 4]; PADDING]);
+        line.extend([[0.0; 4]; PADDING_PX]);
         Some(first)
     }
 
@@ -243,7 +245,7 @@ impl DropLayer {
                 continue;
             }
             // Pixels of the picture between the middles of both.
-            let first = (i + start) as isize - (margin + PADDING) as isize;
+            let first = (i + start) as isize - (margin + PADDING_PX) as isize;
             let first = first * scale as isize + scale as isize / 2;
             for j in 0..scale {
                 let x = first + j as isize;
@@ -297,7 +299,7 @@ fn add(drop: &DrawnDrop, first: usize, width: usize, sums: &mut [[f32; 4]], span
     if left >= right {
         return;
     }
-    let scale = 1.0 / (REACH * REACH);
+    let scale = 1.0 / (JOINING_REACH_RADII * JOINING_REACH_RADII);
     for y in top..bottom {
         let dy = (y as f32 + 0.5 - drop.at[1]) * drop.inverse[1];
         let line = &mut sums[(y - first) * width..][left..right];
@@ -370,7 +372,7 @@ impl Optics<'_> {
         }
         let (zero, one) = (simd.set(0.0), simd.set(1.0));
         let whole = simd.load(&columns[0]);
-        let is_wet = whole.simd_gt(simd.set(0.02 * RIM));
+        let is_wet = whole.simd_gt(simd.set(0.02 * RIM_SUM));
         if !is_wet.any_true() {
             return;
         }
@@ -378,7 +380,7 @@ impl Optics<'_> {
         let root = whole.sqrt();
         let radius = simd.load(&columns[3]) / whole;
         // Distance from the middle in radii, as a single drop has it.
-        let away = (one - root).max(zero).sqrt() * REACH;
+        let away = (one - root).max(zero).sqrt() * JOINING_REACH_RADII;
         let cover = ((one - away) * radius * (1.0 / edge) + 0.5).max(zero).min(one);
         let is_seen = is_wet & cover.simd_gt(zero);
         let seen = is_seen.to_bitmask() as u32;
@@ -393,7 +395,7 @@ impl Optics<'_> {
         let wanted = (inner - steep).mul_add(rim, steep).min(one);
         let scale = wanted * self.rim / steep.max(simd.set(1e-4));
         let heavy = (radius * self.sag).min(one);
-        let sag = heavy * heavy * (one - wanted * wanted) * (SAG * self.rim);
+        let sag = heavy * heavy * (one - wanted * wanted) * (SAG_SHARE * self.rim);
         let normal = [slope[0] * scale, slope[1] * scale - sag];
         let flat = normal[0].mul_add(normal[0], normal[1] * normal[1]);
         let up = (one - flat).max(simd.set(1e-4)).sqrt();

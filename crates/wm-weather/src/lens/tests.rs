@@ -1,4 +1,4 @@
-use super::drops::{CELL, GlassDrop, RUN_CELL, cells, drops, landings};
+use super::drops::{GlassDrop, RUNNING_CELL_M, SITTING_CELL_M, cells, drops, landings};
 use super::geometry::GlassView;
 use super::layer::{DropLayer, LayerScale};
 use super::veil::Haze;
@@ -19,8 +19,8 @@ fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], times: [f64; 2]) -> usiz
     let [before, after] = [from, to].map(|time| rain.landed(time));
     let mut number = 0;
     for (name, cell, counts, runs) in [
-        (0x6472_6f70, CELL, [before.small, after.small], false),
-        (0x7275_6e73, RUN_CELL, [before.running, after.running], true),
+        (0x6472_6f70, SITTING_CELL_M, [before.small, after.small], false),
+        (0x7275_6e73, RUNNING_CELL_M, [before.running, after.running], true),
     ] {
         let [first, last] = cells(bounds[0][1], bounds[1][1], cell);
         let columns = cells(bounds[0][0], bounds[1][0], cell);
@@ -34,14 +34,14 @@ fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], times: [f64; 2]) -> usiz
     number
 }
 
-const CONTACT: f64 = 55.0 * PI / 180.0;
+const CONTACT_ANGLE_RAD: f64 = 55.0 * PI / 180.0;
 
 fn glass(rain: GlassRain, tilt: f64, time: f64) -> Glass {
     Glass {
         distance: 0.5,
         aperture: 0.0,
         tilt,
-        contact: CONTACT,
+        contact: CONTACT_ANGLE_RAD,
         runs_from: 2.2e-3,
         drying: 60.0,
         dirt: 0.0,
@@ -55,7 +55,7 @@ fn glass(rain: GlassRain, tilt: f64, time: f64) -> Glass {
 }
 
 fn steady(rain: Rainfall) -> GlassRain {
-    GlassRain::new(-20.0, &[], |_| rain, CONTACT, 1.0, 2.2e-3)
+    GlassRain::new(-20.0, &[], |_| rain, CONTACT_ANGLE_RAD, 1.0, 2.2e-3)
 }
 
 fn camera(width: u32, height: u32, fov: f64) -> Camera {
@@ -116,8 +116,14 @@ fn as_many_drops_land_as_the_flux_says() {
 #[test]
 fn landings_follow_rain_that_changes() {
     let rate = |time: f64| 4.0 + 2.0 * time.clamp(0.0, 10.0);
-    let rain =
-        GlassRain::new(-20.0, &[0.0, 10.0], |time| Rainfall::onto_glass(rate(time)), CONTACT, 1.0, 2.2e-3);
+    let rain = GlassRain::new(
+        -20.0,
+        &[0.0, 10.0],
+        |time| Rainfall::onto_glass(rate(time)),
+        CONTACT_ANGLE_RAD,
+        1.0,
+        2.2e-3,
+    );
     let glass = glass(rain, 0.0, 0.0);
     let bounds = [[-0.5, -0.5], [0.5, 0.5]];
     let steps = 200;
@@ -158,7 +164,7 @@ fn a_drop_shows_the_scene_upside_down() {
 #[test]
 fn drops_dry_when_the_rain_ends() {
     let rain = |time: f64| Rainfall::onto_glass(if time < 10.0 { 10.0 } else { 0.0 });
-    let rain = GlassRain::new(-20.0, &[10.0, 10.001], rain, CONTACT, 1.0, 2.2e-3);
+    let rain = GlassRain::new(-20.0, &[10.0, 10.001], rain, CONTACT_ANGLE_RAD, 1.0, 2.2e-3);
     let bounds = [[-0.2, -0.2], [0.2, 0.2]];
     let areas =
         [10.0, 12.0, 40.0, 120.0, 1000.0].map(|time| area(&drops(&glass(rain.clone(), 0.5, time), bounds)));

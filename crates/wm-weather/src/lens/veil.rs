@@ -11,24 +11,24 @@ use wm_render::Frame;
 use wm_scene::Camera;
 
 /// Rings at which the veil is looked up: from 1 degree on, each twice as far as the one before.
-const RINGS: usize = 5;
+const RING_COUNT: usize = 5;
 /// Radius of the first ring, degrees: the middle of 1 to 2.
 const FIRST_RING_DEGREES: f64 = std::f64::consts::SQRT_2;
 /// Directions of a ring.
 const RING_DIRECTIONS: usize = 12;
 /// Radius of a ring, cells of its own grid.
-const RADIUS: f64 = 2.5;
+const RING_RADIUS_CELLS: f64 = 2.5;
 /// Share of light that each ring scatters: the integral of `10 / angle^2` a degree over an octave
 /// of angles.
-const OCTAVE: f64 = 20.0 * std::f64::consts::PI * std::f64::consts::LN_2 / (180.0 * 180.0)
+const RING_SCATTER_SHARE: f64 = 20.0 * std::f64::consts::PI * std::f64::consts::LN_2 / (180.0 * 180.0)
     * std::f64::consts::PI
     * std::f64::consts::PI;
 /// Part of the last ring that is within 30 degrees.
 const LAST_RING_SHARE: f64 = 0.907;
 /// Sizes of the patches of dirt, m, and their weights.
-const PATCHES: [(f64, f64); 3] = [(0.03, 0.45), (0.009, 0.35), (0.003, 0.2)];
-/// Cone of the light that dirt scatters, radians.
-const CONE: f32 = 0.5;
+const DIRT_PATCHES: [(f64, f64); 3] = [(0.03, 0.45), (0.009, 0.35), (0.003, 0.2)];
+/// Cone of the light that dirt scatters.
+const SCATTER_CONE_RAD: f32 = 0.5;
 
 /// Light that is kept and light that is added, linear, on a grid over the picture.
 pub(super) struct Haze {
@@ -52,7 +52,7 @@ impl Haze {
             return None;
         }
         let focal = (camera.fx * camera.fy).sqrt();
-        let cell = ((FIRST_RING_DEGREES.to_radians() * focal / RADIUS) as usize).clamp(2, 32);
+        let cell = ((FIRST_RING_DEGREES.to_radians() * focal / RING_RADIUS_CELLS) as usize).clamp(2, 32);
         let (width, height) =
             ((camera.width as usize).div_ceil(cell), (camera.height as usize).div_ceil(cell));
         let mut haze = Self { cell, width, height, nodes: vec![[0.0, 0.0, 0.0, 1.0]; width * height] };
@@ -76,7 +76,7 @@ impl Haze {
                 let [x, y] = [column, row].map(|v| (v as f64 + 0.5) * cell as f64);
                 let at = view.point(x, y);
                 let mut sum = 0.5;
-                for (i, (size, weight)) in PATCHES.into_iter().enumerate() {
+                for (i, (size, weight)) in DIRT_PATCHES.into_iter().enumerate() {
                     // The aperture blurs what is finer.
                     if size > 1.5 * glass.aperture {
                         sum += weight * (noise(glass.seed ^ i as u64, at.map(|v| v / size)) - 0.5);
@@ -84,7 +84,7 @@ impl Haze {
                 }
                 let cover = (2.0 * glass.dirt * sum * sum * 1.7).clamp(0.0, 1.0) as f32;
                 let way = [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0].map(|v| v as f32);
-                let light = wide.at(way, CONE);
+                let light = wide.at(way, SCATTER_CONE_RAD);
                 let scatter = cover * glass.dirt_scatter as f32;
                 (0..3).for_each(|k| node[k] += scatter * light[k]);
                 node[3] *= 1.0 - cover * (1.0 - glass.dirt_transmittance as f32);
@@ -156,17 +156,18 @@ fn light_of_cells(picture: &Frame, cell: usize, width: usize) -> (usize, Vec<[f3
 /// grids.
 fn veil(width: usize, light: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
     let mut levels = vec![(width, light)];
-    while levels.len() < RINGS {
+    while levels.len() < RING_COUNT {
         let (width, last) = &levels[levels.len() - 1];
         levels.push(halved(*width, last));
     }
     let ring: Vec<[f64; 2]> = (0..RING_DIRECTIONS)
         .map(|k| std::f64::consts::TAU * (k as f64 + 0.5) / RING_DIRECTIONS as f64)
-        .map(|angle| [RADIUS * angle.cos(), RADIUS * angle.sin()])
+        .map(|angle| [RING_RADIUS_CELLS * angle.cos(), RING_RADIUS_CELLS * angle.sin()])
         .collect();
     let mut sum: Option<(usize, Vec<[f32; 3]>)> = None;
     for (level, (width, light)) in levels.iter().enumerate().rev() {
-        let weight = OCTAVE * if level + 1 == RINGS { LAST_RING_SHARE } else { 1.0 } / RING_DIRECTIONS as f64;
+        let weight = RING_SCATTER_SHARE * if level + 1 == RING_COUNT { LAST_RING_SHARE } else { 1.0 }
+            / RING_DIRECTIONS as f64;
         let mut own = vec![[0.0f32; 3]; light.len()];
         own.par_chunks_mut(*width).enumerate().for_each(|(y, line)| {
             for (x, out) in line.iter_mut().enumerate() {

@@ -4,7 +4,7 @@ use super::capture::CaptureLight;
 use super::day::OpenLight;
 use super::gains::NewLight;
 use super::irradiance::{SceneLight, SkyGradation};
-use crate::dome::{Dome, OVERCAST, SkyAppearance, overcast_horizon};
+use crate::dome::{Dome, OVERCAST_ZENITH, SkyAppearance, overcast_horizon};
 use crate::optics::{CapturedSky, LampSource, Site};
 use std::sync::Arc;
 use wm_base::color::{luminance, srgb_decode};
@@ -15,8 +15,8 @@ use wm_render::hooks::SkySplats;
 pub(crate) const OVERCAST_EXPOSURE: f64 = -0.3;
 /// Least illuminance that exposures are found for, lx: under the stars.
 pub(crate) const MIN_EXPOSED_LX: f64 = 1e-3;
-/// Illuminance of level ground in photos under a sun and under clouds, lx.
-const PHOTOS: [f64; 2] = [60_000.0, 15_000.0];
+/// Illuminance of level ground in photos under a sun and under clouds.
+const PHOTO_ILLUMINANCES_LX: [f64; 2] = [60_000.0, 15_000.0];
 
 /// A change of the light over a place.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,8 +71,10 @@ impl LightChange {
     pub fn display(&self, site: &Site) -> f64 {
         let level = match &self.open {
             Some(open) => open.level() + self.lamp_level,
-            None if site.captured_sky == CapturedSky::Overcast => PHOTOS[1],
-            None => PHOTOS[0] + (PHOTOS[1] - PHOTOS[0]) * self.clouds,
+            None if site.captured_sky == CapturedSky::Overcast => PHOTO_ILLUMINANCES_LX[1],
+            None => {
+                PHOTO_ILLUMINANCES_LX[0] + (PHOTO_ILLUMINANCES_LX[1] - PHOTO_ILLUMINANCES_LX[0]) * self.clouds
+            }
         };
         self.exposure.exp2() / level.max(MIN_EXPOSED_LX)
     }
@@ -103,7 +105,7 @@ impl LightChange {
         let left: [f64; 3] = std::array::from_fn(|k| (level[k] - sun[k] * sin.max(0.0)).max(0.0));
         let grey = 1.0 - beam[1];
         let clear = SkyGradation::even(left);
-        let cloudy = SkyGradation::overcast(white_as(left));
+        let cloudy = SkyGradation::overcast(overcast_tint(left));
         let light = SceneLight { sun, sky: clear.mixed(&cloudy, grey) }.times(self.exposure.exp2());
         let (sky_gain, sky_opacity) = (self.exposure.exp2(), 1.0 - self.clouds);
         NewLight { light, sin_sun: sin, sky_gain, sky_opacity, is_diffuse: self.is_diffuse, lamps: 0.0 }
@@ -120,7 +122,8 @@ impl LightChange {
         }
         // Behind what fades of the captured sky, or in the place of the plain one.
         let plain = SkyGradient::daylight(site.up.map(|v| v as f32));
-        let (zenith, brightness) = (OVERCAST, (self.exposure - OVERCAST_EXPOSURE * self.clouds).exp2());
+        let (zenith, brightness) =
+            (OVERCAST_ZENITH, (self.exposure - OVERCAST_EXPOSURE * self.clouds).exp2());
         let between = |from: [f32; 3], to: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|k| {
                 let from = srgb_decode(f64::from(from[k]));
@@ -137,7 +140,7 @@ impl LightChange {
 }
 
 /// The tint of an overcast sky at the luminance of an irradiance.
-fn white_as(light: [f64; 3]) -> [f64; 3] {
-    let zenith = OVERCAST;
+fn overcast_tint(light: [f64; 3]) -> [f64; 3] {
+    let zenith = OVERCAST_ZENITH;
     zenith.map(|v| v * luminance(light) / luminance(zenith))
 }

@@ -19,22 +19,22 @@
 //! there), and above turbidity 7 (the light of the sky falls by up to 5 % where the sun comes close
 //! to the zenith).
 
-use crate::optics::WAVELENGTHS;
+use crate::optics::WAVELENGTHS_NM;
 use std::f64::consts::{FRAC_PI_2, PI};
 use table::control_points;
 
 mod table;
 
 /// Highest turbidity of the published table; its rows begin at 1.
-const HAZIEST: f64 = 10.0;
+const MAX_TURBIDITY: f64 = 10.0;
 /// Samples along each of elevation and azimuth of half the sky. The error of the irradiance is
 /// below 0.4 %.
-const SAMPLES: u32 = 48;
+const SKY_SAMPLE_COUNT: u32 = 48;
 /// Irradiance of the sun above the atmosphere, in the unit of the sky's irradiance: the solar
 /// spectrum that the model's skies were path-traced with (Preetham 1999) under the CIE 1931 colour
 /// matching functions. Its luminance is 129.9 klx; measured spectra have 133 klx (Darula, Kittler
 /// and Gueymard 2005).
-const EXTRATERRESTRIAL: [f64; 3] = [201.8, 187.3, 183.7];
+const EXTRATERRESTRIAL_IRRADIANCE: [f64; 3] = [201.8, 187.3, 183.7];
 
 /// A clear or hazy sky with the sun above the horizon.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +50,7 @@ impl ClearSky {
     /// counts as the lower end.
     pub(crate) fn new(sun_elevation: f64, turbidity: f64, ground_albedo: f64) -> Self {
         let sun_elevation = clamped(sun_elevation, 0.0, FRAC_PI_2);
-        let turbidity = clamped(turbidity, 1.0, HAZIEST);
+        let turbidity = clamped(turbidity, 1.0, MAX_TURBIDITY);
         let albedo = clamped(ground_albedo, 0.0, 1.0);
         let control = bernstein((sun_elevation / FRAC_PI_2).cbrt());
         let channels = std::array::from_fn(|channel| Channel::new(channel, &control, turbidity, albedo));
@@ -77,12 +77,12 @@ impl ClearSky {
     /// unit of the module, and of an upright surface, the mean over all sides that it may face.
     pub(crate) fn level_and_upright_irradiance(&self) -> [[f64; 3]; 2] {
         let (sin_sun, cos_sun) = self.sun_elevation.sin_cos();
-        let middle = |i: u32| (f64::from(i) + 0.5) / f64::from(SAMPLES);
+        let middle = |i: u32| (f64::from(i) + 0.5) / f64::from(SKY_SAMPLE_COUNT);
         let (mut level, mut upright) = ([0.0; 3], [0.0; 3]);
-        for row in 0..SAMPLES {
+        for row in 0..SKY_SAMPLE_COUNT {
             // Bands of equal squared sine have equal irradiance under a uniform sky.
             let (sin, cos) = (middle(row).sqrt(), (1.0 - middle(row)).sqrt());
-            for column in 0..SAMPLES {
+            for column in 0..SKY_SAMPLE_COUNT {
                 // The other half is its mirror image.
                 let azimuth = PI * middle(column);
                 let light = self.radiance(sin, sin * sin_sun + cos * cos_sun * azimuth.cos());
@@ -93,7 +93,7 @@ impl ClearSky {
                 }
             }
         }
-        [level, upright].map(|sum| sum.map(|v| v * PI / f64::from(SAMPLES * SAMPLES)))
+        [level, upright].map(|sum| sum.map(|v| v * PI / f64::from(SKY_SAMPLE_COUNT * SKY_SAMPLE_COUNT)))
     }
 
     /// Irradiance of a surface that faces the sun, by the beam alone, linear RGB in the unit of the
@@ -114,7 +114,7 @@ impl ClearSky {
     /// within 30 % at 3. Nothing is scaled to fit.
     pub(crate) fn sun_irradiance(&self) -> [f64; 3] {
         let transmittance = beam_transmittance(self.sun_elevation, self.turbidity);
-        std::array::from_fn(|k| EXTRATERRESTRIAL[k] * transmittance[k])
+        std::array::from_fn(|k| EXTRATERRESTRIAL_IRRADIANCE[k] * transmittance[k])
     }
 }
 
@@ -122,12 +122,12 @@ impl ClearSky {
 /// below the horizon. Elevation of the sun in radians, up to pi/2; turbidity from 1 without an
 /// upper limit. Values beyond are set to the nearest end; a turbidity of NaN counts as 1.
 ///
-/// `exp(-0.008735 m l^-4.08) exp(-beta m l^-1.3)` at the wavelengths `l` (um) of [`WAVELENGTHS`],
-/// `beta = 0.046 (T - 1)`, with the relative air mass `m = 1 / (cos z + 0.15 (93.885 - z)^-1.253)`,
-/// `z` the zenith angle in degrees (Kasten 1965; Preetham 1999). Ozone, water vapour and mixed
-/// gases are left out. Three wavelengths make the beam of a low sun less red than the same formula
-/// over the whole spectrum does, at turbidity 3: red 4 / 7 / 12 % too low and blue 9 / 20 / 49 %
-/// too high at 47 / 20 / 10 degrees, luminance within 0.3 %.
+/// `exp(-0.008735 m l^-4.08) exp(-beta m l^-1.3)` at the wavelengths `l` (um) of
+/// [`WAVELENGTHS_NM`], `beta = 0.046 (T - 1)`, with the relative air mass `m = 1 / (cos z + 0.15
+/// (93.885 - z)^-1.253)`, `z` the zenith angle in degrees (Kasten 1965; Preetham 1999). Ozone,
+/// water vapour and mixed gases are left out. Three wavelengths make the beam of a low sun less red
+/// than the same formula over the whole spectrum does, at turbidity 3: red 4 / 7 / 12 % too low and
+/// blue 9 / 20 / 49 % too high at 47 / 20 / 10 degrees, luminance within 0.3 %.
 fn beam_transmittance(sun_elevation: f64, turbidity: f64) -> [f64; 3] {
     if sun_elevation.is_nan() || sun_elevation < 0.0 {
         return [0.0; 3];
@@ -136,7 +136,7 @@ fn beam_transmittance(sun_elevation: f64, turbidity: f64) -> [f64; 3] {
     let zenith = 90.0 - elevation.to_degrees();
     let mass = 1.0 / (elevation.sin() + 0.15 * (93.885 - zenith).powf(-1.253));
     let beta = 0.046 * (turbidity.max(1.0) - 1.0);
-    WAVELENGTHS.map(|nanometres| {
+    WAVELENGTHS_NM.map(|nanometres| {
         let micrometres = nanometres / 1000.0;
         (-mass * (0.008_735 * micrometres.powf(-4.08) + beta * micrometres.powf(-1.3))).exp()
     })
@@ -155,7 +155,7 @@ impl Channel {
     /// Mixes the rows of the table: by `control` points of the elevation, by turbidity and by
     /// albedo, all in range.
     fn new(channel: usize, control: &[f64; 6], turbidity: f64, albedo: f64) -> Self {
-        let clearer = (turbidity as usize).clamp(1, HAZIEST as usize - 1);
+        let clearer = (turbidity as usize).clamp(1, MAX_TURBIDITY as usize - 1);
         let share = turbidity - clearer as f64;
         let mut mixed = [0.0; 10];
         for (ground, ground_weight) in [(0, 1.0 - albedo), (1, albedo)] {

@@ -12,24 +12,22 @@ use glam::Vec3;
 use std::f64::consts::TAU;
 use wm_base::random::uniform;
 
-/// Number of waves.
-const WAVES: u64 = 24;
-/// Their lengths, m.
-const LENGTHS: [f64; 2] = [500.0, 2_000.0];
-/// Height of the clouds above the ground, m.
-const HEIGHT: f64 = 1_000.0;
+const WAVE_COUNT: u64 = 24;
+const WAVE_LENGTHS_M: [f64; 2] = [500.0, 2_000.0];
+const CLOUD_HEIGHT_M: f64 = 1_000.0;
 /// Half the width of a shadow's edge, in standard deviations of the field: some 14 m where it is
 /// steep.
-const EDGE: f64 = 0.07;
+const EDGE_SIGMAS: f64 = 0.07;
 /// Spacing of the table, m, and its nodes along a side.
-const SPACING: f64 = 8.0;
-const NODES: i64 = 65;
+const NODE_SPACING_M: f64 = 8.0;
+const TABLE_SIDE_NODES: i64 = 65;
 
 /// The share of the sun's beam that clouds let through, about a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CloudShadows {
-    /// `[NODES, NODES]` by the place that the sun's ray has at the height of 0, along the level
-    /// axes; the spacing is whole, so that a node has the same value in any table that holds it.
+    /// Rows and columns of [`TABLE_SIDE_NODES`] by the place that the sun's ray has at the height
+    /// of 0, along the level axes; the spacing is whole, so that a node has the same value in any
+    /// table that holds it.
     table: Vec<f32>,
     /// Columns and rows, from world axes in scene units.
     axes: [Vec3; 2],
@@ -57,22 +55,24 @@ impl CloudShadows {
         let slide = [x / z, y / z];
         let axis = |k: usize| -> Vec3 {
             let axis: [f64; 3] = std::array::from_fn(|i| {
-                (level[k][i] - slide[k] * level[2][i]) * site.metres_per_unit / SPACING
+                (level[k][i] - slide[k] * level[2][i]) * site.metres_per_unit / NODE_SPACING_M
             });
             Vec3::from_array(axis.map(|v| v as f32))
         };
         let axes = [axis(0), axis(1)];
-        let raise = slide.map(|slide| slide * site.ground * site.metres_per_unit / SPACING);
+        let raise = slide.map(|slide| slide * site.ground * site.metres_per_unit / NODE_SPACING_M);
         let middle = Vec3::from_array(center.map(|v| v as f32));
-        let first: [i64; 2] =
-            std::array::from_fn(|k| (f64::from(axes[k].dot(middle)) + raise[k]).floor() as i64 - NODES / 2);
+        let first: [i64; 2] = std::array::from_fn(|k| {
+            (f64::from(axes[k].dot(middle)) + raise[k]).floor() as i64 - TABLE_SIDE_NODES / 2
+        });
         let waves = waves(seed);
         let threshold = quantile(1.0 - clouds);
-        let table = (0..NODES * NODES)
+        let table = (0..TABLE_SIDE_NODES * TABLE_SIDE_NODES)
             .map(|at| {
-                let node = [at % NODES + first[0], at / NODES + first[1]];
-                let [u, v] = [0, 1].map(|k: usize| node[k] as f64 * SPACING + slide[k] * HEIGHT - drift[k]);
-                let above = (noise(&waves, [u, v]) - threshold) / EDGE;
+                let node = [at % TABLE_SIDE_NODES + first[0], at / TABLE_SIDE_NODES + first[1]];
+                let [u, v] = [0, 1]
+                    .map(|k: usize| node[k] as f64 * NODE_SPACING_M + slide[k] * CLOUD_HEIGHT_M - drift[k]);
+                let above = (noise(&waves, [u, v]) - threshold) / EDGE_SIGMAS;
                 let share = (0.5 - 0.5 * above).clamp(0.0, 1.0);
                 (share * share * (3.0 - 2.0 * share)) as f32
             })
@@ -85,14 +85,14 @@ impl CloudShadows {
     #[inline]
     pub(crate) fn open(&self, point: Vec3) -> f32 {
         let [u, v] = [0, 1].map(|k: usize| self.axes[k].dot(point) + self.start[k]);
-        let last = (NODES - 1) as f32;
+        let last = (TABLE_SIDE_NODES - 1) as f32;
         let is_known = u >= 0.0 && v >= 0.0 && u < last && v < last;
         if !is_known {
             return self.mean;
         }
         let (column, row) = (u as usize, v as usize);
         let (s, t) = (u - column as f32, v - row as f32);
-        let at = |x: usize, y: usize| self.table[(row + y) * NODES as usize + column + x];
+        let at = |x: usize, y: usize| self.table[(row + y) * TABLE_SIDE_NODES as usize + column + x];
         let mix = |a: f32, b: f32, share: f32| a + (b - a) * share;
         mix(mix(at(0, 0), at(1, 0), s), mix(at(0, 1), at(1, 1), s), t)
     }
@@ -102,18 +102,18 @@ impl CloudShadows {
 fn waves(seed: u64) -> Vec<([f64; 2], f64)> {
     let wave = |index: u64| {
         let at = |k: u64| uniform(seed ^ 0xc10d_5ade, 3 * index + k);
-        let length = LENGTHS[0] * (LENGTHS[1] / LENGTHS[0]).powf(at(0));
+        let length = WAVE_LENGTHS_M[0] * (WAVE_LENGTHS_M[1] / WAVE_LENGTHS_M[0]).powf(at(0));
         let (sin, cos) = (TAU * at(1)).sin_cos();
         ([cos, sin].map(|v| v * TAU / length), TAU * at(2))
     };
-    (0..WAVES).map(wave).collect()
+    (0..WAVE_COUNT).map(wave).collect()
 }
 
 /// Value of the noise of waves at a place, m: mean 0, variance 1.
 fn noise(waves: &[([f64; 2], f64)], point: [f64; 2]) -> f64 {
     let [x, y] = point;
     let sum: f64 = waves.iter().map(|([a, b], phase)| (a * x + b * y + phase).cos()).sum();
-    sum * (2.0 / WAVES as f64).sqrt()
+    sum * (2.0 / WAVE_COUNT as f64).sqrt()
 }
 
 /// The quantile of the normal distribution.

@@ -13,22 +13,22 @@ use std::f64::consts::PI;
 use wm_base::color::luminance;
 
 /// Luminous efficacy, lm/W.
-const EFFICACY: f64 = 683.0;
+const LUMINOUS_EFFICACY: f64 = 683.0;
 /// Elevation of the sun down to which the model of the clear sky holds, degrees.
 const LOWEST_DAY: f64 = 3.0;
 /// Clear skies with the sun below that: elevation in degrees, illuminance of level ground in lux.
-const TWILIGHT: [[f64; 2]; 4] = [[-0.8, 400.0], [-6.0, 3.4], [-12.0, 0.008], [-18.0, 0.0006]];
+const TWILIGHT_ILLUMINANCES: [[f64; 2]; 4] = [[-0.8, 400.0], [-6.0, 3.4], [-12.0, 0.008], [-18.0, 0.0006]];
 /// Tint of the sky once the sun is 6 degrees below the horizon, luminance 1.
 const BLUE_HOUR: [f64; 3] = [0.75, 0.98, 1.93];
 /// Tint of the glow of a town's sky, luminance 1: lamps of 3,000 to 4,000 K, as a camera balances
 /// them.
-const GLOW: [f64; 3] = [1.15, 0.97, 0.85];
+const GLOW_TINT: [f64; 3] = [1.15, 0.97, 0.85];
 /// Share of a clear sky's light that the thickest clouds take (Kasten and Czeplak 1980).
-const CLOUDS: f64 = 0.75;
+const MAX_CLOUD_LOSS_SHARE: f64 = 0.75;
 /// Tint of clouds, luminance 1.
-const GREY: [f64; 3] = [0.97, 1.0, 1.05];
+const CLOUD_TINT: [f64; 3] = [0.97, 1.0, 1.05];
 /// Albedo of the ground under the sky.
-const GROUND: f64 = 0.2;
+const GROUND_ALBEDO: f64 = 0.2;
 
 /// The light of the open sky at an instant.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,14 +66,14 @@ impl OpenLight {
         glow: f64,
     ) -> Self {
         let day = elevation.max(LOWEST_DAY).to_radians();
-        let clear = ClearSky::new(day, turbidity, GROUND);
+        let clear = ClearSky::new(day, turbidity, GROUND_ALBEDO);
         let at = |elevation: f64| -> [f64; 3] {
             let (sin, cos) = elevation.sin_cos();
             std::array::from_fn(|k| cos * heading[k] + sin * up[k])
         };
-        let (mut tint, mut beam) = ([1.0; 3], clear.sun_irradiance().map(|v| EFFICACY * v));
+        let (mut tint, mut beam) = ([1.0; 3], clear.sun_irradiance().map(|v| LUMINOUS_EFFICACY * v));
         let irradiance = clear.level_and_upright_irradiance();
-        let lowest = irradiance[0].map(|v| EFFICACY * v);
+        let lowest = irradiance[0].map(|v| LUMINOUS_EFFICACY * v);
         if elevation < LOWEST_DAY {
             let fade = ((elevation + 0.8) / (LOWEST_DAY + 0.8)).clamp(0.0, 1.0);
             beam = beam.map(|v| v * fade);
@@ -85,16 +85,16 @@ impl OpenLight {
         let sin = sin_sun.max(LOWEST_DAY.to_radians().sin() * 0.5);
         let open: [f64; 3] = std::array::from_fn(|k| lowest[k] * tint[k] + beam[k] * sin_sun.max(0.0));
         // Clouds take light away; what floats in the air scatters it downwards.
-        let kept = 1.0 - CLOUDS * clouds.powf(3.4);
+        let kept = 1.0 - MAX_CLOUD_LOSS_SHARE * clouds.powf(3.4);
         let level = open.map(|v| v * kept);
         let sun: [f64; 3] = std::array::from_fn(|k| beam[k] * (1.0 - clouds) * (-depth[k] / sin).exp());
         let through = (1.0 - clouds) * (-depth[1] / sin).exp();
         let sky: [f64; 3] = std::array::from_fn(|k| lowest[k] * tint[k] * through);
         let rest = std::array::from_fn(|k| (level[k] - sun[k] * sin_sun.max(0.0) - sky[k]).max(0.0));
         let grey = luminance(rest);
-        let overcast = std::array::from_fn(|k| GREY[k] * grey + GLOW[k] * glow);
+        let overcast = std::array::from_fn(|k| CLOUD_TINT[k] * grey + GLOW_TINT[k] * glow);
         let zenith = clear.radiance(1.0, day.sin());
-        let gradation = gradation(irradiance, zenith, tint.map(|v| v * through * EFFICACY));
+        let gradation = gradation(irradiance, zenith, tint.map(|v| v * through * LUMINOUS_EFFICACY));
         let cloudy = SkyGradation::overcast(overcast);
         let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + b[k]);
         let sky = SkyGradation {
@@ -125,7 +125,7 @@ impl OpenLight {
         let clear = self.clear.radiance(sin, dot(direction, self.glow_center));
         // CIE overcast: the zenith has 9/7 of the mean.
         let cloudy = (1.0 + 2.0 * sin.clamp(0.0, 1.0)) * 3.0 / 7.0;
-        std::array::from_fn(|k| PI * EFFICACY * self.tint[k] * clear[k] + cloudy * self.overcast[k])
+        std::array::from_fn(|k| PI * LUMINOUS_EFFICACY * self.tint[k] * clear[k] + cloudy * self.overcast[k])
     }
 }
 
@@ -133,7 +133,7 @@ impl OpenLight {
 /// [`LOWEST_DAY`], where it is `highest`, lx: a straight line of its logarithm between the rows.
 fn twilight(elevation: f64, highest: f64) -> f64 {
     let mut above = [LOWEST_DAY, highest];
-    for below in TWILIGHT {
+    for below in TWILIGHT_ILLUMINANCES {
         if elevation >= below[0] {
             let share = (elevation - below[0]) / (above[0] - below[0]);
             return below[1] * (above[1] / below[1]).powf(share);

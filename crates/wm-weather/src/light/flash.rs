@@ -10,22 +10,22 @@ use glam::Vec3;
 use wm_base::random::uniform;
 
 /// Luminous exposure of level ground by one stroke at 1 km, lx s.
-const STROKE: f64 = 5.0;
-/// Time over which a stroke's light falls to 1/e, s.
-const DECAY: f64 = 0.004;
+const STROKE_EXPOSURE_LX_S: f64 = 5.0;
+/// Time over which a stroke's light falls to 1/e.
+const STROKE_DECAY_S: f64 = 0.004;
 /// Strokes of a flash, and the time between them, s.
-const STROKES: [u64; 2] = [2, 5];
+const STROKE_COUNTS: [u64; 2] = [2, 5];
 const STROKE_INTERVALS_S: [f64; 2] = [0.04, 0.06];
-/// Height from which most of the light comes, m.
-const HEIGHT: f64 = 2_000.0;
+/// Height from which most of the light comes.
+const FLASH_HEIGHT_M: f64 = 2_000.0;
 /// Nearest to farthest flash for a mean distance, as factors on it.
-const SPREAD: [f64; 2] = [0.5, 1.5];
+const DISTANCE_FACTORS: [f64; 2] = [0.5, 1.5];
 /// The share of the light that comes from about the flash; the rest is spread over the clouds.
-const DIRECT: f32 = 0.4;
+const DIRECT_SHARE: f32 = 0.4;
 /// Tint of a flash, luminance 1: some 9,000 K.
-const TINT: [f64; 3] = [0.9, 1.0, 1.29];
-/// Length of the slots of time, of which each has one flash or none, s: as long as a flash at most.
-const SLOT: f64 = 0.5;
+const FLASH_TINT: [f64; 3] = [0.9, 1.0, 1.29];
+/// Length of the slots of time, of which each has one flash or none: as long as a flash at most.
+const SLOT_LENGTH_S: f64 = 0.5;
 
 /// The light of lightning at one instant, averaged over an exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,20 +56,21 @@ impl Storm {
         let mut strongest: Option<Flash> = None;
         let mut lux = 0.0;
         // One that began a slot before may still strike.
-        let first = (time / SLOT).floor() as i64 - 1;
-        let last = ((time + shutter) / SLOT).floor() as i64;
+        let first = (time / SLOT_LENGTH_S).floor() as i64 - 1;
+        let last = ((time + shutter) / SLOT_LENGTH_S).floor() as i64;
         for slot in first..=last {
             let draw =
                 |k: u64| uniform(self.seed ^ 0x1167_3717, (slot as u64).wrapping_mul(64).wrapping_add(k));
             // At most one a slot: the chance of it is the rate.
-            if draw(0) >= (self.rate / 60.0 * SLOT).min(1.0) {
+            if draw(0) >= (self.rate / 60.0 * SLOT_LENGTH_S).min(1.0) {
                 continue;
             }
-            let mut strike = (slot as f64 + 0.5 * draw(1)) * SLOT;
-            let share = SPREAD[0] + (SPREAD[1] - SPREAD[0]) * draw(2);
+            let mut strike = (slot as f64 + 0.5 * draw(1)) * SLOT_LENGTH_S;
+            let share = DISTANCE_FACTORS[0] + (DISTANCE_FACTORS[1] - DISTANCE_FACTORS[0]) * draw(2);
             let distance = share * self.distance;
-            let slant = distance.hypot(HEIGHT);
-            let strokes = STROKES[0] + (draw(3) * (STROKES[1] - STROKES[0] + 1) as f64) as u64;
+            let slant = distance.hypot(FLASH_HEIGHT_M);
+            let strokes =
+                STROKE_COUNTS[0] + (draw(3) * (STROKE_COUNTS[1] - STROKE_COUNTS[0] + 1) as f64) as u64;
             let mut exposure = 0.0;
             for stroke in 0..strokes {
                 // The first is the strongest.
@@ -78,14 +79,14 @@ impl Storm {
                 strike += STROKE_INTERVALS_S[0]
                     + (STROKE_INTERVALS_S[1] - STROKE_INTERVALS_S[0]) * draw(9 + 2 * stroke);
             }
-            let own = STROKE * 1e6 / (slant * slant) * exposure / shutter;
+            let own = STROKE_EXPOSURE_LX_S * 1e6 / (slant * slant) * exposure / shutter;
             if own <= 0.0 {
                 continue;
             }
             lux += own;
             if strongest.is_none_or(|known| own > known.lux) {
                 let azimuth = std::f64::consts::TAU * draw(4);
-                strongest = Some(Flash { lux: own, azimuth, sin: HEIGHT / slant });
+                strongest = Some(Flash { lux: own, azimuth, sin: FLASH_HEIGHT_M / slant });
             }
         }
         strongest.map(|flash| Flash { lux, ..flash })
@@ -94,7 +95,7 @@ impl Storm {
 
 /// The share of the light of a stroke at `strike` that falls between two instants, s.
 fn lit_during(strike: f64, from: f64, to: f64) -> f64 {
-    let left = |time: f64| if time <= strike { 1.0 } else { (-(time - strike) / DECAY).exp() };
+    let left = |time: f64| if time <= strike { 1.0 } else { (-(time - strike) / STROKE_DECAY_S).exp() };
     left(from) - left(to)
 }
 
@@ -117,7 +118,7 @@ impl FlashLight {
         let direction = crate::level::from_level(axes, [level * cos, level * sin, flash.sin]);
         Self {
             direction: Vec3::from_array(direction.map(|v| v as f32)),
-            level: Vec3::from_array(TINT.map(|v| (v * flash.lux * display) as f32)),
+            level: Vec3::from_array(FLASH_TINT.map(|v| (v * flash.lux * display) as f32)),
             up: Vec3::from_array(axes[2].map(|v| v as f32)),
         }
     }
@@ -132,7 +133,7 @@ impl FlashLight {
         };
         let beam = facing / self.direction.dot(self.up).max(0.2);
         let spread = 0.5 * (1.0 + upright);
-        self.level * (open * (DIRECT * beam + (1.0 - DIRECT) * spread))
+        self.level * (open * (DIRECT_SHARE * beam + (1.0 - DIRECT_SHARE) * spread))
     }
 
     /// The radiance that it adds to the sky in a direction (world axes, length 1), times pi, linear
@@ -144,7 +145,7 @@ impl FlashLight {
         }
         // A lobe about it, whose cosine-weighted sum over the sky is about 1, and an even glow.
         let lobe = 3.5 * direction.dot(self.direction).max(0.0).powi(6);
-        (self.level * (DIRECT * lobe + (1.0 - DIRECT))).to_array().map(f64::from)
+        (self.level * (DIRECT_SHARE * lobe + (1.0 - DIRECT_SHARE))).to_array().map(f64::from)
     }
 }
 

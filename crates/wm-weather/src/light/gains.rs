@@ -16,7 +16,7 @@ use wm_scene::{Splats, sh};
 const MAX_GAIN: f64 = 8.0;
 /// Most of the captured light's tint that is taken away, as a share: more turns former shadows
 /// neon.
-const TINT: f64 = 0.25;
+const MAX_TINT_CHANGE: f64 = 0.25;
 /// Lower clamp of the captured irradiance in divisions.
 const MIN_IRRADIANCE: f64 = 1e-3;
 
@@ -244,7 +244,7 @@ impl SplatAttributes for FrameGains<'_> {
             let change = light.change(splat);
             for (k, gain) in Attribute::GAINS.into_iter().enumerate() {
                 let value = &mut block.column_mut(gain)[at];
-                *value = (*value + change[k]).clamp(0.0, (MAX_GAIN * (1.0 + TINT)) as f32);
+                *value = (*value + change[k]).clamp(0.0, (MAX_GAIN * (1.0 + MAX_TINT_CHANGE)) as f32);
             }
         }
     }
@@ -299,7 +299,8 @@ impl SplatIrradiances {
 
     /// The factor that takes the tint of a channel away, for new light of this tint.
     fn untinted(&self, k: usize, tint: f64) -> f64 {
-        let [least, most] = [(1.0 - TINT).min(1.0 / tint), (1.0 + TINT).max(1.0 / tint)];
+        let [least, most] =
+            [(1.0 - MAX_TINT_CHANGE).min(1.0 / tint), (1.0 + MAX_TINT_CHANGE).max(1.0 / tint)];
         (luminance(self.before).max(MIN_IRRADIANCE) / self.before[k].max(MIN_IRRADIANCE)).clamp(least, most)
     }
 }
@@ -325,8 +326,11 @@ mod tests {
     #[test]
     fn gains_are_bounded_and_nearly_grey() {
         let gain = SplatIrradiances { before: [0.05, 0.1, 0.2], sky: [1.5; 3], beam: [0.5; 3] }.gain();
-        assert!(gain.iter().all(|v| *v <= (MAX_GAIN * (1.0 + TINT)) as f32), "{gain:?}");
-        assert!(f64::from(gain[0] / gain[2]) < (1.0 + TINT) / (1.0 - TINT) + 1e-6, "{gain:?}");
+        assert!(gain.iter().all(|v| *v <= (MAX_GAIN * (1.0 + MAX_TINT_CHANGE)) as f32), "{gain:?}");
+        assert!(
+            f64::from(gain[0] / gain[2]) < (1.0 + MAX_TINT_CHANGE) / (1.0 - MAX_TINT_CHANGE) + 1e-6,
+            "{gain:?}"
+        );
         // The same light changes nothing, however blue it is.
         let same =
             SplatIrradiances { before: [0.05, 0.1, 0.4], sky: [0.05, 0.1, 0.4], beam: [0.0; 3] }.gain();

@@ -8,9 +8,8 @@ use wm_scene::Camera;
 
 /// Luminous intensity of both in the middle of the beam, cd; a car's low beams have some 10,000 to
 /// 15,000 each there.
-const INTENSITY: f64 = 22_000.0;
-/// Colour, K.
-const KELVIN: f64 = 5_000.0;
+const BEAM_INTENSITY_CD: f64 = 22_000.0;
+const HEADLAMP_KELVIN: f64 = 5_000.0;
 /// Place from the camera: ahead and below, m.
 const LAMP_AHEAD_M: f64 = 1.2;
 const LAMP_BELOW_M: f64 = 0.6;
@@ -49,7 +48,8 @@ impl Headlamps {
             right: forward.cross(up).as_vec3(),
             up: up.as_vec3(),
             metres_per_unit: site.metres_per_unit as f32,
-            intensity: DVec3::from_array(black_body(KELVIN).map(|v| v * INTENSITY)).as_vec3(),
+            intensity: DVec3::from_array(black_body(HEADLAMP_KELVIN).map(|v| v * BEAM_INTENSITY_CD))
+                .as_vec3(),
             display: display as f32,
         }
     }

@@ -26,33 +26,33 @@ use wm_scene::splats::shortest_axis;
 use wm_scene::{Camera, Group, Splats, quat};
 
 /// Texels along the side of a face, of lamps, and of windows and lit ground.
-const SIDE: u32 = 128;
-const COARSE_SIDE: u32 = 48;
+const LAMP_FACE_TEXELS: u32 = 128;
+const COARSE_FACE_TEXELS: u32 = 48;
 /// Distance from a lamp within which nothing casts shadows, m: its head and its arm.
 const LAMP_RADIUS_M: f64 = 0.45;
 /// Distances from a lamp between which surfaces tell whether it stands inside of something, m:
 /// nearer ones may be its lantern.
 const ENCLOSURE_DISTANCES_M: [f64; 2] = [LAMP_RADIUS_M, 1.2];
 /// Least number of surfaces that decide it, and the share of them that must have the lamp behind.
-const FEWEST: usize = 20;
-const ENCLOSED: f64 = 0.8;
+const MIN_ENCLOSING_SURFACES: usize = 20;
+const MIN_ENCLOSED_SHARE: f64 = 0.8;
 /// Tolerance of the depth test: a share of the distance, and m.
-const SLACK: f32 = 0.02;
+const SLACK_SHARE: f32 = 0.02;
 const SLACK_M: f64 = 0.12;
 /// Texels are of one surface if their distances differ by no more than this share.
-const SMOOTH: f32 = 0.4;
+const MAX_DISTANCE_STEP_SHARE: f32 = 0.4;
 /// Height by which surfaces are lifted along their normals before they look for a lamp, m: in
 /// multiples of the roughness of the ground, between these; and as a share of the distance. Rough
 /// ground that is lit at a low angle hides itself.
-const LIFT: [f32; 2] = [0.06, 0.8];
-const ROUGH: f32 = 2.5;
+const LIFT_LIMITS_M: [f32; 2] = [0.06, 0.8];
+const ROUGHNESS_LIFT_FACTOR: f32 = 2.5;
 /// Width of the columns in which the roughness of ground is found, m, and the fewest surfaces of
 /// one.
-const COLUMN: f64 = 0.5;
-const IN_COLUMN: usize = 4;
+const COLUMN_WIDTH_M: f64 = 0.5;
+const MIN_COLUMN_SURFACES: usize = 4;
 /// Least cosine between up and the normal of ground.
-const LEVEL: f64 = 0.8;
-const LIFT_FAR: f32 = 0.012;
+const MIN_GROUND_COSINE: f64 = 0.8;
+const DISTANCE_LIFT_SHARE: f32 = 0.012;
 /// Incidence on leaves, which turn to all sides.
 const LEAF_INCIDENCE: f32 = 0.5;
 /// Illuminance below which the light of a lamp is left out, lx.
@@ -70,7 +70,7 @@ pub struct LampShadows {
     /// The lamps that stand inside of something, by their place in the list.
     enclosed: Vec<u32>,
     metres_per_unit: f32,
-    /// See [`LIFT`].
+    /// See [`LIFT_LIMITS_M`].
     lift: f32,
 }
 
@@ -120,12 +120,13 @@ impl LampShadows {
             let mut draw = |light: &LampLight, side: u32| {
                 DepthCube::draw(&mut renderer, &sets, &mut frame, light, side, near)
             };
-            let cube = draw(lamp, if lamp.kind == LampKind::Ball { SIDE } else { COARSE_SIDE })?;
+            let cube =
+                draw(lamp, if lamp.kind == LampKind::Ball { LAMP_FACE_TEXELS } else { COARSE_FACE_TEXELS })?;
             // The first surface below, or the ground of the place.
             let height = up.dot(Vec3::from_array(lamp.at).as_dvec3()) - site.ground;
             let below = cube.first(-up.as_vec3()).map_or(height, f64::from);
             if let Some(ground) = lamp.ground_under(below * site.metres_per_unit, up, site.metres_per_unit) {
-                let cube = draw(&ground, COARSE_SIDE)?;
+                let cube = draw(&ground, COARSE_FACE_TEXELS)?;
                 grounds.push((ground, cube));
             }
             lights.push((*lamp, cube));
@@ -137,7 +138,8 @@ impl LampShadows {
             lit: Vec::new(),
             enclosed,
             metres_per_unit: site.metres_per_unit as f32,
-            lift: (ROUGH * roughness(surfaces, site)).clamp(LIFT[0], LIFT[1]),
+            lift: (ROUGHNESS_LIFT_FACTOR * roughness(surfaces, site))
+                .clamp(LIFT_LIMITS_M[0], LIFT_LIMITS_M[1]),
         };
         lit.lit = map(points.len(), |index| {
             if capture.is_sky(index) {
@@ -190,7 +192,7 @@ impl LampShadows {
             let incidence = if normal == Vec3::ZERO { LEAF_INCIDENCE } else { -direction.dot(normal) };
             let share = light.share(direction) * incidence / softened;
             if incidence > 0.0 && share * intensity.max_element() > MIN_ILLUMINANCE_LX {
-                let lift = (LIFT_FAR * squared.sqrt()).max(self.lift) / self.metres_per_unit;
+                let lift = (DISTANCE_LIFT_SHARE * squared.sqrt()).max(self.lift) / self.metres_per_unit;
                 sum += intensity * (share * cube.open(offset + normal * lift));
             }
         }
@@ -206,12 +208,12 @@ fn roughness(surfaces: &Splats, site: &Site) -> f32 {
     for index in (0..surfaces.len()).filter(|index| surfaces.groups[*index] != Group::Sky) {
         let rows = quat::to_matrix(surfaces.quats[index].map(f64::from));
         let axis = shortest_axis(surfaces.log_scales[index]);
-        if up.dot(DVec3::from_array(rows.map(|row| row[axis]))).abs() > LEVEL {
+        if up.dot(DVec3::from_array(rows.map(|row| row[axis]))).abs() > MIN_GROUND_COSINE {
             let point = DVec3::from_array(surfaces.means[index].map(f64::from)) * site.metres_per_unit;
             let height = point.dot(up);
             // What is a storey higher is another surface.
-            let column =
-                [point.dot(east), point.dot(north), 0.25 * height].map(|v| (v / COLUMN).floor() as i32);
+            let column = [point.dot(east), point.dot(north), 0.25 * height]
+                .map(|v| (v / COLUMN_WIDTH_M).floor() as i32);
             heights.push((column, height));
         }
     }
@@ -221,7 +223,7 @@ fn roughness(surfaces: &Splats, site: &Site) -> f32 {
         let mean = column.iter().map(|(_, height)| height).sum::<f64>() / count;
         (column.iter().map(|(_, height)| (height - mean).powi(2)).sum::<f64>() / count).sqrt()
     };
-    let columns = heights.chunk_by(|a, b| a.0 == b.0).filter(|column| column.len() >= IN_COLUMN);
+    let columns = heights.chunk_by(|a, b| a.0 == b.0).filter(|column| column.len() >= MIN_COLUMN_SURFACES);
     median(columns.map(deviation).collect()).unwrap_or(0.0) as f32
 }
 
@@ -237,7 +239,7 @@ fn is_behind(at: Vec3, points: &[[f32; 3]], capture: &CaptureLight, site: &Site)
             behind += usize::from(to_lamp.dot(capture.normal(index)) < 0.0);
         }
     }
-    all >= FEWEST && behind as f64 >= ENCLOSED * all as f64
+    all >= MIN_ENCLOSING_SURFACES && behind as f64 >= MIN_ENCLOSED_SHARE * all as f64
 }
 
 /// The distance to the first surface around a point, on the faces of a cube.
@@ -333,12 +335,12 @@ impl DepthCube {
         let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
         let texels = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.texel(face, column + i, row + j));
         // Nothing stands nearer than that.
-        let limit = 1.0 / (depth * (1.0 - SLACK) - self.behind).max(1e-9);
+        let limit = 1.0 / (depth * (1.0 - SLACK_SHARE) - self.behind).max(1e-9);
         let (low, high) = texels.iter().fold((f32::INFINITY, 0.0f32), |(l, h), v| (l.min(*v), h.max(*v)));
         if high <= limit {
             return 1.0;
         }
-        if low >= high * (1.0 - SMOOTH) {
+        if low >= high * (1.0 - MAX_DISTANCE_STEP_SHARE) {
             // One surface: its inverse distance is linear over the face where it is flat.
             let here: f32 = (0..4).map(|k| weights[k] * texels[k]).sum();
             return if here <= limit { 1.0 } else { 0.0 };
@@ -350,7 +352,7 @@ impl DepthCube {
     #[inline]
     pub(crate) fn is_open(&self, offset: Vec3) -> bool {
         let (face, [x, y], depth) = self.locate(offset);
-        self.texel(face, x as i32, y as i32) * (depth * (1.0 - SLACK) - self.behind) <= 1.0
+        self.texel(face, x as i32, y as i32) * (depth * (1.0 - SLACK_SHARE) - self.behind) <= 1.0
     }
 
     /// [`Self::is_open`] of a vector of offsets: 1 where a point is open, 0 where not.
@@ -378,7 +380,7 @@ impl DepthCube {
         for lane in &mut lanes[..S::N] {
             *lane = self.inverse[*lane as usize];
         }
-        let limit = depth.mul_add(simd.set(1.0 - SLACK), simd.set(-self.behind));
+        let limit = depth.mul_add(simd.set(1.0 - SLACK_SHARE), simd.set(-self.behind));
         (simd.load(&lanes) * limit).simd_le(one).select(one, zero)
     }
 }

@@ -22,27 +22,35 @@ use wm_scene::splats::Splat;
 use wm_scene::{Camera, Group, Lamp, Splats};
 
 const SITE: Site = Site { captured_sky: CapturedSky::Overcast, ..Site::PLAIN };
-/// Distance between the splats of the yard, m.
-const STEP: f64 = 0.15;
+/// Distance between the splats of the yard.
+const SPLAT_SPACING_M: f64 = 0.15;
 
 /// Level ground of 16 x 16 m, with a wall of 1.5 m across it at x = 3.
 fn yard() -> Splats {
     let mut splats = Splats::with_capacity(0, 0);
     let mut add = |point: DVec3, normal: DVec3, up: DVec3| {
-        let scales = [0.66 * STEP, 0.66 * STEP, 0.05 * STEP];
+        let scales = [0.66 * SPLAT_SPACING_M, 0.66 * SPLAT_SPACING_M, 0.05 * SPLAT_SPACING_M];
         let surfel = surfel(point.to_array(), normal, up, scales, [0.5; 3], 0.98);
         splats.push(&Splat { group: Group::Scene, ..surfel });
     };
-    let half = (8.0 / STEP) as i32;
+    let half = (8.0 / SPLAT_SPACING_M) as i32;
     for x in -half..half {
         for y in -half..half {
-            add(DVec3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 0.0) * STEP, DVec3::Z, DVec3::X);
+            add(
+                DVec3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 0.0) * SPLAT_SPACING_M,
+                DVec3::Z,
+                DVec3::X,
+            );
         }
     }
     for y in -half..half {
         for z in 0..10 {
             add(
-                DVec3::new(3.0, (f64::from(y) + 0.5) * STEP, (f64::from(z) + 0.5) * STEP),
+                DVec3::new(
+                    3.0,
+                    (f64::from(y) + 0.5) * SPLAT_SPACING_M,
+                    (f64::from(z) + 0.5) * SPLAT_SPACING_M,
+                ),
                 DVec3::NEG_X,
                 DVec3::Z,
             );
@@ -305,12 +313,12 @@ fn house(lantern: DVec3) -> Splats {
         for side in [-1.0, 1.0] {
             let normal = DVec3::AXES[axis] * side;
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-            for i in 0..((high[u] - low[u]) / STEP) as i32 {
-                for j in 0..((high[v] - low[v]) / STEP) as i32 {
+            for i in 0..((high[u] - low[u]) / SPLAT_SPACING_M) as i32 {
+                for j in 0..((high[v] - low[v]) / SPLAT_SPACING_M) as i32 {
                     let mut point = if side < 0.0 { low } else { high };
-                    point[u] = low[u] + STEP * (f64::from(i) + 0.5);
-                    point[v] = low[v] + STEP * (f64::from(j) + 0.5);
-                    add(point, normal, STEP);
+                    point[u] = low[u] + SPLAT_SPACING_M * (f64::from(i) + 0.5);
+                    point[v] = low[v] + SPLAT_SPACING_M * (f64::from(j) + 0.5);
+                    add(point, normal, SPLAT_SPACING_M);
                 }
             }
         }

@@ -1,7 +1,8 @@
 //! Lamps and lit windows as sources of light.
 //!
 //! Intensities are candela by channel with luminance in cd, irradiances lux. A camera at night is
-//! balanced for the lamps about it: colours are those of black bodies beside one of [`BALANCE`].
+//! balanced for the lamps about it: colours are those of black bodies beside one of
+//! [`LAMP_WHITE_KELVIN`].
 
 use glam::{DVec2, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -9,24 +10,24 @@ use std::f64::consts::PI;
 use wm_base::color::luminance;
 use wm_scene::{Camera, Lamp, LitWindow};
 
-/// Colour temperature that is shown as white by lamplight, K.
-const BALANCE: f64 = 4_000.0;
+/// Colour temperature that is shown as white by lamplight.
+const LAMP_WHITE_KELVIN: f64 = 4_000.0;
 /// Reflectance of the ground that returns light.
-const GROUND: f64 = 0.2;
+const GROUND_REFLECTANCE: f64 = 0.2;
 /// Height above the ground from which it returns the light of a lamp, m.
 const ABOVE_GROUND: f64 = 0.3;
 /// Distance between windows that are one source of light, m.
 const ONE_ROOM: f64 = 4.0;
-/// Lowest and highest lamps whose light the ground returns, m.
-const HEIGHTS: [f64; 2] = [1.0, 30.0];
+/// Lowest and highest lamps whose light the ground returns.
+const RETURNED_LAMP_HEIGHTS_M: [f64; 2] = [1.0, 30.0];
 /// Standard deviations of the beam of headlamps to the sides and downwards, and where it is
 /// brightest, as tangents.
 const BEAM_WIDTH: f32 = 0.33;
 const BEAM_HEIGHT: f32 = 0.11;
 const BEAM_DIP: f32 = -0.02;
 /// Width of the cut-off above the horizon, as a tangent, and the share of stray light above it.
-const CUT_OFF: f32 = 0.008;
-const STRAY: f32 = 0.012;
+const CUT_OFF_WIDTH: f32 = 0.008;
+const STRAY_LIGHT_SHARE: f32 = 0.012;
 
 /// A small source of light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -141,7 +142,9 @@ impl LampLight {
 
     /// The ground that a lamp lights, `metres` below it; `None` where it returns next to nothing.
     pub(crate) fn ground_under(&self, metres: f64, up: DVec3, metres_per_unit: f64) -> Option<Self> {
-        if self.kind != LampKind::Ball || !(HEIGHTS[0]..HEIGHTS[1]).contains(&metres) {
+        if self.kind != LampKind::Ball
+            || !(RETURNED_LAMP_HEIGHTS_M[0]..RETURNED_LAMP_HEIGHTS_M[1]).contains(&metres)
+        {
             return None;
         }
         let down = self.flux_below(-up);
@@ -149,7 +152,7 @@ impl LampLight {
         (down > 0.0).then(|| Self {
             at: at.as_vec3().to_array(),
             // A matt surface of this flux has its share of 1 / pi straight up.
-            intensity: self.intensity.map(|v| (f64::from(v) * down * GROUND / PI) as f32),
+            intensity: self.intensity.map(|v| (f64::from(v) * down * GROUND_REFLECTANCE / PI) as f32),
             axis: up.as_vec3().to_array(),
             radius: (0.5 * metres) as f32,
             kind: LampKind::Ground,
@@ -206,9 +209,9 @@ pub(super) fn headlamp_beam(forward: f32, right: f32, up: f32) -> f32 {
     let (side, rise) = (right / forward, up / forward);
     let below = ((rise - BEAM_DIP) / BEAM_HEIGHT).powi(2);
     // The beam ends at the horizon, softly.
-    let cut = 1.0 / (1.0 + ((rise / CUT_OFF).clamp(-30.0, 30.0)).exp());
+    let cut = 1.0 / (1.0 + ((rise / CUT_OFF_WIDTH).clamp(-30.0, 30.0)).exp());
     let wide = (-0.5 * (side / BEAM_WIDTH).powi(2)).exp();
-    wide * (cut * (-0.5 * below).exp() + STRAY * (-2.0 * rise.abs()).exp())
+    wide * (cut * (-0.5 * below).exp() + STRAY_LIGHT_SHARE * (-2.0 * rise.abs()).exp())
 }
 
 /// All sources of light of a place.
@@ -274,7 +277,7 @@ impl LampLights {
 /// The colour of a black body, linear RGB of luminance 1, in a picture that is balanced for 4,000
 /// K.
 pub(crate) fn black_body(kelvin: f64) -> [f64; 3] {
-    let (own, white) = (unbalanced(kelvin), unbalanced(BALANCE));
+    let (own, white) = (unbalanced(kelvin), unbalanced(LAMP_WHITE_KELVIN));
     let rgb: [f64; 3] = std::array::from_fn(|k| own[k] / white[k]);
     let luminance = luminance(rgb);
     rgb.map(|v| v / luminance)
@@ -313,7 +316,7 @@ mod tests {
 
     #[test]
     fn black_bodies_go_from_orange_over_white_to_blue() {
-        let white = black_body(BALANCE);
+        let white = black_body(LAMP_WHITE_KELVIN);
         assert!(white.iter().all(|v| (v - 1.0).abs() < 1e-9));
         let [r, g, b] = black_body(2_000.0);
         assert!(r > 1.4 && g < 1.0 && b < 0.4, "{r} {g} {b}");

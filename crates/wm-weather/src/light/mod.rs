@@ -42,7 +42,7 @@ mod unseen_casters;
 mod white_card;
 mod windows;
 
-pub(crate) use capture::GREEN;
+pub(crate) use capture::GREEN_EXCESS_RATIO;
 pub use capture::{CaptureLight, KnownSun};
 pub use change::LightChange;
 pub(crate) use clouds::CloudShadows;

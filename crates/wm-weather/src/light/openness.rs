@@ -12,23 +12,23 @@ use glam::{IVec3, Vec3};
 use std::f64::consts::TAU;
 
 /// Directions over the upper half, each with an equal part of it.
-const DIRECTIONS: usize = 32;
+const DIRECTION_COUNT: usize = 32;
 /// Width of the blocks by which it is smoothed, m, the reach of their means in blocks, and the
 /// share of values that are no better than the one that counts.
-const BLOCK: f64 = 0.5;
-const REACH: f32 = 1.5;
+const BLOCK_WIDTH_M: f64 = 0.5;
+const MEAN_REACH_BLOCKS: f32 = 1.5;
 const BETTER_SHARE: f32 = 0.7;
 /// Width of the maps' cells, in those of the occluders.
-const COARSE: f64 = 2.0;
+const MAP_CELL_RATIO: f64 = 2.0;
 
 /// The shares of [`SurfaceLight::open`] of each surface. What is no surface looks to all sides.
 /// Normals whose outside is not known are turned to the side that sees more of the sky.
 pub(super) fn find(surfaces: &mut Surfaces, occluders: &Occluders, site: &Site) -> Vec<[f32; 2]> {
     let axes = level_axes(site.up);
-    let coarse = occluders.sketched(COARSE);
+    let coarse = occluders.sketched(MAP_CELL_RATIO);
     let golden = TAU * 0.618_033_988_75;
-    let looks = map(DIRECTIONS, |i| {
-        let z = (i as f64 + 0.5) / DIRECTIONS as f64;
+    let looks = map(DIRECTION_COUNT, |i| {
+        let z = (i as f64 + 0.5) / DIRECTION_COUNT as f64;
         let (sin, cos) = (golden * i as f64).sin_cos();
         let level = (1.0 - z * z).sqrt();
         let towards = from_level(&axes, [level * cos, level * sin, z]);
@@ -60,8 +60,8 @@ struct Block {
 /// lower ones see no sky. In each block the better values count, and surfaces take the mean of the
 /// blocks around them.
 fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site) -> Vec<[f32; 2]> {
-    let width = (BLOCK / site.metres_per_unit) as f32;
-    let reach = REACH * width;
+    let width = (BLOCK_WIDTH_M / site.metres_per_unit) as f32;
+    let reach = MEAN_REACH_BLOCKS * width;
     let cube = |point: Vec3| (point / width).floor().as_ivec3();
     let key = |i: usize| (cube(surfaces.points[i]), side(surfaces.normals[i]));
     let mut order: Vec<usize> = (0..surfaces.len()).collect();

@@ -14,19 +14,19 @@ use glam::{IVec3, Vec3};
 use wm_scene::splats::shortest_axis;
 use wm_scene::{Splats, quat};
 
-/// Width of the cells by which the nearest splat of the scene is found, m.
-const CELL: f64 = 0.3;
+/// Width of the cells by which the nearest splat of the scene is found.
+const CELL_WIDTH_M: f64 = 0.3;
 /// Most splats next to a surface that count, and the distance to them within which they count
 /// alike, in cells.
 const MOST_BESIDE: usize = 6;
-const SOFTNESS: f32 = 0.5;
+const ALIKE_DISTANCE_CELLS: f32 = 0.5;
 
 /// Widths of the blocks of level ground, m, and the weight of each in that of the width before:
 /// wider ones tell where there are no narrow ones, and the open sky where there are none at all.
-const BLOCKS: [f64; 4] = [0.6, 1.8, 5.4, 16.2];
+const BLOCK_WIDTHS_M: [f64; 4] = [0.6, 1.8, 5.4, 16.2];
 const WIDER_BLOCK_WEIGHT: f32 = 0.03;
 /// Least cosine between up and the normal of ground.
-const LEVEL: f32 = 0.5;
+const MIN_GROUND_COSINE: f32 = 0.5;
 
 /// The splats of a scene by place, to find what is near.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ pub struct NearSplats {
     cells: PlaceMap<IVec3, (u32, Vec3)>,
     width: f32,
     /// The shares of the sky's light that reach level ground, by blocks of each width, scene units.
-    blocks: [(f32, PlaceMap<IVec3, LevelBlock>); BLOCKS.len()],
+    blocks: [(f32, PlaceMap<IVec3, LevelBlock>); BLOCK_WIDTHS_M.len()],
 }
 
 /// Level ground in a block: sums over its splats.
@@ -50,19 +50,20 @@ impl NearSplats {
     /// Indexes the splats of a scene without its sky.
     #[must_use]
     pub fn new(points: &[[f32; 3]], capture: &CaptureLight, site: &Site) -> Self {
-        let width = (CELL / site.metres_per_unit) as f32;
+        let width = (CELL_WIDTH_M / site.metres_per_unit) as f32;
         let cell = |point: Vec3| (point / width).floor().as_ivec3();
         let off = |point: Vec3| (point / width - cell(point).as_vec3() - 0.5).length_squared();
         let mut cells: PlaceMap<IVec3, (u32, Vec3)> = PlaceMap::default();
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let mut blocks = BLOCKS.map(|metres| ((metres / site.metres_per_unit) as f32, PlaceMap::default()));
+        let mut blocks =
+            BLOCK_WIDTHS_M.map(|metres| ((metres / site.metres_per_unit) as f32, PlaceMap::default()));
         for (index, point) in points.iter().enumerate().filter(|(index, _)| !capture.is_sky(*index)) {
             let point = Vec3::from_array(*point);
             let known = cells.entry(cell(point)).or_insert((index as u32, point));
             if off(point) < off(known.1) {
                 *known = (index as u32, point);
             }
-            if capture.normal(index).dot(up) > LEVEL {
+            if capture.normal(index).dot(up) > MIN_GROUND_COSINE {
                 for (width, blocks) in &mut blocks {
                     let ground: &mut LevelBlock =
                         blocks.entry((point / *width).floor().as_ivec3()).or_default();
@@ -107,7 +108,7 @@ impl NearSplats {
         }
         found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         found.truncate(MOST_BESIDE);
-        let softness = (SOFTNESS * self.width).powi(2);
+        let softness = (ALIKE_DISTANCE_CELLS * self.width).powi(2);
         let weight = |distance: f32| 1.0 / (distance + softness);
         let all: f32 = found.iter().map(|(distance, _)| weight(*distance)).sum();
         let mut beside = [(0, 0.0); MOST_BESIDE];
@@ -185,7 +186,7 @@ impl PlacedSurfaces {
         } else {
             capture.surface_in_the_open(normal, up, shadows)
         };
-        let is_level = normal.dot(Vec3::from_array(up.map(|v| v as f32))) > LEVEL;
+        let is_level = normal.dot(Vec3::from_array(up.map(|v| v as f32))) > MIN_GROUND_COSINE;
         if is_level { SurfaceLight { open: self.open[index].map(f64::from), ..surface } } else { surface }
     }
 }

@@ -8,7 +8,7 @@ use wm_scene::splats::shortest_axis;
 use wm_scene::{Group, Splats, quat};
 
 /// Thickness of a flat splat, of either width.
-const FLAT: f64 = 0.4;
+const MAX_THICKNESS_RATIO: f64 = 0.4;
 
 /// Small surfaces with their normals and colours.
 pub(super) struct Surfaces {
@@ -38,7 +38,7 @@ impl Surfaces {
             let (axis, is_flat) = if index < found.oriented {
                 (2, true)
             } else {
-                (thin, (0..3).all(|k| k == thin || scales[thin] < FLAT * scales[k]))
+                (thin, (0..3).all(|k| k == thin || scales[thin] < MAX_THICKNESS_RATIO * scales[k]))
             };
             let turn = quat::to_matrix(splats.quats[index].map(f64::from));
             let normal = Vec3::from_array([0, 1, 2].map(|k| turn[k][axis] as f32));

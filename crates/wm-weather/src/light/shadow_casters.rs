@@ -10,7 +10,7 @@ use glam::Vec3;
 
 /// Limits of the width of a map's cells, in those of the occluders, which have the width of the
 /// surfaces' spacing between them.
-const CELLS: [f64; 2] = [0.25, 1.0];
+const CELL_RATIO_LIMITS: [f64; 2] = [0.25, 1.0];
 
 /// All that the shadows of any sun are made from, but for the light of the capture.
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ impl ShadowCasters {
     #[must_use]
     pub fn new(points: Vec<[f32; 3]>, occluders: &Occluders) -> Self {
         let fine = occluders.spacing() / occluders.cell();
-        let occluders = occluders.coarser(fine.clamp(CELLS[0], CELLS[1]));
+        let occluders = occluders.coarser(fine.clamp(CELL_RATIO_LIMITS[0], CELL_RATIO_LIMITS[1]));
         Self { occluders, points }
     }
 }

@@ -15,23 +15,21 @@ use glam::Vec3;
 use wm_base::color::luminance;
 use wm_scene::{Splats, quat};
 
-/// Most neighbours of a surface.
-const NEIGHBOURS: usize = 10;
+const MAX_NEIGHBOUR_COUNT: usize = 10;
 /// Least cosine between the normals of neighbours.
 const MIN_NORMAL_COSINE: f32 = 0.9;
-/// Rounds of averages.
-const ROUNDS: usize = 300;
+const AVERAGING_ROUND_COUNT: usize = 300;
 /// Differences of logs below which a difference is as good as none.
 const MIN_LOG_DIFFERENCE: f32 = 0.03;
 /// The weight of the mapped light of a surface near an edge, in that of a neighbour: of surfaces
 /// that photos show, whose places are a little off, and of splats without photos.
-const MAPPED: [f32; 2] = [0.01, 0.1];
+const MAPPED_LIGHT_WEIGHTS: [f32; 2] = [0.01, 0.1];
 /// Least luminance and irradiance whose log is taken, and least gain by the sun with which a colour
 /// tells its share.
-const DARKEST: f32 = 1e-4;
+const MIN_LUMINANCE: f32 = 1e-4;
 const LEAST_GAIN: f32 = 1.05;
 /// Least difference between the sun's shares around a splat at the edge of a shadow.
-const EDGE: f32 = 0.5;
+const MIN_EDGE_DIFFERENCE: f32 = 0.5;
 /// Least difference between the sun's shares around a splat whose share is sharpened.
 const MIN_SHARPENED_DIFFERENCE: f32 = 0.1;
 /// Standard deviations, in those of a splat, of the part that its colour is the mean of, and of
@@ -40,10 +38,10 @@ const COLOR_SIGMAS: f32 = 0.45;
 const BLENDED_SIGMAS: f32 = 0.85;
 /// Least standard deviation across a flat splat, in the longest: it is not off what lies a little
 /// above it.
-const FLAT: f32 = 0.5;
+const MIN_SIGMA_RATIO: f32 = 0.5;
 /// The part of the difference between these two that is added to the share: all of it leaves bright
 /// flecks where the edge is not exactly known.
-const SHARPENED: f32 = 0.6;
+const SHARPENING_SHARE: f32 = 0.6;
 /// Least light of a sharpened splat, of that in full shade, and the largest share of the sun.
 const LEAST_LIGHT: f32 = 0.5;
 const MOST_SHARE: f32 = 1.4;
@@ -89,7 +87,7 @@ impl ShadowEdges {
                 .collect();
             near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             // Near and far ones, so that the light spreads in few rounds.
-            let step = near.len().div_ceil(NEIGHBOURS).max(1);
+            let step = near.len().div_ceil(MAX_NEIGHBOUR_COUNT).max(1);
             near.into_iter().step_by(step).map(|(_, other)| other).collect::<Vec<u32>>()
         });
         let (mut neighbours, mut unsure) = (Vec::new(), Vec::with_capacity(asked.len()));
@@ -99,7 +97,7 @@ impl ShadowEdges {
             unsure.push(EdgeSurface { index: *index as u32, first, end: neighbours.len() as u32 });
         }
         let color = surfaces.light.iter().map(|light| log_luminance(*light));
-        let mapped = MAPPED[usize::from(surfaces.oriented == 0)];
+        let mapped = MAPPED_LIGHT_WEIGHTS[usize::from(surfaces.oriented == 0)];
         Self { unsure, neighbours, color: color.collect(), mapped }
     }
 
@@ -108,7 +106,7 @@ impl ShadowEdges {
     pub(crate) fn shares(&self, amounts: &[[f32; 2]], mapped: &[f32]) -> Vec<f32> {
         let of_share = |i: usize, share: f32| {
             let [shade, sunny] = amounts[i];
-            (shade + (sunny - shade) * share).max(DARKEST).ln()
+            (shade + (sunny - shade) * share).max(MIN_LUMINANCE).ln()
         };
         let mut light: Vec<f32> = (0..mapped.len()).map(|i| of_share(i, mapped[i])).collect();
         // By the map, in full shade and in full sun.
@@ -120,7 +118,7 @@ impl ShadowEdges {
             .collect();
         let mut reflectance: Vec<f32> =
             self.color.iter().zip(&light).map(|(color, light)| color - light).collect();
-        for _ in 0..ROUNDS {
+        for _ in 0..AVERAGING_ROUND_COUNT {
             let told = map(self.unsure.len(), |k| {
                 let EdgeSurface { index, first, end } = self.unsure[k];
                 let index = index as usize;
@@ -168,13 +166,13 @@ pub(super) fn edge_share<I: Iterator<Item = usize>>(
     let is_like = |i: &usize| surfaces.normals[*i].dot(surfaces.normals[nearest]) > MIN_NORMAL_COSINE;
     let [shade, sunny] = *amounts.get(nearest)?;
     let [low, high] = range(seen, around().filter(is_like));
-    if high - low < EDGE || sunny < LEAST_GAIN * shade {
+    if high - low < MIN_EDGE_DIFFERENCE || sunny < LEAST_GAIN * shade {
         return None;
     }
     let (mut sum, mut count) = (0.0, 0.0);
     for i in around().filter(is_like).filter(|i| same_material(surfaces.light[*i], light)) {
         let irradiance = amounts[i][0] + (amounts[i][1] - amounts[i][0]) * seen[i];
-        sum += log_luminance(surfaces.light[i]) - irradiance.max(DARKEST).ln();
+        sum += log_luminance(surfaces.light[i]) - irradiance.max(MIN_LUMINANCE).ln();
         count += 1.0;
     }
     (count > 0.0)
@@ -210,7 +208,7 @@ pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
     let squared = |i: usize| {
         let off = (surfaces.points[i] - point).to_array();
         let along = |axis: usize| (0..3).map(|k| turn[k][axis] * off[k]).sum::<f32>();
-        (0..3).map(|axis| (along(axis) / widths[axis].max(FLAT * longest)).powi(2)).sum::<f32>()
+        (0..3).map(|axis| (along(axis) / widths[axis].max(MIN_SIGMA_RATIO * longest)).powi(2)).sum::<f32>()
     };
     let least = like().map(squared).fold(f32::INFINITY, f32::min);
     let (mut sums, mut weights) = ([0.0f32; 2], [0.0f32; 2]);
@@ -224,7 +222,7 @@ pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
     }
     let [own, blended] = [0, 1].map(|k| sums[k] / weights[k]);
     let darkest = -LEAST_LIGHT * shade / (sunny - shade);
-    Some((own + SHARPENED * (own - blended)).clamp(darkest, MOST_SHARE))
+    Some((own + SHARPENING_SHARE * (own - blended)).clamp(darkest, MOST_SHARE))
 }
 
 /// The least and the greatest share of the sun that some surfaces see.
@@ -234,7 +232,7 @@ fn range(seen: &[f32], surfaces: impl Iterator<Item = usize>) -> [f32; 2] {
 
 /// The log of the luminance of a colour, linear RGB.
 fn log_luminance(light: Vec3) -> f32 {
-    (luminance(light.to_array().map(f64::from)) as f32).max(DARKEST).ln()
+    (luminance(light.to_array().map(f64::from)) as f32).max(MIN_LUMINANCE).ln()
 }
 
 #[cfg(test)]
@@ -246,8 +244,8 @@ mod tests {
     use wm_base::random::uniform;
 
     /// Distance between the surfaces, and by how much the map's shadow is too wide, m.
-    const STEP: f32 = 0.1;
-    const OFF: f32 = 0.4;
+    const SURFACE_SPACING_M: f32 = 0.1;
+    const MAP_ERROR_M: f32 = 0.4;
 
     /// Textured ground whose shadow ends at x = 0, under a map that has it end elsewhere: the
     /// colours move it back.
@@ -255,7 +253,7 @@ mod tests {
     fn a_mapped_edge_moves_to_where_the_colours_show_it() {
         let amounts = [0.3, 1.0];
         let points: Vec<Vec3> = (0..3600u32)
-            .map(|i| Vec3::new((i % 60) as f32 - 29.5, (i / 60) as f32 - 29.5, 0.0) * STEP)
+            .map(|i| Vec3::new((i % 60) as f32 - 29.5, (i / 60) as f32 - 29.5, 0.0) * SURFACE_SPACING_M)
             .collect();
         let share = |edge: f32| move |point: &Vec3| if point.x > edge { 1.0 } else { 0.0 };
         let light = points.iter().enumerate().map(|(i, point)| {
@@ -265,8 +263,9 @@ mod tests {
         let light = light.collect();
         let surfaces =
             Surfaces { normals: vec![Vec3::Z; points.len()], oriented: points.len(), light, points };
-        let mapped: Vec<f32> = surfaces.points.iter().map(share(OFF)).collect();
-        let is_sure: Vec<bool> = surfaces.points.iter().map(|point| (point.x - OFF).abs() > 0.8).collect();
+        let mapped: Vec<f32> = surfaces.points.iter().map(share(MAP_ERROR_M)).collect();
+        let is_sure: Vec<bool> =
+            surfaces.points.iter().map(|point| (point.x - MAP_ERROR_M).abs() > 0.8).collect();
         let edges = ShadowEdges::new(&surfaces, &is_sure, 0.35);
         let [shares, on_more] = on_threads([7, 2], || edges.shares(&vec![amounts; surfaces.len()], &mapped));
         let wrong = |shares: &[f32]| {
@@ -286,8 +285,9 @@ mod tests {
     fn shares_are_sharpened_beside_an_edge() {
         let mut splats = Splats::with_capacity(1600, 0);
         for i in 0..1600u32 {
-            let point = [(i % 40) as f32 - 19.5, (i / 40) as f32 - 19.5, 0.0].map(|v| f64::from(v * STEP));
-            let scales = [0.66 * f64::from(STEP), 0.66 * f64::from(STEP), 0.006];
+            let point = [(i % 40) as f32 - 19.5, (i / 40) as f32 - 19.5, 0.0]
+                .map(|v| f64::from(v * SURFACE_SPACING_M));
+            let scales = [0.66 * f64::from(SURFACE_SPACING_M), 0.66 * f64::from(SURFACE_SPACING_M), 0.006];
             splats.push(&surfel(point, DVec3::Z, DVec3::X, scales, [0.5; 3], 0.98));
         }
         let points: Vec<Vec3> = splats.means.iter().map(|mean| Vec3::from_array(*mean)).collect();

@@ -29,10 +29,10 @@ const SAME_COLOR: f32 = 0.08;
 /// Points for which partners are searched.
 const MAX_PAIR_POINTS: usize = 60_000;
 /// Least cosine between up and the normal of level ground.
-pub(super) const LEVEL: f32 = 0.8;
+pub(super) const MIN_LEVEL_COSINE: f32 = 0.8;
 /// Log of the ratio of what two points get of an overcast sky with which they are no longer
 /// compared, and the share of that light that comes back from walls.
-const UNLIKE: f32 = 0.15;
+const MAX_SKY_LOG_RATIO: f32 = 0.15;
 const RETURNED_LIGHT: f32 = 0.2;
 /// Radius of the ground that must be in one light, m, for pairs of either width.
 const WIDE_PAIR_GROUND_M: f32 = 0.5;
@@ -40,14 +40,14 @@ const NARROW_PAIR_GROUND_M: f32 = 0.15;
 /// Logs of the ratio of two brightnesses: up to the first it is no evidence, since dirt, worn paint
 /// and the corners of walls differ as much, and from the second on it does not matter how large it
 /// is. In the sun it is mostly 0.7 to 1.5.
-const CLEAR: [f32; 2] = [0.3, 0.8];
+const EVIDENCE_LOG_RATIOS: [f32; 2] = [0.3, 0.8];
 /// Log of the luminance ratio above which a pair is one of light and shade: 1.3.
-pub(super) const SHADOW: f64 = 0.262;
+pub(super) const MIN_SHADOW_LOG_RATIO: f64 = 0.262;
 /// Pairs added to every score as a prior, so that few pairs are no evidence.
-const PRIOR: f64 = 20.0;
+const PRIOR_PAIR_COUNT: f64 = 20.0;
 /// Directions that are tried first: distance between them, and their elevations, degrees.
-const STEP: f64 = 9.0;
-const ELEVATIONS: [u32; 2] = [12, 75];
+const FIRST_STEP_DEG: f64 = 9.0;
+const FIRST_ELEVATIONS_DEG: [u32; 2] = [12, 75];
 /// Widths of the cells of maps, in those of the occluders: of a first ranking, of the search, and
 /// of its refinement.
 const QUICK_CELLS: f64 = 8.0;
@@ -59,8 +59,8 @@ const MAX_CANDIDATES: usize = 32;
 const OTHER_DIRECTION_COSINE: f64 = 0.906;
 /// Distance between the directions about the best that wide and then narrow pairs judge, degrees,
 /// the number of them to each side, and the shares of the best score above which they have a say.
-const WIDE_STEP: f64 = 3.0;
-const NARROW_STEP: f64 = 1.0;
+const WIDE_STEP_DEG: f64 = 3.0;
+const NARROW_STEP_DEG: f64 = 1.0;
 const WIDE_RINGS: i32 = 3;
 const NARROW_RINGS: i32 = 2;
 const WIDE_PAIR_WEIGHT: f64 = 0.7;
@@ -74,8 +74,8 @@ const MIN_SCORE_RATIO: f64 = 1.15;
 const MAX_SCORE_WITHOUT_SUN: f64 = 3.0;
 /// Sine of the least elevation of a sun that is found: 5 degrees.
 const MIN_SUN_SINE: f64 = 0.087;
-/// Height above a surface at which it is asked what stands in the way, in cells.
-pub(super) const LIFT: f64 = 1.2;
+/// Height above a surface at which it is asked what stands in the way.
+pub(super) const LIFT_CELLS: f64 = 1.2;
 
 /// Two points of one material.
 #[derive(Clone, Copy, Debug)]
@@ -159,7 +159,7 @@ pub(super) fn sun_map(occluders: &Occluders, sun: [f64; 3]) -> Shelter {
 
 /// The place of a surface from which it looks at the sky, above its own roughness.
 pub(super) fn lifted(point: Vec3, normal: Vec3, towards: Vec3, map: &Shelter, site: &Site) -> [f32; 3] {
-    let lift = (LIFT * map.cell() / site.metres_per_unit) as f32;
+    let lift = (LIFT_CELLS * map.cell() / site.metres_per_unit) as f32;
     let away = if normal == Vec3::ZERO { towards } else { normal };
     (point + away * lift).to_array()
 }
@@ -180,10 +180,11 @@ pub(super) fn ground_pairs(
 ) -> Vec<GroundPair> {
     let up = Vec3::from_array(site.up.map(|v| v as f32));
     let sky = |i: u32| (1.0 - RETURNED_LIGHT) * open[i as usize][1] + RETURNED_LIGHT;
-    let level = pairs.iter().filter(|pair| surfaces.normals[pair.points[0] as usize].dot(up) > LEVEL);
+    let level =
+        pairs.iter().filter(|pair| surfaces.normals[pair.points[0] as usize].dot(up) > MIN_LEVEL_COSINE);
     let weighed = level.map(|pair| {
         let [a, b] = pair.points.map(sky);
-        GroundPair { pair: *pair, weight: 1.0 - (a / b).ln().abs() / UNLIKE }
+        GroundPair { pair: *pair, weight: 1.0 - (a / b).ln().abs() / MAX_SKY_LOG_RATIO }
     });
     weighed.filter(|pair| pair.weight > 0.0).collect()
 }
@@ -196,7 +197,7 @@ fn score(surfaces: &Surfaces, pairs: &[GroundPair], sun: [f64; 3], occluders: &O
         let index = index as usize;
         map.lit_within(surfaces.points[index], surfaces.normals[index], tells)
     };
-    let (mut sum, mut squares) = (0.0f64, PRIOR);
+    let (mut sum, mut squares) = (0.0f64, PRIOR_PAIR_COUNT);
     for GroundPair { pair, weight } in pairs {
         let [a, b] = pair.points.map(lit);
         let weight = f64::from(weight * (a - b) * (a - b).abs());
@@ -208,7 +209,9 @@ fn score(surfaces: &Surfaces, pairs: &[GroundPair], sun: [f64; 3], occluders: &O
 
 /// The evidence of a pair for light and shade by the log of the ratio of its brightnesses, -1 to 1.
 fn evidence(log_ratio: f32) -> f32 {
-    ((log_ratio.abs() - CLEAR[0]) / (CLEAR[1] - CLEAR[0])).clamp(0.0, 1.0).copysign(log_ratio)
+    ((log_ratio.abs() - EVIDENCE_LOG_RATIOS[0]) / (EVIDENCE_LOG_RATIOS[1] - EVIDENCE_LOG_RATIOS[0]))
+        .clamp(0.0, 1.0)
+        .copysign(log_ratio)
 }
 
 /// A direction by elevation and azimuth (radians, about up), world axes.
@@ -248,12 +251,12 @@ pub(super) fn find_sun(
     let elevations = match elevation {
         Some(elevation) => vec![elevation],
         None => {
-            let all = (ELEVATIONS[0]..=ELEVATIONS[1]).step_by(STEP as usize);
+            let all = (FIRST_ELEVATIONS_DEG[0]..=FIRST_ELEVATIONS_DEG[1]).step_by(FIRST_STEP_DEG as usize);
             all.map(|degrees| f64::from(degrees).to_radians()).collect()
         }
     };
     for elevation in elevations {
-        let around = (TAU * elevation.cos() / STEP.to_radians()).round().max(6.0) as u32;
+        let around = (TAU * elevation.cos() / FIRST_STEP_DEG.to_radians()).round().max(6.0) as u32;
         let azimuth = |k: u32| TAU * f64::from(k) / f64::from(around);
         tried.extend((0..around).map(|k| towards(site, elevation, azimuth(k))));
     }
@@ -279,7 +282,7 @@ pub(super) fn find_sun(
     let raised = |direction: [f64; 3]| elevation.map_or(direction, |to| at_elevation(direction, to, site));
     // The true direction of either lies between those that were tried.
     let closer = |at: usize| {
-        let around = about(tried[at], WIDE_STEP, WIDE_RINGS);
+        let around = directions_about(tried[at], WIDE_STEP_DEG, WIDE_RINGS);
         let scores = map(around.len(), |k| score(surfaces, &wide, around[k], &coarse, tells));
         (raised(centred(&around, &scores, WIDE_PAIR_WEIGHT)), scores.into_iter().fold(0.0, f64::max))
     };
@@ -294,7 +297,7 @@ pub(super) fn find_sun(
     }
     let narrow = ground_pairs(surfaces, open, narrow, site);
     let fine = occluders.sketched(FINE_CELLS);
-    let around = about(direction, NARROW_STEP, NARROW_RINGS);
+    let around = directions_about(direction, NARROW_STEP_DEG, NARROW_RINGS);
     let tells = coarseness * NARROW_PAIR_GROUND_M;
     let scores = map(around.len(), |k| score(surfaces, &narrow, around[k], &fine, tells));
     // Rough geometry says nothing more finely.
@@ -304,7 +307,7 @@ pub(super) fn find_sun(
 }
 
 /// A direction and `rings` of those about it, some degrees apart, in a square.
-fn about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
+fn directions_about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
     let middle = DVec3::from_array(direction);
     let across = middle.any_orthonormal_vector();
     let axes = [across, middle.cross(across)].map(|axis| axis * degrees.to_radians());

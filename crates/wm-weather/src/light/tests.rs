@@ -13,15 +13,15 @@ use wm_base::random::uniform;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Splats};
 
-/// Distance between splats, m.
-const STEP: f64 = 0.1;
-/// Half of the yard's width, m.
-const HALF: f64 = 8.0;
+/// Distance between splats.
+const SPLAT_SPACING_M: f64 = 0.1;
+/// Half of the yard's width.
+const YARD_HALF_WIDTH_M: f64 = 8.0;
 /// Two walls, since the shadow of one is alike for many suns: the axis that each stands across and
 /// its place along that, the middle and half of its length, m.
 const WALLS: [(usize, f64, f64, f64); 2] = [(0, 1.0, 0.0, 4.0), (1, 3.0, -3.5, 2.5)];
-/// Their height, m.
-const HIGH: f64 = 2.4;
+/// Height of the walls.
+const WALL_HEIGHT_M: f64 = 2.4;
 
 fn sun() -> DVec3 {
     DVec3::new(0.55, 0.35, 0.75).normalize()
@@ -31,7 +31,7 @@ fn is_lit(point: DVec3, sun: DVec3) -> bool {
     WALLS.into_iter().all(|(across, at, middle, half)| {
         let way = (at - point[across]) / sun[across];
         let hit = point + sun * way;
-        way <= 0.05 || (hit[1 - across] - middle).abs() > half || hit.z > HIGH
+        way <= 0.05 || (hit[1 - across] - middle).abs() > half || hit.z > WALL_HEIGHT_M
     })
 }
 
@@ -46,25 +46,26 @@ fn yard(light: &SceneLight) -> Splats {
         let texture = 0.3 * (0.85 + 0.3 * uniform(3, key));
         let shown =
             [0, 1, 2].map(|k| srgb_encode(1.3 * texture * (light.sun[k] * incidence + sky[k])) as f32);
-        let scales = [0.66 * STEP, 0.66 * STEP, 0.1 * STEP];
+        let scales = [0.66 * SPLAT_SPACING_M, 0.66 * SPLAT_SPACING_M, 0.1 * SPLAT_SPACING_M];
         splats.push(&Splat {
             group: Group::Scene,
             ..surfel(point.to_array(), normal, up, scales, shown, 0.98)
         });
     };
-    let count = (2.0 * HALF / STEP) as usize;
+    let count = (2.0 * YARD_HALF_WIDTH_M / SPLAT_SPACING_M) as usize;
     for i in 0..count * count {
-        let [x, y] = [i % count, i / count].map(|v| -HALF + STEP * (v as f64 + 0.5));
+        let [x, y] = [i % count, i / count].map(|v| -YARD_HALF_WIDTH_M + SPLAT_SPACING_M * (v as f64 + 0.5));
         add(DVec3::new(x, y, 0.0), DVec3::Z, DVec3::X, i as u64);
     }
     for (across, at, middle, half) in WALLS {
-        let (long, high) = ((2.0 * half / STEP) as usize, (HIGH / STEP) as usize);
+        let (long, high) =
+            ((2.0 * half / SPLAT_SPACING_M) as usize, (WALL_HEIGHT_M / SPLAT_SPACING_M) as usize);
         for i in 0..long * high {
             for side in [-1.0, 1.0] {
                 let (mut point, mut normal) = (DVec3::ZERO, DVec3::ZERO);
                 point[across] = at + 0.03 * side;
-                point[1 - across] = middle - half + STEP * ((i % long) as f64 + 0.5);
-                point.z = STEP * ((i / long) as f64 + 0.5);
+                point[1 - across] = middle - half + SPLAT_SPACING_M * ((i % long) as f64 + 0.5);
+                point.z = SPLAT_SPACING_M * ((i / long) as f64 + 0.5);
                 normal[across] = side;
                 add(
                     point,
@@ -251,12 +252,12 @@ fn ground_whose_normals_turn_to_all_sides_is_lit_as_level_ground() {
     let mut add = |point: [f64; 3], color: [f32; 3], key: u64| {
         let side = |lane: u64| uniform(8, 3 * key + lane) - 0.5;
         let normal = DVec3::new(side(0), side(1), side(2)).normalize();
-        let scales = [0.66 * STEP, 0.66 * STEP, 0.1 * STEP];
+        let scales = [0.66 * SPLAT_SPACING_M, 0.66 * SPLAT_SPACING_M, 0.1 * SPLAT_SPACING_M];
         splats.push(&surfel(point, normal, normal.any_orthonormal_vector(), scales, color, 0.98));
     };
-    let count = (2.0 * HALF / STEP) as usize;
+    let count = (2.0 * YARD_HALF_WIDTH_M / SPLAT_SPACING_M) as usize;
     for i in 0..count * count {
-        let [x, y] = [i % count, i / count].map(|v| -HALF + STEP * (v as f64 + 0.5));
+        let [x, y] = [i % count, i / count].map(|v| -YARD_HALF_WIDTH_M + SPLAT_SPACING_M * (v as f64 + 0.5));
         // One half is paved, the other is a lawn.
         let color = if x < 0.0 { [0.5, 0.48, 0.45] } else { [0.3, 0.5, 0.2] };
         add([x, y, 0.0], color, i as u64);

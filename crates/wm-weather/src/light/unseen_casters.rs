@@ -7,26 +7,26 @@
 //! hardly any of it has, and in the shade one that is common, lies in the shade.
 
 use super::places::Surfaces;
-use super::sun_search::{LEVEL, chromaticity, luminance};
+use super::sun_search::{MIN_LEVEL_COSINE, chromaticity, luminance};
 use crate::optics::Site;
 use crate::point_grid::PointGrid;
 use crate::threads::map;
 use glam::{DVec3, Vec3};
 use wm_scene::Camera;
 
-/// Heights above the ground at which it is asked whether photos show the way to the sun, m: those
+/// Heights above the ground at which it is asked whether photos show the way to the sun: those
 /// of crowns and eaves.
-const HEIGHTS: [f64; 8] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0];
+const TESTED_HEIGHTS_M: [f64; 8] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0];
 /// Number of these heights unseen by all photos from which something may stand there.
 const MIN_UNSEEN_HEIGHTS: usize = 2;
 /// Greatest distance from which a photo shows what stands somewhere, m.
 const MAX_PHOTO_DISTANCE_M: f64 = 60.0;
 /// Widths of the bins of reflectances: the log of the luminance, and the shares of red and green;
 /// and numbers of bins.
-const BINS: [f32; 3] = [0.12, 0.02, 0.02];
-const COUNTS: [usize; 3] = [64, 50, 50];
+const BIN_WIDTHS: [f32; 3] = [0.12, 0.02, 0.02];
+const BIN_COUNTS: [usize; 3] = [64, 50, 50];
 /// Log of the least luminance of the bins.
-const DARKEST: f32 = -6.5;
+const MIN_BIN_LOG_LUMINANCE: f32 = -6.5;
 /// Prior probability that such ground lies in shade.
 const IN_SHADE: f32 = 0.2;
 /// The share of all ground in a bin of reflectances that is added to each, so that none is
@@ -37,7 +37,7 @@ const MAX_LOG_ODDS: f32 = 3.0;
 /// Radius within which surfaces decide together, m, and their mean log of odds from which it is
 /// shade.
 const DECISION_RADIUS_M: f32 = 0.3;
-const SHADE: f32 = 0.2;
+const MIN_SHADE_LOG_ODDS: f32 = 0.2;
 /// Least number of surfaces in known light for an estimate of reflectances.
 const LEAST_KNOWN: usize = 1000;
 
@@ -54,7 +54,7 @@ pub(super) fn may_be_shaded(
     let rise = sun.dot(up);
     let far = MAX_PHOTO_DISTANCE_M / site.metres_per_unit;
     map(surfaces.len(), |i| {
-        if surfaces.normals[i].dot(level) < LEVEL || cameras.is_empty() {
+        if surfaces.normals[i].dot(level) < MIN_LEVEL_COSINE || cameras.is_empty() {
             return false;
         }
         let point = surfaces.points[i].as_dvec3();
@@ -67,14 +67,14 @@ pub(super) fn may_be_shaded(
                     })
             })
         };
-        HEIGHTS.len() - HEIGHTS.iter().filter(is_shown).count() >= MIN_UNSEEN_HEIGHTS
+        TESTED_HEIGHTS_M.len() - TESTED_HEIGHTS_M.iter().filter(is_shown).count() >= MIN_UNSEEN_HEIGHTS
     })
 }
 
 /// The shares of level ground that have the reflectance of each bin, by known ones, linear RGB, of
 /// which there must be some.
 fn shares_of_bins(known: &[Vec3]) -> Vec<f32> {
-    let mut counts = vec![0.0f32; COUNTS.iter().product()];
+    let mut counts = vec![0.0f32; BIN_COUNTS.iter().product()];
     known.iter().filter_map(|color| bin(*color)).for_each(|bin| counts[bin] += 1.0);
     for axis in 0..3 {
         counts = smoothed(&counts, axis);
@@ -87,20 +87,24 @@ fn shares_of_bins(known: &[Vec3]) -> Vec<f32> {
 fn bin(color: Vec3) -> Option<usize> {
     let shares = chromaticity(color);
     // The log of nothing is below all bins.
-    let at = [(luminance(color).ln() - DARKEST) / BINS[0], shares.x / BINS[1], shares.y / BINS[2]];
-    let inside = (0..3).all(|k| at[k] >= 0.0 && at[k] < COUNTS[k] as f32);
+    let at = [
+        (luminance(color).ln() - MIN_BIN_LOG_LUMINANCE) / BIN_WIDTHS[0],
+        shares.x / BIN_WIDTHS[1],
+        shares.y / BIN_WIDTHS[2],
+    ];
+    let inside = (0..3).all(|k| at[k] >= 0.0 && at[k] < BIN_COUNTS[k] as f32);
     let [a, b, c] = at.map(|v| v as usize);
-    inside.then_some((a * COUNTS[1] + b) * COUNTS[2] + c)
+    inside.then_some((a * BIN_COUNTS[1] + b) * BIN_COUNTS[2] + c)
 }
 
 /// The mean of each bin and those beside it along an axis, weighted 1, 2, 1.
 fn smoothed(counts: &[f32], axis: usize) -> Vec<f32> {
-    let step: usize = COUNTS[axis + 1..].iter().product();
-    let at = |i: usize| i / step % COUNTS[axis];
+    let step: usize = BIN_COUNTS[axis + 1..].iter().product();
+    let at = |i: usize| i / step % BIN_COUNTS[axis];
     (0..counts.len())
         .map(|i| {
             let before = if at(i) > 0 { counts[i - step] } else { 0.0 };
-            let after = if at(i) + 1 < COUNTS[axis] { counts[i + step] } else { 0.0 };
+            let after = if at(i) + 1 < BIN_COUNTS[axis] { counts[i + step] } else { 0.0 };
             0.25 * before + 0.5 * counts[i] + 0.25 * after
         })
         .collect()
@@ -127,7 +131,7 @@ pub(super) fn amend(
 ) {
     let MappedLight { shares, is_sure } = mapped;
     let up = DVec3::from_array(site.up).as_vec3();
-    let is_ground = |i: &usize| surfaces.normals[*i].dot(up) > LEVEL;
+    let is_ground = |i: &usize| surfaces.normals[*i].dot(up) > MIN_LEVEL_COSINE;
     let known: Vec<Vec3> = (0..surfaces.len())
         .filter(|i| is_sure[*i] && !may_be[*i] && is_ground(i))
         .map(|i| reflectance(i)[usize::from(shares[i] > 0.5)])
@@ -149,7 +153,7 @@ pub(super) fn amend(
     let is_shade = map(asked.len(), |k| {
         let near = grid.near(points[k]).filter(|i| points[*i].distance_squared(points[k]) < reach * reach);
         let (sum, count) = near.fold((0.0f32, 0.0f32), |(sum, count), i| (sum + said[i], count + 1.0));
-        sum > SHADE * count
+        sum > MIN_SHADE_LOG_ODDS * count
     });
     let [in_sun, in_shade] = [false, true].map(|shade| -> Vec<Vec3> {
         (0..asked.len()).filter(|k| is_shade[*k] == shade).map(|k| points[k]).collect()
@@ -177,12 +181,11 @@ mod tests {
     use crate::testing::on_threads;
     use wm_base::random::uniform;
 
-    /// Distance between the surfaces, m.
-    const STEP: f32 = 0.1;
+    const SURFACE_SPACING_M: f32 = 0.1;
     /// Half of the width of the ground, in surfaces.
-    const HALF: i32 = 60;
+    const HALF_WIDTH_SURFACES: i32 = 60;
     /// Irradiances in the shade and in the sun.
-    const LIGHT: [f32; 2] = [0.25, 1.0];
+    const SHADE_AND_SUN_IRRADIANCES: [f32; 2] = [0.25, 1.0];
 
     fn site() -> Site {
         Site { metres_per_unit: 1.0, up: [0.0, 0.0, 1.0], ground: 0.0, ..testing::SITE }
@@ -190,12 +193,14 @@ mod tests {
 
     /// Ground of grey paving and of a darker road, with texture, in the sun where `is_lit`.
     fn ground(is_lit: impl Fn(Vec3) -> bool) -> Surfaces {
-        let cells = (-HALF..HALF).flat_map(|y| (-HALF..HALF).map(move |x| [x, y]));
-        let points: Vec<Vec3> = cells.map(|[x, y]| Vec3::new(x as f32, y as f32, 0.0) * STEP).collect();
+        let cells = (-HALF_WIDTH_SURFACES..HALF_WIDTH_SURFACES)
+            .flat_map(|y| (-HALF_WIDTH_SURFACES..HALF_WIDTH_SURFACES).map(move |x| [x, y]));
+        let points: Vec<Vec3> =
+            cells.map(|[x, y]| Vec3::new(x as f32, y as f32, 0.0) * SURFACE_SPACING_M).collect();
         let light = points.iter().enumerate().map(|(i, point)| {
             let albedo = if point.x < 0.0 { 0.35 } else { 0.2 };
             let texture = 0.85 + 0.3 * uniform(5, i as u64) as f32;
-            Vec3::splat(albedo * texture * LIGHT[usize::from(is_lit(*point))])
+            Vec3::splat(albedo * texture * SHADE_AND_SUN_IRRADIANCES[usize::from(is_lit(*point))])
         });
         let light = light.collect();
         Surfaces { normals: vec![Vec3::Z; points.len()], oriented: points.len(), light, points }
@@ -207,7 +212,8 @@ mod tests {
         let may_be: Vec<bool> = surfaces.points.iter().map(|point| point.y > 0.0).collect();
         let (mut shares, mut is_sure) = (vec![1.0; surfaces.len()], vec![true; surfaces.len()]);
         let mapped = MappedLight { shares: &mut shares, is_sure: &mut is_sure };
-        let reflectance = |i: usize| LIGHT.map(|irradiance| surfaces.light[i] / irradiance);
+        let reflectance =
+            |i: usize| SHADE_AND_SUN_IRRADIANCES.map(|irradiance| surfaces.light[i] / irradiance);
         amend(surfaces, &may_be, mapped, reflectance, 0.3, &site());
         shares.into_iter().map(|share| share < 0.5).collect()
     }

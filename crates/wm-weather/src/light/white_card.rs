@@ -17,12 +17,12 @@ use wm_scene::Metadata;
 /// Usual reflectances and the error of each, as a standard deviation of its logarithm: the median
 /// of ground that is not green, of walls, and of what is green, and the brightest twentieth of all
 /// that is not green.
-const GROUND: [f64; 2] = [0.22, 0.4];
-const WALLS: [f64; 2] = [0.3, 0.6];
-const GREEN: [f64; 2] = [0.1, 0.5];
-const BRIGHT: [f64; 2] = [0.6, 0.4];
+const GROUND_REFLECTANCE: [f64; 2] = [0.22, 0.4];
+const WALL_REFLECTANCE: [f64; 2] = [0.3, 0.6];
+const PLANT_REFLECTANCE: [f64; 2] = [0.1, 0.5];
+const BRIGHT_REFLECTANCE: [f64; 2] = [0.6, 0.4];
 /// Excess of green over red and blue by which plants are recognised.
-const GREENNESS: f32 = 1.06;
+const GREEN_EXCESS_RATIO: f32 = 1.06;
 /// Least share of the surfaces of a kind that tells.
 const LEAST_SHARE: f64 = 0.02;
 /// Brightness of a card on level ground over that of the sky near the horizon: under clouds (CIE
@@ -32,16 +32,16 @@ const BY_CLOUDS: [f64; 2] = [7.0 / 3.0, 0.5];
 const BY_SKY: [f64; 2] = [0.8, 0.6];
 /// Brightness of the sky from which it may be burned out: it is brighter by an unknown factor
 /// then.
-const BURNED: f64 = 0.85;
+const MIN_BURNED_BRIGHTNESS: f64 = 0.85;
 /// Lower clamp of the irradiance, over that of open ground.
-const DARKEST: f64 = 0.01;
+const MIN_IRRADIANCE: f64 = 0.01;
 /// Variance of the log irradiance above which it must show in the colours.
 const MIN_LOG_VARIANCE: f64 = 0.05;
 /// Bounds of the brightness of a card, display values.
-const BOUNDS: [f64; 2] = [0.3, 5.0];
+const CARD_BRIGHTNESS_LIMITS: [f64; 2] = [0.3, 5.0];
 /// Least cosine between up and the normal of ground, and greatest of a wall.
-const LEVEL: f32 = 0.8;
-const UPRIGHT: f32 = 0.3;
+const MIN_GROUND_COSINE: f32 = 0.8;
+const MAX_WALL_COSINE: f32 = 0.3;
 
 /// An estimate of the log brightness with its standard deviation; `is_least` if it is a lower
 /// bound.
@@ -85,13 +85,13 @@ impl WhiteCard {
         // Logarithms of the irradiance and of the light.
         let logs = |i: usize| {
             let light = luminance(surfaces.light[i].to_array().map(f64::from));
-            [irradiance(i).max(DARKEST).ln(), light.max(1e-4).ln()]
+            [irradiance(i).max(MIN_IRRADIANCE).ln(), light.max(1e-4).ln()]
         };
         let [mut ground, mut walls, mut green, mut neutral] = [const { Vec::new() }; 4];
         for i in 0..surfaces.len() {
             let normal = surfaces.normals[i];
             let color = surfaces.light[i];
-            if color.y > GREENNESS * color.x.max(color.z) {
+            if color.y > GREEN_EXCESS_RATIO * color.x.max(color.z) {
                 green.push(logs(i));
                 continue;
             }
@@ -100,15 +100,15 @@ impl WhiteCard {
             }
             neutral.push(logs(i));
             let rise = normal.dot(up);
-            if rise > LEVEL {
+            if rise > MIN_GROUND_COSINE {
                 ground.push(logs(i));
-            } else if rise.abs() < UPRIGHT {
+            } else if rise.abs() < MAX_WALL_COSINE {
                 walls.push(logs(i));
             }
         }
         let trust = slope(&neutral);
         let least = LEAST_SHARE * surfaces.len() as f64;
-        let told = |kind: &[[f64; 2]], share: f64, [usual, error]: [f64; 2]| {
+        let guess = |kind: &[[f64; 2]], share: f64, [usual, error]: [f64; 2]| {
             // What little light reaches is known worst.
             let lit = quantile(kind.iter().map(|log| log[0]).collect(), 0.5)?;
             let lit = kind.iter().filter(|log| log[0] >= lit);
@@ -123,19 +123,21 @@ impl WhiteCard {
         let by_sky = knows_sky.then(|| BrightnessGuess {
             value: (sky * by_sky / sky_share.max(0.05)).ln(),
             error,
-            is_least: sky > BURNED,
+            is_least: sky > MIN_BURNED_BRIGHTNESS,
         });
         let clues: Vec<BrightnessGuess> = [
-            told(&ground, 0.5, GROUND),
-            told(&walls, 0.5, WALLS),
-            told(&green, 0.5, GREEN),
-            told(&neutral, 0.95, BRIGHT),
+            guess(&ground, 0.5, GROUND_REFLECTANCE),
+            guess(&walls, 0.5, WALL_REFLECTANCE),
+            guess(&green, 0.5, PLANT_REFLECTANCE),
+            guess(&neutral, 0.95, BRIGHT_REFLECTANCE),
             by_sky,
         ]
         .into_iter()
         .flatten()
         .collect();
-        let open = likely(&clues).map_or(1.0, f64::exp).clamp(BOUNDS[0], BOUNDS[1]);
+        let open = most_likely(&clues)
+            .map_or(1.0, f64::exp)
+            .clamp(CARD_BRIGHTNESS_LIMITS[0], CARD_BRIGHTNESS_LIMITS[1]);
         Self { open, trust }
     }
 
@@ -166,7 +168,7 @@ fn slope(logs: &[[f64; 2]]) -> f64 {
 }
 
 /// The most likely value of clues; `None` without any.
-fn likely(clues: &[BrightnessGuess]) -> Option<f64> {
+fn most_likely(clues: &[BrightnessGuess]) -> Option<f64> {
     let mut value = clues.iter().map(|clue| clue.value).sum::<f64>() / clues.len() as f64;
     for _ in 0..20 {
         let weight = |clue: &BrightnessGuess| {
@@ -194,16 +196,16 @@ mod tests {
 
     #[test]
     fn clues_are_weighed() {
-        assert_eq!(likely(&[]), None);
-        assert!((likely(&[clue(1.0, 0.5), clue(2.0, 0.5)]).unwrap() - 1.5).abs() < 1e-9);
-        assert!(likely(&[clue(1.0, 0.1), clue(2.0, 1.0)]).unwrap() < 1.1);
+        assert_eq!(most_likely(&[]), None);
+        assert!((most_likely(&[clue(1.0, 0.5), clue(2.0, 0.5)]).unwrap() - 1.5).abs() < 1e-9);
+        assert!(most_likely(&[clue(1.0, 0.1), clue(2.0, 1.0)]).unwrap() < 1.1);
         // One that is far off hardly counts.
-        let value = likely(&[clue(0.0, 0.3), clue(0.1, 0.3), clue(-0.1, 0.3), clue(6.0, 0.3)]).unwrap();
+        let value = most_likely(&[clue(0.0, 0.3), clue(0.1, 0.3), clue(-0.1, 0.3), clue(6.0, 0.3)]).unwrap();
         assert!(value.abs() < 0.1, "{value}");
         // The sky is burned out: it may be brighter, and not darker.
         let burned = |value: f64| BrightnessGuess { value, error: 0.3, is_least: true };
-        assert!((likely(&[clue(1.0, 0.3), burned(0.0)]).unwrap() - 1.0).abs() < 1e-6);
-        assert!(likely(&[clue(1.0, 0.3), burned(2.0)]).unwrap() > 1.4);
+        assert!((most_likely(&[clue(1.0, 0.3), burned(0.0)]).unwrap() - 1.0).abs() < 1e-6);
+        assert!(most_likely(&[clue(1.0, 0.3), burned(2.0)]).unwrap() > 1.4);
     }
 
     #[test]

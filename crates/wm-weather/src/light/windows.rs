@@ -10,7 +10,7 @@ use wm_base::random::uniform;
 use wm_scene::{Group, LitWindow, Splats, splats::Splat};
 
 /// Splats along the longer edge of a window.
-const ALONG: f64 = 16.0;
+const LONG_EDGE_SPLATS: f64 = 16.0;
 /// Standard deviation of a splat over the spacing.
 const SIGMA_SPACINGS: f64 = 0.42;
 /// Distance from the wall, m.
@@ -25,7 +25,7 @@ pub fn window_splats(windows: &[LitWindow], display: f64, site: &Site) -> Splats
     for (number, window) in windows.iter().enumerate() {
         let [corner, across, upwards] = [window.corner, window.across, window.upwards].map(DVec3::from_array);
         let out = across.cross(upwards).normalize_or_zero();
-        let step = across.length().max(upwards.length()) / ALONG;
+        let step = across.length().max(upwards.length()) / LONG_EDGE_SPLATS;
         let [columns, rows] = [across, upwards].map(|edge| (edge.length() / step).round().max(1.0) as usize);
         // Luminance L is shown as pi L.
         let light = black_body(window.kelvin).map(|v| v * window.luminance * PI * display);

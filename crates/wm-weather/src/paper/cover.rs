@@ -62,7 +62,7 @@ const OUTLIER_RADIUS: f64 = 3.0;
 pub(crate) const USUAL_DARTS: f64 = 8.0;
 pub(crate) const MAX_SNOW_SPLATS: usize = 4_000_000;
 /// Share of the middle variance of points in the largest below which they lie on a line.
-const LINE: f64 = 1e-6;
+const MAX_LINE_VARIANCE_RATIO: f64 = 1e-6;
 
 /// Lying snow of the paper.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,7 +142,7 @@ impl PaperCover {
         let mut flakes = self.seeds(splats, up, metres);
         let patches = self.patches(&flakes, up, metres);
         self.fill(&mut flakes, &patches);
-        let stays = self.stay(&flakes, up);
+        let stays = self.inliers(&flakes, up);
         let mut snow = Splats::with_capacity(stays.iter().filter(|stays| **stays).count(), 0);
         for (flake, stays) in flakes.iter().zip(stays) {
             if stays {
@@ -173,12 +173,12 @@ impl PaperCover {
                 seeds.push(Flake { at: splats.means[i].map(|v| v + 0.0), normal, spacing: 0.0 });
             }
         }
-        let seeds = one_a_place(&seeds);
-        self.few(seeds, self.most.div_ceil(2))
+        let seeds = one_flake_per_place(&seeds);
+        self.random_sample(seeds, self.most.div_ceil(2))
     }
 
     /// Equally likely ones of too many, in their order.
-    fn few(&self, flakes: Vec<Flake>, most: usize) -> Vec<Flake> {
+    fn random_sample(&self, flakes: Vec<Flake>, most: usize) -> Vec<Flake> {
         if flakes.len() <= most {
             return flakes;
         }
@@ -204,7 +204,7 @@ impl PaperCover {
     fn patches(&self, seeds: &[Flake], up: DVec3, metres: f64) -> Vec<Patch> {
         let k = self.neighbours.clamp(3, MOST_NEIGHBOURS);
         let level = self.fill_angle.to_radians().cos();
-        let near = Near::new(seeds, up);
+        let near = FlakeNeighbours::new(seeds, up);
         map(seeds.len(), |i| {
             let center = place(seeds[i].at);
             let around: Vec<DVec3> = near.of(i, k).map(|j| place(seeds[j].at) - center).collect();
@@ -262,14 +262,14 @@ impl PaperCover {
             }
         }
         let room = self.most.saturating_sub(flakes.len());
-        flakes.append(&mut self.few(filled, room));
+        flakes.append(&mut self.random_sample(filled, room));
     }
 
     /// Marks the flakes that are no outliers. `[flakes]`
-    fn stay(&self, flakes: &[Flake], up: DVec3) -> Vec<bool> {
+    fn inliers(&self, flakes: &[Flake], up: DVec3) -> Vec<bool> {
         let k = self.neighbours.clamp(3, MOST_NEIGHBOURS);
         let least = self.outlier_neighbours.min(MOST_NEIGHBOURS);
-        let near = Near::new(flakes, up);
+        let near = FlakeNeighbours::new(flakes, up);
         // Mean and standard deviation of the distances to the neighbours, and the distance of the
         // last that is needed.
         let own = map(flakes.len(), |i| {
@@ -315,7 +315,7 @@ fn place(at: [f32; 3]) -> DVec3 {
 
 /// Along a Z curve, and of those in one place the one that looks up most. A search in that order
 /// finds most of the tree in the cache.
-fn one_a_place(flakes: &[Flake]) -> Vec<Flake> {
+fn one_flake_per_place(flakes: &[Flake]) -> Vec<Flake> {
     let low = flakes.iter().fold([f32::INFINITY; 3], |low, flake| [0, 1, 2].map(|k| low[k].min(flake.at[k])));
     let high =
         flakes.iter().fold([f32::NEG_INFINITY; 3], |high, flake| [0, 1, 2].map(|k| high[k].max(flake.at[k])));
@@ -324,7 +324,7 @@ fn one_a_place(flakes: &[Flake]) -> Vec<Flake> {
     let cell = |v: f32, low: f32| ((f64::from(v) - f64::from(low)) / edge * 2_097_151.0) as u64;
     let mut order: Vec<(u64, usize)> = flakes
         .iter()
-        .map(|flake| [0, 1, 2].map(|k| spread(cell(flake.at[k], low[k])) << k).into_iter().sum())
+        .map(|flake| [0, 1, 2].map(|k| interleaved_bits(cell(flake.at[k], low[k])) << k).into_iter().sum())
         .zip(0..)
         .collect();
     order.sort_unstable_by(|a, b| {
@@ -346,7 +346,7 @@ fn one_a_place(flakes: &[Flake]) -> Vec<Flake> {
 }
 
 /// 21 bits with two zeros between any two.
-fn spread(mut v: u64) -> u64 {
+fn interleaved_bits(mut v: u64) -> u64 {
     for (shift, mask) in [
         (32, 0x001f_0000_0000_ffff),
         (16, 0x001f_0000_ff00_00ff),
@@ -387,20 +387,20 @@ fn plane(around: &[DVec3], up: DVec3) -> Option<(DVec3, DVec3)> {
     let mut order = [0, 1, 2];
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
     let [least, between, most] = order;
-    let is_plane = values[between] > LINE * values[most] && values[most].is_finite();
+    let is_plane = values[between] > MAX_LINE_VARIANCE_RATIO * values[most] && values[most].is_finite();
     let normal = DVec3::from_array(vectors[least]).try_normalize()?;
     is_plane.then_some((middle, if normal.dot(up) < 0.0 { -normal } else { normal }))
 }
 
 /// Nearest neighbours among flakes.
-struct Near {
+struct FlakeNeighbours {
     /// About one of them, with up between the axes: the tree halves along each axis in turn, and
     /// every third time would halve a floor into an upper and a lower sheet.
     points: Vec<[f32; 3]>,
     tree: KdTree<f32>,
 }
 
-impl Near {
+impl FlakeNeighbours {
     fn new(flakes: &[Flake], up: DVec3) -> Self {
         let turn = DQuat::from_rotation_arc(up, DVec3::ONE.normalize());
         // One of them, since the mean may be far from all.

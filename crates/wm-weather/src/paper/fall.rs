@@ -34,13 +34,12 @@ use wm_scene::{Camera, Group, Splats};
 /// Nearest to the camera, m: what is nearer fills the picture.
 const MIN_DISTANCE_M: f64 = 0.5;
 /// Factors on the fall speed, from and to.
-const SPEEDS: [f64; 2] = [0.75, 1.25];
+const SPEED_FACTORS: [f64; 2] = [0.75, 1.25];
 /// Standard deviation of a Gaussian as a share of its length: two to each side.
-const SIGMA: f64 = 0.25;
-/// Projected width at which things count as too far, px.
-const CUT: f64 = 0.3;
-/// Arms of a flake.
-const ARMS: usize = 3;
+const SIGMA_RATIO: f64 = 0.25;
+/// Projected width at which things count as too far.
+const MIN_WIDTH_PX: f64 = 0.3;
+const FLAKE_ARM_COUNT: usize = 3;
 
 /// Rain or snow of the paper at one instant.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,7 +117,7 @@ impl PaperFall {
             ParticleShape::Ball => self.width,
             ParticleShape::Flake => self.length,
         };
-        self.t_d.unwrap_or_else(|| f64::from(ParticleView::new(camera).pixels()) * seen / CUT)
+        self.t_d.unwrap_or_else(|| f64::from(ParticleView::new(camera).pixels()) * seen / MIN_WIDTH_PX)
     }
 
     /// The numbers of thing `index`.
@@ -140,7 +139,7 @@ impl PaperFall {
         for index in 0..self.number as u64 {
             let mut draws = self.draws(index);
             let home = [draws.uniform(), draws.uniform(), draws.uniform()].map(|v| v * self.edge);
-            let factor = SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * draws.uniform();
+            let factor = SPEED_FACTORS[0] + (SPEED_FACTORS[1] - SPEED_FACTORS[0]) * draws.uniform();
             let come = [before.wind_now.drift[0], before.wind_now.drift[1], -factor * self.fallen];
             let level: [f64; 3] = std::array::from_fn(|k| {
                 (home[k] + come[k] - center[k] + 0.5 * self.edge).rem_euclid(self.edge) - 0.5 * self.edge
@@ -167,14 +166,14 @@ impl PaperFall {
 
     /// Things as Gaussians.
     fn splats(&self, things: &[PaperParticle], before: &PaperFallContext<'_>) -> Splats {
-        let each = if self.kind.shape == ParticleShape::Flake { ARMS } else { 1 };
+        let each = if self.kind.shape == ParticleShape::Flake { FLAKE_ARM_COUNT } else { 1 };
         let mut splats = Splats::with_capacity(each * things.len(), 0);
         let metres = before.site.metres_per_unit;
         let [x, y, up] = level_axes(before.site.up).map(DVec3::from_array);
         let [wind_x, wind_y] = before.wind_now.wind;
         let air = x * wind_x + y * wind_y - DVec3::from_array(before.velocity);
         let center = before.camera.center();
-        let size = [self.length, self.width, self.width].map(|v| (SIGMA * v / metres).ln() as f32);
+        let size = [self.length, self.width, self.width].map(|v| (SIGMA_RATIO * v / metres).ln() as f32);
         for thing in things {
             let mean = (center + DVec3::from_array(thing.offset) / metres).to_array().map(|v| v as f32);
             let mut add = |turn: DQuat| {
@@ -195,7 +194,8 @@ impl PaperFall {
                 }
                 ParticleShape::Flake => {
                     let turn = any_turn(&mut self.draws(thing.index ^ 1 << 63));
-                    (0..ARMS).for_each(|arm| add(turn * DQuat::from_rotation_z(FRAC_PI_3 * arm as f64)));
+                    (0..FLAKE_ARM_COUNT)
+                        .for_each(|arm| add(turn * DQuat::from_rotation_z(FRAC_PI_3 * arm as f64)));
                 }
             }
         }

@@ -7,9 +7,9 @@
 //! its area in all.
 
 use super::field::{Cells, Points, ViewFrustum};
-use super::precipitation::{CUT, Precipitation};
+use super::precipitation::{MIN_DROP_WIDTH_PX, Precipitation};
 use super::random::{RandomSequence, uniform};
-use super::residual::{FADE, MIN_DISTANCE_M};
+use super::residual::{FADE_DISTANCE_SHARES, MIN_DISTANCE_M};
 use super::spectrum::ParticleShape;
 use super::sway::{self, Sway};
 use crate::level::{from_level, level_axes, to_level};
@@ -26,21 +26,21 @@ use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
 use wm_render::simd::{Lanes, SimdPath};
 
 /// Asymmetry of the light that drops and flakes scatter.
-pub(crate) const DROP: f32 = 0.8;
-const FLAKE: f32 = 0.2;
-/// Width below which flakes are drawn fewer and larger, px.
-const MERGE: f64 = 1.25;
-/// Width from which a flake shows its three arms, px.
-const ARMS: f64 = 4.0;
+pub(crate) const DROP_ASYMMETRY: f32 = 0.8;
+const FLAKE_ASYMMETRY: f32 = 0.2;
+/// Width below which flakes are drawn fewer and larger.
+const MERGING_WIDTH_PX: f64 = 1.25;
+/// Width from which a flake shows its three arms.
+const MIN_ARMED_WIDTH_PX: f64 = 4.0;
 /// Width of thresholds over which drops fade, as a share.
-const SOFT: f64 = 0.1;
+const THRESHOLD_WIDTH_SHARE: f64 = 0.1;
 /// Standard deviation of a disc and of a line of length 1.
-pub(crate) const DISC: f64 = 0.25;
-pub(crate) const LINE: f64 = 0.288_675_134_594_812_9;
+pub(crate) const DISC_SIGMA_RATIO: f64 = 0.25;
+pub(crate) const LINE_SIGMA_RATIO: f64 = 0.288_675_134_594_812_9;
 /// Thickness of a flake's arm, as a share of its length.
-const ARM: f64 = 0.1;
+const ARM_THICKNESS_RATIO: f64 = 0.1;
 /// Work is cut in parts of about so many slices.
-const SLICES: i64 = 6;
+const PART_SLICE_COUNT: i64 = 6;
 
 /// Precipitation in front of a camera.
 pub(crate) struct FallingParticles<'a> {
@@ -99,7 +99,7 @@ impl<'a> FallingParticles<'a> {
     /// Draws for a sensor that takes no picture: all particles of each class within `ranges` (m)
     /// are handed over, and none stands for several, whatever the view's pixels.
     pub(crate) fn within(mut self, ranges: &[f64]) -> Self {
-        self.ranges = Some(ranges.iter().map(|range| range / FADE[0]).collect());
+        self.ranges = Some(ranges.iter().map(|range| range / FADE_DISTANCE_SHARES[0]).collect());
         self
     }
 
@@ -124,7 +124,7 @@ impl<'a> FallingParticles<'a> {
         let range = this.range(&this.classes[class], f64::from(view.pixels()));
         let merge = match this.kind.shape {
             ParticleShape::Ball => f64::INFINITY,
-            ParticleShape::Flake => range * CUT / MERGE,
+            ParticleShape::Flake => range * MIN_DROP_WIDTH_PX / MERGING_WIDTH_PX,
         };
         Density { share, range, merge }
     }
@@ -168,9 +168,9 @@ impl Particles for FallingParticles<'_> {
             let count = slices.end - slices.start;
             let mut first = 0;
             while first < count {
-                let last = (first + SLICES).min(count);
+                let last = (first + PART_SLICE_COUNT).min(count);
                 parts.push([class as i32, tier as i32, first as i32, last as i32]);
-                first += SLICES;
+                first += PART_SLICE_COUNT;
             }
         });
         parts
@@ -233,7 +233,8 @@ impl FallingParticles<'_> {
             for (cell, corner) in &visited {
                 let middle = corner.map(|v| v + half);
                 let off = middle.iter().map(|v| v * v).sum::<f64>().sqrt() - half * 3f64.sqrt();
-                let most = brush.density.most((off - cone.margin).max(0.0)).min(cells.thresholds[1] as f32);
+                let most =
+                    brush.density.max_threshold((off - cone.margin).max(0.0)).min(cells.thresholds[1] as f32);
                 let mut points = cells.begin();
                 // Where it stands still, so that it goes by nothing but itself.
                 let still = std::array::from_fn(|k| corner[k] + cone.center[k]);
@@ -262,8 +263,8 @@ impl Density {
     /// Returns the farthest distance, m, at which particles above a threshold are drawn; `None` if
     /// none are.
     fn reach(&self, threshold: f64) -> Option<f64> {
-        let most = self.share * (1.0 + 0.5 * SOFT);
-        let range = FADE[1] * self.range;
+        let most = self.share * (1.0 + 0.5 * THRESHOLD_WIDTH_SHARE);
+        let range = FADE_DISTANCE_SHARES[1] * self.range;
         if threshold <= 0.0 {
             return Some(range);
         }
@@ -271,10 +272,12 @@ impl Density {
     }
 
     /// The greatest threshold of those farther than `metres`.
-    fn most(&self, metres: f64) -> f32 {
+    fn max_threshold(&self, metres: f64) -> f32 {
         let keep = (self.merge / metres.max(1e-9)).powi(2).min(1.0);
-        let fade = ((FADE[1] - metres / self.range) / (FADE[1] - FADE[0])).clamp(0.0, 1.0);
-        (self.share * keep * fade * (1.0 + 0.5 * SOFT)) as f32
+        let fade = ((FADE_DISTANCE_SHARES[1] - metres / self.range)
+            / (FADE_DISTANCE_SHARES[1] - FADE_DISTANCE_SHARES[0]))
+            .clamp(0.0, 1.0);
+        (self.share * keep * fade * (1.0 + 0.5 * THRESHOLD_WIDTH_SHARE)) as f32
     }
 
     /// Share of those like one at `metres` that are drawn, and how much of one of that threshold is
@@ -283,11 +286,15 @@ impl Density {
     fn at<S: Lanes>(&self, simd: S, metres: S::F, threshold: S::F) -> [S::F; 2] {
         let ratio = simd.set(self.merge as f32) / metres;
         let keep = (ratio * ratio).min(simd.set(1.0));
-        let slope = 1.0 / (FADE[1] - FADE[0]);
-        let fade = metres.mul_add(simd.set((-slope / self.range) as f32), simd.set((slope * FADE[1]) as f32));
+        let slope = 1.0 / (FADE_DISTANCE_SHARES[1] - FADE_DISTANCE_SHARES[0]);
+        let fade = metres.mul_add(
+            simd.set((-slope / self.range) as f32),
+            simd.set((slope * FADE_DISTANCE_SHARES[1]) as f32),
+        );
         let wanted = keep * fade.max(simd.set(0.0)).min(simd.set(1.0)) * self.share as f32;
         // Of the last ones below `wanted` a part, that grows with it.
-        let there = wanted.mul_add(simd.set(1.0 + 0.5 * SOFT as f32), -threshold) / (wanted * SOFT as f32);
+        let there = wanted.mul_add(simd.set(1.0 + 0.5 * THRESHOLD_WIDTH_SHARE as f32), -threshold)
+            / (wanted * THRESHOLD_WIDTH_SHARE as f32);
         [keep, there.min(simd.set(1.0))]
     }
 }
@@ -476,15 +483,15 @@ impl<'a> Brush<'a> {
             for k in 0..3 {
                 let offset = turned(simd, columns[k], &self.batch.at, first);
                 offset.store_slice(&mut group.offset[k][lanes.clone()]);
-                let streak =
-                    turned(simd, columns[k], &self.batch.velocity, first) * (look.exposure * LINE) as f32;
+                let streak = turned(simd, columns[k], &self.batch.velocity, first)
+                    * (look.exposure * LINE_SIGMA_RATIO) as f32;
                 streak.store_slice(&mut group.reach[0][k][lanes.clone()]);
                 direction[k] = offset / (distance * per_metre as f32);
             }
             let keep = simd.load(&self.batch.keep[first..]);
             let width = simd.load(&self.batch.width[first..]) * (look.size * per_metre) as f32;
             // Those that stand for several are as wide as all of them together.
-            let sigma = width * DISC as f32 / keep.sqrt();
+            let sigma = width * DISC_SIGMA_RATIO as f32 / keep.sqrt();
             sigma.store_slice(&mut group.sigma[lanes.clone()]);
             let there = simd.load(&self.batch.there[first..]);
             let area = width * width * there / keep * (PI / 4.0 * look.opacity) as f32;
@@ -513,8 +520,10 @@ impl<'a> Brush<'a> {
         if this.kind.shape == ParticleShape::Flake {
             for lane in 0..self.count {
                 let width = f64::from(self.batch.width[lane]) * look.size;
-                if width * f64::from(view.pixels()) >= ARMS * f64::from(self.batch.distance[lane]) {
-                    self.spread(&mut group, lane, width * per_metre);
+                if width * f64::from(view.pixels())
+                    >= MIN_ARMED_WIDTH_PX * f64::from(self.batch.distance[lane])
+                {
+                    self.add_arms(&mut group, lane, width * per_metre);
                 }
             }
         }
@@ -526,8 +535,8 @@ impl<'a> Brush<'a> {
     fn lit_by(&self, lamps: &LampsOn<'_>, group: &ParticleGroup, lanes: Range<usize>) -> [[f32; GROUP]; 3] {
         let this = self.fall.precipitation;
         let (asymmetry, reflectance) = match this.kind.shape {
-            ParticleShape::Ball => (DROP, 1.0),
-            ParticleShape::Flake => (FLAKE, this.kind.reflectance as f32),
+            ParticleShape::Ball => (DROP_ASYMMETRY, 1.0),
+            ParticleShape::Flake => (FLAKE_ASYMMETRY, this.kind.reflectance as f32),
         };
         let strength = reflectance * (this.look.brightness as f32);
         let center = Vec3::from_array(self.view.center.map(|v| v as f32));
@@ -543,13 +552,13 @@ impl<'a> Brush<'a> {
 
     /// Makes three arms, in a plane that tumbles, of a flake of a group that is `width` scene units
     /// wide.
-    fn spread(&mut self, group: &mut ParticleGroup, lane: usize, width: f64) {
+    fn add_arms(&mut self, group: &mut ParticleGroup, lane: usize, width: f64) {
         if group.area[lane] <= 0.0 {
             return;
         }
         let one = Particle {
             offset: group.offset.map(|axis| axis[lane]),
-            sigma: (DISC * ARM * 2.0 * width) as f32,
+            sigma: (DISC_SIGMA_RATIO * ARM_THICKNESS_RATIO * 2.0 * width) as f32,
             reach: group.reach.map(|direction| direction.map(|axis| axis[lane])),
             area: group.area[lane] / 3.0,
             rgb: group.rgb.map(|channel| channel[lane]),
@@ -563,7 +572,7 @@ impl<'a> Brush<'a> {
         let (a, b) = ([-sin, cos, 0.0], [-z * cos, -z * sin, r]);
         for arm in 0..3 {
             let (sin, cos) = (spin + PI / 3.0 * f64::from(arm)).sin_cos();
-            let along = std::array::from_fn(|k| (a[k] * cos + b[k] * sin) * width * LINE);
+            let along = std::array::from_fn(|k| (a[k] * cos + b[k] * sin) * width * LINE_SIGMA_RATIO);
             let along = from_level(&self.fall.axes, along).map(|v| v as f32);
             self.arms.push(Particle { reach: [one.reach[0], along], ..one });
         }

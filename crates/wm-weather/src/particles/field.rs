@@ -26,14 +26,15 @@ pub(crate) struct Cells {
 /// Points that a cube holds on average, where that makes no cube too small or too large: cubes
 /// cut by the border of the view cost, and so do groups of points that are not filled.
 const MEAN_CUBE_POINTS: f64 = 24.0;
-/// Shortest and longest edge, m.
-const EDGES: [f64; 2] = [0.1, 16.0];
+/// Shortest and longest edge of a cube.
+const CUBE_EDGE_LIMITS_M: [f64; 2] = [0.1, 16.0];
 
 impl Cells {
     /// Cubes for a density, points a m^3 and threshold.
     pub(crate) fn new(key: u32, density: f64, thresholds: [f64; 2]) -> Self {
         let count = density * (thresholds[1] - thresholds[0]);
-        let edge = (MEAN_CUBE_POINTS / count.max(1e-12)).cbrt().clamp(EDGES[0], EDGES[1]);
+        let edge =
+            (MEAN_CUBE_POINTS / count.max(1e-12)).cbrt().clamp(CUBE_EDGE_LIMITS_M[0], CUBE_EDGE_LIMITS_M[1]);
         Self { key, edge, density, thresholds }
     }
 
@@ -168,10 +169,10 @@ impl ViewFrustum {
 
     /// Estimates the cubes that [`Self::each_cell`] visits in all slices, by some of them.
     pub(crate) fn cells(&self, edge: f64) -> f64 {
-        const SAMPLES: i64 = 16;
+        const SAMPLE_COUNT: i64 = 16;
         let slices = self.slices(edge);
         let count = slices.end - slices.start;
-        let step = (count / SAMPLES).max(1);
+        let step = (count / SAMPLE_COUNT).max(1);
         let cubes = |low: f64, high: f64| ((high - low) / edge + 1.0).max(0.0);
         let of_slice = |slice: i64| {
             let x = slice as f64 * edge - self.center[0];

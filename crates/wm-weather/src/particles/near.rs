@@ -1,7 +1,7 @@
 //! Falling particles near a sensor that takes no picture, such as a lidar: the same ones that
 //! cameras see.
 
-use super::fall::{DISC, FallingParticles, LINE, Surroundings};
+use super::fall::{DISC_SIGMA_RATIO, FallingParticles, LINE_SIGMA_RATIO, Surroundings};
 use super::precipitation::{ParticleAppearance, Precipitation};
 use super::spectrum::ParticleShape;
 use std::f64::consts::PI;
@@ -9,8 +9,8 @@ use wm_render::hooks::{Particle, ParticleView, Particles};
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
-/// Shortest time over which the way of a particle gives its velocity, s.
-const SHORTEST: f64 = 1e-4;
+/// Shortest time over which the way of a particle gives its velocity.
+const MIN_VELOCITY_TIME_S: f64 = 1e-4;
 
 /// One falling particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +35,7 @@ pub(crate) fn particles(
     reach: &dyn Fn(ParticleShape, f64) -> f64,
 ) -> Vec<NearParticle> {
     // As they are in nature: what makes pictures of them clearer is no part of them.
-    let exposure = duration.max(SHORTEST);
+    let exposure = duration.max(MIN_VELOCITY_TIME_S);
     let look = ParticleAppearance { exposure, seed: kind.look.seed, ..ParticleAppearance::default() };
     let bare = Precipitation { look, ..kind.clone() };
     let shape = kind.kind.shape;
@@ -45,14 +45,14 @@ pub(crate) fn particles(
     let metres = around.site.metres_per_unit;
     let mut found = Vec::new();
     each_particle(&fall, path, view, |particle| {
-        let width = f64::from(particle.sigma) / DISC;
+        let width = f64::from(particle.sigma) / DISC_SIGMA_RATIO;
         let (offset, diameter) = (particle.offset.map(|v| f64::from(v) * metres), width * metres);
         // One of the last below the density that is requested is there by a half: it is there or
         // not.
         if f64::from(particle.area) >= 0.5 * PI / 4.0 * width * width
             && offset.iter().map(|v| v * v).sum::<f64>().sqrt() <= reach(shape, diameter)
         {
-            let velocity = particle.reach[0].map(|v| f64::from(v) * metres / (exposure * LINE));
+            let velocity = particle.reach[0].map(|v| f64::from(v) * metres / (exposure * LINE_SIGMA_RATIO));
             found.push(NearParticle { offset, velocity, diameter, shape });
         }
     });
@@ -70,7 +70,7 @@ pub(crate) fn drawn(
     let view = ParticleView::new(camera);
     let fall = FallingParticles::new(kind, around.clone());
     // A streak is the way within the exposure.
-    let seconds = kind.look.exposure * LINE;
+    let seconds = kind.look.exposure * LINE_SIGMA_RATIO;
     let velocity = |one: &Particle| one.reach[0].map(|v| f64::from(v) / seconds);
     let mut found = Vec::new();
     each_particle(&fall, path, &view, |one| found.push((one, velocity(&one))));

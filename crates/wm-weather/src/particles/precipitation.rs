@@ -4,12 +4,12 @@ use super::residual::Residual;
 use super::spectrum::{PrecipitationKind, SizeClass};
 use crate::optics::AirLayer;
 
-/// Width at which drops end, px.
-pub(super) const CUT: f64 = 0.3;
+/// Width at which drops end.
+pub(super) const MIN_DROP_WIDTH_PX: f64 = 0.3;
 
 /// Share of the airlight that surroundings shine with: half of them sky, half ground of half its
 /// light.
-const SURROUNDINGS: f64 = 0.75;
+const SURROUNDINGS_LIGHT_SHARE: f64 = 0.75;
 
 /// The appearance of precipitation and the camera's exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,7 +90,7 @@ impl Precipitation {
     /// The radiance of its particles without lamps, linear RGB.
     pub(crate) fn radiance(&self) -> [f32; 3] {
         let natural = || {
-            let share = SURROUNDINGS * self.kind.reflectance;
+            let share = SURROUNDINGS_LIGHT_SHARE * self.kind.reflectance;
             self.airlight.map(|v| v * share)
         };
         self.look.radiance.unwrap_or_else(natural).map(|v| (v * self.look.brightness) as f32)
@@ -105,7 +105,7 @@ impl Precipitation {
 
     /// Up to where a class is drawn in a view, m.
     pub(super) fn range(&self, class: &SizeClass, pixels: f64) -> f64 {
-        class.width * self.look.size * pixels / CUT
+        class.width * self.look.size * pixels / MIN_DROP_WIDTH_PX
     }
 
     /// Returns the part that particles show in a view with `pixels` to a length of 1 at distance 1,

@@ -37,17 +37,18 @@ pub(crate) fn uniform<S: Lanes>(simd: S, bits: S::U) -> S::F {
 #[inline(always)]
 pub(crate) fn wave<S: Lanes>(simd: S, turns: S::F) -> [S::F; 2] {
     /// Adding it leaves the nearest whole number, and one and a half times 2^23.
-    const ROUND: f32 = 12_582_912.0;
-    const SIN: [f32; 5] = [1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0];
-    const COS: [f32; 6] = [-1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0];
+    const ROUNDING_OFFSET: f32 = 12_582_912.0;
+    const SIN_COEFFICIENTS: [f32; 5] = [1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0];
+    const COS_COEFFICIENTS: [f32; 6] =
+        [-1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0];
     // Of half the angle, by their series on a quarter turn either way, and doubled.
-    let x = (turns - ((turns + ROUND) - ROUND)) * std::f32::consts::PI;
+    let x = (turns - ((turns + ROUNDING_OFFSET) - ROUNDING_OFFSET)) * std::f32::consts::PI;
     let q = x * x;
     let (mut sin, mut cos) = (simd.set(-1.0 / 39_916_800.0), simd.set(0.0));
-    for term in SIN {
+    for term in SIN_COEFFICIENTS {
         sin = sin.mul_add(q, simd.set(term));
     }
-    for term in COS {
+    for term in COS_COEFFICIENTS {
         cos = cos.mul_add(q, simd.set(term));
     }
     sin *= x;

@@ -9,7 +9,7 @@ use wm_render::simd::Lanes;
 
 /// End of drawing, as shares of a class's distance: everything up to the first, nothing beyond the
 /// second.
-pub(crate) const FADE: [f64; 2] = [0.85, 1.15];
+pub(crate) const FADE_DISTANCE_SHARES: [f64; 2] = [0.85, 1.15];
 /// Least distance at which anything is drawn, m.
 pub(crate) const MIN_DISTANCE_M: f64 = 0.1;
 /// Nodes of the table, 8 equal steps for a factor of 2, from `2^FIRST` m to `2^LAST`.
@@ -23,7 +23,7 @@ pub(crate) const FARTHEST_NODE: f32 = 131_072.0 * (1.0 - f32::EPSILON);
 
 /// The integral of the drawn share over distances from 0.
 fn faded(distance: f64) -> f64 {
-    let [begin, end] = FADE;
+    let [begin, end] = FADE_DISTANCE_SHARES;
     let over = (distance.min(end) - begin).max(0.0);
     distance.min(begin) + over - 0.5 * over * over / (end - begin)
 }
@@ -65,13 +65,13 @@ impl Residual {
     /// [`Self::depth`] from the table, within 1 % of it.
     #[inline(always)]
     pub(crate) fn tabled<S: Lanes>(&self, simd: S, metres: S::F) -> S::F {
-        /// Bits of 1.
-        const ONE: u32 = 0x3f80_0000;
+        const ONE_BITS: u32 = 0x3f80_0000;
         let metres = metres.min(simd.set(FARTHEST_NODE));
         // A float's exponent and its next three bits are the number of its node.
         let bits = metres.max(simd.set(NEAREST_NODE)).to_bits();
-        let share = S::F::from_bits((bits & S::U::splat(simd, 0xf_ffff)) << 3 | S::U::splat(simd, ONE)) - 1.0;
-        let nodes = (bits >> 20) - S::U::splat(simd, (ONE >> 20).wrapping_add_signed(8 * FIRST_LOG2));
+        let share =
+            S::F::from_bits((bits & S::U::splat(simd, 0xf_ffff)) << 3 | S::U::splat(simd, ONE_BITS)) - 1.0;
+        let nodes = (bits >> 20) - S::U::splat(simd, (ONE_BITS >> 20).wrapping_add_signed(8 * FIRST_LOG2));
         let (mut mean, mut more) = ([0.0; 16], [0.0; 16]);
         for (lane, node) in nodes.as_slice().iter().enumerate() {
             [mean[lane], more[lane]] = self.table[(*node as usize).min(NODES - 1)];
@@ -89,7 +89,8 @@ mod tests {
     /// Returns the share of a class that is drawn at `distance`, in units of the class's own
     /// distance.
     fn fade(distance: f64) -> f64 {
-        ((FADE[1] - distance) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
+        ((FADE_DISTANCE_SHARES[1] - distance) / (FADE_DISTANCE_SHARES[1] - FADE_DISTANCE_SHARES[0]))
+            .clamp(0.0, 1.0)
     }
 
     #[inline(always)]

@@ -6,11 +6,11 @@ use std::f64::consts::TAU;
 use wm_render::simd::Lanes;
 
 /// Swaying by itself: speed sideways, m/s, and frequency, Hz, from and to.
-const SPEED: [f64; 2] = [0.15, 0.5];
-const RATE: [f64; 2] = [0.5, 1.5];
+const SWAY_SPEEDS: [f64; 2] = [0.15, 0.5];
+const SWAY_FREQUENCIES_HZ: [f64; 2] = [0.5, 1.5];
 /// Frequencies that flakes may have, as a power of 2: so few that turns of any time stay exact in
 /// 32 bits.
-const RATES: u32 = 12;
+const FREQUENCY_COUNT_LOG2: u32 = 12;
 
 /// A wave in which flakes near each other sway together.
 struct Eddy {
@@ -40,11 +40,11 @@ const EDDIES: [Eddy; 4] = [
 ];
 
 /// Ratio of the waves' phase change going up to that sideways.
-const RISE: f64 = 0.6;
+const VERTICAL_PHASE_RATIO: f64 = 0.6;
 
 /// Farthest that a flake sways, m.
 pub(crate) fn farthest() -> f64 {
-    EDDIES.iter().map(|eddy| eddy.reach).sum::<f64>() + SPEED[1] / (TAU * RATE[0])
+    EDDIES.iter().map(|eddy| eddy.reach).sum::<f64>() + SWAY_SPEEDS[1] / (TAU * SWAY_FREQUENCIES_HZ[0])
 }
 
 /// Phases of the waves at a place, 0-1.
@@ -61,15 +61,16 @@ pub(crate) struct Sway {
 impl Sway {
     /// At `time`, s.
     pub(crate) fn new(time: f64) -> Self {
-        let step = (RATE[1] - RATE[0]) / f64::from(1u32 << RATES);
-        Self { time, turns: [RATE[0] * time, step * time].map(whole_turns) }
+        let step =
+            (SWAY_FREQUENCIES_HZ[1] - SWAY_FREQUENCIES_HZ[0]) / f64::from(1u32 << FREQUENCY_COUNT_LOG2);
+        Self { time, turns: [SWAY_FREQUENCIES_HZ[0] * time, step * time].map(whole_turns) }
     }
 
     /// Returns the phases of the waves at `at`, m, in the flakes' own axes that do not move, 0-1.
     pub(crate) fn phases(&self, at: &[f64; 3]) -> SwayPhases {
         std::array::from_fn(|k| {
             let Eddy { length, period, from: [x, y], .. } = EDDIES[k];
-            let turns = (at[0] * x + at[1] * y + RISE * at[2]) / length + self.time / period;
+            let turns = (at[0] * x + at[1] * y + VERTICAL_PHASE_RATIO * at[2]) / length + self.time / period;
             (turns - turns.floor()) as f32
         })
     }
@@ -87,15 +88,17 @@ impl Sway {
         velocity: &mut [S::F; 3],
     ) {
         // The upper bits are the frequency, those below the speed.
-        let number = own[0] >> (32 - RATES);
-        let share = uniform(simd, own[0] << RATES);
-        let speed = share.mul_add(simd.set((SPEED[1] - SPEED[0]) as f32), simd.set(SPEED[0] as f32));
+        let number = own[0] >> (32 - FREQUENCY_COUNT_LOG2);
+        let share = uniform(simd, own[0] << FREQUENCY_COUNT_LOG2);
+        let speed = share
+            .mul_add(simd.set((SWAY_SPEEDS[1] - SWAY_SPEEDS[0]) as f32), simd.set(SWAY_SPEEDS[0] as f32));
         let turns = number * S::U::splat(simd, self.turns[1]) + own[1] + S::U::splat(simd, self.turns[0]);
         let [sin, cos] = wave(simd, uniform(simd, turns));
         // Whole numbers below 2^23 are the mantissa of themselves plus it.
         let number = S::F::from_bits(number | S::U::splat(simd, 0x4b00_0000)) - 8_388_608.0;
-        let step = ((RATE[1] - RATE[0]) / f64::from(1u32 << RATES)) as f32;
-        let rate = number.mul_add(simd.set(step), simd.set(RATE[0] as f32)) * TAU as f32;
+        let step = ((SWAY_FREQUENCIES_HZ[1] - SWAY_FREQUENCIES_HZ[0])
+            / f64::from(1u32 << FREQUENCY_COUNT_LOG2)) as f32;
+        let rate = number.mul_add(simd.set(step), simd.set(SWAY_FREQUENCIES_HZ[0] as f32)) * TAU as f32;
         let reach = speed / rate;
         at[0] = reach.mul_add(sin, at[0]);
         at[1] -= reach * cos;
@@ -103,7 +106,7 @@ impl Sway {
         velocity[1] = speed.mul_add(sin, velocity[1]);
         for (eddy, phase) in EDDIES.iter().zip(phases) {
             let [x, y] = eddy.from.map(|v| (v / eddy.length) as f32);
-            let rise = (RISE / eddy.length) as f32;
+            let rise = (VERTICAL_PHASE_RATIO / eddy.length) as f32;
             let turns = from[0].mul_add(
                 simd.set(x),
                 from[1].mul_add(simd.set(y), from[2].mul_add(simd.set(rise), simd.set(*phase))),

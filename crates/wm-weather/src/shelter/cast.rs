@@ -10,23 +10,23 @@ use wm_render::simd::{SimdPath, exp2_unfused};
 use wm_render::stages::sort::cpu::sort;
 
 /// Variance of the filter through which a cell sees splats, cells^2: the renderer's of pixels.
-pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
+pub(super) const FILTER_VARIANCE_CELLS2: f64 = wm_render::stages::project::DILATION as f64;
 /// Alphas below are nothing.
 pub(super) const LEAST_ALPHA: f64 = wm_scene::health::MIN_OPACITY;
 /// Default transmittance below which the fall counts as stopped.
-pub(super) const STOPPED: f32 = 0.5;
+pub(super) const STOPPING_TRANSMITTANCE: f32 = 0.5;
 /// Extent of the most opaque splat, standard deviations: `sqrt(2 ln 255)` and a little.
 const MOST_REACH: f64 = 3.4;
 /// Rows of a band: a band of a large grid fits the second cache.
-const BAND: usize = 32;
+const BAND_ROW_COUNT: usize = 32;
 /// Cells of a row that are covered at once.
 const LANES: usize = 8;
 const COUNT_UP: [i32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7];
 const COUNT_UP_F32: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 /// Footprints after which a band is examined for whether it is done.
-const LOOKS: usize = 1 << 12;
+const FOOTPRINTS_PER_CHECK: usize = 1 << 12;
 /// Splats that are projected at once.
-const CHUNK: usize = 1 << 14;
+const CHUNK_SPLAT_COUNT: usize = 1 << 14;
 
 /// A splat on the grid: with `d` from its mean to a cell's middle, in cells, and L L^T its filtered
 /// covariance, rows first, `w = L^-1 d`: `alpha = opacity exp(-|w|^2 / 2)`, depth `t + slope . w`.
@@ -65,8 +65,8 @@ pub(super) fn project(all: &[Occluder], grid: &Grid) -> Footprints {
         if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
     };
     let path = SimdPath::widest();
-    let found = map(all.len().div_ceil(CHUNK), |chunk| {
-        let splats = &all[chunk * CHUNK..all.len().min((chunk + 1) * CHUNK)];
+    let found = map(all.len().div_ceil(CHUNK_SPLAT_COUNT), |chunk| {
+        let splats = &all[chunk * CHUNK_SPLAT_COUNT..all.len().min((chunk + 1) * CHUNK_SPLAT_COUNT)];
         let mut found = Vec::with_capacity(splats.len());
         dispatch!(path, simd => project_each(simd, splats, grid, &mut found));
         found
@@ -99,16 +99,16 @@ impl Footprint {
         let [xx, _, _, yy, _, zz] = splat.covariance.map(f64::from);
         let area = cell * cell;
         let widest = (xx + yy + zz) / area;
-        let far = MOST_REACH * (widest.sqrt() + FILTER.sqrt()) + 1.0;
+        let far = MOST_REACH * (widest.sqrt() + FILTER_VARIANCE_CELLS2.sqrt()) + 1.0;
         let is_off = |at: f64, count: usize| at < -far || at > count as f64 + far;
         // Or so narrow that the filter leaves next to nothing of them.
-        let is_faint = f64::from(splat.opacity) * widest < LEAST_ALPHA * (widest + FILTER);
+        let is_faint = f64::from(splat.opacity) * widest < LEAST_ALPHA * (widest + FILTER_VARIANCE_CELLS2);
         if is_faint || is_off(column, grid.columns) || is_off(row, grid.rows) {
             return None;
         }
         let [cc, cr, rr] =
             [(across, across), (across, down), (down, down)].map(|(a, b)| splat.between(a, b) / area);
-        let (wide_cc, wide_rr) = (cc + FILTER, rr + FILTER);
+        let (wide_cc, wide_rr) = (cc + FILTER_VARIANCE_CELLS2, rr + FILTER_VARIANCE_CELLS2);
         let share = (cc * rr - cr * cr).max(0.0) / (wide_cc * wide_rr - cr * cr);
         let mut opacity = f64::from(splat.opacity) * share.sqrt();
         if splat.opacity > 1.0 {
@@ -145,9 +145,9 @@ impl Footprint {
 impl Footprints {
     /// Lists the projections that reach each band of rows, in order.
     fn by_bands(&self, grid: &Grid) -> Vec<Vec<u32>> {
-        let mut lists = vec![Vec::new(); grid.rows.div_ceil(BAND)];
+        let mut lists = vec![Vec::new(); grid.rows.div_ceil(BAND_ROW_COUNT)];
         for (index, [top, bottom]) in (0u32..).zip(&self.rows) {
-            for list in &mut lists[*top as usize / BAND..=*bottom as usize / BAND] {
+            for list in &mut lists[*top as usize / BAND_ROW_COUNT..=*bottom as usize / BAND_ROW_COUNT] {
                 list.push(index);
             }
         }
@@ -205,7 +205,7 @@ pub(super) fn cast(
     splats: &mut [u32],
 ) {
     let columns = grid.columns;
-    let cells = (BAND * columns).max(1);
+    let cells = (BAND_ROW_COUNT * columns).max(1);
     let (stops, clear) = (stops.par_chunks_mut(cells), clear.par_chunks_mut(cells));
     let bands = stops.zip(clear).zip(splats.par_chunks_mut(cells)).enumerate();
     let (path, lists) = (SimdPath::widest(), footprints.by_bands(grid));
@@ -213,8 +213,8 @@ pub(super) fn cast(
         if clear.iter().all(|left| *left < grid.stopped) {
             return;
         }
-        let mut band = Band::new(number * BAND, columns, grid.stopped, stops, clear, splats);
-        for list in lists[number].chunks(LOOKS) {
+        let mut band = Band::new(number * BAND_ROW_COUNT, columns, grid.stopped, stops, clear, splats);
+        for list in lists[number].chunks(FOOTPRINTS_PER_CHECK) {
             dispatch!(path, simd => band.cover(simd, footprints, list));
             if !band.is_open() {
                 break;

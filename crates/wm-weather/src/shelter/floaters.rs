@@ -14,19 +14,19 @@ use super::grid::Grid;
 use crate::threads::map;
 
 /// The number of rounds in which floaters are removed: there may be some below others.
-pub(super) const ROUNDS: usize = 2;
+pub(super) const REMOVAL_ROUND_COUNT: usize = 2;
 /// Cells within which cells are of one piece.
-const REACH: usize = 2;
-/// Height within which they are, m.
-const STEP: f64 = 1.0;
+const PIECE_REACH_CELLS: usize = 2;
+/// Difference of height within which cells are of one piece.
+const MAX_PIECE_STEP_M: f64 = 1.0;
 /// Widest floater, in gaps, and between which widths, m.
-const WIDEST: f64 = 0.2;
-const WIDTHS: [f64; 2] = [0.5, 2.0];
+const MAX_FLOATER_WIDTH_GAPS: f64 = 0.2;
+const MAX_FLOATER_WIDTH_LIMITS_M: [f64; 2] = [0.5, 2.0];
 /// Largest share of a floater in all cells that stop anything.
 const MAX_FLOATER_SHARE: f64 = 0.02;
 
 /// Rows in which pieces are found on their own, before those that meet at their borders are joined.
-const BAND: usize = 64;
+const BAND_ROW_COUNT: usize = 64;
 
 /// The statistics of a piece.
 #[derive(Clone, Copy)]
@@ -40,7 +40,7 @@ struct Piece {
 /// Opens the cells of floaters again, with the distance below which they look on; whether there are
 /// any.
 pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_per_unit: f64) -> bool {
-    let step = (STEP / metres_per_unit) as f32;
+    let step = (MAX_PIECE_STEP_M / metres_per_unit) as f32;
     let firsts = find_pieces(stops, grid, step);
     let mut counts = vec![0u32; stops.len()];
     let mut covered = 0;
@@ -52,7 +52,7 @@ pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_p
     // at.
     let cell = grid.cell * metres_per_unit;
     let is_small = |cells: u32| {
-        f64::from(cells).sqrt() * cell < WIDTHS[1]
+        f64::from(cells).sqrt() * cell < MAX_FLOATER_WIDTH_LIMITS_M[1]
             && f64::from(cells) < MAX_FLOATER_SHARE * f64::from(covered)
     };
     let mut pieces = Vec::new();
@@ -66,9 +66,9 @@ pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_p
         }
     }
     let number = |index: usize| numbers[firsts[index] as usize] as usize;
-    let gaps = map(grid.rows.div_ceil(BAND), |band| {
+    let gaps = map(grid.rows.div_ceil(BAND_ROW_COUNT), |band| {
         let mut gaps = Vec::new();
-        pairs(stops, grid, [band * BAND, band * BAND + BAND], |a, b, off| {
+        pairs(stops, grid, [band * BAND_ROW_COUNT, band * BAND_ROW_COUNT + BAND_ROW_COUNT], |a, b, off| {
             // Infinity minus itself is no number, and no edge of a piece.
             if off > step {
                 let [a, b] = [a, b].map(|cell| cell as usize);
@@ -90,7 +90,10 @@ pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_p
     }
     let is_floater = |piece: &Piece| {
         let gap = f64::from(piece.gap) * metres_per_unit;
-        f64::from(piece.cells).sqrt() * cell < (WIDEST * gap).clamp(WIDTHS[0], WIDTHS[1]) && gap > 0.0
+        f64::from(piece.cells).sqrt() * cell
+            < (MAX_FLOATER_WIDTH_GAPS * gap)
+                .clamp(MAX_FLOATER_WIDTH_LIMITS_M[0], MAX_FLOATER_WIDTH_LIMITS_M[1])
+            && gap > 0.0
     };
     let mut is_any = false;
     for index in 0..stops.len() {
@@ -114,8 +117,8 @@ pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_p
 /// Returns the first cell of the piece that each cell is in.
 fn find_pieces(stops: &[f32], grid: &Grid, step: f32) -> Vec<u32> {
     let Grid { columns, rows, .. } = *grid;
-    let band_rows = |band: usize| [band * BAND, rows.min(band * BAND + BAND)];
-    let bands = map(rows.div_ceil(BAND), |band| {
+    let band_rows = |band: usize| [band * BAND_ROW_COUNT, rows.min(band * BAND_ROW_COUNT + BAND_ROW_COUNT)];
+    let bands = map(rows.div_ceil(BAND_ROW_COUNT), |band| {
         let [first, end] = band_rows(band);
         let start = (first * columns) as u32;
         let mut parents: Vec<u32> = (0..((end - first) * columns) as u32).collect();
@@ -130,8 +133,8 @@ fn find_pieces(stops: &[f32], grid: &Grid, step: f32) -> Vec<u32> {
         parents
     });
     let mut firsts = bands.concat();
-    for border in (BAND..rows).step_by(BAND) {
-        pairs(stops, grid, [border.saturating_sub(REACH), border], |a, b, off| {
+    for border in (BAND_ROW_COUNT..rows).step_by(BAND_ROW_COUNT) {
+        pairs(stops, grid, [border.saturating_sub(PIECE_REACH_CELLS), border], |a, b, off| {
             let is_across = b as usize >= border * columns;
             if is_across && off <= step && firsts[a as usize] != firsts[b as usize] {
                 join(&mut firsts, a, b);
@@ -151,8 +154,8 @@ fn pairs(stops: &[f32], grid: &Grid, span: [usize; 2], mut visit: impl FnMut(u32
     let [first, end] = span;
     let (columns, rows) = (grid.columns, grid.rows);
     for row in first..end.min(rows) {
-        for below in 0..=REACH.min(rows - 1 - row) {
-            let right = REACH.min(columns - 1) as isize;
+        for below in 0..=PIECE_REACH_CELLS.min(rows - 1 - row) {
+            let right = PIECE_REACH_CELLS.min(columns - 1) as isize;
             for aside in if below == 0 { 1 } else { -right }..=right {
                 let (left, count) = ((-aside).max(0) as usize, columns - aside.unsigned_abs());
                 let a = row * columns + left;

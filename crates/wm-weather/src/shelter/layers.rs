@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// A surface is where less of what comes from above is left: near the top of leaves and of what is
 /// not quite dense.
-const TOP: f32 = 0.75;
+const TOP_TRANSMITTANCE: f32 = 0.75;
 
 /// Surfaces straight below each other on a level grid, the uppermost first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,7 +32,7 @@ impl Occluders {
     /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below
     /// the one before; and what floats above the first.
     pub(crate) fn layers(&self, count: usize, gap: f64, cells: f64) -> (HeightLayers, FloaterMap) {
-        let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
+        let grid = Grid { stopped: TOP_TRANSMITTANCE, ..self.grid(self.up.map(|v| -v)) };
         let footprints = cast::project(&self.all, &grid);
         let FirstSurfaces { mut stops, mut splats, opened } = self.first(&footprints, &grid);
         let gap = (gap / self.metres_per_unit).max(cells * grid.cell) as f32;

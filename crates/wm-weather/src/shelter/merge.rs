@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// splats did.
 const WIDTH_FACTOR: f64 = 1.5;
 /// Rows and columns of the entries of a covariance.
-const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+const COVARIANCE_ENTRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 /// Most opacity of one.
 const MAX_OPACITY: f64 = 0.98;
 
@@ -106,7 +106,7 @@ impl Pool {
         self.count += 1;
         self.weight += weight;
         (0..3).for_each(|k| self.mean[k] += weight * off[k]);
-        for (k, (i, j)) in PAIRS.into_iter().enumerate() {
+        for (k, (i, j)) in COVARIANCE_ENTRIES.into_iter().enumerate() {
             self.moments[k] += weight * (f64::from(it.covariance[k]) + off[i] * off[j]);
         }
     }
@@ -114,7 +114,7 @@ impl Pool {
     fn merged(&self) -> Occluder {
         let off = self.mean.map(|v| v / self.weight);
         let covariance = std::array::from_fn(|k| {
-            let (i, j) = PAIRS[k];
+            let (i, j) = COVARIANCE_ENTRIES[k];
             (self.moments[k] / self.weight - off[i] * off[j]) as f32
         });
         let mean = std::array::from_fn(|k| (f64::from(self.first.mean[k]) + off[k]) as f32);
@@ -131,7 +131,9 @@ fn merge<'a>(all: impl Iterator<Item = &'a Occluder> + Clone) -> Occluder {
         weights += weight;
         let mean = it.mean.map(f64::from);
         (0..3).for_each(|k| sum[k] += weight * mean[k]);
-        for (moment, ((i, j), own)) in moments.iter_mut().zip(PAIRS.into_iter().zip(it.covariance)) {
+        for (moment, ((i, j), own)) in
+            moments.iter_mut().zip(COVARIANCE_ENTRIES.into_iter().zip(it.covariance))
+        {
             *moment += weight * (f64::from(own) + mean[i] * mean[j]);
         }
         if weight > heaviest {
@@ -140,7 +142,7 @@ fn merge<'a>(all: impl Iterator<Item = &'a Occluder> + Clone) -> Occluder {
     }
     let mean = sum.map(|v| v / weights);
     let covariance: [f32; 6] = std::array::from_fn(|k| {
-        let (i, j) = PAIRS[k];
+        let (i, j) = COVARIANCE_ENTRIES[k];
         (WIDTH_FACTOR * WIDTH_FACTOR * (moments[k] / weights - mean[i] * mean[j])) as f32
     });
     let merged = Occluder { mean: mean.map(|v| v as f32), covariance, opacity: 1.0, splat };

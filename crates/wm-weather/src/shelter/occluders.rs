@@ -11,10 +11,10 @@ use crate::point_grid::median_spacing;
 use glam::Vec3;
 use wm_scene::{Group, Splats};
 
-/// Extent of a splat for the size of the grid, standard deviations.
-const REACH: f64 = 2.0;
+/// Extent of a splat for the size of the grid.
+const SPLAT_REACH_SIGMAS: f64 = 2.0;
 /// Largest standard deviation of a splat, in diagonals of the scene.
-const LARGEST: f64 = 0.25;
+const MAX_SIGMA_DIAGONALS: f64 = 0.25;
 
 /// Cells that indices and sums of 32 bits can hold.
 const MOST_CELLS: usize = 1 << 28;
@@ -68,14 +68,14 @@ impl Occluders {
             .collect();
         let ranges = [0, 1, 2].map(|k| {
             let bounds = kept.iter().map(|&i| {
-                let (mean, reach) = (f64::from(splats.means[i][k]), REACH * largest(splats, i));
+                let (mean, reach) = (f64::from(splats.means[i][k]), SPLAT_REACH_SIGMAS * largest(splats, i));
                 [mean - reach, mean + reach]
             });
             range_within(bounds, options.outliers, [f64::NEG_INFINITY, f64::INFINITY]).0
         });
         let origin = ranges.map(|[low, high]| 0.5 * (low + high));
         let diagonal = ranges.iter().map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
-        let small = kept.iter().filter(|&&i| largest(splats, i) <= LARGEST * diagonal);
+        let small = kept.iter().filter(|&&i| largest(splats, i) <= MAX_SIGMA_DIAGONALS * diagonal);
         let all = small.map(|&i| Occluder::at(splats, i, origin)).collect();
         Self { options: *options, metres_per_unit, up, origin, all }
     }
@@ -122,7 +122,7 @@ impl Occluders {
         let mut opened = Vec::new();
         cast::cast(footprints, grid, &mut stops, &mut clear, &mut splats);
         let rounds = match self.options.floaters {
-            FloaterRule::PassThrough => floaters::ROUNDS,
+            FloaterRule::PassThrough => floaters::REMOVAL_ROUND_COUNT,
             FloaterRule::Stop => 0,
         };
         for _ in 0..rounds {
@@ -165,7 +165,8 @@ impl Occluders {
                 [a.min(b) - reach, a.max(b) + reach]
             });
             let bounds = self.all.iter().map(|splat| {
-                let (mean, reach) = (splat.along(axes[k]), REACH * splat.between(axes[k], axes[k]).sqrt());
+                let (mean, reach) =
+                    (splat.along(axes[k]), SPLAT_REACH_SIGMAS * splat.between(axes[k], axes[k]).sqrt());
                 [mean - reach, mean + reach]
             });
             let (range, is_cut) = range_within(bounds, self.options.outliers, limits);
@@ -195,7 +196,7 @@ impl Occluders {
             cell,
             columns,
             rows,
-            stopped: cast::STOPPED,
+            stopped: cast::STOPPING_TRANSMITTANCE,
             is_whole,
         }
     }

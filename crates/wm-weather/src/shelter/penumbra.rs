@@ -12,13 +12,13 @@ use super::map::{MOST_RADIUS, Shelter};
 use glam::{Vec2, Vec3};
 
 /// Cells by which a surface stands before itself at most, across it: its roughness.
-const ROUGH: f32 = 1.2;
+const MAX_ROUGHNESS_CELLS: f32 = 1.2;
 /// Least width of the cells by which roughness goes, m.
 const ROUGH_CELL: f32 = 0.1;
 /// Least cosine of the incidence for which a surface is a plane.
-const GRAZING: f32 = 0.1;
+const MIN_PLANE_COSINE: f32 = 0.1;
 /// Points at which it is first looked for what shades a surface.
-const LOOKS: usize = 24;
+const FIRST_LOOK_COUNT: usize = 24;
 /// Least radius of the edge of a shadow, cells: what the map resolves.
 const MIN_EDGE_CELLS: f32 = 1.5;
 
@@ -74,7 +74,7 @@ impl Shelter {
         let query = &self.query;
         let [across, down, fall] = query.axes.map(Vec3::from_array);
         let facing = -normal.dot(fall);
-        let rough = ROUGH * query.cell.max(ROUGH_CELL / self.metres_per_unit as f32);
+        let rough = MAX_ROUGHNESS_CELLS * query.cell.max(ROUGH_CELL / self.metres_per_unit as f32);
         Some(if normal == Vec3::ZERO {
             Receiver {
                 at: Vec2::new(u, v),
@@ -84,7 +84,7 @@ impl Shelter {
                 spread: query.cell,
             }
         } else {
-            let facing = facing.max(GRAZING);
+            let facing = facing.max(MIN_PLANE_COSINE);
             let cell = query.cell * query.cell;
             Receiver {
                 at: Vec2::new(u, v),
@@ -122,8 +122,8 @@ impl Shelter {
         look(receiver.at);
         // A spiral, alike for all points: where little is seen of an edge, its distance is told by
         // few.
-        for k in 0..LOOKS {
-            let share = (k as f32 + 0.5) / LOOKS as f32;
+        for k in 0..FIRST_LOOK_COUNT {
+            let share = (k as f32 + 0.5) / FIRST_LOOK_COUNT as f32;
             let (sin, cos) = (2.399_963_2 * k as f32).sin_cos();
             look(receiver.at + Vec2::new(cos, sin) * (radius * share.sqrt()));
         }

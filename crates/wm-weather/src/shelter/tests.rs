@@ -1,4 +1,4 @@
-use super::cast::{FILTER, Footprints, LEAST_ALPHA, cast, project};
+use super::cast::{FILTER_VARIANCE_CELLS2, Footprints, LEAST_ALPHA, cast, project};
 use super::grid::{Grid, unit};
 use super::occluder::Occluder;
 use super::*;
@@ -101,7 +101,7 @@ fn ball(at: DVec3, size: f64, opacity: f64) -> Splat {
 }
 
 /// Edges are found to a cell and the size of the splats there: 0.1 m + 0.05 m.
-const EDGE: f64 = 0.15;
+const EDGE_TOLERANCE_M: f64 = 0.15;
 
 #[test]
 fn a_table_shelters_what_is_beneath_it() {
@@ -110,7 +110,7 @@ fn a_table_shelters_what_is_beneath_it() {
         let [x, y, z] = [0, 1, 2].map(|k| uniform(1, 3 * i + k));
         let (x, y) = (7.0 * x - 3.5, 7.0 * y - 3.5);
         let away = x.abs().max(y.abs());
-        if (away - 1.0).abs() < EDGE {
+        if (away - 1.0).abs() < EDGE_TOLERANCE_M {
             continue;
         }
         // The floor, the air, the top of the table: none shelters itself.
@@ -133,8 +133,10 @@ fn the_shelter_of_a_slanted_fall_moves_with_height() {
             // Blown by this much between the table and the height.
             let [over, along] = [x, y].map(|tan: f64| tan * (1.0 - height));
             for (u, v) in [(0.0, 0.0), (1.0, 0.2), (-1.0, 0.3), (0.3, 1.0), (0.1, -1.0)] {
-                let inside = point(over + (1.0 - EDGE) * u, along + (1.0 - EDGE) * v, height);
-                let outside = point(over + (1.0 + EDGE) * u, along + (1.0 + EDGE) * v, height);
+                let inside =
+                    point(over + (1.0 - EDGE_TOLERANCE_M) * u, along + (1.0 - EDGE_TOLERANCE_M) * v, height);
+                let outside =
+                    point(over + (1.0 + EDGE_TOLERANCE_M) * u, along + (1.0 + EDGE_TOLERANCE_M) * v, height);
                 assert!(!shelter.is_exposed(inside), "({x}, {y}): {inside:?}");
                 assert!(shelter.is_exposed(outside) || (u, v) == (0.0, 0.0), "({x}, {y}): {outside:?}");
             }
@@ -269,7 +271,7 @@ fn referee(splats: &Splats, grid: &Grid, least_opacity: f64, middle: [f64; 2]) -
             std::array::from_fn(|k| scales[k] * (0..3).map(|j| axis[j] * turn[j][k]).sum::<f64>())
         };
         let (a, b, c) = (along(across), along(down), along(fall));
-        let filter = FILTER * grid.cell.powi(2);
+        let filter = FILTER_VARIANCE_CELLS2 * grid.cell.powi(2);
         let (aa, ab, bb) = (dot(a, a) + filter, dot(a, b), dot(b, b) + filter);
         let (before, after) = (dot(a, a) * dot(b, b) - ab * ab, aa * bb - ab * ab);
         let d = [middle[0] - mean.dot(across), middle[1] - mean.dot(down)];

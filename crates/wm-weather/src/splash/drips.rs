@@ -2,15 +2,15 @@
 
 use wm_base::random::{RandomSequence, mix};
 
-/// Diameters of drops that let go of an edge, m.
-const DIAMETERS: [f64; 2] = [4.2e-3, 5.4e-3];
-/// Volume of a usual one, m^3.
-const VOLUME: f64 = 5.88e-8;
+/// Diameters of drops that let go of an edge.
+const DRIP_DIAMETERS_M: [f64; 2] = [4.2e-3, 5.4e-3];
+/// Volume of a usual drop from an edge.
+const USUAL_DRIP_VOLUME_M3: f64 = 5.88e-8;
 /// Most drops a second of a piece of an eave, as from 5 m of roof in 85 mm/h: what is more is left
 /// out.
 const MAX_DRIPS: f64 = 200.0;
-/// Part of the seeds.
-const SEED: u64 = 0x4541_5645;
+/// Part of the seeds of drips.
+const DRIP_SEED: u64 = 0x4541_5645;
 /// m/s^2.
 const GRAVITY: f64 = 9.81;
 
@@ -31,19 +31,19 @@ pub(crate) struct Drip {
 /// at `time`, where `flux` m^3/s fall.
 pub(crate) fn each(number: u64, flux: f64, span: [f64; 2], time: f64, mut take: impl FnMut(Drip)) {
     let [from, to] = span;
-    let share = flux / VOLUME / MAX_DRIPS;
+    let share = flux / USUAL_DRIP_VOLUME_M3 / MAX_DRIPS;
     if share <= 0.0 {
         return;
     }
     let [first, last] = [from, to].map(|at| (at * MAX_DRIPS).floor() as i64);
     for slot in first..=last {
-        let mut draws = RandomSequence::new(mix(mix(SEED ^ number) ^ slot as u64));
+        let mut draws = RandomSequence::new(mix(mix(DRIP_SEED ^ number) ^ slot as u64));
         if draws.uniform() >= share {
             continue;
         }
         let let_go = (slot as f64 + draws.uniform()) / MAX_DRIPS;
         let place = [draws.uniform() - 0.5, draws.uniform() - 0.5];
-        let diameter = DIAMETERS[0] + (DIAMETERS[1] - DIAMETERS[0]) * draws.uniform();
+        let diameter = DRIP_DIAMETERS_M[0] + (DRIP_DIAMETERS_M[1] - DRIP_DIAMETERS_M[0]) * draws.uniform();
         take(Drip { age: time - let_go, place, diameter, draws });
     }
 }

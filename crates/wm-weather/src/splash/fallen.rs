@@ -14,7 +14,7 @@ const MIN_SPLASH_DIAMETER_MM: f64 = 1.0;
 /// Most of the other drops, a m^2 and second: all of them at 300 mm/h.
 const MAX_DROP_FLUX: f64 = 12_000.0;
 /// Parts of the seeds.
-const OTHERS: u64 = 0x5350_4c41;
+const NEIGHBOUR_SEED: u64 = 0x5350_4c41;
 const DROP_SEED: u64 = 0x4f57_4e53;
 
 /// A drop that has fallen.
@@ -91,7 +91,7 @@ impl FallenDrops {
         // with the others.
         let kept = (all_large / rings.max(1e-9)).min(1.0);
         let others = (all_large - rings).max(0.0) + all_small;
-        let made = |key: u64, place: [f64; 2], at: f64, diameter: &dyn Fn(&mut RandomSequence) -> f64| {
+        let drop_of = |key: u64, place: [f64; 2], at: f64, diameter: &dyn Fn(&mut RandomSequence) -> f64| {
             let mut draws = RandomSequence::new(key);
             let rank = draws.uniform() as f32;
             let diameter = diameter(&mut draws) as f32;
@@ -101,9 +101,9 @@ impl FallenDrops {
         let rings = ripples::large_drops_between(rain.rate, span, ring_seed).filter_map(|drop| {
             let key = bits(ring_seed ^ DROP_SEED, drop.number as u64);
             (uniform(key, 1) < kept)
-                .then(|| made(key, drop.center, drop.time, &|draws| large.diameter(draws.uniform())))
+                .then(|| drop_of(key, drop.center, drop.time, &|draws| large.diameter(draws.uniform())))
         });
-        let (own, most) = (seed ^ OTHERS, MAX_DROP_FLUX * SIZE * SIZE);
+        let (own, most) = (seed ^ NEIGHBOUR_SEED, MAX_DROP_FLUX * SIZE * SIZE);
         let share = (others / MAX_DROP_FLUX).min(1.0);
         let above = (others - all_small) / others.max(1e-9);
         let [first, last] = span.map(|time| (time * most).floor() as i64);
@@ -113,7 +113,7 @@ impl FallenDrops {
                 return None;
             }
             let (place, at) = ([SIZE * draw(2), SIZE * draw(3)], (number as f64 + draw(0)) / most);
-            Some(made(bits(own ^ DROP_SEED, number as u64), place, at, &|draws| {
+            Some(drop_of(bits(own ^ DROP_SEED, number as u64), place, at, &|draws| {
                 let sizes = if draws.uniform() < above { &large } else { &small };
                 sizes.diameter(draws.uniform())
             }))

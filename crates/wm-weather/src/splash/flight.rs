@@ -7,9 +7,9 @@
 
 /// Gravity, m/s^2; densities of water and air, kg/m^3; viscosity of air, Pa s.
 const GRAVITY: f64 = 9.81;
-const WATER: f64 = 1000.0;
-const AIR: f64 = 1.2;
-const VISCOSITY: f64 = 1.81e-5;
+const WATER_DENSITY: f64 = 1000.0;
+const AIR_DENSITY: f64 = 1.2;
+const AIR_VISCOSITY: f64 = 1.81e-5;
 /// Share of the first speed at which the drag on the way up is taken.
 const MEAN_SPEED: f64 = 0.5;
 
@@ -32,8 +32,9 @@ impl Flight {
     pub(crate) fn new(diameter: f64, velocity: [f64; 3], air: [f64; 2]) -> Self {
         let start = [velocity[0] - air[0], velocity[1] - air[1], velocity[2].max(0.0)];
         let speed = start.iter().map(|v| v * v).sum::<f64>().sqrt();
-        let reynolds = AIR * MEAN_SPEED * speed * diameter / VISCOSITY;
-        let up = WATER * diameter * diameter / (18.0 * VISCOSITY * (1.0 + 0.15 * reynolds.powf(0.687)));
+        let reynolds = AIR_DENSITY * MEAN_SPEED * speed * diameter / AIR_VISCOSITY;
+        let up = WATER_DENSITY * diameter * diameter
+            / (18.0 * AIR_VISCOSITY * (1.0 + 0.15 * reynolds.powf(0.687)));
         let down = terminal_speed(diameter) / GRAVITY;
         let falls = up * GRAVITY;
         let rises = up * (start[2] / falls).ln_1p();

@@ -6,19 +6,19 @@ use crate::shelter::Shelter;
 use crate::water::ripples::SIZE;
 use crate::wetness::{Drainage, Eave, GroundMap, WetShares, WetState, WetSurfaces};
 
-/// Height of splashes over the ground, m: splats of the ground lie some centimetres higher or
+/// Height of splashes over the ground: splats of the ground lie some centimetres higher or
 /// lower. The surface of puddles is drawn as much higher.
-const LIFT: f64 = 0.04;
+const SPLASH_LIFT_M: f64 = 0.04;
 /// Depth of a flood and of open water, as drops feel it, m.
 const OPEN_WATER_DEPTH_M: f64 = 1.0;
 /// Share of the texture's depth that a film has for drops where it does not fill the texture.
 const IN_TEXTURE: f64 = 0.3;
 /// Steps of the share of the rain.
-const SHARES: usize = 33;
+const RAIN_SHARE_COUNT: usize = 33;
 /// Most tiles of a ground.
 const MOST_TILES: usize = 1 << 24;
 /// The heights of a tile without ground.
-const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+const NO_HEIGHTS: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 /// The heights of the ground on each tile of the drops, lowest and highest, m.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -46,7 +46,7 @@ impl SplashTiles {
         if width.saturating_mul(height) > MOST_TILES {
             return Self { first, columns: 0, heights: Vec::new() };
         }
-        let mut heights = vec![NOWHERE; width * height];
+        let mut heights = vec![NO_HEIGHTS; width * height];
         let heights_of = ground.rough.iter().enumerate().map(|(at, rough)| ground.surface(at, *rough));
         for (at, rough) in heights_of.enumerate().filter(|(_, height)| height.is_finite()) {
             let (column, row) = (at % columns, at / columns);
@@ -86,7 +86,7 @@ pub struct SplashGround<'a> {
     /// Water that falls from eaves, m/s: times the area that they shed.
     sheds: f64,
     /// By the share of the rain: how much of the ground is wet, 0-1, and the film, m.
-    films: [[f32; 2]; SHARES],
+    films: [[f32; 2]; RAIN_SHARE_COUNT],
 }
 
 /// The ground or the water at a place.
@@ -115,7 +115,7 @@ impl<'a> SplashGround<'a> {
     ) -> Self {
         let ground = surfaces.ground();
         let films = std::array::from_fn(|step| {
-            let wet = state.wet(Drainage::Level, step as f64 / (SHARES - 1) as f64);
+            let wet = state.wet(Drainage::Level, step as f64 / (RAIN_SHARE_COUNT - 1) as f64);
             let film = f64::from(wet.depth) + IN_TEXTURE * texture * f64::from(wet.film);
             [wet.pores, (1e-3 * film) as f32]
         });
@@ -138,7 +138,7 @@ impl<'a> SplashGround<'a> {
         let [x, y] = eave.place.map(f64::from);
         let [columns, _] = self.ground.places.size();
         let tilt = self.ground.tilt_at(y as usize * columns + x as usize);
-        let height = self.origin[2] + f64::from(eave.ground + tilt) + LIFT;
+        let height = self.origin[2] + f64::from(eave.ground + tilt) + SPLASH_LIFT_M;
         ([self.origin[0] + x * cell, self.origin[1] + y * cell, height], cell)
     }
 
@@ -158,14 +158,14 @@ impl<'a> SplashGround<'a> {
         }
         let open = self.shares[at].clamp(0.0, 1.0);
         if pool.is_finite() {
-            let height = self.origin[2] + f64::from(surface + self.ground.tilt_at(at)) + LIFT;
+            let height = self.origin[2] + f64::from(surface + self.ground.tilt_at(at)) + SPLASH_LIFT_M;
             return Some(SplashPlace { height, film: OPEN_WATER_DEPTH_M, share: open });
         }
-        let [wet, film] = self.films[(open * (SHARES - 1) as f32).round() as usize];
+        let [wet, film] = self.films[(open * (RAIN_SHARE_COUNT - 1) as f32).round() as usize];
         let level = self.levels.get(self.ground.basins.of[at] as usize).copied().unwrap_or(f32::NEG_INFINITY);
         let stands = (level - rough).max(0.0);
         let (film, wet) = if stands > film { (stands, 1.0) } else { (film, wet) };
-        let height = self.origin[2] + f64::from(rough + stands + self.ground.tilt_at(at)) + LIFT;
+        let height = self.origin[2] + f64::from(rough + stands + self.ground.tilt_at(at)) + SPLASH_LIFT_M;
         Some(SplashPlace { height, film: f64::from(film), share: open * wet })
     }
 }
@@ -191,8 +191,9 @@ impl Floor<'_> {
         let Some(plane) = self.plane.filter(|plane| own.is_none_or(|own| own.height < *plane)) else {
             return own;
         };
-        let world =
-            |k: usize| x * self.units[0][k] + y * self.units[1][k] + (plane + LIFT) * self.units[2][k];
+        let world = |k: usize| {
+            x * self.units[0][k] + y * self.units[1][k] + (plane + SPLASH_LIFT_M) * self.units[2][k]
+        };
         let point = [world(0) as f32, world(1) as f32, world(2) as f32];
         let is_open = self.shelter.is_none_or(|shelter| shelter.is_exposed(point));
         Some(SplashPlace { height: plane, film: OPEN_WATER_DEPTH_M, share: if is_open { 1.0 } else { 0.0 } })
@@ -201,9 +202,9 @@ impl Floor<'_> {
     /// The heights on a tile, lowest and highest, m; `None` where there is nothing.
     pub(crate) fn heights(&self, tile: [i64; 2]) -> Option<[f64; 2]> {
         // Puddles stand no more than this above the ground.
-        const PUDDLE: f64 = 0.3;
+        const MAX_PUDDLE_HEIGHT_M: f64 = 0.3;
         let own = self.ground.and_then(|ground| ground.tiles.at(tile));
-        let own = own.map(|[low, high]| [low + LIFT, high + LIFT + PUDDLE]);
+        let own = own.map(|[low, high]| [low + SPLASH_LIFT_M, high + SPLASH_LIFT_M + MAX_PUDDLE_HEIGHT_M]);
         match (own, self.plane) {
             (Some([low, high]), Some(plane)) => Some([low.min(plane), high.max(plane)]),
             (own, plane) => own.or(plane.map(|plane| [plane; 2])),

@@ -7,7 +7,7 @@ use super::ground::{Floor, SplashGround, SplashPlace};
 use super::impact::{self, Impact};
 use crate::level::{level_axes, to_level};
 use crate::particles::Precipitation;
-use crate::particles::fall::{DISC, DROP, LINE, Surroundings};
+use crate::particles::fall::{DISC_SIGMA_RATIO, DROP_ASYMMETRY, LINE_SIGMA_RATIO, Surroundings};
 use crate::particles::field::ViewFrustum;
 use crate::water::ripples::SIZE;
 use fearless_simd::{SimdBase, SimdFloat};
@@ -22,24 +22,24 @@ use wm_render::simd::{Lanes, SimdPath};
 const MAX_DISTANCE_M: f64 = 45.0;
 const MIN_DISTANCE_M: f64 = 0.15;
 /// Longest flight of a droplet, and longest life of a crown or a jet, s.
-const FLIGHT: f64 = 0.4;
-const CROWN: f64 = impact::JET_FROM + impact::JET_LIFE;
+const MAX_FLIGHT_S: f64 = 0.4;
+const MAX_CROWN_LIFE_S: f64 = impact::JET_START_S + impact::JET_LIFE_S;
 /// Width of a usual crown, m, and the width, px, below which fewer and wider ones are drawn.
-const USUAL: f64 = 0.006;
-const MERGE: f64 = 1.25;
+const USUAL_CROWN_WIDTH_M: f64 = 0.006;
+const MERGING_WIDTH_PX: f64 = 1.25;
 /// Width, px, below which droplets are drawn fewer and wider: less than that of crowns, else a
 /// cloud of droplets becomes a few grains. And the droplets of a drop of which one is to be drawn
 /// before fewer drops are requested theirs.
-const DOT: f64 = 0.55;
+const DROPLET_MERGING_WIDTH_PX: f64 = 0.55;
 const MIN_DRAWN_DROPLETS: f64 = 150.0;
 /// Largest number of droplets drawn for one drop.
 const MAX_DRAWN_DROPLETS: f64 = 400.0;
-/// Farthest that a splash is from its drop, m.
-const REACH: f64 = 0.6;
+/// Farthest that a splash is from its drop.
+const MAX_SPLASH_REACH_M: f64 = 0.6;
 /// Speed of droplets over that of their drop, least and greatest: the slow ones are more frequent.
-const SPEEDS: [f64; 2] = [0.08, 0.45];
-/// Angles over level ground at which they start, radians.
-const ANGLES: [f64; 2] = [0.85, 1.4];
+const SPEED_RATIOS: [f64; 2] = [0.08, 0.45];
+/// Angles over level ground at which droplets start.
+const START_ANGLES_RAD: [f64; 2] = [0.85, 1.4];
 /// Times at which they leave the crown, shares of its life.
 const DROPLET_START_TIMES: [f64; 2] = [0.25, 0.75];
 /// Wind near the ground over that at 10 m, and the part of a drop's way along the ground that its
@@ -47,16 +47,16 @@ const DROPLET_START_TIMES: [f64; 2] = [0.25, 0.75];
 const NEAR_GROUND: f64 = 0.3;
 const KEPT_VELOCITY: f64 = 0.2;
 /// Most fingers of a crown, and the slope of its wall: outwards for a length of 1 upwards.
-const FINGERS: f64 = 14.0;
-const OUTWARDS: f64 = 0.45;
+const MAX_FINGER_COUNT: f64 = 14.0;
+const CROWN_WALL_SLOPE: f64 = 0.45;
 /// Width of a finger over the distance of fingers, as a standard deviation.
-const FINGER: f64 = 0.2;
+const FINGER_SIGMA_RATIO: f64 = 0.2;
 
 /// The last number of parts that are eaves, and how many are in one.
-const DRIPS: i32 = 1;
-const EAVES: usize = 64;
-/// Height and depth of air over an eave's ground in which what falls from it is looked for, m.
-const DRIFT: f64 = 0.5;
+const LAST_EAVE_PART: i32 = 1;
+const PART_EAVE_COUNT: usize = 64;
+/// Height and depth of air over an eave's ground in which what falls from it is looked for.
+const EAVE_SEARCH_HEIGHT_M: f64 = 0.5;
 
 /// Splashes at an instant.
 /// Splashes in front of a camera.
@@ -89,7 +89,7 @@ impl<'a> SplashParticles<'a> {
         let Surroundings { site, shelter, time, .. } = around;
         let axes = level_axes(site.up);
         let half = 0.5 * rain.look.exposure;
-        let flying = FallenDrops::new(rain, time, [FLIGHT + half, half], seed);
+        let flying = FallenDrops::new(rain, time, [MAX_FLIGHT_S + half, half], seed);
         Self {
             rain,
             floor: Floor {
@@ -102,7 +102,7 @@ impl<'a> SplashParticles<'a> {
             camera: DVec3::from_array(to_level(&axes, around.velocity)),
             amount,
             radiance: Vec3::from_array(rain.radiance()),
-            standing: flying.younger(CROWN + half),
+            standing: flying.younger(MAX_CROWN_LIFE_S + half),
             flying,
             axes,
             around,
@@ -125,7 +125,7 @@ impl Particles for SplashParticles<'_> {
             let Some([low, high]) = self.floor.heights(tile) else { return false };
             let corner = DVec3::new(tile[0] as f64 * SIZE, tile[1] as f64 * SIZE, low) - center;
             let half = 0.5 * DVec3::new(SIZE, SIZE, high - low);
-            let radius = half.length() + REACH;
+            let radius = half.length() + MAX_SPLASH_REACH_M;
             let middle = corner + half;
             middle.length() < MAX_DISTANCE_M + radius
                 && planes.iter().all(|plane| plane.dot(middle) > -radius)
@@ -148,7 +148,9 @@ impl Particles for SplashParticles<'_> {
         // Eaves, a number of them a part.
         let eaves = self.floor.ground.map_or(0, |ground| ground.eaves().count()) as i32;
         parts.extend(
-            (0..eaves).step_by(EAVES).map(|first| [first, (first + EAVES as i32).min(eaves), 0, DRIPS]),
+            (0..eaves)
+                .step_by(PART_EAVE_COUNT)
+                .map(|first| [first, (first + PART_EAVE_COUNT as i32).min(eaves), 0, LAST_EAVE_PART]),
         );
         parts
     }
@@ -161,7 +163,7 @@ impl Particles for SplashParticles<'_> {
         take: &mut dyn FnMut(&ParticleGroup),
     ) {
         let [row, from, to, kind] = part;
-        if kind == DRIPS {
+        if kind == LAST_EAVE_PART {
             let [first, end, ..] = part.map(|v| v as usize);
             let mut brush = Brush::new(self, path, view, take);
             brush.eaves(first..end);
@@ -226,19 +228,21 @@ impl<'a> Brush<'a> {
 
     /// Share of the crowns that are drawn at a distance, m.
     fn crowns(&self, distance: f64) -> f64 {
-        (USUAL * self.of.rain.look.size / (MERGE * self.pixel * distance)).powi(2).min(1.0)
+        (USUAL_CROWN_WIDTH_M * self.of.rain.look.size / (MERGING_WIDTH_PX * self.pixel * distance))
+            .powi(2)
+            .min(1.0)
     }
 
     /// Width of droplets that are drawn at a distance, m; smaller ones are drawn fewer and so wide.
-    fn dot(&self, distance: f64) -> f64 {
+    fn droplet_width(&self, distance: f64) -> f64 {
         // More that hide less, where they would hide more than they are wide.
-        DOT / self.of.rain.look.opacity.max(1.0).sqrt() * self.pixel * distance
+        DROPLET_MERGING_WIDTH_PX / self.of.rain.look.opacity.max(1.0).sqrt() * self.pixel * distance
     }
 
     /// Share of the drops whose droplets are drawn at a distance, m.
-    fn throwers(&self, distance: f64) -> f64 {
-        let usual = 0.5 * (impact::DROPLETS[0] + impact::DROPLETS[1]);
-        (MIN_DRAWN_DROPLETS * (usual / self.dot(distance)).powi(2)).min(1.0)
+    fn throwing_share(&self, distance: f64) -> f64 {
+        let usual = 0.5 * (impact::DROPLET_DIAMETERS_M[0] + impact::DROPLET_DIAMETERS_M[1]);
+        (MIN_DRAWN_DROPLETS * (usual / self.droplet_width(distance)).powi(2)).min(1.0)
     }
 
     /// Makes the splashes of a tile.
@@ -258,9 +262,9 @@ impl<'a> Brush<'a> {
                 self.crown(hit);
             }
         });
-        of.flying.each(self.throwers(nearest), turn, |drop, rank| {
-            if let Some(hit) = self.hit(drop, number, corner, REACH, |brush, distance| {
-                Some(brush.throwers(distance)).filter(|share| rank < *share)
+        of.flying.each(self.throwing_share(nearest), turn, |drop, rank| {
+            if let Some(hit) = self.hit(drop, number, corner, MAX_SPLASH_REACH_M, |brush, distance| {
+                Some(brush.throwing_share(distance)).filter(|share| rank < *share)
             }) {
                 self.droplets(hit);
             }
@@ -276,7 +280,7 @@ impl<'a> Brush<'a> {
             let (place, cell) = ground.under(eave);
             let foot = DVec3::from_array(place) - self.center;
             let drop = f64::from(eave.drop);
-            let (middle, radius) = (foot + DVec3::Z * (0.5 * drop), 0.5 * drop + DRIFT);
+            let (middle, radius) = (foot + DVec3::Z * (0.5 * drop), 0.5 * drop + EAVE_SEARCH_HEIGHT_M);
             if middle.length() - radius > MAX_DISTANCE_M
                 || self.planes.iter().any(|plane| plane.dot(middle) < -radius)
             {
@@ -284,7 +288,7 @@ impl<'a> Brush<'a> {
             }
             let film = of.floor.at(place[0], place[1]).map_or(0.0, |place| place.film);
             let usual = Fall { terminal: of.rain.kind.fall_speed(5.0) };
-            let times = [of.around.time - usual.time(drop) - FLIGHT - half, of.around.time + half];
+            let times = [of.around.time - usual.time(drop) - MAX_FLIGHT_S - half, of.around.time + half];
             drips::each(number as u64, flux, times, of.around.time, |drip| {
                 self.drip(drip, foot, drop, cell, film);
             });
@@ -305,7 +309,12 @@ impl<'a> Brush<'a> {
             let area = PI / 4.0 * own * own * (to - from) / self.exposure;
             let distance = at.length();
             if (MIN_DISTANCE_M..MAX_DISTANCE_M).contains(&distance) {
-                self.add(at, own.max(self.dot(distance)) * DISC, [way * LINE, DVec3::ZERO], area);
+                self.add(
+                    at,
+                    own.max(self.droplet_width(distance)) * DISC_SIGMA_RATIO,
+                    [way * LINE_SIGMA_RATIO, DVec3::ZERO],
+                    area,
+                );
             }
         }
         let (age, distance) = (drip.age - lands, foot.length());
@@ -314,7 +323,7 @@ impl<'a> Brush<'a> {
             let mut draws = drip.draws;
             let rank = draws.uniform();
             let hit = |keep| Hit { at: foot, distance, age, impact, draws, keep };
-            let (crowns, throwers) = (self.crowns(distance), self.throwers(distance));
+            let (crowns, throwers) = (self.crowns(distance), self.throwing_share(distance));
             if rank < crowns {
                 self.crown(hit(crowns));
             }
@@ -368,14 +377,14 @@ impl<'a> Brush<'a> {
     fn crown(&mut self, mut hit: Hit) {
         let look = &self.of.rain.look;
         let wide = look.size / hit.keep.sqrt();
-        let jet = self.seen(hit.age, [impact::JET_FROM, impact::JET_FROM + impact::JET_LIFE]);
+        let jet = self.seen(hit.age, [impact::JET_START_S, impact::JET_START_S + impact::JET_LIFE_S]);
         if let Some([from, to]) = jet
             && let Some([height, width]) = hit.impact.jet(0.5 * (from + to))
         {
             let area = self.of.amount * height * width * wide * wide * (to - from) / self.exposure;
             let middle = hit.at + DVec3::Z * (0.5 * height * wide);
-            let along = DVec3::Z * (height * wide * LINE);
-            self.add(middle, width * wide * DISC, [DVec3::ZERO, along], area);
+            let along = DVec3::Z * (height * wide * LINE_SIGMA_RATIO);
+            self.add(middle, width * wide * DISC_SIGMA_RATIO, [DVec3::ZERO, along], area);
         }
         if !hit.impact.splashes() {
             return;
@@ -388,12 +397,17 @@ impl<'a> Brush<'a> {
         let area = strength * self.of.amount * crown.area * wide * wide * (to - from) / self.exposure;
         let pixels = 2.0 * radius / (self.pixel * hit.distance);
         if pixels < 3.0 {
-            let across = DVec3::Z.cross(hit.at).normalize_or_zero() * (radius * 2.0 * LINE);
+            let across = DVec3::Z.cross(hit.at).normalize_or_zero() * (radius * 2.0 * LINE_SIGMA_RATIO);
             let middle = hit.at + DVec3::Z * (0.5 * height);
-            self.add(middle, 0.5 * height * DISC, [across, DVec3::Z * (height * LINE)], area);
+            self.add(
+                middle,
+                0.5 * height * DISC_SIGMA_RATIO,
+                [across, DVec3::Z * (height * LINE_SIGMA_RATIO)],
+                area,
+            );
             return;
         }
-        let count = (1.5 * pixels).clamp(5.0, FINGERS).round();
+        let count = (1.5 * pixels).clamp(5.0, MAX_FINGER_COUNT).round();
         let apart = TAU * radius / count;
         let first = hit.draws.uniform() * TAU;
         for finger in 0..count as usize {
@@ -402,9 +416,14 @@ impl<'a> Brush<'a> {
             let outwards = DVec3::new(cos, sin, 0.0);
             // Fingers differ, and their mean is the crown.
             let share = 0.4 + 1.2 * hit.draws.uniform();
-            let way = (DVec3::Z + outwards * OUTWARDS) * (height * share);
+            let way = (DVec3::Z + outwards * CROWN_WALL_SLOPE) * (height * share);
             let middle = hit.at + outwards * radius + way * 0.5;
-            self.add(middle, apart * FINGER, [DVec3::ZERO, way * LINE], share * area / count);
+            self.add(
+                middle,
+                apart * FINGER_SIGMA_RATIO,
+                [DVec3::ZERO, way * LINE_SIGMA_RATIO],
+                share * area / count,
+            );
         }
     }
 
@@ -415,10 +434,10 @@ impl<'a> Brush<'a> {
             return;
         }
         let (look, amount) = (&self.of.rain.look, self.of.amount);
-        let dot = self.dot(hit.distance);
+        let dot = self.droplet_width(hit.distance);
         let thrown = amount * impact.droplets() / hit.keep;
         // Wider ones each stand for more, so that their mean area is right.
-        let usual = 0.5 * (impact::DROPLETS[0] + impact::DROPLETS[1]) * look.size;
+        let usual = 0.5 * (impact::DROPLET_DIAMETERS_M[0] + impact::DROPLET_DIAMETERS_M[1]) * look.size;
         let wanted = (thrown * (usual / dot.max(usual)).powi(2)).min(MAX_DRAWN_DROPLETS);
         let count = (wanted + hit.draws.uniform()).floor() as usize;
         let each = thrown / wanted;
@@ -428,8 +447,8 @@ impl<'a> Brush<'a> {
             let mut draw = |[least, greatest]: [f64; 2]| least + (greatest - least) * hit.draws.uniform();
             let leaves = draw(DROPLET_START_TIMES) * impact.life();
             let slow = draw([0.0, 1.0]);
-            let speed = impact.speed * (SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * slow * slow);
-            let (rise, turn) = (draw(ANGLES).sin_cos(), draw([0.0, TAU]).sin_cos());
+            let speed = impact.speed * (SPEED_RATIOS[0] + (SPEED_RATIOS[1] - SPEED_RATIOS[0]) * slow * slow);
+            let (rise, turn) = (draw(START_ANGLES_RAD).sin_cos(), draw([0.0, TAU]).sin_cos());
             let diameter = impact::droplet(draw([0.0, 1.0]));
             // Not before it leaves, and no longer than any flight.
             let half = 0.5 * self.exposure;
@@ -439,7 +458,8 @@ impl<'a> Brush<'a> {
             let velocity =
                 [speed * rise.1 * turn.1 + carried.x, speed * rise.1 * turn.0 + carried.y, speed * rise.0];
             let flight = Flight::new(diameter, velocity, air);
-            let Some([from, to]) = self.seen(hit.age, [leaves, leaves + flight.lands().min(FLIGHT)]) else {
+            let Some([from, to]) = self.seen(hit.age, [leaves, leaves + flight.lands().min(MAX_FLIGHT_S)])
+            else {
                 continue;
             };
             let crown = impact.crown(leaves);
@@ -450,8 +470,8 @@ impl<'a> Brush<'a> {
             let area = each * PI / 4.0 * own * own * (to - from) / self.exposure;
             self.add(
                 hit.at + rim + 0.5 * (first + last),
-                own.max(dot) * DISC,
-                [way * LINE, DVec3::ZERO],
+                own.max(dot) * DISC_SIGMA_RATIO,
+                [way * LINE_SIGMA_RATIO, DVec3::ZERO],
                 area,
             );
         }
@@ -491,7 +511,8 @@ impl<'a> Brush<'a> {
             if let Some(lamps) = of.around.lamps.filter(|_| group.area[lane] > 0.0) {
                 let offset = Vec3::from_array(group.offset.map(|axis| axis[lane]));
                 let strength = of.rain.look.brightness as f32;
-                radiance += strength * lamps.scattered(center, offset, DROP, of.metres_per_unit as f32);
+                radiance +=
+                    strength * lamps.scattered(center, offset, DROP_ASYMMETRY, of.metres_per_unit as f32);
             }
             (0..3).for_each(|k| light[k][lane] = radiance[k]);
         }

@@ -3,14 +3,14 @@
 use super::foam;
 
 /// `(c + K_d) Z` where a white disc goes out of sight at the Secchi depth `Z` (Tyler 1968).
-const SECCHI: f64 = 8.69;
+const SECCHI_CONSTANT: f64 = 8.69;
 /// Share of `c + K_d` that is beam attenuation: the rest is that of daylight on its way down. Of
 /// turbid inland water.
-const BEAM: f64 = 0.75;
+const BEAM_ATTENUATION_SHARE: f64 = 0.75;
 /// Light that comes out of deep water over that of a white level board (water-leaving reflectance,
 /// pi L / E), linear RGB, by Secchi depth, m: brown floods and estuaries (Doxaran et al. 2002, Luo
 /// et al. 2018: 0.03 to 0.06 a sr in red where much is suspended), lakes and the sea.
-const KINDS: [(f64, [f64; 3]); 6] = [
+const WATER_KINDS: [(f64, [f64; 3]); 6] = [
     (0.05, [0.19, 0.145, 0.08]),
     (0.1, [0.17, 0.135, 0.075]),
     (0.3, [0.125, 0.105, 0.06]),
@@ -32,10 +32,10 @@ pub struct WaterBody {
     pub(crate) foam: [f32; 3],
 }
 
-/// The reflectance of deep water of a Secchi depth, m: between [`KINDS`], even in logarithms.
+/// The reflectance of deep water of a Secchi depth, m: between [`WATER_KINDS`], even in logarithms.
 fn reflectance(secchi: f64) -> [f64; 3] {
-    let after = KINDS.partition_point(|(depth, _)| *depth < secchi).clamp(1, KINDS.len() - 1);
-    let [(low, from), (high, to)] = [KINDS[after - 1], KINDS[after]];
+    let after = WATER_KINDS.partition_point(|(depth, _)| *depth < secchi).clamp(1, WATER_KINDS.len() - 1);
+    let [(low, from), (high, to)] = [WATER_KINDS[after - 1], WATER_KINDS[after]];
     let share = ((secchi / low).ln() / (high / low).ln()).clamp(0.0, 1.0);
     std::array::from_fn(|k| from[k] * (to[k] / from[k]).powf(share))
 }
@@ -50,12 +50,12 @@ impl WaterBody {
             Some(tint) => tint.map(|v| v * own.into_iter().fold(0.0, f64::max)),
             None => own,
         };
-        let both = SECCHI / secchi;
+        let both = SECCHI_CONSTANT / secchi;
         Self {
-            beam: (BEAM * both) as f32,
-            daylight: ((1.0 - BEAM) * both) as f32,
+            beam: (BEAM_ATTENUATION_SHARE * both) as f32,
+            daylight: ((1.0 - BEAM_ATTENUATION_SHARE) * both) as f32,
             glow: std::array::from_fn(|k| (reflectance[k] * white[k]) as f32),
-            foam: white.map(|light| (foam::REFLECTANCE * light) as f32),
+            foam: white.map(|light| (foam::FOAM_REFLECTANCE * light) as f32),
         }
     }
 }

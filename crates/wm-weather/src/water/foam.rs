@@ -10,17 +10,17 @@ use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::{Lanes, log2};
 
 /// Reflectance of fresh foam (Koepke 1984: 0.55).
-pub(crate) const REFLECTANCE: f64 = 0.5;
+pub(crate) const FOAM_REFLECTANCE: f64 = 0.5;
 /// Share that foam covers at the edge of the water under winds in which all waves break.
 const EDGE_SHARE: f32 = 0.5;
 /// Height of waves over the depth in which they break.
 const BREAKING_HEIGHT: f64 = 0.78;
 /// Winds between which waves begin to break, m/s.
-const BEGINS: [f64; 2] = [3.0, 7.0];
+const BREAKING_WIND_SPEEDS: [f64; 2] = [3.0, 7.0];
 /// Range of squared slopes over which foam grows from none to all, in mean squares of the slopes. A
 /// soft limit lets more through than a sharp one, by the factor `sinh(w / 2) / (w / 2)` for a range
 /// of w: its logarithm.
-const SOFTNESS: f32 = 1.5;
+const SOFT_RANGE_RATIO: f32 = 1.5;
 const LET_THROUGH: f32 = 0.092;
 
 /// Foam on water under a wind.
@@ -41,7 +41,8 @@ impl Foam {
     /// makes none. `other_slopes` is the mean square of the slopes that rain makes, both axes
     /// together.
     pub(crate) fn new(waves: &WindWaves, speed: f64, other_slopes: f64) -> Option<Self> {
-        let risen = ((speed - BEGINS[0]) / (BEGINS[1] - BEGINS[0])).clamp(0.0, 1.0);
+        let risen = ((speed - BREAKING_WIND_SPEEDS[0]) / (BREAKING_WIND_SPEEDS[1] - BREAKING_WIND_SPEEDS[0]))
+            .clamp(0.0, 1.0);
         if risen <= 0.0 {
             return None;
         }
@@ -69,7 +70,7 @@ impl Foam {
         let seen = (one - unseen * (2.0 / self.slopes)).max(simd.set(1e-3));
         let limit = log2(simd, [mean])[0].mul_add(simd.set(-std::f32::consts::LN_2), simd.set(LET_THROUGH));
         let over = square / (seen * self.slopes) - limit;
-        let patch = (over * (1.0 / SOFTNESS) + 0.5).max(zero).min(one);
+        let patch = (over * (1.0 / SOFT_RANGE_RATIO) + 0.5).max(zero).min(one);
         // What a pixel is too wide to show is its mean.
         seen.mul_add(patch - mean, mean)
     }

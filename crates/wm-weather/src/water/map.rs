@@ -53,8 +53,8 @@ impl WaterNode {
 
 /// Depth of standing water from which it hides the texture of its bottom, m.
 pub(super) const HIDING_DEPTH_M: f32 = 0.004;
-/// Depth at nodes on dry ground that no puddle is beside, m.
-pub(super) const DRY: f32 = -HIDING_DEPTH_M;
+/// Depth at nodes on dry ground that no puddle is beside.
+pub(super) const DRY_DEPTH_M: f32 = -HIDING_DEPTH_M;
 
 /// The share of the ground that water hides, and that under standing water alone, 0-1, by its
 /// depth, m, and the share under films.
@@ -215,7 +215,7 @@ impl WaterGrid {
                     }
                 }
                 if count > 0.0 {
-                    more.push((y * width + x, [sum[0] / count, DRY, 0.0, sum[1] / count]));
+                    more.push((y * width + x, [sum[0] / count, DRY_DEPTH_M, 0.0, sum[1] / count]));
                 }
             }
         }

@@ -12,17 +12,17 @@ use wm_render::{CutPlane, Frame, dispatch};
 use wm_scene::Camera;
 
 /// Picture beyond the sides of the view that waves look into, as a share of its height.
-const MARGIN: f64 = 0.06;
-/// Splats whose centre is no higher above the water than this are not mirrored, m: those of a
+const MARGIN_HEIGHT_SHARE: f64 = 0.06;
+/// Splats whose centre is no higher above the water than this are not mirrored: those of a
 /// waterline are on both sides.
-const WATERLINE: f64 = 0.01;
+const WATERLINE_HEIGHT_M: f64 = 0.01;
 /// Width of a box over that of a pixel of a halved picture with the same variance: binomial weights
 /// reach farther.
-const SMOOTH: f32 = 0.58;
+const BOX_WIDTH_RATIO: f32 = 0.58;
 /// Distance from a whole level up to which a level counts as that.
-const SNAP: f32 = 0.25;
+const SNAP_DISTANCE_LEVELS: f32 = 0.25;
 /// Pieces of a mirrored picture are at most so many times as tall as wide, as a power of 2.
-const TALLEST: usize = 4;
+const MAX_ASPECT_LOG2: usize = 4;
 
 /// A camera at the mirrored eye.
 ///
@@ -51,7 +51,7 @@ impl MirrorView {
         let rotation = glam::DMat3::from_cols(-x, y, z).transpose();
         let eye = camera.center();
         let eye = eye - 2.0 * (up.dot(eye) - height) * up;
-        let margin = (MARGIN * f64::from(camera.height)).ceil();
+        let margin = (MARGIN_HEIGHT_SHARE * f64::from(camera.height)).ceil();
         let (first, last) = (f64::from(surface.rows.start) - margin, f64::from(surface.rows.end) + margin);
         let (width, rows) = (f64::from(camera.width) + 2.0 * margin, last - first);
         let whole = Camera {
@@ -64,7 +64,7 @@ impl MirrorView {
         };
         let finer = if surface.is_film() { 4 } else { 2 };
         let small = whole.resized(whole.width.div_ceil(finer), whole.height.div_ceil(finer));
-        let cut = CutPlane { normal: map.axes[2], height: height + WATERLINE / map.metres_per_unit };
+        let cut = CutPlane { normal: map.axes[2], height: height + WATERLINE_HEIGHT_M / map.metres_per_unit };
         Self { camera: small, cut }
     }
 }
@@ -95,7 +95,7 @@ impl MirroredPicture {
     pub(crate) fn new(path: SimdPath, frame: &Frame, white: f32) -> Self {
         let whole = LinearPicture::new(path, frame);
         let levels = Level::all(whole.width, whole.height);
-        let mut pixels = vec![[0.0; 4]; levels[levels.len() - 1][TALLEST].end()];
+        let mut pixels = vec![[0.0; 4]; levels[levels.len() - 1][MAX_ASPECT_LOG2].end()];
         let finest = levels[0][0];
         finest.fill(&mut pixels, |y, line, _| {
             let own = y * whole.width..(y + 1) * whole.width;
@@ -131,14 +131,18 @@ impl MirroredPicture {
     pub(super) fn fineness<S: Lanes>(&self, simd: S, Extent { wide, tall }: Extent<S>) -> Fineness<S> {
         let (zero, one) = (simd.set(0.0), simd.set(1.0));
         let last = simd.set((self.levels - 1) as f32);
-        let [across, along] = log2(simd, [(wide * SMOOTH).max(one), (tall * SMOOTH).max(one)]);
+        let [across, along] =
+            log2(simd, [(wide * BOX_WIDTH_RATIO).max(one), (tall * BOX_WIDTH_RATIO).max(one)]);
         let across = across.max(zero).min(last);
-        let along = along.max(across).min(across + TALLEST as f32);
+        let along = along.max(across).min(across + MAX_ASPECT_LOG2 as f32);
         let whole = [across.floor(), along.floor()];
         // Nearly whole levels are taken for whole ones: most pieces are found in two levels then.
         let mut part = [across, along];
         for k in 0..2 {
-            part[k] = ((part[k] - whole[k] - SNAP) * (1.0 / (1.0 - 2.0 * SNAP))).max(zero).min(one);
+            part[k] = ((part[k] - whole[k] - SNAP_DISTANCE_LEVELS)
+                * (1.0 / (1.0 - 2.0 * SNAP_DISTANCE_LEVELS)))
+                .max(zero)
+                .min(one);
         }
         // Between the corners of a triangle: the fine one, the coarse one, and the one that is
         // coarser on the side that needs it more.
@@ -150,8 +154,9 @@ impl MirroredPicture {
         let (mut scales, mut first, mut stride) = ([[zero; 2]; 3], [[0; 16]; 3], [[0; 16]; 3]);
         for (k, corner) in corners.iter().enumerate() {
             scales[k] = [fineness(simd, corner[0]), fineness(simd, corner[1])];
-            let taller = (corner[1] - corner[0]).max(zero).min(simd.set(TALLEST as f32));
-            let place = LaneIndices::new(simd, corner[0].mul_add(simd.set((TALLEST + 1) as f32), taller));
+            let taller = (corner[1] - corner[0]).max(zero).min(simd.set(MAX_ASPECT_LOG2 as f32));
+            let place =
+                LaneIndices::new(simd, corner[0].mul_add(simd.set((MAX_ASPECT_LOG2 + 1) as f32), taller));
             for i in 0..S::N {
                 [first[k][i], stride[k][i]] = self.places[place.0[i] as usize];
             }
@@ -335,21 +340,25 @@ struct Level {
 
 impl Level {
     /// Pixels of a level from which several threads fill it.
-    const SHARED: usize = 1 << 13;
+    const MIN_SHARED_PX: usize = 1 << 13;
 
     /// The levels of a picture, one after the other; the smallest are two pixels wide or high.
-    fn all(width: usize, height: usize) -> Vec<[Self; TALLEST + 1]> {
+    fn all(width: usize, height: usize) -> Vec<[Self; MAX_ASPECT_LOG2 + 1]> {
         let (mut levels, mut next) = (Vec::new(), Self { first: 0, width, height });
         loop {
-            let mut of = [next; TALLEST + 1];
-            for k in 1..=TALLEST {
+            let mut of = [next; MAX_ASPECT_LOG2 + 1];
+            for k in 1..=MAX_ASPECT_LOG2 {
                 of[k] = Self { first: of[k - 1].end(), height: of[k - 1].height.div_ceil(2), ..next };
             }
             levels.push(of);
             if next.width.min(next.height) <= 2 {
                 return levels;
             }
-            next = Self { first: of[TALLEST].end(), width: next.width.div_ceil(2), height: of[1].height };
+            next = Self {
+                first: of[MAX_ASPECT_LOG2].end(),
+                width: next.width.div_ceil(2),
+                height: of[1].height,
+            };
         }
     }
 
@@ -373,7 +382,7 @@ impl Level {
         let (before, own) = pixels.split_at_mut(self.first);
         let stride = self.stride();
         let lines = own.par_chunks_mut(stride).take(self.height).enumerate();
-        lines.with_min_len(Self::SHARED / stride + 1).for_each(|(y, line)| {
+        lines.with_min_len(Self::MIN_SHARED_PX / stride + 1).for_each(|(y, line)| {
             row(y, &mut line[..self.width], before);
             line[self.width] = line[self.width - 1];
         });
@@ -448,14 +457,14 @@ impl Spots {
 
 /// Binomial weights of the four pixels about one of a picture half as fine: the lamps of a night
 /// are so bright that the corners of a box would show.
-const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
+const BINOMIAL_WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
 
 /// A row of a picture with half of the rows, from the four about it.
 #[inline(always)]
 fn half_as_tall<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]) {
     for (x, pixel) in line.iter_mut().enumerate() {
         let mut sum = f32x4::splat(simd, 0.0);
-        for (row, weight) in rows.iter().zip(WEIGHTS) {
+        for (row, weight) in rows.iter().zip(BINOMIAL_WEIGHTS) {
             sum = f32x4::from_slice(simd, &row[x]) * weight + sum;
         }
         sum.store_slice(pixel);
@@ -467,7 +476,7 @@ fn half_as_tall<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]
 fn half_as_wide<S: Lanes>(simd: S, row: &[[f32; 4]], line: &mut [[f32; 4]]) {
     for (x, pixel) in line.iter_mut().enumerate() {
         let mut sum = f32x4::splat(simd, 0.0);
-        for (k, weight) in WEIGHTS.into_iter().enumerate() {
+        for (k, weight) in BINOMIAL_WEIGHTS.into_iter().enumerate() {
             sum = f32x4::from_slice(simd, &row[near(x, k, row.len())]) * weight + sum;
         }
         sum.store_slice(pixel);

@@ -10,9 +10,9 @@ use std::sync::Arc;
 use wm_render::simd::Lanes;
 
 /// Slopes that still water has, variance along one axis: it is never perfectly still.
-const STILL: f32 = 1.6e-5;
+const STILL_SLOPE_VARIANCE: f32 = 1.6e-5;
 /// Slopes of rough water, variance along one axis: what it mirrors is moved by 7 degrees.
-const ROUGH: f64 = 0.004;
+const MIN_ROUGH_SLOPE_VARIANCE: f64 = 0.004;
 
 /// The slopes of water at one instant: a pure function of place and time.
 #[derive(Clone, Debug, Default)]
@@ -22,7 +22,7 @@ pub struct WaterMotion {
     beyond: f32,
     /// The water whose streams run, and the time, s.
     pub(super) running: Option<(Arc<WaterGrid>, f64)>,
-    /// The strongest wind of the shot makes slopes of [`ROUGH`] or more.
+    /// The strongest wind of the shot makes slopes of [`MIN_ROUGH_SLOPE_VARIANCE`] or more.
     /// True if the water is so rough at some time of the shot that what it mirrors is seen in
     /// pieces: for a whole shot, so that nothing changes at once when the wind rises.
     pub is_rough: bool,
@@ -54,9 +54,10 @@ impl WaterMotion {
     pub(crate) fn new(forces: &WaterForces, grid: Option<&Arc<WaterGrid>>) -> Self {
         let strongest = forces.wind[0].hypot(forces.wind[1]).max(forces.strongest);
         let roughest = WindWaves::new([strongest, 0.0], forces.fetch, strongest);
-        let is_rough = roughest.is_some_and(|waves| waves.slope_variance() >= ROUGH);
+        let is_rough = roughest.is_some_and(|waves| waves.slope_variance() >= MIN_ROUGH_SLOPE_VARIANCE);
         let running = grid.filter(|grid| grid.rills.is_some()).map(|grid| (Arc::clone(grid), forces.time));
-        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running, is_rough, foam: None };
+        let mut motion =
+            Self { tiles: Vec::new(), beyond: STILL_SLOPE_VARIANCE, running, is_rough, foam: None };
         let rms = ripples::slope_rms(forces.rain, forces.depth);
         if let Some(waves) = WindWaves::new(forces.wind, forces.fetch, forces.strongest) {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
@@ -64,7 +65,12 @@ impl WaterMotion {
             motion.foam = Foam::new(&waves, forces.wind[0].hypot(forces.wind[1]), rms * rms);
         }
         if rms > 0.0 {
-            motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ ripples::FIELD));
+            motion.tiles.push(ripples::slopes(
+                forces.rain,
+                rms,
+                forces.time,
+                forces.seed ^ ripples::FIELD_SEED,
+            ));
         }
         motion
     }

@@ -1,27 +1,27 @@
 //! The water of a wet place as a surface: puddles, and the film on the ground.
 
-use super::map::{DRY, HIDING_DEPTH_M, WaterGrid, WaterNode};
+use super::map::{DRY_DEPTH_M, HIDING_DEPTH_M, WaterGrid, WaterNode};
 use super::rills::Rills;
 use crate::level::{level_axes, to_level};
 use crate::optics::Site;
 use crate::wetness::WaterState;
 
-/// Height of the surface over the water, m: splats of the ground under it lie some centimetres
+/// Height of the surface over the water: splats of the ground under it lie some centimetres
 /// higher or lower.
-const LIFT: f32 = 0.04;
+const SURFACE_LIFT_M: f32 = 0.04;
 /// Cells beyond a puddle in which its level goes on, and the most that its depth is there, m: water
 /// that runs over there is gone.
-const BEYOND: usize = 2;
-const DRY_BESIDE: f32 = -0.001;
+const LEVEL_MARGIN_CELLS: usize = 2;
+const MAX_MARGIN_DEPTH_M: f32 = -0.001;
 /// Cells over which the edge of open water is softened.
-const EDGE: usize = 3;
+const SOFT_EDGE_CELLS: usize = 3;
 /// Slopes of damp asphalt, rms along one axis, and how fast a film levels them as it fills the
 /// texture: menisci close over it before its peaks are under water.
-const ROUGH: f32 = 0.3;
-const LEVELS: f32 = 2.0;
+const DAMP_ROUGHNESS: f32 = 0.3;
+const FILM_LEVELLING_RATE: f32 = 2.0;
 
-/// Depths of running water over which it becomes a stream of its own, mm.
-const RUNS: [f32; 2] = [0.5, 1.6];
+/// Depths of running water over which it becomes a stream of its own.
+const STREAM_DEPTHS_MM: [f32; 2] = [0.5, 1.6];
 
 /// The surface of the water on a place; `texture` is the mean depth of the texture of its ground,
 /// mm. It is known on all ground, and hides as much of it as is wet. A film is the rougher the less
@@ -35,11 +35,11 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
     let depths = depths(state);
     let open = open_share(state);
     let node = |at: usize| {
-        let (seen, base) = (state.seen[at], base as f32 + LIFT);
+        let (seen, base) = (state.seen[at], base as f32 + SURFACE_LIFT_M);
         if state.open[at].is_finite() {
             return WaterNode {
                 level: base + state.open[at],
-                depth: DRY,
+                depth: DRY_DEPTH_M,
                 film: seen * open[at],
                 roughness: 0.0,
             };
@@ -51,7 +51,7 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
             // Ground whose pores are full mirrors too, as roughly as its grains lie. Between blades
             // of grass and crumbs of soil nothing is seen of it.
             film: seen * (state.filled[at].max(state.pores[at]) * (1.0 - state.matte[at])).max(streams[at]),
-            roughness: ROUGH * (-LEVELS * film).exp() * (1.0 - streams[at]),
+            roughness: DAMP_ROUGHNESS * (-FILM_LEVELLING_RATE * film).exp() * (1.0 - streams[at]),
         }
     };
     // Nodes are the middles of cells.
@@ -68,11 +68,11 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
 fn depths(state: &WaterState) -> Vec<f32> {
     let (width, height) = (state.width, state.height);
     let mut levels = state.level.clone();
-    let depth = |level: f32, ground: f32| if level.is_nan() { DRY } else { level - ground };
+    let depth = |level: f32, ground: f32| if level.is_nan() { DRY_DEPTH_M } else { level - ground };
     let nodes = levels.iter().zip(&state.ground);
     let mut depths: Vec<f32> = nodes.map(|(level, ground)| depth(*level, *ground)).collect();
     let mut last: Vec<usize> = (0..levels.len()).filter(|at| levels[*at].is_finite()).collect();
-    for _ in 0..BEYOND {
+    for _ in 0..LEVEL_MARGIN_CELLS {
         let mut next = Vec::new();
         for at in last {
             let (x, y) = (at % width, at / width);
@@ -81,7 +81,7 @@ fn depths(state: &WaterState) -> Vec<f32> {
                     let beside = row * width + column;
                     if levels[beside].is_nan() && state.ground[beside].is_finite() {
                         levels[beside] = levels[at];
-                        depths[beside] = (levels[at] - state.ground[beside]).min(DRY_BESIDE);
+                        depths[beside] = (levels[at] - state.ground[beside]).min(MAX_MARGIN_DEPTH_M);
                         next.push(beside);
                     }
                 }
@@ -95,7 +95,7 @@ fn depths(state: &WaterState) -> Vec<f32> {
 /// Depths mixed with those of the nodes beside them where a level is known: the relief of the
 /// ground is as fine as nodes are, and the edge of a puddle would follow single nodes.
 fn softened(depths: &[f32], levels: &[f32], width: usize) -> Vec<f32> {
-    const WEIGHTS: [f32; 3] = [1.0, 2.0, 1.0];
+    const BINOMIAL_WEIGHTS: [f32; 3] = [1.0, 2.0, 1.0];
     let height = depths.len() / width;
     let soft = |at: usize| {
         let (x, y) = (at % width, at / width);
@@ -103,8 +103,8 @@ fn softened(depths: &[f32], levels: &[f32], width: usize) -> Vec<f32> {
             return depths[at];
         }
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (row, down) in WEIGHTS.iter().enumerate() {
-            for (column, right) in WEIGHTS.iter().enumerate() {
+        for (row, down) in BINOMIAL_WEIGHTS.iter().enumerate() {
+            for (column, right) in BINOMIAL_WEIGHTS.iter().enumerate() {
                 let beside = (y + row - 1) * width + x + column - 1;
                 if !levels[beside].is_nan() {
                     sum += down * right * depths[beside];
@@ -122,11 +122,11 @@ fn open_share(state: &WaterState) -> Vec<f32> {
     let (width, height) = (state.width, state.height);
     let own = |at: usize| -> f32 {
         let (x, y) = (at % width, at / width);
-        let rows = y.saturating_sub(EDGE)..(y + EDGE + 1).min(height);
-        let columns = x.saturating_sub(EDGE)..(x + EDGE + 1).min(width);
+        let rows = y.saturating_sub(SOFT_EDGE_CELLS)..(y + SOFT_EDGE_CELLS + 1).min(height);
+        let columns = x.saturating_sub(SOFT_EDGE_CELLS)..(x + SOFT_EDGE_CELLS + 1).min(width);
         let near = rows.flat_map(|row| columns.clone().map(move |column| row * width + column));
         let count = near.filter(|near| state.open[*near].is_finite()).count();
-        (2.0 * count as f32 / (2 * EDGE + 1).pow(2) as f32 - 1.0).max(0.0)
+        (2.0 * count as f32 / (2 * SOFT_EDGE_CELLS + 1).pow(2) as f32 - 1.0).max(0.0)
     };
     (0..state.open.len()).map(|at| if state.open[at].is_finite() { own(at) } else { 0.0 }).collect()
 }
@@ -135,7 +135,8 @@ fn open_share(state: &WaterState) -> Vec<f32> {
 /// smoothed over the nodes beside it.
 fn streams(state: &WaterState) -> Vec<f32> {
     let own = |depth: f32| {
-        let share = ((depth - RUNS[0]) / (RUNS[1] - RUNS[0])).clamp(0.0, 1.0);
+        let share =
+            ((depth - STREAM_DEPTHS_MM[0]) / (STREAM_DEPTHS_MM[1] - STREAM_DEPTHS_MM[0])).clamp(0.0, 1.0);
         share * share * (3.0 - 2.0 * share)
     };
     let streams: Vec<f32> = state.running.iter().map(|depth| own(*depth)).collect();

@@ -8,14 +8,13 @@ use crate::wetness::smooth_noise;
 use std::f64::consts::TAU;
 
 /// Lengths of the waves, m, the speed at which they run, m/s, and their slopes, amplitudes.
-const WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 0.25, 0.035]];
+const RILL_WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 0.25, 0.035]];
 /// Width of the bumps by which phases are shifted, m, and by how many waves.
-const BUMPS: f64 = 0.22;
-const SHIFT: f64 = 1.1;
+const BUMP_WIDTH_M: f64 = 0.22;
+const PHASE_SHIFT_WAVES: f64 = 1.1;
 /// Nodes to each side over which the slope of the ground is taken.
-const ABOUT: usize = 2;
-/// Seed of the bumps.
-const SEED: u64 = 0x5249_4c4c;
+const SLOPE_RADIUS_NODES: usize = 2;
+const BUMP_SEED: u64 = 0x5249_4c4c;
 
 /// The streams of a place, on the nodes of its [`WaterGrid`](super::WaterGrid).
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,11 +98,12 @@ impl Rills {
         if !(height.is_finite() && steep > 1e-4) {
             return;
         }
-        for (k, [length, speed, amplitude]) in WAVES.into_iter().enumerate() {
+        for (k, [length, speed, amplitude]) in RILL_WAVES.into_iter().enumerate() {
             // Waves of a steeper place are shorter.
             let own = (length * self.usual / steep).max(1e-3);
             let ease = |t: f64| t * t * (3.0 - 2.0 * t);
-            let bumps = SHIFT * smooth_noise(SEED + k as u64, [x / BUMPS, y / BUMPS], ease);
+            let bumps = PHASE_SHIFT_WAVES
+                * smooth_noise(BUMP_SEED + k as u64, [x / BUMP_WIDTH_M, y / BUMP_WIDTH_M], ease);
             let phase = TAU * (height / (self.slope * length) + speed / length * time + bumps);
             // Where it is flat nothing runs: one wave would tilt all of it.
             let amplitude = f64::from(strength) * amplitude * (steep / self.usual).min(1.0);
@@ -116,8 +116,8 @@ impl Rills {
     }
 }
 
-/// The rise of the ground about nodes near streams, over [`ABOUT`] nodes to each side: from one
-/// node to the next it has the ground's noise.
+/// The rise of the ground about nodes near streams, over [`SLOPE_RADIUS_NODES`] nodes to each side:
+/// from one node to the next it has the ground's noise.
 fn uphill(strength: &[f32], ground: &[f32], step: f32, columns: usize) -> Vec<[f32; 2]> {
     let mut uphill = vec![[0.0; 2]; ground.len()];
     let beside = [0, 1, columns - 1, columns, columns + 1];
@@ -127,13 +127,21 @@ fn uphill(strength: &[f32], ground: &[f32], step: f32, columns: usize) -> Vec<[f
             strength.get(at + off).is_some_and(|own| *own > 0.0)
                 || at.checked_sub(*off).is_some_and(|near| strength[near] > 0.0)
         });
-        let (x, far) = (at % columns, ABOUT * columns);
-        if !is_near || x < ABOUT || x + ABOUT >= columns || at < far || at + far >= ground.len() {
+        let (x, far) = (at % columns, SLOPE_RADIUS_NODES * columns);
+        if !is_near
+            || x < SLOPE_RADIUS_NODES
+            || x + SLOPE_RADIUS_NODES >= columns
+            || at < far
+            || at + far >= ground.len()
+        {
             continue;
         }
-        let rises = [ground[at + ABOUT] - ground[at - ABOUT], ground[at + far] - ground[at - far]];
+        let rises = [
+            ground[at + SLOPE_RADIUS_NODES] - ground[at - SLOPE_RADIUS_NODES],
+            ground[at + far] - ground[at - far],
+        ];
         if rises.iter().all(|rise| rise.is_finite()) {
-            uphill[at] = rises.map(|rise| rise / (2.0 * ABOUT as f32 * step));
+            uphill[at] = rises.map(|rise| rise / (2.0 * SLOPE_RADIUS_NODES as f32 * step));
         }
     }
     uphill

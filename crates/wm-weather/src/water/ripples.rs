@@ -7,9 +7,9 @@
 //! at 10 mm/h and 0.26 at 50 mm/h on deep water, less where water is shallow. Drops above 2 mm
 //! bring 45, 57 and 79 % of that.
 
-use super::fft::{Complex, SIDE};
+use super::fft::{Complex, TILE_SIDE_NODES};
 use super::tile::SlopeTile;
-use super::waves::{GRAVITY, TENSION, WaveField};
+use super::waves::{GRAVITY, KINEMATIC_SURFACE_TENSION, WaveField};
 use crate::particles::RAIN;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -23,30 +23,30 @@ pub(crate) const RING_SPEED: f64 = 0.252;
 /// Side of the tile, m.
 pub(crate) const SIZE: f64 = 2.048;
 /// Parts of the seeds of the random field and of the drops.
-pub(super) const FIELD: u64 = 0x5241_494e;
-const DROPS: u64 = 0x5249_4e47;
+pub(super) const FIELD_SEED: u64 = 0x5241_494e;
+const DROP_SEED: u64 = 0x5249_4e47;
 /// Relative width of the band of waves that old rings make.
-const BAND: f64 = 0.18;
-/// Least diameter of drops whose rings are drawn, mm.
-const LARGE: f64 = 2.0;
+const BAND_WIDTH_RATIO: f64 = 0.18;
+/// Least diameter of drops whose rings are drawn.
+const MIN_RING_DROP_DIAMETER_MM: f64 = 2.0;
 /// Share of the energy of drops that waves get, the viscosity of water, m^2/s, and its density,
 /// kg/m^3.
-const SHARE: f64 = 0.01;
-const VISCOSITY: f64 = 1e-6;
-const DENSITY: f64 = 1000.0;
+const WAVE_ENERGY_SHARE: f64 = 0.01;
+const WATER_VISCOSITY: f64 = 1e-6;
+const WATER_DENSITY: f64 = 1000.0;
 /// Steps of the integrals over diameters.
-const DIAMETERS: usize = 220;
+const DIAMETER_STEP_COUNT: usize = 220;
 /// Rates below this have the sizes of drops at it, mm/h.
 const LEAST_RATE: f64 = 0.01;
 /// Time for which rings are drawn, and over which they decay, s.
-const LIFE: f64 = 0.7;
-const DECAY: f64 = 0.3;
-/// Half the width of a ring, standard deviation, m.
-const WIDTH: f64 = 0.016;
+const RING_LIFE_S: f64 = 0.7;
+const RING_DECAY_S: f64 = 0.3;
+/// Half the width of a ring, standard deviation.
+const RING_SIGMA_M: f64 = 0.016;
 /// Widths from its middle to which it is drawn.
-const REACH: f64 = 2.6;
-/// Radius within which a ring does not grow higher inwards, m.
-const CORE: f64 = 0.012;
+const RING_REACH_SIGMAS: f64 = 2.6;
+/// Radius within which a ring does not grow higher inwards.
+const CORE_RADIUS_M: f64 = 0.012;
 /// Squared slopes of the band of old rings, summed over its waves: a constant that takes
 /// milliseconds.
 static BAND_POWER: OnceLock<f64> = OnceLock::new();
@@ -74,12 +74,12 @@ impl DropSums {
         let [least, greatest] = RAIN.diameters;
         let (mut sums, mut water) = (Self::default(), 0.0);
         let mut add = |[from, to]: [f64; 2], is_large: bool| {
-            for step in 0..DIAMETERS {
-                let diameter = from + (to - from) * (step as f64 + 0.5) / DIAMETERS as f64;
+            for step in 0..DIAMETER_STEP_COUNT {
+                let diameter = from + (to - from) * (step as f64 + 0.5) / DIAMETER_STEP_COUNT as f64;
                 let speed = RAIN.fall_speed(diameter);
                 let number = (-slope * (diameter - least)).exp() * speed * (to - from);
                 // kg, a drop.
-                let mass = DENSITY * PI / 6.0 * (1e-3 * diameter).powi(3);
+                let mass = WATER_DENSITY * PI / 6.0 * (1e-3 * diameter).powi(3);
                 let power = 0.5 * number * mass * speed * speed;
                 water += number * mass;
                 sums.power += power;
@@ -89,8 +89,8 @@ impl DropSums {
                 }
             }
         };
-        add([least, LARGE], false);
-        add([LARGE, greatest], true);
+        add([least, MIN_RING_DROP_DIAMETER_MM], false);
+        add([MIN_RING_DROP_DIAMETER_MM, greatest], true);
         // 1 mm of water is 1 kg/m^2.
         let scale = rate / 3600.0 / water;
         let Self { power, large_power, large } = sums;
@@ -102,14 +102,18 @@ impl DropSums {
 /// mm/h: on deep water that at which waves lose by viscosity what drops bring.
 pub(crate) fn slope_rms(rate: f64, depth: f64) -> f64 {
     // (depth, share), between by its logarithm.
-    const SHARES: [(f64, f64); 4] = [(0.002, 0.29), (0.005, 0.49), (0.010, 0.83), (0.030, 1.0)];
-    let stiffness = GRAVITY + TENSION * WAVE_NUMBER * WAVE_NUMBER;
-    let deep = (SHARE * DropSums::new(rate).power / (4.0 * VISCOSITY * DENSITY * stiffness)).sqrt();
-    let share = match SHARES.iter().position(|(own, _)| depth < *own) {
-        None => SHARES[SHARES.len() - 1].1,
-        Some(0) => SHARES[0].1 * (depth / SHARES[0].0).max(0.0),
+    const SLOPE_SHARES_BY_DEPTH: [(f64, f64); 4] =
+        [(0.002, 0.29), (0.005, 0.49), (0.010, 0.83), (0.030, 1.0)];
+    let stiffness = GRAVITY + KINEMATIC_SURFACE_TENSION * WAVE_NUMBER * WAVE_NUMBER;
+    let deep = (WAVE_ENERGY_SHARE * DropSums::new(rate).power
+        / (4.0 * WATER_VISCOSITY * WATER_DENSITY * stiffness))
+        .sqrt();
+    let share = match SLOPE_SHARES_BY_DEPTH.iter().position(|(own, _)| depth < *own) {
+        None => SLOPE_SHARES_BY_DEPTH[SLOPE_SHARES_BY_DEPTH.len() - 1].1,
+        Some(0) => SLOPE_SHARES_BY_DEPTH[0].1 * (depth / SLOPE_SHARES_BY_DEPTH[0].0).max(0.0),
         Some(next) => {
-            let [(shallow, less), (deeper, more)] = [SHARES[next - 1], SHARES[next]];
+            let [(shallow, less), (deeper, more)] =
+                [SLOPE_SHARES_BY_DEPTH[next - 1], SLOPE_SHARES_BY_DEPTH[next]];
             less + (more - less) * (depth / shallow).ln() / (deeper / shallow).ln()
         }
     };
@@ -140,7 +144,7 @@ pub(crate) struct LargeDrop {
 
 /// The seed of the drops on water whose own seed is this.
 pub(crate) fn drop_seed(water: u64) -> u64 {
-    water ^ FIELD ^ DROPS
+    water ^ FIELD_SEED ^ DROP_SEED
 }
 
 /// The flux of the drops that [`large_drops_between`] gives, 1/(m^2 s).
@@ -165,9 +169,9 @@ pub(crate) fn large_drops_between(rate: f64, span: [f64; 2], seed: u64) -> impl 
 
 /// The young rings of one instant.
 fn rings(rate: f64, time: f64, seed: u64) -> Vec<Ring> {
-    large_drops_between(rate, [time - LIFE, time], seed)
+    large_drops_between(rate, [time - RING_LIFE_S, time], seed)
         .map(|drop| Ring { center: drop.center, age: time - drop.time })
-        .filter(|ring| ring.age > 0.0 && ring.age < LIFE)
+        .filter(|ring| ring.age > 0.0 && ring.age < RING_LIFE_S)
         .collect()
 }
 
@@ -183,9 +187,10 @@ pub(crate) fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     let cell = TAU / SIZE;
     // Heights of a band of waves whose slopes have the variance that is left; numbers on the ring
     // of wave vectors.
-    let band = |k: [f64; 2]| (-0.5 * ((k[0].hypot(k[1]) / WAVE_NUMBER - 1.0) / BAND).powi(2)).exp();
+    let band =
+        |k: [f64; 2]| (-0.5 * ((k[0].hypot(k[1]) / WAVE_NUMBER - 1.0) / BAND_WIDTH_RATIO).powi(2)).exp();
     let sum = *BAND_POWER.get_or_init(|| {
-        let half = SIDE as i64 / 2;
+        let half = TILE_SIDE_NODES as i64 / 2;
         (-half + 1..half)
             .flat_map(|j| (-half + 1..half).map(move |i| [i as f64 * cell, j as f64 * cell]))
             .map(|k| (k[0] * k[0] + k[1] * k[1]) * band(k).powi(2))
@@ -200,9 +205,9 @@ pub(crate) fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     let mut values = field.slopes(time, (0.5 * (1.0 - ringed) * variance / sum).sqrt());
     // The variance of rings: flux times the integral of their squared slopes over plane and age.
     let height = if flux > 0.0 { (ringed * variance / (flux * ring_power())).sqrt() } else { 0.0 };
-    let rings = rings(rate, time, seed ^ DROPS);
-    let step = SIZE / SIDE as f64;
-    values.par_chunks_exact_mut(SIDE).enumerate().for_each(|(row, line)| {
+    let rings = rings(rate, time, seed ^ DROP_SEED);
+    let step = SIZE / TILE_SIDE_NODES as f64;
+    values.par_chunks_exact_mut(TILE_SIDE_NODES).enumerate().for_each(|(row, line)| {
         let y = (row as f64 + 0.5) * step;
         for ring in &rings {
             draw_row(ring, height, line, wrapped(y - ring.center[1]), step);
@@ -214,26 +219,26 @@ pub(crate) fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
 /// Factor on a ring's slopes by its age, s: it appears while its waves leave the point that was
 /// hit, decays, and goes softly.
 fn fading(age: f64) -> f64 {
-    (-age / DECAY).exp() * (1.0 - age / LIFE).min(age / 0.05).clamp(0.0, 1.0)
+    (-age / RING_DECAY_S).exp() * (1.0 - age / RING_LIFE_S).min(age / 0.05).clamp(0.0, 1.0)
 }
 
 /// Squared slopes of a ring of height 1, summed over the plane and its life, m^2 s.
 fn ring_power() -> f64 {
-    const AGES: usize = 64;
-    const WAYS: usize = 48;
+    const AGE_STEP_COUNT: usize = 64;
+    const WAY_STEP_COUNT: usize = 48;
     let middles =
         |count: usize, length: f64| (0..count).map(move |i| (i as f64 + 0.5) / count as f64 * length);
     let at = |age: f64| -> f64 {
         let around = |off: f64| {
             let r = (RING_SPEED * age + off).max(0.0);
-            let slope = (-0.5 * (off / WIDTH).powi(2)).exp() * (WAVE_NUMBER * off).cos();
-            TAU * r / (r + CORE) * slope * slope
+            let slope = (-0.5 * (off / RING_SIGMA_M).powi(2)).exp() * (WAVE_NUMBER * off).cos();
+            TAU * r / (r + CORE_RADIUS_M) * slope * slope
         };
-        let reach = 2.0 * REACH * WIDTH;
-        let plane: f64 = middles(WAYS, reach).map(|way| around(way - 0.5 * reach)).sum();
-        fading(age).powi(2) * plane * reach / WAYS as f64
+        let reach = 2.0 * RING_REACH_SIGMAS * RING_SIGMA_M;
+        let plane: f64 = middles(WAY_STEP_COUNT, reach).map(|way| around(way - 0.5 * reach)).sum();
+        fading(age).powi(2) * plane * reach / WAY_STEP_COUNT as f64
     };
-    middles(AGES, LIFE).map(at).sum::<f64>() * LIFE / AGES as f64
+    middles(AGE_STEP_COUNT, RING_LIFE_S).map(at).sum::<f64>() * RING_LIFE_S / AGE_STEP_COUNT as f64
 }
 
 /// The shortest way across a tile that repeats.
@@ -244,12 +249,12 @@ fn wrapped(way: f64) -> f64 {
 /// Adds a ring to a row of the tile that is `dy` metres from its centre.
 fn draw_row(ring: &Ring, height: f64, line: &mut [Complex], dy: f64, step: f64) {
     let radius = RING_SPEED * ring.age;
-    let outer = radius + REACH * WIDTH;
+    let outer = radius + RING_REACH_SIGMAS * RING_SIGMA_M;
     if dy.abs() >= outer {
         return;
     }
     let reach = (outer * outer - dy * dy).sqrt();
-    let inner = radius - REACH * WIDTH;
+    let inner = radius - RING_REACH_SIGMAS * RING_SIGMA_M;
     let hole = if inner > dy.abs() { (inner * inner - dy * dy).sqrt() } else { 0.0 };
     let node = |x: f64| ((ring.center[0] + x) / step - 0.5).ceil() as i64;
     let strength = height * fading(ring.age);
@@ -258,11 +263,11 @@ fn draw_row(ring: &Ring, height: f64, line: &mut [Complex], dy: f64, step: f64) 
             let x = (i as f64 + 0.5) * step - ring.center[0];
             let r = (x * x + dy * dy).sqrt().max(1e-4);
             let off = r - radius;
-            let packet = (-0.5 * (off / WIDTH) * (off / WIDTH)) as f32;
-            let slope = strength as f32 / ((r + CORE) as f32).sqrt()
+            let packet = (-0.5 * (off / RING_SIGMA_M) * (off / RING_SIGMA_M)) as f32;
+            let slope = strength as f32 / ((r + CORE_RADIUS_M) as f32).sqrt()
                 * packet.exp()
                 * ((WAVE_NUMBER * off) as f32).cos();
-            let value = &mut line[i.rem_euclid(SIDE as i64) as usize];
+            let value = &mut line[i.rem_euclid(TILE_SIDE_NODES as i64) as usize];
             value[0] += slope * (x / r) as f32;
             value[1] += slope * (dy / r) as f32;
         }

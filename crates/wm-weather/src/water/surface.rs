@@ -11,27 +11,27 @@ const MAX_VIEW_Z: f64 = 1e6;
 /// Least height of the eye over a puddle, m.
 const MIN_EYE_HEIGHT_M: f64 = 0.05;
 /// Height by which a ray misses the water at the last of its steps, m, from which it met none.
-const MISSED: f64 = 0.05;
+const MAX_MISS_M: f64 = 0.05;
 /// Steps by which a ray finds the level of the place that it hits, and its error at which it has
 /// found it, m.
-const STEPS: usize = 12;
-const EXACT: f64 = 1e-4;
+const MAX_RAY_STEP_COUNT: usize = 12;
+const LEVEL_ERROR_M: f64 = 1e-4;
 /// Pixels from node to node along which rays are followed.
-pub(super) const NODES: usize = 4;
+pub(super) const NODE_SPACING_PX: usize = 4;
 /// Steps of the water's grid between nodes of the picture, and differences of cover and of
 /// roughness, up to which both are interpolated between nodes too.
 const MAX_GRID_STEPS: f32 = 1.0;
 const MAX_LOOK_DIFFERENCE: [f32; 2] = [0.02, 0.01];
 /// Difference of the levels of nodes from which there is a step between them, m, and how much more
 /// that is a metre of their distance.
-const PLANE: [f32; 2] = [0.02, 0.08];
+const LEVEL_STEP_LIMITS: [f32; 2] = [0.02, 0.08];
 /// Weight of a film in the level of the mirror, of which it shows nothing sharply, over that of
 /// still water.
-const BLURRED: f32 = 0.02;
+const MIN_FILM_WEIGHT: f32 = 0.02;
 /// Slopes that do not move, rms along one axis, above which nothing in the mirror has an edge.
-const BLURS: f32 = 0.1;
+const BLURRING_SLOPE_RMS: f32 = 0.1;
 /// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
-pub(super) const FILM: f32 = 0.03;
+pub(super) const FILM_SLOPE_RMS: f32 = 0.03;
 
 /// The water in one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,13 +53,13 @@ pub struct WaterSurface {
 impl WaterSurface {
     /// Returns true if all of it is a film on rough ground, in which nothing is mirrored sharply.
     pub(crate) fn is_film(&self) -> bool {
-        self.stillest > BLURS
+        self.stillest > BLURRING_SLOPE_RMS
     }
 
     /// Returns true if all of it is a film, rough enough to blur what it mirrors.
     #[must_use]
     pub fn is_blurred(&self) -> bool {
-        self.stillest > FILM
+        self.stillest > FILM_SLOPE_RMS
     }
 
     /// The water of a map in a camera's picture; `None` if the picture shows none, or the eye is
@@ -131,8 +131,8 @@ impl WaterSurface {
         let view = WaterView::new(map, [eye[0], eye[1]]);
         // Next to a pixel the ground is about as high.
         let follow = |x: usize, y: usize, level: f64| hit(&view, eye[2], ray(x, y), level);
-        let (columns, rows) = (width.div_ceil(NODES) + 1, height.div_ceil(NODES) + 1);
-        let place = |node: usize, size: usize| (node * NODES).min(size - 1);
+        let (columns, rows) = (width.div_ceil(NODE_SPACING_PX) + 1, height.div_ceil(NODE_SPACING_PX) + 1);
+        let place = |node: usize, size: usize| (node * NODE_SPACING_PX).min(size - 1);
         let mut nodes = vec![Node::default(); columns * rows];
         nodes.par_chunks_mut(columns).enumerate().for_each(|(row, nodes)| {
             let mut level = typical;
@@ -153,24 +153,24 @@ impl WaterSurface {
         });
         let mut depth = vec![f32::NAN; width * height];
         let (mut cover, mut roughness) = (vec![0.0; width * height], vec![0.0; width * height]);
-        let band = NODES * width;
+        let band = NODE_SPACING_PX * width;
         let bands = depth.par_chunks_mut(band).zip(cover.par_chunks_mut(band));
         bands.zip(roughness.par_chunks_mut(band)).enumerate().for_each(
             |(row, ((depth, cover), roughness))| {
                 let [upper, lower] = [row, row + 1].map(|row| &nodes[row * columns..(row + 1) * columns]);
-                let top = row * NODES;
+                let top = row * NODE_SPACING_PX;
                 // Rays of the rows: their starts, and their change along them.
                 let step = [ray(0, 0), ray(1, 0)];
                 let step: [f32; 2] = std::array::from_fn(|k| (step[1][k] - step[0][k]) as f32);
-                let starts: [[f32; 2]; NODES] = std::array::from_fn(|y| {
+                let starts: [[f32; 2]; NODE_SPACING_PX] = std::array::from_fn(|y| {
                     let ray = ray(0, top + y);
                     [ray[0] as f32, ray[1] as f32]
                 });
                 for column in 0..columns - 1 {
-                    let left = column * NODES;
+                    let left = column * NODE_SPACING_PX;
                     let corners = [upper[column], upper[column + 1], lower[column], lower[column + 1]];
                     // Nodes at the last pixels are nearer to each other.
-                    let is_whole = left + NODES < width && top + NODES < height;
+                    let is_whole = left + NODE_SPACING_PX < width && top + NODE_SPACING_PX < height;
                     let mut met = 0;
                     for node in &corners {
                         met += usize::from(node.inverse > 0.0);
@@ -183,8 +183,8 @@ impl WaterSurface {
                     let is_ground = is_whole && met == corners.len() && Node::are_plane(&corners);
                     let is_even = is_ground && Node::are_even(&corners, &view);
                     for y in 0..depth.len() / width {
-                        let down = y as f32 / NODES as f32;
-                        let own = y * width + left..y * width + (left + NODES).min(width);
+                        let down = y as f32 / NODE_SPACING_PX as f32;
+                        let own = y * width + left..y * width + (left + NODE_SPACING_PX).min(width);
                         let (depth, cover) = (&mut depth[own.clone()], &mut cover[own.clone()]);
                         let roughness = &mut roughness[own];
                         let [a, b, c, d] = corners;
@@ -192,7 +192,7 @@ impl WaterSurface {
                         if is_even {
                             let covers = between([a.look[0], b.look[0], c.look[0], d.look[0]], down);
                             let rough = between([a.look[1], b.look[1], c.look[1], d.look[1]], down);
-                            for i in 0..NODES {
+                            for i in 0..NODE_SPACING_PX {
                                 let z = (1.0 / inverse[i]).min(MAX_VIEW_Z as f32);
                                 let is_wet = covers[i] > 0.0;
                                 depth[i] = if is_wet { z } else { f32::NAN };
@@ -222,7 +222,9 @@ impl WaterSurface {
             },
         );
         // The mirror is that of most of the water in which something is seen.
-        let weight = |[cover, roughness]: [f32; 2]| cover * (1.0 - roughness * (1.0 / FILM)).max(BLURRED);
+        let weight = |[cover, roughness]: [f32; 2]| {
+            cover * (1.0 - roughness * (1.0 / FILM_SLOPE_RMS)).max(MIN_FILM_WEIGHT)
+        };
         let wet = nodes.iter().filter(|node| node.inverse > 0.0 && node.look[0] > 0.0);
         let level = weighted_median(wet.map(|node| (node.level, weight(node.look))).collect());
         let level = level.map_or(typical, f64::from);
@@ -256,10 +258,10 @@ fn weighted_median(mut all: Vec<(f32, f32)>) -> Option<f32> {
 /// Numbers at the pixels of a row between four nodes, which is so much of their distance below the
 /// upper ones.
 #[inline(always)]
-fn between(corners: [f32; 4], down: f32) -> [f32; NODES] {
+fn between(corners: [f32; 4], down: f32) -> [f32; NODE_SPACING_PX] {
     let [a, b, c, d] = corners;
     let (left, right) = (a + down * (c - a), b + down * (d - b));
-    let step = (right - left) * (1.0 / NODES as f32);
+    let step = (right - left) * (1.0 / NODE_SPACING_PX as f32);
     [left, left + step, left + 2.0 * step, left + 3.0 * step]
 }
 
@@ -281,7 +283,8 @@ impl Node {
     fn are_plane(corners: &[Self; 4]) -> bool {
         let [a, b, c, d] = corners;
         let apart = |k: usize| spread([a.place[k], b.place[k], c.place[k], d.place[k]]);
-        spread([a.level, b.level, c.level, d.level]) < PLANE[0] + PLANE[1] * (apart(0) + apart(1))
+        spread([a.level, b.level, c.level, d.level])
+            < LEVEL_STEP_LIMITS[0] + LEVEL_STEP_LIMITS[1] * (apart(0) + apart(1))
     }
 
     /// Returns true if the water between nodes is told by theirs.
@@ -318,12 +321,12 @@ fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32
     // The ray is over the water at one of two heights, and under it at the other, each with how
     // far.
     let (mut over, mut under) = (None, None);
-    for step in 0..STEPS {
+    for step in 0..MAX_RAY_STEP_COUNT {
         let z = ((eye - level) * fall) as f32;
         let sample = view.at(z * x, z * y)?;
         found = Some((z, sample));
         let gap = sample.level - level;
-        if gap.abs() < EXACT {
+        if gap.abs() < LEVEL_ERROR_M {
             break;
         }
         *(if gap < 0.0 { &mut over } else { &mut under }) = Some((level, gap));
@@ -337,5 +340,5 @@ fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32
             _ => sample.level.min(eye - MIN_EYE_HEIGHT_M),
         };
     }
-    found.filter(|(z, sample)| (eye + f64::from(*z) * ray[2] - sample.level).abs() < MISSED)
+    found.filter(|(z, sample)| (eye + f64::from(*z) * ray[2] - sample.level).abs() < MAX_MISS_M)
 }

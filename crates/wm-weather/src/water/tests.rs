@@ -1,4 +1,4 @@
-use super::fft::{SIDE, transform};
+use super::fft::{TILE_SIDE_NODES, transform};
 use super::map::{WaterNode, WaterSample, higher};
 use super::motion::WaterForces;
 use super::ripples::{RING_SPEED, WAVE_NUMBER, large_drops, slope_rms};
@@ -61,10 +61,10 @@ fn reflectances_are_those_of_tables() {
 
 #[test]
 fn the_transform_is_the_sum_of_waves() {
-    let mut values = vec![[0.0f32; 2]; SIDE * SIDE];
+    let mut values = vec![[0.0f32; 2]; TILE_SIDE_NODES * TILE_SIDE_NODES];
     let waves: Vec<(usize, [f64; 2])> = (0..5u64)
         .map(|i| {
-            let at = (uniform(3, 3 * i) * (SIDE * SIDE) as f64) as usize;
+            let at = (uniform(3, 3 * i) * (TILE_SIDE_NODES * TILE_SIDE_NODES) as f64) as usize;
             (at, [uniform(3, 3 * i + 1), uniform(3, 3 * i + 2)])
         })
         .collect();
@@ -74,11 +74,11 @@ fn the_transform_is_the_sum_of_waves() {
     transform(&mut values);
     for (x, y) in [(0, 0), (1, 0), (0, 1), (17, 200), (255, 255)] {
         let want = waves.iter().fold([0.0; 2], |sum: [f64; 2], (at, [re, im])| {
-            let turns = (at % SIDE * x + at / SIDE * y) as f64 / SIDE as f64;
+            let turns = (at % TILE_SIDE_NODES * x + at / TILE_SIDE_NODES * y) as f64 / TILE_SIDE_NODES as f64;
             let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
             [sum[0] + re * cos - im * sin, sum[1] + re * sin + im * cos]
         });
-        let got = values[y * SIDE + x];
+        let got = values[y * TILE_SIDE_NODES + x];
         assert!((0..2).all(|k| (f64::from(got[k]) - want[k]).abs() < 1e-4), "{x}, {y}: {got:?} for {want:?}");
     }
 }
@@ -236,10 +236,10 @@ fn a_puddle_has_soft_edges_and_its_own_level() {
 /// A street that rises by 3 %, wet all over, with a puddle: both are met where they are.
 #[test]
 fn wet_ground_is_met_on_its_slope() {
-    const STEP: f64 = 0.1;
-    const LEVEL: f32 = 0.3;
+    const GRID_STEP_M: f64 = 0.1;
+    const POND_LEVEL_M: f32 = 0.3;
     let (width, height) = (300, 80);
-    let along = |i: usize| ((i % width) as f64 + 0.5) * STEP;
+    let along = |i: usize| ((i % width) as f64 + 0.5) * GRID_STEP_M;
     let ground: Vec<f32> = (0..width * height).map(|i| (0.03 * along(i)) as f32).collect();
     let stands = |i: usize| (9.0..10.0).contains(&along(i));
     let state = WaterState {
@@ -250,10 +250,10 @@ fn wet_ground_is_met_on_its_slope() {
         // The second axis points to the right.
         origin: [0.0, 4.0, 0.0],
         axes: crate::level::level_axes(SITE.up),
-        step: STEP,
+        step: GRID_STEP_M,
         width,
         height,
-        level: (0..ground.len()).map(|i| if stands(i) { LEVEL } else { f32::NAN }).collect(),
+        level: (0..ground.len()).map(|i| if stands(i) { POND_LEVEL_M } else { f32::NAN }).collect(),
         film: vec![0.0; ground.len()],
         filled: vec![0.5; ground.len()],
         pores: vec![1.0; ground.len()],
@@ -274,8 +274,8 @@ fn wet_ground_is_met_on_its_slope() {
     for i in 0..width - 1 {
         // Deeper than some millimetres water hides the ground, and is smooth; a film is rough, and
         // lawn does not shine.
-        let is_deep = stands(i) && LEVEL - state.ground[i] > 0.005;
-        let bare = !stands(i) || state.ground[i] >= LEVEL;
+        let is_deep = stands(i) && POND_LEVEL_M - state.ground[i] > 0.005;
+        let bare = !stands(i) || state.ground[i] >= POND_LEVEL_M;
         let [own, dry] = [&map, &dry].map(|map| map.at(along(i) + 1e-6, -3.95 + 1e-6).unwrap());
         assert!(!is_deep || own.cover > 0.999 && own.roughness < 1e-4, "{i} {own:?}");
         assert!(
@@ -303,7 +303,7 @@ fn wet_ground_is_met_on_its_slope() {
     for (i, z) in surface.depth.iter().enumerate().filter(|(_, z)| !z.is_nan()) {
         let ray = camera.ray((i % 160) as f64 + 0.5, (i / 160) as f64 + 0.5);
         let point = camera.center() + ray * (f64::from(*z) / ray.dot(camera.forward()));
-        let level = if (8.9..10.1).contains(&point.x) { f64::from(LEVEL) } else { 0.03 * point.x };
+        let level = if (8.9..10.1).contains(&point.x) { f64::from(POND_LEVEL_M) } else { 0.03 * point.x };
         assert!((point.z - level).abs() < 0.1, "{point}");
         met += 1;
     }

@@ -3,14 +3,14 @@
 //! A coarser level has the means of the slopes and of their squares. The squares tell how rough a
 //! pixel is that is too wide to show the waves.
 
-use super::fft::SIDE;
+use super::fft::TILE_SIDE_NODES;
 use crate::lanes::{LaneArray, LaneIndices, SetLanes, TWO_23};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x4, f32x8};
 use rayon::prelude::*;
 use wm_render::simd::Lanes;
 
-/// Halvings of a tile down to one node.
-const LEVELS: usize = SIDE.trailing_zeros() as usize + 1;
+/// Levels of a tile, each half as fine as the one before, down to one node.
+const LEVEL_COUNT: usize = TILE_SIDE_NODES.trailing_zeros() as usize + 1;
 
 /// Slopes of one instant, each level half as fine as the one before: slopes along the two axes and
 /// the sum of their squares.
@@ -24,10 +24,10 @@ pub(crate) struct SlopeTile {
 }
 
 /// The first node of each level.
-const FIRST: [usize; LEVELS] = {
-    let (mut first, mut level) = ([0; LEVELS], 1);
-    while level < LEVELS {
-        let stride = (SIDE >> (level - 1)) + 1;
+const FIRST_NODES: [usize; LEVEL_COUNT] = {
+    let (mut first, mut level) = ([0; LEVEL_COUNT], 1);
+    while level < LEVEL_COUNT {
+        let stride = (TILE_SIDE_NODES >> (level - 1)) + 1;
         first[level] = first[level - 1] + stride * stride;
         level += 1;
     }
@@ -37,9 +37,12 @@ const FIRST: [usize; LEVELS] = {
 /// The factor on the slopes of nodes that gives the slopes mixed of them the variance of the nodes,
 /// from how alike nodes beside each other are. At most that of waves of three nodes.
 fn mixing_gain(nodes: &[[f32; 4]]) -> f32 {
-    const MOST: f64 = 1.5;
+    const MAX_GAIN: f64 = 1.5;
     let product = |right: usize, down: usize| -> f64 {
-        let other = |at: usize| (at / SIDE + down) % SIDE * SIDE + (at % SIDE + right) % SIDE;
+        let other = |at: usize| {
+            (at / TILE_SIDE_NODES + down) % TILE_SIDE_NODES * TILE_SIDE_NODES
+                + (at % TILE_SIDE_NODES + right) % TILE_SIDE_NODES
+        };
         let dot = |at: usize| {
             let [a, b] = [nodes[at], nodes[other(at)]];
             f64::from(a[0] * b[0] + a[1] * b[1])
@@ -48,19 +51,19 @@ fn mixing_gain(nodes: &[[f32; 4]]) -> f32 {
     };
     let own = product(0, 0);
     // The mean over a cell of the squares of what is mixed between its corners.
-    let diagonals = 0.5 * (product(1, 1) + product(SIDE - 1, 1));
+    let diagonals = 0.5 * (product(1, 1) + product(TILE_SIDE_NODES - 1, 1));
     let mixed = 4.0 / 9.0 * own + 2.0 / 9.0 * (product(1, 0) + product(0, 1)) + diagonals / 9.0;
-    if own > 0.0 { (own / mixed.max(1e-9 * own)).sqrt().min(MOST) as f32 } else { 1.0 }
+    if own > 0.0 { (own / mixed.max(1e-9 * own)).sqrt().min(MAX_GAIN) as f32 } else { 1.0 }
 }
 
 impl SlopeTile {
-    /// A tile of `size` metres with these slopes, `[SIDE, SIDE]`.
+    /// A tile of `size` metres with these slopes, `[TILE_SIDE_NODES, TILE_SIDE_NODES]`.
     pub(crate) fn new(size: f64, slopes: impl IndexedParallelIterator<Item = [f32; 2]>) -> Self {
         let mut level: Vec<[f32; 4]> = slopes.map(|[x, y]| [x, y, x * x + y * y, 0.0]).collect();
         // What is mixed between nodes is flatter than they are: the shorter the waves the more.
         let gain = mixing_gain(&level);
-        let mut nodes = Vec::with_capacity(FIRST[LEVELS - 1] + 4);
-        for side in (0..LEVELS).map(|level| SIDE >> level) {
+        let mut nodes = Vec::with_capacity(FIRST_NODES[LEVEL_COUNT - 1] + 4);
+        for side in (0..LEVEL_COUNT).map(|level| TILE_SIDE_NODES >> level) {
             let row = |y: usize| &level[y * side..(y + 1) * side];
             for y in (0..side).chain([0]) {
                 nodes.extend_from_slice(row(y));
@@ -73,7 +76,7 @@ impl SlopeTile {
             let half = side / 2;
             level = (0..half).flat_map(|y| (0..half).map(move |x| (x, y))).map(|(x, y)| node(x, y)).collect();
         }
-        for [x, y, ..] in &mut nodes[..FIRST[1]] {
+        for [x, y, ..] in &mut nodes[..FIRST_NODES[1]] {
             (*x, *y) = (gain * *x, gain * *y);
         }
         Self { size: size as f32, nodes }
@@ -97,10 +100,10 @@ impl SlopeTile {
         log_width: S::F,
         wanted: u32,
     ) -> [S::F; 3] {
-        let finest = (SIDE as f32 / self.size).log2();
-        let level = (log_width + finest).max(simd.set(0.0)).min(simd.set((LEVELS - 1) as f32));
+        let finest = (TILE_SIDE_NODES as f32 / self.size).log2();
+        let level = (log_width + finest).max(simd.set(0.0)).min(simd.set((LEVEL_COUNT - 1) as f32));
         let whole = level.floor();
-        let coarse = (whole + 1.0).min(simd.set((LEVELS - 1) as f32));
+        let coarse = (whole + 1.0).min(simd.set((LEVEL_COUNT - 1) as f32));
         let mut share = points;
         for k in 0..2 {
             let tiles = points[k].mul_add(simd.set(1.0 / self.size), simd.set(phase[k]));
@@ -143,7 +146,7 @@ impl Spots {
     /// About points that lie at these shares of the tile.
     #[inline(always)]
     fn new<S: Lanes>(simd: S, share: [S::F; 2], level: S::F) -> Self {
-        let side = fineness(simd, level) * SIDE as f32;
+        let side = fineness(simd, level) * TILE_SIDE_NODES as f32;
         let (mut node, mut part) = (share, share);
         for k in 0..2 {
             let at = share[k].mul_add(side, simd.set(-0.5));
@@ -163,9 +166,9 @@ impl Spots {
     /// Between the nodes about point `i`.
     #[inline(always)]
     fn look<S: Simd>(&self, simd: S, i: usize, nodes: &[[f32; 4]]) -> f32x4<S> {
-        let level = self.level.0[i] as usize % LEVELS;
-        let stride = (SIDE >> level) + 1;
-        let at = FIRST[level] + self.row.0[i] as usize * stride + self.column.0[i] as usize;
+        let level = self.level.0[i] as usize % LEVEL_COUNT;
+        let stride = (TILE_SIDE_NODES >> level) + 1;
+        let at = FIRST_NODES[level] + self.row.0[i] as usize * stride + self.column.0[i] as usize;
         bilinear(simd, nodes, at, stride, self.right.0[i], self.down.0[i])
     }
 }
@@ -205,10 +208,12 @@ mod tests {
     #[test]
     fn short_waves_keep_their_slopes() {
         let node = |at: usize| {
-            let phase = std::f32::consts::TAU * (70 * (at % SIDE) + 30 * (at / SIDE)) as f32 / SIDE as f32;
+            let phase = std::f32::consts::TAU
+                * (70 * (at % TILE_SIDE_NODES) + 30 * (at / TILE_SIDE_NODES)) as f32
+                / TILE_SIDE_NODES as f32;
             [0.1 * phase.cos(), 0.05 * phase.sin()]
         };
-        let tile = SlopeTile::new(2.048, (0..SIDE * SIDE).into_par_iter().map(node));
+        let tile = SlopeTile::new(2.048, (0..TILE_SIDE_NODES * TILE_SIDE_NODES).into_par_iter().map(node));
         let mut sum = 0.0;
         let places = 40_000;
         for k in 0..places {

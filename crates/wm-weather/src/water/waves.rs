@@ -7,7 +7,7 @@
 //! open water. Waves go by the dispersion law of deep water with surface tension,
 //! `w^2 = g k + (tension / density) k^3`.
 
-use super::fft::{Complex, SIDE, transform};
+use super::fft::{Complex, TILE_SIDE_NODES, transform};
 use super::tile::SlopeTile;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -17,27 +17,27 @@ use wm_base::random::uniform;
 /// Acceleration of free fall, m/s^2.
 pub(super) const GRAVITY: f64 = 9.81;
 /// Surface tension of water over its density, m^3/s^2.
-pub(super) const TENSION: f64 = 7.28e-5;
+pub(super) const KINEMATIC_SURFACE_TENSION: f64 = 7.28e-5;
 /// Variance of slopes of open water, both axes together, and its growth with the wind, s/m (Cox and
 /// Munk 1954).
-const CALM: f64 = 0.003;
-const BY_WIND: f64 = 0.00512;
+const CALM_SLOPE_VARIANCE: f64 = 0.003;
+const SLOPE_VARIANCE_PER_WIND: f64 = 0.00512;
 /// Winds between which waves begin on still water, m/s: friction velocities of 0.03 and 0.1 m/s
 /// (Kahma and Donelan 1988).
-const BEGINS: [f64; 2] = [1.0, 3.0];
+const WAVE_WIND_SPEEDS: [f64; 2] = [1.0, 3.0];
 /// Shortest wave that the wind's spectrum has, rad/m: viscosity stills what is shorter.
-const SHORTEST: f64 = 400.0;
+const MAX_WAVE_NUMBER: f64 = 400.0;
 /// Steps of integrals over the spectrum.
-const STEPS: usize = 400;
+const SPECTRUM_STEP_COUNT: usize = 400;
 
 /// Angular frequency of a wave of `k` rad/m on deep water, rad/s.
 pub(crate) fn frequency(k: f64) -> f64 {
-    (GRAVITY * k + TENSION * k * k * k).sqrt()
+    (GRAVITY * k + KINEMATIC_SURFACE_TENSION * k * k * k).sqrt()
 }
 
 /// Change of [`frequency`] with `k`: the speed of a group of waves, m/s.
 fn group_speed(k: f64) -> f64 {
-    (GRAVITY + 3.0 * TENSION * k * k) / (2.0 * frequency(k))
+    (GRAVITY + 3.0 * KINEMATIC_SURFACE_TENSION * k * k) / (2.0 * frequency(k))
 }
 
 /// Period of the highest waves of a wind, m/s, over a fetch, m.
@@ -68,7 +68,7 @@ impl WindWaves {
     /// tile serves all of it.
     pub(crate) fn new(wind: [f64; 2], fetch: f64, strongest: f64) -> Option<Self> {
         let speed = wind[0].hypot(wind[1]);
-        if speed <= BEGINS[0] || fetch <= 0.0 {
+        if speed <= WAVE_WIND_SPEEDS[0] || fetch <= 0.0 {
             return None;
         }
         let reach = GRAVITY * fetch / (speed * speed);
@@ -78,7 +78,8 @@ impl WindWaves {
         let shaped = Self { wind, fetch, strongest, height, period, scale: 1.0 };
         let moment = shaped.over_waves(0.0, |_, power| power);
         let grown = Self { scale: (height / 4.0).powi(2) / moment, ..shaped };
-        let risen = ((speed - BEGINS[0]) / (BEGINS[1] - BEGINS[0])).clamp(0.0, 1.0);
+        let risen =
+            ((speed - WAVE_WIND_SPEEDS[0]) / (WAVE_WIND_SPEEDS[1] - WAVE_WIND_SPEEDS[0])).clamp(0.0, 1.0);
         let steepest = risen * risen * (3.0 - 2.0 * risen) * Self::open_slopes(speed);
         let share = (steepest / (2.0 * grown.slope_variance())).min(1.0);
         Some(Self { scale: share * grown.scale, height: share.sqrt() * height, ..grown })
@@ -95,9 +96,10 @@ impl WindWaves {
     /// The integral of `f(k, power per dk)` over all waves from `from` rad/m on.
     fn over_waves(&self, from: f64, f: impl Fn(f64, f64) -> f64) -> f64 {
         let peak = self.peak();
-        let (low, high) = ((0.2 * peak).max(from).min(SHORTEST).ln(), SHORTEST.max(4.0 * peak).ln());
-        let step = (high - low) / STEPS as f64;
-        (0..STEPS)
+        let (low, high) =
+            ((0.2 * peak).max(from).min(MAX_WAVE_NUMBER).ln(), MAX_WAVE_NUMBER.max(4.0 * peak).ln());
+        let step = (high - low) / SPECTRUM_STEP_COUNT as f64;
+        (0..SPECTRUM_STEP_COUNT)
             .map(|i| {
                 let k = (low + (i as f64 + 0.5) * step).exp();
                 f(k, self.power(frequency(k)) * group_speed(k)) * k * step
@@ -119,7 +121,7 @@ impl WindWaves {
 
     /// Variance of slopes along one axis of waves that are too short for the tile.
     pub(crate) fn beyond_tile(&self) -> f32 {
-        let finest = PI * SIDE as f64 / self.tile_size();
+        let finest = PI * TILE_SIDE_NODES as f64 / self.tile_size();
         (0.5 * self.over_waves(finest, |k, power| k * k * power)) as f32
     }
 
@@ -131,7 +133,7 @@ impl WindWaves {
     /// Mean square of the slopes of open water under a wind of `speed` m/s, both axes together (Cox
     /// and Munk 1954).
     pub(crate) fn open_slopes(speed: f64) -> f64 {
-        CALM + BY_WIND * speed
+        CALM_SLOPE_VARIANCE + SLOPE_VARIANCE_PER_WIND * speed
     }
 
     /// Their slopes at a time, s.
@@ -176,7 +178,7 @@ pub(super) struct WaveField {
 }
 
 /// Fields that are kept, since frames of one shot share them: what is kept changes no number.
-static KEPT: Mutex<Vec<(FieldKey, Arc<WaveField>)>> = Mutex::new(Vec::new());
+static FIELD_CACHE: Mutex<Vec<(FieldKey, Arc<WaveField>)>> = Mutex::new(Vec::new());
 /// All that a field depends on.
 type FieldKey = [u64; 5];
 /// Most of them.
@@ -186,19 +188,19 @@ impl WaveField {
     /// Waves on a tile of `size` metres. `amplitude` is the root of half the variance of heights
     /// that a wave vector (rad/m) brings, m.
     pub(crate) fn new(size: f64, seed: u64, amplitude: impl Fn([f64; 2]) -> f64 + Sync) -> Self {
-        let (cell, half) = (TAU / size, SIDE as i64 / 2);
+        let (cell, half) = (TAU / size, TILE_SIDE_NODES as i64 / 2);
         let wave = |i: i64, j: i64| -> [f64; 2] {
             let strength = amplitude([i as f64 * cell, j as f64 * cell]);
             if strength == 0.0 {
                 return [0.0; 2];
             }
-            let index = 2 * ((j + half) as u64 * SIDE as u64 + (i + half) as u64);
+            let index = 2 * ((j + half) as u64 * TILE_SIDE_NODES as u64 + (i + half) as u64);
             // Both parts are normal numbers of the variance of one half each.
             let long = strength * (-(1.0 - uniform(seed, index)).ln()).sqrt();
             let (sin, cos) = (TAU * uniform(seed, index + 1)).sin_cos();
             [long * cos, long * sin]
         };
-        let place = |i: i64, j: i64| [i, j].map(|k| k.rem_euclid(SIDE as i64) as usize);
+        let place = |i: i64, j: i64| [i, j].map(|k| k.rem_euclid(TILE_SIDE_NODES as i64) as usize);
         let pair = |i: i64, j: i64| {
             let heights = [wave(i, j), wave(-i, -j)];
             let vector = [i as f64 * cell, j as f64 * cell];
@@ -218,7 +220,7 @@ impl WaveField {
 
     /// The field of a key, made once.
     pub(crate) fn kept(key: FieldKey, make: impl FnOnce() -> Self) -> Arc<Self> {
-        let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = || FIELD_CACHE.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, field)) = kept().iter().find(|(own, _)| *own == key) {
             return Arc::clone(field);
         }
@@ -231,9 +233,9 @@ impl WaveField {
         field
     }
 
-    /// Slopes at a time, s, `[SIDE, SIDE]`, times a factor.
+    /// Slopes at a time, s, `[TILE_SIDE_NODES, TILE_SIDE_NODES]`, times a factor.
     pub(crate) fn slopes(&self, time: f64, factor: f64) -> Vec<Complex> {
-        let mut values: Vec<Complex> = vec![[0.0; 2]; SIDE * SIDE];
+        let mut values: Vec<Complex> = vec![[0.0; 2]; TILE_SIDE_NODES * TILE_SIDE_NODES];
         for WavePair { at, vector, heights, frequency } in &self.pairs {
             let (sin, cos) = (frequency * time).sin_cos();
             let [[a, b], [c, d]] = heights;
@@ -243,8 +245,9 @@ impl WaveField {
             let [x, y] = vector;
             // i kx H + i (i ky H): slopes along x in the real part, along y in the imaginary one.
             let [[own_x, own_y], [other_x, other_y]] = at;
-            values[own_y * SIDE + own_x] = [(-x * im - y * re) as f32, (x * re - y * im) as f32];
-            values[other_y * SIDE + other_x] = [(-x * im + y * re) as f32, (-x * re - y * im) as f32];
+            values[own_y * TILE_SIDE_NODES + own_x] = [(-x * im - y * re) as f32, (x * re - y * im) as f32];
+            values[other_y * TILE_SIDE_NODES + other_x] =
+                [(-x * im + y * re) as f32, (-x * re - y * im) as f32];
         }
         transform(&mut values);
         values

@@ -12,12 +12,12 @@ use std::collections::BinaryHeap;
 pub(crate) const NO_BASIN: u32 = u32::MAX;
 
 /// The four ways to the next cell.
-pub(super) const WAYS: [[i64; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+pub(super) const NEIGHBOUR_STEPS: [[i64; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
 
 /// The four cells about a cell of a grid of `count` cells in rows of `columns`; `None` beyond its
 /// edge.
 pub(super) fn beside(at: usize, columns: usize, count: usize) -> [Option<usize>; 4] {
-    WAYS.map(|way| away(at, way, columns, count))
+    NEIGHBOUR_STEPS.map(|way| away(at, way, columns, count))
 }
 
 /// The cells about a cell that are in the grid.

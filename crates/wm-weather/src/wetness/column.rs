@@ -15,20 +15,20 @@
 use crate::cover::MeltSample;
 
 /// Exponents of rain, texture, length and slope, and the factor of Gallaway's formula.
-const RAIN: f64 = 0.59;
-const TEXTURE: f64 = 0.11;
-const LENGTH: f64 = 0.43;
-const SLOPE: f64 = -0.42;
-const FACTOR: f64 = 0.014_85;
-/// Water that pores near the surface hold, mm.
-pub(crate) const PORES: f64 = 0.3;
+const RAIN_EXPONENT: f64 = 0.59;
+const TEXTURE_EXPONENT: f64 = 0.11;
+const LENGTH_EXPONENT: f64 = 0.43;
+const SLOPE_EXPONENT: f64 = -0.42;
+const GALLAWAY_FACTOR: f64 = 0.014_85;
+/// Water that pores near the surface hold.
+pub(crate) const PORE_CAPACITY_MM: f64 = 0.3;
 /// Rounds in which the store of a step is found, and the error at which they end, mm.
-const ROUNDS: usize = 12;
-const EXACT: f64 = 1e-10;
+const MAX_ROUND_COUNT: usize = 12;
+const STORE_ERROR_MM: f64 = 1e-10;
 /// Shares of the rain for which water is followed: the steps of the greatest, which driving rain on
 /// walls can have.
-pub(super) const SHARES: usize = 16;
-pub(super) const MOST_SHARE: f64 = 1.25;
+pub(super) const RAIN_SHARE_COUNT: usize = 16;
+pub(super) const MAX_RAIN_SHARE: f64 = 1.25;
 
 /// A kind of ground by how water leaves it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +63,7 @@ impl Drainage {
 /// The rate at which a store of water runs off a piece of ground.
 #[derive(Clone, Copy, Debug)]
 struct RunOffLaw {
-    /// Store over the run-off, mm/h, to the power [`RAIN`].
+    /// Store over the run-off, mm/h, to the power [`RAIN_EXPONENT`].
     factor: f64,
     /// Store of which nothing runs off, mm.
     kept: f64,
@@ -77,7 +77,7 @@ impl RunOffLaw {
 
     /// Water that runs off, mm/h, of a store, mm.
     fn rate(self, store: f64) -> f64 {
-        if store > self.kept { (store / self.factor).powf(1.0 / RAIN) } else { 0.0 }
+        if store > self.kept { (store / self.factor).powf(1.0 / RAIN_EXPONENT) } else { 0.0 }
     }
 
     /// Water left in a store of `all` after some hours of running off, mm: the solution of
@@ -87,14 +87,14 @@ impl RunOffLaw {
             return all.max(0.0);
         }
         let Self { factor, kept } = self;
-        let power = 1.0 / RAIN;
+        let power = 1.0 / RAIN_EXPONENT;
         // Newton's steps come down from above, since the function curves up.
-        let mut store = all.min(factor * (all / hours).powf(RAIN));
-        for _ in 0..ROUNDS {
+        let mut store = all.min(factor * (all / hours).powf(RAIN_EXPONENT));
+        for _ in 0..MAX_ROUND_COUNT {
             let flow = hours * (store / factor).powf(power);
             let off = store + flow - all;
             store -= off / (1.0 + power * flow / store.max(1e-12));
-            if off.abs() < EXACT {
+            if off.abs() < STORE_ERROR_MM {
                 break;
             }
         }
@@ -103,7 +103,10 @@ impl RunOffLaw {
 }
 
 fn store_factor(texture: f64, length: f64, slope: f64) -> f64 {
-    FACTOR * texture.powf(TEXTURE) * length.powf(LENGTH) * slope.powf(SLOPE)
+    GALLAWAY_FACTOR
+        * texture.powf(TEXTURE_EXPONENT)
+        * length.powf(LENGTH_EXPONENT)
+        * slope.powf(SLOPE_EXPONENT)
 }
 
 /// A part of the time.
@@ -130,16 +133,16 @@ impl WetStep {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SnowStep {
     /// Melt water, mm, for each share of the rain.
-    melts: [f64; SHARES],
+    melts: [f64; RAIN_SHARE_COUNT],
     /// Share of the ground that is bare, 0-1, for each share of the rain.
-    bare: [f64; SHARES],
+    bare: [f64; RAIN_SHARE_COUNT],
     /// Share of open level ground that is bare, 0-1.
     pub(super) open: f64,
 }
 
 impl Default for SnowStep {
     fn default() -> Self {
-        Self { melts: [0.0; SHARES], bare: [1.0; SHARES], open: 1.0 }
+        Self { melts: [0.0; RAIN_SHARE_COUNT], bare: [1.0; RAIN_SHARE_COUNT], open: 1.0 }
     }
 }
 
@@ -147,7 +150,7 @@ impl SnowStep {
     /// The snow between two instants. Where a share of the rain falls the same share of the snow
     /// does.
     pub(crate) fn between(from: &MeltSample, to: &MeltSample) -> Self {
-        let shares: [f64; SHARES] = std::array::from_fn(|k| share_of(k as f64));
+        let shares: [f64; RAIN_SHARE_COUNT] = std::array::from_fn(|k| share_of(k as f64));
         let [before, after] = [from, to].map(|sample| shares.map(|share| sample.at(share)));
         Self {
             melts: std::array::from_fn(|k| (after[k][0] - before[k][0]).max(0.0)),
@@ -183,7 +186,7 @@ impl WetColumn {
     fn pass(&mut self, law: RunOffLaw, hours: f64, rates: [f64; 2]) -> f64 {
         let [water, dries] = rates;
         let can_dry = dries;
-        let soaks = (PORES - self.pores) * (1.0 - (-water / PORES).exp());
+        let soaks = (PORE_CAPACITY_MM - self.pores) * (1.0 - (-water / PORE_CAPACITY_MM).exp());
         self.pores += soaks;
         self.came += water;
         let all = self.store + water - soaks;
@@ -215,17 +218,17 @@ pub(crate) struct Wet {
 pub(crate) struct WetColumns {
     /// Mean depth of the texture, mm.
     texture: f64,
-    columns: [[WetColumn; SHARES]; Drainage::ALL.len()],
+    columns: [[WetColumn; RAIN_SHARE_COUNT]; Drainage::ALL.len()],
 }
 
 /// One of the shares of the rain for which water is followed.
 pub(super) fn share_of(step: f64) -> f64 {
-    MOST_SHARE * (step / (SHARES - 1) as f64).powi(2)
+    MAX_RAIN_SHARE * (step / (RAIN_SHARE_COUNT - 1) as f64).powi(2)
 }
 
 /// The step of a share, between two of which water is mixed.
 pub(super) fn step_of(share: f64) -> f64 {
-    (share.clamp(0.0, MOST_SHARE) / MOST_SHARE).sqrt() * (SHARES - 1) as f64
+    (share.clamp(0.0, MAX_RAIN_SHARE) / MAX_RAIN_SHARE).sqrt() * (RAIN_SHARE_COUNT - 1) as f64
 }
 
 impl WetColumns {
@@ -235,8 +238,8 @@ impl WetColumns {
     }
 
     /// Lets a step pass. Returns what ran off of level ground in it, mm, for each share.
-    pub(super) fn pass(&mut self, step: &WetStep) -> [f64; SHARES] {
-        let mut runs = [0.0; SHARES];
+    pub(super) fn pass(&mut self, step: &WetStep) -> [f64; RAIN_SHARE_COUNT] {
+        let mut runs = [0.0; RAIN_SHARE_COUNT];
         for kind in Drainage::ALL {
             let law = RunOffLaw::new(kind, self.texture);
             for (k, column) in self.columns[kind as usize].iter_mut().enumerate() {
@@ -254,7 +257,7 @@ impl WetColumns {
     pub(crate) fn column(&self, kind: Drainage, share: f64) -> WetColumn {
         let columns = &self.columns[kind as usize];
         let at = step_of(share);
-        let low = (at as usize).min(SHARES - 2);
+        let low = (at as usize).min(RAIN_SHARE_COUNT - 2);
         let (part, [a, b]) = (at - low as f64, [columns[low], columns[low + 1]]);
         let mix = |a: f64, b: f64| a + (b - a) * part;
         WetColumn {
@@ -275,7 +278,7 @@ impl WetColumns {
     pub(crate) fn wet(&self, kind: Drainage, share: f64) -> Wet {
         let column = self.column(kind, share);
         Wet {
-            pores: (column.pores / PORES).min(1.0) as f32,
+            pores: (column.pores / PORE_CAPACITY_MM).min(1.0) as f32,
             film: (column.store / self.texture).min(1.0) as f32,
             depth: (column.store - self.texture).max(0.0) as f32,
         }
@@ -290,7 +293,7 @@ mod tests {
     /// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below
     /// 0 it stands in the texture. `length` m below the upper edge of a `slope`. Gallaway (1971).
     fn film_depth(texture: f64, length: f64, rain: f64, slope: f64) -> f64 {
-        store_factor(texture, length, slope) * rain.powf(RAIN) - texture
+        store_factor(texture, length, slope) * rain.powf(RAIN_EXPONENT) - texture
     }
 
     impl WetStep {
@@ -362,7 +365,7 @@ mod tests {
                 prop_assert!((column.came - came).abs() < 1e-9 * came.max(1.0));
                 let there = column.pores + column.store + column.ran_off + column.dried;
                 prop_assert!((there - came).abs() < 1e-9 * came.max(1.0), "{column:?}");
-                prop_assert!(column.pores >= 0.0 && column.pores <= PORES && column.store >= 0.0);
+                prop_assert!(column.pores >= 0.0 && column.pores <= PORE_CAPACITY_MM && column.store >= 0.0);
             }
         }
 

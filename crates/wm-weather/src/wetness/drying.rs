@@ -1,8 +1,8 @@
 //! How fast wet ground dries.
 
 /// Heat that evaporates water, J/kg, and the psychrometric constant, hPa/K.
-const LATENT: f64 = 2.45e6;
-const PSYCHROMETRIC: f64 = 0.66;
+const LATENT_HEAT_J_PER_KG: f64 = 2.45e6;
+const PSYCHROMETRIC_CONSTANT: f64 = 0.66;
 
 /// Vapour pressure of saturated air at a temperature in degrees Celsius, hPa (Magnus).
 fn saturated(temperature: f64) -> f64 {
@@ -15,9 +15,9 @@ fn saturated(temperature: f64) -> f64 {
 pub(crate) fn penman(temperature: f64, humidity: f64, wind: f64, radiation: f64) -> f64 {
     let pressure = saturated(temperature);
     let slope = pressure * 17.62 * 243.12 / (243.12 + temperature).powi(2);
-    let by_radiation = radiation * 3600.0 / LATENT;
+    let by_radiation = radiation * 3600.0 / LATENT_HEAT_J_PER_KG;
     let by_air = 0.26 * (1.0 + 0.54 * wind) * pressure * (1.0 - humidity) / 24.0;
-    ((slope * by_radiation + PSYCHROMETRIC * by_air) / (slope + PSYCHROMETRIC)).max(0.0)
+    ((slope * by_radiation + PSYCHROMETRIC_CONSTANT * by_air) / (slope + PSYCHROMETRIC_CONSTANT)).max(0.0)
 }
 
 #[cfg(test)]

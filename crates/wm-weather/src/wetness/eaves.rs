@@ -5,7 +5,7 @@
 //! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
 //! falls is requested.
 
-use super::basins::{WAYS, away, neighbours};
+use super::basins::{NEIGHBOUR_STEPS, away, neighbours};
 use super::gather::gathered;
 use super::plane_fit::PlaneFit;
 use serde::{Deserialize, Serialize};
@@ -19,13 +19,13 @@ const OPEN_HEIGHT_M: f32 = 0.4;
 const GROUND_DISTANCE_M: f32 = 12.0;
 /// Cells to each side over which a roof must be even, the least share of them, and how uneven it
 /// may be, rms, m.
-const ABOUT: i64 = 3;
+const ROOF_RADIUS_CELLS: i64 = 3;
 const MIN_EVEN_SHARE: f64 = 0.4;
 const MAX_UNEVENNESS_M: f64 = 0.06;
 /// The most cells of an edge between a roof and open ground.
-const EDGE: usize = 6;
+const MAX_EDGE_CELLS: usize = 6;
 /// Least area that drains over an eave, m^2 for each metre of it.
-const AREA: f32 = 0.4;
+const MIN_DRAINED_AREA: f32 = 0.4;
 
 /// A piece of an eave, as long as a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,7 +59,7 @@ pub(crate) fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> V
     };
     let middle = |at: usize| [at % columns, at / columns].map(|v| v as f32 + 0.5);
     let mut found = Vec::new();
-    for at in (0..roofs.len()).filter(|at| roofs[*at].is_finite() && area[*at] > AREA * cell) {
+    for at in (0..roofs.len()).filter(|at| roofs[*at].is_finite() && area[*at] > MIN_DRAINED_AREA * cell) {
         // Beyond the edge, on the side where open ground is nearest. The edge itself is uneven.
         let falls = |steps: usize| {
             let onto = |way: [i64; 2]| {
@@ -68,9 +68,9 @@ pub(crate) fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> V
                 let is_off = beyond(1).is_some_and(|next| roofs[next].is_nan());
                 from.zip(to).filter(|(_, to)| is_off && is_open(*to, roofs[at]))
             };
-            WAYS.into_iter().filter_map(onto).min_by(|a, b| ground[a.1].total_cmp(&ground[b.1]))
+            NEIGHBOUR_STEPS.into_iter().filter_map(onto).min_by(|a, b| ground[a.1].total_cmp(&ground[b.1]))
         };
-        if let Some((from, to)) = (0..EDGE).find_map(falls) {
+        if let Some((from, to)) = (0..MAX_EDGE_CELLS).find_map(falls) {
             let (last, next) = (middle(from), middle(to));
             found.push(Eave {
                 place: [0, 1].map(|k| 0.4 * last[k] + 0.6 * next[k]),
@@ -108,9 +108,11 @@ fn ground_about(top: &[f32], ground: &[f32], columns: usize, far: u32) -> Vec<f3
 /// Returns true if what is about a cell at about its height lies in a plane.
 fn is_even(top: &[f32], at: usize, columns: usize, cell: f64) -> bool {
     // Roofs are no steeper than this over the reach.
-    let steep = 1.5 * cell as f32 * ABOUT as f32 * std::f32::consts::SQRT_2;
+    let steep = 1.5 * cell as f32 * ROOF_RADIUS_CELLS as f32 * std::f32::consts::SQRT_2;
     let (mut fit, mut all) = (PlaneFit::default(), 0.0);
-    for (dy, dx) in (-ABOUT..=ABOUT).flat_map(|dy| (-ABOUT..=ABOUT).map(move |dx| (dy, dx))) {
+    for (dy, dx) in (-ROOF_RADIUS_CELLS..=ROOF_RADIUS_CELLS)
+        .flat_map(|dy| (-ROOF_RADIUS_CELLS..=ROOF_RADIUS_CELLS).map(move |dx| (dy, dx)))
+    {
         all += 1.0;
         let Some(next) = away(at, [dx, dy], columns, top.len()) else { continue };
         let rise = top[next] - top[at];
@@ -126,19 +128,19 @@ fn is_even(top: &[f32], at: usize, columns: usize, cell: f64) -> bool {
 mod tests {
     use super::*;
 
-    const COLUMNS: usize = 100;
-    const CELL: f32 = 0.1;
+    const COLUMN_COUNT: usize = 100;
+    const CELL_WIDTH_M: f32 = 0.1;
 
     /// A yard with a lean-to roof of 4 m by 6 m, whose lower edge is 3 m over the ground, at column
     /// 60, and a crown of leaves.
     fn yard(bumps: f32) -> (Vec<f32>, Vec<f32>) {
-        let count = COLUMNS * COLUMNS;
+        let count = COLUMN_COUNT * COLUMN_COUNT;
         let ground = vec![0.0; count];
         let top = (0..count).map(|at| {
-            let (x, y) = (at % COLUMNS, at / COLUMNS);
+            let (x, y) = (at % COLUMN_COUNT, at / COLUMN_COUNT);
             let noise = ((at as u32).wrapping_mul(2_654_435_761) >> 16) as f32 / 65_536.0 - 0.5;
             if (20..60).contains(&x) && (20..80).contains(&y) {
-                3.0 + 0.5 * CELL * (59 - x) as f32 + bumps * noise
+                3.0 + 0.5 * CELL_WIDTH_M * (59 - x) as f32 + bumps * noise
             } else {
                 0.0
             }
@@ -149,7 +151,7 @@ mod tests {
     #[test]
     fn water_falls_from_the_lower_edge_of_a_roof() {
         let (top, ground) = yard(0.005);
-        let found = eaves(&top, &ground, COLUMNS, CELL);
+        let found = eaves(&top, &ground, COLUMN_COUNT, CELL_WIDTH_M);
         let low: Vec<&Eave> = found.iter().filter(|eave| eave.place[0] > 59.5).collect();
         let area = |of: &[&Eave]| of.iter().map(|eave| eave.area).sum::<f32>();
         assert!(area(&low) > 0.85 * 24.0, "{}", area(&low));
@@ -163,6 +165,6 @@ mod tests {
     #[test]
     fn crowns_of_trees_are_no_roofs() {
         let (top, ground) = yard(0.5);
-        assert!(eaves(&top, &ground, COLUMNS, CELL).is_empty());
+        assert!(eaves(&top, &ground, COLUMN_COUNT, CELL_WIDTH_M).is_empty());
     }
 }

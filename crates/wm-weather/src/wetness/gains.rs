@@ -1,27 +1,29 @@
 //! The look of wet surfaces: factors on their light.
 
-use super::column::{Drainage, MOST_SHARE};
-use super::optics::{self, STEPS};
+use super::column::{Drainage, MAX_RAIN_SHARE};
+use super::optics::{self, ALBEDO_STEP_COUNT};
 use super::relief;
 use super::sheen::SkySheen;
 use super::state::WetState;
-use super::surfaces::{DRY, IN_POND, LOWER, MIRRORS, SHARES, WetLook, WetShares, WetSurfaces};
+use super::surfaces::{
+    DRY_CLASS, IN_POND, LOWER_SHARE_COUNT, MIRRORS, RAIN_SHARE_BIN_COUNT, WetLook, WetShares, WetSurfaces,
+};
 use crate::light::apply_gains;
 use glam::Vec3;
 use wm_base::color::srgb_decode;
 use wm_render::hooks::{Attribute, AttributeBlock};
 use wm_scene::Splats;
 
-/// Depth over which the edge of a puddle goes over into the ground, m.
-const EDGE: f32 = 0.002;
+/// Depth over which the edge of a puddle goes over into the ground.
+const PUDDLE_EDGE_DEPTH_M: f32 = 0.002;
 /// Least light of a surface over which the sky that it mirrors is a factor.
-const DARKEST: f64 = 2e-3;
+const MIN_SURFACE_LIGHT: f64 = 2e-3;
 /// The classes of surfaces.
-const CLASSES: usize = DRY as usize + 1;
+const CLASS_COUNT: usize = DRY_CLASS as usize + 1;
 /// Porosity of leaves.
 const LEAF_POROSITY: f32 = 0.3;
 /// The look of what stays as it is.
-const STAYS: WetLook = WetLook { class: DRY, lower: 0, albedo: [0; 3], flags: 0 };
+const DRY_LOOK: WetLook = WetLook { class: DRY_CLASS, lower: 0, albedo: [0; 3], flags: 0 };
 
 /// The look of the wet splats of a scene at one instant: factors on their light, and fades
 /// ([`Attribute::Fade`]).
@@ -31,11 +33,11 @@ pub struct WetGains<'a> {
     shares: &'a WetShares,
     levels: &'a [f32],
     /// By class, and by the share of the ground that is lower.
-    strengths: Box<[[Strength; LOWER]; CLASSES]>,
+    strengths: Box<[[Strength; LOWER_SHARE_COUNT]; CLASS_COUNT]>,
     /// Under deep water.
     deep: Strength,
     /// The changes by reflectance.
-    table: Box<[[f32; 2]; STEPS]>,
+    table: Box<[[f32; 2]; ALBEDO_STEP_COUNT]>,
     /// The sky that steep surfaces mirror, if an eye sees it.
     sheen: Option<SheenGains>,
 }
@@ -46,7 +48,7 @@ struct SheenGains {
     sky: SkySheen,
     /// By the class of steep surfaces: the share that is wet, and the film in depths of the
     /// texture.
-    wet: [[f32; 2]; SHARES],
+    wet: [[f32; 2]; RAIN_SHARE_BIN_COUNT],
     /// Reciprocal of the light of a display-referred value in 8 bits.
     inverse: Box<[f32; 256]>,
 }
@@ -78,17 +80,17 @@ impl<'a> WetGains<'a> {
     pub fn new(surfaces: &'a WetSurfaces, shares: &'a WetShares, state: &'a WetState, porosity: f64) -> Self {
         let porosity = porosity as f32;
         let strengths = Box::new(std::array::from_fn(|class| {
-            let (kind, bin) = (class / SHARES, class % SHARES);
+            let (kind, bin) = (class / RAIN_SHARE_BIN_COUNT, class % RAIN_SHARE_BIN_COUNT);
             let (drainage, porosity) = match kind {
                 0 => (Drainage::Level, porosity),
                 1 => (Drainage::Steep, porosity),
                 2 => (Drainage::Steep, LEAF_POROSITY * porosity),
-                _ => return [Strength::default(); LOWER],
+                _ => return [Strength::default(); LOWER_SHARE_COUNT],
             };
-            let share = MOST_SHARE * (bin as f64 / (SHARES - 1) as f64).powi(2);
+            let share = MAX_RAIN_SHARE * (bin as f64 / (RAIN_SHARE_BIN_COUNT - 1) as f64).powi(2);
             let wet = state.wet(drainage, share);
             std::array::from_fn(|step| {
-                let lower = step as f32 / (LOWER - 1) as f32;
+                let lower = step as f32 / (LOWER_SHARE_COUNT - 1) as f32;
                 let [pores, film] = match drainage {
                     Drainage::Level if !state.is_even() => relief::patchy([wet.pores, wet.film], lower),
                     _ => [wet.pores, wet.film],
@@ -107,12 +109,12 @@ impl<'a> WetGains<'a> {
     #[must_use]
     pub fn with_sheen(mut self, sky: SkySheen, state: &WetState, texture: f64) -> Self {
         let wet = std::array::from_fn(|bin| {
-            let share = MOST_SHARE * (bin as f64 / (SHARES - 1) as f64).powi(2);
+            let share = MAX_RAIN_SHARE * (bin as f64 / (RAIN_SHARE_BIN_COUNT - 1) as f64).powi(2);
             let wet = state.wet(Drainage::Steep, share);
             [wet.pores, wet.film + wet.depth / texture as f32]
         });
         let inverse = Box::new(std::array::from_fn(|value| {
-            (1.0 / srgb_decode(value as f64 / 255.0).max(DARKEST)) as f32
+            (1.0 / srgb_decode(value as f64 / 255.0).max(MIN_SURFACE_LIGHT)) as f32
         }));
         self.sheen = Some(SheenGains { sky, wet, inverse });
         self
@@ -123,7 +125,7 @@ impl<'a> WetGains<'a> {
     #[inline]
     fn mirrored(&self, index: usize, class: u8) -> Option<[f32; 3]> {
         let SheenGains { sky, wet, inverse } = self.sheen.as_ref()?;
-        let [share, film] = wet[usize::from(class) - SHARES];
+        let [share, film] = wet[usize::from(class) - RAIN_SHARE_BIN_COUNT];
         if share <= 0.0 {
             return None;
         }
@@ -136,16 +138,16 @@ impl<'a> WetGains<'a> {
     /// Multiplies the gains of splats, and writes their fade.
     pub fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
         // All at once: they lie anywhere in memory.
-        let mut looks = [STAYS; AttributeBlock::SPLATS];
+        let mut looks = [DRY_LOOK; AttributeBlock::SPLATS];
         for (look, index) in looks.iter_mut().zip(indices) {
             // What pads the last group has no splat.
-            *look = self.shares.looks.get(*index as usize).copied().unwrap_or(STAYS);
+            *look = self.shares.looks.get(*index as usize).copied().unwrap_or(DRY_LOOK);
         }
         let mut fades = [0.0; AttributeBlock::SPLATS];
         let [red, green, blue] = block.gains_mut();
         let rows = red.iter_mut().zip(green).zip(blue).zip(&mut fades);
         for ((index, look), (((red, green), blue), fade)) in indices.iter().zip(&looks).zip(rows) {
-            if look.class == DRY {
+            if look.class == DRY_CLASS {
                 continue;
             }
             let strength = self.strength_of(*index as usize, look);
@@ -163,7 +165,7 @@ impl<'a> WetGains<'a> {
     /// The strength of the change of a splat, and its reflectance; `None` for one that stays as it
     /// is.
     fn strength(&self, index: usize) -> Option<(Strength, [u8; 3])> {
-        let look = self.shares.looks.get(index).filter(|look| look.class != DRY)?;
+        let look = self.shares.looks.get(index).filter(|look| look.class != DRY_CLASS)?;
         Some((self.strength_of(index, look), look.albedo))
     }
 
@@ -175,7 +177,8 @@ impl<'a> WetGains<'a> {
             return strength;
         }
         let pond = &self.surfaces.ponds[self.surfaces.splats[index].pond as usize];
-        let covered = ((self.levels[pond.basin as usize] - pond.height) / EDGE).clamp(0.0, 1.0);
+        let covered =
+            ((self.levels[pond.basin as usize] - pond.height) / PUDDLE_EDGE_DEPTH_M).clamp(0.0, 1.0);
         strength.mix(self.deep, covered)
     }
 

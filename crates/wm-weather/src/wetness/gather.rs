@@ -5,9 +5,9 @@ use std::cmp::Reverse;
 use wm_base::random;
 
 /// Neighbours of a cell in its own row and column.
-const STRAIGHT: usize = 4;
+const STRAIGHT_WAY_COUNT: usize = 4;
 /// Seed of the distances to the others.
-const SEED: u64 = 0x5255_4E4F;
+const DISTANCE_SEED: u64 = 0x5255_4E4F;
 
 /// The area that drains over each cell of a grid of heights, m^2, each cell times its share.
 ///
@@ -35,10 +35,11 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
         rank[own] = passed.len() as u32;
         passed.push(at);
         if level <= heights[own] && to[own] != NO_BASIN {
-            let slanted = 2.0 - random::uniform(SEED, own as u64) as f32;
+            let slanted = 2.0 - random::uniform(DISTANCE_SEED, own as u64) as f32;
             let falls = around(own, columns, heights.len()).enumerate().filter_map(|(way, next)| {
                 let next = next?;
-                let fall = (heights[own] - heights[next]) / if way < STRAIGHT { 1.0 } else { slanted };
+                let fall =
+                    (heights[own] - heights[next]) / if way < STRAIGHT_WAY_COUNT { 1.0 } else { slanted };
                 (rank[next] < rank[own] && fall > 0.0).then_some((next, fall))
             });
             // Of equal ones the first.
@@ -62,8 +63,10 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
     area
 }
 
-/// The eight cells about a cell, first the [`STRAIGHT`] ones; `None` beyond the edge of the grid.
+/// The eight cells about a cell, first the [`STRAIGHT_WAY_COUNT`] ones; `None` beyond the edge of
+/// the grid.
 fn around(at: usize, columns: usize, count: usize) -> impl Iterator<Item = Option<usize>> {
-    const WAYS: [[i64; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
-    WAYS.into_iter().map(move |way| away(at, way, columns, count))
+    const NEIGHBOUR_STEPS: [[i64; 2]; 8] =
+        [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
+    NEIGHBOUR_STEPS.into_iter().map(move |way| away(at, way, columns, count))
 }

@@ -17,35 +17,35 @@ use crate::threads::map;
 use serde::{Deserialize, Serialize};
 
 /// Width of a cell, m, the most of them, and how far from the photos the grid goes, m.
-const CELL: f64 = 0.1;
+const CELL_WIDTH_M: f64 = 0.1;
 const MOST_CELLS: usize = 700_000;
-const REACH: f64 = 32.0;
+const PATH_REACH_M: f64 = 32.0;
 /// Step from a cell to the next at which the ground ends, as a slope, and at least, m.
-const STEP: f32 = 0.5;
-const LEAST_STEP: f32 = 0.05;
+const MAX_STEP_SLOPE: f32 = 0.5;
+const MIN_STEP_M: f32 = 0.05;
 /// Standard deviation of the smoothing, m, and the share of the ground about a cell from which a
 /// gap counts as ground.
-const SMOOTH: f32 = 0.25;
-const GAP: f32 = 0.3;
-/// Height of something that stands on the ground, m.
-const STANDS: f32 = 0.12;
+const SMOOTHING_SIGMA_M: f32 = 0.25;
+const MIN_GAP_GROUND_SHARE: f32 = 0.3;
+/// Height of something that stands on the ground.
+const MIN_OBJECT_HEIGHT_M: f32 = 0.12;
 /// Least area of a ground, m^2; the share of its edge beside which it drops off that makes it the
 /// top of something, and by how much, m.
 const MIN_GROUND_AREA_M2: f64 = 6.0;
-const TOP: f32 = 0.3;
-const DROP: f32 = 0.2;
+const MIN_DROPPING_EDGE_SHARE: f32 = 0.3;
+const DROP_HEIGHT_M: f32 = 0.2;
 /// Least depth and area of a puddle, m and m^2; the depth from which it is a hole of the capture;
 /// and the steepest ground that holds one.
-const SHALLOWEST: f32 = 0.006;
-const SMALLEST: f64 = 0.12;
-const DEEPEST: f32 = 0.25;
-const STEEPEST: f32 = 0.035;
+const MIN_PUDDLE_DEPTH_M: f32 = 0.006;
+const MIN_PUDDLE_AREA_M2: f64 = 0.12;
+const MAX_PUDDLE_DEPTH_M: f32 = 0.25;
+const MAX_PUDDLE_SLOPE: f32 = 0.035;
 /// Distance to the end of what the capture shows over which water fades, m, and to the border of
 /// the grid.
-const END: f32 = 0.6;
-const BORDER: f32 = 8.0;
+const END_FADE_DISTANCE_M: f32 = 0.6;
+const BORDER_FADE_DISTANCE_M: f32 = 8.0;
 /// Slope of the ground as a whole up to which it is an error of an estimated up.
-const TILT: f64 = 0.06;
+const MAX_TILT_SLOPE: f64 = 0.06;
 /// Height above or below the ground up to which a splat shows it, m.
 pub(super) const ON_GROUND: f32 = 0.15;
 /// Depth below the ground to which splats are seen through it, m.
@@ -109,9 +109,9 @@ impl GroundMap {
         site: &Site,
     ) -> Self {
         let options = ShelterOptions {
-            cell: CELL,
+            cell: CELL_WIDTH_M,
             most_cells: MOST_CELLS,
-            focus: Some((path, REACH)),
+            focus: Some((path, PATH_REACH_M)),
             margin: 0.1,
             ..ShelterOptions::default()
         };
@@ -148,13 +148,13 @@ impl GroundMap {
         let beyond = |at: usize| {
             let lowest = neighbours(at, columns, ground.len()).map(|next| ground[next]);
             let lowest = lowest.filter(|height| height.is_finite()).fold(f32::INFINITY, f32::min);
-            if top[at] > lowest + STANDS { EdgeRule::Wall } else { EdgeRule::Outlet }
+            if top[at] > lowest + MIN_OBJECT_HEIGHT_M { EdgeRule::Wall } else { EdgeRule::Outlet }
         };
         let slope = |cells: &[u32]| mean_slope(&ground, cells, columns, cell);
         let counts = |cells: &[u32], depth: f32| {
-            (SHALLOWEST..DEEPEST).contains(&depth)
-                && cells.len() as f64 * f64::from(cell * cell) > SMALLEST
-                && slope(cells) < STEEPEST
+            (MIN_PUDDLE_DEPTH_M..MAX_PUDDLE_DEPTH_M).contains(&depth)
+                && cells.len() as f64 * f64::from(cell * cell) > MIN_PUDDLE_AREA_M2
+                && slope(cells) < MAX_PUDDLE_SLOPE
         };
         let basins = Basins::find(&ground, &bumps, columns, f64::from(cell), beyond, counts);
         let rough = ground.iter().zip(&bumps).map(|(height, bump)| height + bump).collect();
@@ -290,13 +290,13 @@ fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
         tilt = slopes;
         off = z - tilted(tilt, [x, y]);
     }
-    if tilt[0].hypot(tilt[1]) < TILT * cell { tilt } else { [0.0; 2] }
+    if tilt[0].hypot(tilt[1]) < MAX_TILT_SLOPE * cell { tilt } else { [0.0; 2] }
 }
 
 /// Leaves connected level ground alone: what is small, or drops off along its edge, is the top of
 /// something.
 fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
-    let step = LEAST_STEP.max(STEP * cell);
+    let step = MIN_STEP_M.max(MAX_STEP_SLOPE * cell);
     let mut is_seen = vec![false; floor.len()];
     for first in 0..floor.len() {
         if is_seen[first] || floor[first].is_nan() {
@@ -315,12 +315,12 @@ fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
                     }
                 } else if top[next].is_finite() {
                     edge += 1.0;
-                    drops += if top[next] < floor[current] - DROP { 1.0 } else { 0.0 };
+                    drops += if top[next] < floor[current] - DROP_HEIGHT_M { 1.0 } else { 0.0 };
                 }
             }
         }
         let area = cells.len() as f64 * f64::from(cell * cell);
-        if area < MIN_GROUND_AREA_M2 || drops > TOP * edge {
+        if area < MIN_GROUND_AREA_M2 || drops > MIN_DROPPING_EDGE_SHARE * edge {
             cells.iter().for_each(|at| floor[*at] = f32::NAN);
         }
     }
@@ -329,9 +329,9 @@ fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
 /// The ground smoothed, with its gaps closed where nothing stands in them.
 fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
     let rows = floor.len() / columns;
-    let reach = (2.0 * SMOOTH / cell).ceil() as i64;
+    let reach = (2.0 * SMOOTHING_SIGMA_M / cell).ceil() as i64;
     let weights: Vec<f32> =
-        (-reach..=reach).map(|k| (-0.5 * (k as f32 * cell / SMOOTH).powi(2)).exp()).collect();
+        (-reach..=reach).map(|k| (-0.5 * (k as f32 * cell / SMOOTHING_SIGMA_M).powi(2)).exp()).collect();
     let all: f32 = weights.iter().sum();
     // Heights and weights along rows, then along columns.
     let mixed = |place: usize, count: usize, value: &dyn Fn(usize) -> [f32; 2]| {
@@ -356,8 +356,12 @@ fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
         let [sum, weight] = mixed(y, rows, &|y| first[y * columns + x]);
         let height = sum / weight;
         let is_gap = floor[at].is_nan();
-        let stands = top[at] > height + STANDS;
-        if weight <= 0.0 || is_gap && (stands || weight < GAP * all * all) { f32::NAN } else { height }
+        let stands = top[at] > height + MIN_OBJECT_HEIGHT_M;
+        if weight <= 0.0 || is_gap && (stands || weight < MIN_GAP_GROUND_SHARE * all * all) {
+            f32::NAN
+        } else {
+            height
+        }
     })
 }
 
@@ -365,7 +369,7 @@ fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
 /// border of the grid.
 fn seen_about(top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
     let rows = top.len() / columns;
-    let reach = (END / cell).ceil() as usize;
+    let reach = (END_FADE_DISTANCE_M / cell).ceil() as usize;
     let about = |i: usize, count: usize| i.saturating_sub(reach)..(i + reach + 1).min(count);
     let along: Vec<u32> = (0..top.len())
         .map(|at| {
@@ -375,9 +379,13 @@ fn seen_about(top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
         .collect();
     let all = (2 * reach + 1).pow(2) as f32;
     // A grid that is smaller ends with the scene.
-    let is_cut = |count: usize| count as f32 * cell > 1.9 * REACH as f32;
+    let is_cut = |count: usize| count as f32 * cell > 1.9 * PATH_REACH_M as f32;
     let inside = |i: usize, count: usize| {
-        if is_cut(count) { (i.min(count - 1 - i) as f32 * cell / BORDER).min(1.0) } else { 1.0 }
+        if is_cut(count) {
+            (i.min(count - 1 - i) as f32 * cell / BORDER_FADE_DISTANCE_M).min(1.0)
+        } else {
+            1.0
+        }
     };
     let share = |at: usize| {
         let (x, y) = (at % columns, at / columns);

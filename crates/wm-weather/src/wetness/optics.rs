@@ -8,31 +8,31 @@
 //! become more saturated by themselves.
 
 /// Square of the refractive index of water.
-const N2: f64 = 1.333 * 1.333;
+const SQUARED_REFRACTIVE_INDEX: f64 = 1.333 * 1.333;
 /// Shares of the light that get into a film, and out of it.
-const INTO: f64 = 0.934;
-const OUT: f64 = 0.525;
+const ENTERING_LIGHT_SHARE: f64 = 0.934;
+const LEAVING_LIGHT_SHARE: f64 = 0.525;
 /// Share of diffuse light below a film of water that its surface throws back down.
-pub const BACK: f64 = 0.475;
+pub const RETURNED_LIGHT_SHARE: f64 = 0.475;
 /// Steps of reflectance.
-pub(super) const STEPS: usize = 256;
+pub(super) const ALBEDO_STEP_COUNT: usize = 256;
 
 /// The factor on the light of a surface of reflectance `albedo`, 0-1, whose pores are full of
 /// water.
 #[must_use]
 pub fn pores_factor(albedo: f64) -> f64 {
-    1.0 / (albedo + N2 * (1.0 - albedo))
+    1.0 / (albedo + SQUARED_REFRACTIVE_INDEX * (1.0 - albedo))
 }
 
 /// The factor on the light of a surface of reflectance `albedo`, 0-1, under a film of water.
 pub(crate) fn film_factor(albedo: f64) -> f64 {
-    INTO * OUT / (1.0 - BACK * albedo)
+    ENTERING_LIGHT_SHARE * LEAVING_LIGHT_SHARE / (1.0 - RETURNED_LIGHT_SHARE * albedo)
 }
 
-/// Both factors less 1, for each reflectance in [`STEPS`].
-pub(super) fn table() -> [[f32; 2]; STEPS] {
+/// Both factors less 1, for each reflectance in [`ALBEDO_STEP_COUNT`].
+pub(super) fn table() -> [[f32; 2]; ALBEDO_STEP_COUNT] {
     std::array::from_fn(|step| {
-        let albedo = step as f64 / (STEPS - 1) as f64;
+        let albedo = step as f64 / (ALBEDO_STEP_COUNT - 1) as f64;
         [pores_factor(albedo) - 1.0, film_factor(albedo) - 1.0].map(|v| v as f32)
     })
 }

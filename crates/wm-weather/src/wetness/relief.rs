@@ -5,26 +5,25 @@ use std::sync::LazyLock;
 use wm_base::random::uniform;
 
 /// Widths of the bumps, m, and the height of each kind, rms, m.
-const KINDS: [[f64; 2]; 3] = [[0.5, 0.002_2], [0.25, 0.001_7], [0.12, 0.001_1]];
+const BUMP_KINDS: [[f64; 2]; 3] = [[0.5, 0.002_2], [0.25, 0.001_7], [0.12, 0.001_1]];
 /// Rms of smoothed noise whose corners are even in -1 to 1.
 const NOISE_RMS: f64 = 0.447_6;
-/// Seed of the bumps.
-const SEED: u64 = 0x7077_6574;
+const BUMP_SEED: u64 = 0x7077_6574;
 
 /// The height of the relief at a level place, m, with an rms of 3 mm.
 pub(crate) fn relief(x: f64, y: f64) -> f64 {
     let mut sum = 0.0;
-    for (kind, [width, rms]) in KINDS.into_iter().enumerate() {
+    for (kind, [width, rms]) in BUMP_KINDS.into_iter().enumerate() {
         let ease = |t: f64| t * t * t * (t * (6.0 * t - 15.0) + 10.0);
-        sum += rms / NOISE_RMS * smooth_noise(SEED + kind as u64, [x / width, y / width], ease);
+        sum += rms / NOISE_RMS * smooth_noise(BUMP_SEED + kind as u64, [x / width, y / width], ease);
     }
     sum
 }
 
 /// Shares of the ground over which water goes from none to full, of pores, which take it up from
 /// their sides, and of films.
-const SOAKED: f32 = 0.8;
-const FILLED: f32 = 0.3;
+const PORE_TRANSITION_SHARE: f32 = 0.8;
+const FILM_TRANSITION_SHARE: f32 = 0.3;
 
 /// Returns the share of the ground that is lower than a place of this height of the relief, m, 0-1.
 pub(crate) fn lower_share(height: f64) -> f32 {
@@ -43,7 +42,10 @@ pub(crate) fn lower_share(height: f64) -> f32 {
 /// the ground below it, where ground has these in the mean. Hollows fill first and dry last.
 pub(crate) fn patchy(shares: [f32; 2], lower: f32) -> [f32; 2] {
     let [pores, film] = shares;
-    [filled_from_below(pores, lower, SOAKED), filled_from_below(film, lower, FILLED)]
+    [
+        filled_from_below(pores, lower, PORE_TRANSITION_SHARE),
+        filled_from_below(film, lower, FILM_TRANSITION_SHARE),
+    ]
 }
 
 /// A ramp that falls from 1 to 0 over `width` of the shares of the ground, with a mean of `mean`,

@@ -10,11 +10,11 @@ use super::gather::gathered;
 use super::surfaces::{WetShares, WetSurfaces};
 
 /// Manning's roughness of paving, s/m^(1/3).
-const MANNING: f64 = 0.015;
+const MANNING_ROUGHNESS: f64 = 0.015;
 /// Slopes over which water begins to run together into rills, and the steepest, on which it falls.
-const SLOPES: [f32; 3] = [0.012, 0.025, 1.0];
+const RILL_SLOPES: [f32; 3] = [0.012, 0.025, 1.0];
 /// Cells to each side over which a slope is taken.
-const REACH: usize = 2;
+const SLOPE_RADIUS_CELLS: usize = 2;
 
 /// The flow of water over the ground of a place.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -48,12 +48,12 @@ impl RunOff {
             return vec![0.0; self.area.len()];
         }
         let depth = |area: f32, slope: f32| {
-            let [least, most, steepest] = SLOPES;
+            let [least, most, steepest] = RILL_SLOPES;
             if slope <= least || slope > steepest {
                 return 0.0;
             }
             let flow = f64::from(area) * rate * 1e-3 / 3600.0 / self.cell;
-            let depth = 1e3 * (flow * MANNING / f64::from(slope).sqrt()).powf(0.6);
+            let depth = 1e3 * (flow * MANNING_ROUGHNESS / f64::from(slope).sqrt()).powf(0.6);
             depth as f32 * ((slope - least) / (most - least)).min(1.0)
         };
         self.area.iter().zip(&self.slope).map(|(area, slope)| depth(*area, *slope)).collect()
@@ -63,12 +63,17 @@ impl RunOff {
 /// The slope of the ground at a cell; 0 where it is not known on both sides.
 fn slope_at(ground: &[f32], at: usize, columns: usize, cell: f32) -> f32 {
     let (x, y, rows) = (at % columns, at / columns, ground.len() / columns);
-    if x < REACH || y < REACH || x + REACH >= columns || y + REACH >= rows {
+    if x < SLOPE_RADIUS_CELLS
+        || y < SLOPE_RADIUS_CELLS
+        || x + SLOPE_RADIUS_CELLS >= columns
+        || y + SLOPE_RADIUS_CELLS >= rows
+    {
         return 0.0;
     }
-    let over = 2.0 * REACH as f32 * cell;
-    let along = (ground[at + REACH] - ground[at - REACH]) / over;
-    let across = (ground[at + REACH * columns] - ground[at - REACH * columns]) / over;
+    let over = 2.0 * SLOPE_RADIUS_CELLS as f32 * cell;
+    let along = (ground[at + SLOPE_RADIUS_CELLS] - ground[at - SLOPE_RADIUS_CELLS]) / over;
+    let across =
+        (ground[at + SLOPE_RADIUS_CELLS * columns] - ground[at - SLOPE_RADIUS_CELLS * columns]) / over;
     let slope = along.hypot(across);
     if slope.is_nan() { 0.0 } else { slope }
 }

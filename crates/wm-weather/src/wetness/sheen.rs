@@ -11,20 +11,21 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Intervals of the sky's light by the sine of the elevation, of reflectance by the cosine of the
 /// view, and by how wet it is.
-const SINES: usize = 16;
-const COSINES: usize = 32;
-const FILMS: usize = 8;
+const SINE_INTERVAL_COUNT: usize = 16;
+const COSINE_INTERVAL_COUNT: usize = 32;
+const FILM_INTERVAL_COUNT: usize = 8;
 /// Directions around of which the sky's light is the mean.
 const SKY_DIRECTIONS: usize = 8;
 /// Slopes of a damp surface, rms along one axis; of a film they are as much less as it fills the
 /// texture, and more.
-const DAMP: f32 = 0.25;
+const DAMP_ROUGHNESS: f32 = 0.25;
 /// The film, in depths of the texture, at which the table ends.
 const MOST_FILM: f32 = 4.0;
 /// Slopes in standard deviations, and their weights: a normal distribution.
-const SLOPES: [(f32, f32); 5] = [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
+const WEIGHTED_SLOPES: [(f32, f32); 5] =
+    [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
 /// Steps of the elevation up to which something stands before the sky; the last one sees none.
-const SKYLINES: f64 = 254.0;
+const SKYLINE_STEP_COUNT: f64 = 254.0;
 pub(super) const NO_SKY: u8 = 255;
 
 /// The sky about a place at one instant, as an eye sees it mirrored.
@@ -34,9 +35,9 @@ pub struct SkySheen {
     eye: Vec3,
     up: Vec3,
     /// Light of the sky by the sine of the elevation, linear RGB.
-    sky: [[f32; 3]; SINES + 1],
+    sky: [[f32; 3]; SINE_INTERVAL_COUNT + 1],
     /// Mean reflectance by the film and by the cosine between the view and the normal.
-    reflectance: Box<[[f32; COSINES + 1]; FILMS + 1]>,
+    reflectance: Box<[[f32; COSINE_INTERVAL_COUNT + 1]; FILM_INTERVAL_COUNT + 1]>,
 }
 
 impl SkySheen {
@@ -45,7 +46,7 @@ impl SkySheen {
     pub(crate) fn new(eye: [f64; 3], axes: &[[f64; 3]; 3], sky: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let sky = std::array::from_fn(|i| {
             // At the horizon itself haze and ground meet.
-            let sine = (i as f64 / SINES as f64).max(0.01);
+            let sine = (i as f64 / SINE_INTERVAL_COUNT as f64).max(0.01);
             let level = (1.0 - sine * sine).max(0.0).sqrt();
             let mut sum = [0.0; 3];
             for turn in 0..SKY_DIRECTIONS {
@@ -57,8 +58,8 @@ impl SkySheen {
         });
         let single = |v: [f64; 3]| Vec3::from_array(v.map(|v| v as f32));
         let reflectance = Box::new(std::array::from_fn(|film| {
-            let slopes = slopes_of(MOST_FILM * film as f32 / FILMS as f32);
-            std::array::from_fn(|cosine| mean_fresnel(cosine as f32 / COSINES as f32, slopes))
+            let slopes = slopes_of(MOST_FILM * film as f32 / FILM_INTERVAL_COUNT as f32);
+            std::array::from_fn(|cosine| mean_fresnel(cosine as f32 / COSINE_INTERVAL_COUNT as f32, slopes))
         }));
         Self { eye: single(eye), up: single(axes[2]), sky, reflectance }
     }
@@ -74,15 +75,15 @@ impl SkySheen {
         let sine = mirrored.dot(self.up);
         // A rough surface mirrors a piece of the sky that is two slopes tall.
         let soft = 2.0 * slopes_of(film);
-        let edge = f32::from(skyline) * (FRAC_PI_2 / SKYLINES) as f32;
+        let edge = f32::from(skyline) * (FRAC_PI_2 / SKYLINE_STEP_COUNT) as f32;
         let open = ((sine.clamp(-1.0, 1.0).asin() - edge) / (2.0 * soft) + 0.5).clamp(0.0, 1.0);
         if open <= 0.0 {
             return [0.0; 3];
         }
-        let row = ((film / MOST_FILM).clamp(0.0, 1.0) * FILMS as f32 + 0.5) as usize;
-        let reflected = between(facing.abs(), COSINES, |at| [self.reflectance[row][at]])[0];
+        let row = ((film / MOST_FILM).clamp(0.0, 1.0) * FILM_INTERVAL_COUNT as f32 + 0.5) as usize;
+        let reflected = between(facing.abs(), COSINE_INTERVAL_COUNT, |at| [self.reflectance[row][at]])[0];
         let share = open * reflected;
-        between(sine.max(0.0), SINES, |at| self.sky[at]).map(|light| share * light)
+        between(sine.max(0.0), SINE_INTERVAL_COUNT, |at| self.sky[at]).map(|light| share * light)
     }
 }
 
@@ -97,7 +98,7 @@ fn between<const N: usize>(place: f32, intervals: usize, value: impl Fn(usize) -
 
 /// Slopes of a wet surface, rms along one axis, under a film in depths of its texture.
 fn slopes_of(film: f32) -> f32 {
-    DAMP * (-film).exp()
+    DAMP_ROUGHNESS * (-film).exp()
 }
 
 /// The share of light that a rough surface reflects to a view that meets it at an angle of this
@@ -105,7 +106,7 @@ fn slopes_of(film: f32) -> f32 {
 fn mean_fresnel(cosine: f32, slopes: f32) -> f32 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (mut sum, mut weights) = (0.0, 0.0);
-    for (sigma, weight) in SLOPES {
+    for (sigma, weight) in WEIGHTED_SLOPES {
         let slope = sigma * slopes;
         let facing = (cosine + slope * sine) / (1.0 + slope * slope).sqrt();
         let weight = weight * facing.max(0.02);
@@ -116,8 +117,8 @@ fn mean_fresnel(cosine: f32, slopes: f32) -> f32 {
 }
 
 /// The elevation up to which something stands before the sky that an upright surface looks at, in
-/// steps of [`SKYLINES`] to the zenith, by the share of the sky's light that reaches it, 0-1. Of an
-/// even sky behind a level skyline at `e` it gets `1 - (2 e + sin 2 e) / pi`.
+/// steps of [`SKYLINE_STEP_COUNT`] to the zenith, by the share of the sky's light that reaches it,
+/// 0-1. Of an even sky behind a level skyline at `e` it gets `1 - (2 e + sin 2 e) / pi`.
 pub(super) fn skyline_of(open: f64) -> u8 {
     let (mut low, mut high) = (0.0, FRAC_PI_2);
     for _ in 0..12 {
@@ -125,7 +126,7 @@ pub(super) fn skyline_of(open: f64) -> u8 {
         let seen = 1.0 - (2.0 * middle + (2.0 * middle).sin()) / PI;
         if seen > open { low = middle } else { high = middle }
     }
-    (low / FRAC_PI_2 * SKYLINES).round() as u8
+    (low / FRAC_PI_2 * SKYLINE_STEP_COUNT).round() as u8
 }
 
 #[cfg(test)]
@@ -143,8 +144,8 @@ mod tests {
         for cosine in [0.1, 0.3, 0.7, 1.0] {
             assert!((mean_fresnel(cosine, 0.0) - fresnel(cosine)).abs() < 1e-6);
         }
-        assert!(mean_fresnel(0.1, DAMP) < 0.6 * fresnel(0.1));
-        assert!(mean_fresnel(1.0, DAMP) < 1.2 * fresnel(1.0));
+        assert!(mean_fresnel(0.1, DAMP_ROUGHNESS) < 0.6 * fresnel(0.1));
+        assert!(mean_fresnel(1.0, DAMP_ROUGHNESS) < 1.2 * fresnel(1.0));
     }
 
     /// A wall that faces the first axis, seen from below at 60 degrees from its normal, shows the
@@ -175,6 +176,6 @@ mod tests {
         assert!(skyline_of(0.0) > 250);
         // 30 degrees leave 1 - (pi / 3 + 0.866) / pi.
         let half = skyline_of(1.0 - (PI / 3.0 + 0.866) / PI);
-        assert!((f64::from(half) / SKYLINES * 90.0 - 30.0).abs() < 1.0, "{half}");
+        assert!((f64::from(half) / SKYLINE_STEP_COUNT * 90.0 - 30.0).abs() < 1.0, "{half}");
     }
 }

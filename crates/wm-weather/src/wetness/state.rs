@@ -1,7 +1,7 @@
 //! The water of a place at one instant.
 
 use super::basins::{NO_BASIN, neighbours};
-use super::column::{self, Drainage, PORES, SHARES, Wet, WetColumns};
+use super::column::{self, Drainage, PORE_CAPACITY_MM, RAIN_SHARE_COUNT, Wet, WetColumns};
 use super::relief;
 use super::request::WetRequest;
 use super::run_off::RunOff;
@@ -11,9 +11,9 @@ use super::surfaces::{WetShares, WetSurfaces};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Catchments {
     /// For each basin.
-    areas: Vec<[f64; SHARES]>,
+    areas: Vec<[f64; RAIN_SHARE_COUNT]>,
     /// The area of the ground whose water leaves.
-    leaves: [f64; SHARES],
+    leaves: [f64; RAIN_SHARE_COUNT],
 }
 
 impl Catchments {
@@ -22,14 +22,17 @@ impl Catchments {
     pub fn of(surfaces: &WetSurfaces, shares: &WetShares) -> Self {
         let ground = surfaces.ground();
         let area = ground.places.cell() * ground.places.cell();
-        let mut made = Self { areas: vec![[0.0; SHARES]; ground.basins.all.len()], leaves: [0.0; SHARES] };
+        let mut made = Self {
+            areas: vec![[0.0; RAIN_SHARE_COUNT]; ground.basins.all.len()],
+            leaves: [0.0; RAIN_SHARE_COUNT],
+        };
         for (at, drain) in ground.basins.drain.iter().enumerate() {
             if ground.ground[at].is_nan() {
                 continue;
             }
             let areas = made.areas.get_mut(*drain as usize).unwrap_or(&mut made.leaves);
             let step = column::step_of(f64::from(shares.ground[at]));
-            let low = (step as usize).min(SHARES - 2);
+            let low = (step as usize).min(RAIN_SHARE_COUNT - 2);
             areas[low] += area * (1.0 - (step - low as f64));
             areas[low + 1] += area * (step - low as f64);
         }
@@ -73,8 +76,9 @@ impl WetState {
         let mut budget = WaterBudget::default();
         for step in &request.steps {
             let runs = columns.pass(step);
-            let water =
-                |areas: &[f64; SHARES]| areas.iter().zip(&runs).map(|(area, runs)| 1e-3 * area * runs).sum();
+            let water = |areas: &[f64; RAIN_SHARE_COUNT]| {
+                areas.iter().zip(&runs).map(|(area, runs)| 1e-3 * area * runs).sum()
+            };
             came.iter_mut().zip(&catchments.areas).for_each(|(came, areas)| *came = water(areas));
             let [left, dried] = basins.pass(&mut volumes, &came, 1e-3 * step.dries * step.snow.open);
             let away: f64 = water(&catchments.leaves);
@@ -249,7 +253,10 @@ impl WaterState {
     /// Water in pores, m^3.
     #[must_use]
     pub fn water_in_pores(&self) -> f64 {
-        1e-3 * PORES * self.step * self.step * self.pores.iter().map(|share| f64::from(*share)).sum::<f64>()
+        1e-3 * PORE_CAPACITY_MM
+            * self.step
+            * self.step
+            * self.pores.iter().map(|share| f64::from(*share)).sum::<f64>()
     }
 
     /// Water in and above the texture of ground that drains, of a mean depth of `texture` mm, m^3.

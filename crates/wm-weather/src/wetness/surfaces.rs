@@ -2,14 +2,14 @@
 //! puddle that it may lie under.
 
 use super::basins::NO_BASIN;
-use super::column::MOST_SHARE;
+use super::column::MAX_RAIN_SHARE;
 use super::ground_map::{GroundMap, ON_GROUND};
-use super::optics::STEPS;
+use super::optics::ALBEDO_STEP_COUNT;
 use super::request::SlantedRain;
 use super::sheen::{NO_SKY, skyline_of};
 use crate::cover::ground::FarFloor;
 use crate::fused_surfaces::FusedSurfaces;
-use crate::light::{CaptureLight, GREEN};
+use crate::light::{CaptureLight, GREEN_EXCESS_RATIO};
 use crate::open_water::OpenWater;
 use crate::optics::Site;
 use crate::shelter::Shelter;
@@ -20,28 +20,27 @@ use wm_base::color::srgb_decode;
 use wm_scene::Splats;
 use wm_scene::sh;
 
-/// Bounds of reflectances.
-const ALBEDOS: [f64; 2] = [0.02, 0.9];
+const ALBEDO_LIMITS: [f64; 2] = [0.02, 0.9];
 /// Cosine between up and the normal from which ground is nearly level.
-const LEVEL: f32 = 0.85;
+const MIN_LEVEL_COSINE: f32 = 0.85;
 /// Share of the rain that leaves get, which turn to all sides.
 const LEAF_RAIN_SHARE: f32 = 0.6;
 /// Height above ground and distance from walls at which shelter is requested, m: captured surfaces
 /// are rough.
-const LIFT: f32 = 0.25;
-const OFF_WALL: f32 = 0.4;
-/// Radius about a point over which shelter is averaged, m: on the ground and on walls.
-const SOFT: [f32; 2] = [0.4, 0.2];
+const SHELTER_HEIGHT_M: f32 = 0.25;
+const SHELTER_WALL_DISTANCE_M: f32 = 0.4;
+/// Radius about a point over which shelter is averaged: on the ground and on walls.
+const SHELTER_RADII_M: [f32; 2] = [0.4, 0.2];
 /// Height above and below the bottom of a puddle within which a splat belongs to it, m.
 const IN_PUDDLE: [f32; 2] = [0.05, 0.3];
 /// Standard deviation of splats that are too wide for the edge of a puddle, m.
 const MAX_EDGE_SIGMA_M: f64 = 0.3;
 /// Steps of the share of the rain, and the classes: of level, steep and leafy surfaces, and of
 /// those that stay dry.
-pub(super) const SHARES: usize = 64;
-pub(super) const DRY: u8 = 3 * SHARES as u8;
+pub(super) const RAIN_SHARE_BIN_COUNT: usize = 64;
+pub(super) const DRY_CLASS: u8 = 3 * RAIN_SHARE_BIN_COUNT as u8;
 /// Steps of the share of the ground that is lower than a splat.
-pub(super) const LOWER: usize = 16;
+pub(super) const LOWER_SHARE_COUNT: usize = 16;
 
 /// The surfaces of a scene, and its ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,7 +64,7 @@ pub(super) struct WetSplat {
     /// Elevation up to which something hides the sky, by [`skyline_of`]; [`NO_SKY`] of what is not
     /// steep.
     pub(super) skyline: u8,
-    /// Share of the ground that is lower, in [`LOWER`] steps: hollows get wet first.
+    /// Share of the ground that is lower, in [`LOWER_SHARE_COUNT`] steps: hollows get wet first.
     pub(super) lower: u8,
     /// Sky, and open water.
     pub(super) stays: bool,
@@ -88,7 +87,7 @@ impl WetSurfaces {
         let is_pond =
             |pond: &Pond| (pond.basin as usize) < self.ground.basins.all.len() && pond.height.is_finite();
         let is_splat = |splat: &WetSplat| {
-            usize::from(splat.lower) < LOWER
+            usize::from(splat.lower) < LOWER_SHARE_COUNT
                 && (splat.pond == NO_BASIN || (splat.pond as usize) < self.ponds.len())
         };
         self.splats.len() == splats
@@ -133,17 +132,18 @@ impl WetSurfaces {
             // Pools are as wet as they can be.
             let stays = capture.is_sky(index) || water.covers(point.map(f64::from));
             let albedo = if stays { [0.0; 3] } else { reflectance(index) };
-            let albedo = albedo.map(|v| v.clamp(ALBEDOS[0], ALBEDOS[1]));
+            let albedo = albedo.map(|v| v.clamp(ALBEDO_LIMITS[0], ALBEDO_LIMITS[1]));
             let normal = capture.normal(index);
-            let is_level = normal.dot(up).abs() > LEVEL;
-            let is_green = albedo[1] > GREEN * albedo[0].max(albedo[2]);
+            let is_level = normal.dot(up).abs() > MIN_LEVEL_COSINE;
+            let is_green = albedo[1] > GREEN_EXCESS_RATIO * albedo[0].max(albedo[2]);
             // Lawns turn to all sides, however flat they were captured.
             let normal = if is_green && is_level { Vec3::ZERO } else { normal };
             // Whatever way it lies, what shows through the ground is a part of it.
             let normal = if ground.depth_below(point) > ON_GROUND { up } else { normal };
             // Ground in the round of the water's surface has its own reflection.
-            let is_wall =
-                normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !floor.holds(point.map(f64::from));
+            let is_wall = normal != Vec3::ZERO
+                && normal.dot(up).abs() < MIN_LEVEL_COSINE
+                && !floor.holds(point.map(f64::from));
             let stride = splats.sh_stride();
             let sh = &splats.sh[index * stride..];
             let splat = WetSplat {
@@ -156,13 +156,14 @@ impl WetSurfaces {
                 },
                 point,
                 normal: (127.0 * normal).to_array().map(|v| v.round() as i8),
-                albedo: albedo.map(|v| (v * (STEPS - 1) as f64).round() as u8),
-                lower: (ground.lower_share(point.map(f64::from)) * (LOWER - 1) as f32).round() as u8,
+                albedo: albedo.map(|v| (v * (ALBEDO_STEP_COUNT - 1) as f64).round() as u8),
+                lower: (ground.lower_share(point.map(f64::from)) * (LOWER_SHARE_COUNT - 1) as f32).round()
+                    as u8,
                 stays,
                 pond: NO_BASIN,
             };
             let (place, height) = ground.locate(point.map(f64::from));
-            let faces_up = normal == Vec3::ZERO || normal.dot(up).abs() > LEVEL;
+            let faces_up = normal == Vec3::ZERO || normal.dot(up).abs() > MIN_LEVEL_COSINE;
             let is_wide = splats.log_scales[index].into_iter().any(|scale| scale > wide);
             let pond = ground.basin_at(place).filter(|(_, bottom)| {
                 let above = height as f32 - bottom;
@@ -202,7 +203,7 @@ impl WetSurfaces {
     /// The share of the rain that a splat gets, and its class.
     fn class(&self, splat: &WetSplat, rain: &SlantedRain, shelter: Option<&Shelter>, site: &Site) -> u8 {
         if splat.stays {
-            return DRY;
+            return DRY_CLASS;
         }
         let up = Vec3::from_array(site.up.map(|v| v as f32));
         let driving = Vec3::from_array(rain.driving.map(|v| v as f32));
@@ -216,16 +217,16 @@ impl WetSurfaces {
         let is_leaf = normal == Vec3::ZERO;
         let metres = site.metres_per_unit as f32;
         let level = if is_leaf { 1.0 } else { upright.clamp(0.0, 1.0) };
-        let above = LIFT * level + self.ground.depth_below(splat.point);
-        let off = up * above + normal * (OFF_WALL * (1.0 - level));
+        let above = SHELTER_HEIGHT_M * level + self.ground.depth_below(splat.point);
+        let off = up * above + normal * (SHELTER_WALL_DISTANCE_M * (1.0 - level));
         let at = Vec3::from_array(splat.point) + off / metres;
-        let radius = SOFT[1] + (SOFT[0] - SOFT[1]) * level;
+        let radius = SHELTER_RADII_M[1] + (SHELTER_RADII_M[0] - SHELTER_RADII_M[1]) * level;
         let open = shelter.map_or(1.0, |shelter| shelter.exposure(at.to_array(), radius));
         let falls =
             if is_leaf { LEAF_RAIN_SHARE } else { upright.max(0.0) + (-normal.dot(driving)).max(0.0) };
-        let share = (open * falls / MOST_SHARE as f32).clamp(0.0, 1.0).sqrt();
-        let kind = if is_leaf { 2 } else { usize::from(upright < LEVEL) };
-        (kind * SHARES) as u8 + (share * (SHARES - 1) as f32).round() as u8
+        let share = (open * falls / MAX_RAIN_SHARE as f32).clamp(0.0, 1.0).sqrt();
+        let kind = if is_leaf { 2 } else { usize::from(upright < MIN_LEVEL_COSINE) };
+        (kind * RAIN_SHARE_BIN_COUNT) as u8 + (share * (RAIN_SHARE_BIN_COUNT - 1) as f32).round() as u8
     }
 }
 
@@ -234,7 +235,7 @@ impl WetSurfaces {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct WetLook {
     pub(super) class: u8,
-    /// Share of the ground that is lower, in [`LOWER`] steps.
+    /// Share of the ground that is lower, in [`LOWER_SHARE_COUNT`] steps.
     pub(super) lower: u8,
     pub(super) albedo: [u8; 3],
     /// [`IN_POND`] and [`MIRRORS`].
@@ -263,7 +264,7 @@ impl WetShares {
         let looks = map(surfaces.len(), |index| {
             let splat = &surfaces.splats[index];
             let class = surfaces.class(splat, rain, shelter, site);
-            let is_steep = (SHARES as u8..2 * SHARES as u8).contains(&class);
+            let is_steep = (RAIN_SHARE_BIN_COUNT as u8..2 * RAIN_SHARE_BIN_COUNT as u8).contains(&class);
             let mirrors = if is_steep && splat.skyline != NO_SKY { MIRRORS } else { 0 };
             let in_pond = if splat.pond != NO_BASIN { IN_POND } else { 0 };
             WetLook { class, lower: splat.lower, albedo: splat.albedo, flags: mirrors | in_pond }
@@ -275,9 +276,9 @@ impl WetShares {
                 return 0.0;
             }
             let point = map_of_ground
-                .point(map_of_ground.places.middle(at), f64::from(height + LIFT))
+                .point(map_of_ground.places.middle(at), f64::from(height + SHELTER_HEIGHT_M))
                 .map(|v| v as f32);
-            shelter.map_or(1.0, |shelter| shelter.exposure(point, SOFT[1]))
+            shelter.map_or(1.0, |shelter| shelter.exposure(point, SHELTER_RADII_M[1]))
         });
         Self { rain: *rain, looks, ground }
     }

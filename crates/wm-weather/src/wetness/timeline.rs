@@ -5,11 +5,11 @@ use crate::cover::{MeltSample, Snowpack};
 use crate::track::Track;
 
 /// Steps of the rain before the start, and of the dry time after that.
-const BEFORE: u32 = 96;
-const STOPPED: u32 = 48;
+const RAIN_STEP_COUNT: u32 = 96;
+const DRY_STEP_COUNT: u32 = 48;
 /// The first steps after the start, s, and the number of steps after which they are twice as long.
-const STEP: f64 = 0.125;
-const EACH: usize = 64;
+const FIRST_STEP_S: f64 = 0.125;
+const STEPS_PER_DOUBLING: usize = 64;
 
 /// Rain over the time of a weather.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,10 +31,10 @@ pub(crate) struct RainHistory<'a> {
 impl RainHistory<'_> {
     /// The steps until `time`, s.
     pub(crate) fn steps(&self, time: f64) -> Vec<WetStep> {
-        let (mut times, mut length) = (vec![time.min(0.0)], STEP);
+        let (mut times, mut length) = (vec![time.min(0.0)], FIRST_STEP_S);
         while times[times.len() - 1] < time {
             times.push((times[times.len() - 1] + length).min(time));
-            if (times.len() - 1).is_multiple_of(EACH) {
+            if (times.len() - 1).is_multiple_of(STEPS_PER_DOUBLING) {
                 length *= 2.0;
             }
         }
@@ -52,13 +52,13 @@ impl RainHistory<'_> {
         // Snow that melted before the start did so while it fell.
         if let (Some(snow), Some(melted)) = (&self.snow, melts.first()) {
             let since = SnowStep::between(&MeltSample::NONE, melted);
-            even(if since == SnowStep::default() { 0.0 } else { snow.hours }, BEFORE, 0.0, since);
+            even(if since == SnowStep::default() { 0.0 } else { snow.hours }, RAIN_STEP_COUNT, 0.0, since);
         }
         let start = melts.first().map_or_else(SnowStep::default, |sample| SnowStep::between(sample, sample));
         // Before the start the weather is as at the start, but for its own rain.
         let early = (time.min(0.0) * self.lapse / 3600.0).abs();
-        even(self.before[1] - (early - self.stopped).max(0.0), BEFORE, self.before[0], start);
-        even(self.stopped - early, STOPPED, 0.0, start);
+        even(self.before[1] - (early - self.stopped).max(0.0), RAIN_STEP_COUNT, self.before[0], start);
+        even(self.stopped - early, DRY_STEP_COUNT, 0.0, start);
         for (index, ends) in times.windows(2).enumerate() {
             let [from, to] = [ends[0], ends[1]];
             let hours = (to - from) * self.lapse / 3600.0;

@@ -23,48 +23,47 @@ const FAR_CELLS: usize = 350_000;
 const ON_FLOOR: f32 = 0.15;
 /// Surfaces below each other that are looked for, and how far apart they are at least, m and cells:
 /// more than an edge.
-const LAYERS: usize = 3;
-const GAP: f64 = 0.525;
-const GAP_CELLS: f64 = 1.8;
+const MAX_LAYER_COUNT: usize = 3;
+const MIN_LAYER_GAP_M: f64 = 0.525;
+const MIN_LAYER_GAP_CELLS: f64 = 1.8;
 /// Height from which a step to the side is an edge and no slope, m, but so many cells at least.
-const EDGE: f32 = 0.35;
-const EDGE_CELLS: f32 = 1.2;
+const EDGE_HEIGHT_M: f32 = 0.35;
+const EDGE_HEIGHT_CELLS: f32 = 1.2;
 /// Roughness of splats that is taken off, m, but so many cells at least.
-const ROUGH: f32 = 0.1;
-const ROUGH_CELLS: f32 = 0.4;
+const ROUGHNESS_M: f32 = 0.1;
+const ROUGHNESS_CELLS: f32 = 0.4;
 /// Slopes over which less and less stays at once, as tangents: 50 and 60 degrees.
-pub(super) const STEEP: [f32; 2] = [1.19, 1.73];
-/// Slope of what is level.
-const LEVEL: f32 = 0.4;
-/// The slope of a piece of a wall.
-const WALL: [f32; 2] = [2.0 * STEEP[1], 0.0];
-/// Half the width of the field that a slope is taken from, cells.
-const FIELD: i64 = 2;
+pub(super) const SLIDING_SLOPES: [f32; 2] = [1.19, 1.73];
+const MAX_LEVEL_SLOPE: f32 = 0.4;
+/// Slope that a piece of a wall counts with.
+const WALL_SLOPE: [f32; 2] = [2.0 * SLIDING_SLOPES[1], 0.0];
+/// Half the width of the field that a slope is taken from.
+const FIELD_RADIUS_CELLS: i64 = 2;
 /// Rounds in which slopes are smoothed with their neighbours.
-const ROUNDS: usize = 8;
+const SMOOTHING_ROUND_COUNT: usize = 8;
 /// Share of a field that must belong to a surface; to one whose splats stand upright, whose normals
 /// have a smaller cosine to up; and to one whose splats do not.
-const SURFACE: f32 = 0.3;
-const LEDGE: f32 = 0.7;
-const CROWN: f32 = 0.1;
-const UPRIGHT: f32 = 0.4;
+const SURFACE_FIELD_SHARE: f32 = 0.3;
+const LEDGE_FIELD_SHARE: f32 = 0.7;
+const CROWN_FIELD_SHARE: f32 = 0.1;
+const UPRIGHT_COSINE: f32 = 0.4;
 /// Largest area of a lump on a wall, m^2, but so many cells at least; and the share of it beside
 /// which something stands higher.
 const LEDGE_AREA: f32 = 1.0;
 const LEDGE_CELLS: f32 = 6.0;
 const LEDGE_BELOW: f32 = 0.5;
 /// Cosine of the normal below which only the underside has been seen: the top is not known.
-const CEILING: f32 = -0.25;
+const UNDERSIDE_COSINE: f32 = -0.25;
 /// Cosine of the normal below which a surface that a camera saw is too steep: 60 degrees.
 const STEEP_SEEN: f32 = 0.5;
 /// The least of what none saw, and the share of a field that must belong to it.
 const LEVEL_UNSEEN: f32 = 0.7;
-const WHOLE: f32 = 0.9;
+const UNSEEN_FIELD_SHARE: f32 = 0.9;
 /// Distance, cells, and directions in which higher surfaces are looked for.
 const LEDGE_DISTANCES_CELLS: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 /// Distance to which a plain goes on about each of its nodes, m, but one cell at least.
-const PLAIN: f32 = 0.5;
+const PLAIN_REACH_M: f32 = 0.5;
 /// Distances and the drop by which crowns stand over what is about them, m, and of the directions
 /// of [`WAYS_ROUND`] in which they do the number from which a surface is that of leaves, with the
 /// cosine between up and the normals of its splats below which it is.
@@ -77,16 +76,16 @@ const LEAVES_SPREAD: f32 = 0.15;
 /// Deepest that lies on leaves, m, and the shares of them that hold nothing and that hold all: snow
 /// lies on crowns in clumps.
 const ON_LEAVES: f32 = 0.08;
-const CLUMPS: [f32; 2] = [0.25, 0.45];
+const CLUMP_SHARES: [f32; 2] = [0.25, 0.45];
 /// Mean flatness of splats from which that counts: 0 for balls to 1.
 const MIN_FLATNESS: f32 = 0.3;
 /// Distance from a surface within which splats belong to it, m, but so many cells at least.
 const SURFACE_THICKNESS_M: f32 = 0.12;
 const OWN_CELLS: f32 = 0.3;
 /// The four ways from a cell.
-pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+pub(super) const NEIGHBOUR_STEPS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// Splats that one thread takes at once.
-const CHUNK: usize = 1 << 12;
+const CHUNK_SPLAT_COUNT: usize = 1 << 12;
 /// No node.
 const NO_NODE: u32 = u32::MAX;
 
@@ -121,10 +120,10 @@ pub(crate) struct GroundGrid {
     /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a
     /// share of the fall on one cell.
     pub(crate) shed: f64,
-    /// Along [`WAYS`], where the node's surface goes on.
+    /// Along [`NEIGHBOUR_STEPS`], where the node's surface goes on.
     beside: Vec<[u32; 4]>,
-    /// Along [`WAYS`], the next node of the surface, or the node on which what falls over its edge
-    /// lands.
+    /// Along [`NEIGHBOUR_STEPS`], the next node of the surface, or the node on which what falls
+    /// over its edge lands.
     next: Vec<[u32; 4]>,
     /// True for nodes that an inner ground covers too.
     is_inner: Vec<bool>,
@@ -206,8 +205,8 @@ impl GroundGrid {
         occluders: &Occluders,
         inner: Option<&Self>,
     ) -> (Self, FloaterMap) {
-        let (places, floaters) = occluders.layers(LAYERS, GAP, GAP_CELLS);
-        let edge = EDGE.max(EDGE_CELLS * places.cell() as f32);
+        let (places, floaters) = occluders.layers(MAX_LAYER_COUNT, MIN_LAYER_GAP_M, MIN_LAYER_GAP_CELLS);
+        let edge = EDGE_HEIGHT_M.max(EDGE_HEIGHT_CELLS * places.cell() as f32);
         let size = places.size();
         let (mut start, mut cells, mut height, mut of) = (vec![0], Vec::new(), Vec::new(), Vec::new());
         for cell in 0..size[0] * size[1] {
@@ -257,14 +256,14 @@ impl GroundGrid {
         ground.height = map(nodes, |node| ground.smooth(node));
         ground.beside = map(nodes, |node| {
             let [column, row] = ground.place(node);
-            WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
+            NEIGHBOUR_STEPS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
         });
         let (facing, spread) = ground.find_facing(scan, &of);
         ground.facing = facing;
         ground.slope = map(nodes, |node| ground.fit(node));
-        for _ in 0..ROUNDS {
+        for _ in 0..SMOOTHING_ROUND_COUNT {
             ground.slope = map(nodes, |node| match ground.slope[node] {
-                WALL => WALL,
+                WALL_SLOPE => WALL_SLOPE,
                 _ => ground.mean_about(node, |other| Some(ground.slope[other])),
             });
         }
@@ -301,7 +300,7 @@ impl GroundGrid {
         // Without photos normals say little.
         let is_floor = |node: &usize| match self.is_scan {
             true => self.is_seen[*node] && self.is_level(*node),
-            false => self.slope[*node][0].hypot(self.slope[*node][1]) < LEVEL,
+            false => self.slope[*node][0].hypot(self.slope[*node][1]) < MAX_LEVEL_SLOPE,
         };
         let height = |node: Option<usize>| node.map_or(f32::NAN, |node| self.height[node]);
         let floor = (0..cells).map(|cell| height(self.nodes_of(cell).rev().find(is_floor)));
@@ -379,7 +378,8 @@ impl GroundGrid {
         self.height[node] + a * off[0] + b * off[1]
     }
 
-    /// The nodes beside it along [`WAYS`] on its surface: those that no edge parts from it.
+    /// The nodes beside it along [`NEIGHBOUR_STEPS`] on its surface: those that no edge parts from
+    /// it.
     pub(super) fn beside(&self, node: usize) -> [Option<usize>; 4] {
         self.beside[node].map(|other| (other != NO_NODE).then_some(other as usize))
     }
@@ -391,7 +391,7 @@ impl GroundGrid {
 
     /// The uppermost node of the next cell that is open to the sky and lies below a height, m.
     pub(super) fn below(&self, node: usize, way: usize, height: f32) -> Option<usize> {
-        let ([column, row], [x, y]) = (self.place(node), WAYS[way]);
+        let ([column, row], [x, y]) = (self.place(node), NEIGHBOUR_STEPS[way]);
         let is_below = |to: &usize| self.height[*to] < height && self.open[*to] > 0.0;
         self.nodes_of(self.cell_of(column + x, row + y)?).find(is_below)
     }
@@ -407,13 +407,13 @@ impl GroundGrid {
     /// Returns true if nothing can lie there.
     pub(super) fn is_steep(&self, node: usize) -> bool {
         let [a, b] = self.slope[node];
-        a.hypot(b) > STEEP[1]
+        a.hypot(b) > SLIDING_SLOPES[1]
     }
 
     /// Returns true if it is level, and faces up as far as is known.
     pub(super) fn is_level(&self, node: usize) -> bool {
         let [a, b] = self.slope[node];
-        a.hypot(b) < LEVEL && (self.facing[node].is_nan() || self.facing[node] > UPRIGHT)
+        a.hypot(b) < MAX_LEVEL_SLOPE && (self.facing[node].is_nan() || self.facing[node] > UPRIGHT_COSINE)
     }
 
     /// Returns true if about it there is one surface alone, as far as something can stand on it or

@@ -11,7 +11,7 @@ impl GroundGrid {
             let plane = self.height[node] + (a * x as f32 + b * y as f32) * self.cell;
             self.nodes_of(cell).next().is_some_and(|upper| (self.height[upper] - plane).abs() < self.edge)
         };
-        let cells = (PLAIN / self.cell).max(1.0) as i64;
+        let cells = (PLAIN_REACH_M / self.cell).max(1.0) as i64;
         let mut around = LEDGE_DISTANCES_CELLS.into_iter().filter(|far| *far <= cells);
         let is_uppermost = self.nodes_of(self.cells[node] as usize).start == node;
         is_uppermost
@@ -48,7 +48,7 @@ impl GroundGrid {
             return f32::NAN;
         }
         let [x, y] = self.place(node).map(|v| (v as f64 + 0.5) * f64::from(self.cell));
-        ((lower_share(relief(x, y)) - CLUMPS[0]) / (CLUMPS[1] - CLUMPS[0])).clamp(0.0, 1.0)
+        ((lower_share(relief(x, y)) - CLUMP_SHARES[0]) / (CLUMP_SHARES[1] - CLUMP_SHARES[0])).clamp(0.0, 1.0)
     }
 
     /// Returns true for leaves of a crown.
@@ -77,8 +77,8 @@ impl GroundGrid {
     /// Lets nothing lie on small surfaces beside which something stands higher: they are lumps that
     /// a training leaves on walls, hedges and cars.
     pub(super) fn clear_ledges(&mut self) {
-        let overlooked = map(self.len(), |node| self.slope[node] != WALL && self.is_overlooked(node));
-        let mut is_done: Vec<bool> = self.slope.iter().map(|slope| *slope == WALL).collect();
+        let overlooked = map(self.len(), |node| self.slope[node] != WALL_SLOPE && self.is_overlooked(node));
+        let mut is_done: Vec<bool> = self.slope.iter().map(|slope| *slope == WALL_SLOPE).collect();
         let least = LEDGE_AREA.max(LEDGE_CELLS * self.cell * self.cell) / (self.cell * self.cell);
         for first in 0..self.len() {
             if std::mem::replace(&mut is_done[first], true) {
@@ -96,7 +96,7 @@ impl GroundGrid {
             }
             let below = piece.iter().filter(|node| overlooked[**node]).count() as f32;
             if (piece.len() as f32) < least && below > LEDGE_BELOW * piece.len() as f32 {
-                piece.iter().for_each(|node| self.slope[*node] = WALL);
+                piece.iter().for_each(|node| self.slope[*node] = WALL_SLOPE);
             }
         }
     }
@@ -110,7 +110,7 @@ impl GroundGrid {
     /// about it.
     pub(super) fn smooth(&self, node: usize) -> f32 {
         let [column, row] = self.place(node);
-        let rough = ROUGH.max(ROUGH_CELLS * self.cell);
+        let rough = ROUGHNESS_M.max(ROUGHNESS_CELLS * self.cell);
         let mut near = [0.0; 9];
         let mut count = 0;
         for k in 0..9 {
@@ -142,9 +142,9 @@ impl GroundGrid {
             let weight = splats.opacity(index) as f32;
             Some((node as u32, value(index).map(|value| weight * value)))
         };
-        let found = map(splats.len().div_ceil(CHUNK), |chunk| {
-            let last = splats.len().min((chunk + 1) * CHUNK);
-            (chunk * CHUNK..last).filter_map(of).collect::<Vec<_>>()
+        let found = map(splats.len().div_ceil(CHUNK_SPLAT_COUNT), |chunk| {
+            let last = splats.len().min((chunk + 1) * CHUNK_SPLAT_COUNT);
+            (chunk * CHUNK_SPLAT_COUNT..last).filter_map(of).collect::<Vec<_>>()
         });
         let mut sums = vec![[0.0f32; N]; self.len()];
         for (node, added) in found.into_iter().flatten() {
@@ -170,7 +170,7 @@ impl GroundGrid {
                 let cosine = if is_seen { cosine(splat) } else { cosine(splat).abs() };
                 // Balls and rods look nowhere; but of what was seen from below nobody knows the
                 // top.
-                let flat = if cosine < CEILING { 1.0 } else { 1.0 - (scales[0] - scales[1]).exp() };
+                let flat = if cosine < UNDERSIDE_COSINE { 1.0 } else { 1.0 - (scales[0] - scales[1]).exp() };
                 [flat * cosine, flat * cosine * cosine, flat]
             });
         } else {
@@ -198,7 +198,9 @@ impl GroundGrid {
         let (mut count, mut lower, mut higher) = (0.0f32, 0, 0);
         let mut sums = [0.0f32; 5];
         let mut moments = [0.0f32; 3];
-        for (dx, dy) in (-FIELD..=FIELD).flat_map(|dy| (-FIELD..=FIELD).map(move |dx| (dx, dy))) {
+        for (dx, dy) in (-FIELD_RADIUS_CELLS..=FIELD_RADIUS_CELLS)
+            .flat_map(|dy| (-FIELD_RADIUS_CELLS..=FIELD_RADIUS_CELLS).map(move |dx| (dx, dy)))
+        {
             let Some(cell) = self.cell_of(column + dx, row + dy) else { continue };
             let Some(other) = self.level_with(node, column + dx, row + dy, self.edge) else {
                 let upper = self.nodes_of(cell).next();
@@ -212,26 +214,33 @@ impl GroundGrid {
             sums.iter_mut().zip([x, y, h, x * h, y * h]).for_each(|(sum, value)| *sum += value);
             moments.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, value)| *sum += value);
         }
-        let field = ((2 * FIELD + 1) * (2 * FIELD + 1)) as f32;
+        let field = ((2 * FIELD_RADIUS_CELLS + 1) * (2 * FIELD_RADIUS_CELLS + 1)) as f32;
         // A piece of a wall has what is above beside it and what is below, and is no ledge that
         // looks up.
         let facing = self.facing[node];
         let is_piece = match (self.is_scan, self.is_seen[node]) {
-            _ if facing < CEILING => true,
+            _ if facing < UNDERSIDE_COSINE => true,
             (false, _) if higher == 0 || lower == 0 => false,
-            (false, _) if facing.is_nan() => count < SURFACE * field,
+            (false, _) if facing.is_nan() => count < SURFACE_FIELD_SHARE * field,
             // Leaves of a crown look anywhere.
-            (false, _) => count < if facing < UPRIGHT { LEDGE } else { CROWN } * field,
-            (true, true) if facing > STEEP_SEEN => higher > 0 && lower > 0 && count < SURFACE * field,
+            (false, _) => {
+                count < if facing < UPRIGHT_COSINE { LEDGE_FIELD_SHARE } else { CROWN_FIELD_SHARE } * field
+            }
+            (true, true) if facing > STEEP_SEEN => {
+                higher > 0 && lower > 0 && count < SURFACE_FIELD_SHARE * field
+            }
             (true, true) if !facing.is_nan() => self.is_overlooked(node),
             // Edges: wires and finials hold next to nothing.
-            (true, true) => count < SURFACE * field || count < LEDGE * field && self.is_overlooked(node),
+            (true, true) => {
+                count < SURFACE_FIELD_SHARE * field
+                    || count < LEDGE_FIELD_SHARE * field && self.is_overlooked(node)
+            }
             // What no camera sees is a surface only if it is a level one: pieces are haze, of the
             // sky too.
-            (true, false) => count < WHOLE * field || facing < LEVEL_UNSEEN,
+            (true, false) => count < UNSEEN_FIELD_SHARE * field || facing < LEVEL_UNSEEN,
         };
         if is_piece {
-            return WALL;
+            return WALL_SLOPE;
         }
         let [x, y, h, xh, yh] = sums.map(|sum| sum / count);
         let [xx, xy, yy] = moments.map(|moment| moment / count);

@@ -13,7 +13,7 @@ use wm_street::{Place, Street};
 
 const SNOW: CoverMaterial = CoverMaterial { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
 
-const ASKED: CoverRequest = CoverRequest {
+const COVER_REQUEST: CoverRequest = CoverRequest {
     depth: 0.1,
     thaw: None,
     wet_fall: 0.0,
@@ -75,7 +75,7 @@ fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
     let mut cover = cover_of(&splats, &Airflow::default(), [5.0, 4.0, 0.0]);
-    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..COVER_REQUEST }]);
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
     let below = mean(&cover, &lying, [5.0, 6.0], [4.0, 5.0], [-0.2, 0.2]);
@@ -103,7 +103,7 @@ fn a_pit_fills_to_its_rim() {
     let ground = &cover.rings[0];
     let is_in_slit = |node: usize| ground.point(node)[2] < -0.7;
     let fell: Vec<f32> = (0..ground.len()).map(|node| if is_in_slit(node) { 2.5 } else { 0.0 }).collect();
-    let settled = settle::settle(ground, &fell, ASKED.repose as f32);
+    let settled = settle::settle(ground, &fell, COVER_REQUEST.repose as f32);
     let depths = (0..ground.len()).filter(|node| is_in_slit(*node)).map(|node| settled.depth[node]);
     let deepest = depths.fold(0.0, f32::max);
     assert!((1.0..1.8).contains(&deepest), "{deepest} m");
@@ -119,7 +119,7 @@ fn ground_is_buried_across_the_end_of_a_ring() {
     let splats = place.build();
     let mut cover = cover_of(&splats, &Airflow::default(), [17.0, 4.0, 0.0]);
     assert!(cover.rings.len() > 1, "the field fits one ring");
-    let lying = cover.lay_all(&[CoverRequest { depth: 0.15, ..ASKED }]);
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.15, ..COVER_REQUEST }]);
     let places = &cover.rings[0].places;
     let ends = [0.0, places.size()[0] as f64].map(|column| places.point([column, 0.0], 0.0)[0] as f32);
     assert!(ends.iter().all(|end| (1.0..33.0).contains(end)), "{ends:?}");
@@ -142,7 +142,7 @@ fn leaves_of_a_crown_hold_little_in_clumps() {
     place.surface(DVec3::ZERO, DVec3::X * 10.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
     place.leaves(DVec3::new(5.0, 4.0, 2.5), 1.2, 6000, [0.1, 0.4, 0.1]);
     let mut cover = cover_of(&place.build(), &Airflow::default(), [5.0, 4.0, 0.0]);
-    let lying = cover.lay_all(&[CoverRequest { depth: 0.3, ..ASKED }]);
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.3, ..COVER_REQUEST }]);
     let ground = &cover.rings[0];
     let depths: Vec<f32> = (0..ground.len())
         .filter(|node| ground.is_crown(*node) && ground.share[*node] > 0.5)
@@ -222,7 +222,7 @@ fn snow_closes_over_rough_ground_and_posts_stick_out() {
     let mut cover = Cover::of(&splats, &scan, &SITE, &Airflow::default(), [[0.0; 3]; 2]);
     let hidden = |cover: &mut Cover, depth: f64| -> Vec<f32> {
         cover
-            .lay_all(&[CoverRequest { depth, ..ASKED }])
+            .lay_all(&[CoverRequest { depth, ..COVER_REQUEST }])
             .buried
             .factors
             .iter()
@@ -300,7 +300,7 @@ fn the_street_is_covered_where_it_is_open() {
     let place = Street::builtin();
     let splats = street(&place);
     let mut cover = cover_of(&splats, &Airflow::default(), [-5.0, 37.0, 0.0]);
-    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.9, ..ASKED }]);
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.9, ..COVER_REQUEST }]);
     let ground = &cover.rings[0];
     // Depth on the surface of a point: within 6 cm of it in height.
     let depth = |at: DVec3| {
@@ -365,7 +365,7 @@ fn the_lee_of_a_house_holds_less() {
     let splats = house();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
     let mut cover = cover_of(&splats, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
-    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..COVER_REQUEST }]);
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
     assert!(windward > 0.09 && lee < 0.02 && (open / 0.1 - 1.0).abs() < 0.03, "{windward} {lee} {open}");
@@ -380,8 +380,10 @@ fn what_falls_is_what_lies() {
         let (slope, moved) = flow;
         let splats = porch();
         let mut cover = cover_of(&splats, &Airflow { slope, moved }, [5.0, 4.0, 0.0]);
-        let lying = cover
-            .lay_all(&[CoverRequest { thaw: (melted > 0.0).then(|| Thaw::new(0.1, melted, 0.0)), ..ASKED }]);
+        let lying = cover.lay_all(&[CoverRequest {
+            thaw: (melted > 0.0).then(|| Thaw::new(0.1, melted, 0.0)),
+            ..COVER_REQUEST
+        }]);
         let ground = &cover.rings[0];
         let cell = f64::from(ground.cell).powi(2);
         let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
@@ -403,7 +405,7 @@ fn snow_drifts_behind_a_wall() {
     let side = |moved: f64, x: [f64; 2]| {
         let airflow = Airflow { slope: [0.3, 0.0], moved };
         let mut cover = cover_of(&splats, &airflow, [10.0, 3.0, 0.0]);
-        let lying = cover.lay_all(&[ASKED]);
+        let lying = cover.lay_all(&[COVER_REQUEST]);
         mean(&cover, &lying, x, [2.5, 3.5], [-0.2, 0.2])
     };
     let (before, lee, far) = (side(0.5, [4.0, 6.0]), side(0.5, [9.0, 11.0]), side(0.5, [16.0, 18.0]));
@@ -428,7 +430,7 @@ fn wet_snow_sticks_to_the_windward_wall() {
     };
     let on_walls = |slope: [f64; 2], wet_fall: f64| {
         let mut cover = cover_of(&splats, &slanted(slope), [7.0, 4.0, 0.0]);
-        sides(&cover.lay_all(&[CoverRequest { wet_fall, ..ASKED }]).splats)
+        sides(&cover.lay_all(&[CoverRequest { wet_fall, ..COVER_REQUEST }]).splats)
     };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
     assert!(windward > 300 && lee == 0, "{windward} {lee}");
@@ -439,7 +441,7 @@ fn wet_snow_sticks_to_the_windward_wall() {
     wide.append(&far.build());
     let mut cover = cover_of(&wide, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
     assert!(cover.rings.last().unwrap().cell > 0.5);
-    let [windward, lee] = sides(&cover.lay_all(&[CoverRequest { wet_fall: 0.05, ..ASKED }]).splats);
+    let [windward, lee] = sides(&cover.lay_all(&[CoverRequest { wet_fall: 0.05, ..COVER_REQUEST }]).splats);
     assert!(windward > 300 && lee < 30, "{windward} {lee}");
     // Of dry snow hardly any is on walls, and without wind no more of wet.
     let dry = [on_walls([1.0, 0.0], 0.0), on_walls([0.0, 0.0], 0.0)];
@@ -475,7 +477,7 @@ fn water_is_kept_over_time() {
 
 #[test]
 fn nothing_lies_where_nothing_can() {
-    let asked = CoverRequest { depth: 10.0, repose: 0.84, ..ASKED };
+    let asked = CoverRequest { depth: 10.0, repose: 0.84, ..COVER_REQUEST };
     let lying = |splats: &Splats| cover_of(splats, &slanted([0.3, 0.0]), [0.0; 3]).lay_all(&[asked]);
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors.is_empty());

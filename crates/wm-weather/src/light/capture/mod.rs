@@ -55,27 +55,27 @@ const FAR_REACH_M: f64 = 1.6;
 /// Distance of the surfaces by which leaves are recognised, and the agreement of their normals,
 /// 0-1.
 const LEAF_RADIUS_M: f32 = 0.3;
-const AGREED: f32 = 0.72;
+const MIN_LEAF_AGREEMENT: f32 = 0.72;
 /// Excess of green over red and blue by which leaves and grass are recognised.
-pub(crate) const GREEN: f64 = 1.08;
-/// Least and greatest extent of a place whose light is split, m: others have a wrong scale.
-const EXTENTS: [f64; 2] = [0.01, 1e6];
+pub(crate) const GREEN_EXCESS_RATIO: f64 = 1.08;
+/// Least and greatest extent of a place whose light is split: others have a wrong scale.
+const PLACE_EXTENTS_M: [f64; 2] = [0.01, 1e6];
 /// Distance between surfaces that are told apart, m.
 const SURFACE_SPACING_M: f64 = 0.06;
 /// Reflectance of surfaces in the mean; the brightness of white cards up to which they count as 1,
 /// since bright places are no courtyards; and an upper clamp.
 const MEAN_ALBEDO: f64 = 0.25;
-const USUAL: f64 = 1.5;
-const MOST_EXPOSURE: f64 = 3.0;
+const MAX_USUAL_EXPOSURE: f64 = 1.5;
+const MAX_EXPOSURE: f64 = 3.0;
 /// Quantile of the ground's irradiance at which a white card is at most display white: in even
 /// light, and in that of a sun.
 const DARK_GROUND: [f64; 2] = [0.25, 0.75];
 /// Least cosine between up and the normal of ground.
-const LEVEL: f32 = 0.8;
+const MIN_GROUND_COSINE: f32 = 0.8;
 /// A splat of which nothing is known.
-const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: WHOLE, is_sky: false };
+const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: FULL_SUN, is_sky: false };
 /// [`SplatLight::sun`] of a splat that sees all of the sun.
-const WHOLE: i16 = 10_000;
+const FULL_SUN: i16 = 10_000;
 /// Contrast left across shadow edges, of that before, above which a capture keeps its shadows.
 const MOST_LEFT: f64 = 0.25;
 
@@ -117,7 +117,7 @@ struct SplatLight {
     /// Normal times 127; zero of leaves.
     normal: [i8; 3],
     open: [u8; 2],
-    /// The share of the sun times [`WHOLE`]; below 0 or above it beside the edges of shadows
+    /// The share of the sun times [`FULL_SUN`]; below 0 or above it beside the edges of shadows
     /// ([`sharpened_share`]).
     sun: i16,
     /// A splat of the captured sky.
@@ -128,13 +128,13 @@ impl SplatLight {
     /// The share of the sun that reaches the splat: 0-1, or a little beyond beside the edges of
     /// shadows.
     fn sun_share(self) -> f32 {
-        f32::from(self.sun) / f32::from(WHOLE)
+        f32::from(self.sun) / f32::from(FULL_SUN)
     }
 }
 
 /// [`SplatLight::sun`] of a share.
 fn share_number(share: f32) -> i16 {
-    (share * f32::from(WHOLE)).round() as i16
+    (share * f32::from(FULL_SUN)).round() as i16
 }
 
 impl CaptureLight {
@@ -164,7 +164,7 @@ impl CaptureLight {
     ) -> Self {
         let fine = Surfaces::new(found);
         let metres = site.metres_per_unit * f64::from(fine.extent());
-        if !(EXTENTS[0]..EXTENTS[1]).contains(&metres) {
+        if !(PLACE_EXTENTS_M[0]..PLACE_EXTENTS_M[1]).contains(&metres) {
             return Self::in_the_open(splats, site);
         }
         let mut surfaces = fine.thinned((SURFACE_SPACING_M / site.metres_per_unit) as f32);
@@ -414,7 +414,7 @@ fn direction_text(direction: [f64; 3]) -> String {
 }
 
 /// The brightness of a white card in an irradiance of 1, display values, from 1 to
-/// [`MOST_EXPOSURE`]: the median of what the surfaces say, since photos of a courtyard are exposed
+/// [`MAX_EXPOSURE`]: the median of what the surfaces say, since photos of a courtyard are exposed
 /// for its shade. If the light is not known, the median over the ground counts too: the ground may
 /// lie in a sun that the search missed. Ground as bright as the quantile [`DARK_GROUND`] shows the
 /// card at most as display white.
@@ -431,7 +431,7 @@ fn exposure(
         let irradiance = luminance(place(i).irradiance(light, mean)).max(1e-3);
         let card = luminance(surfaces.light[i].to_array().map(f64::from)) / MEAN_ALBEDO / irradiance;
         cards.push(card);
-        if surfaces.normals[i].dot(up) > LEVEL {
+        if surfaces.normals[i].dot(up) > MIN_GROUND_COSINE {
             ground.push(irradiance);
             ground_cards.push(card);
         }
@@ -442,17 +442,17 @@ fn exposure(
         return 1.0;
     };
     let by_ground = median(ground_cards).filter(|_| !is_known).unwrap_or(0.0);
-    (card / USUAL).max(by_ground).min(1.0 / ground).clamp(1.0, MOST_EXPOSURE)
+    (card / MAX_USUAL_EXPOSURE).max(by_ground).min(1.0 / ground).clamp(1.0, MAX_EXPOSURE)
 }
 
-/// Distance between surfaces that all other distances go with, m.
-const FINE: f32 = 0.1;
+/// Distance between surfaces that all other distances go with.
+const TEST_SPACING_M: f32 = 0.1;
 
 /// The factor by which the surfaces are coarser than the distances of this module are meant for, 1
 /// to 10.
 fn coarseness(surfaces: &Surfaces, site: &Site) -> f32 {
     let metres = site.metres_per_unit as f32;
-    (surfaces.spacing(10.0 * FINE / metres) * metres / FINE).clamp(1.0, 10.0)
+    (surfaces.spacing(10.0 * TEST_SPACING_M / metres) * metres / TEST_SPACING_M).clamp(1.0, 10.0)
 }
 
 /// Takes the normals of leaves away: those about them turn to all sides.
@@ -470,7 +470,7 @@ fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site) {
                 count += 1.0;
             }
         }
-        sum.length() >= AGREED * count
+        sum.length() >= MIN_LEAF_AGREEMENT * count
     });
     for (normal, agreed) in surfaces.normals.iter_mut().zip(agreed) {
         if !agreed {
@@ -484,7 +484,8 @@ fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site) {
 fn level_ground(surfaces: &mut Surfaces, floor: &FarFloor, site: &Site) {
     let up = Vec3::from_array(site.up.map(|v| v as f32));
     for i in 0..surfaces.len() {
-        let is_green = || surfaces.light[i].y > GREEN as f32 * surfaces.light[i].x.max(surfaces.light[i].z);
+        let is_green =
+            || surfaces.light[i].y > GREEN_EXCESS_RATIO as f32 * surfaces.light[i].x.max(surfaces.light[i].z);
         let is_ground = || floor.holds(surfaces.points[i].to_array().map(f64::from));
         if surfaces.normals[i] == Vec3::ZERO && !is_green() && is_ground() {
             surfaces.normals[i] = up;

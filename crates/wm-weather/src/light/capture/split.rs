@@ -16,19 +16,19 @@ use wm_base::color::luminance;
 use wm_scene::Camera;
 
 /// Radius about a point over which the map is averaged, m, and radius within which all of it must
-/// be lit or all in shade to be believed, m: where more than [`AGREE`] of the pairs in sun and
-/// shade show it, and where fewer do.
-const EXACT: [f32; 2] = [0.12, 0.3];
-const ROUGH: [f32; 2] = [0.35, 1.2];
-const AGREE: f64 = 0.7;
+/// be lit or all in shade to be believed, m: where more than [`MIN_AGREED_SHARE`] of the pairs in
+/// sun and shade show it, and where fewer do.
+const AGREED_RADII_M: [f32; 2] = [0.12, 0.3];
+const DISPUTED_RADII_M: [f32; 2] = [0.35, 1.2];
+const MIN_AGREED_SHARE: f64 = 0.7;
 /// The share below which the shadows are not those of this sun.
 const LEAST_AGREEMENT: f64 = 0.47;
 /// Share of the sun by which colours contradict the map, and the growth of the ratio of sun to sky
 /// without what they contradict above which they take patterns for shadows.
-const CONTRADICTS: f32 = 0.2;
-const UNSTEADY: f64 = 1.5;
-/// Distance of the surfaces whose colours tell the light of each other, m.
-const TOLD: f32 = 0.4;
+const MIN_CONTRADICTION_SHARE: f32 = 0.2;
+const MAX_RATIO_GROWTH: f64 = 1.5;
+/// Distance of the surfaces whose colours tell the light of each other.
+const COLOR_RADIUS_M: f32 = 0.4;
 /// Level light of the sun over that of the sky, below which there is none.
 const LEAST_SUN: f64 = 0.3;
 /// Ratio of sun to sky of level ground that no photo shows.
@@ -69,16 +69,19 @@ impl Split {
             |seen: &[f32], i: usize| surface_of(surfaces.normals[i], open[i], seen[i], up, Some(direction));
         let on_ground: Vec<Pair> =
             sun_search::ground_pairs(surfaces, open, pairs, site).iter().map(|it| it.pair).collect();
-        let rough = lit_within(ROUGH[0]);
+        let rough = lit_within(DISPUTED_RADII_M[0]);
         let agreement = agreement(&on_ground, &rough);
         if agreement < LEAST_AGREEMENT {
             return None;
         }
-        let (mut prior, around) =
-            if agreement > AGREE { (lit_within(EXACT[0]), EXACT[1]) } else { (rough, ROUGH[1]) };
+        let (mut prior, around) = if agreement > MIN_AGREED_SHARE {
+            (lit_within(AGREED_RADII_M[0]), AGREED_RADII_M[1])
+        } else {
+            (rough, DISPUTED_RADII_M[1])
+        };
         let mut is_sure: Vec<bool> =
             lit_within(around).into_iter().map(|share| !(0.03..0.97).contains(&share)).collect();
-        let reach = coarseness * TOLD / site.metres_per_unit as f32;
+        let reach = coarseness * COLOR_RADIUS_M / site.metres_per_unit as f32;
         let given = |seen: &[f32], known: &[f32]| {
             let mean = MeanSurface::new((0..surfaces.len()).map(|i| place(seen, i)));
             let of_pairs = |pairs| sun_to_sky(surfaces, pairs, known, &mean, |i| place(seen, i));
@@ -110,7 +113,7 @@ impl Split {
         }
         let prior = prior;
         let edges = ShadowEdges::new(surfaces, &is_sure, reach);
-        let told = |found: (MeanSurface, [f64; 3])| {
+        let solve_shares = |found: (MeanSurface, [f64; 3])| {
             let (sun, light, mean) = in_light(&found);
             let both = |i: usize| {
                 let shade = SurfaceLight { sun: 0.0, ..place(&prior, i) };
@@ -121,17 +124,17 @@ impl Split {
             let seen = edges.shares(&amounts, &prior);
             (sun, amounts, seen)
         };
-        let first = told(by_map);
+        let first = solve_shares(by_map);
         // The map without what colours contradict tells the ratio better, unless it gives way to
         // them.
         let agreed: Vec<f32> = prior
             .iter()
             .zip(&first.2)
-            .map(|(mapped, seen)| if (mapped - seen).abs() < CONTRADICTS { *mapped } else { 0.5 })
+            .map(|(mapped, seen)| if (mapped - seen).abs() < MIN_CONTRADICTION_SHARE { *mapped } else { 0.5 })
             .collect();
         let better = given(&first.2, &agreed)
-            .filter(|(_, ratio)| luminance(*ratio) < UNSTEADY * luminance(first.0.ratio));
-        let (trial, amounts, seen) = better.map_or(first, told);
+            .filter(|(_, ratio)| luminance(*ratio) < MAX_RATIO_GROWTH * luminance(first.0.ratio));
+        let (trial, amounts, seen) = better.map_or(first, solve_shares);
         let facing: Vec<usize> =
             (0..surfaces.len()).filter(|i| surfaces.normals[*i].dot(sun) > 0.2).collect();
         let lit = facing.iter().map(|i| f64::from(seen[*i])).sum::<f64>() / facing.len().max(1) as f64;
@@ -161,7 +164,7 @@ fn sun_to_sky(
             _ => continue,
         };
         let log_ratio = if lit == a { pair.log_ratio } else { -pair.log_ratio };
-        if f64::from(log_ratio) < sun_search::SHADOW {
+        if f64::from(log_ratio) < sun_search::MIN_SHADOW_LOG_RATIO {
             continue;
         }
         let (mut in_sun, mut in_shade) = (place(lit), place(shade));
@@ -192,7 +195,9 @@ fn agreement(pairs: &[Pair], mapped: &[f32]) -> f64 {
         let [a, b] = pair.points.map(|i| mapped[i as usize]);
         if (a - b).abs() > 0.94 {
             all += 1.0;
-            agreed += f64::from(u8::from(f64::from(pair.log_ratio * (a - b).signum()) > sun_search::SHADOW));
+            agreed += f64::from(u8::from(
+                f64::from(pair.log_ratio * (a - b).signum()) > sun_search::MIN_SHADOW_LOG_RATIO,
+            ));
         }
     }
     if all > 0.0 { agreed / all } else { 1.0 }

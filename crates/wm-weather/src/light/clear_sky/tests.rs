@@ -1,8 +1,8 @@
 use super::*;
 use wm_base::color::luminance;
 
-/// Elevations of the IES's clear sky in the design, degrees.
-const ELEVATIONS: [f64; 5] = [10.0, 20.0, 30.0, 45.0, 60.0];
+/// Elevations of the IES's clear sky in the design.
+const ELEVATIONS_DEG: [f64; 5] = [10.0, 20.0, 30.0, 45.0, 60.0];
 
 fn sky(degrees: f64, turbidity: f64, albedo: f64) -> ClearSky {
     ClearSky::new(degrees.to_radians(), turbidity, albedo)
@@ -213,7 +213,7 @@ fn irradiance_is_the_integral_of_radiance() {
 /// The IES's illuminance of a level surface by a clear sky, 0.8 + 15.5 sin^0.5 h klx.
 #[test]
 fn illuminance_of_the_sky_is_absolute() {
-    for degrees in ELEVATIONS {
+    for degrees in ELEVATIONS_DEG {
         let expected = 0.8 + 15.5 * degrees.to_radians().sin().sqrt();
         for (turbidity, tolerance) in [(2.0, 0.17), (3.0, 0.30)] {
             let klx = 0.683 * brightness(&sky(degrees, turbidity, 0.2));
@@ -225,7 +225,7 @@ fn illuminance_of_the_sky_is_absolute() {
 /// Light on level ground in the sun over that in the shade, less 1, of the IES's clear sky.
 #[test]
 fn sun_and_sky_are_in_balance() {
-    for (degrees, expected) in ELEVATIONS.into_iter().zip([0.9, 2.4, 3.6, 4.8, 5.7]) {
+    for (degrees, expected) in ELEVATIONS_DEG.into_iter().zip([0.9, 2.4, 3.6, 4.8, 5.7]) {
         let ratio = |turbidity: f64| {
             let sky = sky(degrees, turbidity, 0.2);
             luminance(sky.sun_irradiance()) * degrees.to_radians().sin() / brightness(&sky)

@@ -28,7 +28,7 @@ use super::lamps::{LampKind, LampLight, SeenLight};
 use crate::optics::{Atmosphere, Site};
 use fearless_simd::{SimdBase, SimdFloat, SimdMask};
 pub use lamps_on::{LampsOn, ShadowedLight};
-use scene::{COLUMN, Column, FIRST_NODE_M, GlowScene, NODES, STEP};
+use scene::{COLUMN_LENGTH, Column, FIRST_NODE_M, GlowScene, NODE_DISTANCE_RATIO, RAY_NODE_COUNT};
 use std::f64::consts::{PI, TAU};
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
@@ -39,9 +39,9 @@ const LEAST_IN_ROW: f32 = 2e-5;
 /// A surface that is nearer than a lamp by more than this hides it, m.
 const HIDING_DISTANCE_M: f32 = 0.6;
 /// Variance of the blur by a pixel, px^2.
-const PIXEL: f32 = 0.35;
-/// Extent of a lamp's image, standard deviations.
-const REACH: f32 = 4.0;
+const PIXEL_VARIANCE_PX2: f32 = 0.35;
+/// Extent of a lamp's image.
+const IMAGE_REACH_SIGMAS: f32 = 4.0;
 
 /// The picture of lamps and of their light in the air, for one camera.
 pub(crate) struct LampGlow {
@@ -50,7 +50,7 @@ pub(crate) struct LampGlow {
     columns: usize,
     /// For each patch, the place in `fine` of its own table, if it is near a lamp.
     near: Vec<Option<u32>>,
-    /// Tables of patches, `[side, side]` with the sides of [`scene::FINE`], plus 1.
+    /// Tables of patches, `[side, side]` with the sides of [`scene::NEAR_LAMP_TABLES`], plus 1.
     fine: Vec<Vec<Column>>,
     heads: Vec<Head>,
     /// From pixels to the ray of view z 1.
@@ -136,19 +136,19 @@ impl LampGlow {
         added: Option<&AddedLight>,
         table: impl Fn(usize, usize) -> &'a Column,
     ) {
-        const LAST: usize = 3 * (NODES - 1);
+        const LAST_NODE_START: usize = 3 * (RAY_NODE_COUNT - 1);
         let mut places = [0.0; PATCH_PIXELS];
         let nodes = self.node_places(simd, pixels, &mut places);
         let part = 3 * nodes.start() / S::N * S::N..3 * (nodes.end() + 1);
-        let rest = (LAST / S::N * S::N).max(part.end.next_multiple_of(S::N));
+        let rest = (LAST_NODE_START / S::N * S::N).max(part.end.next_multiple_of(S::N));
         let shares = const { shares_of_edges::<E>() };
         let side = PATCH / (E - 1);
-        let mut edges = [[0.0f32; COLUMN]; E];
+        let mut edges = [[0.0f32; COLUMN_LENGTH]; E];
         for y in 0..PATCH {
             let down = (y % side) as f32 / side as f32 + 0.5 / side as f32;
             for (x, edge) in edges.iter_mut().enumerate() {
                 let (above, below) = (table(x, y / side), table(x, y / side + 1));
-                for at in part.clone().step_by(S::N).chain((rest..COLUMN).step_by(S::N)) {
+                for at in part.clone().step_by(S::N).chain((rest..COLUMN_LENGTH).step_by(S::N)) {
                     let above = simd.load(&above[at..]);
                     let light = (simd.load(&below[at..]) - above).mul_add(simd.set(down), above);
                     light.store_slice(&mut edge[at..at + S::N]);
@@ -161,7 +161,7 @@ impl LampGlow {
                 let mut sums = [[behind; 3]; E];
                 for e in 0..E {
                     for k in 0..3 {
-                        sums[e][k] = behind * edges[e][LAST + k];
+                        sums[e][k] = behind * edges[e][LAST_NODE_START + k];
                     }
                 }
                 for node in nodes.clone() {
@@ -205,7 +205,7 @@ impl LampGlow {
         places: &mut [f32; PATCH_PIXELS],
     ) -> std::ops::RangeInclusive<usize> {
         let steps: [f32; GROUP] = std::array::from_fn(|lane| lane as f32 + 0.5);
-        let (one, last) = (simd.set(1.0), simd.set((NODES - 1) as f32));
+        let (one, last) = (simd.set(1.0), simd.set((RAY_NODE_COUNT - 1) as f32));
         let scale = self.metres_per_unit / FIRST_NODE_M;
         let (mut least, mut most) = (last, simd.set(0.0));
         for first in (0..PATCH_PIXELS).step_by(S::N) {
@@ -218,7 +218,7 @@ impl LampGlow {
             let kept = reciprocal(simd, [alpha.max(simd.set(1e-6))])[0];
             let depth = simd.load(&pixels.depth_sum[first..]) * kept * scale;
             let squared = depth * depth * u.mul_add(u, simd.set(1.0 + v * v));
-            let farther = log2_rough(simd, [squared.max(one)])[0] * (0.5 / STEP.log2());
+            let farther = log2_rough(simd, [squared.max(one)])[0] * (0.5 / NODE_DISTANCE_RATIO.log2());
             // Up to the nearest node it goes evenly.
             let mut nearer = one;
             if squared.simd_lt(one).any_true() {
@@ -233,7 +233,7 @@ impl LampGlow {
         most.store_slice(&mut ends[1][..S::N]);
         let least = ends[0][..S::N].iter().copied().fold(f32::INFINITY, f32::min);
         let most = ends[1][..S::N].iter().copied().fold(0.0, f32::max);
-        least as usize..=(most.ceil() as usize).min(NODES - 1)
+        least as usize..=(most.ceil() as usize).min(RAY_NODE_COUNT - 1)
     }
 
     /// Adds the lamps in a patch.
@@ -330,8 +330,8 @@ impl Head {
         let at = pixel.to_array();
         let pixels = camera.fx * camera.fy;
         let radius = f64::from(light.radius) / (view.z * site.metres_per_unit) * pixels.sqrt();
-        let variance = 0.25 * radius * radius + f64::from(PIXEL);
-        let reach = f64::from(REACH) * variance.sqrt();
+        let variance = 0.25 * radius * radius + f64::from(PIXEL_VARIANCE_PX2);
+        let reach = f64::from(IMAGE_REACH_SIGMAS) * variance.sqrt();
         let size = [camera.width, camera.height].map(f64::from);
         if !(0..2).all(|k| at[k] > -reach && at[k] < size[k] + reach) {
             return None;

@@ -16,24 +16,24 @@ use wm_render::simd::{Lanes, SimdPath, exp2, log2, powf, reciprocal};
 use wm_scene::Camera;
 
 /// Asymmetry of the phase function of fog.
-pub(super) const FOG: f32 = 0.85;
+pub(super) const FOG_ASYMMETRY: f32 = 0.85;
 /// Share that goes on as if it were not scattered, and the asymmetry of the rest.
-const FORWARD: f32 = FOG * FOG;
-const ASYMMETRY: f32 = FOG / (1.0 + FOG);
-/// Nodes along a ray: the eye, then from [`FIRST_NODE_M`] on, each [`STEP`] times as far as the one
-/// before, the last for all that is farther.
-pub(super) const NODES: usize = 20;
+const FORWARD_SHARE: f32 = FOG_ASYMMETRY * FOG_ASYMMETRY;
+const SCATTERED_ASYMMETRY: f32 = FOG_ASYMMETRY / (1.0 + FOG_ASYMMETRY);
+/// Nodes along a ray: the eye, then from [`FIRST_NODE_M`] on, each [`NODE_DISTANCE_RATIO`] times as
+/// far as the one before, the last for all that is farther.
+pub(super) const RAY_NODE_COUNT: usize = 20;
 pub(super) const FIRST_NODE_M: f32 = 0.75;
-pub(super) const STEP: f32 = 1.5;
+pub(super) const NODE_DISTANCE_RATIO: f32 = 1.5;
 /// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of
 /// that along a side: one cell is 3 % off at three patches from a lamp, two cells are 2 % off at
 /// two, and four at one.
-pub(super) const FINE: [(i64, usize); 2] = [(2, 4), (3, 2)];
-const NEAR_PATCHES: i64 = FINE[1].0;
+pub(super) const NEAR_LAMP_TABLES: [(i64, usize); 2] = [(2, 4), (3, 2)];
+const NEAR_PATCHES: i64 = NEAR_LAMP_TABLES[1].0;
 /// Numbers of a column, for whole vectors.
-pub(super) const COLUMN: usize = (3 * NODES).next_multiple_of(GROUP);
+pub(super) const COLUMN_LENGTH: usize = (3 * RAY_NODE_COUNT).next_multiple_of(GROUP);
 /// Patches from corner to corner at which columns are summed up everywhere.
-const WIDEST: usize = 4;
+const MAX_CORNER_STEP: usize = 4;
 /// Share of the most light by which the columns around a corner differ at most where what is linear
 /// between them stands for it: within 1 % of light that falls off smoothly.
 const MAX_COLUMN_DIFFERENCE: f32 = 0.3;
@@ -42,16 +42,16 @@ const COLUMNS_AT_ONCE: usize = 64;
 const PATCHES_AT_ONCE: usize = 8;
 /// Share of the way from the end of an angle to its middle at which Gauss's node lies along the
 /// chord: for a small angle, and how much more it is for a right one.
-const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
+const GAUSS_NODE_SHARES: [f32; 2] = [0.422_65, 0.016_6];
 /// Sine of half of an angle up to which its middle tells enough: within 0.5 %.
-const NARROW: f32 = 0.15;
+const MAX_NARROW_SINE: f32 = 0.15;
 
-/// Light up to each node along a ray, linear RGB, `[NODES, 3]` and zeros.
-pub(super) type Column = [f32; COLUMN];
+/// Light up to each node along a ray, linear RGB, `[RAY_NODE_COUNT, 3]` and zeros.
+pub(super) type Column = [f32; COLUMN_LENGTH];
 
 /// Distance of a node, m.
 fn node_distance(node: usize) -> f32 {
-    if node == 0 { 0.0 } else { FIRST_NODE_M * STEP.powi(node as i32 - 1) }
+    if node == 0 { 0.0 } else { FIRST_NODE_M * NODE_DISTANCE_RATIO.powi(node as i32 - 1) }
 }
 
 /// The inputs of the table.
@@ -90,8 +90,8 @@ impl<'a> GlowScene<'a> {
             let intensity = light.intensity.map(|v| v * PI as f32 * lamps.display);
             // The most that it adds a metre from it, where half of what is scattered goes towards
             // the eye.
-            let kept = (-extinction[1] * (1.0 - FORWARD) * offset.length()).exp();
-            let most = intensity[1] * extinction[1] * (1.0 - FORWARD) * 0.25 * kept;
+            let kept = (-extinction[1] * (1.0 - FORWARD_SHARE) * offset.length()).exp();
+            let most = intensity[1] * extinction[1] * (1.0 - FORWARD_SHARE) * 0.25 * kept;
             let is_seen = most > MIN_LIGHT;
             is_seen.then_some(GlowLight { light: *light, cube: *cube, offset, extinction, intensity })
         });
@@ -109,14 +109,14 @@ impl<'a> GlowScene<'a> {
     /// The columns at the corners of patches, `[rows, columns]`.
     pub(super) fn table(&self, size: [usize; 2], path: SimdPath) -> Vec<Column> {
         let [columns, rows] = size;
-        let mut table = vec![[0.0; COLUMN]; columns * rows];
+        let mut table = vec![[0.0; COLUMN_LENGTH]; columns * rows];
         let sum_up = |table: &mut [Column], corners: &[usize]| {
             let found = map(corners.len().div_ceil(COLUMNS_AT_ONCE), |run| {
                 let corners = &corners
                     [run * COLUMNS_AT_ONCE..(run * COLUMNS_AT_ONCE + COLUMNS_AT_ONCE).min(corners.len())];
                 let place = |at: &usize| [at % columns, at / columns].map(|v| (v * PATCH) as f32);
                 let places: Vec<[f32; 2]> = corners.iter().map(place).collect();
-                let mut out = vec![[0.0; COLUMN]; corners.len()];
+                let mut out = vec![[0.0; COLUMN_LENGTH]; corners.len()];
                 self.columns(path, &places, &self.lights, &mut out);
                 out
             });
@@ -128,9 +128,9 @@ impl<'a> GlowScene<'a> {
             |at: &usize, step: usize| is_in(at % columns, columns, step) && is_in(at / columns, rows, step);
         let is_near = self.corners_near_lamps([columns, rows]);
         let mut exact: Vec<usize> =
-            (0..columns * rows).filter(|at| is_node(at, WIDEST) || is_near[*at]).collect();
+            (0..columns * rows).filter(|at| is_node(at, MAX_CORNER_STEP) || is_near[*at]).collect();
         sum_up(&mut table, &exact);
-        let mut step = WIDEST;
+        let mut step = MAX_CORNER_STEP;
         while step > 1 {
             exact.clear();
             let between = |at: &usize| is_node(at, step / 2) && !is_node(at, step) && !is_near[*at];
@@ -227,7 +227,7 @@ impl<'a> GlowScene<'a> {
                 direction[k] = simd.load(&directions[k]);
             }
             // Optical depth to each node, of base 2, without what goes on forwards.
-            let mut depth = [[simd.set(0.0); C]; NODES];
+            let mut depth = [[simd.set(0.0); C]; RAY_NODE_COUNT];
             for (node, depth) in depth.iter_mut().enumerate().skip(1) {
                 let (kept, _) = view.along(simd, simd.set(node_distance(node)), &direction);
                 let mut least = [simd.set(0.0); C];
@@ -236,16 +236,16 @@ impl<'a> GlowScene<'a> {
                 }
                 let logs = log2(simd, least);
                 for k in 0..C {
-                    depth[k] = logs[k] * (FORWARD - 1.0);
+                    depth[k] = logs[k] * (FORWARD_SHARE - 1.0);
                 }
             }
-            let mut sums = [[simd.set(0.0); 3]; NODES];
+            let mut sums = [[simd.set(0.0); 3]; RAY_NODE_COUNT];
             for light in lights {
                 self.add(simd, light, &directions, &direction, &depth, &mut sums);
             }
             let mut buffer = [0.0f32; GROUP];
             let mut total = [simd.set(0.0); 3];
-            for node in 0..NODES {
+            for node in 0..RAY_NODE_COUNT {
                 for k in 0..3 {
                     total[k] += sums[node][k];
                     total[k].store_slice(&mut buffer[..S::N]);
@@ -283,7 +283,8 @@ impl<'a> GlowScene<'a> {
                     });
                     let apart = (x as i64 - column).abs().max((y as i64 - row).abs());
                     let (_, cells, lights) = &mut work[*place as usize];
-                    let own = FINE.iter().find(|(reach, _)| apart <= *reach).map_or(1, |(_, own)| *own);
+                    let own =
+                        NEAR_LAMP_TABLES.iter().find(|(reach, _)| apart <= *reach).map_or(1, |(_, own)| *own);
                     *cells = own.max(*cells);
                     lights.push(index);
                 }
@@ -303,7 +304,7 @@ impl<'a> GlowScene<'a> {
             }
             // Of the lamps that are near, exactly in place of what the corners say of them.
             let lights: Vec<GlowLight<'_>> = runs[run][0].2.iter().map(|light| self.lights[*light]).collect();
-            let mut exact = vec![[0.0; COLUMN]; places.len()];
+            let mut exact = vec![[0.0; COLUMN_LENGTH]; places.len()];
             self.columns(path, &places, &lights, &mut exact);
             let mut left = &exact[..];
             let tables = runs[run].iter().map(|([x, y], cells, _)| {
@@ -329,8 +330,8 @@ impl<'a> GlowScene<'a> {
         lamp: &GlowLight<'_>,
         directions: &[[f32; GROUP]; 3],
         direction: &[S::F; 3],
-        depth: &[[S::F; C]; NODES],
-        sums: &mut [[S::F; 3]; NODES],
+        depth: &[[S::F; C]; RAY_NODE_COUNT],
+        sums: &mut [[S::F; 3]; RAY_NODE_COUNT],
     ) {
         let one = simd.set(1.0);
         let dot = |v: Vec3| {
@@ -356,17 +357,18 @@ impl<'a> GlowScene<'a> {
         };
         let between = |a: [S::F; 2], b: [S::F; 2]| scaled([a[0] + b[0], a[1] + b[1]]);
         let mut before = unit(-abreast);
-        for node in 1..NODES {
+        for node in 1..RAY_NODE_COUNT {
             let (from, to) = (node_distance(node - 1), node_distance(node));
             let after = unit(simd.set(to) - abreast);
             let middle = between(before, after);
             // Gauss's two nodes of the interval of angles, between its ends and its middle.
             let [a, m] = [before, middle];
             let half = [a[0] * m[1] - a[1] * m[0], a[0].mul_add(m[0], a[1] * m[1])];
-            let towards = (one - half[1]).mul_add(simd.set(GAUSS[1]), simd.set(GAUSS[0]));
+            let towards =
+                (one - half[1]).mul_add(simd.set(GAUSS_NODE_SHARES[1]), simd.set(GAUSS_NODE_SHARES[0]));
             let part =
                 |end: [S::F; 2]| scaled([0, 1].map(|k: usize| (m[k] - end[k]).mul_add(towards, end[k])));
-            let is_wide = half[0].simd_gt(simd.set(NARROW)).any_true();
+            let is_wide = half[0].simd_gt(simd.set(MAX_NARROW_SINE)).any_true();
             let (nodes, count) = if is_wide { ([part(before), part(after)], 2) } else { ([middle; 2], 1) };
             // Half of the angle, from its tangent's half: that stays finite.
             let angle = arc_tangent(simd, half[0] * one_over(one + half[1])) * (4.0 / count as f32);
@@ -377,10 +379,12 @@ impl<'a> GlowScene<'a> {
                 let t = r.mul_add(sin, abreast);
                 let share = ((t - simd.set(from)) * per_metre).max(simd.set(0.0)).min(one);
                 // Henyey and Greenstein, deflected by the angle whose cosine is -sin.
-                let denominator =
-                    sin.mul_add(simd.set(2.0 * ASYMMETRY), simd.set(1.0 + ASYMMETRY * ASYMMETRY));
+                let denominator = sin.mul_add(
+                    simd.set(2.0 * SCATTERED_ASYMMETRY),
+                    simd.set(1.0 + SCATTERED_ASYMMETRY * SCATTERED_ASYMMETRY),
+                );
                 let phase = one_over(denominator * denominator.sqrt())
-                    * ((1.0 - ASYMMETRY * ASYMMETRY) / (4.0 * PI as f32));
+                    * ((1.0 - SCATTERED_ASYMMETRY * SCATTERED_ASYMMETRY) / (4.0 * PI as f32));
                 let mut light = phase * angle * open * per_h;
                 if lamp.light.kind == LampKind::Headlamps {
                     light *= self.headlamps::<S>(simd, lamp, directions, t);
@@ -397,7 +401,7 @@ impl<'a> GlowScene<'a> {
                     let (near, far) = (depth[node - 1][k], depth[node][k]);
                     let local = (far - near) * per_metre;
                     // On the way from the lamp, the mean of the air at both ends.
-                    let there = simd.set(lamp.extinction[k] * (1.0 - FORWARD) * LOG2_E);
+                    let there = simd.set(lamp.extinction[k] * (1.0 - FORWARD_SHARE) * LOG2_E);
                     let way = (local + there) * 0.5 * r;
                     let depth = share.mul_add(far - near, near) + way;
                     exponents[k] = (-depth).max(simd.set(-126.0));
@@ -462,7 +466,7 @@ fn each_point<S: Lanes>(
 /// `None` if they differ too much for it.
 fn even_mean(columns: [&Column; 4], position: [f32; 2]) -> Option<Column> {
     let [across, down] = position;
-    let mut mean = [0.0; COLUMN];
+    let mut mean = [0.0; COLUMN_LENGTH];
     let mut uneven = f32::NEG_INFINITY;
     for (at, mean) in mean.iter_mut().enumerate() {
         let [a, b, c, d] = columns.map(|column| column[at]);
@@ -479,7 +483,7 @@ fn even_mean(columns: [&Column; 4], position: [f32; 2]) -> Option<Column> {
 #[inline(always)]
 fn add_others<S: Lanes>(simd: S, fine: &mut [Column], corners: [&Column; 4], cells: usize) {
     let last = fine.len() - 1;
-    for at in (0..COLUMN).step_by(S::N) {
+    for at in (0..COLUMN_LENGTH).step_by(S::N) {
         let mut rest = [simd.set(0.0); 4];
         for (k, node) in [0, cells, last - cells, last].into_iter().enumerate() {
             rest[k] = simd.load(&corners[k][at..]) - simd.load(&fine[node][at..]);

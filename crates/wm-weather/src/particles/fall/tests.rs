@@ -180,15 +180,15 @@ fn followed(
     let (mut found, mut all) = (0, 0);
     for particle in first {
         // The streak is the way in the exposure.
-        let velocity =
-            DVec3::from_array(particle.reach[0].map(f64::from)) * SITE.metres_per_unit / (LINE / 60.0);
+        let velocity = DVec3::from_array(particle.reach[0].map(f64::from)) * SITE.metres_per_unit
+            / (LINE_SIGMA_RATIO / 60.0);
         let at = place(particle, cameras[0]) + velocity * step;
         let inside = |camera: &Camera| {
             let seen = camera.project(at / SITE.metres_per_unit);
             let far = (at / SITE.metres_per_unit - camera.center()).length() * SITE.metres_per_unit;
             // Those whose cover shows that they are whole: of a disc it is pi / 4 of the square of
             // its width.
-            let width = f64::from(particle.sigma) / DISC;
+            let width = f64::from(particle.sigma) / DISC_SIGMA_RATIO;
             let whole = f64::from(particle.area) > 0.99 * PI / 4.0 * width * width;
             let size = width / (far / SITE.metres_per_unit) * camera.fx;
             let border = 10.0;
@@ -198,7 +198,7 @@ fn followed(
                     && x < f64::from(camera.width) - border
                     && y < f64::from(camera.height) - border
             }) && whole
-                && size > 1.3 * CUT
+                && size > 1.3 * MIN_DROP_WIDTH_PX
                 && far > 0.3
         };
         if !inside(cameras[1]) {

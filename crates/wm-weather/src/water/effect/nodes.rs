@@ -1,13 +1,14 @@
 //! Reflections at nodes every few pixels, where they change little from pixel to pixel.
 
 use super::scene::{Pixels, Scene, Water};
-use crate::water::surface::{FILM, NODES, WaterSurface};
+use crate::water::surface::{FILM_SLOPE_RMS, NODE_SPACING_PX, WaterSurface};
 use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::hooks::GROUP;
 use wm_render::simd::{Lanes, SimdPath};
 
-/// Numbers that are looked up at nodes every [`NODES`] pixels, and interpolated between them.
+/// Numbers that are looked up at nodes every [`NODE_SPACING_PX`] pixels, and interpolated between
+/// them.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum NodeKind {
     /// The share of light that films reflect, and that light, linear RGB: too blurred to differ
@@ -30,7 +31,7 @@ impl NodeKind {
     /// Returns true if water with these static slopes is of this kind.
     #[inline(always)]
     fn holds(self, still: f32) -> bool {
-        (still > FILM) == (self == Self::Films)
+        (still > FILM_SLOPE_RMS) == (self == Self::Films)
     }
 }
 
@@ -47,11 +48,11 @@ impl ReflectionNodes {
     /// Samples the water of this kind at the nodes of a picture.
     pub(super) fn new(scene: &Scene<'_>, path: SimdPath, of: NodeKind) -> Self {
         let size = (scene.of.camera.width as usize, scene.of.camera.height as usize);
-        let columns = (size.0.next_multiple_of(GROUP) / NODES + 1).next_multiple_of(GROUP);
+        let columns = (size.0.next_multiple_of(GROUP) / NODE_SPACING_PX + 1).next_multiple_of(GROUP);
         let row_length = of.parts() * columns;
-        let mut nodes = vec![f32::NAN; row_length * (size.1.div_ceil(NODES) + 1)];
+        let mut nodes = vec![f32::NAN; row_length * (size.1.div_ceil(NODE_SPACING_PX) + 1)];
         nodes.par_chunks_mut(row_length).enumerate().for_each(|(row, nodes)| {
-            let y = (row * NODES).min(size.1 - 1);
+            let y = (row * NODE_SPACING_PX).min(size.1 - 1);
             if scene.of.surface.rows.contains(&(y as u32)) {
                 dispatch!(path, s => scene.look_at_nodes(s, of, y, nodes));
             }
@@ -63,20 +64,21 @@ impl ReflectionNodes {
     /// are known.
     #[inline(always)]
     pub(super) fn at(&self, x: usize, y: usize, part: usize) -> [f32; GROUP] {
-        let (column, row) = (x / NODES, y / NODES);
-        let down = (y % NODES) as f32 / NODES as f32;
-        let of_row =
-            |row: usize| &self.nodes[(self.of.parts() * row + part) * self.columns + column..][..COUNT];
-        const COUNT: usize = GROUP / NODES + 1;
+        let (column, row) = (x / NODE_SPACING_PX, y / NODE_SPACING_PX);
+        let down = (y % NODE_SPACING_PX) as f32 / NODE_SPACING_PX as f32;
+        let of_row = |row: usize| {
+            &self.nodes[(self.of.parts() * row + part) * self.columns + column..][..GROUP_NODE_COUNT]
+        };
+        const GROUP_NODE_COUNT: usize = GROUP / NODE_SPACING_PX + 1;
         let (upper, lower) = (of_row(row), of_row(row + 1));
-        let mut nodes = [0.0f32; COUNT];
-        for i in 0..COUNT {
+        let mut nodes = [0.0f32; GROUP_NODE_COUNT];
+        for i in 0..GROUP_NODE_COUNT {
             nodes[i] = upper[i] + (lower[i] - upper[i]) * down;
         }
         let mut found = [0.0f32; GROUP];
         for i in 0..GROUP {
-            let (left, right) = (nodes[i / NODES], nodes[i / NODES + 1]);
-            found[i] = left + (right - left) * ((i % NODES) as f32 / NODES as f32);
+            let (left, right) = (nodes[i / NODE_SPACING_PX], nodes[i / NODE_SPACING_PX + 1]);
+            found[i] = left + (right - left) * ((i % NODE_SPACING_PX) as f32 / NODE_SPACING_PX as f32);
         }
         found
     }
@@ -106,7 +108,7 @@ impl ReflectionNodes {
     }
 }
 
-const _: () = assert!(GROUP.is_multiple_of(NODES), "pixels between two nodes are of one group");
+const _: () = assert!(GROUP.is_multiple_of(NODE_SPACING_PX), "pixels between two nodes are of one group");
 
 impl Scene<'_> {
     /// Samples the water of one kind at the nodes of a row.
@@ -115,7 +117,7 @@ impl Scene<'_> {
         let WaterSurface { depth, roughness, .. } = self.of.surface;
         let width = self.of.camera.width as usize;
         let columns = nodes.len() / of.parts();
-        for first in (0..width.div_ceil(NODES) + 1).step_by(GROUP) {
+        for first in (0..width.div_ceil(NODE_SPACING_PX) + 1).step_by(GROUP) {
             let mut pixels = Pixels {
                 x: [0.5; GROUP],
                 y: y as f32 + 0.5,
@@ -124,7 +126,7 @@ impl Scene<'_> {
                 reach: [f32::NAN; GROUP],
             };
             for i in 0..GROUP {
-                let x = ((first + i) * NODES).min(width - 1);
+                let x = ((first + i) * NODE_SPACING_PX).min(width - 1);
                 let at = y * width + x;
                 let still = roughness.get(at).copied().unwrap_or(0.0);
                 if of.holds(still) {

@@ -6,7 +6,7 @@ use crate::lanes::{LaneArray, SetLanes};
 use crate::water::fresnel::fresnel_of;
 use crate::water::mirror::{Extent, ReflectionLanes};
 use crate::water::rills::Slope;
-use crate::water::surface::{FILM, NODES};
+use crate::water::surface::{FILM_SLOPE_RMS, NODE_SPACING_PX};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use wm_render::hooks::GROUP;
 use wm_render::simd::{Lanes, exp2, log2};
@@ -88,7 +88,8 @@ impl Scene<'_> {
         if is_wet.any_true() {
             let point = Point::new(self, simd, simd.load(&pixels.x[start..]), pixels.y, z);
             let still = simd.load(&pixels.still[start..]);
-            let slopes = self.slopes(simd, &point, still, NODES.ilog2() as f32, is_wet.to_bitmask() as u32);
+            let slopes =
+                self.slopes(simd, &point, still, NODE_SPACING_PX.ilog2() as f32, is_wet.to_bitmask() as u32);
             let facet = Facet::new(self, simd, point, slopes, still);
             let far = self.reach(simd, &facet, point.distance, is_wet);
             (simd.set(1.0) / far).store_slice(&mut pixels.reach[start..start + S::N]);
@@ -132,7 +133,7 @@ impl Scene<'_> {
         wanted: u32,
     ) -> [S::F; 3] {
         // A film between the grains of the ground has no waves.
-        let free = (simd.set(1.0) - still * (1.0 / FILM)).max(simd.set(0.0));
+        let free = (simd.set(1.0) - still * (1.0 / FILM_SLOPE_RMS)).max(simd.set(0.0));
         let waves = wanted & free.simd_gt(simd.set(0.0)).to_bitmask() as u32;
         if waves == 0 {
             return [simd.set(0.0); 3];
@@ -169,7 +170,7 @@ impl Scene<'_> {
             slopes[2].store_slice(&mut foam.slopes[1][start..start + S::N]);
         }
         let facet = Facet::new(self, simd, point, slopes, still);
-        let free = (one - still * (1.0 / FILM)).max(zero);
+        let free = (one - still * (1.0 / FILM_SLOPE_RMS)).max(zero);
         let known = simd.load(&pixels.reach[start..]);
         let is_known = known.simd_eq(known);
         let mut far = one / known;
