@@ -11,7 +11,7 @@ use crate::renderer::Stats;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
 use crate::stages::composite::cpu::Composite;
-use crate::stages::intersect::{PATCHES, TILE, TileGrid};
+use crate::stages::intersect::{PATCHES_PER_TILE, TILE, TileGrid};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::Record;
 use crate::stages::rasterize::cpu::PatchSums;
@@ -74,7 +74,7 @@ impl Keep for Kept<'_> {
 impl Tiles<'_> {
     /// Kept arrays of a tile.
     fn arrays(&self) -> usize {
-        PATCHES * (self.config.channels.count() + 1)
+        PATCHES_PER_TILE * (self.config.channels.count() + 1)
     }
 
     /// Width and height of the picture, px.
@@ -165,7 +165,7 @@ impl Tiles<'_> {
         let inside = inside(tile, self.size());
         let count = self.config.channels.count();
         let pictures = RenderedPictures { config: self.config, upstream, size: self.size() };
-        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+        for patch in (0..PATCHES_PER_TILE).filter(|patch| inside >> patch & 1 == 1) {
             let (x, y) = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
             let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];
             dispatch!(self.path, s => prepare_patch(s, pictures, kept, x, y, patch, scratch));
