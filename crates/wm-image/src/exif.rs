@@ -25,7 +25,7 @@ pub(super) struct Tags {
 struct Block(::exif::Exif);
 
 /// Years of photos with EXIF; clocks that were never set count from 1970 or 1980.
-const YEARS: RangeInclusive<i64> = 1990..=2099;
+const PLAUSIBLE_YEARS: RangeInclusive<i64> = 1990..=2099;
 
 /// Largest offset of a time zone from UTC, hours.
 const MAX_OFFSET_H: i64 = 14;
@@ -187,7 +187,7 @@ fn days(date: &[u8]) -> Option<i64> {
     let days = calendar::days(year, month, day);
     // A day that the month lacks is another date.
     let is_date = calendar::date_and_time(days * SECONDS_A_DAY)[..3] == [year, month, day];
-    (YEARS.contains(&year) && is_date).then_some(days)
+    (PLAUSIBLE_YEARS.contains(&year) && is_date).then_some(days)
 }
 
 /// Seconds by which a clock is ahead of UTC, of a text such as `+02:00`.

@@ -41,9 +41,10 @@ const THUMBNAIL_REDUCTION: usize = GREY_SIZE_PX.0 / THUMBNAIL_SIZE_PX.0;
 /// Longest shift that is measured, px of a thumbnail.
 const MAX_SHIFT_PX: i32 = 12;
 /// Blocks of a thumbnail along each side.
-const BLOCKS: usize = 3;
+const BLOCKS_PER_SIDE: usize = 3;
 /// Width and height of a block, px of the small frame.
-const BLOCK_SIZE: (usize, usize) = (THUMBNAIL_SIZE_PX.0 / BLOCKS, THUMBNAIL_SIZE_PX.1 / BLOCKS);
+const BLOCK_SIZE: (usize, usize) =
+    (THUMBNAIL_SIZE_PX.0 / BLOCKS_PER_SIDE, THUMBNAIL_SIZE_PX.1 / BLOCKS_PER_SIDE);
 /// Tried shifts between two frames, as fractions of the width: the first that gives enough frames
 /// is used.
 const FRAME_SHIFTS: [f64; 5] = [0.08, 0.06, 0.04, 0.03, 0.02];
@@ -371,10 +372,10 @@ impl Candidate {
     /// the search, counts with the longest shift.
     fn way(&self, other: &Self) -> f64 {
         let (width, height) = BLOCK_SIZE;
-        let lengths: Vec<f64> = (0..BLOCKS * BLOCKS)
+        let lengths: Vec<f64> = (0..BLOCKS_PER_SIDE * BLOCKS_PER_SIDE)
             .into_par_iter()
             .map(|block| {
-                let (x, y) = (width * (block % BLOCKS), height * (block / BLOCKS));
+                let (x, y) = (width * (block % BLOCKS_PER_SIDE), height * (block / BLOCKS_PER_SIDE));
                 let mut best = (u64::MAX, 0);
                 for dy in -MAX_SHIFT_PX..=MAX_SHIFT_PX {
                     for dx in -MAX_SHIFT_PX..=MAX_SHIFT_PX {

@@ -18,14 +18,14 @@ use wm_image::jpeg::{SamplingFactor, encode};
 /// Width and height of the photos, px.
 pub(crate) const SIZE: (u32, u32) = (80, 60);
 /// Frames, a tenth of a second apart.
-pub(crate) const FRAMES: usize = 6;
+pub(crate) const FRAME_COUNT: usize = 6;
 /// The time of the first frame, ns.
-const START: i64 = 1_317_042_145_000_000_000;
+const START_NS: i64 = 1_317_042_145_000_000_000;
 /// The world's place in the log's coordinates, m.
-const FAR: DVec3 = dvec3(5172.0, 2419.0, 66.0);
-const FOCAL: f64 = 50.0;
+const WORLD_ORIGIN: DVec3 = dvec3(5172.0, 2419.0, 66.0);
+const FOCAL_PX: f64 = 50.0;
 /// The principal point, as logs count it: the middle of the first pixel is 0.
-const CENTER: [f64; 2] = [39.0, 28.0];
+const PRINCIPAL_POINT_PX: [f64; 2] = [39.0, 28.0];
 
 /// The places of landmarks in a photo, px from the corner of the first pixel; `None` behind the
 /// camera.
@@ -58,7 +58,7 @@ pub const MINI_LOGS: [(&str, MiniWriter); 6] = [
 ];
 
 fn seconds(time: i64) -> f64 {
-    (time - START) as f64 * 1e-9
+    (time - START_NS) as f64 * 1e-9
 }
 
 /// `world_from_rig` in the mini world.
@@ -114,15 +114,15 @@ fn swept(world_from_sensor: &DMat4, time: i64) -> impl Iterator<Item = DVec3> + 
 }
 
 fn at(frame: usize) -> i64 {
-    START + frame as i64 * 100_000_000
+    START_NS + frame as i64 * 100_000_000
 }
 
 /// The projection of a camera with a shift in its last column.
 fn projection(shift: DVec3) -> DMat4 {
     DMat4::from_cols_array_2d(&[
-        [FOCAL, 0.0, 0.0, 0.0],
-        [0.0, FOCAL, 0.0, 0.0],
-        [CENTER[0], CENTER[1], 1.0, 0.0],
+        [FOCAL_PX, 0.0, 0.0, 0.0],
+        [0.0, FOCAL_PX, 0.0, 0.0],
+        [PRINCIPAL_POINT_PX[0], PRINCIPAL_POINT_PX[1], 1.0, 0.0],
         [shift.x, shift.y, shift.z, 1.0],
     ])
 }
@@ -199,7 +199,7 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&day.join("calib_velo_to_cam.txt"), rt(&cam0_from_lidar))?;
     let projection = |camera: usize| {
         let number = camera as f64;
-        projection(dvec3(-FOCAL * 0.27 * number, 0.2 * number, 0.003 * number))
+        projection(dvec3(-FOCAL_PX * 0.27 * number, 0.2 * number, 0.003 * number))
     };
     let mut calibration = format!(
         "calib_time: 09-Jan-2012 13:57:47\ncorner_dist: 9.950000e-02\nR_rect_00: {}\n",
@@ -211,7 +211,7 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&day.join("calib_cam_to_cam.txt"), calibration)?;
 
     let stamp = |time: i64| format!("2011-09-26 13:02:{:012.9}\n", 25.0 + seconds(time));
-    let lines = |shift: i64| (0..FRAMES).map(|frame| stamp(at(frame) + shift)).collect::<String>();
+    let lines = |shift: i64| (0..FRAME_COUNT).map(|frame| stamp(at(frame) + shift)).collect::<String>();
     let (lat0, lon0) = (49.0f64.to_radians(), 8.4f64.to_radians());
     let scale = lat0.cos();
     let mercator = |latitude: f64| (0.25 * PI + 0.5 * latitude).tan().ln();
@@ -219,12 +219,12 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     let mut tracklets = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\" standalone=\"yes\" ?>\n<!DOCTYPE boost_serialization>\n\
          <boost_serialization version=\"9\">\n<tracklets class_id=\"0\">\n<count>1</count>\n<item>\n\
-         <objectType>Car</objectType><h>{}</h><w>{}</w><l>{}</l><first_frame>0</first_frame>\n<poses>\n<count>{FRAMES}</count>\n",
+         <objectType>Car</objectType><h>{}</h><w>{}</w><l>{}</l><first_frame>0</first_frame>\n<poses>\n<count>{FRAME_COUNT}</count>\n",
         MOVER_SIZE.z, MOVER_SIZE.y, MOVER_SIZE.x
     );
     let first = rig(at(0)).col(3).truncate();
     let origin = dvec3(scale * 6_378_137.0 * lon0, scale * 6_378_137.0 * mercator(lat0), 112.0) - first;
-    for frame in 0..FRAMES {
+    for frame in 0..FRAME_COUNT {
         let pose = rig(at(frame));
         let position = pose.col(3).truncate() - first;
         let longitude = lon0 + position.x / (scale * 6_378_137.0);
@@ -235,7 +235,7 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
         write(&drive.join(format!("oxts/data/{frame:010}.txt")), format!("{} {rest}\n", words(&numbers)))?;
         for camera in [2, 3] {
             // The cameras are triggered a little later.
-            let time = at(frame) + 3_000_000 * i64::from(frame + 1 < FRAMES);
+            let time = at(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT);
             let camera_from_world = rectification * cam0_from_lidar * lidar_from_rig * rig(time).inverse();
             let name = format!("image_0{camera}/data/{frame:010}.png");
             write_photo(&drive.join(&name))?;
@@ -272,8 +272,8 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&drive.join("tracklet_labels.xml"), tracklets)?;
     write(&drive.join("oxts/timestamps.txt"), lines(0))?;
     for camera in [2, 3] {
-        let times = (0..FRAMES)
-            .map(|frame| stamp(at(frame) + 3_000_000 * i64::from(frame + 1 < FRAMES)))
+        let times = (0..FRAME_COUNT)
+            .map(|frame| stamp(at(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT)))
             .collect::<String>();
         write(&drive.join(format!("image_0{camera}/timestamps.txt")), times)?;
     }
@@ -287,7 +287,7 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
 fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
     let sequence = folder.join("sequences/07");
     let cam0_from_lidar = rig_from_camera(0.0).inverse() * rig_from_lidar();
-    let projection = |camera: usize| projection(dvec3(-FOCAL * 0.27 * camera as f64, 0.0, 0.0));
+    let projection = |camera: usize| projection(dvec3(-FOCAL_PX * 0.27 * camera as f64, 0.0, 0.0));
     let mut calibration = String::new();
     for camera in 0..4 {
         calibration += &format!("P{camera}: {}\n", words(&rows(&projection(camera), 3)));
@@ -296,7 +296,7 @@ fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
     write(&sequence.join("calib.txt"), calibration)?;
     let world_from_cam0 = |frame: usize| rig(at(frame)) * rig_from_lidar() * cam0_from_lidar.inverse();
     let (mut poses, mut times, mut photos) = (String::new(), String::new(), Vec::new());
-    for frame in 0..FRAMES {
+    for frame in 0..FRAME_COUNT {
         poses += &format!("{}\n", words(&rows(&(world_from_cam0(0).inverse() * world_from_cam0(frame)), 3)));
         times += &format!("{:e}\n", seconds(at(frame)));
         let name = format!("image_2/{frame:06}.png");
@@ -338,10 +338,11 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         record["translation"] = json!(translation);
         record
     };
-    let world = DMat4::from_translation(FAR);
+    let world = DMat4::from_translation(WORLD_ORIGIN);
     // The lidar's x is to the right.
     let lidar = rig_from_lidar() * DMat4::from_rotation_z(-0.5 * PI);
-    let intrinsic = [[FOCAL, 0.0, CENTER[0]], [0.0, FOCAL, CENTER[1]], [0.0, 0.0, 1.0]];
+    let intrinsic =
+        [[FOCAL_PX, 0.0, PRINCIPAL_POINT_PX[0]], [0.0, FOCAL_PX, PRINCIPAL_POINT_PX[1]], [0.0, 0.0, 1.0]];
     let cameras = [("CAM_FRONT", 0.0), ("CAM_BACK", PI)];
     let mut calibrated =
         vec![posed(&lidar, json!({"token": "c-lidar", "sensor_token": "s-lidar", "camera_intrinsic": []}))];
@@ -355,7 +356,7 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         calibrated.push(posed(&rig_from_camera(angle), record));
     }
     let (mut samples, mut data, mut poses, mut boxes, mut photos) = (vec![], vec![], vec![], vec![], vec![]);
-    for frame in 0..FRAMES {
+    for frame in 0..FRAME_COUNT {
         let sample = format!("sample-{}", frame / 5);
         if frame % 5 == 0 {
             samples.push(json!({"token": sample, "scene_token": "scene-b", "timestamp": micro(at(frame)), "prev": "", "next": ""}));
@@ -416,13 +417,13 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
     for (name, records) in tables {
         write(&version.join(format!("{name}.json")), serde_json::to_vec_pretty(&records)?)?;
     }
-    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
-    Ok(MiniLog { path: folder.into(), landmarks, photos, mover: |time| mover(time) + FAR })
+    let landmarks = landmarks().into_iter().map(|p| p + WORLD_ORIGIN).collect();
+    Ok(MiniLog { path: folder.into(), landmarks, photos, mover: |time| mover(time) + WORLD_ORIGIN })
 }
 
 fn argoverse(folder: &Path) -> io::Result<MiniLog> {
     let log = folder.join("adcf7d18-0510-35b0-a2fa-b4cea13a6d76");
-    let world = DMat4::from_translation(FAR);
+    let world = DMat4::from_translation(WORLD_ORIGIN);
     let posed = |poses: &[DMat4]| -> Vec<FeatherColumn> {
         let split: Vec<([f64; 4], [f64; 3])> = poses.iter().map(quaternion).collect();
         let names = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
@@ -442,21 +443,21 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
     let same = |name, value: f64| FeatherColumn::new(name, [value; 2]);
     let intrinsics = [
         texts("sensor_name", &names[..2]),
-        same("fx_px", FOCAL),
-        same("fy_px", FOCAL),
-        same("cx_px", CENTER[0]),
-        same("cy_px", CENTER[1]),
+        same("fx_px", FOCAL_PX),
+        same("fy_px", FOCAL_PX),
+        same("cx_px", PRINCIPAL_POINT_PX[0]),
+        same("cy_px", PRINCIPAL_POINT_PX[1]),
         same("k1", -0.24),
         FeatherColumn::new("height_px", vec![SIZE.1 as u16; 2]),
         FeatherColumn::new("width_px", vec![SIZE.0 as u16; 2]),
     ];
     write(&log.join("calibration/intrinsics.feather"), feather(&intrinsics)?)?;
-    let times: Vec<i64> = (-2..32).map(|step| START + step * 20_000_000).collect();
+    let times: Vec<i64> = (-2..32).map(|step| START_NS + step * 20_000_000).collect();
     let mut table = vec![FeatherColumn::new("timestamp_ns", times.clone())];
     table.extend(posed(&times.iter().map(|time| world * rig(*time)).collect::<Vec<_>>()));
     write(&log.join("city_SE3_egovehicle.feather"), feather_packed(&table)?)?;
 
-    let frames: Vec<i64> = (0..FRAMES).map(at).collect();
+    let frames: Vec<i64> = (0..FRAME_COUNT).map(at).collect();
     let both: Vec<i64> = frames.iter().flat_map(|time| [*time; 2]).collect();
     let of =
         |index: usize, time: i64| if index.is_multiple_of(2) { mover(time) } else { dvec3(3.0, -30.0, 0.9) };
@@ -467,8 +468,8 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
         .collect();
     let mut table = vec![
         FeatherColumn::new("timestamp_ns", both.clone()),
-        texts("track_uuid", &["car", "parked"].repeat(FRAMES)),
-        texts("category", &["REGULAR_VEHICLE"].repeat(2 * FRAMES)),
+        texts("track_uuid", &["car", "parked"].repeat(FRAME_COUNT)),
+        texts("category", &["REGULAR_VEHICLE"].repeat(2 * FRAME_COUNT)),
         FeatherColumn::new("length_m", vec![MOVER_SIZE.x; both.len()]),
         FeatherColumn::new("width_m", vec![MOVER_SIZE.y; both.len()]),
         FeatherColumn::new("height_m", vec![MOVER_SIZE.z; both.len()]),
@@ -496,19 +497,19 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
         write(&log.join(format!("sensors/lidar/{time}.feather")), feather_packed(&table)?)?;
     }
     write(&log.join("map/log_map_archive_adcf____PIT_city_31785.json"), "{}")?;
-    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
-    Ok(MiniLog { path: log, landmarks, photos, mover: |time| mover(time) + FAR })
+    let landmarks = landmarks().into_iter().map(|p| p + WORLD_ORIGIN).collect();
+    Ok(MiniLog { path: log, landmarks, photos, mover: |time| mover(time) + WORLD_ORIGIN })
 }
 
 fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
     let scene = folder.join("023");
-    let world = DMat4::from_translation(FAR);
+    let world = DMat4::from_translation(WORLD_ORIGIN);
     let text = |pose: &DMat4| (0..4).map(|row| words(&pose.row(row).to_array()) + "\n").collect::<String>();
     // Waymo's cameras have x ahead, y left and z up.
     let forward = DMat4::from_mat3(DMat3::from_cols(DVec3::Z, -DVec3::X, -DVec3::Y));
     let mut photos = Vec::new();
     let mut matrices = Vec::new();
-    for frame in 0..FRAMES {
+    for frame in 0..FRAME_COUNT {
         let pose = world * rig(at(frame));
         for (camera, angle) in [("0", 0.0), ("1", 0.9)] {
             let own = rig_from_camera(angle);
@@ -517,7 +518,8 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
             } else {
                 write(&scene.join(format!("extrinsics/{frame:03}_{camera}.txt")), text(&(pose * own)))?;
             }
-            let numbers = [FOCAL, FOCAL, CENTER[0], CENTER[1], 0.0, 0.0, 0.0, 0.0, 0.0];
+            let numbers =
+                [FOCAL_PX, FOCAL_PX, PRINCIPAL_POINT_PX[0], PRINCIPAL_POINT_PX[1], 0.0, 0.0, 0.0, 0.0, 0.0];
             let numbers = numbers.map(|v| format!("{v}\n")).concat();
             write(&scene.join(format!("intrinsics/{camera}.txt")), numbers)?;
             let name = format!("images/{frame:03}_{camera}.jpg");
@@ -546,8 +548,8 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
         matrices.push([0, 1, 2, 3].map(|row| box_.row(row).to_array()));
     }
     let instances = serde_json::json!({"0": {"id": "car", "class_name": "Vehicle", "frame_annotations": {
-        "frame_idx": (0..FRAMES).collect::<Vec<_>>(), "obj_to_world": matrices, "box_size": vec![MOVER_SIZE.to_array(); FRAMES]}}});
+        "frame_idx": (0..FRAME_COUNT).collect::<Vec<_>>(), "obj_to_world": matrices, "box_size": vec![MOVER_SIZE.to_array(); FRAME_COUNT]}}});
     write(&scene.join("instances/instances_info.json"), instances.to_string())?;
-    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
-    Ok(MiniLog { path: scene, landmarks, photos, mover: |time| mover(time + START) + FAR })
+    let landmarks = landmarks().into_iter().map(|p| p + WORLD_ORIGIN).collect();
+    Ok(MiniLog { path: scene, landmarks, photos, mover: |time| mover(time + START_NS) + WORLD_ORIGIN })
 }
