@@ -67,7 +67,7 @@ impl Tags {
         let description = block.text(Tag::ImageDescription);
         if let Some(mapillary) = description.and_then(Mapillary::parse) {
             tags.gps = tags.gps.or_else(|| mapillary.gps());
-            tags.taken = tags.taken.or_else(|| mapillary.taken());
+            tags.taken = tags.taken.or_else(|| mapillary.unix_time_s());
         }
         tags
     }
@@ -92,7 +92,7 @@ impl Mapillary {
     }
 
     /// Seconds since 1970, UTC.
-    fn taken(&self) -> Option<f64> {
+    fn unix_time_s(&self) -> Option<f64> {
         let (date, time) = self.time.as_ref()?.split_at_checked(10)?;
         let mut parts = time.strip_prefix('_')?.split('_');
         let mut part = || {

@@ -87,7 +87,7 @@ pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 impl Arrays {
     /// Returns the channels of each array, in the order of [`CHANNEL_COUNTS`]; 0 of those that are
     /// not there.
-    fn each(self) -> [usize; 7] {
+    fn array_channels(self) -> [usize; 7] {
         let Self { rgb, depth, median_depth, normal, particles, front } = self;
         let wanted = [rgb, true, depth, median_depth, normal, particles, front];
         std::array::from_fn(|array| if wanted[array] { CHANNEL_COUNTS[array] } else { 0 })
@@ -96,7 +96,7 @@ impl Arrays {
     /// Returns the numbers of a pixel.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(self) -> usize {
-        self.each().iter().sum()
+        self.array_channels().iter().sum()
     }
 }
 
@@ -119,7 +119,7 @@ impl Frame {
         arrays: Arrays,
     ) -> Result<(), RenderError> {
         let pixels = width as usize * height as usize;
-        for (array, channels) in self.arrays_mut().into_iter().zip(arrays.each()) {
+        for (array, channels) in self.arrays_mut().into_iter().zip(arrays.array_channels()) {
             let length = pixels * channels;
             if array.len() != length {
                 array.clear();

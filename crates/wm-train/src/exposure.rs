@@ -73,7 +73,7 @@ impl Exposures {
         let parts: Vec<[f64; TRANSFORM_VALUES]> = gradient
             .par_chunks_mut(VALUES_PER_TASK)
             .zip(rgb.par_chunks(VALUES_PER_TASK))
-            .map(|(gradient, rgb)| dispatch!(path, _simd => back.pull(rgb, gradient)))
+            .map(|(gradient, rgb)| dispatch!(path, _simd => back.apply_transpose(rgb, gradient)))
             .collect();
         let mut total = [0.0; TRANSFORM_VALUES];
         for part in parts {
@@ -158,7 +158,7 @@ impl Mix {
     /// Applies the transpose to a gradient in place; returns the derivatives by the values of the
     /// transform.
     #[inline(always)]
-    fn pull(&self, rgb: &[f32], gradient: &mut [f32]) -> [f64; TRANSFORM_VALUES] {
+    fn apply_transpose(&self, rgb: &[f32], gradient: &mut [f32]) -> [f64; TRANSFORM_VALUES] {
         let mut products = [[0.0f32; VALUES_PER_BLOCK]; SHIFT_COUNT];
         let mut sums = [0.0f32; VALUES_PER_BLOCK];
         for (gradient, rgb) in gradient.chunks_mut(VALUES_PER_BLOCK).zip(rgb.chunks(VALUES_PER_BLOCK)) {

@@ -124,7 +124,7 @@ impl Worker {
 }
 
 /// Locks the working memory of the current thread.
-pub(crate) fn own<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
+pub(crate) fn lock_worker<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
     let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
     workers[thread].lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -146,7 +146,7 @@ impl Back<'_> {
             })
             .map(|(band, (run, (mut rows, kept)))| {
                 let mut stats = Stats::default();
-                let mut worker = own(self.workers);
+                let mut worker = lock_worker(self.workers);
                 for (i, kept) in kept.iter_mut().enumerate() {
                     let tile = (run * TILES_PER_TASK + i, band);
                     self.tile(&mut worker, tile, i * TILE, kept, &mut rows, &mut stats);
@@ -168,7 +168,7 @@ impl Back<'_> {
         (0..self.grid.tiles()).into_par_iter().with_min_len(TILES_PER_TASK).for_each(|index| {
             let columns = self.grid.columns as usize;
             let tile = (index % columns, index / columns);
-            let mut worker = own(self.workers);
+            let mut worker = lock_worker(self.workers);
             worker.sort(self.list(index));
             let Worker { scratch, keys, .. } = &mut *worker;
             let (left, top) = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);

@@ -171,7 +171,8 @@ impl<'a> Front<'a> {
                     }
                 }
                 scratch.attributes.read_light(light, &seen[..groups * GROUP]);
-                dispatch!(self.path, s => scratch.relight(s, &model.groups[cluster * GROUPS_PER_CLUSTER..], groups));
+                let own = &model.groups[cluster * GROUPS_PER_CLUSTER..];
+                dispatch!(self.path, s => scratch.relight(s, own, groups));
             }
             if groups > 0 {
                 let shade = &mut scratch.shade[..groups];

@@ -103,7 +103,7 @@ struct OwnRoom {
 }
 
 /// Bytes of a splat in view and of an entry in the largest array over each.
-fn each(config: &ForwardConfig) -> ItemBytes {
+fn item_bytes(config: &ForwardConfig) -> ItemBytes {
     let coefficients = 3 * sh::coefficients(config.sh_degree) as u64;
     let numbers = [SLOT_WORDS, u64::from(rows::ROW), coefficients];
     ItemBytes { visible: 4 * numbers.into_iter().fold(0, u64::max), entries: 4 * SLOT_WORDS }
@@ -206,7 +206,7 @@ impl GpuDifferentiable {
         let gpu = Arc::clone(&self.gpu);
         self.forget();
         gpu.check()?;
-        let (each, most) = (each(config), gpu.most_binding);
+        let (each, most) = (item_bytes(config), gpu.most_binding);
         self.capacity.start(self.model.len(), most, each);
         let sight = ViewParameters::of_training(camera, config);
         let channels = config.channels;

@@ -207,18 +207,18 @@ async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuE
 async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
     use std::sync::{Arc, Mutex, PoisonError};
     use std::task::{Poll, Waker};
-    type Told = (Option<Result<(), wgpu::BufferAsyncError>>, Option<Waker>);
-    let told: Arc<Mutex<Told>> = Arc::default();
-    let tell = Arc::clone(&told);
+    type MapState = (Option<Result<(), wgpu::BufferAsyncError>>, Option<Waker>);
+    let state: Arc<Mutex<MapState>> = Arc::default();
+    let shared = Arc::clone(&state);
     buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
-        let mut told = tell.lock().unwrap_or_else(PoisonError::into_inner);
-        told.0 = Some(result);
-        told.1.take().into_iter().for_each(Waker::wake);
+        let mut state = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        state.0 = Some(result);
+        state.1.take().into_iter().for_each(Waker::wake);
     });
     let result = std::future::poll_fn(|context| {
-        let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
-        told.1 = Some(context.waker().clone());
-        told.0.take().map_or(Poll::Pending, Poll::Ready)
+        let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.1 = Some(context.waker().clone());
+        state.0.take().map_or(Poll::Pending, Poll::Ready)
     });
     let result = result.await;
     gpu.check()?;

@@ -101,7 +101,7 @@ impl Band {
     /// Computes the sum over rows, and adds `scale` times its derivative to the same rows of
     /// `gradient`.
     #[inline(always)]
-    pub(crate) fn both<S: Lanes>(
+    pub(crate) fn backward<S: Lanes>(
         &mut self,
         simd: S,
         pictures: Pictures<'_>,
@@ -164,7 +164,7 @@ impl Band {
             let (square, product) = rest.split_at_mut(wide);
             let mut total = simd.set(0.0);
             for (at, seen) in groups(wide, S::N) {
-                let [mx, my, squares, xy] = along(simd, columns, padded, at);
+                let [mx, my, squares, xy] = row_windows(simd, columns, padded, at);
                 let (means, cross) = (mx.mul_add(mx, my * my), mx * my);
                 let (a1, a2) = (two.mul_add(cross, simd.set(C1)), two.mul_add(xy - cross, simd.set(C2)));
                 // Variances are not below 0 but for rounding.
@@ -243,7 +243,7 @@ impl Band {
         for ((row, columns), gradient) in (first..).zip(columns).zip(gradient.chunks_exact_mut(line)) {
             let (x, y) = (&x[row * wide..], &y[row * wide..]);
             for (at, seen) in groups(wide, S::N) {
-                let [mean, square, product] = along(simd, columns, padded, at);
+                let [mean, square, product] = row_windows(simd, columns, padded, at);
                 let (x, y) = (simd.load(&x[at..]), simd.load(&y[at..]));
                 let slope = scale * (two * x).mul_add(square, y.mul_add(product, mean));
                 if seen == 0 && at + S::N <= line {
@@ -277,7 +277,7 @@ fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; WINDOW_ROWS]) ->
 
 /// The windows along the first N rows of `columns` for the vector at `at`.
 #[inline(always)]
-fn along<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: usize) -> [S::F; N] {
+fn row_windows<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: usize) -> [S::F; N] {
     let mut sums = [simd.set(0.0); N];
     let from = MARGIN_VALUES - REACH_VALUES + at;
     for (k, sum) in sums.iter_mut().enumerate() {

@@ -19,7 +19,7 @@ use wm_image::jpeg::{SamplingFactor, encode};
 pub(crate) const SIZE: (u32, u32) = (80, 60);
 /// Frames, a tenth of a second apart.
 pub(crate) const FRAME_COUNT: usize = 6;
-/// The time of the first frame, ns.
+/// The time of the first frame.
 const START_NS: i64 = 1_317_042_145_000_000_000;
 /// The world's place in the log's coordinates, m.
 const WORLD_ORIGIN: DVec3 = dvec3(5172.0, 2419.0, 66.0);
@@ -113,7 +113,7 @@ fn swept(world_from_sensor: &DMat4, time: i64) -> impl Iterator<Item = DVec3> + 
     landmarks().into_iter().chain(mover_points(time)).map(move |p| own.transform_point3(p))
 }
 
-fn at(frame: usize) -> i64 {
+fn frame_time(frame: usize) -> i64 {
     START_NS + frame as i64 * 100_000_000
 }
 
@@ -128,7 +128,7 @@ fn projection(shift: DVec3) -> DMat4 {
 }
 
 /// The picture that a camera has of the landmarks.
-fn seen(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
+fn landmark_pixels(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
     let k = projection(DVec3::ZERO);
     landmarks.iter().map(|point| pixel(*camera_from_world * point.extend(1.0), &k)).collect()
 }
@@ -211,7 +211,8 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&day.join("calib_cam_to_cam.txt"), calibration)?;
 
     let stamp = |time: i64| format!("2011-09-26 13:02:{:012.9}\n", 25.0 + seconds(time));
-    let lines = |shift: i64| (0..FRAME_COUNT).map(|frame| stamp(at(frame) + shift)).collect::<String>();
+    let lines =
+        |shift: i64| (0..FRAME_COUNT).map(|frame| stamp(frame_time(frame) + shift)).collect::<String>();
     let (lat0, lon0) = (49.0f64.to_radians(), 8.4f64.to_radians());
     let scale = lat0.cos();
     let mercator = |latitude: f64| (0.25 * PI + 0.5 * latitude).tan().ln();
@@ -222,20 +223,20 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
          <objectType>Car</objectType><h>{}</h><w>{}</w><l>{}</l><first_frame>0</first_frame>\n<poses>\n<count>{FRAME_COUNT}</count>\n",
         MOVER_SIZE.z, MOVER_SIZE.y, MOVER_SIZE.x
     );
-    let first = rig(at(0)).col(3).truncate();
+    let first = rig(frame_time(0)).col(3).truncate();
     let origin = dvec3(scale * 6_378_137.0 * lon0, scale * 6_378_137.0 * mercator(lat0), 112.0) - first;
     for frame in 0..FRAME_COUNT {
-        let pose = rig(at(frame));
+        let pose = rig(frame_time(frame));
         let position = pose.col(3).truncate() - first;
         let longitude = lon0 + position.x / (scale * 6_378_137.0);
         let latitude = 2.0 * (mercator(lat0) + position.y / (scale * 6_378_137.0)).exp().atan() - 0.5 * PI;
-        let yaw = 0.1 + 0.15 * seconds(at(frame));
+        let yaw = 0.1 + 0.15 * seconds(frame_time(frame));
         let numbers = [latitude.to_degrees(), longitude.to_degrees(), 112.0 + position.z, 0.0, 0.0, yaw];
         let rest = "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 4 11 6 6 6";
         write(&drive.join(format!("oxts/data/{frame:010}.txt")), format!("{} {rest}\n", words(&numbers)))?;
         for camera in [2, 3] {
             // The cameras are triggered a little later.
-            let time = at(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT);
+            let time = frame_time(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT);
             let camera_from_world = rectification * cam0_from_lidar * lidar_from_rig * rig(time).inverse();
             let name = format!("image_0{camera}/data/{frame:010}.png");
             write_photo(&drive.join(&name))?;
@@ -248,20 +249,21 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
         let mut points = Vec::new();
         for landmark in landmarks() {
             // A point is in the lidar's axes of its own time, which depends on its azimuth.
-            let mut time = at(frame);
+            let mut time = frame_time(frame);
             let mut own = DVec3::ZERO;
             for _ in 0..30 {
                 own = (rig(time) * rig_from_lidar()).inverse().transform_point3(landmark);
-                time = at(frame) - 50_000_000 + ((own.y.atan2(own.x) + PI) / TAU * 1e8) as i64;
+                time = frame_time(frame) - 50_000_000 + ((own.y.atan2(own.x) + PI) / TAU * 1e8) as i64;
             }
             points.extend([own.x, own.y, own.z, 0.25]);
         }
-        let lidar_from_world = (rig(at(frame)) * rig_from_lidar()).inverse();
-        for own in mover_points(at(frame)).iter().map(|p| lidar_from_world.transform_point3(*p)) {
+        let lidar_from_world = (rig(frame_time(frame)) * rig_from_lidar()).inverse();
+        for own in mover_points(frame_time(frame)).iter().map(|p| lidar_from_world.transform_point3(*p)) {
             points.extend([own.x, own.y, own.z, 0.25]);
         }
-        let floor = lidar_from_world.transform_point3(mover(at(frame)) - DVec3::Z * 0.5 * MOVER_SIZE.z);
-        let angle = -(0.1 + 0.15 * seconds(at(frame))) - 0.05;
+        let floor =
+            lidar_from_world.transform_point3(mover(frame_time(frame)) - DVec3::Z * 0.5 * MOVER_SIZE.z);
+        let angle = -(0.1 + 0.15 * seconds(frame_time(frame))) - 0.05;
         tracklets += &format!(
             "<item><tx>{}</tx><ty>{}</ty><tz>{}</tz><rx>0</rx><ry>0</ry><rz>{angle}</rz><state>2</state></item>\n",
             floor.x, floor.y, floor.z
@@ -273,7 +275,7 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&drive.join("oxts/timestamps.txt"), lines(0))?;
     for camera in [2, 3] {
         let times = (0..FRAME_COUNT)
-            .map(|frame| stamp(at(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT)))
+            .map(|frame| stamp(frame_time(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT)))
             .collect::<String>();
         write(&drive.join(format!("image_0{camera}/timestamps.txt")), times)?;
     }
@@ -294,22 +296,23 @@ fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
     }
     calibration += &format!("Tr: {}\n", words(&rows(&cam0_from_lidar, 3)));
     write(&sequence.join("calib.txt"), calibration)?;
-    let world_from_cam0 = |frame: usize| rig(at(frame)) * rig_from_lidar() * cam0_from_lidar.inverse();
+    let world_from_cam0 =
+        |frame: usize| rig(frame_time(frame)) * rig_from_lidar() * cam0_from_lidar.inverse();
     let (mut poses, mut times, mut photos) = (String::new(), String::new(), Vec::new());
     for frame in 0..FRAME_COUNT {
         poses += &format!("{}\n", words(&rows(&(world_from_cam0(0).inverse() * world_from_cam0(frame)), 3)));
-        times += &format!("{:e}\n", seconds(at(frame)));
+        times += &format!("{:e}\n", seconds(frame_time(frame)));
         let name = format!("image_2/{frame:06}.png");
         write_photo(&sequence.join(&name))?;
         let camera_from_world = world_from_cam0(frame).inverse();
         let pixels =
             landmarks().iter().map(|p| pixel(camera_from_world * p.extend(1.0), &projection(2))).collect();
         photos.push((name, pixels));
-        let points =
-            swept(&(rig(at(frame)) * rig_from_lidar()), at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]);
+        let points = swept(&(rig(frame_time(frame)) * rig_from_lidar()), frame_time(frame))
+            .flat_map(|p| [p.x, p.y, p.z, 0.25]);
         write(&sequence.join(format!("velodyne/{frame:06}.bin")), floats(points))?;
         // Vegetation, and moving cars with a number of their own.
-        let (fixed, moving) = (landmarks().len(), mover_points(at(frame)).len());
+        let (fixed, moving) = (landmarks().len(), mover_points(frame_time(frame)).len());
         let labels = [vec![70u32; fixed], vec![7 << 16 | 252; moving]].concat();
         let labels: Vec<u8> = labels.into_iter().flat_map(u32::to_le_bytes).collect();
         write(&sequence.join(format!("labels/{frame:06}.label")), labels)?;
@@ -317,7 +320,7 @@ fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
     write(&sequence.join("times.txt"), times)?;
     write(&folder.join("poses/07.txt"), poses)?;
     // The world is the lidar of the first frame.
-    let world = (rig(at(0)) * rig_from_lidar()).inverse();
+    let world = (rig(frame_time(0)) * rig_from_lidar()).inverse();
     let landmarks = landmarks().into_iter().map(|p| world.transform_point3(p)).collect();
     Ok(MiniLog { path: sequence, landmarks, photos, mover: |_| DVec3::ZERO })
 }
@@ -359,10 +362,11 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
     for frame in 0..FRAME_COUNT {
         let sample = format!("sample-{}", frame / 5);
         if frame % 5 == 0 {
-            samples.push(json!({"token": sample, "scene_token": "scene-b", "timestamp": micro(at(frame)), "prev": "", "next": ""}));
-            for (instance, position, attribute) in
-                [("i-car", mover(at(frame)), "a-moving"), ("i-parked", dvec3(3.0, -30.0, 0.9), "a-parked")]
-            {
+            samples.push(json!({"token": sample, "scene_token": "scene-b", "timestamp": micro(frame_time(frame)), "prev": "", "next": ""}));
+            for (instance, position, attribute) in [
+                ("i-car", mover(frame_time(frame)), "a-moving"),
+                ("i-parked", dvec3(3.0, -30.0, 0.9), "a-parked"),
+            ] {
                 let box_ = world * DMat4::from_translation(position);
                 let size = [MOVER_SIZE.y, MOVER_SIZE.x, MOVER_SIZE.z];
                 boxes.push(posed(
@@ -381,16 +385,17 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         };
         let kind = if frame % 5 == 0 { "samples" } else { "sweeps" };
         for (index, (name, angle)) in cameras.into_iter().enumerate() {
-            let time = at(frame) - 12_000_000 * (index as i64 + 1);
+            let time = frame_time(frame) - 12_000_000 * (index as i64 + 1);
             let file = format!("{kind}/{name}/log__{name}__{}.jpg", micro(time));
             add(name, time, &file, json!([SIZE.0, SIZE.1]));
             write_photo(&folder.join(&file))?;
             let camera_from_world = (rig(time) * rig_from_camera(angle)).inverse();
-            photos.push((file, seen(&camera_from_world, &landmarks())));
+            photos.push((file, landmark_pixels(&camera_from_world, &landmarks())));
         }
-        let file = format!("{kind}/LIDAR_TOP/log__LIDAR_TOP__{}.pcd.bin", micro(at(frame)));
-        add("lidar", at(frame), &file, json!([null, null]));
-        let points = swept(&(rig(at(frame)) * lidar), at(frame)).flat_map(|p| [p.x, p.y, p.z, 64.0, 3.0]);
+        let file = format!("{kind}/LIDAR_TOP/log__LIDAR_TOP__{}.pcd.bin", micro(frame_time(frame)));
+        add("lidar", frame_time(frame), &file, json!([null, null]));
+        let points = swept(&(rig(frame_time(frame)) * lidar), frame_time(frame))
+            .flat_map(|p| [p.x, p.y, p.z, 64.0, 3.0]);
         write(&folder.join(file), floats(points))?;
     }
     data.push(json!({"token": "other", "sample_token": "of another scene", "ego_pose_token": "", "calibrated_sensor_token": "c-lidar",
@@ -457,7 +462,7 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
     table.extend(posed(&times.iter().map(|time| world * rig(*time)).collect::<Vec<_>>()));
     write(&log.join("city_SE3_egovehicle.feather"), feather_packed(&table)?)?;
 
-    let frames: Vec<i64> = (0..FRAME_COUNT).map(at).collect();
+    let frames: Vec<i64> = (0..FRAME_COUNT).map(frame_time).collect();
     let both: Vec<i64> = frames.iter().flat_map(|time| [*time; 2]).collect();
     let of =
         |index: usize, time: i64| if index.is_multiple_of(2) { mover(time) } else { dvec3(3.0, -30.0, 0.9) };
@@ -482,7 +487,8 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
             let time = time + 7_000_000;
             let file = format!("sensors/cameras/{name}/{time}.jpg");
             write_photo(&log.join(&file))?;
-            photos.push((file, seen(&(rig(time) * rig_from_camera(angle)).inverse(), &landmarks())));
+            photos
+                .push((file, landmark_pixels(&(rig(time) * rig_from_camera(angle)).inverse(), &landmarks())));
         }
         let points: Vec<DVec3> = swept(&rig(time), time).collect();
         let axis =
@@ -510,7 +516,7 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
     let mut photos = Vec::new();
     let mut matrices = Vec::new();
     for frame in 0..FRAME_COUNT {
-        let pose = world * rig(at(frame));
+        let pose = world * rig(frame_time(frame));
         for (camera, angle) in [("0", 0.0), ("1", 0.9)] {
             let own = rig_from_camera(angle);
             if is_waymo {
@@ -524,7 +530,7 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
             write(&scene.join(format!("intrinsics/{camera}.txt")), numbers)?;
             let name = format!("images/{frame:03}_{camera}.jpg");
             write_photo(&scene.join(&name))?;
-            photos.push((name, seen(&(rig(at(frame)) * own).inverse(), &landmarks())));
+            photos.push((name, landmark_pixels(&(rig(frame_time(frame)) * own).inverse(), &landmarks())));
             let mask = |kind: &str, is_set: fn(u32) -> bool| {
                 let bytes: Vec<u8> =
                     (0..SIZE.0 * SIZE.1).map(|pixel| if is_set(pixel) { 255 } else { 0 }).collect();
@@ -537,14 +543,14 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
         let points: Vec<f64> = if is_waymo {
             write(&scene.join(format!("ego_pose/{frame:03}.txt")), text(&pose))?;
             let own = |p: DVec3| [0.9, 0.0, 1.7, p.x, p.y, p.z, 0.0, 0.0, 0.0, -1.0, 0.0, 0.25, 0.0, 0.0];
-            swept(&rig(at(frame)), at(frame)).flat_map(own).collect()
+            swept(&rig(frame_time(frame)), frame_time(frame)).flat_map(own).collect()
         } else {
-            let lidar = rig(at(frame)) * rig_from_lidar();
+            let lidar = rig(frame_time(frame)) * rig_from_lidar();
             write(&scene.join(format!("lidar_pose/{frame:03}.txt")), text(&(world * lidar)))?;
-            swept(&lidar, at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]).collect()
+            swept(&lidar, frame_time(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]).collect()
         };
         write(&scene.join(format!("lidar/{frame:03}.bin")), floats(points))?;
-        let box_ = world * DMat4::from_translation(mover(at(frame)));
+        let box_ = world * DMat4::from_translation(mover(frame_time(frame)));
         matrices.push([0, 1, 2, 3].map(|row| box_.row(row).to_array()));
     }
     let instances = serde_json::json!({"0": {"id": "car", "class_name": "Vehicle", "frame_annotations": {

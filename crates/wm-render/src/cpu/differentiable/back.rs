@@ -1,7 +1,7 @@
 //! The sweeps of training over tiles: to pixels, and back from them.
 
 use crate::config::{Background, MedianDepth};
-use crate::cpu::back::{Back, Keep, Worker, inside, own};
+use crate::cpu::back::{Back, Keep, Worker, inside, lock_worker};
 use crate::differentiable::{Channels, ForwardConfig, Upstream};
 use crate::dispatch;
 use crate::frame::Frame;
@@ -44,13 +44,13 @@ pub(crate) struct Tiles<'a> {
 }
 
 /// The sums of a tile, one array after the other, patch by patch; and the words of all pairs.
-struct Kept<'a> {
+struct TileSums<'a> {
     words: &'a [AtomicU32],
     channels: Channels,
     sums: &'a mut [[f32; PATCH_PIXELS]],
 }
 
-impl Keep for Kept<'_> {
+impl Keep for TileSums<'_> {
     /// Makes names of records and pairs of those of pairs.
     fn keys(&mut self, keys: &mut [u64], list: &[AtomicU64]) {
         for (key, entry) in keys.iter_mut().zip(list) {
@@ -117,8 +117,8 @@ impl Tiles<'_> {
             workers,
         };
         let kept = kept.chunks_mut(self.arrays());
-        let mut kept: Vec<Kept<'_>> =
-            kept.map(|sums| Kept { words, channels: self.config.channels, sums }).collect();
+        let mut kept: Vec<TileSums<'_>> =
+            kept.map(|sums| TileSums { words, channels: self.config.channels, sums }).collect();
         back.run(&mut kept, frame, stats);
     }
 
@@ -141,7 +141,7 @@ impl Tiles<'_> {
         }
         tiles.into_par_iter().enumerate().for_each(|(index, slots)| {
             let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
-            self.backward_tile(index, upstream, kept, slots, places, &mut own(workers));
+            self.backward_tile(index, upstream, kept, slots, places, &mut lock_worker(workers));
         });
     }
 

@@ -483,7 +483,7 @@ fn draw<S: Lanes>(
         let mut totals = [simd.set(0.0); 4];
         for k in 0..4 {
             let bits = S::U::from_slice(simd, &sums.sums[(4 * block + k) * S::N..][..S::N]);
-            totals[k] = whole(simd, bits - rounds);
+            totals[k] = to_float(simd, bits - rounds);
         }
         let [steps, light @ ..] = totals;
         let corner = block / 4 * (S::N / 4) * PATCH + block % 4 * 4;
@@ -530,7 +530,7 @@ fn to_rows<S: Lanes>(block: S::F, rows: &mut [f32]) {
 
 /// Converts whole numbers to floats: by halves of 16 bits, each as the mantissa of 2^23.
 #[inline(always)]
-fn whole<S: Lanes>(simd: S, bits: S::U) -> S::F {
+fn to_float<S: Lanes>(simd: S, bits: S::U) -> S::F {
     let float = |half: S::U| S::F::from_bits(half | S::U::splat(simd, 0x4b00_0000)) - 8_388_608.0;
     float(bits >> 16).mul_add(simd.set(65536.0), float(bits & S::U::splat(simd, 0xffff)))
 }

@@ -90,8 +90,9 @@ impl<'a> RaySplats<'a> {
         let of_block = |scratch: &mut Vec<(u32, u64)>, (block, records): (usize, &[RayRecord])| {
             scratch.clear();
             // Eight children are one vector of the narrow path.
-            let clusters = &self.clusters[block * SPLATS_PER_BLOCK / SPLATS_PER_CLUSTER..];
-            dispatch!(path.narrow(), simd => cull(simd, records, clusters, block * SPLATS_PER_BLOCK, group, scratch));
+            let first = block * SPLATS_PER_BLOCK;
+            let clusters = &self.clusters[first / SPLATS_PER_CLUSTER..];
+            dispatch!(path.narrow(), simd => cull(simd, records, clusters, first, group, scratch));
             BlockPairs::new(scratch, bundles)
         };
         self.records.par_chunks(SPLATS_PER_BLOCK).enumerate().map_init(Vec::new, of_block).collect()

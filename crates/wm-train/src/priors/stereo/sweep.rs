@@ -115,7 +115,7 @@ impl Reference<'_> {
 
     /// Returns the sources with which a pixel is compared in a round: those that `plane` matches
     /// best, or all.
-    fn asked<'b>(
+    fn compared_sources<'b>(
         &self,
         window: &Window,
         plane: &Plane,
@@ -206,7 +206,7 @@ impl Reference<'_> {
         let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
         let window = Window::new(self.picture, column, row);
         let (mut best, mut least) = (found.planes[pixel], found.costs[pixel]);
-        let asked = self.asked(&window, &best, ask, order);
+        let asked = self.compared_sources(&window, &best, ask, order);
         for (dx, dy) in NEIGHBOUR_OFFSETS_PX {
             let (column, row) = (column.wrapping_add_signed(dx), row.wrapping_add_signed(dy));
             if column >= width || row >= height {
