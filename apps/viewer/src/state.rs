@@ -5,21 +5,23 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use wm_scene::Camera;
-use wm_scene::values::FARTHEST;
+use wm_scene::values::MAX_SCENE_COORDINATE;
 use wm_weather::Weather;
 
-/// Checks a point that a client sends: each coordinate is within [`FARTHEST`], as those of splats
-/// are.
+/// Checks a point that a client sends: each coordinate is within [`MAX_SCENE_COORDINATE`], as those
+/// of splats are.
 ///
 /// # Errors
 /// The point in one line, which begins with its name, `what`.
 pub fn check_point(what: &str, point: [f64; 3]) -> Result<(), String> {
     // NaN is within no limit.
-    if point.iter().all(|v| v.abs() <= f64::from(FARTHEST)) {
+    if point.iter().all(|v| v.abs() <= f64::from(MAX_SCENE_COORDINATE)) {
         return Ok(());
     }
     let [x, y, z] = point;
-    Err(format!("{what} {x:e},{y:e},{z:e}: each coordinate must be within {FARTHEST:e} scene units"))
+    Err(format!(
+        "{what} {x:e},{y:e},{z:e}: each coordinate must be within {MAX_SCENE_COORDINATE:e} scene units"
+    ))
 }
 
 /// Position, orientation and field of view of a camera.

@@ -333,8 +333,8 @@ const MAX_STEM_BYTES: usize = 200;
 /// A name for a temporary file or folder that will be called `name`. A counter makes it unique in
 /// this process, and its number among processes.
 fn temporary_name(name: &OsStr, ending: &str) -> OsString {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    static NAME_COUNT: AtomicU64 = AtomicU64::new(0);
+    let count = NAME_COUNT.fetch_add(1, Ordering::Relaxed);
     let tail = format!(".{}-{count}.{ending}", std::process::id());
     let mut temporary = match name.as_encoded_bytes() {
         long if long.len() > MAX_STEM_BYTES => {

@@ -43,18 +43,18 @@ pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatE
 /// f32, or a list of fields, such as `[('t', '<i8'), ('x', '<u2')]`.
 #[must_use]
 pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
-    const FIXED: usize = 10;
+    const PREAMBLE_BYTES: usize = 10;
     let sides: Vec<String> = shape.iter().map(usize::to_string).collect();
     // As Python writes tuples: (2, 5), but (5,).
     let comma = if shape.len() == 1 { "," } else { "" };
     let sides = sides.join(", ");
     let kind = if kind.starts_with('[') { kind.to_owned() } else { format!("'{kind}'") };
     let mut text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({sides}{comma}), }}");
-    let length = (FIXED + text.len() + 1).next_multiple_of(64);
-    text.extend(std::iter::repeat_n(' ', length - FIXED - text.len() - 1));
+    let length = (PREAMBLE_BYTES + text.len() + 1).next_multiple_of(64);
+    text.extend(std::iter::repeat_n(' ', length - PREAMBLE_BYTES - text.len() - 1));
     text.push('\n');
     let mut out = b"\x93NUMPY\x01\x00".to_vec();
-    out.extend(((length - FIXED) as u16).to_le_bytes());
+    out.extend(((length - PREAMBLE_BYTES) as u16).to_le_bytes());
     out.extend(text.into_bytes());
     out
 }

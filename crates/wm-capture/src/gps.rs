@@ -39,7 +39,7 @@ const MIN_EXTENT_M: f64 = 10.0;
 const MIN_EXTENT_RATIO: f64 = 4.0;
 
 /// Triples of cameras that RANSAC tries.
-const TRIALS: usize = 500;
+const TRIAL_COUNT: usize = 500;
 
 /// Least error that a position is assumed to have, m.
 const MIN_ERROR_M: f64 = 1.0;
@@ -106,7 +106,7 @@ fn fit_checked(both: &[(DVec3, Gps)]) -> Option<(GpsFit, Vec<usize>)> {
         return None;
     }
     let mut best: Option<(f64, Similarity)> = None;
-    for trial in 0..TRIALS {
+    for trial in 0..TRIAL_COUNT {
         let pick = |turn: u64| {
             (wm_base::random::uniform(trial as u64, turn) * pairs.len() as f64) as usize % pairs.len()
         };

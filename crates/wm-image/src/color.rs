@@ -20,17 +20,20 @@ impl Dither {
     /// to be repeated.
     pub(super) fn row(self, channel: usize, y: usize) -> &'static [f32] {
         match self {
-            Self::Off => &[0.0; dither::SIDE],
-            Self::Ordered => &dither::OFFSETS[channel][y % dither::SIDE * dither::SIDE..][..dither::SIDE],
+            Self::Off => &[0.0; dither::PATTERN_SIDE_PX],
+            Self::Ordered => {
+                &dither::OFFSETS[channel][y % dither::PATTERN_SIDE_PX * dither::PATTERN_SIDE_PX..]
+                    [..dither::PATTERN_SIDE_PX]
+            }
         }
     }
 
     /// The offsets of [`Self::row`] for all three channels, three a pixel.
     fn row_interleaved(self, y: usize) -> &'static [f32] {
-        const WIDTH: usize = 3 * dither::SIDE;
+        const ROW_LENGTH: usize = 3 * dither::PATTERN_SIDE_PX;
         match self {
-            Self::Off => &[0.0; WIDTH],
-            Self::Ordered => &dither::INTERLEAVED[y % dither::SIDE * WIDTH..][..WIDTH],
+            Self::Off => &[0.0; ROW_LENGTH],
+            Self::Ordered => &dither::INTERLEAVED[y % dither::PATTERN_SIDE_PX * ROW_LENGTH..][..ROW_LENGTH],
         }
     }
 }

@@ -14,13 +14,13 @@
 
 use std::sync::LazyLock;
 
-/// Side of the pattern, pixels; it repeats after that.
-pub(crate) const SIDE: usize = 64;
-const CELLS: usize = SIDE * SIDE;
-/// Standard deviation of the filter that finds voids and clusters, pixels (Ulichney's choice).
-const SIGMA: f64 = 1.5;
+/// Side of the pattern, which repeats after that.
+pub(crate) const PATTERN_SIDE_PX: usize = 64;
+const PATTERN_CELLS: usize = PATTERN_SIDE_PX * PATTERN_SIDE_PX;
+/// Standard deviation of the filter that finds voids and clusters (Ulichney's choice).
+const FILTER_SIGMA_PX: f64 = 1.5;
 
-/// Offsets of three channels, each `[SIDE, SIDE]`, in steps, within 1/2 - 1/8192 of 0.
+/// Offsets of three channels, each `[side, side]`, in steps, within 1/2 - 1/8192 of 0.
 ///
 /// That they keep away from 1/2 lets a value that is a multiple of the quantisation step, up to
 /// rounding errors of f32, come out as this multiple at every pixel.
@@ -29,25 +29,29 @@ pub(crate) static OFFSETS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
     // Shifts of one pattern by about a third of its side do not resemble each other, and equal
     // values in three channels then do not dither to grey noise.
     [(0, 0), (23, 41), (43, 19)].map(|(shift_x, shift_y)| {
-        (0..CELLS)
+        (0..PATTERN_CELLS)
             .map(|cell| {
-                let (x, y) = ((cell % SIDE + shift_x) % SIDE, (cell / SIDE + shift_y) % SIDE);
-                (f32::from(ranks[y * SIDE + x]) + 0.5) / CELLS as f32 - 0.5
+                let (x, y) = (
+                    (cell % PATTERN_SIDE_PX + shift_x) % PATTERN_SIDE_PX,
+                    (cell / PATTERN_SIDE_PX + shift_y) % PATTERN_SIDE_PX,
+                );
+                (f32::from(ranks[y * PATTERN_SIDE_PX + x]) + 0.5) / PATTERN_CELLS as f32 - 0.5
             })
             .collect()
     })
 });
 
-/// [`OFFSETS`] as `[SIDE, SIDE, 3]`, for interleaved pixels.
-pub(crate) static INTERLEAVED: LazyLock<Vec<f32>> =
-    LazyLock::new(|| (0..CELLS).flat_map(|cell| OFFSETS.each_ref().map(|channel| channel[cell])).collect());
+/// [`OFFSETS`] as `[side, side, 3]`, for interleaved pixels.
+pub(crate) static INTERLEAVED: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    (0..PATTERN_CELLS).flat_map(|cell| OFFSETS.each_ref().map(|channel| channel[cell])).collect()
+});
 
-/// Ranks 0..CELLS, `[SIDE, SIDE]`: pixels of rank below `n` are spread evenly for every `n`.
+/// Ranks of all cells, `[side, side]`: pixels of rank below `n` are spread evenly for every `n`.
 fn void_and_cluster() -> Vec<u16> {
     let kernel = kernel();
     let mut pattern = Pattern::new(&kernel);
     let mut seed = 1u32;
-    while pattern.count < CELLS / 10 {
+    while pattern.count < PATTERN_CELLS / 10 {
         // Any start will do: the relaxation below forgets it.
         seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let cell = (seed >> 20) as usize;
@@ -65,7 +69,7 @@ fn void_and_cluster() -> Vec<u16> {
             break;
         }
     }
-    let mut ranks = vec![0u16; CELLS];
+    let mut ranks = vec![0u16; PATTERN_CELLS];
     let start = (pattern.set.clone(), pattern.energy.clone(), pattern.count);
     while pattern.count > 0 {
         let cluster = pattern.tightest_cluster();
@@ -73,7 +77,7 @@ fn void_and_cluster() -> Vec<u16> {
         ranks[cluster] = pattern.count as u16;
     }
     (pattern.set, pattern.energy, pattern.count) = start;
-    while pattern.count < CELLS {
+    while pattern.count < PATTERN_CELLS {
         let void = pattern.largest_void();
         ranks[void] = pattern.count as u16;
         pattern.flip(void);
@@ -82,15 +86,16 @@ fn void_and_cluster() -> Vec<u16> {
 }
 
 /// A Gaussian on the torus, in integers: adding and removing pixels then leaves no rounding errors,
-/// and ties are the same everywhere. `[SIDE, SIDE]`, indexed by the distances in x and y.
+/// and ties are the same everywhere. `[side, side]`, indexed by the distances in x and y.
 fn kernel() -> Vec<u64> {
-    (0..CELLS)
+    (0..PATTERN_CELLS)
         .map(|cell| {
-            let wrapped = |d: usize| d.min(SIDE - d) as f64;
-            let (dx, dy) = (wrapped(cell % SIDE), wrapped(cell / SIDE));
+            let wrapped = |d: usize| d.min(PATTERN_SIDE_PX - d) as f64;
+            let (dx, dy) = (wrapped(cell % PATTERN_SIDE_PX), wrapped(cell / PATTERN_SIDE_PX));
             // exp(-q) as (1 - q/n)^n, n = 2^16: plain products are the same on every machine, the
             // system's exp is not.
-            let mut value = (1.0 - (dx * dx + dy * dy) / (2.0 * SIGMA * SIGMA) / 65_536.0).max(0.0);
+            let mut value =
+                (1.0 - (dx * dx + dy * dy) / (2.0 * FILTER_SIGMA_PX * FILTER_SIGMA_PX) / 65_536.0).max(0.0);
             for _ in 0..16 {
                 value *= value;
             }
@@ -109,17 +114,17 @@ struct Pattern<'a> {
 
 impl<'a> Pattern<'a> {
     fn new(kernel: &'a [u64]) -> Self {
-        Self { kernel, set: vec![false; CELLS], energy: vec![0; CELLS], count: 0 }
+        Self { kernel, set: vec![false; PATTERN_CELLS], energy: vec![0; PATTERN_CELLS], count: 0 }
     }
 
     /// Adds the pixel or takes it away.
     fn flip(&mut self, cell: usize) {
-        let (x, y) = (cell % SIDE, cell / SIDE);
+        let (x, y) = (cell % PATTERN_SIDE_PX, cell / PATTERN_SIDE_PX);
         let add = !self.set[cell];
         self.set[cell] = add;
         self.count = if add { self.count + 1 } else { self.count - 1 };
-        for (row, energy) in self.energy.chunks_exact_mut(SIDE).enumerate() {
-            let kernel_row = &self.kernel[row.abs_diff(y) * SIDE..][..SIDE];
+        for (row, energy) in self.energy.chunks_exact_mut(PATTERN_SIDE_PX).enumerate() {
+            let kernel_row = &self.kernel[row.abs_diff(y) * PATTERN_SIDE_PX..][..PATTERN_SIDE_PX];
             for (column, energy) in energy.iter_mut().enumerate() {
                 let term = kernel_row[column.abs_diff(x)];
                 *energy = if add { *energy + term } else { *energy - term };
@@ -129,14 +134,17 @@ impl<'a> Pattern<'a> {
 
     fn tightest_cluster(&self) -> usize {
         // Of equals the first, in both searches.
-        (0..CELLS)
+        (0..PATTERN_CELLS)
             .filter(|&cell| self.set[cell])
             .min_by_key(|&cell| u64::MAX - self.energy[cell])
             .expect("a pixel")
     }
 
     fn largest_void(&self) -> usize {
-        (0..CELLS).filter(|&cell| !self.set[cell]).min_by_key(|&cell| self.energy[cell]).expect("a gap")
+        (0..PATTERN_CELLS)
+            .filter(|&cell| !self.set[cell])
+            .min_by_key(|&cell| self.energy[cell])
+            .expect("a gap")
     }
 }
 
@@ -163,10 +171,10 @@ mod tests {
         // at most 0.034 of a step over 16x16 pixels anywhere, 0.091 over 8x8.
         for channel in OFFSETS.iter() {
             for level in [0.05, 0.25, 0.5, 0.75, 0.95] {
-                for start in 0..CELLS {
+                for start in 0..PATTERN_CELLS {
                     let below = (0..256).filter(|i| {
-                        let (x, y) = (start % SIDE + i % 16, start / SIDE + i / 16);
-                        channel[y % SIDE * SIDE + x % SIDE] + 0.5 < level
+                        let (x, y) = (start % PATTERN_SIDE_PX + i % 16, start / PATTERN_SIDE_PX + i / 16);
+                        channel[y % PATTERN_SIDE_PX * PATTERN_SIDE_PX + x % PATTERN_SIDE_PX] + 0.5 < level
                     });
                     let error = below.count() as f32 / 256.0 - level;
                     assert!(error.abs() < 0.05, "{error} at {start}, level {level}");

@@ -25,7 +25,7 @@ pub(super) struct Tags {
 struct Block(::exif::Exif);
 
 /// Years of photos with EXIF; clocks that were never set count from 1970 or 1980.
-const YEARS: RangeInclusive<i64> = 1990..=2099;
+const PLAUSIBLE_YEARS: RangeInclusive<i64> = 1990..=2099;
 
 /// Largest offset of a time zone from UTC, hours.
 const MAX_OFFSET_H: i64 = 14;
@@ -67,7 +67,7 @@ impl Tags {
         let description = block.text(Tag::ImageDescription);
         if let Some(mapillary) = description.and_then(Mapillary::parse) {
             tags.gps = tags.gps.or_else(|| mapillary.gps());
-            tags.taken = tags.taken.or_else(|| mapillary.taken());
+            tags.taken = tags.taken.or_else(|| mapillary.unix_time_s());
         }
         tags
     }
@@ -92,7 +92,7 @@ impl Mapillary {
     }
 
     /// Seconds since 1970, UTC.
-    fn taken(&self) -> Option<f64> {
+    fn unix_time_s(&self) -> Option<f64> {
         let (date, time) = self.time.as_ref()?.split_at_checked(10)?;
         let mut parts = time.strip_prefix('_')?.split('_');
         let mut part = || {
@@ -187,7 +187,7 @@ fn days(date: &[u8]) -> Option<i64> {
     let days = calendar::days(year, month, day);
     // A day that the month lacks is another date.
     let is_date = calendar::date_and_time(days * SECONDS_A_DAY)[..3] == [year, month, day];
-    (YEARS.contains(&year) && is_date).then_some(days)
+    (PLAUSIBLE_YEARS.contains(&year) && is_date).then_some(days)
 }
 
 /// Seconds by which a clock is ahead of UTC, of a text such as `+02:00`.

@@ -131,9 +131,9 @@ fn channels(planes: ExrPlanes<'_>, size: PictureSize) -> Vec<AnyChannel<FlatSamp
 /// picture must give the same bytes. The header keeps its length, so that no offset changes.
 fn sort_attributes(file: &mut [u8]) {
     // Magic and version.
-    const START: usize = 8;
+    const PREAMBLE_BYTES: usize = 8;
     let mut attributes = Vec::new();
-    let mut at = START;
+    let mut at = PREAMBLE_BYTES;
     while file[at] != 0 {
         // Name and type, each ended by a zero, length, value.
         let zero = |from: usize| from + file[from..].iter().position(|&byte| byte == 0).expect("a zero");
@@ -144,7 +144,7 @@ fn sort_attributes(file: &mut [u8]) {
         at = end;
     }
     attributes.sort();
-    file[START..at].copy_from_slice(&attributes.concat());
+    file[PREAMBLE_BYTES..at].copy_from_slice(&attributes.concat());
 }
 
 #[cfg(test)]

@@ -247,12 +247,12 @@ mod tests {
         out
     }
 
-    const PLACE: [[u32; 6]; 2] = [[33, 1, 30, 1, 3600, 100], [151, 1, 126, 10, 0, 0]];
+    const GPS_RATIONALS: [[u32; 6]; 2] = [[33, 1, 30, 1, 3600, 100], [151, 1, 126, 10, 0, 0]];
 
     #[test]
     fn size_orientation_and_place_are_found() {
         for is_little in [false, true] {
-            let block = exif(is_little, 6, Some(PLACE));
+            let block = exif(is_little, 6, Some(GPS_RATIONALS));
             for (kind, bytes) in [(PhotoKind::Jpeg, jpeg_with(&block)), (PhotoKind::Png, png_with(&block))] {
                 let header = parse(&mut Cursor::new(&bytes)).unwrap();
                 assert_eq!((header.kind, header.width, header.height), (kind, 1200, 887));
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn headers_cut_at_any_byte_are_errors() {
-        let block = exif(true, 3, Some(PLACE));
+        let block = exif(true, 3, Some(GPS_RATIONALS));
         for bytes in [jpeg_with(&block), png_with(&block)] {
             let needed = bytes.len() - if bytes[0] == 0xff { 1 } else { 0 };
             for end in 0..needed {
@@ -316,7 +316,7 @@ mod tests {
             is_png: bool,
             edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
         ) {
-            let block = exif(true, 3, Some(PLACE));
+            let block = exif(true, 3, Some(GPS_RATIONALS));
             let mut bytes = if is_png { png_with(&block) } else { jpeg_with(&block) };
             for (at, byte) in edits {
                 let at = at.index(bytes.len());

@@ -7,15 +7,15 @@ use super::PictureSize;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 /// Colour of the gaps between pictures, sRGB-encoded: near black, for white and dark pages.
-const GAP: [f32; 3] = [0.07, 0.075, 0.08];
+const GAP_COLOR: [f32; 3] = [0.07, 0.075, 0.08];
 /// Colour of the strip behind a label.
-const STRIP: [f32; 3] = [0.05, 0.055, 0.06];
+const STRIP_COLOR: [f32; 3] = [0.05, 0.055, 0.06];
 /// Opacity of the strip: white letters stay readable on white fog.
 const STRIP_ALPHA: f32 = 0.62;
 /// Colour of the letters.
-const INK: [f32; 3] = [0.97, 0.97, 0.96];
+const LETTER_COLOR: [f32; 3] = [0.97, 0.97, 0.96];
 /// Letters' heights with the least height of a picture for them, the largest first.
-const LETTERS: [(u32, RasterHeight); 4] = [
+const LETTER_HEIGHTS: [(u32, RasterHeight); 4] = [
     (800, RasterHeight::Size32),
     (500, RasterHeight::Size24),
     (300, RasterHeight::Size20),
@@ -68,7 +68,7 @@ impl SheetLayout {
 pub fn sheet(layout: &SheetLayout, panels: &[SheetPanel<'_>]) -> Vec<f32> {
     assert!(panels.len() <= (layout.columns * layout.rows) as usize, "{} pictures", panels.len());
     let size = layout.size();
-    let mut rgb: Vec<f32> = GAP.iter().copied().cycle().take(size.pixels() * 3).collect();
+    let mut rgb: Vec<f32> = GAP_COLOR.iter().copied().cycle().take(size.pixels() * 3).collect();
     for (index, panel) in (0..).zip(panels) {
         layout.panel.expect("a picture of a sheet", panel.rgb, 3);
         let (left, top) = layout.corner(index);
@@ -84,7 +84,7 @@ pub fn sheet(layout: &SheetLayout, panels: &[SheetPanel<'_>]) -> Vec<f32> {
 /// Draws a label into the lower left corner of the picture at `left` and `top`, px; letters that do
 /// not fit are left out.
 fn label(rgb: &mut [f32], sheet: PictureSize, left: u32, top: u32, panel: PictureSize, text: &str) {
-    let letters = LETTERS.iter().find(|(least, _)| panel.height >= *least);
+    let letters = LETTER_HEIGHTS.iter().find(|(least, _)| panel.height >= *least);
     let height = letters.map_or(RasterHeight::Size16, |(_, height)| *height);
     let (high, wide) = (height.val() as u32, get_raster_width(FontWeight::Regular, height) as u32);
     let (beside, above) = (high / 2, high / 8);
@@ -103,7 +103,7 @@ fn label(rgb: &mut [f32], sheet: PictureSize, left: u32, top: u32, panel: Pictur
     };
     for y in strip_top..strip_top + strip.1 {
         for x in left..left + strip.0 {
-            blend(x, y, STRIP, STRIP_ALPHA);
+            blend(x, y, STRIP_COLOR, STRIP_ALPHA);
         }
     }
     for (index, letter) in (0..).zip(text) {
@@ -111,7 +111,7 @@ fn label(rgb: &mut [f32], sheet: PictureSize, left: u32, top: u32, panel: Pictur
         let Some(raster) = raster else { continue };
         for (y, row) in (strip_top + above..).zip(raster.rows()) {
             for (x, cover) in (left + beside + index * wide..).zip(row) {
-                blend(x, y, INK, f32::from(*cover) / 255.0);
+                blend(x, y, LETTER_COLOR, f32::from(*cover) / 255.0);
             }
         }
     }
@@ -153,7 +153,7 @@ mod tests {
                 assert_eq!(pixel(&layout, &rgb, left + x, top + y), [grey; 3], "{index} {x} {y}");
             }
         }
-        assert_eq!(pixel(&layout, &rgb, 200, 10), GAP);
+        assert_eq!(pixel(&layout, &rgb, 200, 10), GAP_COLOR);
     }
 
     #[test]
@@ -168,7 +168,10 @@ mod tests {
             let brightest = strip.iter().copied().fold(0.0, f32::max);
             let darkest = strip.iter().copied().fold(1.0, f32::min);
             assert!(brightest > 0.9, "{index}: {brightest}");
-            assert!((darkest - (grey + (STRIP[0] - grey) * STRIP_ALPHA)).abs() < 1e-6, "{index}: {darkest}");
+            assert!(
+                (darkest - (grey + (STRIP_COLOR[0] - grey) * STRIP_ALPHA)).abs() < 1e-6,
+                "{index}: {darkest}"
+            );
         }
     }
 
@@ -177,7 +180,7 @@ mod tests {
         let long = "a label that is far too long for so small a picture, whatever its letters";
         let (layout, rgb) = draw(PictureSize::new(90, 40), [long, "é 霧", "", "x"]);
         let right = layout.corner(1).0;
-        assert!((0..40).all(|y| pixel(&layout, &rgb, right - 1, y) == GAP));
+        assert!((0..40).all(|y| pixel(&layout, &rgb, right - 1, y) == GAP_COLOR));
         assert!((0..20).all(|y| pixel(&layout, &rgb, right + 60, y) == [0.4; 3]));
         // Too small for any letter.
         let (_, rgb) = draw(PictureSize::new(12, 10), [long; 4]);

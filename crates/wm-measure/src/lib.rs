@@ -426,7 +426,7 @@ impl LevelFrame {
 /// Returns the field of view, degrees, whose half has this tangent, or the least that a camera has:
 /// what is asked for then fills a part of the picture.
 fn fov_of(tangent: f64) -> f64 {
-    (2.0 * tangent.atan().to_degrees()).max(*wm_scene::camera::FOV.start())
+    (2.0 * tangent.atan().to_degrees()).max(*wm_scene::camera::FOV_RANGE_DEG.start())
 }
 
 /// Returns the clear weather.

@@ -203,8 +203,8 @@ impl Clip {
         Licence::Mit
     }
 
-    /// Approximate size of the published file, bytes, with the text encoder.
-    pub const BYTES: u64 = 1_712_000_000;
+    /// Approximate size of the published file, with the text encoder.
+    pub const PUBLISHED_BYTES: u64 = 1_712_000_000;
 
     /// Returns the source of the published weights for [`fetch`](crate::weights::fetch::fetch).
     /// Their checksum is not known here.

@@ -47,10 +47,10 @@ const LAYERS: [Layer; 5] = [
     Layer { place: 10, channels: (256, 256), kernel: 3, stride: 1, padding: 1, pool: Pool::None },
 ];
 /// Side and stride of the pools, px.
-const POOL: (usize, usize) = (3, 2);
+const POOL_SIDE_AND_STRIDE_PX: (usize, usize) = (3, 2);
 /// Shift and scale of the published network's images, red, green, blue.
-const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
-const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
+const IMAGE_SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
+const IMAGE_SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 /// Added to the length of features, so that it is never 0.
 const EPSILON: f64 = 1e-10;
 /// The advice where a tensor is missing or of another shape.
@@ -104,7 +104,7 @@ struct Features {
 
 impl Lpips {
     /// Shortest side of a picture, px: less leaves nothing to the second maximum.
-    pub const SMALLEST: usize = 31;
+    pub const MIN_SIDE_PX: usize = 31;
 
     /// Reads published weights, safetensors or PyTorch's, from one file or several: `features.N.*`
     /// of torchvision's AlexNet and the heads `linN.model.1.weight`.
@@ -132,13 +132,13 @@ impl Lpips {
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
     /// # Panics
-    /// If the sizes differ, are no rows of `width`, or a side is below [`Self::SMALLEST`].
+    /// If the sizes differ, are no rows of `width`, or a side is below [`Self::MIN_SIDE_PX`].
     #[must_use]
     pub fn distance(&self, x: &[f32], y: &[f32], mask: Option<&[f32]>, width: usize) -> f64 {
         assert_eq!(x.len(), y.len(), "two pictures of one size");
         let height = x.len() / (3 * width);
         assert_eq!(x.len(), 3 * width * height, "whole rows");
-        assert!(width.min(height) >= Self::SMALLEST, "{width}x{height} px is too small");
+        assert!(width.min(height) >= Self::MIN_SIDE_PX, "{width}x{height} px is too small");
         let blended: Option<Vec<f32>> = mask.map(|mask| {
             assert_eq!(3 * mask.len(), x.len(), "a mask of the pictures' size");
             let pairs = x.iter().zip(y).enumerate();
@@ -157,14 +157,15 @@ impl Lpips {
     fn features(&self, rgb: &[f32], width: usize, height: usize) -> candle_core::Result<Vec<Features>> {
         let mut planes = Vec::with_capacity(rgb.len());
         for lane in 0..3 {
-            let scaled = |v: &f32| (2.0 * v.clamp(0.0, 1.0) - 1.0 - SHIFT[lane]) / SCALE[lane];
+            let scaled = |v: &f32| (2.0 * v.clamp(0.0, 1.0) - 1.0 - IMAGE_SHIFT[lane]) / IMAGE_SCALE[lane];
             planes.extend(rgb.iter().skip(lane).step_by(3).map(scaled));
         }
         let mut tensor = Tensor::from_vec(planes, (1, 3, height, width), &Device::Cpu)?;
         let mut all = Vec::new();
         for (layer, convolution) in LAYERS.iter().zip(&self.convolutions) {
             if layer.pool == Pool::Before {
-                tensor = tensor.max_pool2d_with_stride(POOL.0, POOL.1)?;
+                tensor =
+                    tensor.max_pool2d_with_stride(POOL_SIDE_AND_STRIDE_PX.0, POOL_SIDE_AND_STRIDE_PX.1)?;
             }
             tensor = tensor.conv2d(&convolution.weight, layer.padding, layer.stride, 1, 1)?;
             tensor = tensor.broadcast_add(&convolution.bias)?.relu()?;

@@ -89,10 +89,10 @@ fn weights(from: usize, to: usize) -> Vec<Weights> {
 
 /// Returns the kernel of cubic convolution with a = -0.5.
 fn cubic(x: f64) -> f64 {
-    const A: f64 = -0.5;
+    const CUBIC_A: f64 = -0.5;
     match x.abs() {
-        x if x < 1.0 => ((A + 2.0) * x - (A + 3.0)) * x * x + 1.0,
-        x if x < 2.0 => (((x - 5.0) * x + 8.0) * x - 4.0) * A,
+        x if x < 1.0 => ((CUBIC_A + 2.0) * x - (CUBIC_A + 3.0)) * x * x + 1.0,
+        x if x < 2.0 => (((x - 5.0) * x + 8.0) * x - 4.0) * CUBIC_A,
         _ => 0.0,
     }
 }

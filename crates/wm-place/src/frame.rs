@@ -9,7 +9,7 @@ use wm_render::hooks::{Hooks, Particle};
 use wm_render::parts::{PartPasses, PicturePart};
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Background, BlendSurface, DrawPass, FRONT, Frame, FramePlan, Geometry, MedianDepth, Outputs,
+    Background, BlendSurface, DrawPass, FRONT_CHANNELS, Frame, FramePlan, Geometry, MedianDepth, Outputs,
     ParticlePass, PictureEffect, PictureId, Pictures, RenderBackend, RenderConfig, RenderError, SetView,
     Stats, WaterPass, at_once,
 };
@@ -417,7 +417,7 @@ impl Water {
             if depth[i].is_nan() { 0.0 } else { (1.0 - front) * cover.get(i).copied().unwrap_or(1.0) }
         };
         WaterLayers {
-            cover: frame.front_sums(FRONT - 1).into_iter().enumerate().map(seen).collect(),
+            cover: frame.front_sums(FRONT_CHANNELS - 1).into_iter().enumerate().map(seen).collect(),
             // The effect leaves it there.
             reflected: frame.front_sums(0),
             depth: depth.iter().map(|z| if z.is_nan() { 0.0 } else { *z }).collect(),

@@ -99,7 +99,7 @@ pub(crate) struct ChosenAttributes<'a> {
 impl ChosenAttributes<'_> {
     /// Calls `fill` with the indices in the scene.
     fn with_indices(&self, indices: &[u32], fill: impl FnOnce(&[u32])) {
-        let mut scene = [0; AttributeBlock::SPLATS];
+        let mut scene = [0; AttributeBlock::MAX_SPLATS];
         for (scene, index) in scene.iter_mut().zip(indices) {
             *scene = self.chosen[*index as usize];
         }

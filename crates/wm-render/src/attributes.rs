@@ -58,7 +58,7 @@ impl Attribute {
 pub trait SplatAttributes: Sync {
     /// Writes the attributes of splat `indices[i]` (index in the loaded splats) to row `i` of the
     /// columns that it changes, all but those of light; the others are neutral already. There are
-    /// at most [`AttributeBlock::SPLATS`] indices.
+    /// at most [`AttributeBlock::MAX_SPLATS`] indices.
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock);
 
     /// Returns true if [`Self::fill`] changes [`Attribute::Visibility`]; else it need not be
@@ -130,7 +130,7 @@ impl Default for AttributeBlock {
 
 impl AttributeBlock {
     /// Most splats of a block.
-    pub const SPLATS: usize = CLUSTER;
+    pub const MAX_SPLATS: usize = CLUSTER;
 
     /// One column, a number per splat.
     #[inline]

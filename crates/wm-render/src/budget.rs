@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes that the lists of any frame may take, and bytes more for each of its pixels: five times
 /// as many as those of heavy rain.
-const BASE: u64 = 1 << 30;
-const PER_PIXEL: u64 = 256;
+const BASE_BYTES: u64 = 1 << 30;
+const BYTES_PER_PIXEL: u64 = 256;
 /// Cells of space that may be searched for particles: for any frame, and for each pixel.
 const BASE_CELLS: f64 = 3e7;
 const CELLS_PER_PIXEL: f64 = 8.0;
@@ -21,7 +21,7 @@ pub(crate) struct FrameBudget {
 impl FrameBudget {
     /// The budget of a picture of a width and a height, px.
     pub(crate) fn new(width: u32, height: u32) -> Self {
-        let most = BASE + PER_PIXEL * u64::from(width) * u64::from(height);
+        let most = BASE_BYTES + BYTES_PER_PIXEL * u64::from(width) * u64::from(height);
         Self { most, taken: AtomicU64::new(0) }
     }
 

@@ -20,7 +20,7 @@ use std::f32::consts::LOG2_E;
 use wm_base::color::srgb_encode;
 
 /// Linear light of the grey at which the line touches the curve.
-pub(crate) const GREY: f64 = 0.18;
+pub(crate) const MIDDLE_GREY: f64 = 0.18;
 
 /// Even, grey air from the camera to every surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,9 +42,9 @@ impl EvenAir {
     /// The factor and the summand of displayed colours through air that lets `transmittance`
     /// through: the reference.
     pub(crate) fn line(&self, transmittance: f64) -> [(f64, f64); 3] {
-        let grey = srgb_encode(GREY);
+        let grey = srgb_encode(MIDDLE_GREY);
         self.airlight.map(|airlight| {
-            let seen = srgb_encode(GREY * transmittance + f64::from(airlight) * (1.0 - transmittance));
+            let seen = srgb_encode(MIDDLE_GREY * transmittance + f64::from(airlight) * (1.0 - transmittance));
             let factor = transmittance * decode_slope(grey) / decode_slope(seen);
             (factor, seen - factor * grey)
         })
@@ -53,12 +53,12 @@ impl EvenAir {
     /// Factors and summands of one vector of rays of a group.
     #[inline(always)]
     fn lines<S: Lanes>(&self, simd: S, group: &ShadeGroup, first: usize) -> ([S::F; 3], [S::F; 3]) {
-        let grey = srgb_encode(GREY);
+        let grey = srgb_encode(MIDDLE_GREY);
         let distance = simd.load(&group.distance[first..]);
         let is_near = distance.simd_lt(simd.set(f32::MAX));
         let power = (distance * (-self.extinction * LOG2_E)).max(simd.set(-126.0));
         let [kept] = exp2(simd, [power]);
-        let mut light = [kept * GREY as f32; 3];
+        let mut light = [kept * MIDDLE_GREY as f32; 3];
         for k in 0..3 {
             light[k] = (simd.set(1.0) - kept).mul_add(simd.set(self.airlight[k]), light[k]);
         }

@@ -55,11 +55,11 @@ pub struct Frame {
 }
 
 /// Channels of [`Frame::front`].
-pub const FRONT: usize = 5;
+pub const FRONT_CHANNELS: usize = 5;
 
 /// Channels of the arrays of a [`Frame`]: colour, alpha, depth, median depth, normal, particles,
 /// what is before a surface.
-pub(crate) const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
+pub(crate) const CHANNEL_COUNTS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT_CHANNELS];
 
 /// The arrays of a [`Frame`] that are filled, beside alpha, which always is.
 #[derive(Clone, Copy, Debug)]
@@ -85,23 +85,23 @@ pub(crate) fn splat_name(index: u32) -> f32 {
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 impl Arrays {
-    /// Returns the channels of each array, in the order of [`CHANNELS`]; 0 of those that are not
-    /// there.
-    fn each(self) -> [usize; 7] {
+    /// Returns the channels of each array, in the order of [`CHANNEL_COUNTS`]; 0 of those that are
+    /// not there.
+    fn array_channels(self) -> [usize; 7] {
         let Self { rgb, depth, median_depth, normal, particles, front } = self;
         let wanted = [rgb, true, depth, median_depth, normal, particles, front];
-        std::array::from_fn(|array| if wanted[array] { CHANNELS[array] } else { 0 })
+        std::array::from_fn(|array| if wanted[array] { CHANNEL_COUNTS[array] } else { 0 })
     }
 
     /// Returns the numbers of a pixel.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(self) -> usize {
-        self.each().iter().sum()
+        self.array_channels().iter().sum()
     }
 }
 
 impl Frame {
-    /// Returns all arrays, in the order of [`CHANNELS`].
+    /// Returns all arrays, in the order of [`CHANNEL_COUNTS`].
     pub(crate) fn arrays_mut(&mut self) -> [&mut Vec<f32>; 7] {
         let Self { rgb, alpha, depth, median_depth, normal, particles, front, .. } = self;
         [rgb, alpha, depth, median_depth, normal, particles, front]
@@ -119,7 +119,7 @@ impl Frame {
         arrays: Arrays,
     ) -> Result<(), RenderError> {
         let pixels = width as usize * height as usize;
-        for (array, channels) in self.arrays_mut().into_iter().zip(arrays.each()) {
+        for (array, channels) in self.arrays_mut().into_iter().zip(arrays.array_channels()) {
             let length = pixels * channels;
             if array.len() != length {
                 array.clear();
@@ -141,14 +141,16 @@ impl Frame {
     /// One of the five sums of [`Self::front`], `[H, W]`; empty without them.
     ///
     /// # Panics
-    /// If `part` is not below [`FRONT`].
+    /// If `part` is not below [`FRONT_CHANNELS`].
     #[must_use]
     pub fn front_sums(&self, part: usize) -> Vec<f32> {
-        assert!(part < FRONT, "five sums a pixel");
-        let rows = self.front.chunks(FRONT * self.width.max(1) as usize);
-        let groups = rows.flat_map(|row| row.chunks(FRONT * GROUP));
+        assert!(part < FRONT_CHANNELS, "five sums a pixel");
+        let rows = self.front.chunks(FRONT_CHANNELS * self.width.max(1) as usize);
+        let groups = rows.flat_map(|row| row.chunks(FRONT_CHANNELS * GROUP));
         groups
-            .flat_map(|group| &group[part * group.len() / FRONT..(part + 1) * group.len() / FRONT])
+            .flat_map(|group| {
+                &group[part * group.len() / FRONT_CHANNELS..(part + 1) * group.len() / FRONT_CHANNELS]
+            })
             .copied()
             .collect()
     }

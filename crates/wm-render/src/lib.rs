@@ -82,7 +82,7 @@ pub use differentiable::{
 };
 pub use error::{Listed, RenderError};
 pub use even_air::EvenAir;
-pub use frame::{ColorEncoding, FRONT, Frame};
+pub use frame::{ColorEncoding, FRONT_CHANNELS, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{Gpu, GpuDifferentiable, GpuRaySplats, GpuRenderer};
 pub use gradients::{Gradients, Learn};

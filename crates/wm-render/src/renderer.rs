@@ -5,7 +5,7 @@ use crate::cpu::model::{Cluster, SplatGroup};
 use crate::error::RenderError;
 use crate::frame::Frame;
 use crate::plan::{DrawPass, FramePlan, Pictures, SetView, SplatSource};
-use crate::sizes::{CLUSTER, GROUP, GROUPS};
+use crate::sizes::{CLUSTER, GROUP, GROUPS_PER_CLUSTER};
 use crate::stages::intersect::MAX_SPLATS;
 use serde::Serialize;
 use std::future::Future;
@@ -267,5 +267,5 @@ pub fn bytes_of_set(splats: usize, sh_degree: u8) -> u64 {
         + rest * size_of::<[f32; GROUP]>()
         + GROUP * size_of::<u32>()
         + size_of::<u16>();
-    (clusters * (GROUPS * group + size_of::<Cluster>())) as u64
+    (clusters * (GROUPS_PER_CLUSTER * group + size_of::<Cluster>())) as u64
 }

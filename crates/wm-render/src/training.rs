@@ -6,8 +6,8 @@
 
 pub use crate::stages::compare::{
     C1, C2, COVERAGE_TOLERANCE, Compared, Comparison, DEVIATION_FLOOR, EDGE_CONTRAST, Exposure, GridPriors,
-    MIN_COVERAGE, MIN_PATCH_PIXELS, MIN_RELATIVE_SIGMA, NO_EXPOSURE, Patches, PixelPrior, RADIUS, Term,
-    WINDOW,
+    MIN_COVERAGE, MIN_PATCH_PIXELS, MIN_RELATIVE_SIGMA, NO_EXPOSURE, Patches, PixelPrior, Term,
+    WINDOW_RADIUS_PX, WINDOW_WEIGHTS,
 };
 pub use crate::stages::optimize::cpu::{add_terms, hold_sky, step};
 pub use crate::stages::optimize::{

@@ -10,5 +10,5 @@ mod rigid;
 pub use distortion::Distortion;
 pub use lens::LensModel;
 pub use look_at::LookAt;
-pub use pinhole::{Camera, CameraError, FOV, MAX_PIXELS, MAX_SIDE};
+pub use pinhole::{Camera, CameraError, FOV_RANGE_DEG, MAX_PIXELS, MAX_SIDE};
 pub use rigid::{PoseFault, rotation_of, viewmat_at, viewmat_of};

@@ -37,12 +37,12 @@ impl Gps {
 
     /// Earth-centred, earth-fixed, m.
     pub fn ecef(&self) -> DVec3 {
-        const RADIUS: f64 = 6_378_137.0;
+        const EQUATORIAL_RADIUS_M: f64 = 6_378_137.0;
         const FLATTENING: f64 = 1.0 / 298.257_223_563;
         const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
         let (sin, cos) = self.latitude.to_radians().sin_cos();
         let (east, along) = self.longitude.to_radians().sin_cos();
-        let normal = RADIUS / (1.0 - ECCENTRICITY2 * sin * sin).sqrt();
+        let normal = EQUATORIAL_RADIUS_M / (1.0 - ECCENTRICITY2 * sin * sin).sqrt();
         let height = self.altitude.unwrap_or(0.0);
         let flat = (normal + height) * cos;
         DVec3::new(flat * along, flat * east, (normal * (1.0 - ECCENTRICITY2) + height) * sin)

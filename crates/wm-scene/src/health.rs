@@ -3,7 +3,7 @@
 use crate::{
     Group, Splats,
     splats::sigmoid,
-    values::{FARTHEST, Faults},
+    values::{Faults, MAX_SCENE_COORDINATE},
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -251,7 +251,9 @@ fn bounds(splats: &Splats, cut: f64) -> Option<Bounds> {
     for axis in 0..3 {
         let means = splats.means.iter().zip(&splats.groups);
         let mut values: Vec<f32> = means
-            .filter(|(mean, group)| **group != Group::Sky && mean.iter().all(|v| v.abs() <= FARTHEST))
+            .filter(|(mean, group)| {
+                **group != Group::Sky && mean.iter().all(|v| v.abs() <= MAX_SCENE_COORDINATE)
+            })
             .map(|(mean, _)| mean[axis])
             .collect();
         let last = values.len().checked_sub(1)?;

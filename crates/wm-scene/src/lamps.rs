@@ -3,7 +3,7 @@
 //! They are facts of the scene, kept with its [`crate::Metadata`]: nothing in the photos of a day
 //! tells them.
 
-use crate::values::FARTHEST;
+use crate::values::MAX_SCENE_COORDINATE;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -216,7 +216,7 @@ pub(crate) fn fault(lamps: &[Lamp], windows: &[LitWindow]) -> Option<String> {
 
 /// Returns true for a point that a scene can have.
 fn is_near(point: &[f64; 3]) -> bool {
-    point.iter().all(|v| v.abs() <= f64::from(FARTHEST))
+    point.iter().all(|v| v.abs() <= f64::from(MAX_SCENE_COORDINATE))
 }
 
 fn is_finite(v: &[f64; 3]) -> bool {

@@ -200,10 +200,10 @@ impl Metadata {
     ];
 
     /// Largest coordinate of an origin, scene units.
-    const FARTHEST_ORIGIN: f64 = 1e12;
+    const MAX_ORIGIN_COORDINATE: f64 = 1e12;
 
     /// Scales that a scene can have, metres a unit.
-    pub const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
+    pub const SCALE_RANGE: RangeInclusive<f64> = 1e-6..=1e6;
 
     /// Brightnesses that a white card can have.
     pub const WHITE_CARDS: RangeInclusive<f64> = 0.1..=20.0;
@@ -214,8 +214,8 @@ impl Metadata {
     /// Longest provenance, bytes: it must fit into one header line.
     const MAX_PROVENANCE_BYTES: usize = 4096;
 
-    /// Earliest and latest time of photos, seconds since 1970, UTC: the years 1800 to 3000.
-    pub const TIMES: RangeInclusive<f64> = -5_364_662_400.0..=32_503_680_000.0;
+    /// Times of photos, since 1970, UTC: the years 1800 to 3000.
+    pub const TIME_RANGE_S: RangeInclusive<f64> = -5_364_662_400.0..=32_503_680_000.0;
 
     /// Each key that has a value, with the value in TOML on one line.
     ///

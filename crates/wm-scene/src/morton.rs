@@ -19,7 +19,7 @@ fn spread(x: u64) -> u64 {
 }
 
 /// Cells along an axis of [`order`], less one.
-const CELLS: f32 = ((1 << 20) - 1) as f32;
+const MAX_CELL: f32 = ((1 << 20) - 1) as f32;
 
 /// Indices of splats along a Morton curve through their means: neighbours in space become
 /// neighbours in the file. Means that are NaN come last.
@@ -36,7 +36,7 @@ pub(crate) fn order(means: &[[f32; 3]]) -> Vec<u32> {
             let middle = 0.5 * low[k] + 0.5 * high[k];
             let (value, end) = (mean[k] - middle, (high[k] - middle).max(f32::MIN_POSITIVE));
             let curved = value.signum() * (1.0 + value.abs()).ln() / (1.0 + end).ln().max(f32::MIN_POSITIVE);
-            ((curved + 1.0) * 0.5 * CELLS).clamp(0.0, CELLS) as u64
+            ((curved + 1.0) * 0.5 * MAX_CELL).clamp(0.0, MAX_CELL) as u64
         });
         code(cell)
     };

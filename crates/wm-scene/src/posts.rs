@@ -10,8 +10,8 @@ use wm_base::statistics::quantile;
 const CELL_M: f64 = 0.15;
 /// Height of a layer, m.
 const LAYER_M: f64 = 0.25;
-/// Number of layers above the ground: 16 m.
-const LAYERS: usize = 64;
+/// Layers above the ground: 16 m.
+const LAYER_COUNT: usize = 64;
 /// Most cells of the grid: a larger place has its lamps on a map.
 const MAX_CELLS: usize = 8_000_000;
 /// Distance from the middle of the scene in which posts are searched, radii of the scene.
@@ -94,9 +94,9 @@ struct Piece {
 impl Piece {
     /// The layers that the piece reaches, from the lowest to that above the highest.
     fn layers(&self) -> std::ops::Range<usize> {
-        let layer = |height: f64| (height / LAYER_M).clamp(0.0, LAYERS as f64) as usize;
+        let layer = |height: f64| (height / LAYER_M).clamp(0.0, LAYER_COUNT as f64) as usize;
         let range = layer(self.at.z - self.half)..layer(self.at.z + self.half) + 1;
-        range.start..range.end.min(LAYERS)
+        range.start..range.end.min(LAYER_COUNT)
     }
 }
 
@@ -149,7 +149,7 @@ impl Columns {
         let layers = self.rows(cell, 1).flatten().fold(0, |layers, cell| layers | self.filled[cell]);
         let first = (MIN_VISIBLE_HEIGHT_M / LAYER_M) as usize;
         let (mut top, mut missing) = (first, 0);
-        for layer in first..LAYERS {
+        for layer in first..LAYER_COUNT {
             missing = if layers >> layer & 1 == 1 { 0 } else { missing + 1 };
             match missing {
                 0 => top = layer + 1,
@@ -232,7 +232,7 @@ impl Axis {
 
     /// The line along which most of some pieces stand; `None` if they are all at one height.
     fn through(pieces: &[Piece]) -> Option<Self> {
-        const ANCHORS: usize = 64;
+        const MAX_ANCHOR_COUNT: usize = 64;
         let about = |foot: DVec2| {
             let line = Self { foot, slope: DVec2::ZERO };
             pieces
@@ -240,8 +240,10 @@ impl Axis {
                 .map(|piece| piece.weight * (1.0 - line.distance(piece.at) / RADIUS_M).max(0.0))
                 .sum::<f64>()
         };
-        let anchors =
-            pieces.iter().step_by(pieces.len().div_ceil(ANCHORS).max(1)).map(|piece| piece.at.truncate());
+        let anchors = pieces
+            .iter()
+            .step_by(pieces.len().div_ceil(MAX_ANCHOR_COUNT).max(1))
+            .map(|piece| piece.at.truncate());
         let foot = anchors.max_by(|a, b| about(*a).total_cmp(&about(*b)))?;
         let mut line = Self { foot, slope: DVec2::ZERO };
         // Least squares of those that are near the line, nearer each time.
@@ -299,7 +301,7 @@ impl ThinSplats {
         let mut thin = Self { long: Vec::new(), small: Vec::new() };
         for index in 0..splats.len() {
             let at = level(DVec3::from_array(splats.means[index].map(f64::from)));
-            let is_low = (-1.0..LAYERS as f64 * LAYER_M).contains(&at.z);
+            let is_low = (-1.0..LAYER_COUNT as f64 * LAYER_M).contains(&at.z);
             let is_seen = || splats.is_sound(index) && splats.opacity(index) >= MIN_OPACITY;
             if !is_low || !is_seen() {
                 continue;

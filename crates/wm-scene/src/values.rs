@@ -5,7 +5,7 @@
 //! | a logarithm of a scale of -infinity | flat: of no thickness along that axis | as their least scale; SOG and compressed PLY have entries for it |
 //! | a logit of +infinity, -infinity | opaque, invisible | as opacity 1, 0 |
 //! | a quaternion of zeros | no rotation | as the identity |
-//! | a coordinate that is NaN, infinite or beyond [`FARTHEST`] | a fault | |
+//! | a coordinate that is NaN, infinite or beyond [`MAX_SCENE_COORDINATE`] | a fault | |
 //! | a logarithm of a scale that is NaN or above [`MAX_LOG_SCALE`] | a fault | |
 //! | a logit that is NaN | a fault | |
 //! | a part of a quaternion that is NaN or beyond 1e15 | a fault | |
@@ -20,7 +20,7 @@ use crate::Splats;
 
 /// Largest coordinate of a splat, scene units, either sign: squares of distances, and of these and
 /// scales together, stay within single precision. Far beyond is no place, but a damaged file.
-pub const FARTHEST: f32 = 1e10;
+pub const MAX_SCENE_COORDINATE: f32 = 1e10;
 
 /// Largest stored scale that is taken for a number: its square still fits f32 with room for a
 /// camera.
@@ -58,7 +58,7 @@ pub(crate) fn finite(values: [f32; 3]) -> [f32; 3] {
 /// The faults of one splat, array by array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
-    /// The mean is NaN, infinite or beyond [`FARTHEST`].
+    /// The mean is NaN, infinite or beyond [`MAX_SCENE_COORDINATE`].
     pub mean: bool,
     /// A scale is NaN or above [`MAX_LOG_SCALE`].
     pub scale: bool,
@@ -101,7 +101,7 @@ impl Splats {
         let zero_quat = squared < 1e-30;
         let is_zero = |values: &[f32]| values.iter().all(|v| *v == 0.0);
         Faults {
-            mean: !within(mean, FARTHEST),
+            mean: !within(mean, MAX_SCENE_COORDINATE),
             scale: !log_scale.iter().all(|v| *v <= MAX_LOG_SCALE),
             opacity: logit.is_nan(),
             quat: !within(quat, MAX_QUAT),
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn the_table_is_kept() {
         let sound = Splat {
-            mean: [FARTHEST, 2.0, -FARTHEST],
+            mean: [MAX_SCENE_COORDINATE, 2.0, -MAX_SCENE_COORDINATE],
             quat: [MAX_QUAT, 0.0, 0.0, 0.0],
             log_scale: [MAX_LOG_SCALE, f32::NEG_INFINITY, -2.0],
             logit_opacity: f32::INFINITY,

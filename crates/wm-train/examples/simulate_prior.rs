@@ -17,7 +17,7 @@ use wm_base::npy;
 use wm_base::random::uniform;
 
 /// Parts of the picture's width over which the smooth error is alike.
-const PARTS: f64 = 6.0;
+const PARTS_PER_WIDTH: f64 = 6.0;
 
 struct Options {
     blur: f64,
@@ -88,7 +88,7 @@ fn simulate(file: &Path, out: &Path, index: u64, options: &Options) -> Result<()
     let scale = (LN_10 * (2.0 * random(0) - 1.0)).exp();
     let shift = median * (random(1) - 0.5);
     let blurred = blur(&true_disparity, width, options.blur * width as f64);
-    let wave = Wave { cell: width as f64 / PARTS, seed: lane(1) };
+    let wave = Wave { cell: width as f64 / PARTS_PER_WIDTH, seed: lane(1) };
     let values: Vec<f32> = blurred
         .iter()
         .enumerate()

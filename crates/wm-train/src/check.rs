@@ -6,9 +6,9 @@ use thiserror::Error;
 /// Largest weight and step length: larger ones overflow.
 pub(crate) const MAX_WEIGHT: f64 = 1e9;
 /// Range of shares without 0 and 1, whose logits are infinite.
-pub(crate) const SHARE: RangeInclusive<f64> = 1e-6..=1.0 - 1e-6;
-pub(crate) const WEIGHT: RangeInclusive<f64> = 0.0..=MAX_WEIGHT;
-pub(crate) const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
+pub(crate) const SHARE_RANGE: RangeInclusive<f64> = 1e-6..=1.0 - 1e-6;
+pub(crate) const WEIGHT_RANGE: RangeInclusive<f64> = 0.0..=MAX_WEIGHT;
+pub(crate) const COUNT_RANGE: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
 
 /// A value of a configuration and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq)]

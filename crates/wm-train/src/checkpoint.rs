@@ -7,7 +7,7 @@
 
 use crate::config::TrainConfig;
 use crate::densify::Population;
-use crate::exposure::{Exposures, NUMBERS};
+use crate::exposure::{Exposures, TRANSFORM_VALUES};
 use crate::trainer::TrainState;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
@@ -177,7 +177,8 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Chec
     // Bytes per splat: parameters with two moments each, three sums of screen-space gradients, and
     // the last step in view.
     let per_splat = 4 * (3 * (11 + 3 * sh::coefficients(degree)) + 4);
-    let expected = head.splats.checked_mul(per_splat).zip(head.exposures.checked_mul(4 * (3 * NUMBERS + 1)));
+    let expected =
+        head.splats.checked_mul(per_splat).zip(head.exposures.checked_mul(4 * (3 * TRANSFORM_VALUES + 1)));
     if expected.and_then(|(a, b)| a.checked_add(b)) != Some(rest.len()) {
         return Err(damaged(path, "its size is not what its head says"));
     }

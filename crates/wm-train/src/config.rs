@@ -1,7 +1,7 @@
 //! The configuration of a training: everything that its result depends on, beside the photos.
 
 pub use crate::check::ConfigError;
-use crate::check::{COUNT, ConfigValue, MAX_WEIGHT, SHARE, WEIGHT};
+use crate::check::{COUNT_RANGE, ConfigValue, MAX_WEIGHT, SHARE_RANGE, WEIGHT_RANGE};
 pub use crate::densify::Densify;
 pub use crate::densify::adaptive::AdaptiveConfig;
 pub use crate::densify::fixed::FixedConfig;
@@ -376,35 +376,35 @@ impl TrainConfig {
         let values = [
             ("steps", f64::from(self.steps), 1.0..=f64::from(MAX_STEPS)),
             ("sh_degree", f64::from(self.sh_degree), 0.0..=f64::from(sh::MAX_DEGREE)),
-            ("sh_every", f64::from(self.sh_every), COUNT),
-            ("start_opacity", self.start_opacity, SHARE),
+            ("sh_every", f64::from(self.sh_every), COUNT_RANGE),
+            ("start_opacity", self.start_opacity, SHARE_RANGE),
             ("start_scale", self.start_scale, 1e-6..=MAX_WEIGHT),
             ("start_fill", self.start_fill, 0.0..=1.0),
             ("sky_splats", f64::from(self.sky_splats), 0.0..=MAX_SKY_SPLATS),
             ("haze.mor", if let HazeMode::Mor(mor) = self.haze { mor } else { 1.0 }, 1e-6..=MAX_WEIGHT),
-            ("loss.l1", loss.l1, WEIGHT),
-            ("loss.ssim", loss.ssim, WEIGHT),
-            ("loss.geometry.depth", geometry.depth, WEIGHT),
-            ("loss.geometry.depth_hard", geometry.depth_hard, WEIGHT),
-            ("loss.geometry.depth_soft", geometry.depth_soft, WEIGHT),
-            ("loss.geometry.depth_local", geometry.depth_local, WEIGHT),
-            ("loss.geometry.depth_margin", geometry.depth_margin, WEIGHT),
+            ("loss.l1", loss.l1, WEIGHT_RANGE),
+            ("loss.ssim", loss.ssim, WEIGHT_RANGE),
+            ("loss.geometry.depth", geometry.depth, WEIGHT_RANGE),
+            ("loss.geometry.depth_hard", geometry.depth_hard, WEIGHT_RANGE),
+            ("loss.geometry.depth_soft", geometry.depth_soft, WEIGHT_RANGE),
+            ("loss.geometry.depth_local", geometry.depth_local, WEIGHT_RANGE),
+            ("loss.geometry.depth_margin", geometry.depth_margin, WEIGHT_RANGE),
             ("loss.geometry.depth_from", geometry.depth_from, 0.0..=1.0),
             ("loss.geometry.depth_last", geometry.depth_last, f64::MIN_POSITIVE..=1.0),
-            ("loss.geometry.every", f64::from(geometry.every), COUNT),
-            ("loss.geometry.surface", geometry.surface, WEIGHT),
-            ("loss.geometry.normal", geometry.normal, WEIGHT),
+            ("loss.geometry.every", f64::from(geometry.every), COUNT_RANGE),
+            ("loss.geometry.surface", geometry.surface, WEIGHT_RANGE),
+            ("loss.geometry.normal", geometry.normal, WEIGHT_RANGE),
             ("loss.geometry.normal_from", geometry.normal_from, 0.0..=1.0),
-            ("loss.geometry.flat", geometry.flat, WEIGHT),
-            ("loss.geometry.smooth", geometry.smooth, WEIGHT),
+            ("loss.geometry.flat", geometry.flat, WEIGHT_RANGE),
+            ("loss.geometry.smooth", geometry.smooth, WEIGHT_RANGE),
             ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=MAX_WEIGHT),
             ("rates.means_last", rates.means_last, f64::MIN_POSITIVE..=MAX_WEIGHT),
-            ("rates.quats", rates.quats, WEIGHT),
-            ("rates.log_scales", rates.log_scales, WEIGHT),
-            ("rates.logit_opacities", rates.logit_opacities, WEIGHT),
-            ("rates.sh_dc", rates.sh_dc, WEIGHT),
-            ("rates.sh_rest", rates.sh_rest, WEIGHT),
-            ("rates.exposure", rates.exposure, WEIGHT),
+            ("rates.quats", rates.quats, WEIGHT_RANGE),
+            ("rates.log_scales", rates.log_scales, WEIGHT_RANGE),
+            ("rates.logit_opacities", rates.logit_opacities, WEIGHT_RANGE),
+            ("rates.sh_dc", rates.sh_dc, WEIGHT_RANGE),
+            ("rates.sh_rest", rates.sh_rest, WEIGHT_RANGE),
+            ("rates.exposure", rates.exposure, WEIGHT_RANGE),
         ];
         let values = values.map(|(name, value, range)| ConfigValue { name, value, range });
         let mut values = values.into_iter().chain(self.densify.strategy().values());

@@ -10,8 +10,8 @@ use wm_render::dispatch;
 use wm_render::simd::SimdPath;
 use wm_render::training::{Exposure, NO_EXPOSURE};
 
-/// Number of values of one transform: the rows of M, each followed by its b.
-pub(crate) const NUMBERS: usize = NO_EXPOSURE.len();
+/// Values of one transform: the rows of M, each followed by its b.
+pub(crate) const TRANSFORM_VALUES: usize = NO_EXPOSURE.len();
 
 /// The colour transforms of all photos.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,7 +19,7 @@ pub(crate) struct Exposures {
     /// `[P]`.
     pub(crate) changes: Vec<Exposure>,
     /// The optimiser's moments: means of gradients and of their squares.
-    pub(crate) moments: Vec<[[f32; NUMBERS]; 2]>,
+    pub(crate) moments: Vec<[[f32; TRANSFORM_VALUES]; 2]>,
     /// The number of steps that each photo has learnt.
     pub(crate) steps: Vec<u32>,
 }
@@ -29,7 +29,7 @@ impl Exposures {
     pub(crate) fn new(photos: usize) -> Self {
         Self {
             changes: vec![NO_EXPOSURE; photos],
-            moments: vec![[[0.0; NUMBERS]; 2]; photos],
+            moments: vec![[[0.0; TRANSFORM_VALUES]; 2]; photos],
             steps: vec![0; photos],
         }
     }
@@ -53,7 +53,7 @@ impl Exposures {
     pub(crate) fn apply(&self, path: SimdPath, photo: usize, rgb: &[f32], out: &mut [f32]) {
         let m = &self.changes[photo];
         let mix = Mix::new(|row, column| m[4 * row + column], |row| m[4 * row + 3]);
-        out.par_chunks_mut(CHUNK).zip(rgb.par_chunks(CHUNK)).for_each(|(out, rgb)| {
+        out.par_chunks_mut(VALUES_PER_TASK).zip(rgb.par_chunks(VALUES_PER_TASK)).for_each(|(out, rgb)| {
             dispatch!(path, _simd => mix.apply(rgb, out));
         });
     }
@@ -70,12 +70,12 @@ impl Exposures {
     ) {
         let m = &self.changes[photo];
         let back = Mix::new(|row, column| m[4 * column + row], |_| 0.0);
-        let parts: Vec<[f64; NUMBERS]> = gradient
-            .par_chunks_mut(CHUNK)
-            .zip(rgb.par_chunks(CHUNK))
-            .map(|(gradient, rgb)| dispatch!(path, _simd => back.pull(rgb, gradient)))
+        let parts: Vec<[f64; TRANSFORM_VALUES]> = gradient
+            .par_chunks_mut(VALUES_PER_TASK)
+            .zip(rgb.par_chunks(VALUES_PER_TASK))
+            .map(|(gradient, rgb)| dispatch!(path, _simd => back.apply_transpose(rgb, gradient)))
             .collect();
-        let mut total = [0.0; NUMBERS];
+        let mut total = [0.0; TRANSFORM_VALUES];
         for part in parts {
             for (total, part) in total.iter_mut().zip(part) {
                 *total += part;
@@ -85,11 +85,11 @@ impl Exposures {
     }
 
     /// Takes one Adam step for the photo, along the gradient by its transform.
-    pub(crate) fn step(&mut self, photo: usize, gradient: &[f64; NUMBERS], rate: f64) {
+    pub(crate) fn step(&mut self, photo: usize, gradient: &[f64; TRANSFORM_VALUES], rate: f64) {
         self.steps[photo] += 1;
         let corrections = [0.9f64, 0.999].map(|beta| 1.0 - beta.powi(self.steps[photo].min(100_000) as i32));
         let [first, second] = &mut self.moments[photo];
-        for k in 0..NUMBERS {
+        for k in 0..TRANSFORM_VALUES {
             let g = gradient[k];
             let (m, v) = (0.9 * f64::from(first[k]) + 0.1 * g, 0.999 * f64::from(second[k]) + 0.001 * g * g);
             (first[k], second[k]) = (m as f32, v as f32);
@@ -102,31 +102,32 @@ impl Exposures {
 }
 
 /// Values per task.
-const CHUNK: usize = 256 * BLOCK;
+const VALUES_PER_TASK: usize = 256 * VALUES_PER_BLOCK;
 /// Values per block: 16 pixels, a multiple of the vector width of every SIMD path.
-const BLOCK: usize = 48;
+const VALUES_PER_BLOCK: usize = 48;
 /// Offsets at which values are mixed: up to two values to each side.
-const SHIFTS: usize = 5;
+const SHIFT_COUNT: usize = 5;
 
 /// A change of colour for interleaved values: by how much each value's neighbours come into it, 0
 /// for those of other pixels. Plain loops over a block, of which the compiler makes vectors.
 struct Mix {
-    shares: [[f32; BLOCK]; SHIFTS],
-    offsets: [f32; BLOCK],
+    shares: [[f32; VALUES_PER_BLOCK]; SHIFT_COUNT],
+    offsets: [f32; VALUES_PER_BLOCK],
 }
 
 /// A block between zeros, short ones filled up with zeros.
 #[inline(always)]
-fn padded(values: &[f32]) -> [f32; BLOCK + SHIFTS - 1] {
-    let mut padded = [0.0; BLOCK + SHIFTS - 1];
+fn padded(values: &[f32]) -> [f32; VALUES_PER_BLOCK + SHIFT_COUNT - 1] {
+    let mut padded = [0.0; VALUES_PER_BLOCK + SHIFT_COUNT - 1];
     padded[2..2 + values.len()].copy_from_slice(values);
     padded
 }
 
 impl Mix {
     fn new(matrix: impl Fn(usize, usize) -> f32, offset: impl Fn(usize) -> f32) -> Self {
-        let mut mix = Self { shares: [[0.0; BLOCK]; SHIFTS], offsets: [0.0; BLOCK] };
-        for i in 0..BLOCK {
+        let mut mix =
+            Self { shares: [[0.0; VALUES_PER_BLOCK]; SHIFT_COUNT], offsets: [0.0; VALUES_PER_BLOCK] };
+        for i in 0..VALUES_PER_BLOCK {
             let row = i % 3;
             mix.offsets[i] = offset(row);
             for column in 0..3 {
@@ -137,10 +138,10 @@ impl Mix {
     }
 
     #[inline(always)]
-    fn of_block(&self, values: &[f32; BLOCK + SHIFTS - 1]) -> [f32; BLOCK] {
+    fn of_block(&self, values: &[f32; VALUES_PER_BLOCK + SHIFT_COUNT - 1]) -> [f32; VALUES_PER_BLOCK] {
         let mut mixed = self.offsets;
         for (shift, shares) in self.shares.iter().enumerate() {
-            for i in 0..BLOCK {
+            for i in 0..VALUES_PER_BLOCK {
                 mixed[i] += shares[i] * values[i + shift];
             }
         }
@@ -149,7 +150,7 @@ impl Mix {
 
     #[inline(always)]
     fn apply(&self, rgb: &[f32], out: &mut [f32]) {
-        for (out, rgb) in out.chunks_mut(BLOCK).zip(rgb.chunks(BLOCK)) {
+        for (out, rgb) in out.chunks_mut(VALUES_PER_BLOCK).zip(rgb.chunks(VALUES_PER_BLOCK)) {
             out.copy_from_slice(&self.of_block(&padded(rgb))[..out.len()]);
         }
     }
@@ -157,23 +158,23 @@ impl Mix {
     /// Applies the transpose to a gradient in place; returns the derivatives by the values of the
     /// transform.
     #[inline(always)]
-    fn pull(&self, rgb: &[f32], gradient: &mut [f32]) -> [f64; NUMBERS] {
-        let mut products = [[0.0f32; BLOCK]; SHIFTS];
-        let mut sums = [0.0f32; BLOCK];
-        for (gradient, rgb) in gradient.chunks_mut(BLOCK).zip(rgb.chunks(BLOCK)) {
+    fn apply_transpose(&self, rgb: &[f32], gradient: &mut [f32]) -> [f64; TRANSFORM_VALUES] {
+        let mut products = [[0.0f32; VALUES_PER_BLOCK]; SHIFT_COUNT];
+        let mut sums = [0.0f32; VALUES_PER_BLOCK];
+        for (gradient, rgb) in gradient.chunks_mut(VALUES_PER_BLOCK).zip(rgb.chunks(VALUES_PER_BLOCK)) {
             let (by, rgb) = (padded(gradient), padded(rgb));
             for (shift, products) in products.iter_mut().enumerate() {
-                for i in 0..BLOCK {
+                for i in 0..VALUES_PER_BLOCK {
                     products[i] += by[i + 2] * rgb[i + shift];
                 }
             }
-            for i in 0..BLOCK {
+            for i in 0..VALUES_PER_BLOCK {
                 sums[i] += by[i + 2];
             }
             gradient.copy_from_slice(&self.of_block(&by)[..gradient.len()]);
         }
-        let mut pulls = [0.0; NUMBERS];
-        for i in 0..BLOCK {
+        let mut pulls = [0.0; TRANSFORM_VALUES];
+        for i in 0..VALUES_PER_BLOCK {
             let row = i % 3;
             pulls[4 * row + 3] += f64::from(sums[i]);
             for column in 0..3 {
@@ -217,7 +218,7 @@ mod tests {
             );
         }
         assert!(off[0] < 0.01 && off[1] < 0.01, "{off:?}");
-        for k in 0..NUMBERS {
+        for k in 0..TRANSFORM_VALUES {
             assert!((exposures.changes[0][k] + exposures.changes[1][k] - 2.0 * NO_EXPOSURE[k]).abs() < 1e-4);
         }
     }
@@ -225,8 +226,8 @@ mod tests {
     /// Against the definition, of a size that is no whole number of blocks nor of tasks.
     #[test]
     fn the_gradient_goes_through_the_change() {
-        let pixels = CHUNK / 3 + 21;
-        let m: [f32; NUMBERS] = std::array::from_fn(|k| k as f32 - 4.5);
+        let pixels = VALUES_PER_TASK / 3 + 21;
+        let m: [f32; TRANSFORM_VALUES] = std::array::from_fn(|k| k as f32 - 4.5);
         let value =
             |seed: u64| -> Vec<f32> { (0..3 * pixels).map(|i| uniform(seed, i as u64) as f32).collect() };
         let (rgb, by) = (value(3), value(4));
@@ -237,7 +238,7 @@ mod tests {
             exposures.apply(path, 0, &rgb, &mut out);
             let mut gradient = by.clone();
             exposures.learn(path, 0, &rgb, &mut gradient, 0.0);
-            let mut pulls = [0.0; NUMBERS];
+            let mut pulls = [0.0; TRANSFORM_VALUES];
             for pixel in 0..pixels {
                 let (c, g) = (&rgb[3 * pixel..][..3], &by[3 * pixel..][..3]);
                 for row in 0..3 {

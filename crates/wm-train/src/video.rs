@@ -41,9 +41,10 @@ const THUMBNAIL_REDUCTION: usize = GREY_SIZE_PX.0 / THUMBNAIL_SIZE_PX.0;
 /// Longest shift that is measured, px of a thumbnail.
 const MAX_SHIFT_PX: i32 = 12;
 /// Blocks of a thumbnail along each side.
-const BLOCKS: usize = 3;
+const BLOCKS_PER_SIDE: usize = 3;
 /// Width and height of a block, px of the small frame.
-const BLOCK_SIZE: (usize, usize) = (THUMBNAIL_SIZE_PX.0 / BLOCKS, THUMBNAIL_SIZE_PX.1 / BLOCKS);
+const BLOCK_SIZE: (usize, usize) =
+    (THUMBNAIL_SIZE_PX.0 / BLOCKS_PER_SIDE, THUMBNAIL_SIZE_PX.1 / BLOCKS_PER_SIDE);
 /// Tried shifts between two frames, as fractions of the width: the first that gives enough frames
 /// is used.
 const FRAME_SHIFTS: [f64; 5] = [0.08, 0.06, 0.04, 0.03, 0.02];
@@ -369,12 +370,12 @@ impl Candidate {
     /// Returns how far the parts of a picture moved to another frame: the mean length of the shifts
     /// of its blocks, as a fraction of the width. A block that fits nowhere, or best at the end of
     /// the search, counts with the longest shift.
-    fn way(&self, other: &Self) -> f64 {
+    fn motion(&self, other: &Self) -> f64 {
         let (width, height) = BLOCK_SIZE;
-        let lengths: Vec<f64> = (0..BLOCKS * BLOCKS)
+        let lengths: Vec<f64> = (0..BLOCKS_PER_SIDE * BLOCKS_PER_SIDE)
             .into_par_iter()
             .map(|block| {
-                let (x, y) = (width * (block % BLOCKS), height * (block / BLOCKS));
+                let (x, y) = (width * (block % BLOCKS_PER_SIDE), height * (block / BLOCKS_PER_SIDE));
                 let mut best = (u64::MAX, 0);
                 for dy in -MAX_SHIFT_PX..=MAX_SHIFT_PX {
                     for dx in -MAX_SHIFT_PX..=MAX_SHIFT_PX {
@@ -439,14 +440,16 @@ fn chosen_after(candidates: &[Candidate], way: f64) -> Vec<usize> {
     };
     let mut chosen: Vec<usize> = Vec::new();
     // The first window: what lies within a part of the way from the start.
-    let begin =
-        candidates.iter().take_while(|other| candidates[0].way(other) < (1.0 - WINDOW_START) * way).count();
+    let begin = candidates
+        .iter()
+        .take_while(|other| candidates[0].motion(other) < (1.0 - WINDOW_START) * way)
+        .count();
     let Some(mut last) = sharpest(0, begin.max(1)) else { return chosen };
     chosen.push(last);
     let mut window = None;
     let mut next = last + 1;
     while next < candidates.len() {
-        let moved = candidates[last].way(&candidates[next]);
+        let moved = candidates[last].motion(&candidates[next]);
         if window.is_none() && moved >= WINDOW_START * way {
             window = Some(next);
         }
@@ -491,9 +494,9 @@ mod tests {
     #[test]
     fn ways_are_fractions_of_the_width() {
         let start = frame(0.0, 0);
-        assert_eq!(start.way(&start), 0.0);
+        assert_eq!(start.motion(&start), 0.0);
         for pixels in [6.0, 24.0, 48.0] {
-            let way = start.way(&frame(pixels, 0));
+            let way = start.motion(&frame(pixels, 0));
             assert!((way - pixels / GREY_SIZE_PX.0 as f64).abs() < 0.012, "{pixels}: {way}");
         }
         assert!(frame(0.0, 0).sharpness > 1.2 * frame(0.0, 20).sharpness);

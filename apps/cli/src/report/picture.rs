@@ -6,13 +6,13 @@ use base64::prelude::BASE64_STANDARD;
 use std::fmt::Write;
 use weather_magician::wm_image::maps::{Filter, Map};
 use wm_image::jpeg::{self, SamplingFactor};
-use wm_image::ramps::{ColorRamp, MISSING, UNKNOWN};
+use wm_image::ramps::{ColorRamp, MISSING_COLOR, UNKNOWN_COLOR};
 
 /// Maximum width of a picture beside others, px.
 pub(crate) const WIDEST: u32 = 480;
 /// JPEG quality: below it ringing at edges becomes visible.
 const QUALITY: u8 = 88;
-/// Number of colours of a ramp; the two after them are [`MISSING`] and [`UNKNOWN`].
+/// Number of colours of a ramp; the two after them are [`MISSING_COLOR`] and [`UNKNOWN_COLOR`].
 const STEPS: u8 = 253;
 
 /// A pixel of a map.
@@ -54,7 +54,7 @@ pub(crate) fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String
 pub(crate) fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
     let last = f64::from(STEPS);
     let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
-    palette.extend([MISSING, UNKNOWN]);
+    palette.extend([MISSING_COLOR, UNKNOWN_COLOR]);
     let index = |cell: &MapCell| match cell {
         MapCell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
         MapCell::Missing => STEPS + 1,

@@ -87,8 +87,8 @@ impl FactChange {
         if let Self::Scale { points: [a, b], metres } = self {
             let scale = metres / a.distance(b);
             // What is no scale at all is told by the alignment.
-            if scale > 0.0 && scale.is_finite() && !Metadata::SCALES.contains(&scale) {
-                let (least, most) = (Metadata::SCALES.start(), Metadata::SCALES.end());
+            if scale > 0.0 && scale.is_finite() && !Metadata::SCALE_RANGE.contains(&scale) {
+                let (least, most) = (Metadata::SCALE_RANGE.start(), Metadata::SCALE_RANGE.end());
                 return Err(FactError::Refused(format!(
                     "{scale:e} metres a unit: a scale is {least:e} to {most:e}; check the points and the metres"
                 )));

@@ -6,7 +6,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use weather_magician::view::ViewOptions;
-use wm_scene::camera::FOV;
+use wm_scene::camera::FOV_RANGE_DEG;
 
 /// A camera as functions take it.
 pub(super) enum CameraInput {
@@ -36,7 +36,7 @@ impl CameraInput {
 }
 
 pub(super) fn view_options(size: Option<(u32, u32)>, fov: Option<f64>) -> PyResult<ViewOptions> {
-    if let Some(fov) = fov.filter(|fov| !FOV.contains(fov)) {
+    if let Some(fov) = fov.filter(|fov| !FOV_RANGE_DEG.contains(fov)) {
         return Err(PyValueError::new_err(format!("fov {fov}: must be 0.1 to 170 degrees")));
     }
     Ok(ViewOptions { size, fov, ..ViewOptions::default() })

@@ -41,10 +41,10 @@ pub(super) fn check(operation: Operation) -> io::Result<()> {
             is_kill: killed.is_some(),
         })
     });
-    static DONE: AtomicU64 = AtomicU64::new(0);
+    static OPERATION_COUNT: AtomicU64 = AtomicU64::new(0);
     let Some(wanted) = &*WANTED else { return Ok(()) };
     if !format!("{operation:?}").eq_ignore_ascii_case(&wanted.operation)
-        || DONE.fetch_add(1, Ordering::Relaxed) + 1 != wanted.number
+        || OPERATION_COUNT.fetch_add(1, Ordering::Relaxed) + 1 != wanted.number
     {
         return Ok(());
     }

@@ -19,7 +19,7 @@ use wm_place::view::moves::PathSpec;
 use wm_place::view::spec::CameraSpec;
 use wm_place::{Error, Result};
 use wm_scene::Metadata;
-use wm_scene::camera::FOV;
+use wm_scene::camera::FOV_RANGE_DEG;
 use wm_weather::{Fidelity, Weather};
 
 /// Longest plan that is read, bytes.
@@ -351,7 +351,7 @@ impl PlanFile {
         {
             return fault(at, "rig size", format!("{width}x{height}: a side has 16 to {} px", sides.end()));
         }
-        if !FOV.contains(&fov) {
+        if !FOV_RANGE_DEG.contains(&fov) {
             return fault(at, "rig fov", format!("{fov}: it must be 0.1 to 170 degrees"));
         }
         Ok((PlanRig::Camera { size: (width, height), fov }, None))

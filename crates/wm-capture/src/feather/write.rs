@@ -7,11 +7,11 @@ use half::f16;
 use std::io;
 
 /// The bytes that messages and buffers lie at multiples of: what Arrow recommends.
-const ALIGNMENT: usize = 64;
+const ALIGNMENT_BYTES: usize = 64;
 /// The mark that messages begin with since Arrow 0.15.
-const CONTINUATION: [u8; 4] = [0xff; 4];
+const CONTINUATION_MARK: [u8; 4] = [0xff; 4];
 /// Kinds of messages.
-const SCHEMA: u8 = 1;
+const SCHEMA_MESSAGE: u8 = 1;
 const RECORD_BATCH: u8 = 3;
 
 /// A column that is written.
@@ -171,7 +171,7 @@ fn file(columns: &[FeatherColumn], packer: Option<Packer<'_>>) -> io::Result<Vec
                 _ => body.extend(bytes),
             }
             buffers.extend([start as u64, (body.len() - start) as u64]);
-            pad(&mut body, 0, ALIGNMENT);
+            pad(&mut body, 0, ALIGNMENT_BYTES);
         }
     }
     let schema = || {
@@ -193,13 +193,13 @@ fn file(columns: &[FeatherColumn], packer: Option<Packer<'_>>) -> io::Result<Vec
 
     let mut out = MAGIC.to_vec();
     pad(&mut out, 0, 8);
-    append_message(&mut out, SCHEMA, schema(), 0);
+    append_message(&mut out, SCHEMA_MESSAGE, schema(), 0);
     let place = out.len();
     append_message(&mut out, RECORD_BATCH, batch, body.len());
     let block = [place, out.len() - place, body.len()].map(|number| number as u64);
     out.extend(body);
     // The end of the messages.
-    out.extend(CONTINUATION);
+    out.extend(CONTINUATION_MARK);
     out.extend([0; 4]);
     let dictionaries = FlatField::Structs(3, Vec::new());
     let blocks = FlatField::Structs(3, block.into());
@@ -210,13 +210,13 @@ fn file(columns: &[FeatherColumn], packer: Option<Packer<'_>>) -> io::Result<Vec
     Ok(out)
 }
 
-/// Appends a message without its body, which follows at a multiple of [`ALIGNMENT`].
+/// Appends a message without its body, which follows at a multiple of [`ALIGNMENT_BYTES`].
 fn append_message(out: &mut Vec<u8>, kind: u8, header: FlatField, body: usize) {
     let message =
         flatbuffer(&[FlatField::Short(VERSION), FlatField::Byte(kind), header, FlatField::Long(body as u64)]);
     let start = out.len() + 8;
-    let end = (start + message.len()).next_multiple_of(ALIGNMENT);
-    out.extend(CONTINUATION);
+    let end = (start + message.len()).next_multiple_of(ALIGNMENT_BYTES);
+    out.extend(CONTINUATION_MARK);
     out.extend(((end - start) as u32).to_le_bytes());
     out.extend(message);
     out.resize(end, 0);

@@ -55,7 +55,7 @@ fn walk(dice: &mut Dice, walker: Walker) -> Vec<Camera> {
 
 /// The capture of places without anything before them, turned, scaled and moved:
 /// `p -> turn * (scale p) + shift`.
-fn taken(cameras: &[Camera], places: &[DVec3], turn: DQuat, scale: f64) -> Capture {
+fn capture_of(cameras: &[Camera], places: &[DVec3], turn: DQuat, scale: f64) -> Capture {
     taken_if(cameras, places, turn, scale, |_, _| true)
 }
 
@@ -75,7 +75,7 @@ proptest! {
         let cameras = walk(&mut dice, Walker { count, height, ..WALKER });
         let places = street(&mut dice, 600, 0.0);
         let turn = rotation(seed, 1);
-        let found = ground(&taken(&cameras, &places, turn, scale)).unwrap();
+        let found = ground(&capture_of(&cameras, &places, turn, scale)).unwrap();
         prop_assert!((found.height / (height * scale) - 1.0).abs() < 0.1, "{found:?}");
         prop_assert!(found.up.angle_between(turn * DVec3::Z).to_degrees() < 4.0, "{found:?}");
         let shift = DVec3::new(3.0, -7.0, 11.0);
@@ -90,7 +90,7 @@ proptest! {
         // A cloud without a surface, and numbers of any kind.
         let mut places = scatter(&mut dice, [-9.0, 0.0, -9.0], [9.0, 40.0, 9.0], count);
         places.extend(numbers.chunks(3).map(DVec3::from_slice));
-        prop_assert!(ground(&taken(&cameras, &places, DQuat::IDENTITY, 1.0)).is_err());
+        prop_assert!(ground(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0)).is_err());
     }
 }
 
@@ -111,7 +111,7 @@ fn streets_that_rise_and_lean_have_their_ground() {
                 camera.viewmat *= DMat4::from_translation(center - lift(center));
             }
             let places: Vec<DVec3> = street(&mut dice, 600, 0.0).into_iter().map(lift).collect();
-            let found = ratio(&taken(&cameras, &places, rotation(seed, 2), 0.1), 0.16);
+            let found = ratio(&capture_of(&cameras, &places, rotation(seed, 2), 0.1), 0.16);
             // Where the ground falls off beyond the end of the path, nothing may be said.
             if name == "over a hill" && found.is_err() {
                 continue;
@@ -130,7 +130,7 @@ fn walls_alone_say_nothing() {
             let mut dice = Dice::new(seed);
             let cameras = walk(&mut dice, WALKER);
             let places = street(&mut dice, ground, foot);
-            let found = ratio(&taken(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
+            let found = ratio(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
             assert_eq!(found, Err(CaptureGroundError::Unclear), "{seed}, ground {ground}, from {foot} m up");
         }
     }
@@ -143,10 +143,10 @@ fn strays_below_the_ground_are_borne_if_they_are_few() {
         let cameras = walk(&mut dice, WALKER);
         let mut places = street(&mut dice, 600, 0.0);
         places.extend(scatter(&mut dice, [-4.0, 0.0, -5.0], [4.0, 40.0, -0.1], 20));
-        let few = ratio(&taken(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
+        let few = ratio(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
         assert!(few.is_ok_and(|found| (found - 1.0).abs() < 0.1), "{few:?}");
         places.extend(scatter(&mut dice, [-4.0, 0.0, -5.0], [4.0, 40.0, -0.1], 600));
-        let many = ratio(&taken(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
+        let many = ratio(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
         assert!(many.is_err(), "{many:?}");
     }
 }
@@ -157,7 +157,7 @@ fn drones_that_look_down_say_nothing() {
         let mut dice = Dice::new(4);
         let cameras = walk(&mut dice, Walker { height, pitch, ..WALKER });
         let places = scatter(&mut dice, [-40.0, -20.0, 0.0], [40.0, 80.0, 0.1], 2000);
-        let found = ground(&taken(&cameras, &places, rotation(4, 4), 1.0));
+        let found = ground(&capture_of(&cameras, &places, rotation(4, 4), 1.0));
         assert!(
             matches!(found, Err(CaptureGroundError::Pitched(_) | CaptureGroundError::Askew)),
             "{found:?}"
@@ -179,14 +179,14 @@ fn cameras_on_their_side_are_never_wrong() {
             }
             let cameras: Vec<Camera> =
                 cameras.into_iter().map(|c| rolled(c, f64::to_radians(turn))).collect();
-            let found = ratio(&taken(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
+            let found = ratio(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
             assert!(found.is_err(), "{seed}, turned by {turn}: {found:?}");
         }
         // Held askew they are still upright.
         let mut dice = Dice::new(seed);
         let cameras = walk(&mut dice, Walker { roll: 12.0, ..WALKER });
         let places = street(&mut dice, 600, 0.0);
-        let found = ratio(&taken(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
+        let found = ratio(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
         assert!(!found.is_ok_and(|found| (found - 1.0).abs() > 0.15), "{seed}: {found:?}");
     }
 }
@@ -200,7 +200,7 @@ fn rooms_are_right_or_nothing_is_said() {
         places.extend(scatter(&mut dice, [-3.0, 0.0, 2.5], [3.0, 40.0, 2.51], 600));
         places.extend(scatter(&mut dice, [-3.0, 0.0, 0.0], [-2.99, 40.0, 2.5], 300));
         places.extend(scatter(&mut dice, [2.99, 0.0, 0.0], [3.0, 40.0, 2.5], 300));
-        let found = ratio(&taken(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
+        let found = ratio(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
         assert!(!found.is_ok_and(|found| (found - 1.0).abs() > 0.1), "{found:?}");
     }
 }
@@ -214,7 +214,7 @@ fn a_quay_is_not_taken_for_the_water() {
         let mut places = scatter(&mut dice, [-1.5, 0.0, -0.01], [1.5, 40.0, 0.01], 300);
         places.extend(scatter(&mut dice, [3.0, 0.0, -3.0], [16.0, 40.0, -2.99], 900));
         places.extend(scatter(&mut dice, [-16.0, 0.0, -3.0], [-3.0, 40.0, -2.99], 900));
-        let found = ratio(&taken(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
+        let found = ratio(&capture_of(&cameras, &places, DQuat::IDENTITY, 1.0), 1.6);
         assert!(!found.is_ok_and(|found| (found - 1.0).abs() > 0.1), "{found:?}");
     }
 }
@@ -223,16 +223,19 @@ fn a_quay_is_not_taken_for_the_water() {
 fn what_is_not_known_is_told() {
     let mut dice = Dice::new(1);
     let (cameras, places) = (walk(&mut dice, WALKER), street(&mut dice, 600, 0.0));
-    let mut capture = taken(&cameras, &places, DQuat::IDENTITY, 1.0);
-    let few = taken(&cameras[..4], &places, DQuat::IDENTITY, 1.0);
+    let mut capture = capture_of(&cameras, &places, DQuat::IDENTITY, 1.0);
+    let few = capture_of(&cameras[..4], &places, DQuat::IDENTITY, 1.0);
     assert_eq!(ground(&few), Err(CaptureGroundError::Few(4)));
     let one_place = vec![cameras[0]; 9];
-    assert_eq!(ground(&taken(&one_place, &places, DQuat::IDENTITY, 1.0)), Err(CaptureGroundError::Few(1)));
+    assert_eq!(
+        ground(&capture_of(&one_place, &places, DQuat::IDENTITY, 1.0)),
+        Err(CaptureGroundError::Few(1))
+    );
     capture.observations.iter_mut().for_each(Vec::clear);
     assert_eq!(ground(&capture), Err(CaptureGroundError::Blind));
     let mut dice = Dice::new(1);
     let uneven = walk(&mut dice, Walker { bob: 1.5, height: 2.5, ..WALKER });
-    let found = ratio(&taken(&uneven, &places, DQuat::IDENTITY, 1.0), 2.5);
+    let found = ratio(&capture_of(&uneven, &places, DQuat::IDENTITY, 1.0), 2.5);
     assert!(found.is_err(), "{found:?}");
     let down = CaptureGroundError::Pitched(-31.4).to_string();
     assert_eq!(down, "the photos were not taken level: their middle looks down 31 degrees");

@@ -1,7 +1,7 @@
 //! Logs with gaps and damage: what is missing is left out and said, and what is damaged is refused
 //! or skipped.
 
-use super::mini::{FRAMES, MiniLog};
+use super::mini::{FRAME_COUNT, MiniLog};
 use super::tests::{check_places, made, open};
 use super::*;
 use std::fs;
@@ -74,10 +74,10 @@ fn an_empty_line_of_times_is_a_missing_record() {
             if sensor.ends_with("_start.txt") || sensor.ends_with("_end.txt") {
                 // A sweep without its start or its end is taken as still.
                 let kept = sweeps + usize::from(is_lost);
-                assert_eq!((pictures, kept), (2 * FRAMES, FRAMES), "{sensor}");
+                assert_eq!((pictures, kept), (2 * FRAME_COUNT, FRAME_COUNT), "{sensor}");
                 log.sweeps.retain(|sweep| !sweep.file.ends_with("0000000002.bin"));
             } else {
-                assert_eq!([2 * FRAMES - pictures, FRAMES - sweeps], lost, "{sensor}");
+                assert_eq!([2 * FRAME_COUNT - pictures, FRAME_COUNT - sweeps], lost, "{sensor}");
                 let is_said = says(&log.warnings, "have no time or no pose in oxts; they are left out");
                 assert_eq!(is_said, !is_lost && lost != [0, 0], "{sensor} {:?}", log.warnings);
             }
@@ -102,7 +102,7 @@ fn line_ends_and_marks_of_other_systems_are_nothing() {
             }
             let log = open(&mini);
             let warnings = if index == 0 { 0 } else { 1 };
-            assert_eq!((log.sweeps.len(), log.warnings.len()), (FRAMES, warnings), "{:?}", log.warnings);
+            assert_eq!((log.sweeps.len(), log.warnings.len()), (FRAME_COUNT, warnings), "{:?}", log.warnings);
             check_places(log.format, &mini, &log);
         }
     }
@@ -114,7 +114,7 @@ fn an_empty_line_of_poses_is_a_missing_frame() {
         let (_folder, mini) = made(1);
         set_line(&mini.path.join(name), 3, "");
         let log = open(&mini);
-        assert_eq!((log.pictures.len(), log.sweeps.len()), (FRAMES - 1, FRAMES - 1));
+        assert_eq!((log.pictures.len(), log.sweeps.len()), (FRAME_COUNT - 1, FRAME_COUNT - 1));
         assert!(says(&log.warnings, "1 pictures of image_2 have no pose or time"), "{:?}", log.warnings);
         assert!(says(&log.warnings, "1 sweeps have no pose or time"), "{:?}", log.warnings);
         check_places("KITTI odometry", &mini, &log);
@@ -124,7 +124,7 @@ fn an_empty_line_of_poses_is_a_missing_frame() {
     set_line(&mini.path.join("../../poses/07.txt"), 0, "");
     fs::remove_file(mini.path.join("times.txt")).unwrap();
     let log = open(&mini);
-    assert_eq!((log.pictures.len(), log.pictures[0].timestamp), (FRAMES - 1, 100_000_000));
+    assert_eq!((log.pictures.len(), log.pictures[0].timestamp), (FRAME_COUNT - 1, 100_000_000));
     check_places("KITTI odometry", &mini, &log);
 }
 
@@ -195,8 +195,13 @@ fn a_damaged_record_is_refused_or_skipped() {
         assert!(!error.contains('\n'), "{error}");
         let log = DrivingLog::open(&mini.path, &SKIP()).unwrap().unwrap();
         let made = capture(&log, true).unwrap();
-        let pictures = if index == 1 { FRAMES } else { 2 * FRAMES };
-        assert_eq!([pictures - made.pictures, FRAMES - made.sweeps], lost, "{number}: {:?}", made.warnings);
+        let pictures = if index == 1 { FRAME_COUNT } else { 2 * FRAME_COUNT };
+        assert_eq!(
+            [pictures - made.pictures, FRAME_COUNT - made.sweeps],
+            lost,
+            "{number}: {:?}",
+            made.warnings
+        );
         assert!(says(&made.warnings, text), "{number}: {:?}", made.warnings);
     }
 }
@@ -212,7 +217,7 @@ fn points_that_are_not_finite_are_counted() {
     fs::write(&file, bytes).unwrap();
     fs::write(mini.path.join(first_file(&mini, "samples/LIDAR_TOP")), "").unwrap();
     let made = capture(&open(&mini), false).unwrap();
-    assert_eq!(made.sweeps, FRAMES - 1);
+    assert_eq!(made.sweeps, FRAME_COUNT - 1);
     assert!(says(&made.warnings, "1 sweeps have no points"), "{:?}", made.warnings);
     assert!(
         says(&made.warnings, "3 points of sweeps are not finite or over a kilometre away"),
@@ -310,7 +315,7 @@ fn a_scene_of_nuscenes_whose_files_are_not_there_is_passed_over() {
         DrivingLog::open(&mini.path, &LogOptions { scene: scene.map(str::to_owned), ..LogOptions::default() })
     };
     let log = ask(None).unwrap().unwrap();
-    assert_eq!((log.name.as_str(), log.pictures.len()), ("scene-0002", 2 * FRAMES));
+    assert_eq!((log.name.as_str(), log.pictures.len()), ("scene-0002", 2 * FRAME_COUNT));
     assert_eq!(
         log.warnings,
         [
@@ -346,8 +351,8 @@ fn files_of_nuscenes_are_found_where_they_were_moved() {
     }
     fs::write(&table, serde_json::to_vec(&records).unwrap()).unwrap();
     let log = open(&mini);
-    assert_eq!((log.pictures.len(), log.sweeps.len()), (2 * FRAMES, FRAMES));
-    let note = format!("{} files are not at their paths; they were found by their names", 3 * FRAMES);
+    assert_eq!((log.pictures.len(), log.sweeps.len()), (2 * FRAME_COUNT, FRAME_COUNT));
+    let note = format!("{} files are not at their paths; they were found by their names", 3 * FRAME_COUNT);
     assert!(log.warnings.contains(&note), "{:?}", log.warnings);
     check_places("nuScenes", &mini, &log);
     // A name that two files have is nobody's.
@@ -357,6 +362,6 @@ fn files_of_nuscenes_are_found_where_they_were_moved() {
     let error = failure(&mini.path, &LogOptions::default());
     assert!(error.contains("could both be") && error.contains("(--skip-bad goes on without it)"), "{error}");
     let log = DrivingLog::open(&mini.path, &SKIP()).unwrap().unwrap();
-    assert_eq!(log.pictures.len(), 2 * FRAMES - 1);
+    assert_eq!(log.pictures.len(), 2 * FRAME_COUNT - 1);
     assert!(says(&log.warnings, "1 damaged names of files are left out"), "{:?}", log.warnings);
 }

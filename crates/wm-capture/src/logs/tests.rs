@@ -1,6 +1,6 @@
 //! Tests over whole logs.
 
-use super::mini::{FRAMES, MINI_LOGS, MiniLog, SIZE, color_at};
+use super::mini::{FRAME_COUNT, MINI_LOGS, MiniLog, SIZE, color_at};
 use super::*;
 use crate::{self as capture, CaptureOptions};
 use glam::DVec3;
@@ -37,7 +37,7 @@ fn points_of_the_lidar_fall_on_their_pixels() {
         let log = open(&mini);
         assert_eq!(log.format, *name);
         assert_eq!(log.pictures.len(), mini.photos.len(), "{name} {:?}", log.warnings);
-        assert_eq!(log.sweeps.len(), FRAMES, "{name}");
+        assert_eq!(log.sweeps.len(), FRAME_COUNT, "{name}");
         check_places(name, &mini, &log);
     }
 }
@@ -152,7 +152,7 @@ fn masks_cover_the_other_vehicle() {
     let log = open(&mini);
     let out = folder.path().join("capture");
     let summary = write(&log, &out);
-    assert!(summary.masks >= FRAMES, "{}", summary.masks);
+    assert!(summary.masks >= FRAME_COUNT, "{}", summary.masks);
     let read = capture::read(&out, &CaptureOptions::default()).unwrap();
     let mut checked = 0;
     for picture in &log.pictures {
@@ -173,7 +173,7 @@ fn masks_cover_the_other_vehicle() {
         assert_eq!(grey[80 * 59 + 79], 255);
         checked += 1;
     }
-    assert!(checked >= FRAMES, "{checked}");
+    assert!(checked >= FRAME_COUNT, "{checked}");
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn the_logs_own_masks_are_taken() {
     let log = open(&mini);
     let out = folder.path().join("capture");
     let summary = write(&log, &out);
-    assert_eq!((summary.masks, summary.sky_masks), (2 * FRAMES, 2 * FRAMES));
+    assert_eq!((summary.masks, summary.sky_masks), (2 * FRAME_COUNT, 2 * FRAME_COUNT));
     assert!(summary.sky().is_some() && summary.depth().is_some());
 }
 
@@ -201,7 +201,7 @@ fn parts_of_a_log_are_asked_for() {
         ["scene-0002 is read, the first of 2 scenes: scene-0002, scene-0003; --log-scene names another"]
     );
     let log = ask(LogOptions { cameras: vec!["CAM_BACK".into()], stride: 2, ..usual.clone() }).unwrap();
-    assert_eq!((log.cameras.len(), log.pictures.len()), (1, FRAMES.div_ceil(2)));
+    assert_eq!((log.cameras.len(), log.pictures.len()), (1, FRAME_COUNT.div_ceil(2)));
     let log = ask(LogOptions { most_pictures: 4, ..usual.clone() }).unwrap();
     assert_eq!(log.pictures.len(), 4);
     assert!(

@@ -5,7 +5,7 @@ use wm_base::random::uniform;
 const LUND: Gps = Gps { latitude: 55.7047, longitude: 13.191, altitude: Some(50.0) };
 const SYDNEY: Gps = Gps { latitude: -33.86, longitude: 151.21, altitude: Some(20.0) };
 /// 30 May 2024, 8:56 UTC.
-const MAY: f64 = 1_717_059_360.0;
+const MAY_2024_S: f64 = 1_717_059_360.0;
 
 /// The model's axes: turned, and of another unit.
 fn turn() -> DMat3 {
@@ -28,7 +28,7 @@ impl Flight {
             let off = DVec3::new(noise(1), noise(2), noise(3));
             flight.centers.push(turn() * enu / 7.0 + DVec3::new(3.0, -2.0, 7.0));
             flight.places.push(Some(home.moved(enu + off)));
-            flight.times.push(Some(MAY + 3.0 * index as f64));
+            flight.times.push(Some(MAY_2024_S + 3.0 * index as f64));
         }
         flight
     }
@@ -57,7 +57,7 @@ fn north_place_and_time_of_a_survey() {
     let middle = place.location.enu_from(&LUND).truncate();
     assert!(middle.distance(DVec2::new(22.5, 30.0)) < 15.0, "{middle}");
     let time = site.time.unwrap();
-    assert!((time.captured - MAY - 36.0).abs() < 2.0 && time.span == 69.0, "{time:?}");
+    assert!((time.captured - MAY_2024_S - 36.0).abs() < 2.0 && time.span == 69.0, "{time:?}");
     let mut metadata = Metadata::default();
     site.note(&mut metadata);
     assert_eq!((metadata.captured, metadata.captured_span), (Some(time.captured), Some(69.0)));

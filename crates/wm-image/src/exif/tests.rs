@@ -55,15 +55,15 @@ fn clock(time: &str, zone: &str) -> Option<f64> {
 }
 
 /// 30 May 2024, 8:56:09 UTC.
-const MAY: f64 = 1_717_059_369.0;
+const MAY_2024_S: f64 = 1_717_059_369.0;
 
 #[test]
 fn gps_time_is_utc_and_comes_first() {
     let gps = [time_stamp([8, 1, 56, 1, 950, 100]), text(0x001D, "2024:05:30")];
     let photo = [text(0x9003, "2001:01:01 00:00:00"), text(0x9011, "+00:00")];
-    assert_eq!(taken(&photo, &gps), Some(MAY + 0.5));
+    assert_eq!(taken(&photo, &gps), Some(MAY_2024_S + 0.5));
     let dashes = [time_stamp([8, 1, 56, 1, 9, 1]), text(0x001D, "2024-05-30")];
-    assert_eq!(taken(&[], &dashes), Some(MAY));
+    assert_eq!(taken(&[], &dashes), Some(MAY_2024_S));
     // Half of it is no time, and neither is one that was not set.
     assert_eq!(taken(&photo, &gps[..1]), Some(978_307_200.0));
     assert_eq!(taken(&[], &gps[1..]), None);
@@ -79,7 +79,7 @@ fn the_cameras_clock_needs_its_offset() {
         ("2024:05:29 23:26:09", "-09:30"),
         ("2024:05:30 22:56:09", "+14:00"),
     ] {
-        assert_eq!(clock(time, zone), Some(MAY), "{time} {zone}");
+        assert_eq!(clock(time, zone), Some(MAY_2024_S), "{time} {zone}");
     }
     assert_eq!(taken(&[text(0x9003, "2024:05:30 08:56:09")], &[]), None);
 }
@@ -130,9 +130,9 @@ fn mapillary_states_place_and_time_in_the_description() {
     };
     let whole = r#"{"MAPAltitude":"37.0","MAPLatitude":"55.698167","MAPLongitude":"13.195389","MAPCaptureTime":
         "2024_05_30_08_56_09_250","MAPCompassHeading":{"TrueHeading":179.2}}"#;
-    assert_eq!(read(whole, &[], &[]), (Some(MAY + 0.25), Some((55.698_167, 13.195_389, Some(37.0)))));
+    assert_eq!(read(whole, &[], &[]), (Some(MAY_2024_S + 0.25), Some((55.698_167, 13.195_389, Some(37.0)))));
     let numbers = r#"{"MAPLatitude":-33.5,"MAPLongitude":151.25,"MAPCaptureTime":"2024_05_30_08_56_09"}"#;
-    assert_eq!(read(numbers, &[], &[]), (Some(MAY), Some((-33.5, 151.25, None))));
+    assert_eq!(read(numbers, &[], &[]), (Some(MAY_2024_S), Some((-33.5, 151.25, None))));
     // EXIF's own tags come first.
     let photo = [text(0x9003, "2001:01:01 00:00:00"), text(0x9011, "+00:00")];
     assert_eq!(read(whole, &photo, &[]).0, Some(978_307_200.0));
@@ -155,10 +155,10 @@ fn blocks_cut_at_any_byte_give_what_is_left() {
         &[text(0x9003, "2024:05:30 08:56:09"), text(0x9011, "+00:00")],
         &[time_stamp([8, 1, 56, 1, 9, 1]), text(0x001D, "2024:05:30")],
     );
-    assert_eq!(Tags::parse(&whole).taken, Some(MAY));
+    assert_eq!(Tags::parse(&whole).taken, Some(MAY_2024_S));
     for end in 0..whole.len() {
         let found = Tags::parse(&whole[..end]).taken;
-        assert!(found.is_none_or(|time| time == MAY), "{end}");
+        assert!(found.is_none_or(|time| time == MAY_2024_S), "{end}");
     }
 }
 

@@ -55,7 +55,7 @@ enum Format {
 
 impl Format {
     fn of(bytes: &[u8]) -> Option<Self> {
-        const STARTS: [(&[u8], Format); 7] = [
+        const SIGNATURES: [(&[u8], Format); 7] = [
             (b"\x89PNG\r\n\x1a\n", Format::Png),
             (b"II*\0", Format::Tiff),
             (b"MM\0*", Format::Tiff),
@@ -64,7 +64,7 @@ impl Format {
             (b"\x76\x2f\x31\x01", Format::Exr),
             (b"\x93NUMPY", Format::Npy),
         ];
-        STARTS.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, format)| *format)
+        SIGNATURES.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, format)| *format)
     }
 }
 

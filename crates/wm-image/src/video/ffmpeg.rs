@@ -16,7 +16,7 @@ use super::{VideoReport, VideoSettings, VideoSink, temporary};
 use crate::{MediaError, PictureSize};
 
 /// Bytes of its messages that are kept.
-const MESSAGES: u64 = 1 << 16;
+const MAX_MESSAGE_BYTES: u64 = 1 << 16;
 
 /// Passes frame by frame.
 pub(crate) struct FfmpegSink {
@@ -144,7 +144,7 @@ fn command(program: &str, output: &Path, settings: &VideoSettings) -> Command {
     const BT_709: [&str; 8] =
         ["-color_range", "tv", "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"];
     let PictureSize { width, height } = settings.size;
-    let keyframes = settings.frame_rate.frames_within(super::KEYFRAME_SECONDS);
+    let keyframes = settings.frame_rate.frames_within(super::KEYFRAME_INTERVAL_S);
     let mut command = Command::new(program);
     command
         .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"])
@@ -171,7 +171,7 @@ fn command(program: &str, output: &Path, settings: &VideoSettings) -> Command {
 fn read_messages(mut stderr: ChildStderr) -> String {
     let mut kept = Vec::new();
     // What cannot be read is not there to be shown.
-    let _ = stderr.by_ref().take(MESSAGES).read_to_end(&mut kept);
+    let _ = stderr.by_ref().take(MAX_MESSAGE_BYTES).read_to_end(&mut kept);
     let _ = io::copy(&mut stderr, &mut io::sink());
     String::from_utf8_lossy(&kept).into_owned()
 }

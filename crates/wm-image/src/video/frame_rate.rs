@@ -7,7 +7,7 @@ use crate::MediaError;
 
 /// Ticks of the MP4 clock a second, at least: coarse clocks make some players round.
 #[cfg(any(feature = "h264", test))]
-const TICKS: u32 = 10_000;
+const MIN_TICKS_PER_S: u32 = 10_000;
 
 /// Frames per second: `numerator / denominator`, lowest terms, both above 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,7 +74,7 @@ impl FrameRate {
     #[cfg(any(feature = "h264", test))]
     #[must_use]
     pub fn clock(self) -> (u32, u32) {
-        let factor = TICKS.div_ceil(self.numerator);
+        let factor = MIN_TICKS_PER_S.div_ceil(self.numerator);
         (self.numerator * factor, self.denominator * factor)
     }
 }
@@ -146,7 +146,7 @@ mod tests {
         for text in ["30", "29.97", "23.976", "0.001", "1000", "12.345"] {
             let rate: FrameRate = text.parse().unwrap();
             let (second, frame) = rate.clock();
-            assert!(second >= TICKS);
+            assert!(second >= MIN_TICKS_PER_S);
             assert_eq!(
                 u64::from(second) * u64::from(rate.denominator),
                 u64::from(frame) * u64::from(rate.numerator)

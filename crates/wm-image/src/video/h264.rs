@@ -30,13 +30,13 @@ const QUALITY_QP: u8 = 14;
 /// Quantisation parameters that rate control may choose; OpenH264 goes no lower than 12.
 const RATE_QPS: (u8, u8) = (12, 44);
 /// Bits per second it takes for granted, within the highest level of H.264.
-const BITRATES: (f64, f64) = (10_000.0, 240e6);
+const BITRATE_LIMITS_BPS: (f64, f64) = (10_000.0, 240e6);
 /// Frame rates its rate control knows.
-const RATES: (f64, f64) = (1.0, 60.0);
+const FRAME_RATE_LIMITS_HZ: (f64, f64) = (1.0, 60.0);
 /// Tries to encode one frame before giving up.
-const MOST_TRIES: u32 = 1000;
+const MAX_TRIES: u32 = 1000;
 /// Increase of the QPs if a frame does not fit the encoder's buffer: half the bits.
-const COARSER: u8 = 6;
+const QP_INCREASE: u8 = 6;
 
 /// Encodes frame by frame.
 pub(crate) struct H264Sink {
@@ -83,11 +83,11 @@ impl VideoSink for H264Sink {
         let planes = self.yuv.planes().into();
         let planes = YUVSlices::new(planes, (width, height), (width, width / 2, width / 2));
         let frame = self.mp4.count();
-        let hz = self.settings.frame_rate.hz().clamp(RATES.0, RATES.1);
+        let hz = self.settings.frame_rate.hz().clamp(FRAME_RATE_LIMITS_HZ.0, FRAME_RATE_LIMITS_HZ.1);
         let time = Timestamp::from_millis((frame as f64 / hz * 1000.0) as u64);
         // Rate control may skip a frame to save bits, but a video without the frame is not what was
         // asked for. Each skip makes room in its budget, so the same frame passes soon.
-        for _ in 0..MOST_TRIES {
+        for _ in 0..MAX_TRIES {
             let error = match self.encoder.encode_at(&planes, time) {
                 Ok(stream) if stream.frame_type() == FrameType::Skip => continue,
                 Ok(stream) => {
@@ -102,7 +102,7 @@ impl VideoSink for H264Sink {
             };
             // Above about 8 bits a pixel, which is noise, a frame does not fit its buffer, and it
             // is of no use after that. A coarser one goes on with a keyframe.
-            self.coarser += COARSER;
+            self.coarser += QP_INCREASE;
             if QUALITY_QP + self.coarser > RATE_QPS.1 {
                 return Err(failed(self.mp4.target(), frame, &error.to_string()));
             }
@@ -140,16 +140,18 @@ fn encoder(settings: &VideoSettings, coarser: u8) -> Result<Encoder, openh264::E
 
 fn config(settings: &VideoSettings, coarser: u8) -> EncoderConfig {
     let hz = settings.frame_rate.hz();
-    let known_hz = hz.clamp(RATES.0, RATES.1);
+    let known_hz = hz.clamp(FRAME_RATE_LIMITS_HZ.0, FRAME_RATE_LIMITS_HZ.1);
     // Per second of the frame rate that rate control knows, so that a frame gets its share.
     let bitrate = |per_second: f64| {
-        BitRate::from_bps((per_second * known_hz / hz).clamp(BITRATES.0, BITRATES.1) as u32)
+        BitRate::from_bps(
+            (per_second * known_hz / hz).clamp(BITRATE_LIMITS_BPS.0, BITRATE_LIMITS_BPS.1) as u32
+        )
     };
     let config = EncoderConfig::new()
         .usage_type(UsageType::CameraVideoRealTime)
         .max_frame_rate(MaxFrameRate::from_hz(known_hz as f32))
         .intra_frame_period(IntraFramePeriod::from_num_frames(
-            settings.frame_rate.frames_within(super::KEYFRAME_SECONDS),
+            settings.frame_rate.frames_within(super::KEYFRAME_INTERVAL_S),
         ))
         // A keyframe on every large change would cost bits in every flash of light.
         .scene_change_detect(false)
@@ -157,7 +159,7 @@ fn config(settings: &VideoSettings, coarser: u8) -> EncoderConfig {
         .background_detection(false)
         .num_threads(1)
         .vui(VuiConfig::bt709());
-    let config = if hz > RATES.1 {
+    let config = if hz > FRAME_RATE_LIMITS_HZ.1 {
         // It would promise decoders a slower video.
         config.level(Level::Level_5_2)
     } else {

@@ -22,8 +22,8 @@ use wm_base::files::TempFile;
 use super::color::Dither;
 use super::{MediaError, PictureSize, Tags};
 
-/// Time between keyframes, which are where a player can jump to, at most; seconds.
-const KEYFRAME_SECONDS: f64 = 2.0;
+/// Longest time between keyframes, which are where a player can jump to.
+const KEYFRAME_INTERVAL_S: f64 = 2.0;
 
 /// The H.264 encoder of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -131,10 +131,10 @@ fn comment(tags: &Tags) -> String {
 
 /// The message of an encoder, shortened to one line.
 fn one_line(text: &str) -> String {
-    const MOST: usize = 400;
+    const MAX_CHARACTERS: usize = 400;
     let lines: Vec<_> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     let line = lines.join("; ");
-    match line.char_indices().nth(MOST) {
+    match line.char_indices().nth(MAX_CHARACTERS) {
         Some((end, _)) => format!("{} ...", &line[..end]),
         None if line.is_empty() => "it did not say why".to_owned(),
         None => line,

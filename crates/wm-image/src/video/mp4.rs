@@ -141,7 +141,7 @@ impl Mp4Writer {
 
     /// Samples a chunk: what a player fetches at once, about two seconds.
     fn chunk(&self) -> usize {
-        self.rate.frames_within(super::KEYFRAME_SECONDS) as usize
+        self.rate.frames_within(super::KEYFRAME_INTERVAL_S) as usize
     }
 
     /// Says where chunks begin if the first sample is at `start` of the file.

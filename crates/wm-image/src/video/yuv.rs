@@ -44,7 +44,7 @@ pub(crate) struct Yuv420 {
 }
 
 /// Side of a block of one offset, pixels of its plane: that of H.264's transform.
-const BLOCK: usize = 4;
+const BLOCK_SIDE_PX: usize = 4;
 
 impl Yuv420 {
     /// For frames of `size`, which has even sides.
@@ -97,9 +97,9 @@ impl Yuv420 {
 
 /// Makes `offsets` those of row `y` of a plane, if they were those of the row before.
 fn set_offsets(offsets: &mut [f32], dither: Dither, channel: usize, y: usize) {
-    if y.is_multiple_of(BLOCK) {
-        let pattern = dither.row(channel, y / BLOCK).iter().cycle();
-        for (block, &offset) in offsets.chunks_mut(BLOCK).zip(pattern) {
+    if y.is_multiple_of(BLOCK_SIDE_PX) {
+        let pattern = dither.row(channel, y / BLOCK_SIDE_PX).iter().cycle();
+        for (block, &offset) in offsets.chunks_mut(BLOCK_SIDE_PX).zip(pattern) {
             block.fill(offset);
         }
     }

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 /// The photos of `fixtures/make_clip.py`, whose network takes squares of 84 px and gives 48
 /// numbers.
 const PHOTOS: [&str; 2] = ["wide", "tall"];
-const SIDE: usize = 84;
+const PHOTO_SIDE_PX: usize = 84;
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/clip").join(name)
@@ -31,8 +31,8 @@ fn the_square_in_the_middle_is_that_of_the_reference() {
     for name in PHOTOS {
         let (levels, width) = photo(name);
         let (expected, side) = testing::picture(&fixture(&format!("{name}.png")));
-        assert_eq!(side, SIDE);
-        assert!(square(&levels, width, SIDE) == expected, "{name}");
+        assert_eq!(side, PHOTO_SIDE_PX);
+        assert!(square(&levels, width, PHOTO_SIDE_PX) == expected, "{name}");
     }
 }
 

@@ -119,9 +119,9 @@ impl Config {
 
     fn read(file: &Path) -> Option<Self> {
         /// Far longer than any.
-        const MAX: u64 = 1 << 20;
+        const MAX_CONFIG_BYTES: u64 = 1 << 20;
         let mut json = String::new();
-        File::open(file).ok()?.take(MAX).read_to_string(&mut json).ok()?;
+        File::open(file).ok()?.take(MAX_CONFIG_BYTES).read_to_string(&mut json).ok()?;
         let config: Value = serde_json::from_str(&json).ok()?;
         let number = |value: &Value| value.as_u64().and_then(|number| usize::try_from(number).ok());
         let backbone = &config["backbone_config"];

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 /// The side of the photos of `fixtures/make_depth_anything.py`, px.
-const SIDE: usize = 84;
+const PHOTO_SIDE_PX: usize = 84;
 const VERSIONS: [(Version, &str); 2] = [(Version::V1, "v1"), (Version::V2, "v2")];
 const PHOTOS: [&str; 2] = ["wide", "tall"];
 
@@ -47,7 +47,7 @@ fn photos_are_resized_and_normalised_as_by_the_reference() {
     for name in PHOTOS {
         let ((rgb, width), (shape, expected)) = (photo(name), npy(&format!("{name}.pixels.npy")));
         let height = rgb.len() / 3 / width;
-        let to = photo::size(width, height, SIDE).unwrap();
+        let to = photo::size(width, height, PHOTO_SIDE_PX).unwrap();
         assert_eq!(shape, [3, to.1, to.0], "{name}");
         let image = photo::normalized(&rgb, width, height, to);
         let planes: Vec<f32> =

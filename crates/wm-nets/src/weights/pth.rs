@@ -317,7 +317,7 @@ impl Machine {
         }
     }
 
-    fn whole(&self, id: Id) -> Option<u64> {
+    fn unsigned(&self, id: Id) -> Option<u64> {
         match self.values[id] {
             Value::Number(number) => u64::try_from(number).ok(),
             _ => None,
@@ -325,7 +325,7 @@ impl Machine {
     }
 
     fn sides(&self, id: Id) -> Option<Vec<usize>> {
-        self.tuple(id)?.iter().map(|id| usize::try_from(self.whole(*id)?).ok()).collect()
+        self.tuple(id)?.iter().map(|id| usize::try_from(self.unsigned(*id)?).ok()).collect()
     }
 
     /// A tensor, or a parameter, which has one; `None` of anything else.
@@ -357,7 +357,7 @@ impl Machine {
             "DoubleStorage" => Ok(DType::F64),
             other => Err(other.to_owned()),
         };
-        Some(StoredTensor { kind, storage: storage.clone(), offset: self.whole(offset)?, shape })
+        Some(StoredTensor { kind, storage: storage.clone(), offset: self.unsigned(offset)?, shape })
     }
 }
 

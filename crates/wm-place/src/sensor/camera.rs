@@ -9,7 +9,7 @@ use glam::{DMat4, DVec3};
 use serde_json::{Value as Json, json};
 use std::sync::Arc;
 use wm_scene::Camera;
-use wm_scene::camera::FOV;
+use wm_scene::camera::FOV_RANGE_DEG;
 use wm_weather::Weather;
 
 pub(super) const KIND: SensorKind = SensorKind {
@@ -47,7 +47,7 @@ impl RigCamera {
             Some(lens) => *lens.intrinsics(),
             None => {
                 let fov = fov.unwrap_or(Camera::DEFAULT_FOV_Y);
-                if !FOV.contains(&fov) {
+                if !FOV_RANGE_DEG.contains(&fov) {
                     return Err(format!("fov is {fov}: it must be 0.1 to 170 degrees").into());
                 }
                 let size = size.unwrap_or(Camera::DEFAULT_SIZE);

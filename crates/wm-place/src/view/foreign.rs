@@ -21,7 +21,7 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use wm_scene::Camera;
-use wm_scene::camera::{FOV, MAX_SIDE};
+use wm_scene::camera::{FOV_RANGE_DEG, MAX_SIDE};
 use wm_scene::formats::Axes;
 
 /// nerfstudio's file; other keys are left alone.
@@ -166,7 +166,8 @@ fn with_end(mut keys: Vec<PathKey>, rate: f64, is_cycle: bool) -> Vec<PathKey> {
         } else {
             let turn = last.rotation * before.rotation.inverse();
             let rotation = (turn * last.rotation).normalize();
-            let fov = (2.0 * last.fov - before.fov).clamp(0.5 * last.fov, 0.5 * (last.fov + FOV.end()));
+            let fov =
+                (2.0 * last.fov - before.fov).clamp(0.5 * last.fov, 0.5 * (last.fov + FOV_RANGE_DEG.end()));
             PathKey { time, eye: 2.0 * last.eye - before.eye, rotation, fov }
         };
         keys.push(end);

@@ -21,7 +21,7 @@
 
 use super::ViewError;
 use glam::{DMat3, DQuat, DVec3};
-use wm_scene::{Camera, camera::FOV, values::FARTHEST};
+use wm_scene::{Camera, camera::FOV_RANGE_DEG, values::MAX_SCENE_COORDINATE};
 
 /// A camera at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,10 +76,10 @@ impl CameraPath {
             if !(time.is_finite() && eye.is_finite() && rotation.is_finite() && rotation.is_normalized()) {
                 return fault(format!("keyframe {number} has a number that is not finite"));
             }
-            if eye.abs().max_element() > FARTHEST.into() {
+            if eye.abs().max_element() > MAX_SCENE_COORDINATE.into() {
                 return fault(format!("keyframe {number}: coordinates must be within 10^10 of zero"));
             }
-            if !FOV.contains(&fov) {
+            if !FOV_RANGE_DEG.contains(&fov) {
                 return fault(format!("keyframe {number}: fov is {fov}: it must be 0.1 to 170 degrees"));
             }
             if let Some(before) = index.checked_sub(1).map(|before| keys[before].time)

@@ -2,13 +2,13 @@
 
 use crate::config::{Geometry, MedianDepth, ParticlePass};
 use crate::dispatch;
-use crate::frame::{Arrays, CHANNELS, Frame};
+use crate::frame::{Arrays, CHANNEL_COUNTS, Frame};
 use crate::hooks::PATCH;
 use crate::plan::DrawPass;
 use crate::renderer::{Stats, WEIGHT_UNITS};
 use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
-use crate::stages::intersect::{PATCHES, TILE, TileGrid, record_of};
+use crate::stages::intersect::{PATCHES_PER_TILE, TILE, TileGrid, record_of};
 use crate::stages::project::Record;
 use crate::stages::rasterize::cpu::{BlendScratch, PatchSums, blend_tile};
 use crate::stages::sort::cpu::sort;
@@ -19,7 +19,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use web_time::Instant;
 
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
-const RUN: usize = 4;
+const TILES_PER_TASK: usize = 4;
 
 /// The sums that are blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,7 +124,7 @@ impl Worker {
 }
 
 /// Locks the working memory of the current thread.
-pub(crate) fn own<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
+pub(crate) fn lock_worker<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
     let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
     workers[thread].lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -138,13 +138,17 @@ impl Back<'_> {
             .zip(kept.par_chunks_mut(self.grid.columns as usize))
             .enumerate()
             .flat_map_iter(|(band, (rows, kept))| {
-                runs(rows).into_iter().zip(kept.chunks_mut(RUN)).enumerate().map(move |run| (band, run))
+                runs(rows)
+                    .into_iter()
+                    .zip(kept.chunks_mut(TILES_PER_TASK))
+                    .enumerate()
+                    .map(move |run| (band, run))
             })
             .map(|(band, (run, (mut rows, kept)))| {
                 let mut stats = Stats::default();
-                let mut worker = own(self.workers);
+                let mut worker = lock_worker(self.workers);
                 for (i, kept) in kept.iter_mut().enumerate() {
-                    let tile = (run * RUN + i, band);
+                    let tile = (run * TILES_PER_TASK + i, band);
                     self.tile(&mut worker, tile, i * TILE, kept, &mut rows, &mut stats);
                 }
                 stats
@@ -161,10 +165,10 @@ impl Back<'_> {
     /// Adds the weights of all records to `weights`, one per record, in [`WEIGHT_UNITS`]: integers,
     /// whose sum does not depend on the order of the threads.
     pub(crate) fn weigh(&self, weights: &[AtomicU32]) {
-        (0..self.grid.tiles()).into_par_iter().with_min_len(RUN).for_each(|index| {
+        (0..self.grid.tiles()).into_par_iter().with_min_len(TILES_PER_TASK).for_each(|index| {
             let columns = self.grid.columns as usize;
             let tile = (index % columns, index / columns);
-            let mut worker = own(self.workers);
+            let mut worker = lock_worker(self.workers);
             worker.sort(self.list(index));
             let Worker { scratch, keys, .. } = &mut *worker;
             let (left, top) = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
@@ -197,7 +201,7 @@ impl Back<'_> {
         let inside = inside(tile, self.size);
         stats.evaluated_pairs += self.blend(&worker.keys, tile, inside, &mut worker.scratch);
         let blended = Instant::now();
-        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+        for patch in (0..PATCHES_PER_TILE).filter(|patch| inside >> patch & 1 == 1) {
             let sums = &mut worker.scratch.patches[patch];
             kept.sums(patch, sums);
             self.finish(sums, tile, patch, &mut worker.pixels, offset, rows);
@@ -220,7 +224,7 @@ impl Back<'_> {
             };
         }
         if let Some(depth) = self.surface {
-            for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+            for patch in (0..PATCHES_PER_TILE).filter(|patch| inside >> patch & 1 == 1) {
                 let (column, row) = (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
                 scratch.patches[patch].set_surface(self.path.lanes(), (depth, self.size), column, row);
             }
@@ -271,7 +275,7 @@ impl Back<'_> {
 pub(crate) fn inside(tile: (usize, usize), size: (usize, usize)) -> u32 {
     let within =
         |patch: usize| (2 * tile.0 + patch % 2) * PATCH < size.0 && (2 * tile.1 + patch / 2) * PATCH < size.1;
-    (0..PATCHES).map(|patch| u32::from(within(patch)) << patch).sum()
+    (0..PATCHES_PER_TILE).map(|patch| u32::from(within(patch)) << patch).sum()
 }
 
 /// Splits the rows of a frame into bands of one row of tiles.
@@ -280,7 +284,7 @@ fn bands(frame: &mut Frame) -> Vec<OutputRows<'_>> {
     let count = (frame.height as usize).div_ceil(TILE);
     let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
     for (k, array) in frame.arrays_mut().into_iter().enumerate() {
-        for (y, row) in array.chunks_mut(width * CHANNELS[k]).enumerate() {
+        for (y, row) in array.chunks_mut(width * CHANNEL_COUNTS[k]).enumerate() {
             bands[y / TILE][k].push(row);
         }
     }
@@ -292,7 +296,7 @@ fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
     let mut runs: Vec<OutputRows<'_>> = Vec::new();
     for (k, rows) in band.into_iter().enumerate() {
         for row in rows {
-            for (run, part) in row.chunks_mut(RUN * TILE * CHANNELS[k]).enumerate() {
+            for (run, part) in row.chunks_mut(TILES_PER_TASK * TILE * CHANNEL_COUNTS[k]).enumerate() {
                 if runs.len() <= run {
                     runs.push(OutputRows::default());
                 }

@@ -10,7 +10,7 @@ use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats};
 use crate::plan::{DrawPass, Shading};
 use crate::renderer::Stats;
 use crate::simd::{Lanes, SimdPath};
-use crate::sizes::{CLUSTER, GROUPS};
+use crate::sizes::{CLUSTER, GROUPS_PER_CLUSTER};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, ProjectedGroup, project_group};
@@ -171,7 +171,8 @@ impl<'a> Front<'a> {
                     }
                 }
                 scratch.attributes.read_light(light, &seen[..groups * GROUP]);
-                dispatch!(self.path, s => scratch.relight(s, &model.groups[cluster * GROUPS..], groups));
+                let own = &model.groups[cluster * GROUPS_PER_CLUSTER..];
+                dispatch!(self.path, s => scratch.relight(s, own, groups));
             }
             if groups > 0 {
                 let shade = &mut scratch.shade[..groups];
@@ -183,7 +184,7 @@ impl<'a> Front<'a> {
             let first = first_record + used as u32;
             let before = part.pairs.len();
             dispatch!(self.path, s => part.pairs.extend(s, own, &scratch.boxes, first, self.grid));
-            if !self.budget.take(Pairs::BYTES * (part.pairs.len() - before)) {
+            if !self.budget.take(Pairs::PAIR_BYTES * (part.pairs.len() - before)) {
                 break;
             }
             if self.median == MedianDepth::Splat {
@@ -213,8 +214,8 @@ impl<'a> Front<'a> {
     ) -> usize {
         let rows = model.sh_rows();
         let mut used = 0;
-        for i in 0..GROUPS {
-            let index = cluster * GROUPS + i;
+        for i in 0..GROUPS_PER_CLUSTER {
+            let index = cluster * GROUPS_PER_CLUSTER + i;
             let group = &model.groups[index];
             let factors = has_attributes.then(|| scratch.attributes.group(i, Attribute::Visibility));
             let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
@@ -256,10 +257,10 @@ fn above(plane: [f32; 4], group: &ShadeGroup) -> u32 {
 
 /// Working memory of one unit: the groups of one cluster that have splats in view.
 pub(crate) struct ClusterScratch {
-    pub(crate) projected: [ProjectedGroup; GROUPS],
-    pub(crate) shade: [ShadeGroup; GROUPS],
+    pub(crate) projected: [ProjectedGroup; GROUPS_PER_CLUSTER],
+    pub(crate) shade: [ShadeGroup; GROUPS_PER_CLUSTER],
     /// Position of each group in its cluster.
-    pub(crate) names: [usize; GROUPS],
+    pub(crate) names: [usize; GROUPS_PER_CLUSTER],
     attributes: AttributeBlock,
     pub(crate) boxes: [PatchBox; CLUSTER],
 }
@@ -268,8 +269,8 @@ impl Default for ClusterScratch {
     fn default() -> Self {
         Self {
             projected: std::array::from_fn(|_| ProjectedGroup::default()),
-            shade: [ShadeGroup::default(); GROUPS],
-            names: [0; GROUPS],
+            shade: [ShadeGroup::default(); GROUPS_PER_CLUSTER],
+            names: [0; GROUPS_PER_CLUSTER],
             attributes: AttributeBlock::default(),
             boxes: [PatchBox::default(); CLUSTER],
         }
@@ -304,7 +305,7 @@ impl ClusterScratch {
         let mut used = 0;
         for i in 0..groups {
             let (from, shade) = (&self.projected[i], &self.shade[i]);
-            let first = ((cluster * GROUPS + self.names[i]) * GROUP) as u32;
+            let first = ((cluster * GROUPS_PER_CLUSTER + self.names[i]) * GROUP) as u32;
             let rows = Record::transposed(simd, from, shade, first);
             let mut mask = from.mask;
             while mask != 0 {

@@ -1,7 +1,7 @@
 //! The CPU back end's form of splats: activated, in Morton order, in groups of 16.
 
 use crate::error::RenderError;
-use crate::sizes::{CLUSTER, GROUP, GROUPS};
+use crate::sizes::{CLUSTER, GROUP, GROUPS_PER_CLUSTER};
 use crate::stages::intersect::MAX_SPLATS;
 use rayon::prelude::*;
 use wm_scene::{Group, Splats, morton, sh, splats::sigmoid};
@@ -87,7 +87,7 @@ impl CpuModel {
         let rest = sh::coefficients(splats.sh_degree) - 1;
         let (len, rows) = (splats.len(), rest * 3);
 
-        let groups: Vec<SplatGroup> = (0..clusters * GROUPS)
+        let groups: Vec<SplatGroup> = (0..clusters * GROUPS_PER_CLUSTER)
             .into_par_iter()
             .map(|group| activate(splats, &source[group * GROUP..(group + 1) * GROUP], group * GROUP, len))
             .collect();

@@ -3,7 +3,7 @@
 use super::device::{Gpu, WRITTEN};
 use super::error::GpuError;
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, SORT_BLOCK, WORKGROUP};
-use super::uniforms::{Capacity, SLOT, Uniform, bytes_of};
+use super::uniforms::{Capacity, UNIFORM_SLOT_BYTES, Uniform, bytes_of};
 use wgpu::BufferUsages;
 
 pub(crate) const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
@@ -48,7 +48,8 @@ impl GrowingBuffer {
 
     /// Returns the buffer with structures, one a slot.
     pub(crate) fn structures(&mut self, gpu: &Gpu, all: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
-        let buffer = self.fit_unbound(gpu, "structures", SLOT * all.len() as u64, STRUCTURES)?;
+        let buffer =
+            self.fit_unbound(gpu, "structures", UNIFORM_SLOT_BYTES * all.len() as u64, STRUCTURES)?;
         gpu.write(&buffer, 0, &bytes_of(all));
         Ok(buffer)
     }
@@ -251,7 +252,7 @@ impl Memory {
         let &Extent { slots, blocks, capacity, tiles, pixels, planes, normal, particles } = extent;
         let kept = &mut self.kept;
         kept.restart();
-        let uniforms = kept.fit(gpu, "structures", SLOT * slots as u64, STRUCTURES)?;
+        let uniforms = kept.fit(gpu, "structures", UNIFORM_SLOT_BYTES * slots as u64, STRUCTURES)?;
         let records = kept.fit(gpu, "the splats in view", 64 * u64::from(capacity.visible), READ_BACK)?;
         let lists = Lists::fit(gpu, kept, &NAMES, blocks, capacity, tiles)?;
         let mut fit = |what, channels, usage| kept.fit(gpu, what, 4 * channels * pixels, usage);

@@ -114,7 +114,7 @@ fn list(adapter: &Adapter) -> ListedAdapter {
         subgroups: (adapter.features().contains(wgpu::Features::SUBGROUP)
             && info.subgroup_min_size >= MIN_SUBGROUP)
             .then_some((info.subgroup_min_size, info.subgroup_max_size)),
-        unfit: fits(&info.name, &limits).err(),
+        unfit: check_limits(&info.name, &limits).err(),
         name: info.name,
     }
 }
@@ -150,7 +150,7 @@ fn may_have_hardware() -> bool {
 }
 
 /// The limits that every stage needs.
-fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
+fn check_limits(name: &str, limits: &Limits) -> Result<(), GpuError> {
     let least = [
         ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP),
         ("max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x, WORKGROUP),
@@ -260,7 +260,7 @@ impl Gpu {
     ) -> Result<Arc<Self>, GpuError> {
         let failed = |reason: String| GpuError::Start { adapter: listed.name.clone(), reason };
         let limits = config.limits.clone().unwrap_or_else(|| adapter.limits());
-        fits(&listed.name, &limits)?;
+        check_limits(&listed.name, &limits)?;
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("weather-magician"),
@@ -277,7 +277,7 @@ impl Gpu {
         let lost: Arc<OnceLock<String>> = Arc::default();
         let told = Arc::clone(&faults);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            held(&told).get_or_insert_with(|| one_line(&error.to_string()));
+            lock(&told).get_or_insert_with(|| one_line(&error.to_string()));
         }));
         let told = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
@@ -312,7 +312,7 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::Lost`] from the loss of the device on, else the first refusal.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
-        let fault = held(&self.faults).take();
+        let fault = lock(&self.faults).take();
         if fault.is_some() {
             // Work may be refused because the device is gone, which only a poll tells.
             let _ = self.device.poll(wgpu::PollType::Poll);
@@ -325,11 +325,11 @@ impl Gpu {
 
     /// Returns the work of all renderers that share the device, so far.
     pub(crate) fn work(&self) -> DeviceWork {
-        *held(&self.work)
+        *lock(&self.work)
     }
 
     pub(crate) fn count(&self, add: impl FnOnce(&mut DeviceWork)) {
-        add(&mut held(&self.work));
+        add(&mut lock(&self.work));
     }
 
     /// Returns the memory that is allocated on the device, bytes, where its interface tells.
@@ -352,7 +352,7 @@ impl Gpu {
 
     /// Returns a compiled program; compiles it on first use.
     pub(crate) fn pipeline(&self, program: &Program) -> wgpu::ComputePipeline {
-        let mut pipelines = held(&self.pipelines);
+        let mut pipelines = lock(&self.pipelines);
         if let Some(pipeline) = pipelines.get(program) {
             return pipeline.clone();
         }
@@ -428,6 +428,6 @@ impl Gpu {
     }
 }
 
-fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

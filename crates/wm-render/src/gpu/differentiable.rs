@@ -15,12 +15,12 @@
 use super::buffers::{BufferPool, Extent, GrowingBuffer, Memory, ParticleBlend, READ_BACK, Room};
 use super::device::{Gpu, WRITTEN};
 use super::error::GpuError;
-use super::lists::{self, CHUNKS, Entries};
+use super::lists::{self, Entries, FIRST_PIECE_SLOT};
 use super::readback::{Part, copy};
 use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::source::COUNTER_WORDS;
 use super::stored::StoredModel;
-use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
+use super::uniforms::{self, Capacity, ItemBytes, UNIFORM_SLOT_BYTES, ViewParameters, bytes_of};
 use crate::config::CpuConfig;
 use crate::cpu;
 use crate::differentiable::{
@@ -103,7 +103,7 @@ struct OwnRoom {
 }
 
 /// Bytes of a splat in view and of an entry in the largest array over each.
-fn each(config: &ForwardConfig) -> ItemBytes {
+fn item_bytes(config: &ForwardConfig) -> ItemBytes {
     let coefficients = 3 * sh::coefficients(config.sh_degree) as u64;
     let numbers = [SLOT_WORDS, u64::from(rows::ROW), coefficients];
     ItemBytes { visible: 4 * numbers.into_iter().fold(0, u64::max), entries: 4 * SLOT_WORDS }
@@ -206,7 +206,7 @@ impl GpuDifferentiable {
         let gpu = Arc::clone(&self.gpu);
         self.forget();
         gpu.check()?;
-        let (each, most) = (each(config), gpu.most_binding);
+        let (each, most) = (item_bytes(config), gpu.most_binding);
         self.capacity.start(self.model.len(), most, each);
         let sight = ViewParameters::of_training(camera, config);
         let channels = config.channels;
@@ -219,10 +219,10 @@ impl GpuDifferentiable {
                     Some((*wanted, self.comparer.room(&gpu, wanted, size, sight.tile_count())?))
                 }
             };
-            let compare_slot = CHUNKS + pieces.len() + 2;
+            let compare_slot = FIRST_PIECE_SLOT + pieces.len() + 2;
             let extent = Extent {
                 // Two more follow, `Training` and `Learn`, and those of a comparison.
-                slots: compare_slot + compare::SLOTS,
+                slots: compare_slot + compare::STRUCTURE_COUNT,
                 blocks: self.model.blocks(),
                 capacity: self.capacity,
                 tiles: sight.tile_count(),
@@ -344,10 +344,10 @@ impl View {
         let sight = ViewParameters::of_training(camera, config);
         let (pixels, tiles) = (camera.width * camera.height, sight.tile_count());
         let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
-        let pieces = model.pieces(&recorder, CHUNKS);
-        let slot = CHUNKS + pieces.len();
+        let pieces = model.pieces(&recorder, FIRST_PIECE_SLOT);
+        let slot = FIRST_PIECE_SLOT + pieces.len();
         let training = uniforms::training(config.background, upstream.depth_alpha);
-        gpu.write(&room.uniforms, SLOT * slot as u64, &bytes_of(&[training]));
+        gpu.write(&room.uniforms, UNIFORM_SLOT_BYTES * slot as u64, &bytes_of(&[training]));
         let mut at = 0;
         for (array, numbers) in
             [(upstream.rgb, 3), (upstream.alpha, 1), (upstream.depth, 1), (upstream.normal, 3)]
@@ -387,7 +387,7 @@ fn record_forward<'a>(
 ) -> Recorder<'a> {
     let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
     recorder.encoder().clear_buffer(&room.lists.counters, 0, None);
-    let pieces = model.pieces(&recorder, CHUNKS);
+    let pieces = model.pieces(&recorder, FIRST_PIECE_SLOT);
     lists::front(&mut recorder, room, &pieces, Shading::Color, None);
     let tiles = sight.tile_count();
     let (_, pairs) = lists::lists(&mut recorder, room, tiles, Entries::Pairs(&own.names));
@@ -395,7 +395,7 @@ fn record_forward<'a>(
     rasterize(&mut recorder, tiles, sums_program(config.channels), room, pairs, &own.names);
     recorder.begin(Stage::Composite);
     let pixels = sight.camera.width * sight.camera.height;
-    let training = recorder.uniform(CHUNKS + pieces.len());
+    let training = recorder.uniform(FIRST_PIECE_SLOT + pieces.len());
     let pictures = [&own.rgb, &own.depths, &own.normal];
     finish(&mut recorder, pixels, config.channels, training, room, pictures);
     recorder

@@ -15,13 +15,15 @@ use rayon::prelude::*;
 /// Returns the attributes of the splats with indices `source` in the loaded set, in whole groups of
 /// sixteen, in the layout of `activated.wgsl`.
 pub(crate) fn attributes(attributes: &dyn SplatAttributes, source: &[u32]) -> Vec<f32> {
-    const BLOCKS: usize = 16;
-    const SPLATS: usize = AttributeBlock::SPLATS;
+    const BLOCKS_PER_TASK: usize = 16;
+    const SPLATS_PER_BLOCK: usize = AttributeBlock::MAX_SPLATS;
     let mut numbers = vec![0.0; Attribute::COUNT * source.len()];
-    let parts = numbers.par_chunks_mut(BLOCKS * SPLATS * Attribute::COUNT);
-    parts.zip(source.par_chunks(BLOCKS * SPLATS)).for_each(|(numbers, source)| {
+    let parts = numbers.par_chunks_mut(BLOCKS_PER_TASK * SPLATS_PER_BLOCK * Attribute::COUNT);
+    parts.zip(source.par_chunks(BLOCKS_PER_TASK * SPLATS_PER_BLOCK)).for_each(|(numbers, source)| {
         let mut block = AttributeBlock::default();
-        for (numbers, source) in numbers.chunks_mut(SPLATS * Attribute::COUNT).zip(source.chunks(SPLATS)) {
+        for (numbers, source) in
+            numbers.chunks_mut(SPLATS_PER_BLOCK * Attribute::COUNT).zip(source.chunks(SPLATS_PER_BLOCK))
+        {
             block.read(attributes, source);
             let (rows, _) = numbers.as_chunks_mut::<GROUP>();
             for (group, rows) in rows.chunks_exact_mut(Attribute::COUNT).enumerate() {

@@ -19,7 +19,7 @@ const TILE_PASSES: usize = 5;
 const COUNT_TASK: usize = 9;
 const WRITE_TASK: usize = 10;
 /// The first slot after them, which is that of the first piece of splats.
-pub(crate) const CHUNKS: usize = 11;
+pub(crate) const FIRST_PIECE_SLOT: usize = 11;
 
 /// The kind of the entries of tile lists.
 #[derive(Clone, Copy)]
@@ -30,7 +30,7 @@ pub(crate) enum Entries<'a> {
     Pairs(&'a wgpu::Buffer),
 }
 
-/// The structures of the slots before [`CHUNKS`].
+/// The structures of the slots before [`FIRST_PIECE_SLOT`].
 pub(crate) fn uniforms(view: Uniform, entries: Entries<'_>) -> Vec<Uniform> {
     let are_pairs = matches!(entries, Entries::Pairs(_));
     let pass = |of_entries: bool| {

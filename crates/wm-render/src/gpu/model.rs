@@ -6,7 +6,7 @@ use crate::attributes::Revision;
 use crate::cpu::model::{CpuModel, SplatGroup};
 use crate::error::RenderError;
 use crate::hooks::GROUP;
-use crate::sizes::{CLUSTER, GROUPS};
+use crate::sizes::{CLUSTER, GROUPS_PER_CLUSTER};
 use crate::stages::project::rows::ROWS;
 use std::sync::{Mutex, PoisonError};
 use wm_scene::Splats;
@@ -62,7 +62,7 @@ impl GpuModel {
         let mut chunks = Vec::new();
         for first in (0..blocks).step_by(most) {
             let count = most.min(blocks - first);
-            let groups = first * GROUPS..(first + count) * GROUPS;
+            let groups = first * GROUPS_PER_CLUSTER..(first + count) * GROUPS_PER_CLUSTER;
             let rest = groups.start * sh_rows..groups.end * sh_rows;
             chunks.push(Chunk {
                 splats: gpu.upload("splats", bytemuck::cast_slice(&rows(&model, groups)))?,

@@ -4,7 +4,7 @@ use super::buffers::{Extent, Memory, ParticleBlend, Room, Source};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::hosted;
-use super::lists::{self, CHUNKS, Entries};
+use super::lists::{self, Entries, FIRST_PIECE_SLOT};
 use super::model::GpuModel;
 use super::recorder::{Recorder, Stage};
 use super::source::{BLOCK_WORDS, WORKGROUP};
@@ -14,7 +14,7 @@ use crate::config::{Geometry, MedianDepth};
 use crate::cpu::{self, Features};
 use crate::differentiable::Opacity;
 use crate::error::RenderError;
-use crate::frame::{Arrays, FRONT, Frame, splat_name};
+use crate::frame::{Arrays, FRONT_CHANNELS, Frame, splat_name};
 use crate::hooks::{ParticleView, WgslSource};
 use crate::plan::DrawPass;
 use crate::renderer::{Models, WEIGHT_UNITS};
@@ -202,13 +202,13 @@ impl<'a> GpuPass<'a> {
 
     /// Returns the number of [`Self::uniforms`].
     pub(crate) fn slots(&self) -> usize {
-        CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
+        FIRST_PIECE_SLOT + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
     }
 
     /// Returns the sizes of the buffers that the pass needs, without the slots.
     pub(crate) fn extent(&self, capacity: Capacity) -> Extent {
         let planes = match (self.pass.surface, self.arrays.median_depth) {
-            (Some(_), _) => SURFACE_PLANE + 1 + FRONT as u64,
+            (Some(_), _) => SURFACE_PLANE + 1 + FRONT_CHANNELS as u64,
             (None, true) => 2,
             (None, false) => u64::from(self.features.geometry != Geometry::None),
         };
@@ -311,7 +311,7 @@ impl<'a> GpuPass<'a> {
             (&room.depths, plane, bytes(median_depth, 1)),
             (&room.normal, 0, bytes(normal, 3)),
             (&room.apart, 0, bytes(particles, 4)),
-            (&room.depths, (SURFACE_PLANE + 1) * plane, bytes(front, FRONT as u64)),
+            (&room.depths, (SURFACE_PLANE + 1) * plane, bytes(front, FRONT_CHANNELS as u64)),
         ]
     }
 
@@ -326,7 +326,7 @@ impl<'a> GpuPass<'a> {
         for (model, attributes, _) in &self.sets {
             for chunk in &model.chunks {
                 pieces.push(Piece {
-                    uniform: recorder.uniform(CHUNKS + pieces.len()),
+                    uniform: recorder.uniform(FIRST_PIECE_SLOT + pieces.len()),
                     splats: &chunk.splats,
                     sh_rest: &chunk.sh_rest,
                     attributes: Some(attributes),

@@ -6,7 +6,7 @@ use super::error::GpuError;
 use super::readback::copy;
 use super::recorder::{Recorder, Stage};
 use super::source::{COUNTER_WORDS, ENTRY_SORT, VISIBLE_SORT, WORKGROUP};
-use super::uniforms::{self, Capacity, SLOT, Uniform, bytes_of};
+use super::uniforms::{self, Capacity, UNIFORM_SLOT_BYTES, Uniform, bytes_of};
 use crate::cpu::model::morton_order;
 use crate::stages::intersect::gpu::ranges;
 use crate::stages::prefix_sum::gpu::{SPINE_ENTRIES, SPINE_VISIBLE, spine};
@@ -41,7 +41,7 @@ const DISTANCE_BITS: u32 = 32;
 // Slots of the structures behind `View` and the tasks.
 const DISTANCE_PASSES: usize = WRITE_TASK + 1;
 const PACKET_PASSES: usize = DISTANCE_PASSES + 4;
-const PIECES: usize = PACKET_PASSES + 4;
+const FIRST_PIECE_SLOT: usize = PACKET_PASSES + 4;
 
 /// The names of the lists' buffers.
 const NAMES: ListNames = ListNames {
@@ -272,7 +272,7 @@ impl GpuRaySplats {
         kept.restart();
         let lists = Lists::fit(gpu, kept, &NAMES, self.count.div_ceil(WORKGROUP), capacity, packets)?;
         let mut fit = |what, bytes, usage| kept.fit(gpu, what, bytes, usage);
-        let uniforms = fit("structures", SLOT * structures.len() as u64, STRUCTURES)?;
+        let uniforms = fit("structures", UNIFORM_SLOT_BYTES * structures.len() as u64, STRUCTURES)?;
         let cones = fit("cones of rays", size_of_val(part.cones) as u64, WRITTEN)?;
         let feature_bytes = 4 * part.asked.features() as u64 * u64::from(self.count);
         let features = fit("colours of splats", feature_bytes, READ_BACK)?;
@@ -300,11 +300,11 @@ impl GpuRaySplats {
         ranges(&mut recorder, packets, &lists, keys);
         if part.asked.color {
             for (at, piece) in self.colors.iter().enumerate() {
-                buffers.see(&mut recorder, part.asked, PIECES + at, order, &piece.sh);
+                buffers.see(&mut recorder, part.asked, FIRST_PIECE_SLOT + at, order, &piece.sh);
             }
         } else if part.asked.normal {
             // Without colours one piece covers all records, and its coefficients are not read.
-            buffers.see(&mut recorder, part.asked, PIECES, order, &lists.counts);
+            buffers.see(&mut recorder, part.asked, FIRST_PIECE_SLOT, order, &lists.counts);
         }
         buffers.blend(&mut recorder, part.asked, packets, listed, &ray_buffer, &hits);
         let mut numbers = [0u32; COUNTER_WORDS as usize];

@@ -36,7 +36,7 @@ pub(crate) struct Readback {
 }
 
 impl Readback {
-    const COUNTERS: u64 = 4 * COUNTER_WORDS;
+    const COUNTER_BYTES: u64 = 4 * COUNTER_WORDS;
 
     /// Makes room for what `passes` send back out of `room`.
     pub(crate) fn new(
@@ -46,7 +46,7 @@ impl Readback {
         passes: &[GpuPass<'_>],
         room: &Room,
     ) -> Result<Self, GpuError> {
-        let head = Self::COUNTERS + clock.map_or(0, |_| size_of::<Ticks>() as u64);
+        let head = Self::COUNTER_BYTES + clock.map_or(0, |_| size_of::<Ticks>() as u64);
         let mut starts = vec![0];
         for pass in passes {
             let pictures = pass.pictures(room).iter().map(|(.., bytes)| bytes).sum::<u64>();
@@ -64,7 +64,7 @@ impl Readback {
         self.recorded += 1;
         recorder.tell_times();
         let times = recorder.times().map(|times| (times, 0, size_of::<Ticks>() as u64));
-        let sources = [(&room.lists.counters, 0, Self::COUNTERS)].into_iter().chain(times);
+        let sources = [(&room.lists.counters, 0, Self::COUNTER_BYTES)].into_iter().chain(times);
         for (buffer, offset, bytes) in sources.chain(pass.pictures(room)) {
             if bytes > 0 {
                 recorder.encoder().copy_buffer_to_buffer(buffer, offset, &self.staging, at, bytes);
@@ -136,7 +136,7 @@ impl ReadbackResults {
         let pass = self.taken;
         self.taken += 1;
         let (start, end) = (self.starts[pass] as usize, self.starts[pass + 1] as usize);
-        let mut rest = &self.bytes()[start + Readback::COUNTERS as usize..end];
+        let mut rest = &self.bytes()[start + Readback::COUNTER_BYTES as usize..end];
         let mut fill = |to: &mut [u8]| {
             let (own, later) = rest.split_at(to.len());
             to.copy_from_slice(own);
@@ -207,18 +207,18 @@ async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuE
 async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
     use std::sync::{Arc, Mutex, PoisonError};
     use std::task::{Poll, Waker};
-    type Told = (Option<Result<(), wgpu::BufferAsyncError>>, Option<Waker>);
-    let told: Arc<Mutex<Told>> = Arc::default();
-    let tell = Arc::clone(&told);
+    type MapState = (Option<Result<(), wgpu::BufferAsyncError>>, Option<Waker>);
+    let state: Arc<Mutex<MapState>> = Arc::default();
+    let shared = Arc::clone(&state);
     buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
-        let mut told = tell.lock().unwrap_or_else(PoisonError::into_inner);
-        told.0 = Some(result);
-        told.1.take().into_iter().for_each(Waker::wake);
+        let mut state = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        state.0 = Some(result);
+        state.1.take().into_iter().for_each(Waker::wake);
     });
     let result = std::future::poll_fn(|context| {
-        let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
-        told.1 = Some(context.waker().clone());
-        told.0.take().map_or(Poll::Pending, Poll::Ready)
+        let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.1 = Some(context.waker().clone());
+        state.0.take().map_or(Poll::Pending, Poll::Ready)
     });
     let result = result.await;
     gpu.check()?;

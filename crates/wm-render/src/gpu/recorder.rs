@@ -3,7 +3,7 @@
 use super::device::Gpu;
 use super::error::GpuError;
 use super::source::{DISPATCH_ROW, Program, Subgroups};
-use super::uniforms::SLOT;
+use super::uniforms::UNIFORM_SLOT_BYTES;
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferBinding, BufferSize, BufferUsages};
 
 /// The number of workgroups of a dispatch.
@@ -39,19 +39,19 @@ impl Stage {
 /// Timestamps of the begin and end of stages, by the GPU's clock.
 pub(crate) struct Clock {
     queries: wgpu::QuerySet,
-    /// A beginning and an end every [`Self::APART`] bytes.
+    /// A beginning and an end every [`Self::QUERY_ALIGNMENT_BYTES`] bytes.
     pub(crate) times: wgpu::Buffer,
     /// Seconds of a tick.
     tick: f64,
 }
 
 /// The numbers that a [`Clock`] has counted.
-pub(crate) type Ticks = [u64; Clock::NUMBERS];
+pub(crate) type Ticks = [u64; Clock::TICK_COUNT];
 
 impl Clock {
-    /// Alignment of resolved queries, bytes.
-    const APART: usize = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT as usize;
-    const NUMBERS: usize = Self::APART / 8 * Stage::COUNT;
+    /// Alignment of resolved queries.
+    const QUERY_ALIGNMENT_BYTES: usize = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT as usize;
+    const TICK_COUNT: usize = Self::QUERY_ALIGNMENT_BYTES / 8 * Stage::COUNT;
 
     /// A clock, where the adapter has one.
     pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
@@ -62,18 +62,18 @@ impl Clock {
             count: 2 * Stage::COUNT as u32,
         });
         let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
-        let times = gpu.buffer("times of stages", 8 * Self::NUMBERS as u64, usage)?;
+        let times = gpu.buffer("times of stages", 8 * Self::TICK_COUNT as u64, usage)?;
         Ok(Some(Self { queries, times, tick: 1e-9 * f64::from(tick) }))
     }
 
     /// The place for what it has counted.
     pub(crate) fn ticks() -> Ticks {
-        [0; Self::NUMBERS]
+        [0; Self::TICK_COUNT]
     }
 
     /// The time that a stage took the last time, seconds.
     pub(crate) fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
-        let at = Self::APART / 8 * stage as usize;
+        let at = Self::QUERY_ALIGNMENT_BYTES / 8 * stage as usize;
         self.tick * ticks[at + 1].saturating_sub(ticks[at]) as f64
     }
 }
@@ -104,7 +104,7 @@ pub(crate) fn with_numbered<'a, const N: usize>(
 /// The commands of one frame.
 pub(crate) struct Recorder<'a> {
     gpu: &'a Gpu,
-    /// Uniform structures, one every [`SLOT`] bytes; the first of each pass is `View`.
+    /// Uniform structures, [`UNIFORM_SLOT_BYTES`] apart; the first of each pass is `View`.
     uniforms: &'a wgpu::Buffer,
     clock: Option<&'a Clock>,
     /// The slot of the pass's first structure.
@@ -162,8 +162,8 @@ impl<'a> Recorder<'a> {
     pub(crate) fn uniform(&self, slot: usize) -> BindingResource<'a> {
         BindingResource::Buffer(BufferBinding {
             buffer: self.uniforms,
-            offset: (self.first_slot + slot) as u64 * SLOT,
-            size: BufferSize::new(SLOT),
+            offset: (self.first_slot + slot) as u64 * UNIFORM_SLOT_BYTES,
+            size: BufferSize::new(UNIFORM_SLOT_BYTES),
         })
     }
 
@@ -203,7 +203,7 @@ impl<'a> Recorder<'a> {
         self.pass = None;
         if let Some(clock) = self.clock {
             for stage in self.stages.drain(..) {
-                let (first, at) = (2 * stage as u32, Clock::APART * stage as usize);
+                let (first, at) = (2 * stage as u32, Clock::QUERY_ALIGNMENT_BYTES * stage as usize);
                 self.encoder.resolve_query_set(&clock.queries, first..first + 2, &clock.times, at as u64);
             }
         }

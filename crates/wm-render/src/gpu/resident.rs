@@ -7,7 +7,7 @@ use super::differentiable::{ForwardTarget, GpuDifferentiable, Last};
 use super::error::GpuError;
 use super::recorder::{Recorder, Stage};
 use super::stored::StoredModel;
-use super::uniforms::{self, SLOT, Uniform, bytes_of};
+use super::uniforms::{self, UNIFORM_SLOT_BYTES, Uniform, bytes_of};
 use crate::differentiable::{ForwardConfig, Opacity, Resident, StepClock, Target, Upstream};
 use crate::error::RenderError;
 use crate::frame::Frame;
@@ -134,12 +134,13 @@ impl Resident for GpuDifferentiable {
                 let last = self.rows.last.as_ref().expect("it is added to the gradients of a step");
                 let learn = uniforms::learn(view.config.learns(learn));
                 // The structure `Learn`.
-                let (slot, other) = (super::lists::CHUNKS + self.model.parts.len() + 1, view.rows());
-                gpu.write(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
+                let (slot, other) =
+                    (super::lists::FIRST_PIECE_SLOT + self.model.parts.len() + 1, view.rows());
+                gpu.write(&view.room.uniforms, UNIFORM_SLOT_BYTES * slot as u64, &bytes_of(&[learn]));
                 let to = (other.gradients, other.by_sh);
                 let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to.0, to.1);
                 let learn = recorder.uniform(slot);
-                for piece in self.model.pieces(&recorder, super::lists::CHUNKS) {
+                for piece in self.model.pieces(&recorder, super::lists::FIRST_PIECE_SLOT) {
                     add(&mut recorder, &piece, other, last.rows(), learn.clone());
                 }
                 recorder.submit();

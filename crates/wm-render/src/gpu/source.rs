@@ -159,8 +159,8 @@ pub(crate) fn constants() -> String {
         SLOT_ABS_Y = GradientSlot::ABS_Y;
         SLOT_WEIGHT = GradientSlot::WEIGHT;
         SLOT_FEATURES = GradientSlot::FEATURES;
-        WINDOW_RADIUS = compare::RADIUS;
-        COMPARE_GROUPS = compare::GROUPS;
+        WINDOW_RADIUS = compare::WINDOW_RADIUS_PX;
+        COMPARE_GROUPS = compare::WORKGROUP_COUNT;
         PATCH_FEWEST = compare::MIN_PATCH_PIXELS;
         GRADIENT_ROW = gradients::ROW;
         GRADIENT_MEAN = gradients::MEAN;
@@ -176,7 +176,7 @@ pub(crate) fn constants() -> String {
     real! {
         TILE_SIDE = f64::from(TILE_SIDE);
         FAR_AWAY = FAR_AWAY;
-        GREY = even_air::GREY;
+        GREY = even_air::MIDDLE_GREY;
         LN_2 = std::f32::consts::LN_2;
         DILATION = project::DILATION;
         SLOPE_DILATION = project::SLOPE_DILATION;
@@ -211,7 +211,7 @@ pub(crate) fn constants() -> String {
     for (column, attribute) in Attribute::ALL.iter().enumerate() {
         let _ = writeln!(text, "const {}: u32 = {column}u;", attribute.wgsl_name());
     }
-    let window = compare::WINDOW.map(f64::from);
+    let window = compare::WINDOW_WEIGHTS.map(f64::from);
     for (name, values) in [("C2", &sh::C2[..]), ("C3", &sh::C3[..]), ("WINDOW", &window[..])] {
         let numbers: Vec<String> = values.iter().map(|v| format!("{v:e}")).collect();
         let (count, numbers) = (values.len(), numbers.join(", "));

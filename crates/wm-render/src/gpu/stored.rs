@@ -23,7 +23,7 @@ use wm_scene::{Group, Splats, sh};
 
 /// Numbers of `known` in `optimize.wgsl` a splat. Steps are exact in them: there are fewer than
 /// 2^24.
-const KNOWN: usize = 4;
+const KNOWN_PER_SPLAT: usize = 4;
 const USAGE: BufferUsages = READ_BACK.union(BufferUsages::COPY_DST);
 
 /// Whole blocks of 256 splats, the last one padded.
@@ -225,9 +225,9 @@ impl StoredModel {
         seen: &mut [u32],
     ) -> Result<(), GpuError> {
         let buffer = self.known.as_ref().expect("splats that learn on the GPU");
-        let mut known = vec![0.0f32; KNOWN * self.len];
+        let mut known = vec![0.0f32; KNOWN_PER_SPLAT * self.len];
         back(gpu, staging, &mut [(buffer, &mut known)])?;
-        for (i, own) in known.as_chunks::<KNOWN>().0.iter().enumerate() {
+        for (i, own) in known.as_chunks::<KNOWN_PER_SPLAT>().0.iter().enumerate() {
             (pulls.sums[i], pulls.counts[i], pulls.radii[i]) = (own[0], own[1], own[2]);
             seen[i] = own[3] as u32;
         }

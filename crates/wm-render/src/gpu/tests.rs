@@ -24,7 +24,7 @@ fn own_gpu(most_binding: Option<u64>) -> Arc<Gpu> {
     most_binding.map_or_else(|| Gpu::open(&ANY_GPU).unwrap(), small_gpu)
 }
 
-fn own(most_binding: Option<u64>) -> GpuRenderer {
+fn own_renderer(most_binding: Option<u64>) -> GpuRenderer {
     GpuRenderer::new(own_gpu(most_binding), threads(2)).unwrap()
 }
 
@@ -114,7 +114,7 @@ fn pieces_make_no_difference() {
     let (camera, splats) = (camera(75, 53), random_splats(5000, 3, 6));
     let whole = render(&mut gpu_renderer(), &splats, &camera).unwrap();
     // 256 splats of degree 3 take 46 kB, those in view 64 bytes each.
-    let pieces = render(&mut own(Some(330_000)), &splats, &camera).unwrap();
+    let pieces = render(&mut own_renderer(Some(330_000)), &splats, &camera).unwrap();
     assert!(whole == pieces);
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
     let want = reference::frame::render(&[(&splats, None)], &DrawPass::new(&[], &camera, &config));
@@ -131,7 +131,7 @@ fn what_does_not_fit_is_named() {
         (3_000_000, "tile lists", &HardSplats::Huge.splats(2000, 4), (600, 400)),
         (400_000, "the picture", &many, (600, 400)),
     ] {
-        let error = match render(&mut own(Some(most)), splats, &camera(size.0, size.1)) {
+        let error = match render(&mut own_renderer(Some(most)), splats, &camera(size.0, size.1)) {
             Err(error) => error.to_string(),
             Ok(_) => panic!("{most} bytes are enough"),
         };
@@ -159,7 +159,7 @@ fn frames_are_the_same_each_time() {
 fn a_lost_device_is_an_error_and_no_panic() {
     let Some(_) = Backend::gpu() else { return };
     let (camera, splats) = (camera(64, 48), random_splats(500, 1, 6));
-    let mut renderer = own(None);
+    let mut renderer = own_renderer(None);
     render(&mut renderer, &splats, &camera).unwrap();
     renderer.gpu.lose();
     for _ in 0..2 {

@@ -18,7 +18,7 @@ use wm_scene::splats::logit;
 use wm_scene::{Camera, Rasterization};
 
 /// Bytes from one structure to the next: the largest alignment that an adapter may ask for.
-pub(crate) const SLOT: u64 = 256;
+pub(crate) const UNIFORM_SLOT_BYTES: u64 = 256;
 
 /// The words of a WGSL structure, with the names and places of its fields.
 #[derive(Clone, Debug, Default)]
@@ -408,8 +408,8 @@ pub(crate) enum MomentReset {
 
 /// Structures as they lie in a buffer, one a slot.
 pub(crate) fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
-    let mut bytes = vec![0; SLOT as usize * uniforms.len()];
-    for (slot, uniform) in bytes.chunks_exact_mut(SLOT as usize).zip(uniforms) {
+    let mut bytes = vec![0; UNIFORM_SLOT_BYTES as usize * uniforms.len()];
+    for (slot, uniform) in bytes.chunks_exact_mut(UNIFORM_SLOT_BYTES as usize).zip(uniforms) {
         let words: &[u8] = bytemuck::cast_slice(&uniform.words);
         slot[..words.len()].copy_from_slice(words);
     }

@@ -6,13 +6,13 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 
 /// Linear light of sRGB values of 0.04045 to 1.5, highest power first: minimax, 1.4e-4 of what is
 /// displayed.
-const DECODE: [f32; 6] =
+const DECODE_COEFFICIENTS: [f32; 6] =
     [4.098_582_3e-2, -0.202_103_2, 0.587_016_4, 0.543_159_8, 3.021_332_8e-2, 9.924_074e-4];
-/// The greatest value of [`DECODE`].
+/// The greatest value of [`DECODE_COEFFICIENTS`].
 const MAX_DECODED: f32 = 1.5;
 /// sRGB values of linear light of 0.0031308 to 1, a ratio of polynomials, highest power first:
 /// minimax, 1.2e-4.
-const ENCODE: ([f32; 5], [f32; 4]) = (
+const ENCODE_COEFFICIENTS: ([f32; 5], [f32; 4]) = (
     [863.149_2, 4_325.308, 1_068.987_4, 20.784_203, -1.103_977_1e-2],
     [3_435.746_5, 2_659.511_7, 181.217_3, 1.0],
 );
@@ -52,8 +52,8 @@ pub fn srgb_decode_rough<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
     if most.simd_gt(simd.set(MAX_DECODED)).any_true() {
         return srgb_decode(simd, value);
     }
-    let mut result = [simd.set(DECODE[0]); 3];
-    for coefficient in DECODE.into_iter().skip(1) {
+    let mut result = [simd.set(DECODE_COEFFICIENTS[0]); 3];
+    for coefficient in DECODE_COEFFICIENTS.into_iter().skip(1) {
         for k in 0..3 {
             result[k] = result[k].mul_add(value[k], simd.set(coefficient));
         }
@@ -83,7 +83,7 @@ pub fn srgb_encode_rough<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
             result[k] = power[k].mul_add(simd.set(1.055), simd.set(-0.055));
         }
     } else {
-        let (above, below) = ENCODE;
+        let (above, below) = ENCODE_COEFFICIENTS;
         let (mut sum, mut divisor) = ([simd.set(above[0]); 3], [simd.set(below[0]); 3]);
         for coefficient in above.into_iter().skip(1) {
             for k in 0..3 {

@@ -7,16 +7,17 @@ use super::lanes::Lanes;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 
 /// 1.5 * 2^23: adding it to a small float leaves the rounded integer in the low mantissa bits.
-const ROUND: f32 = 12_582_912.0;
+const ROUNDING_OFFSET: f32 = 12_582_912.0;
 
 /// `2^x` on [-0.5, 0.5], highest power first; minimax, relative error 2.0e-7.
-const EXP2: [f32; 6] = [1.338_130_3e-3, 9.666_369e-3, 5.550_381e-2, 2.402_235e-1, 6.931_472e-1, 1.0];
+const EXP2_COEFFICIENTS: [f32; 6] =
+    [1.338_130_3e-3, 9.666_369e-3, 5.550_381e-2, 2.402_235e-1, 6.931_472e-1, 1.0];
 
 /// `2^x` on [-0.5, 0.5], highest power first; minimax, relative error 7.5e-5.
 const EXP2_ROUGH: [f32; 4] = [5.517_234e-2, 0.242_611_53, 0.693_260_8, 0.999_928];
 
 /// `log2(1 + t) / t` on [sqrt(1/2) - 1, sqrt(2) - 1], highest power first; minimax, error 5e-8.
-const LOG2: [f32; 9] = [
+const LOG2_COEFFICIENTS: [f32; 9] = [
     0.123_109_68,
     -0.205_861_88,
     0.216_078_23,
@@ -41,12 +42,12 @@ pub fn exp2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     exp2_with(
         simd,
         x,
-        EXP2[0],
+        EXP2_COEFFICIENTS[0],
         #[inline(always)]
         |poly, fraction| {
-            for power in 1..EXP2.len() {
+            for power in 1..EXP2_COEFFICIENTS.len() {
                 for k in 0..N {
-                    poly[k] = poly[k].mul_add(fraction[k], simd.set(EXP2[power]));
+                    poly[k] = poly[k].mul_add(fraction[k], simd.set(EXP2_COEFFICIENTS[power]));
                 }
             }
         },
@@ -80,10 +81,10 @@ pub(crate) fn exp2_looped<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S
     exp2_with(
         simd,
         x,
-        EXP2[0],
+        EXP2_COEFFICIENTS[0],
         #[inline(always)]
         |poly, fraction| {
-            let [powers @ .., last] = EXP2;
+            let [powers @ .., last] = EXP2_COEFFICIENTS;
             for coefficient in powers.into_iter().skip(1).chain([last]) {
                 for k in 0..N {
                     poly[k] = poly[k].mul_add(fraction[k], simd.set(coefficient));
@@ -103,10 +104,10 @@ fn exp2_with<S: Lanes, const N: usize>(
     let mut shifted = x;
     let mut fraction = x;
     for k in 0..N {
-        shifted[k] = x[k] + ROUND;
+        shifted[k] = x[k] + ROUNDING_OFFSET;
     }
     for k in 0..N {
-        fraction[k] = x[k] - (shifted[k] - ROUND);
+        fraction[k] = x[k] - (shifted[k] - ROUNDING_OFFSET);
     }
     let mut poly = [simd.set(highest); N];
     evaluate(&mut poly, &fraction);
@@ -120,10 +121,10 @@ fn exp2_with<S: Lanes, const N: usize>(
 /// error below 5e-7.
 #[inline(always)]
 pub fn exp2_unfused<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
-    let shifted = x + ROUND;
-    let fraction = x - (shifted - ROUND);
-    let mut poly = f32x8::splat(simd, EXP2[0]);
-    for coefficient in EXP2.into_iter().skip(1) {
+    let shifted = x + ROUNDING_OFFSET;
+    let fraction = x - (shifted - ROUNDING_OFFSET);
+    let mut poly = f32x8::splat(simd, EXP2_COEFFICIENTS[0]);
+    for coefficient in EXP2_COEFFICIENTS.into_iter().skip(1) {
         poly = poly * fraction + coefficient;
     }
     f32x8::from_bits(poly.to_bits() + (shifted.to_bits() << 23))
@@ -132,7 +133,7 @@ pub fn exp2_unfused<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
 /// `log2(x)` for normal positive x; absolute error below 2e-7 near 1, relative 1e-7 elsewhere.
 #[inline(always)]
 pub fn log2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
-    log2_by(simd, x, LOG2)
+    log2_by(simd, x, LOG2_COEFFICIENTS)
 }
 
 /// [`log2`] for what is only shown: absolute error below 1.1e-4.

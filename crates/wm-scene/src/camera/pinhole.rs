@@ -1,7 +1,7 @@
 //! A pinhole camera.
 
 use super::rigid::{PoseFault, check_rigid, viewmat_at, viewmat_of};
-use crate::values::FARTHEST;
+use crate::values::MAX_SCENE_COORDINATE;
 use glam::{DMat3, DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -88,9 +88,9 @@ fn brief(value: f64) -> String {
     if value == 0.0 || (1e-4..1e15).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
-/// Vertical fields of view of pinhole cameras, degrees. Beyond them a frame of rain or of a wide
-/// lens costs time and memory without bound.
-pub const FOV: RangeInclusive<f64> = 0.1..=170.0;
+/// Vertical fields of view of pinhole cameras. Beyond them a frame of rain or of a wide lens costs
+/// time and memory without bound.
+pub const FOV_RANGE_DEG: RangeInclusive<f64> = 0.1..=170.0;
 /// Largest distance of a point of the picture from the principal point, focal lengths: 89.7 degrees
 /// off the axis.
 const MAX_OFFSET_FOCALS: f64 = 200.0;
@@ -114,7 +114,7 @@ impl Camera {
         target: DVec3,
         up: DVec3,
     ) -> Result<Self, CameraError> {
-        if !FOV.contains(&fov_y) {
+        if !FOV_RANGE_DEG.contains(&fov_y) {
             let expected = "the vertical field of view must be 0.1 to 170 degrees";
             return Err(CameraError::Value { field: "fov", value: fov_y, expected });
         }
@@ -200,7 +200,7 @@ impl Camera {
             fault => fault.into(),
         })?;
         let farthest = self.center().abs().max_element();
-        if farthest > FARTHEST.into() {
+        if farthest > MAX_SCENE_COORDINATE.into() {
             let expected = "coordinates must be within 10^10 of zero";
             return Err(CameraError::Value { field: "position", value: farthest, expected });
         }

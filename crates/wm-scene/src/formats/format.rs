@@ -49,14 +49,14 @@ pub(crate) type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
 
 /// The facts about a file by which its format is recognised.
 pub(crate) struct Start<'a> {
-    /// First bytes, at most [`SNIFFED`].
+    /// First bytes, at most [`SNIFFED_BYTES`].
     pub(crate) bytes: &'a [u8],
     /// Name, or that of the stream.
     pub(crate) path: &'a Path,
 }
 
 /// Bytes at the start of a file that tell its format.
-pub(crate) const SNIFFED: usize = 4096;
+pub(crate) const SNIFFED_BYTES: usize = 4096;
 
 /// Options of reading a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

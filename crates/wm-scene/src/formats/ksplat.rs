@@ -51,7 +51,7 @@ const SECTION_HEADER_BYTES: u64 = 1024;
 /// Half the range of SH at level 2 where the header has none.
 const SH_RANGE: f32 = 1.5;
 /// Steps from the centre of a bucket to its side.
-const STEPS: u32 = 32767;
+const STEPS_PER_HALF_BUCKET: u32 = 32767;
 /// The smallest half above 0.
 const MIN_HALF: f32 = 5.960_464_5e-8;
 /// Splats of a full bucket that is written.
@@ -138,8 +138,8 @@ fn read_section(
     if is_bucketed && count > 0 && (center_size < 12 || bucket_size == 0) {
         return Err(Problem::Header("a section has splats but no buckets".into()));
     }
-    let scale = 0.5 * block / (if steps == 0 { STEPS } else { steps }) as f32;
-    let offset = if steps == 0 { STEPS } else { steps } as f32;
+    let scale = 0.5 * block / (if steps == 0 { STEPS_PER_HALF_BUCKET } else { steps }) as f32;
+    let offset = if steps == 0 { STEPS_PER_HALF_BUCKET } else { steps } as f32;
     // Which bucket, and how many of its splats are left.
     let (mut bucket, mut left) = (0u64, 0u64);
     let length_of = |bucket: u64| {
@@ -255,7 +255,7 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
             section.len() as u32,
             widest(section).to_bits(),
             12,
-            STEPS,
+            STEPS_PER_HALF_BUCKET,
             stored as u32,
             (room / BUCKET_SPLATS) as u32,
             u32::from(partial > 0),
@@ -286,14 +286,16 @@ fn write_section(
     let mut bytes: Vec<u8> =
         section.iter().flat_map(|bucket| bucket.center).flat_map(f32::to_le_bytes).collect();
     out.write_all(&bytes)?;
-    let step = STEPS as f32 / (0.5 * widest(section));
+    let step = STEPS_PER_HALF_BUCKET as f32 / (0.5 * widest(section));
     for Bucket { indices, center, .. } in section {
         bytes.clear();
         for index in indices.iter().map(|i| *i as usize) {
             let mean = splats.means[index];
             for k in 0..3 {
-                let steps = ((mean[k] - center[k]) * step).round() + STEPS as f32;
-                bytes.extend((steps.clamp(0.0, 2.0 * STEPS as f32 + 1.0) as u16).to_le_bytes());
+                let steps = ((mean[k] - center[k]) * step).round() + STEPS_PER_HALF_BUCKET as f32;
+                bytes.extend(
+                    (steps.clamp(0.0, 2.0 * STEPS_PER_HALF_BUCKET as f32 + 1.0) as u16).to_le_bytes(),
+                );
             }
             let mut half = |v: f32| bytes.extend(f16::from_f32(v).to_le_bytes());
             // Of no thickness is only what is flat: one that is too small for a half becomes the

@@ -38,7 +38,7 @@ mod fetched_tests;
 pub use axes::Axes;
 use folder::{cameras_path, write_cameras};
 pub use format::{DetailLevel, GltfSplats, ReadOptions, SceneFormat, SpzVersion, Views, WriteOptions};
-use format::{SNIFFED, Start, Writer, has_ending, write_files};
+use format::{SNIFFED_BYTES, Start, Writer, has_ending, write_files};
 pub use loss::{FormatLosses, Retention, lost};
 pub use ply::read_points;
 pub use sidecar::{sidecar_path, write_sidecar};
@@ -167,8 +167,8 @@ fn read_source(
 }
 
 fn sniff(source: &mut Source) -> Result<&'static SceneFormat, FormatError> {
-    source.fill(SNIFFED)?;
-    let bytes = &source.bytes()[..source.bytes().len().min(SNIFFED)];
+    source.fill(SNIFFED_BYTES)?;
+    let bytes = &source.bytes()[..source.bytes().len().min(SNIFFED_BYTES)];
     if bytes.is_empty() {
         return Err(source.whole(Problem::Empty));
     }

@@ -58,9 +58,9 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
 
 const MAGIC: [u8; 4] = *b"NGSP";
 /// Flag of a scene trained with Mip-Splatting's filter.
-const ANTIALIASED: u8 = 1;
+const ANTIALIASED_FLAG: u8 = 1;
 /// Flag of a file with records of extensions.
-const EXTENDED: u8 = 2;
+const EXTENSIONS_FLAG: u8 = 2;
 /// The record `SPZ_ADOBE_coordinate_system`.
 const AXES_EXTENSION: u32 = 0xADBE_0003;
 /// The scale of the bytes of a colour.
@@ -109,13 +109,13 @@ impl Header {
     }
 
     /// Bytes a splat of each column.
-    fn columns(&self) -> [u64; COLUMNS] {
+    fn columns(&self) -> [u64; COLUMN_COUNT] {
         sizes(self.version, self.sh_degree)
     }
 }
 
 /// Bytes a splat of each column in a version.
-fn sizes(version: u32, sh_degree: u8) -> [u64; COLUMNS] {
+fn sizes(version: u32, sh_degree: u8) -> [u64; COLUMN_COUNT] {
     let means = if version == 1 { 6 } else { 9 };
     let quats = if version < 3 { 3 } else { 4 };
     [means, 1, 3, 3, quats, 3 * (sh::coefficients(sh_degree) as u64 - 1)]
@@ -136,11 +136,11 @@ pub(super) fn read(file: &[u8]) -> Result<Scene, Problem> {
         }
     };
     let mut columns = Bytes::new(&body, "the SPZ");
-    let mut column = [&body[..0]; COLUMNS];
+    let mut column = [&body[..0]; COLUMN_COUNT];
     for (slot, size) in column.iter_mut().zip(header.columns()) {
         *slot = columns.take(header.count * size)?;
     }
-    let antialiased = header.flags & ANTIALIASED != 0;
+    let antialiased = header.flags & ANTIALIASED_FLAG != 0;
     let rasterization = antialiased.then_some(Rasterization::Antialiased);
     let splats = unpack(&header, column);
     let metadata = Metadata { rasterization, ..Metadata::default() };
@@ -182,7 +182,7 @@ fn read_zstd<'a>(
     let table = u64::from(bytes.u32()?);
     let mut bytes = Bytes::new(file, "the SPZ's table of streams");
     let records = bytes.take(table)?.get(HEADER_BYTES as usize..).unwrap_or_default();
-    let axes = if header.flags & EXTENDED == 0 { FORMAT.axes } else { axes_of(records)? };
+    let axes = if header.flags & EXTENSIONS_FLAG == 0 { FORMAT.axes } else { axes_of(records)? };
     let table = bytes.take(16 * u64::from(streams))?;
     let mut body = header.body(file)?;
     let mut out = &mut body[..];
@@ -233,7 +233,7 @@ fn axes_of(records: &[u8]) -> Result<Axes, Problem> {
 const MAX_WINDOW_BYTES: u64 = 128 << 20;
 
 /// Unpacks the columns, in the order of the format.
-fn unpack(header: &Header, columns: [&[u8]; COLUMNS]) -> Splats {
+fn unpack(header: &Header, columns: [&[u8]; COLUMN_COUNT]) -> Splats {
     let [means, opacities, colors, scales, quats, sh] = columns;
     let degree = header.sh_degree.min(sh::MAX_DEGREE);
     let mut splats = Splats::zeroed(header.count as usize, degree);
@@ -338,7 +338,7 @@ struct Column<'a> {
 
 impl<'a> Column<'a> {
     /// Splats at a time.
-    const PART: usize = 1 << 14;
+    const SPLATS_PER_PART: usize = 1 << 14;
 
     fn new(splats: &'a Splats, number: usize, fractional_bits: u8) -> Self {
         Self { splats, number, fractional_bits, next: 0, bytes: Vec::new(), read: 0 }
@@ -347,7 +347,7 @@ impl<'a> Column<'a> {
     /// Packs the next splats.
     fn fill(&mut self) {
         let (splats, bytes, axes) = (self.splats, &mut self.bytes, FORMAT.axes);
-        let part = self.next..splats.len().min(self.next + Self::PART);
+        let part = self.next..splats.len().min(self.next + Self::SPLATS_PER_PART);
         self.next = part.end;
         self.read = 0;
         bytes.clear();
@@ -452,7 +452,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
         u32::try_from(splats.len()).map_err(|_| Problem::Value("too many splats for an SPZ".into()))?;
     let bits = fractional_bits(splats);
     let flags =
-        if scene.metadata.rasterization == Some(Rasterization::Antialiased) { ANTIALIASED } else { 0 };
+        if scene.metadata.rasterization == Some(Rasterization::Antialiased) { ANTIALIASED_FLAG } else { 0 };
     let mut header = MAGIC.to_vec();
     let version = match options.spz {
         SpzVersion::V3 => 3u32,
@@ -464,14 +464,14 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     if options.spz == SpzVersion::V3 {
         let mut packed = deflate::Writer::new(sirocco::Format::Gzip, deflate::Level::new(GZIP_LEVEL), out);
         packed.write_all(&header)?;
-        for number in 0..COLUMNS {
+        for number in 0..COLUMN_COUNT {
             io::copy(&mut Column::new(splats, number, bits), &mut packed)?;
         }
         packed.finish()?;
         return Ok(());
     }
     // Without SH there is no stream of them, not an empty one.
-    let columns = if splats.sh_degree > 0 { COLUMNS } else { COLUMNS - 1 };
+    let columns = if splats.sh_degree > 0 { COLUMN_COUNT } else { COLUMN_COUNT - 1 };
     header[15] = columns as u8;
     header.extend(HEADER_BYTES.to_le_bytes());
     header.resize(HEADER_BYTES as usize, 0);
@@ -493,7 +493,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
 /// Level of gzip: the columns are too noisy for more, which takes a third longer and saves 2 %.
 const GZIP_LEVEL: u8 = 3;
 /// Columns of a file, of which the last is that of SH.
-const COLUMNS: usize = 6;
-const SH_COLUMN: usize = COLUMNS - 1;
+const COLUMN_COUNT: usize = 6;
+const SH_COLUMN: usize = COLUMN_COUNT - 1;
 /// Bytes of the header of version 4.
 const HEADER_BYTES: u32 = 32;

@@ -1,7 +1,7 @@
 //! Faults of metadata: values that cannot be used.
 
 use super::{Metadata, PhotoSun};
-use crate::{lamps, reflectance, values::FARTHEST};
+use crate::{lamps, reflectance, values::MAX_SCENE_COORDINATE};
 use glam::DVec3;
 
 impl Metadata {
@@ -17,10 +17,10 @@ impl Metadata {
 
     /// Faults of origin, scale and directions.
     fn direction_fault(&self) -> Option<String> {
-        let most = Self::FARTHEST_ORIGIN;
+        let most = Self::MAX_ORIGIN_COORDINATE;
         let is_near = |origin: &DVec3| origin.is_finite() && origin.abs().max_element() <= most;
         let origin = self.origin.filter(|origin| !is_near(origin));
-        let scale = self.metres_per_unit.filter(|value| !Self::SCALES.contains(value));
+        let scale = self.metres_per_unit.filter(|value| !Self::SCALE_RANGE.contains(value));
         origin
             .map(|origin| format!("origin is {origin}: each coordinate must be finite and at most {most:e}"))
             .or_else(|| Some(format!("metres_per_unit is {}: it must be 1e-6 to 1e6", scale?)))
@@ -37,12 +37,12 @@ impl Metadata {
                 "location is {latitude}, {longitude}: it must be a latitude of -90 to 90 and a longitude of -180 to 180 degrees"
             ));
         }
-        let time = self.captured.filter(|time| !Self::TIMES.contains(time));
+        let time = self.captured.filter(|time| !Self::TIME_RANGE_S.contains(time));
         let sun = match self.sun {
             Some(PhotoSun::Towards(sun)) => Some(sun),
             _ => None,
         };
-        let is_near = |ground: &f64| ground.is_finite() && ground.abs() <= FARTHEST.into();
+        let is_near = |ground: &f64| ground.is_finite() && ground.abs() <= MAX_SCENE_COORDINATE.into();
         let ground = self.ground.filter(|ground| !is_near(ground));
         time.map(|time| {
             format!("captured is {time}: it must be seconds since 1970, in the years 1800 to 3000")
@@ -73,7 +73,7 @@ impl Metadata {
     fn content_fault(&self) -> Option<String> {
         let most = Self::MAX_OUTLINE_POINTS;
         let is_outline = |outline: &Vec<[f64; 3]>| {
-            let is_near = outline.iter().flatten().all(|v| v.abs() <= f64::from(FARTHEST));
+            let is_near = outline.iter().flatten().all(|v| v.abs() <= f64::from(MAX_SCENE_COORDINATE));
             is_near && (3..=most).contains(&outline.len())
         };
         if !self.water.iter().flatten().all(is_outline) {

@@ -408,12 +408,12 @@ mod tests {
     use crate::{Camera, Metadata, SceneView};
     use proptest::prelude::*;
 
-    fn by(ground: [DVec3; 3]) -> Alignment {
+    fn by_points(ground: [DVec3; 3]) -> Alignment {
         Alignment { ground: Some(GivenGround::Points(ground)), ..Alignment::default() }
     }
 
-    fn said(points: [[f64; 3]; 3]) -> String {
-        by(points.map(DVec3::from_array)).check().unwrap_err().to_string()
+    fn fault_of_points(points: [[f64; 3]; 3]) -> String {
+        by_points(points.map(DVec3::from_array)).check().unwrap_err().to_string()
     }
 
     fn view(eye: DVec3, target: DVec3, up: DVec3) -> SceneView {
@@ -457,14 +457,19 @@ mod tests {
 
     #[test]
     fn points_that_make_no_plane_are_refused() {
-        let line = said([[0.0; 3], [5.0, 0.0, 0.0], [10.0, 0.1, 0.0]]);
+        let line = fault_of_points([[0.0; 3], [5.0, 0.0, 0.0], [10.0, 0.1, 0.0]]);
         assert!(line.contains("nearly on one line (0.050 units wide, 10.000"), "{line}");
-        let same = said([[1.0, 2.0, 3.0], [0.0; 3], [1.0, 2.0, 3.0]]);
+        let same = fault_of_points([[1.0, 2.0, 3.0], [0.0; 3], [1.0, 2.0, 3.0]]);
         assert_eq!(same, "two points of the ground are the same, [1, 2, 3]: give three that are apart");
-        assert!(said([[1.0; 3]; 3]).contains("are the same"));
-        assert!(said([[f64::NAN, 0.0, 0.0], [1.0; 3], [2.0, 0.0, 0.0]]).contains("must be finite"));
-        assert!(said([[1e300, 0.0, 0.0], [-1e300, 0.0, 1.0], [2.0, 0.0, 0.0]]).contains("must be finite"));
-        assert!(by([DVec3::ZERO, DVec3::X, DVec3::Y]).check().is_ok());
+        assert!(fault_of_points([[1.0; 3]; 3]).contains("are the same"));
+        assert!(
+            fault_of_points([[f64::NAN, 0.0, 0.0], [1.0; 3], [2.0, 0.0, 0.0]]).contains("must be finite")
+        );
+        assert!(
+            fault_of_points([[1e300, 0.0, 0.0], [-1e300, 0.0, 1.0], [2.0, 0.0, 0.0]])
+                .contains("must be finite")
+        );
+        assert!(by_points([DVec3::ZERO, DVec3::X, DVec3::Y]).check().is_ok());
     }
 
     #[test]
@@ -498,7 +503,7 @@ mod tests {
             // North at 30 degrees.
             scene.metadata.north = Some(turn * DVec3::new(0.0, 0.75f64.sqrt(), 0.5));
             let points = [[-50.0, -40.0, 0.0], [50.0, -40.0, 0.1], [0.0, 40.0, -0.1]].map(place);
-            let done = align(&mut scene, &by(points)).unwrap();
+            let done = align(&mut scene, &by_points(points)).unwrap();
             assert_eq!(done.side, Some(UpSide::Splats));
             let up = done.after.up;
             assert!(up.value.angle_between(turn * DVec3::Z).to_degrees() < 1.0, "{index}: {done:?}");
@@ -518,10 +523,10 @@ mod tests {
         let mut scene = Scene { splats: street(1).build(), ..Scene::default() };
         scene.views = vec![view(DVec3::new(0.0, 0.0, 30.0), DVec3::ZERO, DVec3::Y)];
         let points = [[-20.0, -4.0, 12.0], [20.0, -4.0, 12.0], [0.0, 4.0, 12.0]].map(DVec3::from_array);
-        let done = align(&mut scene, &by(points)).unwrap();
+        let done = align(&mut scene, &by_points(points)).unwrap();
         assert_eq!((done.side, done.after.up.value), (Some(UpSide::Cameras), DVec3::Z));
         // Turned round, it is not: the user has the last word.
-        let done = align(&mut scene, &Alignment { flip: true, ..by(points) }).unwrap();
+        let done = align(&mut scene, &Alignment { flip: true, ..by_points(points) }).unwrap();
         assert_eq!(done.after.up.value, DVec3::NEG_Z);
         assert!((done.after.ground.value + 12.0).abs() < 1e-9);
     }

@@ -62,7 +62,8 @@ impl Habit {
 pub fn habits(cameras: &[Camera]) -> Vec<Habit> {
     let down = looking_down(cameras);
     let odds = if down.is_some() { [FACADE_SHARE, 1.0 - FACADE_SHARE] } else { [1.0, 0.0] };
-    let upright = held(cameras).map(|up| Habit { kind: HabitKind::Upright, up, log_odds: odds[0].ln() });
+    let upright =
+        up_of_upright(cameras).map(|up| Habit { kind: HabitKind::Upright, up, log_odds: odds[0].ln() });
     let down = down.map(|up| Habit { kind: HabitKind::LookingDown, up, log_odds: odds[1].ln() });
     [upright, down].into_iter().flatten().collect()
 }
@@ -81,7 +82,7 @@ pub fn fit(up: DVec3, habits: &[Habit]) -> f64 {
 ///
 /// The mean of the pictures' ups is known to some degrees; the direction to which all x axes are
 /// level is known better the more ways they look.
-fn held(cameras: &[Camera]) -> Option<DVec3> {
+fn up_of_upright(cameras: &[Camera]) -> Option<DVec3> {
     let count = cameras.len() as f64;
     let (mut mean, mut moments) = (DVec3::ZERO, DMat3::ZERO);
     for camera in cameras {

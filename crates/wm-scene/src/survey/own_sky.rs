@@ -187,7 +187,7 @@ mod tests {
     use crate::synthetic::{aerial, moved, rotation, street};
     use crate::{Camera, SceneView};
 
-    const RADIUS: f64 = 400.0;
+    const SKY_RADIUS: f64 = 400.0;
 
     fn view(eye: DVec3, target: DVec3) -> SceneView {
         let camera = Camera::looking((300, 200), 60.0, eye, target, DVec3::new(0.1, 0.0, 1.0)).unwrap();
@@ -198,7 +198,7 @@ mod tests {
     fn domed(axis: DVec3) -> Scene {
         let mut splats = aerial(1).build();
         let mut dome = crate::synthetic::Builder::new(2);
-        dome.sky(DVec3::ZERO, RADIUS, 3000);
+        dome.sky(DVec3::ZERO, SKY_RADIUS, 3000);
         let turn = glam::DQuat::from_rotation_arc(DVec3::Z, axis);
         let dome = moved(&dome.build(), turn, 1.0, DVec3::ZERO);
         let first = splats.len();
@@ -249,7 +249,7 @@ mod tests {
             assert!(up.angle_between(turn * DVec3::Z).to_degrees() < 1.0);
             for (mean, group) in scene.splats.means.iter().zip(&scene.splats.groups) {
                 let offset = DVec3::from_array(mean.map(f64::from)) - DVec3::ONE;
-                let is_far = offset.length() > 0.45 * RADIUS;
+                let is_far = offset.length() > 0.45 * SKY_RADIUS;
                 assert_eq!(*group == Group::Sky, is_far);
                 assert!(!is_far || offset.normalize().dot(up) > -0.13);
             }

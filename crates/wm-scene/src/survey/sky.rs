@@ -140,7 +140,7 @@ struct Layers {
 impl Layers {
     /// From 1/16 to 4096 times the middle distance; all others fall in the first and last layer.
     const COUNT: usize = 16 * LAYERS_PER_OCTAVE as usize;
-    const FIRST: f64 = -4.0;
+    const FIRST_OCTAVE: f64 = -4.0;
 
     fn of(splats: &Splats, center: DVec3, unit: f64) -> Self {
         let mut counts = [0; Self::COUNT];
@@ -148,7 +148,8 @@ impl Layers {
         for index in 0..splats.len() {
             let squared = mean(splats, index).distance_squared(center) * scale;
             if squared.is_finite() {
-                let layer = ((0.5 * squared.log2() - Self::FIRST) * LAYERS_PER_OCTAVE).max(0.0) as usize;
+                let layer =
+                    ((0.5 * squared.log2() - Self::FIRST_OCTAVE) * LAYERS_PER_OCTAVE).max(0.0) as usize;
                 counts[layer.min(Self::COUNT - 1)] += 1;
             }
         }
@@ -157,7 +158,7 @@ impl Layers {
 
     /// Inner radius of a layer, scene units.
     fn radius(&self, layer: usize) -> f64 {
-        self.unit * (layer as f64 / LAYERS_PER_OCTAVE + Self::FIRST).exp2()
+        self.unit * (layer as f64 / LAYERS_PER_OCTAVE + Self::FIRST_OCTAVE).exp2()
     }
 
     /// The runs of all but empty layers with a sky's share of the splats beyond, from inside out.

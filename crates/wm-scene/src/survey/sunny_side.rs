@@ -13,8 +13,8 @@ use wm_base::linear::horizontals;
 
 /// Elevations of the suns that are tried, degrees: low, afternoon and noon.
 const ELEVATIONS_DEG: [f64; 3] = [8.0, 25.0, 45.0];
-/// Number of azimuths that are tried.
-const AZIMUTHS: usize = 24;
+/// Azimuths that are tried.
+const AZIMUTH_COUNT: usize = 24;
 /// Cells per radius of the place.
 const CELLS_PER_RADIUS: f64 = 28.0;
 /// Cells along each side of the cube: a ray goes two radii from a surface, which is within some
@@ -88,7 +88,7 @@ impl SunnySide {
         }
         let (east, north) = horizontals(up);
         let level = |k: usize| {
-            let (sin, cos) = (TAU * k as f64 / AZIMUTHS as f64).sin_cos();
+            let (sin, cos) = (TAU * k as f64 / AZIMUTH_COUNT as f64).sin_cos();
             north * cos + east * sin
         };
         let steps = (2.0 * CELLS_PER_RADIUS) as u32;
@@ -102,7 +102,7 @@ impl SunnySide {
         };
         let sides = ELEVATIONS_DEG.map(|elevation| {
             let (sin, cos) = elevation.to_radians().sin_cos();
-            let shares: Vec<f64> = (0..AZIMUTHS).map(|k| lit(level(k) * cos + up * sin)).collect();
+            let shares: Vec<f64> = (0..AZIMUTH_COUNT).map(|k| lit(level(k) * cos + up * sin)).collect();
             let [worst, best] = [f64::min, f64::max].map(|of| shares.iter().copied().fold(shares[0], of));
             let at = shares.iter().position(|share| *share == best)?;
             (best > worst + MIN_SHARE_DIFFERENCE).then(|| (level(at), best))

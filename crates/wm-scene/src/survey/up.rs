@@ -28,7 +28,7 @@ use wm_base::linear::{direction, eigen, horizontals, outer};
 use wm_base::statistics::quantile;
 
 /// Directions over the half sphere in which surfaces are counted: 7 degrees apart.
-const DIRECTIONS: usize = 400;
+const DIRECTION_COUNT: usize = 400;
 /// Points by which each candidate is rated.
 const RATED_POINTS: usize = 8000;
 /// Half width of a peak of normals, as a cosine: 12 degrees.
@@ -373,8 +373,8 @@ fn along_axis(up: DVec3) -> DVec3 {
 fn heaven(splats: &Splats, sample: &SurveySample, sky: &SkyRegion) -> DVec3 {
     let mut indices = sky.indices(splats);
     indices = strided(indices.len(), 5000).map(|i| indices[i]).collect();
-    let mut cells = vec![false; DIRECTIONS];
-    let directions: Vec<DVec3> = (0..DIRECTIONS).map(|i| direction(i, DIRECTIONS)).collect();
+    let mut cells = vec![false; DIRECTION_COUNT];
+    let directions: Vec<DVec3> = (0..DIRECTION_COUNT).map(|i| direction(i, DIRECTION_COUNT)).collect();
     for index in indices {
         let offset = DVec3::from_array(splats.means[index].map(f64::from)) - sample.center;
         cells[nearest(&directions, |d| d.dot(offset))] = true;
@@ -392,8 +392,8 @@ fn nearest(directions: &[DVec3], closeness: impl Fn(DVec3) -> f64) -> usize {
 /// Axes that could be vertical, the sign open, those that surfaces face first.
 fn candidates(sample: &SurveySample, rated: &[SurveyPoint], clues: Clues<'_>) -> Vec<DVec3> {
     // The first half of the spiral is the upper half sphere.
-    let directions: Vec<DVec3> = (0..DIRECTIONS).map(|i| direction(i, 2 * DIRECTIONS)).collect();
-    let mut surface = vec![0.0; DIRECTIONS];
+    let directions: Vec<DVec3> = (0..DIRECTION_COUNT).map(|i| direction(i, 2 * DIRECTION_COUNT)).collect();
+    let mut surface = vec![0.0; DIRECTION_COUNT];
     for point in rated {
         surface[nearest(&directions, |d| d.dot(point.normal).abs())] += 1.0;
     }

@@ -127,17 +127,17 @@ impl Database {
             let start = if number == 1 { 100 } else { 0 };
             let kind = *page.get(start)?;
             let cells = usize::from(u16::from_be_bytes([*page.get(start + 3)?, *page.get(start + 4)?]));
-            let pointers = start + if kind == INTERIOR { 12 } else { 8 };
+            let pointers = start + if kind == INTERIOR_PAGE { 12 } else { 8 };
             for cell in 0..cells {
                 let at = page.get(pointers + 2 * cell..pointers + 2 * cell + 2)?;
                 let cell = page.get(usize::from(u16::from_be_bytes([at[0], at[1]]))..)?;
                 match kind {
-                    INTERIOR => left.push(u64::from(u32::from_be_bytes(*cell.first_chunk()?))),
-                    LEAF => rows.push(self.row(cell)?),
+                    INTERIOR_PAGE => left.push(u64::from(u32::from_be_bytes(*cell.first_chunk()?))),
+                    LEAF_PAGE => rows.push(self.row(cell)?),
                     _ => return None,
                 }
             }
-            if kind == INTERIOR {
+            if kind == INTERIOR_PAGE {
                 left.push(u64::from(u32::from_be_bytes(*page.get(start + 8..)?.first_chunk()?)));
             }
         }
@@ -205,8 +205,8 @@ impl Database {
 }
 
 /// The kinds of pages of a table's tree.
-const INTERIOR: u8 = 5;
-const LEAF: u8 = 13;
+const INTERIOR_PAGE: u8 = 5;
+const LEAF_PAGE: u8 = 13;
 
 /// Takes a number of variable length: seven bits a byte, the highest first, and eight of a ninth.
 fn number(rest: &mut &[u8]) -> Option<i64> {

@@ -10,7 +10,7 @@
 
 use super::population::Population;
 use super::strategy::{DensifyStrategy, DensifyTime};
-use crate::check::{COUNT, ConfigValue, WEIGHT};
+use crate::check::{COUNT_RANGE, ConfigValue, WEIGHT_RANGE};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
 use wm_render::training::DensifyStats;
@@ -118,15 +118,15 @@ impl DensifyStrategy for AdaptiveConfig {
 
     fn values(&self) -> Vec<ConfigValue> {
         vec![
-            ConfigValue::new("densify.every", self.every, COUNT),
-            ConfigValue::new("densify.reset_every", self.reset_every, COUNT),
-            ConfigValue::new("densify.max_splats", self.max_splats as f64, COUNT),
-            ConfigValue::new("densify.pull", self.pull, WEIGHT),
-            ConfigValue::new("densify.small", self.small, WEIGHT),
+            ConfigValue::new("densify.every", self.every, COUNT_RANGE),
+            ConfigValue::new("densify.reset_every", self.reset_every, COUNT_RANGE),
+            ConfigValue::new("densify.max_splats", self.max_splats as f64, COUNT_RANGE),
+            ConfigValue::new("densify.pull", self.pull, WEIGHT_RANGE),
+            ConfigValue::new("densify.small", self.small, WEIGHT_RANGE),
             // Opacities are reset to twice this.
             ConfigValue::new("densify.faint", self.faint, 1e-6..=0.4),
-            ConfigValue::new("densify.huge", self.huge, WEIGHT),
-            ConfigValue::new("densify.huge_radius", self.huge_radius, WEIGHT),
+            ConfigValue::new("densify.huge", self.huge, WEIGHT_RANGE),
+            ConfigValue::new("densify.huge_radius", self.huge_radius, WEIGHT_RANGE),
         ]
     }
 

@@ -17,7 +17,7 @@
 
 use super::population::Population;
 use super::strategy::{DensifyStrategy, DensifyTime};
-use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
+use crate::check::{COUNT_RANGE, ConfigValue, SHARE_RANGE, WEIGHT_RANGE};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
 use wm_render::training::{DensifyStats, Noise, SplatTerms};
@@ -90,13 +90,13 @@ impl DensifyStrategy for McmcConfig {
 
     fn values(&self) -> Vec<ConfigValue> {
         vec![
-            ConfigValue::new("densify.every", self.every, COUNT),
-            ConfigValue::new("densify.max_splats", self.max_splats as f64, COUNT),
+            ConfigValue::new("densify.every", self.every, COUNT_RANGE),
+            ConfigValue::new("densify.max_splats", self.max_splats as f64, COUNT_RANGE),
             ConfigValue::new("densify.growth", self.growth, 0.0..=10.0),
-            ConfigValue::new("densify.dead", self.dead, SHARE),
-            ConfigValue::new("densify.noise", self.noise, WEIGHT),
-            ConfigValue::new("densify.opacity", self.opacity, WEIGHT),
-            ConfigValue::new("densify.scale", self.scale, WEIGHT),
+            ConfigValue::new("densify.dead", self.dead, SHARE_RANGE),
+            ConfigValue::new("densify.noise", self.noise, WEIGHT_RANGE),
+            ConfigValue::new("densify.opacity", self.opacity, WEIGHT_RANGE),
+            ConfigValue::new("densify.scale", self.scale, WEIGHT_RANGE),
         ]
     }
 

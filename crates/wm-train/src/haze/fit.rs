@@ -207,7 +207,7 @@ impl NormalEquations {
             with_color.fill(0.0);
             let mut squares = 0.0;
             for (i, row) in rows.iter().enumerate() {
-                let by = row.by(fit, colors, c);
+                let by = row.derivatives(fit, colors, c);
                 let w = row.weight;
                 let at = [0, 1 + c, SHARED_PARAMETERS + row.photo];
                 for k in 0..3 {
@@ -325,7 +325,7 @@ impl SightingRow {
 
     /// Returns the derivatives of the displayed light in a channel by extinction, added light and
     /// gain.
-    fn by(&self, fit: &HazeFit, colors: &[f64; 3], c: usize) -> [f64; 3] {
+    fn derivatives(&self, fit: &HazeFit, colors: &[f64; 3], c: usize) -> [f64; 3] {
         let added = self.gain * fit.added[c];
         let by_beta = added * self.path_by_beta - self.kept * self.distance * colors[c];
         let by_added = self.gain * self.path;

@@ -43,7 +43,7 @@ const MIN_EXPOSED: f32 = 0.012;
 const MAX_EXPOSED: f32 = 0.96;
 
 /// The linear value of each byte.
-static LIGHT: LazyLock<[f32; 256]> =
+static LINEAR_LIGHT: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|byte| srgb_decode(byte as f64 / 255.0) as f32));
 
 /// Returns the tracks of the points that at least two of the photos `places` show, by the
@@ -128,7 +128,7 @@ impl LightSums {
                 let rgb = &photo.rgb[3 * at..3 * at + 3];
                 let counts = photo.mask.as_ref().is_none_or(|mask| mask[at] > 127);
                 if counts {
-                    (0..3).for_each(|c| own[c] += f64::from(LIGHT[rgb[c] as usize]));
+                    (0..3).for_each(|c| own[c] += f64::from(LINEAR_LIGHT[rgb[c] as usize]));
                     own[3] += 1.0;
                 }
                 let above = sums[row * (width + 1) + column + 1];

@@ -265,7 +265,7 @@ mod tests {
                 let at = |step: f64| {
                     let mut moved = x.clone();
                     moved[i] += step;
-                    held(&moved, &y, local, margin, all)
+                    loss_by_formula(&moved, &y, local, margin, all)
                 };
                 let step = 1e-6;
                 let by_difference = (at(step) - at(-step)) / (2.0 * step);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     /// The loss by its formula, with the photo's deviation held.
-    fn held(x: &[f64], y: &[f64], local: f64, margin: f64, all_x: f64) -> f64 {
+    fn loss_by_formula(x: &[f64], y: &[f64], local: f64, margin: f64, all_x: f64) -> f64 {
         let known: Vec<usize> = (0..x.len()).filter(|i| !x[*i].is_nan()).collect();
         let (_, all_y) = moments(known.iter().map(|i| y[*i]));
         let mut total = 0.0;

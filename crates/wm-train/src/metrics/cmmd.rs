@@ -19,9 +19,9 @@ use thiserror::Error;
 use wm_base::{FormatError, npy};
 
 /// Width of the kernel.
-const SIGMA: f64 = 10.0;
+const KERNEL_SIGMA: f64 = 10.0;
 /// Makes numbers of it that people can read.
-const SCALE: f64 = 1000.0;
+const REPORT_FACTOR: f64 = 1000.0;
 /// Rows that a thread takes at a time, and rows that they are compared with while those are in the
 /// cache.
 const BLOCK_ROWS: usize = 32;
@@ -190,8 +190,8 @@ impl Collection {
         // Without the pairs of a picture with itself a spread is N / (N - 1) times as large.
         let share = |of: &Self| of.spread / (of.embeddings.count() as f64 - 1.0).max(1.0);
         Cmmd {
-            value: SCALE * (2.0 * between - self.spread - other.spread),
-            bias: SCALE * (share(self) + share(other)),
+            value: REPORT_FACTOR * (2.0 * between - self.spread - other.spread),
+            bias: REPORT_FACTOR * (share(self) + share(other)),
         }
     }
 }
@@ -221,7 +221,7 @@ fn total(sums: impl IndexedParallelIterator<Item = f64>) -> f64 {
 
 /// The sum of `1 - k` over all pairs of some rows with others.
 fn gaps(rows: &[f32], others: &[f32], width: usize) -> f64 {
-    let gamma = 1.0 / (2.0 * SIGMA * SIGMA);
+    let gamma = 1.0 / (2.0 * KERNEL_SIGMA * KERNEL_SIGMA);
     let mut sum = 0.0;
     for row in rows.chunks_exact(width) {
         for other in others.chunks_exact(width) {

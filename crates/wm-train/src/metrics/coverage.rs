@@ -3,10 +3,10 @@
 use super::depth::is_known;
 
 /// Coverage by splats that counts as a surface: where the median depth begins.
-pub const COVERED: f32 = 0.5;
+pub const MIN_SURFACE_COVERAGE: f32 = 0.5;
 /// A depth is in front of another or behind it if it differs by more than this share of the true
 /// one.
-pub const SLACK: f32 = 0.05;
+pub const DEPTH_TOLERANCE_SHARE: f32 = 0.05;
 
 /// Lost surfaces, over the pixels whose true depth is known; shares are 0-1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,9 +42,9 @@ pub(crate) fn surface_lost(coverage: &[f32], median_depth: &[f32], truth: &[f32]
         }
         pixels += 1;
         // Rounding may leave a pixel that is covered by just a half without a median depth.
-        if *coverage < COVERED || *depth <= 0.0 {
+        if *coverage < MIN_SURFACE_COVERAGE || *depth <= 0.0 {
             open += 1;
-        } else if *depth > truth * (1.0 + SLACK) {
+        } else if *depth > truth * (1.0 + DEPTH_TOLERANCE_SHARE) {
             behind += 1;
         }
     }
@@ -62,7 +62,7 @@ pub(crate) fn sky_covered(coverage: &[f32], sky: &[f32]) -> Option<f64> {
     assert_eq!(coverage.len(), sky.len(), "two maps of one size");
     let sky = coverage.iter().zip(sky).filter(|(_, sky)| **sky > 0.5);
     let (pixels, covered) = sky.fold((0usize, 0usize), |(pixels, covered), (coverage, _)| {
-        (pixels + 1, covered + usize::from(*coverage > COVERED))
+        (pixels + 1, covered + usize::from(*coverage > MIN_SURFACE_COVERAGE))
     });
     (pixels > 0).then(|| covered as f64 / pixels as f64)
 }

@@ -17,7 +17,7 @@ pub struct DepthErrors {
 }
 
 /// The ratio that depth within delta differs by (Eigen et al. 2014, section 4.1).
-pub(crate) const DELTA: f32 = 1.25;
+pub(crate) const DELTA_RATIO: f32 = 1.25;
 
 /// Errors of `depth`, `[H, W]`, 0 where there is none, against `truth`, `[H, W]` in the same unit,
 /// where that is above 0 and finite. `None` where it is nowhere.
@@ -32,7 +32,7 @@ pub(crate) fn depth_errors(depth: &[f32], truth: &[f32]) -> Option<DepthErrors> 
         let has_depth = *depth > 0.0 && depth.is_finite();
         let error = if has_depth { ((depth - truth) / truth).abs() } else { 1.0 };
         missing += usize::from(!has_depth);
-        within += usize::from(has_depth && (depth / truth).max(truth / depth) < DELTA);
+        within += usize::from(has_depth && (depth / truth).max(truth / depth) < DELTA_RATIO);
         sum += f64::from(error);
         errors.push(error);
     }

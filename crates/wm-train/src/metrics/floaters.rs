@@ -1,13 +1,13 @@
 //! Splats that hang in the air: in front of the true surface, where the photos saw through.
 //!
 //! The centre of a splat is projected into every view. It is in front if it is nearer than the true
-//! depth there by more than [`SLACK`]; of the pixel and its eight neighbours the nearest surface
-//! counts, since a centre near a silhouette falls on either side of it. The sky is infinitely far.
-//! Where the truth is not known nothing is said.
+//! depth there by more than [`DEPTH_TOLERANCE_SHARE`]; of the pixel and its eight neighbours the
+//! nearest surface counts, since a centre near a silhouette falls on either side of it. The sky is
+//! infinitely far. Where the truth is not known nothing is said.
 //!
 //! Only splats of opacity above 0.1 that are not the sky's are looked at.
 
-use super::coverage::SLACK;
+use super::coverage::DEPTH_TOLERANCE_SHARE;
 use rayon::prelude::*;
 use wm_render::reference;
 use wm_scene::{Camera, Group, Rasterization, Splats};
@@ -86,7 +86,7 @@ impl<'a> Floaters<'a> {
             let [xx, xy, yy] = seen.cov2d;
             let area = std::f64::consts::TAU * (xx * yy - xy * xy).max(0.0).sqrt();
             let weight = seen.opacity * area.min((width * height) as f64);
-            let slack = f64::from(SLACK);
+            let slack = f64::from(DEPTH_TOLERANCE_SHARE);
             if seen.depth < nearest * (1.0 - slack) {
                 Some((SplatPlace::InFront, [weight, weight]))
             } else {

@@ -12,7 +12,7 @@ mod sharpness;
 pub use crate::ssim::Ssim;
 pub(crate) use affine::fit_exposure;
 pub use cmmd::{Cmmd, Collection, EmbeddingError, EmbeddingFault, Embeddings};
-pub use coverage::{COVERED, SLACK, SurfaceLost};
+pub use coverage::{DEPTH_TOLERANCE_SHARE, MIN_SURFACE_COVERAGE, SurfaceLost};
 pub(crate) use coverage::{sky_covered, surface_lost};
 pub use depth::DepthErrors;
 pub(crate) use depth::depth_errors;

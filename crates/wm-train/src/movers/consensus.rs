@@ -1,7 +1,7 @@
 //! Judges each pixel of a photo: other photos that see the same surface show its colour, or
 //! another.
 
-use super::view::{MoverView, SCALES};
+use super::view::{MoverView, SCALE_COUNT};
 use crate::photo_warp::PhotoWarp;
 use rayon::prelude::*;
 use wm_scene::Camera;
@@ -170,7 +170,7 @@ impl<'a> Judge<'a> {
             if !is_seen || says_nothing || scale.abs() > MAX_SCALE_HALVINGS {
                 continue;
             }
-            let halvings = (scale.abs().round() as usize).min(SCALES - 1);
+            let halvings = (scale.abs().round() as usize).min(SCALE_COUNT - 1);
             let (mine, other_scale) = if scale < 0.0 { (halvings, 0) } else { (0, halvings) };
             let color = view.scales[mine].mean[view.scales[mine].pixel(x, y, mine)];
             let scale = &there.scales[other_scale];
@@ -269,22 +269,22 @@ fn spread(colors: &[[f32; 3]]) -> f32 {
 
 /// Returns the photos that share most of the view of a photo, at a comparable scale.
 fn choose(views: &[MoverView], index: usize) -> Vec<ComparedPhoto> {
-    const GRID: usize = 16;
+    const GRID_SIDE: usize = 16;
     let view = &views[index];
     let (width, height) = view.size();
-    let middle = |cell: usize, pixels: usize| (2 * cell + 1) * pixels / (2 * GRID);
+    let middle = |cell: usize, pixels: usize| (2 * cell + 1) * pixels / (2 * GRID_SIDE);
     let mut scored = Vec::new();
     for to in (0..views.len()).filter(|to| *to != index) {
         let other = ComparedPhoto::new(to, &view.camera, &views[to].camera);
         let is_seen = |cell: &usize| {
-            let (x, y) = (middle(cell % GRID, width), middle(cell / GRID, height));
+            let (x, y) = (middle(cell % GRID_SIDE, width), middle(cell / GRID_SIDE, height));
             let disparity = view.disparity[y * width + x];
             let point = other.there.point(x as f32 + 0.5, y as f32 + 0.5, disparity);
             // Comparisons with NaN are false.
             inside(&views[to], point)
                 .is_some_and(|(_, _, theirs)| other.scale(disparity, theirs).abs() <= MAX_SCALE_HALVINGS)
         };
-        let score = (0..GRID * GRID).filter(is_seen).count();
+        let score = (0..GRID_SIDE * GRID_SIDE).filter(is_seen).count();
         if score > 0 {
             scored.push((score, other));
         }

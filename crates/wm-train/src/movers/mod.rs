@@ -39,7 +39,7 @@ const MIN_HALVED_SIDE_PX: u32 = 128;
 /// Fewest photos for a search.
 const MIN_PHOTOS: usize = 5;
 /// Rounds; from the second on, movers that were found are no evidence about other photos.
-const ROUNDS: usize = 3;
+const ROUND_COUNT: usize = 3;
 /// Least share of known stereo depth in the median photo: interpolation over larger gaps is
 /// unreliable.
 const MIN_MEDIAN_KNOWN: f32 = 0.12;
@@ -129,7 +129,7 @@ pub(crate) fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
     let share = |count: usize| count as f64 / pixels.max(1) as f64;
     let judge = Judge::new(views);
     let (mut masks, mut judged) = (vec![Vec::new(); views.len()], 0.0);
-    for _ in 0..ROUNDS {
+    for _ in 0..ROUND_COUNT {
         let found: Vec<(Vec<bool>, usize)> = (views.par_iter().enumerate())
             .map(|(index, view)| {
                 if view.known < least || view.known == 0.0 {

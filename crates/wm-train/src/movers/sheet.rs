@@ -9,7 +9,7 @@ pub const FILE: &str = "movers.png";
 /// Most photos in the picture.
 pub(crate) const MAX_PHOTOS: usize = 24;
 /// Photos side by side, and the width of each, px.
-const COLUMNS: usize = 4;
+const PHOTOS_PER_ROW: usize = 4;
 const PHOTO_WIDTH_PX: usize = 320;
 /// The colour of movers, and its weight.
 const MOVER_COLOR: [u32; 3] = [230, 20, 20];
@@ -22,10 +22,11 @@ const MOVER_WEIGHT: u32 = 3;
 pub(crate) fn write(photos: &[(&Photo, &MoverMask)], out: &mut dyn Write) -> io::Result<()> {
     let Some((first, _)) = photos.first() else { return Ok(()) };
     let height = (PHOTO_WIDTH_PX * first.height as usize / first.width as usize).max(1);
-    let (columns, rows) = (photos.len().min(COLUMNS), photos.len().div_ceil(COLUMNS));
+    let (columns, rows) = (photos.len().min(PHOTOS_PER_ROW), photos.len().div_ceil(PHOTOS_PER_ROW));
     let mut rgb = vec![0u8; 3 * columns * PHOTO_WIDTH_PX * rows * height];
     for (number, (photo, mask)) in photos.iter().enumerate() {
-        let corner = number / COLUMNS * height * columns * PHOTO_WIDTH_PX + number % COLUMNS * PHOTO_WIDTH_PX;
+        let corner = number / PHOTOS_PER_ROW * height * columns * PHOTO_WIDTH_PX
+            + number % PHOTOS_PER_ROW * PHOTO_WIDTH_PX;
         let place = |pixel: usize| {
             3 * (corner + pixel / PHOTO_WIDTH_PX * columns * PHOTO_WIDTH_PX + pixel % PHOTO_WIDTH_PX)
         };

@@ -3,8 +3,8 @@
 
 use wm_scene::Camera;
 
-/// Number of scales: photos are compared at the scale of the more distant one.
-pub(crate) const SCALES: usize = 4;
+/// Photos are compared at the scale of the more distant one.
+pub(crate) const SCALE_COUNT: usize = 4;
 /// Radius of the window in which matches of stereo are counted, px.
 const NEAR_RADIUS_PX: usize = 4;
 /// Radius of the wider window, px, which must be without matches for a mover to grow over a pixel.
@@ -63,7 +63,7 @@ impl MoverView {
             "arrays of the camera's size"
         );
         let mut scales = vec![Scale::new(width, height, smoothed(&smoothed(colors, width), width))];
-        while scales.len() < SCALES {
+        while scales.len() < SCALE_COUNT {
             let next = scales[scales.len() - 1].halved();
             scales.push(next);
         }

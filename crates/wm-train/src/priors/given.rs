@@ -98,7 +98,7 @@ impl Given {
         };
         if let Some(normal) = self.normal {
             if let Some(degrees) =
-                between(&normal, &prior.normal).filter(|degrees| *degrees > MAX_NORMAL_ANGLE_DEG)
+                median_angle_deg(&normal, &prior.normal).filter(|degrees| *degrees > MAX_NORMAL_ANGLE_DEG)
             {
                 return Err(NoPrior::Askew(degrees));
             }
@@ -138,7 +138,7 @@ impl GivenDepth {
 }
 
 /// The median of the angles between normals, degrees; `None` where none are known of both.
-fn between(first: &[[f32; 3]], second: &[[f32; 3]]) -> Option<f64> {
+fn median_angle_deg(first: &[[f32; 3]], second: &[[f32; 3]]) -> Option<f64> {
     let known = first.iter().zip(second).filter(|(a, b)| **a != [0.0; 3] && **b != [0.0; 3]);
     let mut cosines: Vec<f64> =
         known.map(|(a, b)| f64::from(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0)).collect();

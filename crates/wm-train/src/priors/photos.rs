@@ -85,7 +85,7 @@ pub(crate) fn write(
                 .iter()
                 .filter_map(|point| {
                     let at = inside(capture, &photo.camera, *point)?;
-                    shows(&photo, at, capture.points.colors[*point as usize]).then_some(at)
+                    has_color_at(&photo, at, capture.points.colors[*point as usize]).then_some(at)
                 })
                 .collect();
             add_points(&mut disparity, width as usize, &shown);
@@ -161,7 +161,7 @@ const COLOR_TOLERANCE: u8 = 16;
 
 /// Returns true if a pixel at or beside the place `at` of a point, `(x, y)` px and view z, has
 /// about its colour.
-fn shows(photo: &Photo, at: (f64, f64, f64), color: [u8; 3]) -> bool {
+fn has_color_at(photo: &Photo, at: (f64, f64, f64), color: [u8; 3]) -> bool {
     let (column, row) = (at.0 as u32, at.1 as u32);
     let beside = |at: u32, side: u32| at.saturating_sub(1)..=(at + 1).min(side - 1);
     let is_same = |at: usize| {
@@ -209,7 +209,7 @@ mod tests {
             ((3.9, 2.9, 2.0), [100, 116, 84], true),
             ((0.0, 0.0, 2.0), [100, 117, 100], false),
         ] {
-            assert_eq!(shows(&photo, at, color), is_shown, "{at:?}");
+            assert_eq!(has_color_at(&photo, at, color), is_shown, "{at:?}");
         }
     }
 

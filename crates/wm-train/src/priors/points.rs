@@ -76,15 +76,18 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
 /// two points.
 fn spacing(positions: &[[f64; 3]]) -> f64 {
     /// Points whose neighbours are looked for, and among which.
-    const SAMPLE: usize = 200;
-    const AMONG: usize = 100_000;
-    let among: Vec<DVec3> =
-        positions.iter().step_by(positions.len() / AMONG + 1).map(|p| DVec3::from_array(*p)).collect();
+    const MAX_SAMPLE_COUNT: usize = 200;
+    const MAX_CANDIDATE_COUNT: usize = 100_000;
+    let among: Vec<DVec3> = positions
+        .iter()
+        .step_by(positions.len() / MAX_CANDIDATE_COUNT + 1)
+        .map(|p| DVec3::from_array(*p))
+        .collect();
     let nearest = |at: usize| {
         let others = among.iter().enumerate().filter(|(other, _)| *other != at);
         others.map(|(_, other)| other.distance_squared(among[at])).fold(f64::INFINITY, f64::min).sqrt()
     };
-    let places: Vec<usize> = (0..among.len()).step_by(among.len() / SAMPLE + 1).collect();
+    let places: Vec<usize> = (0..among.len()).step_by(among.len() / MAX_SAMPLE_COUNT + 1).collect();
     let mut distances: Vec<f64> = places.into_par_iter().map(nearest).filter(|d| d.is_finite()).collect();
     quantile(&mut distances, 0.5)
 }

@@ -34,8 +34,8 @@ const PREFETCHED_STEPS: u32 = 4;
 /// Shortest side of a photo in coarse steps, px.
 const MIN_COARSE_SIDE_PX: u32 = 100;
 /// Summaries and milestones in a training.
-const SUMMARIES: u32 = 200;
-const MILESTONES: u32 = 10;
+const SUMMARY_COUNT: u32 = 200;
+const MILESTONE_COUNT: u32 = 10;
 /// Loss of PSNR of held-out photos that is worth a warning, dB.
 const WORSE_PSNR_DB: f64 = 0.1;
 
@@ -213,7 +213,7 @@ impl Training {
         let (step, splats) = (self.trainer.steps_done(), self.trainer.len());
         observer.on_step(&StepProgress { step, steps, splats, loss });
         self.show(ImageMoment::Step, observer)?;
-        if step.is_multiple_of((steps / MILESTONES).max(1)) && step < steps {
+        if step.is_multiple_of((steps / MILESTONE_COUNT).max(1)) && step < steps {
             let scores = self.evaluate(observer)?;
             self.show(ImageMoment::Milestone, observer)?;
             if let (Some(line), Some(mean)) = (scores.json(), scores.mean()) {
@@ -225,7 +225,7 @@ impl Training {
                 observer.on_evaluation(&scores);
             }
         }
-        if step.is_multiple_of((steps / SUMMARIES).max(1)) {
+        if step.is_multiple_of((steps / SUMMARY_COUNT).max(1)) {
             let summary = self.sums.summary(step, self.trainer.len(), self.held_out_psnr);
             observer.on_summary(&summary);
             self.metrics.add(&summary.json())?;

@@ -2,14 +2,14 @@
 
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
-use wm_render::training::{C1, C2, RADIUS, WINDOW};
+use wm_render::training::{C1, C2, WINDOW_RADIUS_PX, WINDOW_WEIGHTS};
 
 /// Pixels of the window along a side.
-pub(super) const TAPS: usize = 2 * RADIUS + 1;
+pub(super) const TAPS: usize = 2 * WINDOW_RADIUS_PX + 1;
 /// Channels of a pixel.
 pub(super) const CHANNELS: usize = 3;
 /// Values that the window reaches to each side of a row.
-const REACH_VALUES: usize = CHANNELS * RADIUS;
+const REACH_VALUES: usize = CHANNELS * WINDOW_RADIUS_PX;
 /// Zeros before and after a row: the reach, and whole vectors.
 const MARGIN_VALUES: usize = 16;
 /// Widest vector.
@@ -17,7 +17,7 @@ pub(super) const MAX_LANES: usize = 16;
 /// Rows that are windowed together: they share most of what they read.
 const ROWS_AT_ONCE: usize = 4;
 /// Rows under the windows of rows together.
-const WINDOW_ROWS: usize = ROWS_AT_ONCE + 2 * RADIUS;
+const WINDOW_ROWS: usize = ROWS_AT_ONCE + 2 * WINDOW_RADIUS_PX;
 /// Rows of slopes that are kept: those, and those made meanwhile.
 const KEPT_ROWS: usize = WINDOW_ROWS + ROWS_AT_ONCE;
 
@@ -61,7 +61,7 @@ fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
 #[inline(always)]
 fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) -> [&'a [f32]; WINDOW_ROWS] {
     let wide = zeros.len();
-    std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
+    std::array::from_fn(|i| match (first + i).checked_sub(WINDOW_RADIUS_PX) {
         Some(at) if at < rows => &picture[at * wide..(at + 1) * wide],
         _ => zeros,
     })
@@ -101,7 +101,7 @@ impl Band {
     /// Computes the sum over rows, and adds `scale` times its derivative to the same rows of
     /// `gradient`.
     #[inline(always)]
-    pub(crate) fn both<S: Lanes>(
+    pub(crate) fn backward<S: Lanes>(
         &mut self,
         simd: S,
         pictures: Pictures<'_>,
@@ -112,10 +112,10 @@ impl Band {
     ) {
         self.prepare(pictures.wide);
         let end = first + sums.len();
-        let mut made = first.saturating_sub(RADIUS);
+        let mut made = first.saturating_sub(WINDOW_RADIUS_PX);
         for (index, gradient) in gradient.chunks_mut(ROWS_AT_ONCE * pictures.line).enumerate() {
             let from = first + index * ROWS_AT_ONCE;
-            while made < (from + ROWS_AT_ONCE + RADIUS).min(pictures.rows) {
+            while made < (from + ROWS_AT_ONCE + WINDOW_RADIUS_PX).min(pictures.rows) {
                 let mut all = [0.0; ROWS_AT_ONCE];
                 self.slopes(simd, pictures, made, &mut all);
                 for (row, sum) in (made..).zip(all) {
@@ -164,7 +164,7 @@ impl Band {
             let (square, product) = rest.split_at_mut(wide);
             let mut total = simd.set(0.0);
             for (at, seen) in groups(wide, S::N) {
-                let [mx, my, squares, xy] = along(simd, columns, padded, at);
+                let [mx, my, squares, xy] = row_windows(simd, columns, padded, at);
                 let (means, cross) = (mx.mul_add(mx, my * my), mx * my);
                 let (a1, a2) = (two.mul_add(cross, simd.set(C1)), two.mul_add(xy - cross, simd.set(C2)));
                 // Variances are not below 0 but for rounding.
@@ -218,7 +218,7 @@ impl Band {
         let slopes = &self.slopes;
         let nothing = [&self.zeros[..]; 3];
         let reached: [[&[f32]; 3]; WINDOW_ROWS] =
-            std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
+            std::array::from_fn(|i| match (first + i).checked_sub(WINDOW_RADIUS_PX) {
                 Some(at) if at < rows => {
                     std::array::from_fn(|k| &slopes[(at % KEPT_ROWS * 3 + k) * wide..][..wide])
                 }
@@ -243,7 +243,7 @@ impl Band {
         for ((row, columns), gradient) in (first..).zip(columns).zip(gradient.chunks_exact_mut(line)) {
             let (x, y) = (&x[row * wide..], &y[row * wide..]);
             for (at, seen) in groups(wide, S::N) {
-                let [mean, square, product] = along(simd, columns, padded, at);
+                let [mean, square, product] = row_windows(simd, columns, padded, at);
                 let (x, y) = (simd.load(&x[at..]), simd.load(&y[at..]));
                 let slope = scale * (two * x).mul_add(square, y.mul_add(product, mean));
                 if seen == 0 && at + S::N <= line {
@@ -266,7 +266,7 @@ impl Band {
 fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; WINDOW_ROWS]) -> [[S::F; N]; ROWS_AT_ONCE] {
     let mut sums = [[simd.set(0.0); N]; ROWS_AT_ONCE];
     for (row, sums) in sums.iter_mut().enumerate() {
-        for (weight, values) in WINDOW.iter().zip(&column[row..row + TAPS]) {
+        for (weight, values) in WINDOW_WEIGHTS.iter().zip(&column[row..row + TAPS]) {
             for (sum, value) in sums.iter_mut().zip(values) {
                 *sum = simd.set(*weight).mul_add(*value, *sum);
             }
@@ -277,12 +277,12 @@ fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; WINDOW_ROWS]) ->
 
 /// The windows along the first N rows of `columns` for the vector at `at`.
 #[inline(always)]
-fn along<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: usize) -> [S::F; N] {
+fn row_windows<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: usize) -> [S::F; N] {
     let mut sums = [simd.set(0.0); N];
     let from = MARGIN_VALUES - REACH_VALUES + at;
     for (k, sum) in sums.iter_mut().enumerate() {
         let row = &columns[k * padded + from..][..2 * REACH_VALUES + S::N];
-        for (tap, weight) in WINDOW.iter().enumerate() {
+        for (tap, weight) in WINDOW_WEIGHTS.iter().enumerate() {
             *sum = simd.set(*weight).mul_add(simd.load(&row[CHANNELS * tap..]), *sum);
         }
     }

@@ -118,7 +118,7 @@ impl Ssim {
                 match gradient {
                     None => dispatch!(path, simd => band.forward(simd, pictures, first, sums)),
                     Some(gradient) => {
-                        dispatch!(path, simd => band.both(simd, pictures, first, sums, scale, gradient));
+                        dispatch!(path, simd => band.backward(simd, pictures, first, sums, scale, gradient));
                     }
                 }
             }

@@ -17,7 +17,7 @@ use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
 /// Nearest neighbours that determine the size of a splat.
-const NEIGHBOURS: usize = 3;
+const NEIGHBOUR_COUNT: usize = 3;
 /// Number of splats where there are no points.
 const BLIND_SPLATS: usize = 20_000;
 /// Largest standard deviation of a splat, as a fraction of the extent: an outlier must not become
@@ -109,7 +109,7 @@ fn neighbour_distances(positions: &[[f32; 3]], alone: f64) -> Vec<f64> {
         .par_iter()
         .map(|position| {
             // The nearest is the point itself.
-            let found = tree.nearest(position, NEIGHBOURS + 1);
+            let found = tree.nearest(position, NEIGHBOUR_COUNT + 1);
             let squares: Vec<f64> = found.iter().skip(1).map(|near| f64::from(near.square)).collect();
             (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
         })

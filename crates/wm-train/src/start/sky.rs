@@ -191,15 +191,15 @@ struct ByHeight(Vec<Option<[f32; 3]>>);
 
 impl ByHeight {
     /// Rings, from straight down to straight up.
-    const RINGS: usize = 60;
+    const RING_COUNT: usize = 60;
 
     fn ring(height: f64) -> usize {
         let angle = height.clamp(-1.0, 1.0).asin() / PI + 0.5;
-        ((angle * Self::RINGS as f64) as usize).min(Self::RINGS - 1)
+        ((angle * Self::RING_COUNT as f64) as usize).min(Self::RING_COUNT - 1)
     }
 
     fn new(seen: impl Iterator<Item = (f64, ShownColors)>) -> Self {
-        let mut sums = vec![([0.0f32; 3], 0.0f32); Self::RINGS];
+        let mut sums = vec![([0.0f32; 3], 0.0f32); Self::RING_COUNT];
         for (height, ShownColors { color, weight }) in seen {
             let (sum, weights) = &mut sums[Self::ring(height)];
             sum.iter_mut().zip(color).for_each(|(sum, v)| *sum += weight * v);
@@ -212,7 +212,7 @@ impl ByHeight {
     /// Returns the colour of the nearest ring that any photo shows.
     fn at(&self, height: f64) -> [f32; 3] {
         let ring = Self::ring(height);
-        let seen = (0..Self::RINGS).filter(|i| self.0[*i].is_some());
+        let seen = (0..Self::RING_COUNT).filter(|i| self.0[*i].is_some());
         seen.min_by_key(|i| i.abs_diff(ring)).and_then(|i| self.0[i]).unwrap_or([0.75; 3])
     }
 }

@@ -88,13 +88,13 @@ fn what_was_perturbed_is_learnt_again() {
 }
 
 /// Pulls everything that it is let pull.
-struct Pull {
+struct PullTerm {
     weight: f64,
     own: Option<OwnRender>,
     calls: Arc<AtomicU32>,
 }
 
-impl LossTerm for Pull {
+impl LossTerm for PullTerm {
     fn name(&self) -> &'static str {
         "pull"
     }
@@ -114,14 +114,14 @@ impl LossTerm for Pull {
     }
 }
 
-/// One step with the configured losses off and a [`Pull`]: the splats before and after, calls,
+/// One step with the configured losses off and a [`PullTerm`]: the splats before and after, calls,
 /// loss.
 fn pulled(weight: f64, own: Option<OwnRender>) -> (Splats, Splats, u32, StepReport) {
     let mut config = config(10);
     config.loss = LossConfig { l1: 0.0, ssim: 0.0, geometry: GeometryConfig::NONE };
     let mut trainer = trainer(config, perturbed());
     let calls = Arc::new(AtomicU32::new(0));
-    trainer.terms.push(Box::new(Pull { weight, own, calls: Arc::clone(&calls) }));
+    trainer.terms.push(Box::new(PullTerm { weight, own, calls: Arc::clone(&calls) }));
     let before = trainer.state().unwrap().population.splats.clone();
     let report = Photos::taken().step(&mut trainer);
     (before, trainer.state().unwrap().population.splats.clone(), calls.load(Ordering::Relaxed), report)
@@ -164,7 +164,7 @@ fn a_term_with_a_render_of_its_own_leaves_the_pulls() {
     let pulls = [None, Some(OWN)].map(|own| {
         let mut trainer = trainer(config.clone(), perturbed());
         if own.is_some() {
-            trainer.terms.push(Box::new(Pull { weight: 1.0, own, calls: Arc::default() }));
+            trainer.terms.push(Box::new(PullTerm { weight: 1.0, own, calls: Arc::default() }));
         }
         photos.step(&mut trainer);
         trainer.state().unwrap().population.pulls.clone()

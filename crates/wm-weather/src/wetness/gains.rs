@@ -138,12 +138,12 @@ impl<'a> WetGains<'a> {
     /// Multiplies the gains of splats, and writes their fade.
     pub fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
         // All at once: they lie anywhere in memory.
-        let mut looks = [DRY_LOOK; AttributeBlock::SPLATS];
+        let mut looks = [DRY_LOOK; AttributeBlock::MAX_SPLATS];
         for (look, index) in looks.iter_mut().zip(indices) {
             // What pads the last group has no splat.
             *look = self.shares.looks.get(*index as usize).copied().unwrap_or(DRY_LOOK);
         }
-        let mut fades = [0.0; AttributeBlock::SPLATS];
+        let mut fades = [0.0; AttributeBlock::MAX_SPLATS];
         let [red, green, blue] = block.gains_mut();
         let rows = red.iter_mut().zip(green).zip(blue).zip(&mut fades);
         for ((index, look), (((red, green), blue), fade)) in indices.iter().zip(&looks).zip(rows) {

@@ -92,7 +92,7 @@ fn draw(path: &Path, panels: &[(Vec<f32>, String)], size: PictureSize, columns: 
 /// Returns the photo, disparity, normals and sky, with labels.
 fn views(name: &str, photo: &Photo, prior: &Prior, size: PictureSize) -> [(Vec<f32>, String); 4] {
     let camera = &photo.camera;
-    let unknown = ramps::UNKNOWN.map(|v| f32::from(v) / 255.0);
+    let unknown = ramps::UNKNOWN_COLOR.map(|v| f32::from(v) / 255.0);
     let mut known: Vec<f32> = prior.disparity.iter().copied().filter(|v| *v > 0.0).collect();
     known.sort_by(f32::total_cmp);
     let near = known.get((known.len().saturating_sub(1) as f64 * NEAREST) as usize).copied().unwrap_or(1.0);

@@ -37,7 +37,7 @@ struct Lpips {
 #[cfg(feature = "nets")]
 impl PerceptualMetric for Lpips {
     fn smallest_side(&self) -> u32 {
-        wm_nets::Lpips::SMALLEST as u32
+        wm_nets::Lpips::MIN_SIDE_PX as u32
     }
 
     fn distance(&self, image: &[f32], photo: &[f32], mask: Option<&[f32]>, width: usize) -> f64 {

@@ -14,7 +14,7 @@ use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::{Camera, CameraMotion, LensSpec, MotionSpec, MovingCamera};
 use wm_base::FormatError;
 use wm_base::files::check_writable;
-use wm_scene::camera::FOV;
+use wm_scene::camera::FOV_RANGE_DEG;
 
 /// Default length of a sequence, seconds.
 pub(crate) const DEFAULT_SECONDS: f64 = 5.0;
@@ -74,7 +74,7 @@ impl ViewpointArgs {
     /// Checks the options that do not depend on the scene.
     pub(crate) fn check(&self) -> Result<()> {
         if let Some(fov) = self.fov
-            && !FOV.contains(&fov)
+            && !FOV_RANGE_DEG.contains(&fov)
         {
             bail!("--fov {fov}: must be 0.1 to 170 degrees");
         }

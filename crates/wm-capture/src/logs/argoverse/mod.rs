@@ -38,7 +38,7 @@ const CITY_ORIGINS_DEG: [(&str, [f64; 2]); 6] = [
 ];
 /// Nanoseconds since 1970 before which no log was recorded: their times are those of the GPS or of
 /// a test.
-const EARLIEST_TIME_NS: i64 = 1_000_000_000_000_000_000;
+const MIN_TIME_NS: i64 = 1_000_000_000_000_000_000;
 const POSES_FILE: &str = "city_SE3_egovehicle.feather";
 const INTRINSICS_FILE: &str = "calibration/intrinsics.feather";
 const POSE_COLUMNS: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
@@ -108,7 +108,7 @@ fn ego_track(path: &Path, log: &mut DrivingLog, records: &mut Records) -> Result
     let times = table.ints("timestamp_ns").map_err(|what| fault(path, what))?;
     let poses = poses_of(path, &mut table, records)?;
     log.captured =
-        times.get(times.len() / 2).filter(|time| **time > EARLIEST_TIME_NS).map(|time| *time as f64 * 1e-9);
+        times.get(times.len() / 2).filter(|time| **time > MIN_TIME_NS).map(|time| *time as f64 * 1e-9);
     let poses: Vec<(i64, RigidPose)> =
         times.into_iter().zip(poses).filter_map(|(time, pose)| Some((time, pose?))).collect();
     let mut poses = records.without_jumps(path, poses, |timed| (timed.0, timed.1.translation))?;

@@ -261,7 +261,7 @@ impl DrivingLog {
         let source = format!("the {} log", self.format);
         let (first, last) = self.span();
         let span = first.abs_diff(last) as f64 * 1e-9;
-        let captured = self.captured.filter(|time| Metadata::TIMES.contains(time));
+        let captured = self.captured.filter(|time| Metadata::TIME_RANGE_S.contains(time));
         Metadata {
             metres_per_unit: Some(1.0),
             scale_source: Some(source.clone()),

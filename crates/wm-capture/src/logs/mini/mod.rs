@@ -18,14 +18,14 @@ use wm_image::jpeg::{SamplingFactor, encode};
 /// Width and height of the photos, px.
 pub(crate) const SIZE: (u32, u32) = (80, 60);
 /// Frames, a tenth of a second apart.
-pub(crate) const FRAMES: usize = 6;
-/// The time of the first frame, ns.
-const START: i64 = 1_317_042_145_000_000_000;
+pub(crate) const FRAME_COUNT: usize = 6;
+/// The time of the first frame.
+const START_NS: i64 = 1_317_042_145_000_000_000;
 /// The world's place in the log's coordinates, m.
-const FAR: DVec3 = dvec3(5172.0, 2419.0, 66.0);
-const FOCAL: f64 = 50.0;
+const WORLD_ORIGIN: DVec3 = dvec3(5172.0, 2419.0, 66.0);
+const FOCAL_PX: f64 = 50.0;
 /// The principal point, as logs count it: the middle of the first pixel is 0.
-const CENTER: [f64; 2] = [39.0, 28.0];
+const PRINCIPAL_POINT_PX: [f64; 2] = [39.0, 28.0];
 
 /// The places of landmarks in a photo, px from the corner of the first pixel; `None` behind the
 /// camera.
@@ -58,7 +58,7 @@ pub const MINI_LOGS: [(&str, MiniWriter); 6] = [
 ];
 
 fn seconds(time: i64) -> f64 {
-    (time - START) as f64 * 1e-9
+    (time - START_NS) as f64 * 1e-9
 }
 
 /// `world_from_rig` in the mini world.
@@ -113,22 +113,22 @@ fn swept(world_from_sensor: &DMat4, time: i64) -> impl Iterator<Item = DVec3> + 
     landmarks().into_iter().chain(mover_points(time)).map(move |p| own.transform_point3(p))
 }
 
-fn at(frame: usize) -> i64 {
-    START + frame as i64 * 100_000_000
+fn frame_time(frame: usize) -> i64 {
+    START_NS + frame as i64 * 100_000_000
 }
 
 /// The projection of a camera with a shift in its last column.
 fn projection(shift: DVec3) -> DMat4 {
     DMat4::from_cols_array_2d(&[
-        [FOCAL, 0.0, 0.0, 0.0],
-        [0.0, FOCAL, 0.0, 0.0],
-        [CENTER[0], CENTER[1], 1.0, 0.0],
+        [FOCAL_PX, 0.0, 0.0, 0.0],
+        [0.0, FOCAL_PX, 0.0, 0.0],
+        [PRINCIPAL_POINT_PX[0], PRINCIPAL_POINT_PX[1], 1.0, 0.0],
         [shift.x, shift.y, shift.z, 1.0],
     ])
 }
 
 /// The picture that a camera has of the landmarks.
-fn seen(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
+fn landmark_pixels(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
     let k = projection(DVec3::ZERO);
     landmarks.iter().map(|point| pixel(*camera_from_world * point.extend(1.0), &k)).collect()
 }
@@ -199,7 +199,7 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&day.join("calib_velo_to_cam.txt"), rt(&cam0_from_lidar))?;
     let projection = |camera: usize| {
         let number = camera as f64;
-        projection(dvec3(-FOCAL * 0.27 * number, 0.2 * number, 0.003 * number))
+        projection(dvec3(-FOCAL_PX * 0.27 * number, 0.2 * number, 0.003 * number))
     };
     let mut calibration = format!(
         "calib_time: 09-Jan-2012 13:57:47\ncorner_dist: 9.950000e-02\nR_rect_00: {}\n",
@@ -211,7 +211,8 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&day.join("calib_cam_to_cam.txt"), calibration)?;
 
     let stamp = |time: i64| format!("2011-09-26 13:02:{:012.9}\n", 25.0 + seconds(time));
-    let lines = |shift: i64| (0..FRAMES).map(|frame| stamp(at(frame) + shift)).collect::<String>();
+    let lines =
+        |shift: i64| (0..FRAME_COUNT).map(|frame| stamp(frame_time(frame) + shift)).collect::<String>();
     let (lat0, lon0) = (49.0f64.to_radians(), 8.4f64.to_radians());
     let scale = lat0.cos();
     let mercator = |latitude: f64| (0.25 * PI + 0.5 * latitude).tan().ln();
@@ -219,23 +220,23 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     let mut tracklets = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\" standalone=\"yes\" ?>\n<!DOCTYPE boost_serialization>\n\
          <boost_serialization version=\"9\">\n<tracklets class_id=\"0\">\n<count>1</count>\n<item>\n\
-         <objectType>Car</objectType><h>{}</h><w>{}</w><l>{}</l><first_frame>0</first_frame>\n<poses>\n<count>{FRAMES}</count>\n",
+         <objectType>Car</objectType><h>{}</h><w>{}</w><l>{}</l><first_frame>0</first_frame>\n<poses>\n<count>{FRAME_COUNT}</count>\n",
         MOVER_SIZE.z, MOVER_SIZE.y, MOVER_SIZE.x
     );
-    let first = rig(at(0)).col(3).truncate();
+    let first = rig(frame_time(0)).col(3).truncate();
     let origin = dvec3(scale * 6_378_137.0 * lon0, scale * 6_378_137.0 * mercator(lat0), 112.0) - first;
-    for frame in 0..FRAMES {
-        let pose = rig(at(frame));
+    for frame in 0..FRAME_COUNT {
+        let pose = rig(frame_time(frame));
         let position = pose.col(3).truncate() - first;
         let longitude = lon0 + position.x / (scale * 6_378_137.0);
         let latitude = 2.0 * (mercator(lat0) + position.y / (scale * 6_378_137.0)).exp().atan() - 0.5 * PI;
-        let yaw = 0.1 + 0.15 * seconds(at(frame));
+        let yaw = 0.1 + 0.15 * seconds(frame_time(frame));
         let numbers = [latitude.to_degrees(), longitude.to_degrees(), 112.0 + position.z, 0.0, 0.0, yaw];
         let rest = "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 4 11 6 6 6";
         write(&drive.join(format!("oxts/data/{frame:010}.txt")), format!("{} {rest}\n", words(&numbers)))?;
         for camera in [2, 3] {
             // The cameras are triggered a little later.
-            let time = at(frame) + 3_000_000 * i64::from(frame + 1 < FRAMES);
+            let time = frame_time(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT);
             let camera_from_world = rectification * cam0_from_lidar * lidar_from_rig * rig(time).inverse();
             let name = format!("image_0{camera}/data/{frame:010}.png");
             write_photo(&drive.join(&name))?;
@@ -248,20 +249,21 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
         let mut points = Vec::new();
         for landmark in landmarks() {
             // A point is in the lidar's axes of its own time, which depends on its azimuth.
-            let mut time = at(frame);
+            let mut time = frame_time(frame);
             let mut own = DVec3::ZERO;
             for _ in 0..30 {
                 own = (rig(time) * rig_from_lidar()).inverse().transform_point3(landmark);
-                time = at(frame) - 50_000_000 + ((own.y.atan2(own.x) + PI) / TAU * 1e8) as i64;
+                time = frame_time(frame) - 50_000_000 + ((own.y.atan2(own.x) + PI) / TAU * 1e8) as i64;
             }
             points.extend([own.x, own.y, own.z, 0.25]);
         }
-        let lidar_from_world = (rig(at(frame)) * rig_from_lidar()).inverse();
-        for own in mover_points(at(frame)).iter().map(|p| lidar_from_world.transform_point3(*p)) {
+        let lidar_from_world = (rig(frame_time(frame)) * rig_from_lidar()).inverse();
+        for own in mover_points(frame_time(frame)).iter().map(|p| lidar_from_world.transform_point3(*p)) {
             points.extend([own.x, own.y, own.z, 0.25]);
         }
-        let floor = lidar_from_world.transform_point3(mover(at(frame)) - DVec3::Z * 0.5 * MOVER_SIZE.z);
-        let angle = -(0.1 + 0.15 * seconds(at(frame))) - 0.05;
+        let floor =
+            lidar_from_world.transform_point3(mover(frame_time(frame)) - DVec3::Z * 0.5 * MOVER_SIZE.z);
+        let angle = -(0.1 + 0.15 * seconds(frame_time(frame))) - 0.05;
         tracklets += &format!(
             "<item><tx>{}</tx><ty>{}</ty><tz>{}</tz><rx>0</rx><ry>0</ry><rz>{angle}</rz><state>2</state></item>\n",
             floor.x, floor.y, floor.z
@@ -272,8 +274,8 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     write(&drive.join("tracklet_labels.xml"), tracklets)?;
     write(&drive.join("oxts/timestamps.txt"), lines(0))?;
     for camera in [2, 3] {
-        let times = (0..FRAMES)
-            .map(|frame| stamp(at(frame) + 3_000_000 * i64::from(frame + 1 < FRAMES)))
+        let times = (0..FRAME_COUNT)
+            .map(|frame| stamp(frame_time(frame) + 3_000_000 * i64::from(frame + 1 < FRAME_COUNT)))
             .collect::<String>();
         write(&drive.join(format!("image_0{camera}/timestamps.txt")), times)?;
     }
@@ -287,29 +289,30 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
 fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
     let sequence = folder.join("sequences/07");
     let cam0_from_lidar = rig_from_camera(0.0).inverse() * rig_from_lidar();
-    let projection = |camera: usize| projection(dvec3(-FOCAL * 0.27 * camera as f64, 0.0, 0.0));
+    let projection = |camera: usize| projection(dvec3(-FOCAL_PX * 0.27 * camera as f64, 0.0, 0.0));
     let mut calibration = String::new();
     for camera in 0..4 {
         calibration += &format!("P{camera}: {}\n", words(&rows(&projection(camera), 3)));
     }
     calibration += &format!("Tr: {}\n", words(&rows(&cam0_from_lidar, 3)));
     write(&sequence.join("calib.txt"), calibration)?;
-    let world_from_cam0 = |frame: usize| rig(at(frame)) * rig_from_lidar() * cam0_from_lidar.inverse();
+    let world_from_cam0 =
+        |frame: usize| rig(frame_time(frame)) * rig_from_lidar() * cam0_from_lidar.inverse();
     let (mut poses, mut times, mut photos) = (String::new(), String::new(), Vec::new());
-    for frame in 0..FRAMES {
+    for frame in 0..FRAME_COUNT {
         poses += &format!("{}\n", words(&rows(&(world_from_cam0(0).inverse() * world_from_cam0(frame)), 3)));
-        times += &format!("{:e}\n", seconds(at(frame)));
+        times += &format!("{:e}\n", seconds(frame_time(frame)));
         let name = format!("image_2/{frame:06}.png");
         write_photo(&sequence.join(&name))?;
         let camera_from_world = world_from_cam0(frame).inverse();
         let pixels =
             landmarks().iter().map(|p| pixel(camera_from_world * p.extend(1.0), &projection(2))).collect();
         photos.push((name, pixels));
-        let points =
-            swept(&(rig(at(frame)) * rig_from_lidar()), at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]);
+        let points = swept(&(rig(frame_time(frame)) * rig_from_lidar()), frame_time(frame))
+            .flat_map(|p| [p.x, p.y, p.z, 0.25]);
         write(&sequence.join(format!("velodyne/{frame:06}.bin")), floats(points))?;
         // Vegetation, and moving cars with a number of their own.
-        let (fixed, moving) = (landmarks().len(), mover_points(at(frame)).len());
+        let (fixed, moving) = (landmarks().len(), mover_points(frame_time(frame)).len());
         let labels = [vec![70u32; fixed], vec![7 << 16 | 252; moving]].concat();
         let labels: Vec<u8> = labels.into_iter().flat_map(u32::to_le_bytes).collect();
         write(&sequence.join(format!("labels/{frame:06}.label")), labels)?;
@@ -317,7 +320,7 @@ fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
     write(&sequence.join("times.txt"), times)?;
     write(&folder.join("poses/07.txt"), poses)?;
     // The world is the lidar of the first frame.
-    let world = (rig(at(0)) * rig_from_lidar()).inverse();
+    let world = (rig(frame_time(0)) * rig_from_lidar()).inverse();
     let landmarks = landmarks().into_iter().map(|p| world.transform_point3(p)).collect();
     Ok(MiniLog { path: sequence, landmarks, photos, mover: |_| DVec3::ZERO })
 }
@@ -338,10 +341,11 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         record["translation"] = json!(translation);
         record
     };
-    let world = DMat4::from_translation(FAR);
+    let world = DMat4::from_translation(WORLD_ORIGIN);
     // The lidar's x is to the right.
     let lidar = rig_from_lidar() * DMat4::from_rotation_z(-0.5 * PI);
-    let intrinsic = [[FOCAL, 0.0, CENTER[0]], [0.0, FOCAL, CENTER[1]], [0.0, 0.0, 1.0]];
+    let intrinsic =
+        [[FOCAL_PX, 0.0, PRINCIPAL_POINT_PX[0]], [0.0, FOCAL_PX, PRINCIPAL_POINT_PX[1]], [0.0, 0.0, 1.0]];
     let cameras = [("CAM_FRONT", 0.0), ("CAM_BACK", PI)];
     let mut calibrated =
         vec![posed(&lidar, json!({"token": "c-lidar", "sensor_token": "s-lidar", "camera_intrinsic": []}))];
@@ -355,13 +359,14 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         calibrated.push(posed(&rig_from_camera(angle), record));
     }
     let (mut samples, mut data, mut poses, mut boxes, mut photos) = (vec![], vec![], vec![], vec![], vec![]);
-    for frame in 0..FRAMES {
+    for frame in 0..FRAME_COUNT {
         let sample = format!("sample-{}", frame / 5);
         if frame % 5 == 0 {
-            samples.push(json!({"token": sample, "scene_token": "scene-b", "timestamp": micro(at(frame)), "prev": "", "next": ""}));
-            for (instance, position, attribute) in
-                [("i-car", mover(at(frame)), "a-moving"), ("i-parked", dvec3(3.0, -30.0, 0.9), "a-parked")]
-            {
+            samples.push(json!({"token": sample, "scene_token": "scene-b", "timestamp": micro(frame_time(frame)), "prev": "", "next": ""}));
+            for (instance, position, attribute) in [
+                ("i-car", mover(frame_time(frame)), "a-moving"),
+                ("i-parked", dvec3(3.0, -30.0, 0.9), "a-parked"),
+            ] {
                 let box_ = world * DMat4::from_translation(position);
                 let size = [MOVER_SIZE.y, MOVER_SIZE.x, MOVER_SIZE.z];
                 boxes.push(posed(
@@ -380,16 +385,17 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
         };
         let kind = if frame % 5 == 0 { "samples" } else { "sweeps" };
         for (index, (name, angle)) in cameras.into_iter().enumerate() {
-            let time = at(frame) - 12_000_000 * (index as i64 + 1);
+            let time = frame_time(frame) - 12_000_000 * (index as i64 + 1);
             let file = format!("{kind}/{name}/log__{name}__{}.jpg", micro(time));
             add(name, time, &file, json!([SIZE.0, SIZE.1]));
             write_photo(&folder.join(&file))?;
             let camera_from_world = (rig(time) * rig_from_camera(angle)).inverse();
-            photos.push((file, seen(&camera_from_world, &landmarks())));
+            photos.push((file, landmark_pixels(&camera_from_world, &landmarks())));
         }
-        let file = format!("{kind}/LIDAR_TOP/log__LIDAR_TOP__{}.pcd.bin", micro(at(frame)));
-        add("lidar", at(frame), &file, json!([null, null]));
-        let points = swept(&(rig(at(frame)) * lidar), at(frame)).flat_map(|p| [p.x, p.y, p.z, 64.0, 3.0]);
+        let file = format!("{kind}/LIDAR_TOP/log__LIDAR_TOP__{}.pcd.bin", micro(frame_time(frame)));
+        add("lidar", frame_time(frame), &file, json!([null, null]));
+        let points = swept(&(rig(frame_time(frame)) * lidar), frame_time(frame))
+            .flat_map(|p| [p.x, p.y, p.z, 64.0, 3.0]);
         write(&folder.join(file), floats(points))?;
     }
     data.push(json!({"token": "other", "sample_token": "of another scene", "ego_pose_token": "", "calibrated_sensor_token": "c-lidar",
@@ -416,13 +422,13 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
     for (name, records) in tables {
         write(&version.join(format!("{name}.json")), serde_json::to_vec_pretty(&records)?)?;
     }
-    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
-    Ok(MiniLog { path: folder.into(), landmarks, photos, mover: |time| mover(time) + FAR })
+    let landmarks = landmarks().into_iter().map(|p| p + WORLD_ORIGIN).collect();
+    Ok(MiniLog { path: folder.into(), landmarks, photos, mover: |time| mover(time) + WORLD_ORIGIN })
 }
 
 fn argoverse(folder: &Path) -> io::Result<MiniLog> {
     let log = folder.join("adcf7d18-0510-35b0-a2fa-b4cea13a6d76");
-    let world = DMat4::from_translation(FAR);
+    let world = DMat4::from_translation(WORLD_ORIGIN);
     let posed = |poses: &[DMat4]| -> Vec<FeatherColumn> {
         let split: Vec<([f64; 4], [f64; 3])> = poses.iter().map(quaternion).collect();
         let names = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
@@ -442,21 +448,21 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
     let same = |name, value: f64| FeatherColumn::new(name, [value; 2]);
     let intrinsics = [
         texts("sensor_name", &names[..2]),
-        same("fx_px", FOCAL),
-        same("fy_px", FOCAL),
-        same("cx_px", CENTER[0]),
-        same("cy_px", CENTER[1]),
+        same("fx_px", FOCAL_PX),
+        same("fy_px", FOCAL_PX),
+        same("cx_px", PRINCIPAL_POINT_PX[0]),
+        same("cy_px", PRINCIPAL_POINT_PX[1]),
         same("k1", -0.24),
         FeatherColumn::new("height_px", vec![SIZE.1 as u16; 2]),
         FeatherColumn::new("width_px", vec![SIZE.0 as u16; 2]),
     ];
     write(&log.join("calibration/intrinsics.feather"), feather(&intrinsics)?)?;
-    let times: Vec<i64> = (-2..32).map(|step| START + step * 20_000_000).collect();
+    let times: Vec<i64> = (-2..32).map(|step| START_NS + step * 20_000_000).collect();
     let mut table = vec![FeatherColumn::new("timestamp_ns", times.clone())];
     table.extend(posed(&times.iter().map(|time| world * rig(*time)).collect::<Vec<_>>()));
     write(&log.join("city_SE3_egovehicle.feather"), feather_packed(&table)?)?;
 
-    let frames: Vec<i64> = (0..FRAMES).map(at).collect();
+    let frames: Vec<i64> = (0..FRAME_COUNT).map(frame_time).collect();
     let both: Vec<i64> = frames.iter().flat_map(|time| [*time; 2]).collect();
     let of =
         |index: usize, time: i64| if index.is_multiple_of(2) { mover(time) } else { dvec3(3.0, -30.0, 0.9) };
@@ -467,8 +473,8 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
         .collect();
     let mut table = vec![
         FeatherColumn::new("timestamp_ns", both.clone()),
-        texts("track_uuid", &["car", "parked"].repeat(FRAMES)),
-        texts("category", &["REGULAR_VEHICLE"].repeat(2 * FRAMES)),
+        texts("track_uuid", &["car", "parked"].repeat(FRAME_COUNT)),
+        texts("category", &["REGULAR_VEHICLE"].repeat(2 * FRAME_COUNT)),
         FeatherColumn::new("length_m", vec![MOVER_SIZE.x; both.len()]),
         FeatherColumn::new("width_m", vec![MOVER_SIZE.y; both.len()]),
         FeatherColumn::new("height_m", vec![MOVER_SIZE.z; both.len()]),
@@ -481,7 +487,8 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
             let time = time + 7_000_000;
             let file = format!("sensors/cameras/{name}/{time}.jpg");
             write_photo(&log.join(&file))?;
-            photos.push((file, seen(&(rig(time) * rig_from_camera(angle)).inverse(), &landmarks())));
+            photos
+                .push((file, landmark_pixels(&(rig(time) * rig_from_camera(angle)).inverse(), &landmarks())));
         }
         let points: Vec<DVec3> = swept(&rig(time), time).collect();
         let axis =
@@ -496,20 +503,20 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
         write(&log.join(format!("sensors/lidar/{time}.feather")), feather_packed(&table)?)?;
     }
     write(&log.join("map/log_map_archive_adcf____PIT_city_31785.json"), "{}")?;
-    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
-    Ok(MiniLog { path: log, landmarks, photos, mover: |time| mover(time) + FAR })
+    let landmarks = landmarks().into_iter().map(|p| p + WORLD_ORIGIN).collect();
+    Ok(MiniLog { path: log, landmarks, photos, mover: |time| mover(time) + WORLD_ORIGIN })
 }
 
 fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
     let scene = folder.join("023");
-    let world = DMat4::from_translation(FAR);
+    let world = DMat4::from_translation(WORLD_ORIGIN);
     let text = |pose: &DMat4| (0..4).map(|row| words(&pose.row(row).to_array()) + "\n").collect::<String>();
     // Waymo's cameras have x ahead, y left and z up.
     let forward = DMat4::from_mat3(DMat3::from_cols(DVec3::Z, -DVec3::X, -DVec3::Y));
     let mut photos = Vec::new();
     let mut matrices = Vec::new();
-    for frame in 0..FRAMES {
-        let pose = world * rig(at(frame));
+    for frame in 0..FRAME_COUNT {
+        let pose = world * rig(frame_time(frame));
         for (camera, angle) in [("0", 0.0), ("1", 0.9)] {
             let own = rig_from_camera(angle);
             if is_waymo {
@@ -517,12 +524,13 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
             } else {
                 write(&scene.join(format!("extrinsics/{frame:03}_{camera}.txt")), text(&(pose * own)))?;
             }
-            let numbers = [FOCAL, FOCAL, CENTER[0], CENTER[1], 0.0, 0.0, 0.0, 0.0, 0.0];
+            let numbers =
+                [FOCAL_PX, FOCAL_PX, PRINCIPAL_POINT_PX[0], PRINCIPAL_POINT_PX[1], 0.0, 0.0, 0.0, 0.0, 0.0];
             let numbers = numbers.map(|v| format!("{v}\n")).concat();
             write(&scene.join(format!("intrinsics/{camera}.txt")), numbers)?;
             let name = format!("images/{frame:03}_{camera}.jpg");
             write_photo(&scene.join(&name))?;
-            photos.push((name, seen(&(rig(at(frame)) * own).inverse(), &landmarks())));
+            photos.push((name, landmark_pixels(&(rig(frame_time(frame)) * own).inverse(), &landmarks())));
             let mask = |kind: &str, is_set: fn(u32) -> bool| {
                 let bytes: Vec<u8> =
                     (0..SIZE.0 * SIZE.1).map(|pixel| if is_set(pixel) { 255 } else { 0 }).collect();
@@ -535,19 +543,19 @@ fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
         let points: Vec<f64> = if is_waymo {
             write(&scene.join(format!("ego_pose/{frame:03}.txt")), text(&pose))?;
             let own = |p: DVec3| [0.9, 0.0, 1.7, p.x, p.y, p.z, 0.0, 0.0, 0.0, -1.0, 0.0, 0.25, 0.0, 0.0];
-            swept(&rig(at(frame)), at(frame)).flat_map(own).collect()
+            swept(&rig(frame_time(frame)), frame_time(frame)).flat_map(own).collect()
         } else {
-            let lidar = rig(at(frame)) * rig_from_lidar();
+            let lidar = rig(frame_time(frame)) * rig_from_lidar();
             write(&scene.join(format!("lidar_pose/{frame:03}.txt")), text(&(world * lidar)))?;
-            swept(&lidar, at(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]).collect()
+            swept(&lidar, frame_time(frame)).flat_map(|p| [p.x, p.y, p.z, 0.25]).collect()
         };
         write(&scene.join(format!("lidar/{frame:03}.bin")), floats(points))?;
-        let box_ = world * DMat4::from_translation(mover(at(frame)));
+        let box_ = world * DMat4::from_translation(mover(frame_time(frame)));
         matrices.push([0, 1, 2, 3].map(|row| box_.row(row).to_array()));
     }
     let instances = serde_json::json!({"0": {"id": "car", "class_name": "Vehicle", "frame_annotations": {
-        "frame_idx": (0..FRAMES).collect::<Vec<_>>(), "obj_to_world": matrices, "box_size": vec![MOVER_SIZE.to_array(); FRAMES]}}});
+        "frame_idx": (0..FRAME_COUNT).collect::<Vec<_>>(), "obj_to_world": matrices, "box_size": vec![MOVER_SIZE.to_array(); FRAME_COUNT]}}});
     write(&scene.join("instances/instances_info.json"), instances.to_string())?;
-    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
-    Ok(MiniLog { path: scene, landmarks, photos, mover: |time| mover(time + START) + FAR })
+    let landmarks = landmarks().into_iter().map(|p| p + WORLD_ORIGIN).collect();
+    Ok(MiniLog { path: scene, landmarks, photos, mover: |time| mover(time + START_NS) + WORLD_ORIGIN })
 }

@@ -1,7 +1,7 @@
 //! The sweeps of training over tiles: to pixels, and back from them.
 
 use crate::config::{Background, MedianDepth};
-use crate::cpu::back::{Back, Keep, Worker, inside, own};
+use crate::cpu::back::{Back, Keep, Worker, inside, lock_worker};
 use crate::differentiable::{Channels, ForwardConfig, Upstream};
 use crate::dispatch;
 use crate::frame::Frame;
@@ -11,7 +11,7 @@ use crate::renderer::Stats;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
 use crate::stages::composite::cpu::Composite;
-use crate::stages::intersect::{PATCHES, TILE, TileGrid};
+use crate::stages::intersect::{PATCHES_PER_TILE, TILE, TileGrid};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::Record;
 use crate::stages::rasterize::cpu::PatchSums;
@@ -44,13 +44,13 @@ pub(crate) struct Tiles<'a> {
 }
 
 /// The sums of a tile, one array after the other, patch by patch; and the words of all pairs.
-struct Kept<'a> {
+struct TileSums<'a> {
     words: &'a [AtomicU32],
     channels: Channels,
     sums: &'a mut [[f32; PATCH_PIXELS]],
 }
 
-impl Keep for Kept<'_> {
+impl Keep for TileSums<'_> {
     /// Makes names of records and pairs of those of pairs.
     fn keys(&mut self, keys: &mut [u64], list: &[AtomicU64]) {
         for (key, entry) in keys.iter_mut().zip(list) {
@@ -74,7 +74,7 @@ impl Keep for Kept<'_> {
 impl Tiles<'_> {
     /// Kept arrays of a tile.
     fn arrays(&self) -> usize {
-        PATCHES * (self.config.channels.count() + 1)
+        PATCHES_PER_TILE * (self.config.channels.count() + 1)
     }
 
     /// Width and height of the picture, px.
@@ -117,8 +117,8 @@ impl Tiles<'_> {
             workers,
         };
         let kept = kept.chunks_mut(self.arrays());
-        let mut kept: Vec<Kept<'_>> =
-            kept.map(|sums| Kept { words, channels: self.config.channels, sums }).collect();
+        let mut kept: Vec<TileSums<'_>> =
+            kept.map(|sums| TileSums { words, channels: self.config.channels, sums }).collect();
         back.run(&mut kept, frame, stats);
     }
 
@@ -141,7 +141,7 @@ impl Tiles<'_> {
         }
         tiles.into_par_iter().enumerate().for_each(|(index, slots)| {
             let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
-            self.backward_tile(index, upstream, kept, slots, places, &mut own(workers));
+            self.backward_tile(index, upstream, kept, slots, places, &mut lock_worker(workers));
         });
     }
 
@@ -165,7 +165,7 @@ impl Tiles<'_> {
         let inside = inside(tile, self.size());
         let count = self.config.channels.count();
         let pictures = RenderedPictures { config: self.config, upstream, size: self.size() };
-        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+        for patch in (0..PATCHES_PER_TILE).filter(|patch| inside >> patch & 1 == 1) {
             let (x, y) = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
             let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];
             dispatch!(self.path, s => prepare_patch(s, pictures, kept, x, y, patch, scratch));

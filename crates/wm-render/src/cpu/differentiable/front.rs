@@ -6,7 +6,7 @@ use crate::differentiable::{DrawnSplats, ForwardConfig};
 use crate::dispatch;
 use crate::hooks::{GROUP, Medium, ShadeGroup};
 use crate::simd::{Lanes, SimdPath};
-use crate::sizes::{CLUSTER, GROUPS};
+use crate::sizes::{CLUSTER, GROUPS_PER_CLUSTER};
 use crate::stages::intersect::TileGrid;
 use crate::stages::project::activate::{Activated, activate};
 use crate::stages::project::cpu::{ClusterCull, project_group};
@@ -107,7 +107,7 @@ impl<'a> Front<'a> {
         let Scratch { cluster, activated, sh: rows } = scratch;
         let count = 3 * sh::coefficients(self.config.sh_degree);
         let mut used = 0;
-        for i in 0..GROUPS {
+        for i in 0..GROUPS_PER_CLUSTER {
             let first = range.start + i * GROUP;
             if first >= range.end {
                 break;
@@ -161,14 +161,14 @@ fn bound<S: Lanes>(simd: S, splats: &Splats, range: Range<usize>) -> Cluster {
     let means = splats.means[range.clone()].as_flattened();
     let log_scales = splats.log_scales[range].as_flattened();
     // Sixteen splats are 48 numbers, whole vectors of either width; numbers of one axis stay apart.
-    const WHOLE: usize = 3 * GROUP;
+    const NUMBERS_PER_GROUP: usize = 3 * GROUP;
     let mut low = [simd.set(f32::INFINITY); 6];
     let mut high = [simd.set(f32::NEG_INFINITY); 6];
     let mut largest = low[0].max(high[0]) * -1.0;
-    let (chunks, rest) = means.as_chunks::<WHOLE>();
-    let (scale_chunks, scale_rest) = log_scales.as_chunks::<WHOLE>();
+    let (chunks, rest) = means.as_chunks::<NUMBERS_PER_GROUP>();
+    let (scale_chunks, scale_rest) = log_scales.as_chunks::<NUMBERS_PER_GROUP>();
     for (chunk, scales) in chunks.iter().zip(scale_chunks) {
-        for k in 0..WHOLE / S::N {
+        for k in 0..NUMBERS_PER_GROUP / S::N {
             let values = simd.load(&chunk[k * S::N..]);
             low[k] = low[k].min(values);
             high[k] = high[k].max(values);
@@ -176,7 +176,7 @@ fn bound<S: Lanes>(simd: S, splats: &Splats, range: Range<usize>) -> Cluster {
         }
     }
     let (mut least, mut most) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for k in 0..WHOLE / S::N {
+    for k in 0..NUMBERS_PER_GROUP / S::N {
         let (mut from, mut to) = ([0.0; GROUP], [0.0; GROUP]);
         low[k].store_slice(&mut from[..S::N]);
         high[k].store_slice(&mut to[..S::N]);

@@ -130,12 +130,12 @@ impl Gather<'_> {
         let mut rest = Rows::of(gradients);
         let parts: Vec<(&Part, Rows<'_>)> =
             parts.iter().map(|part| (part, rest.take(part.visible(), stride))).collect();
-        parts.into_par_iter().for_each(|(part, rows)| self.part(part, rows, stride));
+        parts.into_par_iter().for_each(|(part, rows)| self.derive_part(part, rows, stride));
     }
 
     /// Derives the splats of one part. The kernels are entered one by one: in one piece they would
     /// take the compiler minutes.
-    fn part(&self, part: &Part, mut rows: Rows<'_>, stride: usize) {
+    fn derive_part(&self, part: &Part, mut rows: Rows<'_>, stride: usize) {
         let mut scratch = Box::<Scratch>::default();
         let mut pairs = part.pairs.records().enumerate().peekable();
         for first in (0..part.visible()).step_by(GROUP) {

@@ -22,7 +22,7 @@ use crate::gradients::{Gradients, Learn};
 use crate::hooks::PATCH_PIXELS;
 use crate::renderer::Stats;
 use crate::simd::SimdPath;
-use crate::stages::intersect::{PATCHES, TileGrid, cpu as intersect};
+use crate::stages::intersect::{PATCHES_PER_TILE, TileGrid, cpu as intersect};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::rasterize_backward::GradientSlot;
 use back::{BackwardWorker, Tiles};
@@ -129,7 +129,7 @@ impl CpuDifferentiable {
             part.pairs.scatter_numbered(part.first_pair, entries, words);
         });
 
-        let arrays = grid.tiles() * PATCHES * (config.channels.count() + 1);
+        let arrays = grid.tiles() * PATCHES_PER_TILE * (config.channels.count() + 1);
         if self.kept.len() < arrays {
             self.kept.resize(arrays, [0.0; PATCH_PIXELS]);
         }

@@ -15,7 +15,7 @@ use std::ops::Range;
 use wm_scene::Splats;
 
 /// Flag of an origin whose moments are reset; the other bits are the row.
-const FORGOTTEN: u32 = 1 << 31;
+const RESET_FLAG: u32 = 1 << 31;
 
 impl StoredModel {
     /// Reads back what decides which splats come and go.
@@ -48,7 +48,7 @@ impl StoredModel {
         self.len = splats.len();
         let ranges: Vec<Range<usize>> =
             (0..self.len).step_by(most).map(|first| first..(first + most).min(self.len)).collect();
-        let word = |origin: &Origin| origin.row | if origin.forgotten { FORGOTTEN } else { 0 };
+        let word = |origin: &Origin| origin.row | if origin.forgotten { RESET_FLAG } else { 0 };
         let words: Vec<u32> = origins.iter().map(word).collect();
         let sources = gpu.upload("where splats come from", bytemuck::cast_slice(&words))?;
 

@@ -67,20 +67,23 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
             uniform.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
         assert_eq!(fields, wanted, "{name}");
         let bytes = 4 * uniform.words.len() as u32;
-        assert!(bytes <= span && span <= SLOT as u32 && span - bytes < 16, "{name}: {bytes} of {span} bytes");
+        assert!(
+            bytes <= span && span <= UNIFORM_SLOT_BYTES as u32 && span - bytes < 16,
+            "{name}: {bytes} of {span} bytes"
+        );
     }
 }
 
 #[test]
 fn room_grows_by_need_and_a_quarter() {
-    const MUCH: u64 = 1 << 40;
+    const AMPLE_BYTES: u64 = 1 << 40;
     let mut capacity = Capacity::default();
-    capacity.start(1_000_000, MUCH, ItemBytes::FRAME);
+    capacity.start(1_000_000, AMPLE_BYTES, ItemBytes::FRAME);
     assert_eq!(capacity, Capacity { visible: 500_000, entries: 1_000_000 });
-    assert!(!capacity.grow(400_000, 1_000_000, MUCH, ItemBytes::FRAME));
-    assert!(capacity.grow(600_000, 2_000_000, MUCH, ItemBytes::FRAME));
+    assert!(!capacity.grow(400_000, 1_000_000, AMPLE_BYTES, ItemBytes::FRAME));
+    assert!(capacity.grow(600_000, 2_000_000, AMPLE_BYTES, ItemBytes::FRAME));
     assert_eq!(capacity, Capacity { visible: 750_000, entries: 2_500_000 });
-    capacity.start(10, MUCH, ItemBytes::FRAME);
+    capacity.start(10, AMPLE_BYTES, ItemBytes::FRAME);
     assert_eq!(capacity.visible, 750_000);
     // No guess is beyond what fits; a need may be, and is refused later.
     let mut small = Capacity::default();

@@ -1,6 +1,6 @@
 //! Compares pictures with a photo and its priors on a GPU, which keeps both.
 
-use super::{Compared, Comparison, GROUPS, PixelPrior, Term};
+use super::{Compared, Comparison, PixelPrior, Term, WORKGROUP_COUNT};
 use crate::differentiable::Channels;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::{BufferPool, READ_BACK};
@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use wgpu::{BindingResource, BufferBinding, BufferSize};
 
 /// Structures that a comparison has: one a channel of colour, and that of geometry.
-pub(crate) const SLOTS: usize = 4;
+pub(crate) const STRUCTURE_COUNT: usize = 4;
 /// Most bytes of photos and their priors that stay on the GPU.
 const KEPT_BYTES: u64 = 1 << 30;
 
@@ -77,11 +77,11 @@ struct Sums {
 
 impl Sums {
     /// Sums of `colors_backward.wgsl`.
-    const COLORS: Self = Self { each: 16, groups: GROUPS as usize, first: 0 };
+    const COLORS: Self = Self { each: 16, groups: WORKGROUP_COUNT as usize, first: 0 };
     /// Sums of `pixels_backward.wgsl`.
-    const PIXELS: Self = Self::COLORS.then(4, GROUPS as usize);
+    const PIXELS: Self = Self::COLORS.then(4, WORKGROUP_COUNT as usize);
     /// Sums of `smooth_backward.wgsl`.
-    const SMOOTH: Self = Self::PIXELS.then(4, GROUPS as usize);
+    const SMOOTH: Self = Self::PIXELS.then(4, WORKGROUP_COUNT as usize);
     /// Sums of `patch_totals.wgsl`.
     const PATCHES: Self = Self::SMOOTH.then(4, 1);
     /// Numbers of all.
@@ -197,7 +197,7 @@ impl Comparer {
             counted,
             slopes: fit("slopes of similarity", bytes, WRITTEN)?,
             sums: fit("sums of similarity", 12 * u64::from(tiles), WRITTEN)?,
-            groups: fit("sums of depth", 32 * u64::from(GROUPS), WRITTEN)?,
+            groups: fit("sums of depth", 32 * u64::from(WORKGROUP_COUNT), WRITTEN)?,
             patches: fit("sums of patches", 48 * u64::from(patch_count), WRITTEN)?,
             totals: fit("sums of a picture", 4 * Sums::ALL as u64, READ_BACK)?,
             pixels,
@@ -274,7 +274,7 @@ fn packed_beliefs(beliefs: &[PixelPrior]) -> Vec<[u32; 3]> {
 
 impl Room {
     /// The structures of a comparison.
-    pub(crate) fn structures(&self, comparison: &Comparison<'_>) -> [Uniform; SLOTS] {
+    pub(crate) fn structures(&self, comparison: &Comparison<'_>) -> [Uniform; STRUCTURE_COUNT] {
         let color = |channel| uniforms::comparison(comparison, self.pixels, self.counted, channel);
         [color(0), color(1), color(2), uniforms::geometry(comparison, self.pixels, cut(comparison))]
     }
@@ -311,7 +311,7 @@ impl Room {
         }
         let mut bindings = with_numbered(shared(0), [(5, &self.sums), (6, upstream)]);
         bindings.push((7, Sums::COLORS.within(&self.totals)));
-        recorder.dispatch(COLORS_BACKWARD, Groups::Direct(GROUPS), bindings);
+        recorder.dispatch(COLORS_BACKWARD, Groups::Direct(WORKGROUP_COUNT), bindings);
     }
 
     fn record_geometry<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
@@ -320,7 +320,7 @@ impl Room {
         let seen = || with_buffers(vec![(0, view.clone()), (1, structure.clone())], [alpha, depths]);
         let summed =
             |bindings: Bindings<'a>, sums: Sums| [bindings, vec![(7, sums.within(&self.totals))]].concat();
-        let all = Groups::Direct(GROUPS);
+        let all = Groups::Direct(WORKGROUP_COUNT);
         let (groups, patches) = (&self.groups, &self.patches);
         if let Some(beliefs) = &self.beliefs {
             let bindings = with_buffers(seen(), [normal, beliefs, upstream]);

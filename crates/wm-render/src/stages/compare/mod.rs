@@ -6,9 +6,9 @@
 //!
 //! - `L1 = sum m |x - y| / (3 sum m)`, over pixels and channels; where both are equal there is no
 //!   way to go.
-//! - `DSSIM = 1 - mean S(m x, m y)` over all pixels and channels, with the Gaussian [`WINDOW`] as
-//!   rows and columns, zero beyond the border (Wang et al. 2004). Windowed means
-//!   `mx my exx + eyy exy` of it make
+//! - `DSSIM = 1 - mean S(m x, m y)` over all pixels and channels, with the Gaussian
+//!   [`WINDOW_WEIGHTS`] as rows and columns, zero beyond the border (Wang et al. 2004). Windowed
+//!   means `mx my exx + eyy exy` of it make
 //!   `S = (2 mx my + c1)(2 (exy - mx my) + c2) / ((mx^2 + my^2 + c1)(exx - mx^2 + eyy - my^2 + c2))`;
 //!   its derivative by `x` is `W dS/dmx + 2 x W dS/dexx + y W dS/dexy`, windowed again.
 //! - With `g` the derivative of their weighted sum by `x`, that by `c` is `M^T g`, and that by the
@@ -46,10 +46,10 @@ pub mod gpu;
 #[cfg(all(test, feature = "gpu"))]
 mod tests;
 
-/// Pixels of the window to each side of its middle.
-pub const RADIUS: usize = 5;
+/// The window to each side of its middle.
+pub const WINDOW_RADIUS_PX: usize = 5;
 /// The window of structural similarity: Gaussian of standard deviation 1.5 px, sum 1.
-pub const WINDOW: [f32; 2 * RADIUS + 1] = [
+pub const WINDOW_WEIGHTS: [f32; 2 * WINDOW_RADIUS_PX + 1] = [
     0.001_028_38,
     0.007_598_76,
     0.036_000_77,
@@ -190,4 +190,4 @@ pub struct Compared {
 
 /// Workgroups that add up a picture on a GPU.
 #[cfg(feature = "gpu")]
-pub(crate) const GROUPS: u32 = 64;
+pub(crate) const WORKGROUP_COUNT: u32 = 64;

@@ -18,7 +18,7 @@ fn similarity(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invoca
     if tile >= view.tiles {
         return;
     }
-    for (var i = local; i < REACH * REACH; i += WORKGROUP) {
+    for (var i = local; i < SURROUNDINGS_SIDE * SURROUNDINGS_SIDE; i += WORKGROUP) {
         let at = about(tile, i);
         var pair = vec2<f32>(0.0);
         if at >= 0 {
@@ -28,10 +28,10 @@ fn similarity(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invoca
         pairs[i] = pair;
     }
     workgroupBarrier();
-    for (var i = local; i < REACH * u32(TILE_SIDE); i += WORKGROUP) {
+    for (var i = local; i < SURROUNDINGS_SIDE * u32(TILE_SIDE); i += WORKGROUP) {
         var sum = vec4<f32>(0.0);
         for (var k = 0u; k <= 2u * WINDOW_RADIUS; k++) {
-            let pair = pairs[i + k * REACH];
+            let pair = pairs[i + k * SURROUNDINGS_SIDE];
             sum += WINDOW[k] * vec4<f32>(pair, dot(pair, pair), pair.x * pair.y);
         }
         columns[i] = sum;

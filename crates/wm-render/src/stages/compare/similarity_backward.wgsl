@@ -16,7 +16,7 @@ fn similarity_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loc
         return;
     }
     let pixels = view.width * view.height;
-    for (var i = local; i < REACH * REACH; i += WORKGROUP) {
+    for (var i = local; i < SURROUNDINGS_SIDE * SURROUNDINGS_SIDE; i += WORKGROUP) {
         let at = about(tile, i);
         for (var k = 0u; k < 3u; k++) {
             around[k][i] = 0.0;
@@ -26,10 +26,10 @@ fn similarity_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loc
         }
     }
     workgroupBarrier();
-    for (var i = local; i < REACH * u32(TILE_SIDE); i += WORKGROUP) {
+    for (var i = local; i < SURROUNDINGS_SIDE * u32(TILE_SIDE); i += WORKGROUP) {
         var sum = vec3<f32>(0.0);
         for (var k = 0u; k <= 2u * WINDOW_RADIUS; k++) {
-            let first = i + k * REACH;
+            let first = i + k * SURROUNDINGS_SIDE;
             sum += WINDOW[k] * vec3<f32>(around[0][first], around[1][first], around[2][first]);
         }
         columns[0][i] = sum.x;

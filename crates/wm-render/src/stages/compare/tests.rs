@@ -40,7 +40,7 @@ impl Case {
         let within =
             |rgb: &[f64]| -> Vec<f64> { rgb.iter().enumerate().map(|(i, v)| v * self.mask[i / 3]).collect() };
         let (x, y) = (within(&self.exposed()), within(&self.photo));
-        let reach = RADIUS as isize;
+        let reach = WINDOW_RADIUS_PX as isize;
         let (width, height) = (SIZE.0 as isize, SIZE.1 as isize);
         let mut sum = 0.0;
         for at in 0..3 * PIXELS {
@@ -51,7 +51,7 @@ impl Case {
                     let (row, column) = (row + dy, column + dx);
                     if (0..height).contains(&row) && (0..width).contains(&column) {
                         let near = 3 * (row * width + column) as usize + at % 3;
-                        let tap = |d: isize| f64::from(WINDOW[(d + reach) as usize]);
+                        let tap = |d: isize| f64::from(WINDOW_WEIGHTS[(d + reach) as usize]);
                         let (x, y) = (x[near], y[near]);
                         let products = [x, y, x * x, y * y, x * y];
                         means.iter_mut().zip(products).for_each(|(m, v)| *m += tap(dy) * tap(dx) * v);

@@ -148,7 +148,7 @@ impl<'a> BackgroundView<'a> {
         for (i, group) in groups.iter_mut().enumerate() {
             self.rays::<NODES>(corner, step, i * GROUP, group);
         }
-        self.seen(groups);
+        self.shade_rays(groups);
         groups
     }
 
@@ -192,7 +192,7 @@ impl<'a> BackgroundView<'a> {
             // A group is a row: both are 16 long.
             self.rays::<PATCH>([left + 0.5, top + 0.5], 1.0, row * PATCH, group);
         }
-        self.seen(groups);
+        self.shade_rays(groups);
         for k in 0..3 {
             for (pixels, group) in out[k].as_chunks_mut::<PATCH>().0.iter_mut().zip(&*groups) {
                 *pixels = group.rgb[k];
@@ -202,7 +202,7 @@ impl<'a> BackgroundView<'a> {
 
     /// Colours the rays, through the air.
     #[inline(always)]
-    fn seen(&self, groups: &mut [ShadeGroup]) {
+    fn shade_rays(&self, groups: &mut [ShadeGroup]) {
         if self.shading == Shading::Color {
             self.backdrop.paint(self.pixel, groups);
         }

@@ -1,7 +1,7 @@
 //! The last steps of one patch, in the first cache.
 
 use super::background::{BackgroundScratch, BackgroundView};
-use crate::frame::{FRONT, MIN_ALPHA};
+use crate::frame::{FRONT_CHANNELS, MIN_ALPHA};
 use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::particles::cpu::Falling;
@@ -37,8 +37,9 @@ impl Default for PatchPixels {
     }
 }
 
-/// The rows of the arrays of a frame, in the order of [`CHANNELS`](crate::frame::CHANNELS), that
-/// lie in one run of tiles: `[rows][run width * channels]`, no rows of arrays that are not asked for.
+/// The rows of the arrays of a frame, in the order of
+/// [`CHANNEL_COUNTS`](crate::frame::CHANNEL_COUNTS), that lie in one run of tiles:
+/// `[rows][run width * channels]`, no rows of arrays that are not asked for.
 pub(crate) type OutputRows<'a> = [Vec<&'a mut [f32]>; 7];
 
 /// Brings block order into rows.
@@ -174,8 +175,8 @@ fn copy(from: &[f32; PATCH_PIXELS], left: usize, top: usize, rows: &mut [&mut [f
 #[inline(always)]
 fn copy_part(from: &[f32; PATCH_PIXELS], left: usize, top: usize, part: usize, rows: &mut [&mut [f32]]) {
     for (row, pixels) in rows.iter_mut().skip(top).zip(from.chunks_exact(PATCH)) {
-        let row = &mut row[FRONT * left..];
-        let width = PATCH.min(row.len() / FRONT);
+        let row = &mut row[FRONT_CHANNELS * left..];
+        let width = PATCH.min(row.len() / FRONT_CHANNELS);
         if width == PATCH {
             row[part * PATCH..][..PATCH].copy_from_slice(pixels);
         } else {

@@ -1,6 +1,6 @@
 //! Exact ellipse tests of 8 or 16 rectangles at a time, and the scatter into tile lists.
 
-use super::{PATCHES, TILE, TileGrid, key, record_of};
+use super::{PATCHES_PER_TILE, TILE, TileGrid, key, record_of};
 use crate::hooks::PATCH;
 use crate::simd::Lanes;
 use crate::stages::project::{LOG2_MIN_ALPHA, Record, TEST_SLACK};
@@ -10,9 +10,9 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 /// Lane coordinates of a field of cells: 4 columns, `N / 4` rows.
 #[inline(always)]
 pub(crate) fn cell_lanes<S: Lanes>(simd: S) -> (S::F, S::F) {
-    const COLUMN: [f32; 16] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
-    const ROW: [f32; 16] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];
-    (simd.load(&COLUMN), simd.load(&ROW))
+    const LANE_COLUMNS: [f32; 16] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
+    const LANE_ROWS: [f32; 16] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];
+    (simd.load(&LANE_COLUMNS), simd.load(&LANE_ROWS))
 }
 
 /// The ellipse that a 2D Gaussian touches: `(ux dx)^2 + (vx dx + vy dy)^2 <= reach`.
@@ -98,7 +98,7 @@ pub(crate) struct Pairs {
 
 impl Pairs {
     /// Bytes of a pair, with those of its key in the list of the tile.
-    pub(crate) const BYTES: usize = size_of::<u32>() + 2 * size_of::<u64>();
+    pub(crate) const PAIR_BYTES: usize = size_of::<u32>() + 2 * size_of::<u64>();
 
     /// Forgets all pairs.
     pub(crate) fn clear(&mut self, grid: TileGrid) {
@@ -119,9 +119,9 @@ impl Pairs {
         first: u32,
         grid: TileGrid,
     ) {
-        const SIDE: f32 = PATCH as f32;
+        const PATCH_SIDE_PX: f32 = PATCH as f32;
         /// Bit k of the index at bit 4 k.
-        const ROWS: [u32; 16] = [
+        const ROW_MASKS: [u32; 16] = [
             0x0000, 0x0001, 0x0010, 0x0011, 0x0100, 0x0101, 0x0110, 0x0111, 0x1000, 0x1001, 0x1010, 0x1011,
             0x1100, 0x1101, 0x1110, 0x1111,
         ];
@@ -144,14 +144,14 @@ impl Pairs {
                     }
                     let mut mask = 0;
                     for part in 0..16 / S::N {
-                        let top = (y as f32 + (part * S::N / 4) as f32) * SIDE;
+                        let top = (y as f32 + (part * S::N / 4) as f32) * PATCH_SIDE_PX;
                         let bits = cell_mask(
                             simd,
                             &splat.ellipse(),
-                            x as f32 * SIDE,
+                            x as f32 * PATCH_SIDE_PX,
                             top,
-                            SIDE,
-                            SIDE,
+                            PATCH_SIDE_PX,
+                            PATCH_SIDE_PX,
                             lanes.0,
                             lanes.1,
                         );
@@ -159,7 +159,7 @@ impl Pairs {
                     }
                     let columns = bits_between(first_x.saturating_sub(x), last_x - x);
                     let rows = bits_between(first_y.saturating_sub(y), last_y - y);
-                    mask &= ROWS[rows as usize] * columns;
+                    mask &= ROW_MASKS[rows as usize] * columns;
                     let tile = (y as usize >> 1) * tile_columns + (x as usize >> 1);
                     let fields =
                         [(tile, 0), (tile + 1, 2), (tile + tile_columns, 8), (tile + tile_columns + 1, 10)];
@@ -254,4 +254,5 @@ pub(crate) fn offsets<'a>(tiles: usize, parts: impl Iterator<Item = &'a mut Pair
     bounds[tiles] = sum;
 }
 
-const _: () = assert!(TILE == 2 * PATCH && PATCHES == 4, "the fields of `Pairs::add` are two tiles wide");
+const _: () =
+    assert!(TILE == 2 * PATCH && PATCHES_PER_TILE == 4, "the fields of `Pairs::add` are two tiles wide");

@@ -27,7 +27,7 @@ use crate::sizes::PATCH;
 /// Side of a tile, px.
 pub(crate) const TILE: usize = 2 * PATCH;
 /// Patches of a tile.
-pub(crate) const PATCHES: usize = 4;
+pub(crate) const PATCHES_PER_TILE: usize = 4;
 /// Bits of a key that name the record.
 const RECORD_BITS: u32 = 28;
 /// Most splats in one frame: a key of the tile lists has no more bits for them.

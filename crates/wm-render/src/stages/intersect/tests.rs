@@ -1,5 +1,5 @@
 use super::cpu::{Pairs, PatchBox, offsets};
-use super::{PATCHES, TileGrid, record_of};
+use super::{PATCHES_PER_TILE, TileGrid, record_of};
 #[cfg(feature = "gpu")]
 use crate::config::RenderConfig;
 use crate::cpu::model::CpuModel;
@@ -94,7 +94,7 @@ fn lists_of_cpu(path: SimdPath, splats: &Splats) -> (Vec<Record>, Vec<bool>) {
             assert_eq!((key >> 32) as u32, records[record].depth.to_bits());
             assert_ne!(key & 15, 0);
             names.push(record);
-            for patch in (0..PATCHES).filter(|patch| key >> patch & 1 == 1) {
+            for patch in (0..PATCHES_PER_TILE).filter(|patch| key >> patch & 1 == 1) {
                 let column = tile % grid.columns as usize * 2 + patch % 2;
                 let row = tile / grid.columns as usize * 2 + patch / 2;
                 if column < COLUMNS && row < ROWS {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use wm_scene::{Group, Splats};
 
 /// Rows of one task.
-const CHUNK: usize = 2048;
+const ROWS_PER_TASK: usize = 2048;
 
 /// Adds to the gradients what `terms` pull.
 pub fn add_terms(splats: &Splats, terms: &SplatTerms, gradients: &mut Gradients) {
@@ -109,10 +109,10 @@ fn update(
     // Values a splat in the parameters and in the moments.
     let width = parameters.len() / count.max(1);
     let row = rates.len();
-    let mut pieces = Vec::with_capacity(visible.len().div_ceil(CHUNK));
+    let mut pieces = Vec::with_capacity(visible.len().div_ceil(ROWS_PER_TASK));
     let mut begun = 0;
     // Indices ascend, so that each run of them has rows of its own.
-    for (visible, gradients) in visible.chunks(CHUNK).zip(gradients.chunks(CHUNK * row)) {
+    for (visible, gradients) in visible.chunks(ROWS_PER_TASK).zip(gradients.chunks(ROWS_PER_TASK * row)) {
         let end = visible[visible.len() - 1] as usize + 1;
         let size = (end - begun) * width;
         let own = parameters.split_at_mut(size);

@@ -91,10 +91,12 @@ impl ProjectedDrop {
         lanes: (S::F, S::F),
         mut hit: impl FnMut(usize),
     ) {
-        const SIDE: f32 = PATCH as f32;
-        let [left, top] = [0, 1].map(|k| ((self.mean2d[k] - self.extent[k]) / SIDE).max(0.0) as usize);
-        let [right, bottom] = [(0, columns), (1, rows)]
-            .map(|(k, count)| (((self.mean2d[k] + self.extent[k]) / SIDE).max(0.0) as usize + 1).min(count));
+        const PATCH_SIDE_PX: f32 = PATCH as f32;
+        let [left, top] =
+            [0, 1].map(|k| ((self.mean2d[k] - self.extent[k]) / PATCH_SIDE_PX).max(0.0) as usize);
+        let [right, bottom] = [(0, columns), (1, rows)].map(|(k, count)| {
+            (((self.mean2d[k] + self.extent[k]) / PATCH_SIDE_PX).max(0.0) as usize + 1).min(count)
+        });
         if right == left + 1 && bottom == top + 1 {
             hit(top * columns + left);
             return;
@@ -102,8 +104,9 @@ impl ProjectedDrop {
         let ellipse = self.ellipse();
         for row in (top..bottom).step_by(S::N / 4) {
             for column in (left..right).step_by(4) {
-                let (left, top) = (column as f32 * SIDE, row as f32 * SIDE);
-                let mut bits = cell_mask(simd, &ellipse, left, top, SIDE, SIDE, lanes.0, lanes.1);
+                let (left, top) = (column as f32 * PATCH_SIDE_PX, row as f32 * PATCH_SIDE_PX);
+                let mut bits =
+                    cell_mask(simd, &ellipse, left, top, PATCH_SIDE_PX, PATCH_SIDE_PX, lanes.0, lanes.1);
                 while bits != 0 {
                     let cell = bits.trailing_zeros() as usize;
                     bits &= bits - 1;
@@ -421,20 +424,20 @@ impl Falling {
 }
 
 /// Most blocks of a patch: of 8 pixels.
-const BLOCKS: usize = PATCH_PIXELS / 8;
+const MAX_BLOCKS: usize = PATCH_PIXELS / 8;
 
 /// The particles of one patch, in whole numbers of an optical depth, block by block: a vector is
 /// four columns of some rows, as in [`crate::stages::rasterize`], since streaks are thin.
 #[repr(C, align(64))]
 struct Sums {
     /// Optical depth, and with it red, green and blue: four vectors a block. Each term has
-    /// [`ROUND`]'s bits in it.
+    /// [`ROUNDING_OFFSET`]'s bits in it.
     sums: [u32; 4 * PATCH_PIXELS],
     /// Column and row of each pixel, view z of the scene (infinite where there is none), and steps
     /// of an optical depth of 1 behind it, of what it leaves open: four vectors a block.
     pixels: [f32; 4 * PATCH_PIXELS],
     /// Terms in each block.
-    terms: [u32; BLOCKS],
+    terms: [u32; MAX_BLOCKS],
 }
 
 #[inline(always)]
@@ -449,7 +452,8 @@ fn draw<S: Lanes>(
     depth_sum: &[f32; PATCH_PIXELS],
     mut apart: Option<&mut [[f32; PATCH_PIXELS]; 4]>,
 ) {
-    let mut sums = Sums { sums: [0; 4 * PATCH_PIXELS], pixels: [0.0; 4 * PATCH_PIXELS], terms: [0; BLOCKS] };
+    let mut sums =
+        Sums { sums: [0; 4 * PATCH_PIXELS], pixels: [0.0; 4 * PATCH_PIXELS], terms: [0; MAX_BLOCKS] };
     let lanes = cell_lanes(simd);
     for block in 0..PATCH_PIXELS / S::N {
         let at = block * S::N;
@@ -475,11 +479,11 @@ fn draw<S: Lanes>(
             continue;
         }
         // What the terms brought with them goes, modulo 2^32.
-        let rounds = S::U::splat(simd, terms.wrapping_mul(ROUND.to_bits()));
+        let rounds = S::U::splat(simd, terms.wrapping_mul(ROUNDING_OFFSET.to_bits()));
         let mut totals = [simd.set(0.0); 4];
         for k in 0..4 {
             let bits = S::U::from_slice(simd, &sums.sums[(4 * block + k) * S::N..][..S::N]);
-            totals[k] = whole(simd, bits - rounds);
+            totals[k] = to_float(simd, bits - rounds);
         }
         let [steps, light @ ..] = totals;
         let corner = block / 4 * (S::N / 4) * PATCH + block % 4 * 4;
@@ -526,7 +530,7 @@ fn to_rows<S: Lanes>(block: S::F, rows: &mut [f32]) {
 
 /// Converts whole numbers to floats: by halves of 16 bits, each as the mantissa of 2^23.
 #[inline(always)]
-fn whole<S: Lanes>(simd: S, bits: S::U) -> S::F {
+fn to_float<S: Lanes>(simd: S, bits: S::U) -> S::F {
     let float = |half: S::U| S::F::from_bits(half | S::U::splat(simd, 0x4b00_0000)) - 8_388_608.0;
     float(bits >> 16).mul_add(simd.set(65536.0), float(bits & S::U::splat(simd, 0xffff)))
 }
@@ -539,12 +543,12 @@ const MIN_RADIUS_FALLOFF: f32 = 0.105_399_22;
 /// Largest radiance of a particle: more would overflow the integer sums.
 const MAX_RADIANCE: f32 = 3.0;
 /// Adding it to a number below 2^22 leaves the rounded whole number in the low bits.
-const ROUND: f32 = 12_582_912.0;
+const ROUNDING_OFFSET: f32 = 12_582_912.0;
 
 #[inline(always)]
 fn add<S: Lanes>(simd: S, drop: &ProjectedDrop, corner: [f32; 2], lanes: (S::F, S::F), sums: &mut Sums) {
     let [dx, dy] = [0, 1].map(|k| simd.set(corner[k] + 0.5 - drop.mean2d[k]));
-    let (round, steps) = (simd.set(ROUND), simd.set(STEPS_PER_OPTICAL_DEPTH));
+    let (round, steps) = (simd.set(ROUNDING_OFFSET), simd.set(STEPS_PER_OPTICAL_DEPTH));
     let (depth, peak) = (simd.set(drop.depth), simd.set(drop.peak));
     let (ux, vx, vy) = (simd.set(drop.ux), simd.set(drop.vx), simd.set(drop.vy));
     // Powers below this do not count.

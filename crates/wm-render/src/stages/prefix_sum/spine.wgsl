@@ -11,12 +11,12 @@ fn dispatch_over(at: u32, groups: u32) {
     dispatches[at + 2u] = 1u;
 }
 
-const MOST: u32 = 0xffffffffu;
+const MAX_U32: u32 = 0xffffffffu;
 // Whether a sum is so large that 256 of them may not fit a word.
 var<workgroup> too_many: atomic<u32>;
 
-// Makes `sums[stride * i]`, i < count, their exclusive prefix sums; returns the total, MOST if it
-// is more than that.
+// Makes `sums[stride * i]`, i < count, their exclusive prefix sums; returns the total, MAX_U32 if
+// it is more than that.
 fn scan_sums(local: u32, count: u32, stride: u32) -> u32 {
     if local == 0u {
         atomicStore(&too_many, 0u);
@@ -29,19 +29,19 @@ fn scan_sums(local: u32, count: u32, stride: u32) -> u32 {
         if i < count {
             own = sums[stride * i];
         }
-        if own > MOST / WORKGROUP {
+        if own > MAX_U32 / WORKGROUP {
             atomicStore(&too_many, 1u);
         }
         let scanned = scan(local, own);
         if i < count {
             sums[stride * i] = before + scanned.x;
         }
-        if before > MOST - scanned.y {
+        if before > MAX_U32 - scanned.y {
             atomicStore(&too_many, 1u);
         }
         before += scanned.y;
     }
-    return select(before, MOST, workgroupUniformLoad(&too_many) != 0u);
+    return select(before, MAX_U32, workgroupUniformLoad(&too_many) != 0u);
 }
 
 @compute @workgroup_size(WORKGROUP)

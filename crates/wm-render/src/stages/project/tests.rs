@@ -24,7 +24,7 @@ crate::parity! {
 }
 
 /// A splat in view as a back end projects it; only the CPU has boxes and rays.
-struct Seen {
+struct ProjectedSplat {
     record: Record,
     /// Columns and rows of patches.
     ends: Option<[[u32; 2]; 2]>,
@@ -33,7 +33,12 @@ struct Seen {
 }
 
 /// Every splat, in the order of the model.
-fn run(backend: Backend, splats: &Splats, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
+fn run(
+    backend: Backend,
+    splats: &Splats,
+    camera: &Camera,
+    mode: Rasterization,
+) -> Vec<Option<ProjectedSplat>> {
     match backend {
         Backend::Cpu(path) => run_on_cpu(path, splats, camera, mode),
         #[cfg(feature = "gpu")]
@@ -41,7 +46,12 @@ fn run(backend: Backend, splats: &Splats, camera: &Camera, mode: Rasterization) 
     }
 }
 
-fn run_on_cpu(path: SimdPath, splats: &Splats, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
+fn run_on_cpu(
+    path: SimdPath,
+    splats: &Splats,
+    camera: &Camera,
+    mode: Rasterization,
+) -> Vec<Option<ProjectedSplat>> {
     let project_camera = ProjectCamera::new(camera);
     let mut all = Vec::new();
     for group in &CpuModel::new(splats).unwrap().groups {
@@ -51,7 +61,7 @@ fn run_on_cpu(path: SimdPath, splats: &Splats, camera: &Camera, mode: Rasterizat
         all.extend((0..GROUP).map(|lane| {
             let ends = [out.columns, out.rows].map(|ends| ends.map(|end| end[lane]));
             let ray = (shade.direction.map(|axis| axis[lane]), shade.distance[lane]);
-            let seen = Seen { record: records[lane], ends: Some(ends), ray: Some(ray) };
+            let seen = ProjectedSplat { record: records[lane], ends: Some(ends), ray: Some(ray) };
             (out.mask >> lane & 1 == 1).then_some(seen)
         }));
     }
@@ -59,13 +69,13 @@ fn run_on_cpu(path: SimdPath, splats: &Splats, camera: &Camera, mode: Rasterizat
 }
 
 #[cfg(feature = "gpu")]
-fn run_on_gpu(splats: &Splats, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
+fn run_on_gpu(splats: &Splats, camera: &Camera, mode: Rasterization) -> Vec<Option<ProjectedSplat>> {
     let config = RenderConfig { rasterization: mode, ..RenderConfig::default() };
     let probe = crate::gpu::probe::Probe::of(splats, camera, &config);
-    let mut all: Vec<Option<Seen>> = splats.means.iter().map(|_| None).collect();
+    let mut all: Vec<Option<ProjectedSplat>> = splats.means.iter().map(|_| None).collect();
     assert!(probe.records.is_sorted_by_key(|record| record.index));
     for record in probe.records {
-        all[record.index as usize] = Some(Seen { record, ends: None, ray: None });
+        all[record.index as usize] = Some(ProjectedSplat { record, ends: None, ray: None });
     }
     all
 }
@@ -80,7 +90,7 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
         let want = reference::project(splats, model.source[i] as usize, &camera, mode, 1.0);
         let Some(want) = want else {
             // Near plane and opacity cut: either is right within rounding.
-            let is_on_edge = |Seen { record, .. }: &Seen| {
+            let is_on_edge = |ProjectedSplat { record, .. }: &ProjectedSplat| {
                 let opacity = f64::from(record.log2_opacity).exp2() * 255.0;
                 (opacity - 1.0).abs() < 1e-4 || (f64::from(record.depth) / camera.near - 1.0).abs() < 1e-4
             };
@@ -103,7 +113,7 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
         if outside < -(0.01 + 10.0 * scale) && want.opacity > 1.0001 / 255.0 {
             assert!(seen.is_some(), "splat {i} is lost");
         }
-        let Some(Seen { record: out, ends: boxes, ray }) = seen else { continue };
+        let Some(ProjectedSplat { record: out, ends: boxes, ray }) = seen else { continue };
         compared += 1;
         let near = |name: &str, got: f32, want: f64, tolerance: f64| {
             let got = f64::from(got);

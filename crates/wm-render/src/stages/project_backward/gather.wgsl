@@ -2,7 +2,7 @@
 // splats at a time.
 
 // Numbers of a slot.
-const SLOT: u32 = 16u;
+const SLOT_LENGTH: u32 = 16u;
 
 @group(0) @binding(0) var<storage, read> counters: array<u32, 4>;
 // Records by depth, and where the slots of each end.
@@ -15,16 +15,16 @@ const SLOT: u32 = 16u;
 @compute @workgroup_size(WORKGROUP)
 fn gather(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let first = group_index(workgroup) * WORKGROUP;
-    let number = local % SLOT;
-    for (var i = first + local / SLOT; i < min(first + WORKGROUP, counters[0]); i += WORKGROUP / SLOT) {
+    let number = local % SLOT_LENGTH;
+    for (var i = first + local / SLOT_LENGTH; i < min(first + WORKGROUP, counters[0]); i += WORKGROUP / SLOT_LENGTH) {
         var slot = 0u;
         if i > 0u {
             slot = ends[i - 1u];
         }
         var total = 0.0;
         for (; slot < ends[i]; slot++) {
-            total += slots[SLOT * slot + number];
+            total += slots[SLOT_LENGTH * slot + number];
         }
-        pulls[SLOT * order[i] + number] = total;
+        pulls[SLOT_LENGTH * order[i] + number] = total;
     }
 }

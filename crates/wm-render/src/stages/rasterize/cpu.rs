@@ -3,20 +3,20 @@
 //! touches; then each block walks its own splats with transmittance and sums in registers.
 
 use super::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
-use crate::frame::FRONT;
+use crate::frame::FRONT_CHANNELS;
 use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::simd::{Lanes, exp2, exp2_looped};
 use crate::stages::intersect::cpu::{cell_lanes, cell_mask};
-use crate::stages::intersect::{PATCHES, record_of};
+use crate::stages::intersect::{PATCHES_PER_TILE, record_of};
 use crate::stages::project::{LOG2_MIN_ALPHA, Record, unpack_slopes};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, u8x32, u8x64};
 
 /// Splats walked at a time; the record after them is never visible and pads lists.
-const BATCH: usize = 255;
+const SPLATS_PER_BATCH: usize = 255;
 /// Splats in flight in the blend loop: enough to hide the latency of the exponential.
-pub(crate) const FLIGHT: usize = 4;
+pub(crate) const SPLATS_IN_FLIGHT: usize = 4;
 /// Entries of a list that are made at a time.
-pub(crate) const CHUNK: usize = 64;
+pub(crate) const ENTRIES_PER_CHUNK: usize = 64;
 
 /// Sums of one patch, each `[256]` in block order: block by block, lane by lane.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ pub(crate) struct PatchSums {
     pub(crate) surface: [f32; PATCH_PIXELS],
     /// The sums that the surface splits, as in [`crate::Frame::front`]. While they are blended,
     /// those of blocks in `whole` are not filled.
-    pub(crate) front: [[f32; PATCH_PIXELS]; FRONT],
+    pub(crate) front: [[f32; PATCH_PIXELS]; FRONT_CHANNELS],
     /// A bit for each block that the surface crosses at some pixel.
     crossed: u32,
     /// A bit for each block in which all splats so far are before the surface: its front is all
@@ -80,7 +80,7 @@ impl Default for PatchSums {
             features: [zero; 7],
             median: zero,
             surface: zero,
-            front: [zero; FRONT],
+            front: [zero; FRONT_CHANNELS],
             crossed: 0,
             whole: 0,
         }
@@ -88,14 +88,14 @@ impl Default for PatchSums {
 }
 
 /// A list of indices into the batch.
-pub(crate) type List = [u8; 256 + CHUNK];
+pub(crate) type List = [u8; 256 + ENTRIES_PER_CHUNK];
 
 /// Working memory of one thread.
 #[derive(Clone, Debug, Default)]
 #[repr(C, align(64))]
 pub struct BlendScratch {
     /// The sums of the tile's patches.
-    pub(crate) patches: [PatchSums; PATCHES],
+    pub(crate) patches: [PatchSums; PATCHES_PER_TILE],
     batch: Batch,
     lists: Lists,
     /// The sum of the weights of each splat of the tile's list over its pixels, filled where they
@@ -129,7 +129,11 @@ pub(crate) struct Lists {
 
 impl Default for Lists {
     fn default() -> Self {
-        Self { patch: [0; 256 + CHUNK], masks: [[0; 256]; 4], block: [0; 256 + CHUNK] }
+        Self {
+            patch: [0; 256 + ENTRIES_PER_CHUNK],
+            masks: [[0; 256]; 4],
+            block: [0; 256 + ENTRIES_PER_CHUNK],
+        }
     }
 }
 
@@ -228,8 +232,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     let lanes = cell_lanes(simd);
     let block_height = (S::N / 4) as f32;
     // A bit for each block that still takes light: blocks that have stopped are not walked again.
-    let mut live = [0u32; PATCHES];
-    for patch in 0..PATCHES {
+    let mut live = [0u32; PATCHES_PER_TILE];
+    for patch in 0..PATCHES_PER_TILE {
         live[patch] = if inside >> patch & 1 == 1 { u32::MAX >> (32 - blocks) } else { 0 };
     }
     let mut evaluated = 0;
@@ -251,7 +255,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
         scratch.weights.clear();
         scratch.weights.resize(keys.len(), 0.0);
     }
-    for (number, batch) in keys.chunks(BATCH).enumerate() {
+    for (number, batch) in keys.chunks(SPLATS_PER_BATCH).enumerate() {
         scratch.batch.fill(records, batch, left, top);
         let len = batch.len();
         if SPLIT {
@@ -260,7 +264,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
         if WEIGH {
             scratch.batch_weights.0[..len].fill([0.0; 16]);
         }
-        for patch in 0..PATCHES {
+        for patch in 0..PATCHES_PER_TILE {
             if live[patch] == 0 {
                 continue;
             }
@@ -279,8 +283,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                     continue;
                 }
                 // Padded to whole flights with the record that is never drawn.
-                walk[count..count + FLIGHT].fill(BATCH as u8);
-                let walk = &walk[..count.next_multiple_of(FLIGHT)];
+                walk[count..count + SPLATS_IN_FLIGHT].fill(SPLATS_PER_BATCH as u8);
+                let walk = &walk[..count.next_multiple_of(SPLATS_IN_FLIGHT)];
                 let corner = (
                     corner.0 + (block % 4 * 4) as f32 + 0.5,
                     corner.1 + (block / 4) as f32 * block_height + 0.5,
@@ -320,9 +324,12 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
         }
         if WEIGH {
             let sums = scratch.batch_weights.0[..len].iter().map(|lanes| lanes.iter().sum::<f32>());
-            scratch.weights[number * BATCH..].iter_mut().zip(sums).for_each(|(weight, sum)| *weight = sum);
+            scratch.weights[number * SPLATS_PER_BATCH..]
+                .iter_mut()
+                .zip(sums)
+                .for_each(|(weight, sum)| *weight = sum);
         }
-        if live == [0; PATCHES] {
+        if live == [0; PATCHES_PER_TILE] {
             break;
         }
     }
@@ -370,7 +377,7 @@ pub(crate) fn mask_blocks<S: Lanes>(
         }
     }
     for group in 0..PATCH_PIXELS / S::N / 8 {
-        masks[group][splats..splats.next_multiple_of(CHUNK)].fill(0);
+        masks[group][splats..splats.next_multiple_of(ENTRIES_PER_CHUNK)].fill(0);
     }
 }
 
@@ -388,7 +395,7 @@ pub(crate) fn list<S: Lanes>(
 ) -> usize {
     let mut count = 0;
     if S::PACKS {
-        let names = names.map_or(&POSITIONS[..], |names| &names[..]);
+        let names = names.map_or(&ALL_POSITIONS[..], |names| &names[..]);
         let bit = u8x64::splat(simd, bit);
         for first in (0..len).step_by(64) {
             let holds = (u8x64::from_slice(simd, &masks[first..first + 64]) & bit).simd_eq(bit);
@@ -405,8 +412,8 @@ pub(crate) fn list<S: Lanes>(
         let mut word = holds.to_bitmask() as u32;
         for byte in 0..4 {
             let here = (word & 255) as usize;
-            let positions =
-                PACKED[here].wrapping_add((first as u64 + 8 * byte).wrapping_mul(0x0101_0101_0101_0101));
+            let positions = BIT_POSITIONS[here]
+                .wrapping_add((first as u64 + 8 * byte).wrapping_mul(0x0101_0101_0101_0101));
             out[count..count + 8].copy_from_slice(&positions.to_le_bytes());
             count += here.count_ones() as usize;
             word >>= 8;
@@ -420,7 +427,7 @@ pub(crate) fn list<S: Lanes>(
     count
 }
 
-const POSITIONS: [u8; 256] = {
+const ALL_POSITIONS: [u8; 256] = {
     let mut positions = [0; 256];
     let mut i = 0;
     while i < 256 {
@@ -431,7 +438,7 @@ const POSITIONS: [u8; 256] = {
 };
 
 /// For each byte the positions of its bits, one a byte, lowest first.
-const PACKED: [u64; 256] = {
+const BIT_POSITIONS: [u64; 256] = {
     let mut packed = [0; 256];
     let mut byte = 0;
     while byte < 256 {
@@ -454,13 +461,13 @@ const PACKED: [u64; 256] = {
 pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
     simd: S,
     batch: &Batch,
-    at: &[usize; FLIGHT],
+    at: &[usize; SPLATS_IN_FLIGHT],
     px: S::F,
     py: S::F,
-) -> ([S::F; FLIGHT], [S::F; FLIGHT]) {
-    let mut q = [simd.set(0.0); FLIGHT];
+) -> ([S::F; SPLATS_IN_FLIGHT], [S::F; SPLATS_IN_FLIGHT]) {
+    let mut q = [simd.set(0.0); SPLATS_IN_FLIGHT];
     let mut capped = q;
-    for k in 0..FLIGHT {
+    for k in 0..SPLATS_IN_FLIGHT {
         let (s, origin) = (&batch.records[at[k]], &batch.origins[at[k]]);
         let u = px.mul_add(simd.set(s.ux), simd.set(origin.0));
         let v = px.mul_add(simd.set(s.vx), py.mul_add(simd.set(s.vy), simd.set(origin.1)));
@@ -468,7 +475,7 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
         capped[k] = q[k].min(simd.set(LOG2_MAX_ALPHA));
     }
     let mut alpha = if LOOPED && S::N == 16 { exp2_looped(simd, capped) } else { exp2(simd, capped) };
-    for k in 0..FLIGHT {
+    for k in 0..SPLATS_IN_FLIGHT {
         let drawn = q[k].simd_ge(simd.set(LOG2_MIN_ALPHA));
         // Selected as integers: the mask then folds into the exponential's last operation.
         alpha[k] = S::F::from_bits(drawn.select(alpha[k].to_bits(), S::U::splat(simd, 0)));
@@ -502,12 +509,12 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
         features[c] = simd.load(&sums.features[c][lanes.clone()]);
     }
     let surface = if SPLIT { simd.load(&sums.surface[lanes.clone()]) } else { zero };
-    let mut front = [zero; FRONT];
+    let mut front = [zero; FRONT_CHANNELS];
     // All splats so far are before the surface: then the sums before it are all sums, and are not
     // kept twice.
     let mut is_whole = SPLIT && sums.whole >> block & 1 == 1;
     if SPLIT && !is_whole {
-        for c in 0..FRONT {
+        for c in 0..FRONT_CHANNELS {
             front[c] = simd.load(&sums.front[c][lanes.clone()]);
         }
     }
@@ -516,19 +523,19 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
     let mut alive = true;
     // The exponentials of a flight do not depend on each other and hide their latency; only the
     // transmittance is a chain from splat to splat.
-    for flight in walk.chunks_exact(FLIGHT) {
-        let mut at = [0; FLIGHT];
-        for k in 0..FLIGHT {
+    for flight in walk.chunks_exact(SPLATS_IN_FLIGHT) {
+        let mut at = [0; SPLATS_IN_FLIGHT];
+        for k in 0..SPLATS_IN_FLIGHT {
             at[k] = usize::from(flight[k]);
         }
         let (_, alpha) = alphas::<S, true>(simd, batch, &at, px, py);
         let mut parting = SurfaceSplit::Both;
-        let mut weights = [zero; FLIGHT];
-        let mut reciprocals = [zero; FLIGHT];
+        let mut weights = [zero; SPLATS_IN_FLIGHT];
+        let mut reciprocals = [zero; SPLATS_IN_FLIGHT];
         // Mostly all splats of a flight lie on one side of the surface at all pixels: then nothing
         // has to be selected per pixel.
         if SPLIT {
-            for k in 0..FLIGHT {
+            for k in 0..SPLATS_IN_FLIGHT {
                 let [slope_x, slope_y, center] = batch.planes[at[k]];
                 reciprocals[k] =
                     px.mul_add(simd.set(slope_x), py.mul_add(simd.set(slope_y), simd.set(center)));
@@ -545,7 +552,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
                 front = [features[0], features[1], features[2], zero, alpha_sum];
             }
         }
-        for k in 0..FLIGHT {
+        for k in 0..SPLATS_IN_FLIGHT {
             // A pixel that has stopped carries transmittance 0, so one comparison does for both.
             let next = (-alpha[k]).mul_add(transmittance, transmittance);
             let open = next.simd_gt(simd.set(MIN_TRANSMITTANCE));
@@ -566,12 +573,12 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
                 let own = &mut own_weights.0[at[k] & 255][..S::N];
                 (simd.load(own) + weight).store_slice(own);
             }
-            if k == FLIGHT - 1 {
+            if k == SPLATS_IN_FLIGHT - 1 {
                 alive = open.any_true();
             }
         }
         if SPLIT && !is_whole {
-            for k in 0..FLIGHT {
+            for k in 0..SPLATS_IN_FLIGHT {
                 let before = reciprocals[k].simd_gt(surface);
                 if parting != SurfaceSplit::Before {
                     let behind = before.select(zero, weights[k]);
@@ -587,7 +594,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
                 }
             }
         }
-        walked += FLIGHT;
+        walked += SPLATS_IN_FLIGHT;
         if !alive {
             break;
         }
@@ -603,7 +610,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
     }
     if SPLIT && !is_whole {
         sums.whole &= !(1 << block);
-        for c in 0..FRONT {
+        for c in 0..FRONT_CHANNELS {
             front[c].store_slice(&mut sums.front[c][lanes.clone()]);
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::config::{Geometry, MedianDepth};
 use crate::differentiable::Channels;
-use crate::frame::FRONT;
+use crate::frame::FRONT_CHANNELS;
 use crate::gpu::buffers::Room;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{Program, switches};
@@ -42,7 +42,7 @@ const BLENDING: &str = include_str!("rasterize.wgsl");
 fn constants(keeps_sums: bool, is_median: bool, is_split: bool) -> String {
     format!(
         "const KEEPS_SUMS = {keeps_sums};\nconst MEDIAN = {is_median};\nconst SPLIT = {is_split};\n\
-         const SURFACE_PLANE = {SURFACE_PLANE}u;\nconst FRONT = {FRONT}u;\nconst FRONT_GROUP = {GROUP}u;"
+         const SURFACE_PLANE = {SURFACE_PLANE}u;\nconst FRONT_CHANNELS = {FRONT_CHANNELS}u;\nconst FRONT_GROUP = {GROUP}u;"
     )
 }
 

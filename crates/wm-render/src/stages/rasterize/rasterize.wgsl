@@ -10,8 +10,8 @@
 @group(0) @binding(4) var<storage, read_write> rgb: array<f32>;
 @group(0) @binding(5) var<storage, read_write> alpha: array<f32>;
 // Expected depths, then median depths, then the reciprocal depths of the surface (0 for none), then
-// the sums that it splits, FRONT numbers a pixel. They share a buffer, since portable adapters have
-// eight storage buffers and no more.
+// the sums that it splits, FRONT_CHANNELS numbers a pixel. They share a buffer, since portable
+// adapters have eight storage buffers and no more.
 @group(0) @binding(6) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(7) var<storage, read_write> normal: array<f32>;
 
@@ -143,7 +143,7 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         let group = column / FRONT_GROUP * FRONT_GROUP;
         let count = min(FRONT_GROUP, view.width - group);
         let first = at - column + group;
-        let front = (SURFACE_PLANE + 1u) * view.width * view.height + FRONT * first + column - group;
+        let front = (SURFACE_PLANE + 1u) * view.width * view.height + FRONT_CHANNELS * first + column - group;
         depths[front] = front_color.x;
         depths[front + count] = front_color.y;
         depths[front + 2u * count] = front_color.z;

@@ -5,8 +5,8 @@ use crate::reference;
 use crate::testing::comparison::{ALL_OUTPUTS, HardSplats, compare, drawn, rendered};
 use crate::testing::{Backend, camera, random_splats, threads};
 use crate::{
-    Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT, ForwardConfig, Frame,
-    Geometry, Gradients, Learn, MedianDepth, Outputs, RenderBackend, Upstream,
+    Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT_CHANNELS, ForwardConfig,
+    Frame, Geometry, Gradients, Learn, MedianDepth, Outputs, RenderBackend, Upstream,
 };
 use wm_scene::{Camera, Rasterization, Splats};
 
@@ -212,7 +212,7 @@ fn split(backend: Backend, splats: &Splats) {
         let surface = BlendSurface { depth: &depth, normal: [0.0, 0.6, 0.8] };
         let split = DrawPass { surface: Some(surface), ..pass };
         let mut frame = drawn(&mut *renderer, &split);
-        let front: [_; FRONT] = std::array::from_fn(|part| frame.front_sums(part));
+        let front: [_; FRONT_CHANNELS] = std::array::from_fn(|part| frame.front_sums(part));
         frame.front.clear();
         let sets = [(splats, None)];
         let want = reference::frame::render(&sets, &split);
@@ -223,7 +223,7 @@ fn split(backend: Backend, splats: &Splats) {
             Backend::Cpu(_) => assert_eq!(frame, whole, "{backend:?}: a surface changes no picture"),
         }
         for (i, want_front) in want.front.iter().enumerate() {
-            let got: [f32; FRONT] = std::array::from_fn(|part| front[part][i]);
+            let got: [f32; FRONT_CHANNELS] = std::array::from_fn(|part| front[part][i]);
             let slack = want.slack[i] + want.front_slack[i];
             let slopes = want.slope_slack[i];
             for (k, (got, want)) in got.iter().zip(want_front).enumerate() {

@@ -8,23 +8,25 @@ use crate::differentiable::{DepthAlpha, ForwardConfig, Upstream};
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::simd::{Lanes, reciprocal, sums};
-use crate::stages::intersect::PATCHES;
+use crate::stages::intersect::PATCHES_PER_TILE;
 use crate::stages::intersect::cpu::cell_lanes;
 use crate::stages::project::Record;
-use crate::stages::rasterize::cpu::{Batch, CHUNK, FLIGHT, Lists, alphas, list, mask_blocks};
+use crate::stages::rasterize::cpu::{
+    Batch, ENTRIES_PER_CHUNK, Lists, SPLATS_IN_FLIGHT, alphas, list, mask_blocks,
+};
 use crate::stages::rasterize::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 
 /// Splats of a batch: their scratch is in the second cache, since most touch few blocks.
-const BATCH: usize = 128;
+const SPLATS_PER_BATCH: usize = 128;
 /// Lines of scratch a splat: w and s of the tile's pixels.
-const LINES: usize = 2 * PATCHES * PATCH_PIXELS / 16;
+const LINES_PER_SPLAT: usize = 2 * PATCHES_PER_TILE * PATCH_PIXELS / 16;
 /// From one splat's lines to the next's: not a power of two, or the splats of one block would fight
 /// for one set of the cache.
-const STRIDE: usize = LINES + 2;
+const STRIDE_LINES: usize = LINES_PER_SPLAT + 2;
 /// Rows of scratch: one for each splat of the batch and for the one that pads lists, and on to the
 /// next power of two, so that a masked index is proof enough that it is within.
-const ROWS: usize = 2 * BATCH;
+const SCRATCH_ROWS: usize = 2 * SPLATS_PER_BATCH;
 
 /// The pixels of one patch in block order, see [`crate::stages::rasterize::cpu::PatchSums`].
 #[derive(Clone, Debug)]
@@ -43,11 +45,11 @@ pub(crate) struct PatchState {
 #[repr(C, align(64))]
 pub struct BackwardScratch {
     /// The pixels of the tile's patches.
-    pub(crate) patches: [PatchState; PATCHES],
+    pub(crate) patches: [PatchState; PATCHES_PER_TILE],
     batch: Batch,
     lists: Lists,
     /// Blocks of each patch in which each splat of the batch was weighed.
-    reached: [[u32; PATCHES]; BATCH],
+    reached: [[u32; PATCHES_PER_TILE]; SPLATS_PER_BATCH],
     /// Coordinates of the blocks' lanes from the tile's corner, by column and row of blocks.
     columns: [[f32; 16]; 8],
     rows: [[f32; 16]; 16],
@@ -56,12 +58,13 @@ pub struct BackwardScratch {
     raw: RawUpstream,
 }
 
-type WeightLines = [Line; ROWS * STRIDE];
+type WeightLines = [Line; SCRATCH_ROWS * STRIDE_LINES];
 
 /// The first line of splat `i` of the batch at `block` of `patch`; with 16 lanes s is in the next.
 #[inline(always)]
 fn line_of<S: Lanes>(i: usize, patch: usize, block: usize) -> usize {
-    (i % ROWS) * STRIDE + (patch * (PATCH_PIXELS / S::N) + block) * (2 * S::N / 16) % LINES
+    (i % SCRATCH_ROWS) * STRIDE_LINES
+        + (patch * (PATCH_PIXELS / S::N) + block) * (2 * S::N / 16) % LINES_PER_SPLAT
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -85,10 +88,10 @@ impl Default for BackwardScratch {
             patches: std::array::from_fn(|_| patch.clone()),
             batch: Batch::default(),
             lists: Lists::default(),
-            reached: [[0; PATCHES]; BATCH],
+            reached: [[0; PATCHES_PER_TILE]; SPLATS_PER_BATCH],
             columns: [[0.0; 16]; 8],
             rows: [[0.0; 16]; 16],
-            weighed: vec![Line::default(); ROWS * STRIDE]
+            weighed: vec![Line::default(); SCRATCH_ROWS * STRIDE_LINES]
                 .into_boxed_slice()
                 .try_into()
                 .unwrap_or_else(|_| unreachable!("the length is the type's")),
@@ -247,29 +250,29 @@ pub fn blend_tile_backward<S: Lanes, const C: usize>(
     for (k, row) in scratch.rows.iter_mut().enumerate().take(2 * PATCH / (S::N / 4)) {
         (lanes.1 + (k as f32 * block_height + 0.5)).store_slice(&mut row[..S::N]);
     }
-    let mut live = [0u32; PATCHES];
-    for patch in 0..PATCHES {
+    let mut live = [0u32; PATCHES_PER_TILE];
+    for patch in 0..PATCHES_PER_TILE {
         live[patch] = if inside >> patch & 1 == 1 { u32::MAX >> (32 - blocks) } else { 0 };
     }
     places.fill(NO_SLOT);
     let mut used = 0;
-    for (batch_keys, places) in keys.chunks(BATCH).zip(places.chunks_mut(BATCH)) {
+    for (batch_keys, places) in keys.chunks(SPLATS_PER_BATCH).zip(places.chunks_mut(SPLATS_PER_BATCH)) {
         scratch.batch.fill(records, batch_keys, left, top);
-        scratch.reached = [[0; PATCHES]; BATCH];
-        for patch in 0..PATCHES {
+        scratch.reached = [[0; PATCHES_PER_TILE]; SPLATS_PER_BATCH];
+        for patch in 0..PATCHES_PER_TILE {
             if live[patch] != 0 {
                 weigh_patch::<S, C>(simd, scratch, batch_keys.len(), left, top, patch, &mut live[patch]);
             }
         }
         // Splats that no block has reached are behind opaque ones: they get no slot.
         for (i, place) in places.iter_mut().enumerate() {
-            if scratch.reached[i] != [0; PATCHES] {
+            if scratch.reached[i] != [0; PATCHES_PER_TILE] {
                 slots[used] = gather_splat::<S, C>(simd, scratch, i);
                 *place = used as u32;
                 used += 1;
             }
         }
-        if live == [0; PATCHES] {
+        if live == [0; PATCHES_PER_TILE] {
             break;
         }
     }
@@ -298,7 +301,7 @@ fn weigh_patch<S: Lanes, const C: usize>(
         for group in 0..blocks / 8 {
             mask |= u32::from(lists.masks[group][i]) << (8 * group);
         }
-        reached[usize::from(lists.patch[i]) & (BATCH - 1)][patch] = mask & *live;
+        reached[usize::from(lists.patch[i]) & (SPLATS_PER_BATCH - 1)][patch] = mask & *live;
     }
     let mut todo = *live;
     while todo != 0 {
@@ -310,17 +313,17 @@ fn weigh_patch<S: Lanes, const C: usize>(
             continue;
         }
         // Padded to whole flights with the record that is never drawn.
-        walk[count..count + FLIGHT].fill(BATCH as u8);
+        walk[count..count + SPLATS_IN_FLIGHT].fill(SPLATS_PER_BATCH as u8);
         let column = simd.load(&columns[patch % 2 * 4 + block % 4]);
         let row = simd.load(&rows[patch / 2 * (blocks / 4) + block / 4]);
-        let padded = &walk[..count.next_multiple_of(FLIGHT)];
+        let padded = &walk[..count.next_multiple_of(SPLATS_IN_FLIGHT)];
         let (alive, walked) =
             weigh_block::<S, C>(simd, batch, padded, (column, row), patch, block, state, weighed);
         if !alive {
             // The splats behind the last one that was walked have not reached this block.
             *live &= !(1 << block);
             for name in walk.iter().take(count).skip(walked) {
-                reached[usize::from(*name) & (BATCH - 1)][patch] &= !(1 << block);
+                reached[usize::from(*name) & (SPLATS_PER_BATCH - 1)][patch] &= !(1 << block);
             }
         }
     }
@@ -350,15 +353,15 @@ fn weigh_block<S: Lanes, const C: usize>(
     }
     let mut walked = 0;
     let mut alive = true;
-    for flight in walk.chunks_exact(FLIGHT) {
-        let mut at = [0; FLIGHT];
-        for k in 0..FLIGHT {
+    for flight in walk.chunks_exact(SPLATS_IN_FLIGHT) {
+        let mut at = [0; SPLATS_IN_FLIGHT];
+        for k in 0..SPLATS_IN_FLIGHT {
             at[k] = usize::from(flight[k]);
         }
         let (q, alpha) = alphas::<S, false>(simd, batch, &at, at_pixels.0, at_pixels.1);
-        let mut value = [zero; FLIGHT];
-        let mut open = [zero; FLIGHT];
-        for k in 0..FLIGHT {
+        let mut value = [zero; SPLATS_IN_FLIGHT];
+        let mut open = [zero; SPLATS_IN_FLIGHT];
+        for k in 0..SPLATS_IN_FLIGHT {
             let s = &batch.records[at[k]];
             let values = [s.rgb[0], s.rgb[1], s.rgb[2], s.depth, s.normal[0], s.normal[1], s.normal[2]];
             value[k] = upstream[0] * values[0];
@@ -368,7 +371,7 @@ fn weigh_block<S: Lanes, const C: usize>(
             open[k] = one - alpha[k];
         }
         let inverse = reciprocal(simd, open);
-        for k in 0..FLIGHT {
+        for k in 0..SPLATS_IN_FLIGHT {
             let next = (-alpha[k]).mul_add(transmittance, transmittance);
             let open = next.simd_gt(simd.set(MIN_TRANSMITTANCE));
             let weight = open.select(alpha[k] * transmittance, zero);
@@ -387,11 +390,11 @@ fn weigh_block<S: Lanes, const C: usize>(
                 weight.store_slice(&mut line[..S::N]);
                 pull.store_slice(&mut line[S::N..]);
             }
-            if k == FLIGHT - 1 {
+            if k == SPLATS_IN_FLIGHT - 1 {
                 alive = open.any_true();
             }
         }
-        walked += FLIGHT;
+        walked += SPLATS_IN_FLIGHT;
         if !alive {
             break;
         }
@@ -457,7 +460,7 @@ fn each_block<S: Lanes>(
     mut f: impl FnMut(usize, usize, usize, usize, usize),
 ) {
     let blocks = PATCH_PIXELS / S::N;
-    for patch in 0..PATCHES {
+    for patch in 0..PATCHES_PER_TILE {
         let mut mask = scratch.reached[i][patch];
         while mask != 0 {
             // The mask proves the block in bounds.
@@ -516,4 +519,7 @@ fn absolute<S: Lanes>(simd: S, x: S::F) -> S::F {
     S::F::from_bits(x.to_bits() & S::U::splat(simd, 0x7fff_ffff))
 }
 
-const _: () = assert!(BATCH < 256 && BATCH.is_multiple_of(CHUNK), "lists hold bytes, and are made by chunks");
+const _: () = assert!(
+    SPLATS_PER_BATCH < 256 && SPLATS_PER_BATCH.is_multiple_of(ENTRIES_PER_CHUNK),
+    "lists hold bytes, and are made by chunks"
+);

@@ -1,11 +1,11 @@
 // The derivative of blending: a workgroup of 64 threads a tile, a block of 2x2 px a thread; see the
 // contract in `mod.rs`. Sums over pixels are added in a fixed order: four in the thread, then those
 // of the threads, by `shared.wgsl` or `subgroups.wgsl`, which have the entry point, and by
-// `TOGETHER` splats at a time.
+// `SPLATS_PER_SUM` splats at a time.
 
 const THREADS: u32 = 64u;
 // A slot as vectors.
-const QUARTERS: u32 = 4u;
+const SLOT_VECTORS: u32 = 4u;
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> tile_offsets: array<u32>;
@@ -142,7 +142,7 @@ fn replay_tile(tile: u32, local: u32) {
             let pair = pairs[first + local];
             let record = 4u * names[pair];
             batch_pairs[local] = pair;
-            for (var k = 0u; k < QUARTERS; k++) {
+            for (var k = 0u; k < SLOT_VECTORS; k++) {
                 batch[local][k] = records[record + k];
             }
         }
@@ -150,8 +150,8 @@ fn replay_tile(tile: u32, local: u32) {
             atomicStore(&open, 0u);
         }
         workgroupBarrier();
-        for (var i = 0u; i < size; i += TOGETHER) {
-            for (var j = 0u; j < TOGETHER; j++) {
+        for (var i = 0u; i < size; i += SPLATS_PER_SUM) {
+            for (var j = 0u; j < SPLATS_PER_SUM; j++) {
                 var sums: Sums;
                 if i + j < size {
                     sums = replay(&block, batch[i + j]);
@@ -170,8 +170,8 @@ fn replay_tile(tile: u32, local: u32) {
     }
     // What no pixel sees is pulled by none.
     for (var i = first + local; i < end; i += THREADS) {
-        for (var k = 0u; k < QUARTERS; k++) {
-            slots[QUARTERS * pairs[i] + k] = vec4<f32>(0.0);
+        for (var k = 0u; k < SLOT_VECTORS; k++) {
+            slots[SLOT_VECTORS * pairs[i] + k] = vec4<f32>(0.0);
         }
     }
 }

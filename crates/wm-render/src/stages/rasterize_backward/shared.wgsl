@@ -1,17 +1,17 @@
 // Sums of threads through shared memory: eight threads, then eight of these.
 
 // Splats whose sums are added together.
-const TOGETHER: u32 = 2u;
+const SPLATS_PER_SUM: u32 = 2u;
 
-// `[TOGETHER, QUARTERS, THREADS]`
+// `[SPLATS_PER_SUM, SLOT_VECTORS, THREADS]`
 var<workgroup> of_threads: array<vec4<f32>, 512>;
-// `[TOGETHER, QUARTERS, 8]`
+// `[SPLATS_PER_SUM, SLOT_VECTORS, 8]`
 var<workgroup> of_eight: array<vec4<f32>, THREADS>;
 
 // Takes a thread's sums of splat number `j` of those together.
 fn keep(local: u32, j: u32, sums: Sums) {
-    for (var k = 0u; k < QUARTERS; k++) {
-        of_threads[(j * QUARTERS + k) * THREADS + local] = sums.numbers[k];
+    for (var k = 0u; k < SLOT_VECTORS; k++) {
+        of_threads[(j * SLOT_VECTORS + k) * THREADS + local] = sums.numbers[k];
     }
 }
 
@@ -24,13 +24,13 @@ fn add_up(local: u32, first: u32, size: u32) {
     }
     of_eight[local] = total;
     workgroupBarrier();
-    let own = first + local / QUARTERS;
-    if local < TOGETHER * QUARTERS && own < size {
+    let own = first + local / SLOT_VECTORS;
+    if local < SPLATS_PER_SUM * SLOT_VECTORS && own < size {
         total = vec4<f32>(0.0);
         for (var k = 0u; k < 8u; k++) {
             total += of_eight[8u * local + k];
         }
-        slots[QUARTERS * batch_pairs[own] + local % QUARTERS] = total;
+        slots[SLOT_VECTORS * batch_pairs[own] + local % SLOT_VECTORS] = total;
     }
 }
 

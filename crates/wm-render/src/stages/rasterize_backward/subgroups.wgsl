@@ -2,12 +2,12 @@
 // subgroup after another.
 
 // Splats whose sums are added together.
-const TOGETHER: u32 = 4u;
-const MOST_SUBGROUPS: u32 = THREADS / MIN_SUBGROUP;
+const SPLATS_PER_SUM: u32 = 4u;
+const MAX_SUBGROUPS: u32 = THREADS / MIN_SUBGROUP;
 
-// `[2, TOGETHER, QUARTERS, MOST_SUBGROUPS]`: while one half is added up the next sums go to the
-// other.
-var<workgroup> of_subgroups: array<vec4<f32>, 2u * TOGETHER * QUARTERS * MOST_SUBGROUPS>;
+// `[2, SPLATS_PER_SUM, SLOT_VECTORS, MAX_SUBGROUPS]`: while one half is added up the next sums
+// go to the other.
+var<workgroup> of_subgroups: array<vec4<f32>, 2u * SPLATS_PER_SUM * SLOT_VECTORS * MAX_SUBGROUPS>;
 var<private> half: u32 = 0u;
 var<private> subgroup: u32;
 var<private> subgroups: u32;
@@ -16,13 +16,13 @@ var<private> lane: u32;
 // Takes a thread's sums of splat number `j` of those together.
 fn keep(local: u32, j: u32, sums: Sums) {
     let seen = subgroupAny(sums.seen);
-    for (var k = 0u; k < QUARTERS; k++) {
+    for (var k = 0u; k < SLOT_VECTORS; k++) {
         var total = vec4<f32>(0.0);
         if seen {
             total = subgroupAdd(sums.numbers[k]);
         }
         if lane == 0u {
-            of_subgroups[((half * TOGETHER + j) * QUARTERS + k) * MOST_SUBGROUPS + subgroup] = total;
+            of_subgroups[((half * SPLATS_PER_SUM + j) * SLOT_VECTORS + k) * MAX_SUBGROUPS + subgroup] = total;
         }
     }
 }
@@ -30,13 +30,13 @@ fn keep(local: u32, j: u32, sums: Sums) {
 // Writes the slots of the splats from `first` of a batch of `size` on.
 fn add_up(local: u32, first: u32, size: u32) {
     workgroupBarrier();
-    let own = first + local / QUARTERS;
-    if local < TOGETHER * QUARTERS && own < size {
+    let own = first + local / SLOT_VECTORS;
+    if local < SPLATS_PER_SUM * SLOT_VECTORS && own < size {
         var total = vec4<f32>(0.0);
         for (var k = 0u; k < subgroups; k++) {
-            total += of_subgroups[(half * TOGETHER * QUARTERS + local) * MOST_SUBGROUPS + k];
+            total += of_subgroups[(half * SPLATS_PER_SUM * SLOT_VECTORS + local) * MAX_SUBGROUPS + k];
         }
-        slots[QUARTERS * batch_pairs[own] + local % QUARTERS] = total;
+        slots[SLOT_VECTORS * batch_pairs[own] + local % SLOT_VECTORS] = total;
     }
     half = 1u - half;
 }

@@ -3,7 +3,7 @@
 
 use super::cull::cull;
 use super::packets::{Packets, RayGroup};
-use super::records::{CLUSTER, RayRecord, Sphere, record_of};
+use super::records::{RayRecord, SPLATS_PER_CLUSTER, Sphere, record_of};
 use super::walk::{Features, PacketHits, Walk, blend};
 use super::{RayHits, RayOutputs, RayTracer, Rays};
 use crate::cpu::model::morton_order;
@@ -14,10 +14,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 use wm_scene::{Splats, sh};
 
-/// Splats that are culled at a time, a multiple of [`CLUSTER`].
-const BLOCK: usize = 4096;
+/// Splats that are culled at a time, a multiple of [`SPLATS_PER_CLUSTER`].
+const SPLATS_PER_BLOCK: usize = 4096;
 /// Packets whose lists are gathered together.
-const BUNDLE: usize = 16;
+const PACKETS_PER_BUNDLE: usize = 16;
 
 /// Splats that rays can meet.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub struct RaySplats<'a> {
     splats: &'a Splats,
     /// In Morton order: what is near in space is near in memory.
     records: Vec<RayRecord>,
-    /// Spheres about [`CLUSTER`] records each.
+    /// Spheres about [`SPLATS_PER_CLUSTER`] records each.
     clusters: Vec<Sphere>,
 }
 
@@ -37,10 +37,11 @@ impl RayTracer for RaySplats<'_> {
         for group in &packets.groups {
             let pairs = self.pairs(group, path);
             let colors = if asked.color { self.colors(group, &pairs) } else { Vec::new() };
-            let bundles: Vec<Vec<PacketHits>> = (0..group.packets.len().div_ceil(BUNDLE))
+            let bundles: Vec<Vec<PacketHits>> = (0..group.packets.len().div_ceil(PACKETS_PER_BUNDLE))
                 .into_par_iter()
                 .map_init(Scratch::default, |scratch, bundle| {
-                    let packets_of = bundle * BUNDLE..group.packets.len().min((bundle + 1) * BUNDLE);
+                    let packets_of = bundle * PACKETS_PER_BUNDLE
+                        ..group.packets.len().min((bundle + 1) * PACKETS_PER_BUNDLE);
                     scratch.gather(&pairs, &self.records, &colors, bundle, packets_of.len());
                     let Scratch { records, colors, keys, starts, sorting } = scratch;
                     let features = Features { colors: &*colors, asked };
@@ -72,7 +73,7 @@ impl<'a> RaySplats<'a> {
             is_met(index).then(|| RayRecord::of(splats, index)).flatten()
         };
         let records: Vec<RayRecord> = morton_order(&splats.means).par_iter().filter_map(record).collect();
-        let clusters = records.par_chunks(CLUSTER).map(Sphere::about).collect();
+        let clusters = records.par_chunks(SPLATS_PER_CLUSTER).map(Sphere::about).collect();
         Self { splats, records, clusters }
     }
 
@@ -85,24 +86,25 @@ impl<'a> RaySplats<'a> {
 
     /// The records that touch each packet of a group, by blocks of records.
     fn pairs(&self, group: &RayGroup, path: SimdPath) -> Vec<BlockPairs> {
-        let bundles = group.packets.len().div_ceil(BUNDLE);
+        let bundles = group.packets.len().div_ceil(PACKETS_PER_BUNDLE);
         let of_block = |scratch: &mut Vec<(u32, u64)>, (block, records): (usize, &[RayRecord])| {
             scratch.clear();
             // Eight children are one vector of the narrow path.
-            let clusters = &self.clusters[block * BLOCK / CLUSTER..];
-            dispatch!(path.narrow(), simd => cull(simd, records, clusters, block * BLOCK, group, scratch));
+            let first = block * SPLATS_PER_BLOCK;
+            let clusters = &self.clusters[first / SPLATS_PER_CLUSTER..];
+            dispatch!(path.narrow(), simd => cull(simd, records, clusters, first, group, scratch));
             BlockPairs::new(scratch, bundles)
         };
-        self.records.par_chunks(BLOCK).enumerate().map_init(Vec::new, of_block).collect()
+        self.records.par_chunks(SPLATS_PER_BLOCK).enumerate().map_init(Vec::new, of_block).collect()
     }
 
     /// Colours of the records that any packet has, seen from the middle of a group.
     fn colors(&self, group: &RayGroup, pairs: &[BlockPairs]) -> Vec<[f32; 3]> {
         let center = Vec3::from_array(group.center);
         let of_block = |records: &[RayRecord], pairs: &BlockPairs| {
-            let mut is_listed = [false; BLOCK];
+            let mut is_listed = [false; SPLATS_PER_BLOCK];
             for (_, key) in &pairs.pairs {
-                is_listed[record_of(*key) % BLOCK] = true;
+                is_listed[record_of(*key) % SPLATS_PER_BLOCK] = true;
             }
             let color = |record: &RayRecord, is_listed: bool| {
                 if !is_listed {
@@ -115,7 +117,7 @@ impl<'a> RaySplats<'a> {
             let listed = records.iter().zip(is_listed);
             listed.map(|(record, is_listed)| color(record, is_listed)).collect::<Vec<_>>()
         };
-        let blocks = self.records.par_chunks(BLOCK).zip(pairs);
+        let blocks = self.records.par_chunks(SPLATS_PER_BLOCK).zip(pairs);
         blocks.flat_map_iter(|(records, pairs)| of_block(records, pairs)).collect()
     }
 }
@@ -133,7 +135,7 @@ impl BlockPairs {
     fn new(found: &[(u32, u64)], bundles: usize) -> Self {
         let mut starts = vec![0u32; bundles + 1];
         for (packet, _) in found {
-            starts[*packet as usize / BUNDLE + 1] += 1;
+            starts[*packet as usize / PACKETS_PER_BUNDLE + 1] += 1;
         }
         for bundle in 0..bundles {
             starts[bundle + 1] += starts[bundle];
@@ -141,7 +143,7 @@ impl BlockPairs {
         let mut next = starts.clone();
         let mut pairs = vec![(0, 0); found.len()];
         for pair in found {
-            let at = &mut next[pair.0 as usize / BUNDLE];
+            let at = &mut next[pair.0 as usize / PACKETS_PER_BUNDLE];
             pairs[*at as usize] = *pair;
             *at += 1;
         }
@@ -180,16 +182,16 @@ impl Scratch {
         packets: usize,
     ) {
         let own = || blocks.iter().flat_map(|block| block.bundle(bundle));
-        let mut next = [0usize; BUNDLE + 1];
+        let mut next = [0usize; PACKETS_PER_BUNDLE + 1];
         for (packet, _) in own() {
-            next[*packet as usize % BUNDLE + 1] += 1;
+            next[*packet as usize % PACKETS_PER_BUNDLE + 1] += 1;
         }
-        for packet in 0..BUNDLE {
+        for packet in 0..PACKETS_PER_BUNDLE {
             next[packet + 1] += next[packet];
         }
         self.starts.clear();
         self.starts.extend_from_slice(&next[..=packets]);
-        self.keys.resize(next[BUNDLE], 0);
+        self.keys.resize(next[PACKETS_PER_BUNDLE], 0);
         self.records.clear();
         self.colors.clear();
         let mut last = usize::MAX;
@@ -201,7 +203,7 @@ impl Scratch {
                 self.colors.extend(colors.get(record));
                 last = record;
             }
-            let at = &mut next[*packet as usize % BUNDLE];
+            let at = &mut next[*packet as usize % PACKETS_PER_BUNDLE];
             self.keys[*at] = *key >> 32 << 32 | (self.records.len() - 1) as u64;
             *at += 1;
         }

@@ -2,7 +2,7 @@
 //! the splats are seen.
 
 use super::packets::{CHILDREN, Cones, RayGroup};
-use super::records::{CLUSTER, RayRecord, SLACK, Sphere};
+use super::records::{CONE_TOLERANCE_SHARE, RayRecord, SPLATS_PER_CLUSTER, Sphere};
 use crate::simd::Lanes;
 use fearless_simd::{SimdBase, SimdMask, f32x8};
 use glam::Vec3;
@@ -26,8 +26,8 @@ pub(super) fn cull<S: Lanes>(
     let floor = usize::from(group.levels.len() > 1);
     let mut shared = Vec::new();
     for (at, record) in records.iter().enumerate() {
-        if at % CLUSTER == 0 {
-            let cluster = &clusters[at / CLUSTER];
+        if at % SPLATS_PER_CLUSTER == 0 {
+            let cluster = &clusters[at / SPLATS_PER_CLUSTER];
             nodes_at(simd, group, floor, cluster.center - center, cluster.radius + group.radius, &mut shared);
         }
         if shared.is_empty() {
@@ -118,7 +118,7 @@ impl Cap {
     fn of(way: Vec3, reach: f32) -> Option<Self> {
         let distance = way.length();
         let tangent = ((distance + reach) * (distance - reach)).sqrt();
-        (distance > reach).then_some(Self { way, tangent, reach, slack: SLACK * distance })
+        (distance > reach).then_some(Self { way, tangent, reach, slack: CONE_TOLERANCE_SHARE * distance })
     }
 
     /// The children of a node whose cones it touches: a bit each.

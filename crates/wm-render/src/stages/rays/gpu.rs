@@ -3,7 +3,7 @@
 //! blends a packet, a thread a ray.
 
 use super::packets::{CHILDREN, PACKET};
-use super::records::{RayRecord, SLACK};
+use super::records::{CONE_TOLERANCE_SHARE, RayRecord};
 use super::walk::{HITS_PER_RAY, MAX_HIT_TRANSMITTANCE};
 use super::{MIN_HIT_COVERAGE, RayOutputs, STOPPED_COVERAGE};
 use crate::gpu::buffers::Lists;
@@ -68,7 +68,7 @@ fn constants() -> String {
     let bits = CHILDREN.trailing_zeros();
     format!(
         "const PACKET = {PACKET}u;\nconst CHILDREN = {CHILDREN}u;\nconst CHILD_BITS = {bits}u;\nconst HITS = {HITS_PER_RAY}u;\n\
-         const RAY_SLACK: f32 = {SLACK:e};\nconst LEAST_HIT: f32 = {MIN_HIT_COVERAGE:e};\nconst SOONEST_HIT: f32 = {MAX_HIT_TRANSMITTANCE:e};\n\
+         const RAY_SLACK: f32 = {CONE_TOLERANCE_SHARE:e};\nconst LEAST_HIT: f32 = {MIN_HIT_COVERAGE:e};\nconst SOONEST_HIT: f32 = {MAX_HIT_TRANSMITTANCE:e};\n\
          const WHOLE: f32 = {STOPPED_COVERAGE:e};\nconst TINY: f32 = {:e};",
         f32::MIN_POSITIVE
     )

@@ -15,8 +15,8 @@ const ORIGIN_PARTS: f32 = 16.0;
 const CURVE_BITS: u32 = 12;
 /// Half angle of a packet's cone, relative to the median of all, above which it is split.
 const MAX_RELATIVE_ANGLE: f64 = 2.0;
-/// Angle that is added to cones for rounding, radians.
-const SLACK: f64 = 1e-5;
+/// Added to the angles of cones for rounding.
+const ROUNDING_ANGLE_RAD: f64 = 1e-5;
 
 /// Rays from about one place, in packets: consecutive rays of a group go about the same way.
 #[derive(Clone, Debug)]
@@ -171,7 +171,7 @@ impl Cone {
         let directions = directions.map(Vec3::as_dvec3);
         let axis = directions.clone().sum::<DVec3>().normalize_or(DVec3::Z);
         let least = directions.map(|direction| axis.dot(direction)).fold(1.0, f64::min);
-        Self { axis, half: least.max(-1.0).acos() + SLACK }
+        Self { axis, half: least.max(-1.0).acos() + ROUNDING_ANGLE_RAD }
     }
 
     /// The cosine and sine of half its angle; a cosine far below 0 for a half space and more.
@@ -186,7 +186,7 @@ impl Cone {
         let sum: DVec3 = others.clone().map(|(axis, _)| axis).sum();
         let axis = sum.normalize_or(DVec3::Z);
         let reaches = others.map(|(other, half)| axis.dot(other).clamp(-1.0, 1.0).acos() + half);
-        Self { axis, half: reaches.fold(0.0, f64::max) + SLACK }
+        Self { axis, half: reaches.fold(0.0, f64::max) + ROUNDING_ANGLE_RAD }
     }
 }
 

@@ -7,9 +7,9 @@ use wm_scene::splats::shortest_axis;
 use wm_scene::{Splats, quat};
 
 /// Splats that are culled together.
-pub(super) const CLUSTER: usize = 64;
+pub(super) const SPLATS_PER_CLUSTER: usize = 64;
 /// Tolerance of the test of a splat against a cone, relative to its distance.
-pub(super) const SLACK: f32 = 4e-6;
+pub(super) const CONE_TOLERANCE_SHARE: f32 = 4e-6;
 
 /// One splat for rays.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,7 +1,7 @@
 //! Blending along rays: a packet walks its splats with all its rays side by side.
 
 use super::packets::{Cone, PACKET, RayGroup};
-use super::records::{RayRecord, SLACK, record_of};
+use super::records::{CONE_TOLERANCE_SHARE, RayRecord, record_of};
 use super::{MIN_HIT_COVERAGE, RayHits, RayOutputs, Rays, STOPPED_COVERAGE};
 use crate::simd::{Lanes, exp2};
 use crate::stages::project::LOG2_MIN_ALPHA;
@@ -195,7 +195,7 @@ fn vectors_touched<S: Lanes>(
         let left = squared - reach * reach;
         let is_inside = left.simd_le(simd.set(0.0));
         let along = left.max(simd.set(0.0)).sqrt();
-        let slack = squared.sqrt() * SLACK;
+        let slack = squared.sqrt() * CONE_TOLERANCE_SHARE;
         for (vector, [axis_x, axis_y, axis_z, cos, sin]) in cones.iter().enumerate() {
             let dot = x.mul_add(
                 simd.set(*axis_x),

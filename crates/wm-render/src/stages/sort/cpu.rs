@@ -1,7 +1,7 @@
 //! LSD radix sort of short lists that stay in the first cache.
 
 /// Lists up to this length are sorted by comparison.
-const SHORT: usize = 40;
+const MAX_COMPARISON_SORT_LENGTH: usize = 40;
 
 /// Sorts `keys` ascending; `scratch` is grown as needed.
 ///
@@ -10,7 +10,7 @@ const SHORT: usize = 40;
 /// more passes.
 pub fn sort(keys: &mut [u64], scratch: &mut Vec<u64>) {
     match keys.len() {
-        n if n <= SHORT => {}
+        n if n <= MAX_COMPARISON_SORT_LENGTH => {}
         n if n <= 2048 => radix::<2>(keys, scratch),
         n if n <= 16_384 => radix::<3>(keys, scratch),
         _ => radix::<5>(keys, scratch),

@@ -36,12 +36,13 @@ pub(super) fn interpret(extension: &Value, splats: &mut Splats) -> Vec<Remark> {
 /// Replaces SH of linear light by those of the sRGB colours that they show: the nearest ones of
 /// their degree over all directions.
 fn encode_colors(splats: &mut Splats) {
-    const AROUND: usize = 8;
+    const AZIMUTH_COUNT: usize = 8;
     let directions = sh::QUADRATURE.into_iter().flat_map(|(z, weight)| {
-        (0..AROUND).map(move |step| {
-            let (sine, cosine) = (std::f64::consts::TAU * (step as f64 + 0.5) / AROUND as f64).sin_cos();
+        (0..AZIMUTH_COUNT).map(move |step| {
+            let (sine, cosine) =
+                (std::f64::consts::TAU * (step as f64 + 0.5) / AZIMUTH_COUNT as f64).sin_cos();
             let across = (1.0 - z * z).sqrt();
-            ([across * cosine, across * sine, z], weight * std::f64::consts::TAU / AROUND as f64)
+            ([across * cosine, across * sine, z], weight * std::f64::consts::TAU / AZIMUTH_COUNT as f64)
         })
     });
     let directions: Vec<([f64; 3], [f64; 16], f64)> =

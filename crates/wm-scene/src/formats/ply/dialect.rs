@@ -17,7 +17,7 @@ use super::{
 use crate::{
     Remark, Splats, sh,
     splats::{logit, sigmoid},
-    values::FARTHEST,
+    values::MAX_SCENE_COORDINATE,
 };
 use wm_base::error::{Problem, excerpt};
 use wm_base::kd_tree::KdTree;
@@ -233,7 +233,7 @@ fn apply_filter(splats: &mut Splats, index: usize, filter: f64, axes: usize) {
 }
 
 /// Neighbours that determine the size of a ball.
-const NEIGHBOURS: usize = 4;
+const NEIGHBOUR_COUNT: usize = 4;
 /// Standard deviation of a ball in distances to its neighbours: leaves no gaps in a surface.
 const BALL_SCALE: f64 = 0.5;
 /// Largest ratio of a ball to the median one: a stray point is far from others without being large.
@@ -243,7 +243,7 @@ const BALL_LOGIT: f32 = 4.0;
 
 /// Gives points the shape of splats.
 fn draw_as_balls(splats: &mut Splats) {
-    let is_place = |mean: &[f32; 3]| mean.iter().all(|v| v.abs() <= FARTHEST);
+    let is_place = |mean: &[f32; 3]| mean.iter().all(|v| v.abs() <= MAX_SCENE_COORDINATE);
     let places: Vec<[f32; 3]> = splats.means.iter().copied().filter(is_place).collect();
     let tree = KdTree::new(&places);
     let distance = |mean: &[f32; 3]| -> f64 {
@@ -251,7 +251,7 @@ fn draw_as_balls(splats: &mut Splats) {
             return 0.0;
         }
         // The nearest is the point itself.
-        let found = tree.nearest(mean, NEIGHBOURS);
+        let found = tree.nearest(mean, NEIGHBOUR_COUNT);
         let squares = found.iter().skip(1).map(|near| f64::from(near.square));
         (squares.sum::<f64>() / found.len().saturating_sub(1).max(1) as f64).sqrt()
     };
@@ -319,10 +319,15 @@ fn about_properties(vertex: &Element, kept: &[usize]) -> Vec<Remark> {
 
 /// Names of properties in words: a few, and how many more.
 fn named(names: &[&str]) -> String {
-    const SHOWN: usize = 4;
-    let shown = names.iter().take(SHOWN).map(|name| excerpt(name.as_bytes())).collect::<Vec<_>>().join(", ");
+    const MAX_SHOWN_NAMES: usize = 4;
+    let shown = names
+        .iter()
+        .take(MAX_SHOWN_NAMES)
+        .map(|name| excerpt(name.as_bytes()))
+        .collect::<Vec<_>>()
+        .join(", ");
     let word = if names.len() == 1 { "the property" } else { "the properties" };
-    match names.len().saturating_sub(SHOWN) {
+    match names.len().saturating_sub(MAX_SHOWN_NAMES) {
         0 => format!("{word} {shown}"),
         more => format!("{word} {shown} and {more} more"),
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use wm_base::{FormatError, Problem, error::number, source::Source};
 
 /// Colour of points that have none.
-const GREY: [u8; 3] = [128; 3];
+const DEFAULT_COLOR: [u8; 3] = [128; 3];
 
 /// Reads the points of a PLY, binary of either byte order or ASCII, and remarks on them. Other
 /// properties are stepped over. Points that are not finite are left out.
@@ -50,7 +50,7 @@ fn read_points_from(source: &mut Source) -> Result<(SparsePoints, Vec<Remark>), 
         }
         let [x, y, z, color @ ..] = row;
         if [x, y, z].iter().all(|v| v.is_finite()) {
-            points.push([x, y, z], GREY, f32::NAN, 0);
+            points.push([x, y, z], DEFAULT_COLOR, f32::NAN, 0);
             if columns.color != ColorType::None {
                 colors.push(color.map(|v| v as f32));
             }
@@ -70,7 +70,7 @@ fn read_points_from(source: &mut Source) -> Result<(SparsePoints, Vec<Remark>), 
     let full = full_scale(columns.color, &colors);
     for (out, color) in points.colors.iter_mut().zip(&colors) {
         // NaN is no colour.
-        *out = color.map(|v| if v.is_nan() { GREY[0] } else { (v * (255.0 / full)).round() as u8 });
+        *out = color.map(|v| if v.is_nan() { DEFAULT_COLOR[0] } else { (v * (255.0 / full)).round() as u8 });
     }
     Ok((points, remarks))
 }
@@ -259,7 +259,7 @@ mod tests {
         let start =
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
         let plain = format!("{start}end_header\n1 2 3\n");
-        assert_eq!(read(plain.as_bytes()).unwrap().colors, [GREY]);
+        assert_eq!(read(plain.as_bytes()).unwrap().colors, [DEFAULT_COLOR]);
         let shares = format!(
             "{start}property float r\nproperty float g\nproperty float b\nend_header\n1 2 3 0 .5 2\n"
         );

@@ -12,11 +12,11 @@ pub(super) struct Codebook {
 }
 
 /// Bins over the range of the values.
-const BINS: usize = 1 << 16;
+const BIN_COUNT: usize = 1 << 16;
 /// Bins that the first density is taken over.
 const COARSE_BINS: usize = 16;
 /// Rounds of improvement of a table, which hardly changes after.
-const ROUNDS: usize = 30;
+const ROUND_COUNT: usize = 30;
 
 impl Codebook {
     /// A table for `values` of which errors count by `weight`: spread by their density at first,
@@ -25,19 +25,19 @@ impl Codebook {
         let finite = || values.clone().filter(|v| v.is_finite());
         let (low, high) = finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
-        let scale = if high > low { (BINS - 1) as f32 / (high - low) } else { 0.0 };
+        let scale = if high > low { (BIN_COUNT - 1) as f32 / (high - low) } else { 0.0 };
         let value = |bin: usize| {
             if scale > 0.0 { f64::from(low) + bin as f64 / f64::from(scale) } else { f64::from(low) }
         };
-        let mut weights = vec![0f64; BINS];
+        let mut weights = vec![0f64; BIN_COUNT];
         for v in finite() {
             weights[((v - low) * scale + 0.5) as usize] += 1.0;
         }
         // Against the largest, whose own weight might be out of range.
         weights.iter_mut().enumerate().for_each(|(bin, sum)| *sum *= weight(value(bin) - f64::from(high)));
         // Sums over the bins before each, so that a cell's mean costs two look-ups.
-        let (mut number, mut sum) = (vec![0f64; BINS + 1], vec![0f64; BINS + 1]);
-        for bin in 0..BINS {
+        let (mut number, mut sum) = (vec![0f64; BIN_COUNT + 1], vec![0f64; BIN_COUNT + 1]);
+        for bin in 0..BIN_COUNT {
             number[bin + 1] = number[bin] + weights[bin];
             sum[bin + 1] = sum[bin] + weights[bin] * value(bin);
         }
@@ -59,12 +59,12 @@ impl Codebook {
             }
             before += density;
         }
-        centers.resize(256, value(BINS - 1));
-        for _ in 0..ROUNDS {
+        centers.resize(256, value(BIN_COUNT - 1));
+        for _ in 0..ROUND_COUNT {
             let mut from = 0;
             let old = centers.clone();
             for (i, center) in centers.iter_mut().enumerate() {
-                let to = if i == 255 { BINS } else { border(&old, i, low, scale) };
+                let to = if i == 255 { BIN_COUNT } else { border(&old, i, low, scale) };
                 if number[to] > number[from] {
                     *center = (sum[to] - sum[from]) / (number[to] - number[from]);
                 }
@@ -72,10 +72,10 @@ impl Codebook {
             }
         }
         centers.sort_by(f64::total_cmp);
-        let mut nearest = vec![0u8; BINS];
+        let mut nearest = vec![0u8; BIN_COUNT];
         let mut from = 0;
         for i in 0..256 {
-            let to = if i == 255 { BINS } else { border(&centers, i, low, scale).max(from) };
+            let to = if i == 255 { BIN_COUNT } else { border(&centers, i, low, scale).max(from) };
             nearest[from..to].fill(i as u8);
             from = to;
         }
@@ -84,14 +84,14 @@ impl Codebook {
 
     /// Index of the value nearest to `v`; of NaN, some index.
     pub(crate) fn index(&self, v: f32) -> u8 {
-        self.nearest[((v - self.low) * self.scale + 0.5).clamp(0.0, (BINS - 1) as f32) as usize]
+        self.nearest[((v - self.low) * self.scale + 0.5).clamp(0.0, (BIN_COUNT - 1) as f32) as usize]
     }
 }
 
 /// The first bin that is nearer to center i + 1 than to i.
 fn border(centers: &[f64], i: usize, low: f32, scale: f32) -> usize {
     let middle = 0.5 * (centers[i] + centers[i + 1]);
-    (((middle - f64::from(low)) * f64::from(scale)).ceil().clamp(0.0, BINS as f64)) as usize
+    (((middle - f64::from(low)) * f64::from(scale)).ceil().clamp(0.0, BIN_COUNT as f64)) as usize
 }
 
 /// A palette of vectors, and the entry of each vector.

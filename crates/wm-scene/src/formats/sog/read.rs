@@ -413,16 +413,16 @@ struct Shading {
 }
 
 /// Entries of a row of the palette.
-const ENTRIES: usize = 64;
+const ENTRIES_PER_ROW: usize = 64;
 
 impl Shading {
     fn read(files: Files, meta: &Palette, count: u64) -> Result<Self, Problem> {
         let palette = Picture::read(files, &meta.files[0], 1)?;
         let labels = Picture::read(files, &meta.files[1], count)?.rgba;
         // The width says the degree, in both versions.
-        let coefficients = palette.width / ENTRIES;
-        let degree =
-            sh::degree_of(coefficients + 1).filter(|degree| *degree > 0 && palette.width % ENTRIES == 0);
+        let coefficients = palette.width / ENTRIES_PER_ROW;
+        let degree = sh::degree_of(coefficients + 1)
+            .filter(|degree| *degree > 0 && palette.width % ENTRIES_PER_ROW == 0);
         let degree = degree.ok_or_else(|| {
             fault(format!(
                 "a palette of SH that is {} pixels wide; 192, 512 and 960 are known",
@@ -444,7 +444,7 @@ impl Shading {
                 self.degree
             ));
         }
-        let room = self.palette.rgba.len() / self.palette.width * ENTRIES;
+        let room = self.palette.rgba.len() / self.palette.width * ENTRIES_PER_ROW;
         let Some(entries) = meta.count else { return };
         if !(0.0..=room as f64).contains(&entries) {
             return doubt(format!("shN.count is {entries}, but its palette has room for {room} entries"));
@@ -464,7 +464,8 @@ impl Shading {
     fn write(&self, index: usize, out: &mut [f32]) -> Result<(), Problem> {
         let [low, high, ..] = self.labels[index];
         let entry = usize::from(u16::from_le_bytes([low, high]));
-        let first = entry / ENTRIES * self.palette.width + entry % ENTRIES * self.coefficients;
+        let first =
+            entry / ENTRIES_PER_ROW * self.palette.width + entry % ENTRIES_PER_ROW * self.coefficients;
         let pixels = self.palette.rgba.get(first..first + self.coefficients);
         let pixels = pixels.ok_or_else(|| {
             fault(format!("a splat has entry {entry} of the palette of SH, which is shorter"))

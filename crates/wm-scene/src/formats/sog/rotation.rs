@@ -91,7 +91,7 @@ mod tests {
         std::array::from_fn(|i| std::array::from_fn(|j| sum(i, j)))
     }
 
-    fn far(a: &Matrix, b: &Matrix) -> f64 {
+    fn max_difference(a: &Matrix, b: &Matrix) -> f64 {
         a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
@@ -105,7 +105,7 @@ mod tests {
             let renamed = rounded.axes().map(|axis| scales[axis]);
             // Half a step of each component is 0.0028 of a quaternion, 0.0096 rad in all, of
             // squares of 1 at most.
-            let off = far(&covariance(unit(q), scales), &covariance(back, renamed));
+            let off = max_difference(&covariance(unit(q), scales), &covariance(back, renamed));
             prop_assert!(off < 0.01, "{off}");
         }
     }
@@ -115,7 +115,7 @@ mod tests {
         let (quat, scales) = (unit([0.3, -0.5, 0.7, 0.2]), [1.0, 2.0, 3.0]);
         for (turn, axes) in NAMINGS {
             let named = covariance(product(quat, turn), axes.map(|axis| scales[axis]));
-            assert!(far(&covariance(quat, scales), &named) < 1e-5, "{axes:?}");
+            assert!(max_difference(&covariance(quat, scales), &named) < 1e-5, "{axes:?}");
         }
     }
 
@@ -132,10 +132,10 @@ mod tests {
             let best = Rounded::best(quat, log);
             let [a, b, c, largest] = best.pixel;
             let back = from_bytes(usize::from(largest - 252), [a, b, c]);
-            chosen += far(&truth, &covariance(back, best.axes().map(|axis| scales[axis])));
+            chosen += max_difference(&truth, &covariance(back, best.axes().map(|axis| scales[axis])));
             let (largest, rest) = smallest_three(quat);
             let bytes = rest.map(|v| unorm(v * FRAC_1_SQRT_2 + 0.5, 255) as u8);
-            plain += far(&truth, &covariance(from_bytes(largest, bytes), scales));
+            plain += max_difference(&truth, &covariance(from_bytes(largest, bytes), scales));
         }
         assert!(chosen < 0.65 * plain, "{chosen} {plain}");
     }

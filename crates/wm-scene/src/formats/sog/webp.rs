@@ -45,7 +45,7 @@ pub(crate) fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
     // Codes of green and runs, red, blue, alpha; distances are all the pixel to the left.
     let mut counts = [vec![0; 256 + LENGTH_SYMBOLS], vec![0; 256], vec![0; 256], vec![0; 256]];
     for run in runs(&residuals) {
-        for (counts, channel) in counts.iter_mut().zip(CHANNELS) {
+        for (counts, channel) in counts.iter_mut().zip(CHANNEL_ORDER) {
             counts[usize::from(run.pixel[channel])] += 1;
         }
         if run.again > 0 {
@@ -66,7 +66,7 @@ pub(crate) fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
 }
 
 /// Channels in the order of their codes.
-const CHANNELS: [usize; 4] = [1, 0, 2, 3];
+const CHANNEL_ORDER: [usize; 4] = [1, 0, 2, 3];
 /// Symbols of lengths of runs.
 const LENGTH_SYMBOLS: usize = 24;
 /// Longest run of one symbol.

@@ -21,7 +21,7 @@ use crate::{Rasterization, Scene, Splats, morton};
 use serde_json::json;
 
 /// Entries of a row of the palette of SH.
-const ENTRIES: usize = 64;
+const ENTRIES_PER_ROW: usize = 64;
 /// Most entries of the palette.
 const MAX_ENTRIES: usize = 1 << 16;
 
@@ -174,7 +174,10 @@ pub(crate) fn files_with(
             [r, g, b, 255]
         });
         let (entries, coefficients) = (palette.entries.len() / size, size / 3);
-        file(NamedFile { name: "shN_centroids.webp", bytes: encoded(pixels, ENTRIES * coefficients) })?;
+        file(NamedFile {
+            name: "shN_centroids.webp",
+            bytes: encoded(pixels, ENTRIES_PER_ROW * coefficients),
+        })?;
         meta["shN"] = json!({
             "count": entries,
             "bands": splats.sh_degree,

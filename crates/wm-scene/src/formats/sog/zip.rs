@@ -7,9 +7,9 @@ use sirocco::inflate;
 use std::io::Write;
 use wm_base::error::Problem;
 
-const LOCAL: u32 = 0x0403_4b50;
-const CENTRAL: u32 = 0x0201_4b50;
-const END: u32 = 0x0605_4b50;
+const LOCAL_SIGNATURE: u32 = 0x0403_4b50;
+const CENTRAL_SIGNATURE: u32 = 0x0201_4b50;
+const END_SIGNATURE: u32 = 0x0605_4b50;
 /// Bytes of the end of the directory, and most of a comment behind it.
 const END_SIZE: usize = 22;
 const MAX_COMMENT: usize = 65_535;
@@ -86,7 +86,7 @@ impl<'a> Archive<'a> {
     /// The packed bytes of an entry.
     fn packed(&self, entry: &Entry) -> Option<&'a [u8]> {
         let local = self.bytes.get(entry.at as usize..)?;
-        if u32_at(local, 0)? != LOCAL {
+        if u32_at(local, 0)? != LOCAL_SIGNATURE {
             return None;
         }
         let names = usize::from(u16_at(local, 26)?) + usize::from(u16_at(local, 28)?);
@@ -97,12 +97,12 @@ impl<'a> Archive<'a> {
 fn directory(bytes: &[u8]) -> Option<Vec<Entry<'_>>> {
     let last = bytes.len().checked_sub(END_SIZE)?;
     let first = last.saturating_sub(MAX_COMMENT);
-    let end = (first..=last).rev().find(|at| u32_at(bytes, *at) == Some(END))?;
+    let end = (first..=last).rev().find(|at| u32_at(bytes, *at) == Some(END_SIGNATURE))?;
     let (count, mut at) = (usize::from(u16_at(bytes, end + 10)?), u32_at(bytes, end + 16)? as usize);
     let mut entries = Vec::new();
     for _ in 0..count.min(MAX_ENTRIES) {
         let header = bytes.get(at..)?;
-        if u32_at(header, 0)? != CENTRAL {
+        if u32_at(header, 0)? != CENTRAL_SIGNATURE {
             return None;
         }
         let name = usize::from(u16_at(header, 28)?);
@@ -141,24 +141,24 @@ impl<'a> Writer<'a> {
     /// If `out` fails or an archive cannot hold so much.
     pub(crate) fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), Problem> {
         /// 1980-01-01 00:00.
-        const TIME: [u8; 4] = [0, 0, 0x21, 0];
+        const DOS_EPOCH: [u8; 4] = [0, 0, 0x21, 0];
         let size = bytes.len() as u64;
         if self.at + size > u64::from(u32::MAX) {
             return Err(Problem::Value("too many splats for one .sog: write a folder, OUT/meta.json".into()));
         }
         // Version 2.0, no flags, stored.
         let mut shared = vec![20, 0, 0, 0, 0, 0];
-        shared.extend(TIME);
+        shared.extend(DOS_EPOCH);
         shared.extend(
             [crc32fast::hash(bytes), size as u32, size as u32].into_iter().flat_map(u32::to_le_bytes),
         );
         shared.extend((name.len() as u16).to_le_bytes());
         shared.extend([0, 0]);
-        self.out.write_all(&LOCAL.to_le_bytes())?;
+        self.out.write_all(&LOCAL_SIGNATURE.to_le_bytes())?;
         self.out.write_all(&shared)?;
         self.out.write_all(name.as_bytes())?;
         self.out.write_all(bytes)?;
-        self.central.extend(CENTRAL.to_le_bytes());
+        self.central.extend(CENTRAL_SIGNATURE.to_le_bytes());
         self.central.extend([20, 0]);
         self.central.extend(shared);
         // No comment, disk 0, no attributes.
@@ -177,7 +177,7 @@ impl<'a> Writer<'a> {
     pub(crate) fn finish(self) -> Result<(), Problem> {
         self.out.write_all(&self.central)?;
         let count = self.count.to_le_bytes();
-        let mut end = END.to_le_bytes().to_vec();
+        let mut end = END_SIGNATURE.to_le_bytes().to_vec();
         end.extend([0, 0, 0, 0, count[0], count[1], count[0], count[1]]);
         end.extend((self.central.len() as u32).to_le_bytes());
         end.extend((self.at as u32).to_le_bytes());

@@ -3,9 +3,9 @@
 use crate::photo_warp::PhotoWarp;
 
 /// Window offsets along one axis, px: 9x9 px, every second one.
-const OFFSETS: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
+const WINDOW_OFFSETS_PX: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
 /// Samples of a window.
-const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
+const WINDOW_SAMPLE_COUNT: usize = WINDOW_OFFSETS_PX.len() * WINDOW_OFFSETS_PX.len();
 /// Standard deviations of the weights in space, px, and in brightness (0-1): pixels of another
 /// brightness are likely of another surface.
 const SPACE_DEVIATION_PX: f32 = 4.0;
@@ -86,8 +86,8 @@ pub(crate) struct Window {
     x: f32,
     y: f32,
     /// Brightness minus its weighted mean.
-    off: [f32; SAMPLES],
-    weights: [f32; SAMPLES],
+    off: [f32; WINDOW_SAMPLE_COUNT],
+    weights: [f32; WINDOW_SAMPLE_COUNT],
     /// Reciprocal of the standard deviation; 0 where the window is flat.
     contrast: f32,
 }
@@ -95,19 +95,20 @@ pub(crate) struct Window {
 impl Window {
     /// Returns the window around the pixel in `column` and `row`; the border is replicated.
     pub(crate) fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
-        let (mut values, mut weights) = ([0.0; SAMPLES], [0.0; SAMPLES]);
+        let (mut values, mut weights) = ([0.0; WINDOW_SAMPLE_COUNT], [0.0; WINDOW_SAMPLE_COUNT]);
         let middle = picture.values[row * picture.width + column];
         let inside =
             |at: usize, off: f32, most: usize| (at as f32 + off).clamp(0.0, (most - 1) as f32) as usize;
         let mut total = 0.0;
-        for (i, dy) in OFFSETS.into_iter().enumerate() {
+        for (i, dy) in WINDOW_OFFSETS_PX.into_iter().enumerate() {
             let y = inside(row, dy, picture.height);
-            for (j, dx) in OFFSETS.into_iter().enumerate() {
+            for (j, dx) in WINDOW_OFFSETS_PX.into_iter().enumerate() {
                 let value = picture.values[y * picture.width + inside(column, dx, picture.width)];
                 let off = (value - middle) / BRIGHTNESS_DEVIATION;
                 let far = (dx * dx + dy * dy) / (SPACE_DEVIATION_PX * SPACE_DEVIATION_PX);
                 let weight = (-0.5 * (off * off + far)).exp();
-                (values[i * OFFSETS.len() + j], weights[i * OFFSETS.len() + j]) = (value, weight);
+                (values[i * WINDOW_OFFSETS_PX.len() + j], weights[i * WINDOW_OFFSETS_PX.len() + j]) =
+                    (value, weight);
                 total += weight;
             }
         }
@@ -138,18 +139,20 @@ impl Window {
         let down = [(h[0][1] - x * h[2][1]) * by_z, (h[1][1] - y * h[2][1]) * by_z];
         // The window is inside if its corners are, up to rounding, since samples are computed in
         // another order below.
-        let reach =
-            [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()) + MAX_ROUNDING_PX);
+        let reach = [0, 1].map(|k| {
+            WINDOW_OFFSETS_PX[WINDOW_OFFSETS_PX.len() - 1] * (across[k].abs() + down[k].abs())
+                + MAX_ROUNDING_PX
+        });
         let picture = source.picture;
         if !(picture.holds(x - reach[0], y - reach[1]) && picture.holds(x + reach[0], y + reach[1])) {
             return MAX_COST;
         }
         let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
-        for (i, dy) in OFFSETS.into_iter().enumerate() {
+        for (i, dy) in WINDOW_OFFSETS_PX.into_iter().enumerate() {
             let (x, y) = (x + down[0] * dy, y + down[1] * dy);
-            for (j, dx) in OFFSETS.into_iter().enumerate() {
+            for (j, dx) in WINDOW_OFFSETS_PX.into_iter().enumerate() {
                 let value = picture.sample(x + across[0] * dx, y + across[1] * dx);
-                let k = i * OFFSETS.len() + j;
+                let k = i * WINDOW_OFFSETS_PX.len() + j;
                 let weighted = self.weights[k] * value;
                 sum += weighted;
                 square += weighted * value;

@@ -6,7 +6,8 @@ use wm_base::random::uniform;
 
 /// Offsets of the neighbours whose planes a pixel tries: those of the other colour of a
 /// chessboard.
-const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];
+const NEIGHBOUR_OFFSETS_PX: [(isize, isize); 8] =
+    [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];
 /// Number of best sources over which the cost is averaged: the others may not see the place.
 const AVERAGED_SOURCES: usize = 2;
 /// Number of sources that are compared once planes are nearly right, and the most sources of all.
@@ -114,7 +115,7 @@ impl Reference<'_> {
 
     /// Returns the sources with which a pixel is compared in a round: those that `plane` matches
     /// best, or all.
-    fn asked<'b>(
+    fn compared_sources<'b>(
         &self,
         window: &Window,
         plane: &Plane,
@@ -205,8 +206,8 @@ impl Reference<'_> {
         let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
         let window = Window::new(self.picture, column, row);
         let (mut best, mut least) = (found.planes[pixel], found.costs[pixel]);
-        let asked = self.asked(&window, &best, ask, order);
-        for (dx, dy) in NEIGHBOURS {
+        let asked = self.compared_sources(&window, &best, ask, order);
+        for (dx, dy) in NEIGHBOUR_OFFSETS_PX {
             let (column, row) = (column.wrapping_add_signed(dx), row.wrapping_add_signed(dy));
             if column >= width || row >= height {
                 continue;

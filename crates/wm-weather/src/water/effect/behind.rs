@@ -4,7 +4,7 @@ use crate::linear_picture::convert;
 use fearless_simd::{Select, SimdBase};
 use wm_render::hooks::GROUP;
 use wm_render::simd::{Lanes, SimdPath};
-use wm_render::{FRONT, dispatch};
+use wm_render::{FRONT_CHANNELS, dispatch};
 
 /// Transmittance to the surface below which it is invisible.
 const MIN_TRANSMITTANCE: f32 = 1.0 / 512.0;
@@ -35,7 +35,7 @@ impl Behind {
         simd: S,
         start: usize,
         drawn: &[[f32; GROUP]; 3],
-        before: &[[f32; GROUP]; FRONT],
+        before: &[[f32; GROUP]; FRONT_CHANNELS],
         alpha: &[f32; GROUP],
         z: &[f32; GROUP],
     ) {
@@ -63,8 +63,8 @@ impl Behind {
 /// Notes that nothing is reflected in groups of pixels of a row.
 #[inline(always)]
 pub(super) fn clear(front: &mut [f32]) {
-    for group in front.chunks_mut(FRONT * GROUP) {
-        let count = group.len() / FRONT;
+    for group in front.chunks_mut(FRONT_CHANNELS * GROUP) {
+        let count = group.len() / FRONT_CHANNELS;
         group[..count].fill(0.0);
     }
 }

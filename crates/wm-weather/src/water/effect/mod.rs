@@ -19,7 +19,7 @@ use std::f32::consts::LOG2_E;
 use wm_render::hooks::{AirGroup, GROUP, ShadeGroup};
 use wm_render::pixel_effects::apply_pixel_effects;
 use wm_render::simd::{Lanes, SimdPath, exp2, srgb_decode, srgb_encode};
-use wm_render::{FRONT, Frame, PictureEffect, dispatch};
+use wm_render::{FRONT_CHANNELS, Frame, PictureEffect, dispatch};
 
 /// Share of the light from behind that may be lost before the water's own light is added.
 const MAX_UNLIT_SHARE: f32 = 1.0 / 256.0;
@@ -37,7 +37,7 @@ impl PictureEffect for WaterEffect<'_> {
         let width = picture.width as usize;
         let Frame { rgb, front, depth, alpha, particles, .. } = picture;
         let (depth, alpha): (&[f32], &[f32]) = (depth, alpha);
-        let rows = rgb.par_chunks_mut(3 * width).zip(front.par_chunks_mut(FRONT * width));
+        let rows = rgb.par_chunks_mut(3 * width).zip(front.par_chunks_mut(FRONT_CHANNELS * width));
         rows.enumerate().for_each(|(y, (line, front))| {
             let own = y * width..(y + 1) * width;
             let is_wet = self.surface.rows.contains(&(y as u32));
@@ -85,7 +85,7 @@ impl Scene<'_> {
             let count = GROUP.min(width - first);
             let z: [f32; GROUP] = padded(&row.surface[first..first + count], f32::NAN);
             let line = &mut line[3 * first..3 * (first + count)];
-            let front = &mut row.front[FRONT * first..FRONT * (first + count)];
+            let front = &mut row.front[FRONT_CHANNELS * first..FRONT_CHANNELS * (first + count)];
             let mut is_wet = false;
             for z in &z {
                 is_wet |= !z.is_nan();
@@ -95,7 +95,7 @@ impl Scene<'_> {
                 continue;
             }
             let drawn: [[f32; GROUP]; 3] = columns::<3, { 3 * GROUP }>(line);
-            let mut before = [[0.0; GROUP]; FRONT];
+            let mut before = [[0.0; GROUP]; FRONT_CHANNELS];
             for (before, front) in before.iter_mut().zip(front.chunks_exact(count)) {
                 *before = padded(front, 0.0);
             }
@@ -197,7 +197,7 @@ impl Scene<'_> {
         start: usize,
         behind: &Behind,
         water: &Water,
-        before: &[[f32; GROUP]; FRONT],
+        before: &[[f32; GROUP]; FRONT_CHANNELS],
         cover: &[f32; GROUP],
         air: &AirGroup,
         shown: &mut [[f32; GROUP]; 3],

@@ -5,7 +5,7 @@ use crate::report::picture::{self, MapCell};
 use anyhow::Result;
 use std::fmt::Write;
 use weather_magician::train::evaluation::{EvaluatedPhoto, TrueMaps};
-use weather_magician::train::metrics::{COVERED, SLACK, angle};
+use weather_magician::train::metrics::{DEPTH_TOLERANCE_SHARE, MIN_SURFACE_COVERAGE, angle};
 use wm_image::ramps::{self, ColorRamp};
 use wm_render::Frame;
 
@@ -29,7 +29,7 @@ const FATES: [([u8; 3], &str); 6] = [
     ([240, 160, 30], "behind"),
     ([120, 180, 235], "sky open"),
     ([110, 60, 170], "sky covered"),
-    (ramps::UNKNOWN, "not known"),
+    (ramps::UNKNOWN_COLOR, "not known"),
 ];
 
 /// The pictures of a photo, ready to be written.
@@ -196,14 +196,14 @@ impl PhotoPanels {
 fn fate(place: usize, solid: &Frame, maps: &TrueMaps) -> u8 {
     let (coverage, depth) = (solid.alpha[place], solid.median_depth[place]);
     if maps.sky.as_ref().is_some_and(|sky| sky[place] > 0.5) {
-        return if coverage > COVERED { 4 } else { 3 };
+        return if coverage > MIN_SURFACE_COVERAGE { 4 } else { 3 };
     }
     match maps.depth.as_ref().map(|truth| truth[place]) {
         Some(truth) if truth > 0.0 && truth.is_finite() => {
-            if coverage < COVERED || depth <= 0.0 {
+            if coverage < MIN_SURFACE_COVERAGE || depth <= 0.0 {
                 1
             } else {
-                2 * u8::from(depth > truth * (1.0 + SLACK))
+                2 * u8::from(depth > truth * (1.0 + DEPTH_TOLERANCE_SHARE))
             }
         }
         _ => 5,

@@ -12,7 +12,7 @@ pub(crate) type Embedder = Clip;
 pub(crate) fn open(weights: &WeightsArgs, _: &Path) -> Result<Box<Embedder>> {
     let files = weights.files(PublishedWeights {
         name: "CLIP ViT-L/14 at 336 px".into(),
-        bytes: Clip::BYTES,
+        bytes: Clip::PUBLISHED_BYTES,
         licence: Clip::licence(),
         source: Clip::source(),
     })?;
