@@ -25,8 +25,8 @@ use wm_viewer::paint::{FrameReport, PaintOptions, ViewPainter, half_depth};
 use wm_viewer::site::{SiteFile, SiteView};
 use wm_viewer::state::ViewState;
 
-/// Memory for the splats of a scene in levels of detail where the site says none, bytes.
-const MEMORY: u64 = 1 << 30;
+/// Memory for the splats of a scene in levels of detail where the site says none.
+const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
 /// Files of levels that are fetched before the view is drawn again, at least.
 const FETCHED_FILES: usize = 8;
 /// Time after which a view is drawn again with what was fetched, s.
@@ -81,7 +81,7 @@ impl Engine {
             ..PlaceOptions::default()
         };
         let path = Path::new(&site.scene);
-        let memory = site.memory.unwrap_or(MEMORY);
+        let memory = site.memory.unwrap_or(DEFAULT_MEMORY_BYTES);
         let place = if site.scene == INDEX_NAME {
             let budget = LevelBudget { memory, splats: None };
             let index = LevelIndex::open(path).map_err(said)?;

@@ -13,8 +13,8 @@ const STYLE: &str = include_str!("page.css");
 
 /// Number of plots and pictures of an instrument that are shown; the others are collapsed.
 const SHOWN_FIGURES: usize = 3;
-/// Width from which a picture takes the whole page, px.
-const SHEET: u32 = 1300;
+/// Width of a picture that takes the whole page; narrower ones share it.
+const FULL_WIDTH_PX: u32 = 1300;
 
 /// Returns the page.
 pub(crate) fn page(report: &MeasureReport) -> Result<String> {
@@ -141,8 +141,12 @@ fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
     let mut pictures = Vec::new();
     for shown in findings.iter().flat_map(|Finding { pictures, .. }| pictures) {
         // Sheets have the whole page.
-        let is_sheet = shown.size.0 > SHEET;
-        let source = picture::color(&shown.rgb, shown.size, if is_sheet { SHEET } else { picture::WIDEST })?;
+        let is_sheet = shown.size.0 > FULL_WIDTH_PX;
+        let source = picture::color(
+            &shown.rgb,
+            shown.size,
+            if is_sheet { FULL_WIDTH_PX } else { picture::MAX_WIDTH_PX },
+        )?;
         let caption = escaped(&shown.caption);
         let class = if is_sheet { " class=\"sheet\"" } else { "" };
         pictures.push(format!(

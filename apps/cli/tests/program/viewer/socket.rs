@@ -8,7 +8,7 @@ use std::net::TcpStream;
 use std::time::Duration;
 
 /// Longest that anything may take.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub const MAX_ANSWER_TIME: Duration = Duration::from_secs(60);
 
 /// Status, head and body of a request over a connection of its own. `Host` is the address unless it
 /// is among the headers.
@@ -73,8 +73,8 @@ fn dechunked(mut rest: &[u8]) -> Vec<u8> {
 
 pub fn connect(address: &str) -> TcpStream {
     let stream = TcpStream::connect(address).expect("the viewer listens");
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    stream.set_write_timeout(Some(PATIENCE)).unwrap();
+    stream.set_read_timeout(Some(MAX_ANSWER_TIME)).unwrap();
+    stream.set_write_timeout(Some(MAX_ANSWER_TIME)).unwrap();
     stream
 }
 
