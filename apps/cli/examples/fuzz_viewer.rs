@@ -20,7 +20,7 @@ mod socket;
 use damage::Draws;
 use running::{address_and_token, mebibytes};
 use serde_json::{Value, json};
-use socket::{Came, Socket, ask};
+use socket::{Socket, SocketEvent, ask};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -172,18 +172,18 @@ fn look(address: &str, headers: &[(&str, &str)], state: &Value, is_over: &Atomic
         page.view(seq, false, &page_state(state));
         loop {
             match page.next() {
-                Came::Picture(head, _) => {
+                SocketEvent::Picture(head, _) => {
                     page.say(&json!({ "type": "seen", "seq": head["seq"] }));
                     if head["seq"] == seq && head["whole"] == true {
                         break;
                     }
                 }
-                Came::Word(word) if word["type"] == "error" => {
+                SocketEvent::Word(word) if word["type"] == "error" => {
                     times.failed += 1;
                     break;
                 }
-                Came::Word(_) => {}
-                Came::Closed => panic!("the viewer closed the page"),
+                SocketEvent::Word(_) => {}
+                SocketEvent::Closed => panic!("the viewer closed the page"),
             }
         }
         times.seconds.push(start.elapsed().as_secs_f64());

@@ -98,7 +98,7 @@ impl Mapping {
     }
 
     fn air_and_clouds(&mut self, metar: &Metar) {
-        self.now.visibility = metar.visibility.as_ref().map(told);
+        self.now.visibility = metar.visibility.as_ref().map(visibility_datum);
         if let Some(least) = &metar.minimum_visibility {
             let side = least.direction.as_deref().map_or_else(String::new, |side| format!(" to the {side}"));
             self.ignored.push(format!(
@@ -313,7 +313,7 @@ impl Mapping {
     }
 }
 
-fn told(seen: &MetarVisibility) -> Datum {
+fn visibility_datum(seen: &MetarVisibility) -> Datum {
     match seen.bound {
         VisibilityBound::Exact => Datum::told(seen.metres, "of the report"),
         VisibilityBound::OrMore => Datum::guess(seen.metres, "the report says so far or farther"),

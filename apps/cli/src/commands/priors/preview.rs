@@ -40,7 +40,7 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
     for index in 0..count {
         // From the first to the last.
         let place = with[index * (with.len() - 1) / (count - 1).max(1)];
-        let Some((photo, prior)) = both(args, data, &priors, place)? else { continue };
+        let Some((photo, prior)) = read_photo_and_prior(args, data, &priors, place)? else { continue };
         let size = *size.get_or_insert_with(|| fitting(&photo.camera, SHEET_PICTURE_PIXELS));
         panels.extend(views(data.name(place), &photo, &prior, size));
     }
@@ -51,7 +51,7 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
         return Ok(());
     }
     for place in with {
-        let Some((photo, prior)) = both(args, data, &priors, place)? else { continue };
+        let Some((photo, prior)) = read_photo_and_prior(args, data, &priors, place)? else { continue };
         let size = fitting(&photo.camera, MAP_PICTURE_PIXELS);
         let path = folder.join("preview").join(format!("{}.png", data.name(place).replace(['/', '\\'], "_")));
         if let Some(parent) = path.parent() {
@@ -63,7 +63,7 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
 }
 
 /// Reads a photo and its prior; `None` for a damaged photo that may be skipped.
-fn both(
+fn read_photo_and_prior(
     args: &PriorsArgs,
     data: &Dataset,
     priors: &Priors,

@@ -170,8 +170,8 @@ fn sets_that_do_not_fit_are_refused_with_a_remedy() {
     };
     type Change = fn(&mut SetInfo);
     let changes: [(&str, Change, &str); 10] = [
-        ("kitti-raw", |set| several(set, 0), "has 5: leave cameras out"),
-        ("kitti-object", |set| several(set, 3), "has 3: leave lidars out"),
+        ("kitti-raw", |set| add_two_sensors(set, 0), "has 5: leave cameras out"),
+        ("kitti-object", |set| add_two_sensors(set, 3), "has 3: leave lidars out"),
         ("kitti-object", |set| drop(set.sensors.drain(..3)), "needs a camera"),
         ("wads", |set| drop(set.sensors.remove(3)), "needs a lidar"),
         ("kitti-odometry", |set| set.sensors[1].rate = 12.0, "\"left\" has 12 Hz and frames 10 Hz"),
@@ -179,7 +179,7 @@ fn sets_that_do_not_fit_are_refused_with_a_remedy() {
         ("semantic-kitti", lens, "camera \"front\" has a lens"),
         ("nuscenes", lens, "camera \"front\" has a lens"),
         ("nuscenes", |set| set.sensors[4].rate = 1.0, "\"bumper\" has 1 Hz and samples 2 Hz"),
-        ("nuscenes", |set| several(set, 0), "two sensors would be channel CAM_FRONT"),
+        ("nuscenes", |set| add_two_sensors(set, 0), "two sensors would be channel CAM_FRONT"),
     ];
     for (layout, change, words) in changes {
         let line = refusal(layout, change);
@@ -189,7 +189,7 @@ fn sets_that_do_not_fit_are_refused_with_a_remedy() {
 }
 
 /// Adds two more of a sensor.
-fn several(set: &mut SetInfo, index: usize) {
+fn add_two_sensors(set: &mut SetInfo, index: usize) {
     let sensor = set.sensors[index].clone();
     set.sensors.extend([sensor.clone(), sensor]);
 }
