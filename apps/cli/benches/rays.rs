@@ -10,8 +10,7 @@ use wm_render::{RayOutputs, RaySplats, RayTracer, Rays};
 
 const ROWS: usize = 64;
 const COLUMNS: usize = 1800;
-/// Half of a beam's divergence, radians.
-const SPREAD: f64 = 1.5e-3;
+const HALF_DIVERGENCE_RAD: f64 = 1.5e-3;
 
 /// Rays of a sweep of 0.1 s, `sub` a beam: one in its middle and six about it.
 fn sweep(sub: usize, speed: f64) -> Rays {
@@ -24,7 +23,11 @@ fn sweep(sub: usize, speed: f64) -> Rays {
         let (across, high) = axis.any_orthonormal_pair();
         for ray in 0..sub {
             let (sin, cos) = (TAU * ray as f64 / 6.0).sin_cos();
-            let off = if ray == 6 || sub == 1 { DVec3::ZERO } else { (across * cos + high * sin) * SPREAD };
+            let off = if ray == 6 || sub == 1 {
+                DVec3::ZERO
+            } else {
+                (across * cos + high * sin) * HALF_DIVERGENCE_RAD
+            };
             rays.directions.push((axis + off).normalize().as_vec3().to_array());
             rays.origins.push([(0.1 * speed * turn) as f32, 0.0, 0.0]);
         }

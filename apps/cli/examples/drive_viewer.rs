@@ -10,12 +10,12 @@ mod socket;
 
 use running::{address_and_token, mebibytes};
 use serde_json::{Value, json};
-use socket::{Came, Socket, ask};
+use socket::{Socket, SocketEvent, ask};
 use std::time::{Duration, Instant};
 
 /// The frames that a page received.
 #[derive(Debug, Default)]
-struct Got {
+struct ReceivedFrames {
     pictures: u32,
     pixels: f64,
     bytes: f64,
@@ -39,7 +39,7 @@ fn main() {
     assert_eq!(status, 200, "no viewer with a scene at {address}");
     let parameters: Value = serde_json::from_slice(&parameters).expect("JSON");
     let (cpu, started) = (cpu_seconds(pid), Instant::now());
-    let got: Vec<Got> = std::thread::scope(|scope| {
+    let got: Vec<ReceivedFrames> = std::thread::scope(|scope| {
         let all: Vec<_> = (0..pages).map(|page| (page, &address, &parameters)).collect();
         let all = all.into_iter().map(|(page, address, parameters)| {
             scope.spawn(move || drive(address, &headers, parameters, page, seconds))
@@ -70,7 +70,13 @@ fn main() {
 }
 
 /// A page whose camera turns to and fro at 60 wishes a second.
-fn drive(address: &str, headers: &[(&str, &str)], parameters: &Value, page: u64, seconds: u64) -> Got {
+fn drive(
+    address: &str,
+    headers: &[(&str, &str)],
+    parameters: &Value,
+    page: u64,
+    seconds: u64,
+) -> ReceivedFrames {
     let mut socket = Socket::open(address, headers).expect("a page may be opened");
     let mut send = Socket { stream: socket.stream.try_clone().expect("a second handle") };
     let start = parameters["state"]["camera"].clone();
@@ -88,7 +94,7 @@ fn drive(address: &str, headers: &[(&str, &str)], parameters: &Value, page: u64,
         json!({ "camera": { "eye": start["eye"], "rotation": rotation, "fov": start["fov"] }, "size": [1200, 800] })
     };
     let begun = Instant::now();
-    let mut got = Got::default();
+    let mut got = ReceivedFrames::default();
     std::thread::scope(|scope| {
         scope.spawn(move || {
             let mut seq = 0;
@@ -104,9 +110,9 @@ fn drive(address: &str, headers: &[(&str, &str)], parameters: &Value, page: u64,
         });
         loop {
             let (head, jpeg) = match socket.next() {
-                Came::Picture(head, jpeg) => (head, jpeg),
-                Came::Word(_) => continue,
-                Came::Closed => panic!("the viewer closed the page"),
+                SocketEvent::Picture(head, jpeg) => (head, jpeg),
+                SocketEvent::Word(_) => continue,
+                SocketEvent::Closed => panic!("the viewer closed the page"),
             };
             socket.say(&json!({ "type": "seen", "seq": head["seq"] }));
             if head["whole"] == true {

@@ -20,17 +20,17 @@ mod socket;
 use damage::Draws;
 use running::{address_and_token, mebibytes};
 use serde_json::{Value, json};
-use socket::{Came, Socket, ask};
+use socket::{Socket, SocketEvent, ask};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use wm_viewer::state::weather_to_json;
 
 /// Requests between two looks at the page's own picture.
-const ROUND: u64 = 250;
+const REQUESTS_PER_ROUND: u64 = 250;
 
 /// Numbers at and beyond the edges of what requests may say.
-const NUMBERS: [f64; 22] = [
+const EXTREME_NUMBERS: [f64; 22] = [
     0.0, -0.0, 1.0, -1.0, 0.5, 3.0, 50.0, 0.1, 170.0, 179.9, 1e-3, 1e-6, 1e3, 1e6, 1e10, -1e10, 1.1e10, 1e20,
     1e300, -1e300, 1e-300, 5e-324,
 ];
@@ -71,11 +71,11 @@ fn main() {
     let mut begun_videos = Vec::<u64>::new();
     let memory = |name: &str| mebibytes(pid, name).unwrap_or(f64::NAN);
     let begun = Instant::now();
-    for first in (0..count).step_by(ROUND as usize) {
+    for first in (0..count).step_by(REQUESTS_PER_ROUND as usize) {
         let is_over = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let page = scope.spawn(|| look(&address, &headers, &state, &is_over));
-            for run in first..(first + ROUND).min(count) {
+            for run in first..(first + REQUESTS_PER_ROUND).min(count) {
                 let request = request(run, &state);
                 let start = Instant::now();
                 let (status, _, said) = ask(&address, request.method, &request.path, &headers, &request.body);
@@ -109,11 +109,15 @@ fn main() {
         }
         let (status, ..) = ask(&address, "POST", "/facts", &headers, undo.as_bytes());
         if status != 200 {
-            failures.push(format!("after request {}: facts cannot be undone: {status}", first + ROUND));
+            failures.push(format!(
+                "after request {}: facts cannot be undone: {status}",
+                first + REQUESTS_PER_ROUND
+            ));
         } else if still_picture(&address, &headers, &state) != expected {
-            failures.push(format!("after request {}: the page has another picture", first + ROUND));
+            failures
+                .push(format!("after request {}: the page has another picture", first + REQUESTS_PER_ROUND));
         }
-        if first % (40 * ROUND) == 0 {
+        if first % (40 * REQUESTS_PER_ROUND) == 0 {
             let seconds = begun.elapsed().as_secs_f64();
             eprintln!("{first} requests, {seconds:.0} s, {:.0} MiB", memory("VmRSS"));
         }
@@ -168,18 +172,18 @@ fn look(address: &str, headers: &[(&str, &str)], state: &Value, is_over: &Atomic
         page.view(seq, false, &page_state(state));
         loop {
             match page.next() {
-                Came::Picture(head, _) => {
+                SocketEvent::Picture(head, _) => {
                     page.say(&json!({ "type": "seen", "seq": head["seq"] }));
                     if head["seq"] == seq && head["whole"] == true {
                         break;
                     }
                 }
-                Came::Word(word) if word["type"] == "error" => {
+                SocketEvent::Word(word) if word["type"] == "error" => {
                     times.failed += 1;
                     break;
                 }
-                Came::Word(_) => {}
-                Came::Closed => panic!("the viewer closed the page"),
+                SocketEvent::Word(_) => {}
+                SocketEvent::Closed => panic!("the viewer closed the page"),
             }
         }
         times.seconds.push(start.elapsed().as_secs_f64());
@@ -213,7 +217,7 @@ fn whole_request(draws: &mut Draws, state: &Value) -> Request {
             let value = match key {
                 "size" => draws.pick(&["64x48", "1x1", "0x0", "4097x1", "99999999999x1", "x"]).to_owned(),
                 "output" => draws.pick(&["rgb", "depth", "normal", "alpha", "\u{1b}"]).to_owned(),
-                "camera" => format!("{a},{b},{c}:{},0,1", draws.pick(&NUMBERS)),
+                "camera" => format!("{a},{b},{c}:{},0,1", draws.pick(&EXTREME_NUMBERS)),
                 "set" => format!("rain.rate={a}"),
                 _ => a.to_string(),
             };
@@ -231,7 +235,7 @@ fn whole_request(draws: &mut Draws, state: &Value) -> Request {
         },
         7 => post("/link", patch(draws, state)),
         8 => {
-            let numbers: Vec<String> = (0..8).map(|_| draws.pick(&NUMBERS).to_string()).collect();
+            let numbers: Vec<String> = (0..8).map(|_| draws.pick(&EXTREME_NUMBERS).to_string()).collect();
             Request {
                 method: "POST",
                 path: "/unlink".into(),
@@ -245,7 +249,7 @@ fn whole_request(draws: &mut Draws, state: &Value) -> Request {
         }
         11 => post(
             "/videos",
-            json!({ "state": patch(draws, state), "fps": draws.pick(&NUMBERS), "seconds": draws.pick(&[0.1, 0.0, -1.0, 1e9, 1e300]) }),
+            json!({ "state": patch(draws, state), "fps": draws.pick(&EXTREME_NUMBERS), "seconds": draws.pick(&[0.1, 0.0, -1.0, 1e9, 1e300]) }),
         ),
         12 => {
             let id = draws.pick(&["0", "1", "2", "-1", "99999999999", "x"]);
@@ -262,11 +266,9 @@ fn whole_request(draws: &mut Draws, state: &Value) -> Request {
 fn point(draws: &mut Draws) -> [f64; 3] {
     // Two of three are usual, so that one edge is met at a time.
     let is_usual = draws.below(3) > 0;
-    std::array::from_fn(
-        |_| {
-            if is_usual { draws.pick(&[-2.0, 0.0, 0.5, 1.0, 3.0]) } else { draws.pick(&NUMBERS) }
-        },
-    )
+    std::array::from_fn(|_| {
+        if is_usual { draws.pick(&[-2.0, 0.0, 0.5, 1.0, 3.0]) } else { draws.pick(&EXTREME_NUMBERS) }
+    })
 }
 
 /// Some fields of a state, small enough to be drawn often.
@@ -274,8 +276,7 @@ fn patch(draws: &mut Draws, state: &Value) -> Value {
     let mut patch = json!({ "size": [64, 48] });
     let eye = point(draws);
     if draws.below(2) == 0 {
-        patch["camera"] =
-            json!({ "eye": eye, "rotation": state["camera"]["rotation"], "fov": draws.pick(&NUMBERS) });
+        patch["camera"] = json!({ "eye": eye, "rotation": state["camera"]["rotation"], "fov": draws.pick(&EXTREME_NUMBERS) });
     }
     if draws.below(3) == 0
         && let Ok(weather) = edges::weather_at_edges(draws)
@@ -283,7 +284,7 @@ fn patch(draws: &mut Draws, state: &Value) -> Value {
         patch["weather"] = weather_to_json(&weather);
     }
     if draws.below(3) == 0 {
-        patch["time"] = json!(draws.pick(&NUMBERS));
+        patch["time"] = json!(draws.pick(&EXTREME_NUMBERS));
     }
     if draws.below(6) == 0 {
         patch["divider"] = json!(draws.pick(&[0.0, 0.5, 1.0, 1.1, 1e300]));
@@ -296,7 +297,7 @@ fn patch(draws: &mut Draws, state: &Value) -> Value {
         patch["lidar"] = json!({ "model": draws.pick(&["vlp-16", "os1-64", "none"]), "at": at });
     }
     if draws.below(6) == 0 {
-        let key = |draws: &mut Draws| json!({ "time": draws.pick(&NUMBERS), "eye": point(draws), "rotation": [1, 0, 0, 0], "fov": 50 });
+        let key = |draws: &mut Draws| json!({ "time": draws.pick(&EXTREME_NUMBERS), "eye": point(draws), "rotation": [1, 0, 0, 0], "fov": 50 });
         patch["path"] = json!([key(draws), key(draws)]);
         patch["follow"] = json!("path");
     }
@@ -310,7 +311,7 @@ fn facts(draws: &mut Draws) -> Value {
     let (a, b, c) = (point(draws), point(draws), point(draws));
     match draws.below(9) {
         0 => json!({ "action": "ground", "points": [a, b, c] }),
-        1 => json!({ "action": "scale", "points": [a, b], "metres": draws.pick(&NUMBERS) }),
+        1 => json!({ "action": "scale", "points": [a, b], "metres": draws.pick(&EXTREME_NUMBERS) }),
         2 => json!({ "action": "flip" }),
         3 | 4 => json!({ "action": "lamp", "point": a }),
         5 => json!({ "action": "window", "points": [a, b], "eye": c }),

@@ -10,13 +10,13 @@ use wm_base::files::abandon_temporaries;
 
 /// The time of the first signal of this run.
 static FIRST_SIGNAL_AT: Mutex<Option<Instant>> = Mutex::new(None);
-/// The number of the last signal.
-static SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT);
+/// Its number.
+static LAST_SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT_SIGNAL);
 /// True once the current work checks for signals between its steps.
 static IS_CHECKED: AtomicBool = AtomicBool::new(false);
 
 /// The number of the signal that Ctrl-C sends.
-const INTERRUPT: i32 = 2;
+const INTERRUPT_SIGNAL: i32 = 2;
 /// A signal so soon after the first is the same one: shells and `timeout` send it to the process
 /// and to its group.
 const SAME_SIGNAL_WITHIN: Duration = Duration::from_millis(500);
@@ -49,7 +49,7 @@ pub(crate) fn is_stop(error: &anyhow::Error) -> bool {
 /// The exit status of a program that a signal stopped: 130 for Ctrl-C, 143 for SIGTERM, 129 for
 /// SIGHUP.
 pub(crate) fn status() -> u8 {
-    128 + SIGNAL.load(Ordering::Relaxed) as u8
+    128 + LAST_SIGNAL.load(Ordering::Relaxed) as u8
 }
 
 fn first() -> MutexGuard<'static, Option<Instant>> {
@@ -69,7 +69,7 @@ pub(crate) fn listen() {
 }
 
 fn handle(signal: i32) {
-    SIGNAL.store(signal, Ordering::Relaxed);
+    LAST_SIGNAL.store(signal, Ordering::Relaxed);
     let is_again = first().get_or_insert_with(Instant::now).elapsed() > SAME_SIGNAL_WITHIN;
     if is_again || !IS_CHECKED.load(Ordering::Relaxed) {
         abandon_temporaries();
@@ -107,7 +107,7 @@ fn is_ignored(signal: i32) -> bool {
 
 #[cfg(not(unix))]
 fn install() {
-    let _ = ctrlc::set_handler(|| handle(INTERRUPT));
+    let _ = ctrlc::set_handler(|| handle(INTERRUPT_SIGNAL));
 }
 
 /// Returns true if a signal came. After the first call the handler waits for the caller to stop.

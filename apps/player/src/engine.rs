@@ -25,8 +25,8 @@ use wm_viewer::paint::{FrameReport, PaintOptions, ViewPainter, half_depth};
 use wm_viewer::site::{SiteFile, SiteView};
 use wm_viewer::state::ViewState;
 
-/// Memory for the splats of a scene in levels of detail where the site says none, bytes.
-const MEMORY: u64 = 1 << 30;
+/// Memory for the splats of a scene in levels of detail where the site says none.
+const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
 /// Files of levels that are fetched before the view is drawn again, at least.
 const FETCHED_FILES: usize = 8;
 /// Time after which a view is drawn again with what was fetched, s.
@@ -49,7 +49,7 @@ pub(crate) struct Engine {
 }
 
 /// A picture of a view, and its header.
-pub(crate) struct Drawn {
+pub(crate) struct DrawnPicture {
     /// The header of the frame.
     pub(crate) head: Value,
     /// Width and height, px.
@@ -73,7 +73,7 @@ impl Engine {
     ) -> Result<Self, String> {
         let told = page.clone();
         let warn = move |error: &wm_render::RenderError| told.note(&error.to_string());
-        let mut renderer = Renderer::in_browser(device, warn).await.map_err(said)?;
+        let mut renderer = Renderer::in_browser(device, warn).await.map_err(error_text)?;
         files.keep_all(&[PathBuf::from(&site.scene)]).await?;
         let options = PlaceOptions {
             assets: Some("assets".into()),
@@ -81,27 +81,27 @@ impl Engine {
             ..PlaceOptions::default()
         };
         let path = Path::new(&site.scene);
-        let memory = site.memory.unwrap_or(MEMORY);
+        let memory = site.memory.unwrap_or(DEFAULT_MEMORY_BYTES);
         let place = if site.scene == INDEX_NAME {
             let budget = LevelBudget { memory, splats: None };
-            let index = LevelIndex::open(path).map_err(said)?;
+            let index = LevelIndex::open(path).map_err(error_text)?;
             loop {
                 let options = PlaceOptions { facts: site.metadata.clone(), ..options.clone() };
                 let opened = renderer.load_levels(index.clone(), &options, &budget, false);
                 // What it reads first is fetched, and read then.
                 match (opened, fetched::take_wanted()) {
                     (Err(_), wanted) if !wanted.is_empty() => files.keep_all(&wanted).await?,
-                    (opened, _) => break opened.map_err(said)?,
+                    (opened, _) => break opened.map_err(error_text)?,
                 }
             }
         } else {
-            let read = read_scene(path, &ReadOptions::default()).map_err(said)?;
+            let read = read_scene(path, &ReadOptions::default()).map_err(error_text)?;
             fetched::remove(path);
             let view = |view: &SiteView| SceneView { name: view.name.clone(), camera: view.camera };
             let views = site.views.iter().map(view).collect();
             let scene = Scene { views, metadata: site.metadata.clone(), ..read };
-            scene.check_finite().map_err(said)?;
-            renderer.load_with(scene, &options).map_err(said)?
+            scene.check_finite().map_err(error_text)?;
+            renderer.load_with(scene, &options).map_err(error_text)?
         };
         let (painter, pace) = (ViewPainter::default(), Pace::default());
         // The splats that were read of them take more: some 250 bytes each, of which a file has
@@ -132,7 +132,12 @@ impl Engine {
     ///
     /// # Errors
     /// In one line.
-    pub(crate) async fn render(&mut self, view: &Arc<View>, seq: u64, moving: bool) -> Result<Drawn, String> {
+    pub(crate) async fn render(
+        &mut self,
+        view: &Arc<View>,
+        seq: u64,
+        moving: bool,
+    ) -> Result<DrawnPicture, String> {
         let started = Instant::now();
         self.view = Some(Arc::clone(view));
         let lacks = !moving && !self.missing(view)?.is_empty();
@@ -143,7 +148,7 @@ impl Engine {
         };
         let options = PaintOptions { size, patience, dither };
         let Self { painter, renderer, place, .. } = self;
-        let (rgb, stats) = painter.draw(renderer, place, view, None, options).await.map_err(said)?;
+        let (rgb, stats) = painter.draw(renderer, place, view, None, options).await.map_err(error_text)?;
         // Files of levels that were not there are known only now.
         self.wanted = fetched::take_wanted();
         if !moving {
@@ -159,12 +164,12 @@ impl Engine {
         let mut head = report.header(view, self.place.site(), Value::Null);
         // It may have been given up.
         head["device"] = self.describe().into();
-        Ok(Drawn { head, size, rgb, lacks })
+        Ok(DrawnPicture { head, size, rgb, lacks })
     }
 
     /// Returns the assets of a view that are missing.
     fn missing(&mut self, view: &View) -> Result<MissingAssets, String> {
-        self.renderer.focus(&mut self.place, &view.weather, &view.camera()).map_err(said)?;
+        self.renderer.focus(&mut self.place, &view.weather, &view.camera()).map_err(error_text)?;
         Ok(self.place.missing_assets(&view.weather, view.state.time))
     }
 
@@ -207,12 +212,12 @@ impl Engine {
         kept.iter().for_each(|path| fetched::remove(path));
         // What the site does not have is made.
         let _ = fetched::take_wanted();
-        let source = source.map_err(said)?;
+        let source = source.map_err(error_text)?;
         if missing.is_empty() {
             return Ok(());
         }
-        let assets = missing.make(source, &mut ()).map_err(said)?;
-        self.renderer.insert_assets(&mut self.place, assets).map_err(said)
+        let assets = missing.make(source, &mut ()).map_err(error_text)?;
+        self.renderer.insert_assets(&mut self.place, assets).map_err(error_text)
     }
 
     /// Returns the point of the scene at a point of a view's picture, 0-1 of its sides.
@@ -221,7 +226,7 @@ impl Engine {
     /// In one line.
     pub(crate) async fn pick(&mut self, view: &View, at: [f64; 2]) -> Result<Option<[f64; 3]>, String> {
         let Self { painter, renderer, place, .. } = self;
-        painter.pick(renderer, place, view, at).await.map_err(said)
+        painter.pick(renderer, place, view, at).await.map_err(error_text)
     }
 
     /// Returns the bytes of the PNG file of a view, without its divider.
@@ -236,11 +241,12 @@ impl Engine {
             }
             let Self { painter, renderer, place, .. } = self;
             let half = half_depth(place.survey());
-            let frame = &painter.render(renderer, place, view).await.map_err(said)?.frame;
+            let frame = &painter.render(renderer, place, view).await.map_err(error_text)?.frame;
             let wanted = fetched::take_wanted();
             if wanted.is_empty() {
                 let bytes = to_bytes(frame, view.state.output, half, Dither::Ordered);
-                return png::encode_rgb8(&bytes, PictureSize::new(frame.width, frame.height)).map_err(said);
+                return png::encode_rgb8(&bytes, PictureSize::new(frame.width, frame.height))
+                    .map_err(error_text);
             }
             self.wanted = wanted;
             self.prepare().await?;
@@ -248,6 +254,6 @@ impl Engine {
     }
 }
 
-fn said(error: impl std::fmt::Display) -> String {
+fn error_text(error: impl std::fmt::Display) -> String {
     error.to_string()
 }

@@ -14,7 +14,7 @@ use weather_magician::Device;
 use weather_magician::Progress;
 
 /// Time between two questions to the interpreter for signals.
-const SIGNALS: Duration = Duration::from_millis(50);
+const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Does `work` on a thread of its own, with the interpreter free for others. Ctrl-C asks it to
 /// stop, and is raised when it has.
@@ -32,7 +32,7 @@ pub(crate) fn detached<T: Send>(
                 work(stop)
             });
             let mut signal = None;
-            while wait.recv_timeout(SIGNALS) == Err(RecvTimeoutError::Timeout) {
+            while wait.recv_timeout(SIGNAL_CHECK_INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 if signal.is_none() {
                     signal = Python::attach(|py| py.check_signals().err());
                     if signal.is_some() {

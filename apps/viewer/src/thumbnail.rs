@@ -6,10 +6,10 @@ use crate::view::View;
 use std::sync::Arc;
 use wm_weather::{EffectRole, Weather};
 
-/// Width, px.
-pub const WIDTH: u32 = 224;
-/// JPEG quality.
-pub const QUALITY: u8 = 80;
+/// Width of a thumbnail.
+pub const WIDTH_PX: u32 = 224;
+/// JPEG quality of a thumbnail.
+pub const JPEG_QUALITY: u8 = 80;
 
 /// The picture of a thumbnail.
 #[derive(Clone, Debug)]
@@ -49,8 +49,8 @@ pub fn thumbnail_view(
 ) -> Result<Option<ThumbnailShot>, String> {
     let Some((weather, time)) = thumbnail_weather(name)? else { return Ok(None) };
     let [width, height] = start.size;
-    let height = (f64::from(WIDTH * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
+    let height = (f64::from(WIDTH_PX * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
     let state = ViewState { weather: weather_to_json(&weather), time, divider: None, ..start };
     let view = Arc::new(View::new(state, catalog, None)?);
-    Ok(Some(ThumbnailShot { view, size: (WIDTH, height) }))
+    Ok(Some(ThumbnailShot { view, size: (WIDTH_PX, height) }))
 }

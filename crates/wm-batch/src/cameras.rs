@@ -98,7 +98,7 @@ mod tests {
             let capture = wm_capture::read(&folder, &wm_capture::CaptureOptions::default()).unwrap();
             let readings = testing::readings(&set);
             let mut seen = testing::SpotCount::default();
-            assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
+            assert_eq!(capture.views.len(), 3 * testing::FRAMES_PER_CLIP as usize);
             for view in &capture.views {
                 let [sensor_name, index] = [0, 1].map(|part| view.name.rsplit('/').nth(1 - part).unwrap());
                 let (sensor, _, camera) =

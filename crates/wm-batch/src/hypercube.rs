@@ -7,8 +7,7 @@
 
 use wm_base::random::{bits, mix, uniform};
 
-/// Rounds of the network.
-const ROUNDS: u64 = 4;
+const FEISTEL_ROUNDS: u64 = 4;
 
 /// A random permutation of the numbers below a count.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +41,7 @@ impl RandomPermutation {
     fn network(&self, value: u64) -> u64 {
         let mask = (1u64 << self.half) - 1;
         let (mut left, mut right) = (value >> self.half, value & mask);
-        for round in 0..ROUNDS {
+        for round in 0..FEISTEL_ROUNDS {
             let mixed = bits(self.seed.wrapping_add(round), right) & mask;
             (left, right) = (right, left ^ mixed);
         }

@@ -12,10 +12,9 @@ use std::path::PathBuf;
 
 /// Width and height of its pictures, px.
 const SIZE: (u32, u32) = (64, 40);
-/// Frames of a clip.
-pub const FRAMES: u32 = 20;
-/// Frames of a block.
-const BLOCK: u32 = 8;
+/// Frames of each clip.
+pub const FRAMES_PER_CLIP: u32 = 20;
+const FRAMES_PER_BLOCK: u32 = 8;
 
 /// Files in memory, by path.
 #[derive(Debug, Default)]
@@ -102,7 +101,7 @@ pub fn clips() -> [ClipInfo; 2] {
             name: format!("{number:06}-bend-{name}"),
             split: if is_night { "val".into() } else { "train".into() },
             start: 1_700_000_000_000_000_000 + number as i64 * 60_000_000_000,
-            seconds: f64::from(FRAMES) / 10.0,
+            seconds: f64::from(FRAMES_PER_CLIP) / 10.0,
             place: PlaceInfo { name: "bend".into(), origin: Some([55.7, 13.2, 20.0]), is_north_known: true },
             weather: WeatherInfo {
                 name: name.into(),
@@ -127,11 +126,11 @@ pub fn readings(set: &SetInfo) -> Vec<ReadingInfo> {
     let of = |frame: u32| {
         (0..set.sensors.len()).map(move |sensor| {
             let time = f64::from(frame) / 10.0;
-            let (index, block) = (frame, frame / BLOCK);
+            let (index, block) = (frame, frame / FRAMES_PER_BLOCK);
             ReadingInfo { sensor, index, frame, is_key: true, block, time, world_from_rig: pose(time) }
         })
     };
-    (0..FRAMES).flat_map(of).collect()
+    (0..FRAMES_PER_CLIP).flat_map(of).collect()
 }
 
 /// A point of the world that all lidars hit and pictures show as a red spot, m.
@@ -151,7 +150,7 @@ pub fn layout(name: &str) -> &'static Layout {
 /// # Errors
 /// [`SetError`] of the layout.
 pub fn write(layout: &Layout, files: &mut dyn FileSink) -> Result<(), SetError> {
-    write_in_blocks(layout, BLOCK, files)
+    write_in_blocks(layout, FRAMES_PER_BLOCK, files)
 }
 
 /// The files of the set in a layout, `frames` frames a block, by path.

@@ -62,7 +62,7 @@ impl Picture {
     }
 
     /// A pixel and those about it; of one at the border none.
-    fn around(&self, at: usize) -> impl Iterator<Item = usize> {
+    fn neighbours(&self, at: usize) -> impl Iterator<Item = usize> {
         let (count, width) = (if self.is_border(at) { 0 } else { 9 }, self.width);
         (0..count).map(move |k| at + k % 3 + k / 3 * width - width - 1)
     }
@@ -79,7 +79,7 @@ impl Picture {
             open.push(first);
             while let Some(at) = open.pop() {
                 part.push(at);
-                for near in self.around(at).filter(|near| self.coverage[*near] > self.least) {
+                for near in self.neighbours(at).filter(|near| self.coverage[*near] > self.least) {
                     if !std::mem::replace(&mut seen[near], true) {
                         open.push(near);
                     }
@@ -99,7 +99,7 @@ impl Picture {
         let mut owner = vec![NO_BLOB; self.coverage.len()];
         let mut parts: Vec<Vec<usize>> = Vec::new();
         for at in shown {
-            let above = self.around(at).filter(|near| owner[*near] != NO_BLOB).max_by(higher);
+            let above = self.neighbours(at).filter(|near| owner[*near] != NO_BLOB).max_by(higher);
             owner[at] = above.map_or(parts.len(), |above| owner[above]);
             if owner[at] == parts.len() {
                 parts.push(Vec::new());

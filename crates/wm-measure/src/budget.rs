@@ -64,10 +64,10 @@ pub(super) fn fallen(weather: &Weather, time: f64) -> Option<SnowWater> {
         stock.fell += rate * hours;
         stock.melted = (stock.melted + MELT_MM_PER_DEGREE_HOUR * warmth * hours).min(stock.fell);
     };
-    const PARTS: u32 = 4096;
-    (0..PARTS).for_each(|_| pass(0.0, hours / f64::from(PARTS)));
-    let part = time.max(0.0) / f64::from(PARTS);
-    (0..PARTS).for_each(|k| pass((f64::from(k) + 0.5) * part, part * lapse / 3600.0));
+    const TIME_STEPS: u32 = 4096;
+    (0..TIME_STEPS).for_each(|_| pass(0.0, hours / f64::from(TIME_STEPS)));
+    let part = time.max(0.0) / f64::from(TIME_STEPS);
+    (0..TIME_STEPS).for_each(|k| pass((f64::from(k) + 0.5) * part, part * lapse / 3600.0));
     Some(stock)
 }
 

@@ -195,7 +195,7 @@ impl SlabView {
             let first = seen(time, &mut picture)?;
             for blob in first.into_iter().filter(|blob| slab.holds(blob)) {
                 let diameter = 2e3 * (blob.cover / self.opacity / PI).sqrt() / slab.scale;
-                let velocity = again(slab, self.across, &blob, &second);
+                let velocity = drop_velocity(slab, self.across, &blob, &second);
                 caught.drops.push(MeasuredDrop { diameter, velocity, blob, picture: index });
             }
             caught.volume += slab.volume();
@@ -222,7 +222,12 @@ impl SlabView {
 
 /// The velocity of a drop, with the wind and down, m/s: found if only one blob of its size is
 /// within reach in the second picture.
-fn again(slab: &AirSlab, wind: f64, blob: &ParticleBlob, second: &[ParticleBlob]) -> Option<[f64; 2]> {
+fn drop_velocity(
+    slab: &AirSlab,
+    wind: f64,
+    blob: &ParticleBlob,
+    second: &[ParticleBlob],
+) -> Option<[f64; 2]> {
     /// Largest sideways speed relative to the wind, m/s.
     const MAX_SIDE_SPEED_M_S: f64 = 1.5;
     let pixels = slab.scale * slab.apart;

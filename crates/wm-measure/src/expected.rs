@@ -10,8 +10,8 @@ pub(crate) const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 const VISUAL_DEPTH: f64 = 3.912_023_005_428_146;
 /// Refractive index of water.
 pub(crate) const WATER_INDEX: f64 = 1.333;
-/// Wavelengths of red, green and blue, nm.
-const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
+/// Of red, green and blue.
+const WAVELENGTHS_NM: [f64; 3] = [610.0, 550.0, 465.0];
 
 /// A parameter at an instant, if its effect is on and it is a number.
 pub(crate) fn number(weather: &Weather, time: f64, effect: &str, param: &str) -> Option<f64> {
@@ -70,7 +70,7 @@ impl ExpectedAir {
         };
         let angstrom = number("angstrom")?;
         Some(Self {
-            sigma_t: WAVELENGTHS.map(|length| green * (length / 550.0).powf(-angstrom)),
+            sigma_t: WAVELENGTHS_NM.map(|length| green * (length / 550.0).powf(-angstrom)),
             scale_height: number("scale_height")?,
             base_height: number("base_height")?,
         })
@@ -125,7 +125,7 @@ pub(crate) fn extinction(weather: &Weather, time: f64, height: f64) -> [f64; 3] 
 /// Fall speed of rain drops in still air, m/s, by diameter, mm: as Gunn and Kinzer (1949) measured
 /// it, straight between their sizes.
 pub(crate) fn gunn_kinzer(diameter: f64) -> f64 {
-    const MEASURED: [[f64; 2]; 14] = [
+    const FALL_SPEEDS_MM_M_S: [[f64; 2]; 14] = [
         [0.4, 1.62],
         [0.6, 2.47],
         [0.8, 3.27],
@@ -141,7 +141,8 @@ pub(crate) fn gunn_kinzer(diameter: f64) -> f64 {
         [4.0, 8.83],
         [5.8, 9.17],
     ];
-    let pair = MEASURED.windows(2).find(|pair| diameter < pair[1][0]).unwrap_or(&MEASURED[12..]);
+    let pair =
+        FALL_SPEEDS_MM_M_S.windows(2).find(|pair| diameter < pair[1][0]).unwrap_or(&FALL_SPEEDS_MM_M_S[12..]);
     pair[0][1] + (pair[1][1] - pair[0][1]) * (diameter - pair[0][0]) / (pair[1][0] - pair[0][0])
 }
 

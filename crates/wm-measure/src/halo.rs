@@ -49,7 +49,7 @@ const LAMP_RADIUS_M: f64 = 0.1;
 /// The picture, px and degrees, and the distances from the lamp in it at which its light is
 /// measured, px.
 const SIZE: (u32, u32) = (480, 240);
-const FOV: f64 = 20.0;
+const FIELD_OF_VIEW_DEGREES: f64 = 20.0;
 const RING_RADII_PX: [f64; 7] = [12.0, 17.0, 24.0, 40.0, 70.0, 120.0, 200.0];
 /// Reflectance of the card.
 const CARD_REFLECTANCE: f64 = 0.2;
@@ -120,7 +120,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     // it.
     let intensity = lit.patch(16.5, 16.5, 3) / CARD_REFLECTANCE
         * (CARD_DISTANCE_M * CARD_DISTANCE_M + LAMP_RADIUS_M * LAMP_RADIUS_M);
-    let camera = level.camera(SIZE, FOV, [0.0, 0.0, LAMP_HEIGHT_M], at)?;
+    let camera = level.camera(SIZE, FIELD_OF_VIEW_DEGREES, [0.0, 0.0, LAMP_HEIGHT_M], at)?;
     let picture = bench.light(subject, &camera, &weather)?;
     let is_burned = lit.patch(16.5, 16.5, 3) > 0.95;
 

@@ -18,7 +18,7 @@ pub(crate) const OPEN_SKY: &str =
     "light.photos=diffuse, light.lamps=off, light.headlamps=off, light.cloud_shadows=off";
 
 /// The reflectance that surfaces have in the mean: of the ground that upright cards see, too.
-pub(crate) const GROUND: f64 = 0.25;
+pub(crate) const GROUND_REFLECTANCE: f64 = 0.25;
 /// Share of the level irradiance under the CIE's overcast sky that an upright plane gets from the
 /// sky, whose radiance goes as `1 + 2 sin h`: `(pi / 2 + 4 / 3) / (7 pi / 3)`.
 pub(crate) const OVERCAST_UPRIGHT: f64 = 0.396_2;
@@ -26,7 +26,7 @@ pub(crate) const OVERCAST_UPRIGHT: f64 = 0.396_2;
 /// The linear light of a card of some reflectance in the photos of an overcast day, where a level
 /// white one shows as 1: `upright` is 0 of a level card and 1 of one that stands on open ground.
 pub(crate) fn overcast_card(reflectance: f64, upright: f64) -> f64 {
-    reflectance * (1.0 - upright + upright * (OVERCAST_UPRIGHT + 0.5 * GROUND))
+    reflectance * (1.0 - upright + upright * (OVERCAST_UPRIGHT + 0.5 * GROUND_REFLECTANCE))
 }
 
 /// Half the sides of a level square, by half its side.

@@ -51,9 +51,11 @@ enum BoardSky {
 /// radians: by the formulas of the Illuminating Engineering Society, straight between these
 /// elevations.
 fn day(elevation: f64) -> f64 {
-    const RATIOS: [[f64; 2]; 5] = [[10.0, 0.9], [20.0, 2.4], [30.0, 3.6], [45.0, 4.8], [60.0, 5.7]];
+    const SUN_TO_SKY_RATIOS: [[f64; 2]; 5] =
+        [[10.0, 0.9], [20.0, 2.4], [30.0, 3.6], [45.0, 4.8], [60.0, 5.7]];
     let degrees = elevation.to_degrees();
-    let pair = RATIOS.windows(2).find(|pair| degrees < pair[1][0]).unwrap_or(&RATIOS[3..]);
+    let pair =
+        SUN_TO_SKY_RATIOS.windows(2).find(|pair| degrees < pair[1][0]).unwrap_or(&SUN_TO_SKY_RATIOS[3..]);
     pair[0][1] + (pair[1][1] - pair[0][1]) * (degrees - pair[0][0]) / (pair[1][0] - pair[0][0])
 }
 
@@ -112,7 +114,7 @@ impl Boards {
         let mut card = |center: [f64; 3], halves: [[f64; 3]; 2], light: f64| {
             paint_card(&level, center, halves, SPLAT_SPACING_M, light, &mut splats);
         };
-        card([0.0; 3], level_square(YARD_HALF_SIDE_M), overcast_card(lit::GROUND, 0.0));
+        card([0.0; 3], level_square(YARD_HALF_SIDE_M), overcast_card(lit::GROUND_REFLECTANCE, 0.0));
         let boards = Self { level, subject: ShotSubject::Place, heading };
         for shaded in [false, true] {
             let [flat, stood] = boards.middles(shaded);
@@ -122,7 +124,7 @@ impl Boards {
             // The front of a block, since of a lone card nothing says which side is lit.
             let back =
                 [stood[0] - BLOCK_DEPTH_M * heading[0], stood[1] - BLOCK_DEPTH_M * heading[1], stood[2]];
-            card(back, [across, [0.0, 0.0, BOARD_HALF_SIDE_M]], overcast_card(lit::GROUND, 1.0));
+            card(back, [across, [0.0, 0.0, BOARD_HALF_SIDE_M]], overcast_card(lit::GROUND_REFLECTANCE, 1.0));
             if shaded && sun.is_some() {
                 let (sin, cos) = elevation.sin_cos();
                 let to_sun = [cos * heading[0], cos * heading[1], sin];
@@ -134,7 +136,7 @@ impl Boards {
                 ];
                 for at in [flat, stood] {
                     let at: [f64; 3] = std::array::from_fn(|k| at[k] + DISC_DISTANCE_M * to_sun[k]);
-                    card(at, [aside, upwards], overcast_card(lit::GROUND, 0.0));
+                    card(at, [aside, upwards], overcast_card(lit::GROUND_REFLECTANCE, 0.0));
                 }
             }
         }
@@ -215,7 +217,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
             bench.share(
                 "upright board under clouds, over level board",
                 "",
-                [OVERCAST_UPRIGHT + 0.5 * lit::GROUND, stood / flat],
+                [OVERCAST_UPRIGHT + 0.5 * lit::GROUND_REFLECTANCE, stood / flat],
                 0.03,
             );
             bench.share(

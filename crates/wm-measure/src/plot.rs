@@ -7,10 +7,10 @@ use std::fmt::Write;
 
 /// Width and height, and the borders left, right, above and below the field, px.
 const SIZE: [f64; 2] = [560.0, 340.0];
-const LEFT: f64 = 66.0;
-const RIGHT: f64 = 14.0;
-const TOP: f64 = 34.0;
-const BOTTOM: f64 = 50.0;
+const LEFT_BORDER_PX: f64 = 66.0;
+const RIGHT_BORDER_PX: f64 = 14.0;
+const TOP_BORDER_PX: f64 = 34.0;
+const BOTTOM_BORDER_PX: f64 = 50.0;
 /// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow): after a
 /// law channels have their own.
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00"];
@@ -173,15 +173,15 @@ impl Plot {
         let [width, height] = SIZE;
         // A line of the legend for each series, beneath the axis.
         let legend = if self.series.len() > 1 { 18.0 * self.series.len() as f64 + 6.0 } else { 0.0 };
-        let (right, bottom) = (width - RIGHT, height - BOTTOM);
-        let across = |share: f64| LEFT + share * (right - LEFT);
-        let up = |share: f64| bottom - share * (bottom - TOP);
+        let (right, bottom) = (width - RIGHT_BORDER_PX, height - BOTTOM_BORDER_PX);
+        let across = |share: f64| LEFT_BORDER_PX + share * (right - LEFT_BORDER_PX);
+        let up = |share: f64| bottom - share * (bottom - TOP_BORDER_PX);
         let whole = height + legend;
         let mut out = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {whole}\" role=\"img\" \
              font-family=\"system-ui, sans-serif\" font-size=\"12\" fill=\"#3a434c\">\n\
              <title>{title}</title>\n<rect width=\"{width}\" height=\"{whole}\" fill=\"#ffffff\"/>\n\
-             <text x=\"{LEFT}\" y=\"20\" font-size=\"13.5\" font-weight=\"600\" fill=\"#1c2126\">{title}</text>\n",
+             <text x=\"{LEFT_BORDER_PX}\" y=\"20\" font-size=\"13.5\" font-weight=\"600\" fill=\"#1c2126\">{title}</text>\n",
             title = escaped(&self.title),
         );
         for tick in &x.ticks {
@@ -189,28 +189,28 @@ impl Plot {
             let (text, below) = (number(*tick), bottom + 17.0);
             let _ = writeln!(
                 out,
-                "<path d=\"M{place:.1} {TOP}V{bottom}\" stroke=\"#e6e9ec\"/>\
+                "<path d=\"M{place:.1} {TOP_BORDER_PX}V{bottom}\" stroke=\"#e6e9ec\"/>\
                  <text x=\"{place:.1}\" y=\"{below}\" text-anchor=\"middle\">{text}</text>"
             );
         }
         for tick in &y.ticks {
             let Some(place) = y.place(*tick).map(up) else { continue };
-            let (text, beside, middle) = (number(*tick), LEFT - 7.0, place + 4.0);
+            let (text, beside, middle) = (number(*tick), LEFT_BORDER_PX - 7.0, place + 4.0);
             let _ = writeln!(
                 out,
-                "<path d=\"M{LEFT} {place:.1}H{right}\" stroke=\"#e6e9ec\"/>\
+                "<path d=\"M{LEFT_BORDER_PX} {place:.1}H{right}\" stroke=\"#e6e9ec\"/>\
                  <text x=\"{beside}\" y=\"{middle:.1}\" text-anchor=\"end\">{text}</text>"
             );
         }
         let _ = writeln!(
             out,
-            "<path d=\"M{LEFT} {TOP}V{bottom}H{right}\" fill=\"none\" stroke=\"#8a949e\"/>\n\
+            "<path d=\"M{LEFT_BORDER_PX} {TOP_BORDER_PX}V{bottom}H{right}\" fill=\"none\" stroke=\"#8a949e\"/>\n\
              <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\n\
              <text transform=\"translate(15 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
-            0.5 * (LEFT + right),
+            0.5 * (LEFT_BORDER_PX + right),
             bottom + 38.0,
             escaped(&self.x.label),
-            0.5 * (TOP + bottom),
+            0.5 * (TOP_BORDER_PX + bottom),
             escaped(&self.y.label),
         );
         for (index, series) in self.series.iter().enumerate() {
@@ -243,12 +243,12 @@ impl Plot {
                 let mark = match series.style {
                     SeriesStyle::Points => format!(
                         "<circle cx=\"{}\" cy=\"{}\" r=\"3.6\" fill=\"{color}\"/>",
-                        LEFT + 9.0,
+                        LEFT_BORDER_PX + 9.0,
                         line - 4.0
                     ),
                     SeriesStyle::Line => {
                         format!(
-                            "<path d=\"M{LEFT} {y}h18\" stroke=\"{color}\" stroke-width=\"1.8\"/>",
+                            "<path d=\"M{LEFT_BORDER_PX} {y}h18\" stroke=\"{color}\" stroke-width=\"1.8\"/>",
                             y = line - 4.0
                         )
                     }
@@ -256,7 +256,7 @@ impl Plot {
                 let _ = writeln!(
                     out,
                     "{mark}<text x=\"{}\" y=\"{line}\">{}</text>",
-                    LEFT + 26.0,
+                    LEFT_BORDER_PX + 26.0,
                     escaped(&series.name)
                 );
             }

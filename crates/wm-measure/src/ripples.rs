@@ -131,9 +131,9 @@ fn board(level: &LevelFrame, water: f64, has_light: bool) -> Splats {
 }
 
 /// The picture of the board in the water at one instant, and that of a black board in the same air.
-struct Mirrored<'a>(LightPicture, &'a LightPicture);
+struct MirroredBoard<'a>(LightPicture, &'a LightPicture);
 
-impl Mirrored<'_> {
+impl MirroredBoard<'_> {
     /// The light of the board's patterns at a pixel, along both axes.
     fn pattern(&self, x: usize, y: usize) -> [f64; 2] {
         let (seen, air) = (self.0.rgb(x, y), self.1.rgb(x, y));
@@ -217,7 +217,7 @@ struct Calibration(Vec<[f64; 2]>);
 
 impl Calibration {
     /// By still water.
-    fn of(board: &Mirrored<'_>, level: &LevelFrame, camera: &Camera, axis: usize) -> Self {
+    fn of(board: &MirroredBoard<'_>, level: &LevelFrame, camera: &Camera, axis: usize) -> Self {
         let middle = PICTURE_SIDE_PX as usize / 2;
         let mut points: Vec<[f64; 2]> = (0..PICTURE_SIDE_PX as usize)
             .flat_map(|k| [(k, middle), (middle, k)])
@@ -243,7 +243,7 @@ impl Calibration {
 }
 
 /// The slopes of the water at the pixels of a patch, along both level axes.
-fn slopes(board: &Mirrored<'_>, patch: &Patch, calibrations: &[Calibration; 2]) -> Vec<[f64; 2]> {
+fn slopes(board: &MirroredBoard<'_>, patch: &Patch, calibrations: &[Calibration; 2]) -> Vec<[f64; 2]> {
     let slope = |((x, y), way): &((usize, usize), DVec3)| {
         let light = board.pattern(*x, *y);
         let there = [0, 1].map(|k| calibrations[k].place(light[k]));
@@ -275,7 +275,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     // be seen, is a tenth of it.
     let [calm_air, air] = [&calm, &weather].map(|weather| bench.light(dark, &camera, weather));
     let (calm_air, air) = (calm_air?, air?);
-    let without = Mirrored(bench.light(lit, &camera, &calm)?, &calm_air);
+    let without = MirroredBoard(bench.light(lit, &camera, &calm)?, &calm_air);
     let calibrations = [0, 1].map(|axis| Calibration::of(&without, &level, &camera, axis));
     let patch = Patch::of(&level, &camera);
     let quarter = 0.5 * std::f64::consts::PI / frequency();
@@ -287,11 +287,11 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let mut curve = Vec::new();
     for instant in 0..INSTANT_COUNT {
         let time = bench.time + INSTANT_INTERVAL_S * f64::from(instant);
-        let first = Mirrored(bench.light_at(time, lit, &camera, &weather)?, &air);
+        let first = MirroredBoard(bench.light_at(time, lit, &camera, &weather)?, &air);
         let now = slopes(&first, &patch, &calibrations);
         squares.push(now.iter().map(|[x, y]| x * x + y * y).sum::<f64>() / now.len() as f64);
         if instant < FOLLOWED_INSTANTS {
-            let later = Mirrored(bench.light_at(time + quarter, lit, &camera, &weather)?, &air);
+            let later = MirroredBoard(bench.light_at(time + quarter, lit, &camera, &weather)?, &air);
             let later = slopes(&later, &patch, &calibrations);
             for ([a, b], [c, d]) in waves.strengths(&now).into_iter().zip(waves.strengths(&later)) {
                 let all = [a * a + b * b, c * c + d * d, a * c + b * d];

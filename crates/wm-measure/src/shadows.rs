@@ -15,7 +15,7 @@
 //! that was reconstructed from photos. A place that was captured under clouds must not change: less
 //! than 1 % in the mean.
 
-use super::lit::GROUND;
+use super::lit::GROUND_REFLECTANCE;
 use super::plot::Series;
 use super::{
     Bench, Instrument, MeasuredPicture, SURFACES, ShadowReport, ShotSubject, Tolerance, changed, clear,
@@ -297,7 +297,7 @@ fn contrasts_under_sky(bench: &mut Bench<'_>, pairs: &[ShadowPair]) -> Result<Ve
             }
         }
     }
-    let around = GROUND * mean(light.iter().map(|[sky, _]| *sky));
+    let around = GROUND_REFLECTANCE * mean(light.iter().map(|[sky, _]| *sky));
     let all = |[sky, part]: [f64; 2]| (sky + around * (1.0 - part).max(0.0)).max(1e-3);
     Ok(light.chunks_exact(2).map(|pair| (all(pair[0]) / all(pair[1])).ln()).collect())
 }

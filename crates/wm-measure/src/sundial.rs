@@ -15,7 +15,7 @@
 //!
 //! Tolerance: 2 % of the length, 1 degree, 15 % of the width.
 
-use super::lit::{GROUND, LightPicture, OPEN_SKY, overcast_card, paint_card};
+use super::lit::{GROUND_REFLECTANCE, LightPicture, OPEN_SKY, overcast_card, paint_card};
 use super::plot::Series;
 use super::{Bench, Instrument, LevelFrame, ShotSubject, Tolerance, expected, mean};
 use std::f64::consts::{PI, TAU};
@@ -135,7 +135,14 @@ impl Dial {
     fn stand(&self, half: f64, high: f64, grain: f64, splats: &mut Splats) {
         let across = [half * self.aside[0], half * self.aside[1], 0.0];
         let halves = [across, [0.0, 0.0, 0.5 * high]];
-        paint_card(&self.level, [0.0, 0.0, 0.5 * high], halves, grain, overcast_card(GROUND, 1.0), splats);
+        paint_card(
+            &self.level,
+            [0.0, 0.0, 0.5 * high],
+            halves,
+            grain,
+            overcast_card(GROUND_REFLECTANCE, 1.0),
+            splats,
+        );
     }
 
     /// A level card.
@@ -146,7 +153,7 @@ impl Dial {
             self.at(along, 0.0, 0.0),
             [side(self.away, halves[0]), side(self.aside, halves[1])],
             SPLAT_SPACING_M,
-            overcast_card(GROUND, 0.0),
+            overcast_card(GROUND_REFLECTANCE, 0.0),
             splats,
         );
     }
@@ -303,7 +310,7 @@ fn edge(bench: &mut Bench<'_>, dial: &Dial) -> Result<()> {
         middle,
         [across, [0.0, 0.0, 0.5 * high]],
         0.1,
-        overcast_card(GROUND, 1.0),
+        overcast_card(GROUND_REFLECTANCE, 1.0),
         &mut splats,
     );
     for metres in EDGE_DISTANCES_M {

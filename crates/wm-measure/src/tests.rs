@@ -356,13 +356,13 @@ struct FalseLight {
 }
 
 /// A rig with a fault, that remembers what it was asked for.
-struct Faulty {
+struct FaultyRig {
     field: PlaceRenderer,
     fault: Fault,
     shots: Vec<OwnedShot>,
 }
 
-impl InstrumentRenderer for Faulty {
+impl InstrumentRenderer for FaultyRig {
     fn site(&self) -> Site {
         self.field.site()
     }
@@ -464,17 +464,17 @@ impl InstrumentRenderer for Faulty {
 }
 
 /// A rig on one thread, beside others.
-fn rig(scene: Scene) -> Faulty {
+fn rig(scene: Scene) -> FaultyRig {
     let config = CpuConfig { threads: Some(1), ..CpuConfig::default() };
     let mut renderer = Renderer::new(&Device::Cpu, config, |_| {}).unwrap();
     let place = renderer.load(scene).unwrap();
     let camera = Street::views()[0].camera((240, 160)).unwrap();
     let field = PlaceRenderer::new(renderer, place, camera);
-    Faulty { field, fault: Fault::None, shots: Vec::new() }
+    FaultyRig { field, fault: Fault::None, shots: Vec::new() }
 }
 
 /// What an instrument reads on a rig with a fault, and what it asks for.
-fn read(rig: &mut Faulty, fault: Fault, instrument: &Instrument) -> (Finding, Vec<OwnedShot>) {
+fn read(rig: &mut FaultyRig, fault: Fault, instrument: &Instrument) -> (Finding, Vec<OwnedShot>) {
     rig.fault = fault;
     let mut all = Finding::default();
     for weather in &weathers(instrument.name) {
@@ -489,7 +489,7 @@ fn read(rig: &mut Faulty, fault: Fault, instrument: &Instrument) -> (Finding, Ve
 }
 
 /// Faults that an instrument finds without being expected to, and those that it does not find.
-fn mistakes(rig: &mut Faulty, instrument: &Instrument) -> Vec<String> {
+fn mistakes(rig: &mut FaultyRig, instrument: &Instrument) -> Vec<String> {
     let (own, shots) = read(rig, Fault::None, instrument);
     let mut wrong = Vec::new();
     for (fault, finds) in FINDS {

@@ -19,7 +19,7 @@ pub(crate) struct PlaceLight {
     points: Option<Arc<[[f32; 3]]>>,
     /// The splats that are near a point.
     near: Option<NearSplats>,
-    relit: Option<Relit>,
+    relit: Option<DrawnLight>,
     /// The warning that the shadows of the photos stay was given.
     is_told: bool,
     /// The warning that lamps are guessed was given.
@@ -27,7 +27,7 @@ pub(crate) struct PlaceLight {
 }
 
 /// The last light that was drawn, and its gains.
-struct Relit {
+struct DrawnLight {
     key: RelitKey,
     gains: LightGains,
 }
@@ -49,7 +49,7 @@ pub(crate) struct CoverLight {
     /// The splats, until their surfaces are found.
     splats: Option<Splats>,
     surfaces: Option<PlacedSurfaces>,
-    relit: Option<Relit>,
+    relit: Option<DrawnLight>,
 }
 
 impl CoverLight {
@@ -121,7 +121,7 @@ impl PlaceLight {
         if self.relit.as_ref().is_none_or(|relit| relit.key != key) {
             let points = self.points.as_deref().filter(|_| moves);
             let gains = pool.install(|| LightGains::new(capture, &light, casts, points, site.up));
-            self.relit = Some(Relit { key, gains });
+            self.relit = Some(DrawnLight { key, gains });
         }
         if let Some(lying) = lying.filter(|lying| lying.relit.as_ref().is_none_or(|relit| relit.key != key)) {
             if let Some((splats, points)) = lying.splats.as_ref().zip(self.points.as_deref()) {
@@ -131,7 +131,7 @@ impl PlaceLight {
             }
             lying.relit = lying.surfaces.as_ref().map(|surfaces| {
                 let gains = || LightGains::of_placed(capture, surfaces, &light, casts, moves, site.up);
-                Relit { key, gains: pool.install(gains) }
+                DrawnLight { key, gains: pool.install(gains) }
             });
         }
         let has_shadows = !change.is_diffuse && site.captured_sky != CapturedSky::Overcast;

@@ -16,7 +16,7 @@ use wm_weather::{PreparedWeather, Site};
 #[derive(Default)]
 pub(crate) struct PlaceWater {
     /// The surfaces that the rain of the last direction reaches.
-    reached: Option<Reached>,
+    reached: Option<ReachedSurfaces>,
     state: Option<WetState>,
     /// The surface of the water, with what it is of.
     puddles: Option<(PuddleKey, Arc<WaterGrid>)>,
@@ -36,7 +36,7 @@ pub(crate) struct OnGround<'a> {
 }
 
 /// The surfaces that a rain reaches.
-struct Reached {
+struct ReachedSurfaces {
     surfaces: Arc<WetSurfaces>,
     shares: WetShares,
     catchments: Catchments,
@@ -63,7 +63,7 @@ impl PlaceWater {
         let is_exact = shelter.is_some();
         // Of a draft it may be another one.
         let shelter = shelter.or_else(|| store.last());
-        let is_known = |reached: &Reached| {
+        let is_known = |reached: &ReachedSurfaces| {
             reached.shares.rain == asked.rain
                 && reached.is_exact == is_exact
                 && Arc::ptr_eq(&reached.surfaces, &surfaces)
@@ -73,7 +73,7 @@ impl PlaceWater {
             let catchments = Catchments::of(&surfaces, &shares);
             let run_off = RunOff::of(&surfaces, &shares);
             let tiles = SplashTiles::of(&surfaces, site);
-            self.reached = Some(Reached { surfaces, shares, catchments, run_off, tiles, is_exact });
+            self.reached = Some(ReachedSurfaces { surfaces, shares, catchments, run_off, tiles, is_exact });
             self.puddles = None;
         }
         self.state =

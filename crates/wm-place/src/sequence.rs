@@ -13,7 +13,7 @@ use wm_image::video::{VideoReport, VideoSettings, create_video};
 use wm_weather::Weather;
 
 /// Frames between renderer and writer; more would only take memory.
-const WAITING: usize = 2;
+const MAX_WAITING_FRAMES: usize = 2;
 
 /// Renders `frames` in order while another thread writes; `T` is what holds the picture of a frame.
 /// Returns the number of frames that were written: fewer than all if `progress` asked to stop.
@@ -31,7 +31,7 @@ pub fn render_and_write<T: Default + Send, E: Send>(
 ) -> Result<u32, E> {
     progress.begin("frames", Some(frames.len() as u64));
     let outcome = std::thread::scope(|scope| {
-        let (send, receive) = sync_channel::<(u32, T)>(WAITING);
+        let (send, receive) = sync_channel::<(u32, T)>(MAX_WAITING_FRAMES);
         let (give_back, returned) = channel::<T>();
         let writer = scope.spawn(move || -> Result<u32, E> {
             let mut written = 0;

@@ -8,14 +8,13 @@ use crate::draft::{Basis, Datum, Draft, rounded};
 use crate::optics::{extinction, snow_rate, visibility};
 use wm_weather::optics::sigma_of_mor;
 
-/// Rates of light, moderate, heavy and violent rain, showers and drizzle, mm/h, and of hail, mm/h
-/// of water.
-pub(crate) const RAIN: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
-pub(crate) const SHOWERS: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
-pub(crate) const DRIZZLE: [f64; 4] = [0.1, 0.3, 0.8, 1.0];
-pub(crate) const HAIL: [f64; 4] = [5.0, 20.0, 60.0, 100.0];
-/// Ranges of snow, mm/h of water, and a usual rate of each.
-pub(crate) const SNOW: [([f64; 2], f64); 4] =
+/// Of light, moderate, heavy and violent precipitation; that of hail in mm/h of water.
+pub(crate) const RAIN_RATES_MM_H: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
+pub(crate) const SHOWER_RATES_MM_H: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
+pub(crate) const DRIZZLE_RATES_MM_H: [f64; 4] = [0.1, 0.3, 0.8, 1.0];
+pub(crate) const HAIL_RATES_MM_H: [f64; 4] = [5.0, 20.0, 60.0, 100.0];
+/// Ranges of light to violent snow, in mm/h of water, and a usual rate of each.
+pub(crate) const SNOW_RATES_MM_H: [([f64; 2], f64); 4] =
     [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0), ([4.0, 10.0], 6.0)];
 /// Flashes a minute of thunderstorms, by their strength, and their distance, m.
 pub(crate) const FLASHES_PER_MINUTE: [f64; 4] = [4.0, 6.0, 10.0, 15.0];

@@ -111,7 +111,7 @@ fn row(line: &'static str) -> PresentWeather {
 
 /// Cloud covers of the codes 0 to 3 in weather services: clear, mainly clear, partly cloudy,
 /// overcast.
-const COVERS: [f64; 4] = [0.0, 0.2, 0.5, 1.0];
+const CLOUD_COVERS: [f64; 4] = [0.0, 0.2, 0.5, 1.0];
 
 pub(crate) fn read(text: &str) -> Result<(&'static PresentWeather, WrittenWeather), ReportError> {
     let from_number = |text: &str| text.find(|c: char| c.is_ascii_digit() || c == '-').unwrap_or(text.len());
@@ -177,7 +177,7 @@ fn conditions(row: &'static PresentWeather) -> Conditions {
         now.temperature = Some(Datum::guess(-2.0, why()));
     }
     let covers = "clear, mainly clear, partly cloudy or overcast, as weather services use 0 to 3";
-    now.clouds = COVERS.get(usize::from(row.code)).map(|cover| Datum::guess(*cover, covers));
+    now.clouds = CLOUD_COVERS.get(usize::from(row.code)).map(|cover| Datum::guess(*cover, covers));
     if matches!(row.code, 20 | 21 | 23 | 24 | 25 | 29) {
         let basis = Basis::guess(format!("{}: 30 minutes until 15 minutes ago", why()));
         now.rained = Some(([30.0, 2.0, 15.0], basis));

@@ -29,7 +29,7 @@ const MIN_THRESHOLD: f64 = 0.01;
 /// Events of one pixel between two pictures, at most: a lamp that is switched on tells some 35.
 const MAX_STEP_EVENTS: u32 = 1000;
 /// Purposes of random numbers, see [`RandomStream`]: thresholds, levels and noise.
-const PURPOSES: [u64; 3] = [0x4556_5400, 0x4556_5401, 0x4556_5402];
+const RANDOM_PURPOSES: [u64; 3] = [0x4556_5400, 0x4556_5401, 0x4556_5402];
 
 /// The pixels of an event camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,7 +124,7 @@ impl EventSampler {
     #[must_use]
     pub fn new(model: EventModel, size: [u32; 2], light: &[f32], seed: u64, index: u32) -> Self {
         assert_eq!(light.len(), size[0] as usize * size[1] as usize, "a picture of {size:?} px");
-        let [thresholds, levels, noise] = PURPOSES;
+        let [thresholds, levels, noise] = RANDOM_PURPOSES;
         let (thresholds, levels) =
             (RandomStream::new(seed, thresholds, 0), RandomStream::new(seed, levels, 0));
         let pixel = |(at, light): (usize, &f32)| {

@@ -329,7 +329,7 @@ impl Tracer<'_> {
         let up = DVec3::from_array(self.scene.site.up);
         let of_ray = |ray: usize| {
             let pulse = (ray / self.count) as u32;
-            let met = self.met(&rays, &hits, ray)?;
+            let met = self.surface_return(&rays, &hits, ray)?;
             let (origin, direction) = ray_of(&rays, ray);
             let units = f64::from(hits.distance[ray]);
             let kept = self.air.transmittance(origin.to_array(), direction.to_array(), units);
@@ -376,7 +376,7 @@ impl Tracer<'_> {
 
     /// The echo of what a mirror shows: at the length of the whole way, along the first direction.
     fn ghost(&self, mirror: &MirroredRay, rays: &Rays, hits: &RayHits, ray: usize) -> Option<(u32, Echo)> {
-        let met = self.met(rays, hits, ray)?;
+        let met = self.surface_return(rays, hits, ray)?;
         let (origin, direction) = ray_of(rays, ray);
         let after = f64::from(hits.distance[ray]) - mirror.before;
         // Below the mirror there is nothing to see.
@@ -414,7 +414,7 @@ impl Tracer<'_> {
     }
 
     /// The surface that a ray meets, if it does.
-    fn met(&self, rays: &Rays, hits: &RayHits, ray: usize) -> Option<SurfaceReturn> {
+    fn surface_return(&self, rays: &Rays, hits: &RayHits, ray: usize) -> Option<SurfaceReturn> {
         let distance = f64::from(hits.distance[ray]);
         if !distance.is_finite() {
             return None;

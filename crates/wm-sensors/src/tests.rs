@@ -58,7 +58,12 @@ impl SurfaceStates for WetSurfaces {
 }
 
 /// One sweep by one ray a pulse from the height of 1.8 m.
-fn swept(lidar: &LidarModel, splats: &Splats, set: &[(&str, f64)], options: &ScanOptions) -> LidarSweep {
+fn lidar_sweep(
+    lidar: &LidarModel,
+    splats: &Splats,
+    set: &[(&str, f64)],
+    options: &ScanOptions,
+) -> LidarSweep {
     swept_on(lidar, splats, set, options, &DrySurfaces)
 }
 
@@ -100,7 +105,7 @@ const ALL: ScanOptions = ScanOptions {
 fn a_wall_is_as_far_as_it_is() {
     let lidar = lidar(ahead(4000));
     for sub_rays in [SubRays::One, SubRays::Seven] {
-        let made = swept(&lidar, &plate(0, 20.0, 0.5), &[], &ScanOptions { sub_rays, ..ALL });
+        let made = lidar_sweep(&lidar, &plate(0, 20.0, 0.5), &[], &ScanOptions { sub_rays, ..ALL });
         assert_eq!((made.points.len(), made.count(EchoClass::Surface)), (4000, 4000));
         let off: Vec<f64> = made.points.iter().map(|point| f64::from(point.position[0]) - 20.0).collect();
         let mean = off.iter().sum::<f64>() / 4000.0;
@@ -117,7 +122,7 @@ fn a_wall_is_as_far_as_it_is() {
 fn range_of_target(guess: f64, set: &[(&str, f64)]) -> f64 {
     let lidar = lidar(ahead(1500));
     let share = |range: f64| {
-        let made = swept(&lidar, &plate(0, range as f32, 0.1), set, &ALL);
+        let made = lidar_sweep(&lidar, &plate(0, range as f32, 0.1), set, &ALL);
         made.count(EchoClass::Surface) as f64 / 1500.0
     };
     let walls: Vec<[f64; 2]> =
@@ -168,7 +173,7 @@ fn air_is_seen_as_far_as_its_backscatter_says() {
     for (mor, reach) in
         [(30.0, 12.4), (50.0, 14.2), (100.0, 15.1), (200.0, 13.8), (500.0, 10.1), (1000.0, 7.4)]
     {
-        let made = swept(&lidar, &Splats::zeroed(0, 0), &[("fog.mor", mor)], &ALL);
+        let made = lidar_sweep(&lidar, &Splats::zeroed(0, 0), &[("fog.mor", mor)], &ALL);
         assert_eq!(made.count(EchoClass::Air), made.points.len());
         // Each pulse has one bin of air in each length of a bin.
         let bin = lidar.bin();
@@ -193,7 +198,7 @@ fn devices_see_dense_fog_and_no_mist() {
         let around = (0..4000u64).map(|i| [180.0 - 0.09 * i as f64, 40.0 * random::uniform(4, i) - 20.0]);
         let lidar = LidarModel { pattern: lidar(around).pattern, ..LidarModel::preset(name).unwrap() };
         let shares = |set: &[(&str, f64)]| {
-            let made = swept(&lidar, &Splats::zeroed(0, 0), set, &options);
+            let made = lidar_sweep(&lidar, &Splats::zeroed(0, 0), set, &options);
             [EchoClass::Air, EchoClass::Drop].map(|class| made.count(class) as f64 / made.pulses as f64)
         };
         let ([dense, _], [mist, drops]) =
@@ -238,7 +243,7 @@ fn drops_are_as_many_as_the_rain_holds() {
     let lidar =
         lidar((0..30_000u64).map(|i| [180.0 - 0.012 * i as f64, 100.0 * random::uniform(4, i) - 50.0]));
     for rate in [5.0, 25.0, 100.0] {
-        let made = swept(&lidar, &Splats::zeroed(0, 0), &[("rain.rate", rate)], &ALL);
+        let made = lidar_sweep(&lidar, &Splats::zeroed(0, 0), &[("rain.rate", rate)], &ALL);
         assert_eq!(made.count(EchoClass::Drop), made.points.len());
         let (found, wanted) = (made.points.len() as f64, 30_000.0 * expected_drops(&lidar, rate));
         println!("{rate} mm/h: {found} drop points in 30,000 pulses for {wanted:.0}");
@@ -252,7 +257,7 @@ fn drops_are_as_many_as_the_rain_holds() {
 fn nothing_falls_behind_a_wall() {
     let (lidar, rain) = (lidar(ahead(20_000)), [("rain.rate", 100.0)]);
     let farthest = |splats: &Splats| {
-        let drops = swept(&lidar, splats, &rain, &ALL).points.into_iter();
+        let drops = lidar_sweep(&lidar, splats, &rain, &ALL).points.into_iter();
         drops.filter(|point| point.class == EchoClass::Drop).map(|point| point.range).fold(0.0, f32::max)
     };
     let (open, walled) = (farthest(&Splats::zeroed(0, 0)), farthest(&plate(0, 2.0, 0.1)));

@@ -4,10 +4,8 @@ use glam::DVec3;
 
 /// Optical depth of the MOR: -ln of 5 % of contrast, as meteorology defines it.
 const MOR_OPTICAL_DEPTH: f64 = 2.995_732_273_553_991;
-/// Height of the haze's upper end, m: above it the air is clear, so the zenith stays visible.
-const LID: f64 = 300.0;
 
-/// Even haze from the ground to [`Air::LID`].
+/// Even haze from the ground to [`Air::HAZE_TOP_M`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Air {
     /// Meteorological optical range, m.
@@ -17,8 +15,8 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// Height of its upper end, m.
-    pub(crate) const LID: f64 = LID;
+    /// Height of its upper end: above it the air is clear, so the zenith stays visible.
+    pub(crate) const HAZE_TOP_M: f64 = 300.0;
 
     /// The share of light that is left after `distance`, m.
     pub(crate) fn transmittance(&self, distance: f64) -> f64 {
@@ -28,7 +26,11 @@ impl Air {
     /// Radiance of a surface at `distance`, m, or of the sky, as it arrives at `eye` along
     /// `direction`.
     pub(crate) fn seen(&self, radiance: DVec3, eye: DVec3, direction: DVec3, distance: Option<f64>) -> DVec3 {
-        let rise = if direction.z > 1e-6 { ((LID - eye.z) / direction.z).max(0.0) } else { f64::INFINITY };
+        let rise = if direction.z > 1e-6 {
+            ((Self::HAZE_TOP_M - eye.z) / direction.z).max(0.0)
+        } else {
+            f64::INFINITY
+        };
         let left = self.transmittance(distance.map_or(rise, |distance| distance.min(rise)));
         radiance * left + self.airlight * (1.0 - left)
     }

@@ -85,7 +85,7 @@ impl Place {
         let casting = RaySettings::of(samples);
         let middle = self.middle(camera, x, y);
         let (radiance, moving) = self.averaged(camera, x, y, &casting);
-        told(camera, x, y, middle.as_ref(), radiance, moving)
+        photo_pixel(camera, x, y, middle.as_ref(), radiance, moving)
     }
 
     /// Row `y` of a picture, left to right; see [`Self::photo`].
@@ -125,7 +125,7 @@ impl Place {
             } else {
                 self.averaged(camera, x, y, casting)
             };
-            told(camera, x, y, middle, radiance, moving)
+            photo_pixel(camera, x, y, middle, radiance, moving)
         };
         pixels.map(pixel).collect()
     }
@@ -179,7 +179,7 @@ impl Place {
 }
 
 /// A pixel with what is known of its middle.
-fn told(
+fn photo_pixel(
     camera: &Camera,
     x: u32,
     y: u32,

@@ -172,7 +172,7 @@ impl SplatSampling<'_> {
             reserve: 0.0,
         };
         let is_flat = matches!(primitive.shape, Shape::Flat { .. });
-        let gap = Gap::at(&spot, is_flat, detail, &self.place.sights.audience);
+        let gap = SplatSpacing::at(&spot, is_flat, detail, &self.place.sights.audience);
         match primitive.shape {
             Shape::Flat { u, v, .. } if material.is_foliage() && u.length().max(v.length()) < 4.0 => {
                 patch.kind = Cell::Leaf;
@@ -246,7 +246,7 @@ impl Place {
 }
 
 /// The largest distances between splats at a spot.
-struct Gap {
+struct SplatSpacing {
     /// Cell size across the view, m.
     size: f64,
     /// The distance of the spot from its viewer, m.
@@ -259,7 +259,7 @@ struct Gap {
     away: bool,
 }
 
-impl Gap {
+impl SplatSpacing {
     /// `flat` surfaces are seen under one angle; round ones under all.
     fn at(spot: &Spot, flat: bool, detail: f64, audience: &Audience) -> Self {
         let eye = audience.viewer(spot.point);

@@ -4,21 +4,21 @@
 //! up to 0.55 and bends from there towards 1 as `1 - exp` does, with equal value and slope where
 //! the two meet: nothing clips, and what lies below keeps its contrast. `encode` is the sRGB curve.
 
-/// The factor of radiance.
-const EXPOSURE: f64 = 0.84;
+/// Radiance is multiplied by it.
+const EXPOSURE_FACTOR: f64 = 0.84;
 /// The value at which the shoulder begins.
 const KNEE: f64 = 0.55;
 
 /// Display-referred sRGB, 0 to 1, of linear radiance (0 and above).
 #[must_use]
 pub fn display_of(radiance: [f64; 3]) -> [f64; 3] {
-    radiance.map(|v| encode(shoulder(EXPOSURE * v.max(0.0))))
+    radiance.map(|v| encode(shoulder(EXPOSURE_FACTOR * v.max(0.0))))
 }
 
 /// Linear display light, 0 to 1: [`display_of`] without the sRGB curve.
 #[must_use]
 pub fn exposed(radiance: [f64; 3]) -> [f64; 3] {
-    radiance.map(|v| shoulder(EXPOSURE * v.max(0.0)))
+    radiance.map(|v| shoulder(EXPOSURE_FACTOR * v.max(0.0)))
 }
 
 fn shoulder(value: f64) -> f64 {

@@ -35,12 +35,12 @@ use std::{
 use targets::{TARGETS, Target};
 
 /// A run that has not ended after so much processor time is an endless loop.
-const HANG: Duration = Duration::from_secs(60);
+const MAX_PROCESSOR_TIME: Duration = Duration::from_secs(60);
 /// A run that has not ended after so much time on the clock is an endless loop, even if other
 /// programs take the processor.
-const LONG_HANG: Duration = Duration::from_secs(1200);
-/// Most that making assets may take, as a multiple of a target's budget.
-const PREPARING: f64 = 4.0;
+const MAX_CLOCK_TIME: Duration = Duration::from_secs(1200);
+/// Longest time of making assets, as a multiple of a target's budget.
+const MAX_PREPARING_RATIO: f64 = 4.0;
 /// Runs between two looks at the memory.
 const MEMORY_INTERVAL: u64 = 64;
 /// Failures that a target reports before it stops.
@@ -195,7 +195,7 @@ fn run_target(target: &'static Target, args: &Args) -> bool {
             Ok(result) => {
                 read += u64::from(result.is_ok());
                 let budget = args.slowness * target.budget.seconds;
-                let is_slow = seconds > budget || preparing > PREPARING * budget;
+                let is_slow = seconds > budget || preparing > MAX_PREPARING_RATIO * budget;
                 is_slow.then(|| format!("slow: {seconds:.1} s, and {preparing:.1} s for assets"))
             }
         };
@@ -311,7 +311,7 @@ fn watch_for_endless_loops(name: &'static str, current: Arc<CurrentRun>, start: 
             let began = Duration::from_millis(current.began.load(Ordering::Relaxed));
             let took = start.elapsed().saturating_sub(began);
             let spent = processor_seconds() * 1e3 - current.spent.load(Ordering::Relaxed) as f64;
-            if number > 0 && (spent > HANG.as_secs_f64() * 1e3 || took > LONG_HANG) {
+            if number > 0 && (spent > MAX_PROCESSOR_TIME.as_secs_f64() * 1e3 || took > MAX_CLOCK_TIME) {
                 eprintln!("{name}: run {} has not ended after {:.0} s", number - 1, took.as_secs_f64());
                 std::process::exit(2);
             }

@@ -47,10 +47,11 @@ pub struct Budget {
     pub mebibytes: u64,
 }
 
-const READING: Budget = Budget { seconds: 2.0, mebibytes: 512 };
+const READ_BUDGET: Budget = Budget { seconds: 2.0, mebibytes: 512 };
 /// Overflow checks, which come with debug assertions here, make what is prepared for a weather
 /// slower.
-const USING: Budget = Budget { seconds: if cfg!(debug_assertions) { 15.0 } else { 5.0 }, mebibytes: 1024 };
+const USE_BUDGET: Budget =
+    Budget { seconds: if cfg!(debug_assertions) { 15.0 } else { 5.0 }, mebibytes: 1024 };
 
 /// Writes a seed into an empty folder, and returns the path that is read.
 pub type SeedWriter = fn(&Path) -> SeedPath;
@@ -80,7 +81,7 @@ macro_rules! capture_seed {
 }
 
 const fn scene(name: &'static str, seeds: &'static [SeedWriter]) -> Target {
-    Target { name, share: SCENE_SHARE, seeds, read: read_and_check, budget: READING }
+    Target { name, share: SCENE_SHARE, seeds, read: read_and_check, budget: READ_BUDGET }
 }
 
 const fn reader(
@@ -88,11 +89,11 @@ const fn reader(
     seeds: &'static [SeedWriter],
     read: fn(&Path) -> Result<(), String>,
 ) -> Target {
-    Target { name, share: 1, seeds, read, budget: READING }
+    Target { name, share: 1, seeds, read, budget: READ_BUDGET }
 }
 
 const fn user(name: &'static str, seeds: &'static [SeedWriter], read: fn(&Path) -> Outcome) -> Target {
-    Target { name, share: 1, seeds, read, budget: USING }
+    Target { name, share: 1, seeds, read, budget: USE_BUDGET }
 }
 
 /// Every target.

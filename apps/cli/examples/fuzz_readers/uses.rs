@@ -43,13 +43,13 @@ const WEATHERS: [&str; 6] = ["heavy-rain", "snow", "fog", "night-rain", "flood",
 
 thread_local! {
     static STAGE: Cell<Option<Stage>> = const { Cell::new(None) };
-    static PREPARING: Cell<f64> = const { Cell::new(0.0) };
+    static PREPARING_S: Cell<f64> = const { Cell::new(0.0) };
 }
 
 /// Returns the processor time, s, that this thread's runs have spent on making assets since the
 /// last call. They are made once for a scene and a weather, and have a budget of their own.
 pub fn take_preparing_seconds() -> f64 {
-    PREPARING.take()
+    PREPARING_S.take()
 }
 
 /// A renderer with a small place: paving, a wall, a roof and a sky.
@@ -79,7 +79,7 @@ impl Stage {
     fn prepare(&mut self, weather: &Weather) -> Outcome {
         let before = crate::processor_seconds();
         let prepared = self.renderer.prepare(&mut self.place, weather, &mut ()).map_err(text);
-        PREPARING.set(PREPARING.get() + crate::processor_seconds() - before);
+        PREPARING_S.set(PREPARING_S.get() + crate::processor_seconds() - before);
         prepared
     }
 
@@ -165,14 +165,14 @@ fn render_with_assets(folder: &Path, weather: &str) -> Outcome {
 
 /// Draws the place with damaged assets whose checksums are right, as a stranger can write them.
 pub fn render_assets(folder: &Path) -> Outcome {
-    const HEADER: usize = 44;
+    const ASSET_HEADER_BYTES: usize = 44;
     let mut weather = 0;
     for entry in fs::read_dir(folder).map_err(text)? {
         let file = entry.map_err(text)?.path();
         let mut bytes = fs::read(&file).map_err(text)?;
-        if bytes.len() > HEADER {
-            let checksum = crc32fast::hash(&bytes[HEADER..]);
-            bytes[HEADER - 4..HEADER].copy_from_slice(&checksum.to_le_bytes());
+        if bytes.len() > ASSET_HEADER_BYTES {
+            let checksum = crc32fast::hash(&bytes[ASSET_HEADER_BYTES..]);
+            bytes[ASSET_HEADER_BYTES - 4..ASSET_HEADER_BYTES].copy_from_slice(&checksum.to_le_bytes());
             fs::write(&file, bytes).map_err(text)?;
             weather ^= checksum as usize;
         }

@@ -157,8 +157,7 @@ impl AlignArgs {
     }
 }
 
-/// Width of the beam of a lamp, degrees.
-const BEAM: f64 = 140.0;
+const LAMP_BEAM_DEG: f64 = 140.0;
 
 impl AlignArgs {
     /// Returns true if the sun, lamps or windows are given.
@@ -191,7 +190,7 @@ impl AlignArgs {
                     GivenLamp::At(at, lumens) => lamps.push(Lamp {
                         lumens,
                         aim: Some((-up).to_array()),
-                        beam: BEAM,
+                        beam: LAMP_BEAM_DEG,
                         ..Lamp::new((at - origin).to_array())
                     }),
                 }

@@ -30,13 +30,13 @@ use wm_weather::dome::level_axes;
 
 /// Longest side of the photos as they are read, px.
 const MAX_PHOTO_SIDE_PX: u32 = 1200;
-/// Fraction of a photo's side over which its weight fades out.
-const FADE: f64 = 0.15;
-/// Angle over which the colour of a row is blended, degrees.
-const SPREAD: f32 = 4.0;
-/// Least brightness of the sky as a multiple of the median of its pixels; the same as in the
+/// Share of a photo's side over which its weight fades out.
+const FADE_SHARE: f64 = 0.15;
+/// Angle over which the colour of a row is blended.
+const ROW_BLEND_DEG: f32 = 4.0;
+/// As a multiple of the median of its pixels; the same as in the
 /// survey.
-const DARK: f64 = 0.65;
+const MIN_SKY_BRIGHTNESS_RATIO: f64 = 0.65;
 
 /// Options of `sky`.
 #[derive(Args, Debug)]
@@ -144,7 +144,7 @@ impl SkyPhoto {
         let pixel = y as usize * camera.width as usize + x as usize;
         let edge = (x.min(width - x) / width).min(y.min(height - y) / height);
         let rgb = [0, 1, 2].map(|k| f32::from(self.rgb[3 * pixel + k]) / 255.0);
-        self.is_sky[pixel].then_some((rgb, (edge / FADE).clamp(0.01, 1.0) as f32))
+        self.is_sky[pixel].then_some((rgb, (edge / FADE_SHARE).clamp(0.01, 1.0) as f32))
     }
 }
 
@@ -189,7 +189,7 @@ fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
     let add = |a: [f32; 4], b: [f32; 4]| [0, 1, 2, 3].map(|k| a[k] + b[k]);
     let rows: Vec<[f32; 4]> =
         sums.chunks_exact(width).map(|row| row.iter().copied().fold([0.0; 4], add)).collect();
-    let spread = SPREAD / 180.0 * rows.len() as f32;
+    let spread = ROW_BLEND_DEG / 180.0 * rows.len() as f32;
     let ring = |row: usize| {
         let near = |(other, sum): (usize, &[f32; 4])| {
             let share = (1.0 + (row.abs_diff(other) as f32 / spread).powi(2)).powi(-2);
@@ -208,7 +208,7 @@ fn drop_dark(sums: &mut [[f32; 4]]) {
     let mut seen: Vec<f64> = sums.iter().filter(|sum| sum[3] > 0.0).map(light).collect();
     let Some(middle) = median(&mut seen) else { return };
     for sum in sums.iter_mut().filter(|sum| sum[3] > 0.0) {
-        if light(sum) < DARK * middle {
+        if light(sum) < MIN_SKY_BRIGHTNESS_RATIO * middle {
             *sum = [0.0; 4];
         }
     }

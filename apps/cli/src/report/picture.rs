@@ -8,12 +8,12 @@ use weather_magician::wm_image::maps::{Filter, Map};
 use wm_image::jpeg::{self, SamplingFactor};
 use wm_image::ramps::{ColorRamp, MISSING_COLOR, UNKNOWN_COLOR};
 
-/// Maximum width of a picture beside others, px.
-pub(crate) const WIDEST: u32 = 480;
-/// JPEG quality: below it ringing at edges becomes visible.
-const QUALITY: u8 = 88;
-/// Number of colours of a ramp; the two after them are [`MISSING_COLOR`] and [`UNKNOWN_COLOR`].
-const STEPS: u8 = 253;
+/// Maximum width of a picture beside others.
+pub(crate) const MAX_WIDTH_PX: u32 = 480;
+/// Below this quality, ringing at edges becomes visible.
+const JPEG_QUALITY: u8 = 88;
+/// Index of the last colour of a ramp; the two after it are [`MISSING_COLOR`] and [`UNKNOWN_COLOR`].
+const LAST_RAMP_INDEX: u8 = 253;
 
 /// A pixel of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,7 +28,7 @@ pub(crate) enum MapCell {
 
 /// Returns the size in which a picture is shown, px.
 pub(crate) fn shown_size(size: (u32, u32)) -> (u32, u32) {
-    at_most(size, WIDEST)
+    at_most(size, MAX_WIDTH_PX)
 }
 
 fn at_most(size: (u32, u32), widest: u32) -> (u32, u32) {
@@ -46,19 +46,19 @@ pub(crate) fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String
     let (width, height) = at_most(size, widest);
     let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
     let bytes: Vec<u8> = small.values.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-    let out = jpeg::encode(&bytes, (width, height), QUALITY, SamplingFactor::F_1_1)?;
+    let out = jpeg::encode(&bytes, (width, height), JPEG_QUALITY, SamplingFactor::F_1_1)?;
     Ok(data_uri("image/jpeg", &out))
 }
 
 /// Encodes numbers, `[H, W]` of [`shown_size`], in the colours of a ramp as a data URI of a PNG.
 pub(crate) fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
-    let last = f64::from(STEPS);
-    let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
-    palette.extend([MISSING_COLOR, UNKNOWN_COLOR]);
+    let last = f64::from(LAST_RAMP_INDEX);
+    let mut palette: Vec<[u8; 3]> = (0..=LAST_RAMP_INDEX).map(|step| ramp(f64::from(step) / last)).collect();
+    palette.extend([MISSING, UNKNOWN]);
     let index = |cell: &MapCell| match cell {
         MapCell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
-        MapCell::Missing => STEPS + 1,
-        MapCell::Unknown => STEPS + 2,
+        MapCell::Missing => LAST_RAMP_INDEX + 1,
+        MapCell::Unknown => LAST_RAMP_INDEX + 2,
     };
     indexed(&cells.iter().map(index).collect::<Vec<u8>>(), size, &palette)
 }
@@ -115,7 +115,9 @@ mod tests {
         assert_eq!(nearest((960, 2)).len(), 480);
         assert_eq!(nearest((3, 2)), [0, 1, 2, 3, 4, 5]);
         assert!(
-            color(&[0.5; 3 * 600 * 4], (600, 4), WIDEST).unwrap().starts_with("data:image/jpeg;base64,/9j/")
+            color(&[0.5; 3 * 600 * 4], (600, 4), MAX_WIDTH_PX)
+                .unwrap()
+                .starts_with("data:image/jpeg;base64,/9j/")
         );
         let cells = [MapCell::At(0.0), MapCell::At(9.0), MapCell::Missing, MapCell::Unknown];
         assert!(

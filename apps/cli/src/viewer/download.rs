@@ -13,7 +13,7 @@ use std::pin::Pin;
 use std::task::{Context, Poll};
 
 /// Bytes that are read at once.
-const PART: usize = 1 << 16;
+const PART_BYTES: usize = 1 << 16;
 /// Size up to which a content stays in memory, bytes.
 const MAX_BYTES_IN_MEMORY: usize = 1 << 17;
 
@@ -72,7 +72,7 @@ impl hyper::body::Body for Download {
         if self.left == 0 {
             return Poll::Ready(None);
         }
-        let mut part = vec![0; usize::try_from(self.left).map_or(PART, |left| left.min(PART))];
+        let mut part = vec![0; usize::try_from(self.left).map_or(PART_BYTES, |left| left.min(PART_BYTES))];
         Poll::Ready(Some(self.reader.read_exact(&mut part).map(|()| {
             self.left -= part.len() as u64;
             Frame::data(part.into())
@@ -98,7 +98,7 @@ mod tests {
         let mut whole = Vec::new();
         while let Poll::Ready(Some(part)) = Pin::new(&mut download).poll_frame(&mut context) {
             let part = part.unwrap().into_data().unwrap();
-            assert!(part.len() <= PART);
+            assert!(part.len() <= PART_BYTES);
             whole.extend(part);
         }
         assert!(download.is_end_stream());
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn all_bytes_are_sent_in_parts() {
         let folder = tempfile::tempdir().unwrap();
-        for length in [0, 1, PART, MAX_BYTES_IN_MEMORY, MAX_BYTES_IN_MEMORY + 1, 3 * PART + 7] {
+        for length in [0, 1, PART_BYTES, MAX_BYTES_IN_MEMORY, MAX_BYTES_IN_MEMORY + 1, 3 * PART_BYTES + 7] {
             let bytes: Vec<u8> = (0..length).map(|at| (at % 251) as u8).collect();
             let download = Download::of_bytes(bytes.clone(), folder.path()).unwrap();
             assert_eq!(download.size_hint().exact(), Some(length as u64));

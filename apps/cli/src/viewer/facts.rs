@@ -334,21 +334,20 @@ fn modified(path: &Path) -> Option<SystemTime> {
     std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok()
 }
 
-/// Height above the ground of a lamp that is put on the ground, m, and the height up to which a
-/// point counts as that.
-const POST: f64 = 5.0;
-const ON_GROUND: f64 = 1.5;
-/// Width of the beam of a lamp, degrees.
-const BEAM: f64 = 140.0;
+/// Height above the ground of a lamp that is put on the ground, and the height up to which a point
+/// counts as that.
+const NEW_LAMP_HEIGHT_M: f64 = 5.0;
+const MAX_GROUND_HEIGHT_M: f64 = 1.5;
+const LAMP_BEAM_DEG: f64 = 140.0;
 
 /// Returns the lamp that a point gets.
 fn lamp_at(place: &PreparedPlace, point: DVec3) -> Lamp {
     let site = place.site();
     let up = DVec3::from_array(site.up);
     let height = (up.dot(point) - site.ground) * site.metres_per_unit;
-    let rise = if height < ON_GROUND { POST } else { 0.0 };
+    let rise = if height < MAX_GROUND_HEIGHT_M { NEW_LAMP_HEIGHT_M } else { 0.0 };
     let at = point + up * (rise / site.metres_per_unit);
-    Lamp { aim: Some((-up).to_array()), beam: BEAM, ..Lamp::new(at.to_array()) }
+    Lamp { aim: Some((-up).to_array()), beam: LAMP_BEAM_DEG, ..Lamp::new(at.to_array()) }
 }
 
 /// Changes the lamps and lit windows of a place; returns their numbers in a sentence.

@@ -26,19 +26,19 @@ pub(crate) struct Guard {
 }
 
 /// A request that is refused: the status and the reason.
-pub(crate) type Refused = (StatusCode, &'static str);
+pub(crate) type Refusal = (StatusCode, &'static str);
 
 impl Guard {
     /// Checks that a request is not that of a foreign page.
     ///
     /// # Errors
-    /// [`Refused`].
+    /// [`Refusal`].
     pub(crate) fn check_origin(
         &self,
         method: &Method,
         uri: &Uri,
         headers: &HeaderMap,
-    ) -> Result<(), Refused> {
+    ) -> Result<(), Refusal> {
         let Some(host) = text(headers, header::HOST) else {
             return Err((StatusCode::BAD_REQUEST, "a request must have a Host header"));
         };

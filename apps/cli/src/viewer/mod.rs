@@ -46,7 +46,7 @@ use wm_viewer::page::PageKind;
 use wm_weather::Panorama;
 
 /// Time for which the page of a scene that cannot be read is served, so that it can show the error.
-const FAREWELL: Duration = Duration::from_secs(10);
+const ERROR_PAGE_TIME: Duration = Duration::from_secs(10);
 
 /// The panoramas that a page offers, by the paths that weather files use for them.
 pub(crate) type Panoramas = BTreeMap<String, Arc<Panorama>>;
@@ -77,7 +77,7 @@ fn show(args: &ViewArgs, weather: Weather, panoramas: Panoramas, context: &Arc<V
         Err(error) => {
             let _ = context.failed.set(format!("{error:#}"));
             context.queue.broadcast(&context.greeting());
-            let end = Instant::now() + FAREWELL;
+            let end = Instant::now() + ERROR_PAGE_TIME;
             while Instant::now() < end && !interrupt::asked() {
                 std::thread::sleep(Duration::from_millis(50));
             }

@@ -452,7 +452,7 @@ impl RenderWorker {
         }
         let patience = if is_whole { Patience::Whole } else { Patience::Draft };
         let (rgb, _) = self.draw(&view, PaintOptions { size, patience, dither: Dither::Ordered })?;
-        let bytes = jpeg(&rgb, size, thumbnail::QUALITY)?;
+        let bytes = jpeg(&rgb, size, thumbnail::JPEG_QUALITY)?;
         self.context.set_thumbnail(name.clone(), bytes.into());
         self.context.queue.broadcast(&json!({ "type": "thumbnail", "name": name }).to_string());
         Ok(None)

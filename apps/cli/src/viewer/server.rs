@@ -35,9 +35,9 @@ const MAX_BUFFER: usize = 1 << 16;
 /// Pause after a failure to accept, such as when file handles run out.
 const RETRY_AFTER: Duration = Duration::from_millis(100);
 /// The port that is tried first.
-const PORT: u16 = 8787;
+const FIRST_PORT: u16 = 8787;
 /// Number of ports that are tried after it.
-const PORTS: u16 = 20;
+const MORE_PORT_COUNT: u16 = 20;
 /// Shortest token that a user may choose.
 const MIN_TOKEN_BYTES: usize = 16;
 /// The environment variable that holds a token.
@@ -103,7 +103,7 @@ impl ServerArgs {
         let at = |port: u16| TcpListener::bind(SocketAddr::new(self.host, port));
         let ports = match self.port {
             Some(port) => port..=port,
-            None => PORT..=PORT + PORTS,
+            None => FIRST_PORT..=FIRST_PORT + MORE_PORT_COUNT,
         };
         let first = *ports.start();
         let mut tried = ports.map(at);

@@ -24,9 +24,8 @@ use wm_viewer::View;
 use wm_weather::presets::PRESETS;
 
 /// Longest time for a page to accept a message.
-const STALL: Duration = Duration::from_secs(30);
-/// Interval of pings to a page.
-const PING: Duration = Duration::from_secs(20);
+const MAX_SEND_TIME: Duration = Duration::from_secs(30);
+const PING_INTERVAL: Duration = Duration::from_secs(20);
 
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
@@ -44,7 +43,7 @@ pub(crate) async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
     let _place = ClientPlace { context: Arc::clone(&context), id };
     client_queue.push_message(context.greeting());
     let mut view: Option<Arc<View>> = None;
-    let mut pings = interval(PING);
+    let mut pings = interval(PING_INTERVAL);
     loop {
         tokio::select! {
             message = socket.recv() => match message {
@@ -62,7 +61,7 @@ pub(crate) async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
                 let messages = texts.into_iter().map(|text| Message::Text(text.into())).chain(picture.map(Message::Binary));
                 let mut is_connected = true;
                 for message in messages {
-                    is_connected &= matches!(timeout(STALL, socket.send(message)).await, Ok(Ok(())));
+                    is_connected &= matches!(timeout(MAX_SEND_TIME, socket.send(message)).await, Ok(Ok(())));
                     if !is_connected {
                         break;
                     }
@@ -72,7 +71,7 @@ pub(crate) async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
                 }
             }
             _ = pings.tick() => {
-                if !matches!(timeout(STALL, socket.send(Message::Ping(Default::default()))).await, Ok(Ok(()))) {
+                if !matches!(timeout(MAX_SEND_TIME, socket.send(Message::Ping(Default::default()))).await, Ok(Ok(()))) {
                     break;
                 }
             }

@@ -27,11 +27,9 @@ use wm_viewer::page::PageKind;
 const PICTURE_EVERY: Duration = Duration::from_secs(3);
 /// Time after its last request when a page counts as closed.
 const CLOSED_AFTER: Duration = Duration::from_secs(4);
-/// JPEG quality.
-const QUALITY: u8 = 88;
-/// Period of a swing, seconds, and its amplitude, radians.
-const SWING: f64 = 60.0;
-const WIDTH: f64 = 0.35;
+const JPEG_QUALITY: u8 = 88;
+const SWING_PERIOD_S: f64 = 60.0;
+const SWING_AMPLITUDE_RAD: f64 = 0.35;
 
 /// Camera of the training's pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -147,15 +145,15 @@ impl TrainObserver for ServedTraining {
         (state.is_watched() && is_due).then(|| match state.status.camera {
             TrainingCamera::Photo => *photo,
             TrainingCamera::Orbit => {
-                let phase = self.started.elapsed().as_secs_f64() / SWING * std::f64::consts::TAU;
-                swing_camera(photo, self.reach, WIDTH * phase.sin())
+                let phase = self.started.elapsed().as_secs_f64() / SWING_PERIOD_S * std::f64::consts::TAU;
+                swing_camera(photo, self.reach, SWING_AMPLITUDE_RAD * phase.sin())
             }
         })
     }
 
     fn on_image(&mut self, image: &TrainImage<'_>) -> Result<(), ObserverError> {
         let TrainImage { step, frame, psnr, .. } = *image;
-        let bytes = frame_jpeg(frame, QUALITY)?;
+        let bytes = frame_jpeg(frame, JPEG_QUALITY)?;
         let mut state = self.board.lock();
         (state.picture, state.drawn) = (Some(bytes.into()), Some(Instant::now()));
         state.status.picture = Some(step);

@@ -40,7 +40,7 @@ fn what_is_baked_is_what_is_rendered() {
         yard.run(&format!("bake yard.ply --set {asked} --overwrite -o baked.ply"));
         let again = read_png(&(*yard).render(&yard.path("baked.ply"), &yard.view, "again.png", ""));
         let pairs = live.pixels.as_flattened().iter().zip(again.pixels.as_flattened());
-        let psnr = psnr(pairs.map(|(a, b)| STEP * (f64::from(*a) - f64::from(*b))));
+        let psnr = psnr(pairs.map(|(a, b)| BYTE_STEP * (f64::from(*a) - f64::from(*b))));
         println!("{asked}: {psnr:.1} dB");
         assert!(psnr > 45.0, "{asked}: {psnr} dB");
     }

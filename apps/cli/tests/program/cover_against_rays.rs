@@ -14,8 +14,7 @@ use wm_weather::cover::{Airflow, Cover, CoverMaterial, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
 
 const SIZE: (u32, u32) = (300, 200);
-/// Depth of the snow, m.
-const DEPTH: f64 = 0.1;
+const SNOW_DEPTH_M: f64 = 0.1;
 
 /// The street with its snow, snow white and all else black.
 struct Street {
@@ -48,7 +47,7 @@ impl Street {
                 [[0.0, 30.0, 0.0]; 2],
             );
             let asked = CoverRequest {
-                depth: DEPTH,
+                depth: SNOW_DEPTH_M,
                 thaw: None,
                 wet_fall: 0.0,
                 repose: 0.9,

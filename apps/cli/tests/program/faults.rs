@@ -52,7 +52,7 @@ fov = 60.0
 const SIGNALS: [(&str, i32); 3] = [("-INT", 130), ("-TERM", 143), ("-HUP", 129)];
 
 /// Time in which a program has begun to listen to signals.
-const LISTENS: Duration = Duration::from_millis(100);
+const SIGNAL_SETUP_TIME: Duration = Duration::from_millis(100);
 
 /// A command in a folder of its own, with what it makes when it is left alone.
 struct Job {
@@ -215,7 +215,8 @@ impl Job {
                 // moment.
                 let code = output.status.code();
                 // Before it listens to signals it has made nothing.
-                let is_early = output.status.signal().is_some() && self.duration.mul_f64(share) < LISTENS;
+                let is_early =
+                    output.status.signal().is_some() && self.duration.mul_f64(share) < SIGNAL_SETUP_TIME;
                 assert!(
                     code == Some(status) || code == Some(0) || is_early,
                     "{what}: {:?} {is_sent} {}",
@@ -229,7 +230,7 @@ impl Job {
         }
         eprintln!("{:?}: {ended} times ended by signals", self.words);
         // One that ends within milliseconds may always be done before the signal comes.
-        assert!(ended > 0 || self.duration < 4 * LISTENS, "{:?}: no signal ended it", self.words);
+        assert!(ended > 0 || self.duration < 4 * SIGNAL_SETUP_TIME, "{:?}: no signal ended it", self.words);
         self.restore();
         let what = format!("{:?} with small files", self.words);
         // 1 block of 512 or 1024 bytes.

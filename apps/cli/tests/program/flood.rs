@@ -11,7 +11,7 @@ use wm_scene::{Camera, Group, Scene, Splats};
 use wm_street::{Place, Street, display_of};
 use wm_weather::water::fresnel;
 
-const LEVEL: f64 = 0.25;
+const FLOOD_LEVEL_M: f64 = 0.25;
 
 fn street() -> (Place, Scene) {
     let street = Street::builtin();
@@ -31,8 +31,8 @@ fn still_water_mirrors_what_rays_meet() {
     let mut renderer = Renderer::cpu().unwrap();
     let mut place = renderer.load(scene).unwrap();
     let ground = place.site().ground;
-    let water = ground + LEVEL;
-    let level = format!("flood.level={LEVEL}");
+    let water = ground + FLOOD_LEVEL_M;
+    let level = format!("flood.level={FLOOD_LEVEL_M}");
     let weather = weather(&[&level, "flood.ground=0", "flood.secchi=0.02", "flood.tint=0,0,0"]);
     for time in [0.02, 0.4] {
         let camera = Street::dolly(time).camera((240, 160)).unwrap();

@@ -89,12 +89,16 @@ fn turning_from_the_sky_changes_no_color() {
         let [before, _] = [0, 1].map(|i| patch(&clear[i], &views[i].0, board.center));
         most = largest((0..3).map(|k| (up[k] - down[k]).abs()).chain([most]));
         // The patches are the boards, and the fog is there.
-        assert!((0..3).all(|k| (before[k] - f64::from(rgb[k])).abs() < STEP), "{before:?}, {rgb:?}");
-        assert!((0..3).any(|k| (up[k] - before[k]).abs() > 20.0 * STEP), "{up:?}, {before:?}");
+        assert!((0..3).all(|k| (before[k] - f64::from(rgb[k])).abs() < BYTE_STEP), "{before:?}, {rgb:?}");
+        assert!((0..3).any(|k| (up[k] - before[k]).abs() > 20.0 * BYTE_STEP), "{up:?}, {before:?}");
     }
     let own = (brightest(&clear[0]) - brightest(&clear[1])).abs();
-    println!("off by {:.4}/255 at most; airlights by picture differ by {:.1}/255", most / STEP, own / STEP);
-    assert!(most <= STEP, "off by {:.2}/255", most / STEP);
+    println!(
+        "off by {:.4}/255 at most; airlights by picture differ by {:.1}/255",
+        most / BYTE_STEP,
+        own / BYTE_STEP
+    );
+    assert!(most <= BYTE_STEP, "off by {:.2}/255", most / BYTE_STEP);
     // The test can fail: an airlight of each picture's own would change by far more.
-    assert!(own > 20.0 * STEP, "{own}");
+    assert!(own > 20.0 * BYTE_STEP, "{own}");
 }

@@ -8,8 +8,8 @@
 use crate::common::*;
 
 const D_MAX: f64 = 10.0;
-const INTENSITY: f64 = 2.2;
-const FOG: [f64; 3] = [0xc8 as f64 * STEP, 0xcd as f64 * STEP, 0xd2 as f64 * STEP];
+const FOG_INTENSITY: f64 = 2.2;
+const FOG_COLOR: [f64; 3] = [0xc8 as f64 * BYTE_STEP, 0xcd as f64 * BYTE_STEP, 0xd2 as f64 * BYTE_STEP];
 
 /// The yard at half a metre a unit, so that metres and units cannot be confused.
 fn yard(size: (u32, u32)) -> Shot {
@@ -31,7 +31,7 @@ fn the_papers_equation_gives_the_picture() {
     let depth = read_channel(&yard.path("clear.depth.exr"), "Z");
     let alpha = read_channel(&yard.path("clear.alpha.exr"), "A");
     let weather = format!(
-        "--set fidelity=paper --set fog.paper_intensity={INTENSITY} --set fog.paper_d_max={D_MAX} \
+        "--set fidelity=paper --set fog.paper_intensity={FOG_INTENSITY} --set fog.paper_d_max={D_MAX} \
          --set fog.paper_color=#c8cdd2"
     );
     let exr = yard.exr(&weather);
@@ -44,11 +44,11 @@ fn the_papers_equation_gives_the_picture() {
     for i in 0..clear.pixels.len() {
         let (a, z) = (alpha.pixels[i], depth.pixels[i]);
         let relative = ((a * z + (1.0 - a) * D_MAX) / D_MAX).min(1.0);
-        let style = (1.0 - (-INTENSITY * relative).exp()).min(1.0);
-        for (k, fog) in FOG.into_iter().enumerate() {
+        let style = (1.0 - (-FOG_INTENSITY * relative).exp()).min(1.0);
+        for (k, fog) in FOG_COLOR.into_iter().enumerate() {
             let wanted = fog * style + encode(clear.pixels[i][k]) * (1.0 - style);
             let float = (encode(exr.pixels[i][k]) - wanted).abs();
-            let byte = (f64::from(png.pixels[i][k]) * STEP - wanted).abs();
+            let byte = (f64::from(png.pixels[i][k]) * BYTE_STEP - wanted).abs();
             (off_exr, off_png) = (off_exr.max(float), off_png.max(byte));
             other = other.max((encode(physical.pixels[i][k]) - wanted).abs());
         }
@@ -58,14 +58,14 @@ fn the_papers_equation_gives_the_picture() {
     }
     println!(
         "{covered} near, {far} far, {open} open: EXR off by {:.4}/255, PNG by {:.3}/255; physical by {:.0}/255",
-        off_exr / STEP,
-        off_png / STEP,
-        other / STEP
+        off_exr / BYTE_STEP,
+        off_png / BYTE_STEP,
+        other / BYTE_STEP
     );
     assert!(covered > 1000 && open > 1000 && far > 100, "{covered}, {open}, {far}");
-    assert!(off_exr <= STEP && off_png <= STEP);
+    assert!(off_exr <= BYTE_STEP && off_png <= BYTE_STEP);
     // The test can fail: physical fog is another picture.
-    assert!(other > 10.0 * STEP);
+    assert!(other > 10.0 * BYTE_STEP);
 }
 
 /// Drops wide enough for a small picture, and nothing after the last sub-cloud.
@@ -84,7 +84,7 @@ fn rain_is_the_papers_sum_of_its_stages() {
     let clear = yard.exr("");
     let rain = yard.exr(&format!("{BARE} --set rain.paper_k=1 --stages"));
     let [noise, overlay, filtered, last] = ["noise", "overlay", "filtered", "final"].map(|name| {
-        read_png(&yard.path(format!("shot.{name}.png"))).map(|rgb| rgb.map(|v| f64::from(v) * STEP))
+        read_png(&yard.path(format!("shot.{name}.png"))).map(|rgb| rgb.map(|v| f64::from(v) * BYTE_STEP))
     });
     let (mut kept, mut masked, mut dark, mut bright) = (0, 0, (0.0, 0), (0.0, 0));
     for i in 0..clear.pixels.len() {
@@ -96,11 +96,11 @@ fn rain_is_the_papers_sum_of_its_stages() {
         assert!(!is_kept || filtered.pixels[i] == noise.pixels[i]);
         for k in 0..3 {
             let wanted = before[k] + if is_kept { factor * noise.pixels[i][k] } else { 0.0 };
-            assert!((after[k] - wanted).abs() < 0.25 * STEP, "{} {wanted}", after[k]);
-            assert!((last.pixels[i][k] - after[k].min(1.0)).abs() < 0.51 * STEP);
+            assert!((after[k] - wanted).abs() < 0.25 * BYTE_STEP, "{} {wanted}", after[k]);
+            assert!((last.pixels[i][k] - after[k].min(1.0)).abs() < 0.51 * BYTE_STEP);
             if noise.pixels[i][k] == 0.0 {
                 // Less than half a step of noise, and its cover that is about as little.
-                assert!((overlay.pixels[i][k] - before[k].min(1.0)).abs() < 1.5 * STEP);
+                assert!((overlay.pixels[i][k] - before[k].min(1.0)).abs() < 1.5 * BYTE_STEP);
             }
         }
         kept += usize::from(is_kept);

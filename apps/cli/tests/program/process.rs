@@ -7,14 +7,14 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Longer than this no program may take; the machine may be busy.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub const MAX_RUN_TIME: Duration = Duration::from_secs(60);
 
 /// Starts a command with both outputs kept.
 pub fn begin(command: &mut Command) -> Child {
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// Runs to the end, within [`PATIENCE`].
+/// Runs to the end, within [`MAX_RUN_TIME`].
 pub fn finish(command: &mut Command) -> Output {
     wait(begin(command), &format!("{command:?}"))
 }
@@ -26,11 +26,11 @@ pub fn succeeds(command: &mut Command) -> Output {
     output
 }
 
-/// Waits for the end of `child`, within [`PATIENCE`]; `what` says in a panic what hangs.
+/// Waits for the end of `child`, within [`MAX_RUN_TIME`]; `what` says in a panic what hangs.
 pub fn wait(mut child: Child, what: &str) -> Output {
     let started = Instant::now();
     while child.try_wait().unwrap().is_none() {
-        if started.elapsed() > PATIENCE {
+        if started.elapsed() > MAX_RUN_TIME {
             child.kill().unwrap();
             panic!("hangs: {what}");
         }

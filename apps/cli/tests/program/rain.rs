@@ -167,15 +167,15 @@ fn streaks(coverage: &[f64], width: usize) -> Vec<Streak> {
 /// away it is, how fast it falls, and from its cover how large it is.
 #[test]
 fn streaks_are_as_long_as_drops_of_their_size_fall() {
-    const SHUTTER: f64 = 0.004;
-    const WIND: f64 = 4.0;
+    const EXPOSURE_S: f64 = 0.004;
+    const WIND_SPEED_M_S: f64 = 4.0;
     // So that they stand out as far as they go: a streak ends where it covers less than 1/256.
     const OPACITY: f64 = 50.0;
     let (board, camera) = (board(60.0, BLACK), ahead().0);
     let picture = |time: f64| {
         let options = format!(
-            "--time {time} --also particles.npy --set rain.rate=1 --set rain.exposure={SHUTTER} \
-             --set rain.opacity={OPACITY} --set wind.speed={WIND} --set wind.direction=0 --set wind.gusts=0"
+            "--time {time} --also particles.npy --set rain.rate=1 --set rain.exposure={EXPOSURE_S} \
+             --set rain.opacity={OPACITY} --set wind.speed={WIND_SPEED_M_S} --set wind.direction=0 --set wind.gusts=0"
         );
         board.render("s.exr", &options);
         let (values, shape) = npy::read(&board.path("s.particles.npy")).unwrap();
@@ -186,7 +186,7 @@ fn streaks_are_as_long_as_drops_of_their_size_fall() {
     let (mut lengths, mut angles, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
     for time in 0..6 {
         let time = f64::from(time);
-        let (first, second) = (picture(time), picture(time + SHUTTER));
+        let (first, second) = (picture(time), picture(time + EXPOSURE_S));
         for streak in first.iter().filter(|streak| streak.length > 4.0) {
             // The next picture has one of the same cover where this one ends.
             let is_next = |other: &&Streak| {
@@ -198,7 +198,7 @@ fn streaks_are_as_long_as_drops_of_their_size_fall() {
             let mut next = second.iter().filter(is_next);
             let (Some(other), None) = (next.next(), next.next()) else { continue };
             let [dx, dy] = [0, 1].map(|k| other.at[k] - streak.at[k]);
-            let away = WIND * SHUTTER * camera.fx / dx.abs();
+            let away = WIND_SPEED_M_S * EXPOSURE_S * camera.fx / dx.abs();
             // Away from the middle pixels are narrower angles.
             let ray = camera.ray(streak.at[0], streak.at[1]);
             let area = streak.cover / OPACITY * away * away / (camera.fx * camera.fy) * ray.y;
@@ -209,7 +209,7 @@ fn streaks_are_as_long_as_drops_of_their_size_fall() {
             }
             lengths.push(streak.length / dx.hypot(dy));
             angles.push((streak.angle - f64::atan2(dx, dy)).to_degrees());
-            let speed = dy * away / (camera.fy * SHUTTER);
+            let speed = dy * away / (camera.fy * EXPOSURE_S);
             println!("{diameter:.2} mm at {away:.2} m: {speed:.2} m/s");
             speeds.push(speed / gunn_kinzer(diameter));
         }
@@ -233,7 +233,7 @@ fn streaks_are_as_long_as_drops_of_their_size_fall() {
 /// Fall speed of drops, mm and m/s, as measured by Gunn and Kinzer (1949), straight between their
 /// sizes.
 fn gunn_kinzer(diameter: f64) -> f64 {
-    const MEASURED: [[f64; 2]; 14] = [
+    const FALL_SPEEDS_MM_M_S: [[f64; 2]; 14] = [
         [0.4, 1.62],
         [0.6, 2.47],
         [0.8, 3.27],
@@ -249,6 +249,7 @@ fn gunn_kinzer(diameter: f64) -> f64 {
         [4.0, 8.83],
         [5.8, 9.17],
     ];
-    let pair = MEASURED.windows(2).find(|pair| diameter < pair[1][0]).unwrap_or(&MEASURED[12..]);
+    let pair =
+        FALL_SPEEDS_MM_M_S.windows(2).find(|pair| diameter < pair[1][0]).unwrap_or(&FALL_SPEEDS_MM_M_S[12..]);
     pair[0][1] + (pair[1][1] - pair[0][1]) * (diameter - pair[0][0]) / (pair[1][0] - pair[0][0])
 }

@@ -13,8 +13,8 @@ use wm_base::npy;
 use wm_base::random::uniform;
 use wm_train::metrics::{Collection, Embeddings};
 
-/// Numbers an embedding.
-const WIDTH: usize = 16;
+/// Numbers of an embedding.
+const EMBEDDING_WIDTH: usize = 16;
 
 /// A folder to work in, whose commands are `evaluate`.
 fn desk() -> Workshop {
@@ -27,15 +27,15 @@ fn embeddings(desk: &Workshop, name: &str, count: usize, shift: f64) -> Embeddin
     let seed = name.bytes().map(u64::from).sum();
     for row in 0..count {
         let number = |index: usize| {
-            let noise = uniform(seed, (row * WIDTH + index) as u64) - 0.5;
+            let noise = uniform(seed, (row * EMBEDDING_WIDTH + index) as u64) - 0.5;
             if index.is_multiple_of(2) { 1.0 + noise } else { shift + noise }
         };
-        let row: Vec<f64> = (0..WIDTH).map(number).collect();
+        let row: Vec<f64> = (0..EMBEDDING_WIDTH).map(number).collect();
         let length = row.iter().map(|v| v * v).sum::<f64>().sqrt();
         values.extend(row.iter().map(|v| (v / length) as f32));
     }
-    npy::write(&desk.put(name, ""), &values, &[count, WIDTH]).unwrap();
-    Embeddings::new(values, WIDTH).unwrap()
+    npy::write(&desk.put(name, ""), &values, &[count, EMBEDDING_WIDTH]).unwrap();
+    Embeddings::new(values, EMBEDDING_WIDTH).unwrap()
 }
 
 fn cmmd(x: &Embeddings, y: &Embeddings) -> f64 {
@@ -138,10 +138,15 @@ fn embeddings_that_are_refused() {
     let desk = desk();
     embeddings(&desk, "real.npy", 9, 0.0);
     embeddings(&desk, "one.npy", 1, 0.0);
-    npy::write(&desk.path("long.npy"), &[1.0; 2 * WIDTH], &[2, WIDTH]).unwrap();
-    npy::write(&desk.path("flat.npy"), &[0.25; WIDTH], &[WIDTH]).unwrap();
+    npy::write(&desk.path("long.npy"), &[1.0; 2 * EMBEDDING_WIDTH], &[2, EMBEDDING_WIDTH]).unwrap();
+    npy::write(&desk.path("flat.npy"), &[0.25; EMBEDDING_WIDTH], &[EMBEDDING_WIDTH]).unwrap();
     npy::write(&desk.path("wide.npy"), &[0.5; 8], &[2, 4]).unwrap();
-    npy::write(&desk.path("nan.npy"), &[[0.25; WIDTH], [f32::NAN; WIDTH]].concat(), &[2, WIDTH]).unwrap();
+    npy::write(
+        &desk.path("nan.npy"),
+        &[[0.25; EMBEDDING_WIDTH], [f32::NAN; EMBEDDING_WIDTH]].concat(),
+        &[2, EMBEDDING_WIDTH],
+    )
+    .unwrap();
     let bytes = desk.read("real.npy");
     desk.put("cut.npy", &bytes[..bytes.len() - 3]);
     desk.put("empty/readme.txt", "no picture");

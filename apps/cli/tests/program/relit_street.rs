@@ -9,8 +9,8 @@ use wm_scene::{Camera, Scene};
 use wm_street::{Lighting, Place, Street};
 
 const SIZE: (u32, u32) = (240, 160);
-/// Distance of the pixels that are compared across an edge of a shadow, px.
-const ACROSS: usize = 10;
+/// Distance of the pixels that are compared across an edge of a shadow.
+const PAIR_DISTANCE_PX: usize = 10;
 
 fn sampled(place: &Place) -> Scene {
     place.sampling(0.5).scene(&|_| true).expect("nobody stops it")
@@ -41,10 +41,11 @@ fn edges(place: &Place, camera: &Camera, picture: &Picture) -> Vec<f64> {
         is_near.then(|| (hit.material, place.first(point, Place::sun_direction()).is_none()))
     };
     let pixels: Vec<_> = (0..width * height).map(seen).collect();
-    let pairs = (0..width * height - ACROSS).filter(|first| first % width + ACROSS < width);
+    let pairs =
+        (0..width * height - PAIR_DISTANCE_PX).filter(|first| first % width + PAIR_DISTANCE_PX < width);
     let ratio = |first: usize| {
-        let ((material, lit), (other, other_lit)) = (pixels[first]?, pixels[first + ACROSS]?);
-        let ratio = (light(picture, first) / light(picture, first + ACROSS)).ln();
+        let ((material, lit), (other, other_lit)) = (pixels[first]?, pixels[first + PAIR_DISTANCE_PX]?);
+        let ratio = (light(picture, first) / light(picture, first + PAIR_DISTANCE_PX)).ln();
         (material == other && lit != other_lit).then_some(if lit { ratio } else { -ratio })
     };
     pairs.filter_map(ratio).collect()

@@ -18,9 +18,9 @@ use glam::DVec3;
 use wm_scene::{Metadata, Splats};
 
 const SIZE: (u32, u32) = (96, 64);
-const NEAR: f64 = 10.0;
-const FAR: f64 = 1000.0;
-const AIRLIGHT: f64 = 0xbe as f64 * STEP;
+const NEAR_DISTANCE_M: f64 = 10.0;
+const FAR_DISTANCE_M: f64 = 1000.0;
+const AIRLIGHT: f64 = 0xbe as f64 * BYTE_STEP;
 
 #[test]
 fn an_edge_is_the_blend_of_what_each_layer_sends_through_the_fog() {
@@ -31,9 +31,12 @@ fn an_edge_is_the_blend_of_what_each_layer_sends_through_the_fog() {
         u: DVec3::Y * (0.62 * distance),
         v: DVec3::Z * (0.42 * distance),
     };
-    let far = across(FAR);
-    let near =
-        Card { center: DVec3::new(NEAR, 0.31 * NEAR, 0.0), u: across(NEAR).u / 2.0, v: across(NEAR).v };
+    let far = across(FAR_DISTANCE_M);
+    let near = Card {
+        center: DVec3::new(NEAR_DISTANCE_M, 0.31 * NEAR_DISTANCE_M, 0.0),
+        u: across(NEAR_DISTANCE_M).u / 2.0,
+        v: across(NEAR_DISTANCE_M).v,
+    };
     let metadata = Metadata { ground: Some(-2.0), ..yard_metadata(1.0) };
     // Coarse, so that the edge is wide: 2.3 px of spacing, 1.8 px of standard deviation.
     let near_grid = (24, 32);
@@ -66,23 +69,26 @@ fn an_edge_is_the_blend_of_what_each_layer_sends_through_the_fog() {
                     let seen = encode(picture.at(x, y)[1]);
                     off = off.max((seen - wanted).abs());
                     // No halo: nothing is brighter or darker than both layers.
-                    assert!(seen > front.min(back) - STEP && seen < front.max(back) + STEP, "{x}, {y}");
+                    assert!(
+                        seen > front.min(back) - BYTE_STEP && seen < front.max(back) + BYTE_STEP,
+                        "{x}, {y}"
+                    );
                     edge += usize::from((0.02..0.98).contains(&alpha));
                     let clear = alpha * near_color + (1.0 - alpha) * far_color;
                     let by_mean = fogged(clear, alpha * ray(&near) + (1.0 - alpha) * ray(&far));
                     off_by_mean = off_by_mean.max((by_mean - wanted).abs());
                 }
             }
-            let steps = |v: f64| v / STEP;
+            let steps = |v: f64| v / BYTE_STEP;
             println!(
                 "{name}, MOR {mor} m, {edge} edge pixels: off by {:.3}/255 at most; by the mean depth {:.1}/255",
                 steps(off),
                 steps(off_by_mean)
             );
             assert!(edge > 150, "{edge} pixels of edge");
-            assert!(off <= STEP, "{name}, MOR {mor}: off by {:.2}/255", steps(off));
+            assert!(off <= BYTE_STEP, "{name}, MOR {mor}: off by {:.2}/255", steps(off));
             // The test can fail: one depth per pixel is off by more than ten times the bound.
-            assert!(off_by_mean > 10.0 * STEP, "{name}, MOR {mor}: {:.2}/255", steps(off_by_mean));
+            assert!(off_by_mean > 10.0 * BYTE_STEP, "{name}, MOR {mor}: {:.2}/255", steps(off_by_mean));
         }
     }
 }

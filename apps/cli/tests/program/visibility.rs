@@ -18,15 +18,13 @@ use glam::{DQuat, DVec3};
 use std::path::PathBuf;
 use wm_scene::{Camera, Metadata, Splats};
 
-/// Side of the field of one card, px.
-const FIELD: usize = 80;
+/// Side of the field of one card.
+const FIELD_SIDE_PX: usize = 80;
 /// Fields in a row and in a column.
-const FIELDS: (usize, usize) = (6, 5);
-/// Half the side of a card, px.
-const HALF: f64 = 10.0;
-/// Half the side of the patch in its middle that is measured, px: far from the soft edge, 13 x 13
-/// px.
-const PATCH: usize = 6;
+const FIELD_COUNTS: (usize, usize) = (6, 5);
+const CARD_HALF_SIDE_PX: f64 = 10.0;
+/// The patch in a card's middle that is measured: far from the soft edge, 13 x 13 px.
+const PATCH_HALF_SIDE_PX: usize = 6;
 /// Radiance of the fog, sRGB, not grey, so that channels cannot be confused.
 const AIRLIGHT: [u8; 3] = [0xb4, 0xbe, 0xc8];
 /// Colour behind the cards, sRGB.
@@ -76,9 +74,9 @@ impl Chart {
         };
         // Up and forward as a capture may have them, and the camera away from the origin.
         let (up, eye) = (DVec3::NEG_Y, DVec3::new(3.0, -5.0, 2.0));
-        let size = (FIELDS.0 * FIELD, FIELDS.1 * FIELD);
+        let size = (FIELD_COUNTS.0 * FIELD_SIDE_PX, FIELD_COUNTS.1 * FIELD_SIDE_PX);
         let (camera, view) = look((size.0 as u32, size.1 as u32), 70.0, eye, eye + DVec3::Z, up);
-        let count = FIELDS.0 * FIELDS.1;
+        let count = FIELD_COUNTS.0 * FIELD_COUNTS.1;
         let cards: Vec<Card> = (0..count)
             .map(|index| {
                 // 7 has no divisor in common with 30: near and far are mixed over the picture.
@@ -91,7 +89,7 @@ impl Chart {
                 let tilt = [0.0, 40f64, -40.0][index % 3].to_radians();
                 let across = ray.cross(if index % 2 == 0 { DVec3::X } else { DVec3::Y }).normalize();
                 let normal = DQuat::from_axis_angle(across, tilt) * ray;
-                Card::over(&camera, pixel, HALF, metres / metres_per_unit, normal)
+                Card::over(&camera, pixel, CARD_HALF_SIDE_PX, metres / metres_per_unit, normal)
             })
             .collect();
         let workshop = Workshop::new();
@@ -116,13 +114,17 @@ impl Chart {
 
     /// The pixel in the middle of field `index`.
     fn middle(index: usize) -> (usize, usize) {
-        (index % FIELDS.0 * FIELD + FIELD / 2, index / FIELDS.0 * FIELD + FIELD / 2)
+        (
+            index % FIELD_COUNTS.0 * FIELD_SIDE_PX + FIELD_SIDE_PX / 2,
+            index / FIELD_COUNTS.0 * FIELD_SIDE_PX + FIELD_SIDE_PX / 2,
+        )
     }
 
     /// The pixels of the patch of card `index`.
     fn patch(index: usize) -> impl Iterator<Item = (usize, usize)> {
         let (x, y) = Self::middle(index);
-        (y - PATCH..=y + PATCH).flat_map(move |y| (x - PATCH..=x + PATCH).map(move |x| (x, y)))
+        (y - PATCH_HALF_SIDE_PX..=y + PATCH_HALF_SIDE_PX)
+            .flat_map(move |y| (x - PATCH_HALF_SIDE_PX..=x + PATCH_HALF_SIDE_PX).map(move |x| (x, y)))
     }
 
     /// Renders both scenes through a weather, as `exr` or `png`.
@@ -319,7 +321,7 @@ fn fog_that_thins_upwards_is_the_integral_along_each_ray() {
 #[test]
 fn fog_only_takes_contrast_and_ends_in_the_airlight() {
     let chart = Chart::new(Scale::File(2.5), 600.0);
-    let airlight = AIRLIGHT.map(|byte| decode(f64::from(byte) * STEP));
+    let airlight = AIRLIGHT.map(|byte| decode(f64::from(byte) * BYTE_STEP));
     let thick = chart.seen("exr", &fog(50.0));
     // f32 between encoded and linear light: a few units of 6e-8 at a slope below 2.
     let corner = thick.white.at(2, 2);

@@ -56,7 +56,7 @@ mod tests {
     #[test]
     fn each_picture_has_its_reference() {
         let files = testing::written(&LAYOUT, 8);
-        assert_eq!(files.len(), 2 * 2 * 3 * testing::FRAMES as usize);
+        assert_eq!(files.len(), 2 * 2 * 3 * testing::FRAMES_PER_CLIP as usize);
         let name = "000000-bend-rain-front";
         let weathered = format!("rgb_anon/rain/train/{name}/{name}_frame_000007_rgb_anon.png");
         let clean = format!("rgb_anon/rain/train_ref/{name}/{name}_frame_000007_rgb_ref_anon.png");

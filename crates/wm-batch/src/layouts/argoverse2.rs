@@ -280,7 +280,7 @@ mod tests {
         let named = |name| [&[name], &POSE[..]].concat();
         let mut track = table(&files, &format!("{log}/city_SE3_egovehicle.feather"), &named("timestamp_ns"));
         let (stamps, world_from_rig) = (track.ints("timestamp_ns").unwrap(), poses(&mut track));
-        assert_eq!(stamps.len(), testing::FRAMES as usize);
+        assert_eq!(stamps.len(), testing::FRAMES_PER_CLIP as usize);
         let path = format!("{log}/calibration/egovehicle_SE3_sensor.feather");
         let mut sensors = table(&files, &path, &named("sensor_name"));
         let (names, rig_from_sensor) = (sensors.texts("sensor_name").unwrap(), poses(&mut sensors));

@@ -22,12 +22,12 @@ pub(super) const LAYOUT: Layout = Layout {
     needs: LayerNeeds::NONE,
     needs_every_sensor: true,
     check: |set| kitti::check("semantic-kitti", KittiNeed::Lidar, set),
-    block: |block| with_classes(block, OUTLIER),
+    block: |block| with_classes(block, OUTLIER_CLASS),
     tables,
 };
 
-/// Points that are no surfaces.
-const OUTLIER: u16 = 1;
+/// Class of points that are no surfaces.
+const OUTLIER_CLASS: u16 = 1;
 
 /// The files of a block, with the class that flakes in the air have.
 pub(super) fn with_classes(block: BlockInfo<'_>, snowflake: u16) -> Box<dyn BlockWriter + '_> {
@@ -41,7 +41,7 @@ pub(super) fn with_classes(block: BlockInfo<'_>, snowflake: u16) -> Box<dyn Bloc
     let class = move |point: &DatasetPoint| match point.source {
         PointSource::Surface => classes.get(usize::from(point.label)).copied().unwrap_or(0),
         PointSource::Snow => snowflake,
-        PointSource::Rain | PointSource::Air | PointSource::Ghost => OUTLIER,
+        PointSource::Rain | PointSource::Air | PointSource::Ghost => OUTLIER_CLASS,
     };
     let mut files = KittiFiles::new(block, path);
     files.class = Some(Box::new(class));

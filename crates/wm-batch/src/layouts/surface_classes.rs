@@ -74,9 +74,9 @@ pub(super) fn semantic_kitti_classes(labels: &[String]) -> Vec<u16> {
 /// The index of nuScenes-lidarseg of each label, by its number; `static.other` where no name is
 /// alike, as 0 is noise there.
 pub(super) fn lidarseg_classes(labels: &[String]) -> Vec<u8> {
-    const OTHER: u8 = 29;
-    std::iter::once(OTHER)
-        .chain(labels.iter().map(|name| class(name).map_or(OTHER, |class| class.1)))
+    const OTHER_CLASS: u8 = 29;
+    std::iter::once(OTHER_CLASS)
+        .chain(labels.iter().map(|name| class(name).map_or(OTHER_CLASS, |class| class.1)))
         .collect()
 }
 

@@ -26,7 +26,7 @@ use wm_scene::survey::Survey;
 use wm_scene::{Metadata, Scene};
 
 const MAGIC: &[u8; 8] = b"WMASSET1";
-const HEADER: usize = 44;
+const HEADER_BYTES: usize = 44;
 const EXTENSION: &str = "wmasset";
 /// Version of the algorithms that make assets: raise it when any of them gives other numbers for
 /// the same scene.
@@ -146,7 +146,7 @@ impl AssetCache {
         let (path, digest) = self.entry(file)?;
         let bytes = files::read(&path).ok()?;
         let bytes = unpacked(&bytes)?;
-        let (header, contents) = bytes.split_at_checked(HEADER)?;
+        let (header, contents) = bytes.split_at_checked(HEADER_BYTES)?;
         let is_whole = header[..8] == *MAGIC
             && header[8..40] == digest
             && header[40..] == crc32fast::hash(contents).to_le_bytes();
@@ -166,12 +166,12 @@ impl AssetCache {
         }
         let Some((path, digest)) = self.entry(&file) else { return };
         let Some(folder) = &self.folder else { return };
-        let mut bytes = vec![0; HEADER];
+        let mut bytes = vec![0; HEADER_BYTES];
         bytes[..8].copy_from_slice(MAGIC);
         bytes[8..40].copy_from_slice(&digest);
         let Ok(mut bytes) = postcard::to_extend(asset, bytes) else { return };
-        let checksum = crc32fast::hash(&bytes[HEADER..]).to_le_bytes();
-        bytes[40..HEADER].copy_from_slice(&checksum);
+        let checksum = crc32fast::hash(&bytes[HEADER_BYTES..]).to_le_bytes();
+        bytes[40..HEADER_BYTES].copy_from_slice(&checksum);
         if bytes.len() as u64 > MOST_BYTES || fs::create_dir_all(folder).is_err() {
             return;
         }

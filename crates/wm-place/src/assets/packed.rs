@@ -6,16 +6,15 @@ use std::io::Read;
 
 /// The beginning of a packed asset.
 const MAGIC: &[u8] = &[0x1f, 0x8b];
-/// Most times that an asset may be longer than its packed form.
-const MOST_GROWTH: u64 = 200;
-/// The level of the packing.
-const LEVEL: u8 = 7;
+/// Greatest length of an asset over that of its packed form.
+const MAX_GROWTH_RATIO: u64 = 200;
+const COMPRESSION_LEVEL: u8 = 7;
 
 /// Packs the bytes of an asset file. [`AssetCache`](super::AssetCache) reads both forms. The same
 /// bytes are packed to the same bytes.
 #[must_use]
 pub fn pack_asset(bytes: &[u8]) -> Vec<u8> {
-    sirocco::compress(Format::Gzip, deflate::Level::new(LEVEL), bytes)
+    sirocco::compress(Format::Gzip, deflate::Level::new(COMPRESSION_LEVEL), bytes)
 }
 
 /// The bytes of an asset file, packed or not; `None` if they are packed and damaged.
@@ -23,7 +22,7 @@ pub(crate) fn unpacked(bytes: &[u8]) -> Option<Cow<'_, [u8]>> {
     if !bytes.starts_with(MAGIC) {
         return Some(bytes.into());
     }
-    let most = bytes.len() as u64 * MOST_GROWTH;
+    let most = bytes.len() as u64 * MAX_GROWTH_RATIO;
     let mut whole = Vec::new();
     let mut reader = sirocco::inflate::Reader::new(Format::Gzip, bytes).take(most + 1);
     reader.read_to_end(&mut whole).ok()?;

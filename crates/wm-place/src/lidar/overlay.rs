@@ -157,8 +157,8 @@ mod tests {
     use glam::DMat3;
     use wm_sensors::{EchoClass, LidarPoint, ReturnRank, SensorPose};
 
-    const FAR: [u8; 3] = [130, 230, 255];
-    const NEAR: [u8; 3] = [190, 150, 255];
+    const FAR_COLOR: [u8; 3] = [130, 230, 255];
+    const NEAR_COLOR: [u8; 3] = [190, 150, 255];
 
     /// A sweep from the origin, whose axes are those of the scene, of 2 m a unit.
     fn sweep(points: &[([f32; 3], EchoClass)]) -> LidarSweep {
@@ -214,7 +214,7 @@ mod tests {
     fn points_are_hidden_by_what_is_nearer() {
         // 22 m ahead of the sensor: 10 units ahead of the camera.
         let overlay = PointOverlay::of(&sweep(&[([0.0, 0.0, 22.0], EchoClass::Drop)]), PointColors::Class);
-        let middle = vec![(10 * 30 + 15, FAR)];
+        let middle = vec![(10 * 30 + 15, FAR_COLOR)];
         // The tolerance is a tenth of the depth and 0.1 units.
         for (depth, is_seen) in [(5.0, false), (8.9, false), (9.1, true), (20.0, true), (0.0, true)] {
             assert_eq!(drawn(&overlay, &frame(depth)) == middle, is_seen, "{depth}");
@@ -242,7 +242,7 @@ mod tests {
             ([0.0, -500.0, 22.0], EchoClass::Drop),
         ];
         let overlay = PointOverlay::of(&sweep(&points), PointColors::Class);
-        assert_eq!(drawn(&overlay, &frame(50.0)), vec![(10 * 30 + 15, NEAR)]);
+        assert_eq!(drawn(&overlay, &frame(50.0)), vec![(10 * 30 + 15, NEAR_COLOR)]);
         let grey = drawn(&overlay.greyed(), &frame(50.0))[0].1;
         assert!(grey[0] == grey[1] && grey[1] == grey[2] && grey[0] > 100, "{grey:?}");
     }
@@ -257,7 +257,7 @@ mod tests {
         let [own, world] =
             [own, world].map(|sweep| drawn(&PointOverlay::of(&sweep, PointColors::Class), &frame(50.0)));
         assert_eq!(own, world);
-        assert_eq!(own.iter().filter(|(_, rgb)| *rgb == FAR).count(), 1);
+        assert_eq!(own.iter().filter(|(_, rgb)| *rgb == FAR_COLOR).count(), 1);
         assert_eq!(
             own.iter().filter(|(_, rgb)| *rgb == CROSS_COLOR).count(),
             4 * CROSS_HALF_LENGTH as usize + 1

@@ -1,7 +1,7 @@
 //! Pinhole pictures of a place.
 
 use super::attributes::{SceneAttributes, chosen_attributes, shown_attributes, shown_views, with_cover};
-use super::prepared::{Lying, PreparedPlace};
+use super::prepared::{LoadedCover, PreparedPlace};
 use super::surface::flood_follows_camera;
 use crate::assets::{AssetNeeds, AssetStore, LyingKey};
 use crate::frame::FrameInputs;
@@ -185,7 +185,7 @@ impl PreparedPlace {
 fn find_puddles(
     water: &mut PlaceWater,
     store: &mut AssetStore,
-    lying: Option<&Lying>,
+    lying: Option<&LoadedCover>,
     prepared: &PreparedWeather,
     site: &Site,
 ) -> Option<Arc<WaterGrid>> {

@@ -65,7 +65,7 @@ pub struct PreparedPlace {
     pub(super) given_digest: Option<AssetDigest>,
     pub(super) cache: AssetCache,
     pub(super) store: AssetStore,
-    pub(super) lying: Option<Lying>,
+    pub(super) lying: Option<LoadedCover>,
     /// The scene with few splats, if a weather with drops on the lens, wet ground or a flood was
     /// drawn.
     pub(super) thinned: Option<ThinnedSet>,
@@ -86,7 +86,7 @@ pub struct PreparedPlace {
 }
 
 /// The snow or dust that the renderer holds.
-pub(super) struct Lying {
+pub(super) struct LoadedCover {
     /// On what, and what.
     pub what: LyingKey,
     pub set: SetId,
@@ -96,7 +96,7 @@ pub(super) struct Lying {
     pub depths: Vec<Vec<f32>>,
 }
 
-impl Lying {
+impl LoadedCover {
     /// Returns true if a weather lays something of this kind. In a draft it may be of another depth
     /// or place than the weather asks for.
     pub fn is_of(&self, prepared: &PreparedWeather) -> bool {

@@ -1,6 +1,6 @@
 //! The assets of a place: which its weathers need, and those that were made.
 
-use super::prepared::{Lying, PreparedPlace};
+use super::prepared::{LoadedCover, PreparedPlace};
 use super::surface::flood_follows_camera;
 use crate::assets::{
     AnyAsset, AssetKey, AssetNeeds, AssetSource, Assets, Keep, KeyedAsset, LyingKey, MissingAssets,
@@ -182,7 +182,7 @@ impl PreparedPlace {
             match key {
                 AssetKey::Lying(what) => {
                     if let Some(lying) = asset.downcast().ok().and_then(Arc::into_inner) {
-                        self.lay(backend, what, lying)?;
+                        self.load_lying(backend, what, lying)?;
                     }
                 }
                 key => self.take_asset(key, asset),
@@ -201,12 +201,12 @@ impl PreparedPlace {
     }
 
     /// Loads what lies in the place of what lay before.
-    fn lay(&mut self, backend: &mut AnyRenderer, what: LyingKey, lying: LyingCover) -> Result<()> {
+    fn load_lying(&mut self, backend: &mut AnyRenderer, what: LyingKey, lying: LyingCover) -> Result<()> {
         self.clear_cover(backend);
         let set = backend.load(&lying.splats)?;
         let LyingCover { splats, buried, settled, .. } = lying;
         let depths = settled.into_iter().map(|settled| settled.depth).collect();
-        self.lying = Some(Lying { what, set, buried, light: CoverLight::of(splats), depths });
+        self.lying = Some(LoadedCover { what, set, buried, light: CoverLight::of(splats), depths });
         Ok(())
     }
 

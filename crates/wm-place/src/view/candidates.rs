@@ -50,8 +50,8 @@ const DOWNWARD_RAYS: usize = 3;
 const VIEW_HALF_AZIMUTHS: usize = 3;
 /// Free height over the eye, of that of the eye over the ground: rooms are 2.4 m high and more.
 /// Where the scale is not known an eye that low may be under a table.
-const HEADROOM: f64 = 0.5;
-const RAISED_HEADROOM: f64 = 2.5;
+const HEADROOM_RATIO: f64 = 0.5;
+const RAISED_HEADROOM_RATIO: f64 = 2.5;
 /// Eye positions to each side of the middle, along each axis.
 const GRID_HALF_STEPS: i32 = 9;
 /// Free distance that a view needs, in heights of the eye above the ground.
@@ -119,7 +119,8 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
             let Some(ground) = space.ground(below) else { continue };
             for (kind, height, pitch) in &heights {
                 let eye = below + up * (ground + height - below.dot(up));
-                let headroom = if *kind == CandidateKind::EyeLevel { HEADROOM } else { RAISED_HEADROOM };
+                let headroom =
+                    if *kind == CandidateKind::EyeLevel { HEADROOM_RATIO } else { RAISED_HEADROOM_RATIO };
                 let is_free = space.hit(eye, up, headroom * height).is_none();
                 if is_free && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
                     let aside = EDGE_PENALTY * offset.length() / radius;

@@ -27,7 +27,7 @@ use wm_scene::formats::Axes;
 /// nerfstudio's file; other keys are left alone.
 #[derive(Deserialize)]
 struct Nerfstudio {
-    camera_path: Vec<Posed>,
+    camera_path: Vec<PathPose>,
     fps: Option<f64>,
     seconds: Option<f64>,
     #[serde(default)]
@@ -67,7 +67,7 @@ struct Angles {
 const BLENDER_RATE: f64 = 24.0;
 
 #[derive(Deserialize)]
-struct Posed {
+struct PathPose {
     camera_to_world: Vec<f64>,
     #[serde(default = "usual_fov")]
     fov: f64,
@@ -98,11 +98,11 @@ struct Track {
 #[derive(Deserialize)]
 struct Keyframes {
     times: Vec<f64>,
-    values: Values,
+    values: TrackValues,
 }
 
 #[derive(Deserialize)]
-struct Values {
+struct TrackValues {
     position: Vec<f64>,
     target: Vec<f64>,
     #[serde(default)]
@@ -184,7 +184,7 @@ fn nerfstudio(file: &Nerfstudio, fov: Option<f64>) -> Result<Vec<PathKey>, Strin
     }
     let by_length = || file.seconds.map(|seconds| file.camera_path.len() as f64 / seconds);
     let rate = rate(file.fps.or_else(by_length).unwrap_or_else(usual_rate))?;
-    let key = |(index, posed): (usize, &Posed)| {
+    let key = |(index, posed): (usize, &PathPose)| {
         let (eye, rotation) = pose(&posed.camera_to_world)
             .map_err(|what| format!("camera {}: camera_to_world {what}", index + 1))?;
         Ok(PathKey { time: index as f64 / rate, eye, rotation, fov: fov.unwrap_or(posed.fov) })

@@ -180,5 +180,5 @@ fn scale(field: Field, unit: &str) -> Option<fn(f64) -> f64> {
 }
 
 /// The WMO's codes of present weather for Meteostat's 1 to 27.
-pub(super) const METEOSTAT: [u8; 27] =
+pub(super) const METEOSTAT_CODES: [u8; 27] =
     [0, 1, 2, 3, 45, 48, 61, 63, 65, 66, 67, 68, 69, 71, 73, 75, 80, 82, 83, 84, 85, 86, 13, 89, 95, 97, 18];

@@ -8,7 +8,7 @@ use crate::error::{ReportError, quoted};
 const MAX_COLUMNS: usize = 500;
 
 /// The columns of Meteostat's files of whole stations, which have no line of names.
-const METEOSTAT: [&str; 13] =
+const METEOSTAT_COLUMNS: [&str; 13] =
     ["date", "hour", "temp", "dwpt", "rhum", "prcp", "snow", "wdir", "wspd", "wpgt", "pres", "tsun", "coco"];
 
 /// A line with its number, from 1.
@@ -29,7 +29,11 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         cells(header, separator).iter().map(|cell| name_and_unit(cell)).collect();
     // Meteostat's files of whole stations have no names.
     if time::parse(&columns[0].0).is_some() && (12..=13).contains(&columns.len()) {
-        columns = METEOSTAT.iter().take(columns.len()).map(|name| ((*name).into(), String::new())).collect();
+        columns = METEOSTAT_COLUMNS
+            .iter()
+            .take(columns.len())
+            .map(|name| ((*name).into(), String::new()))
+            .collect();
         body = &lines;
     }
     if columns.len() > MAX_COLUMNS {

@@ -1,6 +1,6 @@
 //! Cells of a table on their way to rows.
 
-use super::columns::{Column, Field, METEOSTAT, names, other_service};
+use super::columns::{Column, Field, METEOSTAT_CODES, names, other_service};
 use super::{WeatherRow, WeatherTable, time};
 use crate::draft::{ReportNote, ReportNoteKind};
 use crate::error::{ReportError, meant, quoted};
@@ -233,7 +233,7 @@ impl RawTable<'_> {
                 Field::Clouds => row.cloud_cover = Some(value.min(1.0)),
                 Field::Code => row.code = Some(value.round() as u8),
                 Field::MeteostatCode => {
-                    row.code = METEOSTAT.get((value.round() as usize).wrapping_sub(1)).copied();
+                    row.code = METEOSTAT_CODES.get((value.round() as usize).wrapping_sub(1)).copied();
                 }
                 Field::Time | Field::Date => {}
             }

@@ -18,19 +18,19 @@ use super::decoded::{
     WeatherGroup, WeatherIntensity, WeatherPhenomenon as Phenomenon,
 };
 use crate::conditions::{
-    Carrier, Conditions, DRIZZLE, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M, SnowRate,
-    Sun,
+    Carrier, Conditions, DRIZZLE_RATES_MM_H, FLASHES_PER_MINUTE, HAIL_RATES_MM_H, RAIN_RATES_MM_H,
+    SHOWER_RATES_MM_H, SNOW_RATES_MM_H, STORM_DISTANCE_M, SnowRate, Sun,
 };
 use crate::draft::{Basis, Datum, Draft, WrittenWeather};
 use crate::error::ReportError;
 use crate::optics::humidity;
 use crate::options::ReportOptions;
 
-/// Rates of light, moderate and heavy weather, mm/h.
-const SNOW_GRAINS: [f64; 3] = [0.05, 0.1, 0.2];
-const ICE_CRYSTALS: f64 = 0.02;
-const SMALL_HAIL: [f64; 3] = [2.0, 8.0, 20.0];
-const PELLETS: [f64; 3] = [0.5, 2.0, 5.0];
+/// Of light, moderate and heavy weather.
+const SNOW_GRAIN_RATES_MM_H: [f64; 3] = [0.05, 0.1, 0.2];
+const ICE_CRYSTAL_RATE_MM_H: f64 = 0.02;
+const SMALL_HAIL_RATES_MM_H: [f64; 3] = [2.0, 8.0, 20.0];
+const ICE_PELLET_RATES_MM_H: [f64; 3] = [0.5, 2.0, 5.0];
 /// Wind that lifts snow, m/s.
 const SNOW_DRIFT_WIND_M_S: f64 = 8.0;
 /// Flashes a minute of a thunderstorm in the vicinity, and their distance, m.
@@ -98,7 +98,7 @@ impl Mapping {
     }
 
     fn air_and_clouds(&mut self, metar: &Metar) {
-        self.now.visibility = metar.visibility.as_ref().map(told);
+        self.now.visibility = metar.visibility.as_ref().map(visibility_datum);
         if let Some(least) = &metar.minimum_visibility {
             let side = least.direction.as_deref().map_or_else(String::new, |side| format!(" to the {side}"));
             self.ignored.push(format!(
@@ -182,10 +182,12 @@ impl Mapping {
         let mixed = if is_mixed { ", half of it" } else { "" };
         match phenomenon {
             Phenomenon::Rain if is_shower => {
-                self.rain(share * SHOWERS[strength], format!("{code}: showers{mixed}"));
+                self.rain(share * SHOWER_RATES_MM_H[strength], format!("{code}: showers{mixed}"));
             }
-            Phenomenon::Rain => self.rain(share * RAIN[strength], format!("{code}: rain{mixed}")),
-            Phenomenon::Drizzle => self.rain(share * DRIZZLE[strength], format!("{code}: drizzle{mixed}")),
+            Phenomenon::Rain => self.rain(share * RAIN_RATES_MM_H[strength], format!("{code}: rain{mixed}")),
+            Phenomenon::Drizzle => {
+                self.rain(share * DRIZZLE_RATES_MM_H[strength], format!("{code}: drizzle{mixed}"))
+            }
             Phenomenon::Snow if group.is(Descriptor::Drifting) => {
                 self.ignored.push(format!("{code}: snow that drifts below 2 m is not drawn"));
             }
@@ -204,27 +206,31 @@ impl Mapping {
                     }
                     return;
                 }
-                let (range, usual) = SNOW[strength];
+                let (range, usual) = SNOW_RATES_MM_H[strength];
                 let (range, usual) = (range.map(|rate| share * rate), share * usual);
                 let text = format!("{code}: snow{mixed}");
                 self.now.snow = Some(SnowRate::ByVisibility { range, usual, text });
             }
-            Phenomenon::SnowGrains => self.snow(SNOW_GRAINS[strength], format!("{code}: snow grains")),
+            Phenomenon::SnowGrains => {
+                self.snow(SNOW_GRAIN_RATES_MM_H[strength], format!("{code}: snow grains"))
+            }
             Phenomenon::IceCrystals => {
-                self.snow(ICE_CRYSTALS, format!("{code}: ice crystals, as sparse snow"));
+                self.snow(ICE_CRYSTAL_RATE_MM_H, format!("{code}: ice crystals, as sparse snow"));
             }
-            Phenomenon::Hail => self.hail(HAIL[strength], None, format!("{code}: hail")),
+            Phenomenon::Hail => self.hail(HAIL_RATES_MM_H[strength], None, format!("{code}: hail")),
             Phenomenon::SmallHail => {
-                self.hail(SMALL_HAIL[strength], Some(0.5), format!("{code}: small hail"));
+                self.hail(SMALL_HAIL_RATES_MM_H[strength], Some(0.5), format!("{code}: small hail"));
             }
-            Phenomenon::IcePellets => self.hail(PELLETS[strength], Some(0.4), format!("{code}: ice pellets")),
+            Phenomenon::IcePellets => {
+                self.hail(ICE_PELLET_RATES_MM_H[strength], Some(0.4), format!("{code}: ice pellets"))
+            }
             Phenomenon::Unknown => match self.now.temperature.as_ref().map(|temperature| temperature.value) {
                 Some(degrees) if degrees <= 0.0 => {
-                    let (range, usual) = SNOW[strength];
+                    let (range, usual) = SNOW_RATES_MM_H[strength];
                     let text = format!("{code}: taken for snow at {degrees} degrees");
                     self.now.snow = Some(SnowRate::ByVisibility { range, usual, text });
                 }
-                _ => self.rain(RAIN[strength], format!("{code}: taken for rain")),
+                _ => self.rain(RAIN_RATES_MM_H[strength], format!("{code}: taken for rain")),
             },
             Phenomenon::Fog if group.is(Descriptor::Shallow) => {
                 self.now.shallow_fog = Some(Basis::told(format!("{code}: shallow")));
@@ -307,7 +313,7 @@ impl Mapping {
     }
 }
 
-fn told(seen: &MetarVisibility) -> Datum {
+fn visibility_datum(seen: &MetarVisibility) -> Datum {
     match seen.bound {
         VisibilityBound::Exact => Datum::told(seen.metres, "of the report"),
         VisibilityBound::OrMore => Datum::guess(seen.metres, "the report says so far or farther"),

@@ -9,8 +9,8 @@ mod units;
 mod vocabulary;
 
 use crate::conditions::{
-    Carrier, Conditions, DRIZZLE, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M, SnowRate,
-    Sun,
+    Carrier, Conditions, DRIZZLE_RATES_MM_H, FLASHES_PER_MINUTE, HAIL_RATES_MM_H, RAIN_RATES_MM_H,
+    SHOWER_RATES_MM_H, SNOW_RATES_MM_H, STORM_DISTANCE_M, SnowRate, Sun,
 };
 use crate::draft::{Basis, Datum, Draft, WrittenWeather};
 use crate::error::{ReportError, meant};
@@ -41,8 +41,8 @@ pub struct WordsReport {
     pub snow_depth: Option<f64>,
 }
 
-/// Winds, m/s.
-const WIND: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
+/// From light to violent.
+const WIND_SPEEDS_M_S: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
 
 pub(crate) fn read(text: &str) -> Result<(WordsReport, WrittenWeather), ReportError> {
     let clauses = clauses(text);
@@ -264,7 +264,7 @@ impl Reader {
         let flashes = Datum::guess(FLASHES_PER_MINUTE[level], format!("{word}: flashes a minute"));
         self.now.lightning = Some((flashes, STORM_DISTANCE_M));
         if word == "thunderstorm" {
-            guess_once(&mut self.now.rain, SHOWERS[level], "thunderstorm: a shower of rain");
+            guess_once(&mut self.now.rain, SHOWER_RATES_MM_H[level], "thunderstorm: a shower of rain");
         }
     }
 
@@ -283,7 +283,7 @@ impl Reader {
     /// Sets the speed of a wind without a number, unless it is known.
     fn wind(&mut self, usual: f64, strength: Option<usize>, word: &str) {
         let has_levels = word.starts_with("wind") && word != "windy" || word.starts_with("breez");
-        let value = strength.filter(|_| has_levels).map_or(usual, |level| WIND[level]);
+        let value = strength.filter(|_| has_levels).map_or(usual, |level| WIND_SPEEDS_M_S[level]);
         let basis = if CALM_WORDS.contains(&word) {
             Basis::told(word)
         } else {
@@ -319,7 +319,7 @@ impl Reader {
         let why = with_strength(strength, ["light", "moderate", "heavy", "violent"], word);
         let now = &mut self.now;
         let mut snow = |level: usize| {
-            let (range, usual) = SNOW[level];
+            let (range, usual) = SNOW_RATES_MM_H[level];
             if now.snow.is_none() {
                 now.snow = Some(SnowRate::ByVisibility { range, usual, text: why.clone() });
             }
@@ -338,15 +338,15 @@ impl Reader {
             }
             Falling::Sleet => {
                 snow(level.min(1).saturating_sub(usize::from(strength.is_none())));
-                now.rain = rate(0.5 * RAIN[level]);
+                now.rain = rate(0.5 * RAIN_RATES_MM_H[level]);
                 guess_once(&mut now.temperature, 1.0, format!("\"{word}\""));
             }
-            Falling::Rain if !has_rate => now.rain = rate(RAIN[level]),
+            Falling::Rain if !has_rate => now.rain = rate(RAIN_RATES_MM_H[level]),
             Falling::Showers if subject.snow => {}
-            Falling::Showers if !has_rate => now.rain = rate(SHOWERS[level]),
-            Falling::Cloudburst => now.rain = rate(SHOWERS[strength.unwrap_or(2)]),
-            Falling::Drizzle if !has_rate => now.rain = rate(DRIZZLE[level]),
-            Falling::Hail if !has_rate => now.hail = rate(HAIL[level]),
+            Falling::Showers if !has_rate => now.rain = rate(SHOWER_RATES_MM_H[level]),
+            Falling::Cloudburst => now.rain = rate(SHOWER_RATES_MM_H[strength.unwrap_or(2)]),
+            Falling::Drizzle if !has_rate => now.rain = rate(DRIZZLE_RATES_MM_H[level]),
+            Falling::Hail if !has_rate => now.hail = rate(HAIL_RATES_MM_H[level]),
             Falling::Snow | Falling::Rain | Falling::Showers | Falling::Drizzle | Falling::Hail => {}
         }
     }

@@ -2,12 +2,12 @@
 
 use crate::conditions::Carrier;
 
-/// Visibilities, m.
-pub(super) const FOG: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
-pub(super) const MIST: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
-pub(super) const HAZE: [f64; 4] = [8000.0, 4000.0, 2000.0, 1500.0];
-pub(super) const SMOKE: [f64; 4] = [4000.0, 1500.0, 800.0, 400.0];
-pub(super) const DUST: [f64; 4] = [3000.0, 800.0, 250.0, 100.0];
+/// From slight to dense.
+pub(super) const FOG_VISIBILITIES_M: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
+pub(super) const MIST_VISIBILITIES_M: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
+pub(super) const HAZE_VISIBILITIES_M: [f64; 4] = [8000.0, 4000.0, 2000.0, 1500.0];
+pub(super) const SMOKE_VISIBILITIES_M: [f64; 4] = [4000.0, 1500.0, 800.0, 400.0];
+pub(super) const DUST_VISIBILITIES_M: [f64; 4] = [3000.0, 800.0, 250.0, 100.0];
 
 /// Kinds of precipitation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,11 +122,11 @@ pub(super) const WORDS: &[(&str, Meaning)] = &[
     ("blizzard snowstorm", Meaning::Falls(Falling::Blizzard)),
     ("sleet", Meaning::Falls(Falling::Sleet)),
     ("hail hailstorm hailstones", Meaning::Falls(Falling::Hail)),
-    ("fog foggy", Meaning::Air(Carrier::Droplets, &FOG)),
-    ("mist misty", Meaning::Air(Carrier::Droplets, &MIST)),
-    ("haze hazy", Meaning::Air(Carrier::Haze, &HAZE)),
-    ("smog smoke smoky", Meaning::Air(Carrier::Smoke, &SMOKE)),
-    ("dust sand dusty sandstorm duststorm", Meaning::Air(Carrier::Dust, &DUST)),
+    ("fog foggy", Meaning::Air(Carrier::Droplets, &FOG_VISIBILITIES_M)),
+    ("mist misty", Meaning::Air(Carrier::Droplets, &MIST_VISIBILITIES_M)),
+    ("haze hazy", Meaning::Air(Carrier::Haze, &HAZE_VISIBILITIES_M)),
+    ("smog smoke smoky", Meaning::Air(Carrier::Smoke, &SMOKE_VISIBILITIES_M)),
+    ("dust sand dusty sandstorm duststorm", Meaning::Air(Carrier::Dust, &DUST_VISIBILITIES_M)),
     ("freezing", Meaning::Freezing),
     ("ground shallow", Meaning::Ground),
     ("lies lie lying deep cover covered depth", Meaning::Lies),

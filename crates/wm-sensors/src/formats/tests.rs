@@ -4,7 +4,7 @@ use crate::pose::SensorPose;
 use crate::sweep::PointFrame;
 use glam::DVec3;
 
-fn three() -> LidarSweep {
+fn three_points() -> LidarSweep {
     let point = |index: u16| LidarPoint {
         position: [1.5 * f32::from(index), -2.25, 0.125],
         range: 3.0,
@@ -33,7 +33,7 @@ fn three() -> LidarSweep {
 fn bytes(name: &str) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
-    three().save(&path).unwrap();
+    three_points().save(&path).unwrap();
     std::fs::read(path).unwrap()
 }
 
@@ -71,7 +71,7 @@ fn bin_is_kittis() {
 fn npy_has_ten_columns() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.npy");
-    three().save(&path).unwrap();
+    three_points().save(&path).unwrap();
     let (values, shape) = npy::read(&path).unwrap();
     assert_eq!(shape, [3, 10]);
     assert_eq!(values[20..], [3.0, -2.25, 0.125, 102.0, 3.0, 0.02, 2.0, 70_002.0, 1.0, 2.0]);
@@ -93,6 +93,6 @@ fn las_points_are_where_they_are() {
 
 #[test]
 fn unknown_extensions_are_refused() {
-    let error = three().save(Path::new("points.xyz")).unwrap_err().to_string();
+    let error = three_points().save(Path::new("points.xyz")).unwrap_err().to_string();
     assert!(error.starts_with("points.xyz: points are written to names that end in .ply"), "{error}");
 }

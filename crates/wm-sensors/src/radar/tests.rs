@@ -41,8 +41,8 @@ fn scene<'a>(splats: &'a RaySplats<'_>, weather: &'a PreparedWeather) -> RadarSc
     RadarScene { splats, weather, site: &Site::PLAIN, shelter: None, path: SimdPath::widest() }
 }
 
-/// One sweep from the origin, at a velocity ahead, m/s.
-fn swept(
+/// One sweep at a velocity ahead, m/s.
+fn sweep_from_origin(
     radar: &RadarModel,
     splats: &Splats,
     set: &[(&str, f64)],
@@ -65,7 +65,8 @@ fn strongest(sweep: &RadarSweep) -> RadarDetection {
 fn a_plate_is_where_it_is_and_comes_as_fast_as_it_does() {
     let radar = radar();
     for (range, azimuth, speed) in [(40.0, 0.0, 0.0), (63.3, 7.3f64.to_radians(), 8.1), (90.2, -0.2, 15.0)] {
-        let made = swept(&radar, &plate(range, azimuth), &[], speed, &RadarScanOptions::default());
+        let made =
+            sweep_from_origin(&radar, &plate(range, azimuth), &[], speed, &RadarScanOptions::default());
         let found = strongest(&made);
         println!("{range} m, {azimuth:.3}, {speed} m/s: {found:?}");
         assert_eq!(found.class, RadarClass::Surface);
@@ -81,10 +82,11 @@ fn a_plate_is_where_it_is_and_comes_as_fast_as_it_does() {
         assert!((f64::from(found.rcs) - asked).abs() < 1.0, "{found:?} for {asked}");
     }
     // Twice the greatest speed is folded to nothing.
-    let fast = strongest(&swept(&radar, &plate(40.0, 0.0), &[], 40.0, &RadarScanOptions::default()));
+    let fast =
+        strongest(&sweep_from_origin(&radar, &plate(40.0, 0.0), &[], 40.0, &RadarScanOptions::default()));
     assert!(fast.velocity.abs() < 0.1 && fast.ground_velocity.abs() < 0.1, "{fast:?}");
     let world = RadarScanOptions { frame: PointFrame::World, ..RadarScanOptions::default() };
-    let world = strongest(&swept(&radar, &plate(40.0, 0.0), &[], 0.0, &world));
+    let world = strongest(&sweep_from_origin(&radar, &plate(40.0, 0.0), &[], 0.0, &world));
     assert!((world.position[0] - 40.0).abs() < 0.1);
 }
 
@@ -95,7 +97,7 @@ fn rain_takes_what_the_recommendation_says() {
     let rcs = |set: &[(&str, f64)]| {
         let all = (0..4).map(|seed| {
             let options = RadarScanOptions { seed, ..RadarScanOptions::default() };
-            f64::from(strongest(&swept(&radar, &wall, set, 0.0, &options)).rcs)
+            f64::from(strongest(&sweep_from_origin(&radar, &wall, set, 0.0, &options)).rcs)
         });
         all.sum::<f64>() / 4.0
     };
@@ -179,7 +181,7 @@ fn any_number_of_threads_gives_the_same_detections() {
     let made = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let options = RadarScanOptions { seed, ..RadarScanOptions::default() };
-        pool.install(|| swept(&radar, &scene, &[("rain.rate", 50.0)], 9.0, &options))
+        pool.install(|| sweep_from_origin(&radar, &scene, &[("rain.rate", 50.0)], 9.0, &options))
     };
     let one = made(1, 5);
     assert!(one.count(RadarClass::Surface) > 0 && one.count(RadarClass::Rain) > 0);
@@ -189,7 +191,7 @@ fn any_number_of_threads_gives_the_same_detections() {
 
 #[test]
 fn files_have_eleven_columns() {
-    let made = swept(&radar(), &plate(40.0, 0.0), &[], 0.0, &RadarScanOptions::default());
+    let made = sweep_from_origin(&radar(), &plate(40.0, 0.0), &[], 0.0, &RadarScanOptions::default());
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     for (name, end) in [("a.ply", "end_header\n"), ("a.PCD", "DATA binary\n")] {

@@ -54,7 +54,7 @@ use wm_scene::camera::Distortion;
 use wm_scene::similarity::Similarity;
 use wm_scene::{Camera, Gps};
 
-const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast, as a real capture leaves them: the model's axes and\n\
+const MARK_TEXT: &str = "Photos of a built-in place of Weather-Magician, ray-cast, as a real capture leaves them: the model's axes and\n\
     unit are arbitrary. truth.json says what they are; truth/, where it is, holds exact maps of each photo.\n";
 /// Rays for the light of a pixel with a single ray, and of each ray of several: the noise that
 /// remains is about that of a sensor.
@@ -84,7 +84,7 @@ pub fn write(
     settings.flaws.check().map_err(fault)?;
     let shots = shots::shots(place, settings).map_err(|e| fault(e.to_string()))?;
     let truth = (settings.truth == GroundTruth::Write).then(|| maps(settings));
-    let images = crate::dataset::prepare(folder, ABOUT, truth.into_iter().flatten())?;
+    let images = crate::dataset::prepare(folder, MARK_TEXT, truth.into_iter().flatten())?;
     let model_from_world = axes(settings.seed);
     let (mut taken, mut masks) = (Vec::new(), Vec::new());
     for (index, shot) in shots.into_iter().enumerate() {

@@ -26,7 +26,7 @@ fn small(kind: CaptureKind, count: u32) -> CaptureSettings {
 }
 
 /// A capture and its folder.
-fn made(place: &Place, settings: &CaptureSettings) -> (TempDir, Capture) {
+fn capture_in_folder(place: &Place, settings: &CaptureSettings) -> (TempDir, Capture) {
     let folder = tempdir().unwrap();
     let capture = write(place, folder.path(), settings, &mut |_| true).unwrap().unwrap();
     (folder, capture)
@@ -66,7 +66,7 @@ fn exported_cameras_and_maps_agree_with_the_place() {
         (park(), CaptureKind::Walk),
         (street(), CaptureKind::Walk),
     ] {
-        let (folder, _) = made(place, &small(kind, 3));
+        let (folder, _) = capture_in_folder(place, &small(kind, 3));
         let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
         capture.check_trainable().unwrap();
         let truth = json(folder.path());
@@ -103,7 +103,7 @@ fn exported_cameras_and_maps_agree_with_the_place() {
 
 #[test]
 fn positions_in_exif_fit_the_cameras_through_the_stated_axes() {
-    let (folder, capture) = made(park(), &small(CaptureKind::Nadir, 12));
+    let (folder, capture) = capture_in_folder(park(), &small(CaptureKind::Nadir, 12));
     let truth = json(folder.path());
     let places: Vec<_> = headers(&capture).iter().map(|header| header.gps).collect();
     for (index, gps) in places.iter().enumerate() {
@@ -123,7 +123,7 @@ fn positions_in_exif_fit_the_cameras_through_the_stated_axes() {
 fn surveyed(exif: Vec<ExifFault>) -> (Metadata, Survey, serde_json::Value) {
     let flaws = CaptureFlaws { exif, ..CaptureFlaws::default() };
     let settings = CaptureSettings { flaws, size: (12, 8), points: 1, ..small(CaptureKind::Nadir, 24) };
-    let (folder, capture) = made(park(), &settings);
+    let (folder, capture) = capture_in_folder(park(), &settings);
     let headers = headers(&capture);
     let places: Vec<_> = headers.iter().map(|header| header.gps).collect();
     let times: Vec<_> = headers.iter().map(|header| header.taken).collect();
@@ -172,7 +172,7 @@ fn lies_of_exif_give_no_sun() {
 #[test]
 fn times_of_exif_come_back() {
     let settings = CaptureSettings { points: 1, size: (6, 4), ..small(CaptureKind::Walk, 3) };
-    let (folder, capture) = made(park(), &settings);
+    let (folder, capture) = capture_in_folder(park(), &settings);
     let truth = json(folder.path());
     for (view, header) in headers(&capture).iter().enumerate() {
         let taken = header.taken.unwrap();
@@ -202,7 +202,7 @@ fn lies_of_exif_are_told() {
     let gps = |exif: Vec<ExifFault>| {
         let flaws = CaptureFlaws { exif, ..CaptureFlaws::default() };
         let settings = CaptureSettings { flaws, points: 1, size: (6, 4), ..small(CaptureKind::Nadir, 3) };
-        let (_folder, capture) = made(park(), &settings);
+        let (_folder, capture) = capture_in_folder(park(), &settings);
         let headers = headers(&capture);
         [0, 1, 2].map(|view| headers[view].gps.and_then(Gps::checked))
     };
@@ -269,7 +269,7 @@ fn threads_change_no_byte_and_seeds_do() {
     let bytes = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let settings = CaptureSettings { seed, ..settings.clone() };
-        let (folder, _) = pool.install(|| made(street(), &settings));
+        let (folder, _) = pool.install(|| capture_in_folder(street(), &settings));
         files(folder.path())
     };
     let one = bytes(1, 1);
@@ -280,7 +280,7 @@ fn threads_change_no_byte_and_seeds_do() {
 
 #[test]
 fn movers_are_in_their_masks_and_nowhere_else() {
-    let (folder, _) = made(street(), &small(CaptureKind::Drive, 6));
+    let (folder, _) = capture_in_folder(street(), &small(CaptureKind::Drive, 6));
     let mut largest = 0.0f64;
     for index in 0..6 {
         let read =

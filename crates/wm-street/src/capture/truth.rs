@@ -56,7 +56,7 @@ fn truth(place: &Place, settings: &CaptureSettings, model: &Similarity, taken: &
         json!({
             "mor": air.mor,
             "airlight_linear": exposed(air.airlight.to_array()),
-            "upper_end": Air::LID,
+            "upper_end": Air::HAZE_TOP_M,
         })
     });
     json!({

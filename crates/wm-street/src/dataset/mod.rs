@@ -96,7 +96,7 @@ impl Default for DatasetOptions {
 
 /// The file that says what the folder holds.
 pub const MARK: &str = "made-up.txt";
-const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast; poses and points are exact, in metres.\n\
+const MARK_TEXT: &str = "Photos of a built-in place of Weather-Magician, ray-cast; poses and points are exact, in metres.\n\
     truth/, where it is: depth (view z, m), normal (world axes) and sky of each pixel's centre.\n";
 
 /// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right,
@@ -150,7 +150,7 @@ pub fn write(
     let cameras = cameras(place, options);
     let cameras = cameras.map_err(|e| FormatError::value(folder, e.to_string()))?;
     let truth = if options.truth == GroundTruth::Write { &["depth", "normal", "sky"][..] } else { &[] };
-    let images = prepare(folder, ABOUT, truth.iter().copied())?;
+    let images = prepare(folder, MARK_TEXT, truth.iter().copied())?;
     let mut views = Vec::with_capacity(cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let rows = (0..camera.height).into_par_iter();

@@ -139,16 +139,16 @@ fn each<R>(
 }
 
 fn made_up(args: &BenchArgs) -> Result<(OpenScene, Camera)> {
-    /// Number of splats over each pixel, similar to trained scenes.
-    const COVER: f64 = 60.0;
+    /// Similar to trained scenes.
+    const SPLATS_PER_PIXEL: f64 = 60.0;
     /// Height above which 98 % of the splats lie, scene units.
-    const GROUND: f64 = -13.6;
-    let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
+    const GROUND_HEIGHT: f64 = -13.6;
+    let splats = shell_splats(args.splats as usize, SPLATS_PER_PIXEL, args.sh_degree, 1);
     // All facts are given, so that none is guessed; the ground lies below nearly all splats.
     let facts = Metadata {
         metres_per_unit: Some(1.0),
         up: Some(DVec3::Z),
-        ground: Some(GROUND),
+        ground: Some(GROUND_HEIGHT),
         ..Metadata::default()
     };
     let scene = Scene { splats, ..Scene::default() };
@@ -223,13 +223,13 @@ impl LitScene {
 
 /// Ten lamps in two rows along the view, 2 m above the camera.
 fn lamps(camera: &Camera, site: &Site) -> Vec<Lamp> {
-    const AHEAD: [f64; 5] = [6.0, 10.0, 15.0, 22.0, 30.0];
+    const DISTANCES_AHEAD_M: [f64; 5] = [6.0, 10.0, 15.0, 22.0, 30.0];
     let metre = 1.0 / site.metres_per_unit;
     let up = DVec3::from_array(site.up);
     let forward = camera.forward().reject_from(up).try_normalize().unwrap_or(up.any_orthonormal_vector());
     let right = forward.cross(up);
     let at = |ahead: f64, aside: f64| camera.center() + (forward * ahead + right * aside + up * 2.0) * metre;
-    let row = |aside: f64| AHEAD.map(|ahead| Lamp::new(at(ahead, aside).to_array()));
+    let row = |aside: f64| DISTANCES_AHEAD_M.map(|ahead| Lamp::new(at(ahead, aside).to_array()));
     [row(-3.0), row(3.0)].concat()
 }
 

@@ -49,8 +49,8 @@ const ROWS: [(&str, [&[&str]; 4]); 2] = [
     ),
 ];
 
-/// Fractions of the picture's sides at which the clear scene is measured.
-const SIDES: [f64; 4] = [0.35, 0.5, 0.7, 1.0];
+/// Shares of the picture's sides at which the clear scene is measured.
+const SIDE_SHARES: [f64; 4] = [0.35, 0.5, 0.7, 1.0];
 
 /// A row of the table.
 #[derive(Serialize)]
@@ -154,7 +154,7 @@ impl SpeedTable {
             });
         }
         let mut points = Vec::new();
-        for share in SIDES {
+        for share in SIDE_SHARES {
             let side = |side: u32| (f64::from(side) * share).round().max(1.0) as u32;
             let small = camera.resized(side(camera.width), side(camera.height));
             let clear = &cases[BenchCase::position(&cases, "rgb")];

@@ -15,8 +15,7 @@ use weather_magician::{Camera, CameraMotion, FrameRequest, LensModel, LensView, 
 /// The lidar: 64 rows of 1800 pulses.
 const LIDAR: &str = "wavelength = 905\ndivergence = 3.0\npulse = 5\nrange = [0.5, 120]\nreference_range = 120\n\
                      range_noise = 0.02\n[rows]\nrate = 10\nbetween = [-25, 15]\ncount = 64\ncolumns = 1800\n";
-/// Side of the pictures, px.
-const SIDE: u32 = 1024;
+const PICTURE_SIDE_PX: u32 = 1024;
 /// Rain of the cases with it.
 const RAIN: &str = "rain.rate=25";
 
@@ -139,9 +138,9 @@ fn pictures(
     rounds: u32,
     bar: &ProgressBar,
 ) -> Result<[Rounds<Timing>; 2]> {
-    let (lens, round) = LensModel::fisheye((SIDE, SIDE), 180.0)?;
+    let (lens, round) = LensModel::fisheye((PICTURE_SIDE_PX, PICTURE_SIDE_PX), 180.0)?;
     let lens = LensView::new(lens, &round)?;
-    let camera = camera.refitted(SIDE, SIDE);
+    let camera = camera.refitted(PICTURE_SIDE_PX, PICTURE_SIDE_PX);
     let (mut pinhole, mut fisheye) = (Picture::default(), Picture::default());
     let mut times = [Rounds::default(), Rounds::default()];
     let OpenScene { renderer, place } = loaded;
@@ -173,7 +172,9 @@ pub(crate) fn print(reports: &[SensorReport]) {
     println!(
         "Wall and CPU times are medians; ratios are of CPU time to the pinhole's picture, round by round."
     );
-    println!("Pictures are {SIDE}x{SIDE} px; the first sweeps, which sort the splats, are not counted.");
+    println!(
+        "Pictures are {PICTURE_SIDE_PX}x{PICTURE_SIDE_PX} px; the first sweeps, which sort the splats, are not counted."
+    );
     for SensorReport { scene, splats, renderer, cases } in reports {
         println!("\n{scene}: {splats} splats, {renderer}");
         println!("  {:<28} {:>8} {:>8} {:>8} {:>7} {:>8}", "ms", "wall", "best", "CPU", "ratio", "points");

@@ -5,17 +5,16 @@ use wm_street::{Street, Viewpoint};
 use wm_weather::WeatherError;
 
 /// Speed of the camera as a multiple of walking speed, so that a short film covers some distance.
-const HASTE: f64 = 1.6;
-/// Number of keyframes of the fog, linear in between; enough that no kink is visible.
-const KEYS: u32 = 240;
-/// Visibility before the fog, m: a clear day.
-const CLEAR: f64 = 30_000.0;
-/// Visibility in the thickest fog, m: hides the end of the street, but not the next houses.
-const THICK: f64 = 60.0;
+const SPEED_RATIO: f64 = 1.6;
+/// Intervals between the keyframes of the fog, linear in each; enough that no kink is visible.
+const KEYFRAME_INTERVAL_COUNT: u32 = 240;
+const CLEAR_VISIBILITY_M: f64 = 30_000.0;
+/// Hides the end of the street, but not the next houses.
+const FOG_VISIBILITY_M: f64 = 60.0;
 
-/// Height over which the fog thins to 1/e, m, as in sea fog. Without a limit it would hide the sky
+/// Height over which the fog thins to 1/e, as in sea fog. Without a limit it would hide the sky
 /// from the first frame on.
-const HEIGHT: f64 = 150.0;
+const FOG_SCALE_HEIGHT_M: f64 = 150.0;
 
 /// The demo's film.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +27,7 @@ impl FogFilm {
     /// Returns the camera's position and target at `time`, seconds.
     pub(crate) fn view(&self, time: f64) -> Viewpoint {
         // A long film covers the whole street, at a lower speed.
-        let share = (self.seconds * HASTE / Street::WALK_SECONDS).min(1.0);
+        let share = (self.seconds * SPEED_RATIO / Street::WALK_SECONDS).min(1.0);
         Street::dolly(share * time / self.seconds)
     }
 
@@ -37,13 +36,13 @@ impl FogFilm {
     /// # Errors
     /// The film is so short that keyframes coincide.
     pub(crate) fn weather(&self) -> Result<Weather, WeatherError> {
-        let keys: Vec<String> = (0..=KEYS)
-            .map(|key| f64::from(key) / f64::from(KEYS))
+        let keys: Vec<String> = (0..=KEYFRAME_INTERVAL_COUNT)
+            .map(|key| f64::from(key) / f64::from(KEYFRAME_INTERVAL_COUNT))
             .map(|share| format!("[{}, {:.1}]", share * self.seconds, mor(share)))
             .collect();
         let text = format!(
             "name = \"fog closing in\"\nabout = \"From a clear day to thick fog, which begins to lift\"\n\
-             [fog]\nscale_height = {HEIGHT}\nmor = {{ keys = [{}] }}\n",
+             [fog]\nscale_height = {FOG_SCALE_HEIGHT_M}\nmor = {{ keys = [{}] }}\n",
             keys.join(", ")
         );
         Weather::parse(&text, "the demo's weather")
@@ -58,7 +57,7 @@ fn mor(share: f64) -> f64 {
         t * t * (3.0 - 2.0 * t)
     };
     let closed = smooth(-0.15, 0.72) - 0.24 * smooth(0.80, 1.05);
-    CLEAR * (THICK / CLEAR).powf(closed)
+    CLEAR_VISIBILITY_M * (FOG_VISIBILITY_M / CLEAR_VISIBILITY_M).powf(closed)
 }
 
 #[cfg(test)]
@@ -80,8 +79,10 @@ mod tests {
         for seconds in [0.1, 8.0, 600.0] {
             let weather = FogFilm { seconds }.weather().unwrap();
             let at = |share: f64| mor_at(&weather, share * seconds);
-            assert!(at(0.0) > 15_000.0 && at(1.0) > 3.0 * THICK && at(1.0) < 10.0 * THICK);
-            assert!((at(0.76) - THICK).abs() < 0.1);
+            assert!(
+                at(0.0) > 15_000.0 && at(1.0) > 3.0 * FOG_VISIBILITY_M && at(1.0) < 10.0 * FOG_VISIBILITY_M
+            );
+            assert!((at(0.76) - FOG_VISIBILITY_M).abs() < 0.1);
             let shares: Vec<f64> = (0..=60).map(|k| 0.72 * f64::from(k) / 60.0).collect();
             assert!(shares.windows(2).all(|pair| at(pair[1]) < at(pair[0])));
             // Nothing jumps: a fortieth of the film changes it by no more than half again.
@@ -94,7 +95,7 @@ mod tests {
     fn short_films_go_part_of_the_way_and_long_ones_all_of_it() {
         let film = FogFilm { seconds: 8.0 };
         assert_eq!(film.view(0.0), Street::dolly(0.0));
-        assert_eq!(film.view(8.0), Street::dolly(8.0 * HASTE / Street::WALK_SECONDS));
+        assert_eq!(film.view(8.0), Street::dolly(8.0 * SPEED_RATIO / Street::WALK_SECONDS));
         assert_eq!(FogFilm { seconds: 100.0 }.view(100.0), Street::dolly(1.0));
     }
 }

@@ -33,10 +33,10 @@ use wm_weather::ParamValue;
 
 /// Frame rate of the film.
 const FPS: u32 = 24;
-/// Sides of photos as a fraction of the film's.
-const PHOTO: f64 = 0.5;
-/// Shortest and longest film, seconds.
-const SECONDS: (f64, f64) = (0.1, 600.0);
+/// Sides of photos as a share of the film's.
+const PHOTO_SIDE_SHARE: f64 = 0.5;
+/// Shortest and longest film.
+const FILM_LENGTHS_S: (f64, f64) = (0.1, 600.0);
 /// The scene's name in the tags of output files.
 const SCENE: &str = "built-in street";
 /// Position on the walk of the camera of a reconstructed street's sheet, 0-1.
@@ -148,7 +148,7 @@ impl DemoArgs {
 
     /// Returns the photos of the reconstruction, no larger than the film needs.
     fn session(&self) -> PhotoSession {
-        let side = |of: u32| (f64::from(of) * PHOTO).round().max(16.0) as u32;
+        let side = |of: u32| (f64::from(of) * PHOTO_SIDE_SHARE).round().max(16.0) as u32;
         let (width, height) = self.size();
         let size = (side(width), side(height));
         let usual = DatasetOptions::default();
@@ -175,8 +175,8 @@ impl DemoArgs {
         if self.light != Lighting::Sunny && self.photos.is_none() && !self.sampled {
             bail!("--light: needs --photos or --sampled");
         }
-        if !(SECONDS.0..=SECONDS.1).contains(&self.seconds) {
-            bail!("--seconds {}: must be {} to {}", self.seconds, SECONDS.0, SECONDS.1);
+        if !(FILM_LENGTHS_S.0..=FILM_LENGTHS_S.1).contains(&self.seconds) {
+            bail!("--seconds {}: must be {} to {}", self.seconds, FILM_LENGTHS_S.0, FILM_LENGTHS_S.1);
         }
         if !(0.1..=4.0).contains(&self.detail) {
             bail!("--detail {}: must be 0.1 to 4", self.detail);

@@ -28,9 +28,9 @@ use wm_viewer::ViewState;
 use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
 
-/// Memory of a page for a scene in levels of detail, bytes: a module of 32 bits has 4 GiB at most,
+/// Memory of a page for a scene in levels of detail: a module of 32 bits has 4 GiB at most,
 /// and phones less.
-const MEMORY: u64 = 1 << 30;
+const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
 
 /// Options of `export-web`.
 #[derive(Args, Debug)]
@@ -195,7 +195,7 @@ pub(crate) fn run(args: &ExportWebArgs) -> Result<()> {
         digest,
         thumbnails,
         splats: loaded.place.splats(),
-        memory: place.is_in_levels.then(|| args.memory.unwrap_or(MEMORY)),
+        memory: place.is_in_levels.then(|| args.memory.unwrap_or(DEFAULT_MEMORY_BYTES)),
     };
     let text = site.text().map_err(anyhow::Error::msg)?;
     output::write(&folder.path().join("place/place.json"), text.as_bytes())?;

@@ -18,14 +18,14 @@ use wm_viewer::encode::frame_jpeg;
 use wm_viewer::thumbnail::{self, thumbnail_weather};
 use wm_weather::presets::PRESETS;
 
-/// Width, px, and JPEG quality of the poster.
-const POSTER: (u32, u8) = (1280, 85);
-/// Width, px, frames a second and length, s, of the video.
-const VIDEO: (u32, f64, f64) = (640, 24.0, 3.0);
-/// Bits a second of the video.
-const BITRATE: u32 = 3_000_000;
-/// Way of the video's camera, scene radii.
-const WAY: f64 = 0.04;
+const POSTER_WIDTH_PX: u32 = 1280;
+const POSTER_JPEG_QUALITY: u8 = 85;
+const VIDEO_WIDTH_PX: u32 = 640;
+const VIDEO_FRAMES_PER_S: f64 = 24.0;
+const VIDEO_LENGTH_S: f64 = 3.0;
+const VIDEO_BITS_PER_S: u32 = 3_000_000;
+/// Length of the path of the video's camera.
+const VIDEO_PATH_RADII: f64 = 0.04;
 
 /// Writes the picture that is shown while the page loads.
 pub(crate) fn poster(
@@ -35,20 +35,20 @@ pub(crate) fn poster(
     time: f64,
     path: &Path,
 ) -> Result<()> {
-    let camera = resized(start, POSTER.0);
+    let camera = resized(start, POSTER_WIDTH_PX);
     let mut picture = Picture::default();
     let request = FrameRequest::new(weather, camera, time);
     let OpenScene { renderer, place } = loaded;
     renderer.render_into(place, &request, &mut picture, &mut Reporter::default())?;
     loaded.warn();
-    write(path, &frame_jpeg(&picture.frame, POSTER.1)?)
+    write(path, &frame_jpeg(&picture.frame, POSTER_JPEG_QUALITY)?)
 }
 
 /// Writes a small picture of each preset into `folder`; returns the names of those that it wrote:
 /// not of a preset that the place cannot be rendered in.
 pub(crate) fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
     make_folder(folder)?;
-    let camera = resized(start, thumbnail::WIDTH);
+    let camera = resized(start, thumbnail::WIDTH_PX);
     let (mut names, mut picture) = (Vec::new(), Picture::default());
     let OpenScene { renderer, place } = loaded;
     progress::for_each(PRESETS.iter(), "thumbnails", NOT_WRITTEN, |(name, _), _| {
@@ -59,7 +59,10 @@ pub(crate) fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) 
         let request = FrameRequest { patience, ..FrameRequest::new(&weather, camera, time) };
         // Such as a flood where the ground is not known.
         if renderer.render_into(place, &request, &mut picture, &mut ()).is_ok() {
-            write(&folder.join(format!("{name}.jpg")), &frame_jpeg(&picture.frame, thumbnail::QUALITY)?)?;
+            write(
+                &folder.join(format!("{name}.jpg")),
+                &frame_jpeg(&picture.frame, thumbnail::JPEG_QUALITY)?,
+            )?;
             names.push((*name).to_owned());
         }
         Ok(())
@@ -82,23 +85,22 @@ pub(crate) fn video(
         eprintln!("this program was built without the video encoder: the site has no video");
         return Ok(());
     }
-    let (width, rate, seconds) = VIDEO;
-    let camera = resized(start, width);
+    let camera = resized(start, VIDEO_WIDTH_PX);
     let size = (camera.width, camera.height);
     let OpenScene { renderer, place } = loaded;
     let options = ViewOptions { up: None, fov: None, near: Some(camera.near), size: Some(size) };
-    let way = WAY * place.survey().radius;
-    let dolly = moves::dolly(&mut renderer.view_search(place, options), &camera, Some(way), seconds);
+    let way = VIDEO_PATH_RADII * place.survey().radius;
+    let dolly = moves::dolly(&mut renderer.view_search(place, options), &camera, Some(way), VIDEO_LENGTH_S);
     // A view straight down has no way ahead.
     let motion = match dolly {
         Ok(path) => CameraMotion::Along { path, size },
         Err(_) => camera.into(),
     };
-    let rate: FrameRate = rate.to_string().parse().map_err(Error::msg)?;
+    let rate: FrameRate = VIDEO_FRAMES_PER_S.to_string().parse().map_err(Error::msg)?;
     let mut settings = VideoSettings::new(PictureSize::new(size.0, size.1), rate);
-    settings.bitrate = Some(BITRATE);
+    settings.bitrate = Some(VIDEO_BITS_PER_S);
     settings.tags = picture_tags("", place.site(), renderer.backend(), weather, time, &camera);
-    let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();
+    let frames: Vec<u32> = (0..rate.frames_within(VIDEO_LENGTH_S).max(1)).collect();
     let at = |frame: u32| rate.seconds(u64::from(frame));
     place.set_shot(&shot_cameras(frames.len() as u32, |frame| motion.camera(at(frame)), false));
     let scale = place.site().metres_per_unit;

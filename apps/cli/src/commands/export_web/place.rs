@@ -1,7 +1,7 @@
 //! The scene of a site: written for the browser, and opened again as the browser will see it.
 
 use super::output::make_folder;
-use super::{ExportWebArgs, MEMORY, NOT_WRITTEN, at};
+use super::{DEFAULT_MEMORY_BYTES, ExportWebArgs, NOT_WRITTEN, at};
 use crate::commands::convert::levels;
 use crate::progress;
 use crate::scene::{OpenScene, change_sky, read_checked, refuse_for_levels};
@@ -92,7 +92,7 @@ fn open_levels(
     words: Vec<String>,
 ) -> Result<(OpenScene, SitePlace)> {
     let index = LevelIndex::open(&folder.join(INDEX_NAME))?;
-    let budget = LevelBudget { memory: args.memory.unwrap_or(MEMORY), splats: None };
+    let budget = LevelBudget { memory: args.memory.unwrap_or(DEFAULT_MEMORY_BYTES), splats: None };
     let mut renderer = args.run.renderer()?;
     let options = PlaceOptions { facts: facts.clone(), ..PlaceOptions::default() };
     let place = renderer.load_levels(index, &options, &budget, args.scene.repair)?;

@@ -10,8 +10,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// Most bytes of the file: browsers read larger ones slowly, and mail and chat refuse them.
-const MOST: u64 = 40_000_000;
+/// Browsers read larger ones slowly, and mail and chat refuse them.
+const MAX_FILE_BYTES: u64 = 40_000_000;
 /// Files that are in the page itself.
 const IN_PAGE: [&str; 4] = ["index.html", "style.css", "icon.svg", STARTER];
 /// The script that gives the files to the page.
@@ -66,14 +66,14 @@ fn check_size<'a>(files: impl Iterator<Item = (&'a str, u64)>) -> Result<()> {
         scene += if name == "place/scene.sog" { bytes } else { 0 };
         prepared += if name.starts_with("place/assets/") { bytes } else { 0 };
     }
-    if all > MOST {
+    if all > MAX_FILE_BYTES {
         bail!(
             "--single-file: the page would have {}, {} of them the scene and {} prepared data, and {} are the most: leave out \
              --single-file, prepare less with --asset-megabytes, or reduce the scene with `weather-magician convert --max-splats`",
             megabytes(all),
             megabytes(scene),
             megabytes(prepared),
-            megabytes(MOST)
+            megabytes(MAX_FILE_BYTES)
         );
     }
     Ok(())

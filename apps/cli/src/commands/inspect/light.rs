@@ -14,8 +14,7 @@ use wm_image::color::Dither;
 use wm_scene::{Splats, sh};
 use wm_weather::light::CaptureLight;
 
-/// Size of a panel of the picture, px.
-const PANEL: (u32, u32) = (600, 400);
+const PANEL_SIZE_PX: (u32, u32) = (600, 400);
 
 /// Finds the light of the photos, or reads it from the scene's assets, and prints and draws it.
 pub(crate) fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
@@ -35,7 +34,7 @@ pub(crate) fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<
 /// Draws the place as captured and under clouds, what of it is in the sun, and what is open to the
 /// sky.
 fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight, path: &Path) -> Result<()> {
-    let options = ViewOptions { size: Some(PANEL), ..ViewOptions::default() };
+    let options = ViewOptions { size: Some(PANEL_SIZE_PX), ..ViewOptions::default() };
     let camera = choose::choose(&mut renderer.view_search(place, options))?.camera;
     let mut clouds = Weather::find("overcast")?;
     clouds.set_text("light.exposure=0")?;
@@ -50,7 +49,7 @@ fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight
     for (shares, label) in shares {
         panels.push((painted(renderer, place, &shares, &camera)?, label));
     }
-    let size = PictureSize::new(PANEL.0, PANEL.1);
+    let size = PictureSize::new(PANEL_SIZE_PX.0, PANEL_SIZE_PX.1);
     let written = write_sheet(path, &panels, size, 2, Dither::Ordered, &[]);
     written.map(drop).with_context(|| format!("{}", path.display()))
 }

@@ -255,14 +255,14 @@ fn print(
 
 /// Prints bins that hold something as bars.
 fn histogram(histogram: &Histogram, name: impl Fn(f64) -> String) {
-    const BAR: f64 = 40.0;
+    const MAX_BAR_LENGTH: f64 = 40.0;
     let most = histogram.counts.iter().copied().max().unwrap_or(0).max(1) as f64;
     let width = (histogram.max - histogram.min) / histogram.counts.len() as f64;
     let first = histogram.counts.iter().position(|c| *c > 0).unwrap_or(0);
     let last = histogram.counts.iter().rposition(|c| *c > 0).unwrap_or(0);
     for (i, count) in histogram.counts.iter().enumerate().take(last + 1).skip(first) {
         let low = histogram.min + width * i as f64;
-        let bar = "#".repeat((BAR * *count as f64 / most).ceil() as usize);
+        let bar = "#".repeat((MAX_BAR_LENGTH * *count as f64 / most).ceil() as usize);
         println!("  {:>8} .. {:<8} {count:>9} {bar}", name(low), name(low + width));
     }
     if histogram.below + histogram.above > 0 {

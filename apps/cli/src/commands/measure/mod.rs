@@ -159,7 +159,7 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
 const PAGE: &str = "report.html";
 /// Size of the paper's pictures, px, and rounds in which speed is measured.
 const PAPER_SIZE: (u32, u32) = (1200, 800);
-const ROUNDS: u32 = 3;
+const SPEED_ROUNDS: u32 = 3;
 
 /// Writes the report, the page last.
 fn write(report: &MeasureReport, folder: &Path) -> Result<()> {
@@ -252,7 +252,7 @@ fn name(args: &MeasureArgs) -> String {
 fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<SpeedTable> {
     let mut table = SpeedTable::new(PAPER_SIZE);
     let camera = camera.resized(PAPER_SIZE.0, PAPER_SIZE.1);
-    table.add(&name(args), loaded, &camera, &args.run, ROUNDS)?;
+    table.add(&name(args), loaded, &camera, &args.run, SPEED_ROUNDS)?;
     Ok(table)
 }
 

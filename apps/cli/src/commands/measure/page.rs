@@ -13,8 +13,8 @@ const STYLE: &str = include_str!("page.css");
 
 /// Number of plots and pictures of an instrument that are shown; the others are collapsed.
 const SHOWN_FIGURES: usize = 3;
-/// Width from which a picture takes the whole page, px.
-const SHEET: u32 = 1300;
+/// Width of a picture that takes the whole page; narrower ones share it.
+const FULL_WIDTH_PX: u32 = 1300;
 
 /// Returns the page.
 pub(crate) fn page(report: &MeasureReport) -> Result<String> {
@@ -131,7 +131,7 @@ fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
     out.push_str("</tbody>\n</table></div>\n");
     let mut figures: Vec<String> = Vec::new();
     figures.extend(
-        against(section).iter().map(|plot| format!("<figure class=\"plot\">{}</figure>", plot.svg())),
+        sweep_plots(section).iter().map(|plot| format!("<figure class=\"plot\">{}</figure>", plot.svg())),
     );
     let first = figures.len();
     let findings = &section.findings;
@@ -141,8 +141,12 @@ fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
     let mut pictures = Vec::new();
     for shown in findings.iter().flat_map(|Finding { pictures, .. }| pictures) {
         // Sheets have the whole page.
-        let is_sheet = shown.size.0 > SHEET;
-        let source = picture::color(&shown.rgb, shown.size, if is_sheet { SHEET } else { picture::WIDEST })?;
+        let is_sheet = shown.size.0 > FULL_WIDTH_PX;
+        let source = picture::color(
+            &shown.rgb,
+            shown.size,
+            if is_sheet { FULL_WIDTH_PX } else { picture::MAX_WIDTH_PX },
+        )?;
         let caption = escaped(&shown.caption);
         let class = if is_sheet { " class=\"sheet\"" } else { "" };
         pictures.push(format!(
@@ -200,7 +204,7 @@ fn folded(out: &mut String, class: &str, figures: &[String], first: usize, what:
 }
 
 /// Returns plots of measured over given values for the quantities of a sweep.
-fn against(section: &InstrumentSection) -> Vec<Plot> {
+fn sweep_plots(section: &InstrumentSection) -> Vec<Plot> {
     let mut groups: Vec<(&str, &str, Vec<[f64; 2]>)> = Vec::new();
     for reading in section.readings() {
         // Fractions always have the expected value 1: there is nothing to plot.
@@ -247,7 +251,7 @@ pub(crate) fn plots(report: &MeasureReport) -> Vec<(String, String)> {
     let of = |section: &InstrumentSection| {
         let own = section.findings.iter().flat_map(|finding| finding.plots.clone());
         let all: Vec<Plot> =
-            against(section).into_iter().chain(own).filter(|plot| !plot.is_empty()).collect();
+            sweep_plots(section).into_iter().chain(own).filter(|plot| !plot.is_empty()).collect();
         let named = |(index, plot): (usize, &Plot)| {
             (format!("{}-{:02}.svg", section.instrument.name, index + 1), plot.svg())
         };

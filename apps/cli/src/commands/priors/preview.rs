@@ -13,17 +13,16 @@ use weather_magician::{Camera, PictureSize};
 use wm_base::{FormatError, Problem};
 use wm_image::{color::Dither, ramps};
 
-/// Number of photos on the sheet.
-const PHOTOS: usize = 6;
+/// Photos on the sheet.
+const PHOTO_COUNT: usize = 6;
 /// Number of pixels of a picture on the sheet, and of one beside the maps.
-const SMALL: usize = 60_000;
-const LARGE: usize = 300_000;
-/// Fraction of the largest disparities that all get the nearest colour, so that outliers do not
-/// compress the rest.
-const NEAREST: f64 = 0.98;
-/// Tints of the sky, and of unknown pixels.
-const SKY: [f32; 3] = [0.1, 0.5, 1.0];
-const UNKNOWN: [f32; 3] = [1.0, 0.75, 0.1];
+const SHEET_PICTURE_PIXELS: usize = 60_000;
+const MAP_PICTURE_PIXELS: usize = 300_000;
+/// Disparities above this quantile all get the nearest colour, so that outliers do not compress the
+/// rest.
+const NEAREST_QUANTILE: f64 = 0.98;
+const SKY_TINT: [f32; 3] = [0.1, 0.5, 1.0];
+const UNKNOWN_TINT: [f32; 3] = [1.0, 0.75, 0.1];
 
 /// Writes `preview.png`, and a picture of each photo if requested.
 pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
@@ -37,12 +36,12 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
         .collect();
     let mut panels = Vec::new();
     let mut size = None;
-    let count = PHOTOS.min(with.len());
+    let count = PHOTO_COUNT.min(with.len());
     for index in 0..count {
         // From the first to the last.
         let place = with[index * (with.len() - 1) / (count - 1).max(1)];
-        let Some((photo, prior)) = both(args, data, &priors, place)? else { continue };
-        let size = *size.get_or_insert_with(|| fitting(&photo.camera, SMALL));
+        let Some((photo, prior)) = read_photo_and_prior(args, data, &priors, place)? else { continue };
+        let size = *size.get_or_insert_with(|| fitting(&photo.camera, SHEET_PICTURE_PIXELS));
         panels.extend(views(data.name(place), &photo, &prior, size));
     }
     if let Some(size) = size {
@@ -52,8 +51,8 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
         return Ok(());
     }
     for place in with {
-        let Some((photo, prior)) = both(args, data, &priors, place)? else { continue };
-        let size = fitting(&photo.camera, LARGE);
+        let Some((photo, prior)) = read_photo_and_prior(args, data, &priors, place)? else { continue };
+        let size = fitting(&photo.camera, MAP_PICTURE_PIXELS);
         let path = folder.join("preview").join(format!("{}.png", data.name(place).replace(['/', '\\'], "_")));
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(|e| FormatError::whole(parent, Problem::Write(e.into())))?;
@@ -64,7 +63,7 @@ pub(crate) fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
 }
 
 /// Reads a photo and its prior; `None` for a damaged photo that may be skipped.
-fn both(
+fn read_photo_and_prior(
     args: &PriorsArgs,
     data: &Dataset,
     priors: &Priors,
@@ -95,7 +94,8 @@ fn views(name: &str, photo: &Photo, prior: &Prior, size: PictureSize) -> [(Vec<f
     let unknown = ramps::UNKNOWN_COLOR.map(|v| f32::from(v) / 255.0);
     let mut known: Vec<f32> = prior.disparity.iter().copied().filter(|v| *v > 0.0).collect();
     known.sort_by(f32::total_cmp);
-    let near = known.get((known.len().saturating_sub(1) as f64 * NEAREST) as usize).copied().unwrap_or(1.0);
+    let near =
+        known.get((known.len().saturating_sub(1) as f64 * NEAREST_QUANTILE) as usize).copied().unwrap_or(1.0);
     let disparity = |at: usize| match prior.disparity.get(at) {
         Some(v) if !v.is_nan() => ramps::turbo(1.0 - f64::from(v / near)).map(|v| f32::from(v) / 255.0),
         _ => unknown,
@@ -111,8 +111,8 @@ fn views(name: &str, photo: &Photo, prior: &Prior, size: PictureSize) -> [(Vec<f
     };
     let tint = |rgb: [f32; 3], tint: [f32; 3]| [0, 1, 2].map(|i| 0.45 * rgb[i] + 0.55 * tint[i]);
     let sky = |at: usize, rgb: [f32; 3]| match prior.sky.get(at) {
-        Some(SkyClass::Sky) => tint(rgb, SKY),
-        Some(SkyClass::Unknown) => tint(rgb, UNKNOWN),
+        Some(SkyClass::Sky) => tint(rgb, SKY_TINT),
+        Some(SkyClass::Unknown) => tint(rgb, UNKNOWN_TINT),
         Some(SkyClass::Place) => rgb,
         None => unknown,
     };

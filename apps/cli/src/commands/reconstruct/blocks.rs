@@ -103,8 +103,8 @@ pub(crate) fn train(
     }
     if args.overwrite.overwrite {
         match step {
-            None | Some(BlockStep::Plan) => remove(folder).map_err(told)?,
-            Some(BlockStep::Train(block)) => remove_block(folder, block).map_err(told)?,
+            None | Some(BlockStep::Plan) => remove(folder).map_err(command_error)?,
+            Some(BlockStep::Train(block)) => remove_block(folder, block).map_err(command_error)?,
             Some(BlockStep::Join) => {}
         }
     }
@@ -112,7 +112,7 @@ pub(crate) fn train(
     let mut console = TrainingConsole::new(args, folder);
     let opened = BlockTraining::open(dataset, options, &args.blocks.options(), folder, &mut console);
     console.clear();
-    let mut blocks = opened.map_err(told)?;
+    let mut blocks = opened.map_err(command_error)?;
     let count = blocks.plan().blocks.len();
     if !is_planned {
         for (index, block) in blocks.plan().blocks.iter().enumerate() {
@@ -135,7 +135,7 @@ pub(crate) fn train(
         let mut console = TrainingConsole::new(args, &blocks.block_folder(block));
         let done = blocks.train(block, &mut console);
         console.clear();
-        println!("{}", line(&blocks, &done.map_err(told)?, "is trained"));
+        println!("{}", line(&blocks, &done.map_err(command_error)?, "is trained"));
     }
     if !args.blocks.writes_scene() {
         return Ok(None);
@@ -143,7 +143,7 @@ pub(crate) fn train(
     let mut console = TrainingConsole::new(args, folder);
     let scene = blocks.join(&mut console);
     console.clear();
-    Ok(Some(scene.map_err(told)?))
+    Ok(Some(scene.map_err(command_error)?))
 }
 
 fn line(blocks: &BlockTraining, done: &TrainedBlock, said: &str) -> String {
@@ -152,7 +152,7 @@ fn line(blocks: &BlockTraining, done: &TrainedBlock, said: &str) -> String {
 }
 
 /// The error as the command prints it.
-fn told(error: BlockError) -> anyhow::Error {
+fn command_error(error: BlockError) -> anyhow::Error {
     match error {
         BlockError::Session(error) => explain(*error),
         BlockError::NotTrained { .. } => anyhow!("{error}, each with --block K, or all without --block"),

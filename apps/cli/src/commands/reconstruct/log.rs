@@ -27,10 +27,9 @@ use wm_capture::{DrivingLog, LogCaptureOptions, LogOptions};
 const CAPTURE: &str = "capture";
 /// The file without which a folder is no capture; it is written last.
 const COMPLETE: &str = "transforms.json";
-/// Most pixels of a prior.
-const PIXELS: u32 = 300_000;
+const MAX_PRIOR_PIXELS: u32 = 300_000;
 /// Photos whose priors are made at once.
-const BATCH: usize = 64;
+const PHOTOS_PER_BATCH: usize = 64;
 
 /// The part of a driving log that is read.
 #[derive(Args, Clone, Debug)]
@@ -185,13 +184,13 @@ fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metada
         normal: None,
         sky: sky.is_dir().then(|| MapFolder::new(sky)),
         of: MapsOf::Pinhole,
-        pixels: PIXELS,
+        pixels: MAX_PRIOR_PIXELS,
     };
     let up = facts.up.map(|up| CaptureUp { up, error: 0.0, evidence: UpEvidence::Given });
     let mut writer = PriorsWriter::new(&folder.join(FOLDER), "the lidar of a driving log".into())?;
     let name = |place: usize| capture.views[photos.view(place)].name.as_str();
     let bar = progress::bar(places.len() as u64, "priors");
-    for part in places.chunks(BATCH) {
+    for part in places.chunks(PHOTOS_PER_BATCH) {
         if interrupt::asked() {
             bar.finish_and_clear();
             writer.abandon();

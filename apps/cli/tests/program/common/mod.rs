@@ -19,7 +19,7 @@ use wm_street::Street;
 use wm_street::dataset::{self, DatasetOptions};
 
 /// A step of an 8-bit picture.
-pub const STEP: f64 = 1.0 / 255.0;
+pub const BYTE_STEP: f64 = 1.0 / 255.0;
 
 /// Display-referred colour of the white cards.
 pub const WHITE: [f32; 3] = [1.0; 3];
@@ -399,7 +399,7 @@ pub fn encode(linear: f64) -> f64 {
 
 /// A PNG's colours in linear light.
 pub fn light_of(picture: &Image<[u8; 3]>) -> Image<[f64; 3]> {
-    picture.map(|rgb| rgb.map(|byte| decode(f64::from(byte) * STEP)))
+    picture.map(|rgb| rgb.map(|byte| decode(f64::from(byte) * BYTE_STEP)))
 }
 
 /// The largest of some numbers; 0 if there are none.

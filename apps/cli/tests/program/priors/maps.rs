@@ -27,7 +27,7 @@ fn errors(desk: &Workshop, photo: usize) -> (f64, f64) {
 #[test]
 fn every_form_and_scale_comes_to_the_truth() {
     let desk = desk();
-    let shape = || SHAPE.to_vec();
+    let shape = || PHOTO_SHAPE.to_vec();
     let truth = shared().path("set/truth");
     let camera = capture(&shared().path("set")).views[0].camera;
     maps(&desk, "ray", "depth", |_, depth| {
@@ -103,13 +103,13 @@ fn sky_and_normals_may_be_alone_and_all_together() {
 fn photos_without_a_fit_are_left_out_and_named() {
     let desk = desk();
     maps(&desk, "depth", "depth", |photo, depth| match photo {
-        0 => (vec![f32::NAN; depth.len()], SHAPE.to_vec()),
-        1 => (vec![3.0; depth.len()], SHAPE.to_vec()),
-        _ => (depth, SHAPE.to_vec()),
+        0 => (vec![f32::NAN; depth.len()], PHOTO_SHAPE.to_vec()),
+        1 => (vec![3.0; depth.len()], PHOTO_SHAPE.to_vec()),
+        _ => (depth, PHOTO_SHAPE.to_vec()),
     });
     maps(&desk, "sky", "sky", |photo, sky| match photo {
-        2 => (vec![1.0; sky.len()], SHAPE.to_vec()),
-        _ => (sky, SHAPE.to_vec()),
+        2 => (vec![1.0; sky.len()], PHOTO_SHAPE.to_vec()),
+        _ => (sky, PHOTO_SHAPE.to_vec()),
     });
     fs::remove_file(desk.path("sky/00001.npy")).unwrap();
     let output = run(&desk, "--depth depth --depth-scale scaled --sky sky");
@@ -125,7 +125,7 @@ fn photos_without_a_fit_are_left_out_and_named() {
 #[test]
 fn what_ended_goes_on_and_any_number_of_threads_gives_the_same() {
     let desk = desk();
-    maps(&desk, "depth", "depth", |_, depth| (depth, SHAPE.to_vec()));
+    maps(&desk, "depth", "depth", |_, depth| (depth, PHOTO_SHAPE.to_vec()));
     let options = "--depth depth --depth-unit units";
     run(&desk, &format!("{options} --threads 1"));
     let whole = listing(&desk.path("out"));
@@ -134,7 +134,7 @@ fn what_ended_goes_on_and_any_number_of_threads_gives_the_same() {
     desk.put("depth/00002.npy", "nonsense");
     fails(&mut desk.command(&format!("{options} --threads 1")), &["00002.npy", "no map"], &REMARKS);
     assert!(Priors::open(&desk.path("out")).unwrap().is_none());
-    maps(&desk, "depth", "depth", |_, depth| (depth, SHAPE.to_vec()));
+    maps(&desk, "depth", "depth", |_, depth| (depth, PHOTO_SHAPE.to_vec()));
     // What is done is not looked at again.
     desk.put("depth/00000.npy", "nonsense");
     let elsewhere = "--depth depth --depth-unit units --map-pixels 5000 --resume";
@@ -155,7 +155,7 @@ fn maps_of_a_bent_photo_are_bent_back() {
     let white: Vec<f32> = (0..9600).map(|pixel| if pixel % 120 < 30 { 1.0 } else { 0.0 }).collect();
     for photo in 0..3 {
         fs::create_dir_all(desk.path("sky")).unwrap();
-        npy::write(&desk.path(format!("sky/{photo:05}.npy")), &white, &SHAPE).unwrap();
+        npy::write(&desk.path(format!("sky/{photo:05}.npy")), &white, &PHOTO_SHAPE).unwrap();
     }
     let stored = made.views[0].camera;
     let camera = Photos::open(&made, &PhotoOptions::default()).unwrap().camera(0, 0);

@@ -81,7 +81,7 @@ fn prior_of(desk: &Workshop, photo: usize) -> Arc<Prior> {
 }
 
 /// `[H, W]` of the photos.
-const SHAPE: [usize; 2] = [80, 120];
+const PHOTO_SHAPE: [usize; 2] = [80, 120];
 
 #[test]
 fn stereo_is_made_once_and_found_by_reconstruct() {

@@ -77,7 +77,7 @@ mod with_networks {
     /// Points are put where the network sees them, but for a scale and a shift.
     #[test]
     fn what_the_network_says_is_fitted_to_points() {
-        const FIT: (f64, f64) = (0.3, 1.0);
+        const SCALE_AND_SHIFT: (f64, f64) = (0.3, 1.0);
         let desk = desk();
         desk.photos("set", &DatasetOptions { size: (84, 84), count: 3, ..PHOTOS });
         let mut made = capture(&desk.path("set"));
@@ -96,7 +96,7 @@ mod with_networks {
                     continue;
                 }
                 let (x, y) = ((pixel % 84) as f64 + 0.5, (pixel / 84) as f64 + 0.5);
-                let z = 1.0 / (FIT.0 * value + FIT.1);
+                let z = 1.0 / (SCALE_AND_SHIFT.0 * value + SCALE_AND_SHIFT.1);
                 let ray = photo.camera.ray(x, y);
                 let at = photo.camera.center() + ray * (z / ray.dot(photo.camera.forward()));
                 let point = made.points.len() as u32;
@@ -114,14 +114,15 @@ mod with_networks {
             let view = &made.views[place];
             let fit = priors.index().photos[&view.name].fit.unwrap();
             assert!(
-                (fit.scale / FIT.0 - 1.0).abs() < 1e-3 && (fit.shift / FIT.1 - 1.0).abs() < 0.01,
+                (fit.scale / SCALE_AND_SHIFT.0 - 1.0).abs() < 1e-3
+                    && (fit.shift / SCALE_AND_SHIFT.1 - 1.0).abs() < 0.01,
                 "{fit:?}"
             );
             let prior = priors.get(&view.name, &view.camera).unwrap().unwrap();
             let photo = photos.get(place, 0).unwrap();
             let said = network.predict(&photo.rgb_f32(), 84).unwrap();
             for ((found, said), class) in prior.disparity.iter().zip(&said.values).zip(&prior.sky) {
-                let expected = FIT.0 * f64::from(*said) + FIT.1;
+                let expected = SCALE_AND_SHIFT.0 * f64::from(*said) + SCALE_AND_SHIFT.1;
                 let is_off = (f64::from(*found) / expected - 1.0).abs() > 0.01;
                 assert!(*class == SkyClass::Sky || !is_off, "{found} {expected}");
             }

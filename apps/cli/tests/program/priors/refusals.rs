@@ -32,7 +32,7 @@ fn maps_that_do_not_fit() {
     let options = "--depth-unit units";
     let says = ["tall/00000.npy", "the map is 80x120 px, its photo 120x80"];
     desk.refused(&format!("--depth tall {options}"), &says);
-    maps(&desk, "cut", "depth", |_, depth| (depth, SHAPE.to_vec()));
+    maps(&desk, "cut", "depth", |_, depth| (depth, PHOTO_SHAPE.to_vec()));
     let bytes = desk.read("cut/00000.npy");
     desk.put("cut/00000.npy", &bytes[..bytes.len() / 2]);
     desk.refused(&format!("--depth cut {options}"), &["cut/00000.npy", "cut off"]);
@@ -46,7 +46,7 @@ fn maps_that_do_not_fit() {
     desk.refused("--depth counts", &["counts/00000.png: holds whole numbers", "such as mm"]);
     maps(&desk, "inside", "normal", |_, normal| (normal.iter().map(|v| -v).collect(), vec![80, 120, 3]));
     desk.refused("--normal inside --normal-axes world", &["inside/00000.npy", "look away from the camera"]);
-    maps(&desk, "white", "sky", |_, sky| (vec![1.0; sky.len()], SHAPE.to_vec()));
+    maps(&desk, "white", "sky", |_, sky| (vec![1.0; sky.len()], PHOTO_SHAPE.to_vec()));
     desk.refused("--sky white", &["out: none of 4 photos has a prior; 00000.png: all of it is sky"]);
     // Depth where the form says disparity.
     let depth = shared().path("set/truth/depth");

@@ -1,7 +1,7 @@
 //! The files that a training writes.
 
 use super::*;
-use crate::common::{STEP, psnr, read_png};
+use crate::common::{BYTE_STEP, psnr, read_png};
 use serde_json::Value;
 
 #[test]
@@ -124,7 +124,7 @@ fn photos_that_were_held_out_are_met_ever_better() {
 /// PSNR of a picture that has the mean colour of a photo everywhere, dB.
 fn flat_psnr(path: &Path) -> f64 {
     let pixels = read_png(path).pixels.as_flattened().to_vec();
-    let lanes = [0, 1, 2].map(|lane| pixels[lane..].iter().step_by(3).map(|v| STEP * f64::from(*v)));
+    let lanes = [0, 1, 2].map(|lane| pixels[lane..].iter().step_by(3).map(|v| BYTE_STEP * f64::from(*v)));
     let mean = lanes.map(|lane| lane.sum::<f64>() / (pixels.len() / 3) as f64);
-    psnr(pixels.iter().enumerate().map(|(index, v)| STEP * f64::from(*v) - mean[index % 3]))
+    psnr(pixels.iter().enumerate().map(|(index, v)| BYTE_STEP * f64::from(*v) - mean[index % 3]))
 }

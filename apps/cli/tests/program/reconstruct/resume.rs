@@ -1,7 +1,7 @@
 //! Trainings that are broken off and gone on with.
 
 use super::*;
-use crate::process::{PATIENCE, begin, signal, wait};
+use crate::process::{MAX_RUN_TIME, begin, signal, wait};
 use std::process::Child;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ fn started(place: &Workshop, more: &[&str], lines: usize) -> Child {
     let begun = Instant::now();
     while fs::read_to_string(&metrics).map_or(0, |text| text.lines().count()) < lines {
         assert!(child.try_wait().unwrap().is_none(), "it ended before {lines} lines");
-        assert!(begun.elapsed() < PATIENCE, "it does not get to {lines} lines");
+        assert!(begun.elapsed() < MAX_RUN_TIME, "it does not get to {lines} lines");
         sleep(Duration::from_millis(1));
     }
     child

@@ -21,9 +21,9 @@ fn tilted_yard() -> (Workshop, PathBuf) {
 }
 
 const CAMERA: &str = "--camera=0.5,-12,3:0,4,1";
-const GROUND: [DVec3; 3] =
+const GROUND_POINTS: [DVec3; 3] =
     [DVec3::new(-1.9, -4.5, 0.0), DVec3::new(2.4, -4.8, 0.0), DVec3::new(0.0, 1.5, 0.0)];
-const SKY: DVec3 = DVec3::new(0.5, -2.0, 5.7);
+const SKY_POINT: DVec3 = DVec3::new(0.5, -2.0, 5.7);
 
 fn saved_up(scene: &Path) -> DVec3 {
     read_scene(scene, &ReadOptions::default()).unwrap().metadata.up.unwrap()
@@ -68,14 +68,14 @@ fn three_clicks_on_the_ground_set_up_upright() {
         assert_eq!(under, "picture", "{at:?} is covered");
         browser.drag(at, (0, 0));
     };
-    click(SKY);
+    click(SKY_POINT);
     browser.until("document.getElementById('align-error').textContent.includes('only sky')");
     says("3 more points");
-    click(GROUND[0]);
+    click(GROUND_POINTS[0]);
     says("2 more points");
-    click(GROUND[1]);
+    click(GROUND_POINTS[1]);
     says("1 more point.");
-    click(GROUND[2]);
+    click(GROUND_POINTS[2]);
     says("The ground is set");
     browser.until("document.getElementById('align-facts').textContent.includes('not saved')");
     assert!(!scene.with_extension("ply.wm.toml").exists(), "written without being asked to");
@@ -109,8 +109,8 @@ fn pictures_follow_the_facts_at_once() {
         let answer = viewer.json("POST", "/surface", &json!({ "state": state, "x": x, "y": y }));
         answer["point"].clone()
     };
-    assert_eq!(surface(SKY), Value::Null);
-    let points = GROUND.map(surface);
+    assert_eq!(surface(SKY_POINT), Value::Null);
+    let points = GROUND_POINTS.map(surface);
     let answer = change(&json!({ "action": "ground", "points": points }));
     assert_eq!(answer["facts"]["unsaved"], true);
     assert!(answer["text"].as_str().unwrap().contains("most of the scene"), "{answer}");

@@ -2,7 +2,7 @@
 
 use crate::common::{binary, run};
 use crate::viewer::running::{address_and_token, mebibytes};
-use crate::viewer::socket::{PATIENCE, Socket, ask};
+use crate::viewer::socket::{MAX_ANSWER_TIME, Socket, ask};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -163,7 +163,7 @@ pub fn rendered(command: &str, folder: &Path) -> std::path::PathBuf {
 
 /// Waits until something holds.
 pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + MAX_ANSWER_TIME;
     while !holds() {
         assert!(Instant::now() < end, "too long until {what}");
         std::thread::sleep(Duration::from_millis(20));

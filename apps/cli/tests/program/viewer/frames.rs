@@ -1,7 +1,7 @@
 //! Pictures: the right ones, the same each time, and those of `render`.
 
 use crate::viewer::client::{Viewer, rendered, until};
-use crate::viewer::socket::Came;
+use crate::viewer::socket::SocketEvent;
 use crate::viewer::{yard_scene, yard_viewer};
 use serde_json::{Value, json};
 
@@ -114,7 +114,7 @@ fn only_the_latest_request_counts_and_moving_views_are_smaller() {
     }
     page.stream.set_read_timeout(Some(std::time::Duration::from_millis(500))).unwrap();
     let mut unseen = 0;
-    while let Came::Picture(..) = page.next() {
+    while let SocketEvent::Picture(..) = page.next() {
         unseen += 1;
     }
     assert!((1..=3).contains(&unseen), "{unseen}");
@@ -128,10 +128,10 @@ fn snow_is_prepared_while_pictures_go_on() {
     let (mut words, mut drafts) = (Vec::new(), 0);
     loop {
         match page.next() {
-            Came::Word(word) => words.push(word),
-            Came::Picture(head, _) if head["whole"] == true => break,
-            Came::Picture(..) => drafts += 1,
-            Came::Closed => panic!("closed"),
+            SocketEvent::Word(word) => words.push(word),
+            SocketEvent::Picture(head, _) if head["whole"] == true => break,
+            SocketEvent::Picture(..) => drafts += 1,
+            SocketEvent::Closed => panic!("closed"),
         }
     }
     let said = |text: &str| words.iter().any(|word| word["type"] == "status" && word["text"] == text);

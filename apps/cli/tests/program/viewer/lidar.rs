@@ -2,7 +2,7 @@
 
 use crate::viewer::client::{Viewer, rendered, until};
 use crate::viewer::page::{click, file_of, screenshots, slide, take_file};
-use crate::viewer::socket::Came;
+use crate::viewer::socket::SocketEvent;
 use crate::viewer::webdriver::Browser;
 use crate::viewer::{yard_scene, yard_viewer};
 use serde_json::{Value, json};
@@ -89,14 +89,14 @@ fn a_picture_does_not_wait_for_its_points() {
         let mut heads = Vec::new();
         loop {
             match page.next() {
-                Came::Picture(head, _) if head["seq"] == seq => {
+                SocketEvent::Picture(head, _) if head["seq"] == seq => {
                     page.say(&json!({ "type": "seen", "seq": seq }));
                     heads.push((head["whole"] == true, head["lidar"].clone()));
                     if is_moving || head["whole"] == true {
                         break heads;
                     }
                 }
-                Came::Closed => panic!("closed"),
+                SocketEvent::Closed => panic!("closed"),
                 _ => {}
             }
         }

@@ -1,7 +1,7 @@
 //! Requests that the viewer must refuse: each gets one line of error, and the viewer keeps running.
 
 use crate::viewer::client::Viewer;
-use crate::viewer::socket::{Came, Socket, ask, connect, parts};
+use crate::viewer::socket::{Socket, SocketEvent, ask, connect, parts};
 use crate::viewer::{yard_scene, yard_viewer};
 use serde_json::json;
 use std::io::{Read, Write};
@@ -287,12 +287,12 @@ fn huge_and_malformed_messages_are_refused_in_a_line() {
     {
         let mut socket = viewer.socket(&[]).unwrap();
         let _ = socket.send(opcode, &payload);
-        while !matches!(socket.next(), Came::Closed) {}
+        while !matches!(socket.next(), SocketEvent::Closed) {}
     }
     let mut socket = viewer.socket(&[]).unwrap();
     let lie = [0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0];
     socket.stream.write_all(&lie).unwrap();
-    while !matches!(socket.next(), Came::Closed) {}
+    while !matches!(socket.next(), SocketEvent::Closed) {}
     is_well(&viewer);
 }
 

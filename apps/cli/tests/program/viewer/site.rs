@@ -3,7 +3,7 @@
 //! `WM_WEB_PLAYER` names the folder of the built player (`tools/web-player`); with
 //! `WM_REQUIRE_PLAYER=1` its lack is a failure.
 
-use crate::common::{STEP, Workshop, psnr};
+use crate::common::{BYTE_STEP, Workshop, psnr};
 use crate::viewer::page::click;
 use crate::viewer::webdriver::Browser;
 use crate::viewer::yard_scene;
@@ -24,9 +24,9 @@ use wm_viewer::site::SiteFile;
 use wm_viewer::state::{ViewState, weather_to_json};
 
 /// Longest wait for a picture: a GPU in software makes its programs first.
-const LONGEST: Duration = Duration::from_secs(400);
-/// Least likeness of pictures of the page and of the program, dB.
-const LEAST: f64 = 60.0;
+const MAX_PICTURE_TIME: Duration = Duration::from_secs(400);
+/// Of pictures of the page and of the program.
+const MIN_PSNR_DB: f64 = 60.0;
 
 /// The folder of the player; `None`, and says so, without one.
 fn player() -> Option<PathBuf> {
@@ -149,7 +149,7 @@ impl Site {
         assert_eq!(info.color_type, png::ColorType::Rgba);
         let drawn = self.drawn(state, (info.width, info.height));
         let pixels = shown.as_chunks::<4>().0.iter().zip(drawn.as_chunks::<3>().0);
-        let error = |(a, b): (&u8, &u8)| STEP * (f64::from(*a) - f64::from(*b));
+        let error = |(a, b): (&u8, &u8)| BYTE_STEP * (f64::from(*a) - f64::from(*b));
         psnr(pixels.flat_map(|(shown, drawn)| shown.iter().zip(drawn).map(error)))
     }
 }
@@ -167,7 +167,7 @@ fn follow(browser: &Browser, fragment: &str) -> String {
     browser.script(&format!(
         "document.getElementById('picture').dataset.settled = 'false'; location.hash = '{fragment}'"
     ));
-    browser.picture_within(LONGEST)
+    browser.picture_within(MAX_PICTURE_TIME)
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn a_site_draws_what_the_program_draws() {
 
     for (device, words) in [("gpu", "on GPU"), ("cpu", "on CPU")] {
         browser.open_at(&address, &format!("?device={device}"));
-        let fog = browser.picture_within(LONGEST);
+        let fog = browser.picture_within(MAX_PICTURE_TIME);
         let stats = browser.text("stats");
         assert!(stats.contains(words), "{stats}");
         let mut shown = Vec::new();
@@ -192,7 +192,7 @@ fn a_site_draws_what_the_program_draws() {
             let seen = follow(&browser, &fragment);
             let likeness = site.likeness(&state, &seen);
             println!("{device}, {preset}: {likeness:.1} dB");
-            assert!(likeness > LEAST, "{device}, {preset}: {likeness:.1} dB");
+            assert!(likeness > MIN_PSNR_DB, "{device}, {preset}: {likeness:.1} dB");
             shown.push((fragment, seen));
         }
         assert!(shown[0].1 == fog && shown[1].1 != fog, "{device}: the weather of a link is another");
@@ -202,7 +202,7 @@ fn a_site_draws_what_the_program_draws() {
         let mut shared = fragment.clone();
         for round in 0..2 {
             browser.open_at(&address, &format!("?device={device}&{round}#{shared}"));
-            assert!(browser.picture_within(LONGEST) == *rain, "{device}: a frame alone is another");
+            assert!(browser.picture_within(MAX_PICTURE_TIME) == *rain, "{device}: a frame alone is another");
             let before = std::mem::replace(&mut shared, share(&browser));
             // JavaScript writes 5.0 as 5, so the first one, which is no page's, may have other
             // digits.

@@ -8,7 +8,7 @@ use std::net::TcpStream;
 use std::time::Duration;
 
 /// Longest that anything may take.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub const MAX_ANSWER_TIME: Duration = Duration::from_secs(60);
 
 /// Status, head and body of a request over a connection of its own. `Host` is the address unless it
 /// is among the headers.
@@ -73,8 +73,8 @@ fn dechunked(mut rest: &[u8]) -> Vec<u8> {
 
 pub fn connect(address: &str) -> TcpStream {
     let stream = TcpStream::connect(address).expect("the viewer listens");
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    stream.set_write_timeout(Some(PATIENCE)).unwrap();
+    stream.set_read_timeout(Some(MAX_ANSWER_TIME)).unwrap();
+    stream.set_write_timeout(Some(MAX_ANSWER_TIME)).unwrap();
     stream
 }
 
@@ -85,7 +85,7 @@ pub struct Socket {
 
 /// A message received over the socket.
 #[derive(Debug)]
-pub enum Came {
+pub enum SocketEvent {
     Word(Value),
     /// Head and JPEG.
     Picture(Value, Vec<u8>),
@@ -136,11 +136,11 @@ impl Socket {
     }
 
     /// The next that comes; pings are left aside.
-    pub fn next(&mut self) -> Came {
+    pub fn next(&mut self) -> SocketEvent {
         loop {
             let mut head = [0; 2];
             if self.stream.read_exact(&mut head).is_err() {
-                return Came::Closed;
+                return SocketEvent::Closed;
             }
             let mut length = u64::from(head[1] & 0x7f);
             let mut more = |bytes: usize| {
@@ -155,16 +155,16 @@ impl Socket {
             }
             let mut payload = vec![0; length as usize];
             if self.stream.read_exact(&mut payload).is_err() {
-                return Came::Closed;
+                return SocketEvent::Closed;
             }
             match head[0] & 0xf {
-                1 => return Came::Word(serde_json::from_slice(&payload).unwrap()),
+                1 => return SocketEvent::Word(serde_json::from_slice(&payload).unwrap()),
                 2 => {
                     let length = u32::from_le_bytes(payload[..4].try_into().unwrap()) as usize;
                     let head = serde_json::from_slice(&payload[4..4 + length]).unwrap();
-                    return Came::Picture(head, payload[4 + length..].to_vec());
+                    return SocketEvent::Picture(head, payload[4 + length..].to_vec());
                 }
-                8 => return Came::Closed,
+                8 => return SocketEvent::Closed,
                 _ => {}
             }
         }
@@ -174,8 +174,8 @@ impl Socket {
     pub fn word(&mut self, kind: &str) -> Value {
         loop {
             match self.next() {
-                Came::Word(word) if word["type"] == kind => return word,
-                Came::Closed => panic!("closed before {kind} came"),
+                SocketEvent::Word(word) if word["type"] == kind => return word,
+                SocketEvent::Closed => panic!("closed before {kind} came"),
                 _ => {}
             }
         }
@@ -185,9 +185,9 @@ impl Socket {
     pub fn picture(&mut self) -> (Value, Vec<u8>) {
         loop {
             match self.next() {
-                Came::Picture(head, jpeg) => return (head, jpeg),
-                Came::Word(_) => {}
-                Came::Closed => panic!("closed before a picture came"),
+                SocketEvent::Picture(head, jpeg) => return (head, jpeg),
+                SocketEvent::Word(_) => {}
+                SocketEvent::Closed => panic!("closed before a picture came"),
             }
         }
     }

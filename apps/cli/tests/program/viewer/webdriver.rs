@@ -2,7 +2,7 @@
 //! installed.
 
 use crate::viewer::client::{Viewer, until};
-use crate::viewer::socket::{PATIENCE, ask};
+use crate::viewer::socket::{MAX_ANSWER_TIME, ask};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -140,7 +140,7 @@ impl Browser {
 
     /// Waits for the whole picture, and returns it as text.
     pub fn picture(&self) -> String {
-        self.picture_within(PATIENCE)
+        self.picture_within(MAX_ANSWER_TIME)
     }
 
     /// [`Self::picture`] with another patience; a page that says that it failed has none.

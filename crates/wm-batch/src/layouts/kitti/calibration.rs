@@ -6,12 +6,12 @@ use glam::{DMat3, DVec3};
 use std::fmt::Write;
 
 /// The numbers of the folders of cameras in the order of the rig.
-pub(super) const SLOTS: [usize; 4] = [2, 3, 1, 0];
+pub(super) const CAMERA_FOLDERS: [usize; 4] = [2, 3, 1, 0];
 
 /// The sensors of a rig in KITTI's terms.
 pub(in super::super) struct KittiRig<'a> {
     set: &'a SetInfo,
-    /// Indices of the cameras, at most four, in the order of [`SLOTS`].
+    /// Indices of the cameras, at most four, in the order of [`CAMERA_FOLDERS`].
     pub(super) cameras: Vec<usize>,
     /// Index of the lidar.
     pub(in super::super) lidar: Option<usize>,
@@ -23,7 +23,8 @@ pub(in super::super) struct KittiRig<'a> {
 
 impl<'a> KittiRig<'a> {
     pub(in super::super) fn new(set: &'a SetInfo) -> Self {
-        let cameras: Vec<usize> = cameras(set).map(|(index, _, _)| index).take(SLOTS.len()).collect();
+        let cameras: Vec<usize> =
+            cameras(set).map(|(index, _, _)| index).take(CAMERA_FOLDERS.len()).collect();
         let lidar = set.sensors.iter().position(SensorInfo::is_lidar);
         let pose = |index: usize| set.sensors[index].rig_from_sensor;
         let rig_from_velodyne = lidar.map_or(RigidPose::IDENTITY, pose);
@@ -38,17 +39,17 @@ impl<'a> KittiRig<'a> {
 
     /// The number of a camera's folder.
     pub(super) fn slot(&self, sensor: usize) -> Option<usize> {
-        self.cameras.iter().position(|index| *index == sensor).map(|place| SLOTS[place])
+        self.cameras.iter().position(|index| *index == sensor).map(|place| CAMERA_FOLDERS[place])
     }
 
     /// Sensors with their folders' numbers.
     pub(in super::super) fn slots(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        self.cameras.iter().copied().zip(SLOTS)
+        self.cameras.iter().copied().zip(CAMERA_FOLDERS)
     }
 
     /// The camera of a folder's number, or the first where the rig has none: files list all four.
     fn camera(&self, slot: usize) -> Option<(RigidPose, CameraInfo)> {
-        let place = SLOTS.iter().position(|number| *number == slot)?;
+        let place = CAMERA_FOLDERS.iter().position(|number| *number == slot)?;
         let sensor = &self.set.sensors[*self.cameras.get(place).or(self.cameras.first())?];
         Some((sensor.rig_from_sensor, *sensor.camera()?))
     }
@@ -84,7 +85,8 @@ impl<'a> KittiRig<'a> {
     /// `P0` to `P3`.
     fn projection_lines(&self) -> String {
         let mut text = String::new();
-        (0..SLOTS.len()).for_each(|slot| line(&mut text, &format!("P{slot}"), &self.projection(slot)));
+        (0..CAMERA_FOLDERS.len())
+            .for_each(|slot| line(&mut text, &format!("P{slot}"), &self.projection(slot)));
         text
     }
 
@@ -124,7 +126,7 @@ impl<'a> KittiRig<'a> {
         // The distance of corners of the checkerboard that KITTI's cameras were calibrated with;
         // there was none here.
         line(&mut text, "corner_dist", &[0.0]);
-        for slot in 0..SLOTS.len() {
+        for slot in 0..CAMERA_FOLDERS.len() {
             let pose = self.camera_from_camera0(slot);
             let size = self
                 .camera(slot)

@@ -31,7 +31,7 @@ pub(super) use sequences::{sequence_folder, sequence_tables};
 pub(super) use trajectory::{KittiTrajectory, times};
 
 use crate::{SensorInfo, SetError, SetInfo, cameras};
-use calibration::SLOTS;
+use calibration::CAMERA_FOLDERS;
 
 /// Sensors that a layout cannot do without.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -50,7 +50,7 @@ pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Res
     let rig = KittiRig::new(set);
     let count = |is: fn(&SensorInfo) -> bool| set.sensors.iter().filter(|sensor| is(sensor)).count();
     let (lidars, cameras) = (count(SensorInfo::is_lidar), count(|sensor| sensor.camera().is_some()));
-    if cameras > SLOTS.len() {
+    if cameras > CAMERA_FOLDERS.len() {
         return refuse(format!(
             "it holds 4 cameras and the rig has {cameras}: leave cameras out, or take the layout nuscenes"
         ));

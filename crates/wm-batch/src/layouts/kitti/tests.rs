@@ -62,7 +62,7 @@ fn raw_points_are_seen_where_pictures_show_them() {
     let tr = [&r[0..3], &t[0..1], &r[3..6], &t[1..2], &r[6..9], &t[2..3]].concat();
     let cameras = text(&files, &format!("{day}/calib_cam_to_cam.txt"));
     let mut seen = Vec::new();
-    for frame in 0..testing::FRAMES {
+    for frame in 0..testing::FRAMES_PER_CLIP {
         let point =
             spot(&files[&format!("{day}/{day}_drive_0001_sync/velodyne_points/data/{frame:010}.bin")]);
         let project = |slot: usize| apply(&numbers(cameras, &format!("P_rect_{slot:02}")), apply(&tr, point));
@@ -97,7 +97,7 @@ fn sequences_hold_points_poses_and_classes() {
     assert_eq!((poses.len(), poses[0].len()), (20, 12));
     let readings = testing::readings(&set);
     let first = readings[0].world_from_sensor(&set);
-    for frame in 0..testing::FRAMES {
+    for frame in 0..testing::FRAMES_PER_CLIP {
         let point = spot(&files[&format!("sequences/01/velodyne/{frame:06}.bin")]);
         let in_camera = apply(&tr, point);
         check_pixels(frame, &|slot| apply(&numbers(calibration, &format!("P{slot}")), in_camera));
@@ -127,7 +127,7 @@ fn frames_of_objects_are_numbered_over_all_clips() {
     let files = written("kitti-object", 8);
     assert_eq!(text(&files, "ImageSets/val.txt").lines().next(), Some("000020"));
     assert_eq!(text(&files, "ImageSets/trainval.txt").lines().count(), 40);
-    for frame in 0..testing::FRAMES {
+    for frame in 0..testing::FRAMES_PER_CLIP {
         let calibration = text(&files, &format!("training/calib/{:06}.txt", 20 + frame));
         let tr = numbers(calibration, "Tr_velo_to_cam");
         let point = spot(&files[&format!("training/velodyne/{:06}.bin", 20 + frame)]);
@@ -170,8 +170,8 @@ fn sets_that_do_not_fit_are_refused_with_a_remedy() {
     };
     type Change = fn(&mut SetInfo);
     let changes: [(&str, Change, &str); 10] = [
-        ("kitti-raw", |set| several(set, 0), "has 5: leave cameras out"),
-        ("kitti-object", |set| several(set, 3), "has 3: leave lidars out"),
+        ("kitti-raw", |set| add_two_sensors(set, 0), "has 5: leave cameras out"),
+        ("kitti-object", |set| add_two_sensors(set, 3), "has 3: leave lidars out"),
         ("kitti-object", |set| drop(set.sensors.drain(..3)), "needs a camera"),
         ("wads", |set| drop(set.sensors.remove(3)), "needs a lidar"),
         ("kitti-odometry", |set| set.sensors[1].rate = 12.0, "\"left\" has 12 Hz and frames 10 Hz"),
@@ -179,7 +179,7 @@ fn sets_that_do_not_fit_are_refused_with_a_remedy() {
         ("semantic-kitti", lens, "camera \"front\" has a lens"),
         ("nuscenes", lens, "camera \"front\" has a lens"),
         ("nuscenes", |set| set.sensors[4].rate = 1.0, "\"bumper\" has 1 Hz and samples 2 Hz"),
-        ("nuscenes", |set| several(set, 0), "two sensors would be channel CAM_FRONT"),
+        ("nuscenes", |set| add_two_sensors(set, 0), "two sensors would be channel CAM_FRONT"),
     ];
     for (layout, change, words) in changes {
         let line = refusal(layout, change);
@@ -189,7 +189,7 @@ fn sets_that_do_not_fit_are_refused_with_a_remedy() {
 }
 
 /// Adds two more of a sensor.
-fn several(set: &mut SetInfo, index: usize) {
+fn add_two_sensors(set: &mut SetInfo, index: usize) {
     let sensor = set.sensors[index].clone();
     set.sensors.extend([sensor.clone(), sensor]);
 }

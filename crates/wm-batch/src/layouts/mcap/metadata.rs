@@ -26,8 +26,8 @@ pub(super) fn of(set: &SetInfo, record: &ClipRecord) -> String {
         .iter()
         .map(|(block, own)| {
             let before: usize = counts.iter().sum();
-            counts[super::TF_STATIC] += 1;
-            counts[super::TF] += instants(clip, own).count();
+            counts[super::TF_STATIC_TOPIC] += 1;
+            counts[super::TF_TOPIC] += instants(clip, own).count();
             for (topic, count) in topics.iter().zip(&mut counts) {
                 *count += own.iter().filter(|info| topic.sensor == Some(info.sensor)).count();
             }

@@ -150,8 +150,8 @@ const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability:
                        avoid_ros_namespace_conventions: false";
 
 /// Places of the topics that no sensor has.
-const TF_STATIC: usize = 0;
-const TF: usize = 1;
+const TF_STATIC_TOPIC: usize = 0;
+const TF_TOPIC: usize = 1;
 
 /// All topics, grouped by sensor.
 fn topics(set: &SetInfo) -> Vec<Topic> {
@@ -263,7 +263,7 @@ impl OpenFile {
             .collect();
         if let Some(first) = readings.first() {
             let time = first.timestamp(clip);
-            file.message(TF_STATIC, time, &cdr::transforms(time, &poses));
+            file.message(TF_STATIC_TOPIC, time, &cdr::transforms(time, &poses));
         }
         file
     }
@@ -271,7 +271,7 @@ impl OpenFile {
     /// Writes `/tf` unless it has this instant.
     fn transform(&mut self, time: i64, world_from_rig: RigidPose) {
         if self.time.replace(time) != Some(time) {
-            self.message(TF, time, &cdr::transforms(time, &[(FRAMES[0], FRAMES[1], world_from_rig)]));
+            self.message(TF_TOPIC, time, &cdr::transforms(time, &[(FRAMES[0], FRAMES[1], world_from_rig)]));
         }
     }
 

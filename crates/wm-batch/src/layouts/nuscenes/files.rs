@@ -5,17 +5,17 @@ use crate::layouts::surface_classes::lidarseg_classes;
 use crate::{BlockInfo, BlockWriter, DatasetDetection, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, picture_files};
 use std::fmt::Write;
 
-/// Points of the weather.
-const NOISE: u8 = 0;
+/// Class of points of the weather.
+const NOISE_CLASS: u8 = 0;
 
-/// Detections that move less, m/s, are stationary.
-const STATIONARY: f32 = 1.0;
+/// Detections that move less are stationary.
+const MAX_STATIONARY_SPEED_M_S: f32 = 1.0;
 
 pub(super) fn block(block: BlockInfo<'_>) -> Box<dyn BlockWriter + '_> {
     let BlockInfo { set, clip, .. } = block;
     let (channels, classes) = (channels(set), lidarseg_classes(&set.labels));
     let class = move |point: &DatasetPoint| match point.source.is_weather() {
-        true => NOISE,
+        true => NOISE_CLASS,
         false => classes.get(usize::from(point.label)).copied().unwrap_or(classes[0]),
     };
     Box::new(move |reading: &SensorReading<'_>, files: &mut dyn FileSink| {
@@ -76,7 +76,7 @@ pub(super) fn radar(detections: &[DatasetDetection]) -> Vec<u8> {
         let range = x.hypot(y).max(f32::MIN_POSITIVE);
         let along = |speed: f32| [speed * x / range, speed * y / range];
         let ([vx, vy], [vx_comp, vy_comp]) = (along(detection.velocity), along(detection.ground_velocity));
-        let dyn_prop = u8::from(detection.ground_velocity.abs() < STATIONARY);
+        let dyn_prop = u8::from(detection.ground_velocity.abs() < MAX_STATIONARY_SPEED_M_S);
         bytes.extend([x, y, z].into_iter().flat_map(f32::to_le_bytes));
         bytes.push(dyn_prop);
         bytes.extend((id as i16).to_le_bytes());

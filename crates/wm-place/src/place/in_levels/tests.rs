@@ -190,12 +190,12 @@ fn weather_acts_on_what_is_drawn() {
 }
 
 /// A place whose files are fetched, and its store: the street in a folder of its own.
-struct Fetched {
+struct FetchedFiles {
     from: PathBuf,
     root: PathBuf,
 }
 
-impl Fetched {
+impl FetchedFiles {
     fn main(&self) -> PathBuf {
         self.root.join("lod-meta.json")
     }
@@ -227,7 +227,8 @@ impl Fetched {
 #[test]
 fn files_that_are_fetched_give_the_frames_of_a_disk() {
     let (folder, main) = street();
-    let store = Fetched { from: folder.path().into(), root: PathBuf::from(fetched::ROOT).join("street") };
+    let store =
+        FetchedFiles { from: folder.path().into(), root: PathBuf::from(fetched::ROOT).join("street") };
     let all = LevelIndex::open(&main).unwrap().count_of_level(0);
     let (here, there) = (camera(0.0, 20.0), camera(1.0, -50.0));
     let mut fetches = 0;

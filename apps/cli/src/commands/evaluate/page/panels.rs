@@ -15,8 +15,8 @@ const COLOR_RANGE: f64 = 0.2;
 const DEPTH_RANGE: f64 = 0.2;
 /// Largest angle on the colour ramp, degrees.
 const ANGLE_RANGE: f64 = 60.0;
-/// Fractions of true depths below and above the range of colours.
-const TAIL: f64 = 0.02;
+/// Share of true depths below the range of colours, and of those above it.
+const DEPTH_TAIL_SHARE: f64 = 0.02;
 
 /// The ramps, with the names of their classes.
 pub(crate) const RAMPS: [(&str, ColorRamp); 3] =
@@ -75,8 +75,8 @@ impl PhotoPanels {
         let mut add = |what: &str, picture: String, key: Key, width: Width| {
             figures.push(PanelPicture { what: what.to_owned(), picture, key, width });
         };
-        add("photo", picture::color(photo, full, picture::WIDEST)?, Key::None, Width::Half);
-        add("render", picture::color(image, full, picture::WIDEST)?, Key::None, Width::Half);
+        add("photo", picture::color(photo, full, picture::MAX_WIDTH_PX)?, Key::None, Width::Half);
+        add("render", picture::color(image, full, picture::MAX_WIDTH_PX)?, Key::None, Width::Half);
         let size = picture::shown_size(full);
         let places = picture::nearest(full);
         let map = |of: &dyn Fn(usize) -> MapCell, ramp: ColorRamp| -> Result<String> {
@@ -128,7 +128,7 @@ impl PhotoPanels {
                     normal => normal.map(|v| 0.5 + 0.5 * v),
                 };
                 let rgb: Vec<f32> = places.iter().flat_map(|place| shade(of(normals, *place))).collect();
-                picture::color(&rgb, size, picture::WIDEST)
+                picture::color(&rgb, size, picture::MAX_WIDTH_PX)
             };
             add(
                 "true normals, x y z of the world as red green blue",
@@ -227,9 +227,12 @@ impl Range {
         let mut known: Vec<f32> = truth.iter().copied().filter(|z| *z > 0.0 && z.is_finite()).collect();
         known.sort_unstable_by(f32::total_cmp);
         let at = |share: f64| known.get(((known.len() as f64 - 1.0) * share).round() as usize).copied();
-        let low = f64::from(at(TAIL).unwrap_or(1.0));
+        let low = f64::from(at(DEPTH_TAIL_SHARE).unwrap_or(1.0));
         // A wall that is equally far everywhere has a colour, too.
-        Self { low: low.ln(), high: f64::from(at(1.0 - TAIL).unwrap_or(1.0)).max(1.01 * low).ln() }
+        Self {
+            low: low.ln(),
+            high: f64::from(at(1.0 - DEPTH_TAIL_SHARE).unwrap_or(1.0)).max(1.01 * low).ln(),
+        }
     }
 
     fn place(&self, depth: f32) -> f64 {

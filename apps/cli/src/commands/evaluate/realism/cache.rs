@@ -13,7 +13,7 @@ use wm_base::files::write_atomically;
 use wm_base::npy;
 
 /// Longest time before new embeddings are written.
-const PATIENCE: Duration = Duration::from_secs(30);
+const MAX_WRITE_INTERVAL: Duration = Duration::from_secs(30);
 
 /// The index of an array of embeddings: the pictures of its rows.
 #[derive(Debug, Serialize, Deserialize)]
@@ -98,7 +98,7 @@ impl EmbeddingCache {
             }
         }
         self.pictures.push(picture);
-        if self.written.elapsed() > PATIENCE {
+        if self.written.elapsed() > MAX_WRITE_INTERVAL {
             self.keep()?;
         }
         Ok(())

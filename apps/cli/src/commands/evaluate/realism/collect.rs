@@ -69,7 +69,7 @@ impl<'a> Collector<'a> {
             EmbeddingSource::Array(embeddings) => embeddings.count(),
             EmbeddingSource::Files(files, _) => files.len(),
         };
-        several(count, &part.path)?;
+        check_picture_count(count, &part.path)?;
         self.parts.push((part, wanted));
         Ok(())
     }
@@ -160,7 +160,7 @@ impl<'a> Collector<'a> {
             }
             bar.inc(1);
         }
-        several(count, &part.path)?;
+        check_picture_count(count, &part.path)?;
         Embeddings::new(cache.finish()?, embedder.width())
             .map_err(|fault| anyhow!("{}: {fault}", part.path.display()))
     }
@@ -179,7 +179,7 @@ fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> 
 }
 
 /// Returns an error for a collection of one picture.
-fn several(count: usize, path: &Path) -> Result<()> {
+fn check_picture_count(count: usize, path: &Path) -> Result<()> {
     if count < 2 {
         bail!(
             "{}: has {count} picture{}, and CMMD compares collections; give at least two, better hundreds",

@@ -16,8 +16,7 @@ use std::path::Path;
 const MAX_FILE_BYTES: u64 = 1 << 24;
 /// The columns of a CSV file; the last one may be left out.
 const COLUMNS: [&str; 5] = ["method", "weather", "scene", "uvq_1_0", "uvq_1_5"];
-/// The range of scores.
-const RANGE: std::ops::RangeInclusive<f64> = 1.0..=5.0;
+const SCORE_RANGE: std::ops::RangeInclusive<f64> = 1.0..=5.0;
 
 /// The scores of a video.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,7 +70,7 @@ fn weather(name: &str) -> Result<WeatherClass> {
 }
 
 fn checked(score: f64, whose: &str) -> Result<f64> {
-    if !RANGE.contains(&score) {
+    if !SCORE_RANGE.contains(&score) {
         bail!("{whose} {score} is not from 1 to 5, where scores of UVQ are; check it");
     }
     Ok(score)
