@@ -10,7 +10,7 @@ use wm_base::files::abandon_temporaries;
 
 /// The time of the first signal of this run.
 static FIRST_SIGNAL_AT: Mutex<Option<Instant>> = Mutex::new(None);
-/// Its number.
+/// The number of the signal.
 static LAST_SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT_SIGNAL);
 /// True once the current work checks for signals between its steps.
 static IS_CHECKED: AtomicBool = AtomicBool::new(false);

@@ -62,7 +62,7 @@ pub fn write_atomically(
 /// cut leaves the old file or the new one: for files that are worth hours, such as checkpoints.
 ///
 /// # Errors
-/// Those of [`write_atomically`].
+/// Errors of [`write_atomically`].
 pub fn write_durably(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), Problem>,
@@ -81,7 +81,7 @@ pub fn write_durably(
 /// `fault` converts those of the system.
 ///
 /// # Errors
-/// Those of `write`, and those of the system; then `path` is as it was.
+/// Errors of `write` and of the system; then `path` is as it was.
 pub fn write_whole<E>(
     path: &Path,
     fault: impl Fn(WriteFault) -> E,

@@ -10,7 +10,7 @@ pub(crate) const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 const VISUAL_DEPTH: f64 = 3.912_023_005_428_146;
 /// Refractive index of water.
 pub(crate) const WATER_INDEX: f64 = 1.333;
-/// Of red, green and blue.
+/// Wavelengths of red, green and blue.
 const WAVELENGTHS_NM: [f64; 3] = [610.0, 550.0, 465.0];
 
 /// A parameter at an instant, if its effect is on and it is a number.

@@ -473,7 +473,7 @@ fn rig(scene: Scene) -> FaultyRig {
     FaultyRig { field, fault: Fault::None, shots: Vec::new() }
 }
 
-/// What an instrument reads on a rig with a fault, and what it asks for.
+/// Returns the readings of an instrument on a rig with a fault, and the pictures that it asked for.
 fn read(rig: &mut FaultyRig, fault: Fault, instrument: &Instrument) -> (Finding, Vec<OwnedShot>) {
     rig.fault = fault;
     let mut all = Finding::default();

@@ -8,7 +8,7 @@ use crate::draft::{Basis, Datum, Draft, rounded};
 use crate::optics::{extinction, snow_rate, visibility};
 use wm_weather::optics::sigma_of_mor;
 
-/// Of light, moderate, heavy and violent precipitation; that of hail in mm/h of water.
+/// Rates of light, moderate, heavy and violent precipitation; that of hail in mm/h of water.
 pub(crate) const RAIN_RATES_MM_H: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
 pub(crate) const SHOWER_RATES_MM_H: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
 pub(crate) const DRIZZLE_RATES_MM_H: [f64; 4] = [0.1, 0.3, 0.8, 1.0];

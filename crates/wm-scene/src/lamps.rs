@@ -11,7 +11,7 @@ use std::ops::RangeInclusive;
 
 /// A lamp.
 ///
-/// Its luminous intensity at the angle `t` from the aim is `I cos^n t` on the side of the aim, with
+/// The luminous intensity at the angle `t` from the aim is `I cos^n t` on the side of the aim, with
 /// `n` so that half of it is left at half of the beam's width; without an aim it is the same to all
 /// sides.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

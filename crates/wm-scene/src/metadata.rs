@@ -232,7 +232,7 @@ impl Metadata {
     /// The metadata with the one value `value`, TOML on one line; `None` if no key is called `key`.
     ///
     /// # Errors
-    /// What is wrong with the value, in one line.
+    /// The fault of the value, in one line.
     pub(crate) fn from_entry(key: &str, value: &str) -> Option<Result<Self, String>> {
         Self::KEYS.contains(&key).then(|| {
             let metadata: Self = toml::from_str(&format!("{key} = {value}"))

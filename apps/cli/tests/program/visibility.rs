@@ -51,7 +51,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// What a white card at a pixel sends more than a black one.
+    /// Returns how much more light a white card at a pixel sends than a black one.
     fn contrast(&self, x: usize, y: usize, channel: usize) -> f64 {
         self.white.at(x, y)[channel] - self.black.at(x, y)[channel]
     }

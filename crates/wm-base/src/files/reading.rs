@@ -39,7 +39,7 @@ fn not_fetched() -> io::Error {
 /// Reads a whole file.
 ///
 /// # Errors
-/// Those of the system; [`ErrorKind::NotFound`] of a file that was not fetched, which is noted as
+/// Errors of the system; [`ErrorKind::NotFound`] of a file that was not fetched, which is noted as
 /// wanted.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     match place_of(path) {
@@ -158,7 +158,7 @@ pub fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 /// Reads a whole file that need not be there: `None` then, and nothing is noted.
 ///
 /// # Errors
-/// Those of the system.
+/// Errors of the system.
 pub fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
     match place_of(path) {
         Place::Disk => match fs::read(path) {
@@ -207,7 +207,7 @@ pub fn is_folder(path: &Path) -> io::Result<bool> {
 /// Returns true if a path is a regular file, false if it is something else.
 ///
 /// # Errors
-/// Those of the system; [`ErrorKind::NotFound`] of a file that was not fetched. Nothing is noted.
+/// Errors of the system; [`ErrorKind::NotFound`] of a file that was not fetched. Nothing is noted.
 pub fn is_file(path: &Path) -> io::Result<bool> {
     match place_of(path) {
         Place::Disk => Ok(fs::metadata(path)?.is_file()),

@@ -134,7 +134,7 @@ pub fn feather(columns: &[FeatherColumn]) -> io::Result<Vec<u8>> {
 /// A Feather file with buffers in LZ4 frames.
 ///
 /// # Errors
-/// Those of [`feather`].
+/// Errors of [`feather`].
 #[cfg(any(test, feature = "testing"))]
 pub fn feather_packed(columns: &[FeatherColumn]) -> io::Result<Vec<u8>> {
     let frame = |bytes: &[u8]| {

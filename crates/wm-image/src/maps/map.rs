@@ -80,7 +80,7 @@ impl Map {
 
     /// The map as a mask, `[H, W]`, 0-1; what is not finite is 0.
     ///
-    /// Of coloured pictures red says it. Counts that are all 0 and 1 are taken as such.
+    /// Coloured pictures give their red. Counts that are all 0 and 1 are taken as such.
     #[must_use]
     pub fn to_mask(&self) -> Vec<f32> {
         let is_tiny = self.values.iter().all(|v| *v <= 1.0);

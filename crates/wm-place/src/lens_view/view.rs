@@ -451,7 +451,7 @@ impl Drawing<'_> {
     /// count then. Depths through a lens are distances from the eye.
     ///
     /// # Errors
-    /// Those of the place and the renderer.
+    /// Errors of the place and the renderer.
     pub(crate) async fn through(
         &mut self,
         lens: Option<&LensView>,

@@ -82,7 +82,7 @@ impl LevelLooks<'_> {
     /// what it holds.
     ///
     /// # Errors
-    /// Those of `hold`, and [`crate::Error::Render`] if a look cannot be rendered.
+    /// Errors of `hold`, and [`crate::Error::Render`] if a look cannot be rendered.
     pub(crate) fn cut<R: RenderBackend>(
         &self,
         renderer: &mut R,

@@ -145,7 +145,7 @@ impl PreparedPlace {
 
     /// The digest under which files of prepared assets are looked up now; `None` if none are kept.
     ///
-    /// Of a place in levels it is that of the splats about the present camera, of which others are
+    /// For a place in levels it is that of the splats about the present camera, of which others are
     /// derived for cameras elsewhere.
     #[must_use]
     pub fn asset_digest(&self) -> Option<AssetDigest> {

@@ -26,7 +26,7 @@ use crate::error::ReportError;
 use crate::optics::humidity;
 use crate::options::ReportOptions;
 
-/// Of light, moderate and heavy weather.
+/// Rates in light, moderate and heavy weather.
 const SNOW_GRAIN_RATES_MM_H: [f64; 3] = [0.05, 0.1, 0.2];
 const ICE_CRYSTAL_RATE_MM_H: f64 = 0.02;
 const SMALL_HAIL_RATES_MM_H: [f64; 3] = [2.0, 8.0, 20.0];

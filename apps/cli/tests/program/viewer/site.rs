@@ -25,7 +25,7 @@ use wm_viewer::state::{ViewState, weather_to_json};
 
 /// Longest wait for a picture: a GPU in software makes its programs first.
 const MAX_PICTURE_TIME: Duration = Duration::from_secs(400);
-/// Of pictures of the page and of the program.
+/// Least agreement of the pictures of the page with those of the program.
 const MIN_PSNR_DB: f64 = 60.0;
 
 /// The folder of the player; `None`, and says so, without one.
