@@ -54,7 +54,7 @@ pub(crate) fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String
 pub(crate) fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
     let last = f64::from(LAST_RAMP_INDEX);
     let mut palette: Vec<[u8; 3]> = (0..=LAST_RAMP_INDEX).map(|step| ramp(f64::from(step) / last)).collect();
-    palette.extend([MISSING, UNKNOWN]);
+    palette.extend([MISSING_COLOR, UNKNOWN_COLOR]);
     let index = |cell: &MapCell| match cell {
         MapCell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
         MapCell::Missing => LAST_RAMP_INDEX + 1,

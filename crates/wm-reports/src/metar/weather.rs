@@ -186,7 +186,7 @@ impl Mapping {
             }
             Phenomenon::Rain => self.rain(share * RAIN_RATES_MM_H[strength], format!("{code}: rain{mixed}")),
             Phenomenon::Drizzle => {
-                self.rain(share * DRIZZLE_RATES_MM_H[strength], format!("{code}: drizzle{mixed}"))
+                self.rain(share * DRIZZLE_RATES_MM_H[strength], format!("{code}: drizzle{mixed}"));
             }
             Phenomenon::Snow if group.is(Descriptor::Drifting) => {
                 self.ignored.push(format!("{code}: snow that drifts below 2 m is not drawn"));
@@ -212,7 +212,7 @@ impl Mapping {
                 self.now.snow = Some(SnowRate::ByVisibility { range, usual, text });
             }
             Phenomenon::SnowGrains => {
-                self.snow(SNOW_GRAIN_RATES_MM_H[strength], format!("{code}: snow grains"))
+                self.snow(SNOW_GRAIN_RATES_MM_H[strength], format!("{code}: snow grains"));
             }
             Phenomenon::IceCrystals => {
                 self.snow(ICE_CRYSTAL_RATE_MM_H, format!("{code}: ice crystals, as sparse snow"));
@@ -222,7 +222,7 @@ impl Mapping {
                 self.hail(SMALL_HAIL_RATES_MM_H[strength], Some(0.5), format!("{code}: small hail"));
             }
             Phenomenon::IcePellets => {
-                self.hail(ICE_PELLET_RATES_MM_H[strength], Some(0.4), format!("{code}: ice pellets"))
+                self.hail(ICE_PELLET_RATES_MM_H[strength], Some(0.4), format!("{code}: ice pellets"));
             }
             Phenomenon::Unknown => match self.now.temperature.as_ref().map(|temperature| temperature.value) {
                 Some(degrees) if degrees <= 0.0 => {
