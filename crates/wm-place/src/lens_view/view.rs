@@ -78,7 +78,7 @@ impl LensView {
     /// pose is not used.
     ///
     /// # Errors
-    /// [`Error::Camera`] if the lens folds within the picture or a side would be too large.
+    /// [`crate::Error::Camera`] if the lens folds within the picture or a side would be too large.
     pub fn new(lens: LensModel, camera: &Camera) -> Result<Self> {
         lens.check(camera)?;
         let camera = Camera { viewmat: DMat4::IDENTITY, ..*camera };
