@@ -270,8 +270,10 @@ impl Renderer {
         if weather.moves_sun() {
             keys.push(AssetKey::Casters(()));
         }
+        // Lamps shine where the light changes.
+        let sources = if needs.light { weather.lamp_sources() } else { Vec::new() };
         let lamps = |source| Some(AssetKey::Lamps(place.light.lamps.get(source)?.clone()));
-        keys.extend(weather.lamp_sources().into_iter().filter_map(lamps));
+        keys.extend(sources.into_iter().filter_map(lamps));
         if let Some(fall) = needs.wetness {
             // Ground that is dry at first may get wet later.
             keys.extend([AssetKey::Shelter(fall), AssetKey::Wet(())]);
@@ -319,4 +321,28 @@ fn doubts_of_asset(asset: &AnyAsset) -> Vec<String> {
     let bare = asset.downcast_ref::<Mutex<Cover>>().is_some_and(|cover| lock(cover).is_bare());
     let says = "nothing can lie here: no surface looks up at the sky; give --up if up is wrong";
     bare.then(|| says.into()).into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_scene::PhotoSun;
+    use wm_street::Street;
+    use wm_weather::optics::LampSource;
+
+    /// A street with lamps whose photos were taken under clouds: fog keeps their light.
+    #[test]
+    fn a_weather_that_keeps_the_light_needs_no_asset_of_it() {
+        let mut scene = Street::builtin().sampling(0.3).scene(&|_| true).unwrap();
+        scene.metadata.sun = Some(PhotoSun::Diffuse);
+        let mut renderer = Renderer::cpu().unwrap();
+        let mut place = renderer.load(scene).unwrap();
+        let mut has_light = |weather| {
+            renderer.prepare(&mut place, &Weather::preset(weather).unwrap(), &mut ()).unwrap();
+            let lamps = place.light.lamps.get(LampSource::Scene).unwrap().clone();
+            [AssetKey::Light(()), AssetKey::Lamps(lamps)].map(|key| place.store.has(&key))
+        };
+        assert_eq!(has_light("fog"), [false; 2]);
+        assert_eq!(has_light("night"), [true; 2]);
+    }
 }
