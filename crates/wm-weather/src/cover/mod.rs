@@ -121,6 +121,8 @@ pub struct Cover {
     walls: Vec<Wall>,
     /// Depths after sliding for some depths and angles of repose, the last used at the end.
     ladder: Vec<Rung>,
+    /// Always 0: older programs write their number of threads here, and files stay readable.
+    reserved: usize,
 }
 
 /// The depths after sliding for one depth of the ladder.
@@ -313,7 +315,7 @@ impl Cover {
         // The widest ring's cells are too wide to tell the lee of a house.
         let occluders = occluders.mapped(&ShelterOptions::default());
         let walls = walls::find(&scan.splats, &occluders, site, airflow);
-        Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new() }
+        Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), reserved: 0 }
     }
 
     /// Removes the cover from open water.
