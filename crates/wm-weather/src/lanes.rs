@@ -3,7 +3,7 @@
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
 
-/// Adding it to a whole number below it leaves that in the low mantissa bits.
+/// 2^23: a whole number below it stands in the low mantissa bits of its sum with it.
 pub(crate) const TWO_23: f32 = 8_388_608.0;
 
 /// The lanes whose bits are set, from the lowest.

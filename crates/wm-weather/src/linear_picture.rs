@@ -33,31 +33,32 @@ impl LinearPicture {
         let u = (x * scale - 0.5).clamp(0.0, (self.width - 1) as f32);
         let v = (y * scale - 0.5).clamp(0.0, (self.height - 1) as f32);
         let (left, top) = (u as usize, v as usize);
-        between(&self.pixels, self.width, [left, top], [u - left as f32, v - top as f32])
+        between(&self.pixels, [self.width, self.height], [left, top], [u - left as f32, v - top as f32])
     }
 }
 
-/// Parts of the way from a pixel to the next ones; beyond the edge those are the last pixels.
+/// Mixes a pixel with the next ones to the right and below, by the parts of the way to them. `size`
+/// is the width and height of the picture; beyond its edge the last pixels go on.
 #[inline(always)]
 pub(crate) fn between<const N: usize>(
     pixels: &[[f32; N]],
-    width: usize,
+    size: [usize; 2],
     place: [usize; 2],
     parts: [f32; 2],
 ) -> [f32; N] {
-    let ([left, top], height) = (place, pixels.len() / width);
+    let ([width, height], [left, top]) = (size, place);
     let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
     let row = |y: usize| mix(&pixels[y * width + left], &pixels[y * width + right], parts[0]);
     mix(&row(top), &row(bottom), parts[1])
 }
 
-/// Part of the way from one pixel to another.
+/// Returns the mix of two pixels, a part of the way from the first to the second.
 #[inline(always)]
 pub(crate) fn mix<const N: usize>(a: &[f32; N], b: &[f32; N], part: f32) -> [f32; N] {
     std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
 }
 
-/// A picture of half as many pixels along both sides, and its width.
+/// Returns the width and the pixels of a picture with half as many pixels along both sides.
 pub(crate) fn halved<const N: usize>(width: usize, pixels: &[[f32; N]]) -> (usize, Vec<[f32; N]>) {
     let height = pixels.len() / width;
     let (across, down) = (width.div_ceil(2), height.div_ceil(2));

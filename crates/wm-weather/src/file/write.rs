@@ -102,9 +102,7 @@ mod tests {
             let weather = Weather::preset(name).unwrap();
             assert_eq!(parsed_again(&weather), weather, "{}", weather.to_toml());
         }
-        let mut weather = Weather::clear();
-        weather.name = "a \"b\" \\ \u{1}ä".into();
-        for set in [
+        let mut weather = crate::testing::weather([
             "fidelity=paper",
             "fog.mor=0:2000:smooth,5:60.1234567890123,7:1e-0:ease-in",
             "fog.scale_height=inf",
@@ -114,9 +112,8 @@ mod tests {
             "sky.panorama=sky of \"mine\".exr",
             "haze.visual_range=auto",
             "rain=on",
-        ] {
-            weather.set_text(set).unwrap();
-        }
+        ]);
+        weather.name = "a \"b\" \\ \u{1}ä".into();
         assert_eq!(parsed_again(&weather), weather, "{}", weather.to_toml());
     }
 

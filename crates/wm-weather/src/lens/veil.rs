@@ -166,18 +166,20 @@ fn veil(width: usize, light: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
         .collect();
     let mut sum: Option<(usize, Vec<[f32; 3]>)> = None;
     for (level, (width, light)) in levels.iter().enumerate().rev() {
+        let size = [*width, light.len() / width];
         let weight = RING_SCATTER_SHARE * if level + 1 == RING_COUNT { LAST_RING_SHARE } else { 1.0 }
             / RING_DIRECTIONS as f64;
         let mut own = vec![[0.0f32; 3]; light.len()];
         own.par_chunks_mut(*width).enumerate().for_each(|(y, line)| {
             for (x, out) in line.iter_mut().enumerate() {
                 for [dx, dy] in &ring {
-                    let seen = look_up(light, *width, x as f64 + dx, y as f64 + dy);
+                    let seen = look_up(light, size, x as f64 + dx, y as f64 + dy);
                     (0..3).for_each(|k| out[k] += weight as f32 * seen[k]);
                 }
                 if let Some((coarse_width, coarse)) = &sum {
+                    let coarse_size = [*coarse_width, coarse.len() / coarse_width];
                     let at = |v: usize| 0.5 * v as f64 - 0.25;
-                    let seen = look_up(coarse, *coarse_width, at(x), at(y));
+                    let seen = look_up(coarse, coarse_size, at(x), at(y));
                     (0..3).for_each(|k| out[k] += seen[k]);
                 }
             }
@@ -189,9 +191,9 @@ fn veil(width: usize, light: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
 
 /// Between the cells about a point; beyond the edge its last cells.
 #[inline(always)]
-fn look_up(light: &[[f32; 3]], width: usize, x: f64, y: f64) -> [f32; 3] {
-    let last = [width, light.len() / width].map(|count| (count - 1) as f64);
+fn look_up(light: &[[f32; 3]], size: [usize; 2], x: f64, y: f64) -> [f32; 3] {
+    let last = size.map(|count| (count - 1) as f64);
     let (x, y) = (x.clamp(0.0, last[0]), y.clamp(0.0, last[1]));
     let (left, top) = (x as usize, y as usize);
-    between(light, width, [left, top], [x - left as f64, y - top as f64].map(|part| part as f32))
+    between(light, size, [left, top], [x - left as f64, y - top as f64].map(|part| part as f32))
 }

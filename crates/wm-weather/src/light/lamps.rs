@@ -4,6 +4,7 @@
 //! balanced for the lamps about it: colours are those of black bodies beside one of
 //! [`LAMP_WHITE_KELVIN`].
 
+use crate::level::dot;
 use glam::{DVec2, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -307,7 +308,7 @@ fn unbalanced(kelvin: f64) -> [f64; 3] {
         [-0.969_244, 1.875_968, 0.041_555],
         [0.055_63, -0.203_977, 1.056_972],
     ];
-    rows.map(|row| (0..3).map(|k| row[k] * xyz[k]).sum::<f64>().max(0.01))
+    rows.map(|row| dot(row, xyz).max(0.01))
 }
 
 #[cfg(test)]

@@ -71,7 +71,7 @@ pub(super) fn may_be_shaded(
     })
 }
 
-/// The shares of level ground that have the reflectance of each bin, by known ones, linear RGB, of
+/// Returns the share of level ground in each bin of reflectances, by known ones, linear RGB, of
 /// which there must be some.
 fn shares_of_bins(known: &[Vec3]) -> Vec<f32> {
     let mut counts = vec![0.0f32; BIN_COUNTS.iter().product()];
@@ -93,8 +93,10 @@ fn bin(color: Vec3) -> Option<usize> {
         shares.y / BIN_WIDTHS[2],
     ];
     let inside = (0..3).all(|k| at[k] >= 0.0 && at[k] < BIN_COUNTS[k] as f32);
-    let [a, b, c] = at.map(|v| v as usize);
-    inside.then_some((a * BIN_COUNTS[1] + b) * BIN_COUNTS[2] + c)
+    inside.then(|| {
+        let [a, b, c] = at.map(|v| v as usize);
+        (a * BIN_COUNTS[1] + b) * BIN_COUNTS[2] + c
+    })
 }
 
 /// The mean of each bin and those beside it along an axis, weighted 1, 2, 1.

@@ -1,6 +1,7 @@
 //! Flakes sway: each by itself, and with those near it.
 
 use super::random::{uniform, wave};
+use crate::lanes::TWO_23;
 use fearless_simd::{SimdBase, SimdFloat};
 use std::f64::consts::TAU;
 use wm_render::simd::Lanes;
@@ -94,8 +95,8 @@ impl Sway {
             .mul_add(simd.set((SWAY_SPEEDS[1] - SWAY_SPEEDS[0]) as f32), simd.set(SWAY_SPEEDS[0] as f32));
         let turns = number * S::U::splat(simd, self.turns[1]) + own[1] + S::U::splat(simd, self.turns[0]);
         let [sin, cos] = wave(simd, uniform(simd, turns));
-        // Whole numbers below 2^23 are the mantissa of themselves plus it.
-        let number = S::F::from_bits(number | S::U::splat(simd, 0x4b00_0000)) - 8_388_608.0;
+        // The mantissa of 2^23 holds a whole number below it: their sum.
+        let number = S::F::from_bits(number | S::U::splat(simd, TWO_23.to_bits())) - TWO_23;
         let step = ((SWAY_FREQUENCIES_HZ[1] - SWAY_FREQUENCIES_HZ[0])
             / f64::from(1u32 << FREQUENCY_COUNT_LOG2)) as f32;
         let rate = number.mul_add(simd.set(step), simd.set(SWAY_FREQUENCIES_HZ[0] as f32)) * TAU as f32;

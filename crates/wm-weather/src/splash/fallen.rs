@@ -5,16 +5,15 @@
 //! are taken, turned by a number of the tile so that no two tiles show the same ones.
 
 use crate::particles::Precipitation;
-use crate::water::ripples::{self, SIZE};
+use crate::water::ripples::{self, MIN_RING_DROP_DIAMETER_MM, SIZE};
 use wm_base::random::{RandomSequence, bits, uniform};
 
-/// Diameter from which drops make rings, mm, and from which some splash, mm.
-const MIN_RING_DIAMETER_MM: f64 = 2.0;
+/// Diameter from which some drops splash.
 const MIN_SPLASH_DIAMETER_MM: f64 = 1.0;
 /// Most of the other drops, a m^2 and second: all of them at 300 mm/h.
 const MAX_DROP_FLUX: f64 = 12_000.0;
-/// Parts of the seeds.
-const NEIGHBOUR_SEED: u64 = 0x5350_4c41;
+/// Parts of the seeds: of the drops without rings, and of each drop.
+const OTHER_DROP_SEED: u64 = 0x5350_4c41;
 const DROP_SEED: u64 = 0x4f57_4e53;
 
 /// A drop that has fallen.
@@ -81,8 +80,8 @@ impl FallenDrops {
     /// is that of the water.
     pub(crate) fn new(rain: &Precipitation, time: f64, span: [f64; 2], seed: u64) -> Self {
         let [since, ahead] = span;
-        let large = DropFlux::between(rain, [MIN_RING_DIAMETER_MM, f64::INFINITY]);
-        let small = DropFlux::between(rain, [MIN_SPLASH_DIAMETER_MM, MIN_RING_DIAMETER_MM]);
+        let large = DropFlux::between(rain, [MIN_RING_DROP_DIAMETER_MM, f64::INFINITY]);
+        let small = DropFlux::between(rain, [MIN_SPLASH_DIAMETER_MM, MIN_RING_DROP_DIAMETER_MM]);
         let (all_large, all_small) = (large.total(), small.total());
         let rings = ripples::drawn_drops(rain.rate);
         let span = [time - since, time + ahead];
@@ -103,7 +102,7 @@ impl FallenDrops {
             (uniform(key, 1) < kept)
                 .then(|| drop_of(key, drop.center, drop.time, &|draws| large.diameter(draws.uniform())))
         });
-        let (own, most) = (seed ^ NEIGHBOUR_SEED, MAX_DROP_FLUX * SIZE * SIZE);
+        let (own, most) = (seed ^ OTHER_DROP_SEED, MAX_DROP_FLUX * SIZE * SIZE);
         let share = (others / MAX_DROP_FLUX).min(1.0);
         let above = (others - all_small) / others.max(1e-9);
         let [first, last] = span.map(|time| (time * most).floor() as i64);

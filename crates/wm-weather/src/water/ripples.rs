@@ -28,7 +28,7 @@ const DROP_SEED: u64 = 0x5249_4e47;
 /// Relative width of the band of waves that old rings make.
 const BAND_WIDTH_RATIO: f64 = 0.18;
 /// Least diameter of drops whose rings are drawn.
-const MIN_RING_DROP_DIAMETER_MM: f64 = 2.0;
+pub(crate) const MIN_RING_DROP_DIAMETER_MM: f64 = 2.0;
 /// Share of the energy of drops that waves get, the viscosity of water, m^2/s, and its density,
 /// kg/m^3.
 const WAVE_ENERGY_SHARE: f64 = 0.01;

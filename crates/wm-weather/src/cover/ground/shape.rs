@@ -47,7 +47,7 @@ impl GroundGrid {
         if spread < LEAVES_SPREAD || !self.is_of_crown(node) {
             return f32::NAN;
         }
-        let [x, y] = self.place(node).map(|v| (v as f64 + 0.5) * f64::from(self.cell));
+        let [x, y] = self.middle(node).map(|v| v * f64::from(self.cell));
         ((lower_share(relief(x, y)) - CLUMP_SHARES[0]) / (CLUMP_SHARES[1] - CLUMP_SHARES[0])).clamp(0.0, 1.0)
     }
 
