@@ -233,17 +233,17 @@ fn brightened_by(color: [f64; 3], light: [f64; 3]) -> [f64; 3] {
 }
 
 /// Light at which the brightest of a sky begins to burn out, of display white.
-const SHOULDER_LUMINANCE: f64 = 0.7;
+const SHOULDER_LIGHT: f64 = 0.7;
 
 /// A light whose channels do not exceed display white: what is brighter goes over into white, as it
 /// does in photos, where cutting off each channel would turn an evening sky neon.
 fn burned_out(light: [f64; 3]) -> [f64; 3] {
     let most = light.into_iter().fold(0.0, f64::max);
-    if most <= SHOULDER_LUMINANCE {
+    if most <= SHOULDER_LIGHT {
         return light;
     }
-    let room = 1.0 - SHOULDER_LUMINANCE;
-    let shown = 1.0 - room * (-(most - SHOULDER_LUMINANCE) / room).exp();
+    let room = 1.0 - SHOULDER_LIGHT;
+    let shown = 1.0 - room * (-(most - SHOULDER_LIGHT) / room).exp();
     // The more was taken, the whiter.
     let white = (1.0 - shown / most).powi(2);
     light.map(|v| {

@@ -20,7 +20,7 @@ const SETTLED_DENSITY: f64 = 300.0;
 const SETTLING_TIME_H: f64 = 36.0;
 /// Density of new snow at most, kg/m^3.
 const MAX_NEW_SNOW_DENSITY: f64 = 250.0;
-/// Water that melts, mm a degree and hour.
+/// Water that melts, mm per degree and hour.
 const MELT_MM_PER_K_H: f64 = 4.0 / 24.0;
 /// Water that stays on the ground at most, that makes it quite wet, and what dries of it where it
 /// is bare, mm and mm/h.
@@ -29,9 +29,9 @@ const WET_FILM_MM: f64 = 0.3;
 const DRYING_MM_PER_H: f64 = 0.15;
 /// The share that falls off walls for each degree above 0 and hour.
 const WALL_FALL_PER_K_H: f64 = 0.3;
-/// Steps of what fell before the start; length of those after it, s, and the most of them.
+/// Steps of what fell before the start; least length of those after it, s, and the most of them.
 const EARLIER_STEP_COUNT: u32 = 256;
-const FIRST_STEP_S: f64 = 1.0 / 16.0;
+const MIN_STEP_S: f64 = 1.0 / 16.0;
 const MAX_STEPS: f64 = 65_536.0;
 /// Depth at which the steps in which what is left is told begin to widen: they are the finer the
 /// thinner it lies.
@@ -243,7 +243,7 @@ impl Snowpack<'_> {
             }
         }
         see(time.min(0.0), &pack);
-        let mut step = FIRST_STEP_S;
+        let mut step = MIN_STEP_S;
         while time / step > MAX_STEPS {
             step *= 2.0;
         }

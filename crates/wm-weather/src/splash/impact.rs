@@ -12,10 +12,10 @@ pub(crate) const DEEP_FILM_RATIO: f64 = 3.0;
 /// Film over the drop's diameter at which it throws most (the same).
 const BEST_FILM_RATIO: f64 = 1.0 / 3.0;
 /// Water that a drop far above the threshold throws from the best film, as a share of its own, and
-/// the factors on dry and on deep ground `[E]`.
+/// the factors on dry ground and on deep water `[E]`.
 const MAX_THROWN_SHARE: f64 = 0.3;
 const DRY_GROUND_FACTOR: f64 = 0.5;
-const DEEP_GROUND_FACTOR: f64 = 0.4;
+const DEEP_WATER_FACTOR: f64 = 0.4;
 /// Least and greatest diameter of droplets, m; smaller ones are more frequent (the share below
 /// `least + (greatest - least) u^2` is u).
 pub(crate) const DROPLET_DIAMETERS_M: [f64; 2] = [1e-4, 5e-4];
@@ -133,7 +133,7 @@ fn by_film(ratio: f64) -> f64 {
     if ratio < BEST_FILM_RATIO {
         DRY_GROUND_FACTOR + (1.0 - DRY_GROUND_FACTOR) * smooth(ratio / BEST_FILM_RATIO)
     } else {
-        1.0 - (1.0 - DEEP_GROUND_FACTOR)
+        1.0 - (1.0 - DEEP_WATER_FACTOR)
             * smooth(
                 (ratio / BEST_FILM_RATIO).ln().min((DEEP_FILM_RATIO / BEST_FILM_RATIO).ln())
                     / (DEEP_FILM_RATIO / BEST_FILM_RATIO).ln(),

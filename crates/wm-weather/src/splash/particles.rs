@@ -40,7 +40,7 @@ const MAX_SPLASH_REACH_M: f64 = 0.6;
 const SPEED_RATIOS: [f64; 2] = [0.08, 0.45];
 /// Angles over level ground at which droplets start.
 const START_ANGLES_RAD: [f64; 2] = [0.85, 1.4];
-/// Times at which they leave the crown, shares of its life.
+/// Times at which droplets leave the crown, shares of its life.
 const DROPLET_START_TIMES: [f64; 2] = [0.25, 0.75];
 /// Wind near the ground over that at 10 m, and the part of a drop's way along the ground that its
 /// droplets keep.
@@ -52,14 +52,13 @@ const CROWN_WALL_SLOPE: f64 = 0.45;
 /// Width of a finger over the distance of fingers, as a standard deviation.
 const FINGER_SIGMA_RATIO: f64 = 0.2;
 
-/// The last number of parts that are eaves, and how many are in one.
-const LAST_EAVE_PART: i32 = 1;
+/// Last number of a part that marks it as one of eaves, and the eaves in one part.
+const EAVE_PART_KIND: i32 = 1;
 const PART_EAVE_COUNT: usize = 64;
 /// Height and depth of air over an eave's ground in which what falls from it is looked for.
 const EAVE_SEARCH_HEIGHT_M: f64 = 0.5;
 
-/// Splashes at an instant.
-/// Splashes in front of a camera.
+/// Splashes in front of a camera at an instant.
 pub(crate) struct SplashParticles<'a> {
     rain: &'a Precipitation,
     around: Surroundings<'a>,
@@ -150,7 +149,7 @@ impl Particles for SplashParticles<'_> {
         parts.extend(
             (0..eaves)
                 .step_by(PART_EAVE_COUNT)
-                .map(|first| [first, (first + PART_EAVE_COUNT as i32).min(eaves), 0, LAST_EAVE_PART]),
+                .map(|first| [first, (first + PART_EAVE_COUNT as i32).min(eaves), 0, EAVE_PART_KIND]),
         );
         parts
     }
@@ -163,7 +162,7 @@ impl Particles for SplashParticles<'_> {
         take: &mut dyn FnMut(&ParticleGroup),
     ) {
         let [row, from, to, kind] = part;
-        if kind == LAST_EAVE_PART {
+        if kind == EAVE_PART_KIND {
             let [first, end, ..] = part.map(|v| v as usize);
             let mut brush = Brush::new(self, path, view, take);
             brush.eaves(first..end);

@@ -445,14 +445,13 @@ fn exposure(
     (card / MAX_USUAL_EXPOSURE).max(by_ground).min(1.0 / ground).clamp(1.0, MAX_EXPOSURE)
 }
 
-/// Distance between surfaces that all other distances go with.
-const TEST_SPACING_M: f32 = 0.1;
+/// Distance between surfaces that the distances of this module are meant for.
+const REFERENCE_SPACING_M: f32 = 0.1;
 
-/// The factor by which the surfaces are coarser than the distances of this module are meant for, 1
-/// to 10.
+/// The factor by which the surfaces are farther apart than [`REFERENCE_SPACING_M`], 1 to 10.
 fn coarseness(surfaces: &Surfaces, site: &Site) -> f32 {
     let metres = site.metres_per_unit as f32;
-    (surfaces.spacing(10.0 * TEST_SPACING_M / metres) * metres / TEST_SPACING_M).clamp(1.0, 10.0)
+    (surfaces.spacing(10.0 * REFERENCE_SPACING_M / metres) * metres / REFERENCE_SPACING_M).clamp(1.0, 10.0)
 }
 
 /// Takes the normals of leaves away: those about them turn to all sides.
