@@ -169,10 +169,10 @@ impl EventSampler {
     #[must_use]
     pub fn finish(mut self, start: f64) -> EventSlice {
         let [width, height] = self.size;
-        let (rate, span, stream) = (self.model.noise, self.time, self.stream.seed());
-        // A Poisson process a pixel: the gaps between its events are exponential.
+        let (rate, span, seed) = (self.model.noise, self.time, self.stream.seed());
+        // A Poisson process per pixel: the gaps between its events are exponential.
         let noise = |at: u64| {
-            let mut draws = RandomSequence::new(bits(stream, at));
+            let mut draws = RandomSequence::new(bits(seed, at));
             let mut seconds = 0.0;
             std::iter::from_fn(move || {
                 seconds -= f64::ln_1p(-draws.uniform()) / rate;

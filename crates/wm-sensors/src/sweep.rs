@@ -33,7 +33,7 @@ pub enum SubRays {
 }
 
 impl SubRays {
-    /// Their number.
+    /// The number of rays.
     #[must_use]
     pub fn count(self) -> usize {
         match self {

@@ -57,7 +57,7 @@ impl SurfaceStates for WetSurfaces {
     }
 }
 
-/// One sweep by one ray a pulse from the height of 1.8 m.
+/// One sweep by one ray per pulse from the height of 1.8 m.
 fn lidar_sweep(
     lidar: &LidarModel,
     splats: &Splats,

@@ -25,8 +25,8 @@ impl LinearPicture {
         Self { width, height, pixels }
     }
 
-    /// Between the four pixels about a point of the finest level, px; at the picture's edge its
-    /// last pixels.
+    /// Mixes the four pixels about a point of the finest level, px; beyond the picture's edge its
+    /// last pixels go on.
     #[inline(always)]
     pub(crate) fn at(&self, x: f32, y: f32, level: usize) -> [f32; 4] {
         let scale = 1.0 / (1u32 << level) as f32;

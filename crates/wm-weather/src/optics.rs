@@ -108,9 +108,9 @@ pub enum LampSource {
 /// counting more.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LampLevels {
-    /// By the lamps that the scene states.
+    /// Illuminance by the lamps that the scene states.
     pub scene: f64,
-    /// By those, or by lamps along the path of the photos where it states none.
+    /// Illuminance by those, or by lamps along the path of the photos where it states none.
     pub path: f64,
 }
 

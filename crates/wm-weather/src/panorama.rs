@@ -215,7 +215,7 @@ fn steps(rgb: [f32; 3]) -> [u16; 4] {
     [r, g, b, 0.0].map(|v| (v * TONE_STEP_COUNT).round() as u16)
 }
 
-/// From 0 at 0 to 1 at 1 without a kink.
+/// A curve from 0 at 0 to 1 at 1 without a kink.
 pub(crate) fn smooth(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)

@@ -30,7 +30,7 @@ type Wave = [f64; 3];
 pub struct Wind {
     speed: Track,
     direction: Track,
-    /// Along and across, of a strength of 1.
+    /// Gusts along and across the wind, of a strength of 1.
     waves: [Vec<Wave>; 2],
     gusts: f64,
 }

@@ -36,7 +36,7 @@ pub enum PointFormat {
 /// Types and names of the numbers of a point in PLY and PCD: 32 bytes.
 const FIELDS: &str = "float x, float y, float z, float intensity, float range, float time, \
                       uint column, ushort ring, uchar return, uchar class";
-/// Points that are written at once.
+/// Records that are written at once.
 const PART_ITEMS: usize = 4096;
 
 impl PointFormat {
@@ -85,7 +85,7 @@ pub(crate) fn ply_header(comments: &str, fields: &str, count: usize) -> Vec<u8> 
         .into()
 }
 
-/// The header of a PCD of the same.
+/// The header of a PCD of records of `fields`, their types and names.
 pub(crate) fn pcd_header(comments: &str, fields: &str, count: usize) -> Vec<u8> {
     let mut lines = ["FIELDS", "SIZE", "TYPE", "COUNT"].map(String::from);
     for (kind, name) in fields.split(", ").filter_map(|field| field.split_once(' ')) {

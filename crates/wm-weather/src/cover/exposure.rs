@@ -33,7 +33,7 @@ const OBSTACLE_CELL_RATIO: f64 = 2.0;
 const OBSTACLE_HEIGHT_M: f64 = 0.06;
 /// Largest deposit on a slope that faces the wind, as a share of that on level ground.
 const MAX_DEPOSIT: f32 = 2.5;
-/// Over how far the wind lets go of what it carries: in the open, and out of the wind.
+/// Lengths over which the wind lets go of what it carries: in the open, and out of the wind.
 const WIND_RELEASE_LENGTHS_M: [f32; 2] = [5.0, 1.5];
 /// Tangent of the angle below which it is out of the wind behind an edge.
 const LEE_SLOPE: f32 = 0.268;
@@ -239,10 +239,10 @@ impl GroundGrid {
 
 /// The wind over the grid, line by line.
 struct WindField {
-    /// To the next line straight on and a cell aside, each with its share, so that the mean goes
-    /// with the wind.
+    /// Steps to the next line straight on and a cell aside, each with its share, so that the mean
+    /// goes with the wind.
     ways: [([i64; 2], f32); 2],
-    /// Along columns and rows, length 1.
+    /// Direction along columns and rows, length 1.
     unit: [f32; 2],
     /// Share of what falls that it carries.
     moved: f32,

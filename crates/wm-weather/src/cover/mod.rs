@@ -116,7 +116,7 @@ pub struct Cover {
     /// Around where the photos were taken, and farther out in wider cells.
     rings: Vec<GroundGrid>,
     metres_per_unit: f64,
-    /// Where each splat of the scene lies; `None` for those that nothing buries.
+    /// The place of each splat of the scene on the ground; `None` for those that nothing buries.
     spots: Vec<Option<Spot>>,
     walls: Vec<Wall>,
     /// Depths after sliding for some depths and angles of repose, the last used at the end.
@@ -461,7 +461,8 @@ impl Cover {
     }
 }
 
-/// As much of the middle of a path as a ring has cells for that goes so far from it (scene units).
+/// Returns the middle part of a path for which a ring has enough cells, if the ring goes `reach`
+/// scene units away from it.
 fn path_middle(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
     let [a, b] = path.map(DVec3::from_array);
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));

@@ -13,15 +13,15 @@ const EDGE_EXCESS_RATIO: f32 = 1.3;
 /// The depths after sliding.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settled {
-    /// Depth, m, one a node of the ground.
+    /// Depth at each node of the ground, m.
     pub depth: Vec<f32>,
     /// The amount on walls, where nothing can lie, and that falls through leaves, as a depth on one
     /// cell, m.
     pub(crate) lost: f64,
 }
 
-/// Lets `fell` (m of depth a node) slide until no slope of its surface is steeper than `repose` (a
-/// tangent).
+/// Lets `fell` (m of depth per node) slide until no slope of its surface is steeper than `repose`
+/// (a tangent).
 pub(crate) fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
     let mut depth = fell.to_vec();
     let mut lost = 0.0;

@@ -1,6 +1,6 @@
 //! Dust cover: sand, dust or ash that lies, as deep as is asked for on open level ground.
 //!
-//! As snow that lies ([`super::snow_cover`]), with another colour, and sliding sooner: dry sand
+//! It lies as snow does ([`super::snow_cover`]), with another colour, and slides sooner: dry sand
 //! lies at 34 degrees at most, ash at 35 to 40. Where both are asked for the snow lies on it, and
 //! it is seen where there is none.
 

@@ -114,7 +114,7 @@ pub enum Need {
 /// The parameters of an effect at one instant, in the order of its table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EffectContext<'a> {
-    /// Their values, each checked by its entry.
+    /// The values of the parameters, each checked by its entry.
     pub(crate) values: &'a [ParamValue],
     /// The parameters over all time, for what adds up over time.
     pub(crate) tracks: &'a [Track],

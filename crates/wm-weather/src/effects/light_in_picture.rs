@@ -21,7 +21,7 @@ pub(super) fn add_light(
     }
 }
 
-/// The linear light that an effect adds to the red of a pixel of middle grey before nothing.
+/// The linear light that an effect adds to the red of a mid-grey pixel with nothing behind it.
 #[cfg(test)]
 pub(super) fn gain(effect: &dyn wm_render::hooks::PixelEffect, pixel: [u32; 2]) -> f64 {
     let (mut rgb, none) = ([[0.5f32; PATCH_PIXELS]; 3], [0.0; PATCH_PIXELS]);

@@ -107,6 +107,7 @@ pub(crate) const EFFECT: Effect = Effect {
             flatness: params.paper_flatness,
             lift: params.paper_lift,
             opacity: params.paper_opacity,
+            // 0.82, 0.85 and 0.88 in linear light.
             color: params.paper_color.map_or([0.92, 0.93, 0.95], |rgb| rgb.map(|v| v as f32)),
             seed: params.paper_seed as u64,
             darts: USUAL_DARTS,

@@ -23,9 +23,9 @@ const NARROWER_WEIGHT_SHARE: f64 = 0.5;
 /// A piece of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Disc {
-    /// World, scene units.
+    /// Middle, world, scene units.
     pub(crate) point: DVec3,
-    /// To where it was seen from, length 1.
+    /// Normal to the side that it was seen from, length 1.
     pub(crate) normal: DVec3,
     /// True if its normal is not known.
     pub(crate) is_edge: bool,
@@ -61,7 +61,7 @@ impl Cube {
 #[derive(Clone, Copy, Debug)]
 struct Sums {
     weight: f64,
-    /// From the cube's corner along the level axes, scene units.
+    /// Places from the cube's corner along the level axes, scene units.
     place: DVec3,
     normal: DVec3,
     /// Weight of those with a normal.

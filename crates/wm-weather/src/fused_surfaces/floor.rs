@@ -11,8 +11,8 @@ use wm_scene::Camera;
 
 /// Distance from the camera to which its floor is known, camera heights.
 const FLOOR_REACH_HEIGHTS: f64 = 6.0;
-/// How far about a camera the path tells its slope, camera heights, and the spreads of the cameras
-/// along a direction at which they tell nothing of its slope, and all of it.
+/// Radius about a camera within which the path tells the slope, and the spreads of the cameras
+/// along a direction at which they tell nothing of that slope and all of it; in camera heights.
 const SLOPE_RADIUS_HEIGHTS: f64 = 4.0;
 const PATH_SPREADS_HEIGHTS: [f64; 2] = [0.75, 1.5];
 /// Distance to which that of the whole place is known, camera heights: a court.

@@ -13,8 +13,8 @@ const EXAMINED_REACH: f64 = 5.0;
 /// Share of the pixels that should show the floor but show what is below it, above which a training
 /// has lost the floor.
 const LOST_FLOOR_SHARE: f64 = 0.4;
-/// Each so many pixels of a row and of a column give a point, and so many of those that are no
-/// farther apart than this, m.
+/// Pixels from one point to the next along rows and columns: of most ground, and of ground whose
+/// pixels are no farther apart than this, m.
 const PIXEL_STRIDES: [usize; 2] = [2, 4];
 const DENSE_SPACING_M: f64 = 0.1;
 /// Least cosine between a point's normal and up.

@@ -36,9 +36,9 @@ struct Grid {
 /// The mean of the discs about one.
 struct Surroundings {
     weight: f64,
-    /// From the one, times the weight, scene units.
+    /// Mean place from the one, times the weight, scene units.
     middle: DVec3,
-    /// Times the weight.
+    /// Mean normal, times the weight.
     normal: DVec3,
 }
 

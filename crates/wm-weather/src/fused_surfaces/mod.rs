@@ -53,7 +53,7 @@ const DISC_OPACITY: f64 = 0.95;
 /// The surfaces of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FusedSurfaces<'a> {
-    /// They as splats.
+    /// The surfaces as splats.
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
     pub(crate) oriented: usize,
@@ -62,7 +62,7 @@ pub struct FusedSurfaces<'a> {
     backing: Cow<'a, Splats>,
     /// The replacement of each splat of the scene; empty where no views were given.
     pub(crate) stand_ins: Vec<StandIn>,
-    /// As of [`Self::places`]; empty where all are where they are.
+    /// The places that [`Self::places`] returns; empty where no splat was moved.
     places: Vec<[f32; 3]>,
 }
 

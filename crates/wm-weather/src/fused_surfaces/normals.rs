@@ -16,7 +16,7 @@ const LANES: usize = 8;
 /// The inverse depths of a view, from which normals are found.
 pub(super) struct InverseDepths {
     camera: Camera,
-    /// With `LANES` zeros after each row.
+    /// Inverse depths, with `LANES` zeros after each row.
     values: Vec<f32>,
     stride: usize,
 }

@@ -28,7 +28,7 @@ const MIN_PLACES_PER_CUBE: f64 = 2.0;
 /// The surface that one photo's camera sees: depth, colour and floors.
 #[derive(Clone, Debug)]
 pub struct PhotoView {
-    /// From where.
+    /// The photo's camera.
     pub(super) camera: Camera,
     /// View z of the surface in each pixel, scene units, `[H, W]`; 0 where there is none.
     pub(super) depth: Vec<f32>,
@@ -97,11 +97,11 @@ impl ViewEvidence {
 /// The surface in one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
-    /// World, scene units.
+    /// Place, world, scene units.
     pub(crate) point: DVec3,
-    /// Towards the camera, length 1; `None` at edges.
+    /// Normal on the side of the camera, length 1; `None` at edges.
     pub(crate) normal: Option<DVec3>,
-    /// From the camera, length 1.
+    /// Direction from the camera, length 1.
     pub(crate) ray: DVec3,
     /// Distance to the neighbouring pixels' points, scene units.
     pub(crate) apart: f64,
@@ -111,7 +111,7 @@ pub(super) struct Spot {
 }
 
 impl PhotoView {
-    /// From where a camera is: view z of the surface in each pixel, scene units, `[H, W]`, 0 where
+    /// The view of a camera: view z of the surface in each pixel, scene units, `[H, W]`, 0 where
     /// there is none; and its colour, display-referred, `[H, W, 3]`, grey where that is empty.
     #[must_use]
     pub fn new(camera: Camera, depth: Vec<f32>, rgb: Vec<f32>) -> Self {

@@ -124,7 +124,7 @@ fn lay_with_haze<S: Lanes>(
 /// Haze that adds nothing and keeps all.
 const CLEAR_HAZE: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// Drops and haze over up to sixteen pixels of a row, one array a number.
+/// Drops and haze over up to sixteen pixels of a row, one array per number.
 #[derive(Default)]
 struct RowBlend {
     count: usize,

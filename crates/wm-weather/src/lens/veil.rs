@@ -189,7 +189,7 @@ fn veil(width: usize, light: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
     sum.map(|(_, veil)| veil).unwrap_or_default()
 }
 
-/// Between the cells about a point; beyond the edge its last cells.
+/// Mixes the cells about a point; beyond the edge the last cells go on.
 #[inline(always)]
 fn look_up(light: &[[f32; 3]], size: [usize; 2], x: f64, y: f64) -> [f32; 3] {
     let last = size.map(|count| (count - 1) as f64);

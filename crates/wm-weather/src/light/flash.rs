@@ -61,7 +61,7 @@ impl Storm {
         for slot in first..=last {
             let draw =
                 |k: u64| uniform(self.seed ^ 0x1167_3717, (slot as u64).wrapping_mul(64).wrapping_add(k));
-            // At most one a slot: the chance of it is the rate.
+            // At most one per slot: the chance of it is the rate.
             if draw(0) >= (self.rate / 60.0 * SLOT_LENGTH_S).min(1.0) {
                 continue;
             }

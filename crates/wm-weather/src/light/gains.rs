@@ -261,11 +261,11 @@ impl SplatAttributes for FrameGains<'_> {
 /// The irradiances of a splat, before and after.
 #[derive(Clone, Copy, Debug)]
 struct SplatIrradiances {
-    /// In the capture.
+    /// Irradiance in the capture.
     before: [f64; 3],
-    /// By the sky, by other surfaces and by lamps.
+    /// Irradiance by the sky, by other surfaces and by lamps.
     sky: [f64; 3],
-    /// By the beam of the sun.
+    /// Irradiance by the beam of the sun.
     beam: [f64; 3],
 }
 

@@ -32,8 +32,8 @@ pub struct Headlamps {
 }
 
 impl Headlamps {
-    /// On a car that heads where the camera looks. `display` is the value of a lux in the unit of
-    /// the light.
+    /// The headlamps of a car that heads where the camera looks. `display` is the value of a lux in
+    /// the unit of the light.
     pub(crate) fn new(camera: &Camera, display: f64, site: &Site) -> Self {
         let up = DVec3::from_array(site.up);
         let ahead = camera.forward();
@@ -69,7 +69,7 @@ impl Headlamps {
         self.intensity * (self.display * share * incidence / squared)
     }
 
-    /// As a source for the light in the air and on what falls.
+    /// The source of the light in the air and on what falls.
     #[must_use]
     pub fn source(&self) -> LampLight {
         LampLight {

@@ -46,13 +46,13 @@ const MAX_DISTANCE_STEP_SHARE: f32 = 0.4;
 /// ground that is lit at a low angle hides itself.
 const LIFT_LIMITS_M: [f32; 2] = [0.06, 0.8];
 const ROUGHNESS_LIFT_FACTOR: f32 = 2.5;
+const DISTANCE_LIFT_SHARE: f32 = 0.012;
 /// Width of the columns in which the roughness of ground is found, m, and the fewest surfaces of
 /// one.
 const COLUMN_WIDTH_M: f64 = 0.5;
 const MIN_COLUMN_SURFACES: usize = 4;
 /// Least cosine between up and the normal of ground.
 const MIN_GROUND_COSINE: f64 = 0.8;
-const DISTANCE_LIFT_SHARE: f32 = 0.012;
 /// Incidence on leaves, which turn to all sides.
 const LEAF_INCIDENCE: f32 = 0.5;
 /// Illuminance below which the light of a lamp is left out, lx.

@@ -85,7 +85,7 @@ impl LampLight {
         kind: LampKind::Ball,
     };
 
-    /// Where a camera sees it; `None` within a depth of `near`.
+    /// Returns the light as a camera sees it; `None` if it is no deeper than `near`, scene units.
     pub(crate) fn seen_by(&self, camera: &Camera, near: f64) -> Option<SeenLight> {
         let (at, Camera { fx, fy, cx, cy, .. }) = (Vec3::from_array(self.at).as_dvec3(), *camera);
         let view = camera.rotation() * (at - camera.center());

@@ -8,10 +8,10 @@
 //! not depend on the view.
 //!
 //! A gain is a factor per channel, which the shading applies before the air. Gains are found again
-//! only if the light changes; headlamps, lightning and the shadows of drifting clouds are added a
-//! frame (`moving.rs`). The effect `light` says what light a weather has. A sun of the weather's
-//! own brings its sky (`day.rs`), which is painted behind the scene by the same numbers, and its
-//! shadows (`sun_shadows.rs`).
+//! only if the light changes; headlamps, lightning and the shadows of drifting clouds are added in
+//! each frame (`moving.rs`). The effect `light` says what light a weather has. A sun of the
+//! weather's own brings its sky (`day.rs`), which is painted behind the scene by the same numbers,
+//! and its shadows (`sun_shadows.rs`).
 //!
 //! [`SunPosition`] says from which direction a place gets the sun at a time;
 //! [`clear_sky::ClearSky`] how much light comes from each direction of a clear sky then, and from

@@ -7,7 +7,7 @@ use wm_base::color::srgb_decode;
 use wm_scene::splats::shortest_axis;
 use wm_scene::{Group, Splats, quat};
 
-/// Thickness of a flat splat, of either width.
+/// Largest thickness of a flat splat, as a share of either width.
 const MAX_THICKNESS_RATIO: f64 = 0.4;
 
 /// Small surfaces with their normals and colours.

@@ -122,7 +122,7 @@ pub(super) fn same_material(a: Vec3, b: Vec3) -> bool {
     (chromaticity(a) - chromaticity(b)).abs().max_element() < SAME_COLOR
 }
 
-/// Finds pairs, about one a point that is asked.
+/// Finds pairs, about one per point that is asked.
 pub(super) fn pairs(surfaces: &Surfaces, apart: [f32; 2], site: &Site) -> Vec<Pair> {
     let scale = 1.0 / site.metres_per_unit as f32;
     let grid = PointGrid::new(&surfaces.points, apart[1] * scale);

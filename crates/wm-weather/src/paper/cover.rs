@@ -111,7 +111,7 @@ struct Flake {
     at: [f32; 3],
     /// Length 1.
     normal: DVec3,
-    /// From the next ones, scene units; 0 where no snow lies or it is not known yet.
+    /// Distance to the next ones, scene units; 0 where no snow lies or it is not known yet.
     spacing: f64,
 }
 
@@ -313,8 +313,8 @@ fn place(at: [f32; 3]) -> DVec3 {
     DVec3::from_array(at.map(f64::from))
 }
 
-/// Along a Z curve, and of those in one place the one that looks up most. A search in that order
-/// finds most of the tree in the cache.
+/// Sorts flakes along a Z curve, and keeps of those in one place the one that looks up most. A
+/// search in that order finds most of the tree in the cache.
 fn one_flake_per_place(flakes: &[Flake]) -> Vec<Flake> {
     let low = flakes.iter().fold([f32::INFINITY; 3], |low, flake| [0, 1, 2].map(|k| low[k].min(flake.at[k])));
     let high =

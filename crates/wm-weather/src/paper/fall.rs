@@ -102,7 +102,7 @@ pub(crate) struct PaperFallContext<'a> {
 pub(crate) struct PaperParticle {
     /// Number of the particle.
     pub(crate) index: u64,
-    /// From the camera's centre, world axes, m.
+    /// Place from the camera's centre, world axes, m.
     pub(crate) offset: [f64; 3],
     /// View z, m.
     pub(crate) depth: f64,

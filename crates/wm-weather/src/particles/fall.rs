@@ -52,7 +52,7 @@ pub(crate) struct FallingParticles<'a> {
     /// The camera's velocity, m/s along the level axes and up.
     camera: [f64; 3],
     radiance: [f32; 3],
-    /// Up to where each class is handed over, m; `None` to go by the view's pixels.
+    /// Distance up to which each class is handed over, m; `None` to go by the view's pixels.
     ranges: Option<Vec<f64>>,
 }
 
@@ -251,11 +251,11 @@ impl FallingParticles<'_> {
 
 /// The density of drawn particles of a class over distance, as thresholds.
 struct Density {
-    /// Near.
+    /// Threshold up to which particles are drawn nearby.
     share: f64,
     /// Farthest distance, m.
     range: f64,
-    /// From where fewer stand for all, m.
+    /// Distance from which fewer particles stand for all, m.
     merge: f64,
 }
 
@@ -304,9 +304,9 @@ impl Density {
 #[repr(C, align(64))]
 struct Batch {
     at: [[f32; GROUP]; 3],
-    /// As the camera sees it, m/s.
+    /// Velocity that the camera sees, m/s.
     velocity: [[f32; GROUP]; 3],
-    /// Their own, m.
+    /// Widths of the drops, m.
     width: [f32; GROUP],
     /// m.
     distance: [f32; GROUP],

@@ -17,7 +17,7 @@ pub(crate) struct Cells {
     pub(crate) key: u32,
     /// Edge of a cube, m.
     pub(crate) edge: f64,
-    /// Points a m^3 and a threshold of 1.
+    /// Points per m^3 and threshold of 1.
     pub(crate) density: f64,
     /// Thresholds of its points, from and up to.
     pub(crate) thresholds: [f64; 2],
@@ -30,7 +30,7 @@ const MEAN_CUBE_POINTS: f64 = 24.0;
 const CUBE_EDGE_LIMITS_M: [f64; 2] = [0.1, 16.0];
 
 impl Cells {
-    /// Cubes for a density, points a m^3 and threshold.
+    /// Cubes for a density, points per m^3 and threshold.
     pub(crate) fn new(key: u32, density: f64, thresholds: [f64; 2]) -> Self {
         let count = density * (thresholds[1] - thresholds[0]);
         let edge =

@@ -29,7 +29,7 @@ pub(crate) struct ParticleAppearance {
 }
 
 impl Default for ParticleAppearance {
-    /// As in nature, in a video's exposure.
+    /// The appearance in nature, in a video's exposure.
     fn default() -> Self {
         Self { seed: 0, exposure: 1.0 / 60.0, size: 1.0, opacity: 1.0, brightness: 1.0, radiance: None }
     }
@@ -47,7 +47,7 @@ pub struct Precipitation {
     /// Radiance of an endless path through it, linear RGB.
     pub(crate) airlight: [f64; 3],
     pub(super) classes: Vec<SizeClass>,
-    /// Drops a m^3 now, and at a threshold of 1.
+    /// Drops per m^3 now, and at a threshold of 1.
     pub(super) numbers: Vec<f64>,
     pub(super) reference: Vec<f64>,
 }
@@ -72,7 +72,7 @@ impl Precipitation {
         }
     }
 
-    /// The classes, with the drops a m^3 of each.
+    /// The classes, with the drops per m^3 of each.
     pub(crate) fn classes(&self) -> impl Iterator<Item = (&SizeClass, f64)> {
         self.classes.iter().zip(self.numbers.iter().copied())
     }
@@ -103,7 +103,7 @@ impl Precipitation {
         passed.sum::<f64>() / all
     }
 
-    /// Up to where a class is drawn in a view, m.
+    /// Distance up to which a class is drawn in a view, m.
     pub(super) fn range(&self, class: &SizeClass, pixels: f64) -> f64 {
         class.width * self.look.size * pixels / MIN_DROP_WIDTH_PX
     }

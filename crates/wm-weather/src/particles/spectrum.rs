@@ -229,7 +229,7 @@ impl PrecipitationKind {
         (0..count).map(class).collect()
     }
 
-    /// Drops a m^3 of each of `classes` at `rate` mm/h of water: exactly that falls.
+    /// Drops per m^3 of each of `classes` at `rate` mm/h of water: exactly that falls.
     #[must_use]
     pub fn densities(&self, classes: &[SizeClass], rate: f64) -> Vec<f64> {
         if rate < LEAST_RATE {

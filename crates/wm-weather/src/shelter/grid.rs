@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The grid's frame: two axes and the fall, from a point in the middle of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Grid {
-    /// Along the columns, along the rows, along the fall: world axes, length 1.
+    /// Directions of the columns, of the rows and of the fall: world axes, length 1.
     pub(super) axes: [[f64; 3]; 3],
     /// The point that distances are from, world, scene units.
     pub(super) origin: [f64; 3],

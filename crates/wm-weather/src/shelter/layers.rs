@@ -111,7 +111,7 @@ impl HeightLayers {
         ([column, row], -dot(from, axes[2]) * self.metres_per_unit)
     }
 
-    /// The place of the middle of a cell, cells.
+    /// The middle of a cell in columns and rows.
     pub(crate) fn middle(&self, cell: usize) -> [f64; 2] {
         [cell % self.grid.columns, cell / self.grid.columns].map(|v| v as f64 + 0.5)
     }

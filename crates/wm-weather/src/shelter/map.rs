@@ -11,9 +11,9 @@ pub(super) const MOST_RADIUS: f32 = 64.0;
 /// The treatment of lone pieces of a map high above all that is around them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FloaterRule {
-    /// They stop nothing: what falls goes on to the next surface.
+    /// Floaters stop nothing: what falls goes on to the next surface.
     PassThrough,
-    /// They stop what falls, and take no time to find.
+    /// Floaters stop what falls, and take no time to find.
     Stop,
 }
 

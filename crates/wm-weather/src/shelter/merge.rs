@@ -89,7 +89,7 @@ struct Pool {
     first: Occluder,
     count: u32,
     weight: f64,
-    /// From the first, times the weight.
+    /// Sum of the means from that of the first, times their weights.
     mean: [f64; 3],
     moments: [f64; 6],
 }

@@ -6,11 +6,11 @@ use wm_scene::{Splats, quat};
 /// A splat that stops what falls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Occluder {
-    /// From the origin, world axes, scene units.
+    /// Place from the origin, world axes, scene units.
     pub(crate) mean: [f32; 3],
     /// xx, xy, xz, yy, yz, zz.
     pub(crate) covariance: [f32; 6],
-    /// Above 1 an optical thickness, of several in one.
+    /// Opacity; above 1 it is an optical thickness, of several splats in one.
     pub(crate) opacity: f32,
     /// The index of the splat.
     pub(crate) splat: u32,

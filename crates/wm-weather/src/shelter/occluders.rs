@@ -46,7 +46,7 @@ pub(super) struct FirstSurfaces {
 #[derive(Clone, Debug)]
 pub(crate) struct FloaterMap {
     pub(super) grid: Grid,
-    /// As of [`FirstSurfaces`].
+    /// The opened cells of [`FirstSurfaces`].
     pub(super) opened: Vec<(u32, f32)>,
 }
 
@@ -214,8 +214,8 @@ fn largest(splats: &Splats, index: usize) -> f64 {
     f64::from(a.max(b).max(c)).exp()
 }
 
-/// From the low quantile `outliers` of the lower ends to the high one of the upper ends, cut off at
-/// limits; and true if they cut anything off. Both ends are 0 if there are no bounds.
+/// The range from the low quantile `outliers` of the lower ends to the high one of the upper ends,
+/// cut off at limits; and true if they cut anything off. Both ends are 0 if there are no bounds.
 fn range_within(
     bounds: impl ExactSizeIterator<Item = [f64; 2]> + Clone,
     outliers: f64,

@@ -97,8 +97,8 @@ impl Shelter {
         })
     }
 
-    /// How far before a receiver's plane the first surface of a cell stands, scene units, if it
-    /// shades it.
+    /// The distance of the first surface of a cell before a receiver's plane, scene units, if it
+    /// shades the receiver.
     #[inline]
     fn shade(&self, receiver: &Receiver, column: i32, row: i32) -> Option<f32> {
         let [width, height] = [self.grid.columns, self.grid.rows].map(|v| v as i32);

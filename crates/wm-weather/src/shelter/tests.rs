@@ -57,13 +57,13 @@ fn map(splats: &Splats, fall: [f64; 3]) -> Shelter {
     Occluders::of(splats, &metres(), &ShelterOptions::default()).shelter(fall)
 }
 
-/// What stands in a place that is measured in metres, for maps with cells of a width, m.
+/// The occluders of splats in metres, for maps whose cells are so wide, m.
 fn with_cells(splats: &Splats, cell: f64) -> Occluders {
     Occluders::of(splats, &metres(), &ShelterOptions { cell, ..ShelterOptions::default() })
 }
 
-/// The stops of footprints on a grid all of whose cells stop `before`; `clear` is the share of a
-/// fall that each cell still lets through.
+/// Casts footprints on a grid and returns where its cells stop, which is at `before` to begin with;
+/// `clear` is the share of a fall that each cell still lets through.
 fn stops_of(footprints: &Footprints, grid: &Grid, before: f32, clear: &mut [f32]) -> Vec<f32> {
     let (mut stops, mut splats) = (vec![before; clear.len()], vec![0; clear.len()]);
     cast(footprints, grid, &mut stops, clear, &mut splats);

@@ -6,8 +6,8 @@ use wm_base::random::{RandomSequence, mix};
 const DRIP_DIAMETERS_M: [f64; 2] = [4.2e-3, 5.4e-3];
 /// Volume of a usual drop from an edge.
 const USUAL_DRIP_VOLUME_M3: f64 = 5.88e-8;
-/// Most drops a second of a piece of an eave, as from 5 m of roof in 85 mm/h: what is more is left
-/// out.
+/// Most drops per second of a piece of an eave, as from 5 m of roof in 85 mm/h: what is more is
+/// left out.
 const MAX_DRIPS: f64 = 200.0;
 /// Part of the seeds of drips.
 const DRIP_SEED: u64 = 0x4541_5645;

@@ -85,7 +85,7 @@ pub struct SplashGround<'a> {
     per_cell: f64,
     /// Water that falls from eaves, m/s: times the area that they shed.
     sheds: f64,
-    /// By the share of the rain: how much of the ground is wet, 0-1, and the film, m.
+    /// Wet share of the ground, 0-1, and film, m, by the share of the rain.
     films: [[f32; 2]; RAIN_SHARE_COUNT],
 }
 

@@ -17,12 +17,12 @@ pub struct WaterGrid {
     step: f64,
     /// Nodes along the first axis, and along the second.
     size: [usize; 2],
-    /// As [`WaterNode`] lists them; the level is not a number where there is none. Nodes beside
-    /// others go on from them, without water, so that its edges are soft.
+    /// The numbers of [`WaterNode`]; the level is not a number where there is no water. Nodes
+    /// beside others go on from them, without water, so that its edges are soft.
     nodes: Vec<[f32; 4]>,
     /// Levels that hide something, lowest and highest.
     heights: Option<[f64; 2]>,
-    /// Some of them, sorted.
+    /// Some of the levels, sorted.
     levels: Vec<f32>,
     /// Streams on slopes.
     pub(super) rills: Option<Rills>,
@@ -143,7 +143,6 @@ impl WaterMap {
 const LEVEL_STRIDE: usize = 16;
 
 impl WaterGrid {
-    /// Adds streams on its nodes.
     /// Hides the water where something lies on it: `hidden` is the share of the water at a node
     /// that is not seen, 0-1.
     #[must_use]
@@ -258,13 +257,13 @@ impl WaterGrid {
 pub(super) struct WaterView<'a> {
     grid: Option<&'a WaterGrid>,
     plane: Option<f64>,
-    /// The eye in steps from the grid's first node, and steps in a metre.
+    /// The eye in steps from the grid's first node, and steps per metre.
     eye: [f32; 2],
     steps: f32,
 }
 
 impl<'a> WaterView<'a> {
-    /// From an eye, metres along the level axes.
+    /// The water for an eye, metres along the level axes.
     pub(crate) fn new(map: &'a WaterMap, eye: [f64; 2]) -> Self {
         let grid = map.grid.as_deref();
         let place = grid.map_or([0.0; 2], |grid| grid.steps(eye[0], eye[1]).map(|v| v as f32));

@@ -448,7 +448,7 @@ impl Spots {
         Self { at, right: LaneArray::new(simd, part[0]), down: LaneArray::new(simd, part[1]) }
     }
 
-    /// Between the pixels about point `i`, of a picture with rows of `stride` pixels.
+    /// Mixes the pixels about point `i`, of a picture with rows of `stride` pixels.
     #[inline(always)]
     fn look<S: Lanes>(&self, simd: S, i: usize, stride: u32, pixels: &[[f32; 4]]) -> f32x4<S> {
         bilinear(simd, pixels, self.at[i] as usize, stride as usize, self.right.0[i], self.down.0[i])

@@ -22,9 +22,8 @@ pub struct WaterMotion {
     beyond: f32,
     /// The water whose streams run, and the time, s.
     pub(super) running: Option<(Arc<WaterGrid>, f64)>,
-    /// The strongest wind of the shot makes slopes of [`MIN_ROUGH_SLOPE_VARIANCE`] or more.
-    /// True if the water is so rough at some time of the shot that what it mirrors is seen in
-    /// pieces: for a whole shot, so that nothing changes at once when the wind rises.
+    /// True if the strongest wind of the shot makes the water so rough that what it mirrors is seen
+    /// in pieces: alike for a whole shot, so that nothing changes at once when the wind rises.
     pub is_rough: bool,
     /// The foam of the wind.
     pub(crate) foam: Option<Foam>,

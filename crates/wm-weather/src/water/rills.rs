@@ -35,7 +35,7 @@ pub(crate) struct Rills {
 /// Slopes of a piece of a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Slope {
-    /// Along the two level axes.
+    /// Mean slopes along the two level axes.
     pub(crate) mean: [f32; 2],
     /// Variance within the piece along one axis.
     pub(crate) variance: f32,

@@ -163,7 +163,7 @@ impl Spots {
         }
     }
 
-    /// Between the nodes about point `i`.
+    /// Mixes the nodes about point `i`.
     #[inline(always)]
     fn look<S: Simd>(&self, simd: S, i: usize, nodes: &[[f32; 4]]) -> f32x4<S> {
         let level = self.level.0[i] as usize % LEVEL_COUNT;
@@ -173,7 +173,7 @@ impl Spots {
     }
 }
 
-/// Between the node `at`, the next one, and those `stride` after both.
+/// Mixes the node `at`, the next one, and those `stride` after both.
 #[inline(always)]
 pub(super) fn bilinear<S: Simd>(
     simd: S,

@@ -136,7 +136,7 @@ impl WindWaves {
         CALM_SLOPE_VARIANCE + SLOPE_VARIANCE_PER_WIND * speed
     }
 
-    /// Their slopes at a time, s.
+    /// The slopes of the waves at a time, s.
     pub(crate) fn slopes(&self, time: f64, seed: u64) -> SlopeTile {
         let size = self.tile_size();
         let key = [self.wind[0], self.wind[1], self.fetch, self.strongest].map(f64::to_bits);
@@ -165,7 +165,7 @@ struct WavePair {
     /// Column and row of the wave vector, and of its opposite.
     at: [[usize; 2]; 2],
     vector: [f64; 2],
-    /// Along the vector, and against it.
+    /// Heights of the wave along the vector, and of the one against it.
     heights: [[f64; 2]; 2],
     /// rad/s.
     frequency: f64,

@@ -5,7 +5,7 @@ use crate::shelter::Shelter;
 use crate::splash::SplashGround;
 use wm_scene::Camera;
 
-/// From where a weather is seen.
+/// The eye that sees a weather, and what is known about it.
 #[derive(Clone, Copy, Debug)]
 pub struct Observer<'a> {
     /// The camera.
@@ -25,7 +25,7 @@ pub struct Observer<'a> {
 }
 
 impl<'a> Observer<'a> {
-    /// By a camera that stands still, in the open.
+    /// An eye at a camera that stands still, in the open.
     #[must_use]
     pub fn at_rest(camera: &'a Camera) -> Self {
         Self {

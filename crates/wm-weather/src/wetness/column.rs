@@ -159,7 +159,7 @@ impl SnowStep {
         }
     }
 
-    /// So many parts of the same length that make up the whole.
+    /// One of `parts` equal parts of the step.
     pub(crate) fn divided(self, parts: f64) -> Self {
         Self { melts: self.melts.map(|melts| melts / parts), ..self }
     }
@@ -168,9 +168,9 @@ impl SnowStep {
 /// Water on a piece of ground, and all that came, ran off and dried until now, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct WetColumn {
-    /// In pores.
+    /// Water in pores.
     pub(crate) pores: f64,
-    /// In and above the texture.
+    /// Water in and above the texture.
     pub(crate) store: f64,
     /// All that has come.
     pub(crate) came: f64,

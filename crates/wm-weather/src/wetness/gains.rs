@@ -32,9 +32,9 @@ pub struct WetGains<'a> {
     surfaces: &'a WetSurfaces,
     shares: &'a WetShares,
     levels: &'a [f32],
-    /// By class, and by the share of the ground that is lower.
+    /// Strengths by class, and by the share of the ground that is lower.
     strengths: Box<[[Strength; LOWER_SHARE_COUNT]; CLASS_COUNT]>,
-    /// Under deep water.
+    /// Strength under deep water.
     deep: Strength,
     /// The changes by reflectance.
     table: Box<[[f32; 2]; ALBEDO_STEP_COUNT]>,
@@ -46,8 +46,7 @@ pub struct WetGains<'a> {
 #[derive(Clone, Debug)]
 struct SheenGains {
     sky: SkySheen,
-    /// By the class of steep surfaces: the share that is wet, and the film in depths of the
-    /// texture.
+    /// Wet share, and film in depths of the texture, by the class of steep surfaces.
     wet: [[f32; 2]; RAIN_SHARE_BIN_COUNT],
     /// Reciprocal of the light of a display-referred value in 8 bits.
     inverse: Box<[f32; 256]>,

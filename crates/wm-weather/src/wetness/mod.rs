@@ -15,10 +15,10 @@
 //!
 //! # How it looks
 //! The light of each splat is multiplied by a factor per channel ([`optics`]): in the slot of the
-//! light, so that both compose. What a splat is wetted by is found once a direction of the rain; a
-//! frame looks up two numbers a splat. Steep surfaces mirror the sky's light too ([`SkySheen`]): as
-//! a part of the same factor, since what depends on the direction is gone from a wet splat, so that
-//! its light is known.
+//! light, so that both compose. The rain that wets a splat is found once per direction of the rain;
+//! a frame looks up two numbers per splat. Steep surfaces mirror the sky's light too
+//! ([`SkySheen`]): as a part of the same factor, since what depends on the direction is gone from a
+//! wet splat, so that its light is known.
 //!
 //! The attribute [`Fade`](wm_render::hooks::Attribute::Fade) takes away what the dry surface
 //! mirrored of another sky.

@@ -12,7 +12,7 @@ pub(super) struct PlaneFit {
 
 /// The plane through points of ground.
 pub(super) struct Plane {
-    /// Along x and y.
+    /// Slopes along x and y.
     pub(super) slopes: [f64; 2],
     /// The mean point.
     pub(super) mean: [f64; 3],

@@ -1,5 +1,5 @@
-//! The surfaces that get wet: one a splat, with its reflectance, the rain that reaches it, and the
-//! puddle that it may lie under.
+//! The surfaces that get wet: one per splat, with its reflectance, the rain that reaches it, and
+//! the puddle that it may lie under.
 
 use super::basins::NO_BASIN;
 use super::column::MAX_RAIN_SHARE;

@@ -56,7 +56,8 @@ const LEDGE_BELOW: f32 = 0.5;
 const UNDERSIDE_COSINE: f32 = -0.25;
 /// Cosine of the normal below which a surface that a camera saw is too steep: 60 degrees.
 const STEEP_SEEN: f32 = 0.5;
-/// The least of what none saw, and the share of a field that must belong to it.
+/// Least cosine between up and the normal of a surface that no camera saw, and the share of a field
+/// that must belong to it.
 const LEVEL_UNSEEN: f32 = 0.7;
 const UNSEEN_FIELD_SHARE: f32 = 0.9;
 /// Distance, cells, and directions in which higher surfaces are looked for.
@@ -120,10 +121,10 @@ pub(crate) struct GroundGrid {
     /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a
     /// share of the fall on one cell.
     pub(crate) shed: f64,
-    /// Along [`NEIGHBOUR_STEPS`], where the node's surface goes on.
+    /// Nodes along [`NEIGHBOUR_STEPS`] on which the node's surface goes on.
     beside: Vec<[u32; 4]>,
-    /// Along [`NEIGHBOUR_STEPS`], the next node of the surface, or the node on which what falls
-    /// over its edge lands.
+    /// The next nodes of the surface along [`NEIGHBOUR_STEPS`], or the nodes on which lands what
+    /// falls over its edge.
     next: Vec<[u32; 4]>,
     /// True for nodes that an inner ground covers too.
     is_inner: Vec<bool>,
@@ -357,7 +358,7 @@ impl GroundGrid {
         [(cell % self.size[0]) as i64, (cell / self.size[0]) as i64]
     }
 
-    /// The place of the middle of a node's cell, cells.
+    /// The middle of a node's cell in columns and rows.
     pub(super) fn middle(&self, node: usize) -> [f64; 2] {
         self.places.middle(self.cells[node] as usize)
     }

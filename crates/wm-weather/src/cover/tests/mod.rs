@@ -458,6 +458,7 @@ fn water_is_kept_over_time() {
     let weather = testing::weather([
         "snowfall.rate=0:2,4:4,6:0",
         "snow_cover.depth=auto",
+        // Settled from the start: water is volume times density.
         "snow_cover.density=300",
         "snow_cover.temperature=0:-3,6:-3,8:6",
         "snow_cover.lapse=3600",

@@ -51,7 +51,7 @@ impl MeanSurface {
         Self { even: sum.even / count, rising: sum.rising / count, sun: sum.sun / count }
     }
 
-    /// Their mean irradiance under a light.
+    /// The irradiance of the mean surface under a light.
     pub(super) fn under(&self, light: &SceneLight) -> [f64; 3] {
         std::array::from_fn(|k| {
             self.even * light.sky.level[k] + self.rising * light.sky.rise[k] + self.sun * light.sun[k]

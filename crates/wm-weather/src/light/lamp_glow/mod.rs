@@ -53,7 +53,7 @@ pub(crate) struct LampGlow {
     /// Tables of patches, `[side, side]` with the sides of [`scene::NEAR_LAMP_TABLES`], plus 1.
     fine: Vec<Vec<Column>>,
     heads: Vec<Head>,
-    /// From pixels to the ray of view z 1.
+    /// Focal lengths and principal point, which lead from pixels to rays of view z 1.
     focal: [f32; 2],
     principal: [f32; 2],
     metres_per_unit: f32,

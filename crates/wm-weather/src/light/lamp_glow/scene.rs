@@ -71,7 +71,7 @@ pub(super) struct GlowScene<'a> {
 pub(super) struct GlowLight<'a> {
     pub(super) light: LampLight,
     pub(super) cube: Option<&'a DepthCube>,
-    /// From the camera, m, world axes.
+    /// Place from the camera, m, world axes.
     pub(super) offset: Vec3,
     /// Extinction at the lamp, 1/m, by channel.
     extinction: [f32; 3],

@@ -143,7 +143,7 @@ fn sizes_follow_the_law() {
     assert!(worst < 0.01, "{worst}");
 }
 
-/// Adds the drops of a view.
+/// Returns the drops of a view.
 fn gathered(fall: &FallingParticles<'_>, view: &ParticleView) -> Vec<Particle> {
     let mut out = Vec::new();
     each_particle(fall, SimdPath::available()[0], view, |particle| out.push(particle));

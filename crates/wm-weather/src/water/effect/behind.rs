@@ -80,7 +80,7 @@ pub(super) fn padded<const N: usize>(values: &[f32], rest: f32) -> [f32; N] {
     all
 }
 
-/// One array a number of up to sixteen pixels of `N` numbers, `ALL` for sixteen.
+/// One array per number of up to sixteen pixels of `N` numbers; sixteen have `ALL` numbers.
 #[inline(always)]
 pub(super) fn columns<const N: usize, const ALL: usize>(pixels: &[f32]) -> [[f32; GROUP]; N] {
     let mut columns = [[0.0; GROUP]; N];

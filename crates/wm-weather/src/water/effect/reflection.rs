@@ -355,9 +355,9 @@ impl Scene<'_> {
 struct Point<S: Lanes> {
     /// Directions to them, level axes, of length 1.
     toward: [S::F; 3],
-    /// Their places from the eye, level axes, m.
+    /// Places of the points from the eye, level axes, m.
     hit: [S::F; 3],
-    /// Their distances, m.
+    /// Distances of the points, m.
     distance: S::F,
     /// Sines of the angles between the views and the level.
     sine: S::F,
@@ -381,7 +381,7 @@ impl<S: Lanes> Point<S> {
 
 /// Pieces of the surface that pixels see.
 struct Facet<S: Lanes> {
-    /// Their places from the mirrored eye, level axes, m.
+    /// Places of the pieces from the mirrored eye, level axes, m.
     from: [S::F; 3],
     tilt: Tilt<S>,
     /// The directions that their mean slopes reflect, and the cosines between them and the normals.

@@ -34,7 +34,7 @@ pub struct WaterEffect<'a> {
     pub effects: &'a [&'a dyn PixelEffect],
 }
 
-/// Water in sixteen pixels, one array a number.
+/// Water in sixteen pixels, one array per number.
 pub(super) struct Water {
     /// Share of light that is reflected.
     pub(super) reflected: [f32; GROUP],
