@@ -15,7 +15,7 @@ use super::boards::slope;
 use super::expected;
 use super::lit::{LightPicture, level_square};
 use super::plot::{Axis, Series};
-use super::{Bench, Instrument, MeasuredPicture, fov_of};
+use super::{Bench, Instrument, MeasuredPicture, Tolerance, fov_of};
 use wm_place::Result;
 use wm_scene::Lamp;
 
@@ -47,8 +47,8 @@ const LAMP_RADIUS_PX: f64 = 3.0;
 const PICTURE_SIDE_PX: u32 = 40;
 const DISC_RADIUS_PX: f64 = 9.0;
 const RING_RADII_PX: [f64; 2] = [10.0, 15.0];
-/// A sky of so much light, lx, to which the exposure is set: in the dark of a night lamps would
-/// burn out.
+/// Changes that give the sky a glow of 100 lx and set the exposure to it: in the dark of a night
+/// lamps would burn out.
 const EXPOSURE: &str = "light.glow=100, light.exposure=-8.5";
 
 /// Changes that make night with lamps.
@@ -121,11 +121,11 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         strip.push(picture.picture.frame.rgb);
     }
     for (k, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        bench.share(
+        bench.add(
             format!("extinction by lamps, {name}"),
             "1/km",
             [1e3 * asked[k], if points[k].len() < LAMP_COUNT { f64::NAN } else { 1e3 * slope(&points[k]) }],
-            0.03,
+            Tolerance::Relative(0.03),
         );
     }
     let first = points[1].first().copied().unwrap_or_default();

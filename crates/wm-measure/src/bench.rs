@@ -46,8 +46,9 @@ impl<'a> Bench<'a> {
     /// Returns the weather with one effect alone.
     pub(crate) fn alone(&self, only: &str) -> Result<Weather> {
         let mut weather = self.weather.clone();
-        let others = self.weather.effects().map(|(effect, _)| effect.name).filter(|name| *name != only);
-        others.map(|name| format!("{name}=off")).try_for_each(|change| weather.set_text(&change))?;
+        for (effect, _) in self.weather.effects().filter(|(effect, _)| effect.name != only) {
+            weather.set_text(&format!("{}=off", effect.name))?;
+        }
         Ok(weather)
     }
 
@@ -81,8 +82,9 @@ impl<'a> Bench<'a> {
         self.rig.set_up_lit(splats, lamps)
     }
 
-    /// Sets up a square painted in a grey (sRGB) about a point, by its axes (level coordinates),
-    /// half its side, m, and its cells along one.
+    /// Sets up a square board of one grey (sRGB) about a point: `axes` are the directions of its
+    /// sides in level coordinates, `half` is half a side, m, and `cells` counts the splats along
+    /// one.
     pub(crate) fn square(
         &mut self,
         center: [f64; 3],
@@ -161,17 +163,6 @@ impl<'a> Bench<'a> {
         let (quantity, setting) = (quantity.into(), self.finding.setting.clone());
         let reading = Reading { quantity, setting, unit, asked, measured, standard_error: None, tolerance };
         self.finding.readings.push_mut(reading)
-    }
-
-    /// Adds a reading that may be off by a share of the expected value.
-    pub(crate) fn share(
-        &mut self,
-        quantity: impl Into<String>,
-        unit: &'static str,
-        values: [f64; 2],
-        most: f64,
-    ) -> &mut Reading {
-        self.add(quantity, unit, values, Tolerance::Relative(most))
     }
 
     /// Adds curves over two axes, with the setting in their title.

@@ -12,7 +12,7 @@
 
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Series};
-use super::{Bench, Instrument, clear, median};
+use super::{Bench, Instrument, Tolerance, clear, median};
 use wm_place::Result;
 use wm_place::{Layers, Picture};
 use wm_scene::card::Card;
@@ -172,7 +172,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
             .map(|(metres, kept)| [*metres, -kept[channel].ln()])
             .collect();
         let measured = if points.len() < 4 { f64::NAN } else { MOR_DEPTH / slope(&points) };
-        bench.share(format!("MOR, {name}"), "m", [asked[channel], measured], 0.03);
+        bench.add(format!("MOR, {name}"), "m", [asked[channel], measured], Tolerance::Relative(0.03));
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
     bench.plot(

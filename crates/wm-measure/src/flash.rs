@@ -17,7 +17,7 @@
 use super::allard::NIGHT;
 use super::lit::{LIGHT_ALONE, LightPicture, level_square, overcast_card};
 use super::plot::Series;
-use super::{Bench, Instrument, ShotSubject, changed, expected, mean};
+use super::{Bench, Instrument, ShotSubject, Tolerance, changed, expected, mean};
 use wm_place::Result;
 use wm_scene::Camera;
 use wm_weather::Weather;
@@ -109,11 +109,11 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         }
     }
     let sums = [0, 1].map(|k: usize| films[k].iter().sum::<f64>() / FRAME_RATES_HZ[k]);
-    bench.share(
+    bench.add(
         format!("light of {seconds:.0} s at 24 frames a second, by that at 60"),
         "lx s",
         [sums[1], if sums[1] > 0.01 { sums[0] } else { f64::NAN }],
-        0.01,
+        Tolerance::Relative(0.01),
     );
     let fast = &films[1];
     let is_lit = |frame: usize| fast[frame] > 0.02;
@@ -123,11 +123,11 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         let measured = STROKE_EXPOSURE_S * film.lux(bench, time, STROKE_EXPOSURE_S)?;
         let lit = changed(&weather, &format!("lightning.exposure={STROKE_EXPOSURE_S}"))?;
         let (sin, picture) = brightest(bench, subject, [&lit, &calm], time)?;
-        bench.share(
+        bench.add(
             format!("stroke {} at {:.1} km", number + 1, 1e-3 * STROKE_HEIGHT_M / sin),
             "lx s",
             [STROKE_LX_S * (1_000.0 * sin / STROKE_HEIGHT_M).powi(2), measured],
-            0.03,
+            Tolerance::Relative(0.03),
         );
         if number == 0 {
             bench.show("the sky of a stroke about its brightest", &picture.picture);

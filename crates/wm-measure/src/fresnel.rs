@@ -9,7 +9,7 @@
 //! below 1 % in all.
 
 use super::plot::{Axis, Series};
-use super::{Bench, Instrument, changed, expected};
+use super::{Bench, Instrument, Tolerance, changed, expected};
 use std::f64::consts::FRAC_PI_2;
 use wm_base::color::srgb_encode;
 use wm_place::Result;
@@ -76,7 +76,12 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         let middle = 0.5 * f64::from(PICTURE_SIDE_PX);
         let measured = picture.patch(middle, middle, PATCH_HALF_SIDE_PX) / BOARD_LIGHT;
         let asked = reflectance(degrees);
-        bench.share(format!("reflectance of water at {degrees} degrees"), "", [asked, measured], 0.03);
+        bench.add(
+            format!("reflectance of water at {degrees} degrees"),
+            "",
+            [asked, measured],
+            Tolerance::Relative(0.03),
+        );
         points.push([degrees, measured]);
         if degrees == ELEVATIONS_DEGREES[1] {
             bench.show(format!("water that mirrors a board, at {degrees} degrees"), &picture.picture);

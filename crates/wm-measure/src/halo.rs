@@ -12,11 +12,10 @@
 //! The lamp's intensity in the picture is measured by its own light on a level card 3 m below it in
 //! clear air, at the same exposure. Tolerance 5 %.
 
-use super::Instrument;
 use super::allard::{NIGHT, NOTHING_FALLS};
 use super::lit::{LightPicture, level_square, overcast_card};
 use super::plot::{Axis, Series};
-use super::{Bench, changed, expected};
+use super::{Bench, Instrument, Tolerance, changed, expected};
 use std::f64::consts::PI;
 use wm_place::Result;
 use wm_scene::{Camera, Lamp};
@@ -132,11 +131,11 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         let metres = LAMP_DISTANCE_M * (ring / camera.fx);
         seen.push([metres, measured]);
         law.push([metres, asked]);
-        bench.share(
+        bench.add(
             format!("light {ring:.0} px from the lamp, over its intensity"),
             "1/m\u{b2}",
             [asked, if is_burned || picture_is_burned(&picture, ring) { f64::NAN } else { measured }],
-            0.05,
+            Tolerance::Relative(0.05),
         );
     }
     bench.plot(

@@ -10,7 +10,7 @@
 //! Tolerance 7 %.
 
 use super::lit::{overcast_card, paint_card};
-use super::{Bench, Instrument, LevelFrame, expected};
+use super::{Bench, Instrument, LevelFrame, Tolerance, expected};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_place::Result;
@@ -160,7 +160,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));
     for (axis, what) in [(1, "length"), (0, "width")] {
         let quantity = format!("{what} of the streak, standard deviation");
-        bench.share(quantity, "px", [asked[axis], measured[axis]], 0.07);
+        bench.add(quantity, "px", [asked[axis], measured[axis]], Tolerance::Relative(0.07));
     }
     bench.show("a white board in a wet yard", &with.picture);
     Ok(())

@@ -156,7 +156,7 @@ pub struct MeasureRequest<'a> {
     pub setting: &'a str,
 }
 
-/// Returns a weather with changes of the form `effect.parameter=value`, parted by `", "`.
+/// Returns a weather with changes of the form `effect.parameter=value`, separated by `", "`.
 ///
 /// # Errors
 /// [`wm_place::Error::Weather`] if a change is of another form.
@@ -270,7 +270,7 @@ pub enum ShotSubject {
     Target(usize),
 }
 
-/// A sweep for an instrument: one ray a pulse, and all returns.
+/// A sweep for an instrument: one ray per pulse, and all returns.
 #[derive(Clone, Copy)]
 pub struct InstrumentScan<'a> {
     /// A lit target.

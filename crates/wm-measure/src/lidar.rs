@@ -58,7 +58,7 @@ pub(crate) fn square_model(overlap: [f64; 2], pulses: u32, half: f64) -> Result<
 }
 
 /// Sweeps a target from [`EYE_HEIGHT_M`] over its middle, ahead along the second axis, with one ray
-/// a pulse and all returns.
+/// per pulse and all returns.
 pub(crate) fn sweep(
     bench: &mut Bench<'_>,
     subject: ShotSubject,

@@ -15,14 +15,13 @@
 //! 20,000 echoes are within 0.7 %. A tenth more backscatter is 2.5 to 5 % of the reach, and 3 to
 //! 14 % of the echoes.
 
-use super::Instrument;
 use super::lidar::{
     AIR_ALONE, EYE_HEIGHT_M, MIN_RANGE_M, OVERLAP_RANGES_M, PULSE_HALF_LENGTH_M, RECEIVER_NOISE, crossing,
     extinction, normal, reach, square_model, sweep,
 };
 use super::lit::level_square;
 use super::plot::Series;
-use super::{Bench, expected};
+use super::{Bench, Instrument, Tolerance, expected};
 use std::f64::consts::PI;
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarPoint};
@@ -84,13 +83,15 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         (0..BIN_COUNT).map(|bin| [PULSE_HALF_LENGTH_M * (bin as f64 + 0.5), shares[bin]]).collect();
     let sigma = extinction(&weather, bench.time);
     let asked = reach(PI * sigma / LIDAR_RATIO_SR * PULSE_HALF_LENGTH_M, sigma);
-    bench.share("reach of echoes of the air", "m", [asked, crossing(&points, share_at(1.0))], 0.02);
+    let values = [asked, crossing(&points, share_at(1.0))];
+    let tolerance = Tolerance::Relative(0.02);
+    bench.add("reach of echoes of the air", "m", values, tolerance);
     let defocused = square_model([0.0, asked], PULSES_PER_SIDE, HALF_ANGLE_DEGREES)?;
     let seen = sweep(bench, subject, &defocused, &weather)?;
     let is_near = |point: &&LidarPoint| point.class == EchoClass::Air && f64::from(point.range) < asked;
     let near = seen.points.iter().filter(is_near).count() as f64 / seen.pulses as f64;
     let values = [echoes_within(asked, sigma), near];
-    bench.share("echoes of a pulse before full overlap", "", values, 0.02);
+    bench.add("echoes of a pulse before full overlap", "", values, tolerance);
     bench.plot(
         "Echoes of the air",
         "range, m",

@@ -77,7 +77,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let intensity = mean(on_board(&seen).map(|point| f64::from(point.intensity)));
     bench.add("range of a board", "m", [CLEAR_DISTANCE_M, range], Tolerance::Absolute(0.015));
     let asked = 255.0 * BRIGHT_REFLECTANCE;
-    bench.share("intensity of a board of 50 %", "", [asked, intensity], 0.03);
+    bench.add("intensity of a board of 50 %", "", [asked, intensity], Tolerance::Relative(0.03));
 
     let sigma = extinction(&weather, bench.time);
     let metres = (0.5 * OPTICAL_DEPTH / sigma).clamp(DISTANCES_M[0], DISTANCES_M[1]);
@@ -88,7 +88,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     });
     let depth = (bright? / dimmed?).ln();
     let values = [1e3 * sigma, 1e3 * 0.5 * depth / metres];
-    bench.share("extinction at 905 nm", "1/km", values, 0.03);
+    bench.add("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03));
 
     let asked = reach(REFERENCE_REFLECTANCE, sigma);
     let mut shares = Vec::new();
@@ -99,7 +99,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         shares.push([metres, on_board(&seen).count() as f64 / seen.pulses as f64]);
     }
     let measured = crossing(&shares, 0.5);
-    bench.share("range of a board of 10 %", "m", [asked, measured], 0.03);
+    bench.add("range of a board of 10 %", "m", [asked, measured], Tolerance::Relative(0.03));
     bench.plot(
         "Boards of 10 %",
         "range, m",

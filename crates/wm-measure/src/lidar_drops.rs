@@ -8,13 +8,12 @@
 //! Tolerance 4 %, of some 8,000 points and more: one beam's drops are in part the next one's, so
 //! that their number scatters by twice the square root. A tenth more rain is 6 % more points.
 
-use super::Instrument;
 use super::lidar::{
     AIR_ALONE, DIVERGENCE_RAD, EYE_HEIGHT_M, OVERLAP_RANGES_M, PULSE_HALF_LENGTH_M, RECEIVER_NOISE,
     extinction, model, normal, signal, sweep,
 };
 use super::lit::level_square;
-use super::{Bench, expected};
+use super::{Bench, Instrument, Tolerance, expected};
 use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use wm_place::Result;
 use wm_place::lidar::EchoClass;
@@ -87,7 +86,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let found = seen.points.iter().filter(|point| point.class == EchoClass::Drop).count() as f64;
     let asked = seen.pulses as f64 * a_pulse(rate, extinction(&weather, bench.time));
     let quantity = format!("drops in {} pulses", seen.pulses);
-    let counted = bench.share(quantity, "", [asked, found], 0.04);
+    let counted = bench.add(quantity, "", [asked, found], Tolerance::Relative(0.04));
     counted.standard_error = Some(found.sqrt());
     Ok(())
 }

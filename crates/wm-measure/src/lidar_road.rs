@@ -12,7 +12,7 @@
 
 use super::lidar::{EYE_HEIGHT_M, OVERLAP_RANGES_M, RECEIVER_NOISE, model, normal, signal, sweep};
 use super::plot::Series;
-use super::{Bench, Instrument, changed, expected, mean};
+use super::{Bench, Instrument, Tolerance, changed, expected, mean};
 use wm_place::Result;
 use wm_place::lidar::{EchoClass, LidarSweep};
 use wm_weather::Weather;
@@ -106,7 +106,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         };
         let expected: Vec<[f64; 2]> = counted.iter().map(law).collect();
         let values = [seen_up_to(&expected), seen_up_to(&counted)];
-        bench.share(format!("range of a {name} road"), "m", values, 0.03);
+        bench.add(format!("range of a {name} road"), "m", values, Tolerance::Relative(0.03));
         let grouped = |rows: &[[f64; 2]]| [0, 1].map(|k| mean(rows.iter().map(|row| row[k])));
         series.push(Series::line(format!("{name}, by the lidar equation"), expected));
         series.push(Series::points(name, counted.chunks(ROWS_PER_POINT).map(grouped).collect()));
@@ -116,7 +116,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         let [dry, wet] = [0, 1].map(|at| intensity_at(&sweeps[at], range));
         let values = [film_factor(EYE_HEIGHT_M / range), wet / dry];
         let quantity = format!("wet road over dry, {range} m away");
-        bench.share(quantity, "", values, 0.04);
+        bench.add(quantity, "", values, Tolerance::Relative(0.04));
     }
     bench.plot("A road before a lidar", "range, m", "share of pulses that come back", series);
     Ok(())

@@ -212,27 +212,28 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let seen = boards.sky(bench, &darker)?.map(|sky| sky.map(|v| 32.0 * v));
     let [sum, zenith] = seen.unwrap_or([f64::NAN; 2]);
     let [flat, stood] = boards.irradiances(bench, &weather, false)?;
+    let three = Tolerance::Relative(0.03);
     match sun {
         None => {
-            bench.share(
+            bench.add(
                 "upright board under clouds, over level board",
                 "",
                 [OVERCAST_UPRIGHT + 0.5 * lit::GROUND_REFLECTANCE, stood / flat],
-                0.03,
+                three,
             );
-            bench.share(
+            bench.add(
                 "light of the zenith over level board",
                 "",
                 [9.0 / (7.0 * PI), zenith / PI / flat],
-                0.03,
+                three,
             );
-            bench.share("level board over the sum of the sky", "", [1.0, flat / sum], 0.03);
+            bench.add("level board over the sum of the sky", "", [1.0, flat / sum], three);
         }
         Some([elevation, _]) => {
             let [shade, stood_shade] = boards.irradiances(bench, &weather, true)?;
-            bench.share("level board in shade over the sum of the sky", "", [1.0, shade / sum], 0.03);
+            bench.add("level board in shade over the sum of the sky", "", [1.0, shade / sum], three);
             let ratio = (stood - stood_shade) / (flat - shade);
-            bench.share("beam on upright board over level board", "", [1.0 / elevation.tan(), ratio], 0.03);
+            bench.add("beam on upright board over level board", "", [1.0 / elevation.tan(), ratio], three);
             let is_cloudless = bench.number("light", "clouds").is_none();
             if is_cloudless {
                 let ratio = (flat - shade) / shade;

@@ -25,7 +25,7 @@
 use super::fresnel::{BLACK_WATER, still};
 use super::lit::LightPicture;
 use super::plot::Series;
-use super::{Bench, Instrument, LevelFrame, changed, expected};
+use super::{Bench, Instrument, LevelFrame, Tolerance, changed, expected};
 use glam::DVec3;
 use wm_base::color::srgb_encode;
 use wm_place::Result;
@@ -311,12 +311,12 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let rms = mean.sqrt();
     let error = 0.5 / rms * (scatter / count).sqrt();
     let alike = products[2] / (products[0] * products[1]).sqrt();
-    let slope = bench.share("slopes of rings, rms", "", [slopes_of(rate), rms], 0.04);
+    let slope = bench.add("slopes of rings, rms", "", [slopes_of(rate), rms], Tolerance::Relative(0.04));
     slope.standard_error = Some(error);
     let hertz = std::f64::consts::TAU.recip();
     let measured = alike.clamp(-1.0, 1.0).acos() / quarter;
     let values = [hertz * frequency(), hertz * measured];
-    bench.share("frequency of rings", "Hz", values, 0.05);
+    bench.add("frequency of rings", "Hz", values, Tolerance::Relative(0.05));
     bench.plot("Slopes along a line of the water", "mm", "slope", vec![Series::line("measured", curve)]);
     Ok(())
 }

@@ -9,7 +9,7 @@
 use super::boards::slope;
 use super::fresnel::still;
 use super::plot::{Axis, Series};
-use super::{Bench, Instrument, expected};
+use super::{Bench, Instrument, Tolerance, expected};
 use wm_base::color::srgb_encode;
 use wm_place::Result;
 use wm_scene::Splats;
@@ -70,7 +70,7 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
         }
     }
     let measured = if points.len() < 3 { f64::NAN } else { SECCHI_CONSTANT / -slope(&points) };
-    bench.share("Secchi depth", "m", [asked, measured], 0.05);
+    bench.add("Secchi depth", "m", [asked, measured], Tolerance::Relative(0.05));
     let first = points.first().copied().unwrap_or_default();
     let law = [0.0, 0.5 * asked].map(|z| [z, (first[1] - SECCHI_CONSTANT / asked * (z - first[0])).exp()]);
     bench.plot(

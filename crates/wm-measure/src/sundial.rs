@@ -320,11 +320,11 @@ fn edge(bench: &mut Bench<'_>, dial: &Dial) -> Result<()> {
     let mut series = Vec::new();
     for metres in EDGE_DISTANCES_M {
         let (width, profile) = edge_at(bench, dial, subject, metres, metres * cos)?;
-        bench.share(
+        bench.add(
             format!("width of a shadow's edge at {metres} m"),
             "m",
             [SUN_DIAMETER_RAD * metres, width],
-            0.15,
+            Tolerance::Relative(0.15),
         );
         series.push(Series::line(format!("{metres} m"), profile));
     }

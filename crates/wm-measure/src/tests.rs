@@ -93,8 +93,8 @@ enum Fault {
     Points,
 }
 
-/// Each fault, and which readings find it, parted by `"; "`: the instrument and, where not all
-/// of its readings do, a part of the quantity.
+/// Each fault with the readings that find it, separated by `"; "`. A reading is an instrument and a
+/// part of the quantity; an instrument alone is any reading of it.
 const FINDS: [(Fault, &str); 34] = [
     (Fault::None, ""),
     // The same air, seen on boards and on the place.
@@ -463,7 +463,7 @@ impl InstrumentRenderer for FaultyRig {
     }
 }
 
-/// A rig on one thread, beside others.
+/// Returns a rig on one thread: several work side by side.
 fn rig(scene: Scene) -> FaultyRig {
     let config = CpuConfig { threads: Some(1), ..CpuConfig::default() };
     let mut renderer = Renderer::new(&Device::Cpu, config, |_| {}).unwrap();

@@ -88,9 +88,9 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let stands = state.water_in_puddles();
     let there = state.water_in_pores() + state.water_in_films(texture) + stands;
     let what = if melt > 0.0 { "rain and melt water on the ground" } else { "rain on the ground" };
-    bench.share(what, "m^3", [rain + melt, state.budget.came], 0.01);
+    bench.add(what, "m^3", [rain + melt, state.budget.came], Tolerance::Relative(0.01));
     let gone = state.budget.left + state.budget.dried;
-    bench.share("water in and out", "m^3", [state.budget.came, there + gone], 0.01);
+    bench.add("water in and out", "m^3", [state.budget.came, there + gone], Tolerance::Relative(0.01));
     bench.add("water in the puddle", "m^3", [state.budget.in_puddles, stands], Tolerance::None);
     Ok(())
 }

@@ -10,7 +10,7 @@
 
 use super::lit::{level_square, overcast_card, paint_card};
 use super::plot::Series;
-use super::{Bench, Instrument, changed, expected};
+use super::{Bench, Instrument, Tolerance, changed, expected};
 use wm_place::Result;
 use wm_scene::Splats;
 
@@ -89,11 +89,11 @@ fn measure(bench: &mut Bench<'_>) -> Result<()> {
             };
             let measured = albedo * light(&weather)? / light(&dry)?;
             curve.push([albedo, measured]);
-            bench.share(
+            bench.add(
                 format!("reflectance of a board of {albedo} {name}"),
                 "",
                 [law(albedo), measured],
-                0.03,
+                Tolerance::Relative(0.03),
             );
         }
         curves.push(Series::points(name, curve));

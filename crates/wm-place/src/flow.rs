@@ -47,10 +47,7 @@ pub(crate) const DEPTH_ROW: Row = Row {
     note: "metres, of surfaces without what falls: one more",
     channels: &["Z"],
     source: Source::Later(|drawing, frame, picture| {
-        Box::pin(async {
-            drawing.own_surface_depth(frame, picture).await?;
-            Ok(Stats::default())
-        })
+        Box::pin(async { drawing.own_surface_depth(frame, picture).await.map(|_| Stats::default()) })
     }),
     span: LayerSpan::Exposure,
     form: LayerForm::Depth,
@@ -91,7 +88,16 @@ struct FlowView<'a> {
     depth: &'a [f32],
 }
 
-impl FlowView<'_> {
+impl<'a> FlowView<'a> {
+    /// The view of a pinhole, or of a lens at the pose of the pinhole.
+    fn new(lens: Option<&LensView>, camera: &Camera, depth: &'a [f32]) -> Self {
+        let camera = match lens {
+            None => *camera,
+            Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
+        };
+        Self { camera, lens: lens.map(LensView::lens), depth }
+    }
+
     /// The direction of a pixel in camera axes, by which its depth counts; `None` where the lens
     /// shows nothing.
     fn ray(&self, at: [f64; 2]) -> Option<DVec3> {
@@ -181,15 +187,15 @@ impl DepthsAround {
 /// The depth of the surface at each pixel of a frame with expected and median depth; 0 where there
 /// is none.
 fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
-    let depth = |(expected, median): (&f32, &f32)| {
-        if (expected - median).abs() < SAME_SURFACE_TOLERANCE * median { *expected } else { *median }
+    let depth = |expected: f32, median: f32| {
+        if (expected - median).abs() < SAME_SURFACE_TOLERANCE * median { expected } else { median }
     };
-    frame.depth.iter().zip(&frame.median_depth).map(depth).collect()
+    frame.depth.iter().zip(&frame.median_depth).map(|(expected, median)| depth(*expected, *median)).collect()
 }
 
 /// The point that a pixel shows, in another view.
 struct MovedPixel {
-    /// From the middle of the pixel, px to the right and down.
+    /// The way from the middle of the pixel, px to the right and down.
     vector: [f64; 2],
     /// The place in the other picture, px.
     found: [f64; 2],
@@ -197,8 +203,8 @@ struct MovedPixel {
     depth: f64,
 }
 
-/// Finds in another view what the pixel at a point shows; `None` if the lens shows nothing there,
-/// or the other camera has it behind itself or beyond its lens.
+/// Finds the point that a pixel shows in another view; `None` if the lens shows nothing at the
+/// pixel, or the other camera has the point behind itself or beyond its lens.
 fn move_pixel(
     from: &FlowView<'_>,
     to: &FlowView<'_>,
@@ -246,19 +252,8 @@ fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
         };
         (vector.map(|v| v as f32), state as u8)
     };
-    let (vectors, states): (Vec<_>, _) = (0..width * height).into_par_iter().map(moved).unzip();
+    let (vectors, states) = (0..width * height).into_par_iter().map(moved).unzip::<_, _, Vec<_>, _>();
     SceneFlow { vectors: vectors.into_flattened(), states }
-}
-
-impl FlowView<'_> {
-    /// The view of a pinhole, or of a lens that has its pose.
-    fn new<'a>(lens: Option<&LensView>, camera: &Camera, depth: &'a [f32]) -> FlowView<'a> {
-        let camera = match lens {
-            None => *camera,
-            Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
-        };
-        FlowView { camera, lens: lens.map(LensView::lens), depth }
-    }
 }
 
 impl Drawing<'_> {

@@ -157,7 +157,9 @@ impl FrameInputs<'_> {
         let mut plan = FramePlan::new();
         let color = plan.draw(self.scene_pass(self.config, &weather));
         let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
-        drops.iter().for_each(|drops| drops.append(&mut plan, color));
+        if let Some(drops) = &drops {
+            drops.append(&mut plan, color);
+        }
         to.execute(&plan, color, parts).await
     }
 
@@ -248,7 +250,9 @@ impl FrameInputs<'_> {
         let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
         let mirrored = plan.draw(mirrored);
         plan.apply(&effect, color, &[mirrored]);
-        drops.iter().for_each(|drops| drops.append(&mut plan, color));
+        if let Some(drops) = &drops {
+            drops.append(&mut plan, color);
+        }
         to.picture.spare.lend(&mut to.picture.frame);
         let stats = to.execute(&plan, color, parts).await?;
         to.picture.water = match asked.water {
@@ -322,7 +326,9 @@ impl FrameInputs<'_> {
             }
         }
         plan.apply(&finish, color, &[]);
-        drops.iter().for_each(|drops| drops.append(&mut plan, color));
+        if let Some(drops) = &drops {
+            drops.append(&mut plan, color);
+        }
         let stats = to.execute(&plan, color, None).await?;
         drop(plan);
         if asked == Geometry::None {

@@ -10,10 +10,11 @@
 //! colours, which a backward pass has.
 
 use crate::drawing::Drawing;
-use crate::layers::{LayerForm, LayerSpan, Layers, Row, Source, ids_as_f32};
+use crate::layers::{LayerForm, LayerSpan, Layers, Row, Source};
 pub use crate::picture::LabelLayers;
 use crate::{LensView, Result};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Stats, Upstream};
 use wm_scene::sh::C0;
@@ -47,6 +48,11 @@ pub(crate) const INSTANCE_ROW: Row = Row {
     values: |picture| ids_as_f32(&picture.labels.instance),
     ..LABEL_ROW
 };
+
+/// IDs of 16 bits as floats, which represent them exactly.
+fn ids_as_f32(names: &[u16]) -> Cow<'_, [f32]> {
+    names.iter().map(|name| f32::from(*name)).collect()
+}
 
 impl Drawing<'_> {
     /// Draws the labels and the instances that the splats of a place have: those of the scene,

@@ -30,7 +30,8 @@ pub struct Picture {
     /// Names and values that are written into a file beside its pixels: the scene, the weather, the
     /// camera.
     pub tags: Vec<(String, String)>,
-    /// The values of other layers that are pictures of their own: depth of surfaces in scene units.
+    /// The values of the other layers that are pictures of their own; the depth of surfaces is in
+    /// scene units.
     pub(crate) later: BTreeMap<PictureLayer, Vec<f32>>,
     /// Arrays that the frame was made with and nobody asked for: memory for the next one.
     pub(crate) spare: SpareArrays,

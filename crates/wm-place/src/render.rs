@@ -32,7 +32,7 @@ impl Renderer {
     }
 
     /// Renders a frame into `picture`, whose memory is used again and whose tags stay. Returns the
-    /// statistics of the passes.
+    /// counts and times of the passes that draw its colours.
     ///
     /// # Errors
     /// As [`Self::render`]; [`crate::Error::Stopped`] if `progress` asks to stop.
@@ -102,7 +102,7 @@ impl Renderer {
                 stats += draw(&mut drawing, &frame, picture).await?;
             }
         }
-        // It may have been drawn for another layer alone.
+        // The depth may have been drawn for another layer alone.
         if !passes.later.contains(Layers::SURFACE_DEPTH) {
             picture.later.remove(&PictureLayer::SurfaceDepth);
         }
@@ -116,9 +116,9 @@ pub(crate) struct LaterFrame<'a> {
     pub camera: FrameCamera<'a>,
     /// The number of the frame.
     pub index: u32,
-    /// The next frame, which layers that lead to it have.
+    /// The next frame, if the request names one: layers that lead to it need it.
     pub next: Option<PinholeShot<'a>>,
-    /// The camera of the frame before.
+    /// The camera of the frame before; `None` in the first.
     pub previous: Option<Camera>,
 }
 

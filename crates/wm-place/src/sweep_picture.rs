@@ -3,9 +3,9 @@
 use std::path::Path;
 use wm_image::{MediaError, PictureSize, png};
 
-/// Where a picture shows nothing.
-const BACKGROUND: [u8; 3] = [14, 16, 20];
-/// Rings and other lines for the eye.
+/// The colour of pixels that show nothing.
+const BACKGROUND_COLOR: [u8; 3] = [14, 16, 20];
+/// The colour of rings, and of other lines that show distances and the field of view.
 pub(crate) const LINE_COLOR: [u8; 3] = [48, 54, 62];
 
 /// A picture of a sweep, `[H, W, 3]`, sRGB.
@@ -19,7 +19,7 @@ pub struct SweepPicture {
 
 impl SweepPicture {
     pub(crate) fn new(size: PictureSize) -> Self {
-        Self { size, rgb: BACKGROUND.repeat(size.pixels()) }
+        Self { size, rgb: BACKGROUND_COLOR.repeat(size.pixels()) }
     }
 
     /// Sets a pixel, if it is in the picture.

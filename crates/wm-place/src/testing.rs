@@ -7,7 +7,7 @@ pub(crate) fn renderer() -> Renderer {
     Renderer::new(&Device::Cpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }, |_| {}).unwrap()
 }
 
-/// A tenth of the built-in street, and a camera that drives on it.
+/// The built-in street in few splats, and a camera on its drive.
 pub(crate) fn street(renderer: &mut Renderer) -> (PreparedPlace, Camera) {
     let street = wm_street::Street::builtin();
     let place = renderer.load(street.sampling(0.1).scene(&|_| true).unwrap()).unwrap();

@@ -156,7 +156,7 @@ impl Workshop<'_> {
         asset.expect("needs are made first").downcast_ref().expect("a key has assets of one type")
     }
 
-    /// The surfaces of the scene, for those who need [`SceneSurfaces`].
+    /// The surfaces of the scene, for an asset that needs [`SceneSurfaces`].
     ///
     /// # Errors
     /// As [`AssetSource::splats`].

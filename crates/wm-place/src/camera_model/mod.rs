@@ -69,7 +69,7 @@ impl CameraModel {
     ///
     /// # Errors
     /// [`Error::Unsupported`] with the value; or that rain and snow of the paper's fidelity have no
-    /// motion, or that drops on the lens and glare need the whole picture at once.
+    /// motion, or that drops on the lens or glare cannot be drawn with the shutter or the lens.
     pub fn check(&self, weather: &Weather) -> Result<()> {
         let fault = self.shutter.check().and_then(|()| self.noise.iter().try_for_each(SensorNoise::check));
         fault.map_err(Error::Unsupported)?;
@@ -81,7 +81,7 @@ impl CameraModel {
         } else if self.lens.is_some() && has("lens") {
             "drops on the lens are drawn for pinholes only: turn the effect `lens` off, or use no other lens"
         } else if self.lens.as_ref().is_some_and(LensView::is_composed) && has("glare") {
-            // Each pinhole picture has an axis of its own, about which rays stand and light slants.
+            // Glare is drawn about the axis of a picture: each of the pinhole pictures has its own.
             "glare is drawn for lenses below 112 degrees only: turn the effect `glare` off, or use another lens"
         } else {
             return Ok(());

@@ -22,8 +22,8 @@ pub(crate) const ROW: Row = Row {
     ..super::ROW
 };
 
-/// The vectors from a view to that of the frame before; 0 where that could not have shown the
-/// point.
+/// The vectors from a view to that of the frame before; 0 for points that the view before could not
+/// show.
 fn motion_vectors(from: &FlowView<'_>, to: &FlowView<'_>) -> Vec<f32> {
     let to_from_from = to.camera.viewmat * from.camera.viewmat.inverse();
     let vector = |pixel: usize| {
@@ -101,7 +101,7 @@ mod tests {
             let vectors = render(Some(before(share)));
             let mut worst = [0.0f64; 2];
             for (pixel, vector) in vectors.as_chunks::<2>().0.iter().enumerate() {
-                let right = f64::from(pixel as u32 % SIZE.0) + 0.5 - edge;
+                let right = middle_of(pixel)[0] - edge;
                 // Splats reach a little beyond the edge.
                 if right.abs() < 4.0 {
                     continue;

@@ -3,8 +3,7 @@
 
 use super::FlowView;
 use crate::drawing::Drawing;
-use crate::layers::Row;
-use crate::layers::Source;
+use crate::layers::{Row, Source};
 use crate::render::LaterFrame;
 use crate::shot::{PinholeContent, PinholeShot};
 use crate::{Picture, PictureLayer, Result};
@@ -198,9 +197,7 @@ impl Drawing<'_> {
     /// Finds the flow of what falls from one pinhole picture to the next: of rain, snow and hail as
     /// they are drawn, not of splashes. Particles go on with their velocity of the first instant.
     async fn particle_flow(&mut self, frame: &LaterFrame<'_>, picture: &mut Picture) -> Result<Stats> {
-        let (LaterFrame { shot: from, .. }, Some(to)) = (frame, &frame.next) else {
-            return Ok(Stats::default());
-        };
+        let (from, Some(to)) = (&frame.shot, &frame.next) else { return Ok(Stats::default()) };
         let shot = PinholeShot { content: PinholeContent::Particles, parts: &[], ..*from };
         let mut fallen = Picture::default();
         self.pinhole(&shot, &mut fallen).await?;

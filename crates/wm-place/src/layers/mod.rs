@@ -9,7 +9,7 @@ mod row;
 mod set;
 
 pub use row::LayerPasses;
-pub(crate) use row::{LayerForm, LayerSpan, Row, Source, ids_as_f32};
+pub(crate) use row::{LayerForm, LayerSpan, Row, Source};
 pub use set::Layers;
 
 use crate::picture::Picture;
@@ -35,7 +35,8 @@ macro_rules! layers {
             $($(#[$doc])* pub const $set: Self = Self::one(PictureLayer::$layer);)+
         }
 
-        /// The rows of all layers, in the order in which messages list them.
+        /// The rows of all layers, in the order in which messages list them and layers that are
+        /// pictures of their own are drawn.
         static ROWS: &[(PictureLayer, Row)] = &[$((PictureLayer::$layer, $row)),+];
     };
 }
@@ -45,10 +46,10 @@ layers! {
     Color COLOR = row("rgb", "", RGB, Frame(|_| {}), LayerForm::Color, |p| (&p.frame.rgb).into());
     /// Expected depth, metres.
     Depth DEPTH =
-        row("depth", "metres", &["Z"], EXPECTED, LayerForm::Depth, |p| p.metres(&p.frame.depth));
+        row("depth", "metres", &["Z"], EXPECTED_DEPTH, LayerForm::Depth, |p| p.metres(&p.frame.depth));
     /// Median depth, metres.
     MedianDepth MEDIAN_DEPTH =
-        row("median-depth", "", &["Z"], MEDIAN, LayerForm::Depth, |p| p.metres(&p.frame.median_depth));
+        row("median-depth", "", &["Z"], MEDIAN_DEPTH, LayerForm::Depth, |p| p.metres(&p.frame.median_depth));
     /// Normals, world axes, as blended: length 1 on one flat surface.
     Normal NORMAL =
         row("normal", "", &["X", "Y", "Z"], NORMALS, LayerForm::Normal, |p| (&p.frame.normal).into());
@@ -78,23 +79,27 @@ layers! {
     );
     /// Visible water: the share of a pixel that its surface covers, 0-1.
     Water WATER =
-        row("water", "its share of a pixel", &["A"], SURFACE, SHARE_8, |p| p.or_zeros(&p.water.cover));
+        row("water", "its share of a pixel", &["A"], WATER_SURFACE, SHARE_8, |p| p.or_zeros(&p.water.cover));
     /// Reflections: the share of a pixel's light that the water mirrors, 0-1.
-    Reflection REFLECTION =
-        row("reflection", "of a pixel's light", &["A"], SURFACE, SHARE_8, |p| p.or_zeros(&p.water.reflected));
+    Reflection REFLECTION = row(
+        "reflection", "of a pixel's light", &["A"], WATER_SURFACE,
+        SHARE_8, |p| p.or_zeros(&p.water.reflected),
+    );
     /// Depth of the water's surface, metres, 0 where there is none.
     WaterDepth WATER_DEPTH = row(
-        "water-depth", "metres", &["Z"], SURFACE,
+        "water-depth", "metres", &["Z"], WATER_SURFACE,
         LayerForm::Depth, |p| p.metres(&p.or_zeros(&p.water.depth)),
     );
-    /// Optical flow of falling rain, snow and hail to the next frame, px to the right and down.
+    /// Optical flow of falling rain, snow and hail to the next frame, px to the right and down; NaN
+    /// where nothing falls.
     ParticleFlow PARTICLE_FLOW = flow::particles::ROW;
     /// Optical flow of the scene to the next frame, px to the right and down.
     Flow FLOW = flow::ROW;
     /// The fate of each pixel of the flow: the numbers of [`crate::flow::FlowState`].
     FlowMask FLOW_MASK = flow::MASK_ROW;
     /// Motion vectors of temporal upscalers: from each pixel to where the frame before showed the
-    /// same point, px to the right and down; 0 in the first frame.
+    /// same point, px to the right and down; 0 in the first frame, and for points that the frame
+    /// before could not show.
     Motion MOTION = flow::motion::ROW;
     /// The label of what each pixel shows, 0 for none.
     Label LABEL = labels::LABEL_ROW;
@@ -110,17 +115,17 @@ layers! {
 pub(crate) const RGB: &[&str] = &["R", "G", "B"];
 const SHARE_8: LayerForm = LayerForm::Share(ChannelBits::Eight);
 const SHARE_16: LayerForm = LayerForm::Share(ChannelBits::Sixteen);
-const SURFACE: Source = Frame(|outputs| outputs.water = WaterPass::On);
-const MEDIAN: Source = Frame(|outputs| outputs.median_depth = MedianDepth::On);
+const WATER_SURFACE: Source = Frame(|outputs| outputs.water = WaterPass::On);
+const MEDIAN_DEPTH: Source = Frame(|outputs| outputs.median_depth = MedianDepth::On);
 const NORMALS: Source = Frame(|outputs| outputs.geometry = Geometry::DepthNormal);
-/// Normals come with depth.
-const EXPECTED: Source = Frame(|outputs| {
+/// The expected depth, which normals bring too.
+const EXPECTED_DEPTH: Source = Frame(|outputs| {
     if outputs.geometry == Geometry::None {
         outputs.geometry = Geometry::Depth;
     }
 });
 
-/// A layer of the picture itself, which may be exposed over a time.
+/// The row of a layer that is drawn with the picture itself, at an instant or over an exposure.
 const fn row(
     name: &'static str,
     note: &'static str,
@@ -174,7 +179,7 @@ impl PictureLayer {
         }
     }
 
-    /// Returns true if the layer leads from one frame to another, so that a request must name both.
+    /// Returns true if the layer leads from one frame to another, which a request names too.
     #[must_use]
     pub fn needs_another_frame(self) -> bool {
         matches!(self.row().span, LayerSpan::ToNext | LayerSpan::ToPrevious)

@@ -38,23 +38,24 @@ pub(crate) enum Source {
     With(Layers),
 }
 
-/// Draws a layer into a picture; returns what its colours took.
+/// Draws a layer into a picture. Returns the counts and times of its colours; those of depth and of
+/// labels do not count.
 pub(crate) type DrawLater = for<'a> fn(
     &'a mut Drawing<'_>,
     &'a LaterFrame<'_>,
     &'a mut Picture,
 ) -> Pin<Box<dyn Future<Output = crate::Result<Stats>> + 'a>>;
 
-/// The time that a layer is of.
+/// The time that a layer shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LayerSpan {
     /// An exposure, or an instant.
     Exposure,
     /// An instant.
     Instant,
-    /// From an instant to that of the next frame, which a request must name.
+    /// The way from an instant to that of the next frame, which a request must name.
     ToNext,
-    /// From an instant back to that of the frame before, if there is one.
+    /// The way from an instant back to that of the frame before, if there is one.
     ToPrevious,
 }
 
@@ -69,7 +70,7 @@ pub(crate) enum LayerForm {
     Depth,
     /// World axes.
     Normal,
-    /// One share a pixel.
+    /// One share per pixel.
     Share(ChannelBits),
     /// Shares of red, green and blue.
     ColorShares,
@@ -81,11 +82,6 @@ pub(crate) enum LayerForm {
     States,
     /// IDs of 16 bits.
     Ids,
-}
-
-/// IDs of 16 bits as floats, which represent them exactly.
-pub(crate) fn ids_as_f32(names: &[u16]) -> Cow<'_, [f32]> {
-    names.iter().map(|name| f32::from(*name)).collect()
 }
 
 /// The passes that some layers need.

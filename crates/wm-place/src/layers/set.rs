@@ -111,11 +111,13 @@ impl Layers {
         if passes.stages && weather.fidelity != Fidelity::Paper {
             return fault("the steps of the paper's rain and snow need fidelity paper");
         }
-        match self.iter().find(|layer| layer.is_of_instant()).filter(|_| !model.shutter.is_instant()) {
-            Some(layer) => {
-                fault(&format!("layer {layer}: is that of one instant; use no exposure time and no readout"))
-            }
-            None => Ok(()),
+        if !model.shutter.is_instant()
+            && let Some(layer) = self.iter().find(|layer| layer.is_of_instant())
+        {
+            return fault(&format!(
+                "layer {layer}: is that of one instant; use no exposure time and no readout"
+            ));
         }
+        Ok(())
     }
 }

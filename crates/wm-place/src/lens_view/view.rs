@@ -164,7 +164,7 @@ impl LensView {
         &self.camera
     }
 
-    /// True if the picture is put together from several pinhole pictures.
+    /// Returns true if the picture is put together from several pinhole pictures.
     pub(crate) fn is_composed(&self) -> bool {
         self.sides.len() > 1
     }

@@ -158,19 +158,19 @@ impl LevelCut {
     }
 }
 
-/// A finer level of a leaf, in the order in which they are taken: of equal ones that of the first
-/// leaf is the greatest.
+/// A finer level of a leaf. The greatest is taken first: the one with the largest gain, and of
+/// equal gains that of the first leaf.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct LevelStep {
-    /// The bits of the squared error removed over splats that are drawn in addition: of numbers
-    /// above 0 they have the order of the numbers.
+    /// Squared error removed per splat that is drawn in addition, as the bits of an `f64`: above 0
+    /// they have the order of the numbers.
     gain: u64,
     leaf: Reverse<usize>,
     to: u16,
 }
 
 impl LevelStep {
-    /// The finer level of a leaf that removes most a splat; `None` if none removes anything.
+    /// The finer level of a leaf that removes most per splat; `None` if none removes anything.
     fn best(leaf: &LevelLeaf, number: usize, from: usize, area: f64, seen: VisibleLeaf) -> Option<Self> {
         let weight = area * seen.light;
         if !(weight > 0.0 && weight.is_finite()) {

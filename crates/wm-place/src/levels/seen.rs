@@ -294,7 +294,7 @@ fn light_of(weights: &mut [f32]) -> (f64, [f64; TRIED_LOSSES.len()]) {
     (light, drawn)
 }
 
-/// Cameras at even steps, so many at most.
+/// Returns cameras at even steps, `most` at most.
 fn some_of(cameras: &[Camera], most: usize) -> impl Iterator<Item = &Camera> {
     cameras.iter().step_by(cameras.len().div_ceil(most).max(1))
 }

@@ -58,9 +58,9 @@ impl Renderer {
         made.ok_or(Error::Stopped)
     }
 
-    /// Makes sweeps one after the other, as [`Self::scan_radar_once`] makes one, and hands each to
-    /// `take`. Returns their number: fewer than asked for if `progress` asked to stop. Sweep `i`
-    /// begins `i` periods after the start and is the same if made alone.
+    /// Makes `sweeps` sweeps from `options.index` on, each as [`Self::scan_radar_once`] makes it,
+    /// and hands each to `take`. Returns their number: fewer than asked for if `progress` asked to
+    /// stop. Sweep `i` begins `i` periods after the start and is the same if made alone.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were

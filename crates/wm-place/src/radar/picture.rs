@@ -10,7 +10,7 @@ use wm_sensors::radar::{RadarClass, RadarDetection, RadarSweep};
 pub enum RadarView {
     /// By radial velocity: blue comes nearer, white stands, red goes away.
     Velocity,
-    /// By RCS_RANGE_DBSM: blue is -30 dBsm, red is 30 dBsm.
+    /// By radar cross section: blue is -30 dBsm, red is 30 dBsm.
     Rcs,
 }
 
@@ -39,7 +39,7 @@ impl FromStr for RadarView {
 /// Largest side of a picture, and the room around the field of view, px.
 const MAX_SIDE_PX: f64 = 1000.0;
 const MARGIN_PX: f64 = 20.0;
-/// RCS_RANGE_DBSM of the first and the last colour, dBsm.
+/// Radar cross sections of the first and the last colour, dBsm.
 const RCS_RANGE_DBSM: [f64; 2] = [-30.0, 30.0];
 /// Radius of a detection, px: of the weakest, and what each dB over the threshold adds.
 const DISC_RADIUS_PX: [f64; 2] = [2.0, 0.06];

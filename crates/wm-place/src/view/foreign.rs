@@ -184,12 +184,13 @@ fn nerfstudio(file: &Nerfstudio, fov: Option<f64>) -> Result<Vec<PathKey>, Strin
     }
     let by_length = || file.seconds.map(|seconds| file.camera_path.len() as f64 / seconds);
     let rate = rate(file.fps.or_else(by_length).unwrap_or_else(usual_rate))?;
-    let key = |(index, posed): (usize, &PathPose)| {
+    let key = |index: usize| {
+        let posed = &file.camera_path[index];
         let (eye, rotation) = pose(&posed.camera_to_world)
             .map_err(|what| format!("camera {}: camera_to_world {what}", index + 1))?;
         Ok(PathKey { time: index as f64 / rate, eye, rotation, fov: fov.unwrap_or(posed.fov) })
     };
-    let keys = file.camera_path.iter().enumerate().map(key).collect::<Result<_, String>>()?;
+    let keys = (0..file.camera_path.len()).map(key).collect::<Result<_, String>>()?;
     Ok(with_end(keys, rate, file.is_cycle))
 }
 
@@ -210,13 +211,14 @@ fn pose(matrix: &[f64]) -> Result<(DVec3, DQuat), String> {
 }
 
 fn blender(file: &Blender, fov: Option<f64>) -> Result<Vec<PathKey>, String> {
-    let key = |(index, frame): (usize, &BlenderFrame)| {
+    let key = |index: usize| {
+        let frame = &file.frames[index];
         let fault = |what: String| format!("frame {}: transform_matrix {what}", index + 1);
         let (eye, rotation) = pose(&frame.transform_matrix.concat()).map_err(fault)?;
         let said = || frame.lens.fov().or(file.lens.fov()).unwrap_or(DEFAULT_FOV);
         Ok(PathKey { time: index as f64 / BLENDER_RATE, eye, rotation, fov: fov.unwrap_or_else(said) })
     };
-    let keys = file.frames.iter().enumerate().map(key).collect::<Result<_, String>>()?;
+    let keys = (0..file.frames.len()).map(key).collect::<Result<_, String>>()?;
     Ok(with_end(keys, BLENDER_RATE, false))
 }
 
