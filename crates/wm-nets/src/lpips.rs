@@ -46,8 +46,9 @@ const LAYERS: [Layer; 5] = [
     Layer { place: 8, channels: (384, 256), kernel: 3, stride: 1, padding: 1, pool: Pool::None },
     Layer { place: 10, channels: (256, 256), kernel: 3, stride: 1, padding: 1, pool: Pool::None },
 ];
-/// Side and stride of the pools, px.
-const POOL_SIDE_AND_STRIDE_PX: (usize, usize) = (3, 2);
+/// Side and stride of the pools.
+const POOL_SIDE_PX: usize = 3;
+const POOL_STRIDE_PX: usize = 2;
 /// Shift and scale of the published network's images, red, green, blue.
 const IMAGE_SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const IMAGE_SCALE: [f32; 3] = [0.458, 0.448, 0.450];
@@ -164,8 +165,7 @@ impl Lpips {
         let mut all = Vec::new();
         for (layer, convolution) in LAYERS.iter().zip(&self.convolutions) {
             if layer.pool == Pool::Before {
-                tensor =
-                    tensor.max_pool2d_with_stride(POOL_SIDE_AND_STRIDE_PX.0, POOL_SIDE_AND_STRIDE_PX.1)?;
+                tensor = tensor.max_pool2d_with_stride(POOL_SIDE_PX, POOL_STRIDE_PX)?;
             }
             tensor = tensor.conv2d(&convolution.weight, layer.padding, layer.stride, 1, 1)?;
             tensor = tensor.broadcast_add(&convolution.bias)?.relu()?;

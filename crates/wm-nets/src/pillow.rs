@@ -47,8 +47,8 @@ pub(crate) fn resized(mut levels: Vec<u8>, width: usize, height: usize, to: (usi
     levels
 }
 
-/// Normalises a picture, `[H, W, 3]`, whose width and height are `size`: the shares of its levels
-/// of 0-255, less the mean, by the deviation.
+/// Normalises a picture, `[H, W, 3]` of width and height `size`: `share` makes a number of each
+/// level, 0-255, from which the channel's mean is subtracted; the rest is divided by its deviation.
 pub(crate) fn normalized(
     levels: &[u8],
     size: (usize, usize),

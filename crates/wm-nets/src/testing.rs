@@ -151,12 +151,12 @@ pub(crate) fn tensors(path: &Path) -> Vec<Named> {
     named
 }
 
-/// Returns the place of the tensor of a name.
+/// Returns the index of the tensor with a name.
 pub(crate) fn index(tensors: &[Named], name: &str) -> usize {
     tensors.iter().position(|tensor| tensor.0 == name).unwrap()
 }
 
-/// Returns what `work` gives on so many threads.
+/// Runs `work` on so many threads.
 pub(crate) fn on_threads<T: Send>(count: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap().install(work)
 }

@@ -119,7 +119,7 @@ impl Block {
     /// Reads a block.
     ///
     /// # Errors
-    /// As `tensor` has them.
+    /// The errors of `tensor`.
     pub(crate) fn read(kind: &BlockKind<'_>, tensor: &mut Tensors<'_>) -> Result<Self, WeightsError> {
         let (channels, wide) = (kind.channels, kind.wide);
         let norms = [
@@ -158,7 +158,7 @@ impl Linear {
     /// Reads `name.weight` of a shape, outputs first, and `name.bias`.
     ///
     /// # Errors
-    /// As `tensor` has them.
+    /// The errors of `tensor`.
     pub(crate) fn read(name: &str, shape: &[usize], tensor: &mut Tensors<'_>) -> Result<Self, WeightsError> {
         let weight = tensor(&format!("{name}.weight"), shape)?;
         let bias = tensor(&format!("{name}.bias"), &shape[..1])?;
@@ -170,7 +170,7 @@ impl Norm {
     /// Reads `name.weight` and `name.bias`.
     ///
     /// # Errors
-    /// As `tensor` has them.
+    /// The errors of `tensor`.
     pub(crate) fn read(
         name: &str,
         channels: usize,

@@ -85,15 +85,15 @@ pub(crate) fn splat_name(index: u32) -> f32 {
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 impl Arrays {
-    /// Returns the channels of each array, in the order of [`CHANNEL_COUNTS`]; 0 of those that are
-    /// not there.
+    /// Returns the channels of each array, in the order of [`CHANNEL_COUNTS`]; 0 for an array that
+    /// is not filled.
     fn array_channels(self) -> [usize; 7] {
         let Self { rgb, depth, median_depth, normal, particles, front } = self;
         let wanted = [rgb, true, depth, median_depth, normal, particles, front];
         std::array::from_fn(|array| if wanted[array] { CHANNEL_COUNTS[array] } else { 0 })
     }
 
-    /// Returns the numbers of a pixel.
+    /// Returns how many numbers a pixel has in all arrays.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(self) -> usize {
         self.array_channels().iter().sum()

@@ -7,8 +7,8 @@
 //! | pixels: drops, flakes, against depth | after the background | [`Particles`] |
 //! | pixels | last | [`PixelEffect`] |
 //!
-//! What acts on single splats (wet, relit, under snow) comes with their set, as
-//! [`SplatAttributes`].
+//! [`SplatAttributes`] act on single splats (wet, relit, under snow) before projection and when
+//! they are shaded; they come with a splat set.
 //!
 //! A hook is a pure function of its own parameters: it has the weather of one instant in it, and is
 //! called from many threads in any order.

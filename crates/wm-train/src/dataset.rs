@@ -60,7 +60,7 @@ impl DatasetReadOptions {
     /// Reads the cameras and points of the data set in a folder.
     ///
     /// # Errors
-    /// As [`capture::read`] has them.
+    /// The errors of [`capture::read`].
     pub fn capture(&self, dataset: &Path) -> Result<Capture, FormatError> {
         let Self { images, masks, model, originals, .. } = self.clone();
         capture::read(dataset, &CaptureOptions { images, model, masks, originals })

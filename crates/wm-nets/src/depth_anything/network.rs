@@ -35,7 +35,7 @@ pub(crate) struct Head {
     /// From the smallest image to the largest.
     pub(crate) fusions: [Fusion; 4],
     pub(crate) last: [Convolution; 2],
-    /// To one number per pixel.
+    /// Makes one number per pixel.
     pub(crate) depth: Linear,
 }
 

@@ -397,7 +397,7 @@ fn range(text: &str) -> Option<(u64, u64)> {
 /// The SHA-256 of a file.
 ///
 /// # Errors
-/// The system's words, if it cannot be read.
+/// The error of the system, if it cannot be read.
 pub fn checksum_of(path: &Path) -> io::Result<Checksum> {
     checksum(&mut File::open(path)?)
 }

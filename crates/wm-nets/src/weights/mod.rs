@@ -172,10 +172,12 @@ impl Weights {
         length.ok_or_else(|| self.refuse(format!("tensor {name} has shape {shape:?}")))
     }
 
-    /// Returns the number of blocks, up to 64, of which `name` names a tensor. One that is missing
-    /// between others is reported when it is read.
+    /// Returns the number of blocks up to the last that has the tensor `name` names. A block that is
+    /// missing between others is reported when it is read.
     pub(crate) fn blocks(&self, name: impl Fn(usize) -> String) -> usize {
-        (0..64).rev().find(|block| self.shape(&name(*block)).is_some()).map_or(0, |last| last + 1)
+        /// More than any published network has.
+        const MAX_BLOCKS: usize = 64;
+        (0..MAX_BLOCKS).rev().find(|block| self.shape(&name(*block)).is_some()).map_or(0, |last| last + 1)
     }
 
     /// Returns an error about all files: the shapes of their tensors are of another network.

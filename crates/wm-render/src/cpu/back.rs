@@ -98,7 +98,7 @@ pub(crate) struct Worker {
     sort_scratch: Vec<u64>,
 }
 
-/// The place of a tile's results beside the picture.
+/// Receives the results of a tile that do not go into the picture.
 pub(crate) trait Keep: Send {
     /// Takes the sorted keys of the tile, which `list` holds unsorted.
     fn keys(&mut self, keys: &mut [u64], list: &[AtomicU64]);
@@ -211,8 +211,8 @@ impl Back<'_> {
         stats.composite += blended.elapsed().as_secs_f64();
     }
 
-    /// Blends one tile. No generic function, since every form of the kernel is compiled for every
-    /// path.
+    /// Blends one tile. Not generic over [`Keep`]: it has every form of the kernel for every path,
+    /// which is enough to compile once.
     fn blend(&self, keys: &[u64], tile: (usize, usize), inside: u32, scratch: &mut BlendScratch) -> u64 {
         let (left, top) = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
         macro_rules! blend {
@@ -247,7 +247,7 @@ impl Back<'_> {
     }
 
     /// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile
-    /// begins at column `offset`. No generic function, like [`Self::blend`].
+    /// begins at column `offset`. Not generic over [`Keep`], like [`Self::blend`].
     fn finish(
         &self,
         sums: &PatchSums,

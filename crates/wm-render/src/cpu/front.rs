@@ -70,7 +70,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// Forgets what an earlier unit left.
+    /// Clears the results of an earlier unit.
     pub(crate) fn begin(&mut self, grid: TileGrid, first_record: u32) {
         self.pairs.clear(grid);
         (self.first_record, self.stats) = (first_record as usize, Stats::default());

@@ -66,7 +66,7 @@ mod with_gpu {
         let config = ForwardConfig { sh_degree: 1, ..ForwardConfig::default() };
         let loss = RandomLoss::new(config.channels, 64 * 48, 5, |_| true);
         let mut cpu = CpuDifferentiable::new(threads(2)).unwrap();
-        let (_, want) = step(&mut cpu, &splats, &camera, &config, Learn::ALL).unwrap();
+        let (_, want) = step(&mut cpu, &splats, &camera, &config, Learn::ALL, 5).unwrap();
         for (place, lost_before) in [true, false].into_iter().enumerate() {
             let (mut any, gpu) = fallible_differentiable(|_| {
                 WARNINGS.fetch_add(1, Ordering::Relaxed);

@@ -33,7 +33,7 @@ fn step(
     config: &ForwardConfig,
     learn: Learn,
 ) -> (Frame, Gradients) {
-    comparison::step(renderer, splats, &camera(333, 217), config, learn).unwrap()
+    comparison::step(renderer, splats, &camera(333, 217), config, learn, 5).unwrap()
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn nothing_in_view(backend: Backend) {
             ..camera(64, 48)
         };
         let (frame, gradients) =
-            comparison::step(&mut *renderer, &splats, &away, &CONFIG, Learn::ALL).unwrap();
+            comparison::step(&mut *renderer, &splats, &away, &CONFIG, Learn::ALL, 5).unwrap();
         assert!(gradients.visible.is_empty() && gradients.sh.is_empty());
         assert!(frame.alpha.iter().all(|a| *a == 0.0));
     }

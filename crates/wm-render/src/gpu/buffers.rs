@@ -46,7 +46,7 @@ impl GrowingBuffer {
         Ok(buffer)
     }
 
-    /// Returns the buffer with structures, one a slot.
+    /// Returns the buffer with structures, one per slot.
     pub(crate) fn structures(&mut self, gpu: &Gpu, all: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
         let buffer =
             self.fit_unbound(gpu, "structures", UNIFORM_SLOT_BYTES * all.len() as u64, STRUCTURES)?;
@@ -89,7 +89,7 @@ pub(crate) struct Lists {
 
 /// The names of some buffers of [`Lists`], for errors.
 pub(crate) struct ListNames {
-    /// One for each half of the pairs.
+    /// The depths, one name for each half of the pairs.
     pub(crate) depths: [&'static str; 2],
     pub(crate) counts: &'static str,
     pub(crate) entries: &'static str,
@@ -134,7 +134,7 @@ impl Lists {
 
 /// Room for a frame: handles to the kept buffers.
 pub(crate) struct Room {
-    /// Structures, one a slot.
+    /// Structures, one per slot.
     pub(crate) uniforms: wgpu::Buffer,
     pub(crate) records: wgpu::Buffer,
     pub(crate) lists: Lists,

@@ -149,7 +149,7 @@ fn may_have_hardware() -> bool {
     !cfg!(target_os = "linux") || files.iter().any(|file| Path::new("/dev").join(file).exists())
 }
 
-/// The limits that every stage needs.
+/// Checks the limits that every stage needs.
 fn check_limits(name: &str, limits: &Limits) -> Result<(), GpuError> {
     let least = [
         ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP),

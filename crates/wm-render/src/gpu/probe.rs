@@ -27,7 +27,7 @@ pub(crate) struct Probe {
 }
 
 impl Probe {
-    /// Renders splats and looks.
+    /// Renders splats and reads back the results of the stages.
     pub(crate) fn of(splats: &Splats, camera: &Camera, config: &RenderConfig) -> Self {
         let mut renderer = gpu_renderer();
         let pass = DrawPass::new(&[SetView::transient(splats)], camera, config);

@@ -154,8 +154,9 @@ impl ReadbackResults {
             stats.composite += seconds(Stage::Composite);
         }
         let mut arrays = frame.arrays_mut().map(|array| &mut array[..]);
-        if arrays[2].is_empty() {
-            arrays[2] = hidden;
+        let depth = &mut arrays[2];
+        if depth.is_empty() {
+            *depth = hidden;
         }
         arrays.into_iter().for_each(|array| fill(bytemuck::cast_slice_mut(array)));
         self.counted_in(pass)

@@ -39,7 +39,7 @@ impl Stage {
 /// Timestamps of the begin and end of stages, by the GPU's clock.
 pub(crate) struct Clock {
     queries: wgpu::QuerySet,
-    /// A beginning and an end every [`Self::QUERY_ALIGNMENT_BYTES`] bytes.
+    /// Beginning and end of each stage, stages [`Self::QUERY_ALIGNMENT_BYTES`] apart.
     pub(crate) times: wgpu::Buffer,
     /// Seconds of a tick.
     tick: f64,

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use wm_scene::{Camera, Splats};
 
 impl GpuDifferentiable {
-    /// Puts `splats` in place of those that were there, by `change`.
+    /// Checks `splats` and makes the model hold them by `change`.
     fn replace(
         &mut self,
         splats: &Splats,

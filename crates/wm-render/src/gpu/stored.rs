@@ -21,7 +21,7 @@ use std::ops::Range;
 use wgpu::BufferUsages;
 use wm_scene::{Group, Splats, sh};
 
-/// Numbers of `known` in `optimize.wgsl` a splat. Steps are exact in them: there are fewer than
+/// Numbers per splat of `known` in `optimize.wgsl`. Steps are exact in them: there are fewer than
 /// 2^24.
 const KNOWN_PER_SPLAT: usize = 4;
 const USAGE: BufferUsages = READ_BACK.union(BufferUsages::COPY_DST);

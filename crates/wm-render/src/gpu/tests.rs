@@ -216,7 +216,7 @@ fn learn(
 ) -> Result<(Frame, Gradients), RenderError> {
     let channels = Channels::ColorDepthNormal;
     let config = ForwardConfig { channels, sh_degree: splats.sh_degree, ..ForwardConfig::default() };
-    step(trainer, splats, camera, &config, Learn::ALL)
+    step(trainer, splats, camera, &config, Learn::ALL, 5)
 }
 
 fn own_trainer(most_binding: Option<u64>) -> GpuDifferentiable {

@@ -285,7 +285,7 @@ pub(crate) fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform
         .whole("depth_detached", u32::from(depth_alpha == DepthAlpha::Detached))
 }
 
-/// `Comparison` of `photo.wgsl`, one a channel: `pixels` are those of the picture, `counted` what
+/// `Comparison` of `photo.wgsl`, one per channel: `pixels` are those of the picture, `counted` what
 /// they count together.
 pub(crate) fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
     let row = |row: usize| [0, 1, 2, 3].map(|k| comparison.exposure[4 * row + k]);
@@ -406,7 +406,7 @@ pub(crate) enum MomentReset {
     Row(u32, u32),
 }
 
-/// Structures as they lie in a buffer, one a slot.
+/// Structures as they lie in a buffer, one per slot.
 pub(crate) fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
     let mut bytes = vec![0; UNIFORM_SLOT_BYTES as usize * uniforms.len()];
     for (slot, uniform) in bytes.chunks_exact_mut(UNIFORM_SLOT_BYTES as usize).zip(uniforms) {

@@ -8,7 +8,7 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 /// displayed.
 const DECODE_COEFFICIENTS: [f32; 6] =
     [4.098_582_3e-2, -0.202_103_2, 0.587_016_4, 0.543_159_8, 3.021_332_8e-2, 9.924_074e-4];
-/// The greatest value of [`DECODE_COEFFICIENTS`].
+/// The greatest sRGB value for which [`DECODE_COEFFICIENTS`] hold.
 const MAX_DECODED: f32 = 1.5;
 /// sRGB values of linear light of 0.0031308 to 1, a ratio of polynomials, highest power first:
 /// minimax, 1.2e-4.

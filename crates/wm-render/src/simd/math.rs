@@ -6,8 +6,9 @@
 use super::lanes::Lanes;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 
-/// 1.5 * 2^23: adding it to a small float leaves the rounded integer in the low mantissa bits.
-const ROUNDING_OFFSET: f32 = 12_582_912.0;
+/// 1.5 * 2^23: adding it to a number below 2^22 leaves the rounded whole number in the low mantissa
+/// bits.
+pub(crate) const ROUNDING_OFFSET: f32 = 12_582_912.0;
 
 /// `2^x` on [-0.5, 0.5], highest power first; minimax, relative error 2.0e-7.
 const EXP2_COEFFICIENTS: [f32; 6] =

@@ -22,8 +22,8 @@ use fearless_simd::{Avx2, Avx512};
 
 pub use color::{srgb_decode, srgb_decode_rough, srgb_encode, srgb_encode_rough};
 pub use lanes::{Lanes, Portable};
+pub(crate) use math::{ROUNDING_OFFSET, exp2_looped, sums, transpose};
 pub use math::{exp2, exp2_unfused, log2, log2_rough, powf, reciprocal};
-pub(crate) use math::{exp2_looped, sums, transpose};
 
 /// The choice of a SIMD path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

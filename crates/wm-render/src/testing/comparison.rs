@@ -152,17 +152,18 @@ pub(crate) fn drawn(renderer: &mut dyn RenderBackend, pass: &DrawPass<'_>) -> Fr
 /// Makes a step of training: the picture, and the gradients of a random loss.
 ///
 /// # Errors
-/// As [`Differentiable::forward`] and [`Differentiable::backward`] have them.
+/// The errors of [`Differentiable::forward`] and [`Differentiable::backward`].
 pub(crate) fn step(
     renderer: &mut dyn Differentiable,
     splats: &Splats,
     camera: &Camera,
     config: &ForwardConfig,
     learn: Learn,
+    seed: u64,
 ) -> Result<(Frame, Gradients), RenderError> {
     let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
     renderer.forward(splats, camera, config, &mut frame)?;
-    let loss = RandomLoss::new(config.channels, frame.pixels(), 5, |_| true);
+    let loss = RandomLoss::new(config.channels, frame.pixels(), seed, |_| true);
     renderer.backward(splats, &loss.upstream(), learn, &mut gradients)?;
     Ok((frame, gradients))
 }
@@ -177,37 +178,50 @@ pub(crate) fn rendered(
     pass: &DrawPass<'_>,
 ) -> Result<Frame, String> {
     let mut renderer = backend.renderer();
-    let views = sets.iter().map(|set| SetView::transient(set.0).with_attributes(set.1)).collect();
+    let mut loaded = |splats: &Splats| SetView::plain(renderer.load(splats).unwrap());
+    let views = sets.iter().map(|set| loaded(set.0).with_attributes(set.1)).collect();
     let frame = drawn(&mut *renderer, &DrawPass { sets: views, ..pass.clone() });
     compare(&frame, &reference::frame::render(sets, pass), 2.0)?;
     Ok(frame)
 }
 
-/// A medium that depends on everything it is given.
-pub(crate) struct Tint;
+/// Coloured air.
+pub(crate) struct TestAir {
+    /// Extinction of each channel, per scene unit.
+    pub(crate) extinction: [f64; 3],
+    /// Light of endless air.
+    pub(crate) light: [f64; 3],
+    /// Change of the light with the direction of the ray.
+    pub(crate) by_direction: f64,
+    /// Change of the light with the place of the camera.
+    pub(crate) by_origin: f64,
+}
 
-impl Medium for Tint {
+impl Medium for TestAir {
     fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
         evaluate_by_reference(self, origin, rays, out);
     }
 
     fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay {
-        let kept = [0.2, 0.25, 0.3].map(|sigma: f64| (-sigma * distance).exp());
-        let light = [0, 1, 2].map(|k| 0.5 + 0.3 * direction[k] + 0.01 * origin[k]);
-        AirOnRay { transmittance: kept, airlight: [0, 1, 2].map(|k| (1.0 - kept[k]) * light[k]) }
+        let kept = self.extinction.map(|extinction| (-extinction * distance).exp());
+        let light = |k: usize| self.light[k] + self.by_direction * direction[k] + self.by_origin * origin[k];
+        AirOnRay { transmittance: kept, airlight: [0, 1, 2].map(|k| (1.0 - kept[k]) * light(k)) }
     }
 
     fn wgsl(&self, origin: [f32; 3]) -> Option<WgslSource> {
         let wgsl = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
-            let kept = exp(-vec3<f32>(0.2, 0.25, 0.3) * min(distance, 1e6));
-            let origin = vec3<f32>(air[0], air[1], air[2]);
-            return AirOnRay(kept, (1.0 - kept) * (0.5 + 0.3 * direction + 0.01 * origin));
+            let kept = exp(-vec3<f32>(air[0], air[1], air[2]) * min(distance, 1e6));
+            let origin = vec3<f32>(air[8], air[9], air[10]);
+            let light = vec3<f32>(air[3], air[4], air[5]) + air[6] * direction + air[7] * origin;
+            return AirOnRay(kept, (1.0 - kept) * light);
         }";
-        Some(WgslSource { wgsl: wgsl.into(), parameters: origin.to_vec() })
+        let changes = [&self.by_direction, &self.by_origin];
+        let own = self.extinction.iter().chain(&self.light).chain(changes).map(|value| *value as f32);
+        Some(WgslSource { wgsl: wgsl.into(), parameters: own.chain(origin).collect() })
     }
 }
 
-/// An air that is of the CPU alone, and a grey of 0.25 wherever it is.
+/// An air without a form for the GPU: whatever lies behind it looks grey, 0.25.
 #[cfg(feature = "gpu")]
 pub(crate) struct HeavyAir;
 

@@ -20,7 +20,7 @@ use wm_base::{FormatError, npy};
 
 /// Width of the kernel.
 const KERNEL_SIGMA: f64 = 10.0;
-/// Makes numbers of it that people can read.
+/// Factor of the reported numbers, which would be tiny without it.
 const REPORT_FACTOR: f64 = 1000.0;
 /// Rows that a thread takes at a time, and rows that they are compared with while those are in the
 /// cache.

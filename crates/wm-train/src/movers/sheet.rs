@@ -18,7 +18,7 @@ const MOVER_WEIGHT: u32 = 3;
 /// Writes photos with their masks as a PNG; nothing if there are none.
 ///
 /// # Errors
-/// As `out` has them.
+/// The errors of `out`.
 pub(crate) fn write(photos: &[(&Photo, &MoverMask)], out: &mut dyn Write) -> io::Result<()> {
     let Some((first, _)) = photos.first() else { return Ok(()) };
     let height = (PHOTO_WIDTH_PX * first.height as usize / first.width as usize).max(1);

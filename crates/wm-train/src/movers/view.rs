@@ -3,7 +3,7 @@
 
 use wm_scene::Camera;
 
-/// Photos are compared at the scale of the more distant one.
+/// Scales of a photo: two photos are compared at the scale of the more distant one.
 pub(crate) const SCALE_COUNT: usize = 4;
 /// Radius of the window in which matches of stereo are counted, px.
 const NEAR_RADIUS_PX: usize = 4;

@@ -65,7 +65,7 @@ impl<K: Copy + Eq + Hash, T: Weigh> Cache<K, T> {
     /// The thing of `key`, made if it is not there.
     ///
     /// # Errors
-    /// As `make` has them; nothing is kept then.
+    /// The errors of `make`; nothing is kept then.
     pub(crate) fn get<E>(&self, key: K, make: impl FnOnce() -> Result<T, E>) -> Result<Arc<T>, E> {
         let mut state = self.lock();
         loop {

@@ -75,8 +75,9 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
 /// Returns the median distance of sampled points from their nearest neighbours; 0 for fewer than
 /// two points.
 fn spacing(positions: &[[f64; 3]]) -> f64 {
-    /// Points whose neighbours are looked for, and among which.
+    /// Most points whose nearest neighbours are looked for.
     const MAX_SAMPLE_COUNT: usize = 200;
+    /// Most points that may be such a neighbour.
     const MAX_CANDIDATE_COUNT: usize = 100_000;
     let among: Vec<DVec3> = positions
         .iter()

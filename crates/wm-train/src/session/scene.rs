@@ -121,10 +121,11 @@ fn add_sky(splats: &mut Splats, data: &TrainData, views: &[PriorView], count: u3
         (class, photo.at_share(x, y))
     };
     let gain = |index: usize| views[index].gain;
-    let taught = data.cameras();
-    let lowest = far_ground(data, &taught, haze).map(|ground| ground.lowest());
+    let training_cameras = data.cameras();
+    let lowest = far_ground(data, &training_cameras, haze).map(|ground| ground.lowest());
     let photos = SkyPhotos { cameras: &cameras, look: &look, gain: &gain, up: up.up, lowest };
-    start::add_sky(splats, &photos, &data.set.capture.points, start::extent(&taught), count as usize);
+    let extent = start::extent(&training_cameras);
+    start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
 }
 
 /// Returns the haze of the training photos, as the configuration has it, and their gains; tells the

@@ -46,7 +46,7 @@ const WORSE_PSNR_DB: f64 = 0.1;
 /// their own.
 pub struct Training {
     trainer: Trainer,
-    /// Why the GPU was given up.
+    /// Receives the reasons why the GPU was given up.
     failures: Receiver<String>,
     inputs: TrainInputs,
     metrics: Metrics,
@@ -277,15 +277,8 @@ impl Training {
     pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
         let splats = self.splats()?;
         let (config, haze) = (&self.trainer.config, self.haze.as_ref());
-        scene::finish(
-            splats,
-            config,
-            &self.inputs.data,
-            &self.inputs.options,
-            self.inputs.priors.as_ref(),
-            haze,
-            observer,
-        )
+        let TrainInputs { data, options, priors, .. } = &self.inputs;
+        scene::finish(splats, config, data, options, priors.as_ref(), haze, observer)
     }
 
     /// Returns the splats as they are now, of which nothing is labelled yet but the sky that the

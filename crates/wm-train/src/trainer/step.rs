@@ -155,6 +155,7 @@ impl Trainer {
         let (work, population, camera) = (&mut self.work, &self.state.population, truth.camera);
         let (visible, compared) = if self.learner.compares() {
             let (visible, compared) = self.learner.compare(population, camera, config, &comparison)?;
+            // The derivatives stay on the device.
             work.loss.clear(&Frame::default());
             (visible, Some(compared))
         } else {

@@ -42,7 +42,7 @@ fn trainer(config: TrainConfig, splats: Splats) -> Trainer {
     Trainer::new(config, Box::new(CpuDifferentiable::new(threads(1)).unwrap()), splats, 3.0, 4)
 }
 
-/// Photos of the truth, one of each camera.
+/// Photos of the truth, one for each camera.
 struct Photos(Vec<(Camera, Vec<f32>)>);
 
 impl Photos {

@@ -43,7 +43,7 @@ pub(crate) struct Tiles<'a> {
     pub(super) config: &'a ForwardConfig,
 }
 
-/// The sums of a tile, one array after the other, patch by patch; and the words of all pairs.
+/// The kept sums of a tile, one array after the other, patch by patch; and the record of each pair.
 struct TileSums<'a> {
     words: &'a [AtomicU32],
     channels: Channels,
@@ -51,7 +51,7 @@ struct TileSums<'a> {
 }
 
 impl Keep for TileSums<'_> {
-    /// Makes names of records and pairs of those of pairs.
+    /// Adds to each key, which names a pair, the record of the pair, and keeps it in the list.
     fn keys(&mut self, keys: &mut [u64], list: &[AtomicU64]) {
         for (key, entry) in keys.iter_mut().zip(list) {
             let pair = *key as u32;

@@ -12,7 +12,7 @@ use crate::gpu::uniforms::{self, Uniform};
 use std::collections::HashMap;
 use wgpu::{BindingResource, BufferBinding, BufferSize};
 
-/// Structures that a comparison has: one a channel of colour, and that of geometry.
+/// Structures of a comparison: one per channel of colour, and that of geometry.
 pub(crate) const STRUCTURE_COUNT: usize = 4;
 /// Most bytes of photos and their priors that stay on the GPU.
 const KEPT_BYTES: u64 = 1 << 30;

@@ -46,7 +46,7 @@ pub mod gpu;
 #[cfg(all(test, feature = "gpu"))]
 mod tests;
 
-/// The window to each side of its middle.
+/// Reach of the window to each side of its middle.
 pub const WINDOW_RADIUS_PX: usize = 5;
 /// The window of structural similarity: Gaussian of standard deviation 1.5 px, sum 1.
 pub const WINDOW_WEIGHTS: [f32; 2 * WINDOW_RADIUS_PX + 1] = [

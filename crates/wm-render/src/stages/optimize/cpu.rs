@@ -106,7 +106,7 @@ fn update(
     corrections: [f32; 2],
 ) {
     let (mut first, mut second) = (&mut pair.first[..], &mut pair.second[..]);
-    // Values a splat in the parameters and in the moments.
+    // Values per splat in the parameters and in the moments.
     let width = parameters.len() / count.max(1);
     let row = rates.len();
     let mut pieces = Vec::with_capacity(visible.len().div_ceil(ROWS_PER_TASK));

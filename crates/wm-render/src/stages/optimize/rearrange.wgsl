@@ -12,8 +12,8 @@ struct Move {
     rows: u32,
     // 1 for moments, which may be forgotten.
     forgets: u32,
-    // A row that all splats forget, counted from the first of either moments, of so many; none of
-    // 0.
+    // All splats forget row `forgotten_row` of every `period` rows, those of one moment; no row where
+    // `period` is 0.
     forgotten_row: u32,
     period: u32,
 }

@@ -12,6 +12,7 @@ use crate::testing::{
 };
 use wm_scene::{Group, quat};
 
+const LOSS_SEED: u64 = 9;
 const RATES: Rates =
     Rates { means: 0.01, quats: 0.02, log_scales: 0.03, logit_opacities: 0.04, sh_dc: 0.05, sh_rest: 0.06 };
 
@@ -75,7 +76,7 @@ fn learn_on_cpu(kept: &mut LearntState, degree: u8) {
         for (place, config) in renders(degree).iter().enumerate() {
             let learn = if place == 0 { Learn::ALL } else { OTHER };
             let (seen, splats) = (camera(75, 53 * number), &kept.splats);
-            let (_, own) = comparison::step(&mut gpu, splats, &seen, config, learn).unwrap();
+            let (_, own) = comparison::step(&mut gpu, splats, &seen, config, learn, LOSS_SEED).unwrap();
             if place == 0 { sum = own } else { sum.add_parameters(&own) }
         }
         let step_now = step_of(number);
@@ -92,7 +93,7 @@ fn learn_on(gpu: &mut GpuDifferentiable, degree: u8) {
         for (place, config) in renders(degree).iter().enumerate() {
             let mut frame = Frame::default();
             Resident::forward(gpu, &camera(75, 53 * number), config, &mut frame).unwrap();
-            let loss = RandomLoss::new(config.channels, frame.pixels(), 5, |_| true);
+            let loss = RandomLoss::new(config.channels, frame.pixels(), LOSS_SEED, |_| true);
             let target = if place == 0 { Target::Step } else { Target::Added(OTHER) };
             Resident::backward(gpu, &loss.upstream(), target).unwrap();
         }

@@ -9,7 +9,7 @@ use crate::dispatch;
 use crate::error::Listed;
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, ParticleGroup, ParticleView, Particles};
-use crate::simd::{Lanes, SimdPath, exp2, log2, srgb_decode, srgb_encode, transpose};
+use crate::simd::{Lanes, ROUNDING_OFFSET, SimdPath, exp2, log2, srgb_decode, srgb_encode, transpose};
 use crate::stages::intersect::cpu::{Ellipse, cell_lanes, cell_mask};
 use crate::stages::project::SQRT_HALF_LOG2E;
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
@@ -542,8 +542,6 @@ const MAX_OPTICAL_DEPTH_LOG2: f32 = 4.0;
 const MIN_RADIUS_FALLOFF: f32 = 0.105_399_22;
 /// Largest radiance of a particle: more would overflow the integer sums.
 const MAX_RADIANCE: f32 = 3.0;
-/// Adding it to a number below 2^22 leaves the rounded whole number in the low bits.
-const ROUNDING_OFFSET: f32 = 12_582_912.0;
 
 #[inline(always)]
 fn add<S: Lanes>(simd: S, drop: &ProjectedDrop, corner: [f32; 2], lanes: (S::F, S::F), sums: &mut Sums) {

@@ -427,6 +427,7 @@ pub(crate) fn list<S: Lanes>(
     count
 }
 
+/// The positions 0 to 255.
 const ALL_POSITIONS: [u8; 256] = {
     let mut positions = [0; 256];
     let mut i = 0;
@@ -437,7 +438,7 @@ const ALL_POSITIONS: [u8; 256] = {
     positions
 };
 
-/// For each byte the positions of its bits, one a byte, lowest first.
+/// The positions of the bits of each byte, one per byte of a word, lowest first.
 const BIT_POSITIONS: [u64; 256] = {
     let mut packed = [0; 256];
     let mut byte = 0;

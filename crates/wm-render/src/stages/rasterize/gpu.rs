@@ -62,7 +62,7 @@ pub(crate) fn rasterize(
     recorder.dispatch(program, Groups::Direct(tiles), with_buffers(vec![(0, recorder.view())], buffers));
 }
 
-/// Adds the weights of the records to the counts of the lists, one a record, in [`WEIGHT_UNITS`].
+/// Adds the weights of the records to the counts of the lists, one per record, in [`WEIGHT_UNITS`].
 pub(crate) fn weigh(recorder: &mut Recorder<'_>, tiles: u32, room: &Room, entries: &wgpu::Buffer) {
     let buffers = [&room.lists.offsets, entries, &room.records, &room.lists.counts];
     let bindings = with_buffers(vec![(0, recorder.view())], buffers);

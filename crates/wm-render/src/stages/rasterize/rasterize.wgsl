@@ -10,7 +10,7 @@
 @group(0) @binding(4) var<storage, read_write> rgb: array<f32>;
 @group(0) @binding(5) var<storage, read_write> alpha: array<f32>;
 // Expected depths, then median depths, then the reciprocal depths of the surface (0 for none), then
-// the sums that it splits, FRONT_CHANNELS numbers a pixel. They share a buffer, since portable
+// the sums that it splits, FRONT_CHANNELS numbers per pixel. They share a buffer, since portable
 // adapters have eight storage buffers and no more.
 @group(0) @binding(6) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(7) var<storage, read_write> normal: array<f32>;
@@ -50,7 +50,7 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
     let end = tile_offsets[tile + 1u];
     for (var first = begin; first < end; first += BATCH) {
         let size = min(BATCH, end - first);
-        // Four threads a record, each a quarter.
+        // Four threads per record, each a quarter.
         if local / 4u < size {
             batch[local / 4u][local % 4u] = records[4u * listed(first + local / 4u) + local % 4u];
         }

@@ -1,6 +1,6 @@
-// The derivative of blending: a workgroup of 64 threads a tile, a block of 2x2 px a thread; see the
-// contract in `mod.rs`. Sums over pixels are added in a fixed order: four in the thread, then those
-// of the threads, by `shared.wgsl` or `subgroups.wgsl`, which have the entry point, and by
+// The derivative of blending: a workgroup of 64 threads per tile, a block of 2x2 px per thread; see
+// the contract in `mod.rs`. Sums over pixels are added in a fixed order: four in the thread, then
+// those of the threads, by `shared.wgsl` or `subgroups.wgsl`, which have the entry point, and by
 // `SPLATS_PER_SUM` splats at a time.
 
 const THREADS: u32 = 64u;

@@ -50,7 +50,7 @@ fn subgroups_add_up_the_same() {
             eprintln!("skipped: {} has no subgroups", gpu.describe());
         }
         let mut device = GpuDifferentiable::new(gpu, crate::CpuConfig::default()).unwrap();
-        step(&mut device, &splats, &camera, &config, Learn::ALL).unwrap().1
+        step(&mut device, &splats, &camera, &config, Learn::ALL, 9).unwrap().1
     });
     assert!(!with.visible.is_empty() && with.visible == without.visible);
     for (name, a, b) in [

@@ -1,4 +1,5 @@
-// Blends the lists of packets: a workgroup a packet, a thread a ray. See the contract in `mod.rs`.
+// Blends the lists of packets: a workgroup per packet, a thread per ray. See the contract in
+// `mod.rs`.
 
 @group(0) @binding(1) var<storage, read> offsets: array<u32>;
 @group(0) @binding(2) var<storage, read> entries: array<u32>;

@@ -1,6 +1,6 @@
 //! Rays on the GPU. The packets are the CPU's; splats find those whose cones they touch as splats
 //! of a frame find tiles: counted, sorted by distance, written, sorted by packet. A workgroup
-//! blends a packet, a thread a ray.
+//! blends a packet, with a thread per ray.
 
 use super::packets::{CHILDREN, PACKET};
 use super::records::{CONE_TOLERANCE_SHARE, RayRecord};
@@ -46,12 +46,12 @@ pub(crate) fn visible_program() -> Program {
     Program::new("visible", &[WORKGROUP_SUMS, RECORDS, include_str!("visible.wgsl")]).with(constants())
 }
 
-/// Adds up the packets of 256 of these.
+/// Adds up the packets of 256 listed splats.
 pub(crate) fn sums_program() -> Program {
     Program::new("sum_counts", &[WORKGROUP_SUMS, RECORDS, include_str!("sums.wgsl")]).with(constants())
 }
 
-/// Finds their colours and normals.
+/// Finds the colours and normals of the listed splats.
 pub(crate) fn features_program(asked: RayOutputs) -> Program {
     Program::new("see", &[RECORDS, include_str!("features.wgsl")]).with(constants()).with(asked.switches())
 }

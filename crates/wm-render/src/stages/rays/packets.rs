@@ -15,7 +15,7 @@ const ORIGIN_PARTS: f32 = 16.0;
 const CURVE_BITS: u32 = 12;
 /// Half angle of a packet's cone, relative to the median of all, above which it is split.
 const MAX_RELATIVE_ANGLE: f64 = 2.0;
-/// Added to the angles of cones for rounding.
+/// Angle that is added to cones, since directions are rounded.
 const ROUNDING_ANGLE_RAD: f64 = 1e-5;
 
 /// Rays from about one place, in packets: consecutive rays of a group go about the same way.

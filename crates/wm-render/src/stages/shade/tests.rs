@@ -9,7 +9,7 @@ use crate::hooks::{GROUP, Hooks, ShadeGroup};
 #[cfg(feature = "gpu")]
 use crate::reference;
 use crate::simd::SimdPath;
-use crate::testing::comparison::{ALL_OUTPUTS, Tint, rendered};
+use crate::testing::comparison::{ALL_OUTPUTS, TestAir, rendered};
 use crate::testing::{Backend, camera, random_splats, uniform};
 use wm_scene::{Group, sh};
 
@@ -74,6 +74,10 @@ fn colors_on_gpu() {
     }
 }
 
+/// An air that depends on everything that it is given.
+const TINT: TestAir =
+    TestAir { extinction: [0.2, 0.25, 0.3], light: [0.5; 3], by_direction: 0.3, by_origin: 0.01 };
+
 fn air(backend: Backend) {
     let mut splats = random_splats(600, 0, 8);
     for i in (0..600).step_by(3) {
@@ -86,7 +90,7 @@ fn air(backend: Backend) {
         background: Background::Sky(SkyGradient::daylight(up)),
         ..RenderConfig::default()
     };
-    let hooks = Hooks { medium: Some(&Tint), ..Hooks::default() };
+    let hooks = Hooks { medium: Some(&TINT), ..Hooks::default() };
     let pass = DrawPass::new(&[], &camera, &config).with_hooks(hooks);
     rendered(backend, &[(&splats, None)], &pass).unwrap();
 }
@@ -117,7 +121,7 @@ fn gains(backend: Backend) {
     let splats = random_splats(600, 1, 9);
     let camera = camera(70, 50);
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    for hooks in [Hooks::default(), Hooks { medium: Some(&Tint), ..Hooks::default() }] {
+    for hooks in [Hooks::default(), Hooks { medium: Some(&TINT), ..Hooks::default() }] {
         let pass = DrawPass::new(&[], &camera, &config).with_hooks(hooks);
         rendered(backend, &[(&splats, Some(&Relit))], &pass).unwrap();
     }
