@@ -75,6 +75,7 @@ use data::TrainData;
 use folder::RunFolder;
 use std::path::PathBuf;
 use training::TrainInputs;
+use wm_render::{Device, Differentiable};
 use wm_scene::Scene;
 
 /// A training from photos to a scene.
@@ -85,6 +86,7 @@ pub struct Session {
     dataset: PathBuf,
     options: SessionOptions,
     metric: Option<Box<dyn PerceptualMetric>>,
+    backend: Option<Box<dyn Differentiable>>,
 }
 
 impl Session {
@@ -93,7 +95,7 @@ impl Session {
     /// Nothing is read yet.
     #[must_use]
     pub fn new(dataset: impl Into<PathBuf>) -> Self {
-        Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None }
+        Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None, backend: None }
     }
 
     /// Sets all options.
@@ -152,6 +154,27 @@ impl Session {
         self
     }
 
+    /// Replaces a training in the run folder.
+    #[must_use]
+    pub fn overwrite(mut self) -> Self {
+        self.options.resume = Resume::Overwrite;
+        self
+    }
+
+    /// Sets the device to train on.
+    #[must_use]
+    pub fn device(mut self, device: Device) -> Self {
+        self.options.device = device;
+        self
+    }
+
+    /// Sets a back end of the caller's, in place of that of [`SessionOptions::device`].
+    #[must_use]
+    pub fn backend(mut self, backend: Box<dyn Differentiable>) -> Self {
+        self.backend = Some(backend);
+        self
+    }
+
     /// Sets a metric that is measured on the held-out photos at the end.
     #[must_use]
     pub fn metric(mut self, metric: Box<dyn PerceptualMetric>) -> Self {
@@ -174,7 +197,7 @@ impl Session {
     /// # Errors
     /// [`SessionError`] as for [`Self::run`].
     pub fn prepare(self, observer: &mut dyn TrainObserver) -> Result<Training, SessionError> {
-        let Self { dataset, options, metric } = self;
+        let Self { dataset, options, metric, backend } = self;
         if let Some(height) = options.camera_height.filter(|height| !(height.is_finite() && *height > 0.0)) {
             return Err(SessionError::CameraHeight(height));
         }
@@ -208,7 +231,7 @@ impl Session {
         }
         let mut priors = priors::open(&dataset, &options, &data, &folder, observer)?;
         let movers = movers::search(&config, &options, &data, priors.as_mut(), &folder, observer)?;
-        let inputs = TrainInputs { dataset, data, priors, movers, folder, options, metric };
+        let inputs = TrainInputs { dataset, data, priors, movers, folder, options, metric, backend };
         Training::new(config, inputs, observer)
     }
 }

@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver};
 use std::time::Instant;
 use wm_image::quality::psnr;
-use wm_render::{AnyDifferentiable, Frame, RenderError};
+use wm_render::{AnyDifferentiable, Differentiable, Frame, RenderError};
 use wm_scene::{Camera, Scene, Splats};
 
 /// Photos that are decoded ahead of their step.
@@ -98,21 +98,27 @@ pub(super) struct TrainInputs {
     pub(super) options: SessionOptions,
     /// Takes a second per photo, so it is only used at the end.
     pub(super) metric: Option<Box<dyn PerceptualMetric>>,
+    /// The back end of the caller; `None` for that of the options.
+    pub(super) backend: Option<Box<dyn Differentiable>>,
 }
 
 impl Training {
     /// Starts a training, or continues the one in the run folder.
     pub(super) fn new(
         config: TrainConfig,
-        inputs: TrainInputs,
+        mut inputs: TrainInputs,
         observer: &mut dyn TrainObserver,
     ) -> Result<Self, SessionError> {
+        let backend = inputs.backend.take();
         let TrainInputs { dataset, data, priors, folder, options, .. } = &inputs;
         let (sender, failures) = mpsc::channel();
-        let renderer = Box::new(AnyDifferentiable::new(&options.device, options.cpu, move |error| {
-            // The receiver lives as long as the back end.
-            let _ = sender.send(error.to_string());
-        })?);
+        let renderer: Box<dyn Differentiable> = match backend {
+            Some(backend) => backend,
+            None => Box::new(AnyDifferentiable::new(&options.device, options.cpu, move |error| {
+                // The receiver lives as long as the back end.
+                let _ = sender.send(error.to_string());
+            })?),
+        };
         failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let extent = start::extent(&data.cameras());
         let photos = data.set.places.len();
