@@ -39,5 +39,9 @@ mod tests {
             assert_eq!(date_and_time(seconds), date);
             assert_eq!(days(date[0], date[1], date[2]), seconds / 86_400);
         }
+        for since in -800..30_000 {
+            let [year, month, day, ..] = date_and_time(86_400 * since);
+            assert_eq!(days(year, month, day), since);
+        }
     }
 }

@@ -227,7 +227,7 @@ pub fn json_fault(path: &Path, error: &serde_json::Error, advice: &str) -> Forma
     let place = Location::LineColumn(error.line() as u64, error.column() as u64);
     let message = one_line(&error.to_string());
     // The place is printed before the message.
-    let message = message.split(" at line ").next().unwrap_or_default();
+    let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(message, _)| message);
     FormatError::at(path, place, Problem::Value(format!("{message}; {advice}")))
 }
 

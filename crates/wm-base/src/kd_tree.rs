@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 use std::ops::{Add, Mul, Sub};
 
-/// Points below which a part of a tree is searched one by one.
+/// Most points of a part of a tree that is searched one by one.
 const LEAF_POINTS: usize = 16;
 
 /// A k-d tree: each part of the points has its median along one axis in its middle, what is below

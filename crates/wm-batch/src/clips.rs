@@ -257,8 +257,8 @@ impl BatchClips {
         let own = &self.scenes[scene];
         let ways = own.ways.len() as u64;
         let (mut weather, way) = ((number - own.first) / ways, (number - own.first) % ways);
-        let fault = |fault: (String, String)| {
-            Error::Unsupported(format!("{}: clip {number}: {}: {}", plan.file, fault.0, fault.1))
+        let fault = |key: String, says: String| {
+            Error::Unsupported(format!("{}: clip {number}: {key}: {says}", plan.file))
         };
         let mut entry = 0;
         while weather >= plan.weathers[entry].count() {
@@ -276,8 +276,9 @@ impl BatchClips {
             index: before * own_samples + weather / source.times() * ways + way,
             count: all * own_samples,
         };
-        let mut planned = source.weather(weather, place).map_err(fault)?;
-        planned.weather = seeded(planned.weather, plan.seed, number).map_err(fault)?;
+        let mut planned = source.weather(weather, place).map_err(|(key, says)| fault(key, says))?;
+        planned.weather =
+            seeded(planned.weather, plan.seed, number).map_err(|(key, says)| fault(key, says))?;
         if planned.weather.name.is_empty() || planned.weather.name == "clear" || source.is_sampled() {
             planned.weather.name = condition_of(&planned).name().into();
             planned.weather.about = format!("Weather {weather} of the plan {}", plan.name);

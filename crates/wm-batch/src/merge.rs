@@ -1,7 +1,7 @@
 //! The end of a set: what lacks, the tables of the layouts, and the manifest.
 
 use super::run::BatchRun;
-use super::store::{BatchStore, BlockMarker, MarkedClip, MarkedFile, TableFiles, digest_of};
+use super::store::{BatchStore, BlockMarker, MarkedFile, TableFiles, digest_of};
 use super::summary::SetSummary;
 use super::writers::frame_files;
 use crate::{ClipInfo, ClipRecord, ReadingInfo, SensorInfoKind, SetError};
@@ -188,16 +188,17 @@ impl<'a> SetRows<'a> {
             self.merged.bytes += file.bytes;
         }
         let files = marker.files.iter().map(|file| (file.path.as_str(), file)).collect();
-        for MarkedClip { clip, at, variables, readings } in &marker.clips {
+        for marked in &marker.clips {
+            let clip = marked.clip();
             if self.last.replace(clip.number) != Some(clip.number) {
                 self.merged.counts[0] += 1;
-                self.summary.add(clip, variables);
-                clips.write(&clip_row(clip, *at, variables))?;
+                self.summary.add(&clip, &marked.variables);
+                clips.write(&clip_row(&clip, marked.at, &marked.variables))?;
             }
-            for own in readings.chunk_by(|a, b| a.frame == b.frame) {
+            for own in marked.readings.chunk_by(|a, b| a.frame == b.frame) {
                 self.merged.counts[1] += u64::from(own.iter().any(|info| info.is_key));
                 self.merged.counts[2] += own.len() as u64;
-                frames.write(&frame_row(self.run, clip, own, &files))?;
+                frames.write(&frame_row(self.run, &clip, own, &files))?;
             }
         }
         self.renderers.insert(marker.renderer);
@@ -246,7 +247,8 @@ impl ClipRecords<'_> {
     fn read(&mut self) -> Result<()> {
         let marker = marker_of(self.run, self.store, self.block)?;
         self.block += 1;
-        for MarkedClip { clip, readings, .. } in marker.clips {
+        for marked in marker.clips {
+            let (clip, readings) = (marked.clip(), marked.readings);
             match &mut self.open {
                 Some(open) if open.clip.number == clip.number => open.readings.extend(readings),
                 open => self.waiting.extend(open.replace(ClipRecord { clip, readings })),

@@ -78,7 +78,7 @@ pub enum SensorInfoKind {
 }
 
 impl SensorInfoKind {
-    /// The kind in rig files.
+    /// The name of the kind in rig files.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Camera(_) => "camera",
@@ -104,7 +104,7 @@ pub struct CameraInfo {
 }
 
 /// A clip: one drive through one scene in one weather.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug)]
 pub struct ClipInfo {
     /// The number in the plan.
     pub number: u64,
@@ -117,10 +117,8 @@ pub struct ClipInfo {
     /// Seconds from the first frame to the end of the last.
     pub seconds: f64,
     /// The place.
-    #[serde(flatten)]
     pub place: PlaceInfo,
     /// The weather.
-    #[serde(flatten)]
     pub weather: WeatherInfo,
 }
 

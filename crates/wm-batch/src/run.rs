@@ -240,7 +240,7 @@ impl BatchRun {
         let marked = |active: ActivePart| {
             let weather = active.clip.weather;
             let (at, variables) = (weather.at, weather.variables);
-            MarkedClip { clip: active.info, at, variables, readings: active.readings }
+            MarkedClip::new(active.info, at, variables, active.readings)
         };
         Ok(parts.into_iter().map(marked).collect())
     }

@@ -85,12 +85,12 @@ impl ReadingBuffer {
     }
 }
 
-/// A sensor on its way, and what it read ahead.
+/// The run of a sensor, and the readings that it made ahead.
 type SensorReadings = (Box<dyn SensorRun>, VecDeque<SensorData>);
 
-/// The sensors of [`Shots`] on their way, from one reading of a part to the next.
+/// The runs of the sensors of [`Shots`], kept from one reading of a part to the next.
 pub(crate) struct ShotMemory {
-    /// The part that the rest is of.
+    /// The part whose readings these are.
     part: usize,
     runs: Vec<Option<SensorReadings>>,
 }

@@ -4,7 +4,7 @@
 //! A marker is written last. So a block without one is made again, from the beginning, and a second
 //! run gives the same bytes.
 
-use crate::{ClipInfo, FileSink, ReadingInfo, SetError};
+use crate::{ClipInfo, FileSink, PlaceInfo, ReadingInfo, SetError, WeatherInfo};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -67,16 +67,51 @@ impl MarkedFile {
     }
 }
 
-/// A clip, or a part of one, in a marker.
+/// A clip, or a part of one, in a marker. The fields of a [`ClipInfo`] are named here, as serde
+/// refuses unknown fields beside one level of flattened structs, not two.
 #[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct MarkedClip {
+    number: u64,
+    name: String,
+    split: String,
+    start: i64,
+    seconds: f64,
     #[serde(flatten)]
-    pub(crate) clip: ClipInfo,
+    place: PlaceInfo,
+    #[serde(flatten)]
+    weather: WeatherInfo,
     /// The time of the weather at which the clip begins, s.
     pub(crate) at: f64,
     /// The values of what is varied.
     pub(crate) variables: BTreeMap<String, f64>,
     pub(crate) readings: Vec<ReadingInfo>,
+}
+
+impl MarkedClip {
+    /// A clip with some of its readings.
+    pub(crate) fn new(
+        clip: ClipInfo,
+        at: f64,
+        variables: BTreeMap<String, f64>,
+        readings: Vec<ReadingInfo>,
+    ) -> Self {
+        let ClipInfo { number, name, split, start, seconds, place, weather } = clip;
+        Self { number, name, split, start, seconds, place, weather, at, variables, readings }
+    }
+
+    /// The clip.
+    pub(crate) fn clip(&self) -> ClipInfo {
+        ClipInfo {
+            number: self.number,
+            name: self.name.clone(),
+            split: self.split.clone(),
+            start: self.start,
+            seconds: self.seconds,
+            place: self.place.clone(),
+            weather: self.weather.clone(),
+        }
+    }
 }
 
 fn fault(path: &Path, says: impl std::fmt::Display) -> Error {
@@ -236,8 +271,7 @@ impl BlockFiles {
     /// # Errors
     /// [`SetError::Write`] if it cannot be written.
     pub(crate) fn bytes_of(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
-        let staged = self.staged.join(path);
-        make_folder_of(&staged)?;
+        let staged = self.path(path)?;
         write_staged(&staged, bytes).map_err(|error| SetError::Write {
             path: self.folder.join(path),
             problem: WriteFault::from(error).to_string(),
@@ -358,4 +392,23 @@ pub fn scene_digest_of(path: &Path) -> Result<String> {
         hash.update(digest_of(file)?.1);
     }
     Ok(hex(&hash.finalize()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clip_of_a_marker_has_the_known_fields_alone() {
+        let [hazy, mut clear] = crate::testing::clips();
+        clear.weather.mor = f64::INFINITY;
+        for clip in [hazy, clear] {
+            let marked = MarkedClip::new(clip, 0.0, BTreeMap::new(), Vec::new());
+            let text = serde_json::to_string(&marked).unwrap();
+            let read: MarkedClip = serde_json::from_str(&text).unwrap();
+            assert_eq!(serde_json::to_string(&read).unwrap(), text);
+            let other = text.replacen('{', "{\"other\":1,", 1);
+            assert!(serde_json::from_str::<MarkedClip>(&other).is_err(), "{other}");
+        }
+    }
 }

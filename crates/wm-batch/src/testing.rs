@@ -145,7 +145,7 @@ pub fn layout(name: &str) -> &'static Layout {
     LAYOUTS.iter().find(|layout| layout.name == name).expect("a layout of this name")
 }
 
-/// Writes the set in a layout, eight frames a block.
+/// Writes the set in a layout, eight frames per block.
 ///
 /// # Errors
 /// [`SetError`] of the layout.
@@ -153,7 +153,7 @@ pub fn write(layout: &Layout, files: &mut dyn FileSink) -> Result<(), SetError> 
     write_in_blocks(layout, FRAMES_PER_BLOCK, files)
 }
 
-/// The files of the set in a layout, `frames` frames a block, by path.
+/// The files of the set in a layout, `frames` frames per block, by path.
 #[cfg(test)]
 pub(crate) fn written(layout: &Layout, frames: u32) -> BTreeMap<String, Vec<u8>> {
     let mut files = MemorySink::default();
@@ -161,7 +161,7 @@ pub(crate) fn written(layout: &Layout, frames: u32) -> BTreeMap<String, Vec<u8>>
     files.0
 }
 
-/// Writes the set in a layout, `frames` frames a block.
+/// Writes the set in a layout, `frames` frames per block.
 ///
 /// # Errors
 /// [`SetError`] of the layout.
@@ -286,7 +286,8 @@ pub(crate) fn spot_pixel(set: &SetInfo, info: &ReadingInfo) -> Option<[f64; 2]> 
     pixel(set.sensors[info.sensor].camera()?, spot_in(set, info))
 }
 
-/// Counts pictures that show the spot, which must be at the pixels where they do.
+/// Checks the pixels at which files place the spot; when it is dropped, that more than ten pictures
+/// show the spot.
 #[cfg(test)]
 #[derive(Debug, Default)]
 pub(crate) struct SpotCount(usize);

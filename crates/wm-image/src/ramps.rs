@@ -34,9 +34,9 @@ pub fn signed(t: f64) -> [u8; 3] {
     bytes(end.map(|end| 0.97 + (end - 0.97) * t.abs()))
 }
 
-/// Not known, or none of it.
+/// Colour of pixels that have no value, or whose value is not known.
 pub const UNKNOWN_COLOR: [u8; 3] = [128, 128, 128];
-/// Known, but not rendered.
+/// Colour of pixels whose value is known, but was not rendered.
 pub const MISSING_COLOR: [u8; 3] = [230, 40, 220];
 
 #[cfg(test)]

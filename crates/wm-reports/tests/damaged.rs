@@ -58,8 +58,14 @@ fn damages() -> impl Strategy<Value = Vec<Damage>> {
     prop::collection::vec((any::<prop::sample::Index>(), prop_oneof![12 => 0u8..3, 1 => Just(3u8)], c), 0..5)
 }
 
+/// Twice the usual cases, as texts are damaged in many ways.
+fn config() -> ProptestConfig {
+    let usual = ProptestConfig::default();
+    ProptestConfig { cases: 2 * usual.cases, failure_persistence: None, ..usual }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(config())]
 
     #[test]
     fn damaged_reports_are_errors_or_weathers(which in any::<prop::sample::Index>(), damages in damages()) {

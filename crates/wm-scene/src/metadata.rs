@@ -202,7 +202,7 @@ impl Metadata {
     /// Largest coordinate of an origin, scene units.
     const MAX_ORIGIN_COORDINATE: f64 = 1e12;
 
-    /// Scales that a scene can have, metres a unit.
+    /// Scales that a scene can have, metres per unit.
     pub const SCALE_RANGE: RangeInclusive<f64> = 1e-6..=1e6;
 
     /// Brightnesses that a white card can have.

@@ -209,7 +209,7 @@ fn weight_of(pieces: &[Piece]) -> f64 {
 /// A nearly plumb line.
 #[derive(Clone, Copy)]
 struct Axis {
-    /// Where it meets the ground, along both level axes, m.
+    /// The point at which it meets the ground, along both level axes, m.
     foot: DVec2,
     /// How far it leans along them a metre of height.
     slope: DVec2,

@@ -38,8 +38,8 @@ pub(crate) const MAX_QUAT: f32 = 1e15;
 /// white.
 pub(crate) const MAX_SH: f32 = 1e6;
 
-/// Returns the least and the greatest value along each axis, of which NaN is neither. The least is
-/// above the greatest where there are none.
+/// Returns the least and the greatest value along each axis, without regard to NaN. The least is
+/// infinity and the greatest -infinity if there is no other value.
 pub(crate) fn ends(values: impl IntoIterator<Item = [f32; 3]>) -> [[f32; 3]; 2] {
     let [mut low, mut high] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     for value in values {

@@ -15,7 +15,7 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// Height of its upper end: above it the air is clear, so the zenith stays visible.
+    /// Height at which the haze ends: the air above is clear, so the zenith stays visible.
     pub(crate) const HAZE_TOP_M: f64 = 300.0;
 
     /// The share of light that is left after `distance`, m.

@@ -87,7 +87,7 @@ impl LightMap {
     pub(super) fn of(scene: &Place) -> Self {
         let mut grids = Vec::with_capacity(scene.primitives.len());
         // Each cell with its primitive, column and row.
-        let mut cells = Vec::new();
+        let mut cells: Vec<(usize, u16, u16)> = Vec::new();
         for (which, primitive) in scene.primitives.iter().enumerate() {
             let first = cells.len() as u32;
             let foliage = scene.paints[usize::from(primitive.paint)].material.is_foliage();
@@ -99,14 +99,13 @@ impl LightMap {
             grids.push((first, nu, nv));
             cells.extend((0..nv).flat_map(|row| (0..nu).map(move |column| (which, column, row))));
         }
-        let light = |cell: (usize, u16, u16)| {
-            let (which, column, row) = cell;
+        let lit = cells.into_par_iter().map(|(which, column, row)| {
             let (_, nu, nv) = grids[which];
             let (a, b) = (f64::from(column) / f64::from(nu), f64::from(row) / f64::from(nv));
             let size = DVec2::new(1.0 / f64::from(nu), 1.0 / f64::from(nv));
             scene.cell_light(&scene.primitives[which].shape, DVec2::new(a, b), size)
-        };
-        let cells = cells.into_par_iter().map(light).collect();
+        });
+        let cells = lit.collect();
         Self { grids, cells }
     }
 }

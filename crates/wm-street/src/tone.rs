@@ -4,7 +4,7 @@
 //! up to 0.55 and bends from there towards 1 as `1 - exp` does, with equal value and slope where
 //! the two meet: nothing clips, and what lies below keeps its contrast. `encode` is the sRGB curve.
 
-/// Radiance is multiplied by it.
+/// Factor of radiance.
 const EXPOSURE_FACTOR: f64 = 0.84;
 /// The value at which the shoulder begins.
 const KNEE: f64 = 0.55;

@@ -25,11 +25,14 @@
 
 use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
-use wm_capture::feather::{FeatherColumn, feather};
-use crate::{BlockInfo, ClipRecord, DatasetPoint, ReadingData, SensorInfo, SensorInfoKind, SensorReading, SetError, SetInfo, picture_files};
+use crate::{
+    BlockInfo, ClipRecord, DatasetPoint, ReadingData, SensorInfo, SensorInfoKind, SensorReading, SetError,
+    SetInfo, picture_files,
+};
 use glam::{DVec3, Vec3};
 use half::f16;
 use std::path::PathBuf;
+use wm_capture::feather::{FeatherColumn, feather};
 
 const NAME: &str = "argoverse2";
 
@@ -247,10 +250,10 @@ fn write(files: &mut dyn FileSink, path: String, columns: &[FeatherColumn]) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_capture::feather::FeatherTable;
     use crate::testing::{self, SPOT};
     use glam::DQuat;
     use std::collections::BTreeMap;
+    use wm_capture::feather::FeatherTable;
 
     const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
 

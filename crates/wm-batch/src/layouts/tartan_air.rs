@@ -21,7 +21,9 @@
 
 use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture};
-use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, RigidPose, SensorInfo, SensorReading, SetError, SetInfo};
+use crate::{
+    BlockInfo, CameraInfo, ClipInfo, ClipRecord, RigidPose, SensorInfo, SensorReading, SetError, SetInfo,
+};
 use crate::{array_files, picture_files};
 use glam::{DMat3, DVec3};
 use std::fmt::Write;

@@ -199,12 +199,34 @@ impl SpreadEntry {
         }
         let need = |key: &str, value: Option<f64>| value.ok_or_else(|| format!("{key} is missing"));
         let (min, max) = (self.min, self.max);
-        let takes: &[&str] = match self.distribution.as_str() {
-            "uniform" | "log-uniform" => &["min", "max"],
-            "normal" => &["mean", "deviation", "min", "max"],
-            "log-normal" => &["median", "deviation", "min", "max"],
-            "weibull" => &["shape", "scale", "min", "max"],
-            "choice" => &["values"],
+        let (distribution, takes): (Option<Distribution>, &[&str]) = match self.distribution.as_str() {
+            "uniform" => (
+                Some(Distribution::Uniform { min: need("min", min)?, max: need("max", max)? }),
+                &["min", "max"],
+            ),
+            "log-uniform" => (
+                Some(Distribution::LogUniform { min: need("min", min)?, max: need("max", max)? }),
+                &["min", "max"],
+            ),
+            "normal" => {
+                let (mean, deviation) = (need("mean", self.mean)?, need("deviation", self.deviation)?);
+                (
+                    Some(Distribution::Normal { mean, deviation, min, max }),
+                    &["mean", "deviation", "min", "max"],
+                )
+            }
+            "log-normal" => {
+                let (median, deviation) = (need("median", self.median)?, need("deviation", self.deviation)?);
+                (
+                    Some(Distribution::LogNormal { median, deviation, min, max }),
+                    &["median", "deviation", "min", "max"],
+                )
+            }
+            "weibull" => {
+                let (shape, scale) = (need("shape", self.shape)?, need("scale", self.scale)?);
+                (Some(Distribution::Weibull { shape, scale, min, max }), &["shape", "scale", "min", "max"])
+            }
+            "choice" => (None, &["values"]),
             other => {
                 let names = ["uniform", "log-uniform", "normal", "log-normal", "weibull", "choice"];
                 let near = meant(other, names.into_iter());
@@ -213,24 +235,6 @@ impl SpreadEntry {
                     names.join(", ")
                 ));
             }
-        };
-        let [mean, median, deviation] =
-            [("mean", self.mean), ("median", self.median), ("deviation", self.deviation)]
-                .map(|(key, value)| need(key, value));
-        let distribution = match self.distribution.as_str() {
-            "uniform" => Some(Distribution::Uniform { min: need("min", min)?, max: need("max", max)? }),
-            "log-uniform" => {
-                Some(Distribution::LogUniform { min: need("min", min)?, max: need("max", max)? })
-            }
-            "normal" => Some(Distribution::Normal { mean: mean?, deviation: deviation?, min, max }),
-            "log-normal" => {
-                Some(Distribution::LogNormal { median: median?, deviation: deviation?, min, max })
-            }
-            "weibull" => {
-                let (shape, scale) = (need("shape", self.shape)?, need("scale", self.scale)?);
-                Some(Distribution::Weibull { shape, scale, min, max })
-            }
-            _ => None,
         };
         for (key, is_given) in [
             ("min", self.min.is_some()),

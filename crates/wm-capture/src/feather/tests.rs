@@ -195,6 +195,9 @@ proptest! {
 }
 
 proptest! {
+    // Bytes of a file are damaged in many ways.
+    #![proptest_config(ProptestConfig::with_cases(2 * ProptestConfig::default().cases))]
+
     #[test]
     fn damaged_files_are_errors_or_tables(
         is_packed: bool,

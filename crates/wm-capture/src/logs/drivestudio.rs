@@ -7,7 +7,9 @@
 //! it is shows in the matrices. Points are in the axes of the ego pose, or of the lidar pose where
 //! there is one. Frames are a tenth of a second apart.
 
-use super::files::{COPY_ADVICE, all_numbers, excerpt, fault, files_in, pose_of_rows, read_json};
+use super::files::{
+    COPY_ADVICE, all_numbers, excerpt, fault, files_if_there, files_in, pose_of_rows, read_json,
+};
 use super::log::{
     DrivingLog, FRAME_NS, LogCamera, LogFormat, LogPictureMasks, check_cameras, is_asked, moved,
     size_of_first,
@@ -111,14 +113,12 @@ fn pose(path: &Path) -> Result<RigidPose, FormatError> {
 /// The poses of a folder by frame; none if there is none.
 fn poses(folder: &Path, records: &mut Records) -> Result<BTreeMap<u64, RigidPose>, FormatError> {
     let mut poses: Vec<(u64, RigidPose)> = Vec::new();
-    if folder.is_dir() {
-        for (stem, file) in files_in(folder, &["txt"])? {
-            if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MAX_FRAMES) {
-                poses.extend(records.sound("poses", pose(&file))?.map(|pose| (frame, pose)));
-            }
+    for (stem, file) in files_if_there(folder, &["txt"])? {
+        if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MAX_FRAMES) {
+            poses.extend(records.sound("poses", pose(&file))?.map(|pose| (frame, pose)));
         }
     }
-    let sound = records.without_jumps(folder, poses, |framed| (time_of(framed.0), framed.1.translation))?;
+    let sound = records.without_jumps(folder, poses, |(frame, pose)| (time_of(*frame), pose.translation))?;
     Ok(sound.into_iter().collect())
 }
 
@@ -216,7 +216,8 @@ fn sweeps(
         .copied()
         .reduce(|best, next| if fitting(next) > fitting(best) { next } else { best });
     let Some(columns) = columns.filter(|columns| 2 * fitting(*columns) >= files.len()) else {
-        let what = format!("its files hold no whole number of points of {candidates:?} floats; make them again");
+        let what =
+            format!("its files hold no whole number of points of {candidates:?} floats; make them again");
         return Err(fault(&folder, what));
     };
     let (position, intensity, white) = match columns {
@@ -230,7 +231,8 @@ fn sweeps(
         let frame = stem.parse().ok()?;
         Some((time_of(frame), moved(*poses.get(&frame)?, origin)))
     };
-    log.add_sweeps(&folder, layout, at, "sweeps have no pose", records)
+    log.add_sweeps(files, layout, at, "sweeps have no pose", records);
+    Ok(())
 }
 
 #[derive(Deserialize)]
@@ -258,9 +260,8 @@ fn tracks(path: &Path, origin: DVec3, records: &mut Records) -> Result<Vec<LogTr
         let of = instance.frame_annotations;
         let mut boxes = Vec::with_capacity(of.frame_idx.len());
         for ((frame, matrix), size) in of.frame_idx.iter().zip(&of.obj_to_world).zip(&of.box_size) {
-            let wrong = |what: String| {
-                fault(path, format!("instance {}, frame {frame}: {what}", excerpt(&id)))
-            };
+            let wrong =
+                |what: String| fault(path, format!("instance {}, frame {frame}: {what}", excerpt(&id)));
             let pose = if size.iter().all(|side| (0.0..1000.0).contains(side)) {
                 pose_of_rows(matrix.as_flattened()).map_err(wrong)
             } else {

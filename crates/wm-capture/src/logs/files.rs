@@ -202,6 +202,17 @@ pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String
     Ok(files)
 }
 
+/// The files of [`files_in`]; none if there is no such folder.
+///
+/// # Errors
+/// As [`files_in`].
+pub(super) fn files_if_there(
+    folder: &Path,
+    extensions: &[&str],
+) -> Result<Vec<(String, PathBuf)>, FormatError> {
+    if folder.is_dir() { files_in(folder, extensions) } else { Ok(Vec::new()) }
+}
+
 /// Returns true if a folder has a file with one of the extensions.
 pub(super) fn has_files(folder: &Path, extensions: &[&str]) -> bool {
     files_in(folder, extensions).is_ok_and(|files| !files.is_empty())

@@ -6,7 +6,9 @@
 //! SemanticKITTI's `labels` say which points move. Sweeps are in the axes of their frame: their own
 //! motion has been taken out already.
 
-use super::files::{fault_in_line, files_in, folders_in, has_files, line_records, numbers, pose_of_rows};
+use super::files::{
+    fault_in_line, files_if_there, files_in, folders_in, has_files, line_records, numbers, pose_of_rows,
+};
 use super::kitti::KittiCalibration;
 use super::log::{DrivingLog, FRAME_NS, LogFormat, check_cameras, is_asked, size_of_first};
 use super::records::{ChosenLog, LogOptions, Records, choose_folder, whole_name};
@@ -61,14 +63,14 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let Some(size) = size_of_first(&files, &mut records)? else { continue };
         let (camera, first_from_camera) = calibration.camera(&format!("P{number}"), name, size)?;
         let rig_from_camera = rig_from_camera.then(&first_from_camera);
-        let world_from_camera = |stem: &str| {
-            at(stem).map(|(time, world_from_rig)| (time, world_from_rig.then(&rig_from_camera)))
-        };
+        let world_from_camera =
+            |stem: &str| at(stem).map(|(time, world_from_rig)| (time, world_from_rig.then(&rig_from_camera)));
         let lost = format!("pictures of {name} have no pose or time");
         log.add_camera(camera, files, world_from_camera, &lost, &mut records);
     }
     let lost = "sweeps have no pose or time";
-    log.add_sweeps(&path.join("velodyne"), SweepRecords::KITTI, at, lost, &mut records)?;
+    let sweeps = files_if_there(&path.join("velodyne"), &["bin"])?;
+    log.add_sweeps(sweeps, SweepRecords::KITTI, at, lost, &mut records);
     let folder = path.join("labels");
     for sweep in &mut log.sweeps {
         let labels = folder.join(sweep.file.file_name().unwrap_or_default()).with_extension("label");

@@ -181,8 +181,7 @@ fn poses(
             None => records.lost("poses of oxts have no time", 1),
         }
     }
-    let found =
-        records.without_jumps(&folder, found, |timed| (timed.0, timed.1.position(timed.1.scale())))?;
+    let found = records.without_jumps(&folder, found, |(time, oxts)| (*time, oxts.position(oxts.scale())))?;
     let Some((_, first)) = found.first() else {
         return Err(fault(&folder, "there are no poses in it; unpack the drive again"));
     };
@@ -213,7 +212,8 @@ fn add_sweeps(
         let time = time_at(stem, &own, times)?;
         Some((time, track.at(time)?.then(&rig_from_lidar)))
     };
-    log.add_sweeps(&data, SweepRecords::KITTI, at, "sweeps have no time or no pose in oxts", records)?;
+    let files = files_in(&data, &["bin"])?;
+    log.add_sweeps(files, SweepRecords::KITTI, at, "sweeps have no time or no pose in oxts", records);
     for sweep in &mut log.sweeps {
         let stem = sweep.file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
         let none = Vec::new();

@@ -211,28 +211,22 @@ impl DrivingLog {
         self.cameras.push(camera);
     }
 
-    /// Adds the sweeps of a folder, if there is one, whose points are in the axes of one time. `at`
-    /// gives that time, ns, and the pose of the axes in the world by the stem of a sweep's file;
-    /// those without are counted as `lost`.
+    /// Adds sweeps whose points are in the axes of one time. `at` gives that time, ns, and the pose
+    /// of the axes in the world by the stem of a sweep's file; those without are counted as `lost`.
     pub(super) fn add_sweeps(
         &mut self,
-        folder: &Path,
+        files: Vec<(String, PathBuf)>,
         layout: SweepRecords,
         at: impl Fn(&str) -> Option<(i64, RigidPose)>,
         lost: &str,
         records: &mut Records,
-    ) -> Result<(), FormatError> {
-        if !folder.is_dir() {
-            return Ok(());
-        }
-        let extension = if layout == SweepRecords::Feather { "feather" } else { "bin" };
-        for (stem, file) in files::files_in(folder, &[extension])? {
+    ) {
+        for (stem, file) in files {
             match at(&stem) {
                 Some((timestamp, pose)) => self.sweeps.push(LogSweep::still(file, timestamp, pose, layout)),
                 None => records.lost(lost, 1),
             }
         }
-        Ok(())
     }
 
     /// The times of the first and the last picture, ns.

@@ -15,7 +15,7 @@ use super::yuv::Yuv420;
 use super::{VideoReport, VideoSettings, VideoSink, temporary};
 use crate::{MediaError, PictureSize};
 
-/// Bytes of its messages that are kept.
+/// Most bytes of FFmpeg's messages that are kept.
 const MAX_MESSAGE_BYTES: u64 = 1 << 16;
 
 /// Passes frame by frame.

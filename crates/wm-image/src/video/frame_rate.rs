@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use crate::MediaError;
 
-/// Ticks of the MP4 clock a second, at least: coarse clocks make some players round.
+/// Smallest rate of the MP4 clock: coarse clocks make some players round.
 #[cfg(any(feature = "h264", test))]
 const MIN_TICKS_PER_S: u32 = 10_000;
 

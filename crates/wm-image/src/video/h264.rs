@@ -29,9 +29,9 @@ use crate::{MediaError, PictureSize};
 const QUALITY_QP: u8 = 14;
 /// Quantisation parameters that rate control may choose; OpenH264 goes no lower than 12.
 const RATE_QPS: (u8, u8) = (12, 44);
-/// Bits per second it takes for granted, within the highest level of H.264.
+/// Bit rates that OpenH264 is asked for, within the highest level of H.264.
 const BITRATE_LIMITS_BPS: (f64, f64) = (10_000.0, 240e6);
-/// Frame rates its rate control knows.
+/// Frame rates that OpenH264's rate control knows.
 const FRAME_RATE_LIMITS_HZ: (f64, f64) = (1.0, 60.0);
 /// Tries to encode one frame before giving up.
 const MAX_TRIES: u32 = 1000;

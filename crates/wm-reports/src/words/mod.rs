@@ -41,7 +41,7 @@ pub struct WordsReport {
     pub snow_depth: Option<f64>,
 }
 
-/// From light to violent.
+/// Speeds of light, moderate, strong and violent winds.
 const WIND_SPEEDS_M_S: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
 
 pub(crate) fn read(text: &str) -> Result<(WordsReport, WrittenWeather), ReportError> {

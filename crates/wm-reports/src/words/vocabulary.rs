@@ -2,7 +2,7 @@
 
 use crate::conditions::Carrier;
 
-/// From slight to dense.
+/// Visibilities, from slight to dense.
 pub(super) const FOG_VISIBILITIES_M: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
 pub(super) const MIST_VISIBILITIES_M: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
 pub(super) const HAZE_VISIBILITIES_M: [f64; 4] = [8000.0, 4000.0, 2000.0, 1500.0];

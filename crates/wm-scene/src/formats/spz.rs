@@ -108,13 +108,13 @@ impl Header {
         Ok(vec![0; size as usize])
     }
 
-    /// Bytes a splat of each column.
+    /// Bytes per splat of each column.
     fn columns(&self) -> [u64; COLUMN_COUNT] {
         sizes(self.version, self.sh_degree)
     }
 }
 
-/// Bytes a splat of each column in a version.
+/// Bytes per splat of each column in a version.
 fn sizes(version: u32, sh_degree: u8) -> [u64; COLUMN_COUNT] {
     let means = if version == 1 { 6 } else { 9 };
     let quats = if version < 3 { 3 } else { 4 };

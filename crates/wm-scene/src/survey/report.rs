@@ -9,7 +9,7 @@ use glam::DVec3;
 use std::fmt;
 
 impl Survey {
-    /// One line a value with its source, for people.
+    /// A line per value, with its source, for people.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let up = listed(self.up.value.to_array(), 3);

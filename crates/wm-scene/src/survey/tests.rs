@@ -28,12 +28,12 @@ fn off(survey: &Survey, truth: DVec3) -> f64 {
     survey.up.value.angle_between(truth).to_degrees()
 }
 
-/// Four blocks on level ground of a size, at these corners.
-fn town(ground: f64, spacing: f64, corners: [[f64; 2]; 4], block: DVec3) -> Splats {
+/// Four equal blocks on a level square; `spacings` are those of the splats of ground and blocks.
+fn town(ground: f64, spacings: [f64; 2], corners: [[f64; 2]; 4], block: DVec3) -> Splats {
     let mut place = Builder::new(3);
-    place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(ground, ground, 0.2), spacing, [0.4; 3]);
+    place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(ground, ground, 0.2), spacings[0], [0.4; 3]);
     for [x, y] in corners {
-        place.block(DVec3::new(x, y, 0.0), block, spacing - 0.1, [0.6, 0.5, 0.4]);
+        place.block(DVec3::new(x, y, 0.0), block, spacings[1], [0.6, 0.5, 0.4]);
     }
     place.build()
 }
@@ -128,7 +128,7 @@ fn made_up_places_can_lie_any_way() {
 #[test]
 fn no_axis_overrules_walls() {
     let corners = [[-11.0, -10.0], [11.0, -12.0], [-12.0, 11.0], [10.0, 10.0]];
-    let place = town(40.0, 0.4, corners, DVec3::new(9.0, 7.0, 8.0));
+    let place = town(40.0, [0.4, 0.3], corners, DVec3::new(9.0, 7.0, 8.0));
     for (degrees, most) in [(0.2, 0.25), (0.8, 0.5), (1.5, 0.5), (2.5, 0.5)] {
         for axis in [DVec3::X, DVec3::Y, DVec3::new(0.6, -0.8, 0.0)] {
             let turn = DQuat::from_axis_angle(axis, f64::to_radians(degrees));
@@ -145,7 +145,7 @@ fn no_axis_overrules_walls() {
 #[test]
 fn high_walls_tell_up_by_where_they_stand() {
     let corners = [[-18.0, -20.0], [22.0, -17.0], [-20.0, 21.0], [16.0, 20.0]];
-    let mut place = town(60.0, 0.6, corners, DVec3::new(12.0, 9.0, 35.0));
+    let mut place = town(60.0, [0.6, 0.5], corners, DVec3::new(12.0, 9.0, 35.0));
     let bias = DQuat::from_axis_angle(DVec3::new(0.8, 0.6, 0.0), 2f64.to_radians());
     for (mean, quat) in place.means.iter().zip(&mut place.quats) {
         if mean[2] > 1.0 {

@@ -47,7 +47,7 @@ impl Frame {
         Self { origin: self.at(x, y, z), ..*self }
     }
 
-    /// Returns the frame of somebody on the other side, whose origin is at a local point.
+    /// Returns the frame turned by 180 degrees about the vertical; its origin is a local point.
     pub(super) fn opposite(&self, x: f64, y: f64) -> Self {
         Self { origin: self.at(x, y, 0.0), right: -self.right, back: -self.back }
     }

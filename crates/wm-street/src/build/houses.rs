@@ -48,8 +48,8 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
         finish: p.finish(paints.white, paints.green),
     };
     let across = House { ridge: Ridge::Across, columns: 3, ..base.clone() };
-    build_left(b, p, &paints, [&base, &across]);
-    build_right(b, p, &paints, [&base, &across]);
+    build_left(b, p, &paints, &base, &across);
+    build_right(b, p, &paints, &base, &across);
 }
 
 /// Moves a frame away from the street by a setback, m.
@@ -57,7 +57,7 @@ fn back(frame: Frame, setback: f64) -> Frame {
     frame.moved(0.0, setback, 0.0)
 }
 
-fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, [base, across]: [&House; 2]) {
+fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House, across: &House) {
     let &HousePaints { white, ochre, rose, blue, sage, red_door, green, navy, beam, .. } = paints;
     House {
         width: 11.0,
@@ -145,7 +145,7 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, [base, across]
 }
 
 /// Builds the right side; `right(y)` begins at the larger y.
-fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, [base, across]: [&House; 2]) {
+fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House, across: &House) {
     let &HousePaints { white, ochre, rose, blue, sage, red_door, green, navy, awning, .. } = paints;
     House { width: 11.0, finish: p.finish(white, navy), ..base.clone() }.build(b, &back(right(-13.0), 0.15));
     House {

@@ -54,6 +54,7 @@ use wm_scene::camera::Distortion;
 use wm_scene::similarity::Similarity;
 use wm_scene::{Camera, Gps};
 
+/// The text of the file that says what the folder holds.
 const MARK_TEXT: &str = "Photos of a built-in place of Weather-Magician, ray-cast, as a real capture leaves them: the model's axes and\n\
     unit are arbitrary. truth.json says what they are; truth/, where it is, holds exact maps of each photo.\n";
 /// Rays for the light of a pixel with a single ray, and of each ray of several: the noise that

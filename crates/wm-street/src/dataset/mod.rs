@@ -96,6 +96,7 @@ impl Default for DatasetOptions {
 
 /// The file that says what the folder holds.
 pub const MARK: &str = "made-up.txt";
+/// The text of [`MARK`].
 const MARK_TEXT: &str = "Photos of a built-in place of Weather-Magician, ray-cast; poses and points are exact, in metres.\n\
     truth/, where it is: depth (view z, m), normal (world axes) and sky of each pixel's centre.\n";
 

@@ -2,7 +2,10 @@
 
 use super::{channels, classes_path, is_key, reading_path, reading_token};
 use crate::layouts::surface_classes::lidarseg_classes;
-use crate::{BlockInfo, BlockWriter, DatasetDetection, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, picture_files};
+use crate::{
+    BlockInfo, BlockWriter, DatasetDetection, DatasetPoint, FileSink, ReadingData, SensorInfoKind,
+    SensorReading, picture_files,
+};
 use std::fmt::Write;
 
 /// Class of points of the weather.

@@ -2,7 +2,10 @@
 
 use super::{channels, classes_path, is_key, microseconds, reading_path, reading_token, token, version};
 use crate::layouts::surface_classes::LIDARSEG_NAMES;
-use crate::{CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfo, SetError, SetInfo, WeatherInfo, utc};
+use crate::{
+    CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfo, SetError,
+    SetInfo, WeatherInfo, utc,
+};
 use glam::DQuat;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

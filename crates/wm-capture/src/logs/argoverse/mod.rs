@@ -9,7 +9,7 @@
 pub(super) mod table;
 
 use super::files::{
-    MAX_BINARY_BYTES, fault, files_in, folders_in, has_files, pose_of_quaternion, read_bytes,
+    MAX_BINARY_BYTES, fault, files_if_there, files_in, folders_in, has_files, pose_of_quaternion, read_bytes,
 };
 use super::log::{DrivingLog, LogCamera, LogFormat, check_cameras, displaced, moved};
 use super::records::{ChosenLog, LogOptions, Records, choose_folder, logs_in};
@@ -20,9 +20,9 @@ use crate::feather::FeatherTable;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use wm_scene::camera::Distortion;
 use table::table_of;
 use wm_base::FormatError;
+use wm_scene::camera::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "Argoverse 2", read };
@@ -54,8 +54,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         let time = stem.parse().ok()?;
         Some((time, track.at(time)?))
     };
-    let sweeps = path.join("sensors/lidar");
-    log.add_sweeps(&sweeps, SweepRecords::Feather, at, "sweeps have no pose", &mut records)?;
+    let sweeps = files_if_there(&path.join("sensors/lidar"), &["feather"])?;
+    log.add_sweeps(sweeps, SweepRecords::Feather, at, "sweeps have no pose", &mut records);
     log.tracks = tracks(&path.join("annotations.feather"), &track, &mut records)?;
     log.location = place(path, log.origin);
     log.is_north_known = log.location.is_some();
@@ -111,7 +111,7 @@ fn ego_track(path: &Path, log: &mut DrivingLog, records: &mut Records) -> Result
         times.get(times.len() / 2).filter(|time| **time > MIN_TIME_NS).map(|time| *time as f64 * 1e-9);
     let poses: Vec<(i64, RigidPose)> =
         times.into_iter().zip(poses).filter_map(|(time, pose)| Some((time, pose?))).collect();
-    let mut poses = records.without_jumps(path, poses, |timed| (timed.0, timed.1.translation))?;
+    let mut poses = records.without_jumps(path, poses, |(time, pose)| (*time, pose.translation))?;
     let Some((_, first)) = poses.first() else { return Err(fault(path, "there are no poses in it")) };
     log.origin = first.translation;
     for (_, pose) in &mut poses {

@@ -1,7 +1,7 @@
 //! Tables of a log, and the points of a sweep in one.
 
-use crate::logs::files::fault;
 use crate::feather::FeatherTable;
+use crate::logs::files::fault;
 use std::path::Path;
 use wm_base::{FormatError, Location, Problem};
 

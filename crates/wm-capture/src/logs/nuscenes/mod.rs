@@ -24,8 +24,8 @@ use tables::{
     PoseRecord, SampleRecord, SceneRecord, SensorRecord,
 };
 use wm_base::FormatError;
-use wm_scene::camera::Distortion;
 use wm_base::file_index::{FileIndex, FileKind, FilePlace, FoundFile};
+use wm_scene::camera::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "nuScenes", read };

@@ -11,7 +11,7 @@
 //! | `quats` | rgba | alpha - 252 is the place (wxyz) of the largest, rgb the others over +-1/sqrt(2) | the same |
 //! | `sh0` | rgba | index into 256 coefficients; alpha is the opacity | of a range per channel; alpha is the logit |
 //! | `shN` labels | rg | 16-bit index into a palette | the same |
-//! | `shN` centroids | rgb | the palette, 64 entries a row, a pixel a coefficient: index into 256 values | of one range |
+//! | `shN` centroids | rgb | the palette, 64 entries per row, a pixel per coefficient: index into 256 values | of one range |
 //!
 //! The levels of a `lod-meta.json` are runs of splats in several SOG folders below it; what is
 //! chosen is one level everywhere, with the splats of its environment.
@@ -37,6 +37,9 @@ pub(super) use {
     rotation::{NAMINGS, product},
     write::{Steps, order},
 };
+
+/// Entries of a row of the palette of SH.
+const ENTRIES_PER_ROW: usize = 64;
 
 /// The losses of SOG.
 pub(super) const LOSES: FormatLosses = FormatLosses {

@@ -1,6 +1,6 @@
 //! Reading: `meta.json` and the pictures that it names.
 
-use super::{rotation::from_bytes, zip};
+use super::{ENTRIES_PER_ROW, rotation::from_bytes, zip};
 use crate::{
     Metadata, Rasterization, Remark, Scene, Splats,
     formats::{
@@ -411,9 +411,6 @@ struct Shading {
     labels: Vec<[u8; 4]>,
     table: Table,
 }
-
-/// Entries of a row of the palette.
-const ENTRIES_PER_ROW: usize = 64;
 
 impl Shading {
     fn read(files: Files, meta: &Palette, count: u64) -> Result<Self, Problem> {

@@ -8,7 +8,7 @@
 //!   is written whose rounding to bytes moves the ellipsoid least (`rotation.rs`; 5 dB).
 
 use super::{
-    Problem,
+    ENTRIES_PER_ROW, Problem,
     palette::{Codebook, Palette},
     rotation::Rounded,
     webp::{self, MAX_SIDE},
@@ -20,8 +20,6 @@ use crate::values::{FLAT_LOG_SCALE, ends};
 use crate::{Rasterization, Scene, Splats, morton};
 use serde_json::json;
 
-/// Entries of a row of the palette of SH.
-const ENTRIES_PER_ROW: usize = 64;
 /// Most entries of the palette.
 const MAX_ENTRIES: usize = 1 << 16;
 
