@@ -174,7 +174,7 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
     }
     let fault =
         alone.sample(0, &SampleOptions { layers: Some(Layers::FLOW), ..two }).unwrap_err().to_string();
-    assert!(fault.contains("layer flow: is that of one instant"), "{fault}");
+    assert!(fault.contains("layer flow shows one instant"), "{fault}");
 }
 
 /// Event cameras have files of their own; layouts and samples have no room for them, and say so.

@@ -114,9 +114,7 @@ impl Layers {
         if !model.shutter.is_instant()
             && let Some(layer) = self.iter().find(|layer| layer.is_of_instant())
         {
-            return fault(&format!(
-                "layer {layer}: is that of one instant; use no exposure time and no readout"
-            ));
+            return fault(&format!("layer {layer} shows one instant: use no exposure time and no readout"));
         }
         Ok(())
     }
