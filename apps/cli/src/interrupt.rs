@@ -10,7 +10,7 @@ use wm_base::files::abandon_temporaries;
 
 /// The time of the first signal of this run.
 static FIRST_SIGNAL_AT: Mutex<Option<Instant>> = Mutex::new(None);
-/// The number of the signal.
+/// The number of the last signal.
 static LAST_SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT_SIGNAL);
 /// True once the current work checks for signals between its steps.
 static IS_CHECKED: AtomicBool = AtomicBool::new(false);
@@ -26,17 +26,17 @@ const SAME_SIGNAL_WITHIN: Duration = Duration::from_millis(500);
 #[error("stopped: {0}")]
 struct Interrupted(String);
 
-/// Returns the error of work that was stopped; it `says` what is left.
+/// Returns the error of stopped work, with a text that says what is left.
 pub(crate) fn stopped(says: impl Into<String>) -> anyhow::Error {
     Interrupted(says.into()).into()
 }
 
-/// Returns [`stopped`] if a signal came.
+/// Fails with [`stopped`] if a signal came.
 pub(crate) fn check(says: impl Into<String>) -> anyhow::Result<()> {
     if asked() { Err(stopped(says)) } else { Ok(()) }
 }
 
-/// Ends a loop of the library if a signal came.
+/// Breaks a loop of the library if a signal came.
 pub(crate) fn flow() -> ControlFlow<()> {
     if asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }

@@ -36,12 +36,12 @@ pub(crate) fn check_picture(width: u32, height: u32) -> Result<()> {
 
 /// Memory that the system can give, bytes; `None` where it does not say.
 fn available() -> Option<u64> {
-    Some(kilobytes("/proc/meminfo", "MemAvailable:")? << 10)
+    bytes_of("/proc/meminfo", "MemAvailable:")
 }
 
-/// Returns what a file of the system says of a key, KiB.
-pub(crate) fn kilobytes(file: &str, key: &str) -> Option<u64> {
+/// Returns the bytes that a file of the system says of a key, in KiB.
+pub(crate) fn bytes_of(file: &str, key: &str) -> Option<u64> {
     let about = std::fs::read_to_string(file).ok()?;
     let line = about.lines().find_map(|line| line.strip_prefix(key))?;
-    line.trim().trim_end_matches(" kB").parse().ok()
+    Some(line.trim().trim_end_matches(" kB").parse::<u64>().ok()? << 10)
 }

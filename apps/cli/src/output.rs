@@ -30,7 +30,7 @@ pub(crate) fn json_text(value: &(impl Serialize + ?Sized)) -> Result<String> {
 
 /// Prints a value as JSON.
 pub(crate) fn print_json(value: &(impl Serialize + ?Sized)) -> Result<()> {
-    println!("{}", json_text(value)?.trim_end());
+    print!("{}", json_text(value)?);
     Ok(())
 }
 
@@ -51,8 +51,8 @@ pub(crate) fn write_sheet(
     Ok(layout.size())
 }
 
-/// Renders the frames of a video while another thread writes them. If Ctrl-C ends it there is no
-/// file, and `stopped` says so, by the number of frames that were done.
+/// Renders the frames of a video while another thread writes them. If Ctrl-C stops it, no file is
+/// left, and the error is the text that `stopped` makes of the number of frames that were done.
 pub(crate) fn write_video(
     path: &Path,
     settings: VideoSettings,

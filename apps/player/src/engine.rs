@@ -22,11 +22,9 @@ use wm_viewer::catalog::Catalog;
 use wm_viewer::encode::to_bytes;
 use wm_viewer::pace::Pace;
 use wm_viewer::paint::{FrameReport, PaintOptions, ViewPainter, half_depth};
-use wm_viewer::site::{SiteFile, SiteView};
+use wm_viewer::site::{DEFAULT_MEMORY_BYTES, SiteFile, SiteView};
 use wm_viewer::state::ViewState;
 
-/// Memory for the splats of a scene in levels of detail where the site says none.
-const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
 /// Files of levels that are fetched before the view is drawn again, at least.
 const FETCHED_FILES: usize = 8;
 /// Time after which a view is drawn again with what was fetched, s.

@@ -2,8 +2,7 @@
 //! sockets nor threads.
 //!
 //! The program serves the page and renders for it (`apps/cli/src/viewer/`); on a static page the same
-//! code
-//! runs inside of the browser.
+//! code runs inside of the browser.
 //!
 //! - [`page::files_of`]: the files of a page.
 //! - [`Catalog`]: the scene's facts, and the names that a page may use.

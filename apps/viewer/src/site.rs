@@ -11,6 +11,9 @@ use wm_scene::{Camera, Metadata};
 
 /// The version of the files of a site that this program writes and reads.
 pub const SITE_VERSION: u32 = 1;
+/// Memory of a page for the splats of a scene in levels of detail where nobody says it: a module of
+/// 32 bits has 4 GiB at most, and phones less.
+pub const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
 /// Longest text of a site's file, bytes: one with 10,000 photos has some 6 MB.
 const MAX_TEXT: usize = 32 << 20;
 /// Longest name of a file, bytes.

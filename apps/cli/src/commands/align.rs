@@ -157,7 +157,8 @@ impl AlignArgs {
     }
 }
 
-const LAMP_BEAM_DEG: f64 = 140.0;
+/// Beam of a lamp that is put into a scene.
+pub(crate) const LAMP_BEAM_DEG: f64 = 140.0;
 
 impl AlignArgs {
     /// Returns true if the sun, lamps or windows are given.

@@ -1,6 +1,6 @@
 //! The commands, one file each.
 
-mod align;
+pub(crate) mod align;
 mod bake;
 mod batch;
 mod bench;

@@ -391,7 +391,7 @@ fn radar_line(sweep: &RadarSweep) -> String {
     text + &counts(RadarClass::ALL.map(|class| (class.name(), sweep.count(class))))
 }
 
-/// The classes that something is of, with their numbers.
+/// Lists the numbers of those classes of which there are any.
 fn counts<const N: usize>(classes: [(&str, usize); N]) -> String {
     let found = classes.into_iter().filter(|(_, count)| *count > 0);
     found.map(|(class, count)| format!(", {count} {class}")).collect()

@@ -3,9 +3,10 @@
 //!
 //! The sky of each photo is classified as for training
 //! ([`weather_magician::train::priors::sky`]). A direction gets the weighted mean of the photos that
-//! show sky there; weights fall towards a photo's edge, so that seams are soft. Directions that no photo shows get the mean colour of their elevation,
-//! plus the difference of seen neighbours from theirs, interpolated from coarser and coarser means
-//! ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
+//! show sky there; weights fall towards a photo's edge, so that seams are soft. Directions that no
+//! photo shows get the mean colour of their elevation, plus the difference of seen neighbours from
+//! theirs, interpolated from coarser and coarser means ("pull-push", Gortler et al. 1996). Photos
+//! of different exposure are not matched.
 
 use crate::overwrite::OverwriteArgs;
 use anyhow::{Result, bail};
@@ -34,8 +35,7 @@ const MAX_PHOTO_SIDE_PX: u32 = 1200;
 const FADE_SHARE: f64 = 0.15;
 /// Angle over which the colour of a row is blended.
 const ROW_BLEND_DEG: f32 = 4.0;
-/// As a multiple of the median of its pixels; the same as in the
-/// survey.
+/// Least brightness of the sky as a multiple of the median of its pixels, as in the survey.
 const MIN_SKY_BRIGHTNESS_RATIO: f64 = 0.65;
 
 /// Options of `sky`.

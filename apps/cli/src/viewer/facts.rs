@@ -10,6 +10,7 @@
 //! is replaced as a whole.
 
 use super::words::survey_words;
+use crate::commands::align::LAMP_BEAM_DEG;
 use crate::names::with_behind;
 use crate::scene::count_of;
 use glam::DVec3;
@@ -338,9 +339,8 @@ fn modified(path: &Path) -> Option<SystemTime> {
 /// counts as that.
 const NEW_LAMP_HEIGHT_M: f64 = 5.0;
 const MAX_GROUND_HEIGHT_M: f64 = 1.5;
-const LAMP_BEAM_DEG: f64 = 140.0;
 
-/// Returns the lamp that a point gets.
+/// Returns the lamp that is put at a point.
 fn lamp_at(place: &PreparedPlace, point: DVec3) -> Lamp {
     let site = place.site();
     let up = DVec3::from_array(site.up);
@@ -350,7 +350,7 @@ fn lamp_at(place: &PreparedPlace, point: DVec3) -> Lamp {
     Lamp { aim: Some((-up).to_array()), beam: LAMP_BEAM_DEG, ..Lamp::new(at.to_array()) }
 }
 
-/// Changes the lamps and lit windows of a place; returns their numbers in a sentence.
+/// Changes the lamps and lit windows of a place; says how many there are then.
 fn set_lights(
     renderer: &mut Renderer,
     place: &mut PreparedPlace,
@@ -374,7 +374,7 @@ fn set_sun(renderer: &mut Renderer, place: &mut PreparedPlace, sun: PhotoSun) ->
     Ok(renderer.set_facts(place, facts)?)
 }
 
-/// Adds to what a change did that the scene's own sky was made along another up, if it was.
+/// Adds a warning to the text of a change if the scene's own sky was made for another up.
 fn with_old_sky(text: String, aligned: &Aligned) -> String {
     if !aligned.has_old_sky() {
         return text;

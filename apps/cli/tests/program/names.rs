@@ -5,9 +5,10 @@ use std::fs;
 use std::path::Path;
 
 /// Beginnings of doc comments that paraphrase a thing instead of naming it, or only point elsewhere.
-const BEGINNINGS: [&str; 11] = [
+const BEGINNINGS: [&str; 12] = [
     "What ",
     "Whether ",
+    "Where ",
     "Who ",
     "Which ",
     "Those ",

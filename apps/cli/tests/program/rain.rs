@@ -14,7 +14,7 @@ use wm_scene::{Camera, Metadata, Splats};
 const SIZE: (u32, u32) = (480, 320);
 const EYE: DVec3 = DVec3::new(0.0, 0.0, 2.0);
 
-/// The look along y.
+/// The camera that looks along y.
 fn ahead() -> (Camera, ViewArgs) {
     look(SIZE, 50.0, EYE, EYE + DVec3::Y, DVec3::Z)
 }

@@ -107,7 +107,7 @@ def _tensor(value: Any) -> torch.Tensor:
         # PyTorch computes with few operations on uint16; labels below 32768 have the same bits.
         value = value.view("int16")
     tensor = torch.from_numpy(value)
-    # Of three axes are layers alone: [H, W, C].
+    # Only layers have three axes: [H, W, C].
     return tensor.permute(2, 0, 1) if tensor.ndim == 3 else tensor
 
 

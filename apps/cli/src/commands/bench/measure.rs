@@ -1,7 +1,7 @@
 //! Cases of the benchmark, measured in turns.
 
 use crate::interrupt;
-use crate::memory::kilobytes;
+use crate::memory::bytes_of;
 use crate::progress;
 use anyhow::{Result, ensure};
 use std::time::Instant;
@@ -308,7 +308,7 @@ fn cpu_seconds() -> Option<f64> {
 
 /// Returns the peak memory of this process, bytes, if the system reports it.
 pub(crate) fn peak_memory() -> Option<u64> {
-    Some(kilobytes("/proc/self/status", "VmHWM:")? << 10)
+    bytes_of("/proc/self/status", "VmHWM:")
 }
 
 #[cfg(test)]

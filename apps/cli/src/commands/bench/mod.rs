@@ -119,7 +119,7 @@ fn show<R: Serialize>(args: &BenchArgs, reports: &[R], print: impl FnOnce(&[R]))
     Ok(())
 }
 
-/// The words of a measurement that was stopped.
+/// The error of a measurement that was stopped.
 pub(crate) const INCOMPLETE: &str = "the measurement is not complete";
 
 /// Calls `measure` for each scene with its name, the scene and the camera.
@@ -139,7 +139,7 @@ fn each<R>(
 }
 
 fn made_up(args: &BenchArgs) -> Result<(OpenScene, Camera)> {
-    /// Similar to trained scenes.
+    /// Splats over each pixel, about as many as in trained scenes.
     const SPLATS_PER_PIXEL: f64 = 60.0;
     /// Height above which 98 % of the splats lie, scene units.
     const GROUND_HEIGHT: f64 = -13.6;

@@ -8,12 +8,13 @@ use wm_weather::WeatherError;
 const SPEED_RATIO: f64 = 1.6;
 /// Intervals between the keyframes of the fog, linear in each; enough that no kink is visible.
 const KEYFRAME_INTERVAL_COUNT: u32 = 240;
+/// Visibility before the fog: that of a clear day.
 const CLEAR_VISIBILITY_M: f64 = 30_000.0;
-/// Hides the end of the street, but not the next houses.
+/// Visibility in the thickest fog, which hides the end of the street, but not the next houses.
 const FOG_VISIBILITY_M: f64 = 60.0;
 
-/// Height over which the fog thins to 1/e, as in sea fog. Without a limit it would hide the sky
-/// from the first frame on.
+/// Height over which the fog thins to 1/e, as in sea fog. Without a limit it would hide the sky from
+/// the first frame on.
 const FOG_SCALE_HEIGHT_M: f64 = 150.0;
 
 /// The demo's film.

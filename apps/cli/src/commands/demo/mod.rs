@@ -275,7 +275,7 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The words of stopped work on a file.
+/// Returns the error of stopped work on a file.
 fn not_written(path: &Path) -> String {
     format!("{} is not written", path.display())
 }

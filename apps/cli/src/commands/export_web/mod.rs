@@ -26,11 +26,7 @@ use weather_magician::levels::parse_memory;
 use weather_magician::{Camera, Weather};
 use wm_viewer::ViewState;
 use wm_viewer::catalog::panoramas_of;
-use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
-
-/// Memory of a page for a scene in levels of detail: a module of 32 bits has 4 GiB at most,
-/// and phones less.
-const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
+use wm_viewer::site::{DEFAULT_MEMORY_BYTES, SITE_VERSION, SiteAsset, SiteFile, SiteView};
 
 /// Options of `export-web`.
 #[derive(Args, Debug)]
@@ -216,7 +212,7 @@ fn check_weather(weather: &Weather) -> Result<()> {
     }
 }
 
-/// The words of a stopped export.
+/// The error of an export that was stopped.
 const NOT_WRITTEN: &str = "no site is written";
 
 /// Fails if Ctrl-C was pressed.

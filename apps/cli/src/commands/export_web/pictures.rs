@@ -24,7 +24,7 @@ const VIDEO_WIDTH_PX: u32 = 640;
 const VIDEO_FRAMES_PER_S: f64 = 24.0;
 const VIDEO_LENGTH_S: f64 = 3.0;
 const VIDEO_BITS_PER_S: u32 = 3_000_000;
-/// Length of the path of the video's camera.
+/// Length of the path of the video's camera, as a multiple of the scene's radius.
 const VIDEO_PATH_RADII: f64 = 0.04;
 
 /// Writes the picture that is shown while the page loads.

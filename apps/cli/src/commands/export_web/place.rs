@@ -1,7 +1,7 @@
 //! The scene of a site: written for the browser, and opened again as the browser will see it.
 
 use super::output::make_folder;
-use super::{DEFAULT_MEMORY_BYTES, ExportWebArgs, NOT_WRITTEN, at};
+use super::{ExportWebArgs, NOT_WRITTEN, at};
 use crate::commands::convert::levels;
 use crate::progress;
 use crate::scene::{OpenScene, change_sky, read_checked, refuse_for_levels};
@@ -15,6 +15,7 @@ use weather_magician::{Metadata, PlaceOptions, Scene};
 use wm_scene::SceneView;
 use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::{FactSource, Survey, label_sky};
+use wm_viewer::site::DEFAULT_MEMORY_BYTES;
 
 /// The scene as a site has it.
 pub(crate) struct SitePlace {

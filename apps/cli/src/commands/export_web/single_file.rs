@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// Browsers read larger ones slowly, and mail and chat refuse them.
+/// Largest page: browsers read larger ones slowly, and mail and chat refuse them.
 const MAX_FILE_BYTES: u64 = 40_000_000;
 /// Files that are in the page itself.
 const IN_PAGE: [&str; 4] = ["index.html", "style.css", "icon.svg", STARTER];

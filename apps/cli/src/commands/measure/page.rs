@@ -13,7 +13,7 @@ const STYLE: &str = include_str!("page.css");
 
 /// Number of plots and pictures of an instrument that are shown; the others are collapsed.
 const SHOWN_FIGURES: usize = 3;
-/// Width of a picture that takes the whole page; narrower ones share it.
+/// Width of the page: wider pictures are reduced to it and share it with no other.
 const FULL_WIDTH_PX: u32 = 1300;
 
 /// Returns the page.

@@ -226,14 +226,14 @@ fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
              whether --depth-form is right"
         );
     }
-    let [quarter, middle, most] = [0.25, 0.5, 0.75].map(|share| quantile(&mut scales, share));
+    let [low, middle, high] = [0.25, 0.5, 0.75].map(|share| quantile(&mut scales, share));
     eprintln!(
         "depth: 1 scene unit is {:.4} m by the points of {} photos (the middle half {:.4} to {:.4}); \
          --metres-per-unit says otherwise",
         middle,
         scales.len(),
-        quarter,
-        most
+        low,
+        high
     );
     Ok(middle)
 }

@@ -59,18 +59,18 @@ pub(crate) struct StyledPicture<S> {
     pub(crate) style: S,
 }
 
-/// The work on a folder.
+/// A folder that was completed.
 pub(crate) struct CompletedFolder {
     /// Number of frames that were rendered and written.
     pub(crate) written: usize,
     /// Number of frames that were there.
     pub(crate) kept: usize,
-    /// Duration, s.
+    /// Duration of the work, s.
     pub(crate) seconds: f64,
 }
 
-/// Renders those of the `wanted` frames of a folder that are not there, while another thread
-/// writes. Frames are called `what` in messages.
+/// Renders the `wanted` frames of a folder that are not there, while another thread writes them.
+/// Messages call frames `what`.
 pub(crate) fn complete<S: Default + Send>(
     folder: &Path,
     what: &str,

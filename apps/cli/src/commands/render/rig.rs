@@ -21,7 +21,7 @@ use wm_image::png::DepthScale;
 
 /// The file that describes the sensors and their files.
 const MANIFEST: &str = "rig.json";
-/// The words of a rig that was stopped.
+/// The error of a rig that was stopped.
 const INCOMPLETE: &str = "the rig is not complete; the same command continues with the others";
 /// Maximum number of pictures and sweeps of a run.
 const MAX_FILES: usize = 1_000_000;
@@ -108,7 +108,7 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
 }
 
 impl RigJob<'_> {
-    /// The file of each picture or sweep of a sensor, by its number.
+    /// Returns a function that names the file of a picture or sweep of a sensor by its number.
     fn files_of(&self, sensor: &RigSensor) -> impl Fn(u32) -> PathBuf + use<> {
         let extension =
             sensor.device.extension().unwrap_or_else(|| self.args.output.frame_format.extension());

@@ -46,6 +46,7 @@ fn numbers_and_words() {
         (camera(""), "give X,Y,Z:X,Y,Z, the name of a view, or a JSON file of keyframes"),
         (camera("1,2,3"), "this is the eye alone; add the point it looks at"),
         (camera("1,2,3:1,2,3"), "camera from 1,2,3 to 1,2,3 with up 0,0,1 has no direction or no up"),
+        (camera("1,2,3:1,2,9"), "camera from 1,2,3 to 1,2,9 with up 0,0,1 has no direction or no up"),
         (camera("1e308,0,0:-1e308,0,0"), "camera from 1e308,0,0 to -1e308,0,0"),
         (camera("IMG_1"), "camera \"IMG_1\": the scene has no views of photos; give X,Y,Z:X,Y,Z"),
         (camera("missing.json"), "missing.json: no such file or folder; check the path"),

@@ -17,18 +17,24 @@ fn names_and_files() {
     }
 }
 
-/// The rest of what files and overrides may have wrong is told by `file/tests.rs` of wm-weather.
+/// Other faults of files and overrides are tested in `file/tests.rs` and `track/tests.rs` of
+/// wm-weather.
 #[test]
 fn files_have_line_and_column() {
     let place = place();
     for (text, says) in [
         ("\n[fog]\nmor = \"thick\"\n", "w.toml:3:7: fog.mor is `thick`: must be a number from 1"),
+        ("fog = 3\n", "w.toml:1:7: fog must be a table: write [fog] and its parameters below"),
         ("[fog]\nmor = 9\n[fog]\nmor = 8\n", "w.toml:3:2: duplicate key"),
         (
             "[fog]\nmor = { keys = [[5, 100], [2, 50]] }\n",
             "w.toml:2:7: fog.mor has a keyframe at time 2 after",
         ),
         ("[fog]\nmor = { keys = [[nan, 100]] }\n", "w.toml:2:7: fog.mor has a keyframe at time NaN"),
+        (
+            "[fog]\nmor = { keys = [\n  [0, 9, \"holt\"],\n  [1, 8]] }\n",
+            "w.toml:3:10: fog.mor has the easing `holt`, did you mean `hold`?; the easings are linear, hold",
+        ),
         ("sky = \"cloudy\"\n", "w.toml:1:7: sky must be one of auto, clear, overcast, gradient, or a table"),
         ("[sky]\nheading = \"north\"\n", "w.toml:2:11: sky.heading is `north`: must be a number from"),
         ("[sky]\npanorama = \"gone.png\"\n", "gone.png: there is no such panorama; check sky.panorama"),
@@ -52,12 +58,15 @@ fn overrides() {
         ),
         ("fog.mor=", "fog.mor is ``: must be a number from 1"),
         ("fog.mor=0", "fog.mor is 0: must be a number from 1"),
+        ("fog.mor=nan", "fog.mor is `nan`: must be a number from 1"),
         ("fog.mor=5:50,2:60", "fog.mor has a keyframe at time 2 after one at 5: times must rise"),
         ("fog.mor=0:50,60", "fog.mor has the keyframe `60`: must be time:value"),
+        ("fogg.mor=3", "there is no `fogg`, did you mean `fog`?"),
         ("fog.airlight=#12", "must be a colour as \"#rrggbb\""),
         ("sky=cloudy", "sky is auto, clear, overcast, gradient, on or off"),
         ("snow_cover.depth=-1", "snow_cover.depth is -1: must be a number from 0"),
         ("snow_cover.depth=11", "snow_cover.depth is 11: must be a number from 0"),
+        ("fidelity=exact", "there is no fidelity `exact`: use physical or paper"),
         ("light.glow=-1", "light.glow is -1: must be a number from 0"),
         ("light.turbidity=0", "light.turbidity is 0: must be a number from 1"),
         ("light=dark", "light is auto, captured, overcast, clear, night, on or off"),

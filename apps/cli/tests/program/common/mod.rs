@@ -13,10 +13,10 @@ use weather_magician::{FrameRequest, Picture, PreparedPlace, Renderer, Weather};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Metadata, Scene, Splats};
-
-pub use wm_scene::card::Card;
 use wm_street::Street;
 use wm_street::dataset::{self, DatasetOptions};
+
+pub use wm_scene::card::Card;
 
 /// A step of an 8-bit picture.
 pub const BYTE_STEP: f64 = 1.0 / 255.0;
@@ -69,7 +69,7 @@ impl Workshop {
         Self { folder, usual: usual.into(), remarks, has_own_weights: false }
     }
 
-    /// Hides the network weights that this user has downloaded from its commands.
+    /// Keeps its commands from finding the network weights that this user has downloaded.
     pub fn with_own_weights(self) -> Self {
         Self { has_own_weights: true, ..self }
     }
@@ -210,12 +210,12 @@ impl Shot {
         Self { scene: workshop.scene(name, splats, metadata), workshop, view }
     }
 
-    /// Returns a command that renders to `out` with further `options`, words apart by spaces.
+    /// Returns a command that renders to `out` with further `options`, parted by spaces.
     pub fn command(&self, out: &str, options: &str) -> Command {
         self.program(self.words(&self.scene, &self.view, out, options))
     }
 
-    /// Renders and says where the output lies.
+    /// Renders to `out`, and returns its path.
     pub fn render(&self, out: &str, options: &str) -> PathBuf {
         self.workshop.render(&self.scene, &self.view, out, options)
     }
@@ -407,7 +407,7 @@ pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, f64::max)
 }
 
-/// The likeness of values from 0 to 1 by how far they are off: the mean square, dB below 1.
+/// Returns the PSNR, dB, of values from 0 to 1 that have these errors.
 pub fn psnr(errors: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) = errors.into_iter().fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
     -10.0 * f64::log10(sum / count)

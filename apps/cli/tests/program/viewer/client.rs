@@ -53,7 +53,7 @@ impl Viewer {
         self
     }
 
-    /// The number that the system gives it.
+    /// The number of its process.
     pub fn id(&self) -> u32 {
         self.child.id()
     }

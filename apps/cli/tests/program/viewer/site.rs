@@ -149,8 +149,8 @@ impl Site {
         assert_eq!(info.color_type, png::ColorType::Rgba);
         let drawn = self.drawn(state, (info.width, info.height));
         let pixels = shown.as_chunks::<4>().0.iter().zip(drawn.as_chunks::<3>().0);
-        let error = |(a, b): (&u8, &u8)| BYTE_STEP * (f64::from(*a) - f64::from(*b));
-        psnr(pixels.flat_map(|(shown, drawn)| shown.iter().zip(drawn).map(error)))
+        let bytes = pixels.flat_map(|(shown, drawn)| shown.iter().zip(drawn));
+        psnr(bytes.map(|(shown, drawn)| BYTE_STEP * (f64::from(*shown) - f64::from(*drawn))))
     }
 }
 

@@ -143,7 +143,7 @@ impl Browser {
         self.picture_within(MAX_ANSWER_TIME)
     }
 
-    /// [`Self::picture`] with another patience; a page that says that it failed has none.
+    /// Waits for the whole picture for so long; fails at once if the page says that it failed.
     pub fn picture_within(&self, patience: Duration) -> String {
         let start = Instant::now();
         let whole = "const c = document.getElementById('picture'); \
