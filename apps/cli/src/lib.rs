@@ -8,6 +8,9 @@
 //! a feature would give every user of the library the dependencies of the program, such as clap,
 //! axum and tokio, unless they knew a feature to turn off.
 
+// Macros of std for printing panic when a pipe is closed; those of `say` replace them.
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
 // First, for its macros; tests use those of std, whose output is captured.
 #[cfg(not(test))]
 #[macro_use]

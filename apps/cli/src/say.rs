@@ -12,14 +12,24 @@ macro_rules! println {
     ($($what:tt)*) => { $crate::say::line(format_args!($($what)*)) };
 }
 
+macro_rules! print {
+    ($($what:tt)*) => { $crate::say::text(format_args!($($what)*)) };
+}
+
 macro_rules! eprintln {
     () => { $crate::say::aside(format_args!("")) };
     ($($what:tt)*) => { $crate::say::aside(format_args!($($what)*)) };
 }
 
 /// Prints a line. Ignores a closed pipe; a full disk ends the program.
-pub(crate) fn line(text: Arguments<'_>) {
-    if let Err(error) = writeln!(io::stdout(), "{}", printable(&text.to_string()))
+pub(crate) fn line(line: Arguments<'_>) {
+    text(format_args!("{line}\n"));
+}
+
+/// Prints a text as it is, without an end of line. Ignores a closed pipe; a full disk ends the
+/// program.
+pub(crate) fn text(text: Arguments<'_>) {
+    if let Err(error) = write!(io::stdout(), "{}", printable(&text.to_string()))
         && error.kind() != ErrorKind::BrokenPipe
     {
         aside(format_args!("error: cannot print: {error}; send the output elsewhere"));

@@ -31,12 +31,14 @@ fn reports_are_json() {
 #[test]
 fn a_full_disk_is_told() {
     let place = place();
-    let full = fs::File::options().write(true).open("/dev/full").unwrap();
-    let child = place.program(["inspect", "good.ply"]).stdout(full).stderr(Stdio::piped()).spawn().unwrap();
-    let output = wait(child, "a full disk");
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(said.starts_with("error: cannot print: ") && said.lines().count() == 1, "{said}");
+    for args in [&["inspect", "good.ply"][..], &["inspect", "--json", "good.ply"]] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let child = place.program(args).stdout(full).stderr(Stdio::piped()).spawn().unwrap();
+        let output = wait(child, "a full disk");
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(1), "{args:?}");
+        assert!(said.starts_with("error: cannot print: ") && said.lines().count() == 1, "{args:?}: {said}");
+    }
 }
 
 #[cfg(unix)]
