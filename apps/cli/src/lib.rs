@@ -31,6 +31,7 @@ mod progress;
 mod reference_page;
 mod report;
 mod scene;
+mod training_page;
 #[cfg(feature = "viewer")]
 mod viewer;
 mod weather;

@@ -42,7 +42,7 @@ const MIN_EXTENT_RATIO: f64 = 4.0;
 const TRIAL_COUNT: usize = 500;
 
 /// Least error that a position is assumed to have, m.
-const MIN_ERROR_M: f64 = 1.0;
+pub(crate) const MIN_ERROR_M: f64 = 1.0;
 
 /// Least distance of an outlier, in residuals of the fit.
 const OUTLIER_RATIO: f64 = 10.0;
@@ -50,7 +50,7 @@ const OUTLIER_RATIO: f64 = 10.0;
 const OUTLIER_DISTANCE_M: f64 = 50.0;
 
 /// Most positions that count as independent: those of one flight or walk err alike.
-const MAX_INDEPENDENT: f64 = 8.0;
+pub(crate) const MAX_INDEPENDENT: f64 = 8.0;
 
 /// Fits camera centres `[V, 3]`, scene units, to the places of their photos `[V]`.
 ///

@@ -1,7 +1,7 @@
 //! Place, north and time of a capture, as its photos state them: what the direction of the sun over
 //! it follows from.
 
-use super::gps::{GpsFit, fit_with_outliers};
+use super::gps::{GpsFit, MAX_INDEPENDENT, MIN_ERROR_M, fit_with_outliers};
 use glam::{DVec2, DVec3};
 use wm_base::linear::horizontals;
 use wm_base::statistics::quantile;
@@ -54,10 +54,6 @@ const MAX_NORTH_ERROR_RAD: f64 = 0.052;
 const MAX_UP_ERROR_RAD: f64 = 0.175;
 /// Largest angle between the two in errors of the positions' own up, where that is more.
 const MAX_UP_ERRORS: f64 = 3.0;
-/// Least error that a position is assumed to have, m.
-const MIN_ERROR_M: f64 = 1.0;
-/// Most positions that count as independent: those of one flight or walk err alike.
-const MAX_INDEPENDENT: f64 = 8.0;
 /// Shortest span of time that the metadata state, s: the sun moves by a quarter of a degree.
 const MIN_SPAN_S: f64 = 60.0;
 

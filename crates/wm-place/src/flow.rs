@@ -11,9 +11,8 @@ pub(crate) mod motion;
 pub(crate) mod particles;
 
 use crate::drawing::Drawing;
-use crate::layers::{LayerForm, LayerSpan, Layers, Row, Source};
+use crate::layers::{LaterFrame, LayerForm, LayerSpan, Layers, Row, Source};
 pub use crate::picture::SceneFlow;
-use crate::render::LaterFrame;
 use crate::shot::{MovingCamera, PinholeContent, PinholeShot};
 use crate::{LensView, Picture, PictureLayer, Result};
 use glam::{DMat4, DVec3};
@@ -23,7 +22,6 @@ use wm_render::{Frame, Stats};
 use wm_scene::{Camera, LensModel};
 
 pub(crate) const ROW: Row = Row {
-    name: "flow",
     note: "optical flow of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's",
     channels: &["U", "V"],
     source: Source::Later(|drawing, frame, picture| Box::pin(drawing.flow(frame, picture))),
@@ -33,7 +31,6 @@ pub(crate) const ROW: Row = Row {
 };
 
 pub(crate) const MASK_ROW: Row = Row {
-    name: "flow-mask",
     note: "0 visible, 1 occluded, 2 outside, 3 unknown",
     channels: &["STATE"],
     source: Source::With(Layers::FLOW),
@@ -43,7 +40,6 @@ pub(crate) const MASK_ROW: Row = Row {
 };
 
 pub(crate) const DEPTH_ROW: Row = Row {
-    name: "surface-depth",
     note: "metres, of surfaces without what falls: one more",
     channels: &["Z"],
     source: Source::Later(|drawing, frame, picture| {

@@ -27,7 +27,6 @@ const LABELS_PER_PASS: usize = 3;
 const MIN_LABEL_WEIGHT_PX: f32 = 1e-3;
 
 pub(crate) const LABEL_ROW: Row = Row {
-    name: "label",
     note: "of a scene that has them, 0 for none: one more render",
     channels: &["ID"],
     source: Source::Later(|drawing, frame, picture| {
@@ -42,7 +41,6 @@ pub(crate) const LABEL_ROW: Row = Row {
 };
 
 pub(crate) const INSTANCE_ROW: Row = Row {
-    name: "instance",
     note: "as label",
     source: Source::With(Layers::LABEL),
     values: |picture| ids_as_f32(&picture.labels.instance),

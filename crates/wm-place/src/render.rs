@@ -3,18 +3,15 @@
 
 use crate::camera_model::CameraModel;
 use crate::drawing::Drawing;
-use crate::layers::{LayerForm, LayerPasses, LayerSpan, Layers, RGB, Row, Source};
+use crate::frame_camera::FrameCamera;
+use crate::layers::{LaterFrame, LayerPasses, LayerSpan, Layers, Source};
 use crate::picture::WaterLayers;
 use crate::place::{PreparedPlace, check_owner};
 use crate::shot::{PinholeContent, PinholeShot};
 use crate::tags::picture_tags;
-use crate::{
-    Camera, Error, FrameCamera, FrameRequest, LensView, NextFrame, Picture, PictureLayer, Progress, Renderer,
-    Result,
-};
+use crate::{Error, FrameRequest, LensView, NextFrame, Picture, PictureLayer, Progress, Renderer, Result};
 use wm_render::parts::PictureParts;
-use wm_render::{Frame, Outputs, Stats, at_once};
-use wm_weather::Weather;
+use wm_render::{Frame, Stats, at_once};
 use wm_weather::paper::PaperStages;
 
 impl Renderer {
@@ -106,56 +103,6 @@ impl Renderer {
         if !passes.later.contains(Layers::SURFACE_DEPTH) {
             picture.later.remove(&PictureLayer::SurfaceDepth);
         }
-        Ok(stats)
-    }
-}
-
-/// A frame, for layers that are pictures of their own.
-pub(crate) struct LaterFrame<'a> {
-    pub shot: PinholeShot<'a>,
-    pub camera: FrameCamera<'a>,
-    /// The number of the frame.
-    pub index: u32,
-    /// The next frame, if the request names one: layers that lead to it need it.
-    pub next: Option<PinholeShot<'a>>,
-    /// The camera of the frame before; `None` in the first.
-    pub previous: Option<Camera>,
-}
-
-pub(crate) const CLEAR_ROW: Row = Row {
-    name: "clear",
-    note: "the view without any weather: one more",
-    channels: RGB,
-    source: Source::Later(|drawing, frame, picture| Box::pin(drawing.clear(frame, picture))),
-    span: LayerSpan::Exposure,
-    form: LayerForm::Color,
-    values: |picture| (&picture.clear).into(),
-};
-
-impl Drawing<'_> {
-    /// Draws a picture of a request's camera.
-    async fn of_camera(
-        &mut self,
-        camera: FrameCamera<'_>,
-        index: u32,
-        shot: &PinholeShot<'_>,
-        picture: &mut Picture,
-    ) -> Result<Stats> {
-        match camera {
-            FrameCamera::Device(camera) => self.expose(camera, index, shot, picture).await,
-            FrameCamera::Pinhole(_) | FrameCamera::LookAt(_) => self.pinhole(shot, picture).await,
-        }
-    }
-
-    /// Draws the frame without weather.
-    async fn clear(&mut self, frame: &LaterFrame<'_>, picture: &mut Picture) -> Result<Stats> {
-        let weather = &Weather::clear();
-        let outputs = Outputs::default();
-        let shot = PinholeShot { weather, outputs, parts: &[], stages: false, ..frame.shot };
-        let mut clear = std::mem::take(&mut self.renderer.clear);
-        let stats = self.of_camera(frame.camera, frame.index, &shot, &mut clear).await?;
-        std::mem::swap(&mut picture.clear, &mut clear.frame.rgb);
-        self.renderer.clear = clear;
         Ok(stats)
     }
 }

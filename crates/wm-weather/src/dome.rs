@@ -25,7 +25,7 @@ use wm_base::color::luminance;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
 use wm_render::{Background, SkyGradient};
-use wm_scene::survey::{SkyPatch, airlight_of_sky};
+use wm_scene::survey::{SkyPatch, airlight_of_sky, limited_airlight};
 
 /// Gradation of the CIE's clear skies.
 const CLEAR_SKY_GRADATION: f64 = -0.32;
@@ -40,8 +40,6 @@ const ELEVATION_INTERVAL_COUNT: usize = 2048;
 /// Intervals of the table by which a panorama is brightened, and its last colour.
 const TONE_INTERVAL_COUNT: usize = 4096;
 const MAX_TONE: f64 = 8.0;
-/// Luminance of the brightest airlight, as the survey has it.
-const MAX_AIRLIGHT: f64 = 0.9;
 /// Sine of the elevation up to which the airlight of a sky by elevation is its mean: 20 degrees.
 const AIRLIGHT_BAND_SINE: f64 = 0.342;
 
@@ -138,9 +136,7 @@ impl Dome {
     pub(crate) fn airlight(&self) -> Option<[f64; 3]> {
         let light = match &self.look {
             SkyAppearance::Panorama { panorama, .. } => {
-                let light = panorama.airlight()?.map(|v| self.brightness * v);
-                let scale = (MAX_AIRLIGHT / luminance(light).max(MAX_AIRLIGHT)).min(1.0);
-                light.map(|v| scale * v)
+                limited_airlight(panorama.airlight()?.map(|v| self.brightness * v))
             }
             SkyAppearance::Open(open) => {
                 let axes = level_axes(self.up);

@@ -53,6 +53,7 @@ pub mod panorama;
 pub mod paper;
 pub mod param;
 pub mod particles;
+mod physics;
 pub(crate) mod point_grid;
 pub mod presets;
 pub mod reference_page;

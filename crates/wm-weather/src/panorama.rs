@@ -53,14 +53,13 @@ pub enum PanoramaError {
     },
 }
 
-crate::param::words! {
-    /// The lower half of a panorama.
-    enum LowerHemisphere {
-        /// Haze of the colours just above it.
-        Haze = "haze",
-        /// The lower half of the image.
-        Image = "picture",
-    }
+/// The lower half of a panorama.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LowerHemisphere {
+    /// Haze of the colours just above it.
+    Haze,
+    /// The lower half of the image.
+    Image,
 }
 
 /// A picture of all directions.

@@ -11,35 +11,32 @@
 
 mod assets;
 mod video;
+mod worker;
 
-use super::context::ViewerContext;
+pub(crate) use worker::RenderWorker;
+
 use super::download::Download;
-use super::facts::{FactChange, FactEditor, FactError};
+use super::facts::{FactChange, FactError};
 use super::request_queue::{
     ClientTask, RequestOutcome, ResponseFormat, ViewRequest, ViewerCommand, WorkerTask,
 };
 use crate::interrupt;
 use anyhow::{Context, Result, anyhow, bail};
-use assets::{AssetOwner, PendingAssets};
+use assets::AssetOwner;
 use axum::body::Bytes;
 use glam::DVec3;
 use serde_json::{Value, json};
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use video::ActiveVideo;
-use weather_magician::output::{PictureFormat, PictureStyle};
-use weather_magician::{Camera, Patience, PictureLayer, PlaceFacts, PreparedPlace, Renderer, picture_tags};
+use weather_magician::output::PictureFormat;
+use weather_magician::{Patience, PictureLayer};
 use wm_image::color::Dither;
-#[cfg(feature = "gpu")]
-use wm_render::{RenderError, gpu::GpuError};
 use wm_render::{Stats, at_once};
+use wm_viewer::View;
 use wm_viewer::encode::jpeg;
 use wm_viewer::paint::{FrameReport, PaintOptions};
-use wm_viewer::sweeps::SweepMemory;
 use wm_viewer::thumbnail::{self, ThumbnailShot, thumbnail_view};
-use wm_viewer::{View, ViewPainter};
+use worker::DueSweep;
 
 /// Longest wait for a task before the worker checks for Ctrl-C and for finished assets.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -53,25 +50,6 @@ const MAX_WAITING: usize = 64;
 /// JPEG quality of drafts.
 const DRAFT_QUALITY: u8 = 72;
 
-/// Renders for all clients.
-pub(crate) struct RenderWorker {
-    context: Arc<ViewerContext>,
-    renderer: Renderer,
-    place: PreparedPlace,
-    facts: FactEditor,
-    pending: Option<PendingAssets>,
-    /// Commands that wait for assets.
-    waiting: Vec<ViewerCommand>,
-    video: Option<ActiveVideo>,
-    sweeps: SweepMemory,
-    due: Vec<DueSweep>,
-    painter: ViewPainter,
-    /// The facts in use, with which the place is made anew after a panic.
-    sound_facts: PlaceFacts,
-    /// The failure that ends the program.
-    broken: Option<anyhow::Error>,
-}
-
 /// A frame for a client.
 struct ServedFrame {
     message: Bytes,
@@ -79,38 +57,7 @@ struct ServedFrame {
     lacks_sweep: bool,
 }
 
-/// A sweep that a client's frame waits for.
-struct DueSweep {
-    client: u64,
-    seq: u64,
-    view: Arc<View>,
-    since: Instant,
-}
-
 impl RenderWorker {
-    /// Returns a worker for a loaded scene.
-    pub(crate) fn new(
-        context: Arc<ViewerContext>,
-        renderer: Renderer,
-        place: PreparedPlace,
-        facts: FactEditor,
-    ) -> Self {
-        Self {
-            sound_facts: place.facts(),
-            broken: None,
-            context,
-            renderer,
-            place,
-            facts,
-            pending: None,
-            waiting: Vec::new(),
-            video: None,
-            sweeps: SweepMemory::default(),
-            due: Vec::new(),
-            painter: ViewPainter::default(),
-        }
-    }
-
     /// Works until Ctrl-C.
     ///
     /// # Errors
@@ -147,40 +94,6 @@ impl RenderWorker {
             }
         }
         Ok(())
-    }
-
-    /// Does the work of one task. A panic in it is an error of this task; what it may have left
-    /// half made is made anew.
-    ///
-    /// # Errors
-    /// The error of the work, or its panic, in one line.
-    fn attempt<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T, String> {
-        let outcome = catch_unwind(AssertUnwindSafe(|| work(self))).unwrap_or_else(|panic| {
-            self.recover();
-            Err(anyhow!("the program failed at this: {}", words_of(&*panic)))
-        });
-        outcome.map_err(|error| {
-            let text = format!("{error:#}");
-            if is_lost(&error) {
-                self.broken = Some(anyhow!("{text}"));
-            }
-            text
-        })
-    }
-
-    /// Makes anew all that a panic may have left half made: what was derived from the scene by its
-    /// facts, and the memory of frames.
-    fn recover(&mut self) {
-        self.stop_pending();
-        self.painter = ViewPainter::default();
-        self.sweeps.clear();
-        let Self { renderer, place, sound_facts, .. } = self;
-        let renewed = catch_unwind(AssertUnwindSafe(|| renderer.set_facts(place, sound_facts.clone())));
-        self.broken = match renewed {
-            Ok(Ok(())) => None,
-            Ok(Err(error)) => Some(error.into()),
-            Err(panic) => Some(anyhow!("the scene cannot be made anew: {}", words_of(&*panic))),
-        };
     }
 
     /// Renders the frame of a client.
@@ -389,15 +302,6 @@ impl RenderWorker {
         Ok(Download::open(&path, folder)?)
     }
 
-    fn style(&self, view: &View, camera: &Camera, time: f64) -> PictureStyle {
-        let (catalog, site) = (self.context.catalog(), self.place.site());
-        let scene = catalog.words[0].to_string_lossy();
-        PictureStyle {
-            tags: picture_tags(&scene, site, self.renderer.backend(), &view.weather, time, camera),
-            ..PictureStyle::default()
-        }
-    }
-
     /// Returns the point of the nearest surface at `at` (x and y, 0-1) of the picture; `None` where
     /// there is only sky.
     fn surface_at(&mut self, view: &View, at: [f64; 2]) -> Result<Option<DVec3>> {
@@ -457,23 +361,6 @@ impl RenderWorker {
         self.context.queue.broadcast(&json!({ "type": "thumbnail", "name": name }).to_string());
         Ok(None)
     }
-}
-
-/// Returns the words of a panic.
-fn words_of(panic: &(dyn Any + Send)) -> &str {
-    let text = panic.downcast_ref::<&str>().copied();
-    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("it gave no reason")
-}
-
-/// Returns true if an error says that the GPU is lost, so that nothing can be rendered any more.
-fn is_lost(error: &anyhow::Error) -> bool {
-    #[cfg(feature = "gpu")]
-    if let Some(weather_magician::Error::Render(error)) = error.downcast_ref() {
-        return matches!(**error, RenderError::Gpu(GpuError::Lost(_)));
-    }
-    // Every build has the error.
-    let _ = error;
-    false
 }
 
 /// Joins a message: the length of its header, the header, the picture.

@@ -3,7 +3,7 @@
 
 use super::locked::locked;
 use super::server::{self, ServerArgs, refusal};
-use crate::commands::reconstruct::watch::TrainingPage;
+use crate::training_page::TrainingPage;
 use anyhow::Result;
 use axum::Router;
 use axum::body::Bytes;

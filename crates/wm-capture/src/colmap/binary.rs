@@ -1,6 +1,6 @@
 //! `cameras.bin`, `images.bin` and `points3D.bin`: little endian, no padding, a count first.
 
-use super::{
+use super::records::{
     Cameras, Images, MAX_PARAMETERS, MODELS, NumberedPoints, Places, add_camera, add_point, cut, observation,
     parameters, value, view,
 };

@@ -1,8 +1,11 @@
+use super::records::MODELS;
 use super::*;
-use crate::{self as capture, read_views};
+use crate::{self as capture, CaptureView, Observation, read_views};
+use glam::DVec3;
 use proptest::prelude::*;
 use std::fs;
 use tempfile::{TempDir, tempdir};
+use wm_scene::camera::Distortion;
 use wm_scene::testing::data;
 
 /// A model in memory, to be written in either form.

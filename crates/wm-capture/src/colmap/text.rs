@@ -1,10 +1,11 @@
 //! `cameras.txt`, `images.txt` and `points3D.txt`: comments after `#`, a camera or a point per
 //! line, an image two lines.
 
-use super::{
-    Cameras, CaptureView, Images, MAX_PARAMETERS, NumberedPoints, Observation, Places, add_camera, add_point,
-    cut, observation, parameters, value, view,
+use super::records::{
+    Cameras, Images, MAX_PARAMETERS, NumberedPoints, Places, add_camera, add_point, cut, observation,
+    parameters, value, view,
 };
+use crate::{CaptureView, Observation};
 use std::collections::HashMap;
 use wm_base::{
     FormatError, Problem,

@@ -12,7 +12,9 @@ use super::files::{
 };
 use super::kitti::KittiCalibration;
 use super::kitti_tracklets::read_tracklets;
-use super::log::{DrivingLog, FRAME_NS, LogFormat, check_cameras, is_asked, moved, size_of_first};
+use super::log::{
+    DrivingLog, EARTH_RADIUS_M, FRAME_NS, LogFormat, check_cameras, is_asked, moved, size_of_first,
+};
 use super::records::{ChosenLog, LogOptions, Records, choose_folder, logs_in};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
@@ -27,8 +29,6 @@ use wm_base::calendar::days;
 pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI raw", read };
 
 const CAMERAS: [&str; 4] = ["image_00", "image_01", "image_02", "image_03"];
-/// The equatorial radius, m, as the devkit has it.
-const EARTH_RADIUS_M: f64 = 6_378_137.0;
 
 /// Times by the number of the record, ns; `None` where it is missing.
 type Times = Vec<Option<i64>>;

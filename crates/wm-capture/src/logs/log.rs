@@ -281,12 +281,13 @@ pub(super) fn moved(pose: RigidPose, origin: DVec3) -> RigidPose {
     RigidPose { translation: pose.translation - origin, ..pose }
 }
 
+/// WGS 84's equatorial radius, m.
+pub(super) const EARTH_RADIUS_M: f64 = 6_378_137.0;
+
 /// Returns the latitude and longitude, degrees, of the point `east` and `north` m of a location.
 pub(super) fn displaced(location: [f64; 2], east: f64, north: f64) -> [f64; 2] {
     let [latitude, longitude] = location;
-    // WGS 84's equatorial radius; over a city the difference to the ellipsoid is below 0.5 % of the
-    // way.
-    const EARTH_RADIUS_M: f64 = 6_378_137.0;
+    // Over a city the difference to the ellipsoid is below 0.5 % of the way.
     let shift = dvec3(east, north, 0.0) / EARTH_RADIUS_M;
     let longitude = longitude + (shift.x / latitude.to_radians().cos().max(1e-6)).to_degrees();
     [latitude + shift.y.to_degrees(), longitude]

@@ -11,8 +11,10 @@ use std::thread::{self, JoinHandle};
 
 use wm_base::files::TempFile;
 
+use super::settings::{
+    KEYFRAME_INTERVAL_S, VideoReport, VideoSettings, VideoSink, comment, one_line, temporary,
+};
 use super::yuv::Yuv420;
-use super::{VideoReport, VideoSettings, VideoSink, temporary};
 use crate::{MediaError, PictureSize};
 
 /// Most bytes of FFmpeg's messages that are kept.
@@ -85,7 +87,7 @@ impl FfmpegSink {
             path: self.output.target().to_path_buf(),
             encoder: "ffmpeg",
             frame: self.frames,
-            reason: super::one_line(reason),
+            reason: one_line(reason),
         }
     }
 }
@@ -144,7 +146,7 @@ fn command(program: &str, output: &Path, settings: &VideoSettings) -> Command {
     const BT_709: [&str; 8] =
         ["-color_range", "tv", "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"];
     let PictureSize { width, height } = settings.size;
-    let keyframes = settings.frame_rate.frames_within(super::KEYFRAME_INTERVAL_S);
+    let keyframes = settings.frame_rate.frames_within(KEYFRAME_INTERVAL_S);
     let mut command = Command::new(program);
     command
         .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"])
@@ -161,7 +163,7 @@ fn command(program: &str, output: &Path, settings: &VideoSettings) -> Command {
         Some(bitrate) => command.args(["-b:v", &bitrate.to_string()]),
     };
     if !settings.tags.is_empty() {
-        command.args(["-metadata", &format!("comment={}", super::comment(&settings.tags))]);
+        command.args(["-metadata", &format!("comment={}", comment(&settings.tags))]);
     }
     command.args(["-movflags", "+faststart", "-f", "mp4"]).arg(output);
     command

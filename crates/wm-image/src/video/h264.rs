@@ -20,8 +20,8 @@ use openh264::formats::YUVSlices;
 use openh264::{OpenH264API, Timestamp};
 
 use super::mp4::{Mp4Writer, ParameterSets};
+use super::settings::{KEYFRAME_INTERVAL_S, VideoReport, VideoSettings, VideoSink, one_line};
 use super::yuv::Yuv420;
-use super::{VideoReport, VideoSettings, VideoSink};
 use crate::{MediaError, PictureSize};
 
 /// Quantisation parameter without a bitrate. At 14 a coefficient's step is 3.25, and the dither's 4
@@ -129,7 +129,7 @@ fn failed(path: &Path, frame: u64, reason: &str) -> MediaError {
         path: path.to_path_buf(),
         encoder: "the built-in encoder",
         frame,
-        reason: super::one_line(reason),
+        reason: one_line(reason),
     }
 }
 
@@ -151,7 +151,7 @@ fn config(settings: &VideoSettings, coarser: u8) -> EncoderConfig {
         .usage_type(UsageType::CameraVideoRealTime)
         .max_frame_rate(MaxFrameRate::from_hz(known_hz as f32))
         .intra_frame_period(IntraFramePeriod::from_num_frames(
-            settings.frame_rate.frames_within(super::KEYFRAME_INTERVAL_S),
+            settings.frame_rate.frames_within(KEYFRAME_INTERVAL_S),
         ))
         // A keyframe on every large change would cost bits in every flash of light.
         .scene_change_detect(false)

@@ -25,7 +25,8 @@ use shiguredo_mp4::{
 };
 use wm_base::files::TempFile;
 
-use super::{FrameRate, temporary};
+use super::FrameRate;
+use super::settings::{KEYFRAME_INTERVAL_S, temporary};
 use crate::{MediaError, PictureSize, Tags};
 
 /// Collects samples and becomes the file.
@@ -141,7 +142,7 @@ impl Mp4Writer {
 
     /// Samples a chunk: what a player fetches at once, about two seconds.
     fn chunk(&self) -> usize {
-        self.rate.frames_within(super::KEYFRAME_INTERVAL_S) as usize
+        self.rate.frames_within(KEYFRAME_INTERVAL_S) as usize
     }
 
     /// Says where chunks begin if the first sample is at `start` of the file.
@@ -267,7 +268,7 @@ fn comment(tags: &Tags) -> Option<UnknownBox> {
     if tags.is_empty() {
         return None;
     }
-    let text = super::comment(tags);
+    let text = super::settings::comment(tags);
     // Type 1 = UTF-8, no locale. The handler is the one that iTunes introduced.
     let data = nest(*b"data", &[b"\x00\x00\x00\x01\x00\x00\x00\x00", text.as_bytes()]);
     let items = nest(*b"ilst", &[&nest(*b"\xa9cmt", &[&data])]);

@@ -5,7 +5,7 @@
 //! nothing that it names is ever called. Values are kept once and meant by their number, so that
 //! the memory is bounded by the pickle's length, whatever refers to what.
 
-use super::{Entry, MAX_HEADER_BYTES, WeightsFault, read};
+use super::entry::{Entry, MAX_HEADER_BYTES, WeightsFault, read};
 use candle_core::DType;
 use std::collections::HashMap;
 use std::fs::File;

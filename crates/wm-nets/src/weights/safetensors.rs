@@ -1,6 +1,6 @@
 //! Headers of safetensors: 8 bytes of length, JSON, then the numbers without gaps.
 
-use super::{Entry, MAX_HEADER_BYTES, WeightsFault};
+use super::entry::{Entry, MAX_HEADER_BYTES, WeightsFault};
 use candle_core::DType;
 use safetensors::tensor::{Dtype, Metadata};
 use std::collections::HashMap;

@@ -1,30 +1,15 @@
 //! A kind of asset: what it is made of, how it is made, and how it is kept.
 
 use super::cache::{AssetCache, AssetFile};
-use super::kinds::{AssetKey, SceneSurfaces};
+use super::key::{AssetKey, KeyedAsset};
 use super::views::path_of_photos;
 use crate::{Error, Result};
 use std::any::Any;
-use std::borrow::Cow;
 use std::sync::Arc;
 use wm_scene::{Scene, Splats};
 use wm_weather::Site;
-use wm_weather::cover::{Airflow, CoverRequest};
-use wm_weather::fused_surfaces::{FusedSurfaces, PhotoView};
+use wm_weather::fused_surfaces::PhotoView;
 use wm_weather::light::KnownSun;
-use wm_weather::paper::PaperCover;
-
-/// An asset of any kind.
-pub(crate) type AnyAsset = Arc<dyn Any + Send + Sync>;
-/// An asset with its key.
-pub(crate) type KeyedAsset = (AssetKey, AnyAsset);
-
-/// The law that something lies by, and how much.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum LyingKey {
-    Physical(Airflow, Vec<CoverRequest>),
-    Paper(PaperCover),
-}
 
 /// The time that an asset takes to make, without that of what it is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -154,13 +139,5 @@ impl Workshop<'_> {
         let key = A::KEY(key);
         let asset = key.find(self.made).or_else(|| key.find(&self.source.known));
         asset.expect("needs are made first").downcast_ref().expect("a key has assets of one type")
-    }
-
-    /// The surfaces of the scene, for an asset that needs [`SceneSurfaces`].
-    ///
-    /// # Errors
-    /// As [`AssetSource::splats`].
-    pub fn surfaces(&self) -> Result<Cow<'_, FusedSurfaces<'_>>> {
-        Ok(self.get::<SceneSurfaces>(()).of(self.source.splats()?))
     }
 }

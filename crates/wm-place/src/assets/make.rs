@@ -1,7 +1,7 @@
 //! Makes the assets that are missing, each after those that it is made of.
 
-use super::kind::{AssetSource, Cost, Keep, KeyedAsset, Workshop};
-use super::kinds::AssetKey;
+use super::key::{AssetKey, KeyedAsset};
+use super::kind::{AssetSource, Cost, Keep, Workshop};
 use super::store::AssetStore;
 use crate::{Error, Progress, Result};
 

@@ -2,7 +2,7 @@
 //! the light of the capture, the ground under snow.
 //!
 //! An asset has a key: its kind, and the numbers that tell it from others of the kind. A kind is a
-//! file in `kinds/` and its entry of `kinds!`: what it is made of, how it is made, kept and
+//! file in `kinds/` and its entry of `kinds!` in `list.rs`: what it is made of, how it is made, kept and
 //! written. A weather at an instant asks for keys; [`MissingAssets`] are those that are not there,
 //! with what they are made of, [`AssetSource`] holds what they are made from, and
 //! [`MissingAssets::make`] makes them, on any thread. [`AssetCache`] keeps them on disk.
@@ -13,7 +13,10 @@
 //! ([`Patience::Draft`](crate::Patience::Draft)); everyone else waits. To delete the files on disk
 //! changes no picture.
 
+#[macro_use]
+mod list;
 mod cache;
+mod key;
 mod kind;
 mod kinds;
 mod make;
@@ -23,9 +26,10 @@ mod views;
 
 pub(crate) use cache::scene_digest;
 pub use cache::{AssetCache, AssetDigest};
+pub(crate) use key::{AnyAsset, AssetKey, KeyedAsset, LyingKey};
 pub use kind::AssetSource;
-pub(crate) use kind::{AnyAsset, Keep, KeyedAsset, LyingKey, SurfaceViews};
-pub(crate) use kinds::{AssetKey, lock};
+pub(crate) use kind::{Keep, SurfaceViews};
+pub(crate) use kinds::lock;
 pub use make::{Assets, MissingAssets};
 pub use packed::pack_asset;
 pub(crate) use store::AssetStore;

@@ -1,7 +1,7 @@
 //! The assets of a place that are in memory.
 
-use super::kind::{AnyAsset, Asset, Keep, KeyedAsset};
-use super::kinds::AssetKey;
+use super::key::{AnyAsset, AssetKey, KeyedAsset};
+use super::kind::{Asset, Keep};
 use std::any::TypeId;
 use std::sync::Arc;
 

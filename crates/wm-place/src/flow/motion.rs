@@ -7,14 +7,12 @@
 
 use super::FlowView;
 use crate::drawing::Drawing;
-use crate::layers::{LayerSpan, Row, Source};
-use crate::render::LaterFrame;
+use crate::layers::{LaterFrame, LayerSpan, Row, Source};
 use crate::{Picture, PictureLayer, Result};
 use rayon::prelude::*;
 use wm_render::Stats;
 
 pub(crate) const ROW: Row = Row {
-    name: "motion",
     note: "motion vectors of games: to the frame 1/fps before, px right and down, 0 in the first: one render without colour",
     source: Source::Later(|drawing, frame, picture| Box::pin(drawing.motion(frame, picture))),
     span: LayerSpan::ToPrevious,

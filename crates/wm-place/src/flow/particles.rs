@@ -3,8 +3,7 @@
 
 use super::FlowView;
 use crate::drawing::Drawing;
-use crate::layers::{Row, Source};
-use crate::render::LaterFrame;
+use crate::layers::{LaterFrame, Row, Source};
 use crate::shot::{PinholeContent, PinholeShot};
 use crate::{Picture, PictureLayer, Result};
 use glam::{DMat3, DVec2, DVec3};
@@ -16,7 +15,6 @@ use wm_render::stages::particles as stage;
 use wm_scene::Camera;
 
 pub(crate) const ROW: Row = Row {
-    name: "particle-flow",
     note: "of falling rain, snow and hail",
     source: Source::Later(|drawing, frame, picture| Box::pin(drawing.particle_flow(frame, picture))),
     values: |picture| picture.later(PictureLayer::ParticleFlow).into(),

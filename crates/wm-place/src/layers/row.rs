@@ -1,19 +1,22 @@
-//! The row of a layer, and the passes that the rows of a set ask for.
+//! The row of a layer.
 
 use super::Layers;
 use crate::drawing::Drawing;
+use crate::frame_camera::FrameCamera;
 use crate::picture::Picture;
-use crate::render::LaterFrame;
+use crate::shot::PinholeShot;
 use std::borrow::Cow;
 use std::pin::Pin;
 use wm_image::png::ChannelBits;
 use wm_render::parts::PicturePart;
 use wm_render::{Outputs, Stats};
+use wm_scene::Camera;
+
+/// The channels of colours.
+pub(super) const RGB: &[&str] = &["R", "G", "B"];
 
 /// A layer, as everything that handles layers knows it.
 pub(crate) struct Row {
-    /// The name, as in `--also`.
-    pub name: &'static str,
     /// A few words for help, after the name; empty if it says all.
     pub note: &'static str,
     /// The names of the channels in an EXR file.
@@ -84,47 +87,14 @@ pub(crate) enum LayerForm {
     Ids,
 }
 
-/// The passes that some layers need.
-#[derive(Clone, Debug)]
-pub struct LayerPasses {
-    /// Something of the picture itself is wanted: colour, or what is drawn with it.
-    pub picture: bool,
-    /// The outputs of the pass over the scene.
-    pub outputs: Outputs,
-    /// The parts that air and particles add.
-    pub parts: Vec<PicturePart>,
-    /// The steps of the paper's rain and snow.
-    pub(crate) stages: bool,
-    /// The layers that draw pictures of their own.
-    pub(crate) later: Layers,
-}
-
-impl LayerPasses {
-    /// Returns the passes that layers need.
-    #[must_use]
-    pub fn of(layers: Layers) -> Self {
-        let stages = layers.contains(Layers::PAPER_STAGES);
-        let mut passes = Self {
-            picture: stages,
-            outputs: Outputs::default(),
-            parts: Vec::new(),
-            stages,
-            later: Layers::NONE,
-        };
-        for layer in layers.iter() {
-            match layer.row().source {
-                Source::Frame(set) => {
-                    passes.picture = true;
-                    set(&mut passes.outputs);
-                }
-                Source::Part(part) => {
-                    passes.picture = true;
-                    passes.parts.push(part);
-                }
-                Source::Later(_) => passes.later |= layer.into(),
-                Source::With(other) => passes.later |= other,
-            }
-        }
-        passes
-    }
+/// A frame, for layers that are pictures of their own.
+pub(crate) struct LaterFrame<'a> {
+    pub shot: PinholeShot<'a>,
+    pub camera: FrameCamera<'a>,
+    /// The number of the frame.
+    pub index: u32,
+    /// The next frame, if the request names one: layers that lead to it need it.
+    pub next: Option<PinholeShot<'a>>,
+    /// The camera of the frame before; `None` in the first.
+    pub previous: Option<Camera>,
 }

@@ -1,11 +1,67 @@
-//! Sets of layers.
+//! Layers by name, and sets of them.
 
-use super::{LayerPasses, PictureLayer};
-use crate::camera_model::CameraModel;
-use crate::{Error, Result};
 use std::fmt;
 use std::ops::{BitOr, BitOrAssign};
-use wm_weather::{Fidelity, Weather};
+use std::str::FromStr;
+
+macro_rules! names {
+    ($($(#[$doc:meta])* $layer:ident $set:ident $name:literal = $row:expr;)+) => {
+        /// A layer of a picture.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum PictureLayer {
+            $($(#[$doc])* $layer,)+
+        }
+
+        impl PictureLayer {
+            const ALL: &[Self] = &[$(Self::$layer),+];
+
+            /// Returns the name, as in `--also`.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$layer => $name),+ }
+            }
+        }
+
+        impl Layers {
+            $($(#[$doc])* pub const $set: Self = Self::one(PictureLayer::$layer);)+
+        }
+    };
+}
+
+layers!(names);
+
+impl PictureLayer {
+    /// Returns all layers.
+    pub fn all() -> impl Iterator<Item = Self> + Clone {
+        Self::ALL.iter().copied()
+    }
+
+    /// Returns the layer of a name among some; the error lists their names.
+    pub(crate) fn find(text: &str, among: impl Iterator<Item = Self> + Clone) -> Result<Self, String> {
+        among.clone().find(|layer| layer.name() == text).ok_or_else(|| {
+            let names: Vec<&str> = among.map(Self::name).collect();
+            let (last, most) = names.split_last().expect("there are layers");
+            format!("`{text}` is not a picture output: use {} or {last}", most.join(", "))
+        })
+    }
+}
+
+impl fmt::Display for PictureLayer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for PictureLayer {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text.contains('.') {
+            return Err(format!("`{text}`: a layer in memory has no format; leave out the extension"));
+        }
+        Self::find(text, PictureLayer::all())
+    }
+}
 
 /// A set of layers.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -18,7 +74,7 @@ impl Layers {
     /// [`Picture::stages`](crate::Picture::stages).
     pub const PAPER_STAGES: Self = Self(1 << 31);
 
-    pub(super) const fn one(layer: PictureLayer) -> Self {
+    const fn one(layer: PictureLayer) -> Self {
         Self(1 << layer as u32)
     }
 
@@ -84,38 +140,5 @@ impl fmt::Debug for Layers {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let stages = self.contains(Self::PAPER_STAGES).then_some("paper-stages");
         f.debug_set().entries(self.iter().map(PictureLayer::name).chain(stages)).finish()
-    }
-}
-
-impl Layers {
-    /// Checks that a camera and a weather can have the layers.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] with the layer.
-    pub fn check(self, model: &CameraModel, weather: &Weather) -> Result<()> {
-        let fault = |says: &str| Err(Error::Unsupported(says.into()));
-        let passes = LayerPasses::of(self);
-        if self.contains(Self::PARTICLE_FLOW) && model.lens.is_some() {
-            return fault("layer particle-flow: is of pinholes alone; leave out the lens or the layer");
-        }
-        if self.contains(Self::PARTICLE_FLOW) && weather.fidelity == Fidelity::Paper {
-            return fault(
-                "layer particle-flow: rain and snow of fidelity paper have none; use fidelity physical",
-            );
-        }
-        if !passes.parts.is_empty() && weather.fidelity == Fidelity::Paper {
-            return fault(
-                "layers transmittance, clean and airlight: weather of fidelity paper has none; use fidelity physical",
-            );
-        }
-        if passes.stages && weather.fidelity != Fidelity::Paper {
-            return fault("the steps of the paper's rain and snow need fidelity paper");
-        }
-        if !model.shutter.is_instant()
-            && let Some(layer) = self.iter().find(|layer| layer.is_of_instant())
-        {
-            return fault(&format!("layer {layer} shows one instant: use no exposure time and no readout"));
-        }
-        Ok(())
     }
 }

@@ -1,7 +1,8 @@
 //! Tables as CSV: Open-Meteo's two blocks, Meteostat's and any other with names in its first line.
 
 use super::raw::{Cell, RawTable};
-use super::{WeatherTable, time};
+use super::table::WeatherTable;
+use super::time;
 use crate::error::{ReportError, quoted};
 
 /// Most columns of a table.

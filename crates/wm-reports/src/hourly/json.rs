@@ -1,9 +1,9 @@
 //! Tables as JSON, as Open-Meteo has them: an object `hourly` of lists of the same length,
 //! `hourly_units`, and the place.
 
-use super::WeatherTable;
 use super::csv::unit_or_none;
 use super::raw::{Cell, KNOWN_SERVICES_ADVICE, RawTable, UNKNOWN_TABLE_PROBLEM};
+use super::table::WeatherTable;
 use crate::error::ReportError;
 use serde_json::{Map, Value};
 

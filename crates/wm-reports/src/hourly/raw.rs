@@ -1,7 +1,8 @@
 //! Cells of a table on their way to rows.
 
 use super::columns::{Column, Field, METEOSTAT_CODES, names, other_service};
-use super::{WeatherRow, WeatherTable, time};
+use super::table::{WeatherRow, WeatherTable};
+use super::time;
 use crate::draft::{ReportNote, ReportNoteKind};
 use crate::error::{ReportError, meant, quoted};
 use crate::optics::humidity;

@@ -1,6 +1,7 @@
 //! The weather of a table.
 
-use super::{WeatherRow, WeatherTable, time};
+use super::table::{WeatherRow, WeatherTable};
+use super::time;
 use crate::conditions::{CLEAR_VISIBILITY_M, heading, lamps};
 use crate::draft::{Basis, Draft, WrittenWeather};
 use crate::error::ReportError;

@@ -178,8 +178,13 @@ fn mean<'a>(patches: impl Iterator<Item = &'a SkyPatch>, least: f64) -> Option<[
         }
     }
     let mean = sum.map(|v| v / weight);
-    let scale = (MAX_AIRLIGHT / luminance(mean).max(MAX_AIRLIGHT)).min(1.0);
-    (weight > 0.0 && weight >= least).then(|| mean.map(|v| v * scale))
+    (weight > 0.0 && weight >= least).then(|| limited_airlight(mean))
+}
+
+/// Scales an airlight, linear RGB, down to the luminance of the brightest that is believed.
+pub fn limited_airlight(rgb: [f64; 3]) -> [f64; 3] {
+    let scale = (MAX_AIRLIGHT / luminance(rgb).max(MAX_AIRLIGHT)).min(1.0);
+    rgb.map(|v| v * scale)
 }
 
 fn from_surfaces(splats: &Splats, sample: &SurveySample) -> [f64; 3] {

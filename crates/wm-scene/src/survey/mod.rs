@@ -29,7 +29,7 @@ mod sunny_side;
 mod tests;
 mod up;
 
-pub use airlight::{CapturedSky, SkyPatch, airlight_of_sky};
+pub use airlight::{CapturedSky, SkyPatch, airlight_of_sky, limited_airlight};
 pub use align::{
     AlignError, Aligned, Alignment, GivenGround, GivenScale, ScaleError, UpSide, align, known_distance,
 };

@@ -1,6 +1,6 @@
 //! LAS 1.2 with points of format 3 (ASPRS 2008).
 
-use super::write_records;
+use super::records::write_records;
 use crate::echo::EchoClass;
 use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};

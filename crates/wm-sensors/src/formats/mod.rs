@@ -11,11 +11,13 @@
 //! All are written whole or not at all.
 
 mod las;
+mod records;
+
+pub(crate) use records::{pcd_header, ply_header, write_records};
 
 use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};
 use std::path::Path;
-use wm_base::files::write_atomically;
 use wm_base::npy;
 
 /// A format of points, and of the detections of a radar.
@@ -36,8 +38,6 @@ pub enum PointFormat {
 /// Types and names of the numbers of a point in PLY and PCD: 32 bytes.
 const FIELDS: &str = "float x, float y, float z, float intensity, float range, float time, \
                       uint column, ushort ring, uchar return, uchar class";
-/// Records that are written at once.
-const PART_ITEMS: usize = 4096;
 
 impl PointFormat {
     /// The format of points in a file, by its name's extension.
@@ -76,36 +76,6 @@ impl PointFormat {
             Self::Bin => "bin",
         }
     }
-}
-
-/// The header of a PLY of records of `fields`, their types and names.
-pub(crate) fn ply_header(comments: &str, fields: &str, count: usize) -> Vec<u8> {
-    let fields: String = fields.split(", ").map(|field| format!("property {field}\n")).collect();
-    format!("ply\nformat binary_little_endian 1.0\n{comments}element vertex {count}\n{fields}end_header\n")
-        .into()
-}
-
-/// The header of a PCD of records of `fields`, their types and names.
-pub(crate) fn pcd_header(comments: &str, fields: &str, count: usize) -> Vec<u8> {
-    let mut lines = ["FIELDS", "SIZE", "TYPE", "COUNT"].map(String::from);
-    for (kind, name) in fields.split(", ").filter_map(|field| field.split_once(' ')) {
-        let (size, kind) = match kind {
-            "float" => ("4", "F"),
-            "uint" => ("4", "U"),
-            "ushort" => ("2", "U"),
-            _ => ("1", "U"),
-        };
-        for (line, word) in lines.iter_mut().zip([name, size, kind, "1"]) {
-            *line += " ";
-            *line += word;
-        }
-    }
-    format!(
-        "# .PCD v0.7 - Point Cloud Data file format\n{comments}VERSION 0.7\n{}\n\
-         WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n",
-        lines.join("\n")
-    )
-    .into()
 }
 
 impl LidarSweep {
@@ -156,26 +126,6 @@ impl LidarSweep {
             [x, y, z] => format!("{comment}origin in the world: {x} {y} {z} m\n"),
         }
     }
-}
-
-/// Writes a header and a record of each item, part by part.
-pub(crate) fn write_records<T>(
-    path: &Path,
-    header: &[u8],
-    items: &[T],
-    record: impl Fn(&T, &mut Vec<u8>),
-) -> Result<(), SensorError> {
-    write_atomically(path, |out| {
-        out.write_all(header)?;
-        let mut bytes = Vec::new();
-        for part in items.chunks(PART_ITEMS) {
-            bytes.clear();
-            part.iter().for_each(|item| record(item, &mut bytes));
-            out.write_all(&bytes)?;
-        }
-        Ok(())
-    })?;
-    Ok(())
 }
 
 /// A point in PLY and PCD, see [`FIELDS`].

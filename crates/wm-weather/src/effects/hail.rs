@@ -13,15 +13,13 @@
 use crate::effects::effect::{Effect, EffectContext, EffectRole, Need};
 use crate::param::ParamValue;
 use crate::particles::{ClassSpacing, ParticleAppearance, ParticleShape, Precipitation, PrecipitationKind};
+use crate::physics::{AIR_DENSITY, GRAVITY};
 use crate::weather::builder::WeatherBuilder;
 use wm_render::frame::srgb_decode;
 
-/// Density of hailstones and of air, kg/m^3, and the drag coefficient of a stone.
+/// Density of hailstones, kg/m^3, and the drag coefficient of a stone.
 const ICE_DENSITY: f64 = 900.0;
-const AIR_DENSITY: f64 = 1.2;
 const DRAG_COEFFICIENT: f64 = 0.55;
-/// Gravity, m/s^2.
-const GRAVITY: f64 = 9.81;
 /// Diameter of a stone when melted, as a share of its own: the cube root of 0.9.
 const MELTED_DIAMETER: f64 = 0.965_489_384_605_629_7;
 /// Rate, mm/h, at which the slope of the spectrum is 1 a mm, and the power of the slope that the

@@ -14,12 +14,12 @@
 //!
 //! The paper has no such thing.
 
-use crate::dome::{Dome, OVERCAST_ZENITH, OVERCAST_HORIZON, SkyAppearance};
+use crate::dome::{Dome, OVERCAST_HORIZON, OVERCAST_ZENITH, SkyAppearance};
 use crate::effects::effect::{Effect, EffectRole};
 use crate::image_file::ImageFile;
 use crate::optics::Site;
 use crate::panorama::LowerHemisphere;
-use crate::param::ParamValue;
+use crate::param::{ParamKind, ParamType, ParamValue};
 use wm_render::SkyGradient;
 use wm_render::frame::srgb_decode;
 use wm_render::hooks::SkySplats;
@@ -45,6 +45,17 @@ crate::param::words! {
         Keep = "keep",
         /// It is left out.
         Replace = "replace",
+    }
+}
+
+impl ParamType for LowerHemisphere {
+    const KIND: ParamKind = ParamKind::Word(&["haze", "picture"]);
+
+    fn of(value: ParamValue) -> Self {
+        match value {
+            ParamValue::Word("haze") => Self::Haze,
+            _ => Self::Image,
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Drops that fall from eaves, one by one: each is a function of its eave and its number.
 
+use crate::physics::GRAVITY;
 use wm_base::random::{RandomSequence, mix};
 
 /// Diameters of drops that let go of an edge.
@@ -11,8 +12,6 @@ const USUAL_DRIP_VOLUME_M3: f64 = 5.88e-8;
 const MAX_DRIPS: f64 = 200.0;
 /// Part of the seeds of drips.
 const DRIP_SEED: u64 = 0x4541_5645;
-/// m/s^2.
-const GRAVITY: f64 = 9.81;
 
 /// A drop that has let go of an eave.
 #[derive(Clone, Debug)]

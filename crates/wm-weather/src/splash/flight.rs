@@ -5,10 +5,9 @@
 //! instant can be had alone. Heights and ranges are within 12 % of those under the full law, on
 //! average 4 %, for droplets of 0.1 to 0.5 mm and up to 4 m/s.
 
-/// Gravity, m/s^2; densities of water and air, kg/m^3; viscosity of air, Pa s.
-const GRAVITY: f64 = 9.81;
-const WATER_DENSITY: f64 = 1000.0;
-const AIR_DENSITY: f64 = 1.2;
+use crate::physics::{AIR_DENSITY, GRAVITY, WATER_DENSITY};
+
+/// Viscosity of air, Pa s.
 const AIR_VISCOSITY: f64 = 1.81e-5;
 /// Share of the first speed at which the drag on the way up is taken.
 const MEAN_SPEED: f64 = 0.5;

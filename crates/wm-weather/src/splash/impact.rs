@@ -2,8 +2,9 @@
 //!
 //! Numbers that are not laws are estimates from pictures of single drops, and marked `[E]`.
 
-/// Density of water, kg/m^3, its surface tension, N/m, and its viscosity, Pa s, at 15 degrees.
-const WATER_DENSITY: f64 = 1000.0;
+use crate::physics::WATER_DENSITY;
+
+/// Surface tension of water, N/m, and its viscosity, Pa s, at 15 degrees.
 const WATER_SURFACE_TENSION: f64 = 0.073;
 const WATER_VISCOSITY: f64 = 1.1e-3;
 /// Film over the drop's diameter from which water counts as deep: splashes do not change any more

@@ -9,8 +9,9 @@
 
 use super::fft::{Complex, TILE_SIDE_NODES};
 use super::tile::SlopeTile;
-use super::waves::{GRAVITY, KINEMATIC_SURFACE_TENSION, WaveField};
+use super::waves::{KINEMATIC_SURFACE_TENSION, WaveField};
 use crate::particles::RAIN;
+use crate::physics::{GRAVITY, WATER_DENSITY};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
@@ -29,11 +30,9 @@ const DROP_SEED: u64 = 0x5249_4e47;
 const BAND_WIDTH_RATIO: f64 = 0.18;
 /// Least diameter of drops whose rings are drawn.
 pub(crate) const MIN_RING_DROP_DIAMETER_MM: f64 = 2.0;
-/// Share of the energy of drops that waves get, the viscosity of water, m^2/s, and its density,
-/// kg/m^3.
+/// Share of the energy of drops that waves get, and the viscosity of water, m^2/s.
 const WAVE_ENERGY_SHARE: f64 = 0.01;
 const WATER_VISCOSITY: f64 = 1e-6;
-const WATER_DENSITY: f64 = 1000.0;
 /// Steps of the integrals over diameters.
 const DIAMETER_STEP_COUNT: usize = 220;
 /// Rates below this have the sizes of drops at it, mm/h.

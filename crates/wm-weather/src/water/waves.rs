@@ -9,13 +9,12 @@
 
 use super::fft::{Complex, TILE_SIDE_NODES, transform};
 use super::tile::SlopeTile;
+use crate::physics::GRAVITY;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::{Arc, Mutex, PoisonError};
 use wm_base::random::uniform;
 
-/// Acceleration of free fall, m/s^2.
-pub(super) const GRAVITY: f64 = 9.81;
 /// Surface tension of water over its density, m^3/s^2.
 pub(super) const KINEMATIC_SURFACE_TENSION: f64 = 7.28e-5;
 /// Variance of slopes of open water, both axes together, and its growth with the wind, s/m (Cox and

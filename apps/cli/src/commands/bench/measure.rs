@@ -15,6 +15,9 @@ use wm_weather::{PreparedWeather, Site};
 /// Number of warm-up rounds, in which memory is first touched and clocks rise.
 pub(crate) const WARM_UP: u32 = 2;
 
+/// The error of a measurement that was stopped.
+pub(crate) const INCOMPLETE: &str = "the measurement is not complete";
+
 /// Cases that are only in the paper's table.
 const PAPER_FOG: &str = "rgb, fog, paper";
 const PAPER_COVER: &str = "rgb, snow cover, paper";

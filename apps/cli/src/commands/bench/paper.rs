@@ -8,8 +8,10 @@
 //! picture the growth of time with pixels and splats. Numbers of different machines do not compare
 //! programs: the table names the machine.
 
-use super::measure::{BenchCase, BenchTarget, turns};
-use super::{BenchArgs, INCOMPLETE};
+use super::args::BenchArgs;
+use super::measure::{BenchCase, BenchTarget, INCOMPLETE, turns};
+use super::scene_cases::{cases, in_turns};
+use super::scenes::each;
 use crate::interrupt;
 use crate::output::{json_text, make_folder, print_json, write_text};
 use crate::report::plot::{Axis, Plot, Series};
@@ -98,7 +100,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     for device in devices {
         let run = RunArgs { device: device.clone(), ..args.run.clone() };
         let args = BenchArgs { run, ..args.clone() };
-        super::each(&args, |name, loaded, camera| table.add(name, loaded, &camera, &args.run, args.frames))?;
+        each(&args, |name, loaded, camera| table.add(name, loaded, &camera, &args.run, args.frames))?;
     }
     if args.json {
         print_json(&table)?;
@@ -132,8 +134,8 @@ impl SpeedTable {
         rounds: u32,
     ) -> Result<()> {
         let cases: Vec<BenchCase> =
-            super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
-        let measured = super::in_turns(loaded, camera, &cases, run, rounds)?;
+            cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
+        let measured = in_turns(loaded, camera, &cases, run, rounds)?;
         interrupt::check(INCOMPLETE)?;
         let device = loaded.renderer.describe();
         let seconds = |case: &&str| -> Option<f64> {

@@ -1,7 +1,7 @@
 //! Sensors of a scene: lidar sweeps, and pictures through a fisheye against those of a pinhole.
 
-use super::measure::{Clock, Rounds, Timing, WARM_UP};
-use super::{BenchArgs, INCOMPLETE};
+use super::args::BenchArgs;
+use super::measure::{Clock, INCOMPLETE, Rounds, Timing, WARM_UP};
 use crate::interrupt;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;

@@ -1,7 +1,7 @@
 //! Training steps, measured on a scene's own splats.
 
-use super::measure::{Clock, Rounds, Timing, WARM_UP};
-use super::{BenchArgs, INCOMPLETE};
+use super::args::BenchArgs;
+use super::measure::{Clock, INCOMPLETE, Rounds, Timing, WARM_UP};
 use crate::interrupt;
 use crate::progress;
 use crate::scene::RunArgs;

@@ -1,6 +1,6 @@
 //! Writing a scene in levels of detail.
 
-use super::{file_size, folder_size};
+use super::sizes::{file_size, folder_size};
 use crate::progress::Reporter;
 use crate::scene::RunArgs;
 use anyhow::Result;

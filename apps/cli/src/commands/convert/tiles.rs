@@ -1,6 +1,6 @@
 //! 3D Tiles of a scene in levels.
 
-use super::ConvertArgs;
+use super::args::ConvertArgs;
 use crate::choices::first_given;
 use crate::interrupt;
 use crate::progress;

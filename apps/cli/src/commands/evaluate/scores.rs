@@ -1,8 +1,10 @@
 //! The scores of a report: one list that the table, the JSON file and the page are made from.
 
-use super::{EvaluateArgs, name_of};
+use super::args::EvaluateArgs;
 use crate::dataset::Dataset;
+use crate::names::stem_of;
 use serde_json::{Map, Value, json};
+use std::path::Path;
 use weather_magician::train::evaluation::{
     Evaluation, ExposureFit, PhotoScores, TruthFolder, TruthMaps, ViewScores,
 };
@@ -227,6 +229,11 @@ impl EvaluationReport {
             "photos": self.views.iter().map(view).collect::<Vec<_>>(),
         })
     }
+}
+
+/// Returns the name of a scene or a data set in a report.
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(|| stem_of(path), |name| name.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]

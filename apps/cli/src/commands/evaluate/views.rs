@@ -1,6 +1,6 @@
 //! The observer of an evaluation: progress, and the pictures of some photos for the page.
 
-use super::EvaluateArgs;
+use super::args::EvaluateArgs;
 use super::page::PhotoPanels;
 use super::truth::explain;
 use crate::dataset::Dataset;

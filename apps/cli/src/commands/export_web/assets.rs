@@ -1,7 +1,7 @@
 //! The prepared data of a site: made by the library's cache, packed, and chosen by their size.
 
-use super::output::write;
-use super::{at, stop_if_asked};
+use super::output::{at, write};
+use super::stop::stop_if_asked;
 use crate::progress::Reporter;
 use crate::scene::OpenScene;
 use anyhow::Result;

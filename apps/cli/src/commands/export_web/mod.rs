@@ -2,6 +2,7 @@
 //!
 //! A site is made in a folder beside its own and moved there when it is whole.
 
+mod args;
 mod assets;
 mod output;
 mod pictures;
@@ -9,128 +10,22 @@ mod place;
 mod player;
 mod single_file;
 mod site;
+mod stop;
 
-use crate::commands::render::camera::ViewpointArgs;
-use crate::interrupt;
+pub(crate) use args::ExportWebArgs;
+
 use crate::names::stem_of;
-use crate::overwrite::OverwriteArgs;
-use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
-use crate::weather::WeatherArgs;
-use anyhow::{Context, Result, bail};
-use assets::{AssetBudget, PreparedWeathers};
-use clap::Args;
+use crate::scene::OpenScene;
+use anyhow::{Result, bail};
+use assets::PreparedWeathers;
 use output::{SiteFolder, megabytes};
 use player::PlayerFiles;
-use std::path::{Path, PathBuf};
-use weather_magician::levels::parse_memory;
-use weather_magician::{Camera, Weather};
+use std::path::Path;
+use stop::stop_if_asked;
+use weather_magician::Weather;
 use wm_viewer::ViewState;
 use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{DEFAULT_MEMORY_BYTES, SITE_VERSION, SiteAsset, SiteFile, SiteView};
-
-/// Options of `export-web`.
-#[derive(Args, Debug)]
-#[command(after_help = "weather-magician export-web garden.ply --weather fog --out site/\n\
-                  weather-magician export-web garden.ply --weather moderate-rain --set wind.speed=6 --single-file --out garden.html\n\n\
-                  Put the folder on any static host, or look at it here: python3 -m http.server -d site/\n\
-                  docs/guide/web.md says what runs where, and how the player is built.")]
-pub(crate) struct ExportWebArgs {
-    #[command(flatten)]
-    scene: SceneArgs,
-    #[command(flatten)]
-    sky: OwnSkyArgs,
-    #[command(flatten)]
-    weather: WeatherArgs,
-    /// Time of the weather at which the page opens, seconds
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 0.0,
-        allow_negative_numbers = true,
-        help_heading = "Weather"
-    )]
-    time: f64,
-    /// Weathers that the page has the prepared data of, beside its first: auto (those of common
-    /// presets, as far as they fit --asset-megabytes), all (of every preset, as far as they fit),
-    /// none, or a list of presets and weather files. The browser makes what is not prepared when it
-    /// is asked for
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto",
-        help_heading = "Weather"
-    )]
-    prepare: Vec<String>,
-    /// Most of those data, megabytes [default: 128, with --single-file 12]; those of the first
-    /// weather are always there but with --single-file
-    #[arg(long, value_name = "N", help_heading = "Weather")]
-    asset_megabytes: Option<u32>,
-    #[command(flatten)]
-    viewpoint: ViewpointArgs,
-    /// Output folder, or the HTML file with --single-file [default: named after scene and weather,
-    /// in this folder]
-    #[arg(short, long, value_name = "PATH", help_heading = "Output")]
-    out: Option<PathBuf>,
-    #[command(flatten)]
-    overwrite: OverwriteArgs,
-    /// Write one HTML file with everything in it, 40 MB at most; it also opens from a disk
-    #[arg(long, help_heading = "Output")]
-    single_file: bool,
-    /// Folder with player.js and player_bg.wasm [default: those of the program, or web-player
-    /// beside it]
-    #[arg(long, value_name = "FOLDER", help_heading = "Output")]
-    player: Option<PathBuf>,
-    /// Leave out the video, which browsers show that cannot run the player
-    #[arg(long, help_heading = "Output")]
-    no_video: bool,
-    /// Leave out the small pictures of the presets
-    #[arg(long, help_heading = "Output")]
-    no_thumbnails: bool,
-    /// Memory that the page may take for a scene in levels of detail, such as 2GiB or 800MB
-    /// [default: 1GiB]
-    #[arg(long, value_name = "BYTES", value_parser = parse_memory, help_heading = "Output")]
-    memory: Option<u64>,
-    #[command(flatten)]
-    run: RunArgs,
-}
-
-impl ExportWebArgs {
-    /// Checks the options that do not depend on the scene.
-    fn check(&self) -> Result<()> {
-        self.viewpoint.check()?;
-        if !self.time.is_finite() || self.time.abs() > 1e6 {
-            bail!("--time {}: give seconds, such as 0 or 12.5", self.time);
-        }
-        if self.scene.assets.is_some() {
-            bail!("--assets: a site has a folder of its own for them; leave it out");
-        }
-        Ok(())
-    }
-
-    /// The bytes of prepared data.
-    fn asset_budget(&self) -> AssetBudget {
-        let megabytes = self.asset_megabytes.unwrap_or(if self.single_file { 12 } else { 128 });
-        AssetBudget { most: u64::from(megabytes) * 1_000_000, is_strict: self.single_file }
-    }
-
-    /// The output path.
-    fn out(&self, weather: &Weather) -> Result<PathBuf> {
-        let named = || {
-            let name = format!("{}-{}", stem_of(&self.scene.scene), weather.name);
-            PathBuf::from(if self.single_file { name + ".html" } else { name + "-site" })
-        };
-        let out = self.out.clone().unwrap_or_else(named);
-        let is_html = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
-        match (self.single_file, is_html) {
-            (true, false) => bail!("{}: --single-file writes a .html file; name one", out.display()),
-            (false, true) => {
-                bail!("{}: a site is a folder; give --single-file for one HTML file", out.display())
-            }
-            _ => Ok(out),
-        }
-    }
-}
 
 /// Runs the command.
 pub(crate) fn run(args: &ExportWebArgs) -> Result<()> {
@@ -212,14 +107,6 @@ fn check_weather(weather: &Weather) -> Result<()> {
     }
 }
 
-/// The error of an export that was stopped.
-const NOT_WRITTEN: &str = "no site is written";
-
-/// Fails if Ctrl-C was pressed.
-fn stop_if_asked() -> Result<()> {
-    interrupt::check(NOT_WRITTEN)
-}
-
 /// Returns the lines about the parts of a site.
 fn report(
     folder: &Path,
@@ -244,16 +131,4 @@ fn report(
         lines.push(format!("left to the browser: {}", left.join(", ")));
     }
     Ok(lines)
-}
-
-/// Returns a camera with another size of its picture, `width` px wide; both sides are even.
-fn resized(camera: &Camera, width: u32) -> Camera {
-    let width = width.min(camera.width).max(2) & !1;
-    let height = f64::from(width) * f64::from(camera.height) / f64::from(camera.width);
-    camera.resized(width, ((height / 2.0).round() as u32 * 2).clamp(2, 8192))
-}
-
-/// The context of an error about a path.
-fn at<T, E: Into<anyhow::Error>>(outcome: Result<T, E>, path: &Path) -> Result<T> {
-    outcome.map_err(Into::into).with_context(|| path.display().to_string())
 }

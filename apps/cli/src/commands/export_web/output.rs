@@ -1,7 +1,6 @@
 //! The folder of a site: made beside its place, and moved there when it is whole.
 
-use super::at;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -87,6 +86,11 @@ fn check_folder(out: &Path) -> Result<()> {
         bail!("{}: holds other things than a site; name a new or an empty folder", out.display());
     }
     Ok(())
+}
+
+/// Adds the path to an error about it.
+pub(crate) fn at<T, E: Into<anyhow::Error>>(outcome: Result<T, E>, path: &Path) -> Result<T> {
+    outcome.map_err(Into::into).with_context(|| path.display().to_string())
 }
 
 /// Writes a file whole or not at all.

@@ -1,7 +1,7 @@
 //! The pictures of a site: its poster, its video, and a small picture of each preset.
 
 use super::output::{make_folder, write};
-use super::{NOT_WRITTEN, resized};
+use super::stop::NOT_WRITTEN;
 use crate::output::write_video;
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
@@ -113,4 +113,11 @@ pub(crate) fn video(
     place.set_shot(&[]);
     loaded.warn();
     written.map(drop)
+}
+
+/// Returns a camera with another size of its picture, `width` px wide; both sides are even.
+fn resized(camera: &Camera, width: u32) -> Camera {
+    let width = width.min(camera.width).max(2) & !1;
+    let height = f64::from(width) * f64::from(camera.height) / f64::from(camera.width);
+    camera.resized(width, ((height / 2.0).round() as u32 * 2).clamp(2, 8192))
 }

@@ -1,7 +1,8 @@
 //! The scene of a site: written for the browser, and opened again as the browser will see it.
 
-use super::output::make_folder;
-use super::{ExportWebArgs, NOT_WRITTEN, at};
+use super::args::ExportWebArgs;
+use super::output::{at, make_folder};
+use super::stop::NOT_WRITTEN;
 use crate::commands::convert::levels;
 use crate::progress;
 use crate::scene::{OpenScene, change_sky, read_checked, refuse_for_levels};

@@ -1,6 +1,6 @@
 //! The files of the player, which tools/web-player builds.
 
-use super::{at, output};
+use super::output::{self, at};
 use anyhow::{Result, bail};
 use std::borrow::Cow;
 use std::fs;

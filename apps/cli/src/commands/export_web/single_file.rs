@@ -1,8 +1,7 @@
 //! One HTML file with a whole site in it: modules and data are base64 in elements of their own,
 //! which `single.js` gives to the page.
 
-use super::at;
-use super::output::{SiteFolder, megabytes, write as write_file};
+use super::output::{SiteFolder, at, megabytes, write as write_file};
 use anyhow::{Context, Result, bail};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use sha2::{Digest, Sha256};

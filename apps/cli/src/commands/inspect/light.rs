@@ -1,6 +1,5 @@
 //! `inspect --light`: the light of the photos, split into sun and sky, as a line and as a picture.
 
-use super::InspectArgs;
 use crate::output::write_sheet;
 use crate::progress::Reporter;
 use crate::scene::AssetFolder;
@@ -16,17 +15,18 @@ use wm_weather::light::CaptureLight;
 
 const PANEL_SIZE_PX: (u32, u32) = (600, 400);
 
-/// Finds the light of the photos, or reads it from the scene's assets, and prints and draws it.
-pub(crate) fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
+/// Finds the light of the photos, or reads it from the scene's assets, and prints it; also draws
+/// it into the file `picture` if given. `path` is that of the scene.
+pub(crate) fn show(path: &Path, scene: Scene, facts: Metadata, picture: Option<&Path>) -> Result<()> {
     let mut renderer = Renderer::cpu()?;
     let options =
-        PlaceOptions { facts, assets: AssetFolder::default().folder(&args.scene), ..PlaceOptions::default() };
+        PlaceOptions { facts, assets: AssetFolder::default().folder(path), ..PlaceOptions::default() };
     let mut place = renderer.load_with(scene, &options)?;
     let light = renderer.capture_light(&mut place, &mut Reporter::default())?;
     println!("Light of the photos\n  {}", light.report(place.site().up));
-    if let Some(path) = &args.light_picture {
-        draw(&mut renderer, &mut place, &light, path)?;
-        println!("  drawn in {}", path.display());
+    if let Some(picture) = picture {
+        draw(&mut renderer, &mut place, &light, picture)?;
+        println!("  drawn in {}", picture.display());
     }
     Ok(())
 }

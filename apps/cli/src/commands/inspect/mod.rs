@@ -105,7 +105,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<()> {
         levels.iter().for_each(levels::print);
     }
     if args.light {
-        light::show(args, scene.clone(), given)?;
+        light::show(&args.scene, scene.clone(), given, args.light_picture.as_deref())?;
     }
     if args.save_metadata {
         let file = weather_magician::formats::folder::scene_file(&args.scene)?;

@@ -1,6 +1,7 @@
 //! `measure`: compares the weather of rendered pictures with its parameters, using instruments.
 
 mod page;
+mod report;
 mod tables;
 
 use crate::commands::bench::{INCOMPLETE, paper::SpeedTable};
@@ -13,10 +14,11 @@ use crate::scene::{FactArgs, OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use report::{InstrumentSection, MeasureReport};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::measure::{
-    Finding, INSTRUMENTS, Instrument, InstrumentRenderer, MeasureRequest, PlaceRenderer, Reading, changed,
+    INSTRUMENTS, Instrument, InstrumentRenderer, MeasureRequest, PlaceRenderer, changed,
 };
 use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{self, CameraSpec};
@@ -81,43 +83,6 @@ struct InstrumentTask {
     weather: Weather,
     /// Description of the weather.
     setting: String,
-}
-
-/// Results of one instrument.
-struct InstrumentSection {
-    instrument: &'static Instrument,
-    findings: Vec<Finding>,
-}
-
-impl InstrumentSection {
-    fn readings(&self) -> impl Iterator<Item = &Reading> {
-        self.findings.iter().flat_map(|finding| &finding.readings)
-    }
-}
-
-/// All results.
-struct MeasureReport {
-    place: String,
-    about: String,
-    renderer: String,
-    seconds: f64,
-    sections: Vec<InstrumentSection>,
-    /// Rendering speed, for the page of a whole sweep.
-    speed: Option<SpeedTable>,
-}
-
-impl MeasureReport {
-    fn readings(&self) -> impl Iterator<Item = &Reading> {
-        self.sections.iter().flat_map(InstrumentSection::readings)
-    }
-
-    /// Returns the number of readings within tolerance, and outside of it.
-    fn verdict(&self) -> [usize; 2] {
-        self.readings().fold([0; 2], |[right, off], reading| match reading.passes() {
-            true => [right + 1, off],
-            false => [right, off + 1],
-        })
-    }
 }
 
 /// Runs the command.

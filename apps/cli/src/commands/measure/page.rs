@@ -1,7 +1,7 @@
 //! The HTML report.
 
+use super::report::{InstrumentSection, MeasureReport};
 use super::tables::{error, measured, number, tolerance, unit, verdict};
-use super::{InstrumentSection, MeasureReport};
 use crate::commands::bench::paper::{self, SpeedTable};
 use crate::report::plot::{Axis, Plot, Series};
 use crate::report::{escaped, foot, head, picture};

@@ -1,6 +1,6 @@
 //! The numbers as text, JSON, CSV and Markdown.
 
-use super::MeasureReport;
+use super::report::MeasureReport;
 use crate::report::csv_line;
 use serde_json::{Value, json};
 use std::fmt::Write;

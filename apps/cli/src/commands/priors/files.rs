@@ -1,7 +1,6 @@
 //! Priors from maps that the user has.
 
-use super::PriorsArgs;
-use super::work::{PriorAnswer, PriorEstimator};
+use super::source::{PriorAnswer, PriorEstimator};
 use crate::choices::{Choice, first_given, one_of};
 use crate::dataset::Dataset;
 use crate::interrupt;
@@ -109,9 +108,8 @@ pub(crate) struct PriorMaps {
 }
 
 /// Opens the folders, and finds the scene's scale if it is needed. Prints warnings on the error
-/// stream.
-pub(crate) fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
-    let given = &args.files;
+/// stream. Maps will have at most `map_pixels` pixels.
+pub(crate) fn open(given: &FileArgs, map_pixels: u32, data: &Dataset) -> Result<PriorMaps> {
     given.check()?;
     let (form, scale) = (given.depth_form, given.scale());
     let mut parts = Vec::new();
@@ -143,7 +141,7 @@ pub(crate) fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
         normal: given.normal.as_ref().map(MapFolder::new).zip(given.normal_axes),
         sky: given.sky.as_ref().map(MapFolder::new),
         of: given.maps_of,
-        pixels: args.map_pixels,
+        pixels: map_pixels,
     };
     let is_unknown = scale == ScaleArg::Metric
         && given.metres_per_unit.is_none()

@@ -1,56 +1,13 @@
 //! Priors from a network that estimates relative depth in one photo.
 
+mod args;
 #[cfg(feature = "nets")]
 mod with_networks;
 #[cfg(not(feature = "nets"))]
 mod without_networks;
 
+pub(crate) use args::NetworkArgs;
 #[cfg(feature = "nets")]
 pub(crate) use with_networks::open;
 #[cfg(not(feature = "nets"))]
 pub(crate) use without_networks::open;
-
-use crate::weights::WeightsArgs;
-use clap::{Args, ValueEnum};
-
-/// The network, and the source of its weights.
-#[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Network")]
-pub(crate) struct NetworkArgs {
-    /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335)
-    /// [default: the size of --weights, else small]
-    #[arg(long, value_name = "SIZE")]
-    network: Option<SizeArg>,
-    /// Version of Depth Anything of the weights: v2 or v1
-    #[arg(long = "version", id = "network_version", value_name = "VERSION", default_value = "v2")]
-    version: VersionArg,
-    #[command(flatten)]
-    weights: WeightsArgs,
-}
-
-/// A network's size.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum SizeArg {
-    /// ViT-S.
-    Small,
-    /// ViT-B.
-    Base,
-    /// ViT-L.
-    Large,
-}
-
-/// A network's version.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum VersionArg {
-    /// January 2024.
-    V1,
-    /// June 2024.
-    V2,
-}
-
-impl NetworkArgs {
-    /// Returns the name of the first option that was given.
-    pub(crate) fn given(&self) -> Option<&'static str> {
-        self.weights.given().or(self.network.map(|_| "--network"))
-    }
-}

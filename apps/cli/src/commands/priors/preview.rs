@@ -1,6 +1,6 @@
 //! Preview pictures of priors.
 
-use super::PriorsArgs;
+use super::args::PriorsArgs;
 use crate::dataset::Dataset;
 use crate::output::write_sheet;
 use anyhow::Result;

@@ -1,6 +1,8 @@
 //! Makes the priors of photos one after the other: estimates, fits and writes them.
 
-use super::{PriorsArgs, preview};
+use super::args::PriorsArgs;
+use super::preview;
+use super::source::{PriorAnswer, PriorEstimator};
 use crate::dataset::Dataset;
 use crate::interrupt;
 use crate::progress;
@@ -11,7 +13,6 @@ use std::time::{Duration, Instant};
 use weather_magician::train::dataset::orientation;
 use weather_magician::train::priors::fit::Fit;
 use weather_magician::train::priors::folder::Index;
-use weather_magician::train::priors::given::Given;
 use weather_magician::train::priors::points::{placed, seen_points};
 use weather_magician::train::priors::{Prior, PriorsWriter};
 use wm_capture::CaptureUp;
@@ -21,29 +22,6 @@ const INDEX_INTERVAL: Duration = Duration::from_secs(20);
 /// Maximum number of photos for which the reason is printed why they are left out; the index has
 /// all reasons.
 const MAX_PRINTED_REASONS: usize = 10;
-
-/// The answer of a source for a photo.
-pub(crate) enum PriorAnswer {
-    /// The estimate.
-    Given(Given),
-    /// No estimate, with the reason.
-    Nothing(String),
-}
-
-/// A source of priors.
-pub(crate) trait PriorEstimator: Sync {
-    /// Returns a name with everything that changes the estimates, for the index and for resuming.
-    fn name(&self) -> String;
-
-    /// Returns the number of photos to process in parallel.
-    fn batch_size(&self) -> usize;
-
-    /// Estimates the prior of a photo.
-    ///
-    /// # Errors
-    /// Errors that would occur for other photos too, or that the user has to fix.
-    fn estimate(&self, data: &Dataset, place: usize) -> Result<PriorAnswer>;
-}
 
 /// The result for a photo: a prior, or the reason why there is none.
 pub(crate) type PriorResult = Result<(Prior, Option<Fit>), String>;

@@ -1,10 +1,10 @@
 //! The observer of `reconstruct`: draws progress, prints, writes previews and feeds the page in a
 //! browser.
 
-use super::ReconstructArgs;
-use super::watch::TrainingPage;
+use super::watch::WatchArgs;
 use crate::interrupt;
 use crate::progress;
+use crate::training_page::TrainingPage;
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,8 @@ use wm_image::{color::Dither, png};
 
 /// Shows a training on the terminal, in the run folder and in a browser.
 pub(crate) struct TrainingConsole<'a> {
-    args: &'a ReconstructArgs,
+    dataset: &'a Path,
+    watch_args: &'a WatchArgs,
     folder: PathBuf,
     colmap: Option<colmap::ColmapStep>,
     bar: Option<ProgressBar>,
@@ -29,8 +30,10 @@ pub(crate) struct TrainingConsole<'a> {
 }
 
 impl<'a> TrainingConsole<'a> {
-    pub(crate) fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
-        Self { args, folder: folder.to_owned(), colmap: None, bar: None, watch: None, splats: 0 }
+    /// Returns the observer of a training of `dataset` in the run folder `folder`.
+    pub(crate) fn new(dataset: &'a Path, watch_args: &'a WatchArgs, folder: &Path) -> Self {
+        let folder = folder.to_owned();
+        Self { dataset, watch_args, folder, colmap: None, bar: None, watch: None, splats: 0 }
     }
 
     /// Removes the progress bar.
@@ -100,8 +103,8 @@ impl TrainObserver for TrainingConsole<'_> {
 
     fn on_start(&mut self, start: &TrainStart<'_>) -> Result<(), ObserverError> {
         self.clear();
-        let dataset = self.args.dataset.display().to_string();
-        self.watch = self.args.watch.page(dataset, start)?;
+        let dataset = self.dataset.display().to_string();
+        self.watch = self.watch_args.page(dataset, start)?;
         let bar = progress::bar(u64::from(start.steps), "steps");
         bar.set_position(u64::from(start.step));
         bar.reset_eta();

@@ -1,6 +1,6 @@
 //! LPIPS of the held-out photos, if weights are given.
 
-use super::ReconstructArgs;
+use super::args::ReconstructArgs;
 use anyhow::{Result, bail};
 use weather_magician::train::session::PerceptualMetric;
 

@@ -1,14 +1,9 @@
 //! `--view`: shows the training in a browser, in builds with the viewer.
 
+use crate::training_page::TrainingPage;
 use anyhow::Result;
 use clap::Args;
-use weather_magician::train::session::{TrainObserver, TrainStart};
-
-/// A page in a browser that shows a training.
-pub(crate) trait TrainingPage: TrainObserver {
-    /// Tells the page that the training is done.
-    fn end(&self, text: String);
-}
+use weather_magician::train::session::TrainStart;
 
 /// Options of the training's page.
 #[cfg(feature = "viewer")]

@@ -1,6 +1,6 @@
 //! Options of the camera or its path, and the times of the frames.
 
-use super::OutputArgs;
+use super::output_args::OutputArgs;
 use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;

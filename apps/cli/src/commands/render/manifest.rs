@@ -8,8 +8,8 @@ use anyhow::{Context, Result, bail};
 use serde_json::{Value as Json, json};
 use std::path::Path;
 use std::time::{Instant, UNIX_EPOCH};
-use weather_magician::Picture;
 use weather_magician::sequence::render_and_write;
+use weather_magician::{Layers, Picture, PreparedPlace};
 use wm_weather::Site;
 
 /// Size of a scene's file, bytes, and the time of its last change, s since 1970 where the system
@@ -32,6 +32,11 @@ pub(crate) fn scene_facts(scene: &Path, site: &Site) -> Result<Json> {
         "ground": site.ground,
         "airlight": site.airlight,
     }))
+}
+
+/// Returns what frames depend on beside weather and camera, as text for a manifest.
+pub(crate) fn drawing_facts(place: &PreparedPlace, layers: Layers) -> String {
+    format!("{layers:?} {:?} {:?}", place.background, place.rasterization)
 }
 
 /// Makes a folder and writes its manifest; returns an error if it has another one: that it `holds`

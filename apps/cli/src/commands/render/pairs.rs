@@ -1,6 +1,6 @@
 //! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
-use super::RenderArgs;
+use super::args::RenderArgs;
 use super::manifest::{self, CompletedFolder, StyledPicture};
 use crate::choices::first_given;
 use crate::names::stem_of;
@@ -8,7 +8,6 @@ use crate::output::make_folder;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, print_warnings};
 use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -30,40 +29,6 @@ const FOLDERS: [(&str, PictureFormat); 5] = [
     ("transmittance", PictureFormat::Npy),
     ("particles", PictureFormat::Png),
 ];
-
-/// Options of data sets.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct PairsArgs {
-    /// Cameras of --pairs: capture (the scene's photos, or those of --views)
-    #[arg(long, value_name = "SET", help_heading = "Camera")]
-    cameras: Option<CameraSet>,
-    /// Write a data set into the folder --out: for every camera of --cameras, at --time, the
-    /// picture with and without the weather, depth, transmittance and a mask of particles; three
-    /// renders per camera
-    #[arg(long, help_heading = "Output")]
-    pairs: bool,
-}
-
-/// Sets of cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum CameraSet {
-    /// The cameras of the photos.
-    Capture,
-}
-
-impl PairsArgs {
-    /// Returns true if a data set is requested.
-    ///
-    /// # Errors
-    /// One of the options is given without the other.
-    pub(crate) fn is_asked_for(&self) -> Result<bool> {
-        match (self.pairs, self.cameras) {
-            (true, None) => bail!("--pairs needs cameras: add --cameras capture for those of the photos"),
-            (false, Some(_)) => bail!("--cameras is for data sets: add --pairs, or choose one with --camera"),
-            (asked, _) => Ok(asked),
-        }
-    }
-}
 
 /// The camera of one photo.
 struct PhotoView {
@@ -299,7 +264,7 @@ fn about(loaded: &OpenScene, shots: &[PhotoView], args: &RenderArgs, weather: &W
         "camera_speed": args.camera.camera_speed.unwrap_or(0.0),
         "simd": renderer.backend().path().to_string(),
         "device": renderer.backend().arithmetic(),
-        "drawing": super::drawing_facts(place, LAYERS),
+        "drawing": manifest::drawing_facts(place, LAYERS),
         "dither": format!("{:?}", args.output.dither),
         "units": {
             "time": "s",

@@ -1,7 +1,9 @@
 //! Rigs: the pictures and sweeps of all sensors along one path, a folder each.
 
+use super::args::RenderArgs;
 use super::camera::{DEFAULT_SECONDS, motion};
-use super::{RenderArgs, check_labels, manifest};
+use super::manifest;
+use super::output_args::check_labels;
 use crate::choices::first_given;
 use crate::interrupt;
 use crate::names::stem_of;
@@ -198,7 +200,7 @@ impl RigJob<'_> {
             "weather": format!("{:?}", self.weather),
             "start": self.start,
             "seconds": self.seconds,
-            "drawing": super::drawing_facts(place, layers_of(&self.args.output.also)),
+            "drawing": manifest::drawing_facts(place, layers_of(&self.args.output.also)),
             "also": format!("{:?}", self.args.output.also),
             "dither": format!("{:?}", self.args.output.dither),
             "simd": renderer.backend().path().to_string(),

@@ -1,7 +1,8 @@
 //! Frames over time: a video, or a folder of frames that a later run can complete.
 
+use super::args::RenderArgs;
+use super::job::RenderJob;
 use super::manifest::{self, CompletedFolder, StyledPicture};
-use super::{RenderArgs, RenderJob};
 use crate::output::write_video;
 use anyhow::{Result, bail};
 use serde_json::{Value, json};
@@ -103,7 +104,7 @@ fn about(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "weather": format!("{:?}", job.weather),
         "site": format!("{:?}", job.place.site()),
         "camera": job.plan.motion.fingerprint(),
-        "drawing": super::drawing_facts(&job.place, job.layers),
+        "drawing": manifest::drawing_facts(&job.place, job.layers),
         "start": args.output.time(),
         "fps": job.plan.rate.to_string(),
         "frames": job.plan.frames,

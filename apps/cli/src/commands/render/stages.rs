@@ -1,6 +1,6 @@
 //! The steps of the paper's rain and snow, as pictures beside the final one.
 
-use super::OutputTarget;
+use super::target::OutputTarget;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
 use weather_magician::output::{PictureStyle, beside};

@@ -1,12 +1,14 @@
 //! A task that fails leaves the worker as it was, and whoever waits is told.
 
+use super::assets::PendingAssets;
 use super::*;
 use crate::scene::RunArgs;
 use crate::viewer::client_queue::ClientQueue;
-use crate::viewer::context::Loaded;
+use crate::viewer::context::{Loaded, ViewerContext};
+use crate::viewer::facts::FactEditor;
 use std::sync::mpsc::channel;
 use tokio::sync::oneshot;
-use weather_magician::PlaceOptions;
+use weather_magician::{Camera, PlaceOptions};
 use wm_scene::{Metadata, Scene, synthetic};
 use wm_viewer::testing::{catalog, state};
 

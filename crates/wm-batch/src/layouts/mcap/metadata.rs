@@ -1,6 +1,6 @@
 //! `metadata.yaml` of a bag.
 
-use super::{file_name, instants, topics};
+use super::topics::{TF_STATIC_TOPIC, TF_TOPIC, file_name, instants, topics};
 use crate::{ClipRecord, ReadingInfo, SetInfo};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -26,8 +26,8 @@ pub(super) fn of(set: &SetInfo, record: &ClipRecord) -> String {
         .iter()
         .map(|(block, own)| {
             let before: usize = counts.iter().sum();
-            counts[super::TF_STATIC_TOPIC] += 1;
-            counts[super::TF_TOPIC] += instants(clip, own).count();
+            counts[TF_STATIC_TOPIC] += 1;
+            counts[TF_TOPIC] += instants(clip, own).count();
             for (topic, count) in topics.iter().zip(&mut counts) {
                 *count += own.iter().filter(|info| topic.sensor == Some(info.sensor)).count();
             }

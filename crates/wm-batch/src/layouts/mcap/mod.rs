@@ -30,19 +30,18 @@
 mod cdr;
 mod file;
 mod metadata;
+mod topics;
 
 use super::{BlockWriter, ClipStream, FileSink, LayerNeeds, Layout};
 use crate::cameras::{picture, refuse};
-use crate::{BlockInfo, ClipInfo, DatasetDetection, DatasetPoint, ReadingData, SensorReading, SetError};
-use crate::{ReadingInfo, RigidPose, SensorInfoKind, SetInfo, picture_files};
-use cdr::{Field, FieldKind, MessageType};
+use crate::{BlockInfo, DatasetDetection, DatasetPoint, ReadingData, SensorReading, SetError};
+use crate::{RigidPose, SetInfo, picture_files};
+use cdr::{Field, FieldKind};
 use file::McapFile;
+use topics::{FRAMES, TF_STATIC_TOPIC, TF_TOPIC, file_name, frame, topics};
 use wm_scene::LensModel;
 
 const NAME: &str = "ros2-mcap";
-
-/// Frames that no sensor may be named after.
-const FRAMES: [&str; 2] = ["map", "base_link"];
 
 /// Fields of a lidar's points.
 const LIDAR_FIELDS: [Field; 10] = [
@@ -93,7 +92,7 @@ fn check(set: &SetInfo) -> Result<(), String> {
         if FRAMES.contains(&frame.as_str()) {
             return Err(format!("\"{name}\" is a frame of its own in ROS; rename the sensor"));
         }
-        if (0..index).any(|other| self::frame(set, other) == frame) {
+        if (0..index).any(|other| topics::frame(set, other) == frame) {
             return Err(format!("two sensors are \"{frame}\" in ROS; rename sensor \"{name}\""));
         }
         if sensor.camera().is_some_and(|camera| camera.lens == Some(LensModel::Equirectangular)) {
@@ -112,76 +111,6 @@ fn tables(set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Res
         }
     }
     Ok(())
-}
-
-/// The name of the file of a block.
-fn file_name(clip: &ClipInfo, block: u32) -> String {
-    format!("{}_{block}.mcap", clip.name)
-}
-
-/// The frame of a sensor.
-fn frame(set: &SetInfo, sensor: usize) -> String {
-    set.sensors[sensor].name.replace('-', "_")
-}
-
-/// A topic of a bag.
-struct Topic {
-    /// The name.
-    name: String,
-    /// The messages.
-    kind: MessageType,
-    /// True if players must keep its last message for those who come late.
-    is_kept: bool,
-    /// The sensor of its readings.
-    sensor: Option<usize>,
-}
-
-impl Topic {
-    /// The quality of service as rosbag2 keeps it: empty for the usual one.
-    fn quality(&self) -> &'static str {
-        if self.is_kept { LATCHED } else { "" }
-    }
-}
-
-/// Reliable, transient local, the last message: what `tf2_ros` asks of `/tf_static`.
-const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n  deadline:\n    sec: 9223372036\n    \
-                       nsec: 854775807\n  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n  liveliness: 1\n  \
-                       liveliness_lease_duration:\n    sec: 9223372036\n    nsec: 854775807\n  \
-                       avoid_ros_namespace_conventions: false";
-
-/// Places of the topics that no sensor has.
-const TF_STATIC_TOPIC: usize = 0;
-const TF_TOPIC: usize = 1;
-
-/// All topics, grouped by sensor.
-fn topics(set: &SetInfo) -> Vec<Topic> {
-    let tf =
-        |name: &str, is_kept: bool| Topic { name: name.into(), kind: cdr::TRANSFORMS, is_kept, sensor: None };
-    let mut topics = vec![tf("/tf_static", true), tf("/tf", false)];
-    for (sensor, info) in set.sensors.iter().enumerate() {
-        let frame = frame(set, sensor);
-        let mut add = |end: &str, kind: MessageType| {
-            let name = format!("/sensors/{frame}/{end}");
-            topics.push(Topic { name, kind, is_kept: false, sensor: Some(sensor) });
-        };
-        match info.kind {
-            SensorInfoKind::Camera(_) => {
-                add("image/compressed", cdr::PICTURE);
-                add("camera_info", cdr::CAMERA);
-            }
-            SensorInfoKind::Lidar { .. } | SensorInfoKind::Radar { .. } => add("points", cdr::POINTS),
-            SensorInfoKind::Other { .. } => {}
-        }
-    }
-    topics
-}
-
-/// The instants of readings in order, each once: one message of `/tf` each.
-fn instants<'a>(clip: &'a ClipInfo, readings: &'a [ReadingInfo]) -> impl Iterator<Item = (i64, RigidPose)> {
-    readings.chunk_by(|a, b| a.timestamp(clip) == b.timestamp(clip)).map(|same| {
-        let first = &same[0];
-        (first.timestamp(clip), first.world_from_rig)
-    })
 }
 
 struct BagFile<'a> {

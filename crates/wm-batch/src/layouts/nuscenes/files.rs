@@ -1,6 +1,7 @@
 //! Files of readings.
 
-use super::{channels, classes_path, is_key, reading_path, reading_token};
+use super::channels;
+use super::names::{classes_path, is_key, reading_path, reading_token};
 use crate::layouts::surface_classes::lidarseg_classes;
 use crate::{
     BlockInfo, BlockWriter, DatasetDetection, DatasetPoint, FileSink, ReadingData, SensorInfoKind,

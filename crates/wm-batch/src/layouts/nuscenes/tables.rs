@@ -1,6 +1,7 @@
 //! The tables, row by row.
 
-use super::{channels, classes_path, is_key, microseconds, reading_path, reading_token, token, version};
+use super::channels;
+use super::names::{classes_path, is_key, microseconds, reading_path, reading_token, token, version};
 use crate::layouts::surface_classes::LIDARSEG_NAMES;
 use crate::{
     CameraInfo, ClipInfo, ClipRecord, ClipStream, FileSink, ReadingInfo, RigidPose, SensorInfo, SetError,

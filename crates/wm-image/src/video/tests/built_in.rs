@@ -7,6 +7,7 @@ use wm_base::files::WriteFault;
 
 use super::parsed::{Parsed, vui_colour};
 use super::*;
+use crate::color::Dither;
 
 #[test]
 fn the_file_has_what_players_need() {

@@ -8,6 +8,7 @@ mod parsed;
 
 use std::fs;
 
+use super::settings::one_line;
 use super::*;
 
 /// Hash of a lattice point, 0-1.

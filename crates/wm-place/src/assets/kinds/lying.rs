@@ -3,7 +3,8 @@
 use super::cover::lock;
 use crate::Result;
 use crate::assets::AssetKey;
-use crate::assets::kind::{Asset, Cost, Keep, LyingKey, Workshop};
+use crate::assets::key::LyingKey;
+use crate::assets::kind::{Asset, Cost, Keep, Workshop};
 use std::sync::Mutex;
 use wm_weather::cover::{Cover, LyingCover};
 

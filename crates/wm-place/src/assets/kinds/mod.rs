@@ -1,4 +1,4 @@
-//! The kinds of assets, a file each, and the list of them.
+//! The kinds of assets, a file each, and what is done with a kind by its key.
 
 mod casters;
 mod cover;
@@ -14,14 +14,15 @@ mod surfaces;
 mod wet;
 
 pub(crate) use cover::lock;
-pub(crate) use surfaces::SceneSurfaces;
 
 use super::cache::{AssetCache, AssetFile};
-use super::kind::{AnyAsset, Asset, Cost, Keep, Keyed, KeyedAsset, LyingKey, Workshop};
+use super::key::{AnyAsset, AssetKey, LyingKey};
+use super::kind::{Asset, Cost, Keep, Keyed, Workshop};
 use crate::Result;
 use standing::StandingOccluders;
 use std::any::TypeId;
 use std::sync::{Arc, Mutex};
+use surfaces::SceneSurfaces;
 use wm_weather::cover::{Airflow, Cover, LyingCover};
 use wm_weather::light::{CaptureLight, LampLights, LampShadows, ShadowCasters, SunShadows};
 use wm_weather::open_water::OpenWater;
@@ -49,27 +50,14 @@ impl AssetKind {
     }
 }
 
-/// Lists the kinds with what tells one asset of the kind from another, the slowest first: a
-/// progress bar shows the first that is missing.
-macro_rules! kinds {
+macro_rules! dispatch {
     ($($kind:ident($key:ty) => $asset:ty,)*) => {
-        /// An asset of a place: its kind, and the numbers that tell it from others of the kind.
-        #[derive(Clone, Debug, PartialEq)]
-        pub(crate) enum AssetKey {
-            $($kind($key),)*
-        }
-
         $(impl Keyed for $asset {
             type Key = $key;
             const KEY: fn(Self::Key) -> AssetKey = AssetKey::$kind;
         })*
 
         impl AssetKey {
-            /// Finds the asset of the key among some.
-            pub fn find<'a>(&self, among: &'a [KeyedAsset]) -> Option<&'a AnyAsset> {
-                among.iter().find(|(known, _)| known == self).map(|(_, asset)| asset)
-            }
-
             pub fn kind(&self) -> AssetKind {
                 match self { $(Self::$kind(_) => AssetKind::of::<$asset>(),)* }
             }
@@ -119,17 +107,4 @@ macro_rules! kinds {
     };
 }
 
-kinds! {
-    Cover(Airflow) => Mutex<Cover>,
-    Lying(LyingKey) => LyingCover,
-    Light(()) => CaptureLight,
-    SunShadows([f64; 3]) => SunShadows,
-    Casters(()) => ShadowCasters,
-    Lamps(LampLights) => LampShadows,
-    Wet(()) => WetSurfaces,
-    Shelter([f64; 3]) => Shelter,
-    Occluders(()) => Occluders,
-    Surfaces(()) => SceneSurfaces,
-    Standing(()) => StandingOccluders,
-    OpenWater(()) => OpenWater,
-}
+kinds!(dispatch);

@@ -46,3 +46,13 @@ impl Asset for SceneSurfaces {
         Ok(Self(Some(FusedSurfaces::from_views(splats, &on_ground, site).into_owned())))
     }
 }
+
+impl Workshop<'_> {
+    /// The surfaces of the scene, for an asset that needs [`SceneSurfaces`].
+    ///
+    /// # Errors
+    /// As [`AssetSource::splats`](crate::assets::AssetSource::splats).
+    pub fn surfaces(&self) -> Result<Cow<'_, FusedSurfaces<'_>>> {
+        Ok(self.get::<SceneSurfaces>(()).of(self.source.splats()?))
+    }
+}

@@ -20,9 +20,9 @@
 
 mod kind;
 mod read;
+mod words;
 mod write;
 
-use super::axes::Axes;
 use super::format::{SceneFormat, Writer, has_ending};
 use super::loss::FormatLosses;
 
@@ -31,13 +31,13 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
     name: "glTF",
     extensions: &["glb"],
     about: "glTF 2.0 with KHR_gaussian_splatting (.glb, .gltf), as floats or SPZ",
-    axes: Axes::YUpZForward,
+    axes: words::AXES,
     loses: FormatLosses {
         labels: super::Retention::Not,
         rounding: "opacities and scales 1e-7 of their value",
         ..FormatLosses::NOTHING
     },
-    sniff: |start| start.bytes.starts_with(MAGIC) || has_ending(start.path, "gltf"),
+    sniff: |start| start.bytes.starts_with(words::MAGIC) || has_ending(start.path, "gltf"),
     read: |source, _| source.parsed(read::read),
     write: Writer::Stream(write::write),
 };
@@ -48,25 +48,3 @@ pub(super) const PACKED_LOSES: FormatLosses = FormatLosses {
     metadata: super::Retention::Inside,
     ..super::spz::FORMAT.loses
 };
-
-const MAGIC: &[u8] = b"glTF";
-/// Types of chunks.
-const JSON: u32 = 0x4e4f_534a;
-const BIN: u32 = 0x004e_4942;
-const SPLATTING: &str = "KHR_gaussian_splatting";
-const SPZ: &str = "KHR_gaussian_splatting_compression_spz_2";
-/// Component type `FLOAT`.
-const FLOAT: u32 = 5126;
-/// Component type `UNSIGNED_BYTE`.
-const UNSIGNED_BYTE: u32 = 5121;
-
-/// The name of an attribute of the extension.
-fn attribute(name: &str) -> String {
-    format!("{SPLATTING}:{name}")
-}
-
-/// The name of the attribute of an SH coefficient.
-fn sh_attribute(coefficient: usize) -> String {
-    let degree = (0..4).rfind(|d| d * d <= coefficient).unwrap_or(0);
-    attribute(&format!("SH_DEGREE_{degree}_COEF_{}", coefficient - degree * degree))
-}

@@ -1,6 +1,7 @@
 //! Reading: JSON, buffers, nodes, accessors.
 
-use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, attribute, kind::interpret, sh_attribute};
+use super::kind::interpret;
+use super::words::{AXES, BIN, JSON, MAGIC, SPLATTING, attribute, sh_attribute};
 use crate::{
     Group, Metadata, Remark, Scene, Splats,
     formats::{
@@ -336,7 +337,7 @@ impl Reader<'_> {
                     // what the extension demands.
                     if ["kernel", "colorSpace"].iter().all(|key| extension.get(key).is_some()) {
                         spz::FORMAT.axes.turn(&mut inner);
-                        FORMAT.axes.turn(&mut inner);
+                        AXES.turn(&mut inner);
                     } else {
                         let text = "glTF: the numbers in its SPZ are taken for those of glTF's axes, as CesiumJS does";
                         add_new(&mut read.remarks, &[Remark::note("spz-axes", text)]);

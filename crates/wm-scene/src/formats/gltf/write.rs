@@ -1,6 +1,6 @@
 //! Writing a GLB.
 
-use super::{BIN, FLOAT, FORMAT, JSON, MAGIC, SPLATTING, SPZ, UNSIGNED_BYTE, attribute, sh_attribute};
+use super::words::{AXES, BIN, FLOAT, JSON, MAGIC, SPLATTING, SPZ, UNSIGNED_BYTE, attribute, sh_attribute};
 use crate::{
     Group, Scene, Splats,
     formats::{
@@ -39,7 +39,7 @@ fn floats<'a, const N: usize>(
 }
 
 fn attributes(splats: &Splats) -> Vec<Attribute<'_>> {
-    let axes = FORMAT.axes;
+    let axes = AXES;
     let signs = axes.sh_signs();
     let color = |index: usize, out: &mut Vec<u8>| {
         out.extend(splats.sh_of(index)[..3].iter().map(|v| byte_of_dc(*v)));
@@ -98,7 +98,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
                 let inside = [attribute("OPACITY"), sh_attribute(0), GROUP.into()];
                 all.retain(|a| !inside.contains(&a.name));
                 let mut turned = scene.clone();
-                FORMAT.axes.turn(&mut turned);
+                AXES.turn(&mut turned);
                 spz::FORMAT.axes.turn(&mut turned);
                 spz::write(&mut packed, &turned, &inner)?;
             } else {
@@ -162,7 +162,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
             view
         })
         .collect();
-    let [low, high] = ends(splats.means.iter().map(|mean| FORMAT.axes.vector(*mean)));
+    let [low, high] = ends(splats.means.iter().map(|mean| AXES.vector(*mean)));
     let mut names = Map::new();
     let mut accessors = Vec::new();
     for (index, attribute) in all.iter().enumerate() {
@@ -195,7 +195,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
         used.push(SPZ);
     }
     let mut metadata = scene.metadata.clone();
-    FORMAT.axes.turn_facts(&mut metadata);
+    AXES.turn_facts(&mut metadata);
     let mut asset = json!({
         "version": "2.0",
         "generator": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),

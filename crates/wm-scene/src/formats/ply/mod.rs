@@ -23,6 +23,7 @@
 //! read.
 
 mod binary;
+mod chunks;
 pub(super) mod compressed;
 mod dialect;
 mod header;
@@ -55,7 +56,7 @@ pub(super) const FORMAT: SceneFormat = SceneFormat {
     about: "3D Gaussian splatting PLY, binary or ASCII, SH degree 0 to 3",
     axes: Axes::Ply,
     loses: FormatLosses::NOTHING,
-    sniff: |start| is_ply(start.bytes) && !compressed::is_named(start.bytes),
+    sniff: |start| is_ply(start.bytes) && !chunks::is_named(start.bytes),
     read,
     write: Writer::Stream(|out, scene, _| write(out, scene, PlyEncoding::default())),
 };
@@ -67,8 +68,8 @@ fn is_ply(start: &[u8]) -> bool {
 
 fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {
     let header = Header::parse(source)?;
-    if compressed::is_compressed(&header) {
-        return compressed::read(source, header);
+    if chunks::is_compressed(&header) {
+        return chunks::read(source, header);
     }
     let layout = Layout::of(&header).map_err(|problem| source.whole(problem))?;
     if header.elements[layout.element].count == 0 {

@@ -30,16 +30,12 @@ pub(crate) mod zip;
 use super::axes::Axes;
 use super::format::{SceneFormat, Writer, has_ending};
 use super::loss::{FormatLosses, Retention};
-use wm_base::error::Problem;
 
 #[cfg(test)]
 pub(super) use {
     rotation::{NAMINGS, product},
     write::{Steps, order},
 };
-
-/// Entries of a row of the palette of SH.
-const ENTRIES_PER_ROW: usize = 64;
 
 /// The losses of SOG.
 pub(super) const LOSES: FormatLosses = FormatLosses {
@@ -53,7 +49,7 @@ pub(super) const LOSES: FormatLosses = FormatLosses {
 
 /// The bundle, one ZIP.
 pub(super) mod bundle {
-    use super::*;
+    use super::{Axes, LOSES, SceneFormat, Writer, read, write, zip};
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
     pub(in crate::formats) const FORMAT: SceneFormat = SceneFormat {
@@ -74,7 +70,7 @@ pub(super) mod bundle {
 
 /// The folder, read and written by its `meta.json`.
 pub(super) mod folder {
-    use super::*;
+    use super::{Axes, LOSES, SceneFormat, Writer, has_ending, read, write};
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
     pub(in crate::formats) const FORMAT: SceneFormat = SceneFormat {

@@ -1,6 +1,9 @@
 //! Tables of 256 values and palettes of vectors that are near many of theirs: least squares, the
 //! same for the same values.
 
+/// Entries of a row of the palette of SH.
+pub(super) const ENTRIES_PER_ROW: usize = 64;
+
 /// A table of 256 values and what it makes of others.
 pub(super) struct Codebook {
     pub(crate) values: [f32; 256],

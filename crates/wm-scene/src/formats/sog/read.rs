@@ -1,6 +1,6 @@
 //! Reading: `meta.json` and the pictures that it names.
 
-use super::{ENTRIES_PER_ROW, rotation::from_bytes, zip};
+use super::{palette::ENTRIES_PER_ROW, rotation::from_bytes, zip};
 use crate::{
     Metadata, Rasterization, Remark, Scene, Splats,
     formats::{

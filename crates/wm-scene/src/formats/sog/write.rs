@@ -8,8 +8,7 @@
 //!   is written whose rounding to bytes moves the ellipsoid least (`rotation.rs`; 5 dB).
 
 use super::{
-    ENTRIES_PER_ROW, Problem,
-    palette::{Codebook, Palette},
+    palette::{Codebook, ENTRIES_PER_ROW, Palette},
     rotation::Rounded,
     webp::{self, MAX_SIDE},
 };
@@ -19,6 +18,7 @@ use crate::origin::{coarse_line, float_step};
 use crate::values::{FLAT_LOG_SCALE, ends};
 use crate::{Rasterization, Scene, Splats, morton};
 use serde_json::json;
+use wm_base::error::Problem;
 
 /// Most entries of the palette.
 const MAX_ENTRIES: usize = 1 << 16;

@@ -3,7 +3,7 @@
 use super::cache::EmbeddingCache;
 use super::layout::{PictureSet, PictureSource};
 use super::network::{self, Embedder};
-use crate::commands::evaluate::EvaluateArgs;
+use crate::commands::evaluate::args::EvaluateArgs;
 use crate::interrupt;
 use crate::progress;
 use anyhow::{Result, anyhow, bail};

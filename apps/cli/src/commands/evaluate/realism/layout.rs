@@ -2,10 +2,10 @@
 //! with weathers and scenes.
 
 use super::cache::UNFINISHED;
-use super::entries;
 use crate::names::stem_of;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use std::ffi::OsStr;
+use std::fs;
 use std::path::{Path, PathBuf};
 use weather_magician::train::photos::photos_in;
 
@@ -164,4 +164,12 @@ pub(crate) fn parts(folder: &Path) -> Result<Vec<(WeatherClass, PictureSet)>> {
         );
     }
     Ok(found)
+}
+
+/// Returns the entries of a folder, by name.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let listed = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut listed: Vec<PathBuf> = listed.with_context(|| format!("{}: cannot be read", folder.display()))?;
+    listed.sort();
+    Ok(listed)
 }

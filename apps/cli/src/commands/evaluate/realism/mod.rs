@@ -1,119 +1,30 @@
 //! `evaluate --pictures` and `--paper`: similarity of pictures to photographs of real weather
 //! (CMMD), and the tables of the paper.
 
+mod args;
 mod cache;
 mod collect;
 mod layout;
+mod network;
 mod published;
 mod tables;
 mod uvq;
-#[cfg(feature = "nets")]
-mod with_networks;
-#[cfg(not(feature = "nets"))]
-mod without_networks;
 
-#[cfg(feature = "nets")]
-use with_networks as network;
-#[cfg(not(feature = "nets"))]
-use without_networks as network;
+pub(crate) use args::RealismArgs;
 
-use super::EvaluateArgs;
-use crate::choices::first_given;
+use super::args::EvaluateArgs;
 use crate::output::{json_text, write_text};
 use crate::progress;
 use crate::scene::threads;
-use crate::weights::WeightsArgs;
-use anyhow::{Context, Result, bail};
-use clap::Args;
+use anyhow::{Result, bail};
 use collect::{CollectedSet, Collector};
 use indicatif::{ProgressBar, ProgressFinish};
 use layout::{PictureSet, WeatherClass};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use tables::{CmmdDistance, Tables};
 use weather_magician::train::metrics::{Collection, Embeddings};
 use wm_base::files::check_writable;
-
-/// Options that have no meaning when pictures are compared.
-const OF_SCENES: [&str; 10] = [
-    "scene",
-    "level",
-    "repair",
-    "FactArgs",
-    "dataset",
-    "eval_every",
-    "eval_from",
-    "exposure_fit",
-    "TruthArgs",
-    "report",
-];
-
-/// The pictures that are compared.
-#[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Realism")]
-pub(crate) struct RealismArgs {
-    /// Compare pictures with photographs by CMMD, instead of a scene with its photos: folders of
-    /// pictures (JPEG, PNG) or NPY files of embeddings, each compared with --real
-    #[arg(
-        long,
-        value_name = "PICTURES",
-        num_args = 1..,
-        requires = "real",
-        conflicts_with = "paper",
-        conflicts_with_all = OF_SCENES
-    )]
-    pub(crate) pictures: Vec<PathBuf>,
-    /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the
-    /// paper's own numbers; each contains folders fog, rain and snow with pictures, or with one
-    /// folder of pictures per scene (docs/guide/evaluate.md)
-    #[arg(long, value_name = "FOLDER", num_args = 0.., conflicts_with_all = OF_SCENES)]
-    pub(crate) paper: Option<Vec<PathBuf>>,
-    /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain
-    /// and snow in it
-    #[arg(long, value_name = "PICTURES")]
-    real: Option<PathBuf>,
-    /// Scores from the UVQ program: CSV or JSON (docs/guide/evaluate.md)
-    #[arg(long, value_name = "FILE", requires = "paper")]
-    uvq: Vec<PathBuf>,
-    /// Keep embeddings in this folder, as NPY files: stopped work can be continued, and no picture
-    /// is embedded twice
-    #[arg(long, value_name = "FOLDER", requires = "real")]
-    embeddings: Option<PathBuf>,
-    /// Write the numbers to this CSV file
-    #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
-    /// Write the tables to this Markdown file
-    #[arg(long, value_name = "FILE")]
-    markdown: Option<PathBuf>,
-    #[command(flatten)]
-    weights: WeightsArgs,
-}
-
-impl RealismArgs {
-    /// Returns true if pictures are compared, not a scene.
-    pub(crate) fn asked(&self) -> bool {
-        !self.pictures.is_empty() || self.paper.is_some()
-    }
-
-    /// Returns an option that was given and has no meaning without pictures.
-    fn idle(&self) -> Option<&'static str> {
-        let own = first_given([
-            (self.real.is_some(), "--real"),
-            (self.csv.is_some(), "--csv"),
-            (self.markdown.is_some(), "--markdown"),
-        ]);
-        own.or(self.weights.given())
-    }
-
-    /// Returns an error for options that have no meaning for a scene.
-    pub(crate) fn check_idle(&self) -> Result<()> {
-        if let Some(option) = self.idle() {
-            bail!("{option} goes with --pictures or --paper; give one of them, or leave it out");
-        }
-        Ok(())
-    }
-}
 
 /// Runs the command.
 pub(crate) fn run(whole: &EvaluateArgs) -> Result<()> {
@@ -254,12 +165,4 @@ fn names_of(methods: &[PathBuf]) -> Result<Vec<String>> {
         names.push(name);
     }
     Ok(names)
-}
-
-/// Returns the entries of a folder, by name.
-fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    let listed = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
-    let mut listed: Vec<PathBuf> = listed.with_context(|| format!("{}: cannot be read", folder.display()))?;
-    listed.sort();
-    Ok(listed)
 }

@@ -1,8 +1,7 @@
 //! Builds with networks: Depth Anything.
 
-use super::super::PriorsArgs;
-use super::super::work::{PriorAnswer, PriorEstimator};
-use super::{SizeArg, VersionArg};
+use super::super::source::{PriorAnswer, PriorEstimator};
+use super::args::{NetworkArgs, SizeArg, VersionArg};
 use crate::dataset::Dataset;
 use crate::weights::PublishedWeights;
 use anyhow::{Result, bail};
@@ -21,15 +20,15 @@ struct Network {
     name: String,
 }
 
-/// Reads the weights, after downloading them if necessary. Prints what is downloaded.
-pub(crate) fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
-    let given = &args.network;
-    let version = match given.version {
+/// Reads the weights, after downloading them if necessary. Prints what is downloaded. Maps will
+/// have at most `map_pixels` pixels.
+pub(crate) fn open(args: &NetworkArgs, map_pixels: u32) -> Result<Box<dyn PriorEstimator>> {
+    let version = match args.version {
         VersionArg::V1 => Version::V1,
         VersionArg::V2 => Version::V2,
     };
-    let size = given.network.map_or(ModelSize::Small, size_of);
-    let files = given.weights.files(PublishedWeights {
+    let size = args.network.map_or(ModelSize::Small, size_of);
+    let files = args.weights.files(PublishedWeights {
         name: format!("Depth Anything {version:?} {}", word(size)),
         bytes: bytes(size),
         licence: DepthAnything::licence(size, version),
@@ -37,7 +36,7 @@ pub(crate) fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     })?;
     let network = DepthAnything::read(&files, version)?;
     let found = network.size();
-    if let Some(wanted) = given.network.map(size_of)
+    if let Some(wanted) = args.network.map(size_of)
         && found != Some(wanted)
     {
         let found = found.map_or("of no published size", word);
@@ -50,7 +49,7 @@ pub(crate) fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let size = network.size().map_or("of another size", word);
     let files = files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(" and ");
     let name = format!("network: Depth Anything {version:?} {size}, {files}");
-    Ok(Box::new(Network { network, pixels: args.map_pixels, name }))
+    Ok(Box::new(Network { network, pixels: map_pixels, name }))
 }
 
 fn size_of(model: SizeArg) -> ModelSize {

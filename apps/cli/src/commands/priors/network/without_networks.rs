@@ -1,12 +1,12 @@
 //! Builds without networks.
 
-use super::super::PriorsArgs;
-use super::super::work::PriorEstimator;
+use super::super::source::PriorEstimator;
+use super::args::NetworkArgs;
 use anyhow::{Result, bail};
 
 /// Returns an error that describes the alternatives.
-pub(crate) fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
-    let option = args.network.given().unwrap_or("--source network");
+pub(crate) fn open(args: &NetworkArgs, _: u32) -> Result<Box<dyn PriorEstimator>> {
+    let option = args.given().unwrap_or("--source network");
     bail!(
         "{option}: this build has no neural networks; build it with `--features nets`, or take --source photos, or \
          --depth with maps that another program made"

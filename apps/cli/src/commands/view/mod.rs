@@ -1,41 +1,16 @@
 //! `view`: shows a scene and its weather in a browser.
 
-use super::render::camera::ViewpointArgs;
-use crate::level_args::LevelArgs;
-use crate::scene::{OwnSkyArgs, RunArgs, SceneArgs};
-use crate::viewer::{self, server::ServerArgs};
-use crate::weather::WeatherArgs;
+mod args;
+
+pub(crate) use args::ViewArgs;
+
+use crate::viewer;
 use anyhow::{Context, Result};
-use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use weather_magician::panorama_file::read_panorama;
 use wm_base::FormatError;
 use wm_viewer::catalog::{panorama_name, panoramas_of};
-
-/// Options of `view`.
-#[derive(Args, Debug)]
-#[command(after_long_help = wm_weather::reference_page::help())]
-pub(crate) struct ViewArgs {
-    #[command(flatten)]
-    pub(crate) scene: SceneArgs,
-    #[command(flatten)]
-    pub(crate) sky: OwnSkyArgs,
-    #[command(flatten)]
-    pub(crate) levels: LevelArgs,
-    #[command(flatten)]
-    weather: WeatherArgs,
-    /// Panorama that the page offers as a sky, in addition to the weather's; may be given several
-    /// times
-    #[arg(long, value_name = "FILE", help_heading = "Weather")]
-    panorama: Vec<PathBuf>,
-    #[command(flatten)]
-    pub(crate) viewpoint: ViewpointArgs,
-    #[command(flatten)]
-    pub(crate) server: ServerArgs,
-    #[command(flatten)]
-    pub(crate) run: RunArgs,
-}
 
 /// Runs the command.
 pub(crate) fn run(args: &ViewArgs) -> Result<()> {
