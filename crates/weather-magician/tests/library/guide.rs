@@ -27,7 +27,7 @@ fn stands_in(block: &str, text: &str) -> bool {
 #[test]
 fn every_block_of_the_guide_is_compiled() {
     let guide = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/library.md")).unwrap();
-    let compiled = ["crates/weather-magician/tests/guide.rs"]
+    let compiled = ["crates/weather-magician/tests/library/guide.rs"]
         .into_iter()
         .chain(["examples/rain_video.rs", "examples/snow_bake.rs", "examples/reconstruct.rs"])
         .map(|path| std::fs::read_to_string(Path::new(ROOT).join(path)).unwrap())
