@@ -26,8 +26,7 @@ pub(crate) fn line(line: Arguments<'_>) {
     text(format_args!("{line}\n"));
 }
 
-/// Prints a text as it is, without an end of line. Ignores a closed pipe; a full disk ends the
-/// program.
+/// Prints a text, and adds no end of line. Ignores a closed pipe; a full disk ends the program.
 pub(crate) fn text(text: Arguments<'_>) {
     if let Err(error) = write!(io::stdout(), "{}", printable(&text.to_string()))
         && error.kind() != ErrorKind::BrokenPipe

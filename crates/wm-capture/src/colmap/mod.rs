@@ -3,8 +3,8 @@
 //! COLMAP's axes are those of [`Camera`](wm_scene::Camera): x right, y down, z forward; a pose is
 //! camera_from_world as a wxyz quaternion and a translation; the centre of the top left pixel is
 //! (0.5, 0.5). So nothing is converted. Pinhole cameras are read, and those whose distortion is of
-//! the form of [`Distortion`](wm_scene::camera::Distortion); the others are refused with the command
-//! that undistorts the photos. Of the 2D points those are kept that belong to a 3D point.
+//! the form of [`Distortion`](wm_scene::camera::Distortion); the others are refused with the
+//! command that undistorts the photos. Of the 2D points those are kept that belong to a 3D point.
 
 mod binary;
 mod records;

@@ -2,9 +2,9 @@
 //! the light of the capture, the ground under snow.
 //!
 //! An asset has a key: its kind, and the numbers that tell it from others of the kind. A kind is a
-//! file in `kinds/` and its entry of `kinds!` in `list.rs`: what it is made of, how it is made, kept and
-//! written. A weather at an instant asks for keys; [`MissingAssets`] are those that are not there,
-//! with what they are made of, [`AssetSource`] holds what they are made from, and
+//! file in `kinds/` and its entry of `kinds!` in `list.rs`: what it is made of, how it is made,
+//! kept and written. A weather at an instant asks for keys; [`MissingAssets`] are those that are
+//! not there, with what they are made of, [`AssetSource`] holds what they are made from, and
 //! [`MissingAssets::make`] makes them, on any thread. [`AssetCache`] keeps them on disk.
 //!
 //! [`PreparedPlace::missing_assets`](crate::PreparedPlace::missing_assets) tells what a frame

@@ -55,23 +55,23 @@ macro_rules! layers {
             WaterDepth WATER_DEPTH "water-depth" = row(
                 "metres", &["Z"], WATER_SURFACE, LayerForm::Depth, |p| p.metres(&p.or_zeros(&p.water.depth)),
             );
-            /// Optical flow of falling rain, snow and hail to the next frame, px to the right and down; NaN
-            /// where nothing falls.
+            /// Optical flow of falling rain, snow and hail to the next frame, px to the right and
+            /// down; NaN where nothing falls.
             ParticleFlow PARTICLE_FLOW "particle-flow" = flow::particles::ROW;
             /// Optical flow of the scene to the next frame, px to the right and down.
             Flow FLOW "flow" = flow::ROW;
             /// The fate of each pixel of the flow: the numbers of [`crate::flow::FlowState`].
             FlowMask FLOW_MASK "flow-mask" = flow::MASK_ROW;
-            /// Motion vectors of temporal upscalers: from each pixel to where the frame before showed the
-            /// same point, px to the right and down; 0 in the first frame, and for points that the frame
-            /// before could not show.
+            /// Motion vectors of temporal upscalers: from each pixel to where the frame before
+            /// showed the same point, px to the right and down; 0 in the first frame, and for
+            /// points that the frame before could not show.
             Motion MOTION "motion" = flow::motion::ROW;
             /// The label of what each pixel shows, 0 for none.
             Label LABEL "label" = labels::LABEL_ROW;
             /// The instance ID of the object that each pixel shows, 0 for none.
             Instance INSTANCE "instance" = labels::INSTANCE_ROW;
-            /// Depth of the surfaces, metres, without what falls and without the scene's own sky: the
-            /// expected depth where it agrees with the median, else the median; 0 in the sky.
+            /// Depth of the surfaces, metres, without what falls and without the scene's own sky:
+            /// the expected depth where it agrees with the median, else the median; 0 in the sky.
             SurfaceDepth SURFACE_DEPTH "surface-depth" = flow::DEPTH_ROW;
             /// The view without any weather, in the light and under the sky of the photos.
             Clear CLEAR "clear" = clear::ROW;

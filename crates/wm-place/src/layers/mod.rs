@@ -1,9 +1,9 @@
 //! The layers that a frame is rendered with.
 //!
 //! A layer is one entry of `layers!` in `list.rs`: its variant, its constant, its name and its row,
-//! which has the words of help, the channels, what is drawn for it, its form as a PNG and its values
-//! in a finished picture. The passes of a frame follow from the set of layers that a request asks
-//! for. A layer that is a picture of its own has its row beside the function that draws it.
+//! which has the words of help, the channels, what is drawn for it, its form as a PNG and its
+//! values in a finished picture. The passes of a frame follow from the set of layers that a request
+//! asks for. A layer that is a picture of its own has its row beside the function that draws it.
 
 #[macro_use]
 mod list;

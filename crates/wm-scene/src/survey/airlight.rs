@@ -181,7 +181,7 @@ fn mean<'a>(patches: impl Iterator<Item = &'a SkyPatch>, least: f64) -> Option<[
     (weight > 0.0 && weight >= least).then(|| limited_airlight(mean))
 }
 
-/// Scales an airlight, linear RGB, down to the luminance of the brightest that is believed.
+/// Scales an airlight, linear RGB, down to a luminance of at most 0.9.
 pub fn limited_airlight(rgb: [f64; 3]) -> [f64; 3] {
     let scale = (MAX_AIRLIGHT / luminance(rgb).max(MAX_AIRLIGHT)).min(1.0);
     rgb.map(|v| v * scale)

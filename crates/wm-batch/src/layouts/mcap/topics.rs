@@ -43,7 +43,6 @@ const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability:
 
 /// Places of the topics that no sensor has.
 pub(super) const TF_STATIC_TOPIC: usize = 0;
-
 pub(super) const TF_TOPIC: usize = 1;
 
 /// All topics, grouped by sensor.

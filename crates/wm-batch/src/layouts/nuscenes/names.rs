@@ -4,7 +4,7 @@ use crate::{ClipInfo, ReadingInfo, SensorInfoKind, SetInfo};
 use sha2::{Digest, Sha256};
 
 /// Samples a second.
-pub(super) const SAMPLE_RATE: f64 = 2.0;
+const SAMPLE_RATE: f64 = 2.0;
 
 /// Frames from a sample to the next, at least 1.
 pub(super) fn key_interval(set: &SetInfo) -> u32 {

@@ -3,21 +3,15 @@
 use crate::formats::axes::Axes;
 
 pub(super) const AXES: Axes = Axes::YUpZForward;
-
 pub(super) const MAGIC: &[u8] = b"glTF";
 
 /// Types of chunks.
 pub(super) const JSON: u32 = 0x4e4f_534a;
-
 pub(super) const BIN: u32 = 0x004e_4942;
-
 pub(super) const SPLATTING: &str = "KHR_gaussian_splatting";
-
 pub(super) const SPZ: &str = "KHR_gaussian_splatting_compression_spz_2";
-
 /// Component type `FLOAT`.
 pub(super) const FLOAT: u32 = 5126;
-
 /// Component type `UNSIGNED_BYTE`.
 pub(super) const UNSIGNED_BYTE: u32 = 5121;
 
